@@ -1,0 +1,456 @@
+//! The friction model made safe for a current loop.
+//!
+//! Each sample the compensator takes what the sensors say, each with its age, and gives the current
+//! that cancels the friction. Whatever the inputs are, the output is finite, bounded and slew-limited:
+//!
+//! * **Guards**: NaN or out-of-envelope inputs are flagged and replaced by the last good value, which
+//!   then ages. Older than `hold_s` it fades over `fade_s` to neutral, and the law to the plain one.
+//! * **Velocity** near zero is blended towards the reference, since a measured one has no sign there.
+//! * **Scale** is at most 1: over-compensation makes limit cycles (0.7-0.9 is usual in industry).
+//! * **Limits** come after the last addition ([`Compensator::sum`]); each that acts is a [`Flags`] bit.
+//! * **Disabled** is absent: the command comes out of the sum with the bits it went in with.
+
+mod parameters;
+
+pub use parameters::CompensatorParameters;
+
+use crate::model::{Model, Sample, State};
+use crate::number::Real;
+use crate::parameters::ParameterError;
+use crate::record::Configuration;
+use parameters::Built;
+
+bitflags::bitflags! {
+    /// What was replaced, faded or limited in a sample.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Flags: u32 {
+        /// The compensator is off and did nothing.
+        const DISABLED = 1 << 0;
+        /// Measured velocity NaN, beyond the envelope or too old; the reference stood in.
+        const VELOCITY_INVALID = 1 << 1;
+        /// Reference velocity NaN, beyond the envelope or too old; the measured one stood in.
+        const REFERENCE_INVALID = 1 << 2;
+        /// Position NaN or beyond the envelope.
+        const POSITION_INVALID = 1 << 3;
+        /// Position so old that its terms fade.
+        const POSITION_STALE = 1 << 4;
+        /// Acceleration NaN or beyond the envelope.
+        const ACCELERATION_INVALID = 1 << 5;
+        /// Acceleration so old that its term fades.
+        const ACCELERATION_STALE = 1 << 6;
+        /// Radial force NaN or beyond the envelope.
+        const RADIAL_FORCE_INVALID = 1 << 7;
+        /// Radial force so old that it fades.
+        const RADIAL_FORCE_STALE = 1 << 8;
+        /// Pressure NaN or beyond the envelope.
+        const PRESSURE_INVALID = 1 << 9;
+        /// Pressure so old that it fades.
+        const PRESSURE_STALE = 1 << 10;
+        /// Temperature NaN or outside -50..150 deg C.
+        const TEMPERATURE_INVALID = 1 << 11;
+        /// Temperature so old that it fades to the reference.
+        const TEMPERATURE_STALE = 1 << 12;
+        /// Load torque NaN or beyond the envelope.
+        const LOAD_TORQUE_INVALID = 1 << 13;
+        /// Load torque so old that it fades.
+        const LOAD_TORQUE_STALE = 1 << 14;
+        /// Campaign time NaN, negative or beyond the envelope; the last good one stands.
+        const CAMPAIGN_TIME_INVALID = 1 << 15;
+        /// The torque limit acted.
+        const TORQUE_LIMITED = 1 << 16;
+        /// The slew limit acted.
+        const SLEW_LIMITED = 1 << 17;
+        /// The current limit acted on the sum.
+        const CURRENT_LIMITED = 1 << 18;
+        /// The model gave no finite torque; its state was cleared. Never seen with validated
+        /// parameters; here so that a mistake shows as a flag and not as a current.
+        const MODEL_NOT_FINITE = 1 << 19;
+        /// The command given to the sum was not a finite number and counted as 0.
+        const COMMAND_INVALID = 1 << 20;
+    }
+}
+
+/// A measured value and how long ago it was true.
+#[derive(Clone, Copy, Debug)]
+pub struct Reading<T> {
+    /// The value, in the unit its place in [`Inputs`] says.
+    pub value: T,
+    /// Its age, s; negative or NaN counts as never measured.
+    pub age_s: T,
+}
+
+impl<T: Real> Reading<T> {
+    /// A value just measured.
+    pub fn fresh(value: T) -> Self {
+        Self { value, age_s: T::zero() }
+    }
+
+    /// No such sensor, or nothing heard of it yet.
+    pub fn missing() -> Self {
+        Self { value: T::zero(), age_s: -T::one() }
+    }
+}
+
+/// What the compensator is told in one sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Inputs<T> {
+    /// Measured or observed joint velocity, rad/s.
+    pub velocity_rad_s: Reading<T>,
+    /// Velocity the joint is meant to have, rad/s.
+    pub velocity_reference_rad_s: Reading<T>,
+    /// Joint position, rad.
+    pub position_rad: Reading<T>,
+    /// Joint acceleration, rad/s^2.
+    pub acceleration_rad_s2: Reading<T>,
+    /// Side load on the shaft, N.
+    pub radial_force_n: Reading<T>,
+    /// Outside minus inside pressure, MPa.
+    pub pressure_diff_mpa: Reading<T>,
+    /// Temperature at the seal, deg C.
+    pub temperature_c: Reading<T>,
+    /// Torque transmitted to the load, Nm.
+    pub load_torque_nm: Reading<T>,
+    /// Time since the campaign began, h.
+    pub campaign_time_h: T,
+}
+
+impl<T: Real> Inputs<T> {
+    /// A measured velocity and nothing else.
+    pub fn velocity(velocity_rad_s: T) -> Self {
+        let missing = Reading::missing();
+        Self {
+            velocity_rad_s: Reading::fresh(velocity_rad_s),
+            velocity_reference_rad_s: missing,
+            position_rad: missing,
+            acceleration_rad_s2: missing,
+            radial_force_n: missing,
+            pressure_diff_mpa: missing,
+            temperature_c: missing,
+            load_torque_nm: missing,
+            campaign_time_h: T::zero(),
+        }
+    }
+}
+
+/// What the compensator gives in one sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Output<T> {
+    /// The model's friction torque, Nm, unscaled and unlimited.
+    pub friction_torque_nm: T,
+    /// Torque to add, Nm, after scale, torque limit and slew limit.
+    pub compensation_torque_nm: T,
+    /// The same as a current, A.
+    pub feed_forward_current_a: T,
+    /// What happened on the way.
+    pub flags: Flags,
+}
+
+/// The last good value of a covariate.
+#[derive(Clone, Copy, Debug)]
+struct Held<T> {
+    value: T,
+    age_s: T,
+}
+
+/// How a covariate is guarded: its legal range and its two flags.
+struct Guard<T> {
+    least: T,
+    most: T,
+    invalid: Flags,
+    stale: Flags,
+}
+
+impl<T: Real> Held<T> {
+    fn never(built: &Built<T>) -> Self {
+        Self { value: T::zero(), age_s: built.faded_s }
+    }
+
+    /// Takes a reading and returns how far the held value is to be trusted, 0..=1.
+    #[inline(always)]
+    fn take(
+        &mut self,
+        reading: Reading<T>,
+        guard: &Guard<T>,
+        built: &Built<T>,
+        flags: &mut Flags,
+    ) -> T {
+        let zero = T::zero();
+        let legal = reading.value >= guard.least && reading.value <= guard.most;
+        let heard = reading.age_s >= zero;
+        if heard && !legal {
+            *flags |= guard.invalid;
+        }
+        if heard && legal {
+            self.value = reading.value;
+            self.age_s = reading.age_s.at_most(built.faded_s);
+        } else {
+            self.age_s = (self.age_s + built.period_s).at_most(built.faded_s);
+        }
+        if self.age_s > built.hold_s {
+            *flags |= guard.stale;
+        }
+        // 1 up to hold_s, then a straight line to 0 at hold_s + fade_s.
+        let faded = (self.age_s - built.hold_s).at_least(zero) * built.fade_per_s;
+        (T::one() - faded).at_least(zero)
+    }
+}
+
+/// The compensator of one joint: a model and all that makes it safe.
+#[derive(Clone, Debug)]
+pub struct Compensator<T: Real> {
+    enabled: bool,
+    model: Model<T>,
+    built: Built<T>,
+    state: State<T>,
+    compensation_torque_nm: T,
+    radial_force: Held<T>,
+    pressure: Held<T>,
+    #[cfg(feature = "terms")]
+    others: Others<T>,
+}
+
+/// Covariates only terms read.
+#[cfg(feature = "terms")]
+#[derive(Clone, Copy, Debug)]
+struct Others<T> {
+    position: Held<T>,
+    acceleration: Held<T>,
+    temperature: Held<T>,
+    load_torque: Held<T>,
+    campaign_time_h: T,
+}
+
+impl<T: Real> Compensator<T> {
+    /// Builds a compensator for a sample period in s. It starts disabled, at rest.
+    ///
+    /// # Errors
+    /// As [`crate::Parameters::build`] and [`CompensatorParameters::validate`].
+    pub fn build(configuration: &Configuration, period_s: f32) -> Result<Self, ParameterError>
+    where
+        T: Real<Setting = f32>,
+    {
+        configuration.compensator.validate()?;
+        let model = configuration.model.build::<T>(period_s)?;
+        let reference = configuration.model.get(crate::ParameterId::TemperatureReference);
+        let built = Built::new(
+            &configuration.compensator,
+            &configuration.model.envelope,
+            reference,
+            period_s,
+        )?;
+        Ok(Self {
+            enabled: false,
+            state: State::default(),
+            compensation_torque_nm: T::zero(),
+            radial_force: Held::never(&built),
+            pressure: Held::never(&built),
+            #[cfg(feature = "terms")]
+            others: Others {
+                position: Held::never(&built),
+                acceleration: Held::never(&built),
+                temperature: Held::never(&built),
+                load_torque: Held::never(&built),
+                campaign_time_h: T::zero(),
+            },
+            model,
+            built,
+        })
+    }
+
+    /// Switches the compensator on or off. Switching on starts from rest and zero torque, so the
+    /// slew limit brings the compensation in.
+    pub fn set_enabled(&mut self, enabled: bool) {
+        if enabled && !self.enabled {
+            self.state = State::default();
+            self.compensation_torque_nm = T::zero();
+        }
+        self.enabled = enabled;
+    }
+
+    /// Whether the compensator is on.
+    pub fn is_enabled(&self) -> bool {
+        self.enabled
+    }
+
+    /// Torque held by the bent bristles, Nm.
+    pub fn bristle_torque_nm(&self) -> T {
+        self.state.bristle_torque_nm
+    }
+
+    /// Takes one sample.
+    #[inline]
+    pub fn step(&mut self, inputs: &Inputs<T>) -> Output<T> {
+        let zero = T::zero();
+        if !self.enabled {
+            return Output {
+                friction_torque_nm: zero,
+                compensation_torque_nm: zero,
+                feed_forward_current_a: zero,
+                flags: Flags::DISABLED,
+            };
+        }
+        let mut flags = Flags::empty();
+        let (velocity, trust) = self.blended_velocity(inputs, &mut flags);
+        let mut sample = Sample { velocity_rad_s: velocity, ..Sample::default() };
+        self.guard_seal(inputs, &mut sample, &mut flags);
+        #[cfg(feature = "terms")]
+        self.guard_others(inputs, &mut sample, &mut flags);
+
+        let mut friction = self.model.step(&mut self.state, &sample);
+        // False for NaN too; validated parameters keep friction far below this.
+        let sound = friction.abs() <= self.built.not_finite;
+        if !sound {
+            friction = zero;
+            self.state = State::default();
+            flags |= Flags::MODEL_NOT_FINITE;
+        }
+        let built = &self.built;
+        let wanted = friction * built.scale * trust;
+        let limited = wanted.within(built.torque_limit);
+        if limited != wanted {
+            flags |= Flags::TORQUE_LIMITED;
+        }
+        let change = limited - self.compensation_torque_nm;
+        let slewed = change.within(built.slew_step);
+        if slewed != change {
+            flags |= Flags::SLEW_LIMITED;
+        }
+        self.compensation_torque_nm = self.compensation_torque_nm + slewed;
+        Output {
+            friction_torque_nm: friction,
+            compensation_torque_nm: self.compensation_torque_nm,
+            feed_forward_current_a: self.compensation_torque_nm * built.current_per_torque,
+            flags,
+        }
+    }
+
+    /// Adds the compensation to a commanded current (A) and limits the sum: the last addition and,
+    /// after it, the limit. Disabled, the command passes with its bits unless the limit acts.
+    #[inline]
+    pub fn sum(&self, command_current_a: T, output: &Output<T>) -> (T, Flags) {
+        let mut flags = output.flags;
+        let mut command = command_current_a;
+        let sound = command.abs() <= self.built.not_finite;
+        if !sound {
+            command = T::zero();
+            flags |= Flags::COMMAND_INVALID;
+        }
+        let sum = if self.enabled { command + output.feed_forward_current_a } else { command };
+        let limited = sum.within(self.built.current_limit);
+        if limited != sum {
+            flags |= Flags::CURRENT_LIMITED;
+        }
+        (limited, flags)
+    }
+
+    /// The velocity to believe, rad/s, and 1, or 0 where there is none.
+    #[inline(always)]
+    fn blended_velocity(&self, inputs: &Inputs<T>, flags: &mut Flags) -> (T, T) {
+        let built = &self.built;
+        let usable = |reading: &Reading<T>| {
+            reading.value.abs() <= built.velocity_limit
+                && reading.age_s >= T::zero()
+                && reading.age_s <= built.hold_s
+        };
+        let (measured, reference) = (&inputs.velocity_rad_s, &inputs.velocity_reference_rad_s);
+        match (usable(measured), usable(reference)) {
+            (true, true) => {
+                let weight = (measured.value.abs() * built.blend_per_velocity).at_most(T::one());
+                (reference.value + (measured.value - reference.value) * weight, T::one())
+            }
+            (true, false) => {
+                *flags |= Flags::REFERENCE_INVALID;
+                (measured.value, T::one())
+            }
+            (false, true) => {
+                *flags |= Flags::VELOCITY_INVALID;
+                (reference.value, T::one())
+            }
+            (false, false) => {
+                *flags |= Flags::VELOCITY_INVALID | Flags::REFERENCE_INVALID;
+                (T::zero(), T::zero())
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn guard_seal(&mut self, inputs: &Inputs<T>, sample: &mut Sample<T>, flags: &mut Flags) {
+        let built = &self.built;
+        let force = Guard {
+            least: T::zero(),
+            most: built.radial_force_max,
+            invalid: Flags::RADIAL_FORCE_INVALID,
+            stale: Flags::RADIAL_FORCE_STALE,
+        };
+        // A change counts only between two trusted values: neither the first reading nor the fade
+        // bends a bristle.
+        let (known, before) = (self.radial_force.age_s <= built.hold_s, self.radial_force.value);
+        let trust = self.radial_force.take(inputs.radial_force_n, &force, built, flags);
+        let change = self.radial_force.value - before;
+        sample.radial_force_n = self.radial_force.value * trust;
+        sample.radial_force_change_n = if known { change } else { T::zero() };
+
+        let pressure = Guard {
+            least: -built.pressure_max_mpa,
+            most: built.pressure_max_mpa,
+            invalid: Flags::PRESSURE_INVALID,
+            stale: Flags::PRESSURE_STALE,
+        };
+        let trust = self.pressure.take(inputs.pressure_diff_mpa, &pressure, built, flags);
+        // A sensor's zero error reads a little below 0; the levels are proven from 0 upwards.
+        sample.pressure_diff_mpa = (self.pressure.value * trust).at_least(T::zero());
+    }
+
+    #[cfg(feature = "terms")]
+    #[inline(always)]
+    fn guard_others(&mut self, inputs: &Inputs<T>, sample: &mut Sample<T>, flags: &mut Flags) {
+        if self.model.terms.is_empty() {
+            return;
+        }
+        let (built, held) = (&self.built, &mut self.others);
+        let symmetric = |most: T, invalid, stale| Guard { least: -most, most, invalid, stale };
+
+        let guard = symmetric(built.position_max, Flags::POSITION_INVALID, Flags::POSITION_STALE);
+        sample.position_trust = held.position.take(inputs.position_rad, &guard, built, flags);
+        sample.position_rad = held.position.value;
+
+        let guard = symmetric(
+            built.acceleration_max,
+            Flags::ACCELERATION_INVALID,
+            Flags::ACCELERATION_STALE,
+        );
+        let trust = held.acceleration.take(inputs.acceleration_rad_s2, &guard, built, flags);
+        sample.acceleration_rad_s2 = held.acceleration.value * trust;
+
+        let guard =
+            symmetric(built.load_torque_max, Flags::LOAD_TORQUE_INVALID, Flags::LOAD_TORQUE_STALE);
+        let trust = held.load_torque.take(inputs.load_torque_nm, &guard, built, flags);
+        sample.load_torque_nm = held.load_torque.value * trust;
+
+        let guard = Guard {
+            least: T::from_f64(-50.0),
+            most: T::from_f64(150.0),
+            invalid: Flags::TEMPERATURE_INVALID,
+            stale: Flags::TEMPERATURE_STALE,
+        };
+        let trust = held.temperature.take(inputs.temperature_c, &guard, built, flags);
+        let reference = built.temperature_reference;
+        sample.temperature_c = reference + (held.temperature.value - reference) * trust;
+
+        let time = inputs.campaign_time_h;
+        if time >= T::zero() && time <= built.campaign_max_h {
+            held.campaign_time_h = time;
+        } else {
+            *flags |= Flags::CAMPAIGN_TIME_INVALID;
+        }
+        sample.campaign_time_h = held.campaign_time_h;
+    }
+}
+
+/// The range a declared envelope gives a guard.
+fn limit<T: Real>(size: f32) -> T {
+    T::from_f64(f64::from(size))
+}
+
+#[cfg(test)]
+mod tests;

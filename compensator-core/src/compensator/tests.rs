@@ -1,0 +1,276 @@
+use super::*;
+use crate::parameters::{LawKind, ParameterId, Parameters};
+use crate::term::TermKind;
+use proptest::prelude::*;
+
+const PERIOD_S: f32 = 50e-6;
+
+fn configuration() -> Configuration {
+    let model = Parameters::<f32>::new(LawKind::ImprovedLugre)
+        .with(ParameterId::CoulombTorque, 1.5)
+        .with(ParameterId::StaticTorque, 2.2)
+        .with(ParameterId::StribeckVelocity, 0.1)
+        .with(ParameterId::BristleStiffness, 1e4)
+        .with(ParameterId::BristleDamping, 30.0)
+        .with(ParameterId::ViscousFriction, 0.08)
+        .with(ParameterId::RadialForceCoulomb, 0.01)
+        .with(ParameterId::PressureCoulomb, 2.4e-6)
+        .with(ParameterId::RadialForceRate, 1e-6);
+    let mut configuration = Configuration { model, compensator: CompensatorParameters::default() };
+    configuration.model.choices.damping_fades = true;
+    configuration
+}
+
+fn enabled(configuration: &Configuration) -> Compensator<f32> {
+    let mut compensator = Compensator::build(configuration, PERIOD_S).unwrap();
+    compensator.set_enabled(true);
+    compensator
+}
+
+fn loaded(velocity: f32) -> Inputs<f32> {
+    Inputs {
+        radial_force_n: Reading::fresh(40.0),
+        pressure_diff_mpa: Reading::fresh(0.2),
+        ..Inputs::velocity(velocity)
+    }
+}
+
+fn settle(compensator: &mut Compensator<f32>, inputs: &Inputs<f32>, samples: usize) -> Output<f32> {
+    (0..samples).map(|_| compensator.step(inputs)).last().unwrap()
+}
+
+#[test]
+fn steady_sliding_gives_the_scaled_level_as_current() {
+    let configuration = configuration();
+    let mut compensator = enabled(&configuration);
+    let output = settle(&mut compensator, &loaded(2.0), 4000);
+    let level = 1.5 + 40.0 * 0.01 + 0.2 * 2.4;
+    let friction = level + 0.08 * 2.0;
+    assert!((output.friction_torque_nm - friction).abs() < 1e-3, "{output:?}");
+    assert!((output.compensation_torque_nm - 0.9 * friction).abs() < 1e-3);
+    assert_eq!(output.flags, Flags::REFERENCE_INVALID);
+}
+
+#[test]
+fn a_law_without_seal_load_ignores_force_and_pressure() {
+    let mut configuration = configuration();
+    configuration.model.law = LawKind::Lugre;
+    let (mut with, mut without) = (enabled(&configuration), enabled(&configuration));
+    for sample in 0..2000 {
+        let velocity = (sample as f32 * 0.01).sin();
+        let a = with.step(&loaded(velocity)).friction_torque_nm;
+        let b = without.step(&Inputs::velocity(velocity)).friction_torque_nm;
+        assert_eq!(a.to_bits(), b.to_bits());
+    }
+}
+
+#[test]
+fn stale_load_and_pressure_fade_to_the_plain_law_without_a_jump() {
+    let configuration = configuration();
+    let mut compensator = enabled(&configuration);
+    let before = settle(&mut compensator, &loaded(2.0), 4000).friction_torque_nm;
+    let plain = 1.5 + 0.08 * 2.0;
+    let mut last = before;
+    for sample in 0..14_000 {
+        let output = compensator.step(&Inputs::velocity(2.0));
+        assert!((output.friction_torque_nm - last).abs() < 2e-3);
+        last = output.friction_torque_nm;
+        let stale = output.flags.contains(Flags::RADIAL_FORCE_STALE | Flags::PRESSURE_STALE);
+        // Held for hold_s = 0.1 s = 2000 samples, gone after 0.4 s more.
+        if sample < 1990 {
+            assert!(!stale && (last - before).abs() < 1e-3, "{sample}");
+        }
+        if sample > 2010 {
+            assert!(stale);
+        }
+    }
+    assert!((last - plain).abs() < 1e-3, "{last} {plain}");
+}
+
+#[test]
+fn invalid_inputs_are_flagged_and_replaced() {
+    let configuration = configuration();
+    let mut compensator = enabled(&configuration);
+    let before = settle(&mut compensator, &loaded(2.0), 4000).friction_torque_nm;
+    for (wrong, flag) in [
+        (
+            Inputs { radial_force_n: Reading::fresh(f32::NAN), ..loaded(2.0) },
+            Flags::RADIAL_FORCE_INVALID,
+        ),
+        (
+            Inputs { radial_force_n: Reading::fresh(-5.0), ..loaded(2.0) },
+            Flags::RADIAL_FORCE_INVALID,
+        ),
+        (
+            Inputs { radial_force_n: Reading::fresh(1e6), ..loaded(2.0) },
+            Flags::RADIAL_FORCE_INVALID,
+        ),
+        (
+            Inputs { pressure_diff_mpa: Reading::fresh(f32::INFINITY), ..loaded(2.0) },
+            Flags::PRESSURE_INVALID,
+        ),
+    ] {
+        let output = compensator.step(&wrong);
+        assert!(output.flags.contains(flag), "{output:?}");
+        assert!((output.friction_torque_nm - before).abs() < 1e-3);
+        assert!(!compensator.step(&loaded(2.0)).flags.contains(flag), "the flag clears");
+    }
+    let velocity = Inputs {
+        velocity_rad_s: Reading::fresh(f32::NAN),
+        velocity_reference_rad_s: Reading::fresh(2.0),
+        ..loaded(2.0)
+    };
+    let output = compensator.step(&velocity);
+    assert!(output.flags.contains(Flags::VELOCITY_INVALID));
+    assert!((output.friction_torque_nm - before).abs() < 1e-3);
+}
+
+#[test]
+fn without_any_velocity_the_compensation_is_withdrawn_at_the_slew_limit() {
+    let configuration = configuration();
+    let mut compensator = enabled(&configuration);
+    let mut last = settle(&mut compensator, &loaded(2.0), 4000).compensation_torque_nm;
+    let step = 2000.0 * PERIOD_S;
+    for _ in 0..100 {
+        let output = compensator.step(&loaded(f32::NAN));
+        assert!(last - output.compensation_torque_nm <= step * 1.001);
+        last = output.compensation_torque_nm;
+    }
+    assert_eq!(last, 0.0);
+}
+
+#[test]
+fn near_standstill_the_reference_decides_the_direction() {
+    let configuration = configuration();
+    let mut compensator = enabled(&configuration);
+    let mut output = None;
+    for sample in 0..4000 {
+        let noise = if sample % 2 == 0 { 1e-3 } else { -1e-3 };
+        output = Some(
+            compensator
+                .step(&Inputs { velocity_reference_rad_s: Reading::fresh(0.02), ..loaded(noise) }),
+        );
+    }
+    assert!(output.unwrap().friction_torque_nm > 1.5);
+}
+
+#[test]
+fn limits_act_after_the_sum_and_say_so() {
+    let mut configuration = configuration();
+    configuration.compensator.current_limit_a = 10.0;
+    let mut compensator = enabled(&configuration);
+    let output = settle(&mut compensator, &loaded(2.0), 4000);
+    let (sum, flags) = compensator.sum(9.5, &output);
+    assert_eq!(sum, 10.0);
+    assert!(flags.contains(Flags::CURRENT_LIMITED));
+    let (sum, flags) = compensator.sum(5.0, &output);
+    assert_eq!(sum, 5.0 + output.feed_forward_current_a);
+    assert!(!flags.contains(Flags::CURRENT_LIMITED));
+    let (sum, flags) = compensator.sum(f32::NAN, &output);
+    assert_eq!(sum, output.feed_forward_current_a);
+    assert!(flags.contains(Flags::COMMAND_INVALID));
+
+    configuration.compensator.torque_limit_nm = 1.0;
+    let mut compensator = enabled(&configuration);
+    let output = settle(&mut compensator, &loaded(2.0), 4000);
+    assert_eq!(output.compensation_torque_nm, 1.0);
+    assert!(output.flags.contains(Flags::TORQUE_LIMITED));
+}
+
+#[test]
+fn slew_limit_says_so() {
+    let mut configuration = configuration();
+    configuration.compensator.slew_limit_nm_per_s = 10.0;
+    let mut compensator = enabled(&configuration);
+    let output = settle(&mut compensator, &loaded(2.0), 100);
+    assert!(output.flags.contains(Flags::SLEW_LIMITED));
+    assert!((output.compensation_torque_nm - 100.0 * 10.0 * PERIOD_S).abs() < 1e-5);
+}
+
+#[test]
+fn disabled_is_absent() {
+    let configuration = configuration();
+    let mut compensator = Compensator::<f32>::build(&configuration, PERIOD_S).unwrap();
+    for command in [0.0, -0.0, 1.25, -3.5e-39, 25.999] {
+        let output = compensator.step(&loaded(2.0));
+        assert_eq!(output.flags, Flags::DISABLED);
+        let (sum, _) = compensator.sum(command, &output);
+        assert_eq!(sum.to_bits(), f32::to_bits(command));
+    }
+}
+
+#[test]
+fn parameters_are_refused_by_name() {
+    for (field, change) in [
+        (
+            "scale",
+            (|p: &mut CompensatorParameters| p.scale = 1.1) as fn(&mut CompensatorParameters),
+        ),
+        ("torque_limit_nm", |p| p.torque_limit_nm = f32::NAN),
+        ("fade_s", |p| p.fade_s = 0.0),
+        ("torque_constant_nm_per_a", |p| p.torque_constant_nm_per_a = 0.0),
+    ] {
+        let mut wrong = configuration();
+        change(&mut wrong.compensator);
+        assert_eq!(Compensator::<f32>::build(&wrong, PERIOD_S).unwrap_err().field, field);
+    }
+}
+
+fn any_float() -> impl Strategy<Value = f32> {
+    prop_oneof![any::<f32>(), any::<u32>().prop_map(f32::from_bits), -20.0f32..20.0]
+}
+
+fn reading() -> impl Strategy<Value = Reading<f32>> {
+    (any_float(), any_float()).prop_map(|(value, age_s)| Reading { value, age_s })
+}
+
+prop_compose! {
+    fn inputs()(
+        velocity_rad_s in reading(), velocity_reference_rad_s in reading(),
+        position_rad in reading(), acceleration_rad_s2 in reading(), radial_force_n in reading(),
+        pressure_diff_mpa in reading(), temperature_c in reading(), load_torque_nm in reading(),
+        campaign_time_h in any_float(),
+    ) -> Inputs<f32> {
+        Inputs {
+            velocity_rad_s, velocity_reference_rad_s, position_rad, acceleration_rad_s2,
+            radial_force_n, pressure_diff_mpa, temperature_c, load_torque_nm, campaign_time_h,
+        }
+    }
+}
+
+proptest! {
+    /// Whatever comes in, what goes out is finite, within its limits, and never a panic.
+    #[test]
+    fn output_is_bounded_for_every_input(
+        inputs in proptest::collection::vec(inputs(), 1..60),
+        command in any_float(),
+        with_terms in any::<bool>(),
+    ) {
+        let mut configuration = configuration();
+        if with_terms {
+            for kind in [TermKind::TemperatureViscous, TermKind::PositionRipple,
+                TermKind::GravityImbalance, TermKind::DwellTimeStatic, TermKind::Backlash,
+                TermKind::UnmodelledInertia, TermKind::ChannelDelay, TermKind::TimeDrift] {
+                prop_assert!(configuration.model.add_term(kind));
+            }
+            configuration.model.set(ParameterId::RippleSine, 0.2);
+            configuration.model.set(ParameterId::GravitySine, 1.0);
+            configuration.model.set(ParameterId::DwellGain, 0.1);
+            configuration.model.set(ParameterId::BacklashTravel, 1e-3);
+            configuration.model.set(ParameterId::Inertia, 0.01);
+            configuration.model.set(ParameterId::ChannelDelay, 5.5 * PERIOD_S);
+            configuration.model.set(ParameterId::TemperatureViscosity, 0.02);
+        }
+        let mut compensator = enabled(&configuration);
+        let mut last = 0.0f32;
+        for inputs in &inputs {
+            let output = compensator.step(inputs);
+            prop_assert!(output.compensation_torque_nm.abs() <= 6.0);
+            prop_assert!((output.compensation_torque_nm - last).abs() <= 0.1001);
+            prop_assert!(!output.flags.contains(Flags::MODEL_NOT_FINITE));
+            last = output.compensation_torque_nm;
+            let (sum, _) = compensator.sum(command, &output);
+            prop_assert!(sum.abs() <= 26.0);
+        }
+    }
+}

@@ -1,0 +1,279 @@
+//! Parameters: what a person writes, what has been validated, what a model is built from.
+//!
+//! A parameter has three forms and there is a fourth thing that is none of them. *Written*: SI
+//! values by name, a TOML file on the host, a record in flash ([`crate::record`]). *Validated*:
+//! [`Parameters`] for which [`Parameters::validate`] returned `Ok`. *Built* for a sample period:
+//! [`crate::model::Model`], immutable, swapped whole. And the *state*, which belongs to none of them.
+//!
+//! [`table`] is the one list of all parameters, with unit, range and default; files, CAN objects,
+//! fits and documentation are driven by it. [`LawKind`] and [`TermKind`] say which of them count.
+
+mod build;
+pub mod table;
+mod validate;
+
+pub use build::WrongPeriod;
+pub use table::{Info, ParameterId};
+pub use validate::{Bound, ParameterError};
+
+use crate::number::Real;
+use crate::term::{MAX_TERMS, TermKind};
+use ParameterId as Id;
+use heapless::Vec;
+
+macro_rules! laws {
+    ($($(#[$doc:meta])* $kind:ident = $name:literal [$($parameter:ident),*]),* $(,)?) => {
+        /// The friction laws, see [`crate::law`].
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[repr(u8)]
+        pub enum LawKind { $($(#[$doc])* $kind),* }
+
+        impl LawKind {
+            /// Every law, in the order of their numbers.
+            pub const ALL: &'static [LawKind] = &[$(LawKind::$kind),*];
+
+            /// The name used in model names and files.
+            pub const fn name(self) -> &'static str {
+                match self { $(LawKind::$kind => $name),* }
+            }
+
+            /// The parameters that belong to this law.
+            pub const fn parameters(self) -> &'static [ParameterId] {
+                match self { $(LawKind::$kind => &[$(Id::$parameter),*]),* }
+            }
+        }
+    };
+}
+
+laws! {
+    /// Coulomb and viscous.
+    Linear = "linear" [CoulombTorque, ViscousFriction],
+    /// With a quadratic and a cubic part.
+    Extended = "extended" [CoulombTorque, ViscousFriction, QuadraticFriction, CubicFriction],
+    /// With an arc tangent and an offset.
+    Atan = "atan" [TorqueOffset, CoulombTorque, ViscousFriction, AtanTorque, AtanSlope],
+    /// With the Stribeck curve.
+    Stribeck = "stribeck" [CoulombTorque, StaticTorque, StribeckVelocity, ViscousFriction],
+    /// Bristles of one level, and a viscous part.
+    Dahl = "dahl" [CoulombTorque, BristleStiffness, ViscousFriction],
+    /// Bristles with the Stribeck curve.
+    Lugre = "lugre" [
+        CoulombTorque, StaticTorque, StribeckVelocity, BristleStiffness, BristleDamping,
+        ViscousFriction
+    ],
+    /// LuGre with levels of their own for each direction.
+    LugreAsymmetric = "lugre-asymmetric" [
+        CoulombTorque, StaticTorque, CoulombTorqueNegative, StaticTorqueNegative,
+        StribeckVelocity, BristleStiffness, BristleDamping, ViscousFriction
+    ],
+    /// LuGre under side load and pressure.
+    ImprovedLugre = "improved-lugre" [
+        CoulombTorque, StaticTorque, StribeckVelocity, BristleStiffness, BristleDamping,
+        ViscousFriction, RadialForceCoulomb, RadialForceStaticExcess, PressureCoulomb,
+        PressureStaticExcess, RadialForceRate
+    ],
+}
+
+impl LawKind {
+    /// The law with this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|kind| kind.name() == name)
+    }
+
+    /// The law with this number (its position in [`LawKind::ALL`]).
+    pub fn from_number(number: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(number)).copied()
+    }
+
+    /// Whether the law carries a bristle state.
+    pub fn has_bristles(self) -> bool {
+        self.parameters().contains(&Id::BristleStiffness)
+    }
+
+    /// Whether the law's level falls along a Stribeck curve.
+    pub fn has_stribeck_curve(self) -> bool {
+        self.parameters().contains(&Id::StribeckVelocity)
+    }
+
+    /// Whether side load and pressure already belong to the law.
+    pub fn has_seal_load(self) -> bool {
+        self == Self::ImprovedLugre
+    }
+}
+
+/// The terms of a model, in the order they act.
+pub type TermList = Vec<TermKind, MAX_TERMS>;
+
+/// The operating range a model is declared for. Validation proves the levels over it; the step
+/// limits velocity to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Envelope {
+    /// Largest speed, rad/s.
+    pub velocity_max_rad_s: f32,
+    /// Largest side load, N; the smallest is 0.
+    pub radial_force_max_n: f32,
+    /// Largest pressure difference, Pa; the smallest is 0.
+    pub pressure_diff_max_pa: f32,
+    /// Largest transmitted torque, Nm.
+    pub load_torque_max_nm: f32,
+    /// Farthest position from zero, rad.
+    pub position_max_rad: f32,
+    /// Largest acceleration, rad/s^2.
+    pub acceleration_max_rad_s2: f32,
+    /// Longest campaign, h.
+    pub campaign_max_h: f32,
+}
+
+impl Envelope {
+    /// How many fields there are.
+    pub const FIELDS: usize = 7;
+
+    /// Names of the fields, in their order.
+    pub const NAMES: [&'static str; Self::FIELDS] = [
+        "velocity_max_rad_s",
+        "radial_force_max_n",
+        "pressure_diff_max_pa",
+        "load_torque_max_nm",
+        "position_max_rad",
+        "acceleration_max_rad_s2",
+        "campaign_max_h",
+    ];
+
+    /// The fields, in their order.
+    pub const fn to_array(self) -> [f32; Self::FIELDS] {
+        [
+            self.velocity_max_rad_s,
+            self.radial_force_max_n,
+            self.pressure_diff_max_pa,
+            self.load_torque_max_nm,
+            self.position_max_rad,
+            self.acceleration_max_rad_s2,
+            self.campaign_max_h,
+        ]
+    }
+
+    /// The envelope with these fields, in their order.
+    pub const fn from_array(fields: [f32; Self::FIELDS]) -> Self {
+        let [velocity, force, pressure, load, position, acceleration, campaign] = fields;
+        Self {
+            velocity_max_rad_s: velocity,
+            radial_force_max_n: force,
+            pressure_diff_max_pa: pressure,
+            load_torque_max_nm: load,
+            position_max_rad: position,
+            acceleration_max_rad_s2: acceleration,
+            campaign_max_h: campaign,
+        }
+    }
+}
+
+impl Default for Envelope {
+    /// The joint of paper 0, with room: 100 rpm, 100 N, 0.3 MPa, 26 Nm.
+    fn default() -> Self {
+        Self {
+            velocity_max_rad_s: 12.0,
+            radial_force_max_n: 100.0,
+            pressure_diff_max_pa: 3e5,
+            load_torque_max_nm: 26.0,
+            position_max_rad: 1000.0,
+            acceleration_max_rad_s2: 1000.0,
+            campaign_max_h: 2000.0,
+        }
+    }
+}
+
+/// Choices about a law that are not numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Choices {
+    /// Bristle damping fades along the Stribeck curve instead of staying constant; see
+    /// [`ParameterId::BristleDamping`].
+    pub damping_fades: bool,
+    /// Take the extended law as paper 2 prints it.
+    pub printed_extended: bool,
+    /// Accept a law that can give out more energy than it takes in.
+    pub allow_active: bool,
+}
+
+/// A law, its terms and their values. `S` is `f32` for a driver, `f64` on the host, a dual number
+/// where derivatives are wanted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters<S> {
+    /// The law.
+    pub law: LawKind,
+    /// The terms, each kind at most once.
+    pub terms: TermList,
+    /// What the model may meet.
+    pub envelope: Envelope,
+    /// Choices about the law.
+    pub choices: Choices,
+    values: [S; table::COUNT],
+}
+
+impl<S: Real> Parameters<S> {
+    /// A law with every parameter at its default.
+    pub fn new(law: LawKind) -> Self {
+        let mut values = [S::zero(); table::COUNT];
+        for (value, info) in values.iter_mut().zip(table::TABLE) {
+            *value = S::from_f64(info.default);
+        }
+        Self {
+            law,
+            terms: TermList::new(),
+            envelope: Envelope::default(),
+            choices: Choices::default(),
+            values,
+        }
+    }
+
+    /// Switches a term on. `false` if the list is full; a term that is there already stays once.
+    /// A delay goes first: the other terms are to see the delayed velocity.
+    pub fn add_term(&mut self, kind: TermKind) -> bool {
+        if self.terms.contains(&kind) {
+            return true;
+        }
+        let added = self.terms.push(kind).is_ok();
+        if added && kind == TermKind::ChannelDelay {
+            self.terms.rotate_right(1);
+        }
+        added
+    }
+
+    /// The value of a parameter, in its unit.
+    #[inline]
+    pub fn get(&self, id: ParameterId) -> S {
+        self.values.get(id as usize).copied().unwrap_or_default()
+    }
+
+    /// Sets a parameter, in its unit. Nothing is checked until [`Parameters::validate`].
+    pub fn set(&mut self, id: ParameterId, value: S) {
+        if let Some(slot) = self.values.get_mut(id as usize) {
+            *slot = value;
+        }
+    }
+
+    /// As [`Parameters::set`], for building in one expression.
+    #[must_use]
+    pub fn with(mut self, id: ParameterId, value: S) -> Self {
+        self.set(id, value);
+        self
+    }
+
+    /// The parameters that count: the law's, then each term's, none twice.
+    pub fn active(&self) -> impl Iterator<Item = ParameterId> + '_ {
+        ParameterId::ALL.iter().copied().filter(|id| {
+            self.law.parameters().contains(id)
+                || self.terms.iter().any(|term| term.parameters().contains(id))
+        })
+    }
+
+    /// The same parameters in another number.
+    pub fn convert<R: Real>(&self) -> Parameters<R> {
+        Parameters {
+            law: self.law,
+            terms: self.terms.clone(),
+            envelope: self.envelope,
+            choices: self.choices,
+            values: self.values.map(|value| R::from_f64(value.value())),
+        }
+    }
+}

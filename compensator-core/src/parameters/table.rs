@@ -1,0 +1,155 @@
+//! The one list of all parameters: name, units, range, default.
+//!
+//! Names are the field's standard terms. Units are those of a revolute joint; the second is the
+//! prismatic one. Ranges are what the mathematics needs, not what a good seal has: a value at the
+//! edge of its range is legal and strange. New parameters go to the *end*: their position is their
+//! number in records and on CAN.
+
+/// What is known of a parameter apart from its value.
+#[derive(Clone, Copy, Debug)]
+pub struct Info {
+    /// Name in files, on the command line and in reports.
+    pub name: &'static str,
+    /// Unit for a revolute joint.
+    pub unit: &'static str,
+    /// Unit for a prismatic joint.
+    pub unit_prismatic: &'static str,
+    /// Smallest legal value.
+    pub lower: f64,
+    /// Largest legal value.
+    pub upper: f64,
+    /// Value where nothing is given: such that the parameter does nothing, where there is one.
+    pub default: f64,
+}
+
+macro_rules! parameters {
+    ($($(#[$doc:meta])* $id:ident = $name:literal, $unit:literal, $prismatic:literal,
+       $lower:expr, $upper:expr, $default:expr;)*) => {
+        /// The number and name of a parameter.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[repr(u8)]
+        pub enum ParameterId { $($(#[$doc])* $id),* }
+
+        impl ParameterId {
+            /// Every parameter, in the order of their numbers.
+            pub const ALL: &'static [ParameterId] = &[$(ParameterId::$id),*];
+        }
+
+        /// How many parameters there are.
+        pub const COUNT: usize = ParameterId::ALL.len();
+
+        /// What is known of each, in the order of their numbers.
+        pub static TABLE: [Info; COUNT] = [$(Info {
+            name: $name, unit: $unit, unit_prismatic: $prismatic,
+            lower: $lower, upper: $upper, default: $default,
+        }),*];
+    };
+}
+
+const ANY: f64 = f64::MAX;
+const TINY: f64 = 1e-9;
+
+parameters! {
+    /// `F_C`, Coulomb level; of the positive side in the asymmetric law.
+    CoulombTorque = "coulomb_torque", "Nm", "N", TINY, 1e6, 1.0;
+    /// `F_S`, static (breakaway) level; of the positive side in the asymmetric law.
+    StaticTorque = "static_torque", "Nm", "N", TINY, 1e6, 1.0;
+    /// `v_s`.
+    StribeckVelocity = "stribeck_velocity", "rad/s", "m/s", 1e-6, 1e3, 0.1;
+    /// `sigma0`, paper 0's `k0`.
+    BristleStiffness = "bristle_stiffness", "Nm/rad", "N/m", 1e-3, 1e9, 1e4;
+    /// `sigma1`, paper 0's `k1`. Constant, or with `damping_fades` times `exp(-(v/v_s)^2)`.
+    BristleDamping = "bristle_damping", "Nm s/rad", "N s/m", 0.0, 1e7, 0.0;
+    /// `sigma2`, paper 0's `k2`.
+    ViscousFriction = "viscous_friction", "Nm s/rad", "N s/m", -1e6, 1e6, 0.0;
+    /// `f1` of the extended law.
+    QuadraticFriction = "quadratic_friction", "Nm s^2/rad^2", "N s^2/m^2", -ANY, ANY, 0.0;
+    /// `f2` of the extended law.
+    CubicFriction = "cubic_friction", "Nm s^3/rad^3", "N s^3/m^3", -ANY, ANY, 0.0;
+    /// `fa` of the atan law.
+    AtanTorque = "atan_torque", "Nm", "N", -1e6, 1e6, 0.0;
+    /// `fb` of the atan law.
+    AtanSlope = "atan_slope", "s/rad", "s/m", 1e-6, 1e6, 1.0;
+    /// `F_C` of the negative side, asymmetric law.
+    CoulombTorqueNegative = "coulomb_torque_negative", "Nm", "N", TINY, 1e6, 1.0;
+    /// `F_S` of the negative side, asymmetric law.
+    StaticTorqueNegative = "static_torque_negative", "Nm", "N", TINY, 1e6, 1.0;
+    /// Coulomb torque per side load, `k_C2` of paper 0 eq. 16.
+    RadialForceCoulomb = "radial_force_coulomb", "Nm/N", "N/N", -1e3, 1e3, 0.0;
+    /// What `F_S` gains per side load beyond what `F_C` gains. Paper 0 gives `F_S` nothing, and its
+    /// curve inverts when the loaded `F_C` passes it; 0 keeps their difference.
+    RadialForceStaticExcess = "radial_force_static_excess", "Nm/N", "N/N", -1e3, 1e3, 0.0;
+    /// Coulomb torque per pressure difference, `k_C1` of paper 0 eq. 16.
+    PressureCoulomb = "pressure_coulomb", "Nm/Pa", "N/Pa", -1.0, 1.0, 0.0;
+    /// As `RadialForceStaticExcess`, for pressure.
+    PressureStaticExcess = "pressure_static_excess", "Nm/Pa", "N/Pa", -1.0, 1.0, 0.0;
+    /// `eta3`, bristle travel per side load. `eta1` of eq. 16 is 1: only `k0 eta1`, `k0 eta3` and
+    /// `k1/k0` reach the output, so one of the four is redundant.
+    RadialForceRate = "radial_force_rate", "rad/N", "m/N", -1.0, 1.0, 0.0;
+    /// `b`, relative fall of the viscous coefficient per kelvin.
+    TemperatureViscosity = "temperature_viscosity", "1/K", "1/K", -1.0, 1.0, 0.0;
+    /// `T0`, where the viscous coefficient has its stated value.
+    TemperatureReference = "temperature_reference", "degC", "degC", -50.0, 150.0, 20.0;
+    /// Relative ripple of the level with the sine of `n q`.
+    RippleSine = "ripple_sine", "1", "1", -0.99, 0.99, 0.0;
+    /// Relative ripple of the level with the cosine of `n q`.
+    RippleCosine = "ripple_cosine", "1", "1", -0.99, 0.99, 0.0;
+    /// `n`, angular order of the ripple: `n` periods in one turn for a revolute joint.
+    RippleOrder = "ripple_order", "1/rad", "rad/m", 0.0, 1e5, 1.0;
+    /// Torque with the sine of the position.
+    GravitySine = "gravity_sine", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque with the cosine of the position.
+    GravityCosine = "gravity_cosine", "Nm", "N", -1e6, 1e6, 0.0;
+    /// `a`: the level is `1 + a` forwards and `1 - a` backwards.
+    CoulombAsymmetry = "coulomb_asymmetry", "1", "1", -0.99, 0.99, 0.0;
+    /// As `CoulombAsymmetry`, for the viscous coefficient.
+    ViscousAsymmetry = "viscous_asymmetry", "1", "1", -10.0, 10.0, 0.0;
+    /// Constant torque; `f0` of the atan law.
+    TorqueOffset = "torque_offset", "Nm", "N", -1e6, 1e6, 0.0;
+    /// `c` of water drag.
+    QuadraticDrag = "quadratic_drag", "Nm s^2/rad^2", "N s^2/m^2", -ANY, ANY, 0.0;
+    /// `k`, static level per e-fold of contact age.
+    DwellGain = "dwell_gain", "Nm", "N", 0.0, 1e6, 0.0;
+    /// `t0`, contact age at which the growth sets in.
+    DwellTime = "dwell_time", "s", "s", 1e-3, 1e6, 1.0;
+    /// Travel after which the contact is new and its age forgotten.
+    DwellTravel = "dwell_travel", "rad", "m", 1e-6, 1e3, 1e-2;
+    /// `a` of run-in.
+    DriftAmplitude = "drift_amplitude", "1", "1", -0.99, 100.0, 0.0;
+    /// `T` of run-in.
+    DriftTime = "drift_time", "s", "s", 1.0, 1e9, 3600.0;
+    /// `r`, relative change of the level per second (wear).
+    DriftRate = "drift_rate", "1/s", "1/s", -1.0, 1.0, 0.0;
+    /// Level per transmitted torque.
+    LoadCoulomb = "load_coulomb", "Nm/Nm", "N/Nm", -1e3, 1e3, 0.0;
+    /// Inertia not taken out of the torque.
+    Inertia = "inertia", "kg m^2", "kg", -1e6, 1e6, 0.0;
+    /// `b`, travel of the play.
+    BacklashTravel = "backlash_travel", "rad", "m", 0.0, 10.0, 0.0;
+    /// Stiffness within the play over stiffness in contact.
+    BacklashStiffnessRatio = "backlash_stiffness_ratio", "1", "1", 0.0, 1.0, 0.02;
+    /// `delta`, exponent of the Stribeck curve.
+    StribeckExponent = "stribeck_exponent", "1", "1", 0.2, 8.0, 2.0;
+    /// `d`: torque answers the velocity of `d` ago.
+    ChannelDelay = "channel_delay", "s", "s", 0.0, 10.0, 0.0;
+    /// Gain on the transmitted torque.
+    LoadGain = "load_gain", "Nm/Nm", "N/Nm", -1e6, 1e6, 0.0;
+}
+
+impl ParameterId {
+    /// What is known of the parameter.
+    pub fn info(self) -> &'static Info {
+        // In bounds: the table has a row for each variant.
+        &TABLE[self as usize]
+    }
+
+    /// Name in files and reports.
+    pub fn name(self) -> &'static str {
+        self.info().name
+    }
+
+    /// The parameter with this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|id| id.name() == name)
+    }
+}

@@ -1,0 +1,266 @@
+//! The parameter record: what lies in flash and travels over CAN.
+//!
+//! A configuration (model and compensator) as a block of bytes of fixed length, little-endian,
+//! guarded by a CRC. Everything is `f32`, so a record means the same numbers, and the model built from
+//! it gives the same bits, on the driver and on the host.
+//!
+//! | offset | size | content |
+//! |---|---|---|
+//! | 0 | 4 | magic `FRIC` |
+//! | 4 | 2 | version of this layout |
+//! | 6 | 2 | length of the whole record |
+//! | 8 | 1 | law number |
+//! | 9 | 1 | choices: bit 0 damping fades, 1 printed extended, 2 allow active |
+//! | 10 | 1 | number of terms |
+//! | 11 | 8 | term numbers, unused ones 0xFF |
+//! | 19 | 1 | 0 |
+//! | 20 | 28 | envelope, in the order of its fields |
+//! | 48 | 32 | compensator, in the order of its fields |
+//! | 80 | 4 each | values, in the order of [`ParameterId::ALL`] |
+//! | end - 4 | 4 | CRC-32 (ISO-HDLC) of all before |
+
+use crate::compensator::CompensatorParameters;
+use crate::parameters::table::COUNT;
+use crate::parameters::{Choices, Envelope, LawKind, ParameterError, ParameterId, Parameters};
+use crate::term::{MAX_TERMS, TermKind};
+use core::fmt;
+
+/// Version of the layout; a reader refuses any other.
+pub const VERSION: u16 = 1;
+
+const MAGIC: [u8; 4] = *b"FRIC";
+const TERMS_AT: usize = 11;
+const ENVELOPE_AT: usize = 20;
+const COMPENSATOR_AT: usize = ENVELOPE_AT + 4 * Envelope::FIELDS;
+const VALUES_AT: usize = COMPENSATOR_AT + 4 * CompensatorParameters::FIELDS;
+const CRC_AT: usize = VALUES_AT + 4 * COUNT;
+
+/// Length of a record in bytes.
+pub const LENGTH: usize = CRC_AT + 4;
+
+const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
+
+/// What a joint driver is configured with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Configuration {
+    /// The friction model.
+    pub model: Parameters<f32>,
+    /// How it is used in the current loop.
+    pub compensator: CompensatorParameters,
+}
+
+impl Configuration {
+    /// Checks both parts.
+    ///
+    /// # Errors
+    /// The first refusal, as [`Parameters::validate`] and [`CompensatorParameters::validate`].
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        self.model.validate()?;
+        self.compensator.validate()
+    }
+}
+
+/// Why a record was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RecordError {
+    /// It has this many bytes instead of [`LENGTH`].
+    Length(usize),
+    /// It does not begin with the magic.
+    Magic,
+    /// It has this version instead of [`VERSION`].
+    Version(u16),
+    /// The CRC does not match: damaged, or half-written.
+    Crc,
+    /// A law of this number is not known.
+    UnknownLaw(u8),
+    /// A term of this number is not known.
+    UnknownTerm(u8),
+    /// More terms than a model takes.
+    TooManyTerms(u8),
+    /// Well-formed, but the parameters are refused.
+    Refused(ParameterError),
+}
+
+impl fmt::Display for RecordError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Length(found) => write!(f, "record of {found} bytes, expected {LENGTH}"),
+            Self::Magic => f.write_str("not a parameter record"),
+            Self::Version(found) => write!(f, "record version {found}, expected {VERSION}"),
+            Self::Crc => f.write_str("record is damaged (CRC)"),
+            Self::UnknownLaw(number) => write!(f, "unknown law number {number}"),
+            Self::UnknownTerm(number) => write!(f, "unknown term number {number}"),
+            Self::TooManyTerms(number) => write!(f, "{number} terms, at most {MAX_TERMS}"),
+            Self::Refused(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for RecordError {}
+
+/// Writes `source` at `at`; the layout's constants keep it within the record.
+fn put(bytes: &mut [u8; LENGTH], at: usize, source: &[u8]) {
+    if let Some(place) = bytes.get_mut(at..at + source.len()) {
+        place.copy_from_slice(source);
+    }
+}
+
+fn put_all(bytes: &mut [u8; LENGTH], at: usize, numbers: impl Iterator<Item = f32>) {
+    for (index, number) in numbers.enumerate() {
+        put(bytes, at + 4 * index, &number.to_le_bytes());
+    }
+}
+
+fn number(bytes: &[u8; LENGTH], at: usize) -> f32 {
+    let mut word = [0; 4];
+    if let Some(place) = bytes.get(at..at + 4) {
+        word.copy_from_slice(place);
+    }
+    f32::from_le_bytes(word)
+}
+
+/// Writes a configuration as a record. It is not validated: [`parse`] does that.
+pub fn emit(configuration: &Configuration) -> [u8; LENGTH] {
+    let Configuration { model, compensator } = configuration;
+    let mut bytes = [0; LENGTH];
+    put(&mut bytes, 0, &MAGIC);
+    put(&mut bytes, 4, &VERSION.to_le_bytes());
+    put(&mut bytes, 6, &(LENGTH as u16).to_le_bytes());
+    let choices = model.choices;
+    let bits = u8::from(choices.damping_fades)
+        | u8::from(choices.printed_extended) << 1
+        | u8::from(choices.allow_active) << 2;
+    put(&mut bytes, 8, &[model.law as u8, bits, model.terms.len() as u8]);
+    put(&mut bytes, TERMS_AT, &[0xFF; MAX_TERMS]);
+    for (index, term) in model.terms.iter().enumerate() {
+        put(&mut bytes, TERMS_AT + index, &[*term as u8]);
+    }
+    put_all(&mut bytes, ENVELOPE_AT, model.envelope.to_array().into_iter());
+    put_all(&mut bytes, COMPENSATOR_AT, compensator.to_array().into_iter());
+    put_all(&mut bytes, VALUES_AT, ParameterId::ALL.iter().map(|id| model.get(*id)));
+    let crc = CRC.checksum(&bytes[..CRC_AT]);
+    put(&mut bytes, CRC_AT, &crc.to_le_bytes());
+    bytes
+}
+
+/// Reads a record and validates what is in it.
+///
+/// # Errors
+/// Says what is wrong with the record, or which parameter is refused and why. Never panics,
+/// whatever the bytes.
+pub fn parse(record: &[u8]) -> Result<Configuration, RecordError> {
+    let bytes: &[u8; LENGTH] = record.try_into().map_err(|_| RecordError::Length(record.len()))?;
+    if bytes[..4] != MAGIC {
+        return Err(RecordError::Magic);
+    }
+    let version = u16::from_le_bytes([bytes[4], bytes[5]]);
+    if version != VERSION {
+        return Err(RecordError::Version(version));
+    }
+    if CRC.checksum(&bytes[..CRC_AT]).to_le_bytes() != bytes[CRC_AT..] {
+        return Err(RecordError::Crc);
+    }
+    let law = LawKind::from_number(bytes[8]).ok_or(RecordError::UnknownLaw(bytes[8]))?;
+    let mut model = Parameters::new(law);
+    model.choices = Choices {
+        damping_fades: bytes[9] & 1 != 0,
+        printed_extended: bytes[9] & 2 != 0,
+        allow_active: bytes[9] & 4 != 0,
+    };
+    let terms = bytes[10];
+    if usize::from(terms) > MAX_TERMS {
+        return Err(RecordError::TooManyTerms(terms));
+    }
+    for code in &bytes[TERMS_AT..TERMS_AT + usize::from(terms)] {
+        let kind = TermKind::from_number(*code).ok_or(RecordError::UnknownTerm(*code))?;
+        model.add_term(kind);
+    }
+    let mut envelope = [0.0; Envelope::FIELDS];
+    for (index, field) in envelope.iter_mut().enumerate() {
+        *field = number(bytes, ENVELOPE_AT + 4 * index);
+    }
+    model.envelope = Envelope::from_array(envelope);
+    let mut compensator = [0.0; CompensatorParameters::FIELDS];
+    for (index, field) in compensator.iter_mut().enumerate() {
+        *field = number(bytes, COMPENSATOR_AT + 4 * index);
+    }
+    for (index, id) in ParameterId::ALL.iter().enumerate() {
+        model.set(*id, number(bytes, VALUES_AT + 4 * index));
+    }
+    let configuration =
+        Configuration { model, compensator: CompensatorParameters::from_array(compensator) };
+    configuration.validate().map_err(RecordError::Refused)?;
+    Ok(configuration)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn configuration() -> Configuration {
+        let mut model = Parameters::<f32>::new(LawKind::ImprovedLugre)
+            .with(ParameterId::CoulombTorque, 1.5)
+            .with(ParameterId::StaticTorque, 2.2)
+            .with(ParameterId::PressureCoulomb, 2.4e-6);
+        model.add_term(TermKind::TemperatureViscous);
+        model.add_term(TermKind::PositionRipple);
+        model.choices.damping_fades = true;
+        Configuration { model, compensator: CompensatorParameters::default() }
+    }
+
+    #[test]
+    fn layout_is_as_documented() {
+        let bytes = emit(&configuration());
+        assert_eq!(&bytes[..4], b"FRIC");
+        assert_eq!(COMPENSATOR_AT, 48);
+        assert_eq!(VALUES_AT, 80);
+        assert_eq!(LENGTH, 80 + 4 * COUNT + 4);
+        let coulomb = f32::from_le_bytes(bytes[80..84].try_into().unwrap());
+        assert_eq!(coulomb, 1.5);
+    }
+
+    #[test]
+    fn what_was_emitted_is_parsed() {
+        let bytes = emit(&configuration());
+        assert_eq!(parse(&bytes), Ok(configuration()));
+    }
+
+    #[test]
+    fn every_single_bit_error_is_found() {
+        let bytes = emit(&configuration());
+        for bit in 0..LENGTH * 8 {
+            let mut damaged = bytes;
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert!(parse(&damaged).is_err(), "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn well_formed_but_illegal_is_refused_by_name() {
+        let mut wrong = configuration();
+        wrong.model.set(ParameterId::StaticTorque, 1.0);
+        match parse(&emit(&wrong)) {
+            Err(RecordError::Refused(error)) => assert_eq!(error.field, "static_torque"),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn garbage_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..LENGTH + 8)) {
+            prop_assert!(parse(&bytes).is_err());
+        }
+
+        #[test]
+        fn garbage_with_a_right_crc_never_panics(mut bytes in proptest::collection::vec(any::<u8>(), LENGTH)) {
+            bytes[..4].copy_from_slice(&MAGIC);
+            bytes[4..6].copy_from_slice(&VERSION.to_le_bytes());
+            let crc = CRC.checksum(&bytes[..CRC_AT]);
+            bytes[CRC_AT..].copy_from_slice(&crc.to_le_bytes());
+            if let Ok(configuration) = parse(&bytes) {
+                prop_assert!(configuration.validate().is_ok());
+            }
+        }
+    }
+}
