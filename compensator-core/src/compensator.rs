@@ -18,6 +18,8 @@ use crate::model::{Model, Sample, State};
 use crate::number::Real;
 use crate::parameters::ParameterError;
 use crate::record::Configuration;
+#[cfg(feature = "terms")]
+use crate::term::TEMPERATURE_RANGE_C;
 use parameters::Built;
 
 bitflags::bitflags! {
@@ -70,12 +72,20 @@ bitflags::bitflags! {
     }
 }
 
+impl Flags {
+    /// These flags where `condition` is negative, else none.
+    #[inline(always)]
+    fn when(self, condition: i32) -> Self {
+        Self::from_bits_retain(self.bits() & (condition >> 31) as u32)
+    }
+}
+
 /// A measured value and how long ago it was true.
 #[derive(Clone, Copy, Debug)]
 pub struct Reading<T> {
     /// The value, in the unit its place in [`Inputs`] says.
     pub value: T,
-    /// Its age, s; negative or NaN counts as never measured.
+    /// Its age, s; negative (-0 too) or NaN counts as never measured.
     pub age_s: T,
 }
 
@@ -152,10 +162,11 @@ struct Held<T> {
     age_s: T,
 }
 
-/// How a covariate is guarded: its legal range and its two flags.
+/// How a covariate is guarded: what is legal, and its two flags.
 struct Guard<T> {
-    least: T,
-    most: T,
+    /// The middle of the legal range, and how far from it a value may be.
+    middle: T,
+    reach: T,
     invalid: Flags,
     stale: Flags,
 }
@@ -174,24 +185,17 @@ impl<T: Real> Held<T> {
         built: &Built<T>,
         flags: &mut Flags,
     ) -> T {
-        let zero = T::zero();
-        let legal = reading.value >= guard.least && reading.value <= guard.most;
-        let heard = reading.age_s >= zero;
-        if heard && !legal {
-            *flags |= guard.invalid;
-        }
-        if heard && legal {
-            self.value = reading.value;
-            self.age_s = reading.age_s.at_most(built.faded_s);
-        } else {
-            self.age_s = (self.age_s + built.period_s).at_most(built.faded_s);
-        }
-        if self.age_s > built.hold_s {
-            *flags |= guard.stale;
-        }
+        // Conditions as signs, and choices without branches: see `Real::below`.
+        let illegal = (reading.value - guard.middle).beyond(guard.reach);
+        let unheard = reading.age_s.negative_or_nan();
+        *flags |= guard.invalid.when(illegal & !unheard);
+        self.value = reading.value.unless(illegal | unheard, self.value);
+        let age_s = reading.age_s.unless(illegal | unheard, self.age_s + built.period_s);
+        self.age_s = age_s.within_level(built.faded_s);
+        *flags |= guard.stale.when(built.hold_s.below(self.age_s));
         // 1 up to hold_s, then a straight line to 0 at hold_s + fade_s.
-        let faded = (self.age_s - built.hold_s).at_least(zero) * built.fade_per_s;
-        (T::one() - faded).at_least(zero)
+        let faded = (self.age_s - built.hold_s).positive_part() * built.fade_per_s;
+        (T::one() - faded).positive_part()
     }
 }
 
@@ -297,24 +301,19 @@ impl<T: Real> Compensator<T> {
         self.guard_others(inputs, &mut sample, &mut flags);
 
         let mut friction = self.model.step(&mut self.state, &sample);
-        // False for NaN too; validated parameters keep friction far below this.
-        let sound = friction.abs() <= self.built.not_finite;
-        if !sound {
+        // Validated parameters keep friction far below this.
+        if friction.beyond(self.built.not_finite) < 0 {
             friction = zero;
             self.state = State::default();
             flags |= Flags::MODEL_NOT_FINITE;
         }
         let built = &self.built;
         let wanted = friction * built.scale * trust;
-        let limited = wanted.within(built.torque_limit);
-        if limited != wanted {
-            flags |= Flags::TORQUE_LIMITED;
-        }
+        let limited = wanted.within_level(built.torque_limit);
+        flags |= Flags::TORQUE_LIMITED.when(wanted.beyond(built.torque_limit));
         let change = limited - self.compensation_torque_nm;
-        let slewed = change.within(built.slew_step);
-        if slewed != change {
-            flags |= Flags::SLEW_LIMITED;
-        }
+        let slewed = change.within_level(built.slew_step);
+        flags |= Flags::SLEW_LIMITED.when(change.beyond(built.slew_step));
         self.compensation_torque_nm = self.compensation_torque_nm + slewed;
         Output {
             friction_torque_nm: friction,
@@ -329,17 +328,12 @@ impl<T: Real> Compensator<T> {
     #[inline]
     pub fn sum(&self, command_current_a: T, output: &Output<T>) -> (T, Flags) {
         let mut flags = output.flags;
-        let mut command = command_current_a;
-        let sound = command.abs() <= self.built.not_finite;
-        if !sound {
-            command = T::zero();
-            flags |= Flags::COMMAND_INVALID;
-        }
+        let unsound = command_current_a.beyond(self.built.not_finite);
+        let command = command_current_a.unless(unsound, T::zero());
+        flags |= Flags::COMMAND_INVALID.when(unsound);
         let sum = if self.enabled { command + output.feed_forward_current_a } else { command };
-        let limited = sum.within(self.built.current_limit);
-        if limited != sum {
-            flags |= Flags::CURRENT_LIMITED;
-        }
+        let limited = sum.within_level(self.built.current_limit);
+        flags |= Flags::CURRENT_LIMITED.when(sum.beyond(self.built.current_limit));
         (limited, flags)
     }
 
@@ -347,58 +341,57 @@ impl<T: Real> Compensator<T> {
     #[inline(always)]
     fn blended_velocity(&self, inputs: &Inputs<T>, flags: &mut Flags) -> (T, T) {
         let built = &self.built;
-        let usable = |reading: &Reading<T>| {
-            reading.value.abs() <= built.velocity_limit
-                && reading.age_s >= T::zero()
-                && reading.age_s <= built.hold_s
+        let unusable = |reading: &Reading<T>| {
+            reading.value.beyond(built.velocity_limit)
+                | reading.age_s.negative_or_nan()
+                | built.hold_s.below(reading.age_s)
         };
         let (measured, reference) = (&inputs.velocity_rad_s, &inputs.velocity_reference_rad_s);
-        match (usable(measured), usable(reference)) {
-            (true, true) => {
-                let weight = (measured.value.abs() * built.blend_per_velocity).at_most(T::one());
-                (reference.value + (measured.value - reference.value) * weight, T::one())
-            }
-            (true, false) => {
-                *flags |= Flags::REFERENCE_INVALID;
-                (measured.value, T::one())
-            }
-            (false, true) => {
-                *flags |= Flags::VELOCITY_INVALID;
-                (reference.value, T::one())
-            }
-            (false, false) => {
-                *flags |= Flags::VELOCITY_INVALID | Flags::REFERENCE_INVALID;
-                (T::zero(), T::zero())
-            }
-        }
+        let (no_measured, no_reference) = (unusable(measured), unusable(reference));
+        *flags |= Flags::VELOCITY_INVALID.when(no_measured);
+        *flags |= Flags::REFERENCE_INVALID.when(no_reference);
+        // Each stands in for the other, and 0 for both: blending two equal velocities gives that one.
+        let (zero, one) = (T::zero(), T::one());
+        let alone = reference.value.unless(no_reference, zero);
+        let measured = measured.value.unless(no_measured, alone);
+        let reference = reference.value.unless(no_reference, measured);
+        // At and above the blend velocity there is nothing to multiply, so nothing for fixed point
+        // to overflow.
+        let speed = measured.abs();
+        let blended = speed * built.blend_per_velocity;
+        let weight = one.unless(speed.below(built.blend_velocity), blended);
+        let velocity = reference + (measured - reference) * weight;
+        (velocity, one.unless(no_measured & no_reference, zero))
     }
 
     #[inline(always)]
     fn guard_seal(&mut self, inputs: &Inputs<T>, sample: &mut Sample<T>, flags: &mut Flags) {
         let built = &self.built;
         let force = Guard {
-            least: T::zero(),
-            most: built.radial_force_max,
+            middle: built.radial_force_middle,
+            reach: built.radial_force_middle,
             invalid: Flags::RADIAL_FORCE_INVALID,
             stale: Flags::RADIAL_FORCE_STALE,
         };
         // A change counts only between two trusted values: neither the first reading nor the fade
         // bends a bristle.
-        let (known, before) = (self.radial_force.age_s <= built.hold_s, self.radial_force.value);
+        let before = self.radial_force.value;
+        let unknown = built.hold_s.below(self.radial_force.age_s);
         let trust = self.radial_force.take(inputs.radial_force_n, &force, built, flags);
         let change = self.radial_force.value - before;
-        sample.radial_force_n = self.radial_force.value * trust;
-        sample.radial_force_change_n = if known { change } else { T::zero() };
+        sample.radial_force_n = (self.radial_force.value * trust).positive_part();
+        sample.radial_force_change_n = change.unless(unknown, T::zero());
 
         let pressure = Guard {
-            least: -built.pressure_max_mpa,
-            most: built.pressure_max_mpa,
+            middle: T::zero(),
+            reach: built.pressure_max_mpa,
             invalid: Flags::PRESSURE_INVALID,
             stale: Flags::PRESSURE_STALE,
         };
         let trust = self.pressure.take(inputs.pressure_diff_mpa, &pressure, built, flags);
-        // A sensor's zero error reads a little below 0; the levels are proven from 0 upwards.
-        sample.pressure_diff_mpa = (self.pressure.value * trust).at_least(T::zero());
+        // A sensor's zero error reads a little below 0 (a side load that little passes by the
+        // rounding of its guard); the levels are proven from 0 upwards.
+        sample.pressure_diff_mpa = (self.pressure.value * trust).positive_part();
     }
 
     #[cfg(feature = "terms")]
@@ -408,7 +401,7 @@ impl<T: Real> Compensator<T> {
             return;
         }
         let (built, held) = (&self.built, &mut self.others);
-        let symmetric = |most: T, invalid, stale| Guard { least: -most, most, invalid, stale };
+        let symmetric = |reach, invalid, stale| Guard { middle: T::zero(), reach, invalid, stale };
 
         let guard = symmetric(built.position_max, Flags::POSITION_INVALID, Flags::POSITION_STALE);
         sample.position_trust = held.position.take(inputs.position_rad, &guard, built, flags);
@@ -428,8 +421,8 @@ impl<T: Real> Compensator<T> {
         sample.load_torque_nm = held.load_torque.value * trust;
 
         let guard = Guard {
-            least: T::from_f64(-50.0),
-            most: T::from_f64(150.0),
+            middle: T::from_f64(0.5 * (TEMPERATURE_RANGE_C[0] + TEMPERATURE_RANGE_C[1])),
+            reach: T::from_f64(0.5 * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0])),
             invalid: Flags::TEMPERATURE_INVALID,
             stale: Flags::TEMPERATURE_STALE,
         };
@@ -438,18 +431,16 @@ impl<T: Real> Compensator<T> {
         sample.temperature_c = reference + (held.temperature.value - reference) * trust;
 
         let time = inputs.campaign_time_h;
-        if time >= T::zero() && time <= built.campaign_max_h {
-            held.campaign_time_h = time;
-        } else {
-            *flags |= Flags::CAMPAIGN_TIME_INVALID;
-        }
+        let illegal = time.negative_or_nan() | time.beyond(built.campaign_max_h);
+        held.campaign_time_h = time.unless(illegal, held.campaign_time_h);
+        *flags |= Flags::CAMPAIGN_TIME_INVALID.when(illegal);
         sample.campaign_time_h = held.campaign_time_h;
     }
 }
 
-/// The range a declared envelope gives a guard.
+/// A size that is a limit; written as -0 it is 0, which limits too.
 fn limit<T: Real>(size: f32) -> T {
-    T::from_f64(f64::from(size))
+    T::from_f64(f64::from(size).abs())
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@
 //! not exist. [`SealEffect`] is the fixed set of the improved LuGre law. [`Effects`] is the general
 //! set the term list fills in. The law itself is written once for the three.
 
-use crate::number::Real;
+use crate::curve;
+use crate::number::{Real, Share};
 
 /// Changes to a law's quantities; each method returns its argument unless something acts on it.
 pub trait Effect<T: Real> {
@@ -49,6 +50,16 @@ pub trait Effect<T: Real> {
     #[inline(always)]
     fn bristle_rate(&self, rate: T) -> T {
         rate
+    }
+    /// The Stribeck curve at this speed, rad/s, as [`Real::stribeck_share`].
+    #[inline(always)]
+    fn towards_rest(&self, speed: T, cells_per_velocity: T, end: T) -> Share<T> {
+        speed.stribeck_share(cells_per_velocity, end)
+    }
+    /// The speed that is looked up, rad/s: beyond `end` the table's curve has ended.
+    #[inline(always)]
+    fn stribeck_speed(&self, speed: T, end: T) -> T {
+        speed.up_to_curve_end(end)
     }
     /// Argument of the Stribeck curve, in cells.
     #[inline(always)]
@@ -169,14 +180,28 @@ impl<T: Real> Effect<T> for Effects<T> {
         self.seal.bristle_rate(rate)
     }
     #[inline(always)]
+    fn towards_rest(&self, speed: T, cells_per_velocity: T, end: T) -> Share<T> {
+        if self.half_exponent.is_none_or(Real::is_neutral_exponent) {
+            return speed.stribeck_share(cells_per_velocity, end);
+        }
+        let cells = self.stribeck_speed(speed, end) * cells_per_velocity;
+        Share::of(self.stribeck_argument(cells).stribeck_curve())
+    }
+    #[inline(always)]
+    fn stribeck_speed(&self, speed: T, end: T) -> T {
+        // A curve of lower exponent reaches farther: it ends after its argument is formed.
+        if self.half_exponent.is_some() { speed } else { speed.up_to_curve_end(end) }
+    }
+    #[inline(always)]
     fn stribeck_argument(&self, cells: T) -> T {
         match self.half_exponent {
             None => cells,
             Some(half_exponent) => {
-                let per_cell = T::from_f64(crate::curve::CELLS_PER_STRIBECK_VELOCITY);
-                let normalised =
-                    cells * T::from_f64(1.0 / crate::curve::CELLS_PER_STRIBECK_VELOCITY);
-                (normalised.pow(half_exponent) * per_cell).at_most(T::from_f64(crate::curve::LAST))
+                let per_cell = curve::CELLS_PER_STRIBECK_VELOCITY;
+                let normalised = cells * T::from_f64(1.0 / per_cell);
+                // Limited before it is scaled back: fixed point has no room for a high power.
+                let end = T::from_f64(curve::LAST / per_cell);
+                normalised.pow(half_exponent).at_most(end) * T::from_f64(per_cell)
             }
         }
     }

@@ -8,7 +8,7 @@
 
 #[cfg(feature = "terms")]
 use crate::effect::Effects;
-use crate::effect::{NoEffect, SealEffect};
+use crate::effect::{Effect, NoEffect, SealEffect};
 use crate::law::bristle::{AsymmetricLugre, Lugre};
 use crate::law::steady::Steady;
 use crate::number::Real;
@@ -108,17 +108,57 @@ impl<T: Real> SealLoad<T> {
     }
 }
 
+/// The improved law's effect, added to the levels one product at a time: a product and a sum are
+/// one instruction then. [`SealEffect`] is the sum, for terms to add to.
+struct SealUnder<'a, T> {
+    load: &'a SealLoad<T>,
+    sample: &'a Sample<T>,
+}
+
+impl<T: Real> Effect<T> for SealUnder<'_, T> {
+    #[inline(always)]
+    fn coulomb(&self, base: T) -> T {
+        base.plus_product(self.load.radial_force_coulomb, self.sample.radial_force_n)
+            .plus_product(self.load.pressure_coulomb, self.sample.pressure_diff_mpa)
+    }
+    #[inline(always)]
+    fn static_level(&self, base: T) -> T {
+        base.plus_product(self.load.radial_force_static, self.sample.radial_force_n)
+            .plus_product(self.load.pressure_static, self.sample.pressure_diff_mpa)
+    }
+    #[inline(always)]
+    fn carried(&self, bristle_torque: T, stiffness_step: T) -> T {
+        let own_rate = self.load.rate_per_newton * self.sample.radial_force_change_n;
+        bristle_torque + stiffness_step * own_rate
+    }
+    #[inline(always)]
+    fn bristle_rate(&self, rate: T) -> T {
+        rate + self.load.rate_per_newton * self.sample.radial_force_change_n
+    }
+}
+
 /// A built law.
 #[derive(Clone, Copy, Debug)]
 pub enum Law<T> {
-    /// linear, extended, atan, stribeck.
-    Steady(Steady<T>),
+    /// improved-lugre; first, so that it is the first the step asks for.
+    Improved(Lugre<T>, SealLoad<T>),
     /// dahl, lugre.
     Lugre(Lugre<T>),
     /// lugre-asymmetric.
     Asymmetric(AsymmetricLugre<T>),
-    /// improved-lugre.
-    Improved(Lugre<T>, SealLoad<T>),
+    /// linear, extended, atan, stribeck.
+    Steady(Steady<T>),
+}
+
+impl<T: Real> Law<T> {
+    /// The speed velocity is limited to, rad/s.
+    pub fn velocity_limit(&self) -> T {
+        match self {
+            Law::Steady(law) => law.velocity_limit,
+            Law::Lugre(law) | Law::Improved(law, _) => law.velocity_limit,
+            Law::Asymmetric(law) => law.positive.velocity_limit,
+        }
+    }
 }
 
 /// A friction model built for a sample period; see [`crate::parameters::Parameters::build`].
@@ -135,6 +175,36 @@ impl<T: Real> Model<T> {
         &self.law
     }
 
+    /// The same model for a sample period `ratio` times as long: for logs whose samples are
+    /// unevenly spaced. `ratio` is positive.
+    pub fn stretched(&self, ratio: T) -> Self {
+        let mut stretched = self.clone();
+        match &mut stretched.law {
+            Law::Steady(_) => {}
+            Law::Lugre(law) => law.stiffness_step = law.stiffness_step * ratio,
+            Law::Asymmetric(law) => {
+                law.positive.stiffness_step = law.positive.stiffness_step * ratio;
+            }
+            Law::Improved(law, seal) => {
+                law.stiffness_step = law.stiffness_step * ratio;
+                seal.rate_per_newton = seal.rate_per_newton / ratio;
+            }
+        }
+        #[cfg(feature = "terms")]
+        for term in &mut stretched.terms {
+            *term = term.stretched(ratio);
+        }
+        stretched
+    }
+
+    /// Whether the model is its law alone.
+    pub fn is_plain(&self) -> bool {
+        #[cfg(feature = "terms")]
+        return self.terms.is_empty();
+        #[cfg(not(feature = "terms"))]
+        true
+    }
+
     /// Friction torque in this sample, Nm, positive where it has to be driven towards positive
     /// velocity; advances `state` by the sample period the model was built for.
     ///
@@ -146,10 +216,24 @@ impl<T: Real> Model<T> {
         if !self.terms.is_empty() {
             return self.step_with_terms(state, sample);
         }
-        let (bristle, velocity) = (&mut state.bristle_torque_nm, sample.velocity_rad_s);
+        let bristle = &mut state.bristle_torque_nm;
         match &self.law {
-            Law::Lugre(law) => law.step(bristle, velocity, &NoEffect),
-            Law::Improved(law, seal) => law.step(bristle, velocity, &seal.effect(sample)),
+            Law::Improved(law, load) => {
+                law.step(bristle, sample.velocity_rad_s, &SealUnder { load, sample })
+            }
+            Law::Lugre(law) => law.step(bristle, sample.velocity_rad_s, &NoEffect),
+            _ => self.step_other_law(bristle, sample),
+        }
+    }
+
+    /// The laws no joint driver is tuned for, out of line: the arc tangent's call alone would make
+    /// the others save and restore registers on every step.
+    #[cold]
+    #[inline(never)]
+    fn step_other_law(&self, bristle: &mut T, sample: &Sample<T>) -> T {
+        let velocity = sample.velocity_rad_s;
+        match &self.law {
+            Law::Lugre(law) | Law::Improved(law, _) => law.step(bristle, velocity, &NoEffect),
             Law::Asymmetric(law) => law.step(bristle, velocity, &NoEffect),
             Law::Steady(law) => law.torque(velocity, &NoEffect),
         }
@@ -158,7 +242,9 @@ impl<T: Real> Model<T> {
     #[cfg(feature = "terms")]
     #[inline(never)]
     fn step_with_terms(&self, state: &mut State<T>, sample: &Sample<T>) -> T {
-        let mut effects = Effects::none(sample.velocity_rad_s);
+        // Guarded before the terms see it: what is not a number must not enter their memory.
+        let velocity = sample.velocity_rad_s.or_zero_if_nan().within(self.law.velocity_limit());
+        let mut effects = Effects::none(velocity);
         if let Law::Improved(_, seal) = &self.law {
             effects.seal = seal.effect(sample);
         }

@@ -17,6 +17,19 @@ pub use fixed::Fixed;
 use core::fmt::Debug;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
+/// A number 0..=1 a quantity is scaled by, as [`Real::stribeck_share`] gives and
+/// [`Real::plus_share`] takes it. A float as it is; [`Fixed`] gives it more fractional bits.
+#[derive(Clone, Copy, Debug)]
+pub struct Share<T>(T);
+
+impl<T: Real> Share<T> {
+    /// The share a curve's value is.
+    #[inline(always)]
+    pub fn of(value: T) -> Self {
+        value.into_share()
+    }
+}
+
 /// A number a friction law can be computed with.
 ///
 /// # Contract
@@ -70,8 +83,53 @@ pub trait Real:
     /// sliding, where the numerator does.
     fn ratio(self, divisor: Self) -> Self;
 
-    /// `exp(-(x/16)^2)` for `0 <= x <= 63`, see [`crate::curve`].
+    /// `exp(-(x/16)^2)` for `0 <= x <= 63`, see [`crate::curve`]. `f32` and `f64` take any finite
+    /// `x >= 0` and give 0 beyond the end.
     fn stribeck_curve(self) -> Self;
+
+    /// The curve at a speed, `self`, that lies `self * cells_per_velocity` along its axis: 0 from
+    /// `end`, the speed of 63 cells, on.
+    #[inline(always)]
+    fn stribeck_share(self, cells_per_velocity: Self, end: Self) -> Share<Self> {
+        Share((self.up_to_curve_end(end) * cells_per_velocity).stribeck_curve())
+    }
+
+    /// A value 0..=1 as a share.
+    #[inline(always)]
+    fn into_share(self) -> Share<Self> {
+        Share(self)
+    }
+
+    /// `self` and a share of `part` besides. The sum is known to be in range.
+    #[inline(always)]
+    fn plus_share(self, part: Self, share: Share<Self>) -> Self {
+        self + part * share.0
+    }
+
+    /// `self + a b`, where the sum is known to be in range: [`Fixed`] does not check it.
+    #[inline(always)]
+    fn plus_product(self, a: Self, b: Self) -> Self {
+        self + a * b
+    }
+
+    /// `self + a b + c d`.
+    #[inline(always)]
+    fn plus_products(self, a: Self, b: Self, c: Self, d: Self) -> Self {
+        self + a * b + c * d
+    }
+
+    /// `a b - c d`, where the result is known to be in range; [`Fixed`] rounds once, at the end.
+    #[inline(always)]
+    fn difference_of_products(a: Self, b: Self, c: Self, d: Self) -> Self {
+        a * b - c * d
+    }
+
+    /// A speed made fit for the curve, which has fallen to 0 at `end`: at most `end`, or just
+    /// itself where the look-up saturates by itself, which is cheaper.
+    #[inline(always)]
+    fn up_to_curve_end(self, end: Self) -> Self {
+        self.at_most(end)
+    }
 
     /// Exponential.
     fn exp(self) -> Self;
@@ -83,6 +141,13 @@ pub trait Real:
     fn atan(self) -> Self;
     /// `self^exponent` for `self >= 0`; 0 at 0.
     fn pow(self, exponent: Self) -> Self;
+
+    /// Whether [`Real::pow`] with this exponent may be left out. Always false for numbers to which
+    /// an exponent of 1 costs no digit, so that one with derivatives keeps that by the exponent.
+    #[inline(always)]
+    fn is_neutral_exponent(self) -> bool {
+        false
+    }
 
     /// The number 0.
     #[inline(always)]
@@ -106,6 +171,54 @@ pub trait Real:
     #[inline(always)]
     fn at_least(self, other: Self) -> Self {
         if self > other { self } else { other }
+    }
+
+    /// `self` limited to `-bound..=bound`, and the magnitude of that; both 0 where `self` is NaN.
+    /// The bound is a positive number.
+    #[inline(always)]
+    fn limited_with_magnitude(self, bound: Self) -> (Self, Self) {
+        let limited = self.or_zero_if_nan().within(bound);
+        (limited, limited.abs())
+    }
+
+    /// Whether `self < other`, both at least 0: negative if so. A NaN lies above every number.
+    ///
+    /// A condition as the sign of a word costs a Cortex-M one subtraction. Conditions are joined with
+    /// `|`, and [`Real::unless`] makes a choice of them that is never a branch.
+    #[inline(always)]
+    fn below(self, other: Self) -> i32 {
+        if self < other { -1 } else { 0 }
+    }
+
+    /// Whether `|self| > bound`, for `bound >= 0`, or `self` is NaN: negative if so.
+    #[inline(always)]
+    fn beyond(self, bound: Self) -> i32 {
+        if self.abs() <= bound { 0 } else { -1 }
+    }
+
+    /// Whether `self` is less than 0, -0 or NaN: negative if so.
+    #[inline(always)]
+    fn negative_or_nan(self) -> i32 {
+        if self >= Self::zero() { 0 } else { -1 }
+    }
+
+    /// `self`, or `other` where `condition` is negative.
+    #[inline(always)]
+    fn unless(self, condition: i32, other: Self) -> Self {
+        if condition < 0 { other } else { self }
+    }
+
+    /// The larger of `self` and 0; `self` is a number.
+    #[inline(always)]
+    fn positive_part(self) -> Self {
+        self.at_least(Self::zero())
+    }
+
+    /// As [`Real::within`], for a bound that has been validated: a number, and at least +0. [`Fixed`]
+    /// ends one unit of its resolution below `bound` on the positive side.
+    #[inline(always)]
+    fn within_level(self, bound: Self) -> Self {
+        self.within(bound)
     }
 
     /// `self` limited to `-bound..=bound`, for `bound >= 0`; a NaN becomes `bound` in magnitude.

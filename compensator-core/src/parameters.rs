@@ -9,6 +9,7 @@
 //! fits and documentation are driven by it. [`LawKind`] and [`TermKind`] say which of them count.
 
 mod build;
+mod extremes;
 pub mod table;
 mod validate;
 
@@ -83,6 +84,11 @@ impl LawKind {
     /// The law with this number (its position in [`LawKind::ALL`]).
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.get(usize::from(number)).copied()
+    }
+
+    /// Whether what this term does is part of the law already.
+    pub fn includes(self, kind: TermKind) -> bool {
+        kind.parameters().iter().all(|id| self.parameters().contains(id))
     }
 
     /// Whether the law carries a bristle state.
@@ -226,9 +232,10 @@ impl<S: Real> Parameters<S> {
     }
 
     /// Switches a term on. `false` if the list is full; a term that is there already stays once.
-    /// A delay goes first: the other terms are to see the delayed velocity.
+    /// A term the law has in it already (side load in the improved law, the offset in the atan law) is
+    /// not added to it once more. A delay goes first: the other terms are to see the delayed velocity.
     pub fn add_term(&mut self, kind: TermKind) -> bool {
-        if self.terms.contains(&kind) {
+        if self.terms.contains(&kind) || self.law.includes(kind) {
             return true;
         }
         let added = self.terms.push(kind).is_ok();

@@ -25,6 +25,9 @@ pub const DELAY_LINE: usize = 32;
 /// Contact stops ageing after this, s: its effect grows with the logarithm, and fixed point ends.
 pub const CONTACT_AGE_MAX_S: f64 = 1000.0;
 
+/// Coldest and hottest seal a temperature reading is believed of, deg C.
+pub const TEMPERATURE_RANGE_C: [f64; 2] = [-50.0, 150.0];
+
 macro_rules! term_kinds {
     ($($(#[$doc:meta])* $kind:ident = $name:literal [$($parameter:ident),*]),* $(,)?) => {
         /// The kinds of term, named as the causes they explain.

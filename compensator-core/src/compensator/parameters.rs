@@ -128,6 +128,7 @@ pub(super) struct Built<T> {
     pub slew_step: T,
     pub current_per_torque: T,
     pub current_limit: T,
+    pub blend_velocity: T,
     pub blend_per_velocity: T,
     pub period_s: T,
     pub hold_s: T,
@@ -137,7 +138,8 @@ pub(super) struct Built<T> {
     /// No torque or current a driver can mean is larger.
     pub not_finite: T,
     pub velocity_limit: T,
-    pub radial_force_max: T,
+    /// Half the largest side load: the middle of what is legal.
+    pub radial_force_middle: T,
     pub pressure_max_mpa: T,
     #[cfg(feature = "terms")]
     pub position_max: T,
@@ -167,6 +169,7 @@ impl<T: Real<Setting = f32>> Built<T> {
             slew_step: limit::<T>((written.slew_limit_nm_per_s * period_s).clamp(1e-6, 2000.0)),
             current_per_torque: limit(1.0 / written.torque_constant_nm_per_a),
             current_limit: limit(written.current_limit_a),
+            blend_velocity: limit(blend),
             blend_per_velocity: limit(if blend > 0.0 { (1.0 / blend).min(1e6) } else { 1e6 }),
             period_s: limit(period_s),
             hold_s: limit(written.hold_s),
@@ -174,7 +177,7 @@ impl<T: Real<Setting = f32>> Built<T> {
             faded_s: limit(written.hold_s + written.fade_s),
             not_finite: limit(2000.0),
             velocity_limit: limit(envelope.velocity_max_rad_s),
-            radial_force_max: limit(envelope.radial_force_max_n),
+            radial_force_middle: limit(0.5 * envelope.radial_force_max_n),
             pressure_max_mpa: limit(envelope.pressure_diff_max_pa * 1e-6),
             #[cfg(feature = "terms")]
             position_max: limit(envelope.position_max_rad),
@@ -185,13 +188,17 @@ impl<T: Real<Setting = f32>> Built<T> {
             #[cfg(feature = "terms")]
             campaign_max_h: limit(envelope.campaign_max_h),
             #[cfg(feature = "terms")]
-            temperature_reference: limit(temperature_reference),
+            temperature_reference: T::from_f64(f64::from(temperature_reference)),
         };
         for (field, value) in [
             ("scale", written.scale),
             ("torque_limit_nm", written.torque_limit_nm),
             ("current_limit_a", written.current_limit_a),
             ("1 / torque_constant_nm_per_a", 1.0 / written.torque_constant_nm_per_a),
+            (
+                "torque_limit_nm / torque_constant_nm_per_a",
+                written.torque_limit_nm / written.torque_constant_nm_per_a,
+            ),
             ("1 / fade_s", 1.0 / written.fade_s),
         ] {
             if !T::represents(value.into()) {

@@ -247,7 +247,7 @@ proptest! {
         with_terms in any::<bool>(),
     ) {
         let mut configuration = configuration();
-        if with_terms {
+        if with_terms && cfg!(feature = "terms") {
             for kind in [TermKind::TemperatureViscous, TermKind::PositionRipple,
                 TermKind::GravityImbalance, TermKind::DwellTimeStatic, TermKind::Backlash,
                 TermKind::UnmodelledInertia, TermKind::ChannelDelay, TermKind::TimeDrift] {

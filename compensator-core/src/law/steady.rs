@@ -68,14 +68,15 @@ impl<T: Real> Steady<T> {
         match self.shape {
             Shape::Linear => sliding(coulomb),
             Shape::Extended { quadratic, cubic, printed } => {
-                let square = if printed { speed } else { velocity * speed };
-                sliding(coulomb) + quadratic * square + cubic * velocity * speed * speed
+                // The coefficient goes first: fixed point could not hold the square of a speed.
+                let along = if printed { quadratic } else { quadratic * velocity };
+                sliding(coulomb) + along * speed + cubic * velocity * speed * speed
             }
             Shape::Atan { offset, torque, slope } => {
                 sliding(coulomb) + offset + torque * (slope * velocity).atan()
             }
             Shape::Stribeck { static_level, stribeck_end, cells_per_velocity } => {
-                let cells = speed.at_most(stribeck_end) * cells_per_velocity;
+                let cells = effect.stribeck_speed(speed, stribeck_end) * cells_per_velocity;
                 let towards_rest = effect.stribeck_argument(cells).stribeck_curve();
                 let static_level = effect.static_level(static_level);
                 sliding(coulomb + (static_level - coulomb) * towards_rest)

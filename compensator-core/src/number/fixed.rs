@@ -4,14 +4,15 @@
 //! uses (Nm, rad/s, N, MPa, h) that covers a joint of up to a few hundred Nm with torques resolved
 //! to a micro-newton-metre.
 //!
-//! Sums saturate (one `qadd` instruction). Products do not check: a check after each would double
-//! the cost of a step, and no product of the step *can* leave the range, because building a model
-//! refuses parameters whose products over the declared envelope could
-//! ([`crate::parameters::Parameters::build`]).
+//! Sums saturate (one `qadd` instruction). Products do not check, nor does [`Real::plus_product`]: a
+//! check after each would double the cost of a step, and no product of the step *can* leave the range,
+//! because building a model refuses parameters whose products over the declared envelope could
+//! ([`crate::parameters::Parameters::build`]). Written so, the plain LuGre step takes 75 instructions
+//! of a Cortex-M4 (`tests/cost/table.md`).
 //! `exp`, `ln`, `sin`, `atan` and `pow` go through `f32` (soft float on such a part): only extension
 //! terms use them.
 
-use super::Real;
+use super::{Real, Share};
 use crate::curve;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -20,6 +21,8 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 pub struct Fixed(i32);
 
 const FRACTION: u32 = 20;
+/// Fractional bits of a [`Share`]: those of the curve's table.
+const SHARE_FRACTION: u32 = 31;
 const SCALE: f64 = (1u32 << FRACTION) as f64;
 
 impl Fixed {
@@ -101,7 +104,9 @@ impl Real for Fixed {
 
     fn represents(value: f64) -> bool {
         let held = Self::from_f64(value).value();
-        (held - value).abs() <= 1e-3 * value.abs()
+        // The range has to be asked for by itself: a saturated value is near one just beyond it.
+        let in_range = value.abs() * SCALE <= f64::from(i32::MAX);
+        in_range && (held - value).abs() <= 1e-3 * value.abs()
     }
 
     #[inline(always)]
@@ -128,27 +133,119 @@ impl Real for Fixed {
     }
 
     #[inline(always)]
+    fn within(self, bound: Self) -> Self {
+        Self(self.0.min(bound.0).max(bound.0.wrapping_neg()))
+    }
+
+    #[inline(always)]
+    fn below(self, other: Self) -> i32 {
+        self.0.wrapping_sub(other.0)
+    }
+
+    #[inline(always)]
+    fn beyond(self, bound: Self) -> i32 {
+        bound.0.wrapping_sub(self.0.saturating_abs())
+    }
+
+    #[inline(always)]
+    fn negative_or_nan(self) -> i32 {
+        self.0
+    }
+
+    #[inline(always)]
+    fn unless(self, condition: i32, other: Self) -> Self {
+        let chosen = condition >> 31;
+        Self(self.0 & !chosen | other.0 & chosen)
+    }
+
+    #[inline(always)]
+    fn positive_part(self) -> Self {
+        Self(self.0.max(0))
+    }
+
+    #[inline(always)]
+    fn within_level(self, bound: Self) -> Self {
+        // Pushed against the end of the range and back, to either side: 5 instructions where
+        // compares take 7. From -bound to bound less one unit.
+        let to_end = bound.0.wrapping_add(i32::MIN);
+        let from_above = self.0.saturating_sub(to_end).wrapping_add(to_end);
+        Self(from_above.saturating_add(to_end).wrapping_sub(to_end))
+    }
+
+    #[inline(always)]
+    fn limited_with_magnitude(self, bound: Self) -> (Self, Self) {
+        let negative = self.0 >> 31;
+        let magnitude = self.0.unsigned_abs().min(bound.0 as u32) as i32;
+        // The sign put back: complement and add 1, or neither.
+        (Self((magnitude ^ negative) - negative), Self(magnitude))
+    }
+
+    #[inline(always)]
     fn ratio(self, divisor: Self) -> Self {
         // 1/d from one 32-bit division: shift d up to 2^31..2^32, divide 2^32-1 by its upper 16
-        // bits. The quotient holds 2^48/d_shifted in 16 to 17 bits.
-        let unsigned = divisor.0 as u32 | 1;
+        // bits. The quotient holds 2^48/d_shifted in 16 to 17 bits. The bit set in d (1.5e-5) keeps
+        // the shift below 28; it can only make the ratio smaller. The top bit is set by the shift:
+        // saying so once more shows the compiler that it need not guard against a zero.
+        let unsigned = divisor.0 as u32 | 16;
         let shift = unsigned.leading_zeros();
-        let reciprocal = u32::MAX / ((unsigned << shift) >> 16);
+        let reciprocal = u32::MAX / ((unsigned << shift) >> 16 | 0x8000);
         // self * 2^20 / d = self * reciprocal * 2^(20 + shift - 48)
-        let wide = i64::from(self.0) * i64::from(reciprocal as i32);
-        Self((wide >> (28 - shift.min(28))) as i32)
+        //                 = self * 8 reciprocal / 2^(31 - shift)
+        let wide = i64::from(self.0) * i64::from((reciprocal << 3) as i32);
+        let (low, high) = (wide as u32, (wide >> 32) as u32);
+        Self(((low >> (shift ^ 31)) | (high << 1 << shift)) as i32)
     }
 
     #[inline(always)]
     fn stribeck_curve(self) -> Self {
-        let nearest = (self.0 + (1 << (FRACTION - 1))) >> FRACTION;
-        let cell = &curve::Q30[nearest as usize % curve::CELLS];
-        // The offset as a 32-bit fraction makes a product the upper half of a 64-bit one:
-        // a single `smmul`.
-        let offset = self.0.wrapping_sub(nearest << FRACTION) << (32 - FRACTION);
-        let high = |a: i32, b: i32| ((i64::from(a) * i64::from(b)) >> 32) as i32;
-        let q30 = cell[0] + high(offset, cell[1] + high(offset, cell[2]));
-        Self(q30 >> (30 - FRACTION))
+        Self(curve_q31(i64::from(self.0) << (32 - FRACTION)) >> (SHARE_FRACTION - FRACTION))
+    }
+
+    #[inline(always)]
+    fn into_share(self) -> Share<Self> {
+        // 1 itself is one unit too much for 31 bits.
+        Share(Self(self.0.min((1 << FRACTION) - 1) << (SHARE_FRACTION - FRACTION)))
+    }
+
+    #[inline(always)]
+    fn stribeck_share(self, cells_per_velocity: Self, _: Self) -> Share<Self> {
+        // 20 fractional bits times 12 are 32: whole cells and fraction are a word each. The product
+        // of 64 bits has room for any speed, so the end needs no regard.
+        Share(Self(curve_q31(i64::from(self.0) * i64::from(cells_per_velocity.0 >> 8))))
+    }
+
+    #[inline(always)]
+    fn plus_share(self, part: Self, share: Share<Self>) -> Self {
+        // Rounded, not cut off: one instruction as well, `smmulr`.
+        let product = i64::from(part.0) * i64::from(share.0.0);
+        let upper_half = ((product + (1 << 31)) >> 32) as i32;
+        Self(self.0.wrapping_add(upper_half << (32 - SHARE_FRACTION)))
+    }
+
+    #[inline(always)]
+    fn plus_product(self, a: Self, b: Self) -> Self {
+        // The two halves of the shifted product have no bit in common: adding both to the sum
+        // saves putting them together.
+        let wide = i64::from(a.0) * i64::from(b.0);
+        let (low, high) = (wide as u32, (wide >> 32) as u32);
+        let sum = (self.0 as u32).wrapping_add(low >> FRACTION);
+        Self(sum.wrapping_add(high << (32 - FRACTION)) as i32)
+    }
+
+    #[inline(always)]
+    fn plus_products(self, a: Self, b: Self, c: Self, d: Self) -> Self {
+        // Each product is in range, their sum is if halved: saturating twice the half is `qdadd`.
+        let wide = i64::from(a.0) * i64::from(b.0) + i64::from(c.0) * i64::from(d.0);
+        let half = (wide >> (FRACTION + 1)) as i32;
+        Self(self.0.saturating_add(half.saturating_add(half)))
+    }
+
+    #[inline(always)]
+    fn difference_of_products(a: Self, b: Self, c: Self, d: Self) -> Self {
+        // Written as a sum: there is an instruction that multiplies and adds in 64 bits, and none
+        // that subtracts.
+        let wide = i64::from(a.0) * i64::from(b.0) + i64::from(c.0.wrapping_neg()) * i64::from(d.0);
+        Self((wide >> FRACTION) as i32)
     }
 
     fn exp(self) -> Self {
@@ -163,9 +260,33 @@ impl Real for Fixed {
     fn atan(self) -> Self {
         through_f32(self, <f32 as Real>::atan)
     }
+    #[inline(always)]
+    fn is_neutral_exponent(self) -> bool {
+        self.0 == 1 << FRACTION
+    }
     fn pow(self, exponent: Self) -> Self {
         Self::from_f64(f64::from(Real::pow(self.value() as f32, exponent.value() as f32)))
     }
+}
+
+/// The curve with 31 fractional bits, at an argument with 32.
+#[inline(always)]
+fn curve_q31(cells: i64) -> i32 {
+    let (whole, fraction) = ((cells >> 32) as i32, cells as u32);
+    // The nearest cell; what is left is the fraction taken as signed.
+    let nearest = whole + (fraction >> 31) as i32;
+    let offset = fraction as i32;
+    let [curvature, slope, value, _] =
+        curve::Q31[nearest.clamp(0, curve::CELLS as i32 - 1) as usize];
+    // The offset being a 32-bit fraction, a product is the upper half of a 64-bit one, which a
+    // Cortex-M4 adds on in one instruction, `smmla`.
+    value + upper_half(offset, slope + upper_half(offset, curvature))
+}
+
+/// The upper half of a 64-bit product.
+#[inline(always)]
+fn upper_half(a: i32, b: i32) -> i32 {
+    ((i64::from(a) * i64::from(b)) >> 32) as i32
 }
 
 fn through_f32(number: Fixed, function: impl Fn(f32) -> f32) -> Fixed {

@@ -12,12 +12,33 @@ use crate::law::bristle::{AsymmetricLugre, Lugre, STRIBECK_END};
 use crate::law::steady::{Shape, Steady};
 use crate::model::{Law, Model, SealLoad};
 use crate::number::Real;
+use crate::term::TermKind;
 #[cfg(feature = "terms")]
-use crate::term::{DELAY_LINE, Term, TermKind};
+use crate::term::{DELAY_LINE, Term};
 use ParameterId as Id;
+use core::f64::consts::FRAC_PI_2;
 
 /// Largest `sigma0 dt`; the step is stable for any, but beyond this a float's square overflows.
 const STIFFNESS_STEP_MAX: f64 = 1e15;
+
+/// Refuses a coefficient the number type would round too coarsely, or has no room for.
+fn coefficient<T: Real>(field: &'static str, value: f64) -> Result<(), ParameterError> {
+    if T::represents(value) {
+        return Ok(());
+    }
+    let why = "the number type cannot hold this coefficient to 1e-3 of its value";
+    refuse(field, value, Bound::Finite, why)
+}
+
+/// Refuses a product the number type has no room for, with two percent to spare for the rounding of
+/// its factors. A small product may round to nothing.
+fn product<T: Real>(field: &'static str, value: f64) -> Result<(), ParameterError> {
+    if T::represents((1.02 * value.abs()).max(1.0)) {
+        return Ok(());
+    }
+    let why = "the number type cannot hold this product of the step within the envelope";
+    refuse(field, value, Bound::Finite, why)
+}
 
 /// Why a sample period was refused.
 pub type WrongPeriod = ParameterError;
@@ -117,6 +138,10 @@ impl<S: Real<Setting = S>> Parameters<S> {
                 static_level: number(Id::CoulombTorque),
                 damping: T::zero(),
                 damping_at_rest: T::zero(),
+                // At every speed as at rest: the Stribeck velocity is none of this law's
+                // parameters and may be anything, NaN too.
+                stribeck_end: T::zero(),
+                cells_per_velocity: T::zero(),
                 ..lugre()
             }),
             LawKind::Lugre => Law::Lugre(lugre()),
@@ -151,67 +176,93 @@ impl<S: Real<Setting = S>> Parameters<S> {
         period: f64,
     ) -> Result<(), ParameterError> {
         let value = |id: Id| self.get(id).value();
-        let fits = |field, value: f64| {
-            if T::represents(value) {
-                return Ok(());
+        let speed = f64::from(self.envelope.velocity_max_rad_s);
+        coefficient::<T>("velocity_max_rad_s", speed)?;
+        for id in self.law.parameters() {
+            // These enter the step only together with something else, and are asked for there.
+            let combined = [Id::BristleStiffness, Id::StribeckVelocity, Id::RadialForceRate];
+            let per_pascal = [Id::PressureCoulomb, Id::PressureStaticExcess];
+            if per_pascal.contains(id) {
+                coefficient::<T>(id.name(), value(*id) * 1e6)?;
+            } else if !combined.contains(id) {
+                coefficient::<T>(id.name(), value(*id))?;
             }
-            let why = "the number type cannot hold this coefficient to 1e-3 of its value";
-            refuse(field, value, Bound::Finite, why)
-        };
-        let e = &self.envelope;
-        let speed = f64::from(e.velocity_max_rad_s);
-        fits("velocity_max_rad_s", speed)?;
-        for id in [Id::CoulombTorque, Id::ViscousFriction] {
-            fits(id.name(), value(id))?;
         }
-        fits("viscous_friction * velocity_max", value(Id::ViscousFriction) * speed)?;
-        if let Law::Steady(Steady { shape: Shape::Extended { .. }, .. }) = model.law {
-            fits(Id::QuadraticFriction.name(), value(Id::QuadraticFriction) * speed * speed)?;
-            fits(Id::CubicFriction.name(), value(Id::CubicFriction) * speed * speed * speed)?;
+        let viscous = self.largest_viscous() * speed;
+        product::<T>("viscous_friction * velocity_max", viscous)?;
+        match &model.law {
+            Law::Steady(Steady { shape: Shape::Extended { .. }, .. }) => {
+                let square = speed * speed;
+                product::<T>(Id::QuadraticFriction.name(), value(Id::QuadraticFriction) * square)?;
+                product::<T>(Id::CubicFriction.name(), value(Id::CubicFriction) * square * speed)?;
+            }
+            Law::Steady(Steady { shape: Shape::Atan { .. }, .. }) => {
+                product::<T>("atan_slope * velocity_max", value(Id::AtanSlope) * speed)?;
+                product::<T>(Id::AtanTorque.name(), value(Id::AtanTorque) * FRAC_PI_2)?;
+            }
+            _ => {}
         }
+        let level = self.largest_level();
+        product::<T>("the largest level", level)?;
         if self.law.has_stribeck_curve() {
-            fits(Id::StaticTorque.name(), value(Id::StaticTorque))?;
             let cells = curve::CELLS_PER_STRIBECK_VELOCITY / value(Id::StribeckVelocity);
-            fits("16 / stribeck_velocity", cells)?;
+            coefficient::<T>("16 / stribeck_velocity", cells)?;
+            if self.terms.contains(&TermKind::StribeckShape) {
+                product::<T>("16 / stribeck_velocity * velocity_max", cells * speed)?;
+            }
         }
+        let mut torque = level + viscous + self.largest_added_torque();
         if self.law.has_bristles() {
-            let step = value(Id::BristleStiffness) * period;
-            fits("bristle_stiffness * sample_period", step)?;
-            let level = self.largest_level();
-            fits("level * velocity_max", level * speed)?;
-            // The numerator of the rate is at most twice level times speed, its denominator at
-            // least the smallest level; the bristle's rate is below 1 + level/coulomb of the speed.
-            fits("bristle_stiffness * sample_period * velocity_max", step * speed + level)?;
-            let rate = speed * (1.0 + level / value(Id::CoulombTorque).max(1e-9));
-            fits("bristle_stiffness * sample_period * bristle rate", step * rate)?;
-            fits("bristle_damping * bristle rate", value(Id::BristleDamping) * rate)?;
+            torque += self.check_bristles::<T>(period, speed, level)?;
         }
-        if let Law::Improved(..) = &model.law {
-            fits(Id::RadialForceCoulomb.name(), value(Id::RadialForceCoulomb))?;
-            fits("pressure_coulomb, Nm/MPa", value(Id::PressureCoulomb) * 1e6)?;
-            fits("radial_force_rate / sample_period", value(Id::RadialForceRate) / period)?;
-        }
+        product::<T>("the sum of all torques", torque)?;
         #[cfg(feature = "terms")]
         self.check_terms::<T>(period)?;
         Ok(())
     }
 
-    /// The highest level load and pressure can raise within the envelope, Nm.
-    fn largest_level(&self) -> f64 {
+    /// The products of a bristle step. The held torque is at most the largest level and what a
+    /// jump of the side load adds to it; the numerator of the rate, level plus held torque times
+    /// speed; and the rate, that over the smallest level, or over the stiffness step. Returns the
+    /// largest torque of the damping, Nm.
+    fn check_bristles<T: Real>(
+        &self,
+        period: f64,
+        speed: f64,
+        level: f64,
+    ) -> Result<f64, ParameterError> {
         let value = |id: Id| self.get(id).value();
-        let e = &self.envelope;
-        let force = value(Id::RadialForceCoulomb) + value(Id::RadialForceStaticExcess);
-        let pressure = value(Id::PressureCoulomb) + value(Id::PressureStaticExcess);
-        let mut level = value(Id::CoulombTorque).max(value(Id::StaticTorque));
-        level += force.max(0.0) * f64::from(e.radial_force_max_n);
-        level += pressure.max(0.0) * f64::from(e.pressure_diff_max_pa);
-        level
+        let step = value(Id::BristleStiffness) * period;
+        coefficient::<T>("bristle_stiffness * sample_period", step)?;
+        let kind = TermKind::RadialForceRate;
+        let bent = if self.law.includes(kind) || self.terms.contains(&kind) {
+            let per_newton = value(Id::RadialForceRate) / period;
+            coefficient::<T>("radial_force_rate / sample_period", per_newton)?;
+            per_newton.abs() * f64::from(self.envelope.radial_force_max_n)
+        } else {
+            0.0
+        };
+        product::<T>("radial_force_rate * radial_force_max / sample_period", bent)?;
+        product::<T>("bristle_stiffness * radial_force_rate * radial_force_max", step * bent)?;
+        let both = 2.0 * level + step * bent;
+        product::<T>("level * velocity_max", both * speed)?;
+        product::<T>("bristle_stiffness * sample_period * velocity_max", step * speed + level)?;
+        let rate = (both * speed / self.smallest_level()).min(both / step);
+        product::<T>("bristle rate", rate)?;
+        let damping = if self.law.parameters().contains(&Id::BristleDamping) {
+            value(Id::BristleDamping)
+        } else {
+            0.0
+        };
+        let damped = damping * (rate + bent);
+        product::<T>("bristle_damping * bristle rate", damped)?;
+        Ok(damped)
     }
 
     #[cfg(feature = "terms")]
     fn check_terms<T: Real>(&self, period: f64) -> Result<(), ParameterError> {
         if self.terms.contains(&TermKind::ChannelDelay) {
-            let longest = (DELAY_LINE - 2) as f64 * period;
+            let longest = (DELAY_LINE - 1) as f64 * period;
             let delay = self.get(Id::ChannelDelay).value();
             if delay > longest {
                 let why = "the delay line holds 31 samples";
@@ -228,9 +279,7 @@ impl<S: Real<Setting = S>> Parameters<S> {
                     return refuse(kind.name(), value, Bound::Finite, why);
                 }
             }
-            if !T::represents(largest) {
-                return refuse(kind.name(), largest, Bound::Finite, why);
-            }
+            product::<T>(kind.name(), largest)?;
         }
         Ok(())
     }

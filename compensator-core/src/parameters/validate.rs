@@ -2,14 +2,14 @@
 //!
 //! Beyond each parameter's own range, a set must keep `F_S >= F_C > 0` wherever load, pressure,
 //! drift and ripple may take the levels within the declared envelope, and must not be a source of
-//! energy. The latter (passivity) holds if `sigma2 F_C >= sigma1 (F_S - F_C)` (Barabanov and Ortega
+//! energy (bristle laws; terms that thin the film or age the contact are not part of the proof).
+//! The latter (passivity) holds at `sigma2 >= 0` if `sigma2 F_C >= sigma1 (F_S - F_C)` (Barabanov and Ortega
 //! 2000, constant `sigma1`), or if `sigma1(v) |v| <= 4 g(v)` at every speed (Olsson 1996): within
 //! the envelope for a constant `sigma1`, everywhere for one that fades as `exp(-(v/v_s)^2)`, whose
 //! largest `sigma1(v) |v|` is `0.4289 sigma1 v_s`.
 
 use super::{Envelope, ParameterId, Parameters};
 use crate::number::Real;
-use crate::term::{MAX_TERMS, TermKind};
 use ParameterId as Id;
 use core::fmt;
 
@@ -52,7 +52,8 @@ pub struct ParameterError {
 
 impl fmt::Display for ParameterError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} = {}: must be {}: {}", self.field, self.value, self.bound, self.why)
+        // Seven digits: records hold f32, and 1.8 should not read 1.7999999523162842.
+        write!(f, "{} = {}: must be {}: {}", self.field, self.value as f32, self.bound, self.why)
     }
 }
 
@@ -66,6 +67,16 @@ pub(super) fn refuse(
 ) -> Result<(), ParameterError> {
     Err(ParameterError { field, value, bound, why })
 }
+
+/// Least share of a level that load, pressure or wear may leave: a positive rest that the rounding of
+/// the step's number cannot make 0.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// Largest amplitude of the ripple over the angle, as the range of each of its two parts.
+const RIPPLE_MAX: f64 = 0.99;
+
+/// Largest field of an envelope: beyond it `f32` products of the step could leave their range.
+const ENVELOPE_MAX: f32 = 1e9;
 
 /// Largest value of `x exp(-x^2)`, taken at `x = 1/sqrt 2`.
 const PEAK_OF_FADING: f64 = 0.428_881_942_480_353_4;
@@ -101,6 +112,10 @@ impl<S: Real> Parameters<S> {
             if !value.is_finite() || value < 0.0 {
                 return refuse(field, value.into(), Bound::AtLeast(0.0), "an envelope is a size");
             }
+            if value > ENVELOPE_MAX {
+                let bound = Bound::AtMost(ENVELOPE_MAX.into());
+                return refuse(field, value.into(), bound, "range of an envelope");
+            }
         }
         if e.velocity_max_rad_s == 0.0 {
             return refuse("velocity_max_rad_s", 0.0, Bound::MoreThan(0.0), "the joint must move");
@@ -108,28 +123,13 @@ impl<S: Real> Parameters<S> {
         Ok(())
     }
 
-    /// The smallest that load and pressure can add to a level within the envelope, Nm: each acts
-    /// linearly, so the smallest is at a corner.
-    fn least_added(&self, per_force: f64, per_pressure: f64) -> f64 {
-        let e = &self.envelope;
-        let seal = self.law.has_seal_load();
-        let acts = |kind, coefficient: f64, largest: f32| {
-            let on = seal || self.terms.contains(&kind);
-            if on { (coefficient * f64::from(largest)).min(0.0) } else { 0.0 }
-        };
-        acts(TermKind::RadialForceCoulomb, per_force, e.radial_force_max_n)
-            + acts(TermKind::PressureCoulomb, per_pressure, e.pressure_diff_max_pa)
-    }
-
     fn validate_levels(&self) -> Result<(), ParameterError> {
         let value = |id: Id| self.get(id).value();
-        let per_force = value(Id::RadialForceCoulomb);
-        let per_pressure = value(Id::PressureCoulomb);
-        let mut least = self.least_added(per_force, per_pressure);
-        if self.terms.contains(&TermKind::LoadTorqueCoulomb) {
-            let largest = f64::from(self.envelope.load_torque_max_nm);
-            least += (value(Id::LoadCoulomb) * largest).min(0.0);
-        }
+        let corners = self.seal_corners();
+        let least_of =
+            |added: fn((f64, f64)) -> f64| corners.map(added).into_iter().fold(0.0, f64::min);
+        let taken = -least_of(|corner| corner.0) - self.load_torque_added().0;
+        let drop = -least_of(|corner| corner.1);
         let negative = self.law.parameters().contains(&Id::CoulombTorqueNegative);
         for (coulomb, static_level) in [
             (Id::CoulombTorque, Id::StaticTorque),
@@ -138,21 +138,20 @@ impl<S: Real> Parameters<S> {
             if coulomb == Id::CoulombTorqueNegative && !negative {
                 continue;
             }
-            if value(coulomb) + least <= 0.0 {
+            let least = taken / (1.0 - LEAST_SHARE);
+            if value(coulomb) < least {
                 let why = "the Coulomb level must stay positive at every load and pressure of the envelope";
-                return refuse(coulomb.name(), value(coulomb), Bound::MoreThan(-least), why);
+                return refuse(coulomb.name(), value(coulomb), Bound::AtLeast(least), why);
             }
-            if self.law.has_stribeck_curve() {
-                let drop = self.least_added(
-                    value(Id::RadialForceStaticExcess),
-                    value(Id::PressureStaticExcess),
-                );
-                let lowest = value(coulomb) - drop;
-                if value(static_level) < lowest {
-                    let why = "F_S >= F_C must hold at every load and pressure of the envelope";
-                    let bound = Bound::AtLeast(lowest);
-                    return refuse(static_level.name(), value(static_level), bound, why);
-                }
+            // Dahl's bristles have the Coulomb level for a static one.
+            let bristles_only = self.law.has_bristles() && !self.law.has_stribeck_curve();
+            let static_level = if bristles_only { coulomb } else { static_level };
+            let lowest = value(coulomb) + drop;
+            let has_static = bristles_only || self.law.has_stribeck_curve();
+            if has_static && value(static_level) < lowest {
+                let why = "F_S >= F_C must hold at every load and pressure of the envelope";
+                let bound = Bound::AtLeast(lowest);
+                return refuse(static_level.name(), value(static_level), bound, why);
             }
         }
         Ok(())
@@ -166,64 +165,82 @@ impl<S: Real> Parameters<S> {
                 return refuse(kind.name(), 2.0, Bound::AtMost(1.0), why);
             }
         }
-        debug_assert!(self.terms.len() <= MAX_TERMS);
-        if self.terms.contains(&TermKind::PositionRipple) {
-            let amplitude = libm::hypot(value(Id::RippleSine), value(Id::RippleCosine));
-            if amplitude >= 1.0 {
-                let why = "a ripple of 1 or more turns friction round";
-                return refuse("ripple_sine", amplitude, Bound::AtMost(0.99), why);
-            }
+        if let Some(kind) = self.terms.iter().find(|kind| self.law.includes(**kind)) {
+            return refuse(
+                kind.name(),
+                1.0,
+                Bound::AtMost(0.0),
+                "this law has the term in it already",
+            );
         }
-        if self.terms.contains(&TermKind::TimeDrift) {
+        let amplitude = self.ripple_amplitude();
+        if amplitude > RIPPLE_MAX {
+            let why = "a ripple of 1 or more turns friction round";
+            let field = "hypot(ripple_sine, ripple_cosine)";
+            return refuse(field, amplitude, Bound::AtMost(RIPPLE_MAX), why);
+        }
+        let (least, _) = self.drift_range();
+        if least < LEAST_SHARE {
+            // The run-in alone leaves at least 1 %: it is the wear that takes the rest.
             let end_s = f64::from(self.envelope.campaign_max_h) * 3600.0;
-            let run_in = |t: f64| value(Id::DriftAmplitude) * libm::exp(-t / value(Id::DriftTime));
-            let end = 1.0 + run_in(end_s) + value(Id::DriftRate) * end_s;
-            if end <= 0.0 {
-                let why = "the level must stay positive to the end of the campaign";
-                let bound = Bound::MoreThan(-(1.0 + run_in(end_s)) / end_s);
-                return refuse("drift_rate", value(Id::DriftRate), bound, why);
-            }
+            let why = "the level must stay positive to the end of the campaign";
+            let rate = value(Id::DriftRate);
+            let bound = Bound::AtLeast(rate + (LEAST_SHARE - least) / end_s);
+            return refuse(Id::DriftRate.name(), rate, bound, why);
         }
         Ok(())
     }
 
     fn validate_passivity(&self) -> Result<(), ParameterError> {
-        match self.active_damping() {
-            Some(largest) if !self.choices.allow_active => refuse(
-                Id::BristleDamping.name(),
-                self.get(Id::BristleDamping).value(),
-                Bound::AtMost(largest),
-                "passivity: more bristle damping can give out energy (damping_fades, or allow_active)",
-            ),
-            _ => Ok(()),
+        if self.choices.allow_active {
+            return Ok(());
         }
+        let viscous = self.get(Id::ViscousFriction).value();
+        if self.law.has_bristles() && viscous < 0.0 {
+            let why = "passivity: below 0 it drives instead of braking (allow_active)";
+            return refuse(Id::ViscousFriction.name(), viscous, Bound::AtLeast(0.0), why);
+        }
+        let Some(largest) = self.active_damping() else { return Ok(()) };
+        refuse(
+            Id::BristleDamping.name(),
+            self.get(Id::BristleDamping).value(),
+            Bound::AtMost(largest),
+            "passivity: more bristle damping can give out energy (damping_fades, or allow_active)",
+        )
     }
 
-    /// `None` where the law is passive; else the largest bristle damping that would be.
+    /// `None` where the bristle damping is passive at every constant load of the envelope; else the
+    /// largest that would be.
     pub fn active_damping(&self) -> Option<f64> {
         if !self.law.parameters().contains(&Id::BristleDamping) {
             return None;
         }
         let value = |id: Id| self.get(id).value();
         let damping = value(Id::BristleDamping);
-        let negative = self.law.parameters().contains(&Id::CoulombTorqueNegative);
         let mut coulomb = value(Id::CoulombTorque);
         let mut excess = value(Id::StaticTorque) - coulomb;
-        if negative {
+        if self.law.parameters().contains(&Id::CoulombTorqueNegative) {
             excess = excess.max(value(Id::StaticTorqueNegative) - value(Id::CoulombTorqueNegative));
             coulomb = coulomb.min(value(Id::CoulombTorqueNegative));
         }
+        coulomb += self.load_torque_added().0;
         let fastest = if self.choices.damping_fades {
             PEAK_OF_FADING * value(Id::StribeckVelocity)
         } else {
             f64::from(self.envelope.velocity_max_rad_s)
         };
-        let mut largest = 4.0 * coulomb / fastest;
+        // Each criterion is linear in the load, so what holds at the corners holds between them;
+        // but only the same criterion at all of them.
+        let at_corners = |largest: &dyn Fn(f64, f64) -> f64| {
+            let at = |(added, widened): (f64, f64)| largest(coulomb + added, excess + widened);
+            self.seal_corners().map(at).into_iter().fold(f64::MAX, f64::min)
+        };
+        let mut largest = at_corners(&|coulomb, _| 4.0 * coulomb / fastest);
         if !self.choices.damping_fades {
             let viscous = value(Id::ViscousFriction);
-            let by_viscous =
-                if excess > 0.0 { viscous * coulomb / excess } else { f64::MAX * viscous.signum() };
-            largest = largest.max(by_viscous);
+            largest = largest.max(at_corners(&|coulomb, excess| {
+                if excess > 0.0 { viscous * coulomb / excess } else { f64::MAX }
+            }));
         }
         (damping > largest).then_some(largest)
     }

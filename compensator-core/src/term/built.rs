@@ -38,7 +38,7 @@ pub enum Term<T> {
     },
     /// Ripple of the level over the angle.
     PositionRipple {
-        /// Periods in one radian times 2 pi, 1/rad.
+        /// `n`, periods in one turn, 1/rad.
         order: T,
         /// Factor on the sine.
         sine: T,
@@ -52,7 +52,7 @@ pub enum Term<T> {
         /// On the cosine, Nm.
         cosine: T,
     },
-    /// Relative difference of the directions, half of it to each side.
+    /// What forwards motion has more, and backwards motion less, as a share of the whole.
     DirectionAsymmetry {
         /// Of the level.
         coulomb: T,
@@ -89,12 +89,10 @@ pub enum Term<T> {
     UnmodelledInertia(T),
     /// Play in the drive.
     Backlash {
-        /// Half the travel, rad.
-        half_travel: T,
-        /// Stiffness inside the play over stiffness outside.
-        stiffness_ratio: T,
-        /// Sample period, s.
-        period: T,
+        /// The share of the stiffness that is missing inside the play.
+        missing: T,
+        /// Share of half the play that is crossed in a sample, per speed, s/rad.
+        per_velocity: T,
     },
     /// Half the Stribeck exponent.
     StribeckShape(T),
@@ -109,8 +107,8 @@ pub enum Term<T> {
 pub struct Memory<T> {
     /// How old the contact is, s: time at rest, forgotten with travel.
     contact_age_s: T,
-    /// Position within the play, rad, from its middle.
-    play_rad: T,
+    /// Position within the play, from its middle at 0 to its ends at -1 and 1.
+    play: T,
     /// Past velocities; `newest` is the index of the last.
     velocities: [T; DELAY_LINE],
     newest: u8,
@@ -121,7 +119,7 @@ impl<T: Real> Default for Memory<T> {
     fn default() -> Self {
         Self {
             contact_age_s: T::zero(),
-            play_rad: T::zero(),
+            play: T::zero(),
             velocities: [T::zero(); DELAY_LINE],
             newest: 0,
             filled: false,
@@ -208,11 +206,19 @@ impl<T: Real> Term<T> {
             },
             TermKind::LoadTorqueCoulomb => Term::LoadTorqueCoulomb(number(Id::LoadCoulomb)),
             TermKind::UnmodelledInertia => Term::UnmodelledInertia(number(Id::Inertia)),
-            TermKind::Backlash => Term::Backlash {
-                half_travel: T::from_setting(setting(Id::BacklashTravel) * constant(0.5)),
-                stiffness_ratio: number(Id::BacklashStiffnessRatio),
-                period: T::from_setting(period_s),
-            },
+            TermKind::Backlash => {
+                let half_travel = setting(Id::BacklashTravel) * constant(0.5);
+                if half_travel > constant(0.0) {
+                    Term::Backlash {
+                        missing: T::from_setting(
+                            constant(1.0) - setting(Id::BacklashStiffnessRatio),
+                        ),
+                        per_velocity: T::from_setting(period_s / half_travel),
+                    }
+                } else {
+                    Term::Backlash { missing: T::zero(), per_velocity: T::zero() }
+                }
+            }
             TermKind::StribeckShape => {
                 Term::StribeckShape(T::from_setting(setting(Id::StribeckExponent) * constant(0.5)))
             }
@@ -220,6 +226,24 @@ impl<T: Real> Term<T> {
                 Term::ChannelDelay(T::from_setting(setting(Id::ChannelDelay) / period_s))
             }
             TermKind::LoadGain => Term::LoadGain(number(Id::LoadGain)),
+        }
+    }
+
+    /// The term for a sample period `ratio` times as long.
+    pub(crate) fn stretched(self, ratio: T) -> Self {
+        match self {
+            Term::RadialForceRate(per_newton) => Term::RadialForceRate(per_newton / ratio),
+            Term::DwellTimeStatic { gain, per_time, period, renewal } => Term::DwellTimeStatic {
+                gain,
+                per_time,
+                period: period * ratio,
+                renewal: renewal * ratio,
+            },
+            Term::Backlash { missing, per_velocity } => {
+                Term::Backlash { missing, per_velocity: per_velocity * ratio }
+            }
+            Term::ChannelDelay(samples) => Term::ChannelDelay(samples / ratio),
+            unchanged => unchanged,
         }
     }
 
@@ -239,11 +263,13 @@ impl<T: Real> Term<T> {
             | Term::PressureCoulomb { coulomb: a, static_level: b }
             | Term::TemperatureViscous { rate: a, reference: b }
             | Term::GravityImbalance { sine: a, cosine: b }
-            | Term::DirectionAsymmetry { coulomb: a, viscous: b } => [a, b, zero, zero],
+            | Term::DirectionAsymmetry { coulomb: a, viscous: b }
+            | Term::Backlash { missing: a, per_velocity: b } => [a, b, zero, zero],
             Term::PositionRipple { order: a, sine: b, cosine: c }
-            | Term::TimeDrift { amplitude: a, per_time: b, rate: c }
-            | Term::Backlash { half_travel: a, stiffness_ratio: b, period: c } => [a, b, c, zero],
-            Term::DwellTimeStatic { gain: a, per_time: b, period: c, renewal: d } => [a, b, c, d],
+            | Term::TimeDrift { amplitude: a, per_time: b, rate: c } => [a, b, c, zero],
+            // The period of the dwell may be held coarsely: a percent of an age is a percent of
+            // the gain.
+            Term::DwellTimeStatic { gain: a, per_time: b, renewal: c, .. } => [a, b, c, zero],
         }
     }
 
@@ -260,8 +286,8 @@ impl<T: Real> Term<T> {
             Term::PressureCoulomb { coulomb: a, static_level: b } => {
                 size(a).max(size(b)) * f64::from(e.pressure_diff_max_pa) * 1e-6
             }
-            // The exponent, and what it makes of the viscous torque.
-            Term::TemperatureViscous { rate, .. } => libm::exp(size(rate) * 200.0) * speed,
+            // The exponent; what it makes of the viscous torque is checked with that torque.
+            Term::TemperatureViscous { rate, .. } => size(rate) * 200.0,
             Term::PositionRipple { order, .. } => size(order) * f64::from(e.position_max_rad),
             Term::GravityImbalance { sine, cosine } => size(sine) + size(cosine),
             Term::DirectionAsymmetry { coulomb, viscous } => size(coulomb).max(size(viscous)),
@@ -278,7 +304,7 @@ impl<T: Real> Term<T> {
                 size(a) * f64::from(e.load_torque_max_nm)
             }
             Term::UnmodelledInertia(a) => size(a) * f64::from(e.acceleration_max_rad_s2),
-            Term::Backlash { period, .. } => size(period) * speed,
+            Term::Backlash { per_velocity, .. } => size(per_velocity) * speed,
         }
     }
 
@@ -330,7 +356,9 @@ impl<T: Real> Term<T> {
                 // implicitly, so it stays positive and forgets within one travel.
                 let oldest = T::from_f64(CONTACT_AGE_MAX_S);
                 let aged = (memory.contact_age_s + period).at_most(oldest);
-                memory.contact_age_s = aged.ratio(one + renewal * effects.velocity.abs());
+                // The full division: `ratio` of fixed point would lose more of an old age in each
+                // sample than the sample adds to it.
+                memory.contact_age_s = aged / (one + renewal * effects.velocity.abs());
                 effects.seal.static_level =
                     effects.seal.static_level + gain * (one + memory.contact_age_s * per_time).ln();
             }
@@ -347,15 +375,23 @@ impl<T: Real> Term<T> {
             Term::UnmodelledInertia(inertia) => {
                 effects.torque = effects.torque + inertia * sample.acceleration_rad_s2;
             }
-            Term::Backlash { half_travel, stiffness_ratio, period } => {
-                let travel = effects.velocity * period;
-                let free = memory.play_rad + travel;
-                memory.play_rad = free.within(half_travel);
-                // The share of this sample's travel made in contact: 0 inside the play, 1 outside.
-                let least = T::from_f64(2e-6);
-                let contact = (free - memory.play_rad).abs().ratio(travel.abs().at_least(least));
-                let stiffness = stiffness_ratio + (one - stiffness_ratio) * contact;
-                effects.stiffness_scale = effects.stiffness_scale * stiffness;
+            Term::Backlash { missing, per_velocity } => {
+                let velocity = effects.velocity;
+                let travel = velocity.abs() * per_velocity;
+                let room = one - memory.play * velocity.sign();
+                let crossed = travel.at_most(room);
+                memory.play = (memory.play + crossed.copy_sign(velocity)).within(one);
+                // The share of this sample's travel made without contact: 1 inside the play, 0 at
+                // its end, to the last bit. The full division, for these may be the last few bits
+                // of a fixed-point number.
+                let free = if travel < room {
+                    one
+                } else if room > T::zero() {
+                    room / travel
+                } else {
+                    T::zero()
+                };
+                effects.stiffness_scale = effects.stiffness_scale * (one - missing * free);
             }
             Term::StribeckShape(half_exponent) => effects.half_exponent = Some(half_exponent),
             Term::ChannelDelay(samples) => {

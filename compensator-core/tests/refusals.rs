@@ -1,0 +1,304 @@
+//! A refusal must help: which field, its value, the bound it broke, and why there is one.
+//!
+//! Each row spoils a legal set in one way and says the whole answer it expects. The bound is
+//! checked to be the bound: a hair inside it the same set is accepted. Rows about load, pressure and
+//! wear sit at corners of the declared envelope, where a set that is sound at rest fails.
+#![cfg(feature = "terms")]
+
+use compensator_core::parameters::Bound;
+use compensator_core::{Fixed, LawKind, ParameterError, ParameterId as Id, Parameters, TermKind};
+
+const PERIOD: f64 = 1e-3;
+
+/// A joint whose levels fall under load and pressure, still legal at the far corner of 100 N, 0.3 MPa.
+fn sound(law: LawKind) -> Parameters<f64> {
+    let mut parameters = Parameters::new(law)
+        .with(Id::CoulombTorque, 1.5)
+        .with(Id::StaticTorque, 2.0)
+        .with(Id::CoulombTorqueNegative, 1.25)
+        .with(Id::StaticTorqueNegative, 1.75)
+        .with(Id::BristleDamping, 0.25)
+        .with(Id::ViscousFriction, 0.25)
+        .with(Id::RadialForceCoulomb, -0.005)
+        .with(Id::RadialForceStaticExcess, -0.001)
+        .with(Id::PressureCoulomb, -1e-6)
+        .with(Id::PressureStaticExcess, -1e-6);
+    parameters.envelope.velocity_max_rad_s = 8.0;
+    parameters
+}
+
+fn with_term(kind: TermKind) -> Parameters<f64> {
+    let mut parameters = sound(LawKind::Lugre);
+    assert!(parameters.add_term(kind));
+    parameters
+}
+
+/// Spoils `id` of a set with `value`; the refusal must name `field` (the parameter itself in most
+/// cases), give `bound`, and a reason with `word` in it.
+struct Row {
+    from: Parameters<f64>,
+    id: Id,
+    value: f64,
+    bound: Bound,
+    word: &'static str,
+}
+
+fn row(from: Parameters<f64>, id: Id, value: f64, bound: Bound, word: &'static str) -> Row {
+    Row { from, id, value, bound, word }
+}
+
+fn close(a: Bound, b: Bound) -> bool {
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
+    match (a, b) {
+        (Bound::AtLeast(a), Bound::AtLeast(b))
+        | (Bound::AtMost(a), Bound::AtMost(b))
+        | (Bound::MoreThan(a), Bound::MoreThan(b)) => near(a, b),
+        (a, b) => a == b,
+    }
+}
+
+#[test]
+fn refusals_name_field_value_bound_and_reason() {
+    use Bound::{AtLeast, AtMost, Finite};
+    let lugre = || sound(LawKind::Lugre);
+    let improved = || sound(LawKind::ImprovedLugre);
+    let mut fading = lugre();
+    fading.choices.damping_fades = true;
+    // A thousandth of a level must be left, so that rounding cannot make it 0.
+    let left = 1.0 - 1e-3;
+    let rows = [
+        row(lugre(), Id::CoulombTorque, f64::NAN, Finite, "range"),
+        row(lugre(), Id::BristleStiffness, f64::INFINITY, Finite, "range"),
+        row(lugre(), Id::CoulombTorque, 0.0, AtLeast(1e-9), "range"),
+        row(lugre(), Id::StribeckVelocity, 1001.0, AtMost(1e3), "range"),
+        row(lugre(), Id::StaticTorque, 1.4, AtLeast(1.5), "F_S >= F_C"),
+        row(
+            sound(LawKind::LugreAsymmetric),
+            Id::StaticTorqueNegative,
+            1.0,
+            AtLeast(1.25),
+            "F_S >= F_C",
+        ),
+        // At 100 N and 0.3 MPa the level has lost 0.5 + 0.3 Nm, and the static excess 0.1 + 0.3.
+        row(improved(), Id::CoulombTorque, 0.79, AtLeast(0.8 / left), "stay positive"),
+        row(improved(), Id::StaticTorque, 1.85, AtLeast(1.9), "F_S >= F_C"),
+        row(
+            with_term(TermKind::PressureCoulomb),
+            Id::CoulombTorque,
+            0.2,
+            AtLeast(0.3 / left),
+            "positive",
+        ),
+        row(
+            with_term(TermKind::LoadTorqueCoulomb).with(Id::LoadCoulomb, -0.02),
+            Id::CoulombTorque,
+            0.51,
+            AtLeast(0.52 / left),
+            "positive",
+        ),
+        row(
+            with_term(TermKind::TimeDrift),
+            Id::DriftRate,
+            -2e-7,
+            AtLeast(-0.999 / (2000.0 * 3600.0)),
+            "end of the campaign",
+        ),
+        // Passivity, constant sigma1: 4 F_C / v_max = 0.75 or sigma2 F_C / (F_S - F_C), the larger.
+        row(
+            lugre().with(Id::ViscousFriction, 0.1),
+            Id::BristleDamping,
+            0.8,
+            AtMost(0.75),
+            "passivity",
+        ),
+        row(
+            lugre().with(Id::ViscousFriction, 0.5),
+            Id::BristleDamping,
+            1.6,
+            AtMost(1.5),
+            "passivity",
+        ),
+        // Fading sigma1: 4 F_C / (v_s / sqrt(2 e)).
+        row(
+            fading,
+            Id::BristleDamping,
+            140.0,
+            AtMost(60.0 * (2.0 * core::f64::consts::E).sqrt()),
+            "passivity",
+        ),
+        // At the far corner F_C is 0.7: 4 * 0.7 / 8.
+        row(
+            improved().with(Id::ViscousFriction, 0.01),
+            Id::BristleDamping,
+            0.4,
+            AtMost(0.35),
+            "passivity",
+        ),
+        row(lugre(), Id::ViscousFriction, -0.1, AtLeast(0.0), "passivity"),
+        row(
+            with_term(TermKind::ChannelDelay),
+            Id::ChannelDelay,
+            0.032,
+            AtMost(0.031),
+            "delay line",
+        ),
+    ];
+    for Row { from, id, value, bound, word } in rows {
+        from.clone().build::<f64>(PERIOD).unwrap_or_else(|error| panic!("{}: {error}", id.name()));
+        let refused = from.clone().with(id, value).build::<f64>(PERIOD).unwrap_err();
+        assert_eq!(refused.field, id.name());
+        assert_eq!(refused.value.to_bits(), value.to_bits(), "{refused}");
+        assert!(close(refused.bound, bound), "{refused}, expected {bound:?}");
+        assert!(refused.why.contains(word), "{refused}");
+        let words = refused.to_string();
+        for part in [id.name(), &value.to_string(), &refused.bound.to_string(), refused.why] {
+            assert!(words.contains(part), "{words:?} lacks {part:?}");
+        }
+        // Just inside, it is legal: the bound is no more and no less than the bound.
+        let inside = match bound {
+            AtLeast(least) => least + 1e-6 * (least - value).abs(),
+            AtMost(most) => most - 1e-6 * (most - value).abs(),
+            _ => continue,
+        };
+        let narrow = from.with(id, inside);
+        let tight = id == Id::CoulombTorque || id == Id::StribeckVelocity;
+        match narrow.build::<f64>(PERIOD) {
+            // A level at its very bound may be legal and its damping then too much for it.
+            Err(error) if tight => assert_ne!(error.field, id.name(), "{error}"),
+            other => assert!(other.is_ok(), "{}: {:?}", id.name(), other.err()),
+        }
+    }
+}
+
+fn refused(parameters: &Parameters<f64>, period: f64) -> ParameterError {
+    parameters.build::<f64>(period).unwrap_err()
+}
+
+#[test]
+fn periods_envelopes_and_lists_are_refused_by_name() {
+    let sound = sound(LawKind::Lugre);
+    for period in [0.0, -1e-3, f64::NAN, f64::INFINITY] {
+        assert_eq!(refused(&sound, period).field, "sample_period_s");
+    }
+    type Spoil = fn(&mut Parameters<f64>);
+    let spoils: [(&str, Spoil); 6] = [
+        ("velocity_max_rad_s", |p| p.envelope.velocity_max_rad_s = 0.0),
+        ("velocity_max_rad_s", |p| p.envelope.velocity_max_rad_s = 2e9),
+        ("radial_force_max_n", |p| p.envelope.radial_force_max_n = -1.0),
+        ("campaign_max_h", |p| p.envelope.campaign_max_h = f32::NAN),
+        ("hypot(ripple_sine, ripple_cosine)", |p| {
+            p.add_term(TermKind::PositionRipple);
+            p.set(Id::RippleSine, 0.8);
+            p.set(Id::RippleCosine, 0.8);
+        }),
+        ("torque-offset", |p| p.terms.extend([TermKind::TorqueOffset; 2])),
+    ];
+    for (field, spoil) in spoils {
+        let mut spoiled = sound.clone();
+        spoil(&mut spoiled);
+        assert_eq!(refused(&spoiled, PERIOD).field, field);
+    }
+}
+
+/// What the law does already must not be done twice by a term.
+#[test]
+fn terms_that_are_part_of_the_law_are_refused() {
+    for (law, kind) in [
+        (LawKind::ImprovedLugre, TermKind::PressureCoulomb),
+        (LawKind::ImprovedLugre, TermKind::RadialForceRate),
+        (LawKind::Atan, TermKind::TorqueOffset),
+    ] {
+        let mut twice = sound(law);
+        twice.terms.push(kind).unwrap();
+        assert_eq!(refused(&twice, PERIOD).field, kind.name());
+    }
+}
+
+/// A law that can be active is accepted when that is asked for, and only then.
+#[test]
+fn allow_active_allows_what_passivity_forbids() {
+    let mut active = sound(LawKind::Lugre).with(Id::BristleDamping, 100.0);
+    assert!(active.build::<f64>(PERIOD).is_err());
+    active.choices.allow_active = true;
+    assert!(active.build::<f64>(PERIOD).is_ok());
+}
+
+/// Parameters that do not count may hold anything: a record always carries all of them.
+#[test]
+fn what_does_not_count_is_neither_checked_nor_used() {
+    for law in LawKind::ALL {
+        let mut parameters = Parameters::<f64>::new(*law);
+        for id in Id::ALL.iter().filter(|id| !law.parameters().contains(id)) {
+            parameters.set(*id, f64::NAN);
+        }
+        let model = parameters.build::<f64>(PERIOD).unwrap();
+        let mut state = compensator_core::State::default();
+        for step in 0..1000 {
+            let velocity_rad_s = (f64::from(step) * 0.01).sin();
+            let sample = compensator_core::Sample { velocity_rad_s, ..Default::default() };
+            let friction = model.step(&mut state, &sample);
+            assert!(friction.abs() <= 1.5, "{}: {friction}", law.name());
+        }
+    }
+}
+
+/// Fixed point has 12 integer and 20 fractional bits: what leaves them is refused, by what left.
+#[test]
+fn fixed_point_refuses_what_it_cannot_hold() {
+    let joint = |law| {
+        let mut joint = sound(law).convert::<f32>();
+        joint.set(Id::BristleStiffness, 1e4);
+        joint.choices.allow_active = true;
+        joint
+    };
+    for law in LawKind::ALL {
+        let built = joint(*law).build::<Fixed>(1e-3);
+        assert!(built.is_ok(), "{}: {:?}", law.name(), built.err());
+    }
+    use LawKind::{Atan, Extended, ImprovedLugre, Linear, Lugre, LugreAsymmetric};
+    for (law, values, field) in [
+        (Linear, vec![(Id::CoulombTorque, 1e-4)], "coulomb_torque"),
+        (Linear, vec![(Id::ViscousFriction, 300.0)], "viscous_friction * velocity_max"),
+        (Extended, vec![(Id::CubicFriction, 5.0)], "cubic_friction"),
+        (Atan, vec![(Id::AtanSlope, 300.0)], "atan_slope * velocity_max"),
+        (Lugre, vec![(Id::StribeckVelocity, 1e-3)], "16 / stribeck_velocity"),
+        (Lugre, vec![(Id::BristleStiffness, 1e7)], "bristle_stiffness * sample_period"),
+        (
+            Lugre,
+            vec![(Id::BristleStiffness, 3e5)],
+            "bristle_stiffness * sample_period * velocity_max",
+        ),
+        (Lugre, vec![(Id::StaticTorque, 150.0)], "level * velocity_max"),
+        // The far corner leaves 0.01 Nm to divide by.
+        (
+            ImprovedLugre,
+            vec![(Id::CoulombTorque, 0.81), (Id::BristleStiffness, 1.0)],
+            "bristle rate",
+        ),
+        (LugreAsymmetric, vec![(Id::StaticTorqueNegative, 150.0)], "level * velocity_max"),
+        (
+            Lugre,
+            vec![(Id::BristleStiffness, 1e3), (Id::BristleDamping, 600.0)],
+            "bristle_damping * bristle rate",
+        ),
+        (
+            ImprovedLugre,
+            vec![(Id::RadialForceRate, 0.03)],
+            "radial_force_rate * radial_force_max / sample_period",
+        ),
+        (
+            ImprovedLugre,
+            vec![(Id::RadialForceRate, 0.003)],
+            "bristle_stiffness * radial_force_rate * radial_force_max",
+        ),
+    ] {
+        let mut spoiled = joint(law);
+        for (id, value) in values {
+            spoiled.set(id, value);
+        }
+        assert!(spoiled.build::<f32>(1e-3).is_ok(), "{field}: a float holds it");
+        let refused = spoiled.build::<Fixed>(1e-3).unwrap_err();
+        assert_eq!(refused.field, field, "{refused}");
+        assert!(refused.why.contains("number type"), "{refused}");
+    }
+}
