@@ -1,0 +1,49 @@
+//! What the core costs on a Cortex-M4F: instructions, RAM, and fingerprints of its output bits.
+//!
+//! In QEMU (`cargo cost`) it prints all three; on a PC the fingerprints alone, for the comparison.
+//! `tests/cost/run` runs both and holds the result against the table in git. Lines read
+//! `kind | name | numbers`. How instructions are counted is told in `clock`; which updates are
+//! counted, and for which inputs, in `cases`.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod cases;
+#[cfg(target_os = "none")]
+mod clock;
+
+macro_rules! print_line {
+    ($($arguments:tt)*) => {{
+        #[cfg(target_os = "none")]
+        cortex_m_semihosting::hprintln!($($arguments)*);
+        #[cfg(not(target_os = "none"))]
+        println!($($arguments)*);
+    }};
+}
+#[cfg(target_os = "none")]
+use print_line;
+
+fn print_fingerprints() {
+    for (name, fingerprint) in firmware::fingerprint::all() {
+        print_line!("fingerprint | {name} | {fingerprint:08x}");
+    }
+}
+
+#[cfg(target_os = "none")]
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    use cortex_m_semihosting::debug;
+
+    match cortex_m::Peripherals::take() {
+        Some(peripherals) => cases::print_all(&mut clock::Clock::start(peripherals.SYST)),
+        None => panic!("the peripherals are taken once"),
+    }
+    print_fingerprints();
+    loop {
+        debug::exit(debug::EXIT_SUCCESS);
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    print_fingerprints();
+}

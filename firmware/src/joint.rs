@@ -1,0 +1,39 @@
+//! The joint all figures are taken for: paper 0's, with every part of the law at work.
+//!
+//! A parameter left at 0 would cost the same instructions (the step has one path) but would hide a
+//! wrong bit: so side load, pressure, fading damping and viscous friction all act.
+
+use compensator_core::compensator::CompensatorParameters;
+use compensator_core::record::Configuration;
+use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
+
+/// Sample period of the current loop, s: 20 kHz.
+pub const PERIOD_S: f32 = 50e-6;
+
+/// A configuration with this law and these terms.
+///
+/// A term that does not fit is left out: the list of a measurement is a constant, and the figures
+/// would show it.
+pub fn configuration(law: LawKind, terms: &[TermKind]) -> Configuration {
+    let mut model = Parameters::<f32>::new(law)
+        .with(ParameterId::CoulombTorque, 1.5)
+        .with(ParameterId::StaticTorque, 2.2)
+        .with(ParameterId::StribeckVelocity, 0.1)
+        .with(ParameterId::BristleStiffness, 1e4)
+        .with(ParameterId::BristleDamping, 30.0)
+        .with(ParameterId::ViscousFriction, 0.08)
+        .with(ParameterId::RadialForceCoulomb, 0.01)
+        .with(ParameterId::PressureCoulomb, 2.4e-6)
+        .with(ParameterId::RadialForceRate, 1e-6)
+        .with(ParameterId::TemperatureViscosity, 0.02)
+        .with(ParameterId::RippleSine, 0.05)
+        .with(ParameterId::RippleCosine, 0.03)
+        .with(ParameterId::RippleOrder, 3.0);
+    model.choices.damping_fades = true;
+    // Fixed point holds the angle of a ripple up to 2048 rad.
+    model.envelope.position_max_rad = 100.0;
+    for term in terms {
+        model.add_term(*term);
+    }
+    Configuration { model, compensator: CompensatorParameters::default() }
+}
