@@ -1,0 +1,47 @@
+//! The command line.
+//!
+//! Every command takes `--out DIR` (where its files go) and `--json` (its result on standard output);
+//! exit code 0 is done, 1 a check that failed, 2 bad usage or bad input, said in one line. A command that
+//! fails leaves no file behind: files are written when all is known.
+
+mod compare;
+mod identify;
+mod input;
+mod output;
+mod simulate;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+#[derive(Parser)]
+#[command(name = "host-sim", version, about, max_term_width = 100)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Fit one friction model to measured data
+    Identify(identify::Arguments),
+    /// Fit all friction models to measured data, side by side
+    Compare(compare::Arguments),
+    /// Simulate a machine: its log, and the truth behind it
+    Simulate(simulate::Arguments),
+}
+
+/// Runs the command line and returns the exit code.
+pub fn run() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        Command::Identify(arguments) => identify::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::from(2)
+        }
+    }
+}

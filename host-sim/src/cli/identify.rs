@@ -1,0 +1,96 @@
+//! `identify`: one model, fitted.
+
+use super::input::{DataArguments, spinner};
+use super::output::OutputArguments;
+use crate::fit::{FitOptions, outcome::identify};
+use crate::params;
+use crate::results::{document, table};
+use crate::spec::Spec;
+use compensator_core::{ParameterId, Parameters};
+use std::path::PathBuf;
+
+/// Arguments of `identify`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    data: DataArguments,
+    #[command(flatten)]
+    output: OutputArguments,
+    /// The model: linear, extended, atan, stribeck, dahl, lugre, lugre-asymmetric, improved-lugre,
+    /// with terms as in `lugre+pressure-coulomb`
+    #[arg(long, value_name = "MODEL")]
+    model: String,
+    /// Start from these parameters, and from nowhere else
+    #[arg(long, value_name = "PARAMS.TOML")]
+    start: Option<PathBuf>,
+    /// Parameters to keep where they start
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    keep: Vec<String>,
+    /// Parameters to fit that are otherwise kept (static excesses, references)
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    free: Vec<String>,
+    /// Starting points that go all the way
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    starts: usize,
+    /// Simulation steps per sample; chosen by the fit unless given
+    #[arg(long, value_name = "N")]
+    substeps: Option<usize>,
+}
+
+fn ids(option: &str, names: &[String]) -> Result<Vec<ParameterId>, String> {
+    let id = |name: &String| {
+        ParameterId::parse(name).ok_or_else(|| format!("{option}: unknown parameter {name:?}"))
+    };
+    names.iter().map(id).collect()
+}
+
+/// The model's parameters, with those another set has too taken from it.
+fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
+    let shared = base.active().filter(|id| other.active().any(|theirs| theirs == *id));
+    shared.fold(base.clone(), |merged, id| merged.with(id, other.get(id)))
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<(), String> {
+    let input_spec = Spec::parse(&arguments.model).map_err(|error| error.to_string())?;
+    let (fixed, freed) = (ids("--keep", &arguments.keep)?, ids("--free", &arguments.free)?);
+    let input = arguments.data.read()?;
+    let spec = input_spec.on(&input.rigid_body);
+    let mut base = spec.parameters().map_err(|error| error.to_string())?;
+    let start = match &arguments.start {
+        None => None,
+        Some(path) => {
+            let file = params::read(path).map_err(|error| error.to_string())?;
+            Some(merged(&base, &file.parameters))
+        }
+    };
+    if let Some(start) = &start {
+        base = start.clone();
+    }
+    let options = FitOptions {
+        substeps: arguments.substeps,
+        starts: arguments.starts.max(1),
+        start,
+        fixed,
+        freed,
+    };
+    let bar = spinner(format!("fitting {spec} to {} rows", input.data.rows));
+    let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options)
+        .map_err(|error| error.to_string())?;
+    bar.finish_and_clear();
+
+    let document = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(&fit));
+    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
+    let toml = params::emit(&fit, input.data.joint);
+    arguments.output.write(&[("fit.json", &json), ("params.toml", &toml)])?;
+    if arguments.output.json {
+        print!("{json}");
+        return Ok(());
+    }
+    println!("{}", table::parameters(&fit, &input.data));
+    println!("{}", table::models(std::slice::from_ref(&fit), &input.data));
+    fit.verdicts.iter().for_each(|verdict| println!("- {verdict}"));
+    let out = arguments.output.out.display();
+    println!("written: {out}/params.toml, {out}/fit.json");
+    Ok(())
+}

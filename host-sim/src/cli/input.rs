@@ -1,0 +1,165 @@
+//! What every command that reads data shares: files, columns, split, rigid body.
+
+use crate::data::{self, Dataset, ReadOptions, Split, SplitRule};
+use crate::fit::{Rows, Track, tracks};
+use crate::spec::parse_rigid_body;
+use clap::Args;
+use compensator_core::TermKind;
+use indicatif::{ProgressBar, ProgressStyle};
+use sha2::{Digest, Sha256};
+use std::collections::HashSet;
+use std::io::{IsTerminal, Read};
+use std::path::{Path, PathBuf};
+
+/// Data and how to read and split it.
+#[derive(Args, Clone, Debug)]
+pub struct DataArguments {
+    /// Measured data: CSV or Parquet, one or more files
+    #[arg(required = true, value_name = "DATA")]
+    pub data: Vec<PathBuf>,
+    /// Held-out files; without them whole runs (or time blocks of a single run) are held out
+    #[arg(long, value_name = "DATA", num_args = 1..)]
+    pub test: Vec<PathBuf>,
+    /// Hold out the runs where COLUMN (constant within a run, or `run`) has one of the values
+    #[arg(long, value_name = "COLUMN=VALUE,..", conflicts_with_all = ["test", "tail"])]
+    pub hold_out: Option<String>,
+    /// Hold out the last share of each run, 0 to 1
+    #[arg(long, value_name = "SHARE", conflicts_with = "test")]
+    pub tail: Option<f64>,
+    /// Names of foreign columns: `torque_nm=tau_3,velocity_rad_s=dq_3`
+    #[arg(long, value_name = "a=b,c=d", value_delimiter = ',')]
+    pub columns: Vec<String>,
+    /// Drop the first N samples of each run
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub skip: usize,
+    /// Judge every N-th sample of the residual, anti-aliased; the simulation runs at the full rate
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub decimate: u32,
+    /// Parts of the torque column that are not friction: inertia,gravity,load,offset
+    #[arg(long, value_name = "PARTS", default_value = "")]
+    pub rigid_body: String,
+    /// Chooses which runs are held out; the same seed, the same result
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads; 0 for all cores
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub threads: usize,
+}
+
+/// Data read and split.
+pub struct Input {
+    /// All runs.
+    pub data: Dataset,
+    /// What is fitted on and judged by.
+    pub split: Split,
+    /// Tracks to fit on.
+    pub train: Vec<Track>,
+    /// Tracks to judge by.
+    pub test: Vec<Track>,
+    /// Parts of the torque column that are not friction.
+    pub rigid_body: Vec<TermKind>,
+    /// SHA-256 of each file.
+    pub hashes: Vec<String>,
+    decimate: usize,
+}
+
+impl Input {
+    /// Rows to fit on.
+    pub fn train_rows(&self) -> Rows<'_> {
+        Rows { tracks: &self.train, decimate: self.decimate }
+    }
+
+    /// Rows to judge by.
+    pub fn test_rows(&self) -> Rows<'_> {
+        Rows { tracks: &self.test, decimate: self.decimate }
+    }
+}
+
+impl DataArguments {
+    /// Reads and splits.
+    ///
+    /// # Errors
+    /// One line for a person.
+    pub fn read(&self) -> Result<Input, String> {
+        if self.threads > 0 {
+            // A second call in one process (tests) keeps the first pool.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build_global();
+        }
+        let rigid_body = parse_rigid_body(&self.rigid_body).map_err(|e| e.to_string())?;
+        let files: Vec<PathBuf> = self.data.iter().chain(&self.test).cloned().collect();
+        let mut seen = HashSet::new();
+        if let Some(twice) = files.iter().find(|file| !seen.insert(*file)) {
+            return Err(format!("{}: given twice", twice.display()));
+        }
+        let options = ReadOptions { columns: self.column_pairs()?, skip: self.skip };
+        let bar = progress();
+        let data = data::read(&files, &options, &|done, total| {
+            bar.set_length(total);
+            bar.set_position(done);
+        })
+        .map_err(|error| error.to_string())?;
+        bar.finish_and_clear();
+        let split =
+            data::split(&data, &self.split_rule()?, self.seed).map_err(|e| e.to_string())?;
+        let (train, test) = (tracks(&data.select(&split.train)), tracks(&data.select(&split.test)));
+        if train.is_empty() || test.is_empty() {
+            return Err("no unbroken stretch of two rows or more to fit on and to judge by".into());
+        }
+        let hashes = files.iter().map(|file| hash(file)).collect::<Result<_, _>>()?;
+        let decimate = self.decimate as usize;
+        Ok(Input { data, split, train, test, rigid_body, hashes, decimate })
+    }
+
+    fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {
+        let pair = |text: &String| match text.split_once('=') {
+            Some((ours, theirs)) if !ours.is_empty() && !theirs.is_empty() => {
+                Ok((ours.trim().to_owned(), theirs.trim().to_owned()))
+            }
+            _ => Err(format!("--columns: found {text:?}, expected NAME=COLUMN")),
+        };
+        self.columns.iter().map(pair).collect()
+    }
+
+    fn split_rule(&self) -> Result<SplitRule, String> {
+        if !self.test.is_empty() {
+            return Ok(SplitRule::Files(self.test.clone()));
+        }
+        if let Some(text) = &self.hold_out {
+            return SplitRule::parse_hold_out(text).map_err(|error| error.to_string());
+        }
+        Ok(self.tail.map_or_else(SplitRule::default, |share| SplitRule::Tail { share }))
+    }
+}
+
+/// A bar on a terminal, nothing in a pipe.
+fn progress() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("reading {wide_bar} {bytes}/{total_bytes}");
+    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// A spinner on a terminal, nothing in a pipe.
+pub fn spinner(what: String) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new_spinner().with_message(what);
+    bar.enable_steady_tick(std::time::Duration::from_millis(120));
+    bar
+}
+
+fn hash(file: &Path) -> Result<String, String> {
+    let failed = |error: std::io::Error| format!("{}: {error}", file.display());
+    let mut reader = std::fs::File::open(file).map_err(failed)?;
+    let mut hasher = Sha256::new();
+    let mut buffer = vec![0; 1 << 20];
+    loop {
+        match reader.read(&mut buffer).map_err(failed)? {
+            0 => break,
+            read => hasher.update(&buffer[..read]),
+        }
+    }
+    Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}

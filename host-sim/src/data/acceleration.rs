@@ -1,0 +1,159 @@
+//! Acceleration from velocity, on the time stamps as they are.
+//!
+//! A plain difference of two neighbours multiplies the noise by 1/dt and trusts every jitter of
+//! the clock. Savitzky and Golay's way is better: lay a parabola through a window of samples by
+//! least squares and take *its* slope. Their famous fixed weights need an even grid, which logs do
+//! not have, so the parabola is fitted anew at every sample, in polynomials that are orthogonal on
+//! exactly the time stamps of the window (Forsythe's recurrence). That needs no matrix, and stays
+//! exact where a matrix of powers of time would be ill-conditioned.
+//!
+//! The window slides up to the ends of a segment and stops there; the parabola is then read off
+//! centre. It never reaches across a gap.
+
+use std::borrow::Cow;
+
+use super::dataset::Run;
+use super::segment::segments;
+
+/// Samples in the window of the derivative: itself and seven on either side.
+pub const DERIVATIVE_WINDOW: usize = 15;
+
+impl Run {
+    /// The measured acceleration, or else the slope of the velocity in rad/s2 or m/s2. Zero where a segment is a single sample.
+    pub fn acceleration_or_derived(&self) -> Cow<'_, [f64]> {
+        if let Some(known) = &self.acceleration {
+            return Cow::Borrowed(known);
+        }
+        let mut slope = Vec::with_capacity(self.len());
+        for rows in segments(self) {
+            slope.extend(derivative(&self.time_s[rows.clone()], &self.velocity[rows]));
+        }
+        Cow::Owned(slope)
+    }
+}
+
+/// The time derivative of `values` over one unbroken stretch, by a local parabola.
+///
+/// `time` must not decrease; stamps may repeat. Where the window holds only two different time
+/// stamps the parabola becomes a line, and where it holds one the slope is given as zero.
+pub fn derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
+    let n = time.len().min(values.len());
+    let window = DERIVATIVE_WINDOW.min(n);
+    (0..n)
+        .map(|at| {
+            let start = at.saturating_sub(window / 2).min(n - window);
+            let rows = start..start + window;
+            slope(&time[rows.clone()], &values[rows], time[at])
+        })
+        .collect()
+}
+
+/// The slope at time `at` of the parabola that fits the samples best.
+fn slope(time: &[f64], values: &[f64], at: f64) -> f64 {
+    // In units of the window's own length the recurrence works on numbers near one.
+    let length = time[time.len() - 1] - time[0];
+    if length <= 0.0 {
+        return 0.0;
+    }
+    let u = |t: f64| (t - at) / length;
+    let count = time.len() as f64;
+    let mean_u = time.iter().map(|&t| u(t)).sum::<f64>() / count;
+
+    // p1 = u - mean, p2 = (u - a) p1 - b, each orthogonal to the ones before on these samples.
+    let (mut p1_p1, mut u_p1_p1, mut p1_y) = (0.0, 0.0, 0.0);
+    for (&t, &y) in time.iter().zip(values) {
+        let p1 = u(t) - mean_u;
+        p1_p1 += p1 * p1;
+        u_p1_p1 += u(t) * p1 * p1;
+        p1_y += p1 * y;
+    }
+    if p1_p1 <= 0.0 {
+        return 0.0;
+    }
+    let (a, b) = (u_p1_p1 / p1_p1, p1_p1 / count);
+    let (mut p2_p2, mut p2_y) = (0.0, 0.0);
+    for (&t, &y) in time.iter().zip(values) {
+        let p2 = (u(t) - a) * (u(t) - mean_u) - b;
+        p2_p2 += p2 * p2;
+        p2_y += p2 * y;
+    }
+    let line = p1_y / p1_p1;
+    // With two different stamps p2 vanishes on all samples; what is left of it is rounding.
+    let curve = if p2_p2 > 1e-18 * count { p2_y / p2_p2 } else { 0.0 };
+    // Derivatives at u = 0: p1' = 1, p2' = 2 u - a - mean.
+    (line + curve * (-a - mean_u)) / length
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An uneven grid, deterministic, with steps between 5 and 15 ms.
+    fn uneven(n: usize) -> Vec<f64> {
+        let mut t = 1000.0;
+        (0..n)
+            .map(|i| {
+                t += 0.005 + 0.010 * ((i * 7919) % 101) as f64 / 101.0;
+                t
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_parabola_is_differentiated_exactly_on_an_uneven_grid_up_to_its_ends() {
+        let time = uneven(60);
+        let values: Vec<f64> = time.iter().map(|t| 3.0 + 2.0 * (t - 1000.0).powi(2)).collect();
+        for (slope, t) in derivative(&time, &values).iter().zip(&time) {
+            assert!((slope - 4.0 * (t - 1000.0)).abs() < 1e-8, "{slope} at {t}");
+        }
+    }
+
+    #[test]
+    fn a_sine_is_followed_and_noise_is_damped() {
+        let time = uneven(2000);
+        let noise = |i: usize| 1e-3 * (((i * 48271) % 1009) as f64 / 504.0 - 1.0);
+        let values: Vec<f64> =
+            time.iter().enumerate().map(|(i, t)| (3.0 * t).sin() + noise(i)).collect();
+        let found = derivative(&time, &values);
+        let rms = |error: &dyn Fn(usize) -> f64| {
+            (found.iter().enumerate().map(|(i, _)| error(i).powi(2)).sum::<f64>() / 2000.0).sqrt()
+        };
+        let fitted = rms(&|i| found[i] - 3.0 * (3.0 * time[i]).cos());
+        let plain = rms(&|i| {
+            let j = i.min(1998);
+            (values[j + 1] - values[j]) / (time[j + 1] - time[j]) - 3.0 * (3.0 * time[j]).cos()
+        });
+        assert!(fitted < 0.04 && fitted < plain / 3.0, "fitted {fitted}, plain {plain}");
+    }
+
+    #[test]
+    fn no_slope_crosses_a_gap() {
+        let mut run = Run::default();
+        for i in 0..40 {
+            run.time_s.push(if i < 20 { 0.0 } else { 100.0 } + 0.01 * f64::from(i));
+            run.velocity.push(if i < 20 { 1.0 } else { -1.0 });
+        }
+        assert!(run.acceleration_or_derived().iter().all(|a| a.abs() < 1e-9));
+    }
+
+    #[test]
+    fn few_or_equal_stamps_give_finite_slopes() {
+        assert_eq!(derivative(&[], &[]), [] as [f64; 0]);
+        assert_eq!(derivative(&[1.0], &[5.0]), [0.0]);
+        assert_eq!(derivative(&[1.0, 1.0, 1.0], &[1.0, 2.0, 3.0]), [0.0; 3]);
+        for slope in derivative(&[0.0, 0.0, 1.0, 1.0], &[0.0, 2.0, 4.0, 6.0]) {
+            assert!((slope - 4.0).abs() < 1e-9, "{slope}");
+        }
+    }
+
+    #[test]
+    fn a_measured_acceleration_is_taken_as_it_is() {
+        let run = Run {
+            time_s: vec![0.0, 1.0],
+            velocity: vec![0.0, 1.0],
+            acceleration: Some(vec![7.0, 8.0]),
+            ..Run::default()
+        };
+        assert_eq!(*run.acceleration_or_derived(), [7.0, 8.0]);
+    }
+}

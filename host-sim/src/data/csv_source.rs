@@ -1,0 +1,171 @@
+//! CSV, row by row.
+//!
+//! A log of some gigabytes must not be held as text, so rows stream through one reused record and
+//! only numbers are kept. The `csv` crate splits the rows (quotes, embedded line ends), and
+//! `fast-float2` reads the numbers straight from the bytes, which is most of the work.
+//!
+//! Row numbers must be the ones an editor shows, or a message about row 7311 helps nobody. The
+//! `csv` crate counts a record from the blank lines before it and gets the count right only
+//! *after* a line end has been consumed. So lines end at LF here (a CR before it is trimmed away
+//! with the blanks), a final LF is appended in case the file lacks one, and a record's first line
+//! is found by counting back from where the reader stands after it.
+
+use std::borrow::Cow;
+use std::cell::Cell;
+use std::fs::File;
+use std::io::{Read, Seek};
+use std::path::Path;
+
+use csv::{ByteRecord, ReaderBuilder, Terminator};
+
+use super::clean::{Cleaner, FileData, Row};
+use super::error::DataError;
+use super::header::layout;
+
+/// Rows between two calls of the progress function.
+const PROGRESS_ROWS: u64 = 16 * 1024;
+
+/// A record with the number format it is in.
+struct CsvRow<'a> {
+    record: &'a ByteRecord,
+    /// Where the comma does not separate cells it may be the decimal point.
+    comma_may_be_point: bool,
+    /// Set once it was.
+    comma_was_point: &'a Cell<bool>,
+}
+
+impl Row for CsvRow<'_> {
+    #[inline]
+    fn number(&self, column: usize) -> Option<f64> {
+        let cell = self.record.get(column)?.trim_ascii();
+        match fast_float2::parse(cell) {
+            Ok(value) => Some(value),
+            Err(_) if self.comma_may_be_point => {
+                let value = with_decimal_comma(cell)?;
+                self.comma_was_point.set(true);
+                Some(value)
+            }
+            Err(_) => None,
+        }
+    }
+
+    fn text(&self, column: usize) -> Cow<'_, [u8]> {
+        Cow::Borrowed(self.record.get(column).unwrap_or_default().trim_ascii())
+    }
+}
+
+/// A number whose decimal point is a comma, as in `1,5`.
+fn with_decimal_comma(cell: &[u8]) -> Option<f64> {
+    const LONGEST: usize = 40;
+    let comma = cell.iter().position(|&byte| byte == b',')?;
+    if cell.len() > LONGEST || cell.contains(&b'.') {
+        return None;
+    }
+    let mut copy = [0; LONGEST];
+    copy[..cell.len()].copy_from_slice(cell);
+    copy[comma] = b'.';
+    fast_float2::parse(&copy[..cell.len()]).ok()
+}
+
+/// Reads a file that stands where its table starts. `progress` is told the bytes done so far.
+pub(super) fn read_csv(
+    path: &Path,
+    mut file: File,
+    separator: u8,
+    mapping: &[(String, String)],
+    progress: &dyn Fn(u64),
+) -> Result<FileData, DataError> {
+    let failed = |error: csv::Error| {
+        let said = error.to_string();
+        let source = match error.into_kind() {
+            csv::ErrorKind::Io(source) => source,
+            _ => std::io::Error::other(said),
+        };
+        DataError::Io { file: path.into(), source }
+    };
+    let io = |source| DataError::Io { file: path.into(), source };
+    let start = file.stream_position().map_err(io)?;
+    // With the line end that is appended.
+    let bytes = file.metadata().map_err(io)?.len().saturating_sub(start) + 1;
+    let mut reader = ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .delimiter(separator)
+        .terminator(Terminator::Any(b'\n'))
+        .buffer_capacity(256 * 1024)
+        .from_reader(file.chain(&b"\n"[..]));
+    let mut record = ByteRecord::new();
+
+    let mut names = Vec::new();
+    while names.is_empty() && reader.read_byte_record(&mut record).map_err(failed)? {
+        if !is_blank(&record) {
+            let name = |cell: &[u8]| String::from_utf8_lossy(cell.trim_ascii()).into_owned();
+            names = record.iter().map(name).collect();
+        }
+    }
+    let width = names.len();
+    let mut cleaner = Cleaner::new(path, layout(path, names, mapping)?);
+
+    let comma_was_point = Cell::new(false);
+    let mut records: u64 = 0;
+    let mut line_before = reader.position().line();
+    while reader.read_byte_record(&mut record).map_err(failed)? {
+        let line_after = reader.position().line();
+        let ends_in_line_end = record.as_slice().last() == Some(&b'\n');
+        let inside = if line_after - line_before > 1 || ends_in_line_end {
+            record.as_slice().iter().filter(|&&byte| byte == b'\n').count() as u64
+        } else {
+            0
+        };
+        line_before = line_after;
+        // Only a quote that is never closed runs into the end of the file without a line end.
+        let is_open = ends_in_line_end && reader.position().byte() == bytes;
+        let line = line_after.saturating_sub(inside + u64::from(!is_open));
+        records += 1;
+        if records.is_multiple_of(PROGRESS_ROWS) {
+            progress(reader.position().byte());
+        }
+        if is_blank(&record) {
+            continue;
+        }
+        if is_open || record.len() != width {
+            let found = match inside {
+                _ if is_open => "a quote that is never closed".into(),
+                0 => format!("{} cells", record.len()),
+                _ => format!("a quoted cell that ends {inside} lines further down"),
+            };
+            cleaner.leave_out_ragged(line, found);
+            continue;
+        }
+        let row = CsvRow {
+            record: &record,
+            comma_may_be_point: separator != b',',
+            comma_was_point: &comma_was_point,
+        };
+        cleaner.take(line, &row)?;
+    }
+    let mut data = cleaner.finish()?;
+    if comma_was_point.get() {
+        data.notes.push(format!("{}: commas inside numbers are decimal points", path.display()));
+    }
+    Ok(data)
+}
+
+/// Whether the row is an empty line, or the row of separators a spreadsheet makes of one.
+fn is_blank(record: &ByteRecord) -> bool {
+    record.as_slice().trim_ascii().is_empty()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_decimal_comma_is_one_comma_and_no_point() {
+        assert_eq!(with_decimal_comma(b"-1,5e3"), Some(-1500.0));
+        assert_eq!(with_decimal_comma(b"1,234,567"), None);
+        assert_eq!(with_decimal_comma(b"1.234,5"), None);
+        assert_eq!(with_decimal_comma(b"15"), None);
+        assert_eq!(with_decimal_comma(&[b','; 100]), None);
+    }
+}

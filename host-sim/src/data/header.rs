@@ -1,0 +1,304 @@
+//! Which column is what.
+//!
+//! The contract puts the unit into the name, so a header says all there is to know: `torque_nm`
+//! or `force_n` is the target and decides the joint kind, the velocity must be of that kind, and
+//! whatever is not in the contract is an extra covariate under its own name. Foreign logs are
+//! translated by pairs of contract name and foreign name (`--columns torque_nm=tau_3`), which win
+//! over what a column calls itself: whoever writes them has looked into the file.
+//!
+//! Anything ambiguous is an error rather than a guess: two columns of one name, two targets, a
+//! linear velocity with a torque (unless the pairs say so).
+
+use std::path::Path;
+
+use super::dataset::{Joint, LeftOutColumn};
+use super::error::DataError;
+use super::naming::{Naming, at_header};
+
+/// An optional column's place in a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Slot {
+    Position,
+    Acceleration,
+    RadialForce,
+    PressureDiff,
+    Temperature,
+    LoadTorque,
+    Extra,
+}
+
+/// A column beside time, velocity and torque.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct OptionalColumn {
+    pub slot: Slot,
+    /// Its name in the contract, or its own.
+    pub name: String,
+    /// Where it is in the file.
+    pub index: usize,
+}
+
+/// The header, understood.
+#[derive(Debug, Clone)]
+pub(super) struct Layout {
+    pub joint: Joint,
+    /// All names as they are in the file, for messages.
+    pub names: Vec<String>,
+    /// Where the run's name is.
+    pub run: Option<usize>,
+    /// Where time, velocity and torque are.
+    pub required: [usize; 3],
+    pub optional: Vec<OptionalColumn>,
+    pub left_out: Vec<LeftOutColumn>,
+    pub notes: Vec<String>,
+}
+
+const RUN: &str = "run";
+const TIME: &str = "time_s";
+const TARGETS: [(&str, Joint); 2] = [("torque_nm", Joint::Revolute), ("force_n", Joint::Prismatic)];
+const VELOCITIES: [(&str, Joint); 2] =
+    [("velocity_rad_s", Joint::Revolute), ("velocity_m_s", Joint::Prismatic)];
+const OPTIONAL: [(&str, Slot, Option<Joint>); 8] = [
+    ("position_rad", Slot::Position, Some(Joint::Revolute)),
+    ("position_m", Slot::Position, Some(Joint::Prismatic)),
+    ("acceleration_rad_s2", Slot::Acceleration, Some(Joint::Revolute)),
+    ("acceleration_m_s2", Slot::Acceleration, Some(Joint::Prismatic)),
+    ("radial_force_n", Slot::RadialForce, None),
+    ("pressure_diff_pa", Slot::PressureDiff, None),
+    ("temperature_c", Slot::Temperature, None),
+    ("load_torque_nm", Slot::LoadTorque, None),
+];
+
+/// All names of the contract.
+pub(super) fn contract() -> impl Iterator<Item = &'static str> {
+    [RUN, TIME]
+        .into_iter()
+        .chain(VELOCITIES.iter().chain(&TARGETS).map(|(name, _)| *name))
+        .chain(OPTIONAL.iter().map(|(name, ..)| *name))
+}
+
+/// Understands a header; `mapping` holds (contract name, foreign name).
+pub(super) fn layout(
+    file: &Path,
+    names: Vec<String>,
+    mapping: &[(String, String)],
+) -> Result<Layout, DataError> {
+    let naming = Naming::new(file, &names, mapping)?;
+    let time = naming.find(TIME);
+    let target = target(file, &naming)?;
+    let velocity = velocity(&naming, target.map(|target| target.kind));
+    let (Some(time), Some(velocity), Some(target)) = (time, velocity, target) else {
+        let missing = [
+            (time.is_none(), TIME, "time_s=NAME"),
+            (velocity.is_none(), "velocity_rad_s (or velocity_m_s)", "velocity_rad_s=NAME"),
+            (target.is_none(), "torque_nm (or force_n)", "torque_nm=NAME"),
+        ];
+        return Err(naming.missing(file, &missing));
+    };
+    let mut notes = Vec::new();
+    if velocity.kind != target.kind {
+        let (velocity, target) = (velocity.name, target.name);
+        if !naming.is_mapped(velocity) && !naming.is_mapped(target) {
+            let fitting = if target == "force_n" { "torque_nm" } else { "force_n" };
+            let expected =
+                format!("{fitting} for a joint with {velocity} (or --columns to say what it is)");
+            return Err(at_header(file, target, target, &expected));
+        }
+        notes.push(format!(
+            "{target} is read with {velocity}, as --columns says: units are those of {target}"
+        ));
+    }
+    let run = naming.find(RUN);
+    let mut optional = Vec::new();
+    let mut left_out = naming.replaced();
+    for (index, name) in naming.columns() {
+        if [time, velocity.index, target.index].contains(&index) || run == Some(index) {
+            continue;
+        }
+        match no_covariate(name) {
+            None => {
+                let slot = slot(name, velocity.kind);
+                optional.push(OptionalColumn { slot, name: name.into(), index });
+            }
+            Some(why) => {
+                let nameless = || format!("number {}", index + 1);
+                let name = if name.is_empty() { nameless() } else { name.into() };
+                left_out.push(LeftOutColumn { name, why: why.into() });
+            }
+        }
+    }
+    let required = [time, velocity.index, target.index];
+    Ok(Layout { joint: target.kind, run, required, optional, left_out, notes, names })
+}
+
+/// A column that tells the joint kind.
+#[derive(Debug, Clone, Copy)]
+struct KindColumn {
+    index: usize,
+    name: &'static str,
+    kind: Joint,
+}
+
+/// The target column, which decides the joint kind; of two, the one `--columns` gives.
+fn target(file: &Path, naming: &Naming) -> Result<Option<KindColumn>, DataError> {
+    let found =
+        TARGETS.map(|(name, kind)| naming.find(name).map(|index| KindColumn { index, name, kind }));
+    match found {
+        [Some(torque), Some(force)] => {
+            match (naming.is_mapped(torque.name), naming.is_mapped(force.name)) {
+                (true, false) => Ok(Some(torque)),
+                (false, true) => Ok(Some(force)),
+                _ => {
+                    let expected = "one target: torque_nm for a joint that turns or force_n for one that slides";
+                    Err(at_header(file, force.name, "torque_nm as well", expected))
+                }
+            }
+        }
+        [torque, force] => Ok(torque.or(force)),
+    }
+}
+
+/// The velocity column; of two, the one of the target's kind.
+fn velocity(naming: &Naming, kind: Option<Joint>) -> Option<KindColumn> {
+    VELOCITIES
+        .iter()
+        .filter_map(|&(name, kind)| naming.find(name).map(|index| KindColumn { index, name, kind }))
+        .min_by_key(|velocity| Some(velocity.kind) != kind)
+}
+
+/// The place of a column in a run. Position and acceleration have theirs only in the unit of the
+/// velocity; in the other unit they are quantities of their own.
+fn slot(name: &str, velocity: Joint) -> Slot {
+    OPTIONAL
+        .iter()
+        .find(|(known, _, kind)| *known == name && kind.is_none_or(|kind| kind == velocity))
+        .map_or(Slot::Extra, |&(_, slot, _)| slot)
+}
+
+/// Why a column cannot be a covariate, or `None` if it can.
+fn no_covariate(name: &str) -> Option<&'static str> {
+    if name.is_empty() {
+        Some("it has no name")
+    } else if name.starts_with("Unnamed: ") || name == "__index_level_0__" {
+        Some("it is the row index of a pandas table")
+    } else if TARGETS.iter().any(|(target, _)| *target == name) {
+        Some("it is a second target beside the one --columns gives")
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn understand(header: &str, columns: &str) -> Result<Layout, String> {
+        let names = header.split(',').map(str::to_string).collect();
+        let mapping: Vec<(String, String)> = columns
+            .split(',')
+            .filter_map(|pair| pair.split_once('='))
+            .map(|(a, b)| (a.to_string(), b.to_string()))
+            .collect();
+        layout(Path::new("f.csv"), names, &mapping).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn both_kinds_of_joint_are_known_by_their_target() {
+        let turns = understand("time_s,velocity_rad_s,torque_nm,position_rad", "").unwrap();
+        assert_eq!((turns.joint, turns.required), (Joint::Revolute, [0, 1, 2]));
+        assert_eq!(turns.optional[0].slot, Slot::Position);
+        let slides = understand("run,force_n,velocity_m_s,time_s,position_m", "").unwrap();
+        assert_eq!((slides.joint, slides.required), (Joint::Prismatic, [3, 2, 1]));
+        assert_eq!(slides.run, Some(0));
+        assert_eq!(slides.optional[0].slot, Slot::Position);
+    }
+
+    #[test]
+    fn what_the_contract_does_not_know_is_an_extra_covariate() {
+        let found = understand("time_s,velocity_rad_s,torque_nm,flow,position_m", "").unwrap();
+        let extras: Vec<(&str, Slot)> =
+            found.optional.iter().map(|c| (c.name.as_str(), c.slot)).collect();
+        assert_eq!(extras, [("flow", Slot::Extra), ("position_m", Slot::Extra)]);
+    }
+
+    #[test]
+    fn missing_columns_are_named_with_what_there_is_and_a_hint() {
+        assert_eq!(
+            understand("time_s,dq,tau", "").unwrap_err(),
+            "f.csv: found only the columns time_s, dq, tau, expected velocity_rad_s (or \
+             velocity_m_s) and torque_nm (or force_n) in the header, or --columns \
+             velocity_rad_s=NAME,torque_nm=NAME"
+        );
+    }
+
+    #[test]
+    fn foreign_names_are_translated_and_win() {
+        let found =
+            understand("t,dq,torque_nm,u", "time_s=t,velocity_rad_s=dq,torque_nm=u").unwrap();
+        assert_eq!(found.required, [0, 1, 3]);
+        assert!(found.optional.is_empty());
+        assert_eq!(found.left_out[0].name, "torque_nm");
+        assert_eq!(found.left_out[0].why, "--columns reads torque_nm from u");
+    }
+
+    #[test]
+    fn two_names_can_change_places() {
+        let found = understand(
+            "time_s,velocity_rad_s,torque_nm,load_torque_nm",
+            "torque_nm=load_torque_nm,load_torque_nm=torque_nm",
+        )
+        .unwrap();
+        assert_eq!(found.required, [0, 1, 3]);
+        assert_eq!((found.optional[0].slot, found.optional[0].index), (Slot::LoadTorque, 2));
+        assert!(found.left_out.is_empty());
+    }
+
+    #[test]
+    fn a_pair_with_an_unknown_name_is_an_error_naming_it() {
+        let error = understand("t,v,f", "time_s=t,velocity_m_s=speed").unwrap_err();
+        assert_eq!(
+            error,
+            "f.csv: --columns velocity_m_s=speed: found no column speed, expected one of t, v, f"
+        );
+        let error = understand("t,v,f", "torque_Nm=f").unwrap_err();
+        assert!(error.starts_with(
+            "--columns torque_Nm=f: found the name torque_Nm, expected one of run, time_s"
+        ));
+        let error = understand("t,v,f", "time_s=t,time_s=v").unwrap_err();
+        assert!(error.contains("found time_s twice"), "{error}");
+    }
+
+    #[test]
+    fn two_columns_of_one_name_are_an_error() {
+        let error = understand("time_s,velocity_rad_s,x,torque_nm,x", "").unwrap_err();
+        assert_eq!(
+            error,
+            "f.csv: row 1, column x: found the name twice (columns 3 and 5), expected each name once"
+        );
+    }
+
+    #[test]
+    fn two_targets_are_an_error_unless_the_pairs_choose() {
+        let both = "time_s,velocity_rad_s,torque_nm,force_n";
+        assert!(understand(both, "").unwrap_err().contains("expected one target"));
+        let chosen = understand("time_s,velocity_rad_s,tau,force_n", "torque_nm=tau").unwrap();
+        assert_eq!(chosen.joint, Joint::Revolute);
+        assert_eq!(chosen.left_out[0].name, "force_n");
+    }
+
+    #[test]
+    fn kinds_are_mixed_only_where_the_pairs_say_so() {
+        let error = understand("time_s,velocity_rad_s,force_n", "").unwrap_err();
+        assert!(error.contains("expected torque_nm for a joint with velocity_rad_s"), "{error}");
+        let mixed = understand("time_s,velocity_m_s,u", "torque_nm=u").unwrap();
+        assert_eq!(mixed.joint, Joint::Revolute);
+        assert_eq!(mixed.notes.len(), 1);
+    }
+
+    #[test]
+    fn a_header_of_numbers_and_nameless_columns_are_told() {
+        let error = understand("0.0,1.5,-3e2", "").unwrap_err();
+        assert!(error.contains("found numbers, expected the columns' names"), "{error}");
+        let found = understand(",time_s,velocity_rad_s,torque_nm", "").unwrap();
+        assert_eq!(found.left_out[0].name, "number 1");
+    }
+}

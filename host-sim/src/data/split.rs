@@ -1,0 +1,390 @@
+//! What a model is fitted on, and what it is judged by.
+//!
+//! Two neighbouring samples of a log are all but the same measurement. Shuffle rows into a
+//! training and a test set, and every test row has its twin in the training set: any model looks
+//! good, and the more it has memorised the better. So only whole stretches are held out here, and
+//! the longer the better: whole files, whole runs, all runs at one setting, the end of each run,
+//! or, where a single run is all there is, blocks of time.
+//!
+//! Held-out runs lie spread over the order of the files, since that order mostly is one of speed,
+//! load or date, and a test at one end of it would be a test of extrapolation. The seed shifts
+//! the pattern; the same seed always gives the same split.
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use super::dataset::{Dataset, Run};
+use super::error::{DataError, listed};
+
+/// The share of runs, blocks or rows that is held out if nobody says otherwise.
+pub const DEFAULT_TEST_SHARE: f64 = 0.3;
+
+/// Into how many blocks of equally many rows a single run is cut.
+pub const TIME_BLOCKS: usize = 10;
+
+/// How to choose what is held out.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SplitRule {
+    /// This share (0 to 1, both excluded) of the runs, spread over their order; of a single run,
+    /// blocks of time. At least one run or block goes to either side.
+    Spread {
+        /// The share to hold out.
+        share: f64,
+    },
+    /// The last share (0 to 1, both excluded) of the rows of each run.
+    Tail {
+        /// The share to hold out.
+        share: f64,
+    },
+    /// All runs in which `column` is one of `values`. The column is `run`, a label, or a numeric
+    /// column that is constant in each run.
+    HoldOut {
+        /// The column's name.
+        column: String,
+        /// The values, as text; numbers are compared as numbers.
+        values: Vec<String>,
+    },
+    /// All runs of these files, which must be among [`Dataset::files`] as they were given.
+    Files(Vec<PathBuf>),
+}
+
+impl Default for SplitRule {
+    fn default() -> Self {
+        SplitRule::Spread { share: DEFAULT_TEST_SHARE }
+    }
+}
+
+impl SplitRule {
+    /// Understands `COLUMN=VALUE[,VALUE..]`.
+    pub fn parse_hold_out(text: &str) -> Result<SplitRule, DataError> {
+        let parsed = text.split_once('=').map(|(column, values)| {
+            let values: Vec<String> = values.split(',').map(|v| v.trim().to_string()).collect();
+            (column.trim().to_string(), values)
+        });
+        match parsed {
+            Some((column, values))
+                if !column.is_empty() && values.iter().all(|value| !value.is_empty()) =>
+            {
+                Ok(SplitRule::HoldOut { column, values })
+            }
+            _ => Err(request("hold-out", format!("{text:?}"), "COLUMN=VALUE[,VALUE..]".into())),
+        }
+    }
+}
+
+/// Some consecutive rows of one run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part {
+    /// Index into [`Dataset::runs`].
+    pub run: usize,
+    /// Its rows; never empty.
+    pub rows: Range<usize>,
+}
+
+/// What to fit on and what to judge by; no row is in both.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Split {
+    /// The parts to fit on, in the order of the data.
+    pub train: Vec<Part>,
+    /// The parts to judge by, in the order of the data.
+    pub test: Vec<Part>,
+}
+
+impl Split {
+    /// Names of the runs that have rows to fit on.
+    pub fn train_runs(&self, data: &Dataset) -> Vec<String> {
+        names(data, &self.train)
+    }
+
+    /// Names of the runs that have rows held out.
+    pub fn test_runs(&self, data: &Dataset) -> Vec<String> {
+        names(data, &self.test)
+    }
+}
+
+fn names(data: &Dataset, parts: &[Part]) -> Vec<String> {
+    let mut names: Vec<String> =
+        parts.iter().map(|part| data.runs[part.run].name.clone()).collect();
+    names.dedup();
+    names
+}
+
+impl Dataset {
+    /// These parts as a data set of their own, each part a run. Parts of one run share its name.
+    pub fn select(&self, parts: &[Part]) -> Dataset {
+        let slice = |part: &Part| self.runs[part.run].slice(part.rows.clone());
+        let runs: Vec<Run> = parts.iter().map(slice).collect();
+        let rows = runs.iter().map(Run::len).sum();
+        Dataset {
+            joint: self.joint,
+            runs,
+            files: self.files.clone(),
+            rows,
+            rows_read: self.rows_read,
+            bad_rows: self.bad_rows.clone(),
+            covariates: self.covariates.clone(),
+            left_out_columns: self.left_out_columns.clone(),
+            notes: self.notes.clone(),
+        }
+    }
+}
+
+/// Splits by the rule. Fails if either side would be empty or the rule asks for what is not there.
+pub fn split(data: &Dataset, rule: &SplitRule, seed: u64) -> Result<Split, DataError> {
+    let split = match rule {
+        SplitRule::Spread { share } if data.runs.len() == 1 => {
+            time_blocks(&data.runs[0], checked(*share)?, seed)
+        }
+        SplitRule::Spread { share } => {
+            let held = spread(data.runs.len(), checked(*share)?, seed);
+            whole_runs(data, |at, _| held.contains(&at))
+        }
+        SplitRule::Tail { share } => tail(data, checked(*share)?),
+        SplitRule::HoldOut { column, values } => hold_out(data, column, values)?,
+        SplitRule::Files(files) => {
+            if let Some(file) = files.iter().find(|file| !data.files.contains(file)) {
+                let read: Vec<_> = data.files.iter().map(|f| f.to_string_lossy()).collect();
+                let found = file.display().to_string();
+                return Err(request("test files", found, format!("one of {}", listed(&read))));
+            }
+            whole_runs(data, |_, run| files.contains(&data.files[run.file]))
+        }
+    };
+    if split.train.is_empty() || split.test.is_empty() {
+        let empty = if split.test.is_empty() { "test" } else { "train" };
+        let found =
+            format!("{} runs, {} rows, and nothing left to {empty} on", data.runs.len(), data.rows);
+        return Err(request("split", found, "rows on either side".into()));
+    }
+    Ok(split)
+}
+
+fn request(what: &str, found: String, expected: String) -> DataError {
+    DataError::Request { what: what.into(), found, expected }
+}
+
+/// The share, if it is one.
+fn checked(share: f64) -> Result<f64, DataError> {
+    if share > 0.0 && share < 1.0 {
+        return Ok(share);
+    }
+    Err(request("test share", share.to_string(), "a number between 0 and 1".into()))
+}
+
+/// About `share` of `0..n`, evenly spread, at least one and not all. The seed shifts the pattern
+/// by less than its own period; with seed 0 it is centred.
+fn spread(n: usize, share: f64, seed: u64) -> Vec<usize> {
+    if n < 2 {
+        return Vec::new();
+    }
+    let held = ((n as f64 * share).round() as usize).clamp(1, n - 1);
+    // The golden ratio's multiples fill the unit interval evenly, whatever seeds are tried.
+    let shift = (0.5 + 0.618_033_988_749_894_9 * (seed % 1_000_000) as f64).fract();
+    let period = n as f64 / held as f64;
+    (0..held).map(|k| (((k as f64 + shift) * period) as usize).min(n - 1)).collect()
+}
+
+fn whole_runs(data: &Dataset, is_test: impl Fn(usize, &Run) -> bool) -> Split {
+    let mut split = Split { train: Vec::new(), test: Vec::new() };
+    for (at, run) in data.runs.iter().enumerate().filter(|(_, run)| !run.is_empty()) {
+        let side = if is_test(at, run) { &mut split.test } else { &mut split.train };
+        side.push(Part { run: at, rows: 0..run.len() });
+    }
+    split
+}
+
+fn time_blocks(run: &Run, share: f64, seed: u64) -> Split {
+    let blocks = TIME_BLOCKS.min(run.len());
+    let held = spread(blocks, share, seed);
+    let mut split = Split { train: Vec::new(), test: Vec::new() };
+    for block in 0..blocks {
+        let rows = block * run.len() / blocks..(block + 1) * run.len() / blocks;
+        let side = if held.contains(&block) { &mut split.test } else { &mut split.train };
+        match side.last_mut() {
+            // Blocks next to each other are one stretch.
+            Some(part) if part.rows.end == rows.start => part.rows.end = rows.end,
+            _ => side.push(Part { run: 0, rows }),
+        }
+    }
+    split
+}
+
+fn tail(data: &Dataset, share: f64) -> Split {
+    let mut split = Split { train: Vec::new(), test: Vec::new() };
+    for (at, run) in data.runs.iter().enumerate() {
+        let cut = (run.len() as f64 * (1.0 - share)) as usize;
+        if cut > 0 {
+            split.train.push(Part { run: at, rows: 0..cut });
+        }
+        if cut < run.len() {
+            split.test.push(Part { run: at, rows: cut..run.len() });
+        }
+    }
+    split
+}
+
+fn hold_out(data: &Dataset, column: &str, values: &[String]) -> Result<Split, DataError> {
+    let what = format!("hold-out {column}={}", values.join(","));
+    let mut settings = Vec::with_capacity(data.runs.len());
+    for run in &data.runs {
+        let Some(setting) = data.constant(run, column) else {
+            let found = format!("no one value of {column} in run {}", run.name);
+            let there = data.constant_columns();
+            return Err(request(&what, found, format!("one of {}", listed(&there))));
+        };
+        settings.push(setting);
+    }
+    for value in values {
+        if !settings.iter().any(|setting| same(setting, value)) {
+            let mut there = settings.clone();
+            there.sort_unstable();
+            there.dedup();
+            let found = format!("no run with {column}={value}");
+            return Err(request(&what, found, format!("one of {}", listed(&there))));
+        }
+    }
+    Ok(whole_runs(data, |at, _| values.iter().any(|value| same(&settings[at], value))))
+}
+
+/// Equal as text, or as numbers: `400` is `400.0`.
+fn same(setting: &str, value: &str) -> bool {
+    setting == value
+        || matches!((setting.parse::<f64>(), value.parse::<f64>()), (Ok(a), Ok(b)) if a == b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::dataset::Joint;
+    use super::super::error::BadRows;
+    use super::*;
+
+    /// `n` runs of ten rows, named by number; two files; kp is 100 in even runs, 400 in odd ones.
+    fn data(n: usize) -> Dataset {
+        let run = |at: usize| Run {
+            name: at.to_string(),
+            file: usize::from(at >= n / 2),
+            time_s: (0..10).map(f64::from).collect(),
+            velocity: (0..10).map(f64::from).collect(),
+            torque: vec![0.0; 10],
+            extra: vec![vec![if at.is_multiple_of(2) { 100.0 } else { 400.0 }; 10]],
+            labels: vec![("shape".into(), if at < 2 { "sine" } else { "step" }.into())],
+            ..Run::default()
+        };
+        Dataset {
+            joint: Joint::Revolute,
+            runs: (0..n).map(run).collect(),
+            files: vec!["a.csv".into(), "b.csv".into()],
+            rows: 10 * n,
+            rows_read: 10 * n,
+            bad_rows: BadRows::default(),
+            covariates: vec!["kp".into()],
+            left_out_columns: vec![],
+            notes: vec![],
+        }
+    }
+
+    fn test_runs(data: &Dataset, rule: &SplitRule, seed: u64) -> Vec<usize> {
+        split(data, rule, seed).unwrap().test.iter().map(|part| part.run).collect()
+    }
+
+    #[test]
+    fn held_out_runs_lie_spread_over_the_order() {
+        assert_eq!(test_runs(&data(7), &SplitRule::default(), 0), [1, 5]);
+        assert_eq!(test_runs(&data(10), &SplitRule::default(), 0), [1, 5, 8]);
+        assert_eq!(test_runs(&data(2), &SplitRule::default(), 0), [1]);
+        let all: Vec<Vec<usize>> =
+            (0..20).map(|seed| test_runs(&data(10), &SplitRule::default(), seed)).collect();
+        assert_eq!(all[7], test_runs(&data(10), &SplitRule::default(), 7), "same seed, same split");
+        for run in 0..10 {
+            assert!(all.iter().any(|held| held.contains(&run)), "some seed holds out run {run}");
+        }
+        for held in &all {
+            assert_eq!(held.len(), 3);
+            assert!(held.windows(2).all(|pair| pair[1] - pair[0] >= 3), "{held:?}");
+        }
+    }
+
+    #[test]
+    fn every_row_is_on_one_side_whatever_the_rule() {
+        for n in [1, 2, 5, 16] {
+            let data = data(n);
+            for share in [0.01, 0.3, 0.5, 0.99] {
+                for rule in [SplitRule::Spread { share }, SplitRule::Tail { share }] {
+                    for seed in 0..5 {
+                        let Ok(split) = split(&data, &rule, seed) else { continue };
+                        let mut seen = vec![[0; 10]; n];
+                        for part in split.train.iter().chain(&split.test) {
+                            seen[part.run][part.rows.clone()].iter_mut().for_each(|s| *s += 1);
+                        }
+                        assert!(seen.iter().all(|run| *run == [1; 10]), "{rule:?} {split:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_single_run_is_split_by_blocks_of_time() {
+        let data = data(1);
+        let split = split(&data, &SplitRule::default(), 0).unwrap();
+        let rows = |parts: &[Part]| parts.iter().map(|part| part.rows.clone()).collect::<Vec<_>>();
+        assert_eq!(rows(&split.test), [1..2, 5..6, 8..9]);
+        assert_eq!(rows(&split.train), [0..1, 2..5, 6..8, 9..10]);
+        assert_eq!(split.test_runs(&data), ["0"]);
+        assert_eq!(data.select(&split.test).rows, 3);
+        assert_eq!(data.select(&split.test).runs[1].velocity, [5.0]);
+    }
+
+    #[test]
+    fn the_tail_is_the_end_of_each_run() {
+        let data = data(2);
+        let split = split(&data, &SplitRule::Tail { share: 0.3 }, 9).unwrap();
+        assert_eq!(split.train, [Part { run: 0, rows: 0..7 }, Part { run: 1, rows: 0..7 }]);
+        assert_eq!(split.test, [Part { run: 0, rows: 7..10 }, Part { run: 1, rows: 7..10 }]);
+    }
+
+    #[test]
+    fn runs_are_held_out_by_name_label_and_setting() {
+        let data = data(4);
+        let held = |text| test_runs(&data, &SplitRule::parse_hold_out(text).unwrap(), 0);
+        assert_eq!(held("run=1,3"), [1, 3]);
+        assert_eq!(held("shape=sine"), [0, 1]);
+        assert_eq!(held("kp=400.0"), [1, 3]);
+    }
+
+    #[test]
+    fn a_hold_out_of_nothing_says_what_there_is() {
+        let data = data(4);
+        let said = |text| {
+            let rule = SplitRule::parse_hold_out(text);
+            rule.and_then(|rule| split(&data, &rule, 0)).unwrap_err().to_string()
+        };
+        assert_eq!(
+            said("kp=200"),
+            "hold-out kp=200: found no run with kp=200, expected one of 100, 400"
+        );
+        assert_eq!(
+            said("velocity_rad_s=3"),
+            "hold-out velocity_rad_s=3: found no one value of velocity_rad_s in run 0, expected \
+             one of run, shape, kp"
+        );
+        assert!(said("kp=100,400").contains("nothing left to train on"));
+        assert!(said("kp").contains("expected COLUMN=VALUE"));
+        assert!(said("kp=").contains("expected COLUMN=VALUE"));
+    }
+
+    #[test]
+    fn whole_files_can_be_held_out() {
+        let data = data(4);
+        assert_eq!(test_runs(&data, &SplitRule::Files(vec!["b.csv".into()]), 0), [2, 3]);
+        let error = split(&data, &SplitRule::Files(vec!["c.csv".into()]), 0).unwrap_err();
+        assert_eq!(error.to_string(), "test files: found c.csv, expected one of a.csv, b.csv");
+    }
+
+    #[test]
+    fn shares_that_are_none_are_refused() {
+        for share in [0.0, 1.0, -0.3, f64::NAN] {
+            assert!(split(&data(4), &SplitRule::Tail { share }, 0).is_err());
+        }
+    }
+}

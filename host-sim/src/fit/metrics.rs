@@ -1,0 +1,77 @@
+//! How far a simulation is from what was measured.
+
+use serde::Serialize;
+
+/// Errors of a model on a set of rows. `e` is measured minus simulated, `y` measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Metrics {
+    /// `sqrt(mean(e^2))`, Nm or N.
+    pub rmse: f64,
+    /// `sum(e^2)`, Nm^2 or N^2.
+    pub sse: f64,
+    /// RMSE over the standard deviation of `y`: 1 is as good as the mean.
+    pub nrmse_std: f64,
+    /// RMSE over `max(y) - min(y)`.
+    pub nrmse_range: f64,
+    /// `100 norm(e) / norm(y)`.
+    pub relative_error_percent: f64,
+    /// Number of rows.
+    #[serde(skip)]
+    pub rows: usize,
+}
+
+impl Metrics {
+    /// Metrics of `(measured, simulated)` pairs. Of no pairs, all zero; a spread of 0 counts as
+    /// the smallest number, so that the ratios stay finite.
+    pub fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Self {
+        let (mut rows, mut sse, mut sum, mut squares) = (0usize, 0.0, 0.0, 0.0);
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (measured, simulated) in pairs {
+            let error = measured - simulated;
+            rows += 1;
+            sse += error * error;
+            sum += measured;
+            squares += measured * measured;
+            least = least.min(measured);
+            most = most.max(measured);
+        }
+        if rows == 0 {
+            return Self::default();
+        }
+        let n = rows as f64;
+        let rmse = (sse / n).sqrt();
+        let variance = (squares / n - (sum / n) * (sum / n)).max(0.0);
+        let over = |size: f64| if rmse == 0.0 { 0.0 } else { rmse / size.max(f64::MIN_POSITIVE) };
+        Self {
+            rmse,
+            sse,
+            nrmse_std: over(variance.sqrt()).min(f64::MAX),
+            nrmse_range: over(most - least).min(f64::MAX),
+            relative_error_percent: (100.0 * over((squares / n).sqrt())).min(f64::MAX),
+            rows,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metrics_are_as_defined() {
+        let pairs = [(1.0, 0.0), (3.0, 3.0), (-2.0, -1.0), (2.0, 2.0)];
+        let metrics = Metrics::of(pairs.into_iter());
+        assert_eq!(metrics.sse, 2.0);
+        assert_eq!(metrics.rmse, 0.5f64.sqrt());
+        assert_eq!(metrics.nrmse_range, 0.5f64.sqrt() / 5.0);
+        assert!((metrics.relative_error_percent - 100.0 * (2.0f64 / 18.0).sqrt()).abs() < 1e-12);
+        assert!((metrics.nrmse_std - (0.5f64 / 3.5).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn no_rows_and_constant_rows_stay_finite() {
+        assert_eq!(Metrics::of(std::iter::empty()), Metrics::default());
+        let constant = Metrics::of([(1.0, 0.5), (1.0, 0.5)].into_iter());
+        assert!(constant.nrmse_std.is_finite() && constant.nrmse_range.is_finite());
+    }
+}

@@ -1,0 +1,297 @@
+//! What a fit says: every parameter with its error and whether the data determine it at all.
+//!
+//! A fit always returns numbers. Whether they mean anything is told per parameter ([`State`]) and, for
+//! what a person would want to know, in words ([`Outcome::verdicts`]). "Not determined" is not
+//! "wrong": in steady sliding the bristle stiffness does not reach the output, so any value fits.
+
+use super::metrics::Metrics;
+use super::rest::settle;
+use super::simulate::simulate;
+use super::solve::{FitOptions, Rows, Solution, fit, unseen};
+use super::start::Scales;
+use super::statistics::{autocorrelation_time, inverse_information};
+use super::track::Track;
+use crate::data::AntiAlias;
+use crate::dual::Dual;
+use crate::spec::{Spec, SpecError};
+use ParameterId as Id;
+use compensator_core::{ParameterId, Parameters};
+use nalgebra::DMatrix;
+use std::time::Instant;
+
+/// What the data say of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// It has a value and an error that is small beside what matters.
+    Determined,
+    /// Values far apart fit as well.
+    NotDetermined,
+    /// It never moved from where the fit began: nothing depends on it.
+    AtStart,
+    /// The best value lies at the edge of what is allowed.
+    AtBound,
+}
+
+impl State {
+    /// As in `fit.json`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Determined => "determined",
+            Self::NotDetermined => "not-determined",
+            Self::AtStart => "at-start",
+            Self::AtBound => "at-bound",
+        }
+    }
+}
+
+/// A fitted parameter.
+#[derive(Clone, Debug)]
+pub struct Estimate {
+    /// Which.
+    pub id: ParameterId,
+    /// Its value, in its unit.
+    pub value: f64,
+    /// Standard error, `None` where it was kept fixed.
+    pub std_error: Option<f64>,
+    /// What the data say of it.
+    pub state: State,
+}
+
+/// A fit, whole.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The model.
+    pub spec: Spec,
+    /// The fitted parameters, ready for the core.
+    pub parameters: Parameters<f64>,
+    /// Each parameter of the model.
+    pub estimates: Vec<Estimate>,
+    /// Correlation of the estimates that have an error, in their order.
+    pub correlation: DMatrix<f64>,
+    /// Errors on the rows fitted on.
+    pub train: Metrics,
+    /// Errors on the rows held out.
+    pub test: Metrics,
+    /// `n ln(SSE/n) + k ln n` of the training rows: smaller is better.
+    pub bic: f64,
+    /// Time the fit took, s.
+    pub seconds: f64,
+    /// Simulations with derivatives the best start and its refinements took.
+    pub evaluations: usize,
+    /// Sub-steps of the simulation per sample.
+    pub substeps: usize,
+    /// Neighbouring rows that count as one observation in the standard errors.
+    pub autocorrelation_time: f64,
+    /// Whether the optimiser converged.
+    pub converged: bool,
+    /// What a person should know, a sentence each.
+    pub verdicts: Vec<String>,
+}
+
+/// A relative standard error of a positive parameter above this is "not determined": values from
+/// half to twice as large are within two errors.
+const LOOSE: f64 = 0.5;
+
+/// For other parameters: two standard errors change the torque by more than this share of its RMS,
+/// and the value is not three of them away from nothing.
+const LOOSE_EFFECT: f64 = 0.2;
+
+/// Derivatives below this share of the torque's RMS are none.
+const NO_EFFECT: f64 = 1e-9;
+
+/// Fits a model on the training rows and judges it on the others.
+///
+/// # Errors
+/// If the model carries more terms than the core takes.
+pub fn identify(
+    spec: &Spec,
+    base: &Parameters<f64>,
+    train: Rows,
+    test: Rows,
+    options: &FitOptions,
+) -> Result<Outcome, SpecError> {
+    let begin = Instant::now();
+    let solution = fit(spec, base, train, options);
+    let mut parameters = solution.parameters();
+    declare_envelope(&mut parameters, train.tracks, test.tracks);
+    let predicted = predict(&parameters, train, solution.substeps);
+    let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
+    let unseen = unseen(spec, train.tracks);
+    let (estimates, correlation) = estimates(&solution, &parameters, train, time, &unseen);
+    let train_metrics = predicted.metrics;
+    let rows = train_metrics.rows as f64;
+    let count = solution.coordinates.len() as f64;
+    let mut outcome = Outcome {
+        spec: spec.clone(),
+        estimates,
+        correlation,
+        train: train_metrics,
+        test: predict(&parameters, test, solution.substeps).metrics,
+        bic: rows * (train_metrics.sse.max(f64::MIN_POSITIVE) / rows.max(1.0)).ln()
+            + count * rows.max(1.0).ln(),
+        seconds: begin.elapsed().as_secs_f64(),
+        evaluations: solution.evaluations,
+        substeps: solution.substeps,
+        autocorrelation_time: time,
+        converged: solution.converged,
+        verdicts: Vec::new(),
+        parameters,
+    };
+    outcome.verdicts = super::verdict::verdicts(&outcome, &unseen, &predicted, train.tracks);
+    accept_what_was_fitted(&mut outcome);
+    Ok(outcome)
+}
+
+/// The envelope the data cover, with room; what they do not cover keeps its default.
+fn declare_envelope(parameters: &mut Parameters<f64>, train: &[Track], test: &[Track]) {
+    let samples = || train.iter().chain(test).flat_map(|track| &track.samples);
+    let covers = |field: &mut f32, of: fn(&compensator_core::Sample<f64>) -> f64, room: f64| {
+        let largest = samples().map(of).map(f64::abs).fold(0.0, f64::max);
+        if largest > 0.0 {
+            *field = (largest * room) as f32;
+        }
+    };
+    let envelope = &mut parameters.envelope;
+    covers(&mut envelope.velocity_max_rad_s, |s| s.velocity_rad_s, 1.5);
+    covers(&mut envelope.radial_force_max_n, |s| s.radial_force_n, 1.2);
+    covers(&mut envelope.pressure_diff_max_pa, |s| s.pressure_diff_mpa * 1e6, 1.2);
+    covers(&mut envelope.load_torque_max_nm, |s| s.load_torque_nm, 1.2);
+    covers(&mut envelope.acceleration_max_rad_s2, |s| s.acceleration_rad_s2, 1.5);
+    covers(&mut envelope.campaign_max_h, |s| s.campaign_time_h, 2.0);
+}
+
+/// A law the data want active (damping beyond passivity) is written with that choice stated, and
+/// said in words: the file must load into the core as it is.
+fn accept_what_was_fitted(outcome: &mut Outcome) {
+    if let Some(largest) = outcome.parameters.active_damping() {
+        outcome.parameters.choices.allow_active = true;
+        outcome.verdicts.push(format!(
+            "bristle_damping: above {largest:.3} the law can give out energy; params.toml says \
+             allow_active, and a driver should run with damping_fades instead"
+        ));
+    }
+}
+
+/// A simulation of rows beside what was measured.
+#[derive(Clone, Debug)]
+pub struct Predicted {
+    /// Simulated torque, track by track, at the full rate.
+    pub torque: Vec<Vec<f64>>,
+    /// Measured minus simulated, track by track, decimated as asked.
+    pub residuals: Vec<Vec<f64>>,
+    /// Errors over all rows.
+    pub metrics: Metrics,
+    /// Largest share of the level the bristle torque reached; 0 for a law without bristles.
+    pub saturation: f64,
+    /// Share of the rows in which the bristles were neither at rest nor fully slipping.
+    pub presliding: f64,
+}
+
+/// Simulates a model along rows.
+pub fn predict(parameters: &Parameters<f64>, rows: Rows, substeps: usize) -> Predicted {
+    let (mut torques, mut residuals, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut saturation, mut between, mut count) = (0.0f64, 0usize, 0usize);
+    let level = parameters.get(Id::CoulombTorque);
+    for track in rows.tracks {
+        let mut torque = Vec::with_capacity(track.len());
+        let held = settle(parameters, track, substeps).map(|rest| rest.held);
+        simulate(parameters, track, held, substeps, |_, simulated, bristle| {
+            torque.push(simulated);
+            let share = bristle.abs() / level;
+            saturation = saturation.max(share);
+            between += usize::from((0.02..0.95).contains(&share));
+            count += 1;
+            true
+        });
+        let mut residual: Vec<f64> = track.torque.iter().zip(&torque).map(|(y, f)| y - f).collect();
+        if rows.decimate > 1 {
+            let filter = AntiAlias::new(rows.decimate);
+            residual = filter.thin(residual);
+            let measured = filter.thin(track.torque.clone());
+            pairs.extend(measured.iter().zip(&residual).map(|(y, e)| (*y, y - e)));
+        } else {
+            pairs.extend(track.torque.iter().copied().zip(torque.iter().copied()));
+        }
+        residuals.push(residual);
+        torques.push(torque);
+    }
+    let bristles = parameters.law.has_bristles();
+    Predicted {
+        torque: torques,
+        residuals,
+        metrics: Metrics::of(pairs.into_iter()),
+        saturation: if bristles { saturation } else { 0.0 },
+        presliding: if bristles { between as f64 / count.max(1) as f64 } else { 0.0 },
+    }
+}
+
+fn estimates(
+    solution: &Solution,
+    parameters: &Parameters<f64>,
+    rows: Rows,
+    time: f64,
+    unseen: &[ParameterId],
+) -> (Vec<Estimate>, DMatrix<f64>) {
+    let reduced = &solution.reduced;
+    let count = solution.coordinates.len();
+    let free: Vec<Id> = solution.coordinates.ids().collect();
+    let spare = reduced.rows.saturating_sub(count).max(1) as f64;
+    let variance = time * reduced.sum_of_squares() / spare;
+    let covariance = inverse_information(reduced) * variance;
+    // d(parameter)/d(coordinate), exactly, by the same dual numbers as the fit.
+    let seeded: Vec<Dual<40>> =
+        solution.point.iter().enumerate().map(|(i, u)| Dual::parameter(*u, i)).collect();
+    let natural = solution.coordinates.parameters(&seeded);
+    let change = DMatrix::from_fn(count, count, |i, j| natural.get(free[i]).gradient[j]);
+    let natural_covariance = &change * &covariance * change.transpose();
+    let torque = Scales::of(rows.tracks).torque;
+    let norm = |j: usize| -> f64 {
+        let squares = (0..count).map(|i| reduced.factor[i * count + j].powi(2)).sum::<f64>();
+        (squares / reduced.rows.max(1) as f64).sqrt()
+    };
+    let state = |index: usize, id: Id, error: f64| {
+        let (point, start) =
+            (solution.point[index], solution.coordinates.point(&solution.start)[index]);
+        let value = parameters.get(id);
+        if solution.coordinates.at_bound(index, &solution.point, parameters) {
+            return State::AtBound;
+        }
+        let moved = (point - start).abs() > 1e-6 * (1.0 + start.abs());
+        if !moved && norm(index) < NO_EFFECT * torque {
+            return State::AtStart;
+        }
+        let positive = id.info().lower > 0.0;
+        // What the parameter does to the torque, per unit of it.
+        let effect = norm(index) / change[(index, index)].abs().max(f64::MIN_POSITIVE);
+        let loose = if positive {
+            error > LOOSE * value.abs()
+        } else {
+            2.0 * error * effect > LOOSE_EFFECT * torque && value.abs() < 3.0 * error
+        };
+        if loose || !error.is_finite() { State::NotDetermined } else { State::Determined }
+    };
+    let estimates = parameters
+        .active()
+        .map(|id| {
+            let value = parameters.get(id);
+            match free.iter().position(|free| *free == id) {
+                Some(index) => {
+                    let error = natural_covariance[(index, index)].max(0.0).sqrt();
+                    let state = state(index, id, error);
+                    Estimate { id, value, std_error: Some(error.min(f64::MAX)), state }
+                }
+                None => {
+                    let lost = unseen.contains(&id) || solution.twins.contains(&id);
+                    let state = if lost { State::NotDetermined } else { State::AtStart };
+                    Estimate { id, value, std_error: None, state }
+                }
+            }
+        })
+        .collect();
+    let errors: Vec<f64> =
+        (0..count).map(|i| natural_covariance[(i, i)].max(f64::MIN_POSITIVE).sqrt()).collect();
+    let correlation = DMatrix::from_fn(count, count, |i, j| {
+        (natural_covariance[(i, j)] / (errors[i] * errors[j])).clamp(-1.0, 1.0)
+    });
+    (estimates, correlation)
+}

@@ -1,0 +1,97 @@
+//! The core's model stepped along a track, in any number.
+//!
+//! A log at 100 Hz or 1 kHz is coarse for a bristle: backward Euler is first order, and its error at
+//! the log's own period would be taken up by `sigma0` and `sigma1`. A simulation may therefore take
+//! several sub-steps a sample, the inputs following a straight line between samples; the driver's own
+//! 20 kHz is reached from a 1 kHz log by twenty. [`crate::fit::solve`] chooses the number.
+
+use super::track::Track;
+use compensator_core::effect::NoEffect;
+use compensator_core::model::Law;
+use compensator_core::{Model, Parameters, Real, Sample, State};
+
+/// Steps a model along a track and hands each sample's torque to `sink`, with the bristle torque;
+/// stops early where `sink` returns `false`.
+///
+/// `held` is the bristle torque at the start, or `None` where the track begins sliding
+/// ([`super::rest`]). `substeps` is at least 1. Parameters are not checked: a fit passes through illegal
+/// values.
+pub fn simulate<T: Real<Setting = T>>(
+    parameters: &Parameters<T>,
+    track: &Track,
+    held: Option<T>,
+    substeps: usize,
+    mut sink: impl FnMut(usize, T, T) -> bool,
+) {
+    let period = T::from_f64(track.period_s / substeps as f64);
+    let model: Model<T> = parameters.build_unchecked(period);
+    let mut state = State::holding(held.unwrap_or_else(|| sliding(&model, track)));
+    if substeps == 1 && track.period_ratio.is_none() && model.is_plain() {
+        // The common case of plain bristles, with the law chosen once instead of at each sample.
+        if let Law::Lugre(law) = model.law() {
+            let bristle = &mut state.bristle_torque_nm;
+            for (row, sample) in track.samples.iter().enumerate() {
+                let torque = law.step(bristle, T::from_f64(sample.velocity_rad_s), &NoEffect);
+                if !sink(row, torque, *bristle) {
+                    return;
+                }
+            }
+            return;
+        }
+    }
+    let (mut stretched, mut ratio) = (model.clone(), 1.0);
+    let mut before = track.samples[0];
+    for (row, sample) in track.samples.iter().enumerate() {
+        if let Some(ratios) = &track.period_ratio
+            && ratios[row] != ratio
+        {
+            ratio = ratios[row];
+            stretched = model.stretched(T::from_f64(ratio));
+        }
+        let mut torque = T::zero();
+        for step in 1..=substeps {
+            let input = between(&before, sample, step, substeps);
+            torque = stretched.step(&mut state, &input);
+        }
+        if !sink(row, torque, state.bristle_torque_nm) {
+            return;
+        }
+        before = *sample;
+    }
+}
+
+/// The bristle torque of a joint that slides where the track begins: the Coulomb level.
+fn sliding<T: Real<Setting = T>>(model: &Model<T>, track: &Track) -> T {
+    let coulomb = match model.law() {
+        Law::Lugre(law) | Law::Improved(law, _) => law.coulomb,
+        Law::Asymmetric(law) => law.positive.coulomb,
+        Law::Steady(_) => return T::zero(),
+    };
+    coulomb.copy_sign(T::from_f64(track.samples[0].velocity_rad_s))
+}
+
+/// The sample a share `step/steps` of the way from `before` to `now`, in the number of the model.
+#[inline(always)]
+fn between<T: Real>(
+    before: &Sample<f64>,
+    now: &Sample<f64>,
+    step: usize,
+    steps: usize,
+) -> Sample<T> {
+    let share = step as f64 / steps as f64;
+    let on_line = |from: f64, to: f64| {
+        T::from_f64(if step == steps { to } else { from + (to - from) * share })
+    };
+    Sample {
+        velocity_rad_s: on_line(before.velocity_rad_s, now.velocity_rad_s),
+        position_rad: on_line(before.position_rad, now.position_rad),
+        position_trust: T::from_f64(now.position_trust),
+        acceleration_rad_s2: on_line(before.acceleration_rad_s2, now.acceleration_rad_s2),
+        radial_force_n: on_line(before.radial_force_n, now.radial_force_n),
+        radial_force_change_n: T::from_f64(now.radial_force_change_n / steps as f64),
+        pressure_diff_mpa: on_line(before.pressure_diff_mpa, now.pressure_diff_mpa),
+        temperature_c: on_line(before.temperature_c, now.temperature_c),
+        load_torque_nm: on_line(before.load_torque_nm, now.load_torque_nm),
+        campaign_time_h: on_line(before.campaign_time_h, now.campaign_time_h),
+    }
+}

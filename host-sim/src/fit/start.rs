@@ -1,0 +1,295 @@
+//! Where a fit begins.
+//!
+//! A bristle model has valleys: a stiffness ten times too low fits presliding as viscosity. The
+//! quantities that enter linearly (Coulomb, viscous, offset, inertia, gravity) come from ordinary
+//! least squares on the sliding rows, which has no valleys; the others (stiffness, Stribeck velocity,
+//! excess of the static level) are laid out on a coarse grid around what speed and travel suggest. The
+//! grid is judged on a part of the rows, the best few are improved there, and the best of those go on.
+
+use super::coordinates::Coordinates;
+use super::metrics::Metrics;
+use super::rest::settle;
+use super::simulate::simulate;
+use super::solve::{Rows, minimise};
+use super::track::Track;
+use crate::spec::Spec;
+use ParameterId as Id;
+use compensator_core::{ParameterId, Parameters, Sample, TermKind};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Rows the grid is judged on.
+const TRIAL_ROWS: usize = 20_000;
+
+/// The sizes of a data set that starting values are made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Scales {
+    /// 95th percentile of the speed, rad/s.
+    pub speed: f64,
+    /// Root mean square of the torque, Nm.
+    pub torque: f64,
+    /// Median over the tracks of the distance travelled per track, rad.
+    pub travel: f64,
+    /// Length of the campaign, s.
+    pub campaign_s: f64,
+    /// Mean temperature, deg C.
+    pub temperature_c: f64,
+    /// Noise of the torque, Nm, from its second differences: what a smooth torque would not have.
+    /// Never more than the noise there is by much, where the motion is smooth.
+    pub noise: f64,
+    /// Median sample period, s.
+    pub period_s: f64,
+}
+
+impl Scales {
+    /// Sizes of some tracks.
+    pub fn of(tracks: &[Track]) -> Self {
+        let samples = || tracks.iter().flat_map(|track| &track.samples);
+        let rows = samples().count().max(1) as f64;
+        let mut speeds: Vec<f64> = samples().map(|s| s.velocity_rad_s.abs()).collect();
+        speeds.sort_by(f64::total_cmp);
+        let speed = speeds.get(speeds.len() * 95 / 100).copied().unwrap_or(1.0);
+        let squares: f64 = tracks.iter().flat_map(|t| &t.torque).map(|t| t * t).sum();
+        let mut travels: Vec<f64> = tracks
+            .iter()
+            .map(|t| t.samples.iter().map(|s| s.velocity_rad_s.abs()).sum::<f64>() * t.period_s)
+            .collect();
+        travels.sort_by(f64::total_cmp);
+        let travel = travels.get(travels.len() / 2).copied().unwrap_or(1.0);
+        Self {
+            speed: speed.max(1e-9),
+            torque: (squares / rows).sqrt().max(1e-12),
+            travel: travel.max(1e-9),
+            campaign_s: samples().map(|s| s.campaign_time_h * 3600.0).fold(1.0, f64::max),
+            temperature_c: samples().map(|s| s.temperature_c).sum::<f64>() / rows,
+            noise: noise(tracks).max(1e-6 * (squares / rows).sqrt()),
+            period_s: tracks.first().map_or(1e-3, |t| t.period_s),
+        }
+    }
+
+    /// Between which values a positive parameter is sought, well inside its legal range: beyond
+    /// them it does on these rows what it does at the bound.
+    pub fn bounds(&self, id: ParameterId) -> (f64, f64) {
+        let (least, most) = match id {
+            Id::CoulombTorque | Id::CoulombTorqueNegative => {
+                (1e-4 * self.torque, 1e3 * self.torque)
+            }
+            Id::StribeckVelocity => (1e-3 * self.speed, 1e1 * self.speed),
+            // Presliding over a hundred times the travel, or a millionth of it.
+            Id::BristleStiffness => {
+                (0.01 * self.torque / self.travel, 1e6 * self.torque / self.travel)
+            }
+            Id::AtanSlope => (1e-2 / self.speed, 1e4 / self.speed),
+            Id::DriftTime => (1e-2 * self.campaign_s, 1e2 * self.campaign_s),
+            _ => (id.info().lower, id.info().upper),
+        };
+        (least.max(id.info().lower), most.min(id.info().upper))
+    }
+
+    /// A size a parameter that cannot be negative may be expected to have.
+    pub fn typical(&self, id: ParameterId) -> f64 {
+        match id {
+            Id::BristleDamping => 0.1 * self.torque / self.speed,
+            Id::DwellGain => 0.1 * self.torque,
+            Id::BacklashTravel => 0.01 * self.travel,
+            Id::ChannelDelay => self.period_s,
+            _ => 1.0,
+        }
+    }
+}
+
+/// The median keeps breakaways and reversals out; a second difference of white noise has `sqrt 6`
+/// times its standard deviation, and 0.6745 of that as median magnitude.
+fn noise(tracks: &[Track]) -> f64 {
+    let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
+    let mut differences: Vec<f64> =
+        tracks.iter().flat_map(|track| track.torque.windows(3).map(second)).collect();
+    differences.sort_by(f64::total_cmp);
+    let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
+    median / (0.6745 * 6f64.sqrt())
+}
+
+/// A parameter and what it multiplies.
+type LinearPart = (ParameterId, fn(&Sample<f64>) -> f64);
+
+/// Parts of the torque that are linear, each with the parameter that scales it.
+fn linear_parts(spec: &Spec, base: &Parameters<f64>) -> Vec<LinearPart> {
+    let mut parts: Vec<LinearPart> = vec![
+        (Id::CoulombTorque, |s| s.velocity_rad_s.signum()),
+        (Id::ViscousFriction, |s| s.velocity_rad_s),
+    ];
+    for term in &base.terms {
+        match term {
+            TermKind::TorqueOffset => parts.push((Id::TorqueOffset, |_| 1.0)),
+            TermKind::UnmodelledInertia => parts.push((Id::Inertia, |s| s.acceleration_rad_s2)),
+            TermKind::GravityImbalance => {
+                parts.push((Id::GravitySine, |s| s.position_rad.sin()));
+                parts.push((Id::GravityCosine, |s| s.position_rad.cos()));
+            }
+            TermKind::LoadGain => parts.push((Id::LoadGain, |s| s.load_torque_nm)),
+            _ => {}
+        }
+    }
+    if spec.law.parameters().contains(&Id::TorqueOffset) {
+        parts.push((Id::TorqueOffset, |_| 1.0));
+    }
+    parts
+}
+
+/// Sets the linear parts to their least-squares values on the sliding rows.
+fn set_linear_parts(
+    spec: &Spec,
+    parameters: &mut Parameters<f64>,
+    tracks: &[Track],
+    scales: &Scales,
+) {
+    let parts = linear_parts(spec, parameters);
+    let count = parts.len();
+    let (mut products, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
+    for track in tracks {
+        for (sample, torque) in track.samples.iter().zip(&track.torque) {
+            if sample.velocity_rad_s.abs() < 0.02 * scales.speed {
+                continue;
+            }
+            let row = DVector::from_iterator(count, parts.iter().map(|(_, part)| part(sample)));
+            products.ger(1.0, &row, &row, 1.0);
+            right.axpy(*torque, &row, 1.0);
+        }
+    }
+    // Scaled to a unit diagonal, so that the cut-off means the same for every unit.
+    let scale = products.diagonal().map(|d: f64| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
+    let scaled = DMatrix::from_fn(count, count, |i, j| products[(i, j)] * scale[i] * scale[j]);
+    let solved = scaled.svd(true, true).solve(&right.component_mul(&scale), 1e-10);
+    if let Ok(solution) = solved {
+        for ((id, _), value) in parts.iter().zip(solution.component_mul(&scale).iter()) {
+            parameters.set(*id, *value);
+        }
+    }
+}
+
+/// The best few starting points for the free parameters.
+pub fn candidates(
+    spec: &Spec,
+    base: &Parameters<f64>,
+    free: &[ParameterId],
+    rows: Rows,
+    scales: &Scales,
+    substeps: usize,
+    count: usize,
+) -> Vec<Parameters<f64>> {
+    let mut first = base.clone();
+    first.set(Id::TemperatureReference, scales.temperature_c);
+    first.set(Id::DriftTime, (scales.campaign_s / 3.0).max(1.0));
+    set_linear_parts(spec, &mut first, rows.tracks, scales);
+    let coulomb = first.get(Id::CoulombTorque).max(0.05 * scales.torque);
+    first.set(Id::CoulombTorque, coulomb);
+    first.set(Id::CoulombTorqueNegative, coulomb);
+    for id in ParameterId::ALL {
+        // What the caller keeps fixed stays as it was given.
+        if !free.contains(id) && base.active().any(|active| active == *id) {
+            let temperature = *id == Id::TemperatureReference;
+            first.set(*id, if temperature { scales.temperature_c } else { base.get(*id) });
+        }
+    }
+    let grid = grid(spec, free, &first, coulomb, scales);
+    if grid.len() == 1 {
+        return grid;
+    }
+    let trial = trial_tracks(rows.tracks);
+    let trial = Rows { tracks: &trial, decimate: 1 };
+    let cost = |start: &Parameters<f64>| -> f64 {
+        let errors = trial.tracks.iter().map(|track| {
+            let mut simulated = Vec::with_capacity(track.len());
+            let held = settle(start, track, substeps).map(|rest| rest.held);
+            simulate(start, track, held, substeps, |_, torque, _| {
+                simulated.push(torque);
+                true
+            });
+            Metrics::of(track.torque.iter().copied().zip(simulated)).sse
+        });
+        errors.sum()
+    };
+    let mut judged: Vec<_> = grid.into_par_iter().map(|start| (cost(&start), start)).collect();
+    judged.sort_by(|a, b| a.0.total_cmp(&b.0));
+    judged.truncate(2 * count.max(1));
+    let mut improved: Vec<_> = judged
+        .into_par_iter()
+        .map(|(_, start)| {
+            let coordinates = Coordinates::new(&start, free, scales);
+            let from = coordinates.point(&start);
+            let (point, reduced, _, _) = minimise(&coordinates, &from, trial, substeps, 3);
+            (reduced.sum_of_squares(), coordinates.parameters::<f64>(&point))
+        })
+        .collect();
+    improved.sort_by(|a, b| a.0.total_cmp(&b.0));
+    improved.truncate(count.max(1));
+    improved.into_iter().map(|(_, start)| start).collect()
+}
+
+fn grid(
+    spec: &Spec,
+    free: &[ParameterId],
+    first: &Parameters<f64>,
+    coulomb: f64,
+    scales: &Scales,
+) -> Vec<Parameters<f64>> {
+    let values = |id: Id, wanted: &[f64]| -> Vec<f64> {
+        if free.contains(&id) { wanted.to_vec() } else { vec![first.get(id)] }
+    };
+    let stribeck = values(Id::StribeckVelocity, &[0.01, 0.05, 0.25].map(|s| s * scales.speed));
+    let excess = values(Id::StaticTorque, &[1.1, 1.6].map(|ratio| ratio * coulomb));
+    // The travel over which the bristles take up the load: presliding.
+    let travels = [1e-4, 1e-3, 1e-2, 1e-1].map(|share| coulomb / (share * scales.travel));
+    let stiffness = values(Id::BristleStiffness, &travels);
+    let slope = values(Id::AtanSlope, &[1.0, 10.0, 100.0].map(|s| s / scales.speed));
+    let mut grid = Vec::new();
+    for stribeck_velocity in &stribeck {
+        for static_torque in &excess {
+            for bristle_stiffness in &stiffness {
+                for atan_slope in &slope {
+                    let mut start = first.clone();
+                    start.set(Id::StribeckVelocity, *stribeck_velocity);
+                    start.set(Id::StaticTorque, *static_torque);
+                    start.set(Id::StaticTorqueNegative, *static_torque);
+                    start.set(Id::BristleStiffness, *bristle_stiffness);
+                    start.set(Id::AtanSlope, *atan_slope);
+                    if free.contains(&Id::BristleDamping) {
+                        start.set(Id::BristleDamping, scales.typical(Id::BristleDamping));
+                    }
+                    if free.contains(&Id::BacklashTravel) {
+                        start.set(Id::BacklashTravel, scales.typical(Id::BacklashTravel));
+                    }
+                    grid.push(start);
+                }
+            }
+        }
+    }
+    // Axes a law does not have repeat the same point.
+    let own = |start: &Parameters<f64>| -> Vec<u64> {
+        let ids = spec.law.parameters().iter();
+        ids.map(|id| start.get(*id).to_bits()).collect()
+    };
+    let mut seen = std::collections::HashSet::new();
+    grid.retain(|start| seen.insert(own(start)));
+    grid
+}
+
+/// Some whole tracks, spread over all, of about [`TRIAL_ROWS`] rows; a long one is cut.
+fn trial_tracks(tracks: &[Track]) -> Vec<Track> {
+    let rows: usize = tracks.iter().map(Track::len).sum();
+    let stride = rows.div_ceil(TRIAL_ROWS).clamp(1, tracks.len().max(1));
+    let chosen: Vec<&Track> = tracks.iter().step_by(stride).collect();
+    let most = (TRIAL_ROWS / chosen.len().max(1)).max(2000);
+    chosen
+        .into_iter()
+        .map(|track| {
+            let mut track = track.clone();
+            track.samples.truncate(most);
+            track.torque.truncate(most);
+            if let Some(ratios) = &mut track.period_ratio {
+                ratios.truncate(most);
+            }
+            track
+        })
+        .collect()
+}

@@ -1,0 +1,109 @@
+//! Runs as the core sees them: unbroken tracks of samples.
+//!
+//! A track is one segment of a run (no gap inside), converted to the core's units, with its own
+//! sample period. The bristle state starts anew on each track. Where the log's spacing is even to
+//! [`EVEN`], the period is one number and a model is built once; else each sample carries its own.
+
+use crate::data::{Dataset, Run, segments};
+use compensator_core::Sample;
+
+/// Spacing that varies by less than this share of the median counts as even. A logger's clock
+/// rounds; a model need not be built anew for that.
+const EVEN: f64 = 0.02;
+
+/// One unbroken stretch of a run.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// Index of the run in the data set.
+    pub run: usize,
+    /// Row of the run the track begins at.
+    pub first_row: usize,
+    /// The core's inputs, one per row.
+    pub samples: Vec<Sample<f64>>,
+    /// What is to be explained, Nm or N.
+    pub torque: Vec<f64>,
+    /// Median sample period, s.
+    pub period_s: f64,
+    /// Each sample's own period over the median one, where the spacing is uneven.
+    pub period_ratio: Option<Vec<f64>>,
+}
+
+impl Track {
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.torque.len()
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.torque.is_empty()
+    }
+}
+
+/// Cuts every run into tracks. Segments of a single row tell nothing of a motion and are left out.
+pub fn tracks(data: &Dataset) -> Vec<Track> {
+    let all_times = data.runs.iter().flat_map(|run| run.time_s.first());
+    let campaign_start = all_times.copied().fold(f64::INFINITY, f64::min);
+    let mut tracks = Vec::new();
+    for (index, run) in data.runs.iter().enumerate() {
+        let acceleration = run.acceleration_or_derived();
+        for rows in segments(run) {
+            if rows.len() > 1 {
+                tracks.push(track(run, index, rows, &acceleration, campaign_start));
+            }
+        }
+    }
+    tracks
+}
+
+fn track(
+    run: &Run,
+    index: usize,
+    rows: std::ops::Range<usize>,
+    acceleration: &[f64],
+    campaign_start: f64,
+) -> Track {
+    let at = |column: &Option<Vec<f64>>, row: usize| column.as_ref().map_or(0.0, |c| c[row]);
+    let samples = rows
+        .clone()
+        .map(|row| {
+            let before = row.saturating_sub(1).max(rows.start);
+            let force = at(&run.radial_force_n, row);
+            Sample {
+                velocity_rad_s: run.velocity[row],
+                position_rad: at(&run.position, row),
+                position_trust: 1.0,
+                acceleration_rad_s2: acceleration[row],
+                radial_force_n: force,
+                radial_force_change_n: force - at(&run.radial_force_n, before),
+                pressure_diff_mpa: at(&run.pressure_diff_pa, row) * 1e-6,
+                temperature_c: at(&run.temperature_c, row),
+                load_torque_nm: at(&run.load_torque_nm, row),
+                campaign_time_h: (run.time_s[row] - campaign_start) / 3600.0,
+            }
+        })
+        .collect();
+    let mut steps: Vec<f64> =
+        run.time_s[rows.clone()].windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let period_s = median(&steps).max(1e-9);
+    let uneven = steps.iter().any(|step| (step / period_s - 1.0).abs() > EVEN);
+    let period_ratio = uneven.then(|| {
+        // A repeated time stamp is a coarse clock: the step is small, not nothing.
+        steps.insert(0, period_s);
+        steps.iter().map(|step| (step / period_s).max(0.01)).collect()
+    });
+    Track {
+        run: index,
+        first_row: rows.start,
+        samples,
+        torque: run.torque[rows].to_vec(),
+        period_s,
+        period_ratio,
+    }
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or_default()
+}

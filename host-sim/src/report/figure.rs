@@ -1,0 +1,210 @@
+//! A chart in the terms of Plotly.js: traces, a layout, and a configuration, as JSON.
+//!
+//! Three things are easily got wrong here. Plotly reads a little HTML in every text (`<b>`,
+//! `<a href>`), so texts are escaped for it, on top of the page's own escaping. JSON has no NaN:
+//! it is written as `null`, which Plotly draws as a hole. And JSON inside an HTML page ends at
+//! the first `</script`, whatever the quotes say, so no `<` may stand in it. All drawing is
+//! SVG, not WebGL: it prints sharply, and a page may hold more than the sixteen WebGL contexts
+//! a browser grants.
+
+use plotly::common::{
+    Anchor, DashType, Fill, Font, HoverInfo, Line, LineShape, Marker, Mode, Orientation, Title,
+};
+use plotly::configuration::{DisplayModeBar, ModeBarButtonName};
+use plotly::layout::{
+    Axis as PlotlyAxis, AxisType, BarMode, HoverMode, ItemSizing, Legend, Margin, TicksDirection,
+};
+use plotly::{Bar, Configuration, Layout, Scatter};
+use serde_json::{Value, json};
+
+use super::chart::{Axis, Chart, Series, Style};
+use super::palette::{Look, Palette};
+
+/// Above these many points, dots and lines are drawn finer.
+const MANY_DOTS: usize = 400;
+const MANY_CORNERS: usize = 1500;
+
+/// What a chart becomes.
+pub(super) struct Figure {
+    /// For the page's script; `None` when there is nothing to draw.
+    pub json: Option<String>,
+    /// Pixels.
+    pub height: usize,
+}
+
+pub(super) fn figure(chart: &Chart, palette: &mut Palette, small: bool) -> Figure {
+    let height = height(chart, small);
+    let traces: Vec<Value> = chart
+        .series
+        .iter()
+        .map(|series| {
+            let look = match &series.colour_of {
+                _ if series.muted => Palette::muted(),
+                other => palette.look(other.as_ref().unwrap_or(&series.name)),
+            };
+            trace(series, &look, chart)
+        })
+        .collect();
+    let something = chart
+        .series
+        .iter()
+        .any(|series| series.x.iter().zip(&series.y).any(|(x, y)| x.is_finite() && y.is_finite()));
+    if !something {
+        return Figure { json: None, height: 0 };
+    }
+    let configuration = Configuration::new()
+        .responsive(true)
+        .display_logo(false)
+        .display_mode_bar(DisplayModeBar::Hover)
+        .mode_bar_buttons_to_remove(vec![
+            ModeBarButtonName::Select2d,
+            ModeBarButtonName::Lasso2d,
+            ModeBarButtonName::AutoScale2d,
+        ]);
+    let figure = json!({ "data": traces, "layout": layout(chart), "config": configuration });
+    Figure { json: Some(figure.to_string().replace('<', "\\u003c")), height }
+}
+
+/// Plotly's texts know a few tags and entities; this makes any text stand for itself.
+fn plain(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace(['\n', '\r'], " ")
+}
+
+fn height(chart: &Chart, small: bool) -> usize {
+    let names = chart.y.categories.len();
+    match (names, small) {
+        (0, false) => 420,
+        (0, true) => 340,
+        _ => 110 + 34 * names,
+    }
+}
+
+fn trace(series: &Series, look: &Look, chart: &Chart) -> Value {
+    let (x, y) = (series.x.clone(), series.y.clone());
+    let name = plain(&series.name);
+    let line = Line::new()
+        .color(look.colour)
+        .dash(look.dash.clone())
+        .width(if x.len() > MANY_CORNERS { 1.0 } else { 2.0 });
+    match &series.style {
+        Style::Points => {
+            let many = x.len() > MANY_DOTS;
+            let on_names = !(chart.x.categories.is_empty() && chart.y.categories.is_empty());
+            let size = if on_names {
+                11
+            } else if many {
+                4
+            } else {
+                7
+            };
+            let marker = Marker::new().color(look.colour).symbol(look.symbol.clone()).size(size);
+            let opacity = if many { 0.6 } else { 0.9 };
+            json!(Scatter::new(x, y).mode(Mode::Markers).name(name).marker(marker).opacity(opacity))
+        }
+        Style::Line => json!(Scatter::new(x, y).mode(Mode::Lines).name(name).line(line)),
+        Style::Steps => {
+            let line = line.shape(LineShape::Hv);
+            json!(Scatter::new(x, y).mode(Mode::Lines).name(name).line(line))
+        }
+        Style::Bars => {
+            let lying = !chart.y.categories.is_empty();
+            let orientation = if lying { Orientation::Horizontal } else { Orientation::Vertical };
+            let marker = Marker::new().color(look.colour);
+            json!(Bar::new(x, y).name(name).marker(marker).orientation(orientation))
+        }
+        Style::Band { upper } => {
+            let (x, y) = outline(&series.x, &series.y, upper);
+            let line = Line::new().color(look.colour).width(0.0).dash(DashType::Solid);
+            let band = Scatter::new(x, y).mode(Mode::Lines).name(name).line(line);
+            let band = band.fill(Fill::ToSelf).fill_color(faint(look.colour));
+            json!(band.hover_info(HoverInfo::Skip))
+        }
+    }
+}
+
+/// A colour `#RRGGBB` at a fifth of its strength.
+fn faint(colour: &str) -> String {
+    format!("{colour}33")
+}
+
+/// The closed outline of a band: there along the lower edge, back along the upper. A hole in
+/// either edge ends one outline and starts the next.
+fn outline(x: &[f64], lower: &[f64], upper: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let edges: Vec<[f64; 3]> =
+        x.iter().zip(lower).zip(upper).map(|((&x, &low), &high)| [x, low, high]).collect();
+    let is_whole = |edge: &[f64; 3]| edge.iter().all(|value| value.is_finite());
+    let mut corners: Vec<(f64, f64)> = Vec::new();
+    for part in edges.split(|edge| !is_whole(edge)).filter(|part| !part.is_empty()) {
+        if !corners.is_empty() {
+            corners.push((f64::NAN, f64::NAN));
+        }
+        corners.extend(part.iter().map(|&[x, low, _]| (x, low)));
+        corners.extend(part.iter().rev().map(|&[x, _, high]| (x, high)));
+    }
+    corners.into_iter().unzip()
+}
+
+fn layout(chart: &Chart) -> Layout {
+    let font = Font::new().family("system-ui, 'Segoe UI', Roboto, Helvetica, Arial, sans-serif");
+    let legend = Legend::new()
+        .orientation(Orientation::Horizontal)
+        .item_sizing(ItemSizing::Constant)
+        .x(0.0)
+        .x_anchor(Anchor::Left)
+        .y(1.02)
+        .y_anchor(Anchor::Bottom);
+    Layout::new()
+        .auto_size(true)
+        .font(font.size(13).color("#222222"))
+        .margin(Margin::new().left(64).right(16).top(24).bottom(52))
+        .show_legend(needs_legend(chart))
+        .legend(legend)
+        .hover_mode(HoverMode::Closest)
+        .bar_mode(BarMode::Group)
+        .paper_background_color("#FFFFFF")
+        .plot_background_color("#FFFFFF")
+        .x_axis(axis(&chart.x, false))
+        .y_axis(axis(&chart.y, true))
+}
+
+/// A lone series is named by the chart's title, and an axis of names names its own.
+fn needs_legend(chart: &Chart) -> bool {
+    let mut names = chart.x.categories.iter().chain(&chart.y.categories);
+    let is_named = |series: &Series| names.any(|name| *name == series.name);
+    chart.series.len() > 1 && !chart.series.iter().all(is_named)
+}
+
+fn axis(axis: &Axis, upright: bool) -> PlotlyAxis {
+    let drawn = PlotlyAxis::new()
+        .title(Title::with_text(plain(&axis.label)).font(Font::new().size(13)))
+        .auto_margin(true)
+        .show_line(true)
+        .line_color("#444444")
+        .grid_color("#E6E6E6")
+        .zero_line(!axis.log && axis.categories.is_empty())
+        .zero_line_color("#AAAAAA")
+        .hover_format(".5~g")
+        .type_(if axis.log { AxisType::Log } else { AxisType::Linear });
+    // On a log axis Plotly would otherwise number every 2, 3, .. 9 between two decades.
+    let drawn = if axis.log { drawn.n_ticks(6) } else { drawn };
+    if !axis.categories.is_empty() {
+        let count = axis.categories.len();
+        let (first, last) = (-0.5, count as f64 - 0.5);
+        return drawn
+            .tick_values((0..count).map(|index| index as f64).collect())
+            .tick_text(axis.categories.iter().map(|name| plain(name)).collect())
+            .show_grid(false)
+            .ticks(TicksDirection::Outside)
+            .tick_color("#FFFFFF")
+            .range(if upright { vec![last, first] } else { vec![first, last] });
+    }
+    match axis.range {
+        Some((low, high)) if axis.log && low > 0.0 && high > low && high.is_finite() => {
+            drawn.range(vec![low.log10(), high.log10()])
+        }
+        Some((low, high)) if !axis.log && low.is_finite() && high.is_finite() => {
+            drawn.range(vec![low, high])
+        }
+        _ => drawn,
+    }
+}

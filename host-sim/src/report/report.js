@@ -1,0 +1,42 @@
+"use strict";
+// Draws every chart of the page from the JSON that stands behind it. A chart inside a closed
+// <details> has no size yet, so it is drawn when that opens. Paper is narrower than a screen and
+// SVG does not flow, so before printing everything is opened and redrawn at the paper's width.
+(() => {
+  const plots = Array.from(document.querySelectorAll(".plot"));
+  const drawn = new Set();
+
+  const draw = (plot) => {
+    if (drawn.has(plot) || plot.closest("details:not([open])")) return;
+    drawn.add(plot);
+    const figure = JSON.parse(document.getElementById(plot.id + "-data").textContent);
+    Plotly.newPlot(plot, figure.data, figure.layout, figure.config);
+  };
+
+  plots.forEach(draw);
+  for (const details of document.querySelectorAll("details")) {
+    details.addEventListener("toggle", () => plots.forEach(draw));
+  }
+
+  // Paper is narrow: charts that are lower in the same measure leave fewer half-empty pages.
+  const PRINTED_HEIGHT = 0.8;
+  const size = (plot, scale, width) => {
+    const height = Math.round(scale * plot.dataset.height);
+    plot.style.height = height + "px";
+    Plotly.relayout(plot, { autosize: width === null, width, height });
+  };
+
+  let opened = [];
+  addEventListener("beforeprint", () => {
+    opened = Array.from(document.querySelectorAll("details:not([open])"));
+    opened.forEach((details) => { details.open = true; });
+    plots.forEach((plot) => {
+      draw(plot);
+      size(plot, PRINTED_HEIGHT, Number(plot.dataset.printWidth));
+    });
+  });
+  addEventListener("afterprint", () => {
+    plots.forEach((plot) => size(plot, 1, null));
+    opened.forEach((details) => { details.open = false; });
+  });
+})();

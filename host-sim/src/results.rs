@@ -1,0 +1,6 @@
+//! What `identify` and `compare` leave behind: JSON for machines, TOML for the core, HTML for people.
+
+pub mod json;
+pub mod table;
+
+pub use json::{Document, document};

@@ -1,0 +1,104 @@
+//! `compare.json` and `fit.json`, schema 1.
+//!
+//! One document for both: `identify` writes a list of one model. All errors are in the unit of the
+//! torque column; `nrmse_std` and `nrmse_range` are the RMSE over the standard deviation and over the range
+//! of what was measured on the same rows, `bic` is `n ln(SSE/n) + k ln n` of the training rows.
+
+use crate::data::{Dataset, Split};
+use crate::fit::{Estimate, Metrics, Outcome};
+use crate::params::unit;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+/// The whole document.
+#[derive(Clone, Debug, Serialize)]
+pub struct Document {
+    schema: u32,
+    data: Data,
+    models: Vec<Model>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Data {
+    runs: usize,
+    rows: usize,
+    rows_left_out: usize,
+    unit: &'static str,
+    train_runs: Vec<String>,
+    test_runs: Vec<String>,
+    files: Vec<String>,
+    sha256: Vec<String>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Model {
+    model: String,
+    rigid_body: Vec<&'static str>,
+    seconds: f64,
+    bic: f64,
+    converged: bool,
+    substeps: usize,
+    autocorrelation_time: f64,
+    verdicts: Vec<String>,
+    params: Map<String, Value>,
+    correlation: Map<String, Value>,
+    train: Metrics,
+    test: Metrics,
+}
+
+fn parameter(estimate: &Estimate, data: &Dataset) -> (String, Value) {
+    let info = estimate.id.info();
+    let value = json!({
+        "value": estimate.value,
+        "unit": unit(info, data.joint),
+        "std_error": estimate.std_error,
+        "state": estimate.state.name(),
+    });
+    (info.name.to_owned(), value)
+}
+
+/// Correlations of the fitted parameters, each pair once.
+fn correlation(outcome: &Outcome) -> Map<String, Value> {
+    let fitted: Vec<&Estimate> =
+        outcome.estimates.iter().filter(|estimate| estimate.std_error.is_some()).collect();
+    let row = |i: usize| -> Value {
+        let rest = fitted.iter().enumerate().skip(i + 1);
+        rest.map(|(j, other)| (other.id.name().to_owned(), json!(outcome.correlation[(i, j)])))
+            .collect::<Map<_, _>>()
+            .into()
+    };
+    let all = fitted.iter().enumerate();
+    all.map(|(i, estimate)| (estimate.id.name().to_owned(), row(i))).collect()
+}
+
+/// Puts a data set, its split and the fits on it together. `hashes` are of the files, in order.
+pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcome]) -> Document {
+    let model = |outcome: &Outcome| Model {
+        model: outcome.spec.to_string(),
+        rigid_body: outcome.spec.rigid_body.iter().map(|term| term.name()).collect(),
+        seconds: outcome.seconds,
+        bic: outcome.bic,
+        converged: outcome.converged,
+        substeps: outcome.substeps,
+        autocorrelation_time: outcome.autocorrelation_time,
+        verdicts: outcome.verdicts.clone(),
+        params: outcome.estimates.iter().map(|e| parameter(e, data)).collect(),
+        correlation: correlation(outcome),
+        train: outcome.train,
+        test: outcome.test,
+    };
+    Document {
+        schema: 1,
+        data: Data {
+            runs: data.runs.len(),
+            rows: data.rows,
+            rows_left_out: data.bad_rows.count,
+            unit: data.joint.torque_unit(),
+            train_runs: split.train_runs(data),
+            test_runs: split.test_runs(data),
+            files: data.files.iter().map(|file| file.display().to_string()).collect(),
+            sha256: hashes.to_vec(),
+        },
+        models: fits.iter().map(model).collect(),
+    }
+}

@@ -1,0 +1,90 @@
+//! The same results on a terminal.
+
+use crate::data::Dataset;
+use crate::fit::Outcome;
+use crate::params::unit;
+use comfy_table::{CellAlignment, Table, presets};
+
+/// A number with four significant digits, without an exponent where that reads well.
+pub fn figure(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        return "0".to_owned();
+    }
+    if !(1e-3..1e6).contains(&size) {
+        return format!("{value:.3e}");
+    }
+    let digits = (3 - size.log10().floor() as i32).clamp(0, 6) as usize;
+    format!("{value:.digits$}")
+}
+
+fn table(header: &[&str], numbers_from: usize) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
+    for (index, column) in table.column_iter_mut().enumerate() {
+        if index >= numbers_from {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}
+
+/// One row a model, best on the held-out rows first.
+pub fn models(fits: &[Outcome], data: &Dataset) -> String {
+    let torque = data.joint.torque_unit();
+    let rmse = format!("test RMSE, {torque}");
+    let mut table = table(
+        &[
+            "model",
+            &rmse,
+            "of std",
+            "of range",
+            "relative",
+            "train RMSE",
+            "relative",
+            "BIC",
+            "time, s",
+        ],
+        1,
+    );
+    let mut order: Vec<&Outcome> = fits.iter().collect();
+    order.sort_by(|a, b| a.test.rmse.total_cmp(&b.test.rmse));
+    for fit in order {
+        table.add_row(vec![
+            fit.spec.to_string(),
+            figure(fit.test.rmse),
+            format!("{:.1} %", 100.0 * fit.test.nrmse_std),
+            format!("{:.1} %", 100.0 * fit.test.nrmse_range),
+            format!("{:.4} %", fit.test.relative_error_percent),
+            figure(fit.train.rmse),
+            format!("{:.4} %", fit.train.relative_error_percent),
+            format!("{:.0}", fit.bic),
+            format!("{:.2}", fit.seconds),
+        ]);
+    }
+    table.to_string()
+}
+
+/// One row a parameter.
+pub fn parameters(fit: &Outcome, data: &Dataset) -> String {
+    let mut table = table(&["parameter", "value", "std error", "unit", "state"], 1);
+    for column in [3, 4] {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Left);
+        }
+    }
+    for estimate in &fit.estimates {
+        let (error, state) = match estimate.std_error {
+            Some(error) => (figure(error), estimate.state.name()),
+            None => ("-".to_owned(), "kept"),
+        };
+        table.add_row(vec![
+            estimate.id.name().to_owned(),
+            figure(estimate.value),
+            error,
+            unit(estimate.id.info(), data.joint).to_owned(),
+            state.to_owned(),
+        ]);
+    }
+    table.to_string()
+}

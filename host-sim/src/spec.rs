@@ -1,0 +1,185 @@
+//! Which model: a law, extension terms, and the rigid-body parts that belong to the base.
+//!
+//! A model is named `LAW+TERM+TERM`, as `lugre+pressure-coulomb`. What the torque column holds
+//! beyond friction (`--rigid-body inertia,gravity,load,offset`) is not part of the name: it belongs to
+//! every model that is compared. In the core both are terms alike.
+
+use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
+use std::fmt;
+
+/// A rigid-body part of the torque column, and the core term that computes it.
+const RIGID_BODY: [(&str, TermKind); 4] = [
+    ("inertia", TermKind::UnmodelledInertia),
+    ("gravity", TermKind::GravityImbalance),
+    ("load", TermKind::LoadGain),
+    ("offset", TermKind::TorqueOffset),
+];
+
+/// A model to be fitted: its law, its terms, the rigid-body parts under it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Spec {
+    /// The friction law.
+    pub law: LawKind,
+    /// The extension terms, in the order named.
+    pub terms: Vec<TermKind>,
+    /// Rigid-body parts of the base.
+    pub rigid_body: Vec<TermKind>,
+}
+
+/// Why a model or rigid-body list was refused; one line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct SpecError(String);
+
+fn names(of: impl Iterator<Item = &'static str>) -> String {
+    of.collect::<Vec<_>>().join(", ")
+}
+
+impl Spec {
+    /// A law alone.
+    pub fn law(law: LawKind) -> Self {
+        Self { law, terms: Vec::new(), rigid_body: Vec::new() }
+    }
+
+    /// Reads `LAW+TERM+...`.
+    ///
+    /// # Errors
+    /// Names what is unknown and what is known, or a term the law has in it already.
+    pub fn parse(name: &str) -> Result<Self, SpecError> {
+        let mut parts = name.split('+');
+        let first = parts.next().unwrap_or_default();
+        let law = LawKind::parse(first).ok_or_else(|| {
+            let known = names(LawKind::ALL.iter().map(|law| law.name()));
+            SpecError(format!("--model {name}: unknown model {first:?}, expected one of {known}"))
+        })?;
+        let mut spec = Self::law(law);
+        for part in parts {
+            let term = TermKind::parse(part).ok_or_else(|| {
+                let known = names(TermKind::ALL.iter().map(|term| term.name()));
+                SpecError(format!("--model {name}: unknown term {part:?}, expected one of {known}"))
+            })?;
+            if law.includes(term) {
+                let why = format!("{} has {part} in it already", law.name());
+                return Err(SpecError(format!("--model {name}: {why}")));
+            }
+            if spec.terms.contains(&term) {
+                return Err(SpecError(format!("--model {name}: {part} is named twice")));
+            }
+            spec.terms.push(term);
+        }
+        Ok(spec)
+    }
+
+    /// Puts rigid-body parts under the model. A part the law or a term brings already stays once.
+    #[must_use]
+    pub fn on(mut self, rigid_body: &[TermKind]) -> Self {
+        self.rigid_body =
+            rigid_body.iter().copied().filter(|part| !self.law.includes(*part)).collect();
+        self.terms.retain(|term| !rigid_body.contains(term));
+        self
+    }
+
+    /// The parameters of the model, at their defaults.
+    ///
+    /// # Errors
+    /// If there are more terms than a model can carry.
+    pub fn parameters(&self) -> Result<Parameters<f64>, SpecError> {
+        let mut parameters = Parameters::new(self.law);
+        for term in self.rigid_body.iter().chain(&self.terms) {
+            if !parameters.add_term(*term) {
+                let most = compensator_core::term::MAX_TERMS;
+                return Err(SpecError(format!("{self}: a model takes at most {most} terms")));
+            }
+        }
+        Ok(parameters)
+    }
+
+    /// The name with the rigid-body parts in it, as `params.toml` needs it.
+    pub fn full_name(&self) -> String {
+        let parts = self.rigid_body.iter().chain(&self.terms);
+        parts.fold(self.law.name().to_owned(), |name, term| name + "+" + term.name())
+    }
+
+    /// Columns a fit of this model must have, by the parameters that act on them.
+    pub fn needs(&self) -> impl Iterator<Item = (ParameterId, &'static str)> + '_ {
+        use ParameterId as Id;
+        let column = |id| match id {
+            Id::RadialForceCoulomb | Id::RadialForceStaticExcess | Id::RadialForceRate => {
+                Some("radial_force_n")
+            }
+            Id::PressureCoulomb | Id::PressureStaticExcess => Some("pressure_diff_pa"),
+            Id::TemperatureViscosity => Some("temperature_c"),
+            Id::RippleSine | Id::RippleCosine | Id::RippleOrder => Some("position"),
+            Id::GravitySine | Id::GravityCosine => Some("position"),
+            Id::LoadCoulomb | Id::LoadGain => Some("load_torque_nm"),
+            _ => None,
+        };
+        let own = self.law.parameters().iter();
+        let terms = self.rigid_body.iter().chain(&self.terms);
+        own.chain(terms.flat_map(|term| term.parameters()))
+            .filter_map(move |id| column(*id).map(|name| (*id, name)))
+    }
+}
+
+impl fmt::Display for Spec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.law.name())?;
+        self.terms.iter().try_for_each(|term| write!(f, "+{}", term.name()))
+    }
+}
+
+/// Reads a list of rigid-body parts, `inertia,gravity,load,offset`.
+///
+/// # Errors
+/// Names the part that is unknown and those that are known.
+pub fn parse_rigid_body(list: &str) -> Result<Vec<TermKind>, SpecError> {
+    let mut parts = Vec::new();
+    for name in list.split(',').map(str::trim).filter(|name| !name.is_empty()) {
+        let known = RIGID_BODY.iter().find(|(known, _)| *known == name);
+        let (_, term) = known.ok_or_else(|| {
+            let known = names(RIGID_BODY.iter().map(|(name, _)| *name));
+            SpecError(format!("--rigid-body: unknown part {name:?}, expected of {known}"))
+        })?;
+        if !parts.contains(term) {
+            parts.push(*term);
+        }
+    }
+    Ok(parts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_and_written() {
+        let spec = Spec::parse("linear+direction-asymmetry").unwrap();
+        assert_eq!(spec.to_string(), "linear+direction-asymmetry");
+        let spec = spec.on(&parse_rigid_body("inertia,offset").unwrap());
+        assert_eq!(spec.to_string(), "linear+direction-asymmetry");
+        let full = "linear+unmodelled-inertia+torque-offset+direction-asymmetry";
+        assert_eq!(spec.full_name(), full);
+        assert_eq!(Spec::parse(full).unwrap().full_name(), full);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        for (name, word) in [
+            ("lugra", "unknown model \"lugra\""),
+            ("lugre+pressure", "unknown term \"pressure\""),
+            ("improved-lugre+pressure-coulomb", "has pressure-coulomb in it already"),
+            ("atan+torque-offset", "has torque-offset in it already"),
+            ("dahl+backlash+backlash", "named twice"),
+        ] {
+            let error = Spec::parse(name).unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+        assert!(parse_rigid_body("inertia,mass").unwrap_err().to_string().contains("\"mass\""));
+    }
+
+    #[test]
+    fn offset_under_the_atan_law_is_its_own() {
+        let spec = Spec::parse("atan").unwrap().on(&[TermKind::TorqueOffset]);
+        assert!(spec.rigid_body.is_empty());
+    }
+}
