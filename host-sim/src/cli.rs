@@ -10,6 +10,7 @@ mod input;
 mod output;
 mod simulate;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -32,7 +33,11 @@ enum Command {
 
 /// Runs the command line and returns the exit code.
 pub fn run() -> ExitCode {
-    let outcome = match Arguments::parse().command {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return refused(&error),
+    };
+    let outcome = match arguments.command {
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
@@ -44,4 +49,21 @@ pub fn run() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// Bad usage in one line, as bad input is; help and version as they are.
+fn refused(error: &clap::Error) -> ExitCode {
+    let asked = [ErrorKind::DisplayHelp, ErrorKind::DisplayVersion];
+    let help_instead = ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
+    if asked.contains(&error.kind()) || error.kind() == help_instead {
+        // Nobody is left to tell if the terminal has gone.
+        let _ = error.print();
+        return ExitCode::from(if asked.contains(&error.kind()) { 0 } else { 2 });
+    }
+    let text = error.to_string();
+    let advice = |line: &str| ["Usage:", "For more"].iter().any(|start| line.starts_with(start));
+    let said = text.lines().take_while(|line| !advice(line));
+    let words: Vec<&str> = said.flat_map(str::split_whitespace).collect();
+    eprintln!("{}", words.join(" "));
+    ExitCode::from(2)
 }

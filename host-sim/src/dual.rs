@@ -9,7 +9,8 @@
 //! orphan rule would want a wrapper as long as this file), and its derivative is an `Option`, whose
 //! test per operation keeps the compiler from vectorising the step.
 
-use compensator_core::Real;
+use compensator_core::number::Share;
+use compensator_core::{Real, curve};
 use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -20,6 +21,10 @@ pub struct Dual<const N: usize> {
     pub value: f64,
     /// Derivative by each parameter.
     pub gradient: [f64; N],
+    /// Made of a plain number: the derivatives are 0. IEEE arithmetic forbids the compiler to drop a
+    /// product by 0; this it knows when it compiles a step, whose velocity is a plain number, and
+    /// drops a third of the arithmetic.
+    constant: bool,
 }
 
 impl<const N: usize> Dual<N> {
@@ -27,13 +32,22 @@ impl<const N: usize> Dual<N> {
     pub fn parameter(value: f64, index: usize) -> Self {
         let mut gradient = [0.0; N];
         gradient[index] = 1.0;
-        Self { value, gradient }
+        Self { value, gradient, constant: false }
     }
 
     /// A function of this number, by its value and derivative.
     #[inline(always)]
     fn chain(self, value: f64, derivative: f64) -> Self {
-        Self { value, gradient: self.gradient.map(|g| g * derivative) }
+        if self.constant {
+            return Self::from_f64(value);
+        }
+        Self { value, gradient: self.gradient.map(|g| g * derivative), constant: false }
+    }
+
+    /// The magnitude, without a branch on the sign.
+    #[inline(always)]
+    fn abs_by_sign(self) -> Self {
+        self.chain(self.value.abs(), 1f64.copysign(self.value))
     }
 
     #[inline(always)]
@@ -42,13 +56,13 @@ impl<const N: usize> Dual<N> {
         for (g, o) in gradient.iter_mut().zip(other.gradient) {
             *g = combine(*g, o);
         }
-        Self { value, gradient }
+        Self { value, gradient, constant: false }
     }
 }
 
 impl<const N: usize> Default for Dual<N> {
     fn default() -> Self {
-        Self { value: 0.0, gradient: [0.0; N] }
+        Self::from_f64(0.0)
     }
 }
 
@@ -87,6 +101,10 @@ impl<const N: usize> Mul for Dual<N> {
     #[allow(clippy::suspicious_arithmetic_impl)]
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
+        // One side is asked only: a question the compiler cannot answer would cost a branch.
+        if other.constant {
+            return self.chain(self.value * other.value, other.value);
+        }
         self.zip(other, self.value * other.value, |a, b| a * other.value + self.value * b)
     }
 }
@@ -118,7 +136,7 @@ impl<const N: usize> Real for Dual<N> {
     }
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
-        Self { value, gradient: [0.0; N] }
+        Self { value, gradient: [0.0; N], constant: true }
     }
     #[inline(always)]
     fn value(self) -> f64 {
@@ -150,8 +168,43 @@ impl<const N: usize> Real for Dual<N> {
     }
     #[inline(always)]
     fn stribeck_curve(self) -> Self {
-        let (value, slope) = compensator_core::curve::value_and_slope(self.value);
+        let (value, slope) = curve::value_and_slope(self.value.min(curve::LAST));
         self.chain(value, slope)
+    }
+    #[inline(always)]
+    fn up_to_curve_end(self, _: Self) -> Self {
+        self
+    }
+    // In these the plain number, where there is one, comes second.
+    #[inline(always)]
+    fn stribeck_share(self, cells_per_velocity: Self, _: Self) -> Share<Self> {
+        Share::of((cells_per_velocity * self).stribeck_curve())
+    }
+    #[inline(always)]
+    fn difference_of_products(a: Self, b: Self, c: Self, d: Self) -> Self {
+        a * b - d * c
+    }
+    // Limits seldom act: a branch that is foreseen is cheaper than a choice of each derivative.
+    #[inline(always)]
+    fn limited_with_magnitude(self, bound: Self) -> (Self, Self) {
+        let mut limited = self;
+        if !(self.value.abs() <= bound.value) {
+            seldom();
+            // The bound is the envelope's, which nobody fits.
+            limited = Self::from_f64(Real::within(self.value.or_zero_if_nan(), bound.value));
+        }
+        (limited, limited.abs_by_sign())
+    }
+    #[inline(always)]
+    fn within_level(self, bound: Self) -> Self {
+        let mut limited = self;
+        if !(self.value.abs() <= bound.value) {
+            seldom();
+            let sign = 1f64.copysign(self.value);
+            let gradient = bound.gradient.map(|g| g * sign);
+            limited = Self { value: bound.value * sign, gradient, constant: false };
+        }
+        limited
     }
     fn exp(self) -> Self {
         let value = Real::exp(self.value);
@@ -177,6 +230,10 @@ impl<const N: usize> Real for Dual<N> {
     }
 }
 
+/// Marks a branch as seldom taken.
+#[cold]
+fn seldom() {}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -199,7 +256,7 @@ mod tests {
 
     #[test]
     fn every_operation_has_the_derivative_of_its_value() {
-        let expressions: [fn([Dual<2>; 2]) -> Dual<2>; 12] = [
+        let expressions: [fn([Dual<2>; 2]) -> Dual<2>; 17] = [
             |[a, b]| a + b * a - b,
             |[a, b]| a / b + b.ratio(a),
             |[a, b]| -(a * b).abs(),
@@ -212,6 +269,11 @@ mod tests {
             |[a, b]| a.within(b.abs()),
             |[a, b]| a.at_most(b) + b.at_least(a) * a,
             |[a, b]| (a * b).abs().stribeck_curve(),
+            |[a, b]| a.within_level(b.abs()) * b,
+            |[a, b]| a * Dual::from_f64(0.3) - Dual::from_f64(0.7) * b + Dual::from_f64(2.0),
+            |[a, b]| Dual::difference_of_products(a, Dual::from_f64(0.3), Dual::from_f64(0.7), b),
+            |[a, b]| a.plus_share(b, Dual::from_f64(1.1).stribeck_share(a.abs(), b)),
+            |[a, b]| a * b.limited_with_magnitude(Dual::from_f64(9.0)).1,
         ];
         for expression in expressions {
             for at in [[0.7, 1.9], [-1.3, 0.4], [2.1, -3.3], [-0.2, -0.9]] {

@@ -26,5 +26,6 @@ mod verdict;
 
 pub use metrics::Metrics;
 pub use outcome::{Estimate, Outcome, State, identify};
+pub use simulate::Resolution;
 pub use solve::{FitOptions, Rows, fit};
 pub use track::{Track, tracks};

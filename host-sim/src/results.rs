@@ -1,6 +1,8 @@
 //! What `identify` and `compare` leave behind: JSON for machines, TOML for the core, HTML for people.
 
 pub mod json;
+pub mod page;
 pub mod table;
 
 pub use json::{Document, document};
+pub use page::{Study, page};

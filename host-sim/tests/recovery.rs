@@ -2,7 +2,8 @@
 //!
 //! The joints are drawn from paper 0's ranges and simulated by [`host_sim::plant`], which shares no code
 //! with the core: own state, own integrator. A fit then has to find the parameters within two of its own
-//! standard errors in 95 % of the cases. Too few would mean a bias or errors that are too small; too many,
+//! standard errors in 95 % of the cases (95.4 % if errors are right, which a hundred seeds can tell to a
+//! percent or two). Too few would mean a bias or errors that are too small; too many,
 //! errors that are too large: the test has limits on both sides.
 
 use compensator_core::ParameterId as Id;
@@ -64,26 +65,28 @@ fn assert_covered(model: &str, deviations: &[(Id, Vec<f64>)]) {
         let rms = (all.iter().map(|d| d * d).sum::<f64>() / all.len() as f64).sqrt();
         let hit = within(all);
         eprintln!("{model} {:24} {hit:3} of {} mean {mean:+.2} rms {rms:.2}", id.name(), all.len());
-        // 95.4 of 100 are expected; 88 and fewer would happen once in 500.
+        // 95.4 of 100 are expected; fewer than 89 would happen once in 300.
         assert!(hit >= 89, "{}: only {hit} within two standard errors", id.name());
-        assert!((0.7..1.35).contains(&rms), "{}: errors off by {rms:.2}", id.name());
+        assert!((0.75..1.25).contains(&rms), "{}: errors off by {rms:.2}", id.name());
         hits += hit;
         total += all.len();
     }
     let share = 100.0 * hits as f64 / total as f64;
     eprintln!("{model}: {share:.1} % of {total} within two standard errors");
-    assert!((95.0..99.0).contains(&share), "{share:.1} % within two standard errors");
+    // The parameters of one fit are correlated: 900 deviations are worth some 300, and the share
+    // expected, 95.4 %, is known to 1.2.
+    assert!((92.5..98.0).contains(&share), "{share:.1} % within two standard errors");
 }
 
 #[test]
 fn lugre_parameters_are_found_within_their_errors() {
-    let how = Recording { runs: 4, seconds: 6.0, loaded: false, ..Recording::default() };
+    let how = Recording { runs: 4, seconds: 5.0, loaded: false, ..Recording::default() };
     assert_covered("lugre", &deviations("lugre", how));
 }
 
 #[test]
 fn improved_lugre_parameters_are_found_within_their_errors() {
-    let how = Recording { runs: 8, seconds: 4.0, ..Recording::default() };
+    let how = Recording { runs: 8, seconds: 3.0, ..Recording::default() };
     assert_covered("improved-lugre", &deviations("improved-lugre", how));
 }
 

@@ -1,9 +1,9 @@
 //! `compare`: all families on equal terms.
 
 use super::input::{DataArguments, Input, spinner};
-use super::output::OutputArguments;
+use super::output::{OutputArguments, say};
 use crate::fit::{FitOptions, Outcome, outcome::identify};
-use crate::results::{document, table};
+use crate::results::{Study, document, page, table};
 use crate::spec::Spec;
 use compensator_core::LawKind;
 
@@ -48,15 +48,25 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let fits = fits(specs, &input)?;
     let document = document(&input.data, &input.split, &input.hashes, &fits);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
-    arguments.output.write(&[("compare.json", &json)])?;
+    let study = Study {
+        data: &input.data,
+        split: &input.split,
+        hashes: &input.hashes,
+        test: input.test_rows(),
+        columns: &arguments.data.columns,
+        skip: arguments.data.skip,
+        fits: &fits,
+    };
+    let html = page(&study).render();
+    arguments.output.write(&[("compare.json", &json), ("compare.html", &html)])?;
     if arguments.output.json {
-        print!("{json}");
-        return Ok(());
+        return say(&json);
     }
-    println!("{}", table::models(&fits, &input.data));
+    let mut text = table::models(&fits, &input.data) + "\n";
     for fit in &fits {
-        fit.verdicts.iter().for_each(|verdict| println!("{}: {verdict}", fit.spec));
+        fit.verdicts.iter().for_each(|verdict| text += &format!("{}: {verdict}\n", fit.spec));
     }
-    println!("written: {}/compare.json", arguments.output.out.display());
-    Ok(())
+    let out = arguments.output.out.display();
+    text += &format!("written: {out}/compare.html, {out}/compare.json\n");
+    say(&text)
 }

@@ -1,10 +1,10 @@
 //! `identify`: one model, fitted.
 
 use super::input::{DataArguments, spinner};
-use super::output::OutputArguments;
+use super::output::{OutputArguments, say};
 use crate::fit::{FitOptions, outcome::identify};
 use crate::params;
-use crate::results::{document, table};
+use crate::results::{Study, document, page, table};
 use crate::spec::Spec;
 use compensator_core::{ParameterId, Parameters};
 use std::path::PathBuf;
@@ -82,15 +82,25 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let document = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(&fit));
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
     let toml = params::emit(&fit, input.data.joint);
-    arguments.output.write(&[("fit.json", &json), ("params.toml", &toml)])?;
+    let study = Study {
+        data: &input.data,
+        split: &input.split,
+        hashes: &input.hashes,
+        test: input.test_rows(),
+        columns: &arguments.data.columns,
+        skip: arguments.data.skip,
+        fits: std::slice::from_ref(&fit),
+    };
+    let html = page(&study).render();
+    let files = [("fit.json", json.as_str()), ("params.toml", &toml), ("fit.html", &html)];
+    arguments.output.write(&files)?;
     if arguments.output.json {
-        print!("{json}");
-        return Ok(());
+        return say(&json);
     }
-    println!("{}", table::parameters(&fit, &input.data));
-    println!("{}", table::models(std::slice::from_ref(&fit), &input.data));
-    fit.verdicts.iter().for_each(|verdict| println!("- {verdict}"));
+    let models = table::models(std::slice::from_ref(&fit), &input.data);
+    let mut text = format!("{}\n{models}\n", table::parameters(&fit, &input.data));
+    fit.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
     let out = arguments.output.out.display();
-    println!("written: {out}/params.toml, {out}/fit.json");
-    Ok(())
+    text += &format!("written: {out}/params.toml, {out}/fit.json, {out}/fit.html\n");
+    say(&text)
 }

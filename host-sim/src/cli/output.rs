@@ -1,6 +1,7 @@
 //! Where results go.
 
 use clap::Args;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 /// Where results go.
@@ -15,18 +16,38 @@ pub struct OutputArguments {
 }
 
 impl OutputArguments {
-    /// Writes all files, each whole or not at all.
+    /// Writes all files, each whole or not at all, and none where one of the names is taken by a
+    /// folder.
     ///
     /// # Errors
     /// One line that names the file.
     pub fn write(&self, files: &[(&str, &str)]) -> Result<(), String> {
         let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
         std::fs::create_dir_all(&self.out).map_err(|error| failed(&self.out, error))?;
+        let taken = files.iter().map(|(name, _)| self.out.join(name)).find(|path| path.is_dir());
+        if let Some(path) = taken {
+            return Err(failed(&path, ErrorKind::IsADirectory.into()));
+        }
         for (name, content) in files {
             let path = self.out.join(name);
             crate::report::write_atomically(&path, content.as_bytes())
                 .map_err(|error| failed(&path, error))?;
         }
         Ok(())
+    }
+}
+
+/// Prints on standard output. A reader that has seen enough (`| head`) is no error: the files are
+/// written by then.
+///
+/// # Errors
+/// One line where standard output cannot be written to, as on a full disk.
+pub fn say(text: &str) -> Result<(), String> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(format!("standard output: {error}"))
+        }
+        _ => Ok(()),
     }
 }

@@ -1,6 +1,6 @@
 //! `simulate`: a simulated machine's log and the truth behind it.
 
-use super::output::OutputArguments;
+use super::output::{OutputArguments, say};
 use crate::plant::{Recording, record};
 use clap::ValueEnum;
 
@@ -67,12 +67,13 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let json = serde_json::to_string_pretty(&truth.json()).map_err(|e| e.to_string())? + "\n";
     arguments.output.write(&[("data.csv", &truth.csv()), ("truth.json", &json)])?;
     if arguments.output.json {
-        print!("{json}");
-    } else {
-        let rows: usize = truth.runs.iter().map(Vec::len).sum();
-        let out = arguments.output.out.display();
-        println!("simulated: {} runs, {rows} rows, seed {}", truth.runs.len(), truth.seed);
-        println!("written: {out}/data.csv, {out}/truth.json");
+        return say(&json);
     }
-    Ok(())
+    let rows: usize = truth.runs.iter().map(Vec::len).sum();
+    let out = arguments.output.out.display();
+    say(&format!(
+        "simulated: {} runs, {rows} rows, seed {}\nwritten: {out}/data.csv, {out}/truth.json\n",
+        truth.runs.len(),
+        truth.seed
+    ))
 }

@@ -158,6 +158,12 @@ impl Coordinates {
             .collect()
     }
 
+    /// Whether a coordinate moves by its logarithm and has a prior, so that its error is relative and
+    /// never larger than the prior's width.
+    pub fn is_held_by_prior(&self, index: usize) -> bool {
+        matches!(self.free[index].1, Scale::Logarithmic(..) | Scale::NotNegative(_))
+    }
+
     /// Whether a free parameter stands at a bound of its coordinate or of its legal range.
     pub fn at_bound(&self, index: usize, point: &[f64], parameters: &Parameters<f64>) -> bool {
         let (id, scale) = self.free[index];

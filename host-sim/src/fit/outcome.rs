@@ -6,7 +6,7 @@
 
 use super::metrics::Metrics;
 use super::rest::settle;
-use super::simulate::simulate;
+use super::simulate::{Resolution, simulate};
 use super::solve::{FitOptions, Rows, Solution, fit, unseen};
 use super::start::Scales;
 use super::statistics::{autocorrelation_time, inverse_information};
@@ -78,8 +78,8 @@ pub struct Outcome {
     pub seconds: f64,
     /// Simulations with derivatives the best start and its refinements took.
     pub evaluations: usize,
-    /// Sub-steps of the simulation per sample.
-    pub substeps: usize,
+    /// How finely the simulation stepped.
+    pub resolution: Resolution,
     /// Neighbouring rows that count as one observation in the standard errors.
     pub autocorrelation_time: f64,
     /// Whether the optimiser converged.
@@ -89,7 +89,7 @@ pub struct Outcome {
 }
 
 /// A relative standard error of a positive parameter above this is "not determined": values from
-/// half to twice as large are within two errors.
+/// half to twice as large are within two errors. (The prior alone gives 2.3.)
 const LOOSE: f64 = 0.5;
 
 /// For other parameters: two standard errors change the torque by more than this share of its RMS,
@@ -114,7 +114,7 @@ pub fn identify(
     let solution = fit(spec, base, train, options);
     let mut parameters = solution.parameters();
     declare_envelope(&mut parameters, train.tracks, test.tracks);
-    let predicted = predict(&parameters, train, solution.substeps);
+    let predicted = predict(&parameters, train, solution.resolution);
     let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
     let unseen = unseen(spec, train.tracks);
     let (estimates, correlation) = estimates(&solution, &parameters, train, time, &unseen);
@@ -126,12 +126,12 @@ pub fn identify(
         estimates,
         correlation,
         train: train_metrics,
-        test: predict(&parameters, test, solution.substeps).metrics,
+        test: predict(&parameters, test, solution.resolution).metrics,
         bic: rows * (train_metrics.sse.max(f64::MIN_POSITIVE) / rows.max(1.0)).ln()
             + count * rows.max(1.0).ln(),
         seconds: begin.elapsed().as_secs_f64(),
         evaluations: solution.evaluations,
-        substeps: solution.substeps,
+        resolution: solution.resolution,
         autocorrelation_time: time,
         converged: solution.converged,
         verdicts: Vec::new(),
@@ -188,14 +188,14 @@ pub struct Predicted {
 }
 
 /// Simulates a model along rows.
-pub fn predict(parameters: &Parameters<f64>, rows: Rows, substeps: usize) -> Predicted {
+pub fn predict(parameters: &Parameters<f64>, rows: Rows, resolution: Resolution) -> Predicted {
     let (mut torques, mut residuals, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
     let (mut saturation, mut between, mut count) = (0.0f64, 0usize, 0usize);
     let level = parameters.get(Id::CoulombTorque);
     for track in rows.tracks {
         let mut torque = Vec::with_capacity(track.len());
-        let held = settle(parameters, track, substeps).map(|rest| rest.held);
-        simulate(parameters, track, held, substeps, |_, simulated, bristle| {
+        let held = settle(parameters, track, resolution).map(|rest| rest.held);
+        simulate(parameters, track, held, resolution, |_, simulated, bristle| {
             torque.push(simulated);
             let share = bristle.abs() / level;
             saturation = saturation.max(share);
@@ -263,7 +263,9 @@ fn estimates(
         let positive = id.info().lower > 0.0;
         // What the parameter does to the torque, per unit of it.
         let effect = norm(index) / change[(index, index)].abs().max(f64::MIN_POSITIVE);
-        let loose = if positive {
+        let loose = if solution.coordinates.is_held_by_prior(index) {
+            covariance[(index, index)].sqrt() > LOOSE
+        } else if positive {
             error > LOOSE * value.abs()
         } else {
             2.0 * error * effect > LOOSE_EFFECT * torque && value.abs() < 3.0 * error

@@ -7,7 +7,7 @@
 //! linear in it), and its derivative column is projected out of the Jacobian, so that the standard errors
 //! know it was not known.
 
-use super::simulate::simulate;
+use super::simulate::{Resolution, simulate};
 use super::track::Track;
 use crate::dual::Dual;
 use compensator_core::{ParameterId, Parameters};
@@ -32,7 +32,7 @@ pub struct Rest {
 
 /// Solves for the held torque of a track; `None` where the law has no bristles or the track begins
 /// sliding.
-pub fn settle(parameters: &Parameters<f64>, track: &Track, substeps: usize) -> Option<Rest> {
+pub fn settle(parameters: &Parameters<f64>, track: &Track, resolution: Resolution) -> Option<Rest> {
     let fastest = track.samples.iter().map(|s| s.velocity_rad_s.abs()).fold(0.0, f64::max);
     let slides = track.samples[0].velocity_rad_s.abs() > AT_REST * fastest;
     if slides || !parameters.law.has_bristles() {
@@ -46,7 +46,7 @@ pub fn settle(parameters: &Parameters<f64>, track: &Track, substeps: usize) -> O
         let (mut products, mut squares) = (0.0, 0.0);
         rest.memory.clear();
         let held = Dual::parameter(rest.held, 0);
-        simulate(&dual, track, Some(held), substeps, |row, torque, bristle| {
+        simulate(&dual, track, Some(held), resolution, |row, torque, bristle| {
             let derivative = torque.gradient[0];
             products += derivative * (track.torque[row] - torque.value);
             squares += derivative * derivative;

@@ -1,35 +1,88 @@
 //! The core's model stepped along a track, in any number.
 //!
 //! A log at 100 Hz or 1 kHz is coarse for a bristle: backward Euler is first order, and its error at
-//! the log's own period would be taken up by `sigma0` and `sigma1`. A simulation may therefore take
-//! several sub-steps a sample, the inputs following a straight line between samples; the driver's own
-//! 20 kHz is reached from a 1 kHz log by twenty. [`crate::fit::solve`] chooses the number.
+//! the log's own period would be taken up by `sigma0` and `sigma1` (at 1 kHz it is 0.5 % of `F_S` in
+//! presliding). A simulation may therefore take several sub-steps a sample, the inputs following a straight
+//! line between samples, and may be *extrapolated*: two simulations, one with twice the sub-steps of the
+//! other, go side by side, and `2 fine - coarse` has the first-order error gone (Richardson). Both are the
+//! core's step. [`crate::fit::solve`] chooses.
 
 use super::track::Track;
 use compensator_core::effect::NoEffect;
 use compensator_core::model::Law;
 use compensator_core::{Model, Parameters, Real, Sample, State};
 
+/// How finely a simulation steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Resolution {
+    /// Steps of the core per sample; at least 1. Of the coarser simulation, where there are two.
+    pub substeps: usize,
+    /// Whether a second simulation with twice the sub-steps takes the first-order error off.
+    pub extrapolated: bool,
+}
+
+impl Resolution {
+    /// One step per sample: what a driver does at the log's rate.
+    pub const PLAIN: Self = Self { substeps: 1, extrapolated: false };
+
+    /// The next finer one: extrapolated first, then with twice the sub-steps.
+    #[must_use]
+    pub fn finer(self) -> Self {
+        let substeps = if self.extrapolated { 2 * self.substeps } else { self.substeps };
+        Self { substeps, extrapolated: true }
+    }
+}
+
+/// A model on its way along a track.
+struct Stepper<T: Real> {
+    model: Model<T>,
+    /// The model for the sample period at hand, where periods vary.
+    stretched: Model<T>,
+    ratio: f64,
+    state: State<T>,
+    substeps: usize,
+}
+
+impl<T: Real<Setting = T>> Stepper<T> {
+    fn new(parameters: &Parameters<T>, track: &Track, held: Option<T>, substeps: usize) -> Self {
+        let period = T::from_f64(track.period_s / substeps as f64);
+        let model: Model<T> = parameters.build_unchecked(period);
+        let state = State::holding(held.unwrap_or_else(|| sliding(&model, track)));
+        Self { stretched: model.clone(), model, ratio: 1.0, state, substeps }
+    }
+
+    fn row(&mut self, before: &Sample<f64>, sample: &Sample<f64>, ratio: f64) -> T {
+        if ratio != self.ratio {
+            self.ratio = ratio;
+            self.stretched = self.model.stretched(T::from_f64(ratio));
+        }
+        let mut torque = T::zero();
+        for step in 1..=self.substeps {
+            let input = between(before, sample, step, self.substeps);
+            torque = self.stretched.step(&mut self.state, &input);
+        }
+        torque
+    }
+}
+
 /// Steps a model along a track and hands each sample's torque to `sink`, with the bristle torque;
 /// stops early where `sink` returns `false`.
 ///
 /// `held` is the bristle torque at the start, or `None` where the track begins sliding
-/// ([`super::rest`]). `substeps` is at least 1. Parameters are not checked: a fit passes through illegal
-/// values.
+/// ([`super::rest`]). Parameters are not checked: a fit passes through illegal values.
 pub fn simulate<T: Real<Setting = T>>(
     parameters: &Parameters<T>,
     track: &Track,
     held: Option<T>,
-    substeps: usize,
+    resolution: Resolution,
     mut sink: impl FnMut(usize, T, T) -> bool,
 ) {
-    let period = T::from_f64(track.period_s / substeps as f64);
-    let model: Model<T> = parameters.build_unchecked(period);
-    let mut state = State::holding(held.unwrap_or_else(|| sliding(&model, track)));
-    if substeps == 1 && track.period_ratio.is_none() && model.is_plain() {
+    let mut coarse = Stepper::new(parameters, track, held, resolution.substeps);
+    let even = track.period_ratio.is_none();
+    if resolution == Resolution::PLAIN && even && coarse.model.is_plain() {
         // The common case of plain bristles, with the law chosen once instead of at each sample.
-        if let Law::Lugre(law) = model.law() {
-            let bristle = &mut state.bristle_torque_nm;
+        if let Law::Lugre(law) = coarse.model.law() {
+            let bristle = &mut coarse.state.bristle_torque_nm;
             for (row, sample) in track.samples.iter().enumerate() {
                 let torque = law.step(bristle, T::from_f64(sample.velocity_rad_s), &NoEffect);
                 if !sink(row, torque, *bristle) {
@@ -39,21 +92,33 @@ pub fn simulate<T: Real<Setting = T>>(
             return;
         }
     }
-    let (mut stretched, mut ratio) = (model.clone(), 1.0);
+    // Not `sink` itself: called in one place only, it becomes part of the loop above.
+    step_through(coarse, parameters, track, held, resolution, &mut sink);
+}
+
+/// As [`simulate`], for every model and resolution; `coarse` is the coarser or only simulation.
+fn step_through<T: Real<Setting = T>>(
+    mut coarse: Stepper<T>,
+    parameters: &Parameters<T>,
+    track: &Track,
+    held: Option<T>,
+    resolution: Resolution,
+    sink: &mut dyn FnMut(usize, T, T) -> bool,
+) {
+    let mut fine = resolution
+        .extrapolated
+        .then(|| Stepper::new(parameters, track, held, 2 * resolution.substeps));
     let mut before = track.samples[0];
     for (row, sample) in track.samples.iter().enumerate() {
-        if let Some(ratios) = &track.period_ratio
-            && ratios[row] != ratio
-        {
-            ratio = ratios[row];
-            stretched = model.stretched(T::from_f64(ratio));
+        let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+        let mut torque = coarse.row(&before, sample, ratio);
+        let mut bristle = coarse.state.bristle_torque_nm;
+        if let Some(fine) = &mut fine {
+            let finer = fine.row(&before, sample, ratio);
+            torque = finer + (finer - torque);
+            bristle = fine.state.bristle_torque_nm + (fine.state.bristle_torque_nm - bristle);
         }
-        let mut torque = T::zero();
-        for step in 1..=substeps {
-            let input = between(&before, sample, step, substeps);
-            torque = stretched.step(&mut state, &input);
-        }
-        if !sink(row, torque, state.bristle_torque_nm) {
+        if !sink(row, torque, bristle) {
             return;
         }
         before = *sample;

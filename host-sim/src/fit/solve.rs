@@ -5,16 +5,15 @@
 //! ([`super::triangle`]), which has the same steps and the same cost, so two million rows take no
 //! more of its time than ten. Value and derivative come from one simulation in dual numbers.
 //!
-//! A log's period is coarse for a bristle; the simulation's sub-steps are raised until a finer one
-//! would move no parameter by more than a quarter of its standard error, or the driver's own rate
-//! is reached.
+//! A log's period is coarse for a bristle; the simulation is refined ([`Resolution`]) until a finer one
+//! would move no parameter by more than a tenth of its standard error.
 
 use super::coordinates::Coordinates;
 use super::outcome::predict;
 use super::rest::settle;
-use super::simulate::simulate;
+use super::simulate::{Resolution, simulate};
 use super::start;
-use super::statistics;
+use super::statistics::{autocorrelation_time, step_in_standard_errors};
 use super::track::Track;
 use super::triangle::{Reduced, Triangle};
 use crate::data::AntiAlias;
@@ -26,11 +25,11 @@ use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn, OMatrix, OVector};
 use rayon::prelude::*;
 
-/// The joint driver's current-loop period, s: no simulation need be finer.
-pub const DRIVER_PERIOD_S: f64 = 50e-6;
-
 /// A finer simulation must not move a parameter by more than this many standard errors.
-const SUBSTEP_TOLERANCE: f64 = 0.25;
+const STEP_TOLERANCE: f64 = 0.1;
+
+/// Sub-steps of the coarser simulation at which refining ends, whatever it still moves.
+const MOST_SUBSTEPS: usize = 16;
 
 /// The optimiser stops when a step would lower the sum of squares by less than this share of one
 /// row's: parameters are then within a thirtieth of a standard error of the optimum.
@@ -48,7 +47,7 @@ pub struct Rows<'a> {
 /// How a fit is done.
 #[derive(Clone, Debug)]
 pub struct FitOptions {
-    /// Sub-steps of the simulation per sample; `None` to choose.
+    /// Plain steps of the simulation per sample; `None` to choose the resolution.
     pub substeps: Option<usize>,
     /// How many starting points go all the way; at least 1.
     pub starts: usize,
@@ -79,8 +78,8 @@ pub struct Solution {
     pub start: Parameters<f64>,
     /// The reduced problem there.
     pub reduced: Reduced,
-    /// Sub-steps of the simulation.
-    pub substeps: usize,
+    /// How finely the simulation stepped.
+    pub resolution: Resolution,
     /// Simulations with derivatives that were made.
     pub evaluations: usize,
     /// Whether the optimiser converged, or gave up at its limit.
@@ -95,16 +94,21 @@ impl Solution {
 }
 
 /// Residual and derivatives at a point, reduced.
-pub fn reduce(coordinates: &Coordinates, point: &[f64], rows: Rows, substeps: usize) -> Reduced {
+pub fn reduce(
+    coordinates: &Coordinates,
+    point: &[f64],
+    rows: Rows,
+    resolution: Resolution,
+) -> Reduced {
     // The number of derivatives is part of a dual number's type; a few sizes serve all.
     match point.len() {
-        0..=2 => reduce_with::<2>(coordinates, point, rows, substeps),
-        3..=4 => reduce_with::<4>(coordinates, point, rows, substeps),
-        5..=6 => reduce_with::<6>(coordinates, point, rows, substeps),
-        7..=8 => reduce_with::<8>(coordinates, point, rows, substeps),
-        9..=12 => reduce_with::<12>(coordinates, point, rows, substeps),
-        13..=20 => reduce_with::<20>(coordinates, point, rows, substeps),
-        _ => reduce_with::<40>(coordinates, point, rows, substeps),
+        0..=2 => reduce_with::<2>(coordinates, point, rows, resolution),
+        3..=4 => reduce_with::<4>(coordinates, point, rows, resolution),
+        5..=6 => reduce_with::<6>(coordinates, point, rows, resolution),
+        7..=8 => reduce_with::<8>(coordinates, point, rows, resolution),
+        9..=12 => reduce_with::<12>(coordinates, point, rows, resolution),
+        13..=20 => reduce_with::<20>(coordinates, point, rows, resolution),
+        _ => reduce_with::<40>(coordinates, point, rows, resolution),
     }
 }
 
@@ -112,7 +116,7 @@ fn reduce_with<const N: usize>(
     coordinates: &Coordinates,
     point: &[f64],
     rows: Rows,
-    substeps: usize,
+    resolution: Resolution,
 ) -> Reduced {
     let count = point.len();
     let seeded: Vec<Dual<N>> =
@@ -120,15 +124,23 @@ fn reduce_with<const N: usize>(
     let parameters = coordinates.parameters(&seeded);
     let plain: Parameters<f64> = coordinates.parameters(point);
     let one = |track: &Track| {
-        let rest = settle(&plain, track, substeps);
+        let rest = settle(&plain, track, resolution);
         let held = rest.as_ref().map(|rest| Dual::from_f64(rest.held));
         let mut triangle = Triangle::new(count);
         if rows.decimate > 1 {
-            push_decimated(&mut triangle, &parameters, track, held, substeps, rows.decimate, count);
+            push_decimated(
+                &mut triangle,
+                &parameters,
+                track,
+                held,
+                resolution,
+                rows.decimate,
+                count,
+            );
             return triangle;
         }
         let mut beginning = rest.map(|rest| (Triangle::new(count + 1), rest.memory));
-        simulate(&parameters, track, held, substeps, |row, torque, _| {
+        simulate(&parameters, track, held, resolution, |row, torque, _| {
             let derivative = torque.gradient.map(|g| -g);
             let residual = track.torque[row] - torque.value;
             match &mut beginning {
@@ -164,12 +176,12 @@ fn push_decimated<const N: usize>(
     parameters: &Parameters<Dual<N>>,
     track: &Track,
     held: Option<Dual<N>>,
-    substeps: usize,
+    resolution: Resolution,
     factor: usize,
     count: usize,
 ) {
     let mut columns = vec![Vec::with_capacity(track.len()); count + 1];
-    simulate(parameters, track, held, substeps, |row, torque, _| {
+    simulate(parameters, track, held, resolution, |row, torque, _| {
         for (column, g) in columns[..count].iter_mut().zip(torque.gradient) {
             column.push(-g);
         }
@@ -190,7 +202,7 @@ fn push_decimated<const N: usize>(
 struct Problem<'a> {
     coordinates: &'a Coordinates,
     rows: Rows<'a>,
-    substeps: usize,
+    resolution: Resolution,
     point: DVector<f64>,
     reduced: Reduced,
     evaluations: usize,
@@ -201,6 +213,17 @@ impl Problem<'_> {
         self.reduced.rest.is_finite()
             && self.reduced.residual.iter().chain(&self.reduced.factor).all(|x| x.is_finite())
     }
+
+    /// Whether what is left of the residual is out of the parameters' reach: the whole step of Gauss
+    /// and Newton would not gain [`ENOUGH`], and need not be tried.
+    fn is_settled(&self) -> bool {
+        let reach: f64 = self.reduced.residual.iter().map(|r| r * r).sum();
+        reach < self.enough() * self.reduced.sum_of_squares()
+    }
+
+    fn enough(&self) -> f64 {
+        ENOUGH / self.reduced.rows.max(1) as f64
+    }
 }
 
 impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
@@ -210,7 +233,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 
     fn set_params(&mut self, point: &OVector<f64, Dyn>) {
         self.point.copy_from(point);
-        self.reduced = reduce(self.coordinates, point.as_slice(), self.rows, self.substeps);
+        self.reduced = reduce(self.coordinates, point.as_slice(), self.rows, self.resolution);
         self.evaluations += 1;
     }
 
@@ -228,7 +251,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 
     fn jacobian(&self) -> Option<OMatrix<f64, Dyn, Dyn>> {
         let count = self.point.len();
-        self.is_finite().then(|| {
+        (self.is_finite() && !self.is_settled()).then(|| {
             DMatrix::from_fn(count + 1, count, |row, column| {
                 if row < count { self.reduced.factor[row * count + column] } else { 0.0 }
             })
@@ -241,22 +264,34 @@ pub fn minimise(
     coordinates: &Coordinates,
     from: &[f64],
     rows: Rows,
-    substeps: usize,
+    resolution: Resolution,
     patience: usize,
 ) -> (Vec<f64>, Reduced, usize, bool) {
-    let reduced = reduce(coordinates, from, rows, substeps);
+    let reduced = reduce(coordinates, from, rows, resolution);
+    minimise_from(coordinates, from, reduced, rows, resolution, patience)
+}
+
+/// As [`minimise`], where the problem at `from` is known.
+fn minimise_from(
+    coordinates: &Coordinates,
+    from: &[f64],
+    reduced: Reduced,
+    rows: Rows,
+    resolution: Resolution,
+    patience: usize,
+) -> (Vec<f64>, Reduced, usize, bool) {
     if coordinates.is_empty() {
         return (Vec::new(), reduced, 1, true);
     }
     let point = DVector::from_column_slice(from);
-    let problem = Problem { coordinates, rows, substeps, point, reduced, evaluations: 1 };
+    let problem = Problem { coordinates, rows, resolution, point, reduced, evaluations: 1 };
     let optimiser = LevenbergMarquardt::new()
         .with_patience(patience)
-        .with_ftol(ENOUGH / problem.reduced.rows.max(1) as f64)
+        .with_ftol(problem.enough())
         .with_xtol(1e-7)
         .with_gtol(1e-10);
     let (problem, report) = optimiser.minimize(problem);
-    let converged = report.termination.was_successful();
+    let converged = report.termination.was_successful() || problem.is_settled();
     (problem.point.as_slice().to_vec(), problem.reduced, problem.evaluations, converged)
 }
 
@@ -271,19 +306,20 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
     base.envelope.velocity_max_rad_s = f32::MAX;
     let base = &base;
     let free = free_parameters(spec, base, rows.tracks, options);
-    let longest = rows.tracks.iter().map(|track| track.period_s).fold(0.0, f64::max);
-    let most = if spec.law.has_bristles() && !delays(base) {
-        ((longest / DRIVER_PERIOD_S).round() as usize).clamp(1, 64)
-    } else {
-        1
-    };
-    let mut substeps = options.substeps.unwrap_or(1).max(1);
+    // A delay line counts steps, so it is stepped as the driver would.
+    let refines = spec.law.has_bristles() && !delays(base) && options.substeps.is_none();
+    let mut resolution =
+        Resolution { substeps: options.substeps.unwrap_or(1).max(1), extrapolated: false };
     let candidates = match &options.start {
         Some(start) => vec![start.clone()],
-        None => start::candidates(spec, base, &free, rows, &scales, substeps, options.starts),
+        None => start::candidates(spec, base, &free, rows, &scales, resolution, options.starts),
     };
-    let twins =
-        candidates.first().map_or_else(Vec::new, |start| twins(start, &free, rows, &scales));
+    let (twins, at_first) = match candidates.first() {
+        Some(start) => twins(start, &free, rows, &scales),
+        None => Default::default(),
+    };
+    // Where nothing had to go, the first fit begins at the very point the twins were sought at.
+    let mut at_first = at_first.filter(|_| twins.is_empty() && resolution == Resolution::PLAIN);
     let free: Vec<ParameterId> = free.into_iter().filter(|id| !twins.contains(id)).collect();
     let mut evaluations = 0;
     let best = candidates
@@ -291,8 +327,11 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
         .map(|start| {
             let coordinates = Coordinates::new(start, &free, &scales);
             let from = coordinates.point(start);
+            let at_start = at_first.take();
+            let at_start =
+                at_start.unwrap_or_else(|| reduce(&coordinates, &from, rows, resolution));
             let (point, reduced, used, converged) =
-                minimise(&coordinates, &from, rows, substeps, 100);
+                minimise_from(&coordinates, &from, at_start, rows, resolution, 100);
             evaluations += used;
             let start = start.clone();
             let twins = twins.clone();
@@ -302,7 +341,7 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
                 twins,
                 start,
                 reduced,
-                substeps,
+                resolution,
                 evaluations: 0,
                 converged,
             }
@@ -310,22 +349,24 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
         .min_by(|a, b| a.reduced.sum_of_squares().total_cmp(&b.reduced.sum_of_squares()));
     let Some(mut best) = best else { unreachable!("there is always one candidate") };
     // Residuals that hang together make for larger standard errors, and need less.
-    let predicted = predict(&best.parameters(), rows, substeps);
-    let time = statistics::autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
-    while options.substeps.is_none() && substeps < most {
-        let finer = (substeps * 2).min(most);
+    let time = if refines {
+        let predicted = predict(&best.parameters(), rows, resolution);
+        autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice))
+    } else {
+        1.0
+    };
+    while refines && resolution.substeps < MOST_SUBSTEPS {
+        let finer = resolution.finer();
         let again = reduce(&best.coordinates, &best.point, rows, finer);
         evaluations += 1;
-        let moved = statistics::step_in_standard_errors(&best.reduced, &again);
-        if moved < SUBSTEP_TOLERANCE * time.sqrt() {
+        if step_in_standard_errors(&best.reduced, &again) < STEP_TOLERANCE * time.sqrt() {
             break;
         }
-        // The error falls with the number of sub-steps only, so go on in larger strides.
-        substeps = (substeps * 4).min(most);
+        resolution = finer;
         let (point, reduced, used, converged) =
-            minimise(&best.coordinates, &best.point, rows, substeps, 100);
+            minimise(&best.coordinates, &best.point, rows, resolution, 100);
         evaluations += used;
-        best = Solution { point, reduced, substeps, converged, ..best };
+        best = Solution { point, reduced, resolution, converged, ..best };
     }
     best.evaluations = evaluations;
     best
@@ -333,13 +374,14 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
 
 /// Free parameters whose effect is, to rounding, a combination of those before them: in sliding, a
 /// difference of the two directions' Coulomb levels is an offset. Left free, the pair would run off
-/// to infinity hand in hand; the later one (a term, if one is a term) stays where it is.
+/// to infinity hand in hand; the later one (a term, if one is a term) stays where it is. With them,
+/// where the parameters were looked at in the order of `free`, the problem at the start.
 fn twins(
     start: &Parameters<f64>,
     free: &[ParameterId],
     rows: Rows,
     scales: &start::Scales,
-) -> Vec<ParameterId> {
+) -> (Vec<ParameterId>, Option<Reduced>) {
     const ROUNDING: f64 = 1e-9;
     let ordered: Vec<ParameterId> = {
         let of_law = |id: &&ParameterId| start.law.parameters().contains(id);
@@ -348,7 +390,7 @@ fn twins(
         free.iter().filter(of_law).chain(rest).copied().collect()
     };
     let coordinates = Coordinates::new(start, &ordered, scales);
-    let reduced = reduce(&coordinates, &coordinates.point(start), rows, 1);
+    let reduced = reduce(&coordinates, &coordinates.point(start), rows, Resolution::PLAIN);
     let count = ordered.len();
     // The factor's diagonal is what a column has beyond those before it. The prior is too weak to
     // make a difference: no twin has one.
@@ -358,7 +400,8 @@ fn twins(
         let norm = norm(*j);
         norm > 0.0 && reduced.factor[j * count + j].abs() < ROUNDING * norm
     };
-    (0..count).filter(is_twin).map(|j| ordered[j]).collect()
+    let twins = (0..count).filter(is_twin).map(|j| ordered[j]).collect();
+    (twins, (ordered == free).then_some(reduced))
 }
 
 fn delays(base: &Parameters<f64>) -> bool {

@@ -9,7 +9,7 @@
 use super::coordinates::Coordinates;
 use super::metrics::Metrics;
 use super::rest::settle;
-use super::simulate::simulate;
+use super::simulate::{Resolution, simulate};
 use super::solve::{Rows, minimise};
 use super::track::Track;
 use crate::spec::Spec;
@@ -174,7 +174,7 @@ pub fn candidates(
     free: &[ParameterId],
     rows: Rows,
     scales: &Scales,
-    substeps: usize,
+    resolution: Resolution,
     count: usize,
 ) -> Vec<Parameters<f64>> {
     let mut first = base.clone();
@@ -200,8 +200,8 @@ pub fn candidates(
     let cost = |start: &Parameters<f64>| -> f64 {
         let errors = trial.tracks.iter().map(|track| {
             let mut simulated = Vec::with_capacity(track.len());
-            let held = settle(start, track, substeps).map(|rest| rest.held);
-            simulate(start, track, held, substeps, |_, torque, _| {
+            let held = settle(start, track, resolution).map(|rest| rest.held);
+            simulate(start, track, held, resolution, |_, torque, _| {
                 simulated.push(torque);
                 true
             });
@@ -217,7 +217,7 @@ pub fn candidates(
         .map(|(_, start)| {
             let coordinates = Coordinates::new(&start, free, scales);
             let from = coordinates.point(&start);
-            let (point, reduced, _, _) = minimise(&coordinates, &from, trial, substeps, 3);
+            let (point, reduced, _, _) = minimise(&coordinates, &from, trial, resolution, 3);
             (reduced.sum_of_squares(), coordinates.parameters::<f64>(&point))
         })
         .collect();

@@ -9,6 +9,18 @@
 /// Rows reduced at a time.
 const BLOCK: usize = 64;
 
+/// Sum of products, eight at a time: one sum would wait for itself at each row.
+#[inline(always)]
+fn product(a: &[f64; BLOCK], b: &[f64; BLOCK]) -> f64 {
+    let mut sums = [0.0; 8];
+    for (a, b) in a.as_chunks::<8>().0.iter().zip(b.as_chunks::<8>().0) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    sums.iter().sum()
+}
+
 /// The triangular factor of the rows taken in so far; the last column is the residual.
 #[derive(Clone, Debug)]
 pub struct Triangle {
@@ -91,29 +103,32 @@ impl Triangle {
     }
 
     fn reduce(&mut self) {
-        let (columns, used) = (self.columns, self.waiting);
+        let columns = self.columns;
+        // Rows that are not there count as zeros: a loop of fixed length takes several at a time.
+        for column in self.pending.chunks_exact_mut(BLOCK) {
+            column[self.waiting..].fill(0.0);
+        }
+        let mut pending = self.pending.as_mut_slice();
         for pivot in 0..columns {
-            let start = pivot * BLOCK;
-            let norm_below: f64 = self.pending[start..start + used].iter().map(|x| x * x).sum();
+            let Some((reflector, rest)) = pending.split_first_chunk_mut::<BLOCK>() else { break };
+            pending = rest;
+            let norm_below = product(reflector, reflector);
             if norm_below == 0.0 {
                 continue;
             }
             // Reflect (factor[pivot][pivot], pending column) onto the first axis. The reflector is
             // (head, pending column) with head = diagonal + sign * norm, which does not cancel.
-            let diagonal = self.factor[pivot * columns + pivot];
+            let row = &mut self.factor[pivot * columns + pivot..(pivot + 1) * columns];
+            let diagonal = row[0];
             let norm = (diagonal * diagonal + norm_below).sqrt();
             let head = diagonal + norm.copysign(diagonal);
             let scale = 1.0 / (norm * norm + norm * diagonal.abs());
-            self.factor[pivot * columns + pivot] = -norm.copysign(diagonal);
-            let (reflector, rest) = self.pending[start..].split_at_mut(BLOCK);
-            let reflector = &reflector[..used];
-            for (offset, column) in rest.chunks_exact_mut(BLOCK).enumerate() {
-                let column = &mut column[..used];
-                let entry = &mut self.factor[pivot * columns + pivot + 1 + offset];
-                let product: f64 = reflector.iter().zip(column.iter()).map(|(a, b)| a * b).sum();
-                let factor = (head * *entry + product) * scale;
+            row[0] = -norm.copysign(diagonal);
+            let (others, _) = pending.as_chunks_mut::<BLOCK>();
+            for (entry, column) in row[1..].iter_mut().zip(others) {
+                let factor = (head * *entry + product(reflector, column)) * scale;
                 *entry -= factor * head;
-                for (value, part) in column.iter_mut().zip(reflector) {
+                for (value, part) in column.iter_mut().zip(&*reflector) {
                     *value -= factor * part;
                 }
             }
