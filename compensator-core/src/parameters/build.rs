@@ -14,7 +14,7 @@ use crate::model::{Law, Model, SealLoad};
 use crate::number::Real;
 use crate::term::TermKind;
 #[cfg(feature = "terms")]
-use crate::term::{DELAY_LINE, Term};
+use crate::term::{DELAY_LINE, MAX_TERMS, Term};
 use ParameterId as Id;
 use core::f64::consts::FRAC_PI_2;
 
@@ -62,7 +62,7 @@ impl<S: Real<Setting = S>> Parameters<S> {
         let model = Model {
             law: self.build_law(period_s),
             #[cfg(feature = "terms")]
-            terms: self.terms.iter().map(|kind| Term::build(*kind, self, period_s)).collect(),
+            terms: self.build_terms(period_s),
         };
         self.check_range(&model, period)?;
         Ok(model)
@@ -74,8 +74,18 @@ impl<S: Real<Setting = S>> Parameters<S> {
         Model {
             law: self.build_law(period_s),
             #[cfg(feature = "terms")]
-            terms: self.terms.iter().map(|kind| Term::build(*kind, self, period_s)).collect(),
+            terms: self.build_terms(period_s),
         }
+    }
+
+    #[cfg(feature = "terms")]
+    fn build_terms<T: Real<Setting = S>>(&self, period_s: S) -> heapless::Vec<Term<T>, MAX_TERMS> {
+        let mut built = heapless::Vec::new();
+        for kind in &self.terms {
+            // The list it comes from is as long as the one it goes to; `collect` would bring a panic.
+            let _ = built.push(Term::build(*kind, self, period_s));
+        }
+        built
     }
 
     fn build_law<T: Real<Setting = S>>(&self, period_s: S) -> Law<T> {

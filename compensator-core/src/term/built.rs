@@ -96,8 +96,14 @@ pub enum Term<T> {
     },
     /// Half the Stribeck exponent.
     StribeckShape(T),
-    /// Delay in samples.
-    ChannelDelay(T),
+    /// Delay in samples: the whole ones, and the rest. Split when built, because taking a whole number
+    /// out of a float pulls soft double arithmetic into every sample.
+    ChannelDelay {
+        /// Whole samples, at most [`DELAY_LINE`] - 2.
+        whole: u8,
+        /// What is left, 0..=1.
+        fraction: T,
+    },
     /// Factor on the load torque.
     LoadGain(T),
 }
@@ -130,15 +136,14 @@ impl<T: Real> Default for Memory<T> {
 impl<T: Real> Memory<T> {
     /// The velocity `delay` samples ago, between samples by a straight line. Before the line has
     /// filled, the first velocity stands for all earlier ones.
-    fn delayed(&mut self, velocity: T, delay: T) -> T {
+    fn delayed(&mut self, velocity: T, whole: u8, fraction: T) -> T {
         if !self.filled {
             self.velocities = [velocity; DELAY_LINE];
             self.filled = true;
         }
         self.newest = (self.newest + 1) % DELAY_LINE as u8;
         self.velocities[usize::from(self.newest) % DELAY_LINE] = velocity;
-        let whole = (delay.value() as usize).min(DELAY_LINE - 2);
-        let fraction = delay - T::from_f64(whole as f64);
+        let whole = usize::from(whole).min(DELAY_LINE - 2);
         let back = |samples: usize| {
             self.velocities[(usize::from(self.newest) + DELAY_LINE - samples) % DELAY_LINE]
         };
@@ -223,7 +228,7 @@ impl<T: Real> Term<T> {
                 Term::StribeckShape(T::from_setting(setting(Id::StribeckExponent) * constant(0.5)))
             }
             TermKind::ChannelDelay => {
-                Term::ChannelDelay(T::from_setting(setting(Id::ChannelDelay) / period_s))
+                delay_of(T::from_setting(setting(Id::ChannelDelay) / period_s))
             }
             TermKind::LoadGain => Term::LoadGain(number(Id::LoadGain)),
         }
@@ -242,7 +247,9 @@ impl<T: Real> Term<T> {
             Term::Backlash { missing, per_velocity } => {
                 Term::Backlash { missing, per_velocity: per_velocity * ratio }
             }
-            Term::ChannelDelay(samples) => Term::ChannelDelay(samples / ratio),
+            Term::ChannelDelay { whole, fraction } => {
+                delay_of((fraction + T::from_f64(f64::from(whole))) / ratio)
+            }
             unchanged => unchanged,
         }
     }
@@ -257,7 +264,7 @@ impl<T: Real> Term<T> {
             | Term::LoadTorqueCoulomb(a)
             | Term::UnmodelledInertia(a)
             | Term::StribeckShape(a)
-            | Term::ChannelDelay(a)
+            | Term::ChannelDelay { fraction: a, .. }
             | Term::LoadGain(a) => [a, zero, zero, zero],
             Term::RadialForceCoulomb { coulomb: a, static_level: b }
             | Term::PressureCoulomb { coulomb: a, static_level: b }
@@ -291,7 +298,8 @@ impl<T: Real> Term<T> {
             Term::PositionRipple { order, .. } => size(order) * f64::from(e.position_max_rad),
             Term::GravityImbalance { sine, cosine } => size(sine) + size(cosine),
             Term::DirectionAsymmetry { coulomb, viscous } => size(coulomb).max(size(viscous)),
-            Term::TorqueOffset(a) | Term::StribeckShape(a) | Term::ChannelDelay(a) => size(a),
+            Term::TorqueOffset(a) | Term::StribeckShape(a) => size(a),
+            Term::ChannelDelay { .. } => 1.0,
             Term::QuadraticDrag(a) => (size(a) * speed).max(1.0) * speed,
             Term::DwellTimeStatic { gain, per_time, renewal, .. } => {
                 let aged = size(per_time) * CONTACT_AGE_MAX_S;
@@ -394,12 +402,18 @@ impl<T: Real> Term<T> {
                 effects.stiffness_scale = effects.stiffness_scale * (one - missing * free);
             }
             Term::StribeckShape(half_exponent) => effects.half_exponent = Some(half_exponent),
-            Term::ChannelDelay(samples) => {
-                effects.velocity = memory.delayed(effects.velocity, samples);
+            Term::ChannelDelay { whole, fraction } => {
+                effects.velocity = memory.delayed(effects.velocity, whole, fraction);
             }
             Term::LoadGain(gain) => effects.torque = effects.torque + gain * sample.load_torque_nm,
         }
     }
+}
+
+/// A delay of so many samples, split; a longer one than the line holds is the longest.
+fn delay_of<T: Real>(samples: T) -> Term<T> {
+    let whole = (samples.value() as usize).min(DELAY_LINE - 2);
+    Term::ChannelDelay { whole: whole as u8, fraction: samples - T::from_f64(whole as f64) }
 }
 
 /// `angle` plus a quarter turn: its sine is the cosine.
