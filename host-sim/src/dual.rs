@@ -188,7 +188,8 @@ impl<const N: usize> Real for Dual<N> {
     #[inline(always)]
     fn limited_with_magnitude(self, bound: Self) -> (Self, Self) {
         let mut limited = self;
-        if !(self.value.abs() <= bound.value) {
+        let inside = self.value.abs() <= bound.value;
+        if !inside {
             seldom();
             // The bound is the envelope's, which nobody fits.
             limited = Self::from_f64(Real::within(self.value.or_zero_if_nan(), bound.value));
@@ -198,7 +199,8 @@ impl<const N: usize> Real for Dual<N> {
     #[inline(always)]
     fn within_level(self, bound: Self) -> Self {
         let mut limited = self;
-        if !(self.value.abs() <= bound.value) {
+        let inside = self.value.abs() <= bound.value;
+        if !inside {
             seldom();
             let sign = 1f64.copysign(self.value);
             let gradient = bound.gradient.map(|g| g * sign);

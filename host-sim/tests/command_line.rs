@@ -44,9 +44,11 @@ impl Folder {
     fn write_joint(&self) {
         let mut text = format!("run,{HEADER}");
         for run in 0..3 {
-            rows(200).for_each(|(t, v, y)| {
-                let _ = writeln!(text, "{run},{t:?},{:?},{:?}", v * (1.0 + f64::from(run)), y);
-            });
+            for (t, v, y) in rows(200) {
+                // Another speed in every run, and the viscous torque that goes with it.
+                let faster = v * f64::from(run);
+                let _ = writeln!(text, "{run},{t:?},{:?},{:?}", v + faster, y + 0.2 * faster);
+            }
         }
         self.write("joint.csv", text);
     }
@@ -266,22 +268,25 @@ fn results_go_where_they_can_be_written_or_nowhere() {
     assert!(said.contains("params.toml"), "{said}");
 
     folder.done("identify joint.csv --model linear --out made/on/the/way");
-    let made: Vec<_> = fs::read_dir(folder.path("made/on/the/way")).expect("a folder").collect();
-    assert_eq!(made.len(), 2, "fit.json and params.toml, and nothing unfinished");
+    let made = fs::read_dir(folder.path("made/on/the/way")).expect("a folder").flatten();
+    let made: Vec<String> =
+        made.map(|file| file.file_name().into_string().expect("a plain name")).collect();
+    assert!(["fit.json", "params.toml"].iter().all(|name| made.iter().any(|m| m == name)));
+    assert!(!made.iter().any(|name| name.starts_with('.')), "nothing unfinished: {made:?}");
 }
 
 #[test]
 fn json_is_the_contract_and_nothing_else() {
     let folder = Folder::new();
     folder.write_joint();
-    let document = folder.json("identify joint.csv --model stribeck");
+    let document = folder.json("identify joint.csv --model linear");
     assert_contract(&document, 1);
     assert_eq!(document["data"]["rows"], 600);
     assert_eq!(document["data"]["runs"], 3);
     assert_eq!(document["data"]["test_runs"], serde_json::json!(["1"]));
-    assert_eq!(document["models"][0]["model"], "stribeck");
+    assert_eq!(document["models"][0]["model"], "linear");
     let coulomb = number(&document, "/models/0/params/coulomb_torque/value").as_f64();
-    assert!(coulomb.is_some_and(|torque| (torque - 0.5).abs() < 0.02), "{document}");
+    assert!(coulomb.is_some_and(|torque| (torque - 0.5).abs() < 0.05), "{document}");
     let written = fs::read_to_string(folder.path("out/fit.json")).expect("written");
     assert_eq!(serde_json::from_str::<Value>(&written).expect("JSON"), document);
 
@@ -502,7 +507,10 @@ fn no_log_brings_any_model_down() {
     let failures: Vec<String> = cases
         .par_iter()
         .filter_map(|(at, name, model)| {
+            // The parts below friction read the columns that laws alone do not.
+            let parts = if *model == "linear" { "inertia,gravity,load,offset" } else { "" };
             let how = format!("identify {at}.csv --model {model} --starts 1 --threads 1");
+            let how = format!("{how} --rigid-body={parts}");
             let (code, said, complaint) = folder.run(&format!("{how} --out {at}-{model} --json"));
             let checked = std::panic::catch_unwind(|| match code {
                 Some(0) => {

@@ -16,8 +16,21 @@ use std::path::Path;
 use super::columns::{Column, FINITE, Fate, Label, Tally};
 use super::dataset::{Joint, LeftOutColumn};
 use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, quoted};
-use super::header::{Layout, OptionalColumn};
+use super::header::{Layout, OptionalColumn, Slot};
 use super::read::{MAX_BAD_SHARE, MAX_RUNS};
+
+/// No machine moves, pushes or heats like this. The core's `f32` squares such numbers, which must stay
+/// finite; a fit's sums of squares must, too. A clock or a foreign covariate may count as it likes.
+const LARGEST: f64 = 1e15;
+
+/// What is wrong with a cell, if anything, as what is expected instead.
+fn complaint(cell: Option<f64>, counts: bool) -> Option<&'static str> {
+    match cell {
+        Some(value) if value.abs() <= LARGEST || counts && value.is_finite() => None,
+        Some(value) if value.is_finite() => Some("a size of at most 1e15"),
+        _ => Some(FINITE),
+    }
+}
 
 /// One row of a file, whatever its format.
 pub(super) trait Row {
@@ -97,15 +110,14 @@ impl<'a> Cleaner<'a> {
     pub fn take(&mut self, number: u64, row: &impl Row) -> Result<(), DataError> {
         self.rows += 1;
         let mut values = [0.0; 3];
-        for (value, &column) in values.iter_mut().zip(&self.layout.required) {
-            match row.number(column) {
-                Some(found) if found.is_finite() => *value = found,
-                _ => {
-                    let found = quoted(&row.text(column));
-                    self.leave_out(number, Some(column), found, FINITE);
-                    return Ok(());
-                }
+        for (at, (value, &column)) in values.iter_mut().zip(&self.layout.required).enumerate() {
+            let cell = row.number(column);
+            if let Some(expected) = complaint(cell, at == 0) {
+                let found = quoted(&row.text(column));
+                self.leave_out(number, Some(column), found, expected);
+                return Ok(());
             }
+            *value = cell.unwrap_or_default();
         }
         let Some(run) = self.run_of(number, row)? else { return Ok(()) };
         let open = &mut self.runs[run];
@@ -127,15 +139,16 @@ impl<'a> Cleaner<'a> {
         for ((column, tally), (kept, label)) in
             optional.zip(open.optional.iter_mut().zip(&mut open.labels))
         {
-            match row.number(column.index) {
-                Some(value) if value.is_finite() => {
+            let cell = row.number(column.index);
+            match complaint(cell, column.slot == Slot::Extra) {
+                None => {
                     tally.number();
-                    kept.put(at, value);
+                    kept.put(at, cell.unwrap_or_default());
                 }
-                _ => {
-                    let cell = row.text(column.index);
-                    tally.no_number(self.file, number, &self.layout.names[column.index], &cell);
-                    label.see(&cell);
+                Some(expected) => {
+                    let (name, text) = (&self.layout.names[column.index], row.text(column.index));
+                    tally.no_number(self.file, number, name, &text, expected);
+                    label.see(&text);
                 }
             }
         }

@@ -39,7 +39,7 @@ impl Tally {
     }
 
     /// Counts anything else.
-    pub fn no_number(&mut self, file: &Path, row: u64, column: &str, cell: &[u8]) {
+    pub fn no_number(&mut self, file: &Path, row: u64, column: &str, cell: &[u8], expected: &str) {
         if is_nothing(cell) {
             self.empties += 1;
         } else {
@@ -51,7 +51,7 @@ impl Tally {
                 row,
                 column: column.into(),
                 found: quoted(cell),
-                expected: FINITE.into(),
+                expected: expected.into(),
             });
         }
     }
@@ -141,7 +141,7 @@ mod tests {
         for cell in cells {
             match cell.parse::<f64>() {
                 Ok(value) if value.is_finite() => tally.number(),
-                _ => tally.no_number(Path::new("f"), 2, "c", cell.as_bytes()),
+                _ => tally.no_number(Path::new("f"), 2, "c", cell.as_bytes(), FINITE),
             }
         }
         tally.fate()

@@ -92,19 +92,6 @@ pub fn simulate<T: Real<Setting = T>>(
             return;
         }
     }
-    // Not `sink` itself: called in one place only, it becomes part of the loop above.
-    step_through(coarse, parameters, track, held, resolution, &mut sink);
-}
-
-/// As [`simulate`], for every model and resolution; `coarse` is the coarser or only simulation.
-fn step_through<T: Real<Setting = T>>(
-    mut coarse: Stepper<T>,
-    parameters: &Parameters<T>,
-    track: &Track,
-    held: Option<T>,
-    resolution: Resolution,
-    sink: &mut dyn FnMut(usize, T, T) -> bool,
-) {
     let mut fine = resolution
         .extrapolated
         .then(|| Stepper::new(parameters, track, held, 2 * resolution.substeps));

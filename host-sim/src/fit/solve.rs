@@ -35,6 +35,10 @@ const MOST_SUBSTEPS: usize = 16;
 /// row's: parameters are then within a thirtieth of a standard error of the optimum.
 const ENOUGH: f64 = 1e-3;
 
+/// Simulations per parameter after which the optimiser gives up; a fit that takes more crawls along a
+/// valley the data leave open.
+const PATIENCE: usize = 20;
+
 /// What is fitted, and by which rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Rows<'a> {
@@ -331,7 +335,7 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
             let at_start =
                 at_start.unwrap_or_else(|| reduce(&coordinates, &from, rows, resolution));
             let (point, reduced, used, converged) =
-                minimise_from(&coordinates, &from, at_start, rows, resolution, 100);
+                minimise_from(&coordinates, &from, at_start, rows, resolution, PATIENCE);
             evaluations += used;
             let start = start.clone();
             let twins = twins.clone();
@@ -364,7 +368,7 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
         }
         resolution = finer;
         let (point, reduced, used, converged) =
-            minimise(&best.coordinates, &best.point, rows, resolution, 100);
+            minimise(&best.coordinates, &best.point, rows, resolution, PATIENCE);
         evaluations += used;
         best = Solution { point, reduced, resolution, converged, ..best };
     }

@@ -60,10 +60,11 @@ impl Triangle {
 
     #[inline]
     fn put(&mut self, from: usize, derivatives: &[f64], residual: f64) {
-        for (column, value) in derivatives.iter().enumerate() {
-            self.pending[(from + column) * BLOCK + self.waiting] = *value;
+        let (pending, _) = self.pending.as_chunks_mut::<BLOCK>();
+        for (column, value) in pending[from..].iter_mut().zip(derivatives) {
+            column[self.waiting] = *value;
         }
-        self.pending[(self.columns - 1) * BLOCK + self.waiting] = residual;
+        pending[self.columns - 1][self.waiting] = residual;
         self.waiting += 1;
         self.rows += 1;
         if self.waiting == BLOCK {

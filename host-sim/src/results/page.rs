@@ -6,9 +6,9 @@
 //! the same figures as the tables, so they cannot disagree with them.
 //!
 //! The way of a page: `held_out` (rows and simulations laid out) -> `summary`, `figures`,
-//! `tables`, `words`, `glossary` (a block each) -> [`page`] (their order). A model drawn in the open is one of the
-//! best three or the simplest; the others wait in closed blocks. What is *measured* is whatever the
-//! file holds: the page says "as logged" and does not vouch for it.
+//! `tables`, `words`, `glossary` (a block each) -> [`page`] (their order). A model drawn in the
+//! open is one of the best three or the simplest; the others wait in closed blocks. What is
+//! *measured* is whatever the file holds: the page says "as logged" and does not vouch for it.
 
 mod figures;
 mod glossary;

@@ -118,13 +118,13 @@ pub(super) fn residuals(view: &View, fits: &[usize]) -> Vec<Chart> {
         let (x, y) = thin_series(&time, &rows.simulated[fit].residual, CORNERS);
         let name = view.name(fit);
         Chart {
-            title: format!("{name}: residual"),
+            title: name.clone(),
             caption: format!(
                 "{} RMS, autocorrelation time {} rows.",
                 quantity(view.fit(fit).test.rmse, view.unit()),
                 neighbours(rows.autocorrelation_time(fit))
             ),
-            x: Axis::new("time on held-out rows, pauses cut short (s)"),
+            x: Axis::new("held-out time, pauses cut (s)"),
             y: Axis { range, ..residual_axis(view) },
             series: vec![Series::line(name, short(&x), short(&y))],
         }
@@ -142,9 +142,9 @@ pub(super) fn residual_over_velocity(view: &View) -> Chart {
     let name = view.name(fit);
     Chart {
         title: format!("{name}: residual over velocity, held-out rows"),
-        caption: "A mean that leaves zero at some velocity is a friction curve of the wrong shape \
-                  there; a wide cloud around a mean at zero is something that velocity does not \
-                  explain, or noise."
+        caption: "A mean that leaves zero at a velocity is a curve of the wrong shape there, or a \
+                  condition that was met at that velocity only. A wide cloud around a mean at zero \
+                  is noise, or something that does not follow velocity."
             .into(),
         x: velocity_axis(view),
         y: residual_axis(view),

@@ -9,7 +9,6 @@ use super::figures::neighbours;
 use super::words::{listed, quantity};
 use super::{View, fitted};
 use crate::fit::{Outcome, State};
-use crate::report::significant;
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// Errors on held-out rows within this factor of those on the training rows are the same.
@@ -68,12 +67,13 @@ fn which(view: &View) -> String {
     }
     let each: Vec<String> =
         equals.iter().map(|&fit| format!("{} ({})", view.name(fit), error(fit))).collect();
-    let that = match equals.len() {
-        _ if equals.contains(&simplest) => {
-            "so these rows do not show that more than that is needed"
+    let size = |fit: usize| fitted(view.fit(fit)).count();
+    let smallest = equals.iter().copied().min_by_key(|&fit| size(fit));
+    let that = match smallest.filter(|&fit| size(fit) < size(best)) {
+        Some(smallest) => {
+            format!("so these rows do not show that more than {} is needed", view.name(smallest))
         }
-        1 => "so these rows do not tell the two apart",
-        _ => "so these rows do not tell them apart",
+        None => "so these rows do not tell them apart".to_owned(),
     };
     format!(
         "{against}; its lead over {} is no larger than chance could make it, {that}.",
@@ -160,21 +160,18 @@ fn determined(view: &View) -> String {
 /// Whether anything is left to explain.
 fn noise(view: &View) -> String {
     let [train, test] = times(view);
-    let both = format!(
-        "autocorrelation time {} rows where it was fitted, {} where held out",
-        neighbours(train),
-        neighbours(test)
-    );
+    let [where_fitted, held_out] = [train, test].map(neighbours);
     if train.max(test) <= NOISE {
         return format!(
             "What it leaves over looks like noise: neighbouring residuals are all but independent \
-             ({both})."
+             (autocorrelation time {where_fitted} rows where it was fitted, {held_out} where held \
+             out)."
         );
     }
     format!(
-        "What it leaves over is not noise: about {} neighbouring residuals go together and count as \
-         one observation ({both}), so something systematic is missing.",
-        neighbours(train.max(test))
+        "What it leaves over is not noise: residuals go together over about {where_fitted} \
+         neighbouring rows where it was fitted and {held_out} where held out (1 for noise), so \
+         something systematic is missing."
     )
 }
 
@@ -231,7 +228,9 @@ fn next(view: &View) -> String {
     let [train, test] = times(view);
     let is_noise = train.max(test) <= NOISE;
     let untried = untried(view);
-    if !is_noise && !untried.is_empty() {
+    if !is_noise && untried.is_empty() {
+        things.push("look in the charts below for what the residual follows".to_owned());
+    } else if !is_noise {
         things.push(format!(
             "see whether a logged column that this model does not use lowers the held-out error: {}",
             listed(&untried, 4)
@@ -249,9 +248,6 @@ fn next(view: &View) -> String {
              give out energy"
                 .to_owned(),
         );
-    }
-    if things.is_empty() && !is_noise {
-        things.push("look in the charts below for what the residual follows".to_owned());
     }
     if things.is_empty() {
         return "No verdict stands against using it where these data were taken.".to_owned();

@@ -63,8 +63,11 @@ pub(super) fn held_out_metrics(view: &View) -> Table {
 
 pub(super) fn train_metrics(view: &View) -> Table {
     let rows = crate::report::count(view.fit(view.best()).train.rows as u64);
-    let more =
-        |fit: &Outcome| vec![Cell::Digits(fit.bic, 6), Cell::Count(fitted(fit).count() as u64)];
+    let more = |fit: &Outcome| {
+        // To the unit, however large: only differences count.
+        let digits = fit.bic.abs().max(1.0).log10() as usize + 1;
+        vec![Cell::Digits(fit.bic, digits), Cell::Count(fitted(fit).count() as u64)]
+    };
     let caption = format!("On the {rows} rows fitted to");
     metrics(view, caption, |fit| &fit.train, &["BIC", "fitted parameters"], more)
 }
@@ -115,8 +118,10 @@ fn correlation(fit: &Outcome) -> Option<Table> {
     let estimates: Vec<&Estimate> = fitted(fit).collect();
     let row = |(i, estimate): (usize, &&Estimate)| {
         let mut cells = vec![Cell::Text(format!("{} {}", i + 1, estimate.id.name()))];
-        cells.extend((0..i).map(|j| Cell::Text(format!("{:+.2}", fit.correlation[(i, j)]))));
+        let text = |j: usize| format!("{:+.2}", fit.correlation[(i, j)]).replace('-', "−");
+        cells.extend((0..i).map(|j| Cell::Text(text(j))));
         cells.push("1".into());
+        cells.extend((i + 1..estimates.len()).map(|_| "".into()));
         cells
     };
     let mut header = vec![String::new()];

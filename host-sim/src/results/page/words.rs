@@ -32,8 +32,8 @@ pub(super) fn subtitle(view: &View) -> String {
     };
     // A renamed column may be in any unit; whoever reads the page must know.
     let renamed = view.study.columns.iter().filter_map(|pair| pair.split_once('='));
-    let target = renamed.map(|(ours, theirs)| (ours.trim(), theirs.trim()));
-    let target = target.filter(|(ours, _)| ["torque_nm", "force_n"].contains(ours)).last();
+    let mut renamed = renamed.map(|(ours, theirs)| (ours.trim(), theirs.trim()));
+    let target = renamed.rfind(|(ours, _)| ["torque_nm", "force_n"].contains(ours));
     let source = target.map_or("as logged".to_owned(), |(_, theirs)| format!("logged as {theirs}"));
     let held: usize = split.test.iter().map(|part| part.rows.len()).sum();
     let (fitted, held_runs) = (split.train_runs(data), split.test_runs(data));

@@ -1,0 +1,209 @@
+//! The page of `compare` and `identify` says what the fits came to, and nothing they did not.
+//!
+//! Simulated joints of which the truth is known, so what the page has to say is known too. The
+//! page's own promises (no network, no markup from a file) are those of `report_page`.
+
+use std::fs;
+use std::process::Command;
+
+use host_sim::data::{Dataset, Run, Split, SplitRule, split};
+use host_sim::fit::{FitOptions, Outcome, Rows, Track, identify, tracks};
+use host_sim::plant::{Recording, record};
+use host_sim::results::{Study, page};
+use host_sim::spec::Spec;
+use serde_json::Value;
+
+const SHORT: Recording = Recording {
+    runs: 4,
+    seconds: 10.0,
+    rate_hz: 200.0,
+    noise_nm: 0.05,
+    loaded: false,
+    steady: false,
+};
+
+/// A data set, split, with what is needed for fits and a page.
+struct Case {
+    data: Dataset,
+    split: Split,
+    train: Vec<Track>,
+    test: Vec<Track>,
+    decimate: usize,
+}
+
+impl Case {
+    fn new(data: Dataset, decimate: usize) -> Self {
+        let split = split(&data, &SplitRule::default(), 0).unwrap();
+        let of = |parts| tracks(&data.select(parts));
+        let (train, test) = (of(&split.train), of(&split.test));
+        Self { data, split, train, test, decimate }
+    }
+
+    fn simulated(how: Recording) -> Self {
+        Self::new(record(1, how).dataset(), 1)
+    }
+
+    fn rows<'a>(&self, tracks: &'a [Track]) -> Rows<'a> {
+        Rows { tracks, decimate: self.decimate }
+    }
+
+    fn fit(&self, model: &str) -> Outcome {
+        let spec = Spec::parse(model).unwrap();
+        let options = FitOptions { starts: 1, ..FitOptions::default() };
+        let (train, test) = (self.rows(&self.train), self.rows(&self.test));
+        identify(&spec, &spec.parameters().unwrap(), train, test, &options).unwrap()
+    }
+
+    /// The page without Plotly.js.
+    fn page(&self, models: &[&str]) -> String {
+        let fits: Vec<Outcome> = models.iter().map(|model| self.fit(model)).collect();
+        let study = Study {
+            data: &self.data,
+            split: &self.split,
+            hashes: &vec!["5e1f".to_owned(); self.data.files.len()],
+            test: self.rows(&self.test),
+            columns: &[],
+            skip: 0,
+            fits: &fits,
+        };
+        own_part(&page(&study).render())
+    }
+}
+
+fn own_part(html: &str) -> String {
+    let (before, rest) = html.split_once("<script type=\"text/javascript\">").expect("Plotly.js");
+    format!("{before}{}", rest.split_once("</script>").expect("its end").1)
+}
+
+/// Title and JSON of each chart.
+fn charts(html: &str) -> Vec<(String, Value)> {
+    let chart = |part: &str| {
+        let title = part.split_once("-title\">").unwrap().1.split_once('<').unwrap().0;
+        let json = part.split_once("application/json").unwrap().1.split_once('>').unwrap().1;
+        let json = json.split_once("</script>").unwrap().0;
+        (title.to_owned(), serde_json::from_str(json).expect("valid JSON"))
+    };
+    html.split("<p class=\"chart-title\"").skip(1).map(chart).collect()
+}
+
+fn numbers(values: &Value) -> Vec<f64> {
+    values.as_array().unwrap().iter().filter_map(Value::as_f64).collect()
+}
+
+fn assert_says(page: &str, sentences: &[&str]) {
+    for sentence in sentences {
+        assert!(page.contains(sentence), "{sentence:?} is not in\n{:.3000}", body(page));
+    }
+}
+
+fn body(page: &str) -> &str {
+    page.split_once("<body>").map_or(page, |(_, body)| body)
+}
+
+#[test]
+fn the_page_names_the_best_model_and_what_speaks_for_it() {
+    let page =
+        Case::simulated(SHORT).page(&["linear", "stribeck", "dahl", "lugre", "lugre-asymmetric"]);
+    assert_says(
+        &page,
+        &[
+            "below the",
+            "of linear, the simplest model here",
+            // The joint is the same in both directions: the larger model has no clear lead.
+            "is no larger than chance could make it, so these rows do not show that more than lugre is",
+            "On held-out rows it does as well as on those it was fitted to",
+            "fitted parameters of lugre-asymmetric are determined by these data",
+            "looks like noise",
+            "Revolute joint (torque in Nm, as logged). 8\u{202f}000 rows in 4 runs.",
+            "The other models",
+            "Correlation of the estimates",
+        ],
+    );
+    let charts = charts(&page);
+    let (_, errors) = &charts[0];
+    let held_out = numbers(&errors["data"][0]["x"]);
+    assert!(held_out.is_sorted() && held_out.len() == 5, "best first: {held_out:?}");
+    let titled = |title: &str| charts.iter().filter(|(name, _)| name == title).count();
+    assert_eq!(titled("linear"), 2, "its torque and its residual");
+    assert_eq!(titled("One motion there and back, over time"), 1);
+}
+
+#[test]
+fn steady_sliding_determines_no_bristles_and_the_page_says_so() {
+    let mut data = record(1, Recording { steady: true, ..SHORT }).dataset();
+    // The start of a run, where the bristles bend, is cut off.
+    data.runs.iter_mut().for_each(|run| *run = run.slice(1000..run.len()));
+    data.rows = data.runs.iter().map(Run::len).sum();
+    let page = Case::new(data, 1).page(&["lugre"]);
+    assert_says(
+        &page,
+        &[
+            "Friction model lugre",
+            "RMS away from the logged torque",
+            "not determined by these data",
+            "these numbers say nothing of the machine",
+        ],
+    );
+    assert!(!page.contains("best of each column"), "there is nothing to compare");
+}
+
+#[test]
+fn what_a_model_lacks_is_not_called_noise() {
+    let page = Case::simulated(Recording { loaded: true, ..SHORT }).page(&["linear", "lugre"]);
+    assert_says(
+        &page,
+        &[
+            "is not noise",
+            "+pressure-coulomb (pressure_diff_pa)",
+            "+radial-force-coulomb (radial_force_n)",
+        ],
+    );
+}
+
+#[test]
+fn hours_between_runs_do_not_swallow_the_time_axis() {
+    let mut data = record(1, SHORT).dataset();
+    for (index, run) in data.runs.iter_mut().enumerate() {
+        run.time_s.iter_mut().for_each(|time| *time += 5.0 * 3600.0 * index as f64);
+    }
+    data.files = vec!["</script><b>log</b>.csv".into()];
+    let case = Case::new(data, 10);
+    let held_out: usize = case.split.test.iter().map(|part| part.rows.len()).sum();
+    let page = case.page(&["dahl"]);
+    assert_says(&page, &["Residuals are judged at one row in 10", "&lt;/b&gt;", "5e1f"]);
+    assert!(!page.contains("<b>"));
+    let charts = charts(&page);
+    let (_, residual) = charts.iter().rfind(|(title, _)| title == "dahl").unwrap();
+    let time = numbers(&residual["data"][0]["x"]);
+    let last = time.iter().copied().fold(0.0, f64::max);
+    assert!(last < 1.2 * held_out as f64 / SHORT.rate_hz, "{last} s");
+    assert!(time.is_sorted() && time.len() <= held_out / 10);
+}
+
+#[test]
+fn both_commands_write_their_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
+            .current_dir(folder.path())
+            .args(arguments)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let size = ["--runs", "3", "--seconds", "3", "--rate", "200"];
+    run(&[&["simulate", "underwater-joint", "--out", "joint"], &size[..]].concat());
+    let said = run(&["compare", "joint/data.csv", "--models", "linear,stribeck", "--out", "all"]);
+    assert!(said.contains("all/compare.html"));
+    run(&["identify", "joint/data.csv", "--model", "lugre", "--out", "one"]);
+    for (file, title) in [
+        ("all/compare.html", "<h1>Friction models on data.csv</h1>"),
+        ("one/fit.html", "<h1>Friction model lugre on data.csv</h1>"),
+    ] {
+        let html = fs::read_to_string(folder.path().join(file)).unwrap();
+        assert!(html.contains(title), "{file}");
+        assert!(html.len() < 8_000_000, "{file}: {} bytes", html.len());
+        assert!(charts(&own_part(&html)).len() > 4, "{file}");
+    }
+}
