@@ -29,7 +29,7 @@ use rayon::prelude::*;
 const STEP_TOLERANCE: f64 = 0.1;
 
 /// Sub-steps of the coarser simulation at which refining ends, whatever it still moves.
-const MOST_SUBSTEPS: usize = 16;
+const MOST_SUBSTEPS: usize = 4;
 
 /// The optimiser stops when a step would lower the sum of squares by less than this share of one
 /// row's: parameters are then within a thirtieth of a standard error of the optimum.
