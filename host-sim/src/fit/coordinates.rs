@@ -126,7 +126,11 @@ impl Coordinates {
                         let cosh = (u.exp() + (-u).exp()) * half;
                         T::from_f64(*size) * (cosh - T::one())
                     }
-                    Scale::Plain => *u,
+                    // Within its legal range, which only a degenerate log reaches the end of.
+                    Scale::Plain => {
+                        let info = id.info();
+                        u.at_least(T::from_f64(info.lower)).at_most(T::from_f64(info.upper))
+                    }
                 };
                 parameters.set(*id, value);
             }

@@ -15,6 +15,7 @@ use crate::data::AntiAlias;
 use crate::dual::Dual;
 use crate::spec::{Spec, SpecError};
 use ParameterId as Id;
+use compensator_core::parameters::Envelope;
 use compensator_core::{ParameterId, Parameters};
 use nalgebra::DMatrix;
 use std::time::Instant;
@@ -113,6 +114,7 @@ pub fn identify(
     let begin = Instant::now();
     let solution = fit(spec, base, train, options);
     let mut parameters = solution.parameters();
+    keep_legal(&mut parameters);
     declare_envelope(&mut parameters, train.tracks, test.tracks);
     let predicted = predict(&parameters, train, solution.resolution);
     let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
@@ -142,15 +144,38 @@ pub fn identify(
     Ok(outcome)
 }
 
+/// Brings what a degenerate log drove to the end of its legal range a rounding of `f32` inside it.
+fn keep_legal(parameters: &mut Parameters<f64>) {
+    const ROUNDING: f64 = 1e-6;
+    let active: Vec<Id> = parameters.active().collect();
+    for id in active {
+        let info = id.info();
+        let (least, most) =
+            (info.lower + ROUNDING * info.lower.abs(), info.upper - ROUNDING * info.upper.abs());
+        parameters.set(id, parameters.get(id).max(least).min(most));
+    }
+    for (coulomb, static_torque) in [
+        (Id::CoulombTorque, Id::StaticTorque),
+        (Id::CoulombTorqueNegative, Id::StaticTorqueNegative),
+    ] {
+        let least = parameters.get(coulomb);
+        parameters.set(static_torque, parameters.get(static_torque).max(least));
+    }
+}
+
+/// The core takes no larger envelope.
+const LARGEST_ENVELOPE: f64 = 1e9;
+
 /// The envelope the data cover, with room; what they do not cover keeps its default.
 fn declare_envelope(parameters: &mut Parameters<f64>, train: &[Track], test: &[Track]) {
     let samples = || train.iter().chain(test).flat_map(|track| &track.samples);
     let covers = |field: &mut f32, of: fn(&compensator_core::Sample<f64>) -> f64, room: f64| {
         let largest = samples().map(of).map(f64::abs).fold(0.0, f64::max);
         if largest > 0.0 {
-            *field = (largest * room) as f32;
+            *field = (largest * room).clamp(1e-9, LARGEST_ENVELOPE) as f32;
         }
     };
+    parameters.envelope = Envelope::default();
     let envelope = &mut parameters.envelope;
     covers(&mut envelope.velocity_max_rad_s, |s| s.velocity_rad_s, 1.5);
     covers(&mut envelope.radial_force_max_n, |s| s.radial_force_n, 1.2);
@@ -160,15 +185,22 @@ fn declare_envelope(parameters: &mut Parameters<f64>, train: &[Track], test: &[T
     covers(&mut envelope.campaign_max_h, |s| s.campaign_time_h, 2.0);
 }
 
-/// A law the data want active (damping beyond passivity) is written with that choice stated, and
-/// said in words: the file must load into the core as it is.
+/// The file must load into the core as it is. A law the data want active (damping beyond passivity, friction
+/// that falls with speed) is written with that choice stated; what the core refuses all the same is said.
 fn accept_what_was_fitted(outcome: &mut Outcome) {
-    if let Some(largest) = outcome.parameters.active_damping() {
-        outcome.parameters.choices.allow_active = true;
-        outcome.verdicts.push(format!(
-            "bristle_damping: above {largest:.3} the law can give out energy; params.toml says \
-             allow_active, and a driver should run with damping_fades instead"
-        ));
+    // As the driver will hold them: rounding to f32 can cross a bound.
+    let refusal = |parameters: &Parameters<f64>| {
+        let rounded = parameters.convert::<f32>();
+        parameters.validate().and_then(|()| rounded.validate()).err()
+    };
+    let Some(error) = refusal(&outcome.parameters) else { return };
+    outcome.parameters.choices.allow_active = true;
+    match refusal(&outcome.parameters) {
+        None => outcome.verdicts.push(format!(
+            "the law can give out energy ({error}): params.toml says allow_active, and a driver should not run it \
+             so; damping_fades makes most laws passive"
+        )),
+        Some(error) => outcome.verdicts.push(format!("the core refuses these parameters: {error}")),
     }
 }
 

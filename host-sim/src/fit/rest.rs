@@ -38,8 +38,11 @@ pub fn settle(parameters: &Parameters<f64>, track: &Track, resolution: Resolutio
     if slides || !parameters.law.has_bristles() {
         return None;
     }
-    let level =
-        parameters.get(ParameterId::StaticTorque).max(parameters.get(ParameterId::CoulombTorque));
+    // `max` with 0 also takes a NaN that a wild step of the fit brought.
+    let level = parameters
+        .get(ParameterId::StaticTorque)
+        .max(parameters.get(ParameterId::CoulombTorque))
+        .max(0.0);
     let dual = parameters.convert::<Dual<1>>();
     let mut rest = Rest { held: track.torque[0].clamp(-level, level), memory: Vec::new() };
     for _ in 0..ITERATIONS {

@@ -83,7 +83,9 @@ impl Scales {
             Id::DriftTime => (1e-2 * self.campaign_s, 1e2 * self.campaign_s),
             _ => (id.info().lower, id.info().upper),
         };
-        (least.max(id.info().lower), most.min(id.info().upper))
+        // Of a torque or a motion of next to nothing there may be no such range: then it is a point.
+        let least = least.max(id.info().lower).min(id.info().upper);
+        (least, most.min(id.info().upper).max(least))
     }
 
     /// A size a parameter that cannot be negative may be expected to have.
