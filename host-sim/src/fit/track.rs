@@ -2,7 +2,7 @@
 //!
 //! A track is one segment of a run (no gap inside), converted to the core's units, with its own
 //! sample period. The bristle state starts anew on each track. Where the log's spacing is even to
-//! [`EVEN`], the period is one number and a model is built once; else each sample carries its own.
+//! `EVEN`, the period is one number and a model is built once; else each sample carries its own.
 
 use crate::data::{Dataset, Run, segments};
 use compensator_core::Sample;
