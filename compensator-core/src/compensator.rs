@@ -19,7 +19,7 @@ use crate::number::Real;
 use crate::parameters::ParameterError;
 use crate::record::Configuration;
 #[cfg(feature = "terms")]
-use crate::term::TEMPERATURE_RANGE_C;
+use crate::term::{Column, TEMPERATURE_RANGE_C};
 use parameters::Built;
 
 bitflags::bitflags! {
@@ -69,6 +69,10 @@ bitflags::bitflags! {
         const MODEL_NOT_FINITE = 1 << 19;
         /// The command given to the sum was not a finite number and counted as 0.
         const COMMAND_INVALID = 1 << 20;
+        /// Auxiliary covariate NaN or beyond any sensible size.
+        const AUXILIARY_INVALID = 1 << 21;
+        /// Auxiliary covariate so old that its term fades.
+        const AUXILIARY_STALE = 1 << 22;
     }
 }
 
@@ -120,6 +124,8 @@ pub struct Inputs<T> {
     pub temperature_c: Reading<T>,
     /// Torque transmitted to the load, Nm.
     pub load_torque_nm: Reading<T>,
+    /// A covariate of this joint's own, in its own unit.
+    pub auxiliary: Reading<T>,
     /// Time since the campaign began, h.
     pub campaign_time_h: T,
 }
@@ -137,6 +143,7 @@ impl<T: Real> Inputs<T> {
             pressure_diff_mpa: missing,
             temperature_c: missing,
             load_torque_nm: missing,
+            auxiliary: missing,
             campaign_time_h: T::zero(),
         }
     }
@@ -213,6 +220,18 @@ pub struct Compensator<T: Real> {
     others: Others<T>,
 }
 
+/// How far side load and pressure are to be believed, 0..=1.
+#[cfg_attr(not(feature = "terms"), allow(dead_code))]
+#[derive(Clone, Copy)]
+struct SealTrust<T> {
+    force: T,
+    pressure: T,
+}
+
+/// Largest magnitude an auxiliary covariate is believed of; its unit is not known here.
+#[cfg(feature = "terms")]
+const AUXILIARY_MAX: f64 = 1e9;
+
 /// Covariates only terms read.
 #[cfg(feature = "terms")]
 #[derive(Clone, Copy, Debug)]
@@ -221,6 +240,7 @@ struct Others<T> {
     acceleration: Held<T>,
     temperature: Held<T>,
     load_torque: Held<T>,
+    auxiliary: Held<T>,
     campaign_time_h: T,
 }
 
@@ -254,6 +274,7 @@ impl<T: Real> Compensator<T> {
                 acceleration: Held::never(&built),
                 temperature: Held::never(&built),
                 load_torque: Held::never(&built),
+                auxiliary: Held::never(&built),
                 campaign_time_h: T::zero(),
             },
             model,
@@ -296,9 +317,10 @@ impl<T: Real> Compensator<T> {
         let mut flags = Flags::empty();
         let (velocity, trust) = self.blended_velocity(inputs, &mut flags);
         let mut sample = Sample { velocity_rad_s: velocity, ..Sample::default() };
-        self.guard_seal(inputs, &mut sample, &mut flags);
+        let seal_trust = self.guard_seal(inputs, &mut sample, &mut flags);
         #[cfg(feature = "terms")]
-        self.guard_others(inputs, &mut sample, &mut flags);
+        self.guard_others(inputs, seal_trust, &mut sample, &mut flags);
+        let _ = seal_trust;
 
         let mut friction = self.model.step(&mut self.state, &sample);
         // Validated parameters keep friction far below this.
@@ -365,7 +387,12 @@ impl<T: Real> Compensator<T> {
     }
 
     #[inline(always)]
-    fn guard_seal(&mut self, inputs: &Inputs<T>, sample: &mut Sample<T>, flags: &mut Flags) {
+    fn guard_seal(
+        &mut self,
+        inputs: &Inputs<T>,
+        sample: &mut Sample<T>,
+        flags: &mut Flags,
+    ) -> SealTrust<T> {
         let built = &self.built;
         let force = Guard {
             middle: built.radial_force_middle,
@@ -377,9 +404,9 @@ impl<T: Real> Compensator<T> {
         // bends a bristle.
         let before = self.radial_force.value;
         let unknown = built.hold_s.below(self.radial_force.age_s);
-        let trust = self.radial_force.take(inputs.radial_force_n, &force, built, flags);
+        let force_trust = self.radial_force.take(inputs.radial_force_n, &force, built, flags);
         let change = self.radial_force.value - before;
-        sample.radial_force_n = (self.radial_force.value * trust).positive_part();
+        sample.radial_force_n = (self.radial_force.value * force_trust).positive_part();
         sample.radial_force_change_n = change.unless(unknown, T::zero());
 
         let pressure = Guard {
@@ -388,15 +415,22 @@ impl<T: Real> Compensator<T> {
             invalid: Flags::PRESSURE_INVALID,
             stale: Flags::PRESSURE_STALE,
         };
-        let trust = self.pressure.take(inputs.pressure_diff_mpa, &pressure, built, flags);
+        let pressure_trust = self.pressure.take(inputs.pressure_diff_mpa, &pressure, built, flags);
         // A sensor's zero error reads a little below 0 (a side load that little passes by the
         // rounding of its guard); the levels are proven from 0 upwards.
-        sample.pressure_diff_mpa = (self.pressure.value * trust).positive_part();
+        sample.pressure_diff_mpa = (self.pressure.value * pressure_trust).positive_part();
+        SealTrust { force: force_trust, pressure: pressure_trust }
     }
 
     #[cfg(feature = "terms")]
     #[inline(always)]
-    fn guard_others(&mut self, inputs: &Inputs<T>, sample: &mut Sample<T>, flags: &mut Flags) {
+    fn guard_others(
+        &mut self,
+        inputs: &Inputs<T>,
+        seal: SealTrust<T>,
+        sample: &mut Sample<T>,
+        flags: &mut Flags,
+    ) {
         if self.model.terms.is_empty() {
             return;
         }
@@ -417,8 +451,8 @@ impl<T: Real> Compensator<T> {
 
         let guard =
             symmetric(built.load_torque_max, Flags::LOAD_TORQUE_INVALID, Flags::LOAD_TORQUE_STALE);
-        let trust = held.load_torque.take(inputs.load_torque_nm, &guard, built, flags);
-        sample.load_torque_nm = held.load_torque.value * trust;
+        let load_trust = held.load_torque.take(inputs.load_torque_nm, &guard, built, flags);
+        sample.load_torque_nm = held.load_torque.value * load_trust;
 
         let guard = Guard {
             middle: T::from_f64(0.5 * (TEMPERATURE_RANGE_C[0] + TEMPERATURE_RANGE_C[1])),
@@ -426,15 +460,31 @@ impl<T: Real> Compensator<T> {
             invalid: Flags::TEMPERATURE_INVALID,
             stale: Flags::TEMPERATURE_STALE,
         };
-        let trust = held.temperature.take(inputs.temperature_c, &guard, built, flags);
+        let temperature_trust = held.temperature.take(inputs.temperature_c, &guard, built, flags);
         let reference = built.temperature_reference;
-        sample.temperature_c = reference + (held.temperature.value - reference) * trust;
+        sample.temperature_c = reference + (held.temperature.value - reference) * temperature_trust;
+
+        let reach = T::from_f64(AUXILIARY_MAX);
+        let guard = symmetric(reach, Flags::AUXILIARY_INVALID, Flags::AUXILIARY_STALE);
+        let auxiliary_trust = held.auxiliary.take(inputs.auxiliary, &guard, built, flags);
+        sample.auxiliary = held.auxiliary.value;
 
         let time = inputs.campaign_time_h;
         let illegal = time.negative_or_nan() | time.beyond(built.campaign_max_h);
         held.campaign_time_h = time.unless(illegal, held.campaign_time_h);
         *flags |= Flags::CAMPAIGN_TIME_INVALID.when(illegal);
         sample.campaign_time_h = held.campaign_time_h;
+
+        // A column at its neutral value says nothing of what has no known cause: that fades whole.
+        sample.unknown_trust = match self.model.spline.column {
+            // Guarded by themselves.
+            Column::Velocity | Column::Position | Column::CampaignTime => T::one(),
+            Column::RadialForce => seal.force,
+            Column::Pressure => seal.pressure,
+            Column::Temperature => temperature_trust,
+            Column::LoadTorque => load_trust,
+            Column::Auxiliary => auxiliary_trust,
+        };
     }
 }
 

@@ -6,7 +6,8 @@
 //!
 //! Reading order: [`law`] (what rubs), [`effect`] and [`term`] (what changes how hard),
 //! [`parameters`] (written, validated, built), [`model`] (one sample in, one torque out),
-//! [`compensator`] (the model made safe for a current loop), [`record`] (parameters in flash).
+//! [`compensator`] (the model made safe for a current loop), [`record`] (parameters in flash), [`can`]
+//! (samples and answers on the bus).
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]

@@ -13,7 +13,7 @@ use crate::law::bristle::{AsymmetricLugre, Lugre};
 use crate::law::steady::Steady;
 use crate::number::Real;
 #[cfg(feature = "terms")]
-use crate::term::{MAX_TERMS, Memory, Term};
+use crate::term::{MAX_TERMS, Memory, Spline, Term};
 #[cfg(feature = "terms")]
 use heapless::Vec;
 
@@ -40,6 +40,11 @@ pub struct Sample<T> {
     pub load_torque_nm: T,
     /// Time since the campaign (or the seal's life) began, h.
     pub campaign_time_h: T,
+    /// A covariate of this joint's own, in its own unit.
+    pub auxiliary: T,
+    /// How far the column that [`crate::TermKind::Unknown`] follows is to be believed, 0..=1;
+    /// where that is the position, its own trust comes on top.
+    pub unknown_trust: T,
 }
 
 impl<T: Real> Default for Sample<T> {
@@ -56,6 +61,8 @@ impl<T: Real> Default for Sample<T> {
             temperature_c: zero,
             load_torque_nm: zero,
             campaign_time_h: zero,
+            auxiliary: zero,
+            unknown_trust: T::one(),
         }
     }
 }
@@ -167,6 +174,9 @@ pub struct Model<T: Real> {
     pub(crate) law: Law<T>,
     #[cfg(feature = "terms")]
     pub(crate) terms: Vec<Term<T>, MAX_TERMS>,
+    /// The knots of [`Term::Unknown`], where it is in the list.
+    #[cfg(feature = "terms")]
+    pub(crate) spline: Spline<T>,
 }
 
 impl<T: Real> Model<T> {
@@ -175,26 +185,32 @@ impl<T: Real> Model<T> {
         &self.law
     }
 
-    /// The same model for a sample period `ratio` times as long: for logs whose samples are
-    /// unevenly spaced. `ratio` is positive.
+    /// A copy for a sample period `ratio` times as long; see [`Model::stretch`].
     pub fn stretched(&self, ratio: T) -> Self {
         let mut stretched = self.clone();
-        match &mut stretched.law {
-            Law::Steady(_) => {}
-            Law::Lugre(law) => law.stiffness_step = law.stiffness_step * ratio,
-            Law::Asymmetric(law) => {
-                law.positive.stiffness_step = law.positive.stiffness_step * ratio;
+        stretched.stretch(self, ratio);
+        stretched
+    }
+
+    /// Becomes `of` for a sample period `ratio` times as long: for logs whose samples are unevenly
+    /// spaced. `self` is to be a copy of `of`, or what an earlier call made of one; only what the period
+    /// enters is written. `ratio` is positive.
+    pub fn stretch(&mut self, of: &Self, ratio: T) {
+        match (&mut self.law, &of.law) {
+            (Law::Lugre(law), Law::Lugre(from)) => law.stiffness_step = from.stiffness_step * ratio,
+            (Law::Asymmetric(law), Law::Asymmetric(from)) => {
+                law.positive.stiffness_step = from.positive.stiffness_step * ratio;
             }
-            Law::Improved(law, seal) => {
-                law.stiffness_step = law.stiffness_step * ratio;
-                seal.rate_per_newton = seal.rate_per_newton / ratio;
+            (Law::Improved(law, seal), Law::Improved(from, from_seal)) => {
+                law.stiffness_step = from.stiffness_step * ratio;
+                seal.rate_per_newton = from_seal.rate_per_newton / ratio;
             }
+            _ => {}
         }
         #[cfg(feature = "terms")]
-        for term in &mut stretched.terms {
-            *term = term.stretched(ratio);
+        for (term, from) in self.terms.iter_mut().zip(&of.terms) {
+            term.stretch(from, ratio);
         }
-        stretched
     }
 
     /// Whether the model is its law alone.
@@ -249,7 +265,7 @@ impl<T: Real> Model<T> {
             effects.seal = seal.effect(sample);
         }
         for term in &self.terms {
-            term.act(sample, &mut state.memory, &mut effects);
+            term.act(sample, &self.spline, &mut state.memory, &mut effects);
         }
         let (bristle, velocity) = (&mut state.bristle_torque_nm, effects.velocity);
         let friction = match &self.law {

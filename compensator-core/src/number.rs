@@ -208,6 +208,14 @@ pub trait Real:
         if condition < 0 { other } else { self }
     }
 
+    /// The whole part of `self`, which is at least 0, and what is left; of a part beyond `last`,
+    /// `last` and 1. The whole part of what is not a number is 0.
+    #[inline(always)]
+    fn cell_and_share(self, last: usize) -> (usize, Self) {
+        let cell = (self.value() as usize).min(last);
+        (cell, (self - Self::from_f64(cell as f64)).at_most(Self::one()))
+    }
+
     /// The larger of `self` and 0; `self` is a number.
     #[inline(always)]
     fn positive_part(self) -> Self {

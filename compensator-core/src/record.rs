@@ -18,6 +18,10 @@
 //! | 48 | 32 | compensator, in the order of its fields |
 //! | 80 | 4 each | values, in the order of [`ParameterId::ALL`] |
 //! | end - 4 | 4 | CRC-32 (ISO-HDLC) of all before |
+//!
+//! New parameters come at the end of the list, so a record is read by any core that knows as many
+//! parameters as it holds, or more; those it lacks stand at their defaults. Version 1 always held 41
+//! values. Since version 2 their number follows from the length.
 
 use crate::compensator::CompensatorParameters;
 use crate::parameters::table::COUNT;
@@ -25,8 +29,11 @@ use crate::parameters::{Choices, Envelope, LawKind, ParameterError, ParameterId,
 use crate::term::{MAX_TERMS, TermKind};
 use core::fmt;
 
-/// Version of the layout; a reader refuses any other.
-pub const VERSION: u16 = 1;
+/// Version of the layout that is written; it and all before it are read.
+pub const VERSION: u16 = 2;
+
+/// Values in a record of version 1.
+const VALUES_OF_VERSION_1: usize = 41;
 
 const MAGIC: [u8; 4] = *b"FRIC";
 const TERMS_AT: usize = 11;
@@ -35,8 +42,11 @@ const COMPENSATOR_AT: usize = ENVELOPE_AT + 4 * Envelope::FIELDS;
 const VALUES_AT: usize = COMPENSATOR_AT + 4 * CompensatorParameters::FIELDS;
 const CRC_AT: usize = VALUES_AT + 4 * COUNT;
 
-/// Length of a record in bytes.
+/// Length in bytes of a record that is written; one of an older core may be shorter.
 pub const LENGTH: usize = CRC_AT + 4;
+
+/// Length of a record with no values at all.
+const LEAST_LENGTH: usize = VALUES_AT + 4;
 
 const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
@@ -63,11 +73,11 @@ impl Configuration {
 /// Why a record was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RecordError {
-    /// It has this many bytes instead of [`LENGTH`].
+    /// It has this many bytes: not what it says itself, or none a record of its version can have.
     Length(usize),
     /// It does not begin with the magic.
     Magic,
-    /// It has this version instead of [`VERSION`].
+    /// It has this version, which is 0 or beyond [`VERSION`].
     Version(u16),
     /// The CRC does not match: damaged, or half-written.
     Crc,
@@ -84,9 +94,11 @@ pub enum RecordError {
 impl fmt::Display for RecordError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Length(found) => write!(f, "record of {found} bytes, expected {LENGTH}"),
+            Self::Length(found) => {
+                write!(f, "record of {found} bytes, expected what it says, at most {LENGTH}")
+            }
             Self::Magic => f.write_str("not a parameter record"),
-            Self::Version(found) => write!(f, "record version {found}, expected {VERSION}"),
+            Self::Version(found) => write!(f, "record version {found}, expected 1 to {VERSION}"),
             Self::Crc => f.write_str("record is damaged (CRC)"),
             Self::UnknownLaw(number) => write!(f, "unknown law number {number}"),
             Self::UnknownTerm(number) => write!(f, "unknown term number {number}"),
@@ -111,7 +123,7 @@ fn put_all(bytes: &mut [u8; LENGTH], at: usize, numbers: impl Iterator<Item = f3
     }
 }
 
-fn number(bytes: &[u8; LENGTH], at: usize) -> f32 {
+fn number(bytes: &[u8], at: usize) -> f32 {
     let mut word = [0; 4];
     if let Some(place) = bytes.get(at..at + 4) {
         word.copy_from_slice(place);
@@ -149,17 +161,32 @@ pub fn emit(configuration: &Configuration) -> [u8; LENGTH] {
 /// Says what is wrong with the record, or which parameter is refused and why. Never panics,
 /// whatever the bytes.
 pub fn parse(record: &[u8]) -> Result<Configuration, RecordError> {
-    let bytes: &[u8; LENGTH] = record.try_into().map_err(|_| RecordError::Length(record.len()))?;
-    if bytes[..4] != MAGIC {
+    let wrong_length = RecordError::Length(record.len());
+    let Some((head, _)) = record.split_first_chunk::<VALUES_AT>() else {
+        return Err(wrong_length);
+    };
+    if head[..4] != MAGIC {
         return Err(RecordError::Magic);
     }
-    let version = u16::from_le_bytes([bytes[4], bytes[5]]);
-    if version != VERSION {
+    let version = u16::from_le_bytes([head[4], head[5]]);
+    if !(1..=VERSION).contains(&version) {
         return Err(RecordError::Version(version));
     }
-    if CRC.checksum(&bytes[..CRC_AT]).to_le_bytes() != bytes[CRC_AT..] {
+    let length = usize::from(u16::from_le_bytes([head[6], head[7]]));
+    let values = length.saturating_sub(LEAST_LENGTH) / 4;
+    let legal = (LEAST_LENGTH..=LENGTH).contains(&length)
+        && length % 4 == 0
+        && (version != 1 || values == VALUES_OF_VERSION_1);
+    if length != record.len() || !legal {
+        return Err(wrong_length);
+    }
+    let Some((guarded, crc)) = record.split_last_chunk::<4>() else {
+        return Err(wrong_length);
+    };
+    if CRC.checksum(guarded).to_le_bytes() != *crc {
         return Err(RecordError::Crc);
     }
+    let bytes = head;
     let law = LawKind::from_number(bytes[8]).ok_or(RecordError::UnknownLaw(bytes[8]))?;
     let mut model = Parameters::new(law);
     model.choices = Choices {
@@ -184,8 +211,8 @@ pub fn parse(record: &[u8]) -> Result<Configuration, RecordError> {
     for (index, field) in compensator.iter_mut().enumerate() {
         *field = number(bytes, COMPENSATOR_AT + 4 * index);
     }
-    for (index, id) in ParameterId::ALL.iter().enumerate() {
-        model.set(*id, number(bytes, VALUES_AT + 4 * index));
+    for (index, id) in ParameterId::ALL.iter().take(values).enumerate() {
+        model.set(*id, number(guarded, VALUES_AT + 4 * index));
     }
     let configuration =
         Configuration { model, compensator: CompensatorParameters::from_array(compensator) };
@@ -226,6 +253,35 @@ mod tests {
         assert_eq!(parse(&bytes), Ok(configuration()));
     }
 
+    /// The same configuration as an older core wrote it.
+    fn shortened(version: u16, values: usize) -> std::vec::Vec<u8> {
+        let length = LEAST_LENGTH + 4 * values;
+        let mut bytes = emit(&configuration())[..length].to_vec();
+        bytes[4..6].copy_from_slice(&version.to_le_bytes());
+        bytes[6..8].copy_from_slice(&(length as u16).to_le_bytes());
+        let crc = CRC.checksum(&bytes[..length - 4]);
+        bytes[length - 4..].copy_from_slice(&crc.to_le_bytes());
+        bytes
+    }
+
+    #[test]
+    fn records_of_older_cores_are_read() {
+        for (version, values) in [(1, VALUES_OF_VERSION_1), (2, VALUES_OF_VERSION_1), (2, COUNT)] {
+            assert_eq!(parse(&shortened(version, values)), Ok(configuration()));
+        }
+        // Values that are not there are at their defaults: no side load, no pressure.
+        let few = parse(&shortened(2, 6)).unwrap();
+        assert_eq!(few.model.get(ParameterId::CoulombTorque), 1.5);
+        assert_eq!(few.model.get(ParameterId::PressureCoulomb), 0.0);
+        // Version 1 knew one length; and the length of a record is the one it says.
+        for wrong in [shortened(1, COUNT), shortened(2, 41)[..240].to_vec()] {
+            assert_eq!(parse(&wrong), Err(RecordError::Length(wrong.len())));
+        }
+        for unknown in [0, VERSION + 1, u16::MAX] {
+            assert_eq!(parse(&shortened(unknown, COUNT)), Err(RecordError::Version(unknown)));
+        }
+    }
+
     #[test]
     fn every_single_bit_error_is_found() {
         let bytes = emit(&configuration());
@@ -256,6 +312,7 @@ mod tests {
         fn garbage_with_a_right_crc_never_panics(mut bytes in proptest::collection::vec(any::<u8>(), LENGTH)) {
             bytes[..4].copy_from_slice(&MAGIC);
             bytes[4..6].copy_from_slice(&VERSION.to_le_bytes());
+            bytes[6..8].copy_from_slice(&(LENGTH as u16).to_le_bytes());
             let crc = CRC.checksum(&bytes[..CRC_AT]);
             bytes[CRC_AT..].copy_from_slice(&crc.to_le_bytes());
             if let Ok(configuration) = parse(&bytes) {

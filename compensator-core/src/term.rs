@@ -9,9 +9,13 @@
 
 #[cfg(feature = "terms")]
 mod built;
+#[cfg(feature = "terms")]
+mod spline;
 
 #[cfg(feature = "terms")]
 pub use built::{Memory, Term};
+#[cfg(feature = "terms")]
+pub use spline::Spline;
 
 use crate::parameters::ParameterId;
 use ParameterId as Id;
@@ -27,6 +31,83 @@ pub const CONTACT_AGE_MAX_S: f64 = 1000.0;
 
 /// Coldest and hottest seal a temperature reading is believed of, deg C.
 pub const TEMPERATURE_RANGE_C: [f64; 2] = [-50.0, 150.0];
+
+/// Knots of [`TermKind::Unknown`].
+pub const KNOTS: usize = 6;
+
+/// The torques at the knots of [`TermKind::Unknown`], in their order.
+pub const UNKNOWN_TORQUES: [ParameterId; KNOTS] = [
+    Id::UnknownTorque1,
+    Id::UnknownTorque2,
+    Id::UnknownTorque3,
+    Id::UnknownTorque4,
+    Id::UnknownTorque5,
+    Id::UnknownTorque6,
+];
+
+/// The changes of the level at the knots of [`TermKind::Unknown`], in their order.
+pub const UNKNOWN_LEVELS: [ParameterId; KNOTS] = [
+    Id::UnknownLevel1,
+    Id::UnknownLevel2,
+    Id::UnknownLevel3,
+    Id::UnknownLevel4,
+    Id::UnknownLevel5,
+    Id::UnknownLevel6,
+];
+
+/// What [`TermKind::Unknown`] can follow. The number is the value of
+/// [`ParameterId::UnknownColumn`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+pub enum Column {
+    /// Velocity with its sign, rad/s.
+    #[default]
+    Velocity,
+    /// Position, rad.
+    Position,
+    /// Time since the campaign began, s as a person writes it, h inside.
+    CampaignTime,
+    /// Side load on the shaft, N.
+    RadialForce,
+    /// Pressure difference, Pa as a person writes it, MPa inside.
+    Pressure,
+    /// Temperature of the seal, deg C.
+    Temperature,
+    /// Transmitted torque, Nm.
+    LoadTorque,
+    /// The covariate a joint has of its own, in that one's unit.
+    Auxiliary,
+}
+
+impl Column {
+    /// Every column, in the order of their numbers.
+    pub const ALL: [Self; 8] = [
+        Self::Velocity,
+        Self::Position,
+        Self::CampaignTime,
+        Self::RadialForce,
+        Self::Pressure,
+        Self::Temperature,
+        Self::LoadTorque,
+        Self::Auxiliary,
+    ];
+
+    /// The column of a value of [`ParameterId::UnknownColumn`]; of an illegal one the nearest, of
+    /// one that is not a number the first.
+    pub fn of(number: f64) -> Self {
+        // A cast saturates.
+        Self::ALL[usize::from(number as u8).min(Self::ALL.len() - 1)]
+    }
+
+    /// The unit inside over the unit a person writes.
+    pub const fn scale(self) -> f64 {
+        match self {
+            Self::CampaignTime => 1.0 / 3600.0,
+            Self::Pressure => 1e-6,
+            _ => 1.0,
+        }
+    }
+}
 
 macro_rules! term_kinds {
     ($($(#[$doc:meta])* $kind:ident = $name:literal [$($parameter:ident),*]),* $(,)?) => {
@@ -87,6 +168,13 @@ term_kinds! {
     ChannelDelay = "channel-delay" [ChannelDelay],
     /// `+ k tau_L`: the known load, in the torque channel's own scale. A rigid-body part, no cause.
     LoadGain = "load-gain" [LoadGain],
+    /// `+ t(x)`, `g *= 1 + l(x)`, both broken lines over one column: structure no named cause
+    /// explains, and calibration errors that follow a covariate.
+    Unknown = "unknown" [
+        UnknownColumn, UnknownLower, UnknownUpper, UnknownTorque1, UnknownTorque2, UnknownTorque3,
+        UnknownTorque4, UnknownTorque5, UnknownTorque6, UnknownLevel1, UnknownLevel2,
+        UnknownLevel3, UnknownLevel4, UnknownLevel5, UnknownLevel6
+    ],
 }
 
 impl TermKind {

@@ -10,16 +10,17 @@
 mod support;
 
 use compensator_core::model::{Sample, State};
+use compensator_core::term::UNKNOWN_LEVELS;
 use compensator_core::{Fixed, LawKind, Model, ParameterId as Id, Parameters, Real, TermKind};
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 use support::cases::{Case, FIXED, FLOAT, case, converted};
 
 /// The largest static level in a sample of these covariates, Nm, from the formulas of the terms.
-fn largest_level(case: &Case, covariates: &[f64; 7]) -> f64 {
+fn largest_level(case: &Case, covariates: &[f64; 8]) -> f64 {
     let value = |id: Id| case.parameters::<f64>().get(id);
     let on = |kind| case.parameters::<f64>().terms.contains(&kind);
-    let [force, pressure, _, _, load_torque, time, _] = *covariates;
+    let [force, pressure, _, _, load_torque, time, ..] = *covariates;
     let improved = case.law == LawKind::ImprovedLugre;
     let mut level = match case.law {
         LawKind::Dahl => value(Id::CoulombTorque),
@@ -48,6 +49,10 @@ fn largest_level(case: &Case, covariates: &[f64; 7]) -> f64 {
         level *= 1.0
             + value(Id::DriftAmplitude) * (-seconds / value(Id::DriftTime)).exp()
             + value(Id::DriftRate) * seconds;
+    }
+    if on(TermKind::Unknown) {
+        // Wherever its column stands, between two knots.
+        level *= 1.0 + UNKNOWN_LEVELS.map(value).into_iter().fold(-1.0, f64::max);
     }
     if on(TermKind::DirectionAsymmetry) {
         level *= 1.0 + value(Id::CoulombAsymmetry).abs();

@@ -37,6 +37,8 @@ fn held(sample: &Sample<Fixed>) -> Sample<f64> {
         temperature_c: sample.temperature_c.value(),
         load_torque_nm: sample.load_torque_nm.value(),
         campaign_time_h: sample.campaign_time_h.value(),
+        auxiliary: sample.auxiliary.value(),
+        unknown_trust: sample.unknown_trust.value(),
     }
 }
 

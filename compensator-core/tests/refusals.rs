@@ -59,7 +59,7 @@ fn close(a: Bound, b: Bound) -> bool {
 
 #[test]
 fn refusals_name_field_value_bound_and_reason() {
-    use Bound::{AtLeast, AtMost, Finite};
+    use Bound::{AtLeast, AtMost, Finite, MoreThan, Whole};
     let lugre = || sound(LawKind::Lugre);
     let improved = || sound(LawKind::ImprovedLugre);
     let mut fading = lugre();
@@ -103,6 +103,15 @@ fn refusals_name_field_value_bound_and_reason() {
             AtLeast(-0.999 / (2000.0 * 3600.0)),
             "end of the campaign",
         ),
+        row(with_term(TermKind::Unknown), Id::UnknownColumn, 2.5, Whole, "a column has a number"),
+        row(
+            with_term(TermKind::Unknown).with(Id::UnknownLower, 0.5),
+            Id::UnknownUpper,
+            0.5,
+            MoreThan(0.5),
+            "over a range",
+        ),
+        row(with_term(TermKind::Unknown), Id::UnknownLevel3, -0.95, AtLeast(-0.9), "range"),
         // Passivity, constant sigma1: 4 F_C / v_max = 0.75 or sigma2 F_C / (F_S - F_C), the larger.
         row(
             lugre().with(Id::ViscousFriction, 0.1),

@@ -8,7 +8,7 @@
 #![cfg(feature = "terms")]
 
 use compensator_core::model::{Sample, State};
-use compensator_core::term::MAX_TERMS;
+use compensator_core::term::{Column, KNOTS, MAX_TERMS, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use compensator_core::{Fixed, LawKind, Model, ParameterId as Id, Parameters, Real, TermKind};
 
 const PERIOD: f64 = 1e-3;
@@ -65,6 +65,8 @@ fn lively<T: Real>(step: u32) -> Sample<T> {
         temperature_c: number(10.0 + t),
         load_torque_nm: number(5.0 * (4.0 * t).sin()),
         campaign_time_h: number(t),
+        auxiliary: number(0.3 * t),
+        unknown_trust: T::one(),
     }
 }
 
@@ -110,6 +112,8 @@ fn settled<T: Real>(parameters: &Parameters<T::Setting>, sample: &Sample<f64>) -
         temperature_c: number(sample.temperature_c),
         load_torque_nm: number(sample.load_torque_nm),
         campaign_time_h: number(sample.campaign_time_h),
+        auxiliary: number(sample.auxiliary),
+        unknown_trust: number(sample.unknown_trust),
     };
     let mut state = State::default();
     (0..20_000).map(|_| model.step(&mut state, &sample).value()).last().unwrap()
@@ -204,6 +208,10 @@ fn sliding() -> Vec<Sliding> {
             let age = 0.01 / v.abs();
             rubs(COULOMB, STATIC + 0.5 * (1.0 + age).ln(), v)
         }),
+        (TermKind::Unknown, drawn_over(Column::Temperature, -25.0, 75.0), |v, s| {
+            let (torque, change) = drawn_at((s.temperature_c + 25.0) / 100.0);
+            level(COULOMB, STATIC, v.abs()) * (1.0 + change) * v.signum() + VISCOUS * v + torque
+        }),
     ]
 }
 
@@ -238,6 +246,76 @@ fn terms_do_in_steady_sliding_what_their_formula_says() {
             moved = moved.max((expected - settled::<f64>(&base(), &sample)).abs());
         }
         assert!(moved > 0.01, "{}: a formula that changes nothing tests nothing", kind.name());
+    }
+}
+
+const TORQUES: [f64; KNOTS] = [0.5, -0.25, 0.125, 0.375, -0.125, 0.25];
+const LEVELS: [f64; KNOTS] = [-0.25, 0.125, 0.5, 0.25, -0.5, 0.0625];
+
+/// The parameters of the knots above over a range of a column.
+fn drawn_over(column: Column, lower: f64, upper: f64) -> Vec<(Id, f64)> {
+    let mut values = vec![
+        (Id::UnknownColumn, f64::from(column as u8)),
+        (Id::UnknownLower, lower),
+        (Id::UnknownUpper, upper),
+    ];
+    values.extend(UNKNOWN_TORQUES.into_iter().zip(TORQUES));
+    values.extend(UNKNOWN_LEVELS.into_iter().zip(LEVELS));
+    values
+}
+
+/// Torque and change of the level at a share of the range, as one would draw it.
+fn drawn_at(share: f64) -> (f64, f64) {
+    let along = share.clamp(0.0, 1.0) * 5.0;
+    let drawn = |knots: [f64; KNOTS]| {
+        knots
+            .iter()
+            .enumerate()
+            .fold(0.0, |sum, (at, knot)| sum + knot * (1.0 - (along - at as f64).abs()).max(0.0))
+    };
+    (drawn(TORQUES), drawn(LEVELS))
+}
+
+#[test]
+fn unknown_cause_follows_every_column_within_and_beyond_its_range() {
+    /// Column, its range as a person writes it, and how a sample is given a value of it.
+    type Row = (Column, f64, f64, fn(&mut Sample<f64>, f64));
+    let rows: [Row; 8] = [
+        (Column::Velocity, -2.0, 3.0, |s, x| s.velocity_rad_s = x),
+        (Column::Position, -1.0, 4.0, |s, x| s.position_rad = x),
+        (Column::CampaignTime, 3600.0, 360_000.0, |s, x| s.campaign_time_h = x / 3600.0),
+        (Column::RadialForce, 20.0, 80.0, |s, x| s.radial_force_n = x),
+        (Column::Pressure, 5e4, 2.5e5, |s, x| s.pressure_diff_mpa = x * 1e-6),
+        (Column::Temperature, 5.0, 25.0, |s, x| s.temperature_c = x),
+        (Column::LoadTorque, -20.0, 10.0, |s, x| s.load_torque_nm = x),
+        (Column::Auxiliary, -300.0, 700.0, |s, x| s.auxiliary = x),
+    ];
+    assert!(rows.iter().map(|row| row.0).eq(Column::ALL));
+    for (column, lower, upper, put) in rows {
+        let values = drawn_over(column, lower, upper);
+        for share in [-1.0, -0.125, 0.0, 0.0625, 0.2, 0.45, 0.6, 0.75, 0.9375, 1.0, 1.25] {
+            let mut sample = Sample { velocity_rad_s: 1.0, ..Sample::default() };
+            put(&mut sample, lower + (upper - lower) * share);
+            let (torque, change) = drawn_at(share);
+            let v = sample.velocity_rad_s;
+            for (trust, position_trust) in [(1.0, 1.0), (0.5, 1.0), (1.0, 0.25), (0.0, 1.0)] {
+                let sample = Sample { unknown_trust: trust, position_trust, ..sample };
+                let trust = if column == Column::Position { trust * position_trust } else { trust };
+                let scaled = 1.0 + change * trust;
+                let rubs = level(COULOMB, STATIC, v.abs()) * scaled * v.signum() + VISCOUS * v;
+                let expected = rubs + torque * trust;
+                let built =
+                    (with_term(TermKind::Unknown, &values), with_term(TermKind::Unknown, &values));
+                for (found, tolerance) in [
+                    (settled::<f64>(&built.0, &sample), 5e-5),
+                    (settled::<f32>(&built.1, &sample), 1e-4),
+                    (settled::<Fixed>(&built.1, &sample), 3e-3),
+                ] {
+                    let error = (found - expected).abs();
+                    assert!(error < tolerance, "{column:?} at {share}: {found}, drawn {expected}");
+                }
+            }
+        }
     }
 }
 

@@ -27,6 +27,9 @@ const TERMS: &[TermKind] = &[
     TermKind::ChannelDelay,
 ];
 
+#[cfg(feature = "terms")]
+const UNKNOWN: &[TermKind] = &[TermKind::Unknown];
+
 /// The runs: name and fingerprint, in the order they are printed.
 pub fn all() -> impl Iterator<Item = (&'static str, u32)> {
     let runs = [
@@ -38,6 +41,10 @@ pub fn all() -> impl Iterator<Item = (&'static str, u32)> {
         ("improved-lugre + 6 terms f32", || run::<f32>(LawKind::ImprovedLugre, TERMS)),
         #[cfg(feature = "terms")]
         ("improved-lugre + 6 terms Fixed", || run::<Fixed>(LawKind::ImprovedLugre, TERMS)),
+        #[cfg(feature = "terms")]
+        ("improved-lugre + unknown f32", || run::<f32>(LawKind::ImprovedLugre, UNKNOWN)),
+        #[cfg(feature = "terms")]
+        ("improved-lugre + unknown Fixed", || run::<Fixed>(LawKind::ImprovedLugre, UNKNOWN)),
     ];
     runs.into_iter().map(|(name, run)| (name, run()))
 }
@@ -138,6 +145,7 @@ impl Samples {
             pressure_diff_mpa: or_missing(fresh(0.3 * slow)),
             temperature_c: fresh(5.0 + 20.0 * slow),
             load_torque_nm: fresh(self.noise() * 5.0),
+            auxiliary: fresh(slow),
             campaign_time_h: T::from_f64(f64::from(self.step as f32) / 4096.0),
         }
     }

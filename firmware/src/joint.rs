@@ -5,6 +5,7 @@
 
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::record::Configuration;
+use compensator_core::term::{Column, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 
 /// Sample period of the current loop, s: 20 kHz.
@@ -28,7 +29,15 @@ pub fn configuration(law: LawKind, terms: &[TermKind]) -> Configuration {
         .with(ParameterId::TemperatureViscosity, 0.02)
         .with(ParameterId::RippleSine, 0.05)
         .with(ParameterId::RippleCosine, 0.03)
-        .with(ParameterId::RippleOrder, 3.0);
+        .with(ParameterId::RippleOrder, 3.0)
+        .with(ParameterId::UnknownColumn, f32::from(Column::Auxiliary as u8))
+        .with(ParameterId::UnknownLower, 0.1)
+        .with(ParameterId::UnknownUpper, 0.8);
+    for (index, (torque, level)) in UNKNOWN_TORQUES.into_iter().zip(UNKNOWN_LEVELS).enumerate() {
+        let height = index as f32;
+        model.set(torque, 0.25 - 0.07 * height);
+        model.set(level, 0.03 * height * (5.0 - height) - 0.1);
+    }
     model.choices.damping_fades = true;
     // Fixed point holds the angle of a ripple up to 2048 rad.
     model.envelope.position_max_rad = 100.0;

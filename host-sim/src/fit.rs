@@ -28,4 +28,4 @@ pub use metrics::Metrics;
 pub use outcome::{Estimate, Outcome, State, identify};
 pub use simulate::Resolution;
 pub use solve::{FitOptions, Rows, fit};
-pub use track::{Track, tracks};
+pub use track::{Track, tracks, tracks_with};

@@ -112,6 +112,7 @@ impl Spec {
             Id::RippleSine | Id::RippleCosine | Id::RippleOrder => Some("position"),
             Id::GravitySine | Id::GravityCosine => Some("position"),
             Id::LoadCoulomb | Id::LoadGain => Some("load_torque_nm"),
+            // What the unknown term follows is a choice among the columns.
             _ => None,
         };
         let own = self.law.parameters().iter();

@@ -1,6 +1,8 @@
 use super::*;
 use crate::parameters::{LawKind, ParameterId, Parameters};
 use crate::term::TermKind;
+#[cfg(feature = "terms")]
+use crate::term::{Column, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use proptest::prelude::*;
 
 const PERIOD_S: f32 = 50e-6;
@@ -85,6 +87,84 @@ fn stale_load_and_pressure_fade_to_the_plain_law_without_a_jump() {
         }
     }
     assert!((last - plain).abs() < 1e-3, "{last} {plain}");
+}
+
+/// The unknown term following one column, 0.5 Nm and half the level more wherever that stands.
+#[cfg(feature = "terms")]
+fn with_unknown(column: Column) -> Configuration {
+    let mut configuration = configuration();
+    assert!(configuration.model.add_term(TermKind::Unknown));
+    configuration.model.set(ParameterId::UnknownColumn, f32::from(column as u8));
+    for id in UNKNOWN_TORQUES {
+        configuration.model.set(id, 0.5);
+    }
+    for id in UNKNOWN_LEVELS {
+        configuration.model.set(id, 0.5);
+    }
+    configuration
+}
+
+#[cfg(feature = "terms")]
+#[test]
+fn unknown_cause_fades_to_nothing_with_the_reading_it_follows() {
+    let all = |velocity: f32| Inputs {
+        position_rad: Reading::fresh(1.0),
+        temperature_c: Reading::fresh(12.0),
+        load_torque_nm: Reading::fresh(-3.0),
+        auxiliary: Reading::fresh(7.0),
+        ..loaded(velocity)
+    };
+    let missing = Reading::missing();
+    for column in Column::ALL {
+        let configuration = with_unknown(column);
+        let mut compensator = enabled(&configuration);
+        let silent = match column {
+            Column::Position => Inputs { position_rad: missing, ..all(2.0) },
+            Column::RadialForce => Inputs { radial_force_n: missing, ..all(2.0) },
+            Column::Pressure => Inputs { pressure_diff_mpa: missing, ..all(2.0) },
+            Column::Temperature => Inputs { temperature_c: missing, ..all(2.0) },
+            Column::LoadTorque => Inputs { load_torque_nm: missing, ..all(2.0) },
+            Column::Auxiliary => Inputs { auxiliary: missing, ..all(2.0) },
+            // A velocity that is not heard withdraws everything; time is never silent.
+            Column::Velocity | Column::CampaignTime => all(2.0),
+        };
+        let before = settle(&mut compensator, &all(2.0), 4000).friction_torque_nm;
+        let level = 1.5 + 40.0 * 0.01 + 0.2 * 2.4;
+        assert!((before - (1.5 * level + 0.08 * 2.0 + 0.5)).abs() < 1e-3, "{column:?}: {before}");
+        let mut last = before;
+        for sample in 0..14_000 {
+            let torque = compensator.step(&silent).friction_torque_nm;
+            assert!((torque - last).abs() < 3e-3, "{column:?} at {sample}");
+            last = torque;
+            if sample < 1990 {
+                assert!((last - before).abs() < 1e-3, "{column:?} at {sample}");
+            }
+        }
+        let left = match column {
+            Column::Velocity | Column::CampaignTime => before,
+            Column::RadialForce => 1.5 + 0.2 * 2.4 + 0.16,
+            Column::Pressure => 1.5 + 40.0 * 0.01 + 0.16,
+            _ => level + 0.16,
+        };
+        assert!((last - left).abs() < 1e-3, "{column:?}: {last} {left}");
+    }
+}
+
+#[cfg(feature = "terms")]
+#[test]
+fn auxiliary_readings_are_flagged_and_replaced() {
+    let configuration = with_unknown(Column::Auxiliary);
+    let mut compensator = enabled(&configuration);
+    let with = |auxiliary| Inputs { auxiliary, ..loaded(2.0) };
+    let before = settle(&mut compensator, &with(Reading::fresh(7.0)), 4000);
+    assert!(!before.flags.intersects(Flags::AUXILIARY_INVALID | Flags::AUXILIARY_STALE));
+    for wrong in [f32::NAN, f32::INFINITY, -2e9] {
+        let output = compensator.step(&with(Reading::fresh(wrong)));
+        assert!(output.flags.contains(Flags::AUXILIARY_INVALID));
+        assert!((output.friction_torque_nm - before.friction_torque_nm).abs() < 1e-3);
+    }
+    let old = Reading { value: 7.0, age_s: 0.3 };
+    assert!(compensator.step(&with(old)).flags.contains(Flags::AUXILIARY_STALE));
 }
 
 #[test]
@@ -229,11 +309,12 @@ prop_compose! {
         velocity_rad_s in reading(), velocity_reference_rad_s in reading(),
         position_rad in reading(), acceleration_rad_s2 in reading(), radial_force_n in reading(),
         pressure_diff_mpa in reading(), temperature_c in reading(), load_torque_nm in reading(),
-        campaign_time_h in any_float(),
+        auxiliary in reading(), campaign_time_h in any_float(),
     ) -> Inputs<f32> {
         Inputs {
             velocity_rad_s, velocity_reference_rad_s, position_rad, acceleration_rad_s2,
-            radial_force_n, pressure_diff_mpa, temperature_c, load_torque_nm, campaign_time_h,
+            radial_force_n, pressure_diff_mpa, temperature_c, load_torque_nm, auxiliary,
+            campaign_time_h,
         }
     }
 }
@@ -249,12 +330,14 @@ proptest! {
         let mut configuration = configuration();
         if with_terms && cfg!(feature = "terms") {
             for kind in [TermKind::TemperatureViscous, TermKind::PositionRipple,
-                TermKind::GravityImbalance, TermKind::DwellTimeStatic, TermKind::Backlash,
+                TermKind::Unknown, TermKind::DwellTimeStatic, TermKind::Backlash,
                 TermKind::UnmodelledInertia, TermKind::ChannelDelay, TermKind::TimeDrift] {
                 prop_assert!(configuration.model.add_term(kind));
             }
             configuration.model.set(ParameterId::RippleSine, 0.2);
-            configuration.model.set(ParameterId::GravitySine, 1.0);
+            configuration.model.set(ParameterId::UnknownColumn, 7.0);
+            configuration.model.set(ParameterId::UnknownTorque3, 1.0);
+            configuration.model.set(ParameterId::UnknownLevel5, 0.5);
             configuration.model.set(ParameterId::DwellGain, 0.1);
             configuration.model.set(ParameterId::BacklashTravel, 1e-3);
             configuration.model.set(ParameterId::Inertia, 0.01);

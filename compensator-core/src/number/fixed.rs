@@ -159,6 +159,12 @@ impl Real for Fixed {
     }
 
     #[inline(always)]
+    fn cell_and_share(self, last: usize) -> (usize, Self) {
+        let cell = ((self.0 >> FRACTION) as usize).min(last);
+        (cell, Self((self.0 - ((cell as i32) << FRACTION)).min(1 << FRACTION)))
+    }
+
+    #[inline(always)]
     fn positive_part(self) -> Self {
         Self(self.0.max(0))
     }

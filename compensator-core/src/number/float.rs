@@ -88,6 +88,13 @@ impl Real for f32 {
     }
 
     #[inline(always)]
+    fn cell_and_share(self, last: usize) -> (usize, Self) {
+        // Not by way of `f64`, which the processor would have to emulate.
+        let cell = (self as usize).min(last);
+        (cell, (self - cell as f32).at_most(1.0))
+    }
+
+    #[inline(always)]
     fn positive_part(self) -> Self {
         let bits = self.to_bits();
         f32::from_bits(bits & !((bits as i32 >> 31) as u32))

@@ -14,7 +14,7 @@ use crate::model::{Law, Model, SealLoad};
 use crate::number::Real;
 use crate::term::TermKind;
 #[cfg(feature = "terms")]
-use crate::term::{DELAY_LINE, MAX_TERMS, Term};
+use crate::term::{DELAY_LINE, MAX_TERMS, Spline, Term};
 use ParameterId as Id;
 use core::f64::consts::FRAC_PI_2;
 
@@ -63,6 +63,8 @@ impl<S: Real<Setting = S>> Parameters<S> {
             law: self.build_law(period_s),
             #[cfg(feature = "terms")]
             terms: self.build_terms(period_s),
+            #[cfg(feature = "terms")]
+            spline: Spline::build(self),
         };
         self.check_range(&model, period)?;
         Ok(model)
@@ -75,6 +77,8 @@ impl<S: Real<Setting = S>> Parameters<S> {
             law: self.build_law(period_s),
             #[cfg(feature = "terms")]
             terms: self.build_terms(period_s),
+            #[cfg(feature = "terms")]
+            spline: Spline::build(self),
         }
     }
 
@@ -279,11 +283,16 @@ impl<S: Real<Setting = S>> Parameters<S> {
                 return refuse(Id::ChannelDelay.name(), delay, Bound::AtMost(longest), why);
             }
         }
+        let why = "the number type cannot hold what this term computes within the envelope";
+        if self.terms.contains(&TermKind::Unknown) {
+            let spline = Spline::<S>::build(self);
+            coefficient::<T>("5 / (unknown_upper - unknown_lower)", spline.coefficient().value())?;
+            product::<T>(TermKind::Unknown.name(), spline.largest_product())?;
+        }
         for kind in &self.terms {
             // Built in the number of the settings, which has the range, and held against T's.
             let term = Term::<S>::build(*kind, self, S::from_f64(period));
             let largest = term.largest_product(&self.envelope);
-            let why = "the number type cannot hold what this term computes within the envelope";
             for value in term.coefficients().map(Real::value) {
                 if !T::represents(value) {
                     return refuse(kind.name(), value, Bound::Finite, why);

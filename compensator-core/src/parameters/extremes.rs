@@ -2,12 +2,15 @@
 //!
 //! Validation needs the *least* level (it must stay positive, or the step divides by nothing) and
 //! building for fixed point the *largest* (or a product leaves the number's range). Load and
-//! pressure act linearly, so their extremes lie at the corners of the envelope; ripple, drift and
-//! direction are factors on top, each with a range of its own. What is off counts for nothing.
+//! pressure act linearly, so their extremes lie at the corners of the envelope; ripple, drift,
+//! direction and what has no known cause are factors on top, each with a range of its own. What is off
+//! counts for nothing.
 
 use super::{ParameterId, Parameters};
 use crate::number::Real;
-use crate::term::{CONTACT_AGE_MAX_S, TEMPERATURE_RANGE_C, TermKind};
+use crate::term::{
+    CONTACT_AGE_MAX_S, TEMPERATURE_RANGE_C, TermKind, UNKNOWN_LEVELS, UNKNOWN_TORQUES,
+};
 use ParameterId as Id;
 
 impl<S: Real> Parameters<S> {
@@ -64,6 +67,16 @@ impl<S: Real> Parameters<S> {
         libm::hypot(self.value(Id::RippleSine), self.value(Id::RippleCosine))
     }
 
+    /// Least and largest factor on the level of what has no known cause: at a knot, or 1 where the
+    /// column it follows is not believed.
+    pub(super) fn unknown_range(&self) -> (f64, f64) {
+        if !self.terms.contains(&TermKind::Unknown) {
+            return (1.0, 1.0);
+        }
+        let factors = UNKNOWN_LEVELS.map(|id| 1.0 + self.value(id));
+        (factors.into_iter().fold(1.0, f64::min), factors.into_iter().fold(1.0, f64::max))
+    }
+
     fn asymmetry(&self, id: Id) -> f64 {
         let on = self.terms.contains(&TermKind::DirectionAsymmetry);
         if on { self.value(id).abs() } else { 0.0 }
@@ -78,6 +91,7 @@ impl<S: Real> Parameters<S> {
         let seal = self.seal_corners().map(|corner| corner.0).into_iter().fold(0.0, f64::min);
         (coulomb + seal + self.load_torque_added().0)
             * self.drift_range().0
+            * self.unknown_range().0
             * (1.0 - self.ripple_amplitude())
             * (1.0 - self.asymmetry(Id::CoulombAsymmetry))
     }
@@ -104,6 +118,7 @@ impl<S: Real> Parameters<S> {
             + self.load_torque_added().1
             + dwell;
         sum * self.drift_range().1
+            * self.unknown_range().1
             * (1.0 + self.ripple_amplitude())
             * (1.0 + self.asymmetry(Id::CoulombAsymmetry))
     }
@@ -135,6 +150,9 @@ impl<S: Real> Parameters<S> {
             TermKind::QuadraticDrag => of(Id::QuadraticDrag, speed * speed),
             TermKind::UnmodelledInertia => of(Id::Inertia, e.acceleration_max_rad_s2.into()),
             TermKind::LoadGain => of(Id::LoadGain, e.load_torque_max_nm.into()),
+            TermKind::Unknown => {
+                UNKNOWN_TORQUES.map(|id| self.value(id).abs()).into_iter().fold(0.0, f64::max)
+            }
             _ => 0.0,
         };
         self.terms.iter().map(added).sum()

@@ -134,6 +134,37 @@ parameters! {
     ChannelDelay = "channel_delay", "s", "s", 0.0, 10.0, 0.0;
     /// Gain on the transmitted torque.
     LoadGain = "load_gain", "Nm/Nm", "N/Nm", -1e6, 1e6, 0.0;
+    /// Which column the term of unknown cause follows: the number of a [`crate::term::Column`].
+    UnknownColumn = "unknown_column", "1", "1", 0.0, 7.0, 0.0;
+    /// Where the term's first knot lies; its unit is that of its column: rad/s, rad, s, N, Pa, degC,
+    /// Nm, or the auxiliary column's own.
+    UnknownLower = "unknown_lower", "of the column", "of the column", -1e12, 1e12, 0.0;
+    /// Where its last knot lies. The others are evenly spread between.
+    UnknownUpper = "unknown_upper", "of the column", "of the column", -1e12, 1e12, 1.0;
+    /// Torque of unknown cause at its first knot, whichever way the joint moves.
+    UnknownTorque1 = "unknown_torque_1", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque of unknown cause at its second knot, whichever way the joint moves.
+    UnknownTorque2 = "unknown_torque_2", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque of unknown cause at its third knot, whichever way the joint moves.
+    UnknownTorque3 = "unknown_torque_3", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque of unknown cause at its fourth knot, whichever way the joint moves.
+    UnknownTorque4 = "unknown_torque_4", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque of unknown cause at its fifth knot, whichever way the joint moves.
+    UnknownTorque5 = "unknown_torque_5", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque of unknown cause at its sixth knot, whichever way the joint moves.
+    UnknownTorque6 = "unknown_torque_6", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Relative change of the level, of unknown cause, at its first knot.
+    UnknownLevel1 = "unknown_level_1", "1", "1", -0.9, 10.0, 0.0;
+    /// Relative change of the level, of unknown cause, at its second knot.
+    UnknownLevel2 = "unknown_level_2", "1", "1", -0.9, 10.0, 0.0;
+    /// Relative change of the level, of unknown cause, at its third knot.
+    UnknownLevel3 = "unknown_level_3", "1", "1", -0.9, 10.0, 0.0;
+    /// Relative change of the level, of unknown cause, at its fourth knot.
+    UnknownLevel4 = "unknown_level_4", "1", "1", -0.9, 10.0, 0.0;
+    /// Relative change of the level, of unknown cause, at its fifth knot.
+    UnknownLevel5 = "unknown_level_5", "1", "1", -0.9, 10.0, 0.0;
+    /// Relative change of the level, of unknown cause, at its sixth knot.
+    UnknownLevel6 = "unknown_level_6", "1", "1", -0.9, 10.0, 0.0;
 }
 
 impl ParameterId {

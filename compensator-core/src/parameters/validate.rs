@@ -10,6 +10,7 @@
 
 use super::{Envelope, ParameterId, Parameters};
 use crate::number::Real;
+use crate::term::TermKind;
 use ParameterId as Id;
 use core::fmt;
 
@@ -24,6 +25,8 @@ pub enum Bound {
     MoreThan(f64),
     /// It must be a finite number.
     Finite,
+    /// It must be a whole number.
+    Whole,
 }
 
 impl fmt::Display for Bound {
@@ -33,6 +36,7 @@ impl fmt::Display for Bound {
             Bound::AtMost(bound) => write!(f, "at most {bound}"),
             Bound::MoreThan(bound) => write!(f, "more than {bound}"),
             Bound::Finite => f.write_str("a finite number"),
+            Bound::Whole => f.write_str("a whole number"),
         }
     }
 }
@@ -187,6 +191,19 @@ impl<S: Real> Parameters<S> {
             let rate = value(Id::DriftRate);
             let bound = Bound::AtLeast(rate + (LEAST_SHARE - least) / end_s);
             return refuse(Id::DriftRate.name(), rate, bound, why);
+        }
+        if self.terms.contains(&TermKind::Unknown) {
+            // Its change of the level leaves at least a tenth: the range of each knot sees to that.
+            let column = value(Id::UnknownColumn);
+            if column != libm::trunc(column) {
+                let why = "a column has a number";
+                return refuse(Id::UnknownColumn.name(), column, Bound::Whole, why);
+            }
+            let (lower, upper) = (value(Id::UnknownLower), value(Id::UnknownUpper));
+            if upper <= lower {
+                let why = "the knots are spread over a range";
+                return refuse(Id::UnknownUpper.name(), upper, Bound::MoreThan(lower), why);
+            }
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 //! Terms act in the order of the list, before the law: a delay must come first to be seen by the
 //! others, and is put there by [`crate::parameters::Parameters::add_term`].
 
-use super::{CONTACT_AGE_MAX_S, DELAY_LINE, TermKind};
+use super::{CONTACT_AGE_MAX_S, DELAY_LINE, Spline, TermKind};
 use crate::effect::Effects;
 use crate::model::Sample;
 use crate::number::Real;
@@ -106,6 +106,8 @@ pub enum Term<T> {
     },
     /// Factor on the load torque.
     LoadGain(T),
+    /// The broken lines of the model's [`Spline`].
+    Unknown,
 }
 
 /// What terms remember between samples.
@@ -231,26 +233,25 @@ impl<T: Real> Term<T> {
                 delay_of(T::from_setting(setting(Id::ChannelDelay) / period_s))
             }
             TermKind::LoadGain => Term::LoadGain(number(Id::LoadGain)),
+            TermKind::Unknown => Term::Unknown,
         }
     }
 
-    /// The term for a sample period `ratio` times as long.
-    pub(crate) fn stretched(self, ratio: T) -> Self {
-        match self {
-            Term::RadialForceRate(per_newton) => Term::RadialForceRate(per_newton / ratio),
-            Term::DwellTimeStatic { gain, per_time, period, renewal } => Term::DwellTimeStatic {
-                gain,
-                per_time,
-                period: period * ratio,
-                renewal: renewal * ratio,
-            },
+    /// Becomes `of` for a sample period `ratio` times as long; most terms know no period.
+    pub(crate) fn stretch(&mut self, of: &Self, ratio: T) {
+        match *of {
+            Term::RadialForceRate(per_newton) => *self = Term::RadialForceRate(per_newton / ratio),
+            Term::DwellTimeStatic { gain, per_time, period, renewal } => {
+                let (period, renewal) = (period * ratio, renewal * ratio);
+                *self = Term::DwellTimeStatic { gain, per_time, period, renewal };
+            }
             Term::Backlash { missing, per_velocity } => {
-                Term::Backlash { missing, per_velocity: per_velocity * ratio }
+                *self = Term::Backlash { missing, per_velocity: per_velocity * ratio };
             }
             Term::ChannelDelay { whole, fraction } => {
-                delay_of((fraction + T::from_f64(f64::from(whole))) / ratio)
+                *self = delay_of((fraction + T::from_f64(f64::from(whole))) / ratio);
             }
-            unchanged => unchanged,
+            _ => {}
         }
     }
 
@@ -266,6 +267,8 @@ impl<T: Real> Term<T> {
             | Term::StribeckShape(a)
             | Term::ChannelDelay { fraction: a, .. }
             | Term::LoadGain(a) => [a, zero, zero, zero],
+            // The spline has its own.
+            Term::Unknown => [zero; 4],
             Term::RadialForceCoulomb { coulomb: a, static_level: b }
             | Term::PressureCoulomb { coulomb: a, static_level: b }
             | Term::TemperatureViscous { rate: a, reference: b }
@@ -313,12 +316,19 @@ impl<T: Real> Term<T> {
             }
             Term::UnmodelledInertia(a) => size(a) * f64::from(e.acceleration_max_rad_s2),
             Term::Backlash { per_velocity, .. } => size(per_velocity) * speed,
+            Term::Unknown => 0.0,
         }
     }
 
-    /// Lets the term act on one sample.
+    /// Lets the term act on one sample; `spline` is what [`Term::Unknown`] stands for.
     #[inline]
-    pub(crate) fn act(&self, sample: &Sample<T>, memory: &mut Memory<T>, effects: &mut Effects<T>) {
+    pub(crate) fn act(
+        &self,
+        sample: &Sample<T>,
+        spline: &Spline<T>,
+        memory: &mut Memory<T>,
+        effects: &mut Effects<T>,
+    ) {
         let one = T::one();
         match *self {
             Term::RadialForceCoulomb { coulomb, static_level } => {
@@ -340,14 +350,12 @@ impl<T: Real> Term<T> {
                 effects.viscous_scale = effects.viscous_scale * factor;
             }
             Term::PositionRipple { order, sine, cosine } => {
-                let angle = order * sample.position_rad;
-                let ripple = sine * angle.sin() + cosine * quarter_ahead(angle).sin();
+                let ripple = over_angle(order * sample.position_rad, sine, cosine);
                 let ripple = ripple * sample.position_trust;
                 effects.level_scale = effects.level_scale * (one + ripple);
             }
             Term::GravityImbalance { sine, cosine } => {
-                let angle = sample.position_rad;
-                let torque = sine * angle.sin() + cosine * quarter_ahead(angle).sin();
+                let torque = over_angle(sample.position_rad, sine, cosine);
                 effects.torque = effects.torque + torque * sample.position_trust;
             }
             Term::DirectionAsymmetry { coulomb, viscous } => {
@@ -406,6 +414,7 @@ impl<T: Real> Term<T> {
                 effects.velocity = memory.delayed(effects.velocity, whole, fraction);
             }
             Term::LoadGain(gain) => effects.torque = effects.torque + gain * sample.load_torque_nm,
+            Term::Unknown => spline.act(sample, effects),
         }
     }
 }
@@ -416,8 +425,10 @@ fn delay_of<T: Real>(samples: T) -> Term<T> {
     Term::ChannelDelay { whole: whole as u8, fraction: samples - T::from_f64(whole as f64) }
 }
 
-/// `angle` plus a quarter turn: its sine is the cosine.
-#[inline(always)]
-fn quarter_ahead<T: Real>(angle: T) -> T {
-    angle + T::from_f64(core::f64::consts::FRAC_PI_2)
+/// `sine sin(angle) + cosine cos(angle)`. Out of line: the angle being the same for all terms of a
+/// sample, the compiler would take its sines before the loop, for models that need none as well.
+#[inline(never)]
+fn over_angle<T: Real>(angle: T, sine: T, cosine: T) -> T {
+    let quarter_ahead = angle + T::from_f64(core::f64::consts::FRAC_PI_2);
+    sine * angle.sin() + cosine * quarter_ahead.sin()
 }

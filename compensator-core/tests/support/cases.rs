@@ -5,6 +5,7 @@
 //! so that every case is legal; of the cases for fixed point a part is refused, and says so.
 
 use compensator_core::model::Sample;
+use compensator_core::term::{Column, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use compensator_core::{LawKind, ParameterId as Id, Parameters, Real, TermKind};
 use proptest::prelude::*;
 
@@ -15,7 +16,7 @@ pub struct Case {
     pub terms: Vec<TermKind>,
     pub values: Vec<(Id, f64)>,
     pub period: f64,
-    pub samples: Vec<(u64, [f64; 7])>,
+    pub samples: Vec<(u64, [f64; 8])>,
 }
 
 /// How far apart the ranges reach: all a float can be asked for, or what suits fixed point.
@@ -32,6 +33,18 @@ pub const FLOAT: Decades =
 pub const FIXED: Decades =
     Decades { level: (-1.5, 2.2), stiffness: (1.0, 6.0), period: (-4.5, -2.5), size: 30.0 };
 
+/// What each column ranges over in [`Case::sample`], as a person writes it.
+const COLUMN_RANGES: [(f64, f64); 8] = [
+    (-12.0, 12.0),
+    (-10.0, 10.0),
+    (0.0, 7.2e6),
+    (0.0, 100.0),
+    (0.0, 3e5),
+    (-50.0, 150.0),
+    (-26.0, 26.0),
+    (-200.0, 800.0),
+];
+
 fn ten_to(range: (f64, f64)) -> impl Strategy<Value = f64> {
     (range.0..range.1).prop_map(|exponent| 10f64.powf(exponent))
 }
@@ -44,14 +57,15 @@ fn values(decades: Decades) -> impl Strategy<Value = Vec<(Id, f64)>> {
         [0.0..2.0f64, 0.0..2.0],
         [0.0..1.0f64, 0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0],
         [signed(), signed(), signed(), signed(), signed(), signed(), signed(), signed()],
+        unknown(decades.size),
     )
-        .prop_map(move |(coulomb, stiffness, excess, positive, signed)| {
+        .prop_map(move |(coulomb, stiffness, excess, positive, signed, unknown)| {
             let negative = coulomb * (1.0 + 9.0 * positive[5]);
             // Load and pressure may halve the level at the far corner, or raise it.
             let least = -0.2 * coulomb;
             let load = |share: f64, size: f64| (share * coulomb).max(least) / size;
             let size = decades.size;
-            vec![
+            let mut values = vec![
                 (Id::CoulombTorque, coulomb),
                 (Id::StaticTorque, coulomb * (1.0 + excess[0])),
                 (Id::CoulombTorqueNegative, negative),
@@ -79,8 +93,30 @@ fn values(decades: Decades) -> impl Strategy<Value = Vec<(Id, f64)>> {
                 (Id::Inertia, positive[0] * size),
                 (Id::BacklashTravel, positive[1] * 0.1),
                 (Id::StribeckExponent, 0.3 + 5.0 * positive[3]),
-            ]
+            ];
+            values.extend(unknown);
+            values
         })
+}
+
+/// Knots of any height over a part of any column.
+fn unknown(size: f64) -> impl Strategy<Value = Vec<(Id, f64)>> {
+    let knot = || 0.0..1.0f64;
+    let knots = || [knot(), knot(), knot(), knot(), knot(), knot()];
+    let ends = [knot(), knot()];
+    (0..Column::ALL.len(), ends, knots(), knots()).prop_map(move |(column, ends, torque, level)| {
+        let (least, most) = COLUMN_RANGES[column];
+        let at = |share: f64| least + (most - least) * share;
+        let lower = ends[0].min(ends[1]);
+        let mut values = vec![
+            (Id::UnknownColumn, column as f64),
+            (Id::UnknownLower, at(lower)),
+            (Id::UnknownUpper, at(ends[0].max(ends[1]).max(lower + 0.01))),
+        ];
+        values.extend(UNKNOWN_TORQUES.into_iter().zip(torque.map(|k| (2.0 * k - 1.0) * size)));
+        values.extend(UNKNOWN_LEVELS.into_iter().zip(level.map(|k| 3.0 * k - 0.9)));
+        values
+    })
 }
 
 pub fn case(decades: Decades) -> impl Strategy<Value = Case> {
@@ -92,7 +128,8 @@ pub fn case(decades: Decades) -> impl Strategy<Value = Case> {
         LawKind::ImprovedLugre,
     ];
     let most = if cfg!(feature = "terms") { 8 } else { 0 };
-    let unit = [0.0..1.0f64, 0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0];
+    let unit = || 0.0..1.0f64;
+    let unit = [unit(), unit(), unit(), unit(), unit(), unit(), unit(), unit()];
     (
         proptest::sample::select(laws),
         proptest::sample::subsequence(TermKind::ALL, 0..=most),
@@ -134,8 +171,8 @@ impl Case {
     }
 
     /// The sample of these covariates (each 0..=1 over its range) at a velocity.
-    pub fn sample(velocity: f64, covariates: &[f64; 7], force_before: f64) -> Sample<f64> {
-        let [force, pressure, position, temperature, load_torque, time, acceleration] = *covariates;
+    pub fn sample(velocity: f64, covariates: &[f64; 8], force_before: f64) -> Sample<f64> {
+        let [force, pressure, position, temperature, load, time, acceleration, own] = *covariates;
         Sample {
             velocity_rad_s: velocity,
             position_rad: position * 20.0 - 10.0,
@@ -145,8 +182,10 @@ impl Case {
             radial_force_change_n: (force - force_before) * 100.0,
             pressure_diff_mpa: pressure * 0.3,
             temperature_c: temperature * 200.0 - 50.0,
-            load_torque_nm: (load_torque * 2.0 - 1.0) * 26.0,
+            load_torque_nm: (load * 2.0 - 1.0) * 26.0,
             campaign_time_h: time * 2000.0,
+            auxiliary: own * 1000.0 - 200.0,
+            unknown_trust: 1.0,
         }
     }
 }
@@ -164,5 +203,7 @@ pub fn converted<T: Real>(sample: &Sample<f64>) -> Sample<T> {
         temperature_c: T::from_f64(sample.temperature_c),
         load_torque_nm: T::from_f64(sample.load_torque_nm),
         campaign_time_h: T::from_f64(sample.campaign_time_h),
+        auxiliary: T::from_f64(sample.auxiliary),
+        unknown_trust: T::from_f64(sample.unknown_trust),
     }
 }

@@ -57,6 +57,7 @@ mod image {
                 pressure_diff_mpa: reading(),
                 temperature_c: reading(),
                 load_torque_nm: reading(),
+                auxiliary: reading(),
                 campaign_time_h: number(),
             };
             let output = compensator.step(&inputs);

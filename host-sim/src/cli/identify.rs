@@ -73,6 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         start,
         fixed,
         freed,
+        ..FitOptions::default()
     };
     let bar = spinner(format!("fitting {spec} to {} rows", input.data.rows));
     let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options)

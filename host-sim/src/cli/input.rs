@@ -1,7 +1,8 @@
 //! What every command that reads data shares: files, columns, split, rigid body.
 
 use crate::data::{self, Dataset, ReadOptions, Split, SplitRule};
-use crate::fit::{Rows, Track, tracks};
+use crate::fit::track::{campaign_start, tracks_since};
+use crate::fit::{Rows, Track};
 use crate::spec::parse_rigid_body;
 use clap::Args;
 use compensator_core::TermKind;
@@ -101,7 +102,9 @@ impl DataArguments {
         bar.finish_and_clear();
         let split =
             data::split(&data, &self.split_rule()?, self.seed).map_err(|e| e.to_string())?;
-        let (train, test) = (tracks(&data.select(&split.train)), tracks(&data.select(&split.test)));
+        let start = campaign_start(&data);
+        let of = |parts: &[data::Part]| tracks_since(&data.select(parts), None, start);
+        let (train, test) = (of(&split.train), of(&split.test));
         if train.is_empty() || test.is_empty() {
             return Err("no unbroken stretch of two rows or more to fit on and to judge by".into());
         }

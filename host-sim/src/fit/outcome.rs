@@ -235,14 +235,18 @@ pub fn predict(parameters: &Parameters<f64>, rows: Rows, resolution: Resolution)
             count += 1;
             true
         });
-        let mut residual: Vec<f64> = track.torque.iter().zip(&torque).map(|(y, f)| y - f).collect();
+        let error = |row: usize| {
+            if track.is_judged(row) { track.torque[row] - torque[row] } else { 0.0 }
+        };
+        let mut residual: Vec<f64> = (0..track.len()).map(error).collect();
         if rows.decimate > 1 {
             let filter = AntiAlias::new(rows.decimate);
             residual = filter.thin(residual);
             let measured = filter.thin(track.torque.clone());
             pairs.extend(measured.iter().zip(&residual).map(|(y, e)| (*y, y - e)));
         } else {
-            pairs.extend(track.torque.iter().copied().zip(torque.iter().copied()));
+            let rows = (0..track.len()).filter(|row| track.is_judged(*row));
+            pairs.extend(rows.map(|row| (track.torque[row], torque[row])));
         }
         residuals.push(residual);
         torques.push(torque);

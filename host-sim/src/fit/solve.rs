@@ -53,6 +53,8 @@ pub struct Rows<'a> {
 pub struct FitOptions {
     /// Plain steps of the simulation per sample; `None` to choose the resolution.
     pub substeps: Option<usize>,
+    /// Exactly this resolution, known to do; `None` to choose it.
+    pub resolution: Option<Resolution>,
     /// How many starting points go all the way; at least 1.
     pub starts: usize,
     /// Start here, and here only.
@@ -61,11 +63,21 @@ pub struct FitOptions {
     pub fixed: Vec<ParameterId>,
     /// Optional parameters to fit too (the static excesses of the improved law).
     pub freed: Vec<ParameterId>,
+    /// Simulations per parameter after which the optimiser gives up.
+    pub patience: usize,
 }
 
 impl Default for FitOptions {
     fn default() -> Self {
-        Self { substeps: None, starts: 3, start: None, fixed: Vec::new(), freed: Vec::new() }
+        Self {
+            substeps: None,
+            resolution: None,
+            starts: 3,
+            start: None,
+            fixed: Vec::new(),
+            freed: Vec::new(),
+            patience: PATIENCE,
+        }
     }
 }
 
@@ -145,6 +157,9 @@ fn reduce_with<const N: usize>(
         }
         let mut beginning = rest.map(|rest| (Triangle::new(count + 1), rest.memory));
         simulate(&parameters, track, held, resolution, |row, torque, _| {
+            if !track.is_judged(row) {
+                return true;
+            }
             let derivative = torque.gradient.map(|g| -g);
             let residual = track.torque[row] - torque.value;
             match &mut beginning {
@@ -186,10 +201,11 @@ fn push_decimated<const N: usize>(
 ) {
     let mut columns = vec![Vec::with_capacity(track.len()); count + 1];
     simulate(parameters, track, held, resolution, |row, torque, _| {
+        let judged = f64::from(u8::from(track.is_judged(row)));
         for (column, g) in columns[..count].iter_mut().zip(torque.gradient) {
-            column.push(-g);
+            column.push(-g * judged);
         }
-        columns[count].push(track.torque[row] - torque.value);
+        columns[count].push((track.torque[row] - torque.value) * judged);
         true
     });
     let filter = AntiAlias::new(factor);
@@ -310,10 +326,10 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
     base.envelope.velocity_max_rad_s = f32::MAX;
     let base = &base;
     let free = free_parameters(spec, base, rows.tracks, options);
-    // A delay line counts steps, so it is stepped as the driver would.
-    let refines = spec.law.has_bristles() && !delays(base) && options.substeps.is_none();
-    let mut resolution =
-        Resolution { substeps: options.substeps.unwrap_or(1).max(1), extrapolated: false };
+    let given = options.substeps.is_some() || options.resolution.is_some();
+    let refines = spec.law.has_bristles() && !given;
+    let plain = Resolution { substeps: options.substeps.unwrap_or(1).max(1), extrapolated: false };
+    let mut resolution = options.resolution.unwrap_or(plain);
     let candidates = match &options.start {
         Some(start) => vec![start.clone()],
         None => start::candidates(spec, base, &free, rows, &scales, resolution, options.starts),
@@ -335,7 +351,7 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
             let at_start =
                 at_start.unwrap_or_else(|| reduce(&coordinates, &from, rows, resolution));
             let (point, reduced, used, converged) =
-                minimise_from(&coordinates, &from, at_start, rows, resolution, PATIENCE);
+                minimise_from(&coordinates, &from, at_start, rows, resolution, options.patience);
             evaluations += used;
             let start = start.clone();
             let twins = twins.clone();
@@ -368,7 +384,7 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
         }
         resolution = finer;
         let (point, reduced, used, converged) =
-            minimise(&best.coordinates, &best.point, rows, resolution, PATIENCE);
+            minimise(&best.coordinates, &best.point, rows, resolution, options.patience);
         evaluations += used;
         best = Solution { point, reduced, resolution, converged, ..best };
     }
@@ -408,10 +424,6 @@ fn twins(
     (twins, (ordered == free).then_some(reduced))
 }
 
-fn delays(base: &Parameters<f64>) -> bool {
-    base.terms.contains(&compensator_core::TermKind::ChannelDelay)
-}
-
 /// The parameters of a model the rows can say anything of at all.
 fn free_parameters(
     spec: &Spec,
@@ -427,6 +439,10 @@ fn free_parameters(
         Id::TemperatureReference,
         Id::DwellTravel,
         Id::BacklashStiffnessRatio,
+        // Which column, and over which range, is chosen; what happens along it is fitted.
+        Id::UnknownColumn,
+        Id::UnknownLower,
+        Id::UnknownUpper,
     ];
     base.active()
         .filter(|id| !options.fixed.contains(id) && !unseen.contains(id))

@@ -288,6 +288,7 @@ fn trial_tracks(tracks: &[Track]) -> Vec<Track> {
             let mut track = track.clone();
             track.samples.truncate(most);
             track.torque.truncate(most);
+            track.unjudged.truncate(most);
             if let Some(ratios) = &mut track.period_ratio {
                 ratios.truncate(most);
             }

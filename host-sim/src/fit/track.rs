@@ -26,12 +26,20 @@ pub struct Track {
     pub period_s: f64,
     /// Each sample's own period over the median one, where the spacing is uneven.
     pub period_ratio: Option<Vec<f64>>,
+    /// Rows that are simulated but not judged, `true` each; empty where all are.
+    pub unjudged: Vec<bool>,
 }
 
 impl Track {
     /// Number of rows.
     pub fn len(&self) -> usize {
         self.torque.len()
+    }
+
+    /// Whether a row counts in a fit and in its errors.
+    #[inline]
+    pub fn is_judged(&self, row: usize) -> bool {
+        !self.unjudged.get(row).copied().unwrap_or(false)
     }
 
     /// Whether there are no rows.
@@ -42,14 +50,33 @@ impl Track {
 
 /// Cuts every run into tracks. Segments of a single row tell nothing of a motion and are left out.
 pub fn tracks(data: &Dataset) -> Vec<Track> {
+    tracks_with(data, None)
+}
+
+/// As [`tracks`], with one of [`Dataset::covariates`] as the auxiliary column of the samples. A
+/// covariate the data set does not have is 0 throughout, as any column that is not there.
+pub fn tracks_with(data: &Dataset, auxiliary: Option<&str>) -> Vec<Track> {
+    tracks_since(data, auxiliary, campaign_start(data))
+}
+
+/// Where a campaign's clock begins, s.
+pub fn campaign_start(data: &Dataset) -> f64 {
     let all_times = data.runs.iter().flat_map(|run| run.time_s.first());
-    let campaign_start = all_times.copied().fold(f64::INFINITY, f64::min);
+    all_times.copied().fold(f64::INFINITY, f64::min)
+}
+
+/// As [`tracks_with`], for some runs of a campaign that began at `campaign_start` (s): runs to fit on
+/// and runs to judge by share one clock.
+pub fn tracks_since(data: &Dataset, auxiliary: Option<&str>, campaign_start: f64) -> Vec<Track> {
+    let auxiliary =
+        auxiliary.and_then(|name| data.covariates.iter().position(|covariate| covariate == name));
     let mut tracks = Vec::new();
     for (index, run) in data.runs.iter().enumerate() {
         let acceleration = run.acceleration_or_derived();
         for rows in segments(run) {
             if rows.len() > 1 {
-                tracks.push(track(run, index, rows, &acceleration, campaign_start));
+                let own = auxiliary.and_then(|at| run.extra.get(at)).map(Vec::as_slice);
+                tracks.push(track(run, index, rows, &acceleration, own, campaign_start));
             }
         }
     }
@@ -61,6 +88,7 @@ fn track(
     index: usize,
     rows: std::ops::Range<usize>,
     acceleration: &[f64],
+    auxiliary: Option<&[f64]>,
     campaign_start: f64,
 ) -> Track {
     let at = |column: &Option<Vec<f64>>, row: usize| column.as_ref().map_or(0.0, |c| c[row]);
@@ -80,6 +108,8 @@ fn track(
                 temperature_c: at(&run.temperature_c, row),
                 load_torque_nm: at(&run.load_torque_nm, row),
                 campaign_time_h: (run.time_s[row] - campaign_start) / 3600.0,
+                auxiliary: auxiliary.map_or(0.0, |column| column[row]),
+                unknown_trust: 1.0,
             }
         })
         .collect();
@@ -99,6 +129,7 @@ fn track(
         torque: run.torque[rows].to_vec(),
         period_s,
         period_ratio,
+        unjudged: Vec::new(),
     }
 }
 
@@ -106,4 +137,38 @@ fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::{BadRows, Joint};
+
+    #[test]
+    fn a_covariate_is_carried_as_the_auxiliary_column() {
+        let run = Run {
+            time_s: vec![0.0, 1.0, 2.0],
+            velocity: vec![1.0; 3],
+            torque: vec![2.0; 3],
+            extra: vec![vec![0.0; 3], vec![7.0, 8.0, 9.0]],
+            ..Run::default()
+        };
+        let data = Dataset {
+            joint: Joint::Revolute,
+            runs: vec![run],
+            files: vec![],
+            rows: 3,
+            rows_read: 3,
+            bad_rows: BadRows::default(),
+            covariates: vec!["kp".into(), "gap".into()],
+            left_out_columns: vec![],
+            notes: vec![],
+        };
+        let carried = |name| -> Vec<f64> {
+            tracks_with(&data, name)[0].samples.iter().map(|sample| sample.auxiliary).collect()
+        };
+        assert_eq!(carried(Some("gap")), [7.0, 8.0, 9.0]);
+        assert_eq!(carried(Some("humidity")), [0.0; 3]);
+        assert_eq!(carried(None), [0.0; 3]);
+    }
 }

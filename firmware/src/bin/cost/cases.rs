@@ -45,6 +45,9 @@ const VELOCITIES: [f32; 24] = [
 ];
 
 #[cfg(feature = "terms")]
+const UNKNOWN: &[TermKind] = &[TermKind::Unknown];
+
+#[cfg(feature = "terms")]
 const TWO_TERMS: &[TermKind] = &[TermKind::TemperatureViscous, TermKind::PositionRipple];
 
 /// Updates at one velocity before the next: enough to preslide, to slip and to settle.
@@ -134,6 +137,7 @@ fn sample<T: Real>(velocity: f32) -> Sample<T> {
         pressure_diff_mpa: T::from_f64(0.2),
         position_rad: T::from_f64(f64::from(velocity)),
         temperature_c: T::from_f64(30.0),
+        auxiliary: T::from_f64(f64::from(velocity)),
         ..Sample::default()
     }
 }
@@ -152,6 +156,7 @@ fn inputs<T: Real>(update: usize, velocity: f32) -> Inputs<T> {
         pressure_diff_mpa: fresh(0.2),
         temperature_c: fresh(30.0),
         load_torque_nm: fresh(1.0),
+        auxiliary: fresh(0.4),
         campaign_time_h: number(1.0),
     };
     match update % UPDATES {
@@ -204,6 +209,8 @@ fn measure_f32(clock: &mut Clock) {
     {
         let with_terms = model::<f32>(LawKind::ImprovedLugre, TWO_TERMS);
         measure_model(clock, "improved LuGre + temperature + ripple, f32", &with_terms, samples());
+        let with_unknown = model::<f32>(LawKind::ImprovedLugre, UNKNOWN);
+        measure_model(clock, "improved LuGre + unknown, f32", &with_unknown, samples());
     }
     for (name, law, terms) in [
         ("compensator, plain LuGre, f32", LawKind::Lugre, &[][..]),
@@ -241,6 +248,12 @@ fn measure_fixed(clock: &mut Clock) {
         },
     );
     let improved = model::<Fixed>(LawKind::ImprovedLugre, &[]);
+    #[cfg(feature = "terms")]
+    {
+        let with_unknown = model::<Fixed>(LawKind::ImprovedLugre, UNKNOWN);
+        let samples = velocities().map(sample::<Fixed>);
+        measure_model(clock, "improved LuGre + unknown, Fixed", &with_unknown, samples);
+    }
     for (name, model) in
         [("plain LuGre as a model, Fixed", &plain), ("improved LuGre, Fixed", &improved)]
     {
