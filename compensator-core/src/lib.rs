@@ -19,6 +19,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod can;
 pub mod compensator;
 pub mod curve;
 pub mod effect;

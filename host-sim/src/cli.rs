@@ -5,6 +5,7 @@
 //! fails leaves no file behind: files are written when all is known.
 
 mod compare;
+mod diagnose;
 mod identify;
 mod input;
 mod output;
@@ -27,6 +28,8 @@ enum Command {
     Identify(identify::Arguments),
     /// Fit all friction models to measured data, side by side
     Compare(compare::Arguments),
+    /// Say what the model gets wrong, why, and what a better one gains
+    Diagnose(diagnose::Arguments),
     /// Simulate a machine: its log, and the truth behind it
     Simulate(simulate::Arguments),
 }
@@ -40,6 +43,7 @@ pub fn run() -> ExitCode {
     let outcome = match arguments.command {
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
     };
     match outcome {

@@ -8,8 +8,10 @@
 //! `compare.json`, `params.toml` and the HTML page; [`cli`] is the command line over them. The binary is
 //! a thin `main`.
 
+pub mod bank;
 pub mod cli;
 pub mod data;
+pub mod diagnose;
 pub mod dual;
 pub mod fit;
 pub mod params;
@@ -17,3 +19,5 @@ pub mod plant;
 pub mod report;
 pub mod results;
 pub mod spec;
+pub mod stochastic;
+pub mod trace;

@@ -9,5 +9,6 @@
 pub mod friction;
 pub mod motion;
 pub mod underwater_joint;
+pub mod worlds;
 
 pub use underwater_joint::{Recording, Truth, record};

@@ -1,5 +1,6 @@
 //! What `identify` and `compare` leave behind: JSON for machines, TOML for the core, HTML for people.
 
+pub mod diagnosis;
 pub mod json;
 pub mod page;
 pub mod table;

@@ -2,14 +2,14 @@
 //!
 //! A friction law is only as good as the rows it is fitted on, and logs are never clean: cells
 //! are missing, clocks jump, runs follow each other in one file, and a row of text sits in the
-//! middle. This module reads CSV and Parquet by one contract (SI units in the column name),
+//! middle. This module reads CSV, Parquet and CAN logs by one contract (SI units in the column name),
 //! leaves out what cannot be believed *and says which row and why*, and hands back one [`Run`]
 //! per experiment. Three rules hold everywhere after that: nothing that has a memory (a
 //! derivative, a filter, a bristle state) ever crosses the border of a run or a gap inside it
 //! ([`segments`]); thinning out is anti-aliased ([`AntiAlias`]); and training and test data
 //! are whole stretches of time, never shuffled rows ([`split`]).
 //!
-//! The way of a row: `csv_source` or `parquet_source` -> `header` (which column is what) ->
+//! The way of a row: `csv_source`, `parquet_source` or `trace_source` -> `header` (which column is what) ->
 //! `clean` (may this row stay?) -> `columns` (which optional columns may stay?) -> `read`
 //! (several files become one [`Dataset`]).
 
@@ -27,6 +27,7 @@ mod read;
 mod segment;
 mod sniff;
 mod split;
+mod trace_source;
 
 pub use acceleration::{DERIVATIVE_WINDOW, derivative};
 pub use dataset::{Dataset, Joint, LeftOutColumn, Run};

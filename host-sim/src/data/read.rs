@@ -7,6 +7,7 @@
 
 use std::collections::HashSet;
 use std::fs::File;
+use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 
 use super::clean::{CleanRun, FileData};
@@ -16,12 +17,16 @@ use super::error::{BadRows, DataError};
 use super::header::Slot;
 use super::parquet_source::read_parquet;
 use super::sniff::{Format, sniff};
+use super::trace_source::{is_trace, read_trace};
 
 /// More than this share of bad rows in a file is an error: such a file is misread, not noisy.
 pub const MAX_BAD_SHARE: f64 = 0.05;
 
 /// More runs than this in a file is an error: then the run column is not one.
 pub const MAX_RUNS: usize = 100_000;
+
+/// Bytes of a file that are looked at for the first line of a CAN log.
+const HEAD: u64 = 4096;
 
 /// How files are to be read.
 #[derive(Debug, Clone, Default)]
@@ -95,6 +100,13 @@ fn read_one(
 ) -> Result<FileData, DataError> {
     let mut file =
         File::open(path).map_err(|source| DataError::Io { file: path.into(), source })?;
+    let mut head = Vec::new();
+    let io = |source| DataError::Io { file: path.into(), source };
+    file.by_ref().take(HEAD).read_to_end(&mut head).map_err(io)?;
+    file.rewind().map_err(io)?;
+    if is_trace(&head) {
+        return read_trace(path, file, mapping, so_far);
+    }
     match sniff(path, &mut file)? {
         Format::Csv { separator, .. } => read_csv(path, file, separator, mapping, so_far),
         Format::Parquet => {

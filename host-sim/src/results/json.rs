@@ -19,7 +19,7 @@ pub struct Document {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Data {
+pub(super) struct Data {
     runs: usize,
     rows: usize,
     rows_left_out: usize,
@@ -47,7 +47,7 @@ struct Model {
     test: Metrics,
 }
 
-fn parameter(estimate: &Estimate, data: &Dataset) -> (String, Value) {
+pub(super) fn parameter(estimate: &Estimate, data: &Dataset) -> (String, Value) {
     let info = estimate.id.info();
     let value = json!({
         "value": estimate.value,
@@ -91,16 +91,21 @@ pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcom
     };
     Document {
         schema: 1,
-        data: Data {
-            runs: data.runs.len(),
-            rows: data.rows,
-            rows_left_out: data.bad_rows.count,
-            unit: data.joint.torque_unit(),
-            train_runs: split.train_runs(data),
-            test_runs: split.test_runs(data),
-            files: data.files.iter().map(|file| file.display().to_string()).collect(),
-            sha256: hashes.to_vec(),
-        },
+        data: sources(data, split, hashes),
         models: fits.iter().map(model).collect(),
+    }
+}
+
+/// What was read, and how it was divided.
+pub(super) fn sources(data: &Dataset, split: &Split, hashes: &[String]) -> Data {
+    Data {
+        runs: data.runs.len(),
+        rows: data.rows,
+        rows_left_out: data.bad_rows.count,
+        unit: data.joint.torque_unit(),
+        train_runs: split.train_runs(data),
+        test_runs: split.test_runs(data),
+        files: data.files.iter().map(|file| file.display().to_string()).collect(),
+        sha256: hashes.to_vec(),
     }
 }

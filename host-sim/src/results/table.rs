@@ -1,6 +1,7 @@
 //! The same results on a terminal.
 
 use crate::data::Dataset;
+use crate::diagnose::Diagnosis;
 use crate::fit::Outcome;
 use crate::params::unit;
 use comfy_table::{CellAlignment, Table, presets};
@@ -85,6 +86,40 @@ pub fn parameters(fit: &Outcome, data: &Dataset) -> String {
             unit(estimate.id.info(), data.joint).to_owned(),
             state.to_owned(),
         ]);
+    }
+    table.to_string()
+}
+
+/// One row a finding, the strongest first; where there is none, the candidates that came closest.
+pub fn findings(found: &Diagnosis) -> String {
+    let header = [
+        "cause",
+        "follows",
+        "size",
+        "95 % interval",
+        "of the error",
+        "stability",
+        "p",
+        "not told from",
+    ];
+    let mut table = table(&header, 2);
+    for finding in &found.findings {
+        let [low, high] = finding.size.ci95;
+        let rivals: Vec<&str> =
+            finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+        table.add_row([
+            finding.kind.name().to_owned(),
+            finding.columns.join(", "),
+            format!("{} {}", figure(finding.size.value), finding.size.unit),
+            format!("{} .. {}", figure(low), figure(high)),
+            format!("{:.1} %", 100.0 * finding.share_of_residual),
+            format!("{:.2}", finding.stability),
+            format!("{:.0e}", finding.p_value),
+            rivals.join(", "),
+        ]);
+    }
+    if found.findings.is_empty() {
+        table.add_row(["none"]);
     }
     table.to_string()
 }

@@ -1,0 +1,358 @@
+//! What the frames say: each as a struct, and all as one [`Message`] to emit and to parse.
+
+use super::{Frame, FrameError, Node};
+use crate::compensator::Flags;
+
+/// Identifiers without the node's number (CiA 301, predefined connection set).
+mod base {
+    pub const SYNC: u16 = 0x080;
+    pub const ANSWER: u16 = 0x180;
+    pub const MOTION: u16 = 0x200;
+    pub const STATUS: u16 = 0x280;
+    pub const TORQUE: u16 = 0x300;
+    pub const SEAL: u16 = 0x400;
+    pub const SURROUNDINGS: u16 = 0x500;
+    pub const SDO_DOWNLOAD: u16 = 0x600;
+    /// What is the node's number in an identifier.
+    pub const NODE: u16 = 0x07F;
+}
+
+/// Command byte of an expedited SDO download of four bytes.
+const DOWNLOAD_4_BYTES: u8 = 0x23;
+
+/// The object that says what is being logged or replayed: the first of the manufacturer's own.
+const TRACE_OBJECT: u16 = 0x2000;
+
+/// RPDO 1: how the joint moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Velocity, rad/s.
+    pub velocity_rad_s: f32,
+    /// Position, rad; NaN where it is not measured.
+    pub position_rad: f32,
+}
+
+/// RPDO 2: what drives it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Torque {
+    /// Measured torque, Nm. No model reads it: it is what a model explains.
+    pub torque_nm: f32,
+    /// Torque transmitted to the load, Nm; NaN where it is not measured.
+    pub load_torque_nm: f32,
+}
+
+/// RPDO 3: what presses the seal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seal {
+    /// Side load on the shaft, N; NaN where it is not measured.
+    pub radial_force_n: f32,
+    /// Outside minus inside pressure, Pa; NaN where it is not measured.
+    pub pressure_diff_pa: f32,
+}
+
+impl Seal {
+    /// The pressure in the unit of [`crate::Inputs`], MPa: one product, the same on driver and PC.
+    pub fn pressure_diff_mpa(&self) -> f32 {
+        self.pressure_diff_pa * 1e-6
+    }
+}
+
+/// RPDO 4: what else changes friction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surroundings {
+    /// Temperature of the seal, deg C; NaN where it is not measured.
+    pub temperature_c: f32,
+    /// The covariate this joint has of its own, in its own unit; NaN where there is none.
+    pub auxiliary: f32,
+}
+
+/// SYNC: the sample is complete.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sync {
+    /// 1..=[`Sync::LAST`], then 1 again.
+    pub counter: u8,
+}
+
+impl Sync {
+    /// The last number before 1.
+    pub const LAST: u8 = 240;
+
+    /// The SYNC that ends the sample of this number, which counts from 0.
+    pub const fn of(sequence: u32) -> Self {
+        Self { counter: (sequence % Self::LAST as u32) as u8 + 1 }
+    }
+}
+
+/// TPDO 1: what the compensator makes of the sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answer {
+    /// The model's friction torque, Nm.
+    pub friction_torque_nm: f32,
+    /// Current to add, A.
+    pub feed_forward_current_a: f32,
+}
+
+/// TPDO 2: what happened on the way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Status {
+    /// The compensator's flags. Bits of a newer driver stay as they are.
+    pub flags: Flags,
+    /// Number of the sample in its run, from 0.
+    pub sequence: u32,
+}
+
+/// SDO download to the trace object, 0x2000: what the samples that follow are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// Sub-index 1: a run of this number begins, and its samples count from 0.
+    Run(u32),
+    /// Sub-index 2: the next sample has this number.
+    Sequence(u32),
+    /// Sub-index 3: the units of the quantities.
+    JointKind(JointKind),
+}
+
+/// Whether a joint turns or slides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum JointKind {
+    /// rad, rad/s, Nm.
+    #[default]
+    Revolute,
+    /// m, m/s, N.
+    Prismatic,
+}
+
+/// A frame, understood.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Message {
+    /// RPDO 1.
+    Motion(Node, Motion),
+    /// RPDO 2.
+    Torque(Node, Torque),
+    /// RPDO 3.
+    Seal(Node, Seal),
+    /// RPDO 4.
+    Surroundings(Node, Surroundings),
+    /// SYNC, for every node.
+    Sync(Sync),
+    /// TPDO 1.
+    Answer(Node, Answer),
+    /// TPDO 2.
+    Status(Node, Status),
+    /// SDO download to the trace object.
+    Entry(Node, Entry),
+}
+
+/// A frame of eight bytes for a node.
+fn frame(base: u16, node: Node, bytes: [u8; 8]) -> Frame {
+    Frame { identifier: base + u16::from(node.number()), length: 8, bytes }
+}
+
+fn pair(first: f32, second: f32) -> [u8; 8] {
+    words(first.to_bits(), second.to_bits())
+}
+
+fn words(first: u32, second: u32) -> [u8; 8] {
+    (u64::from(first) | u64::from(second) << 32).to_le_bytes()
+}
+
+/// The two words of a frame.
+fn split(bytes: [u8; 8]) -> [u32; 2] {
+    let both = u64::from_le_bytes(bytes);
+    [both as u32, (both >> 32) as u32]
+}
+
+impl Message {
+    /// The frame that says this.
+    pub fn emit(&self) -> Frame {
+        match *self {
+            Self::Motion(node, of) => {
+                frame(base::MOTION, node, pair(of.velocity_rad_s, of.position_rad))
+            }
+            Self::Torque(node, of) => {
+                frame(base::TORQUE, node, pair(of.torque_nm, of.load_torque_nm))
+            }
+            Self::Seal(node, of) => {
+                frame(base::SEAL, node, pair(of.radial_force_n, of.pressure_diff_pa))
+            }
+            Self::Surroundings(node, of) => {
+                frame(base::SURROUNDINGS, node, pair(of.temperature_c, of.auxiliary))
+            }
+            Self::Sync(Sync { counter }) => {
+                Frame { identifier: base::SYNC, length: 1, bytes: [counter, 0, 0, 0, 0, 0, 0, 0] }
+            }
+            Self::Answer(node, of) => {
+                frame(base::ANSWER, node, pair(of.friction_torque_nm, of.feed_forward_current_a))
+            }
+            Self::Status(node, of) => {
+                frame(base::STATUS, node, words(of.flags.bits(), of.sequence))
+            }
+            Self::Entry(node, entry) => {
+                let (sub_index, value) = match entry {
+                    Entry::Run(number) => (1, number),
+                    Entry::Sequence(number) => (2, number),
+                    Entry::JointKind(kind) => (3, kind as u32),
+                };
+                let [low, high] = TRACE_OBJECT.to_le_bytes();
+                let head = u32::from_le_bytes([DOWNLOAD_4_BYTES, low, high, sub_index]);
+                frame(base::SDO_DOWNLOAD, node, words(head, value))
+            }
+        }
+    }
+
+    /// What a frame says.
+    ///
+    /// # Errors
+    /// [`FrameError::Foreign`] for all else there is on a bus; the others for a frame that should
+    /// have said something and does not.
+    pub fn parse(frame: &Frame) -> Result<Self, FrameError> {
+        let identifier = frame.identifier;
+        let expect = |expected: u8| {
+            let found = frame.length;
+            let wrong = FrameError::Length { identifier, found, expected };
+            if found == expected { Ok(()) } else { Err(wrong) }
+        };
+        if identifier == base::SYNC {
+            expect(1)?;
+            let counter = frame.bytes[0];
+            let legal = (1..=Sync::LAST).contains(&counter);
+            return if legal {
+                Ok(Self::Sync(Sync { counter }))
+            } else {
+                Err(FrameError::Counter(counter))
+            };
+        }
+        let foreign = FrameError::Foreign(identifier);
+        let node = Node::new((identifier & base::NODE) as u8).ok_or(foreign)?;
+        let [first, second] = split(frame.bytes);
+        let (a, b) = (f32::from_bits(first), f32::from_bits(second));
+        let message = match identifier & !base::NODE {
+            base::MOTION => Self::Motion(node, Motion { velocity_rad_s: a, position_rad: b }),
+            base::TORQUE => Self::Torque(node, Torque { torque_nm: a, load_torque_nm: b }),
+            base::SEAL => Self::Seal(node, Seal { radial_force_n: a, pressure_diff_pa: b }),
+            base::SURROUNDINGS => {
+                Self::Surroundings(node, Surroundings { temperature_c: a, auxiliary: b })
+            }
+            base::ANSWER => {
+                Self::Answer(node, Answer { friction_torque_nm: a, feed_forward_current_a: b })
+            }
+            base::STATUS => {
+                let flags = Flags::from_bits_retain(first);
+                Self::Status(node, Status { flags, sequence: second })
+            }
+            base::SDO_DOWNLOAD => {
+                // Any other download is for another object, and legal.
+                let [command, low, high, sub_index] = first.to_le_bytes();
+                let ours = command == DOWNLOAD_4_BYTES
+                    && u16::from_le_bytes([low, high]) == TRACE_OBJECT
+                    && frame.length == 8;
+                let entry = match sub_index {
+                    1 if ours => Entry::Run(second),
+                    2 if ours => Entry::Sequence(second),
+                    3 if ours => Entry::JointKind(match second {
+                        0 => JointKind::Revolute,
+                        1 => JointKind::Prismatic,
+                        other => return Err(FrameError::JointKind(other)),
+                    }),
+                    _ => return Err(foreign),
+                };
+                Self::Entry(node, entry)
+            }
+            _ => return Err(foreign),
+        };
+        expect(8)?;
+        Ok(message)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn node(number: u8) -> Node {
+        Node::new(number).unwrap()
+    }
+
+    /// One of each, with words no two of which are alike.
+    fn all(node: Node, words: [u32; 8]) -> [Message; 10] {
+        let [a, b, c, d, e, f, g, h] = words.map(f32::from_bits);
+        [
+            Message::Motion(node, Motion { velocity_rad_s: a, position_rad: b }),
+            Message::Torque(node, Torque { torque_nm: c, load_torque_nm: d }),
+            Message::Seal(node, Seal { radial_force_n: e, pressure_diff_pa: f }),
+            Message::Surroundings(node, Surroundings { temperature_c: g, auxiliary: h }),
+            Message::Sync(Sync::of(words[0])),
+            Message::Answer(node, Answer { friction_torque_nm: h, feed_forward_current_a: a }),
+            Message::Status(
+                node,
+                Status { flags: Flags::from_bits_retain(words[1]), sequence: words[2] },
+            ),
+            Message::Entry(node, Entry::Run(words[3])),
+            Message::Entry(node, Entry::Sequence(words[4])),
+            Message::Entry(node, Entry::JointKind(JointKind::Prismatic)),
+        ]
+    }
+
+    #[test]
+    fn identifiers_and_bytes_are_as_documented() {
+        let motion = Motion { velocity_rad_s: 1.0, position_rad: -2.0 };
+        let frame = Message::Motion(node(4), motion).emit();
+        assert_eq!(frame.identifier(), 0x204);
+        assert_eq!(frame.data(), [0, 0, 0x80, 0x3F, 0, 0, 0, 0xC0]);
+        let frame = Message::Sync(Sync::of(239)).emit();
+        assert_eq!((frame.identifier(), frame.data()), (0x080, &[240][..]));
+        assert_eq!(Sync::of(240).counter, 1);
+        let status = Status { flags: Flags::SLEW_LIMITED, sequence: 0x0102_0304 };
+        let frame = Message::Status(node(127), status).emit();
+        assert_eq!(frame.identifier(), 0x2FF);
+        assert_eq!(frame.data(), [0, 0, 2, 0, 4, 3, 2, 1]);
+        let frame = Message::Entry(node(1), Entry::Run(7)).emit();
+        assert_eq!(frame.identifier(), 0x601);
+        assert_eq!(frame.data(), [0x23, 0x00, 0x20, 1, 7, 0, 0, 0]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        let parse =
+            |identifier, data: &[u8]| Message::parse(&Frame::new(identifier, data).unwrap());
+        let length =
+            |identifier, found, expected| Err(FrameError::Length { identifier, found, expected });
+        assert_eq!(parse(0x201, &[0; 7]), length(0x201, 7, 8));
+        assert_eq!(parse(0x080, &[]), length(0x080, 0, 1));
+        assert_eq!(parse(0x080, &[0]), Err(FrameError::Counter(0)));
+        assert_eq!(parse(0x080, &[241]), Err(FrameError::Counter(241)));
+        // Node 0, an emergency, a heartbeat, an SDO answer, a download to another object.
+        for foreign in [0x200, 0x081, 0x701, 0x581] {
+            assert_eq!(parse(foreign, &[0; 8]), Err(FrameError::Foreign(foreign)));
+        }
+        let other = parse(0x601, &[0x23, 0x01, 0x20, 1, 7, 0, 0, 0]);
+        assert_eq!(other, Err(FrameError::Foreign(0x601)));
+        let kind = parse(0x601, &[0x23, 0x00, 0x20, 3, 2, 0, 0, 0]);
+        assert_eq!(kind, Err(FrameError::JointKind(2)));
+        assert!(Frame::new(0x800, &[]).is_none() && Frame::new(1, &[0; 9]).is_none());
+        assert!(Node::new(0).is_none() && Node::new(128).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn what_was_emitted_is_parsed_to_the_bit(number in 1u8..=127, words in any::<[u32; 8]>()) {
+            for message in all(node(number), words) {
+                let frame = message.emit();
+                let back = Message::parse(&frame).unwrap();
+                // NaN is not equal to itself, its bits are.
+                prop_assert_eq!(back.emit(), frame);
+            }
+        }
+
+        #[test]
+        fn garbage_never_panics(
+            identifier in 0u16..=0x7FF, data in proptest::collection::vec(any::<u8>(), 0..=8),
+        ) {
+            let frame = Frame::new(identifier, &data).unwrap();
+            if let Ok(message) = Message::parse(&frame) {
+                prop_assert_eq!(message.emit(), frame);
+            }
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! `joint.dbc` says what the code does.
+//!
+//! Two descriptions of one thing drift apart. So the DBC is read here, each frame of the code is taken
+//! apart by the bits *it* states, and what comes out must be what went in, under the name and unit
+//! expected. Nothing may be in one and not in the other: every frame and signal of the DBC is asked
+//! for, every flag of the compensator has its bit, its comment and its two words.
+
+use compensator_core::Flags;
+use compensator_core::can::{
+    Answer, Entry, JointKind, Message, Motion, Node, Seal, Status, Surroundings, Sync, Torque,
+};
+use std::collections::{BTreeMap, BTreeSet};
+
+const DBC: &str = include_str!("../joint.dbc");
+
+#[derive(Debug)]
+struct Signal {
+    start: u32,
+    length: u32,
+    unit: String,
+    float: bool,
+    /// Where the value of the multiplexor decides: which one.
+    multiplexed: Option<u64>,
+    comment: bool,
+    words: bool,
+}
+
+#[derive(Debug, Default)]
+struct FrameInfo {
+    name: String,
+    length: usize,
+    comment: bool,
+    signals: BTreeMap<String, Signal>,
+}
+
+/// Reads the part of the format the file uses; anything else in it fails.
+fn read() -> BTreeMap<u16, FrameInfo> {
+    let mut frames: BTreeMap<u16, FrameInfo> = BTreeMap::new();
+    let mut current = 0;
+    for line in DBC.lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let identifier = |at: usize| -> u16 { words[at].parse().expect(line) };
+        match words[..] {
+            ["BO_", _, name, length, _] => {
+                current = identifier(1);
+                let name = name.strip_suffix(':').expect(line).to_owned();
+                let info =
+                    FrameInfo { name, length: length.parse().unwrap(), ..Default::default() };
+                assert!(frames.insert(current, info).is_none(), "{line}");
+            }
+            ["SG_", name, .., ":", bits, scale, _, unit, _] => {
+                let (start, rest) = bits.split_once('|').expect(line);
+                let (length, order) = rest.split_once('@').expect(line);
+                // Little-endian; the values are the quantities themselves.
+                assert!(matches!(order, "1+" | "1-") && scale == "(1,0)", "{line}");
+                let multiplexed = match words[2] {
+                    ":" | "M" => None,
+                    of => Some(of.strip_prefix('m').expect(line).parse().unwrap()),
+                };
+                let signal = Signal {
+                    start: start.parse().unwrap(),
+                    length: length.parse().unwrap(),
+                    unit: unit.trim_matches('"').to_owned(),
+                    float: false,
+                    multiplexed,
+                    comment: false,
+                    words: false,
+                };
+                let signals = &mut frames.get_mut(&current).unwrap().signals;
+                assert!(signals.insert(name.to_owned(), signal).is_none(), "{line}");
+            }
+            ["CM_" | "VAL_" | "SIG_VALTYPE_"] => {} // the list of key words used
+            ["CM_", "BO_", _, ..] => frames.get_mut(&identifier(2)).expect(line).comment = true,
+            ["CM_", "SG_", _, name, ..] => signal(&mut frames, identifier(2), name).comment = true,
+            ["VAL_", _, name, .., ";"] => signal(&mut frames, identifier(1), name).words = true,
+            ["SIG_VALTYPE_", _, name, ":", "1;"] => {
+                signal(&mut frames, identifier(1), name).float = true;
+            }
+            ["CM_", ..] if words[1].starts_with('"') => {}
+            [] | ["VERSION", _] | ["NS_", ":"] | ["BS_:"] | ["BU_:", ..] => {}
+            _ => panic!("not understood: {line}"),
+        }
+    }
+    frames
+}
+
+fn signal<'a>(
+    frames: &'a mut BTreeMap<u16, FrameInfo>,
+    identifier: u16,
+    name: &str,
+) -> &'a mut Signal {
+    let frame = frames.get_mut(&identifier).expect(name);
+    frame.signals.get_mut(name).unwrap_or_else(|| panic!("{name} of {identifier} is not there"))
+}
+
+fn bits(data: &[u8], signal: &Signal) -> u64 {
+    let mut word = [0; 8];
+    word[..data.len()].copy_from_slice(data);
+    let all = u64::from_le_bytes(word) >> signal.start;
+    if signal.length == 64 { all } else { all & ((1 << signal.length) - 1) }
+}
+
+/// What a frame should read as: the frame's name, and each signal with unit and value.
+type Expected = (Message, &'static str, Vec<(String, &'static str, f64)>);
+
+fn named(values: &[(&str, &'static str, f64)]) -> Vec<(String, &'static str, f64)> {
+    values.iter().map(|(name, unit, value)| ((*name).to_owned(), *unit, *value)).collect()
+}
+
+/// SLEW_LIMITED in the code is SlewLimited there.
+fn dbc_name(flag: &str) -> String {
+    let word = |word: &str| word[..1].to_owned() + &word[1..].to_lowercase();
+    flag.split('_').map(word).collect()
+}
+
+fn expected() -> Vec<Expected> {
+    let node = Node::FIRST;
+    let status = |flags: Flags| {
+        let mut values: Vec<_> = Flags::all()
+            .iter_names()
+            .map(|(name, flag)| (dbc_name(name), "", f64::from(u8::from(flags.contains(flag)))))
+            .collect();
+        values.push(("Sequence".to_owned(), "", 70_001.0));
+        (Message::Status(node, Status { flags, sequence: 70_001 }), "Status", values)
+    };
+    let entry = |entry: Entry, sub_index: f64, name, value| {
+        let head = [("Command", "", 35.0), ("Index", "", 8192.0), ("SubIndex", "", sub_index)];
+        (Message::Entry(node, entry), "Entry", named(&[&head[..], &[(name, "", value)]].concat()))
+    };
+    let mut all = vec![
+        (Message::Sync(Sync { counter: 239 }), "Sync", named(&[("Counter", "", 239.0)])),
+        (
+            Message::Motion(node, Motion { velocity_rad_s: -1.5, position_rad: 40.25 }),
+            "Motion",
+            named(&[("Velocity", "rad/s", -1.5), ("Position", "rad", 40.25)]),
+        ),
+        (
+            Message::Torque(node, Torque { torque_nm: 3.5, load_torque_nm: -26.0 }),
+            "Torque",
+            named(&[("MeasuredTorque", "Nm", 3.5), ("LoadTorque", "Nm", -26.0)]),
+        ),
+        (
+            Message::Seal(node, Seal { radial_force_n: 75.5, pressure_diff_pa: 250_000.0 }),
+            "Seal",
+            named(&[("RadialForce", "N", 75.5), ("PressureDiff", "Pa", 250_000.0)]),
+        ),
+        (
+            Message::Surroundings(node, Surroundings { temperature_c: 11.5, auxiliary: -0.125 }),
+            "Surroundings",
+            named(&[("Temperature", "degC", 11.5), ("Auxiliary", "", -0.125)]),
+        ),
+        (
+            Message::Answer(
+                node,
+                Answer { friction_torque_nm: 2.75, feed_forward_current_a: -1.25 },
+            ),
+            "Answer",
+            named(&[("FrictionTorque", "Nm", 2.75), ("FeedForwardCurrent", "A", -1.25)]),
+        ),
+        entry(Entry::Run(12), 1.0, "Run", 12.0),
+        entry(Entry::Sequence(240), 2.0, "NextSequence", 240.0),
+        entry(Entry::JointKind(JointKind::Prismatic), 3.0, "JointKind", 1.0),
+    ];
+    all.push(status(Flags::empty()));
+    all.extend(Flags::all().iter().map(status));
+    all
+}
+
+#[test]
+fn every_frame_reads_by_the_dbc_as_what_was_put_in() {
+    let frames = read();
+    let mut asked: BTreeSet<(u16, String)> = BTreeSet::new();
+    for (message, name, values) in expected() {
+        let frame = message.emit();
+        let identifier = frame.identifier();
+        let info = frames.get(&identifier).unwrap_or_else(|| panic!("{name} is not in the DBC"));
+        assert_eq!(info.name, name);
+        assert_eq!(info.length, frame.data().len(), "{name}");
+        let multiplexor = info.signals.get("SubIndex").map(|of| bits(frame.data(), of));
+        for (signal_name, unit, value) in values {
+            let signal = info
+                .signals
+                .get(&signal_name)
+                .unwrap_or_else(|| panic!("{name}.{signal_name} is not in the DBC"));
+            assert!(signal.multiplexed.is_none() || signal.multiplexed == multiplexor);
+            assert_eq!(signal.unit, unit, "{name}.{signal_name}");
+            let word = bits(frame.data(), signal);
+            let found =
+                if signal.float { f64::from(f32::from_bits(word as u32)) } else { word as f64 };
+            assert_eq!(found, value, "{name}.{signal_name}");
+            asked.insert((identifier, signal_name));
+        }
+    }
+    let there: BTreeSet<(u16, String)> = frames
+        .iter()
+        .flat_map(|(identifier, info)| {
+            info.signals.keys().map(move |name| (*identifier, name.clone()))
+        })
+        .collect();
+    assert_eq!(asked, there, "a signal of the DBC the code knows nothing of");
+}
+
+#[test]
+fn everything_in_the_dbc_is_explained_and_nothing_overlaps() {
+    for (identifier, info) in read() {
+        assert!(info.comment, "{} has no comment", info.name);
+        for (name, signal) in &info.signals {
+            assert!(signal.comment, "{}.{name} has no comment", info.name);
+            assert!(
+                signal.start + signal.length <= 8 * info.length as u32,
+                "{name} leaves the frame"
+            );
+            let is_flag = info.name == "Status" && signal.length == 1;
+            let is_choice = is_flag || ["SubIndex", "JointKind"].contains(&name.as_str());
+            assert_eq!(signal.words, is_choice, "{}.{name}: table of values", info.name);
+            for (other_name, other) in &info.signals {
+                let apart = signal.start + signal.length <= other.start
+                    || other.start + other.length <= signal.start
+                    || signal.multiplexed != other.multiplexed;
+                assert!(apart || name == other_name, "{identifier}: {name} and {other_name}");
+            }
+        }
+    }
+}

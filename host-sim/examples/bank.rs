@@ -1,0 +1,66 @@
+//! Grades the diagnosis on a bank of hidden worlds: `bank [SEED_BASE] [PER_KIND] [FILTER]`.
+
+use host_sim::bank::{TUNING, examine};
+use host_sim::plant::worlds::{Kind, bank};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let number = |at: usize, default: u64| {
+        arguments.get(at).and_then(|text| text.parse().ok()).unwrap_or(default)
+    };
+    let filter = arguments.get(3).cloned().unwrap_or_default();
+    let worlds: Vec<(Kind, u64)> = bank(number(1, TUNING), number(2, 1) as usize)
+        .filter(|(kind, _)| format!("{kind:?}").contains(&filter))
+        .collect();
+    if let Some(folder) = arguments.get(4) {
+        for (index, (kind, seed)) in worlds.iter().enumerate() {
+            let world = host_sim::plant::worlds::draw(*kind, *seed);
+            println!(
+                "{index} {:?} {:?} {} Hz noise {}",
+                world.truth.hidden, world.truth.seal, world.truth.rate_hz, world.truth.noise_nm
+            );
+            let csv = world.csv();
+            let written = std::fs::write(format!("{folder}/{index}.csv"), csv);
+            assert!(written.is_ok(), "{folder}: not written");
+        }
+        return;
+    }
+    let mut grades: Vec<_> =
+        worlds.into_par_iter().filter_map(|(kind, seed)| examine(kind, seed)).collect();
+    grades.sort_by_key(|grade| format!("{:?}", grade.kind));
+    let mut by_kind: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+    let (mut inside, mut sized, mut low) = (0, 0, 0);
+    for grade in &grades {
+        let entry = by_kind.entry(grade.kind.name()).or_default();
+        entry.1 += 1;
+        entry.0 += usize::from(grade.right);
+        sized += usize::from(grade.size_inside.is_some());
+        inside += usize::from(grade.size_inside == Some(true));
+        low += usize::from(grade.error_over_noise <= 1.2);
+        println!(
+            "{} {:?} seed {} rows {} visible {:.2} named {:?} confusable {:?} error/noise {:.3} {:.1} s size {:?}",
+            if grade.right { "ok   " } else { "WRONG" },
+            grade.kind,
+            grade.seed,
+            grade.rows,
+            grade.visible,
+            grade.named,
+            grade.confusable,
+            grade.error_over_noise,
+            grade.seconds,
+            grade.sizes
+        );
+        if !grade.right {
+            println!("      hidden {:?}; heard {}", grade.hidden, grade.heard);
+        }
+    }
+    for (kind, (right, all)) in by_kind {
+        println!("{kind}: {right} of {all}");
+    }
+    println!(
+        "sizes inside {inside} of {sized}; error within 1.2 of noise {low} of {}",
+        grades.len()
+    );
+}

@@ -1,0 +1,64 @@
+//! `diagnose`: what the model gets wrong, why, the extension, the gain.
+
+use super::input::{DataArguments, spinner};
+use super::output::{OutputArguments, say};
+use crate::diagnose::{Question, diagnose};
+use crate::params;
+use crate::results::{diagnosis, table};
+use crate::spec::Spec;
+use std::path::PathBuf;
+
+/// Arguments of `diagnose`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    data: DataArguments,
+    #[command(flatten)]
+    output: OutputArguments,
+    /// The base model; without it the simplest of linear, stribeck and lugre the log supports
+    #[arg(long, value_name = "MODEL")]
+    model: Option<String>,
+    /// Judge this model as it is, then extend its law
+    #[arg(long, value_name = "PARAMS.TOML", conflicts_with = "model")]
+    params: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<(), String> {
+    let model = arguments.model.as_deref().map(Spec::parse).transpose();
+    let given = arguments.params.as_deref().map(params::read).transpose();
+    let question = Question {
+        model: model.map_err(|error| error.to_string())?,
+        given: given.map_err(|e| e.to_string())?.map(|file| (file.spec, file.parameters)),
+        seed: arguments.data.seed,
+    };
+    let input = arguments.data.read()?;
+    let bar = spinner("diagnosing".into());
+    let found = diagnose(
+        &input.data,
+        &input.split,
+        arguments.data.decimate as usize,
+        &input.rigid_body,
+        &question,
+        &|what| bar.set_message(what.to_owned()),
+    )
+    .map_err(|error| error.to_string())?;
+    bar.finish_and_clear();
+
+    let document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);
+    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
+    let toml = params::emit(&found.extended, input.data.joint);
+    let files = [("diagnosis.json", json.as_str()), ("params.toml", toml.as_str())];
+    arguments.output.write(&files)?;
+    if arguments.output.json {
+        return say(&json);
+    }
+    let mut text = String::new();
+    for (index, sentence) in document.story().iter().enumerate() {
+        text += &format!("{}. {sentence}\n", index + 1);
+    }
+    text += &format!("\n{}\n", table::findings(&found));
+    let out = arguments.output.out.display();
+    text += &format!("written: {out}/diagnosis.json, {out}/params.toml\n");
+    say(&text)
+}

@@ -1,0 +1,191 @@
+//! What a simulation gets wrong, why, and what a better model gains.
+//!
+//! ```text
+//! log        runs to learn from, runs to judge by, columns that may be blamed      log
+//!  -> base   the simplest law the log supports, fitted                             baseline
+//!  -> tangent what the model does, row by row, and its derivatives                 tangent
+//!  -> candidates every cause as columns beside it; orders of a ripple found blind  candidate, order
+//!  -> panel  products of all columns by blocks: gains, chance, stability           survey, panel
+//!  -> choice the best of those that pass, fitted by the core; again; reviewed      select
+//!  -> judged on runs no fit has seen                                               judge, regime
+//!  -> said   finding, story
+//! ```
+//!
+//! The linear panel only decides who is worth a fit. What is reported was fitted by the core's own
+//! step, everything jointly, and judged on held-out runs.
+
+pub mod baseline;
+pub mod candidate;
+pub mod finding;
+pub mod judge;
+pub mod log;
+pub mod order;
+pub mod panel;
+pub mod regime;
+pub mod select;
+pub mod story;
+pub mod survey;
+pub mod tangent;
+
+pub use finding::{Finding, Size};
+pub use judge::Gain;
+pub use log::Log;
+pub use regime::Share;
+pub use select::Hearing;
+
+use crate::data::{Dataset, Split};
+use crate::fit::outcome::{Predicted, identify, predict};
+use crate::fit::statistics::autocorrelation_time;
+use crate::fit::{FitOptions, Outcome};
+use crate::spec::{Spec, SpecError};
+use compensator_core::{ParameterId, Parameters, TermKind};
+use select::Fitted;
+use std::time::Instant;
+
+/// What is asked.
+#[derive(Clone, Debug, Default)]
+pub struct Question {
+    /// The base model, if it is not to be chosen.
+    pub model: Option<Spec>,
+    /// A model with its values: judged as it is, then its law is fitted and extended.
+    pub given: Option<(Spec, Parameters<f64>)>,
+    /// For what is drawn at random.
+    pub seed: u64,
+}
+
+/// The answer.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    /// The log as it was looked at, following what the extended model follows.
+    pub log: Log,
+    /// Error the torque's noise alone would make on the held-out rows, Nm.
+    pub noise_floor: f64,
+    /// The base model.
+    pub baseline: Outcome,
+    /// The extended model.
+    pub extended: Outcome,
+    /// The base model on the held-out rows.
+    pub before: Predicted,
+    /// The extended one.
+    pub after: Predicted,
+    /// The causes, strongest first.
+    pub findings: Vec<Finding>,
+    /// What the extension gains on held-out rows.
+    pub gain: Gain,
+    /// Where in the motion the base model is wrong, held-out rows.
+    pub by_regime: Vec<Share>,
+    /// In which direction.
+    pub by_direction: Vec<Share>,
+    /// Every candidate beside the base law, best first.
+    pub hearing: Vec<Hearing>,
+    /// Name of the covariate in the auxiliary column, if the extended model follows one.
+    pub auxiliary: Option<String>,
+    /// Structure is left that no column explains: autocorrelation time in rows, 0 for none.
+    pub left_over: f64,
+    /// Time it took, s.
+    pub seconds: f64,
+}
+
+impl Diagnosis {
+    /// The name of the first cause, or `none`.
+    pub fn cause(&self) -> &'static str {
+        self.findings.first().map_or("none", |finding| finding.kind.name())
+    }
+}
+
+/// A held-out error this many times the noise floor, with a memory of at least this many rows, is
+/// structure: what is left over is then `unknown`, not `none`.
+const STRUCTURE: (f64, f64) = (1.3, 4.0);
+
+/// Diagnoses a log.
+///
+/// # Errors
+/// If the base model already has as many terms as the core takes.
+pub fn diagnose(
+    data: &Dataset,
+    split: &Split,
+    decimate: usize,
+    rigid_body: &[TermKind],
+    question: &Question,
+    progress: &dyn Fn(&str),
+) -> Result<Diagnosis, SpecError> {
+    let begin = Instant::now();
+    let mut log = Log::new(data, split, decimate, rigid_body);
+    progress("fitting the baseline");
+    let base = base(&mut log, question)?;
+    let selection = select::select(&mut log, base, question.seed, progress)?;
+    progress("judging on held-out runs");
+    let baseline = match &question.given {
+        Some((spec, parameters)) => given(&log, spec, parameters)?,
+        None => outcome(&log, &selection.base)?,
+    };
+    let extended = if selection.found.is_empty() {
+        baseline.clone()
+    } else {
+        outcome(&log, &selection.extended)?
+    };
+    let before = predict(&baseline.parameters, log.test_rows(), baseline.resolution);
+    let after = predict(&extended.parameters, log.test_rows(), extended.resolution);
+    let at = tangent::tangent(&baseline.parameters, &[], &log.test_tracks, baseline.resolution);
+    let found = selection.found.iter();
+    let mut findings: Vec<Finding> =
+        found.map(|found| finding::finding(found, &extended, &log, &selection.extended)).collect();
+    let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
+    let gain = judge::gain(&before, &after, question.seed);
+    let left_over = left_over(&after, noise_floor);
+    if findings.is_empty() && left_over > 0.0 {
+        findings.push(story::unexplained(&after, noise_floor, &log, question.seed));
+    }
+    let follows = selection.extended.follows.as_ref().filter(|follows| follows.extra);
+    Ok(Diagnosis {
+        noise_floor,
+        by_regime: regime::by_regime(&log.test_tracks, &at),
+        by_direction: regime::by_direction(&log.test_tracks, &at),
+        hearing: selection.hearing,
+        auxiliary: follows.map(|follows| follows.column.clone()),
+        log,
+        baseline,
+        extended,
+        before,
+        after,
+        findings,
+        gain,
+        left_over,
+        seconds: begin.elapsed().as_secs_f64(),
+    })
+}
+
+fn base(log: &mut Log, question: &Question) -> Result<Fitted, SpecError> {
+    match (&question.given, &question.model) {
+        (Some((spec, parameters)), _) => baseline::fitted(log, spec, Some(parameters)),
+        (None, Some(spec)) => baseline::fitted(log, &spec.clone().on(&log.rigid_body), None),
+        (None, None) => baseline::choose(log),
+    }
+}
+
+/// Errors and verdicts of a model that has been fitted.
+fn outcome(log: &Log, model: &Fitted) -> Result<Outcome, SpecError> {
+    let options = FitOptions {
+        starts: 1,
+        start: Some(model.parameters.clone()),
+        fixed: model.fixed.clone(),
+        resolution: Some(model.resolution),
+        ..FitOptions::default()
+    };
+    identify(&model.spec, &model.parameters, log.train_rows(), log.test_rows(), &options)
+}
+
+/// A model taken as it is.
+fn given(log: &Log, spec: &Spec, parameters: &Parameters<f64>) -> Result<Outcome, SpecError> {
+    let fixed: Vec<ParameterId> = parameters.active().collect();
+    let options =
+        FitOptions { starts: 1, start: Some(parameters.clone()), fixed, ..FitOptions::default() };
+    identify(spec, parameters, log.train_rows(), log.test_rows(), &options)
+}
+
+/// Memory of the residual in rows, where it is more than noise; else 0.
+fn left_over(after: &Predicted, noise_floor: f64) -> f64 {
+    let memory = autocorrelation_time(after.residuals.iter().map(Vec::as_slice));
+    let (times, rows) = STRUCTURE;
+    if after.metrics.rmse > times * noise_floor && memory > rows { memory } else { 0.0 }
+}

@@ -1,0 +1,107 @@
+//! How much an extension gains, on runs no fit has seen, and how much there was to gain.
+
+use crate::fit::Track;
+use crate::fit::outcome::Predicted;
+use crate::fit::start::Scales;
+use crate::fit::statistics::autocorrelation_time;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Resampled logs an interval is counted over.
+const RESAMPLES: usize = 400;
+
+/// `1 - rmse(after) / rmse(before)` on held-out rows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gain {
+    /// The gain.
+    pub value: f64,
+    /// Its 95 % interval, by resampling blocks of rows.
+    pub ci95: [f64; 2],
+}
+
+/// What the torque column's noise alone would cost, Nm: from second differences of the measured
+/// torque, which no smooth torque has. Their median keeps breakaways and reversals out. It is a floor
+/// for white noise; a logger that smooths shows less than its sensor makes.
+pub fn noise_floor(tracks: &[Track], decimate: usize) -> f64 {
+    let noise = Scales::of(tracks).noise;
+    // The anti-alias filter passes 80 % of the band that is left.
+    if decimate > 1 { noise * (0.8 / decimate as f64).sqrt() } else { noise }
+}
+
+/// Squared errors of two models on the same blocks of rows.
+fn blocks(before: &Predicted, after: &Predicted) -> Vec<[f64; 2]> {
+    let rows: usize = before.residuals.iter().map(Vec::len).sum();
+    let memory = autocorrelation_time(before.residuals.iter().map(Vec::as_slice));
+    let length = ((8.0 * memory) as usize).clamp(4, (rows / 20).max(4));
+    let mut blocks = Vec::new();
+    for (before, after) in before.residuals.iter().zip(&after.residuals) {
+        let count = (before.len() / length).max(1);
+        for block in 0..count {
+            let part = block * before.len() / count..(block + 1) * before.len() / count;
+            let sum = |residual: &[f64]| residual.iter().map(|r| r * r).sum::<f64>();
+            blocks.push([sum(&before[part.clone()]), sum(&after[part])]);
+        }
+    }
+    blocks
+}
+
+/// By how many standard errors the squared error of `after` is lower than that of `before`, block by
+/// block.
+pub fn paired(before: &Predicted, after: &Predicted) -> f64 {
+    let blocks = blocks(before, after);
+    let n = blocks.len() as f64;
+    let falls = || blocks.iter().map(|[before, after]| before - after);
+    let mean = falls().sum::<f64>() / n.max(1.0);
+    let variance = falls().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    if variance > 0.0 { mean / (variance / n).sqrt() } else { 0.0 }
+}
+
+/// The gain of `after` over `before`.
+pub fn gain(before: &Predicted, after: &Predicted, seed: u64) -> Gain {
+    let blocks = blocks(before, after);
+    let of = |sums: [f64; 2]| {
+        if sums[0] > 0.0 { 1.0 - (sums[1] / sums[0]).sqrt() } else { 0.0 }
+    };
+    let add = |sums: [f64; 2], block: &[f64; 2]| [sums[0] + block[0], sums[1] + block[1]];
+    let value = of(blocks.iter().fold([0.0; 2], add));
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut resampled: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            let drawn = (0..blocks.len()).map(|_| &blocks[random.random_range(0..blocks.len())]);
+            of(drawn.fold([0.0; 2], add))
+        })
+        .collect();
+    resampled.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index = (share * (resampled.len() - 1) as f64).round() as usize;
+        resampled.get(index).copied().unwrap_or(value)
+    };
+    Gain { value, ci95: [at(0.025), at(0.975)] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Metrics;
+
+    fn predicted(scale: f64) -> Predicted {
+        let mut random = Pcg64::seed_from_u64(5);
+        let residual = (0..4000).map(|_| scale * random.random_range(-1.0..1.0)).collect();
+        Predicted {
+            torque: Vec::new(),
+            residuals: vec![residual],
+            metrics: Metrics::default(),
+            saturation: 0.0,
+            presliding: 0.0,
+        }
+    }
+
+    #[test]
+    fn half_the_error_is_a_gain_of_a_half() {
+        let gain = gain(&predicted(1.0), &predicted(0.5), 0);
+        assert!((gain.value - 0.5).abs() < 1e-12);
+        assert!(gain.ci95[0] <= 0.5 && 0.5 <= gain.ci95[1]);
+        let none = super::gain(&predicted(1.0), &predicted(1.0), 0);
+        assert_eq!(none, Gain { value: 0.0, ci95: [0.0, 0.0] });
+    }
+}

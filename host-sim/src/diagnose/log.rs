@@ -1,0 +1,220 @@
+//! The log as the diagnosis looks at it: runs to learn from, runs to judge by, and the columns that
+//! may be blamed.
+//!
+//! A column can explain a residual without being a cause of it: a motor current *is* the torque in other
+//! units, and knows of every error the model makes. Such columns are kept out, and named. What tells
+//! them is that they follow the torque from sample to sample, which pressure or temperature cannot.
+
+use crate::data::{Dataset, Run, Split};
+use crate::fit::{Rows, Track, track};
+use compensator_core::TermKind;
+
+/// A column whose steps from sample to sample correlate with the torque's by more than this is
+/// taken for another reading of the torque.
+const SAME_STEPS: f64 = 0.5;
+
+/// Likewise for the values themselves.
+const SAME_VALUES: f64 = 0.95;
+
+/// Two columns this much alike are one column under two names.
+const SAME_COLUMN: f64 = 0.9999;
+
+/// Share of the 95th percentile of the speed below which a joint rests.
+const REST: f64 = 0.04;
+
+/// Rows at rest are left out where their mean squared error is more than so many times that in motion.
+const WORSE_AT_REST: f64 = 1.0;
+
+/// What is diagnosed.
+#[derive(Clone, Debug)]
+pub struct Log {
+    /// Runs to fit on.
+    pub train: Dataset,
+    /// Runs no fit sees.
+    pub test: Dataset,
+    /// Tracks of `train`.
+    pub train_tracks: Vec<Track>,
+    /// Tracks of `test`.
+    pub test_tracks: Vec<Track>,
+    /// Keep one residual in this many, anti-aliased.
+    pub decimate: usize,
+    /// Parts of the torque column that are not friction.
+    pub rigid_body: Vec<TermKind>,
+    /// Extra covariates that may be blamed, as indices of [`Run::extra`].
+    pub extras: Vec<usize>,
+    /// Where the campaign's clock begins, s.
+    pub campaign_start_s: f64,
+    /// Speed below which rows are not judged, if any.
+    pub slowest: Option<f64>,
+    /// What a careful reader should know, a sentence each.
+    pub notes: Vec<String>,
+}
+
+impl Log {
+    /// Cuts a data set as `split` says.
+    pub fn new(data: &Dataset, split: &Split, decimate: usize, rigid_body: &[TermKind]) -> Self {
+        let mut log = Self {
+            train: data.select(&split.train),
+            test: data.select(&split.test),
+            train_tracks: Vec::new(),
+            test_tracks: Vec::new(),
+            decimate: decimate.max(1),
+            rigid_body: rigid_body.to_vec(),
+            extras: Vec::new(),
+            campaign_start_s: track::campaign_start(data),
+            slowest: None,
+            notes: Vec::new(),
+        };
+        log.follow(None);
+        log.choose_extras();
+        log
+    }
+
+    /// Makes the tracks anew, with this covariate as the auxiliary column.
+    pub fn follow(&mut self, auxiliary: Option<&str>) {
+        let tracks = |data: &Dataset| track::tracks_since(data, auxiliary, self.campaign_start_s);
+        (self.train_tracks, self.test_tracks) = (tracks(&self.train), tracks(&self.test));
+        self.mark_rest();
+    }
+
+    /// Leaves the rows at rest out of all judgement, where a law without bristles does much worse there
+    /// than in motion: at rest the joint holds whatever it was left with, and such a law knows nothing
+    /// of it. `squares` gives the law's squared error on the judged training rows and their number.
+    /// Returns whether it did.
+    pub fn leave_out_rest(&mut self, squares: impl Fn(&Log) -> (f64, usize)) -> bool {
+        let speed = crate::fit::start::Scales::of(&self.train_tracks).speed;
+        self.slowest = Some(REST * speed);
+        self.mark_rest();
+        let (moving, count) = squares(self);
+        self.slowest = None;
+        self.mark_rest();
+        let (all, rows) = squares(self);
+        let at_rest = (all - moving) / rows.saturating_sub(count).max(1) as f64;
+        if rows == count || at_rest < WORSE_AT_REST * moving / count.max(1) as f64 {
+            return false;
+        }
+        self.slowest = Some(REST * speed);
+        self.mark_rest();
+        self.notes.push(format!(
+            "{} rows at rest are not judged: a law without bristles says nothing of what a joint at rest holds",
+            rows - count
+        ));
+        true
+    }
+
+    fn mark_rest(&mut self) {
+        let slowest = self.slowest;
+        for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
+            track.unjudged = slowest.map_or(Vec::new(), |slowest| {
+                track.samples.iter().map(|s| s.velocity_rad_s.abs() < slowest).collect()
+            });
+        }
+    }
+
+    /// Rows to fit on.
+    pub fn train_rows(&self) -> Rows<'_> {
+        Rows { tracks: &self.train_tracks, decimate: self.decimate }
+    }
+
+    /// Rows to judge by.
+    pub fn test_rows(&self) -> Rows<'_> {
+        Rows { tracks: &self.test_tracks, decimate: self.decimate }
+    }
+
+    /// Whether the runs have a column of the contract and it is not constant.
+    pub fn varies(&self, name: &str) -> bool {
+        let column = |run| self.train.column(run, name).unwrap_or_default();
+        let mut values = self.train.runs.iter().flat_map(column).copied();
+        let Some(first) = values.next() else { return false };
+        values.any(|value| value != first)
+    }
+
+    /// Name of the position column, for findings.
+    pub fn position_name(&self) -> &'static str {
+        match self.train.joint {
+            crate::data::Joint::Revolute => "position_rad",
+            crate::data::Joint::Prismatic => "position_m",
+        }
+    }
+
+    /// Name of the velocity column, for findings.
+    pub fn velocity_name(&self) -> &'static str {
+        match self.train.joint {
+            crate::data::Joint::Revolute => "velocity_rad_s",
+            crate::data::Joint::Prismatic => "velocity_m_s",
+        }
+    }
+
+    /// Seconds from the first row of the campaign to its last.
+    pub fn campaign_s(&self) -> f64 {
+        let runs = self.train.runs.iter().chain(&self.test.runs);
+        let ends = runs.flat_map(|run| run.time_s.last()).copied();
+        (ends.fold(f64::NEG_INFINITY, f64::max) - self.campaign_start_s).max(1e-9)
+    }
+
+    fn choose_extras(&mut self) {
+        const KNOWN: [&str; 4] =
+            ["radial_force_n", "pressure_diff_pa", "temperature_c", "load_torque_nm"];
+        let runs = &self.train.runs;
+        let mut notes = Vec::new();
+        for (index, name) in self.train.covariates.iter().enumerate() {
+            let of = |run: &Run| run.extra[index].clone();
+            let torque = |run: &Run| run.torque.clone();
+            if self.varies(name) {
+                let steps = |run: &Run, column: &dyn Fn(&Run) -> Vec<f64>| -> Vec<f64> {
+                    column(run).windows(2).map(|w| w[1] - w[0]).collect()
+                };
+                let alike = correlation(runs, of, torque).abs();
+                let in_step =
+                    correlation(runs, |run| steps(run, &of), |run| steps(run, &torque)).abs();
+                if alike > SAME_VALUES || in_step > SAME_STEPS {
+                    notes.push(format!(
+                        "{name} follows the torque itself (correlation {alike:.3}, of its steps {in_step:.3}): it \
+                         is another reading of it and is not blamed"
+                    ));
+                    continue;
+                }
+                let copy = |other: &str| {
+                    let other = |run: &Run| self.train.column(run, other).map(<[f64]>::to_vec);
+                    let has = runs.iter().all(|run| other(run).is_some());
+                    has && correlation(runs, of, |run| other(run).unwrap_or_default()).abs()
+                        > SAME_COLUMN
+                };
+                let own = [self.velocity_name(), self.position_name()];
+                if let Some(twin) = KNOWN.into_iter().chain(own).find(|other| copy(other)) {
+                    notes.push(format!("{name} is {twin} under another name and is left out"));
+                    continue;
+                }
+                self.extras.push(index);
+            }
+        }
+        self.notes.extend(notes);
+    }
+}
+
+/// Correlation of two columns over all rows of all runs; 0 where one does not vary.
+pub fn correlation(
+    runs: &[Run],
+    a: impl Fn(&Run) -> Vec<f64>,
+    b: impl Fn(&Run) -> Vec<f64>,
+) -> f64 {
+    let (mut n, mut sum, mut squares, mut product) = (0.0, [0.0; 2], [0.0; 2], 0.0);
+    // Shifted by the first value: the variance of a pressure of 1e5 must not drown in its square.
+    let mut shift = None;
+    for run in runs {
+        for (x, y) in a(run).into_iter().zip(b(run)) {
+            let (sx, sy) = *shift.get_or_insert((x, y));
+            let (x, y) = (x - sx, y - sy);
+            n += 1.0;
+            sum[0] += x;
+            sum[1] += y;
+            squares[0] += x * x;
+            squares[1] += y * y;
+            product += x * y;
+        }
+    }
+    let variance = |i: usize| squares[i] / n - (sum[i] / n) * (sum[i] / n);
+    let covariance = product / n - sum[0] / n * (sum[1] / n);
+    let spread = (variance(0) * variance(1)).sqrt();
+    if n > 0.0 && spread > 0.0 { covariance / spread } else { 0.0 }
+}

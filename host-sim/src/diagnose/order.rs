@@ -1,0 +1,180 @@
+//! The order of a ripple, found blind.
+//!
+//! An eccentric seal, a gear mesh, a scratched shaft: the level of the friction follows the angle `n`
+//! times a turn, and nobody says what `n` is. The residual `e`, weighed with what the level does to the
+//! torque there (`h`, which changes sign with the direction), is looked at as a function of the angle:
+//!
+//! ```text
+//! S(n) = sum_rows h e exp(-i n q)      for all n from LEAST to MOST, by one Fourier transform
+//! ```
+//!
+//! The rows are laid on an even grid of angles first (linear weights, their roll-off divided out). What
+//! a ripple must stand out from is its neighbourhood: the median power of the orders around it, which
+//! also holds whatever slow structure the residual has. Where nothing is hidden, the ratio is distributed
+//! exponentially, and the best of `M` orders reaches `P` with probability `1 - (1 - exp(-P))^M`.
+
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex;
+
+/// Lowest order looked for, 1/rad.
+const LEAST: f64 = 0.5;
+
+/// Highest order looked for on a joint that turns, 1/rad.
+pub const MOST_REVOLUTE: f64 = 300.0;
+
+/// And on one that slides, 1/m: a lead of 2 mm.
+pub const MOST_PRISMATIC: f64 = 3200.0;
+
+/// Longest transform.
+const LONGEST: usize = 1 << 22;
+
+/// Half the neighbourhood an order is compared with, in independent orders.
+const NEIGHBOURS: usize = 64;
+
+/// A row: angle, rad; level derivative times residual.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Position, rad.
+    pub position: f64,
+    /// `h e`.
+    pub weighed: f64,
+}
+
+/// An order that stands out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Peak {
+    /// The order, 1/rad.
+    pub order: f64,
+    /// Its power over that of its neighbourhood.
+    pub prominence: f64,
+    /// Probability that the best of all orders reaches this where there is none.
+    pub p_value: f64,
+    /// How many orders the range of the angle can tell apart.
+    pub independent: f64,
+}
+
+/// The orders that stand out most, at most `count`, the most prominent first.
+pub fn peaks(points: &[Point], most: f64, count: usize) -> Vec<Peak> {
+    let positions = || points.iter().map(|point| point.position);
+    let (least_q, most_q) =
+        positions().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(q), b.max(q)));
+    let range = most_q - least_q;
+    if !(range.is_finite() && range > 0.0) {
+        return Vec::new();
+    }
+    // Four grid points in the shortest wave, and a range padded to twice its length.
+    let spacing = std::f64::consts::PI / (2.0 * most);
+    let length = ((2.0 * range / spacing).ceil() as usize + 4).next_power_of_two().min(LONGEST);
+    let spacing = spacing.max(2.0 * range / (length as f64 - 4.0));
+    let mut grid = vec![Complex::new(0.0, 0.0); length];
+    for point in points {
+        let at = (point.position - least_q) / spacing;
+        let cell = (at as usize).min(length - 2);
+        let share = at - cell as f64;
+        grid[cell].re += point.weighed * (1.0 - share);
+        grid[cell + 1].re += point.weighed * share;
+    }
+    FftPlanner::new().plan_fft_forward(length).process(&mut grid);
+    let step = std::f64::consts::TAU / (length as f64 * spacing);
+    let first =
+        ((LEAST / step).ceil() as usize).max((std::f64::consts::TAU / range / step) as usize);
+    let last = ((most / step) as usize).min(length / 2 - 1);
+    if first + 8 >= last {
+        return Vec::new();
+    }
+    let power: Vec<f64> = (first..=last)
+        .map(|bin| {
+            // Linear weights damp a wave by sinc^2 of half its phase per cell.
+            let half = 0.5 * bin as f64 * step * spacing;
+            let damped = (half.sin() / half).powi(2);
+            grid[bin].norm_sqr() / (damped * damped)
+        })
+        .collect();
+    let independent = range / std::f64::consts::TAU * (most - LEAST);
+    let per_order = (power.len() as f64 / independent.max(1.0)).max(1.0);
+    let floor = neighbourhood(&power, (NEIGHBOURS as f64 * per_order) as usize);
+    let mut found: Vec<Peak> = Vec::new();
+    let mut order: Vec<usize> = (0..power.len()).collect();
+    let prominence = |i: usize| power[i] / floor[i].max(f64::MIN_POSITIVE);
+    order.sort_by(|a, b| prominence(*b).total_cmp(&prominence(*a)));
+    for index in order {
+        let at = (first + index) as f64 * step;
+        let apart = 2.0 * std::f64::consts::TAU / range;
+        if found.iter().all(|peak| (peak.order - at).abs() > apart) {
+            let prominence = prominence(index);
+            let chance = -(independent.max(1.0) * (-(-prominence).exp()).ln_1p()).exp_m1();
+            found.push(Peak {
+                order: at,
+                prominence,
+                p_value: chance.clamp(0.0, 1.0),
+                independent: independent.max(1.0),
+            });
+        }
+        if found.len() == count {
+            break;
+        }
+    }
+    found
+}
+
+/// Mean power of noise around each order, from the median of the powers there (an exponential
+/// distribution's median is `ln 2` of its mean): a ripple among them does not move it.
+fn neighbourhood(power: &[f64], half: usize) -> Vec<f64> {
+    let half = half.clamp(8, power.len() / 2);
+    // Medians on a coarse raster; in between the nearest.
+    let stride = (half / 4).max(1);
+    let medians: Vec<f64> = (0..power.len().div_ceil(stride))
+        .map(|cell| {
+            let centre = cell * stride;
+            let from = centre.saturating_sub(half);
+            let to = (centre + half).min(power.len());
+            let mut around = power[from..to].to_vec();
+            let middle = around.len() / 2;
+            let (_, median, _) = around.select_nth_unstable_by(middle, f64::total_cmp);
+            *median / std::f64::consts::LN_2
+        })
+        .collect();
+    (0..power.len()).map(|i| medians[i / stride]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    fn log(order: f64, amplitude: f64, seed: u64) -> Vec<Point> {
+        let mut random = Pcg64::seed_from_u64(seed);
+        (0..20_000)
+            .map(|i| {
+                let position = 30.0 * (i as f64 * 1e-3).sin() + 1e-3 * i as f64;
+                let noise: f64 = (0..12).map(|_| random.random_range(-0.5..0.5)).sum();
+                let wave = amplitude * (order * position + 0.7).sin();
+                Point { position, weighed: wave + noise }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn orders_are_found_from_1_to_250() {
+        for order in [1.0, 3.7, 17.0, 64.25, 249.0] {
+            let peak = peaks(&log(order, 0.3, 1), MOST_REVOLUTE, 3)[0];
+            assert!((peak.order - order).abs() < 0.05, "{order}: {peak:?}");
+            assert!(peak.p_value < 1e-6, "{peak:?}");
+        }
+    }
+
+    #[test]
+    fn noise_has_no_order() {
+        let alarms = (0..40)
+            .filter(|seed| peaks(&log(1.0, 0.0, *seed), MOST_REVOLUTE, 1)[0].p_value < 0.05)
+            .count();
+        assert!(alarms <= 7, "{alarms} of 40 at 5 %");
+    }
+
+    #[test]
+    fn a_joint_that_stands_still_has_no_orders() {
+        let still = vec![Point { position: 1.0, weighed: 0.5 }; 100];
+        assert!(peaks(&still, MOST_REVOLUTE, 3).is_empty());
+    }
+}

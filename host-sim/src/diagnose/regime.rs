@@ -1,0 +1,159 @@
+//! Where in the motion a model is wrong.
+
+use super::tangent::Tangent;
+use crate::fit::Track;
+
+/// Below this share of the largest speed a joint rests.
+const AT_REST: f64 = 1e-3;
+
+/// Bristles that hold less than this share of the level have not broken away.
+const HELD: f64 = 0.9;
+
+/// Travel after a reversal or a rest, in presliding travels, that counts as its own regime.
+const AFTER: f64 = 20.0;
+
+/// What a joint is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Regime {
+    /// It stands still.
+    Rest,
+    /// It moves within the travel of the bristles.
+    Presliding,
+    /// It has just left rest.
+    Breakaway,
+    /// It has just turned round.
+    Reversal,
+    /// It slides.
+    Sliding,
+}
+
+impl Regime {
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::Rest, Self::Presliding, Self::Breakaway, Self::Reversal, Self::Sliding];
+
+    /// As in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rest => "rest",
+            Self::Presliding => "presliding",
+            Self::Breakaway => "breakaway",
+            Self::Reversal => "reversal",
+            Self::Sliding => "sliding",
+        }
+    }
+}
+
+/// A part of the rows and what of the error lies there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Share {
+    /// What part.
+    pub name: String,
+    /// Its share of the rows.
+    pub of_rows: f64,
+    /// Its share of the squared error.
+    pub of_error: f64,
+    /// Standard error of that share, over the runs.
+    pub uncertainty: f64,
+    /// RMSE within the part, Nm.
+    pub rmse: f64,
+    /// Mean of the error within the part, Nm.
+    pub mean: f64,
+}
+
+/// The regime of every row of a track; `presliding` is the travel of the bristles, rad.
+pub fn regimes(track: &Track, bristle: &[f64], presliding: f64, fastest: f64) -> Vec<Regime> {
+    let mut travelled = f64::INFINITY;
+    let mut after = Regime::Sliding;
+    let mut direction = 0.0;
+    let bristles = presliding > 0.0;
+    (0..track.len())
+        .map(|row| {
+            let velocity = track.samples[row].velocity_rad_s;
+            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+            if velocity.abs() < AT_REST * fastest {
+                (travelled, after) = (0.0, Regime::Breakaway);
+                return Regime::Rest;
+            }
+            if direction * velocity < 0.0 && travelled > 0.0 {
+                (travelled, after) = (0.0, Regime::Reversal);
+            }
+            direction = velocity.signum();
+            travelled += velocity.abs() * track.period_s * ratio;
+            if bristles && bristle[row] * direction < HELD {
+                return Regime::Presliding;
+            }
+            if travelled < AFTER * presliding { after } else { Regime::Sliding }
+        })
+        .collect()
+}
+
+/// The squared error of a model by regime.
+pub fn by_regime(tracks: &[Track], at: &Tangent) -> Vec<Share> {
+    use compensator_core::ParameterId as Id;
+    let parameters = &at.parameters;
+    let presliding = if parameters.law.has_bristles() {
+        parameters.get(Id::CoulombTorque) / parameters.get(Id::BristleStiffness).max(1e-9)
+    } else {
+        0.0
+    };
+    let samples = tracks.iter().flat_map(|track| &track.samples);
+    let fastest = samples.map(|s| s.velocity_rad_s.abs()).fold(0.0, f64::max);
+    let all: Vec<Vec<Regime>> = tracks
+        .iter()
+        .zip(&at.tracks)
+        .map(|(track, at)| regimes(track, &at.bristle, presliding, fastest))
+        .collect();
+    let parts = Regime::ALL.map(|regime| (regime.name().to_owned(), regime));
+    shares(tracks, at, &parts, |track, row, regime| all[track][row] == *regime)
+}
+
+/// The squared error of a model by direction.
+pub fn by_direction(tracks: &[Track], at: &Tangent) -> Vec<Share> {
+    let parts = [("forwards".to_owned(), 1.0), ("backwards".to_owned(), -1.0)];
+    shares(tracks, at, &parts, |track, row, sign| {
+        tracks[track].samples[row].velocity_rad_s * sign > 0.0
+    })
+}
+
+/// The squared error of a model by parts of the rows.
+pub fn shares<P>(
+    tracks: &[Track],
+    at: &Tangent,
+    parts: &[(String, P)],
+    is_in: impl Fn(usize, usize, &P) -> bool,
+) -> Vec<Share> {
+    let squares = |track: usize| at.tracks[track].residual.iter().map(|r| r * r).sum::<f64>();
+    let total: f64 = (0..tracks.len()).map(squares).sum::<f64>().max(f64::MIN_POSITIVE);
+    let rows: usize = tracks.iter().map(Track::len).sum();
+    parts
+        .iter()
+        .map(|(name, part)| {
+            let (mut count, mut sum, mut error) = (0usize, 0.0, 0.0);
+            let mut by_track = Vec::with_capacity(tracks.len());
+            for (index, track) in tracks.iter().enumerate() {
+                let mut own = 0.0;
+                for row in (0..track.len()).filter(|row| is_in(index, *row, part)) {
+                    let residual = at.tracks[index].residual[row];
+                    count += 1;
+                    sum += residual;
+                    own += residual * residual;
+                }
+                error += own;
+                by_track.push((own, squares(index)));
+            }
+            let share = error / total;
+            // The share of a ratio of sums, linearised: how far each track pulls it.
+            let pulls: f64 = by_track.iter().map(|(own, all)| (own - share * all).powi(2)).sum();
+            let n = count.max(1) as f64;
+            Share {
+                name: name.clone(),
+                of_rows: count as f64 / rows.max(1) as f64,
+                of_error: share,
+                uncertainty: pulls.sqrt() / total,
+                rmse: (error / n).sqrt(),
+                mean: sum / n,
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,117 @@
+//! A fitted model and all candidates beside it, walked along the log once and kept as a [`Panel`].
+
+use super::candidate::{Candidate, Regressor, Row};
+use super::log::Log;
+use super::panel::{Block, Panel};
+use super::tangent::{Tangent, TrackTangent, exact};
+use crate::data::AntiAlias;
+use crate::fit::Track;
+use crate::fit::statistics::autocorrelation_time;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+/// A block is this many times as long as the residual remembers.
+const MEMORIES: f64 = 8.0;
+
+/// Fewest and most blocks a log is cut into, if its runs and the residual's memory allow.
+const BLOCKS: (usize, usize) = (40, 240);
+
+/// Walks along the log.
+pub fn survey(log: &Log, tangent: &Tangent, candidates: &[Candidate]) -> Panel {
+    let rows: usize = log.train_tracks.iter().map(Track::len).sum::<usize>() / log.decimate;
+    let residuals = tangent.tracks.iter().map(|at| at.residual.as_slice());
+    let memory = autocorrelation_time(residuals) / log.decimate as f64;
+    let least = (rows / BLOCKS.1).max(4);
+    let length = ((MEMORIES * memory) as usize).clamp(least, (rows / BLOCKS.0).max(least));
+    let both: Vec<(&Track, &TrackTangent)> = log.train_tracks.iter().zip(&tangent.tracks).collect();
+    let blocks: Vec<Vec<Block>> = both
+        .par_iter()
+        .map(|(track, at)| blocks(log, tangent, track, at, candidates, length))
+        .collect();
+    let widths: Vec<usize> = candidates.iter().map(|c| c.regressors.len()).collect();
+    Panel::new(tangent.free.len(), &widths, blocks.into_iter().flatten().collect())
+}
+
+/// All columns along one track, thinned out, cut into blocks.
+fn blocks(
+    log: &Log,
+    tangent: &Tangent,
+    track: &Track,
+    at: &TrackTangent,
+    candidates: &[Candidate],
+    length: usize,
+) -> Vec<Block> {
+    let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
+    let slope = slope(track, &at.torque);
+    for candidate in candidates {
+        let extra = candidate.extra.map(|index| &log.train.runs[track.run].extra[index]);
+        for regressor in &candidate.regressors {
+            columns.push(match regressor {
+                Regressor::Exact(effect) => exact(tangent, track, at, effect),
+                Regressor::Row(of) => (0..track.len())
+                    .map(|row| {
+                        of(&Row {
+                            sample: &track.samples[row],
+                            added: at.added[row],
+                            level: at.level[row],
+                            viscous: at.viscous[row],
+                            slope: slope[row],
+                            extra: extra.map_or(0.0, |extra| extra[track.first_row + row]),
+                        })
+                    })
+                    .collect(),
+            });
+        }
+    }
+    columns.push(at.residual.clone());
+    for row in (0..track.len()).filter(|row| !track.is_judged(*row)) {
+        columns.iter_mut().for_each(|column| column[row] = 0.0);
+    }
+    let mut memory = at.memory.clone();
+    if log.decimate > 1 {
+        let filter = AntiAlias::new(log.decimate);
+        memory.resize(track.len(), 0.0);
+        memory = filter.thin(memory);
+        columns = columns.into_iter().map(|column| filter.thin(column)).collect();
+    }
+    forget_start(&mut columns, &memory);
+    let rows = columns[0].len();
+    let count = (rows / length.max(1)).max(1);
+    (0..count)
+        .map(|block| {
+            let (from, to) = (block * rows / count, (block + 1) * rows / count);
+            let part = DMatrix::from_fn(to - from, columns.len(), |row, column| {
+                let value = columns[column][from + row];
+                if value.is_finite() { value } else { 0.0 }
+            });
+            Block { run: track.run, products: part.transpose() * &part, rows: to - from }
+        })
+        .collect()
+}
+
+/// Takes out of every column what the unknown torque held at the start of the track explains.
+fn forget_start(columns: &mut [Vec<f64>], memory: &[f64]) {
+    let power: f64 = memory.iter().map(|m| m * m).sum();
+    if power <= 0.0 {
+        return;
+    }
+    for column in columns {
+        let share = column.iter().zip(memory).map(|(c, m)| c * m).sum::<f64>() / power;
+        column.iter_mut().zip(memory).for_each(|(c, m)| *c -= share * m);
+    }
+}
+
+/// Rate of the simulated torque, Nm/s.
+fn slope(track: &Track, torque: &[f64]) -> Vec<f64> {
+    let last = torque.len() - 1;
+    (0..torque.len())
+        .map(|row| {
+            let (before, after) = (row.saturating_sub(1), (row + 1).min(last));
+            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| {
+                ratios[before + 1..=after].iter().sum::<f64>() / (after - before) as f64
+            });
+            let time = (after - before) as f64 * track.period_s * ratio;
+            if time > 0.0 { (torque[after] - torque[before]) / time } else { 0.0 }
+        })
+        .collect()
+}

@@ -1,0 +1,221 @@
+//! An effect with its size and everything else that makes it the one it is.
+
+use super::dice::Dice;
+use super::effect::Effect;
+use super::joint::{Drift, Dwell, Joint, Play, Thinning, Wave};
+use super::outside::{Flavour, Outside};
+use super::setting::Setting;
+use std::f64::consts::TAU;
+
+/// What is drawn beside the size.
+#[derive(Clone, Debug)]
+pub(super) struct HiddenEffect {
+    pub effect: Effect,
+    /// By the convention of the catalogue's term.
+    pub size: f64,
+    /// Of a ripple, 1/rad.
+    pub order: f64,
+    phase: f64,
+    reference_c: f64,
+    onset_s: f64,
+    forgetting_rad: f64,
+    /// Time constant of a run-in, s; a straight drift without one.
+    run_in_s: Option<f64>,
+    campaign_s: f64,
+    leak: f64,
+    flavour: Option<Flavour>,
+}
+
+/// Highest and lowest order of a ripple, 1/rad.
+const ORDERS: (f64, f64) = (1.0, 250.0);
+
+/// Most samples a channel is late, so that a driver's delay line can hold them.
+const LATEST_SAMPLES: f64 = 28.0;
+
+impl HiddenEffect {
+    /// Draws an effect for a campaign, at a size to begin with.
+    pub fn draw(
+        dice: &mut Dice,
+        effect: Effect,
+        setting: &Setting,
+        flavour: Option<Flavour>,
+    ) -> Self {
+        let order = dice.log_between(ORDERS.0, ORDERS.1);
+        let whole = dice.chance(0.5);
+        let levels = setting.runs.iter().map(|run| run.condition.temperature.level);
+        let (least_c, most_c) =
+            levels.fold((f64::INFINITY, -f64::INFINITY), |(l, m), c| (l.min(c), m.max(c)));
+        let run_in = dice.chance(0.5);
+        let time = dice.between(0.15, 0.5) * setting.campaign_s;
+        let mut hidden = Self {
+            effect,
+            size: 0.0,
+            order: if whole { order.round() } else { order },
+            phase: dice.between(0.0, TAU),
+            reference_c: dice.between(least_c, most_c),
+            onset_s: dice.log_between(0.02, 0.5),
+            forgetting_rad: dice.log_between(5e-3, 2e-2),
+            run_in_s: run_in.then_some(time),
+            campaign_s: setting.campaign_s,
+            leak: 0.02,
+            flavour,
+        };
+        let (least, most) = hidden.limits(setting);
+        // Scaled later until it shows as wanted; which sizes are usual must tell nothing.
+        hidden.size = match effect {
+            Effect::StribeckShape if dice.chance(0.6) => dice.between(0.5, 1.3),
+            Effect::StribeckShape => dice.between(3.0, 5.0),
+            _ => dice.log_between(least, most) * hidden.side(dice),
+        };
+        hidden
+    }
+
+    /// Makes a drift a straight one.
+    pub fn straighten(&mut self) {
+        self.run_in_s = None;
+    }
+
+    /// The sign a size is drawn with.
+    fn side(&self, dice: &mut Dice) -> f64 {
+        match self.effect {
+            Effect::DirectionAsymmetry | Effect::TorqueOffset => dice.sign(),
+            // Run-in lowers friction more often than not; wear raises it as often as not.
+            Effect::TimeDrift if self.run_in_s.is_some() && dice.chance(0.8) => -1.0,
+            Effect::TimeDrift => dice.sign(),
+            _ => 1.0,
+        }
+    }
+
+    /// Whether a larger size is a larger effect in proportion, so that it can be scaled.
+    pub fn scales(&self) -> bool {
+        self.effect != Effect::StribeckShape
+    }
+
+    /// Smallest and largest magnitude a joint like this may have.
+    pub fn limits(&self, setting: &Setting) -> (f64, f64) {
+        let seal = &setting.seal;
+        match self.effect {
+            Effect::RadialForceCoulomb => (5e-4, 0.05),
+            Effect::RadialForceRate => {
+                // A full swing at rest bends the bristles by less than half their travel.
+                let swings = setting.runs.iter().map(|run| run.condition.force.swing);
+                let widest = swings.fold(1.0, f64::max);
+                (1e-8, 0.4 * seal.coulomb_nm / (2.0 * widest * seal.k0))
+            }
+            Effect::PressureCoulomb => (5e-8, 1e-5),
+            Effect::TemperatureViscous => (0.003, 0.09),
+            Effect::PositionRipple => (0.005, 0.5),
+            Effect::GravityImbalance => (0.01, 1.2),
+            Effect::DirectionAsymmetry => (0.005, 0.4),
+            Effect::TorqueOffset => (0.01, 1.0),
+            Effect::QuadraticDrag => (1e-4, 0.03),
+            Effect::DwellTimeStatic => (0.02, 0.6),
+            Effect::TimeDrift => (0.01, 0.5),
+            Effect::LoadTorqueCoulomb => (0.002, 0.2),
+            Effect::UnmodelledInertia => (1e-3, 0.4),
+            Effect::Backlash => {
+                let travel = seal.static_nm / seal.k0;
+                (0.3 * travel, 5.0 * travel)
+            }
+            Effect::StribeckShape => (0.5, 5.0),
+            Effect::ChannelDelay => {
+                let most = (LATEST_SAMPLES / setting.rate_hz).min(0.03);
+                (most.min(0.002), most)
+            }
+            Effect::OutsideCatalogue => {
+                self.flavour.map_or((0.1, 0.1), |flavour| flavour.limits(seal.coulomb_nm))
+            }
+        }
+    }
+
+    /// Puts the effect into a joint.
+    pub fn act_on(&self, joint: &mut Joint) {
+        let size = self.size;
+        if size == self.effect.neutral() {
+            return;
+        }
+        match self.effect {
+            Effect::RadialForceCoulomb => joint.seal.per_force = size,
+            Effect::RadialForceRate => joint.seal.eta3 = size,
+            Effect::PressureCoulomb => joint.seal.per_pressure = size,
+            Effect::TemperatureViscous => {
+                joint.thinning = Some(Thinning { per_k: size, reference_c: self.reference_c });
+            }
+            Effect::PositionRipple => {
+                joint.ripple = Some(Wave { size, order: self.order, phase: self.phase });
+            }
+            Effect::GravityImbalance => {
+                joint.gravity = Some(Wave { size, order: 1.0, phase: self.phase });
+            }
+            Effect::DirectionAsymmetry => joint.asymmetry = size,
+            Effect::TorqueOffset => joint.offset_nm = size,
+            Effect::QuadraticDrag => joint.drag = size,
+            Effect::DwellTimeStatic => {
+                joint.dwell = Some(Dwell {
+                    gain_nm: size,
+                    onset_s: self.onset_s,
+                    travel_rad: self.forgetting_rad,
+                });
+            }
+            Effect::TimeDrift => joint.drift = Some(self.drift()),
+            Effect::LoadTorqueCoulomb => joint.per_load = size,
+            Effect::UnmodelledInertia => joint.inertia = size,
+            Effect::Backlash => {
+                joint.play = Some(Play { travel_rad: size, leak: self.leak });
+            }
+            Effect::StribeckShape => joint.stribeck_exponent = size,
+            Effect::ChannelDelay => joint.delay_s = size,
+            Effect::OutsideCatalogue => {
+                joint.outside = self.flavour.map(|flavour| Outside { flavour, size });
+            }
+        }
+    }
+
+    /// A drift whose level changes by the share `size` from the campaign's begin to its end.
+    fn drift(&self) -> Drift {
+        match self.run_in_s {
+            None => Drift::Wear { per_s: self.size / self.campaign_s },
+            Some(time_s) => {
+                // (1 + a e) / (1 + a) = 1 + size, with e what is left of the run-in at the end.
+                let left = (-self.campaign_s / time_s).exp();
+                Drift::RunIn { amplitude: self.size / (left - 1.0 - self.size), time_s }
+            }
+        }
+    }
+
+    /// The columns it follows.
+    pub fn columns(&self) -> Vec<&'static str> {
+        let outside = self.flavour.as_ref().map(Flavour::column);
+        self.effect.column().or(outside).into_iter().collect()
+    }
+
+    /// Unit of the size.
+    pub fn unit(&self) -> &'static str {
+        self.flavour.as_ref().map_or(self.effect.unit(), Flavour::unit)
+    }
+
+    /// What else there is to know of it, by name and value.
+    pub fn details(&self) -> Vec<(&'static str, f64)> {
+        match self.effect {
+            Effect::PositionRipple => vec![("order", self.order), ("phase_rad", self.phase)],
+            Effect::GravityImbalance => vec![("phase_rad", self.phase)],
+            Effect::TemperatureViscous => vec![("reference_c", self.reference_c)],
+            Effect::DwellTimeStatic => {
+                vec![("onset_s", self.onset_s), ("forgetting_travel_rad", self.forgetting_rad)]
+            }
+            Effect::TimeDrift => self.run_in_s.map(|t| ("run_in_s", t)).into_iter().collect(),
+            Effect::Backlash => vec![("motion_within", self.leak)],
+            _ => Vec::new(),
+        }
+    }
+
+    /// In words.
+    pub fn words(&self) -> String {
+        let name = self.effect.name();
+        match (&self.flavour, self.unit()) {
+            (Some(flavour), _) => format!("{name}: {}", flavour.words()),
+            (None, "1") => format!("{name} of {:.4}", self.size),
+            (None, unit) => format!("{name} of {:.3e} {unit}", self.size),
+        }
+    }
+}

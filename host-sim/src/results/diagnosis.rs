@@ -1,0 +1,124 @@
+//! `diagnosis.json`, schema 1.
+//!
+//! More than the contract asks for: the story, every candidate that was heard, the shares of the error
+//! by regime and direction, the hash of each file. All errors are in the unit of the torque column.
+
+use super::json::{parameter, sources};
+use crate::data::{Dataset, Split};
+use crate::diagnose::finding::Finding;
+use crate::diagnose::{Diagnosis, Hearing, Share, story};
+use crate::fit::Outcome;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+/// The whole document.
+#[derive(Clone, Debug, Serialize)]
+#[serde(transparent)]
+pub struct Document(Value);
+
+impl Document {
+    /// The five sentences.
+    pub fn story(&self) -> Vec<&str> {
+        let sentences = self.0.get("story").and_then(Value::as_array);
+        sentences.into_iter().flatten().filter_map(Value::as_str).collect()
+    }
+}
+
+/// Finite for JSON: what a number cannot hold is its largest.
+fn finite(value: f64) -> f64 {
+    if value.is_nan() { 0.0 } else { value.clamp(-f64::MAX, f64::MAX) }
+}
+
+fn finding(finding: &Finding) -> Value {
+    let mut confusable: Vec<&str> =
+        finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+    confusable.dedup();
+    let mut value = json!({
+        "cause": finding.kind.name(),
+        "columns": finding.columns,
+        "size": {
+            "value": finite(finding.size.value),
+            "unit": finding.size.unit,
+            "ci95": finding.size.ci95.map(finite),
+        },
+        "p_value": finite(finding.p_value),
+        "stability": finite(finding.stability).clamp(0.0, 1.0),
+        "share_of_residual": finite(finding.share_of_residual),
+        "confusable_with": confusable,
+        "in_words": finding.in_words,
+    });
+    if let Some((order, error)) = finding.order {
+        value["order"] = json!({ "value": finite(order), "std_error": finite(error) });
+    }
+    value
+}
+
+fn model(outcome: &Outcome, data: &Dataset) -> Map<String, Value> {
+    let params: Map<String, Value> =
+        outcome.estimates.iter().map(|estimate| parameter(estimate, data)).collect();
+    let mut object = Map::new();
+    object.insert("model".into(), json!(outcome.spec.to_string()));
+    object.insert("params".into(), params.into());
+    object.insert("test_rmse".into(), json!(finite(outcome.test.rmse)));
+    object.insert("test_nrmse".into(), json!(finite(outcome.test.nrmse_std)));
+    object.insert("train_rmse".into(), json!(finite(outcome.train.rmse)));
+    object.insert(
+        "test_relative_error_percent".into(),
+        json!(finite(outcome.test.relative_error_percent)),
+    );
+    object.insert("verdicts".into(), json!(outcome.verdicts));
+    object
+}
+
+fn share(share: &Share) -> Value {
+    json!({
+        "name": share.name,
+        "of_rows": finite(share.of_rows),
+        "of_error": finite(share.of_error),
+        "uncertainty": finite(share.uncertainty),
+        "rmse": finite(share.rmse),
+        "mean": finite(share.mean),
+    })
+}
+
+fn heard(hearing: &Hearing) -> Value {
+    json!({
+        "cause": hearing.kind.name(),
+        "columns": hearing.columns,
+        "order": hearing.order,
+        "as_share_of_level": hearing.level,
+        "gain_on_unseen_rows": finite(hearing.share),
+        "p_value": finite(hearing.trial.p_value),
+        "passed": hearing.passed,
+    })
+}
+
+/// Puts a diagnosis together.
+pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[String]) -> Document {
+    let mut about = serde_json::to_value(sources(data, split, hashes)).unwrap_or_default();
+    about["noise_floor"] = json!(finite(found.noise_floor));
+    let mut extended = model(&found.extended, data);
+    extended.insert("gain".into(), json!(finite(found.gain.value)));
+    extended.insert("gain_ci95".into(), json!(found.gain.ci95.map(finite)));
+    if let Some(auxiliary) = &found.auxiliary {
+        extended.insert("auxiliary".into(), json!(auxiliary));
+    }
+    Document(json!({
+        "schema": 1,
+        "data": about,
+        "baseline": model(&found.baseline, data),
+        "cause": found.cause(),
+        "findings": found.findings.iter().map(finding).collect::<Vec<_>>(),
+        "extended": extended,
+        "stochastic_extension": { "before": {"cv": {}, "sum_cv": 0.0}, "after": {"cv": {}, "sum_cv": 0.0} },
+        "next_experiment": story::next_experiment(found),
+        "story": story::story(found),
+        "residual": {
+            "by_regime": found.by_regime.iter().map(share).collect::<Vec<_>>(),
+            "by_direction": found.by_direction.iter().map(share).collect::<Vec<_>>(),
+        },
+        "heard": found.hearing.iter().map(heard).collect::<Vec<_>>(),
+        "notes": found.log.notes,
+        "seconds": finite(found.seconds),
+    }))
+}

@@ -1,0 +1,359 @@
+//! Trials: stretches of a class's runs that sampled models are simulated on.
+//!
+//! The paper repeats an experiment; a log has runs of any length. Of each class a few *blocks* of
+//! rows are taken, spread over its runs, so that the cost is the same for ten thousand rows and two
+//! million. The fitted model is stepped along each block as the fit did, for the residual, and in plain
+//! steps of `f32` as a driver would, which is what sampled models are held against; trials begin at rows
+//! drawn evenly over the blocks, with what the fitted model remembers there.
+
+use crate::fit::rest::settle;
+use crate::fit::simulate::simulate;
+use crate::fit::{Resolution, Track};
+use compensator_core::model::Law;
+use compensator_core::{Model, Parameters, Sample, State};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Blocks taken of a class, where they are whole; of short runs more, as many rows in all.
+const BLOCKS: usize = 12;
+
+/// Length of a whole block, in trials.
+const TRIALS_LONG: usize = 8;
+
+/// Blocks of fewer rows say too little of a range.
+const LEAST_ROWS: usize = 16;
+
+/// A block of rows, as the core in `f32` takes them.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// The rows, and as many more as a trial is long, all like the last: a trial that begins near the
+    /// end may be stepped beyond it.
+    pub samples: Vec<Sample<f32>>,
+    /// Each row's period over the block's, where the spacing is uneven.
+    pub period_ratio: Option<Vec<f32>>,
+    /// Sample period, s.
+    pub period_s: f64,
+    /// Torque of the fitted model in plain steps of `f32`, one per row proper, Nm.
+    pub predicted: Vec<f32>,
+    /// Measured torque minus what the model gives at the fit's own resolution, Nm: the error of a step as
+    /// long as the log's period is common to all vectors and must not pass for a spread of the data.
+    pub residual: Vec<f32>,
+    /// Whether a row proper counts.
+    pub judged: Vec<bool>,
+    /// Measured torque, Nm; the noise of the sensor is judged by it.
+    pub torque: Vec<f64>,
+}
+
+/// Where a trial begins.
+#[derive(Clone, Copy, Debug)]
+pub struct Trial {
+    /// Index of its block.
+    pub block: usize,
+    /// Row of the block.
+    pub first: usize,
+    /// What the fitted model remembers there.
+    pub state: State<f32>,
+}
+
+/// All trials of a speed class.
+#[derive(Clone, Debug)]
+pub struct Trials {
+    /// The blocks.
+    pub blocks: Vec<Block>,
+    /// The trials, in random order: any few of them stand for all.
+    pub trials: Vec<Trial>,
+    /// Rows of a trial; a block may have fewer.
+    pub rows: usize,
+}
+
+/// The rows of each track that become blocks.
+fn choose_blocks(tracks: &[&Track], rows_per_block: usize) -> Vec<(usize, Range<usize>)> {
+    let usable: Vec<usize> =
+        (0..tracks.len()).filter(|index| tracks[*index].len() >= LEAST_ROWS).collect();
+    let all_rows: usize = usable.iter().map(|index| tracks[*index].len().min(rows_per_block)).sum();
+    let room = BLOCKS * rows_per_block * usable.len() / all_rows.max(1);
+    let taken = usable.len().min(room);
+    let spread = |index: usize, of: usize, over: usize| {
+        if of > 1 { index * (over - 1) / (of - 1) } else { 0 }
+    };
+    let mut blocks = Vec::new();
+    for index in 0..taken {
+        let track = usable[spread(index, taken, usable.len())];
+        let length = tracks[track].len();
+        let count = (BLOCKS / taken).max(1).min(length.div_ceil(rows_per_block));
+        for block in 0..count {
+            let rows = rows_per_block.min(length);
+            let first = spread(block, count, length - rows + 1);
+            blocks.push((track, first..first + rows));
+        }
+    }
+    blocks
+}
+
+/// Steps the fitted model along rows of a track, after a lead-in where the track began earlier.
+/// `starts` are rows of the block, ascending; with the block comes the memory at each.
+fn simulate_block(
+    parameters: &Parameters<f64>,
+    track: &Track,
+    rows: &Range<usize>,
+    lead_in: usize,
+    starts: &[usize],
+    resolution: Resolution,
+) -> (Block, Vec<State<f32>>) {
+    let lead = lead_in.min(rows.start);
+    let piece = cut(track, rows.start - lead..rows.end);
+    let model: Model<f32> =
+        parameters.convert::<f32>().build_unchecked::<f32>(piece.period_s as f32);
+    // A block within a track begins sliding, or on the way to what it will hold after the lead-in.
+    let rest = if rows.start == lead { settle(parameters, &piece, resolution) } else { None };
+    let held = rest.map(|rest| rest.held);
+    let mut residual = Vec::with_capacity(rows.len());
+    simulate(parameters, &piece, held, resolution, |row, torque, _| {
+        if row >= lead {
+            residual.push((piece.torque[row] - torque) as f32);
+        }
+        true
+    });
+    let mut stretched = model.clone();
+    let mut state =
+        State::holding(held.map_or_else(|| sliding(&model, &piece), |held| held as f32));
+    let samples: Vec<Sample<f32>> = piece.samples.iter().map(in_f32).collect();
+    let ratios: Option<Vec<f32>> =
+        piece.period_ratio.map(|ratios| ratios.into_iter().map(|ratio| ratio as f32).collect());
+    let mut states = Vec::with_capacity(starts.len());
+    let mut predicted = Vec::with_capacity(rows.len());
+    for (row, sample) in samples.iter().enumerate() {
+        let at = row.checked_sub(lead);
+        while starts.get(states.len()).is_some_and(|start| Some(*start) == at) {
+            states.push(state);
+        }
+        let torque = if let Some(ratios) = &ratios {
+            stretched.stretch(&model, ratios[row]);
+            stretched.step(&mut state, sample)
+        } else {
+            model.step(&mut state, sample)
+        };
+        if at.is_some() {
+            predicted.push(torque);
+        }
+    }
+    let block = Block {
+        samples: samples[lead..].to_vec(),
+        period_ratio: ratios.map(|ratios| ratios[lead..].to_vec()),
+        period_s: piece.period_s,
+        judged: rows.clone().map(|row| track.is_judged(row)).collect(),
+        residual,
+        predicted,
+        torque: piece.torque[lead..].to_vec(),
+    };
+    (block, states)
+}
+
+/// A part of a track, as a track.
+fn cut(track: &Track, rows: Range<usize>) -> Track {
+    Track {
+        samples: track.samples[rows.clone()].to_vec(),
+        torque: track.torque[rows.clone()].to_vec(),
+        period_ratio: track.period_ratio.as_ref().map(|ratios| ratios[rows.clone()].to_vec()),
+        unjudged: track.unjudged.iter().take(rows.end).skip(rows.start).copied().collect(),
+        first_row: track.first_row + rows.start,
+        ..*track
+    }
+}
+
+/// The bristle torque of a joint that slides where a piece begins, as in a fit.
+fn sliding(model: &Model<f32>, piece: &Track) -> f32 {
+    let coulomb = match model.law() {
+        Law::Lugre(law) | Law::Improved(law, _) => law.coulomb,
+        Law::Asymmetric(law) => law.positive.coulomb,
+        Law::Steady(_) => 0.0,
+    };
+    coulomb.copysign(piece.samples[0].velocity_rad_s as f32)
+}
+
+impl Block {
+    /// Velocity and residual of each row that counts.
+    pub fn residuals(&self) -> impl Iterator<Item = (f32, f32)> + '_ {
+        let velocities = self.samples.iter().map(|sample| sample.velocity_rad_s);
+        let rows = velocities.zip(self.residual.iter().copied()).zip(&self.judged);
+        rows.filter(|(_, judged)| **judged).map(|(row, _)| row)
+    }
+}
+
+impl Trials {
+    /// Draws `count` trials of `rows` rows from tracks of one class.
+    pub fn new(
+        parameters: &Parameters<f64>,
+        tracks: &[&Track],
+        count: usize,
+        rows: usize,
+        resolution: Resolution,
+        seed: u64,
+    ) -> Self {
+        let chosen = choose_blocks(tracks, TRIALS_LONG * rows.max(LEAST_ROWS));
+        let longest = chosen.iter().map(|(_, rows)| rows.len()).max().unwrap_or(0);
+        let rows = rows.clamp(1, longest.max(1));
+        let mut random = Pcg64::seed_from_u64(seed);
+        let starts = draw_starts(&chosen, rows, count, &mut random);
+        let simulated: Vec<_> = chosen
+            .par_iter()
+            .zip(&starts)
+            .map(|((track, of_track), starts)| {
+                simulate_block(parameters, tracks[*track], of_track, rows, starts, resolution)
+            })
+            .collect();
+        let mut blocks = Vec::with_capacity(simulated.len());
+        let mut trials = Vec::with_capacity(count);
+        for (index, ((mut block, states), starts)) in simulated.into_iter().zip(&starts).enumerate()
+        {
+            let begins = starts.iter().zip(states);
+            trials.extend(begins.map(|(first, state)| Trial {
+                block: index,
+                first: *first,
+                state,
+            }));
+            pad(&mut block, rows);
+            blocks.push(block);
+        }
+        for last in (1..trials.len()).rev() {
+            trials.swap(last, random.random_range(0..=last));
+        }
+        Self { blocks, trials, rows }
+    }
+}
+
+fn pad(block: &mut Block, rows: usize) {
+    let length = block.samples.len() + rows;
+    if let Some(last) = block.samples.last().copied() {
+        block.samples.resize(length, last);
+    }
+    if let Some(ratios) = &mut block.period_ratio {
+        ratios.resize(length, 1.0);
+    }
+}
+
+/// Rows the trials begin at, block by block and ascending: one trial from each of `count` equal shares
+/// of all rows.
+fn draw_starts(
+    blocks: &[(usize, Range<usize>)],
+    rows: usize,
+    count: usize,
+    random: &mut Pcg64,
+) -> Vec<Vec<usize>> {
+    let total: usize = blocks.iter().map(|(_, rows)| rows.len()).sum();
+    let mut shares: Vec<f64> = (0..if total > 0 { count } else { 0 })
+        .map(|trial| {
+            let within: f64 = random.random();
+            (trial as f64 + within) / count as f64 * total as f64
+        })
+        .collect();
+    shares.reverse();
+    let mut end = 0.0;
+    let mut starts = Vec::with_capacity(blocks.len());
+    for (index, (_, of_block)) in blocks.iter().enumerate() {
+        let length = of_block.len();
+        let begin = end;
+        end += length as f64;
+        let mut own = Vec::new();
+        let is_last = index + 1 == blocks.len();
+        while let Some(share) = shares.pop_if(|share| *share < end || is_last) {
+            let part = (share - begin) / length as f64;
+            let room = length.saturating_sub(rows);
+            own.push(((part * (room + 1) as f64) as usize).min(room));
+        }
+        own.sort_unstable();
+        starts.push(own);
+    }
+    starts
+}
+
+fn in_f32(sample: &Sample<f64>) -> Sample<f32> {
+    Sample {
+        velocity_rad_s: sample.velocity_rad_s as f32,
+        position_rad: sample.position_rad as f32,
+        position_trust: sample.position_trust as f32,
+        acceleration_rad_s2: sample.acceleration_rad_s2 as f32,
+        radial_force_n: sample.radial_force_n as f32,
+        radial_force_change_n: sample.radial_force_change_n as f32,
+        pressure_diff_mpa: sample.pressure_diff_mpa as f32,
+        temperature_c: sample.temperature_c as f32,
+        load_torque_nm: sample.load_torque_nm as f32,
+        campaign_time_h: sample.campaign_time_h as f32,
+        auxiliary: sample.auxiliary as f32,
+        unknown_trust: sample.unknown_trust as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use compensator_core::{LawKind, ParameterId as Id};
+
+    fn track(rows: usize) -> Track {
+        let sample =
+            |row: usize| Sample { velocity_rad_s: (row as f64 * 0.01).sin(), ..Sample::default() };
+        Track {
+            run: 0,
+            first_row: 0,
+            samples: (0..rows).map(sample).collect(),
+            torque: vec![0.5; rows],
+            period_s: 0.01,
+            period_ratio: None,
+            unjudged: Vec::new(),
+        }
+    }
+
+    fn parameters() -> Parameters<f64> {
+        Parameters::new(LawKind::Lugre).with(Id::StaticTorque, 1.4)
+    }
+
+    #[test]
+    fn blocks_are_few_and_spread_whatever_the_rows() {
+        for lengths in [vec![3], vec![100; 3], vec![300; 400], vec![100_000], vec![5000; 100]] {
+            let tracks: Vec<Track> = lengths.iter().map(|rows| track(*rows)).collect();
+            let tracks: Vec<&Track> = tracks.iter().collect();
+            let blocks = choose_blocks(&tracks, 4000);
+            let rows: usize = blocks.iter().map(|(_, rows)| rows.len()).sum();
+            assert!(rows <= BLOCKS * 4000);
+            assert_eq!(blocks.is_empty(), lengths == [3]);
+            for (index, rows) in &blocks {
+                assert!(rows.len() <= 4000 && rows.end <= tracks[*index].len());
+            }
+            if lengths.len() == 400 {
+                assert_eq!(blocks.len(), 160);
+            }
+            if lengths == [100_000] {
+                assert_eq!(blocks.len(), BLOCKS);
+                assert_eq!((blocks[0].1.start, blocks[11].1.end), (0, 100_000));
+            }
+        }
+    }
+
+    #[test]
+    fn a_trial_goes_on_as_the_fitted_model_did() {
+        let track = track(3000);
+        let trials = Trials::new(&parameters(), &[&track], 40, 200, Resolution::PLAIN, 3);
+        assert_eq!(trials.trials.len(), 40);
+        let model: Model<f32> = parameters().convert::<f32>().build_unchecked(0.01);
+        for trial in &trials.trials {
+            let block = &trials.blocks[trial.block];
+            let mut state = trial.state;
+            for row in trial.first..trial.first + 200 {
+                let torque = model.step(&mut state, &block.samples[row]);
+                assert_eq!(torque.to_bits(), block.predicted[row].to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn short_blocks_and_none_at_all_do_no_harm() {
+        let short = track(20);
+        let trials = Trials::new(&parameters(), &[&short], 5, 500, Resolution::PLAIN, 3);
+        assert_eq!((trials.rows, trials.trials.len()), (20, 5));
+        assert_eq!(trials.blocks[0].samples.len(), 40);
+        let none = Trials::new(&parameters(), &[], 5, 500, Resolution::PLAIN, 3);
+        assert!(none.blocks.is_empty() && none.trials.is_empty());
+    }
+}

@@ -1,0 +1,406 @@
+//! One line of a `candump -L` log, read and written.
+//!
+//! ```text
+//! (1436509052.249713) vcan0 044#2A366C2BBA        data, 11-bit identifier
+//! (1436509052.249713123) can0 0000F12A#.11.22 T   29 bits, nanoseconds, dots, sent (candump -x)
+//! (0000000001.000000) can0 123#R4                 remote request of four bytes
+//! (0000000001.000000) can0 123#1122334455667788_E raw length code 14 of eight bytes
+//! (0000000001.000000) can0 123##5112233           CAN FD, flags 5
+//! (0000000001.000000) can0 20000004#000C000000000000   error frame
+//! ```
+//!
+//! The grammar is that of can-utils (`lib.h`, `candump.c`). Read from bytes, without copies: logs have
+//! millions of lines. The `socketcan` crate has such a parser; it takes microseconds only, allocates for
+//! each line, and brings the sockets with it.
+
+use std::fmt;
+
+/// Flag of an error frame in an identifier of eight digits.
+const ERROR_FLAG: u32 = 0x2000_0000;
+const LAST_EXTENDED: u32 = 0x1FFF_FFFF;
+const LAST_STANDARD: u32 = 0x7FF;
+
+/// Latest stamp, s: what nanoseconds in 64 bits hold, rounded down.
+const LAST_SECOND: u64 = 18_000_000_000;
+
+/// Longest data of a CAN FD frame.
+const LONGEST: usize = 64;
+
+/// A line, understood.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Line<'a> {
+    /// The stamp, ns; of the epoch or of whatever the logger counts from.
+    pub time_ns: u64,
+    /// The interface, as `can0`.
+    pub interface: &'a [u8],
+    /// What was on the bus.
+    pub frame: CanFrame,
+    /// Which way it went, where the log says so.
+    pub direction: Option<Direction>,
+}
+
+/// What a line can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CanFrame {
+    /// Classic data.
+    Data {
+        /// 11 or 29 bits.
+        identifier: u32,
+        /// Whether 29.
+        extended: bool,
+        /// How many of the bytes count.
+        length: u8,
+        /// The data, 0 behind its end.
+        bytes: [u8; 8],
+    },
+    /// A remote request.
+    Remote {
+        /// 11 or 29 bits.
+        identifier: u32,
+        /// Whether 29.
+        extended: bool,
+        /// Bytes asked for.
+        length: u8,
+    },
+    /// CAN FD data.
+    Flexible {
+        /// 11 or 29 bits.
+        identifier: u32,
+        /// Whether 29.
+        extended: bool,
+        /// Bit rate switched, error state, in four bits.
+        flags: u8,
+        /// How many of the bytes count.
+        length: u8,
+        /// The data, 0 behind its end.
+        bytes: [u8; LONGEST],
+    },
+    /// What the controller reports of the bus.
+    Error {
+        /// Classes of error, a bit each.
+        class: u32,
+        /// How many of the bytes count.
+        length: u8,
+        /// Details, 0 behind their end.
+        bytes: [u8; 8],
+    },
+}
+
+/// Which way a frame went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// `R`.
+    Received,
+    /// `T`.
+    Sent,
+}
+
+/// Digits behind the point of a stamp.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fraction {
+    /// Six, as candump writes them by default.
+    #[default]
+    Microseconds,
+    /// Nine.
+    Nanoseconds,
+}
+
+/// Which part of a line is not what it should be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineError {
+    /// The stamp.
+    Time,
+    /// The interface.
+    Interface,
+    /// The identifier.
+    Identifier,
+    /// The data.
+    Data,
+    /// What follows the frame.
+    Direction,
+}
+
+impl LineError {
+    /// What should stand there.
+    pub const fn expected(self) -> &'static str {
+        match self {
+            Self::Time => "a stamp as (1436509052.249713)",
+            Self::Interface => "an interface as can0 after the stamp",
+            Self::Identifier => "an identifier of three or eight hexadecimal digits and #",
+            Self::Data => "hexadecimal data after the identifier, two digits a byte",
+            Self::Direction => "nothing, R or T after the frame",
+        }
+    }
+}
+
+impl fmt::Display for LineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "expected {}", self.expected())
+    }
+}
+
+impl std::error::Error for LineError {}
+
+/// Value of each hexadecimal digit; [`NO_DIGIT`] for all else.
+const DIGITS: [u8; 256] = {
+    let mut table = [NO_DIGIT; 256];
+    let mut digit = 0;
+    while digit < 16 {
+        table[b"0123456789ABCDEF"[digit] as usize] = digit as u8;
+        table[b"0123456789abcdef"[digit] as usize] = digit as u8;
+        digit += 1;
+    }
+    table
+};
+const NO_DIGIT: u8 = 0xFF;
+
+/// Reads a line, with or without its end.
+///
+/// # Errors
+/// Says which part is wrong; never panics, whatever the bytes.
+#[inline]
+pub fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
+    let line = line.trim_ascii();
+    let (time_ns, rest) = stamp(line).ok_or(LineError::Time)?;
+    let (interface, rest) = word(rest).ok_or(LineError::Interface)?;
+    let (text, rest) = word(rest).ok_or(LineError::Identifier)?;
+    let direction = match rest.trim_ascii_start() {
+        [] => None,
+        [b'R' | b'r'] => Some(Direction::Received),
+        [b'T' | b't'] => Some(Direction::Sent),
+        _ => return Err(LineError::Direction),
+    };
+    Ok(Line { time_ns, interface, frame: frame(text)?, direction })
+}
+
+/// The stamp in ns, and what follows it.
+#[inline]
+fn stamp(line: &[u8]) -> Option<(u64, &[u8])> {
+    let mut rest = line.strip_prefix(b"(")?;
+    // The form candump writes, whose places are known: a third of the time of the general one.
+    if let Some((text, after)) = rest.split_first_chunk::<18>()
+        && (text[10], text[17]) == (b'.', b')')
+        && let (Some(seconds), Some(fraction)) = (decimals(&text[..10]), decimals(&text[11..17]))
+    {
+        return Some((seconds * 1_000_000_000 + fraction * 1000, after));
+    }
+    let mut number = |most: usize| {
+        let (mut value, mut digits) = (0u64, 0);
+        while let [digit @ b'0'..=b'9', after @ ..] = rest {
+            if digits == most {
+                return None;
+            }
+            value = value * 10 + u64::from(digit - b'0');
+            digits += 1;
+            rest = after;
+        }
+        let (end, after) = rest.split_first()?;
+        rest = after;
+        (digits > 0).then_some((value, digits, *end))
+    };
+    let (seconds, _, point) = number(12)?;
+    let (fraction, digits, close) = number(9)?;
+    if point != b'.' || close != b')' || seconds >= LAST_SECOND {
+        return None;
+    }
+    const UNITS: [u64; 10] =
+        [0, 100_000_000, 10_000_000, 1_000_000, 100_000, 10_000, 1000, 100, 10, 1];
+    Some((seconds * 1_000_000_000 + fraction * UNITS[digits], rest))
+}
+
+/// The number of these digits, if they are.
+#[inline(always)]
+fn decimals(text: &[u8]) -> Option<u64> {
+    let (mut value, mut largest) = (0u64, 0u8);
+    for byte in text {
+        let digit = byte.wrapping_sub(b'0');
+        largest = largest.max(digit);
+        value = value * 10 + u64::from(digit);
+    }
+    (largest <= 9).then_some(value)
+}
+
+/// The next word, which a blank precedes, and what follows it.
+#[inline]
+fn word(text: &[u8]) -> Option<(&[u8], &[u8])> {
+    let start = text.trim_ascii_start();
+    let length = start.iter().position(|byte| *byte == b' ').unwrap_or(start.len());
+    (length > 0 && start.len() < text.len()).then(|| start.split_at(length))
+}
+
+#[inline]
+fn frame(text: &[u8]) -> Result<CanFrame, LineError> {
+    let (identifier, extended, data) = match text {
+        [a, b, c, b'#', data @ ..] => (hexadecimal(&[*a, *b, *c]), false, data),
+        [a, b, c, d, e, f, g, h, b'#', data @ ..] => {
+            (hexadecimal(&[*a, *b, *c, *d, *e, *f, *g, *h]), true, data)
+        }
+        _ => return Err(LineError::Identifier),
+    };
+    let identifier = identifier.ok_or(LineError::Identifier)?;
+    let is_error = extended && identifier & ERROR_FLAG != 0;
+    let last = if extended { LAST_EXTENDED } else { LAST_STANDARD };
+    if !is_error && identifier > last {
+        return Err(LineError::Identifier);
+    }
+    match data {
+        [b'R' | b'r', length @ ..] if !is_error => {
+            let (length, code) = match length {
+                [digit @ b'0'..=b'8', code @ ..] => (digit - b'0', code),
+                code => (0, code),
+            };
+            raw_length(code, length)?;
+            Ok(CanFrame::Remote { identifier, extended, length })
+        }
+        [b'#', flags, data @ ..] if !is_error => {
+            let flags = DIGITS[usize::from(*flags)];
+            let mut bytes = [0; LONGEST];
+            let (length, rest) = payload(data, &mut bytes).ok_or(LineError::Data)?;
+            if flags == NO_DIGIT || !rest.is_empty() {
+                return Err(LineError::Data);
+            }
+            Ok(CanFrame::Flexible { identifier, extended, flags, length, bytes })
+        }
+        data => {
+            let mut bytes = [0; 8];
+            let (length, rest) = payload(data, &mut bytes).ok_or(LineError::Data)?;
+            raw_length(rest, length)?;
+            Ok(if is_error {
+                CanFrame::Error { class: identifier & LAST_EXTENDED, length, bytes }
+            } else {
+                CanFrame::Data { identifier, extended, length, bytes }
+            })
+        }
+    }
+}
+
+#[inline]
+fn hexadecimal(digits: &[u8]) -> Option<u32> {
+    let (mut value, mut wrong) = (0u32, 0);
+    for digit in digits {
+        let digit = DIGITS[usize::from(*digit)];
+        wrong |= digit;
+        value = value << 4 | u32::from(digit & 0xF);
+    }
+    (wrong != NO_DIGIT).then_some(value)
+}
+
+/// Reads bytes of two digits each, a dot allowed before each; gives how many and what follows.
+#[inline]
+fn payload<'a>(text: &'a [u8], bytes: &mut [u8]) -> Option<(u8, &'a [u8])> {
+    // Eight bytes without dots, as nearly every frame.
+    if let (Some((digits, rest)), Ok(eight)) =
+        (text.split_first_chunk::<16>(), <&mut [u8; 8]>::try_from(&mut *bytes))
+    {
+        let mut wrong = 0;
+        for (byte, pair) in eight.iter_mut().zip(digits.as_chunks::<2>().0) {
+            let [high, low] = pair.map(|digit| DIGITS[usize::from(digit)]);
+            wrong |= high | low;
+            *byte = high << 4 | low & 0xF;
+        }
+        if wrong != NO_DIGIT {
+            return Some((8, rest));
+        }
+        *eight = [0; 8];
+    }
+    let (mut rest, mut length) = (text, 0u8);
+    for byte in bytes {
+        if let [b'.', after @ ..] = rest {
+            rest = after;
+        }
+        let [high, low, after @ ..] = rest else { break };
+        let (high, low) = (DIGITS[usize::from(*high)], DIGITS[usize::from(*low)]);
+        if high == NO_DIGIT {
+            break;
+        }
+        if low == NO_DIGIT {
+            return None;
+        }
+        *byte = high << 4 | low;
+        length += 1;
+        rest = after;
+    }
+    Some((length, rest))
+}
+
+/// Nothing, or the raw length code of eight bytes, as `_E`.
+#[inline]
+fn raw_length(text: &[u8], length: u8) -> Result<(), LineError> {
+    match text {
+        [] => Ok(()),
+        [b'_', b'9' | b'A'..=b'F' | b'a'..=b'f'] if length == 8 => Ok(()),
+        _ => Err(LineError::Data),
+    }
+}
+
+/// Appends the line, with its end, as candump writes it. A raw length code is not kept.
+pub fn emit(line: &Line, fraction: Fraction, out: &mut Vec<u8>) {
+    let (seconds, nanoseconds) = (line.time_ns / 1_000_000_000, line.time_ns % 1_000_000_000);
+    out.push(b'(');
+    decimal(seconds, 10, out);
+    out.push(b'.');
+    match fraction {
+        Fraction::Microseconds => decimal(nanoseconds / 1000, 6, out),
+        Fraction::Nanoseconds => decimal(nanoseconds, 9, out),
+    }
+    out.extend_from_slice(b") ");
+    out.extend_from_slice(line.interface);
+    out.push(b' ');
+    let identifier = |number: u32, extended: bool, out: &mut Vec<u8>| {
+        let digits = if extended { 8 } else { 3 };
+        (0..digits).rev().for_each(|at| out.push(nibble(number >> (4 * at))));
+        out.push(b'#');
+    };
+    let data = |bytes: &[u8], length: u8, out: &mut Vec<u8>| {
+        for byte in bytes.iter().take(usize::from(length)) {
+            out.extend_from_slice(&[nibble(u32::from(byte >> 4)), nibble(u32::from(*byte))]);
+        }
+    };
+    match &line.frame {
+        CanFrame::Data { identifier: number, extended, length, bytes } => {
+            identifier(*number, *extended, out);
+            data(bytes, *length, out);
+        }
+        CanFrame::Remote { identifier: number, extended, length } => {
+            identifier(*number, *extended, out);
+            out.push(b'R');
+            if *length > 0 {
+                out.push(nibble(u32::from(*length)));
+            }
+        }
+        CanFrame::Flexible { identifier: number, extended, flags, length, bytes } => {
+            identifier(*number, *extended, out);
+            out.extend_from_slice(&[b'#', nibble(u32::from(*flags))]);
+            data(bytes, *length, out);
+        }
+        CanFrame::Error { class, length, bytes } => {
+            identifier(class | ERROR_FLAG, true, out);
+            data(bytes, *length, out);
+        }
+    }
+    match line.direction {
+        Some(Direction::Received) => out.extend_from_slice(b" R"),
+        Some(Direction::Sent) => out.extend_from_slice(b" T"),
+        None => {}
+    }
+    out.push(b'\n');
+}
+
+fn nibble(value: u32) -> u8 {
+    b"0123456789ABCDEF"[(value & 0xF) as usize]
+}
+
+/// A number with leading zeros, at least `digits` long.
+fn decimal(number: u64, digits: usize, out: &mut Vec<u8>) {
+    let mut text = [b'0'; 20];
+    let (mut rest, mut start) = (number, text.len());
+    while rest > 0 && start > 0 {
+        start -= 1;
+        text[start] = b'0' + (rest % 10) as u8;
+        rest /= 10;
+    }
+    out.extend_from_slice(&text[start.min(text.len() - digits)..]);
+}
+
+#[cfg(test)]
+mod tests;

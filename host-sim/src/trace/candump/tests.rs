@@ -1,0 +1,164 @@
+use super::*;
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+fn data(identifier: u32, extended: bool, data: &[u8]) -> CanFrame {
+    let mut bytes = [0; 8];
+    bytes[..data.len()].copy_from_slice(data);
+    CanFrame::Data { identifier, extended, length: data.len() as u8, bytes }
+}
+
+fn flexible(identifier: u32, extended: bool, flags: u8, data: &[u8]) -> CanFrame {
+    let mut bytes = [0; 64];
+    bytes[..data.len()].copy_from_slice(data);
+    CanFrame::Flexible { identifier, extended, flags, length: data.len() as u8, bytes }
+}
+
+fn frame_of(text: &str) -> CanFrame {
+    let line = format!("(1436509052.249713) vcan0 {text}");
+    parse(line.as_bytes()).unwrap_or_else(|error| panic!("{text}: {error}")).frame
+}
+
+#[test]
+fn every_form_of_a_frame_is_read() {
+    assert_eq!(frame_of("044#2A366C2BBA"), data(0x44, false, &[0x2A, 0x36, 0x6C, 0x2B, 0xBA]));
+    assert_eq!(frame_of("7ff#"), data(0x7FF, false, &[]));
+    assert_eq!(frame_of("00000123#01"), data(0x123, true, &[1]));
+    assert_eq!(frame_of("1FFFFFFF#11.22.33"), data(LAST_EXTENDED, true, &[0x11, 0x22, 0x33]));
+    let all = [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88];
+    assert_eq!(frame_of("123#1122334455667788_E"), data(0x123, false, &all));
+    let remote = |length| CanFrame::Remote { identifier: 0x123, extended: false, length };
+    assert_eq!(frame_of("123#R"), remote(0));
+    assert_eq!(frame_of("123#r4"), remote(4));
+    assert_eq!(frame_of("123#R8_F"), remote(8));
+    assert_eq!(frame_of("123##0"), flexible(0x123, false, 0, &[]));
+    assert_eq!(frame_of("123##5AABB"), flexible(0x123, false, 5, &[0xAA, 0xBB]));
+    assert_eq!(frame_of("123##3.AA.BB"), flexible(0x123, false, 3, &[0xAA, 0xBB]));
+    let long: String = "5A".repeat(64);
+    assert_eq!(
+        frame_of(&format!("12345678##1{long}")),
+        flexible(0x1234_5678, true, 1, &[0x5A; 64])
+    );
+    let bytes = [0, 0x0C, 0, 0, 0, 0, 0, 0];
+    let error = CanFrame::Error { class: 4, length: 8, bytes };
+    assert_eq!(frame_of("20000004#000C000000000000"), error);
+}
+
+#[test]
+fn stamps_interfaces_and_directions_are_read() {
+    let read = |line: &'static str| parse(line.as_bytes()).unwrap();
+    let line = read("(1436509052.249713) vcan0 044#");
+    assert_eq!((line.time_ns, line.interface), (1_436_509_052_249_713_000, &b"vcan0"[..]));
+    assert_eq!(line.direction, None);
+    let line = read("(1436509052.249713123)   can0 044#00 T\r\n");
+    assert_eq!((line.time_ns, line.interface), (1_436_509_052_249_713_123, &b"can0"[..]));
+    assert_eq!(line.direction, Some(Direction::Sent));
+    let line = read("  (0.5) x 123#R1 R");
+    assert_eq!((line.time_ns, line.direction), (500_000_000, Some(Direction::Received)));
+}
+
+#[test]
+fn what_is_wrong_is_said() {
+    use LineError::{Data, Direction, Identifier, Interface, Time};
+    for (line, wrong) in [
+        ("", Time),
+        ("1436509052.249713 can0 123#", Time),
+        ("(1436509052) can0 123#", Time),
+        ("(1436509052.) can0 123#", Time),
+        ("(-1.5) can0 123#", Time),
+        ("(1.1234567890) can0 123#", Time),
+        ("(99999999999999999999.5) can0 123#", Time),
+        ("(18000000000.0) can0 123#", Time),
+        ("(1.5", Time),
+        ("(1.5)", Interface),
+        ("(1.5)can0 123#", Interface),
+        ("(1.5) can0", Identifier),
+        ("(1.5) can0 1234#", Identifier),
+        ("(1.5) can0 12G#", Identifier),
+        ("(1.5) can0 800#", Identifier),
+        ("(1.5) can0 40000000#", Identifier),
+        ("(1.5) can0 123", Identifier),
+        ("(1.5) can0 123#1", Data),
+        ("(1.5) can0 123#1G", Data),
+        ("(1.5) can0 123#112233445566778899", Data),
+        ("(1.5) can0 123#11_E", Data),
+        ("(1.5) can0 123#R9", Data),
+        ("(1.5) can0 123##", Data),
+        ("(1.5) can0 123##G11", Data),
+        ("(1.5) can0 20000004#R", Data),
+        ("(1.5) can0 123#11 X", Direction),
+        ("(1.5) can0 123#11 R T", Direction),
+    ] {
+        assert_eq!(parse(line.as_bytes()).map(|_| ()), Err(wrong), "{line}");
+    }
+    let long = format!("(1.5) can0 123##1{}", "5A".repeat(65));
+    assert_eq!(parse(long.as_bytes()), Err(Data));
+}
+
+/// Any frame there can be.
+fn any_frame(random: &mut Pcg64Mcg) -> CanFrame {
+    let extended: bool = random.random();
+    let last = if extended { LAST_EXTENDED } else { LAST_STANDARD };
+    let identifier = random.random_range(0..=last);
+    let bytes: [u8; 64] = random.random();
+    match random.random_range(0..4) {
+        0 => data(identifier, extended, &bytes[..random.random_range(0..=8)]),
+        1 => CanFrame::Remote { identifier, extended, length: random.random_range(0..=8) },
+        2 => {
+            let (flags, length) = (random.random_range(0..16), random.random_range(0..=64));
+            flexible(identifier, extended, flags, &bytes[..length])
+        }
+        _ => {
+            let class = random.random_range(0..=LAST_EXTENDED);
+            CanFrame::Error { class, length: 8, bytes: random.random() }
+        }
+    }
+}
+
+#[test]
+fn what_was_written_is_read() {
+    let mut random = Pcg64Mcg::new(1);
+    let mut text = Vec::new();
+    for _ in 0..20_000 {
+        let time_ns = random.random_range(0..LAST_SECOND * 1_000_000_000);
+        let direction =
+            [None, Some(Direction::Sent), Some(Direction::Received)][random.random_range(0..3)];
+        let frame = any_frame(&mut random);
+        let line = Line { time_ns, interface: b"can0", frame, direction };
+        text.clear();
+        emit(&line, Fraction::Nanoseconds, &mut text);
+        assert_eq!(parse(&text), Ok(line));
+        let line = Line { time_ns: time_ns / 1000 * 1000, ..line };
+        text.clear();
+        emit(&line, Fraction::Microseconds, &mut text);
+        assert_eq!(parse(&text), Ok(line));
+    }
+}
+
+#[test]
+fn garbage_never_panics() {
+    let mut random = Pcg64Mcg::new(2);
+    let mut text = Vec::new();
+    for _ in 0..200_000 {
+        text.clear();
+        emit(
+            &Line {
+                time_ns: random.random_range(0..1 << 60),
+                interface: b"can0",
+                frame: any_frame(&mut random),
+                direction: None,
+            },
+            Fraction::Nanoseconds,
+            &mut text,
+        );
+        for _ in 0..random.random_range(1..4) {
+            let at = random.random_range(0..text.len());
+            match random.random_range(0..3) {
+                0 => text[at] = b"()#.R_ 0Fgx\xFF"[random.random_range(0..12)],
+                1 => text.truncate(at.max(1)),
+                _ => text.insert(at, random.random()),
+            }
+        }
+        let _ = parse(&text);
+    }
+}
