@@ -36,8 +36,9 @@ pub use select::Hearing;
 use crate::data::{Dataset, Split};
 use crate::fit::outcome::{Predicted, identify, predict};
 use crate::fit::statistics::autocorrelation_time;
-use crate::fit::{FitOptions, Outcome};
+use crate::fit::{FitOptions, Outcome, State};
 use crate::spec::{Spec, SpecError};
+use crate::stochastic::{self, Certificate};
 use compensator_core::{ParameterId, Parameters, TermKind};
 use select::Fitted;
 use std::time::Instant;
@@ -78,6 +79,8 @@ pub struct Diagnosis {
     pub by_direction: Vec<Share>,
     /// Every candidate beside the base law, best first.
     pub hearing: Vec<Hearing>,
+    /// The paper's stochastic extension before and after, and where its verdict and this one part.
+    pub certificates: Certificates,
     /// Name of the covariate in the auxiliary column, if the extended model follows one.
     pub auxiliary: Option<String>,
     /// Structure is left that no column explains: autocorrelation time in rows, 0 for none.
@@ -91,6 +94,17 @@ impl Diagnosis {
     pub fn cause(&self) -> &'static str {
         self.findings.first().map_or("none", |finding| finding.kind.name())
     }
+}
+
+/// The paper's method beside ours.
+#[derive(Clone, Debug)]
+pub struct Certificates {
+    /// Of the base model.
+    pub before: Certificate,
+    /// Of the extended one.
+    pub after: Certificate,
+    /// Where the verdicts part, and why.
+    pub reading: String,
 }
 
 /// A held-out error this many times the noise floor, with a memory of at least this many rows, is
@@ -136,12 +150,15 @@ pub fn diagnose(
     if findings.is_empty() && left_over > 0.0 {
         findings.push(story::unexplained(&after, noise_floor, &log, question.seed));
     }
+    progress("certifying");
+    let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
     let follows = selection.extended.follows.as_ref().filter(|follows| follows.extra);
     Ok(Diagnosis {
         noise_floor,
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),
         hearing: selection.hearing,
+        certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),
         log,
         baseline,
@@ -181,6 +198,54 @@ fn given(log: &Log, spec: &Spec, parameters: &Parameters<f64>) -> Result<Outcome
     let options =
         FitOptions { starts: 1, start: Some(parameters.clone()), fixed, ..FitOptions::default() };
     identify(spec, parameters, log.train_rows(), log.test_rows(), &options)
+}
+
+/// The paper's certificates of both models on the training runs.
+fn certificates(
+    log: &Log,
+    baseline: &Outcome,
+    extended: &Outcome,
+    findings: &[Finding],
+    seed: u64,
+) -> Certificates {
+    let settings = stochastic::Settings { seed, joint: log.train.joint, ..Default::default() };
+    let certify = |outcome: &Outcome| {
+        let fitted = outcome.estimates.iter().filter(|e| e.std_error.is_some());
+        let free: Vec<ParameterId> = fitted.map(|e| e.id).collect();
+        stochastic::certify(&outcome.parameters, &free, &log.train_tracks, &settings)
+    };
+    let before = certify(baseline);
+    let after = if extended.spec == baseline.spec { before.clone() } else { certify(extended) };
+    let loose = baseline.estimates.iter().filter(|e| e.state != State::Determined);
+    let loose: Vec<ParameterId> = loose.map(|e| e.id).collect();
+    let causes: Vec<(&str, Option<ParameterId>)> =
+        findings.iter().map(|finding| (finding.kind.name(), acts_on(finding.kind))).collect();
+    let reading = stochastic::reading(&before, &loose, &causes);
+    Certificates { before, after, reading }
+}
+
+/// The parameter of the base law a cause acts on, if it acts on one.
+fn acts_on(kind: TermKind) -> Option<ParameterId> {
+    use ParameterId as Id;
+    use TermKind as Kind;
+    match kind {
+        Kind::RadialForceCoulomb
+        | Kind::PressureCoulomb
+        | Kind::LoadTorqueCoulomb
+        | Kind::PositionRipple
+        | Kind::DirectionAsymmetry
+        | Kind::TimeDrift => Some(Id::CoulombTorque),
+        Kind::DwellTimeStatic => Some(Id::StaticTorque),
+        Kind::TemperatureViscous | Kind::QuadraticDrag => Some(Id::ViscousFriction),
+        Kind::RadialForceRate | Kind::Backlash => Some(Id::BristleStiffness),
+        Kind::StribeckShape => Some(Id::StribeckVelocity),
+        Kind::GravityImbalance
+        | Kind::TorqueOffset
+        | Kind::UnmodelledInertia
+        | Kind::ChannelDelay
+        | Kind::LoadGain
+        | Kind::Unknown => None,
+    }
 }
 
 /// Memory of the residual in rows, where it is more than noise; else 0.

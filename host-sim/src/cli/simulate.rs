@@ -4,8 +4,10 @@
 //! physical effect or two, or none, is hidden in an otherwise random campaign, for a diagnosis to find.
 
 use super::output::{OutputArguments, say};
+use crate::data::Dataset;
 use crate::plant::worlds::{self, Effect, Kind, Options, WorldTruth};
 use crate::plant::{Recording, record};
+use crate::trace::{EmitOptions, emit};
 use clap::ValueEnum;
 use serde_json::Value;
 
@@ -118,8 +120,7 @@ fn kind(hide: &[Hide]) -> Result<Kind, String> {
 struct Log {
     csv: String,
     truth: Value,
-    runs: usize,
-    rows: usize,
+    data: Dataset,
     hidden: String,
 }
 
@@ -128,17 +129,38 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let Scenario::UnderwaterJoint = arguments.scenario;
     let log = if arguments.hide.is_empty() { plain(arguments)? } else { hidden(arguments)? };
     let json = serde_json::to_string_pretty(&log.truth).map_err(|e| e.to_string())? + "\n";
-    // The log as a CAN trace, `trace.log`, belongs into this list.
-    arguments.output.write(&[("data.csv", &log.csv), ("truth.json", &json)])?;
+    let mut files = vec![("data.csv", log.csv.as_str()), ("truth.json", json.as_str())];
+    let trace = log.trace()?;
+    files.extend(trace.as_ref().map(|trace| ("trace.log", trace.as_str())));
+    arguments.output.write(&files)?;
     if arguments.output.json {
         return say(&json);
     }
     let out = arguments.output.out.display();
-    let Log { runs, rows, hidden, .. } = log;
-    let seed = arguments.seed;
-    say(&format!(
-        "simulated: {runs} runs, {rows} rows, seed {seed}\n{hidden}written: {out}/data.csv, {out}/truth.json\n"
-    ))
+    let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
+    let (runs, rows, hidden, seed) =
+        (log.data.runs.len(), log.data.rows, &log.hidden, arguments.seed);
+    let written = written.join(", ");
+    say(&format!("simulated: {runs} runs, {rows} rows, seed {seed}\n{hidden}written: {written}\n"))
+}
+
+/// Rows from which on no trace is written: six frames each would be a gigabyte.
+const MOST_TRACED: usize = 2_000_000;
+
+impl Log {
+    /// The log as `candump -L` would have written it on the joint's bus.
+    fn trace(&self) -> Result<Option<String>, String> {
+        if self.data.rows > MOST_TRACED {
+            return Ok(None);
+        }
+        let options = EmitOptions {
+            auxiliary: self.data.covariates.first().cloned(),
+            ..EmitOptions::default()
+        };
+        let mut trace = Vec::new();
+        emit(&self.data, &options, &mut trace).map_err(|error| format!("trace.log: {error}"))?;
+        String::from_utf8(trace).map(Some).map_err(|error| format!("trace.log: {error}"))
+    }
 }
 
 /// The joint with load and pressure as they are in the paper.
@@ -156,13 +178,7 @@ fn plain(arguments: &Arguments) -> Result<Log, String> {
         return Err("--runs x --seconds x --rate: more than 1e8 rows".into());
     }
     let truth = record(arguments.seed, how);
-    Ok(Log {
-        csv: truth.csv(),
-        truth: truth.json(),
-        runs: truth.runs.len(),
-        rows: truth.runs.iter().map(Vec::len).sum(),
-        hidden: String::new(),
-    })
+    Ok(Log { csv: truth.csv(), truth: truth.json(), data: truth.dataset(), hidden: String::new() })
 }
 
 /// Most seconds and rows of a hidden world: every step of all runs is held in memory.
@@ -195,9 +211,8 @@ fn hidden(arguments: &Arguments) -> Result<Log, String> {
     Ok(Log {
         csv: world.csv(),
         truth: world.truth.json(),
-        runs: world.data.runs.len(),
-        rows: world.data.rows,
         hidden: told(&world.truth),
+        data: world.data,
     })
 }
 

@@ -110,7 +110,11 @@ pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[Stri
         "cause": found.cause(),
         "findings": found.findings.iter().map(finding).collect::<Vec<_>>(),
         "extended": extended,
-        "stochastic_extension": { "before": {"cv": {}, "sum_cv": 0.0}, "after": {"cv": {}, "sum_cv": 0.0} },
+        "stochastic_extension": {
+            "before": found.certificates.before.json(),
+            "after": found.certificates.after.json(),
+            "reading": found.certificates.reading,
+        },
         "next_experiment": story::next_experiment(found),
         "story": story::story(found),
         "residual": {
