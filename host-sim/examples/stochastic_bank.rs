@@ -6,7 +6,8 @@
 //! (`literal_causes`, generously), and in a world without one where it names none. *Always coulomb_torque* is a
 //! rule that looks at nothing: what a good guess is worth under this grading.
 //!
-//! `cargo run --release -p host-sim --example stochastic_bank [WORLDS PER KIND] [SEED]`
+//! `cargo run --release -p host-sim --example stochastic_bank [WORLDS PER KIND] [SEED OF THE WORLDS] [SEED OF
+//! THE CERTIFICATES]`
 
 use compensator_core::{LawKind, ParameterId as Id};
 use host_sim::fit::{FitOptions, Rows, fit, tracks};
@@ -40,7 +41,7 @@ fn is_right(world: &World, kind: Kind, named: Option<Id>) -> bool {
     hidden.chain(twins).any(|cause| literal_causes(id).contains(&cause))
 }
 
-fn judge(kind: Kind, seed: u64) -> Option<Verdicts> {
+fn judge(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {
     let world = draw(kind, seed);
     let tracks = tracks(&world.data);
     let spec = Spec::law(LawKind::Lugre);
@@ -48,12 +49,8 @@ fn judge(kind: Kind, seed: u64) -> Option<Verdicts> {
     let options = FitOptions { starts: 2, ..FitOptions::default() };
     let solution = fit(&spec, &spec.parameters().ok()?, rows, &options);
     let begin = std::time::Instant::now();
-    let (certificate, calibrated) = certify_calibrated(
-        &solution.parameters(),
-        LawKind::Lugre.parameters(),
-        &tracks,
-        &Settings::default(),
-    );
+    let (certificate, calibrated) =
+        certify_calibrated(&solution.parameters(), LawKind::Lugre.parameters(), &tracks, settings);
     let seconds = begin.elapsed().as_secs_f64();
     let right = |named| is_right(&world, kind, named);
     Some(Verdicts {
@@ -105,9 +102,10 @@ fn main() {
         arguments.next().and_then(|text| text.parse::<u64>().ok()).unwrap_or(default)
     };
     let (per_kind, seed) = (number(2) as usize, number(GRADING));
+    let settings = Settings { seed: number(0), ..Settings::default() };
     let worlds: Vec<(Kind, u64)> = bank(seed, per_kind).collect();
     let verdicts: Vec<Verdicts> =
-        worlds.into_par_iter().filter_map(|(kind, seed)| judge(kind, seed)).collect();
+        worlds.into_par_iter().filter_map(|(kind, seed)| judge(kind, seed, &settings)).collect();
     for v in &verdicts {
         println!(
             "{:<11} {:<22} literal {:<18} calibrated {:<18} ratio {:>6.2} sum {:>7.2} {:.2} s",

@@ -5,6 +5,7 @@
 //! fails leaves no file behind: files are written when all is known.
 
 mod compare;
+mod demo;
 mod diagnose;
 mod identify;
 mod input;
@@ -30,6 +31,8 @@ enum Command {
     Compare(compare::Arguments),
     /// Say what the model gets wrong, why, and what a better one gains
     Diagnose(diagnose::Arguments),
+    /// The whole story in a minute: a joint, a hidden effect, its CAN trace, the diagnosis, the truth
+    Demo(demo::Arguments),
     /// Simulate a machine: its log, and the truth behind it
     Simulate(simulate::Arguments),
 }
@@ -44,6 +47,7 @@ pub fn run() -> ExitCode {
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
     };
     match outcome {

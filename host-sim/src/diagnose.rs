@@ -16,12 +16,16 @@
 
 pub mod baseline;
 pub mod candidate;
+pub mod chance;
 pub mod finding;
 pub mod judge;
 pub mod log;
+pub mod model;
 pub mod order;
 pub mod panel;
 pub mod regime;
+pub mod review;
+pub mod round;
 pub mod select;
 pub mod story;
 pub mod survey;
@@ -31,7 +35,7 @@ pub use finding::{Finding, Size};
 pub use judge::Gain;
 pub use log::Log;
 pub use regime::Share;
-pub use select::Hearing;
+pub use round::Hearing;
 
 use crate::data::{Dataset, Split};
 use crate::fit::outcome::{Predicted, identify, predict};
@@ -40,7 +44,7 @@ use crate::fit::{FitOptions, Outcome, State};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use compensator_core::{ParameterId, Parameters, TermKind};
-use select::Fitted;
+use model::Fitted;
 use std::time::Instant;
 
 /// What is asked.
@@ -109,7 +113,7 @@ pub struct Certificates {
 
 /// A held-out error this many times the noise floor, with a memory of at least this many rows, is
 /// structure: what is left over is then `unknown`, not `none`.
-const STRUCTURE: (f64, f64) = (1.3, 4.0);
+const STRUCTURE: (f64, f64) = (1.04, 1.3);
 
 /// Diagnoses a log.
 ///
@@ -125,10 +129,13 @@ pub fn diagnose(
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
     let mut log = Log::new(data, split, decimate, rigid_body);
+    log.take_some();
     progress("fitting the baseline");
     let base = base(&mut log, question)?;
     let selection = select::select(&mut log, base, question.seed, progress)?;
     progress("judging on held-out runs");
+    let follows = selection.extended.follows.as_ref().filter(|follows| follows.extra);
+    log.take_all(follows.map(|follows| follows.column.as_str()));
     let baseline = match &question.given {
         Some((spec, parameters)) => given(&log, spec, parameters)?,
         None => outcome(&log, &selection.base)?,
@@ -152,7 +159,6 @@ pub fn diagnose(
     }
     progress("certifying");
     let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
-    let follows = selection.extended.follows.as_ref().filter(|follows| follows.extra);
     Ok(Diagnosis {
         noise_floor,
         by_regime: regime::by_regime(&log.test_tracks, &at),

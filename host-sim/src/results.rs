@@ -1,6 +1,7 @@
 //! What `identify` and `compare` leave behind: JSON for machines, TOML for the core, HTML for people.
 
 pub mod diagnosis;
+pub mod diagnosis_page;
 pub mod json;
 pub mod page;
 pub mod table;

@@ -84,7 +84,9 @@ fn table(grades: &[Grade]) -> String {
     }
     text += "\n## Confusion\n\nA row is what was hidden (two causes where two were), the cells what was named first, and how often.\n\n\
              | kind | hidden | named first | right |\n|---|---|---|---|\n";
-    let mut rows: BTreeMap<(&str, String), (BTreeMap<&str, usize>, usize, usize)> = BTreeMap::new();
+    // Of each kind and what was hidden: what was named first and how often, how often that was right, of how many.
+    type Row<'a> = (BTreeMap<&'a str, usize>, usize, usize);
+    let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
     for grade in grades {
         let row = rows.entry((grade.kind.name(), row_of(grade))).or_default();
         *row.0.entry(grade.named.first().copied().unwrap_or("none")).or_default() += 1;

@@ -2,11 +2,13 @@
 //! stays silent, and paper shows what the screen shows. The page is left in the target folder's
 //! `tmp` as `report_example.html`, to be looked at. Without Chromium the tests say so and pass.
 
+mod browser;
+
 use std::f64::consts::TAU;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
+use browser::{chromium, open};
 use host_sim::report::{
     Axis, Best, Block, Cell, Chart, Page, Series, Table, thin_scatter, thin_series,
 };
@@ -190,43 +192,6 @@ fn example() -> Page {
         ],
     });
     page
-}
-
-/// A Chromium on the search path.
-fn chromium() -> Option<PathBuf> {
-    let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
-    let folders: Vec<PathBuf> =
-        std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).collect();
-    let found = names
-        .iter()
-        .flat_map(|name| folders.iter().map(move |folder| folder.join(name)))
-        .find(|file| file.is_file());
-    if found.is_none() {
-        eprintln!("skipped: none of {} is installed", names.join(", "));
-    }
-    found
-}
-
-/// Opens the page with a fresh profile and waits for its script to have run.
-fn open(chromium: &Path, page: &Path, task: &str) -> Output {
-    let profile = tempfile::tempdir().expect("a folder");
-    let mut command = Command::new(chromium);
-    command.args([
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--disable-dev-shm-usage",
-        "--disable-background-networking",
-        "--disable-component-update",
-        "--disable-sync",
-        "--no-first-run",
-        "--enable-logging=stderr",
-        "--v=0",
-        "--window-size=1200,2400",
-        "--virtual-time-budget=10000",
-    ]);
-    command.arg(format!("--user-data-dir={}", profile.path().display())).arg(task);
-    command.arg(format!("file://{}", page.display())).output().expect("Chromium starts")
 }
 
 fn written_example(name: &str) -> PathBuf {

@@ -37,7 +37,7 @@ const KINDS: [(f64, usize, usize); 8] = [
     (100.0, 1, 1),
 ];
 
-/// A seal of the size paper 0 reports: 2 to 3.5 Nm over all kinds.
+/// A seal of about the size paper 0 reports (2 to 3.5 Nm): 2.0 to 3.1 Nm in sliding over all kinds.
 const SEAL: Seal = Seal {
     k0: 2500.0,
     k1: 8.0,
@@ -144,7 +144,7 @@ fn of(certificate: &Certificate, id: Id) -> &[f64] {
 fn the_papers_protocol_improves_with_the_improved_law() {
     let data = campaign();
     let tracks = tracks(&data);
-    // One run in eight is enough to fit by; all are certified on.
+    // One run in seven is enough to fit by; the certificate takes its own choice of all.
     let some: Vec<Track> = tracks.iter().step_by(7).cloned().collect();
     let settings = Settings::default();
     let free = LawKind::Lugre.parameters();
@@ -233,7 +233,7 @@ fn the_same_seed_gives_the_same_certificate() {
     let certificate = |seed| {
         certify(&parameters, free, &tracks, &Settings { seed, ..Settings::default() }).json()
     };
-    assert_eq!(certificate(1)["cv"], certificate(1)["cv"]);
+    assert_eq!(certificate(1).to_string(), certificate(1).to_string());
     assert_ne!(certificate(1)["cv"], certificate(2)["cv"]);
     // Damping and viscous friction are 0 here, of which there is no share.
     assert!(certificate(1)["left_out"]["bristle_damping"].is_string());

@@ -4,6 +4,7 @@ use super::input::{DataArguments, spinner};
 use super::output::{OutputArguments, say};
 use crate::diagnose::{Question, diagnose};
 use crate::params;
+use crate::results::diagnosis_page::{self, Diagnosed};
 use crate::results::{diagnosis, table};
 use crate::spec::Spec;
 use std::path::PathBuf;
@@ -48,7 +49,21 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
     let toml = params::emit(&found.extended, input.data.joint);
-    let files = [("diagnosis.json", json.as_str()), ("params.toml", toml.as_str())];
+    let about = Diagnosed {
+        found: &found,
+        data: &input.data,
+        split: &input.split,
+        hashes: &input.hashes,
+        columns: &arguments.data.columns,
+        skip: arguments.data.skip,
+        seed: arguments.data.seed,
+    };
+    let html = diagnosis_page::page(&about).render();
+    let files = [
+        ("diagnosis.json", json.as_str()),
+        ("params.toml", toml.as_str()),
+        ("report.html", html.as_str()),
+    ];
     arguments.output.write(&files)?;
     if arguments.output.json {
         return say(&json);
@@ -59,6 +74,6 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     }
     text += &format!("\n{}\n", table::findings(&found));
     let out = arguments.output.out.display();
-    text += &format!("written: {out}/diagnosis.json, {out}/params.toml\n");
+    text += &format!("written: {out}/report.html, {out}/diagnosis.json, {out}/params.toml\n");
     say(&text)
 }

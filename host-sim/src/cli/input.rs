@@ -153,7 +153,8 @@ pub fn spinner(what: String) -> ProgressBar {
     bar
 }
 
-fn hash(file: &Path) -> Result<String, String> {
+/// SHA-256 of a file.
+pub(super) fn hash(file: &Path) -> Result<String, String> {
     let failed = |error: std::io::Error| format!("{}: {error}", file.display());
     let mut reader = std::fs::File::open(file).map_err(failed)?;
     let mut hasher = Sha256::new();

@@ -5,7 +5,7 @@
 //! rows. A log of steady sliding gets no bristles, and no cause that only bristles could show.
 
 use super::log::Log;
-use super::select::Fitted;
+use super::model::Fitted;
 use crate::fit::outcome::predict;
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, fit};

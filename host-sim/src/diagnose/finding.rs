@@ -1,7 +1,8 @@
 //! A finding: the cause, how large it is, how sure that is, and one sentence for a person.
 
 use super::log::Log;
-use super::select::{Fitted, Found};
+use super::model::Fitted;
+use super::select::Found;
 use crate::data::Joint;
 use crate::fit::{Estimate, Outcome, State};
 use crate::params::unit;
@@ -214,7 +215,11 @@ fn in_words(found: &Found, size: &Size, order: Option<(f64, f64)>, outcome: &Out
     for (kind, columns, share) in &found.confusable {
         let by =
             if columns.is_empty() { String::new() } else { format!(" ({})", columns.join(", ")) };
-        rivals.push(format!("{}{by} would explain {:.0} % of it", kind.name(), 100.0 * share));
+        rivals.push(format!(
+            "{}{by}, which would explain {:.0} % of it",
+            kind.name(),
+            100.0 * share
+        ));
     }
     if !rivals.is_empty() {
         words += &format!("; this log cannot tell it from {}", rivals.join(", or "));

@@ -25,6 +25,12 @@ const REST: f64 = 0.04;
 /// Rows at rest are left out where their mean squared error is more than so many times that in motion.
 const WORSE_AT_REST: f64 = 1.0;
 
+/// Training rows a search through all causes looks at, at most, if there are runs enough to choose from.
+const MOST_SEARCHED: usize = 150_000;
+
+/// Runs a search looks at at least.
+const FEWEST_RUNS: usize = 12;
+
 /// What is diagnosed.
 #[derive(Clone, Debug)]
 pub struct Log {
@@ -46,6 +52,8 @@ pub struct Log {
     pub campaign_start_s: f64,
     /// Speed below which rows are not judged, if any.
     pub slowest: Option<f64>,
+    /// One training run in this many is looked at.
+    pub stride: usize,
     /// What a careful reader should know, a sentence each.
     pub notes: Vec<String>,
 }
@@ -63,6 +71,7 @@ impl Log {
             extras: Vec::new(),
             campaign_start_s: track::campaign_start(data),
             slowest: None,
+            stride: 1,
             notes: Vec::new(),
         };
         log.follow(None);
@@ -74,6 +83,8 @@ impl Log {
     pub fn follow(&mut self, auxiliary: Option<&str>) {
         let tracks = |data: &Dataset| track::tracks_since(data, auxiliary, self.campaign_start_s);
         (self.train_tracks, self.test_tracks) = (tracks(&self.train), tracks(&self.test));
+        let stride = self.stride;
+        self.train_tracks.retain(|track| track.run.is_multiple_of(stride));
         self.mark_rest();
     }
 
@@ -108,6 +119,24 @@ impl Log {
             track.unjudged = slowest.map_or(Vec::new(), |slowest| {
                 track.samples.iter().map(|s| s.velocity_rad_s.abs() < slowest).collect()
             });
+        }
+    }
+
+    /// Keeps only so many training runs, evenly spread, that a search through all causes stays short; what
+    /// is found is fitted on all of them ([`Log::take_all`]).
+    pub fn take_some(&mut self) {
+        let rows: usize = self.train_tracks.iter().map(Track::len).sum();
+        let most = self.train.runs.len() / FEWEST_RUNS;
+        self.stride = rows.div_ceil(MOST_SEARCHED).min(most).max(1);
+        if self.stride > 1 {
+            self.follow(None);
+        }
+    }
+
+    /// All training runs again.
+    pub fn take_all(&mut self, auxiliary: Option<&str>) {
+        if std::mem::replace(&mut self.stride, 1) > 1 {
+            self.follow(auxiliary);
         }
     }
 

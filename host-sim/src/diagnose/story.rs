@@ -1,8 +1,8 @@
 //! The five sentences: what is wrong, where, why, what the extension gains, what to do next.
 
-use super::Diagnosis;
 use super::finding::{Finding, Size};
 use super::log::Log;
+use super::{Diagnosis, Share};
 use crate::fit::State;
 use crate::fit::outcome::Predicted;
 use crate::results::table::figure;
@@ -64,12 +64,14 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
             hold.extend(columns.iter().filter(|name| !vary.contains(name)).cloned());
         }
         hold.dedup();
-        if vary.is_empty() {
-            vary.push("the speed, slowly through zero both ways,".into());
+        let motion = |names: &[String]| names.iter().all(|name| name.starts_with("velocity"));
+        if motion(&vary) {
+            hold.retain(|name| !name.starts_with("velocity"));
+            vary.clear();
         }
         let others: Vec<&str> =
             finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
-        if hold.is_empty() {
+        if hold.is_empty() || vary.is_empty() {
             return format!(
                 "To tell {} from {}, add slow reversals and rests of different length both ways.",
                 finding.kind.name(),
@@ -129,6 +131,34 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
     }
 }
 
+/// Where in the motion the error lies.
+fn place(diagnosis: &Diagnosis) -> String {
+    let worst = diagnosis.by_regime.iter().max_by(|a, b| a.of_error.total_cmp(&b.of_error));
+    let Some(worst) = worst else { return String::new() };
+    let share = |share: &Share| {
+        let (error, spread) = (100.0 * share.of_error, 200.0 * share.uncertainty);
+        format!("{error:.0} ± {spread:.0} % of the squared error")
+    };
+    if worst.of_rows < 0.95 {
+        let rows = 100.0 * worst.of_rows;
+        return format!(
+            "{} lies in {}, which is {rows:.0} % of the rows.",
+            share(worst),
+            worst.name
+        );
+    }
+    // One regime is all there is: what is left to tell is the direction.
+    let harder = diagnosis.by_direction.iter().max_by(|a, b| a.of_error.total_cmp(&b.of_error));
+    harder.map_or_else(String::new, |harder| {
+        let rows = 100.0 * harder.of_rows;
+        let (regime, direction) = (&worst.name, &harder.name);
+        format!(
+            "All of it is {regime}; {} lies {direction}, which is {rows:.0} % of the rows.",
+            share(harder)
+        )
+    })
+}
+
 /// The five sentences.
 pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
     let unit = diagnosis.log.train.joint.torque_unit();
@@ -143,16 +173,7 @@ pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
         figure(before),
         figure(diagnosis.noise_floor)
     );
-    let worst = diagnosis.by_regime.iter().max_by(|a, b| a.of_error.total_cmp(&b.of_error));
-    let place = worst.map_or_else(String::new, |share| {
-        format!(
-            "{:.0} ± {:.0} % of the squared error lies in {}, which is {:.0} % of the rows.",
-            100.0 * share.of_error,
-            200.0 * share.uncertainty,
-            share.name,
-            100.0 * share.of_rows
-        )
-    });
+    let place = place(diagnosis);
     let why = match diagnosis.findings.as_slice() {
         [] => "Nothing systematic is left above the noise: no cause is named.".to_owned(),
         [first, others @ ..] => {

@@ -76,11 +76,14 @@ pub struct Series {
     pub muted: bool,
     /// The name of the series whose colour it shares: a model's band that of the model's curve.
     pub colour_of: Option<String>,
+    /// How far each value may be off, either way, in its unit; a line then shows its points. Values
+    /// that are not positive numbers have no error bar.
+    pub error: Option<Vec<f64>>,
 }
 
 impl Series {
     fn new(name: impl Into<String>, style: Style, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self { name: name.into(), style, x, y, muted: false, colour_of: None }
+        Self { name: name.into(), style, x, y, muted: false, colour_of: None, error: None }
     }
 
     /// A dot per value.
@@ -112,6 +115,13 @@ impl Series {
     #[must_use]
     pub fn coloured_as(mut self, name: impl Into<String>) -> Self {
         self.colour_of = Some(name.into());
+        self
+    }
+
+    /// The same with error bars: along the bars, upright for all else.
+    #[must_use]
+    pub fn with_error(mut self, error: Vec<f64>) -> Self {
+        self.error = Some(error);
         self
     }
 

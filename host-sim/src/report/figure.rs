@@ -42,7 +42,7 @@ pub(super) fn figure(chart: &Chart, palette: &mut Palette, small: bool) -> Figur
                 _ if series.muted => Palette::muted(),
                 other => palette.look(other.as_ref().unwrap_or(&series.name)),
             };
-            trace(series, &look, chart)
+            with_error(trace(series, &look, chart), series, chart)
         })
         .collect();
     let something = chart
@@ -60,6 +60,10 @@ pub(super) fn figure(chart: &Chart, palette: &mut Palette, small: bool) -> Figur
             ModeBarButtonName::Select2d,
             ModeBarButtonName::Lasso2d,
             ModeBarButtonName::AutoScale2d,
+            // Dragging zooms in and a double click out; the tools stand beside the chart's title,
+            // and these two would take a third of its line.
+            ModeBarButtonName::ZoomIn2d,
+            ModeBarButtonName::ZoomOut2d,
         ]);
     let figure = json!({ "data": traces, "layout": layout(chart), "config": configuration });
     Figure { json: Some(figure.to_string().replace('<', "\\u003c")), height }
@@ -101,6 +105,11 @@ fn trace(series: &Series, look: &Look, chart: &Chart) -> Value {
             let opacity = if many { 0.6 } else { 0.9 };
             json!(Scatter::new(x, y).mode(Mode::Markers).name(name).marker(marker).opacity(opacity))
         }
+        Style::Line if series.error.is_some() => {
+            let marker = Marker::new().color(look.colour).symbol(look.symbol.clone()).size(5);
+            let scatter = Scatter::new(x, y).mode(Mode::LinesMarkers).name(name);
+            json!(scatter.line(line).marker(marker))
+        }
         Style::Line => json!(Scatter::new(x, y).mode(Mode::Lines).name(name).line(line)),
         Style::Steps => {
             let line = line.shape(LineShape::Hv);
@@ -110,7 +119,12 @@ fn trace(series: &Series, look: &Look, chart: &Chart) -> Value {
             let lying = !chart.y.categories.is_empty();
             let orientation = if lying { Orientation::Horizontal } else { Orientation::Vertical };
             let marker = Marker::new().color(look.colour);
-            json!(Bar::new(x, y).name(name).marker(marker).orientation(orientation))
+            let mut bars = json!(Bar::new(x, y).name(name).marker(marker).orientation(orientation));
+            if one_bar_a_name(chart) {
+                // Left to itself, Plotly makes a bar as wide as its own series has room.
+                bars["width"] = json!(0.8);
+            }
+            bars
         }
         Style::Band { upper } => {
             let (x, y) = outline(&series.x, &series.y, upper);
@@ -120,6 +134,26 @@ fn trace(series: &Series, look: &Look, chart: &Chart) -> Value {
             json!(band.hover_info(HoverInfo::Skip))
         }
     }
+}
+
+/// A trace with its error bars, if the series has some: along the bars where they lie.
+fn with_error(mut trace: Value, series: &Series, chart: &Chart) -> Value {
+    if let Some(error) = &series.error {
+        // Plotly takes `null` for an error of 0 and draws its cap; what is no number it leaves out.
+        let known = |error: &f64| match error.is_finite() && *error > 0.0 {
+            true => json!(error),
+            false => json!("none"),
+        };
+        let sizes: Vec<Value> = error.iter().map(known).collect();
+        let lying = series.style == Style::Bars && !chart.y.categories.is_empty();
+        let mut bars = json!({ "type": "data", "array": sizes, "thickness": 1.2, "width": 3 });
+        if series.style == Style::Bars {
+            // The bar's own colour would hide the half that lies on it.
+            bars["color"] = "#444444".into();
+        }
+        trace[if lying { "error_x" } else { "error_y" }] = bars;
+    }
+    trace
 }
 
 /// A colour `#RRGGBB` at a fifth of its strength.
@@ -160,11 +194,27 @@ fn layout(chart: &Chart) -> Layout {
         .show_legend(needs_legend(chart))
         .legend(legend)
         .hover_mode(HoverMode::Closest)
-        .bar_mode(BarMode::Group)
+        .bar_mode(bar_mode(chart))
         .paper_background_color("#FFFFFF")
         .plot_background_color("#FFFFFF")
         .x_axis(axis(&chart.x, false))
         .y_axis(axis(&chart.y, true))
+}
+
+/// Bars of one place stand beside each other; where every name has one bar only, it may be wide.
+fn bar_mode(chart: &Chart) -> BarMode {
+    if one_bar_a_name(chart) { BarMode::Overlay } else { BarMode::Group }
+}
+
+/// Whether there are names along the bars' axis and no two bars share one.
+fn one_bar_a_name(chart: &Chart) -> bool {
+    let upright = chart.y.categories.is_empty();
+    let bars = chart.series.iter().filter(|series| series.style == Style::Bars);
+    let places = bars.flat_map(|series| if upright { &series.x } else { &series.y });
+    let mut places: Vec<f64> = places.copied().collect();
+    places.sort_by(f64::total_cmp);
+    let has_names = !(upright && chart.x.categories.is_empty());
+    has_names && places.windows(2).all(|pair| pair[0] != pair[1])
 }
 
 /// A lone series is named by the chart's title, and an axis of names names its own.

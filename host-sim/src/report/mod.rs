@@ -24,5 +24,5 @@ pub use chart::{Axis, Chart, Series, Style};
 pub use number::{count, significant, with_error};
 pub use page::{Block, Page};
 pub use table::{Best, Cell, Table};
-pub use thin::{thin_scatter, thin_series};
+pub use thin::{rounded, thin_scatter, thin_series};
 pub use write::write_atomically;

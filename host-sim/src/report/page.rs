@@ -30,7 +30,7 @@ pub enum Block {
     Heading(String),
     /// Plain text. A first block of this kind is set larger: it is the summary.
     Paragraph(String),
-    /// One point per entry.
+    /// One point per entry. A first block of this kind is set larger too.
     List(Vec<String>),
     /// A table.
     Table(Table),

@@ -99,3 +99,32 @@ fn grid(outermost: &[usize], values: &[f64], cells: usize) -> impl Fn(f64) -> us
         ((part * cells as f64) as usize).min(cells - 1)
     }
 }
+
+/// The values in steps of a hundred-thousandth of the largest: no chart shows more, and a page of
+/// all digits is three times as long.
+pub fn rounded(values: &[f64]) -> Vec<f64> {
+    let largest = values.iter().filter(|v| v.is_finite()).fold(0.0f64, |most, v| most.max(v.abs()));
+    if largest == 0.0 {
+        return values.to_vec();
+    }
+    let exponent = 5 - largest.log10().floor() as i32;
+    // Multiplying or dividing by a whole power of ten leaves the nearest number of few digits.
+    let power = 10f64.powi(exponent.abs());
+    let round = |value: &f64| match exponent {
+        0.. => (value * power).round() / power,
+        _ => (value / power).round() * power,
+    };
+    values.iter().map(round).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_cut_to_what_a_chart_shows() {
+        assert_eq!(rounded(&[0.1 + 0.2, -1.234_567_89, f64::NAN])[..2], [0.3, -1.23457]);
+        assert_eq!(rounded(&[1.0, 123_456_789.0]), [0.0, 123_457_000.0]);
+        assert_eq!(rounded(&[0.0, 0.0]), [0.0, 0.0]);
+    }
+}

@@ -11,11 +11,11 @@
 //! *measured* is whatever the file holds: the page says "as logged" and does not vouch for it.
 
 mod figures;
-mod glossary;
-mod held_out;
+pub(super) mod glossary;
+pub(super) mod held_out;
 mod summary;
-mod tables;
-mod words;
+pub(super) mod tables;
+pub(super) mod words;
 
 use crate::data::{Dataset, Joint, Split};
 use crate::fit::{Outcome, Rows};
@@ -46,9 +46,9 @@ pub struct Study<'a> {
 }
 
 /// A study with what follows from it: the order of the models, and all that is drawn.
-struct View<'a> {
-    study: Study<'a>,
-    held_out: HeldOut,
+pub(super) struct View<'a> {
+    pub(super) study: Study<'a>,
+    pub(super) held_out: HeldOut,
     /// Indices of the fits, smallest error on the held-out rows first.
     ranking: Vec<usize>,
     /// The fit the others are held against.
@@ -56,7 +56,7 @@ struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    fn new(study: &Study<'a>) -> Self {
+    pub(super) fn new(study: &Study<'a>) -> Self {
         let fits = study.fits;
         let mut ranking: Vec<usize> = (0..fits.len()).collect();
         ranking.sort_by(|&a, &b| fits[a].test.rmse.total_cmp(&fits[b].test.rmse));
@@ -88,7 +88,7 @@ impl<'a> View<'a> {
     }
 
     /// What the joint works against: "torque" or "force".
-    fn torque(&self) -> &'static str {
+    pub(super) fn torque(&self) -> &'static str {
         match self.study.data.joint {
             Joint::Revolute => "torque",
             Joint::Prismatic => "force",
@@ -96,7 +96,7 @@ impl<'a> View<'a> {
     }
 
     /// Its unit.
-    fn unit(&self) -> &'static str {
+    pub(super) fn unit(&self) -> &'static str {
         self.study.data.joint.torque_unit()
     }
 }
@@ -206,7 +206,7 @@ fn data(view: &View) -> Vec<Block> {
 }
 
 /// Charts two in a line; of an odd number the first three.
-fn in_rows(mut charts: Vec<crate::report::Chart>) -> Vec<Block> {
+pub(super) fn in_rows(mut charts: Vec<crate::report::Chart>) -> Vec<Block> {
     if charts.len() == 1 {
         return charts.into_iter().map(Block::Chart).collect();
     }

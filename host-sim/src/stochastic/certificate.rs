@@ -89,7 +89,8 @@ pub struct Certificate {
     pub counts: Counts,
     /// The form of `cv` and `cv_together`.
     pub form: Form,
-    /// Simulations of a trial that were made.
+    /// Simulations of a trial that were made, whole or in part. Threads settle some of them for each
+    /// other, so the number is not quite the same each time; the results are.
     pub simulations: usize,
     /// Time it took, s.
     pub seconds: f64,
@@ -169,7 +170,7 @@ impl Certificate {
     }
 
     /// As `diagnosis.json` takes it. `cv` is each parameter's mean over the classes, so that `sum_cv` is
-    /// both its sum and the mean of the classes' sums.
+    /// both its sum and the mean of the classes' sums. The same log gives the same bytes.
     pub fn json(&self) -> Value {
         let by_name = |values: &dyn Fn(usize) -> Value| -> Value {
             let pair = |(i, id): (usize, &ParameterId)| (id.name().to_owned(), values(i));
@@ -199,7 +200,6 @@ impl Certificate {
             "levels": {"alpha": alpha, "delta": delta, "epsilon": epsilon, "rho": rho},
             "sampled_vectors": self.counts.sampled_vectors,
             "trials": self.counts.trials,
-            "simulations": self.simulations,
         })
     }
 }

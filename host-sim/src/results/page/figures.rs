@@ -7,7 +7,7 @@
 
 use super::View;
 use super::words::quantity;
-use crate::report::{Axis, Chart, Series, significant, thin_scatter, thin_series};
+use crate::report::{Axis, Chart, Series, rounded, significant, thin_scatter, thin_series};
 
 /// Points of a cloud, of logged rows and of a model each.
 const CLOUD: usize = 1500;
@@ -45,7 +45,7 @@ pub(super) fn over_velocity(view: &View, fits: &[usize]) -> Vec<Chart> {
     let range = torque_range(view);
     let cloud = |torque: &[f64]| {
         let (x, y) = thin_scatter(&rows.velocity, torque, CLOUD);
-        (short(&x), short(&y))
+        (rounded(&x), rounded(&y))
     };
     let logged = cloud(&rows.logged);
     let chart = |&fit: &usize| {
@@ -77,7 +77,7 @@ pub(super) fn cycle(view: &View, fits: &[usize]) -> Vec<Chart> {
     let curves = |x: &[f64]| {
         let line = |name: String, torque: &[f64]| {
             let (x, y) = thin_series(x, &torque[cycle.clone()], CLOUD);
-            Series::line(name, short(&x), short(&y))
+            Series::line(name, rounded(&x), rounded(&y))
         };
         let logged = line(LOGGED.into(), &rows.logged).muted();
         let model = |&fit: &usize| line(view.name(fit), &rows.simulated[fit].torque);
@@ -126,7 +126,7 @@ pub(super) fn residuals(view: &View, fits: &[usize]) -> Vec<Chart> {
             ),
             x: Axis::new("held-out time, pauses cut (s)"),
             y: Axis { range, ..residual_axis(view) },
-            series: vec![Series::line(name, short(&x), short(&y))],
+            series: vec![Series::line(name, rounded(&x), rounded(&y))],
         }
     };
     fits.iter().map(chart).collect()
@@ -149,8 +149,8 @@ pub(super) fn residual_over_velocity(view: &View) -> Chart {
         x: velocity_axis(view),
         y: residual_axis(view),
         series: vec![
-            Series::points("each row", short(&x), short(&y)).muted(),
-            Series::line("mean at this velocity", short(&at), short(&mean)).coloured_as(name),
+            Series::points("each row", rounded(&x), rounded(&y)).muted(),
+            Series::line("mean at this velocity", rounded(&at), rounded(&mean)).coloured_as(name),
         ],
     }
 }
@@ -218,33 +218,9 @@ fn means(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     filled.map(|&(count, x, y)| (x / count as f64, y / count as f64)).unzip()
 }
 
-/// The values in steps of a hundred-thousandth of the largest: no chart shows more, and a page of
-/// all digits is three times as long.
-fn short(values: &[f64]) -> Vec<f64> {
-    let largest = values.iter().filter(|v| v.is_finite()).fold(0.0f64, |most, v| most.max(v.abs()));
-    if largest == 0.0 {
-        return values.to_vec();
-    }
-    let exponent = 5 - largest.log10().floor() as i32;
-    // Multiplying or dividing by a whole power of ten leaves the nearest number of few digits.
-    let power = 10f64.powi(exponent.abs());
-    let round = |value: &f64| match exponent {
-        0.. => (value * power).round() / power,
-        _ => (value / power).round() * power,
-    };
-    values.iter().map(round).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn values_are_cut_to_what_a_chart_shows() {
-        assert_eq!(short(&[0.1 + 0.2, -1.234_567_89, f64::NAN])[..2], [0.3, -1.23457]);
-        assert_eq!(short(&[1.0, 123_456_789.0]), [0.0, 123_457_000.0]);
-        assert_eq!(short(&[0.0, 0.0]), [0.0, 0.0]);
-    }
 
     #[test]
     fn means_are_of_rows_near_each_other() {

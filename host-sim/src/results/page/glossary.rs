@@ -5,7 +5,7 @@ use crate::fit::Resolution;
 use compensator_core::{LawKind, TermKind};
 
 /// Definitions of the metrics.
-pub(super) fn metrics(view: &View) -> Vec<String> {
+pub(in crate::results) fn metrics(view: &View) -> Vec<String> {
     let unit = view.unit();
     [
         &format!("e is the logged minus the simulated {}, y the logged one, n the number of rows.",
@@ -25,7 +25,7 @@ pub(super) fn metrics(view: &View) -> Vec<String> {
 }
 
 /// How the fits were made.
-pub(super) fn methods(view: &View) -> Vec<String> {
+pub(in crate::results) fn methods(view: &View) -> Vec<String> {
     let resolutions: Vec<String> = view
         .ranking
         .iter()
@@ -79,7 +79,7 @@ pub(super) fn methods(view: &View) -> Vec<String> {
 }
 
 /// The laws and terms on the page, a line each.
-pub(super) fn models(view: &View) -> Vec<String> {
+pub(in crate::results) fn models(view: &View) -> Vec<String> {
     let mut laws: Vec<LawKind> = view.study.fits.iter().map(|fit| fit.spec.law).collect();
     laws.sort_unstable();
     laws.dedup();

@@ -20,7 +20,7 @@ use std::ops::Range;
 const PAUSES: f64 = 0.15;
 
 /// The held-out rows of a study; columns of equal length, one track after another.
-pub(super) struct HeldOut {
+pub(in crate::results) struct HeldOut {
     /// Time with long pauses cut short, s.
     pub time: Vec<f64>,
     /// Velocity, rad/s or m/s.
@@ -38,7 +38,7 @@ pub(super) struct HeldOut {
 }
 
 /// A model along the held-out rows.
-pub(super) struct Simulated {
+pub(in crate::results) struct Simulated {
     /// Torque or force, one per row.
     pub torque: Vec<f64>,
     /// Measured minus simulated, one per entry of [`HeldOut::judged`]; NaN between tracks.

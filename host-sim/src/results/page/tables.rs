@@ -53,7 +53,7 @@ fn metrics(
     }
 }
 
-pub(super) fn held_out_metrics(view: &View) -> Table {
+pub(in crate::results) fn held_out_metrics(view: &View) -> Table {
     let rows = crate::report::count(view.fit(view.best()).test.rows as u64);
     let more = |fit: &Outcome| vec![Cell::Digits(fit.seconds, 2)];
     let marked = if view.study.fits.len() > 1 { "; the best of each column is marked" } else { "" };
@@ -61,7 +61,7 @@ pub(super) fn held_out_metrics(view: &View) -> Table {
     metrics(view, caption, |fit| &fit.test, &["time of fit (s)"], more)
 }
 
-pub(super) fn train_metrics(view: &View) -> Table {
+pub(in crate::results) fn train_metrics(view: &View) -> Table {
     let rows = crate::report::count(view.fit(view.best()).train.rows as u64);
     let more = |fit: &Outcome| {
         // To the unit, however large: only differences count.
@@ -73,7 +73,7 @@ pub(super) fn train_metrics(view: &View) -> Table {
 }
 
 /// A model's parameters, what is to be known of them, and how they hang together.
-pub(super) fn parameters(view: &View, index: usize) -> Vec<Block> {
+pub(in crate::results) fn parameters(view: &View, index: usize) -> Vec<Block> {
     let fit = view.fit(index);
     let mut blocks = vec![Block::Table(values(view, index))];
     if !fit.verdicts.is_empty() {
@@ -114,7 +114,7 @@ fn values(view: &View, index: usize) -> Table {
 }
 
 /// The lower triangle of the matrix; columns are numbered as the rows are.
-fn correlation(fit: &Outcome) -> Option<Table> {
+pub(in crate::results) fn correlation(fit: &Outcome) -> Option<Table> {
     let estimates: Vec<&Estimate> = fitted(fit).collect();
     let row = |(i, estimate): (usize, &&Estimate)| {
         let mut cells = vec![Cell::Text(format!("{} {}", i + 1, estimate.id.name()))];
@@ -136,7 +136,7 @@ fn correlation(fit: &Outcome) -> Option<Table> {
     })
 }
 
-pub(super) fn files(view: &View) -> Table {
+pub(in crate::results) fn files(view: &View) -> Table {
     let files = view.study.data.files.iter().zip(view.study.hashes);
     Table {
         caption: "Files, as they were named".into(),
@@ -148,7 +148,7 @@ pub(super) fn files(view: &View) -> Table {
     }
 }
 
-pub(super) fn runs(view: &View) -> Table {
+pub(in crate::results) fn runs(view: &View) -> Table {
     let (data, split) = (view.study.data, view.study.split);
     let rows_of = |parts: &[crate::data::Part], run: usize| -> Cell {
         let own = parts.iter().filter(|part| part.run == run);

@@ -5,12 +5,12 @@ use crate::data::{Joint, Part};
 use crate::report::{count, significant};
 
 /// Above the parameter tables.
-pub(super) const PARAMETERS: &str = "A value is given with one standard error. Only a parameter that is \"determined\" says \
+pub(in crate::results) const PARAMETERS: &str = "A value is given with one standard error. Only a parameter that is \"determined\" says \
      something about the machine; the others are numbers with which the model predicts as it does, \
      and others would do as well. The best model comes first.";
 
 /// The page's title: the files, and the model if it is one.
-pub(super) fn title(view: &View) -> String {
+pub(in crate::results) fn title(view: &View) -> String {
     let files = &view.study.data.files;
     let name = |file: &std::path::PathBuf| {
         file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
@@ -24,7 +24,7 @@ pub(super) fn title(view: &View) -> String {
 }
 
 /// What was logged, how much of it, and what was held out.
-pub(super) fn subtitle(view: &View) -> String {
+pub(in crate::results) fn subtitle(view: &View) -> String {
     let (data, split) = (view.study.data, view.study.split);
     let joint = match data.joint {
         Joint::Revolute => "Revolute joint (torque in Nm",
@@ -54,7 +54,7 @@ pub(super) fn subtitle(view: &View) -> String {
 }
 
 /// Above the clouds.
-pub(super) fn over_velocity(view: &View) -> String {
+pub(in crate::results) fn over_velocity(view: &View) -> String {
     let all = view.study.fits.len();
     let which = match all {
         1 => String::new(),
@@ -78,7 +78,7 @@ pub(super) fn over_velocity(view: &View) -> String {
 }
 
 /// Above the residuals.
-pub(super) fn left_over(view: &View) -> String {
+pub(in crate::results) fn left_over(view: &View) -> String {
     let starts = &view.held_out.starts;
     let start = |(run, time): &(String, f64)| format!("{run} from {} s", significant(*time, 3));
     let order = match starts.len() {
@@ -98,7 +98,18 @@ pub(super) fn left_over(view: &View) -> String {
 }
 
 /// What a reader should know of the data.
-pub(super) fn data(view: &View) -> Vec<String> {
+pub(in crate::results) fn data(view: &View) -> Vec<String> {
+    let mut said = sources(view);
+    let covariates = &view.study.data.covariates;
+    if !covariates.is_empty() {
+        let names = listed(covariates, 12);
+        said.push(format!("Read, but used by no model here: {names}."));
+    }
+    said
+}
+
+/// The same without what the models use of it.
+pub(in crate::results) fn sources(view: &View) -> Vec<String> {
     let study = &view.study;
     let data = study.data;
     let mut said = vec![match data.bad_rows.count {
@@ -138,10 +149,6 @@ pub(super) fn data(view: &View) -> Vec<String> {
             listed(&rigid, 8)
         ));
     }
-    if !data.covariates.is_empty() {
-        let names = listed(&data.covariates, 12);
-        said.push(format!("Read, but used by no model here: {names}."));
-    }
     let left_out = data.left_out_columns.iter();
     said.extend(
         left_out.map(|column| format!("Column {} was left out: {}.", column.name, column.why)),
@@ -162,17 +169,17 @@ fn fitting(names: &[String]) -> usize {
 }
 
 /// A number with its unit, not to be torn apart at the end of a line.
-pub(super) fn quantity(value: f64, unit: &str) -> String {
+pub(in crate::results) fn quantity(value: f64, unit: &str) -> String {
     format!("{}\u{a0}{unit}", significant(value, 3))
 }
 
 /// "1 run", "2 runs".
-pub(super) fn counted(number: usize, thing: &str) -> String {
+pub(in crate::results) fn counted(number: usize, thing: &str) -> String {
     format!("{} {thing}{}", count(number as u64), if number == 1 { "" } else { "s" })
 }
 
 /// Names in a sentence; of many the first and how many more there are.
-pub(super) fn listed<S: AsRef<str>>(names: &[S], most: usize) -> String {
+pub(in crate::results) fn listed<S: AsRef<str>>(names: &[S], most: usize) -> String {
     let shown: Vec<&str> = names.iter().take(most).map(AsRef::as_ref).collect();
     match (names.len().saturating_sub(most), shown.as_slice()) {
         (0, [first @ .., last]) if !first.is_empty() => format!("{} and {last}", first.join(", ")),

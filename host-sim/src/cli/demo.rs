@@ -1,0 +1,227 @@
+//! `demo`: the whole story with nothing but this program.
+//!
+//! A joint is drawn at random, with one effect hidden in it that its model does not know. It moves, its
+//! CAN traffic is recorded, and from there on only that recording is looked at: what the model misses, why,
+//! what a better one gains. At the end the hidden effect is shown, and whether the diagnosis was right
+//! is said either way: a wrong one is a story that ran. The same seed is the same story.
+
+use super::input::spinner;
+use super::output::{OutputArguments, say};
+use crate::bank::{Grade, grade};
+use crate::data::{Dataset, ReadOptions, Split, SplitRule, read, split};
+use crate::diagnose::{Diagnosis, Question, diagnose};
+use crate::params;
+use crate::plant::worlds::{Effect, Kind, World, draw};
+use crate::results::diagnosis_page::{self, Diagnosed};
+use crate::results::{diagnosis, table};
+use crate::trace::{self, EmitOptions};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use serde_json::{Value, json};
+use std::path::Path;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+/// Arguments of `demo`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    output: OutputArguments,
+    /// Draws joint and effect; the same seed, the same story. Without it, the time draws
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+}
+
+/// Seeds drawn by the time are below this: short enough to be typed again.
+const SEEDS: u64 = 1_000_000;
+
+/// Says what is going on: on standard output, or beside it where that is for JSON.
+struct Teller {
+    json: bool,
+    begin: Instant,
+}
+
+impl Teller {
+    fn step(&self, text: &str) -> Result<(), String> {
+        if self.json {
+            return Ok(());
+        }
+        let seconds = self.begin.elapsed().as_secs_f64();
+        say(&format!("[{seconds:4.1} s] {text}\n"))
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<(), String> {
+    let teller = Teller { json: arguments.output.json, begin: Instant::now() };
+    let seed = arguments.seed.unwrap_or_else(by_the_time);
+    let out = &arguments.output.out;
+    teller.step(&format!(
+        "Drawing an underwater joint and hiding one effect in it that its model does not know. \
+         Which one stays hidden until the end. (--seed {seed} is this story again.)"
+    ))?;
+    let world = draw(Kind::One(effect(seed)), seed);
+    let truth = pretty(&world.truth.json())?;
+    record(&world, &truth, &arguments.output)?;
+    teller.step(&format!(
+        "It has moved {} times, {} rows in all; its CAN traffic is in {}/trace.log.",
+        world.data.runs.len(),
+        world.data.rows,
+        out.display()
+    ))?;
+
+    let (data, parts, hash) = listen(&out.join("trace.log"))?;
+    teller.step(&format!(
+        "Read {} rows back from the recording. From here on that is all there is to go by; {} of {} runs are put aside to judge by.",
+        data.rows,
+        parts.test_runs(&data).len(),
+        data.runs.len()
+    ))?;
+    let bar = spinner("diagnosing".into());
+    let question = Question { seed, ..Question::default() };
+    let found =
+        diagnose(&data, &parts, 1, &[], &question, &|what| bar.set_message(what.to_owned()))
+            .map_err(|error| error.to_string())?;
+    bar.finish_and_clear();
+    teller.step(&format!(
+        "Fitted {} and heard {} candidates for what it misses{}.",
+        found.baseline.spec,
+        found.hearing.len(),
+        extension(&found)
+    ))?;
+
+    let document = diagnosis::document(&found, &data, &parts, std::slice::from_ref(&hash));
+    let value = serde_json::to_value(&document).map_err(|error| error.to_string())?;
+    let toml = params::emit(&found.extended, data.joint);
+    let about = Diagnosed {
+        found: &found,
+        data: &data,
+        split: &parts,
+        hashes: std::slice::from_ref(&hash),
+        columns: &[],
+        skip: 0,
+        seed,
+    };
+    let html = diagnosis_page::page(&about).render();
+    let files = [
+        ("report.html", html.as_str()),
+        ("diagnosis.json", &pretty(&value)?),
+        ("params.toml", &toml),
+    ];
+    arguments.output.write(&files)?;
+    teller.step("Wrote the report.")?;
+
+    let grade = grade(Kind::One(effect(seed)), seed, &world, &found);
+    if arguments.output.json {
+        return say(&pretty(&summary(seed, &world, &grade, value))?);
+    }
+    let mut text = "\nWhat the diagnosis says, from the recording alone:\n".to_owned();
+    for (index, sentence) in document.story().iter().enumerate() {
+        text += &format!("{}. {sentence}\n", index + 1);
+    }
+    text += &format!("\n{}\n", reveal(&world, &found, &grade));
+    text += &format!(
+        "\n{:.0} s. To be looked at: {out}/report.html. Beside it: diagnosis.json, params.toml, data.csv, trace.log, \
+         truth.json.\n",
+        teller.begin.elapsed().as_secs_f64(),
+        out = out.display()
+    );
+    say(&text)
+}
+
+fn by_the_time() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    (since.as_nanos() as u64 / 1000) % SEEDS
+}
+
+/// The effect a seed hides: one of the catalogue, all as likely.
+fn effect(seed: u64) -> Effect {
+    let known: Vec<Effect> =
+        Effect::ALL.into_iter().filter(|effect| *effect != Effect::OutsideCatalogue).collect();
+    known[Pcg64::seed_from_u64(seed).random_range(0..known.len())]
+}
+
+fn pretty(value: &Value) -> Result<String, String> {
+    Ok(serde_json::to_string_pretty(value).map_err(|error| error.to_string())? + "\n")
+}
+
+/// Writes what the joint did, as a table and as its CAN traffic, and the truth behind it.
+fn record(world: &World, truth: &str, output: &OutputArguments) -> Result<(), String> {
+    let mut log = Vec::new();
+    // A covariate beyond those of the contract fits into the traffic, if there is just one.
+    let auxiliary = world.data.covariates.first().cloned();
+    let options = EmitOptions { auxiliary, ..EmitOptions::default() };
+    trace::emit(&world.data, &options, &mut log).map_err(|error| error.to_string())?;
+    let log = String::from_utf8(log).map_err(|error| error.to_string())?;
+    output.write(&[("data.csv", &world.csv()), ("trace.log", &log), ("truth.json", truth)])
+}
+
+/// Reads the recording as `diagnose` would.
+fn listen(file: &Path) -> Result<(Dataset, Split, String), String> {
+    let files = [file.to_owned()];
+    let data = read(&files, &ReadOptions::default(), &|_, _| {}).map_err(|e| e.to_string())?;
+    let parts = split(&data, &SplitRule::default(), 0).map_err(|e| e.to_string())?;
+    Ok((data, parts, super::input::hash(file)?))
+}
+
+/// What the extension is and gains, as the end of a sentence.
+fn extension(found: &Diagnosis) -> String {
+    if found.extended.spec == found.baseline.spec {
+        return ", of which none passed".to_owned();
+    }
+    format!(
+        "; extended to {}, the error on the runs put aside falls by {:.1} %",
+        found.extended.spec,
+        100.0 * found.gain.value
+    )
+}
+
+/// What had been hidden, and whether it was found.
+fn reveal(world: &World, found: &Diagnosis, grade: &Grade) -> String {
+    let truth = &world.truth;
+    let mut text = String::from("What had been hidden: ");
+    for hidden in &truth.hidden {
+        text += &format!(
+            "{}, which changes the torque by {} Nm RMS under {} Nm of noise. ",
+            hidden.in_words,
+            table::figure(hidden.visible_rms_nm),
+            table::figure(truth.noise_nm)
+        );
+    }
+    let named = found.cause();
+    text += &match (grade.right, grade.named.len()) {
+        (true, 1) => "The diagnosis was right.".to_owned(),
+        (true, _) => format!(
+            "The diagnosis was right about the first cause, but named more than there was: {}.",
+            grade.named[1..].join(", ")
+        ),
+        (false, _) if named == "none" => "The diagnosis was wrong: it found nothing.".to_owned(),
+        (false, _) => {
+            let hedged = grade.hidden.iter().any(|hidden| grade.confusable.contains(hidden));
+            let but =
+                if hedged { ", though it said that it could not tell the two apart" } else { "" };
+            format!("The diagnosis was wrong: it named {named}{but}.")
+        }
+    };
+    if let Some((size, value, [low, high])) = grade.sizes {
+        let inside = if (low..=high).contains(&size) { "lies in" } else { "is outside" };
+        text += &format!(
+            " Of the size it said {}; the true one {inside} its 95 % interval.",
+            table::figure(value)
+        );
+    }
+    text
+}
+
+/// The result for a machine.
+fn summary(seed: u64, world: &World, grade: &Grade, diagnosis: Value) -> Value {
+    json!({
+        "schema": 1,
+        "seed": seed,
+        "hidden": grade.hidden,
+        "named": grade.named,
+        "right": grade.right,
+        "size_inside_ci95": grade.size_inside,
+        "truth": world.truth.json(),
+        "diagnosis": diagnosis,
+    })
+}

@@ -1,0 +1,286 @@
+//! `report.html` of `diagnose`: what the model gets wrong, why, and what the extension gains, for a
+//! person who was not there.
+//!
+//! The five sentences come first; all below is what they rest on, in the order a doubter asks: what do
+//! the models predict, what is left over and where, does it follow the cause that is named, what else
+//! was heard, which numbers came out, how was it done, on what. *Before* is the base model and *after*
+//! the extended one, in the same two colours throughout; a residual is logged minus simulated.
+//!
+//! The way of a page: `rows` (judged rows as columns, with both residuals) -> `bins` (means with honest
+//! errors) -> `evidence` (each cause against what it acts through), `figures`, `tables`, `words`,
+//! `stochastic` (a block each) -> [`page`] (their order). What `compare`'s page has already
+//! (held-out time without pauses, files, models in a line each) is taken from there.
+
+mod bins;
+mod evidence;
+mod figures;
+mod rows;
+mod stochastic;
+mod tables;
+mod words;
+
+pub use stochastic::stochastic_section;
+
+use super::page::{Study, View, glossary, in_rows, tables as shared};
+use crate::data::{Dataset, Split};
+use crate::diagnose::{Diagnosis, story};
+use crate::fit::outcome::{Predicted, predict};
+use crate::fit::statistics::autocorrelation_time;
+use crate::report::{Block, Page};
+use rows::Rows;
+use serde_json::Value;
+
+/// All that a page is made from.
+#[derive(Clone, Copy)]
+pub struct Diagnosed<'a> {
+    /// The diagnosis.
+    pub found: &'a Diagnosis,
+    /// All runs.
+    pub data: &'a Dataset,
+    /// What was fitted on and judged by.
+    pub split: &'a Split,
+    /// SHA-256 of each file, in the order of [`Dataset::files`].
+    pub hashes: &'a [String],
+    /// Names given to foreign columns, `ours=theirs`.
+    pub columns: &'a [String],
+    /// Samples dropped at the start of each run.
+    pub skip: usize,
+    /// What was drawn at random was drawn with this.
+    pub seed: u64,
+}
+
+/// A diagnosis with what follows from it.
+struct Scene<'a> {
+    about: Diagnosed<'a>,
+    /// Both models as `compare` looks at them: before, after.
+    view: View<'a>,
+    /// The held-out rows.
+    held: Rows<'a>,
+    /// All rows.
+    all: Rows<'a>,
+    /// How many neighbouring rows the residual of the extended model remembers.
+    memory: f64,
+}
+
+impl Scene<'_> {
+    /// Whether there is an extended model that is another one than the base.
+    fn is_extended(&self) -> bool {
+        self.about.found.extended.spec != self.about.found.baseline.spec
+    }
+
+    /// What the base model is called in legends: there is no before without an after.
+    fn base(&self) -> &'static str {
+        if self.is_extended() { figures::BEFORE } else { "base model" }
+    }
+
+    /// "rad" or "m".
+    fn position_unit(&self) -> &'static str {
+        self.about.data.joint.position_unit()
+    }
+
+    /// "rad/s" or "m/s".
+    fn velocity_unit(&self) -> &'static str {
+        self.about.data.joint.velocity_unit()
+    }
+
+    /// "torque" or "force".
+    fn torque(&self) -> &'static str {
+        self.view.torque()
+    }
+
+    /// Its unit.
+    fn unit(&self) -> &'static str {
+        self.view.unit()
+    }
+}
+
+/// The page of a diagnosis.
+pub fn page(about: &Diagnosed) -> Page {
+    let Diagnosed { found, data, split, .. } = *about;
+    let log = &found.log;
+    let fits = [found.baseline.clone(), found.extended.clone()];
+    let fits = if found.extended.spec == found.baseline.spec { &fits[..1] } else { &fits[..] };
+    let study = Study {
+        data,
+        split,
+        hashes: about.hashes,
+        test: log.test_rows(),
+        columns: about.columns,
+        skip: about.skip,
+        fits,
+    };
+    let on_train = [&found.baseline, &found.extended]
+        .map(|fit| predict(&fit.parameters, log.train_rows(), fit.resolution));
+    let held = || {
+        let both = [&found.before, &found.after];
+        Rows::new(data, &split.test, &log.test_tracks, both, log.decimate)
+    };
+    let [before, after] = &on_train;
+    let trained = Rows::new(data, &split.train, &log.train_tracks, [before, after], log.decimate);
+    let scene = Scene {
+        about: *about,
+        view: View::new(&study),
+        held: held(),
+        all: trained.joined(held()),
+        memory: memory(&found.after),
+    };
+
+    let mut page = Page::new(words::title(&scene), words::subtitle(&scene));
+    page.push(Block::List(story::story(found)));
+    let sections = [
+        gain(&scene),
+        predictions(&scene),
+        evidence(&scene),
+        left_over(&scene),
+        where_in_motion(&scene),
+        findings(&scene),
+        parameters(&scene),
+        stochastic(&scene),
+        methods(&scene),
+        sources(&scene),
+    ];
+    page.blocks.extend(sections.into_iter().flatten());
+    page
+}
+
+/// How many neighbouring rows of a residual are one observation.
+fn memory(predicted: &Predicted) -> f64 {
+    autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice))
+}
+
+fn gain(scene: &Scene) -> Vec<Block> {
+    vec![
+        Block::Heading("How well the runs that no fit has seen are predicted".into()),
+        Block::Chart(figures::errors(scene)),
+    ]
+}
+
+fn predictions(scene: &Scene) -> Vec<Block> {
+    let Some(charts) = figures::predictions(scene) else { return Vec::new() };
+    let mut blocks = vec![
+        Block::Heading(format!("The {} and what the models make of it", scene.torque())),
+        Block::Paragraph(words::predictions(scene)),
+    ];
+    let [over_time, close_up @ ..] = charts;
+    blocks.push(Block::Chart(over_time));
+    blocks.push(Block::Row(close_up.to_vec()));
+    blocks
+}
+
+fn evidence(scene: &Scene) -> Vec<Block> {
+    let mut blocks = vec![Block::Heading("The evidence".into())];
+    let findings = &scene.about.found.findings;
+    let Some((first, others)) = findings.split_first() else {
+        blocks.push(Block::Paragraph(words::NOTHING_FOUND.into()));
+        blocks.push(Block::Chart(figures::autocorrelation(scene)));
+        return blocks;
+    };
+    blocks.push(Block::Paragraph(words::reading_means(scene)));
+    blocks.extend(in_rows(evidence::of(scene, first)));
+    if scene.is_extended() {
+        blocks.push(Block::Chart(figures::added(scene)));
+    } else {
+        blocks.push(Block::Chart(figures::autocorrelation(scene)));
+    }
+    for other in others {
+        blocks.push(Block::Details {
+            summary: format!("The evidence for {}", other.kind.name()),
+            blocks: in_rows(evidence::of(scene, other)),
+        });
+    }
+    blocks
+}
+
+fn left_over(scene: &Scene) -> Vec<Block> {
+    let mut blocks = vec![
+        Block::Heading("What is left over, and what it follows".into()),
+        Block::Paragraph(words::left_over(scene)),
+        Block::Chart(figures::over_held_out_time(scene)),
+    ];
+    let (along, plain) = evidence::survey(scene);
+    blocks.extend(in_rows(along));
+    blocks.push(Block::Details {
+        summary: "The same, whichever way the joint moves".into(),
+        blocks: [vec![Block::Paragraph(words::PLAIN.into())], in_rows(plain)].concat(),
+    });
+    if !scene.about.found.findings.is_empty() && scene.is_extended() {
+        blocks.push(Block::Chart(figures::autocorrelation(scene)));
+    }
+    blocks
+}
+
+fn where_in_motion(scene: &Scene) -> Vec<Block> {
+    let found = scene.about.found;
+    vec![
+        Block::Heading("Where in the motion the base model is wrong".into()),
+        Block::Row(vec![
+            figures::shares(scene, "By what the joint is doing", &found.by_regime, words::REGIMES),
+            figures::shares(scene, "By direction", &found.by_direction, words::DIRECTIONS),
+        ]),
+        Block::Table(tables::shares(scene)),
+    ]
+}
+
+fn findings(scene: &Scene) -> Vec<Block> {
+    let found = scene.about.found;
+    let mut blocks = vec![Block::Heading("Findings, and what else was heard".into())];
+    if !found.findings.is_empty() {
+        blocks.push(Block::Table(tables::findings(scene)));
+        blocks.push(Block::List(words::findings(found)));
+    }
+    if !found.hearing.is_empty() {
+        blocks.push(Block::Chart(figures::hearing(found)));
+        let count = found.hearing.len();
+        blocks.push(Block::Details {
+            summary: format!("All {count} candidates that were heard beside the base model"),
+            blocks: vec![Block::Table(tables::hearing(found))],
+        });
+    }
+    blocks
+}
+
+fn parameters(scene: &Scene) -> Vec<Block> {
+    let mut blocks = vec![
+        Block::Heading("Parameters".into()),
+        Block::Paragraph(words::PARAMETERS.into()),
+        Block::Table(tables::parameters(scene)),
+    ];
+    let verdicts = words::verdicts(scene);
+    if !verdicts.is_empty() {
+        blocks.push(Block::List(verdicts));
+    }
+    if let Some(table) = shared::correlation(&scene.about.found.extended) {
+        let summary = format!("{}: correlation of the estimates", scene.about.found.extended.spec);
+        blocks.push(Block::Details { summary, blocks: vec![Block::Table(table)] });
+    }
+    blocks
+}
+
+fn stochastic(scene: &Scene) -> Vec<Block> {
+    let made = &scene.about.found.certificates;
+    let after = if scene.is_extended() { made.after.json() } else { Value::Null };
+    stochastic_section(&made.before.json(), &after, Some(&made.reading))
+}
+
+fn methods(scene: &Scene) -> Vec<Block> {
+    vec![
+        Block::Heading("How it was done".into()),
+        Block::List(words::methods(scene)),
+        Block::Details {
+            summary: "The models".into(),
+            blocks: vec![Block::List(glossary::models(&scene.view))],
+        },
+    ]
+}
+
+fn sources(scene: &Scene) -> Vec<Block> {
+    vec![
+        Block::Heading("Data".into()),
+        Block::Table(shared::files(&scene.view)),
+        Block::List(words::sources(scene)),
+        Block::Details {
+            summary: "Runs".into(),
+            blocks: vec![Block::Table(shared::runs(&scene.view))],
+        },
+    ]
+}

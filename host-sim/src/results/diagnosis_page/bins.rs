@@ -1,0 +1,142 @@
+//! Means of a residual over a quantity, with how sure each is.
+//!
+//! A cloud of twenty thousand residuals is a grey band whatever is in it; the mean of a thousand of
+//! them shows a hundredth of the noise. But neighbouring rows repeat each other, so the error of a mean
+//! is counted over *passages*: rows that follow one another in one bin, at most as many as the residual
+//! remembers, are one observation (a cluster-robust standard error). A bin of a single passage has a
+//! mean and no error bar.
+
+use super::rows::Rows;
+
+/// Bins with fewer rows are left out.
+const FEWEST_ROWS: usize = 6;
+
+/// How wide bins are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Spacing {
+    /// All the same.
+    Even,
+    /// Narrow at zero, where friction changes fastest, and wider with the square of the distance.
+    NarrowAtZero,
+    /// By the logarithm; what is not positive is left out.
+    Log,
+    /// One for each run.
+    Runs,
+}
+
+/// A mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Mean {
+    /// Mean of the quantity.
+    pub x: f64,
+    /// Mean of the residual.
+    pub y: f64,
+    /// Its standard error; NaN where one passage is all there is.
+    pub error: f64,
+    /// A quarter of the rows lie below this.
+    pub low: f64,
+    /// And a quarter above this.
+    pub high: f64,
+}
+
+/// Rows sorted into bins.
+pub(super) struct Bins {
+    /// The bin of each row.
+    of_row: Vec<Option<usize>>,
+    /// Where a passage ends though the bin does not: the first row of each.
+    begins: Vec<bool>,
+    count: usize,
+}
+
+impl Bins {
+    /// Sorts rows by `x`; those where it is not finite are left out. `memory` is how many rows the
+    /// residual remembers.
+    pub fn new(rows: &Rows, x: &[f64], spacing: Spacing, count: usize, memory: f64) -> Self {
+        let scale = |x: f64| match spacing {
+            Spacing::Even | Spacing::Runs => x,
+            Spacing::NarrowAtZero => x.signum() * x.abs().sqrt(),
+            Spacing::Log if x > 0.0 => x.ln(),
+            Spacing::Log => f64::NAN,
+        };
+        let scaled: Vec<f64> = x.iter().map(|x| scale(*x)).collect();
+        let finite = || scaled.iter().copied().filter(|x| x.is_finite());
+        let low = finite().fold(f64::INFINITY, f64::min);
+        let width = (finite().fold(f64::NEG_INFINITY, f64::max) - low) / count as f64;
+        let place = |x: f64| {
+            let at = if width > 0.0 { (x - low) / width } else { 0.0 };
+            x.is_finite().then_some((at as usize).min(count - 1))
+        };
+        let mut of_row: Vec<Option<usize>> = scaled.iter().map(|x| place(*x)).collect();
+        let mut begins = vec![false; of_row.len()];
+        let mut runs: Vec<usize> = Vec::new();
+        for stretch in &rows.stretches {
+            if let Some(begin) = begins.get_mut(stretch.rows.start) {
+                *begin = true;
+            }
+            if spacing == Spacing::Runs {
+                let known = runs.iter().position(|run| *run == stretch.run);
+                let run = known.unwrap_or_else(|| {
+                    runs.push(stretch.run);
+                    runs.len() - 1
+                });
+                for row in stretch.rows.clone() {
+                    of_row[row] = x[row].is_finite().then_some(run);
+                }
+            }
+        }
+        let longest = (2.0 * memory).ceil().max(1.0) as usize;
+        let mut length = 0;
+        for row in 0..of_row.len() {
+            let goes_on = row > 0 && !begins[row] && of_row[row] == of_row[row - 1];
+            length = if goes_on && length < longest { length + 1 } else { 1 };
+            begins[row] = length == 1;
+        }
+        let count = if spacing == Spacing::Runs { runs.len() } else { count };
+        Self { of_row, begins, count }
+    }
+
+    /// The mean of `y` in each bin that has enough rows; rows count as `weight` says. Rows where `y`
+    /// is not finite are left out.
+    pub fn means(&self, x: &[f64], y: &[f64], weight: Option<&[f64]>) -> Vec<Mean> {
+        let weigh = |row: usize| weight.map_or(1.0, |weight| weight[row]);
+        let mut members: Vec<Vec<usize>> = vec![Vec::new(); self.count];
+        for (row, bin) in self.of_row.iter().enumerate() {
+            if let Some(bin) = bin.filter(|_| y[row].is_finite() && weigh(row) > 0.0) {
+                members[bin].push(row);
+            }
+        }
+        let mut means: Vec<Mean> = members
+            .iter()
+            .filter(|rows| rows.len() >= FEWEST_ROWS)
+            .map(|rows| self.mean(rows, x, y, &weigh))
+            .collect();
+        means.sort_by(|a, b| a.x.total_cmp(&b.x));
+        means
+    }
+
+    fn mean(&self, rows: &[usize], x: &[f64], y: &[f64], weigh: &dyn Fn(usize) -> f64) -> Mean {
+        let all: f64 = rows.iter().map(|row| weigh(*row)).sum();
+        let mean = |v: &[f64]| rows.iter().map(|row| weigh(*row) * v[*row]).sum::<f64>() / all;
+        let at = mean(y);
+        let (mut passages, mut squares, mut pull) = (0.0, 0.0, 0.0);
+        let mut last = None;
+        for row in rows {
+            let goes_on = last == Some(row.wrapping_sub(1)) && !self.begins[*row];
+            if !goes_on {
+                squares += pull * pull;
+                (passages, pull) = (passages + 1.0, 0.0);
+            }
+            pull += weigh(*row) * (y[*row] - at);
+            last = Some(*row);
+        }
+        squares += pull * pull;
+        let error = match passages > 1.0 {
+            true => (squares * passages / (passages - 1.0)).sqrt() / all,
+            false => f64::NAN,
+        };
+        let mut sorted: Vec<f64> = rows.iter().map(|row| y[*row]).collect();
+        sorted.sort_by(f64::total_cmp);
+        let quartile = |share: usize| sorted[(sorted.len() - 1) * share / 4];
+        Mean { x: mean(x), y: at, error, low: quartile(1), high: quartile(3) }
+    }
+}

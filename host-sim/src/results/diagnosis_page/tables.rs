@@ -1,0 +1,187 @@
+//! The tables of the page.
+
+use super::Scene;
+use crate::data::Joint;
+use crate::diagnose::{Diagnosis, Hearing, Share};
+use crate::fit::{Estimate, Outcome, State};
+use crate::params::unit;
+use crate::report::{Cell, Table, significant};
+use compensator_core::ParameterId;
+
+fn header<const N: usize>(names: [&str; N]) -> Vec<String> {
+    names.map(str::to_owned).to_vec()
+}
+
+/// Percent with two digits.
+fn percent(share: f64) -> Cell {
+    Cell::Digits(100.0 * share, 2)
+}
+
+/// A number that is not to be torn apart at the end of a line.
+fn unbroken(number: String) -> String {
+    number.replace(' ', "\u{a0}")
+}
+
+/// A probability; 0 is one too small to be written.
+pub(super) fn probability(p: f64) -> String {
+    if p > 0.0 { unbroken(significant(p, 2)) } else { "–".into() }
+}
+
+/// Where the base model is wrong.
+pub(super) fn shares(scene: &Scene) -> Table {
+    let found = scene.about.found;
+    let row = |share: &Share| {
+        vec![
+            share.name.as_str().into(),
+            percent(share.of_rows),
+            Cell::Text(format!(
+                "{} ± {}",
+                significant(100.0 * share.of_error, 2),
+                significant(200.0 * share.uncertainty, 2)
+            )),
+            Cell::Digits(share.rmse, 3),
+            Cell::Digits(share.mean, 2),
+        ]
+    };
+    let unit = scene.unit();
+    let mut header =
+        header(["", "of the rows (%)", "of the squared error (%, ± 2 standard errors)"]);
+    header.push(format!("RMSE there ({unit})"));
+    header.push(format!("mean error there ({unit})"));
+    Table {
+        caption: "The base model on held-out rows".into(),
+        header,
+        rows: found.by_regime.iter().chain(&found.by_direction).map(row).collect(),
+        best: Vec::new(),
+    }
+}
+
+/// The findings, strongest first.
+pub(super) fn findings(scene: &Scene) -> Table {
+    let found = scene.about.found;
+    let rows = found.findings.iter().map(|finding| {
+        let [low, high] = finding.size.ci95;
+        let unit = if finding.size.unit == "1" { "" } else { finding.size.unit.as_str() };
+        let rivals: Vec<&str> =
+            finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+        let order = finding.order.map_or_else(String::new, |(order, error)| {
+            format!(", order {} ± {}", significant(order, 4), significant(2.0 * error, 1))
+        });
+        vec![
+            finding.kind.name().into(),
+            finding.columns.join(", ").into(),
+            format!("{} {unit}{order}", unbroken(significant(finding.size.value, 4))).into(),
+            format!("{} to {}", unbroken(significant(low, 3)), unbroken(significant(high, 3)))
+                .into(),
+            percent(finding.share_of_residual),
+            Cell::Text(probability(finding.p_value)),
+            Cell::Text(format!("{:.2}", finding.stability)),
+            rivals.join(", ").into(),
+        ]
+    });
+    Table {
+        caption: "What was found, strongest first".into(),
+        header: header([
+            "cause",
+            "follows",
+            "size",
+            "95 % interval",
+            "share (%)",
+            "p",
+            "stability",
+            "not told apart from",
+        ]),
+        rows: rows.collect(),
+        best: Vec::new(),
+    }
+}
+
+/// What a candidate is called.
+pub(super) fn candidate(heard: &Hearing) -> String {
+    let mut name = heard.kind.name().to_owned();
+    if !heard.columns.is_empty() {
+        name += &format!(" ({})", heard.columns.join(", "));
+    }
+    if let Some(order) = heard.order {
+        name += &format!(", order {}", significant(order, 4));
+    }
+    if heard.level {
+        name += ", of the level";
+    }
+    name
+}
+
+/// All candidates, best first.
+pub(super) fn hearing(found: &Diagnosis) -> Table {
+    let row = |heard: &Hearing| {
+        vec![
+            candidate(heard).into(),
+            Cell::Digits(100.0 * heard.share, 3),
+            Cell::Text(probability(heard.trial.p_value)),
+            if heard.passed { "passed".into() } else { "".into() },
+        ]
+    };
+    Table {
+        caption: "Each alone beside the base model, best first".into(),
+        header: header(["candidate", "of the squared residual (%), rows left out", "p", ""]),
+        rows: found.hearing.iter().map(row).collect(),
+        best: Vec::new(),
+    }
+}
+
+/// Parameters before and after.
+pub(super) fn parameters(scene: &Scene) -> Table {
+    let found = scene.about.found;
+    let joint = scene.about.data.joint;
+    let mut ids: Vec<ParameterId> = found.baseline.estimates.iter().map(|e| e.id).collect();
+    ids.extend(
+        found
+            .extended
+            .estimates
+            .iter()
+            .map(|e| e.id)
+            .filter(|id| !ids.contains(id))
+            .collect::<Vec<_>>(),
+    );
+    ids.retain(|id| !is_unused(&found.baseline, *id) || !is_unused(&found.extended, *id));
+    let row = |id: &ParameterId| row(found, *id, joint, scene.is_extended());
+    let mut names = header(["parameter", "unit", "before ± standard error", "state"]);
+    if scene.is_extended() {
+        names.extend(header(["after ± standard error", "state"]));
+    }
+    let caption = match scene.is_extended() {
+        true => format!("Before: {}. After: {}.", found.baseline.spec, found.extended.spec),
+        false => format!("{}.", found.baseline.spec),
+    };
+    Table { caption, header: names, rows: ids.iter().map(row).collect(), best: Vec::new() }
+}
+
+fn row(found: &Diagnosis, id: ParameterId, joint: Joint, extended: bool) -> Vec<Cell> {
+    let mut cells = vec![id.name().into(), unit(id.info(), joint).into()];
+    let outcomes = [&found.baseline, &found.extended];
+    for outcome in &outcomes[..if extended { 2 } else { 1 }] {
+        match outcome.estimates.iter().find(|estimate| estimate.id == id) {
+            Some(estimate) => cells.extend(value_and_state(estimate)),
+            None => cells.extend([Cell::Empty, "".into()]),
+        }
+    }
+    cells
+}
+
+fn value_and_state(estimate: &Estimate) -> [Cell; 2] {
+    let Estimate { value, std_error, state, .. } = *estimate;
+    match std_error {
+        Some(std_error) => {
+            [Cell::Estimate { value, std_error }, state.name().replace('-', " ").into()]
+        }
+        None if state == State::NotDetermined => [Cell::Empty, "not determined, not fitted".into()],
+        None => [Cell::Number(value), "kept".into()],
+    }
+}
+
+/// A knot of the free curve that was kept at nothing, or a parameter the model has not.
+fn is_unused(outcome: &Outcome, id: ParameterId) -> bool {
+    outcome.estimates.iter().find(|estimate| estimate.id == id).is_none_or(|estimate| {
+        estimate.std_error.is_none() && estimate.value == 0.0 && id.name().starts_with("unknown_")
+    })
+}

@@ -1,0 +1,208 @@
+//! The page's title and the texts beside its charts and tables.
+
+use super::Scene;
+use crate::diagnose::round::{MATERIAL, SIGNIFICANT};
+use crate::diagnose::{Diagnosis, Finding};
+use crate::report::significant;
+use crate::results::page::words::{self as shared, counted, listed, quantity};
+use compensator_core::term::UNKNOWN_LEVELS;
+
+/// Where nothing was found.
+pub(super) const NOTHING_FOUND: &str = "No cause passed: what the base model leaves over is no more than noise as far as \
+     these rows can tell. The chart shows how long the residual remembers; noise does not.";
+
+/// Above the charts that do not look along the motion.
+pub(super) const PLAIN: &str = "Here the residual keeps its own sign. A torque that acts whichever way the joint moves (an \
+     offset, a load, an imbalance) shows in these charts and averages out in those above; a level of friction that is off \
+     shows above and averages out here.";
+
+/// Under the shares by regime.
+pub(super) const REGIMES: &str = "A bar of the error longer than that of the rows: the model is worse there than elsewhere. \
+     Error bars are two standard errors over the runs.";
+
+/// Under the shares by direction.
+pub(super) const DIRECTIONS: &str =
+    "A model that is wrong in one direction alone has its error there.";
+
+/// Above the parameters.
+pub(super) const PARAMETERS: &str = "A value is given with one standard error. Only a parameter that is \"determined\" says \
+     something of the machine. What moves from before to after is what the base model had bent to make up for the cause.";
+
+/// The page's title: the files, and what was found.
+pub(super) fn title(scene: &Scene) -> String {
+    let files = &scene.about.data.files;
+    let name = |file: &std::path::PathBuf| {
+        file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
+    };
+    let on = listed(&files.iter().map(name).collect::<Vec<_>>(), 3);
+    let of = if on.is_empty() { "Diagnosis".to_owned() } else { format!("Diagnosis of {on}") };
+    let mut causes: Vec<&str> =
+        scene.about.found.findings.iter().map(|finding| finding.kind.name()).collect();
+    causes.dedup();
+    match causes.as_slice() {
+        [] => format!("{of}: nothing systematic is left"),
+        causes => format!("{of}: {}", listed(causes, 3)),
+    }
+}
+
+/// What was logged and what was held out.
+pub(super) fn subtitle(scene: &Scene) -> String {
+    shared::subtitle(&scene.view)
+}
+
+/// What before and after are.
+fn models(scene: &Scene) -> String {
+    let found = scene.about.found;
+    match scene.is_extended() {
+        true => format!("Before: {}. After: {}.", found.baseline.spec, found.extended.spec),
+        false => format!("The model is {}; no extension is offered.", found.baseline.spec),
+    }
+}
+
+/// Above the telling run.
+pub(super) fn predictions(scene: &Scene) -> String {
+    let which = match scene.is_extended() {
+        true => "Of all held-out runs, this is the one in which the extension gains most.",
+        false => "Of all held-out runs, this is the one in which the model is most wrong.",
+    };
+    format!("{} {which}", models(scene))
+}
+
+/// How the charts of means are to be read.
+pub(super) fn reading_means(scene: &Scene) -> String {
+    let several = match scene.about.found.findings.len() {
+        0 | 1 => "",
+        _ => {
+            " \"After, without it\" is the extended model with this one cause taken out and nothing fitted anew: what this \
+             cause alone explains."
+        }
+    };
+    format!(
+        "{} The residual is the logged minus the simulated {1}. Where a chart says \"resists more than simulated\", it is \
+         counted along the motion: positive where the joint resists more than the model says, whichever way it moves, and \
+         rows at rest are left out. Points are means of the rows in a bin, fitted and held-out runs together; bars are two \
+         standard errors, for which rows that follow each other count as one observation as long as the residual \
+         remembers (here {2}). Single rows may reach beyond the axis, which is that of the means. Right is what lies flat at \
+         zero.{several}",
+        models(scene),
+        scene.torque(),
+        counted((2.0 * scene.memory).ceil() as usize, "row")
+    )
+}
+
+/// Above the survey of the residual.
+pub(super) fn left_over(scene: &Scene) -> String {
+    let grey = "The grey band holds the middle half of the rows, before; the chart over the campaign has all runs in it.";
+    match scene.is_extended() {
+        true => format!(
+            "Held-out runs. What still has a shape after the extension is not explained by it; a column that only went \
+             along with the cause falls flat without having been named. {grey}"
+        ),
+        false => format!("Held-out runs. What has a shape here is not explained. {grey}"),
+    }
+}
+
+/// Whether the free curve scales the level of the friction.
+pub(super) fn follows_level(found: &Diagnosis) -> bool {
+    UNKNOWN_LEVELS.iter().any(|id| found.extended.parameters.get(*id) != 0.0)
+}
+
+/// The findings, a sentence each.
+pub(super) fn findings(found: &Diagnosis) -> Vec<String> {
+    let sentence = |finding: &Finding| {
+        format!("{}: {}.", finding.kind.name(), finding.in_words.trim_end_matches('.'))
+    };
+    let mut said: Vec<String> = found.findings.iter().map(sentence).collect();
+    said.push(
+        "Share: what goes off the squared residual of the base model when this cause comes in last. p: the probability that the best of all \
+         candidates looks as good where nothing is hidden. Stability: the share of resampled logs in which this cause wins \
+         against all others."
+            .into(),
+    );
+    said
+}
+
+/// What the fits say of their parameters.
+pub(super) fn verdicts(scene: &Scene) -> Vec<String> {
+    let found = scene.about.found;
+    let mut fits = vec![("before", &found.baseline)];
+    if scene.is_extended() {
+        fits.push(("after", &found.extended));
+    }
+    let said = |(when, fit): (&'static str, &crate::fit::Outcome)| {
+        let sentence =
+            move |verdict: &String| format!("{when}: {}.", verdict.trim_end_matches('.'));
+        fit.verdicts.iter().map(sentence).collect::<Vec<_>>()
+    };
+    fits.into_iter().flat_map(said).collect()
+}
+
+/// How the diagnosis was made.
+pub(super) fn methods(scene: &Scene) -> Vec<String> {
+    let found = scene.about.found;
+    let (log, knots) = (&found.log, UNKNOWN_LEVELS.len());
+    vec![
+        "A model is simulated by the step that runs on the joint driver, here in double precision, driven by the logged \
+         motion; its free parameters are fitted to the sum of squared residuals by Levenberg-Marquardt with exact \
+         derivatives. Unless a model was given, the base is the simplest of linear, stribeck and lugre that the log \
+         supports, by a BIC that counts independent rows."
+            .into(),
+        format!(
+            "Candidates: every cause of the catalogue whose column is in the log and varies, as what it would change in the \
+             torque row by row; ripples by their order, found in the spectrum over the position; and, with a handicap and \
+             after the named causes, a curve of {knots} knots over any column (\"unknown\"). {} were heard.",
+            found.hearing.len()
+        ),
+        format!(
+            "A candidate passes if its blocks of rows agree better than the best of all candidates does in this log with \
+             the residual's sign flipped block by block (p below {}), and if it takes more than {} % off the squared \
+             residual on rows left out of its fit. Those that pass are fitted together with everything else; the one that \
+             explains most stays, and the next round looks at what is left. Causes that bend the base model's own \
+             parameters get a fit even where this rates them low, if structure is left.",
+            significant(SIGNIFICANT, 1),
+            significant(100.0 * MATERIAL, 1)
+        ),
+        "At the end every finding is taken out once and has to win its place again: against all others, with whole runs as \
+         observations, and on the held-out rows. \"Not told apart from\" names what would explain the same."
+            .into(),
+        format!(
+            "Noise floor ({}): from second differences of the logged {}, whose median keeps breakaways out. It is a floor \
+             for white noise: a logger that smooths shows less than its sensor makes, and then no model can reach it.",
+            quantity(found.noise_floor, scene.unit()),
+            scene.torque()
+        ),
+        "Intervals of sizes are 1.96 standard errors of the joint fit, with neighbouring rows counted as one observation as \
+         far as the residual hangs together; they do not hold what the model gets wrong. The interval of the gain is that \
+         of resampled blocks of held-out rows. Both speak of this campaign: what differs from one campaign to the next is \
+         in neither."
+            .into(),
+        format!(
+            "Held-out rows are whole runs or whole stretches. They judge the error, the gain and whether a finding may stay, \
+             so they flatter a finding that only just stayed.{}",
+            if log.decimate > 1 { format!(" Residuals are judged at one row in {}.", log.decimate) } else { String::new() }
+        ),
+        format!(
+            "Made by host-sim {} with seed {} in {} s.",
+            env!("CARGO_PKG_VERSION"),
+            scene.about.seed,
+            significant(found.seconds, 2)
+        ),
+    ]
+}
+
+/// What a reader should know of the data.
+pub(super) fn sources(scene: &Scene) -> Vec<String> {
+    let mut said = shared::sources(&scene.view);
+    let data = scene.about.data;
+    let heard: Vec<&str> =
+        scene.about.found.log.extras.iter().map(|index| data.covariates[*index].as_str()).collect();
+    if !heard.is_empty() {
+        said.push(format!(
+            "Heard as possible causes beside the columns of the contract: {}.",
+            listed(&heard, 12)
+        ));
+    }
+    let notes = scene.about.found.log.notes.iter();
+    said.extend(notes.map(|note| format!("{}.", note.trim_end_matches('.'))));
+    said
+}
