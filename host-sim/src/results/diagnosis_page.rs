@@ -175,7 +175,7 @@ fn evidence(scene: &Scene) -> Vec<Block> {
         blocks.push(Block::Chart(figures::autocorrelation(scene)));
         return blocks;
     };
-    blocks.push(Block::Paragraph(words::reading_means(scene)));
+    blocks.push(Block::List(words::reading_means(scene)));
     blocks.extend(in_rows(evidence::of(scene, first)));
     if scene.is_extended() {
         blocks.push(Block::Chart(figures::added(scene)));

@@ -3,13 +3,16 @@
 //! A cloud of twenty thousand residuals is a grey band whatever is in it; the mean of a thousand of
 //! them shows a hundredth of the noise. But neighbouring rows repeat each other, so the error of a mean
 //! is counted over *passages*: rows that follow one another in one bin, at most as many as the residual
-//! remembers, are one observation (a cluster-robust standard error). A bin of a single passage has a
-//! mean and no error bar.
+//! remembers, are one observation (a cluster-robust standard error). A bin of a few passages has a mean
+//! and no error bar: three observations that happen to agree are no small error.
 
 use super::rows::Rows;
 
 /// Bins with fewer rows are left out.
 const FEWEST_ROWS: usize = 6;
+
+/// Means of fewer passages have no error bar.
+const FEWEST_PASSAGES: usize = 4;
 
 /// How wide bins are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +34,7 @@ pub(super) struct Mean {
     pub x: f64,
     /// Mean of the residual.
     pub y: f64,
-    /// Its standard error; NaN where one passage is all there is.
+    /// Its standard error; NaN where a few passages are all there is.
     pub error: f64,
     /// A quarter of the rows lie below this.
     pub low: f64,
@@ -118,25 +121,82 @@ impl Bins {
         let all: f64 = rows.iter().map(|row| weigh(*row)).sum();
         let mean = |v: &[f64]| rows.iter().map(|row| weigh(*row) * v[*row]).sum::<f64>() / all;
         let at = mean(y);
-        let (mut passages, mut squares, mut pull) = (0.0, 0.0, 0.0);
+        let (mut passages, mut squares, mut pull) = (0u32, 0.0, 0.0);
         let mut last = None;
         for row in rows {
             let goes_on = last == Some(row.wrapping_sub(1)) && !self.begins[*row];
             if !goes_on {
                 squares += pull * pull;
-                (passages, pull) = (passages + 1.0, 0.0);
+                (passages, pull) = (passages + 1, 0.0);
             }
             pull += weigh(*row) * (y[*row] - at);
             last = Some(*row);
         }
         squares += pull * pull;
-        let error = match passages > 1.0 {
-            true => (squares * passages / (passages - 1.0)).sqrt() / all,
+        let n = f64::from(passages);
+        let error = match passages as usize >= FEWEST_PASSAGES {
+            true => (squares * n / (n - 1.0)).sqrt() / all,
             false => f64::NAN,
         };
         let mut sorted: Vec<f64> = rows.iter().map(|row| y[*row]).collect();
         sorted.sort_by(f64::total_cmp);
         let quartile = |share: usize| sorted[(sorted.len() - 1) * share / 4];
         Mean { x: mean(x), y: at, error, low: quartile(1), high: quartile(3) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows of one run without a model.
+    fn rows(count: usize) -> Rows<'static> {
+        Rows {
+            stretches: Vec::new(),
+            before: vec![0.0; count],
+            after: vec![0.0; count],
+            judged: vec![true; count],
+            velocity: vec![1.0; count],
+            fastest: 1.0,
+            decimate: 1,
+        }
+    }
+
+    #[test]
+    fn a_mean_knows_how_sure_it_is() {
+        // Two bins, in turns of ten rows; noise of a spread of 1/sqrt(12) around 1 and -1.
+        let mut state = 1u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let x: Vec<f64> = (0..4000).map(|row| f64::from(row / 10 % 2)).collect();
+        let y: Vec<f64> = x.iter().map(|x| 2.0 * x - 1.0 + noise()).collect();
+        let independent = Bins::new(&rows(4000), &x, Spacing::Even, 2, 0.5).means(&x, &y, None);
+        assert_eq!(independent.len(), 2);
+        for (mean, expected) in independent.iter().zip([-1.0, 1.0]) {
+            assert!((mean.y - expected).abs() < 4.0 * mean.error, "{mean:?}");
+            let error = (1.0 / 12.0 / 2000f64).sqrt();
+            assert!((mean.error / error - 1.0).abs() < 0.1, "{mean:?}");
+            assert!(mean.low < mean.y && mean.y < mean.high);
+        }
+        // Ten equal rows in a row are one observation, and the error knows it.
+        let y: Vec<f64> = y.chunks(10).flat_map(|part| [part[0]; 10]).collect();
+        let together = Bins::new(&rows(4000), &x, Spacing::Even, 2, 20.0).means(&x, &y, None);
+        assert!(together[0].error > 2.5 * independent[0].error, "{together:?}");
+    }
+
+    #[test]
+    fn what_is_not_finite_or_rare_is_left_out() {
+        let x: Vec<f64> = (0..100).map(|row| if row < 97 { 0.1 } else { 1.0 }).collect();
+        let y: Vec<f64> = (0..100).map(|row| if row % 2 == 0 { f64::NAN } else { 1.0 }).collect();
+        let bins = Bins::new(&rows(100), &x, Spacing::Even, 10, 1.0);
+        let means = bins.means(&x, &y, None);
+        assert_eq!(means.len(), 1, "three rows are no mean");
+        assert_eq!(means[0].y, 1.0);
+        let logarithmic = Bins::new(&rows(100), &[-1.0; 100], Spacing::Log, 10, 1.0);
+        assert!(logarithmic.means(&x, &x, None).is_empty());
+        let still = Bins::new(&rows(100), &[2.0; 100], Spacing::NarrowAtZero, 10, 1.0);
+        assert_eq!(still.means(&[2.0; 100], &x, None).len(), 1);
     }
 }

@@ -13,7 +13,7 @@ use super::figures::{AFTER, fitting_range};
 use super::rows::{AT_REST, Rows, rate, rest_before, since_reversal};
 use crate::diagnose::Finding;
 use crate::fit::outcome::predict;
-use crate::report::{Axis, Chart, Series, rounded, significant, thin_scatter};
+use crate::report::{Axis, Chart, Series, Style, rounded, significant, thin_scatter};
 use ParameterId as Id;
 use compensator_core::{ParameterId, TermKind};
 use std::f64::consts::TAU;
@@ -262,7 +262,7 @@ fn plane(scene: &Scene, finding: &Finding, kind: TermKind) -> Option<Plane> {
             let x = rows.sampled(|sample| sample.campaign_time_h);
             let runs = if data.runs.len() > 1 { Spacing::Runs } else { Spacing::Even };
             along("Friction over the campaign", "campaign time (h)", x).spaced(runs).saying(
-                "One point for each run, or stretch of a single one. Where friction runs in or wears, they drift away from zero.",
+                "One point for each run, or stretch of a single one. Where friction runs in or wears, they drift over the campaign.",
             )
         }
         Kind::UnmodelledInertia => {
@@ -317,15 +317,21 @@ fn chart(scene: &Scene, rows: &Rows, plane: &Plane, wide: bool) -> Option<Chart>
             Series::band(name, column(|m| m.x), column(|m| m.low), column(|m| m.high)).muted(),
         );
     }
-    series.push(mean_line(scene.base(), &base));
+    // A line from run to run would only show the order they were made in.
+    let apart = plane.spacing == Spacing::Runs;
+    let means = |name: &str, means: &[Mean]| match mean_line(name, means) {
+        line if apart => Series { style: Style::Points, ..line },
+        line => line,
+    };
+    series.push(means(scene.base(), &base));
     if scene.is_extended() {
-        series.push(mean_line(AFTER, &extended));
+        series.push(means(AFTER, &extended));
     }
     let mut drawn = extended.clone();
     if let Some(without) = &plane.without {
-        let means = bins.means(&plane.x, &plane.seen(rows, without), weight);
-        series.push(mean_line(WITHOUT, &means));
-        drawn.extend(means);
+        let alone = bins.means(&plane.x, &plane.seen(rows, without), weight);
+        series.push(means(WITHOUT, &alone));
+        drawn.extend(alone);
     }
     let range = fitting_range(&base, &drawn, weight.is_none());
     let log = plane.spacing == Spacing::Log;

@@ -216,20 +216,35 @@ pub(super) fn over_held_out_time(scene: &Scene) -> Chart {
     let held_out = &scene.view.held_out;
     let time = held_out.at_judged(&held_out.time);
     let length = (time.len() / STRETCHES).max(1);
+    // Rows that are not judged are holes, as the pauses between runs are.
+    let mut judged = scene.held.judged.iter();
+    let is_shown: Vec<Option<bool>> =
+        held_out.judged.iter().map(|row| row.map(|_| judged.next() == Some(&true))).collect();
+    let shown = |residual: &[f64]| -> Vec<f64> {
+        let value = |(value, shown): (&f64, &Option<bool>)| {
+            if *shown == Some(true) { *value } else { f64::NAN }
+        };
+        residual.iter().zip(&is_shown).map(value).collect()
+    };
     let means = |values: &[f64]| -> Vec<f64> {
-        let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
-        // A stretch across a pause has a NaN in it, and so has its mean: the curve breaks there.
-        values.chunks(length).map(mean).collect()
+        let mean = |(part, shown): (&[f64], &[Option<bool>])| {
+            // Over a pause no line is drawn.
+            if shown.contains(&None) {
+                return f64::NAN;
+            }
+            let finite = part.iter().filter(|value| value.is_finite());
+            finite.clone().sum::<f64>() / finite.count() as f64
+        };
+        values.chunks(length).zip(is_shown.chunks(length)).map(mean).collect()
     };
     let at = rounded(&means(&time));
     let single = held_out.simulated.last().map_or(&[][..], |model| &model.residual);
-    let (x, y) = thin_series(&time, single, CORNERS);
+    let (x, y) = thin_series(&time, &shown(single), CORNERS);
     let mut series = vec![Series::line("single rows", rounded(&x), rounded(&y)).muted()];
     let simulated = held_out.simulated.iter().zip([scene.base(), AFTER]);
-    series.extend(
-        simulated
-            .map(|(model, name)| Series::line(name, at.clone(), rounded(&means(&model.residual)))),
-    );
+    series.extend(simulated.map(|(model, name)| {
+        Series::line(name, at.clone(), rounded(&means(&shown(&model.residual))))
+    }));
     Chart {
         title: "Over the time of all held-out runs".into(),
         caption: format!(
@@ -241,6 +256,14 @@ pub(super) fn over_held_out_time(scene: &Scene) -> Chart {
         y: Axis::new(format!("logged − simulated ({})", scene.unit())),
         series,
     }
+}
+
+/// The range these means lie in, and zero.
+fn with_zero(means: &[Mean]) -> Option<(f64, f64)> {
+    let low = means.iter().fold(0.0f64, |low, mean| low.min(mean.x));
+    let high = means.iter().fold(0.0f64, |high, mean| high.max(mean.x));
+    let margin = 0.05 * (high - low);
+    (high > low).then_some((low - margin, high + margin))
 }
 
 /// What the extension adds against what the base model misses, on held-out rows.
@@ -263,7 +286,7 @@ pub(super) fn added(scene: &Scene) -> Chart {
         caption: "Held-out rows, which no fit has seen. An extension that is right lies on the diagonal: where it adds \
                   something, just that was missing. A flat line would be an extension that only follows noise."
             .into(),
-        x: Axis::new(format!("extended − base model ({})", scene.unit())),
+        x: Axis { range: with_zero(&means), ..Axis::new(format!("extended − base model ({})", scene.unit())) },
         y: Axis {
             range: fitting_range(&means, &[], true),
             ..Axis::new(format!("logged − base model ({})", scene.unit()))

@@ -47,7 +47,8 @@ pub(super) struct Rows<'a> {
     pub velocity: Vec<f64>,
     /// Fastest speed.
     pub fastest: f64,
-    decimate: usize,
+    /// One residual in this many rows.
+    pub decimate: usize,
 }
 
 impl<'a> Rows<'a> {

@@ -69,25 +69,29 @@ pub(super) fn predictions(scene: &Scene) -> String {
 }
 
 /// How the charts of means are to be read.
-pub(super) fn reading_means(scene: &Scene) -> String {
-    let several = match scene.about.found.findings.len() {
-        0 | 1 => "",
-        _ => {
-            " \"After, without it\" is the extended model with this one cause taken out and nothing fitted anew: what this \
+pub(super) fn reading_means(scene: &Scene) -> Vec<String> {
+    let mut said = vec![
+        format!(
+            "The residual is the logged minus the simulated {}. \"Resists more than simulated\" is the residual along the \
+             motion: positive where the joint resists more than the model says, whichever way it moves; rows at rest are \
+             left out.",
+            scene.torque()
+        ),
+        format!(
+            "Points are means of rows, of fitted and held-out runs together; bars are two standard errors. Rows that follow \
+             each other count as one observation as long as the residual remembers (here {}). Single rows may reach beyond \
+             the axis, which is that of the means. Right is what lies flat at zero.",
+            counted((2.0 * scene.memory).ceil() as usize, "row")
+        ),
+    ];
+    if scene.about.found.findings.len() > 1 {
+        said.push(
+            "\"After, without it\" is the extended model with this one cause taken out and nothing fitted anew: what this \
              cause alone explains."
-        }
-    };
-    format!(
-        "{} The residual is the logged minus the simulated {1}. Where a chart says \"resists more than simulated\", it is \
-         counted along the motion: positive where the joint resists more than the model says, whichever way it moves, and \
-         rows at rest are left out. Points are means of the rows in a bin, fitted and held-out runs together; bars are two \
-         standard errors, for which rows that follow each other count as one observation as long as the residual \
-         remembers (here {2}). Single rows may reach beyond the axis, which is that of the means. Right is what lies flat at \
-         zero.{several}",
-        models(scene),
-        scene.torque(),
-        counted((2.0 * scene.memory).ceil() as usize, "row")
-    )
+                .into(),
+        );
+    }
+    said
 }
 
 /// Above the survey of the residual.
