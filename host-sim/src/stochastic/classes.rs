@@ -1,7 +1,7 @@
 //! Speed classes: runs of like speed are certified together (paper 0, Table II and III).
 //!
 //! The paper set 35, 70 and 100 rpm. A log says no such thing, so its runs are sorted by the speed
-//! they typically move at and parted at the largest gaps. A gap counts from a ratio of [`GAP`] on;
+//! they typically move at and parted at the largest gaps. A gap counts from a ratio of `GAP` on;
 //! a log that sweeps all speeds in every run is one class, and that is right.
 
 use crate::data::Joint;
