@@ -154,6 +154,7 @@ pub fn diagnose(
     let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
     let gain = judge::gain(&before, &after, question.seed);
     let left_over = left_over(&after, noise_floor);
+    let noise_floor = judge::lower_floor(noise_floor, &after);
     if findings.is_empty() && left_over > 0.0 {
         findings.push(story::unexplained(&after, noise_floor, &log, question.seed));
     }

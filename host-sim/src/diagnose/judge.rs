@@ -2,7 +2,7 @@
 
 use crate::fit::Track;
 use crate::fit::outcome::Predicted;
-use crate::fit::start::Scales;
+use crate::fit::start::{Scales, white_noise};
 use crate::fit::statistics::autocorrelation_time;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -26,6 +26,13 @@ pub fn noise_floor(tracks: &[Track], decimate: usize) -> f64 {
     let noise = Scales::of(tracks).noise;
     // The anti-alias filter passes 80 % of the band that is left.
     if decimate > 1 { noise * (0.8 / decimate as f64).sqrt() } else { noise }
+}
+
+/// A slowly logged torque turns between two rows, and second differences take that for noise; those of
+/// the extended model's residual do not. The lower of the two.
+pub fn lower_floor(floor: f64, after: &Predicted) -> f64 {
+    let own = white_noise(after.residuals.iter().map(Vec::as_slice));
+    if own > 0.0 { floor.min(own) } else { floor }
 }
 
 /// Squared errors of two models on the same blocks of rows.

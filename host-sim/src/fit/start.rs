@@ -103,9 +103,14 @@ impl Scales {
 /// The median keeps breakaways and reversals out; a second difference of white noise has `sqrt 6`
 /// times its standard deviation, and 0.6745 of that as median magnitude.
 fn noise(tracks: &[Track]) -> f64 {
+    white_noise(tracks.iter().map(|track| track.torque.as_slice()))
+}
+
+/// Standard deviation of the white noise in some unbroken series, as in [`Scales::noise`].
+pub fn white_noise<'a>(series: impl Iterator<Item = &'a [f64]>) -> f64 {
     let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
     let mut differences: Vec<f64> =
-        tracks.iter().flat_map(|track| track.torque.windows(3).map(second)).collect();
+        series.flat_map(|series| series.windows(3).map(second)).collect();
     differences.sort_by(f64::total_cmp);
     let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
     median / (0.6745 * 6f64.sqrt())
