@@ -83,12 +83,18 @@ struct Fit {
     sse: f64,
 }
 
+/// Products of some columns with each other, held by the ridge.
+fn system(total: &DMatrix<f64>, columns: &[usize]) -> DMatrix<f64> {
+    let n = columns.len();
+    DMatrix::from_fn(n, n, |i, j| {
+        total[(columns[i], columns[j])] + if i == j { RIDGE } else { 0.0 }
+    })
+}
+
 fn fit(total: &DMatrix<f64>, columns: &[usize]) -> Option<Fit> {
     let error = total.nrows() - 1;
     let n = columns.len();
-    let system = DMatrix::from_fn(n, n, |i, j| {
-        total[(columns[i], columns[j])] + if i == j { RIDGE } else { 0.0 }
-    });
+    let system = system(total, columns);
     let right = DVector::from_fn(n, |i, _| total[(columns[i], error)]);
     let coefficients = Cholesky::new(system)?.solve(&right);
     let sse = total[(error, error)] - coefficients.dot(&right);
@@ -228,9 +234,7 @@ impl Panel {
             .sum();
         let left = |columns: &[usize]| -> f64 {
             let n = columns.len();
-            let system = DMatrix::from_fn(n, n, |i, j| {
-                self.total[(columns[i], columns[j])] + if i == j { RIDGE } else { 0.0 }
-            });
+            let system = system(&self.total, columns);
             let right = DVector::from_fn(n, |i, _| effect[columns[i]]);
             let solved = Cholesky::new(system).map(|c| c.solve(&right));
             power - solved.map_or(0.0, |s| s.dot(&right))
@@ -289,9 +293,7 @@ impl Panel {
         let own: Vec<usize> = self.candidates[candidate].clone().collect();
         let (p, k) = (self.base.len(), own.len());
         // What of the candidate's columns the base has: C = J A + rest.
-        let system = DMatrix::from_fn(p, p, |i, j| {
-            self.total[(self.base[i], self.base[j])] + if i == j { RIDGE } else { 0.0 }
-        });
+        let system = system(&self.total, &self.base);
         let right = DMatrix::from_fn(p, k, |i, j| self.total[(self.base[i], own[j])]);
         let shared = Cholesky::new(system).map_or(DMatrix::zeros(p, k), |c| c.solve(&right));
         let already = fit(&self.total, &self.base);
@@ -366,9 +368,7 @@ impl Panel {
         let n = columns.len();
         let error = self.total.nrows() - 1;
         let Some(found) = fit(&self.total, &columns) else { return 1.0 };
-        let system = DMatrix::from_fn(n, n, |i, j| {
-            self.total[(columns[i], columns[j])] + if i == j { RIDGE } else { 0.0 }
-        });
+        let system = system(&self.total, &columns);
         let Some(inverse) = Cholesky::new(system).map(|c| c.inverse()) else { return 1.0 };
         let mut meat: DMatrix<f64> = DMatrix::zeros(n, n);
         for run in &runs {
