@@ -81,6 +81,8 @@ pub struct Diagnosis {
     pub by_regime: Vec<Share>,
     /// In which direction.
     pub by_direction: Vec<Share>,
+    /// By thirds of every column, and by run.
+    pub by_column: Vec<(String, Vec<Share>)>,
     /// Every candidate beside the base law, best first.
     pub hearing: Vec<Hearing>,
     /// The paper's stochastic extension before and after, and where its verdict and this one part.
@@ -164,6 +166,7 @@ pub fn diagnose(
         noise_floor,
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),
+        by_column: regime::by_column(&log, &at),
         hearing: selection.hearing,
         certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),

@@ -1,7 +1,9 @@
 //! Where in the motion a model is wrong.
 
+use super::log::Log;
 use super::tangent::Tangent;
 use crate::fit::Track;
+use compensator_core::Sample;
 
 /// Below this share of the largest speed a joint rests.
 const AT_REST: f64 = 1e-3;
@@ -156,4 +158,55 @@ pub fn shares<P>(
             }
         })
         .collect()
+}
+
+/// The squared error of a model by the lowest, middle and highest third of every column that varies, and
+/// by run: name of the column, its parts.
+pub fn by_column(log: &Log, at: &Tangent) -> Vec<(String, Vec<Share>)> {
+    type Read<'a> = Box<dyn Fn(usize, usize) -> f64 + 'a>;
+    type Of = fn(&Sample<f64>) -> f64;
+    let tracks = &log.test_tracks;
+    let sample = |track: usize, row: usize| &tracks[track].samples[row];
+    let mut columns: Vec<(String, Read)> = vec![
+        ("speed".into(), Box::new(|t, r| sample(t, r).velocity_rad_s.abs())),
+        ("time_s".into(), Box::new(|t, r| 3600.0 * sample(t, r).campaign_time_h)),
+    ];
+    let covariates: [(&str, Of); 5] = [
+        (log.position_name(), |s| s.position_rad),
+        ("radial_force_n", |s| s.radial_force_n),
+        ("pressure_diff_pa", |s| 1e6 * s.pressure_diff_mpa),
+        ("temperature_c", |s| s.temperature_c),
+        ("load_torque_nm", |s| s.load_torque_nm),
+    ];
+    for (name, read) in covariates.into_iter().filter(|(name, _)| log.varies(name)) {
+        columns.push((name.to_owned(), Box::new(move |t, r| read(sample(t, r)))));
+    }
+    for index in &log.extras {
+        let read = move |t: usize, r: usize| {
+            let track: &Track = &tracks[t];
+            log.test.runs[track.run].extra[*index][track.first_row + r]
+        };
+        columns.push((log.test.covariates[*index].clone(), Box::new(read)));
+    }
+    let mut all: Vec<(String, Vec<Share>)> =
+        columns.into_iter().map(|(name, read)| (name, thirds(tracks, at, read))).collect();
+    let runs: Vec<(String, usize)> =
+        log.test.runs.iter().enumerate().map(|(at, run)| (run.name.clone(), at)).collect();
+    all.push(("run".into(), shares(tracks, at, &runs, |t, _, run| tracks[t].run == *run)));
+    all
+}
+
+fn thirds(tracks: &[Track], at: &Tangent, read: impl Fn(usize, usize) -> f64) -> Vec<Share> {
+    let rows =
+        tracks.iter().enumerate().flat_map(|(t, track)| (0..track.len()).map(move |r| (t, r)));
+    let mut values: Vec<f64> = rows.map(|(t, r)| read(t, r)).collect();
+    values.sort_by(f64::total_cmp);
+    let cut = |third: usize| values.get(third * values.len() / 3).copied().unwrap_or_default();
+    let (low, high) = (cut(1), cut(2));
+    let parts = [
+        ("lowest third".to_owned(), (f64::NEG_INFINITY, low)),
+        ("middle third".to_owned(), (low, high)),
+        ("highest third".to_owned(), (high, f64::INFINITY)),
+    ];
+    shares(tracks, at, &parts, |t, r, (from, to)| (*from..*to).contains(&read(t, r)))
 }

@@ -120,6 +120,11 @@ pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[Stri
         "residual": {
             "by_regime": found.by_regime.iter().map(share).collect::<Vec<_>>(),
             "by_direction": found.by_direction.iter().map(share).collect::<Vec<_>>(),
+            "by_column": found
+                .by_column
+                .iter()
+                .map(|(name, parts)| (name.clone(), parts.iter().map(share).collect::<Vec<_>>().into()))
+                .collect::<Map<String, Value>>(),
         },
         "heard": found.hearing.iter().map(heard).collect::<Vec<_>>(),
         "notes": found.log.notes,
