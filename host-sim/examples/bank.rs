@@ -27,8 +27,16 @@ fn main() {
         }
         return;
     }
-    let mut grades: Vec<_> =
-        worlds.into_par_iter().filter_map(|(kind, seed)| examine(kind, seed)).collect();
+    let mut grades: Vec<_> = worlds
+        .into_par_iter()
+        .filter_map(|(kind, seed)| match examine(kind, seed) {
+            Ok(grade) => Some(grade),
+            Err(why) => {
+                println!("FAILED {why}");
+                None
+            }
+        })
+        .collect();
     grades.sort_by_key(|grade| format!("{:?}", grade.kind));
     let mut by_kind: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
     let (mut inside, mut sized, mut low) = (0, 0, 0);

@@ -51,7 +51,7 @@ pub struct Grade {
 /// One or two effects: the first cause is one that was hidden. Nothing: `none`. A decoy: the true cause
 /// first, and the decoy not named. Confounded: the true cause or its twin first, and the other one named
 /// as not told apart; or `unknown`. Outside the catalogue: `unknown`, or a cause that says it cannot be told
-/// from others.
+/// from `unknown`.
 pub fn grade(kind: Kind, seed: u64, world: &World, found: &Diagnosis) -> Grade {
     let truth = &world.truth;
     let hidden: Vec<&'static str> = truth.hidden.iter().map(|hidden| hidden.cause).collect();
@@ -74,9 +74,7 @@ pub fn grade(kind: Kind, seed: u64, world: &World, found: &Diagnosis) -> Grade {
             let hedged = confusable.iter().any(|name| both.contains(name));
             named.first().is_some_and(|name| *name == "unknown" || both.contains(name) && hedged)
         }
-        Kind::Outside => {
-            named.first() == Some(&"unknown") || (!named.is_empty() && !confusable.is_empty())
-        }
+        Kind::Outside => named.first() == Some(&"unknown") || confusable.contains(&"unknown"),
     };
     let only = matches!(kind, Kind::One(_) | Kind::Decoy) && is_first_true;
     let sizes = first.filter(|_| only).and_then(|finding| {
@@ -116,15 +114,23 @@ pub fn grade(kind: Kind, seed: u64, world: &World, found: &Diagnosis) -> Grade {
 }
 
 /// Draws a world, diagnoses it, grades the diagnosis.
-pub fn examine(kind: Kind, seed: u64) -> Option<Grade> {
+///
+/// # Errors
+/// One line, where the log cannot be split or diagnosed: such a world must not drop out of the count.
+pub fn examine(kind: Kind, seed: u64) -> Result<Grade, String> {
+    let failed = |why: String| format!("{kind:?}, seed {seed}: {why}");
     let world = draw(kind, seed);
-    let parts = split(&world.data, &SplitRule::default(), 0).ok()?;
-    let found = diagnose(&world.data, &parts, 1, &[], &Question::default(), &|_| {}).ok()?;
-    Some(grade(kind, seed, &world, &found))
+    let parts = split(&world.data, &SplitRule::default(), 0).map_err(|e| failed(e.to_string()))?;
+    let found = diagnose(&world.data, &parts, 1, &[], &Question::default(), &|_| {})
+        .map_err(|e| failed(e.to_string()))?;
+    Ok(grade(kind, seed, &world, &found))
 }
 
 /// Examines a bank of worlds; see [`bank`].
-pub fn examine_bank(seed_base: u64, per_kind: usize) -> Vec<Grade> {
+///
+/// # Errors
+/// As [`examine`], of the first world that fails.
+pub fn examine_bank(seed_base: u64, per_kind: usize) -> Result<Vec<Grade>, String> {
     let worlds: Vec<(Kind, u64)> = bank(seed_base, per_kind).collect();
-    worlds.into_par_iter().filter_map(|(kind, seed)| examine(kind, seed)).collect()
+    worlds.into_par_iter().map(|(kind, seed)| examine(kind, seed)).collect()
 }

@@ -184,8 +184,11 @@ pub fn diagnose(
 
 fn base(log: &mut Log, question: &Question) -> Result<Fitted, SpecError> {
     match (&question.given, &question.model) {
-        (Some((spec, parameters)), _) => baseline::fitted(log, spec, Some(parameters)),
-        (None, Some(spec)) => baseline::fitted(log, &spec.clone().on(&log.rigid_body), None),
+        (Some((spec, parameters)), _) => baseline::asked_for(log, spec, Some(parameters)),
+        (None, Some(spec)) => {
+            let spec = spec.clone().on(&log.rigid_body);
+            baseline::asked_for(log, &spec, None)
+        }
         (None, None) => baseline::choose(log),
     }
 }

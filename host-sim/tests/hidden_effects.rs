@@ -121,7 +121,7 @@ fn table_path() -> PathBuf {
 fn hidden_effects_are_found() {
     // Of few worlds each weighs much: the limits leave room for chance, the whole bank's do not.
     check(
-        &examine_bank(GRADING, FAST_BANKS),
+        &examine_bank(GRADING, FAST_BANKS).expect("every world is diagnosed"),
         &Limits { one: 0.88, none: 0.85, open: 0.6, inside: 0.7, error: 0.8 },
     );
 }
@@ -129,7 +129,7 @@ fn hidden_effects_are_found() {
 #[test]
 #[ignore = "210 worlds, some minutes"]
 fn the_whole_bank_is_as_in_the_table() {
-    let grades = examine_bank(GRADING, BANKS);
+    let grades = examine_bank(GRADING, BANKS).expect("every world is diagnosed");
     let text = table(&grades);
     if std::env::var_os("UPDATE_TABLES").is_some() {
         std::fs::write(table_path(), text).expect("the table's folder is there");

@@ -22,11 +22,7 @@ const STARTS: usize = 2;
 ///
 /// # Errors
 /// If there are more terms than the core takes.
-pub fn fitted(
-    log: &Log,
-    spec: &Spec,
-    start: Option<&Parameters<f64>>,
-) -> Result<Fitted, SpecError> {
+fn fitted(log: &Log, spec: &Spec, start: Option<&Parameters<f64>>) -> Result<Fitted, SpecError> {
     let base = match start {
         Some(start) => start.clone(),
         None => spec.parameters()?,
@@ -49,26 +45,37 @@ pub fn fitted(
 /// # Errors
 /// If the rigid-body parts alone are more terms than the core takes.
 pub fn choose(log: &mut Log) -> Result<Fitted, SpecError> {
-    let best = climb(log)?;
-    if best.spec.law.has_bristles() {
-        return Ok(best);
+    let best = climb(log, &LADDER)?;
+    if leave_out_rest(log, &best) {
+        // A law with bristles has just been found no better: what is left are the others.
+        return climb(log, &LADDER[..2]);
     }
+    Ok(best)
+}
+
+/// Fits a law that was asked for, from given parameters or from scratch.
+///
+/// # Errors
+/// If there are more terms than the core takes.
+pub fn asked_for(
+    log: &mut Log,
+    spec: &Spec,
+    start: Option<&Parameters<f64>>,
+) -> Result<Fitted, SpecError> {
+    let first = fitted(log, spec, start)?;
+    if leave_out_rest(log, &first) { fitted(log, spec, start) } else { Ok(first) }
+}
+
+/// See [`Log::leave_out_rest`]; a law with bristles has something to say of rest.
+fn leave_out_rest(log: &mut Log, model: &Fitted) -> bool {
     let squares = |log: &Log| {
-        let metrics = predict(&best.parameters, log.train_rows(), best.resolution).metrics;
+        let metrics = predict(&model.parameters, log.train_rows(), model.resolution).metrics;
         (metrics.sse, metrics.rows)
     };
-    if !log.leave_out_rest(squares) {
-        return Ok(best);
-    }
-    // A law with bristles has just been found no better: what is left are the others.
-    climb_to(log, &LADDER[..2])
+    !model.spec.law.has_bristles() && log.leave_out_rest(squares)
 }
 
-fn climb(log: &Log) -> Result<Fitted, SpecError> {
-    climb_to(log, &LADDER)
-}
-
-fn climb_to(log: &Log, ladder: &[LawKind]) -> Result<Fitted, SpecError> {
+fn climb(log: &Log, ladder: &[LawKind]) -> Result<Fitted, SpecError> {
     let mut best: Option<Fitted> = None;
     for law in ladder {
         let next = fitted(log, &Spec::law(*law).on(&log.rigid_body), None)?;

@@ -186,7 +186,13 @@ pub fn meaning(kind: TermKind) -> &'static str {
 }
 
 /// One sentence about a finding.
-fn in_words(found: &Found, size: &Size, order: Option<(f64, f64)>, outcome: &Outcome) -> String {
+fn in_words(
+    found: &Found,
+    size: &Size,
+    order: Option<(f64, f64)>,
+    outcome: &Outcome,
+    joint: Joint,
+) -> String {
     use TermKind as Kind;
     let mut words = match (found.kind, &found.follows) {
         (Kind::Unknown, Some(follows)) if follows.level => format!(
@@ -204,8 +210,8 @@ fn in_words(found: &Found, size: &Size, order: Option<(f64, f64)>, outcome: &Out
         (kind, _) => format!("{}: {}", meaning(kind), size.in_words()),
     };
     if let Some((order, error)) = order {
-        let unit = "per radian";
-        words += &format!(", {} ± {} times {unit}", figure(order), figure(2.0 * error));
+        let unit = unit(Id::RippleOrder.info(), joint);
+        words += &format!(", of order {} ± {} {unit}", figure(order), figure(2.0 * error));
     }
     if found.kind == Kind::DirectionAsymmetry {
         let viscous = outcome.parameters.get(Id::ViscousAsymmetry);
@@ -261,7 +267,7 @@ pub fn finding(found: &Found, outcome: &Outcome, log: &Log, extended: &Fitted) -
     Finding {
         kind: found.kind,
         columns: found.columns.clone(),
-        in_words: in_words(found, &size, order, outcome),
+        in_words: in_words(found, &size, order, outcome, log.train.joint),
         size,
         order,
         p_value: found.trial.p_value,

@@ -17,7 +17,7 @@ use super::review::{Claim, claim, review};
 use super::round::{Hearing, MATERIAL, Round, is_crooked, weight};
 use crate::fit::outcome::predict;
 use crate::spec::SpecError;
-use compensator_core::{ParameterId, TermKind};
+use compensator_core::TermKind;
 
 /// Share of the base model's squared residual that a finding beside others must take alone.
 pub const MATERIAL_BESIDE: f64 = 0.01;
@@ -51,8 +51,6 @@ pub struct Found {
     pub columns: Vec<String>,
     /// What it follows, for `unknown`.
     pub follows: Option<Follows>,
-    /// Parameters kept in its fit.
-    pub fixed: Vec<ParameterId>,
     /// What the last review said.
     pub trial: Trial,
     /// Share of the residual it explains that nothing else does.
@@ -151,7 +149,6 @@ fn extend(
             kind: candidate.kind,
             columns: candidate.columns.clone(),
             follows: candidate.follows.clone(),
-            fixed: candidate.fixed.clone(),
             trial: chosen,
             share: 0.0,
             confusable: Vec::new(),

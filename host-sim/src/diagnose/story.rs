@@ -7,6 +7,7 @@ use crate::fit::State;
 use crate::fit::outcome::Predicted;
 use crate::results::table::figure;
 use compensator_core::{ParameterId as Id, TermKind};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 /// What is left where no column explains it: `unknown`, without a term.
 pub fn unexplained(after: &Predicted, noise_floor: f64, log: &Log, seed: u64) -> Finding {
@@ -31,6 +32,8 @@ pub fn unexplained(after: &Predicted, noise_floor: f64, log: &Log, seed: u64) ->
         })
         .collect();
     drawn.sort_by(f64::total_cmp);
+    let least = beyond(super::STRUCTURE.0 * noise_floor);
+    let stability = drawn.iter().filter(|size| **size > least).count() as f64 / drawn.len() as f64;
     let unit = log.train.joint.torque_unit();
     let size = Size {
         value: beyond(rmse),
@@ -47,11 +50,23 @@ pub fn unexplained(after: &Predicted, noise_floor: f64, log: &Log, seed: u64) ->
         ),
         size,
         order: None,
-        p_value: 0.0,
-        stability: 1.0,
+        p_value: like_noise(after),
+        stability,
         share_of_residual: (1.0 - (noise_floor / rmse).powi(2)).clamp(0.0, 1.0),
         confusable_with: Vec::new(),
     }
+}
+
+/// Probability that white noise hangs together as this residual does from one row to the next.
+fn like_noise(after: &Predicted) -> f64 {
+    let (mut products, mut squares, mut rows) = (0.0, 0.0, 0.0);
+    for track in &after.residuals {
+        products += track.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
+        squares += track.iter().map(|r| r * r).sum::<f64>();
+        rows += track.len() as f64;
+    }
+    let surprise = products / f64::max(squares, f64::MIN_POSITIVE) * f64::sqrt(rows);
+    Normal::standard().sf(surprise)
 }
 
 /// What to measure next.
