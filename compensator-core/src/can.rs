@@ -16,14 +16,20 @@
 //! | [`Sync`] | 0x080 | 1 | 0 counter, 1..=240: ends a sample |
 //! | [`Answer`], TPDO 1 | 0x180 + node | 8 | 0 friction torque Nm, 4 feed-forward current A |
 //! | [`Status`], TPDO 2 | 0x280 + node | 8 | 0 flags, 4 number of the sample in its run |
+//! | [`Telemetry`], TPDO 3 | 0x380 + node | 8 | 0 current A, 4 residual torque Nm |
+//! | [`Command`], RPDO 5 | 0x480 + node | 8 | 0 current A, 4 velocity reference 1e-4 rad/s (24 bits), 7 counter |
 //! | [`Entry`], SDO download | 0x600 + node | 8 | 0 0x23, 1 0x2000, 3 sub-index, 4 value |
 //!
 //! Of a prismatic joint read m for rad and N for Nm. The same in the words of CAN tools: `joint.dbc`.
 
+mod inbox;
 mod message;
+pub mod slcan;
 
+pub use inbox::{Inbox, SyncOutcome};
 pub use message::{
-    Answer, Entry, JointKind, Message, Motion, Seal, Status, Surroundings, Sync, Torque,
+    Answer, Command, Entry, JointKind, Message, Motion, Seal, Status, Surroundings, Sync,
+    Telemetry, Torque,
 };
 
 use core::fmt;
@@ -39,6 +45,9 @@ pub struct Frame {
 impl Frame {
     /// Largest 11-bit identifier.
     pub const LAST_IDENTIFIER: u16 = 0x7FF;
+
+    /// A frame without data, of the lowest priority there is.
+    pub const EMPTY: Self = Self { identifier: Self::LAST_IDENTIFIER, length: 0, bytes: [0; 8] };
 
     /// A frame of these bytes; `None` for a longer identifier or more than eight bytes.
     pub fn new(identifier: u16, data: &[u8]) -> Option<Self> {

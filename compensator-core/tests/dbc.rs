@@ -7,7 +7,8 @@
 
 use compensator_core::Flags;
 use compensator_core::can::{
-    Answer, Entry, JointKind, Message, Motion, Node, Seal, Status, Surroundings, Sync, Torque,
+    Answer, Command, Entry, JointKind, Message, Motion, Node, Seal, Status, Surroundings, Sync,
+    Telemetry, Torque,
 };
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,6 +18,8 @@ const DBC: &str = include_str!("../joint.dbc");
 struct Signal {
     start: u32,
     length: u32,
+    signed: bool,
+    scale: f64,
     unit: String,
     float: bool,
     /// Where the value of the multiplexor decides: which one.
@@ -51,8 +54,9 @@ fn read() -> BTreeMap<u16, FrameInfo> {
             ["SG_", name, .., ":", bits, scale, _, unit, _] => {
                 let (start, rest) = bits.split_once('|').expect(line);
                 let (length, order) = rest.split_once('@').expect(line);
-                // Little-endian; the values are the quantities themselves.
-                assert!(matches!(order, "1+" | "1-") && scale == "(1,0)", "{line}");
+                // Little-endian; nothing has an offset.
+                assert!(matches!(order, "1+" | "1-"), "{line}");
+                let scale = scale.strip_prefix('(').and_then(|rest| rest.strip_suffix(",0)"));
                 let multiplexed = match words[2] {
                     ":" | "M" => None,
                     of => Some(of.strip_prefix('m').expect(line).parse().unwrap()),
@@ -60,6 +64,8 @@ fn read() -> BTreeMap<u16, FrameInfo> {
                 let signal = Signal {
                     start: start.parse().unwrap(),
                     length: length.parse().unwrap(),
+                    signed: order == "1-",
+                    scale: scale.expect(line).parse().unwrap(),
                     unit: unit.trim_matches('"').to_owned(),
                     float: false,
                     multiplexed,
@@ -157,6 +163,20 @@ fn expected() -> Vec<Expected> {
             "Answer",
             named(&[("FrictionTorque", "Nm", 2.75), ("FeedForwardCurrent", "A", -1.25)]),
         ),
+        (
+            Message::Telemetry(node, Telemetry { current_a: 4.5, residual_torque_nm: -0.375 }),
+            "Telemetry",
+            named(&[("Current", "A", 4.5), ("ResidualTorque", "Nm", -0.375)]),
+        ),
+        (
+            Message::Command(node, Command::new(-2.5, -0.625, 200)),
+            "Command",
+            named(&[
+                ("CurrentCommand", "A", -2.5),
+                ("VelocityReference", "rad/s", -0.625),
+                ("CommandCounter", "", 200.0),
+            ]),
+        ),
         entry(Entry::Run(12), 1.0, "Run", 12.0),
         entry(Entry::Sequence(240), 2.0, "NextSequence", 240.0),
         entry(Entry::JointKind(JointKind::Prismatic), 3.0, "JointKind", 1.0),
@@ -185,8 +205,12 @@ fn every_frame_reads_by_the_dbc_as_what_was_put_in() {
             assert!(signal.multiplexed.is_none() || signal.multiplexed == multiplexor);
             assert_eq!(signal.unit, unit, "{name}.{signal_name}");
             let word = bits(frame.data(), signal);
-            let found =
-                if signal.float { f64::from(f32::from_bits(word as u32)) } else { word as f64 };
+            let unused = 64 - signal.length;
+            let found = match (signal.float, signal.signed) {
+                (true, _) => f64::from(f32::from_bits(word as u32)),
+                (_, true) => ((word << unused) as i64 >> unused) as f64 * signal.scale,
+                _ => word as f64 * signal.scale,
+            };
             assert_eq!(found, value, "{name}.{signal_name}");
             asked.insert((identifier, signal_name));
         }

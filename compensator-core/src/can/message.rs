@@ -10,7 +10,9 @@ mod base {
     pub const MOTION: u16 = 0x200;
     pub const STATUS: u16 = 0x280;
     pub const TORQUE: u16 = 0x300;
+    pub const TELEMETRY: u16 = 0x380;
     pub const SEAL: u16 = 0x400;
+    pub const COMMAND: u16 = 0x480;
     pub const SURROUNDINGS: u16 = 0x500;
     pub const SDO_DOWNLOAD: u16 = 0x600;
     /// What is the node's number in an identifier.
@@ -101,6 +103,54 @@ pub struct Status {
     pub sequence: u32,
 }
 
+/// TPDO 3: what became of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Telemetry {
+    /// Commanded current and compensation, limits applied, A.
+    pub current_a: f32,
+    /// Measured torque less the model's friction, Nm; NaN where no torque is measured.
+    pub residual_torque_nm: f32,
+}
+
+/// RPDO 5: what the joint is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command {
+    /// Torque-making current, A, before the compensation is added.
+    pub current_a: f32,
+    /// Velocity the joint is meant to have, in steps of [`Command::VELOCITY_STEP_RAD_S`], 24 bits.
+    velocity_steps: i32,
+    /// Counts every command by one, 255 to 0: a repeated one is no new command.
+    pub counter: u8,
+}
+
+impl Command {
+    /// Resolution of the velocity reference, rad/s.
+    pub const VELOCITY_STEP_RAD_S: f32 = 1e-4;
+    /// Largest velocity reference, rad/s.
+    pub const VELOCITY_MAX_RAD_S: f32 = Self::LAST_STEP as f32 * Self::VELOCITY_STEP_RAD_S;
+    const LAST_STEP: i32 = (1 << 23) - 1;
+
+    /// A command. The velocity reference (rad/s) is rounded to its resolution and limited to its
+    /// range; one that is not a number is no reference, and travels as the number below the range.
+    pub fn new(current_a: f32, velocity_reference_rad_s: f32, counter: u8) -> Self {
+        let steps = f64::from(velocity_reference_rad_s) / 1e-4;
+        let half = if steps < 0.0 { -0.5 } else { 0.5 };
+        let limited = ((steps + half) as i32).clamp(-Self::LAST_STEP, Self::LAST_STEP);
+        let none = velocity_reference_rad_s.is_nan();
+        let velocity_steps = if none { -Self::LAST_STEP - 1 } else { limited };
+        Self { current_a, velocity_steps, counter }
+    }
+
+    /// The velocity reference, rad/s; NaN where there is none.
+    pub fn velocity_reference_rad_s(&self) -> f32 {
+        if self.velocity_steps < -Self::LAST_STEP {
+            return f32::NAN;
+        }
+        // Exact in 24 bits, and one rounding: the same number on driver and PC.
+        self.velocity_steps as f32 * Self::VELOCITY_STEP_RAD_S
+    }
+}
+
 /// SDO download to the trace object, 0x2000: what the samples that follow are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Entry {
@@ -139,6 +189,10 @@ pub enum Message {
     Answer(Node, Answer),
     /// TPDO 2.
     Status(Node, Status),
+    /// TPDO 3.
+    Telemetry(Node, Telemetry),
+    /// RPDO 5.
+    Command(Node, Command),
     /// SDO download to the trace object.
     Entry(Node, Entry),
 }
@@ -163,6 +217,39 @@ fn split(bytes: [u8; 8]) -> [u32; 2] {
 }
 
 impl Message {
+    /// The node it is for, or from; `None` for a SYNC, which is everyone's.
+    pub const fn node(&self) -> Option<Node> {
+        match *self {
+            Self::Motion(node, _)
+            | Self::Torque(node, _)
+            | Self::Seal(node, _)
+            | Self::Surroundings(node, _)
+            | Self::Answer(node, _)
+            | Self::Status(node, _)
+            | Self::Telemetry(node, _)
+            | Self::Command(node, _)
+            | Self::Entry(node, _) => Some(node),
+            Self::Sync(_) => None,
+        }
+    }
+
+    /// The same for, or from, another node.
+    #[must_use]
+    pub const fn with_node(self, node: Node) -> Self {
+        match self {
+            Self::Motion(_, of) => Self::Motion(node, of),
+            Self::Torque(_, of) => Self::Torque(node, of),
+            Self::Seal(_, of) => Self::Seal(node, of),
+            Self::Surroundings(_, of) => Self::Surroundings(node, of),
+            Self::Answer(_, of) => Self::Answer(node, of),
+            Self::Status(_, of) => Self::Status(node, of),
+            Self::Telemetry(_, of) => Self::Telemetry(node, of),
+            Self::Command(_, of) => Self::Command(node, of),
+            Self::Entry(_, of) => Self::Entry(node, of),
+            Self::Sync(of) => Self::Sync(of),
+        }
+    }
+
     /// The frame that says this.
     pub fn emit(&self) -> Frame {
         match *self {
@@ -186,6 +273,13 @@ impl Message {
             }
             Self::Status(node, of) => {
                 frame(base::STATUS, node, words(of.flags.bits(), of.sequence))
+            }
+            Self::Telemetry(node, of) => {
+                frame(base::TELEMETRY, node, pair(of.current_a, of.residual_torque_nm))
+            }
+            Self::Command(node, of) => {
+                let rest = of.velocity_steps as u32 & 0x00FF_FFFF | u32::from(of.counter) << 24;
+                frame(base::COMMAND, node, words(of.current_a.to_bits(), rest))
             }
             Self::Entry(node, entry) => {
                 let (sub_index, value) = match entry {
@@ -240,6 +334,15 @@ impl Message {
                 let flags = Flags::from_bits_retain(first);
                 Self::Status(node, Status { flags, sequence: second })
             }
+            base::TELEMETRY => {
+                Self::Telemetry(node, Telemetry { current_a: a, residual_torque_nm: b })
+            }
+            base::COMMAND => {
+                // The sign of 24 bits is carried up by shifting them to the top and back.
+                let velocity_steps = (second << 8) as i32 >> 8;
+                let counter = (second >> 24) as u8;
+                Self::Command(node, Command { current_a: a, velocity_steps, counter })
+            }
             base::SDO_DOWNLOAD => {
                 // Any other download is for another object, and legal.
                 let [command, low, high, sub_index] = first.to_le_bytes();
@@ -275,7 +378,7 @@ mod tests {
     }
 
     /// One of each, with words no two of which are alike.
-    fn all(node: Node, words: [u32; 8]) -> [Message; 10] {
+    fn all(node: Node, words: [u32; 8]) -> [Message; 12] {
         let [a, b, c, d, e, f, g, h] = words.map(f32::from_bits);
         [
             Message::Motion(node, Motion { velocity_rad_s: a, position_rad: b }),
@@ -287,6 +390,15 @@ mod tests {
             Message::Status(
                 node,
                 Status { flags: Flags::from_bits_retain(words[1]), sequence: words[2] },
+            ),
+            Message::Telemetry(node, Telemetry { current_a: b, residual_torque_nm: g }),
+            Message::Command(
+                node,
+                Command {
+                    current_a: c,
+                    velocity_steps: (words[5] as i32) >> 8,
+                    counter: words[6] as u8,
+                },
             ),
             Message::Entry(node, Entry::Run(words[3])),
             Message::Entry(node, Entry::Sequence(words[4])),
@@ -332,6 +444,18 @@ mod tests {
         assert_eq!(kind, Err(FrameError::JointKind(2)));
         assert!(Frame::new(0x800, &[]).is_none() && Frame::new(1, &[0; 9]).is_none());
         assert!(Node::new(0).is_none() && Node::new(128).is_none());
+    }
+
+    #[test]
+    fn a_velocity_reference_is_rounded_limited_or_absent() {
+        let reference = |velocity| Command::new(0.0, velocity, 0).velocity_reference_rad_s();
+        for exact in [0.0, 1.5, -0.25, Command::VELOCITY_MAX_RAD_S, -Command::VELOCITY_MAX_RAD_S] {
+            assert_eq!(reference(exact), exact);
+        }
+        assert!((reference(0.123_449) - 0.1234).abs() < 1e-6);
+        assert_eq!(reference(f32::INFINITY), Command::VELOCITY_MAX_RAD_S);
+        assert_eq!(reference(-1e9), -Command::VELOCITY_MAX_RAD_S);
+        assert!(reference(f32::NAN).is_nan());
     }
 
     proptest! {

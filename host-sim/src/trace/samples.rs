@@ -226,6 +226,8 @@ impl Assembler {
                     return self.hand_out();
                 }
             }
+            // What the joint was told to do, and did, is no part of a sample.
+            Message::Command(..) | Message::Telemetry(..) => {}
             Message::Entry(node, entry) => {
                 if self.follows(interface, node) {
                     let before = self.hand_out();
