@@ -5,7 +5,10 @@
 //! sequences of samples that visit rest, presliding, sliding both ways, reversals, speeds beyond the
 //! Stribeck range and beyond the envelope, infinities and NaN, and, for the whole compensator,
 //! missing, stale and illegal readings. *Every single* update is counted; the least and the
-//! largest count are printed. Where the two are equal, the step has one path.
+//! largest count are printed. Where the two are equal, the step has one path. The whole current loop is
+//! counted in `current_loop`.
+
+mod current_loop;
 
 use super::clock::{Arguments, Clock};
 use super::print_line;
@@ -289,10 +292,12 @@ pub fn print_all(clock: &mut Clock) {
     c_reference::measure_c(clock);
     measure_f32(clock);
     measure_fixed(clock);
+    current_loop::measure_loops(clock);
     print_line!("ram | Compensator<f32> | {}", size_of::<Compensator<f32>>());
     print_line!("ram | Compensator<Fixed> | {}", size_of::<Compensator<Fixed>>());
     print_line!("ram | Model<f32> | {}", size_of::<Model<f32>>());
     print_line!("ram | State<f32> | {}", size_of::<State<f32>>());
+    print_line!("ram | CurrentLoop<f32> | {}", size_of::<current_loop::Loop>());
 }
 
 #[cfg(feature = "c-reference")]

@@ -1,0 +1,232 @@
+//! The friction compensator as the current loop sees it: `f32` outside, any number inside.
+//!
+//! The loop computes in `f32`; the compensator may be built for [`compensator_core::Fixed`] on request, or be
+//! absent. [`Compensate`] is what the loop needs of one, [`JointCompensator`] makes it of the core's for any
+//! number type, [`NoCompensation`] is a joint without. A driver that chooses at run time implements it
+//! for an enum of these.
+
+use super::space_vector::clamp;
+use compensator_core::compensator::Reading;
+use compensator_core::record::Configuration;
+use compensator_core::{Compensator, Flags, Inputs, Output, ParameterError, Real};
+
+/// What the loop needs of a compensator.
+///
+/// # Contract
+/// Outputs are finite whatever the inputs. Disabled, [`Compensate::sum`] gives the command back with its
+/// bits unless a limit acts.
+pub trait Compensate {
+    /// Switches it on, from rest and zero torque, or off.
+    fn set_enabled(&mut self, enabled: bool);
+    /// Whether it is on.
+    fn is_enabled(&self) -> bool;
+    /// Takes one sample of the joint.
+    fn step(&mut self, inputs: &Inputs<f32>) -> Output<f32>;
+    /// Adds the compensation to a command, A, and limits the sum.
+    fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags);
+    /// Joint torque per motor current, Nm/A, gear included.
+    fn torque_constant_nm_per_a(&self) -> f32;
+}
+
+/// The core's compensator, for any number type.
+#[derive(Clone, Debug)]
+pub struct JointCompensator<T: Real> {
+    inner: Compensator<T>,
+    torque_constant_nm_per_a: f32,
+}
+
+impl<T: Real<Setting = f32>> JointCompensator<T> {
+    /// Builds it for a period in s; it starts disabled.
+    ///
+    /// # Errors
+    /// As [`Compensator::build`].
+    pub fn build(configuration: &Configuration, period_s: f32) -> Result<Self, ParameterError> {
+        Ok(Self {
+            inner: Compensator::build(configuration, period_s)?,
+            torque_constant_nm_per_a: configuration.compensator.torque_constant_nm_per_a,
+        })
+    }
+
+    /// The core's.
+    pub fn inner(&self) -> &Compensator<T> {
+        &self.inner
+    }
+}
+
+impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
+    fn set_enabled(&mut self, enabled: bool) {
+        self.inner.set_enabled(enabled);
+    }
+
+    fn is_enabled(&self) -> bool {
+        self.inner.is_enabled()
+    }
+
+    #[inline]
+    fn step(&mut self, inputs: &Inputs<f32>) -> Output<f32> {
+        let output = self.inner.step(&convert(inputs));
+        Output {
+            friction_torque_nm: single(output.friction_torque_nm),
+            compensation_torque_nm: single(output.compensation_torque_nm),
+            feed_forward_current_a: single(output.feed_forward_current_a),
+            flags: output.flags,
+        }
+    }
+
+    #[inline]
+    fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags) {
+        let output = Output {
+            friction_torque_nm: T::from_setting(output.friction_torque_nm),
+            compensation_torque_nm: T::from_setting(output.compensation_torque_nm),
+            feed_forward_current_a: T::from_setting(output.feed_forward_current_a),
+            flags: output.flags,
+        };
+        let command = T::from_setting(command_a);
+        let (sum, flags) = self.inner.sum(command, &output);
+        // Off is absent: the command must not lose bits to a coarser number either.
+        let acted = flags.intersects(Flags::CURRENT_LIMITED | Flags::COMMAND_INVALID);
+        let passes = !self.inner.is_enabled() && !acted && command_a.is_finite();
+        (if passes { command_a } else { single(sum) }, flags)
+    }
+
+    fn torque_constant_nm_per_a(&self) -> f32 {
+        self.torque_constant_nm_per_a
+    }
+}
+
+#[inline(always)]
+fn single<T: Real>(number: T) -> f32 {
+    number.value() as f32
+}
+
+/// The same inputs in another number. A type that has no NaN takes one for 0, just measured: such a
+/// reading is handed on as missing instead. For `f32` all of this is nothing.
+#[inline(always)]
+fn convert<T: Real<Setting = f32>>(inputs: &Inputs<f32>) -> Inputs<T> {
+    let reading = |from: Reading<f32>| {
+        let (value, age_s) = (T::from_setting(from.value), T::from_setting(from.age_s));
+        let same = value.value().is_finite() == from.value.is_finite()
+            && age_s.value().is_nan() == from.age_s.is_nan();
+        if same { Reading { value, age_s } } else { Reading::missing() }
+    };
+    let time = T::from_setting(inputs.campaign_time_h);
+    let timed = time.value().is_finite() == inputs.campaign_time_h.is_finite();
+    Inputs {
+        velocity_rad_s: reading(inputs.velocity_rad_s),
+        velocity_reference_rad_s: reading(inputs.velocity_reference_rad_s),
+        position_rad: reading(inputs.position_rad),
+        acceleration_rad_s2: reading(inputs.acceleration_rad_s2),
+        radial_force_n: reading(inputs.radial_force_n),
+        pressure_diff_mpa: reading(inputs.pressure_diff_mpa),
+        temperature_c: reading(inputs.temperature_c),
+        load_torque_nm: reading(inputs.load_torque_nm),
+        auxiliary: reading(inputs.auxiliary),
+        // Negative is illegal there, and the last good one stands.
+        campaign_time_h: if timed { time } else { -T::one() },
+    }
+}
+
+/// A joint without compensator.
+#[derive(Clone, Copy, Debug)]
+pub struct NoCompensation {
+    /// Largest current, A.
+    pub current_limit_a: f32,
+    /// Joint torque per motor current, Nm/A, gear included.
+    pub torque_constant_nm_per_a: f32,
+}
+
+impl Compensate for NoCompensation {
+    fn set_enabled(&mut self, _: bool) {}
+
+    fn is_enabled(&self) -> bool {
+        false
+    }
+
+    fn step(&mut self, _: &Inputs<f32>) -> Output<f32> {
+        Output {
+            friction_torque_nm: 0.0,
+            compensation_torque_nm: 0.0,
+            feed_forward_current_a: 0.0,
+            flags: Flags::DISABLED,
+        }
+    }
+
+    fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags) {
+        let sum = clamp(command_a, self.current_limit_a);
+        let mut flags = output.flags;
+        flags.set(Flags::COMMAND_INVALID, command_a.is_nan());
+        flags.set(Flags::CURRENT_LIMITED, sum != command_a && !command_a.is_nan());
+        (sum, flags)
+    }
+
+    fn torque_constant_nm_per_a(&self) -> f32 {
+        self.torque_constant_nm_per_a
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::joint::{PERIOD_S, configuration};
+    use compensator_core::{Fixed, LawKind};
+
+    fn build<T: Real<Setting = f32>>() -> JointCompensator<T> {
+        JointCompensator::build(&configuration(LawKind::ImprovedLugre, &[]), PERIOD_S)
+            .expect("the joint is legal")
+    }
+
+    fn pass<T: Real<Setting = f32>>(command: f32) -> (f32, Flags) {
+        let mut off = build::<T>();
+        let output = off.step(&Inputs::velocity(1.0));
+        off.sum(command, &output)
+    }
+
+    #[test]
+    fn off_gives_the_command_back_with_its_bits_in_every_number() {
+        for command in [0.1f32, -0.0, 1e-20, -25.999_999, 17.123_457] {
+            assert_eq!(pass::<f32>(command).0.to_bits(), command.to_bits());
+            assert_eq!(pass::<Fixed>(command).0.to_bits(), command.to_bits());
+        }
+        for command in [27.0, 1e9, f32::NAN, f32::INFINITY] {
+            assert!(pass::<f32>(command).0.abs() <= 26.0);
+            assert!(pass::<Fixed>(command).0.abs() <= 26.0);
+        }
+    }
+
+    #[test]
+    fn both_numbers_compensate_alike_and_a_nan_is_fresh_in_neither() {
+        let (mut float, mut fixed) = (build::<f32>(), build::<Fixed>());
+        float.set_enabled(true);
+        fixed.set_enabled(true);
+        let mut inputs = Inputs::velocity(0.5);
+        inputs.radial_force_n = Reading::fresh(40.0);
+        let run = |inputs: &Inputs<f32>,
+                   float: &mut JointCompensator<f32>,
+                   fixed: &mut JointCompensator<Fixed>| {
+            for _ in 0..2000 {
+                float.step(inputs);
+                fixed.step(inputs);
+            }
+            let (float, fixed) = (float.step(inputs), fixed.step(inputs));
+            let difference = float.friction_torque_nm - fixed.friction_torque_nm;
+            assert!(difference.abs() < 2e-3, "{float:?}, {fixed:?}");
+            float.friction_torque_nm
+        };
+        let known = run(&inputs, &mut float, &mut fixed);
+        inputs.radial_force_n = Reading::fresh(f32::NAN);
+        let held = run(&inputs, &mut float, &mut fixed);
+        // 0.1 s of NaN: the side load of 40 N is held, not taken for 0.
+        assert!((held - known).abs() < 0.02, "{held} against {known}");
+        inputs.radial_force_n = Reading { value: 0.0, age_s: f32::NAN };
+        run(&inputs, &mut float, &mut fixed);
+    }
+
+    #[test]
+    fn a_joint_without_passes_and_limits() {
+        let none = NoCompensation { current_limit_a: 5.0, torque_constant_nm_per_a: 1.0 };
+        let output = { none }.step(&Inputs::velocity(1.0));
+        assert_eq!(none.sum(-4.0, &output), (-4.0, Flags::DISABLED));
+        assert_eq!(none.sum(9.0, &output), (5.0, Flags::DISABLED | Flags::CURRENT_LIMITED));
+        assert_eq!(none.sum(f32::NAN, &output), (0.0, Flags::DISABLED | Flags::COMMAND_INVALID));
+    }
+}

@@ -1,0 +1,136 @@
+//! Every field is refused by its name, and what is accepted builds finite coefficients.
+
+use super::*;
+
+const PERIOD_S: f32 = 50e-6;
+
+fn with(field: &str, value: f32) -> MotorParameters {
+    let mut fields = MotorParameters::default().to_array();
+    let index = MotorParameters::NAMES.iter().position(|name| *name == field).expect("a field");
+    fields[index] = value;
+    MotorParameters::from_array(fields)
+}
+
+#[test]
+fn defaults_are_legal_and_agree_with_the_default_joint() {
+    let parameters = MotorParameters::default();
+    assert_eq!(parameters.validate(), Ok(()));
+    assert_eq!(parameters.validate_with(&CompensatorParameters::default()), Ok(()));
+    assert!(parameters.build(PERIOD_S).is_ok());
+}
+
+#[test]
+fn every_field_is_refused_by_its_name_beyond_its_range() {
+    for (field, (least, most, why)) in MotorParameters::NAMES.iter().zip(MotorParameters::RANGES) {
+        let below = least - least.abs().max(1e-3);
+        let above = most + most.abs().max(1e-3);
+        for (value, bound) in [
+            (below, Bound::AtLeast((*least).into())),
+            (above, Bound::AtMost((*most).into())),
+            (f32::NAN, Bound::Finite),
+            (f32::INFINITY, Bound::Finite),
+        ] {
+            let refused = with(field, value).validate().expect_err(field);
+            assert_eq!((refused.field, refused.bound, refused.why), (*field, bound, *why));
+        }
+    }
+}
+
+#[test]
+fn fields_that_bound_each_other_are_refused_with_the_bound() {
+    for (field, value, bound) in [
+        ("pole_pairs", 6.5, Bound::Whole),
+        ("joint_direction", 0.5, Bound::AtLeast(1.0)),
+        ("encoder_direction", -0.5, Bound::AtMost(-1.0)),
+        ("overcurrent_a", 27.0, Bound::AtLeast(f64::from(26.0f32 * OVERCURRENT_MARGIN))),
+        ("bus_voltage_max_v", 18.0, Bound::MoreThan(18.0)),
+    ] {
+        let refused = with(field, value).validate().expect_err(field);
+        assert_eq!((refused.field, refused.bound), (field, bound));
+    }
+}
+
+#[test]
+fn what_the_period_is_too_long_for_is_refused() {
+    for (field, value) in [
+        ("current_bandwidth_hz", 1001.0),
+        ("observer_bandwidth_hz", 1001.0),
+        ("velocity_max_rad_s", 34.0),
+    ] {
+        assert_eq!(with(field, value).validate(), Ok(()));
+        assert_eq!(with(field, value).build(PERIOD_S).expect_err(field).field, field);
+    }
+    assert!(with("current_bandwidth_hz", 1000.0).build(PERIOD_S).is_ok());
+    for period in [0.0, -1.0, 1e-6, 1.0, f32::NAN, f32::INFINITY] {
+        let refused = MotorParameters::default().build(period).expect_err("a period");
+        assert_eq!(refused.field, "period_s");
+    }
+}
+
+#[test]
+fn a_torque_constant_that_does_not_fit_the_gear_is_refused() {
+    let parameters = MotorParameters::default();
+    for constant in [0.1, 1.2, f32::NAN] {
+        let joint = CompensatorParameters {
+            torque_constant_nm_per_a: constant,
+            ..CompensatorParameters::default()
+        };
+        let refused = parameters.validate_with(&joint).expect_err("it does not fit");
+        assert_eq!(refused.field, "torque_constant_nm_per_a");
+    }
+}
+
+#[test]
+fn fields_survive_the_array() {
+    let parameters = with("encoder_delay_s", 3e-6);
+    assert_eq!(MotorParameters::from_array(parameters.to_array()), parameters);
+    assert_eq!(parameters.encoder_delay_s, 3e-6);
+}
+
+#[test]
+fn the_encoder_is_counted_from_its_zero_in_its_direction() {
+    let quarter = 1u32 << 30;
+    let ahead = with("encoder_offset_rad", core::f32::consts::FRAC_PI_2);
+    let built = ahead.build(PERIOD_S).expect("legal");
+    assert!((built.rotor_angle(quarter) as i32).abs() < 1000);
+    let reversed = MotorParameters { encoder_direction: -1.0, ..ahead };
+    let built = reversed.build(PERIOD_S).expect("legal");
+    assert!((built.rotor_angle(0).wrapping_sub(quarter) as i32).abs() < 1000);
+}
+
+proptest::proptest! {
+    #[test]
+    fn whatever_is_accepted_builds_finite_gains(
+        fields in proptest::array::uniform21(0.0f32..1.0),
+        period in -5.5f32..-2.8,
+    ) {
+        // Each field anywhere in its range, on a logarithmic scale where it spans decades.
+        let mut written = [0.0; MotorParameters::FIELDS];
+        for ((slot, share), (least, most, _)) in
+            written.iter_mut().zip(fields).zip(MotorParameters::RANGES)
+        {
+            *slot = if *least > 0.0 {
+                (least * (most / least).powf(share)).clamp(*least, *most)
+            } else {
+                least + (most - least) * share
+            };
+        }
+        let mut parameters = MotorParameters::from_array(written);
+        parameters.pole_pairs = parameters.pole_pairs.floor();
+        parameters.joint_direction = parameters.joint_direction.signum();
+        parameters.encoder_direction = parameters.encoder_direction.signum();
+        parameters.overcurrent_a = parameters.overcurrent_a.max(1.2 * parameters.current_limit_a).min(2e4);
+        if let Ok(motor) = parameters.build(10f32.powf(period)) {
+            for number in [
+                motor.d.kp, motor.d.ki_t, motor.q.kp, motor.q.ki_t, motor.flux_vs,
+                motor.observer.angle, motor.observer.velocity_per_s,
+                motor.observer.acceleration_per_s2, motor.observer.units_per_s,
+                motor.park_units, motor.drive_units, motor.joint_per_motor,
+            ] {
+                proptest::prop_assert!(number.is_finite(), "{motor:?}");
+            }
+            proptest::prop_assert!(motor.d.kp > 0.0 && motor.q.kp > 0.0);
+            proptest::prop_assert!((0.0..=1.0).contains(&motor.observer.angle));
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! What holds whatever comes, in whatever order.
+
+use super::bench::{STEP_US, well};
+use compensator_core::Flags;
+use firmware::control::LoopFlags;
+use firmware::store::Health;
+use firmware::supervisor::codes::{DROPS_COMPENSATION, STOPPING};
+use firmware::supervisor::{
+    Boot, CanState, Code, InUse, Observation, ResetCause, State, Supervisor, Thresholds,
+};
+use proptest::prelude::*;
+
+#[derive(Clone, Debug)]
+enum Step {
+    Observe(Box<Observation>),
+    Command,
+    Arm,
+    Disarm,
+    Clear,
+    Overrun(u8),
+    Trip(Code),
+    Store(Health),
+    Parameters(InUse),
+    SelfTest(bool),
+}
+
+fn number() -> impl Strategy<Value = f32> {
+    prop_oneof![6 => -130.0_f32..130.0, 1 => any::<f32>(), 1 => Just(f32::NAN)]
+}
+
+fn observation() -> impl Strategy<Value = Observation> {
+    let quiet = prop_oneof![3 => Just(0_u32), 1 => any::<u32>()];
+    let measured = (
+        proptest::option::of(number()),
+        proptest::option::of(prop::array::uniform3(number())),
+        prop::array::uniform5(number()),
+        proptest::option::of(0_u32..2000),
+    );
+    let flags = (quiet.clone(), quiet, 0_u8..3, proptest::option::of(any::<bool>()));
+    let bits = (prop::bool::weighted(0.05), prop::bool::weighted(0.95), prop::bool::weighted(0.05));
+    (measured, flags, bits, any::<bool>()).prop_map(|(measured, flags, bits, mostly_well)| {
+        let (voltage, currents, [a, b, c, d, e], age) = measured;
+        let (loop_bits, core_bits, can, in_band) = flags;
+        if mostly_well {
+            return well();
+        }
+        Observation {
+            bus_voltage_v: voltage,
+            phase_currents_a: currents,
+            current_a: a,
+            current_setpoint_a: b,
+            velocity_rad_s: c,
+            bridge_temperature_c: Some(d),
+            motor_temperature_c: Some(e),
+            sample_age_us: age,
+            gate_driver_fault: bits.0,
+            stack_intact: bits.1,
+            can: [CanState::Active, CanState::Passive, CanState::Off][usize::from(can)],
+            heartbeat_lost: bits.2,
+            loop_flags: LoopFlags::from_bits_truncate(loop_bits),
+            compensator: Flags::from_bits_truncate(core_bits),
+            model_in_band: in_band,
+        }
+    })
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let code = (0..Code::ALL.len()).prop_map(|index| Step::Trip(Code::ALL[index]));
+    let health = prop::sample::select(vec![
+        Health::Sound,
+        Health::Reduced,
+        Health::Empty,
+        Health::Damaged,
+        Health::Foreign,
+    ]);
+    let in_use = prop::sample::select(vec![InUse::Set, InUse::Default, InUse::DefaultRefused]);
+    prop_oneof![
+        12 => observation().prop_map(|seen| Step::Observe(Box::new(seen))),
+        8 => Just(Step::Command),
+        6 => Just(Step::Arm),
+        1 => Just(Step::Disarm),
+        6 => Just(Step::Clear),
+        1 => (0_u8..5).prop_map(Step::Overrun),
+        1 => code,
+        1 => health.prop_map(Step::Store),
+        1 => in_use.prop_map(Step::Parameters),
+        1 => prop::bool::weighted(0.8).prop_map(Step::SelfTest),
+    ]
+}
+
+fn boot() -> impl Strategy<Value = Boot> {
+    let resets = vec![ResetCause::PowerOn, ResetCause::Software, ResetCause::Watchdog];
+    (prop::sample::select(resets), prop::bool::weighted(0.1)).prop_map(|(reset, panicked)| Boot {
+        reset,
+        panicked,
+        ..Boot::default()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 600, ..ProptestConfig::default() })]
+    #[test]
+    fn nothing_arms_by_itself_and_no_fault_has_a_bridge(
+        boot in boot(),
+        steps in proptest::collection::vec((step(), 0_u64..150), 1..200)
+    ) {
+        let mut supervisor = Supervisor::boot(&Thresholds::default(), &boot);
+        let mut now_us = 10_000_000_u64;
+        let mut last_command_us = None;
+        prop_assert!(!supervisor.bridge_allowed());
+        for (step, wait) in steps {
+            // Mostly the next millisecond; now and then a long pause.
+            now_us += STEP_US * if wait > 130 { wait } else { 1 };
+            let before = supervisor.state();
+            let held = supervisor.faults();
+            let mut asked = false;
+            let mut cleared = false;
+            match step {
+                Step::Observe(seen) => {
+                    supervisor.observe(&seen, now_us);
+                    let late = last_command_us.is_none_or(|last| now_us - last >= 100_000);
+                    prop_assert!(!(late && supervisor.bridge_allowed()), "armed without a set-point");
+                }
+                Step::Command => {
+                    supervisor.command_received(now_us);
+                    last_command_us = Some(now_us);
+                }
+                Step::Arm => {
+                    let armed = supervisor.arm(now_us);
+                    asked = armed.is_ok();
+                    prop_assert_eq!(armed.is_ok(), supervisor.is_armed());
+                    if let Err(refusal) = armed {
+                        prop_assert!(
+                            !refusal.causes.is_empty() || refusal.unobserved || refusal.unmeasured
+                        );
+                        prop_assert_eq!(supervisor.state(), before);
+                    } else {
+                        prop_assert!(held.is_empty());
+                    }
+                }
+                Step::Disarm => supervisor.disarm(),
+                Step::Clear => {
+                    cleared = true;
+                    let result = supervisor.clear_faults();
+                    prop_assert_eq!(result.is_ok(), supervisor.faults().is_empty());
+                }
+                Step::Overrun(times) => {
+                    for _ in 0..times {
+                        supervisor.loop_overrun();
+                        prop_assert!(!supervisor.compensation_allowed());
+                    }
+                    supervisor.loop_on_time();
+                }
+                Step::Trip(code) => {
+                    supervisor.trip(code);
+                    prop_assert!(!(STOPPING.contains(code) && supervisor.bridge_allowed()));
+                }
+                Step::Store(health) => supervisor.store(health),
+                Step::Parameters(in_use) => supervisor.parameters(in_use),
+                Step::SelfTest(passed) => supervisor.self_test(passed),
+            }
+            let state = supervisor.state();
+            prop_assert!(
+                state != State::Armed || before == State::Armed || asked,
+                "armed without a request"
+            );
+            prop_assert!(before != State::Fault || state == State::Fault || cleared);
+            prop_assert!(held.without(supervisor.faults()).is_empty() || cleared, "not held");
+            prop_assert_eq!(supervisor.bridge_allowed(), state == State::Armed);
+            prop_assert_eq!(state == State::Fault, !supervisor.faults().is_empty());
+            prop_assert!(!supervisor.compensation_allowed() || state == State::Armed);
+            let dropped = supervisor.limits().intersects(DROPS_COMPENSATION);
+            prop_assert!(!(dropped && supervisor.compensation_allowed()));
+            prop_assert!(supervisor.faults().without(STOPPING).is_empty());
+            prop_assert!(!supervisor.limits().intersects(STOPPING));
+            prop_assert!((0.0..=1.0).contains(&supervisor.current_share()));
+            while supervisor.take_event().is_some() {}
+        }
+    }
+}
