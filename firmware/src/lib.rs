@@ -1,9 +1,24 @@
 //! The joint driver's firmware, as far as it can be tested on a PC.
+//!
+//! From the outside in: [`driver`] is a joint on its bus (frames in, frames out, a tick a millisecond), with
+//! its objects ([`node`]), parameters ([`set`], [`settings`], [`store`]), [`supervisor`] and [`watch`]. [`loop_task`] is
+//! what the fast interrupt does: the current loop ([`control`]) under its own time guard ([`deadline`]).
+//! [`sensors`] are drivers without a board. The boards themselves are in the binary `firmware`, and only
+//! there are registers. Time is passed in everywhere, so a PC runs all of this in virtual time.
+//!
+//! For measuring the core on its processor: [`joint`], the joint all figures are taken for, and [`fingerprint`], the
+//! runs whose output bits must agree between PC and microcontroller; the binary `cost` counts instructions.
 #![cfg_attr(not(test), no_std)]
 
 pub mod control;
+pub mod driver;
+pub mod fed;
 pub mod fingerprint;
 pub mod joint;
+mod log;
+pub mod node;
+pub mod set;
+pub mod settings;
 pub mod store;
 pub mod supervisor;
 pub mod watch;

@@ -1,0 +1,233 @@
+//! The joint driver between its bus and its current loop.
+//!
+//! Everything a driver does that is not done in every period: it takes frames in and gives frames out,
+//! serves its objects, keeps the parameters, watches over the joint and tells the current loop what to
+//! do. Time is passed in with every call and never read, so that a PC runs this very code in virtual time.
+//! The STM32 and QEMU boards and `host-sim node` own a [`Driver`] each and add nothing but wires.
+//!
+//! ```text
+//! frame -> receive -> network command · object -> staging, store, supervisor
+//!                  -> PDO, SYNC      -> fed joint (source: bus)   -> Answer, Status, Telemetry
+//!                                    -> live inputs (source: sensors) <-> current loop
+//! tick  -> heartbeat, timeouts, supervisor -> emergencies
+//! ```
+
+mod counters;
+mod device;
+pub mod live;
+mod objects;
+pub mod staging;
+
+pub use counters::Counters;
+pub use device::{Boot, Identity, REPORT_PERIOD_S};
+pub use live::{LoopOrders, LoopReport};
+
+use crate::log::log;
+use crate::node::sdo::SdoServer;
+use crate::node::{Network, Order};
+use crate::set::ParameterSet;
+use crate::settings::{Settings, Source};
+use crate::supervisor::{CanState, State, Supervisor};
+use compensator_core::can::{Frame, FrameError, Message, Node};
+use device::Device;
+use embedded_storage::nor_flash::NorFlash;
+
+/// Base of the identifiers of SDO requests (CiA 301, predefined connection set).
+const SDO_REQUEST: u16 = 0x600;
+/// Base of those of the answers.
+const SDO_ANSWER: u16 = 0x580;
+
+/// A joint driver.
+#[derive(Debug)]
+pub struct Driver<F> {
+    network: Network,
+    sdo: SdoServer,
+    device: Device<F>,
+    reset_wanted: bool,
+    /// The state last logged.
+    told: State,
+}
+
+impl<F: NorFlash> Driver<F> {
+    /// Starts: loads settings and parameters, reports what the last life ended with, and waits in a
+    /// safe state. `settings` stand in where none are stored.
+    pub fn boot(
+        settings: Settings,
+        flash: F,
+        identity: Identity,
+        boot: &Boot,
+        now_us: u64,
+    ) -> Self {
+        let mut device = Device::boot(settings, flash, identity, boot, now_us);
+        let node = device.settings().node;
+        let network = Network::boot(node, now_us, device.outbox());
+        let mut driver = Self {
+            network,
+            sdo: SdoServer::new(),
+            device,
+            reset_wanted: false,
+            told: State::Safe,
+        };
+        log!(info, "start as node {=u8} on {=str}", node.number(), identity.hardware);
+        if let Some(_text) = boot.panic {
+            log!(error, "the last life ended with: {=str}", _text);
+        }
+        driver.tell_events();
+        driver
+    }
+
+    /// Takes in a frame.
+    pub fn receive(&mut self, frame: &Frame, now_us: u64) {
+        self.device.counters.received = self.device.counters.received.wrapping_add(1);
+        if let Some(order) = self.network.command(frame) {
+            self.obey(order, now_us);
+            return;
+        }
+        if self.network.hear(frame, self.device.settings().awaited_heartbeat, now_us) {
+            return;
+        }
+        let node = self.network.node();
+        if frame.identifier() == SDO_REQUEST + u16::from(node.number()) {
+            self.serve(frame, node, now_us);
+            self.tell_events();
+            return;
+        }
+        match Message::parse(frame) {
+            Ok(message) if self.network.is_operational() => {
+                self.device.take(&message, frame, node, now_us);
+            }
+            Ok(_) => self.device.counters.count_passed_over(),
+            Err(FrameError::Foreign(_)) => self.device.counters.count_foreign(),
+            Err(FrameError::Length { .. }) => self.device.counters.count_wrong_length(),
+            Err(FrameError::Counter(_) | FrameError::JointKind(_)) => {
+                self.device.counters.count_wrong_content();
+            }
+        }
+    }
+
+    fn obey(&mut self, order: Order, now_us: u64) {
+        match order {
+            Order::State(_) => {
+                // A joint nobody talks to any more does not stay armed.
+                if !self.network.is_operational() {
+                    self.device.disarm();
+                }
+            }
+            Order::Reset => self.reset_wanted = true,
+            Order::ResetCommunication => {
+                self.device.disarm();
+                self.sdo = SdoServer::new();
+                let node = self.device.settings().node;
+                self.network = Network::boot(node, now_us, self.device.outbox());
+            }
+        }
+    }
+
+    fn serve(&mut self, frame: &Frame, node: Node, now_us: u64) {
+        if !self.network.serves_objects() {
+            return;
+        }
+        let Ok(request) = <&[u8; 8]>::try_from(frame.data()) else {
+            self.device.counters.count_wrong_length();
+            return;
+        };
+        self.device.set_time(now_us);
+        if let Some(answer) = self.sdo.answer(request, now_us, &mut self.device) {
+            self.device.counters.sdo_refused = self.sdo.aborts();
+            let identifier = SDO_ANSWER + u16::from(node.number());
+            if let Some(frame) = Frame::new(identifier, &answer) {
+                self.device.outbox().push(frame);
+            }
+        }
+    }
+
+    /// Does what is due: call it once a millisecond or so.
+    pub fn tick(&mut self, now_us: u64) {
+        let settings = *self.device.settings();
+        self.network.tick(settings.heartbeat_ms, now_us, self.device.outbox());
+        let heartbeat_lost = self.network.misses_heartbeat(settings.awaited_heartbeat, now_us);
+        self.device.tick(heartbeat_lost, now_us);
+        self.tell_events();
+    }
+
+    /// Sends an emergency for every code that came or went.
+    fn tell_events(&mut self) {
+        while let Some((code, register, detail)) = self.device.next_event() {
+            self.network.emergency(code, register, detail, self.device.outbox());
+        }
+        let state = self.supervisor().state();
+        if state != self.told {
+            self.told = state;
+            match state {
+                State::Safe => log!(info, "safe"),
+                State::Armed => log!(info, "armed"),
+                State::Fault => log!(warn, "stopped by a fault"),
+            }
+        }
+    }
+
+    /// The next frame to send.
+    pub fn transmit(&mut self) -> Option<Frame> {
+        self.device.outbox().pop()
+    }
+
+    /// How the controller stands to its bus, and whether it lost what came in.
+    pub fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
+        self.device.bus_state(receiver_overrun, can);
+    }
+
+    /// Whether the network asked for a restart; the board, or whoever stands for it, does it.
+    pub const fn reset_wanted(&self) -> bool {
+        self.reset_wanted
+    }
+
+    /// Its number on the bus, of this life.
+    pub const fn node(&self) -> Node {
+        self.network.node()
+    }
+
+    /// Where its inputs come from.
+    pub fn source(&self) -> Source {
+        self.device.settings().source
+    }
+
+    /// The supervisor, to look at.
+    pub fn supervisor(&self) -> &Supervisor {
+        self.device.supervisor()
+    }
+
+    /// What the bus side counted.
+    pub fn counters(&self) -> &Counters {
+        &self.device.counters
+    }
+
+    /// What the current loop is to do from now on.
+    pub fn orders(&self, now_us: u64) -> LoopOrders {
+        self.device.orders(now_us)
+    }
+
+    /// Takes in what the current loop did since the last report.
+    pub fn report(&mut self, report: &LoopReport) {
+        self.device.take_report(report);
+    }
+
+    /// The parameters in use, for building a current loop.
+    pub fn set(&self) -> &ParameterSet {
+        self.device.set()
+    }
+
+    /// Whether the joint is armed, on its own sensors or fed.
+    pub fn is_armed(&self) -> bool {
+        self.device.is_armed()
+    }
+
+    /// The flash, to look at.
+    pub fn flash(&self) -> &F {
+        self.device.flash()
+    }
+
+    /// Gives the flash back: what a power cut leaves.
+    pub fn into_flash(self) -> F {
+        self.device.into_flash()
+    }
+}

@@ -1,0 +1,485 @@
+//! The device behind the bus: what the objects stand for.
+
+mod requests;
+
+use super::counters::{Counters, count};
+use super::live::{Commanded, Live, LoopOrders, LoopReport};
+use super::staging::Staging;
+use crate::fed::{FedJoint, Reply, Step};
+use crate::log::log;
+use crate::node::Outbox;
+use crate::node::dictionary::ERRORS_KEPT;
+use crate::node::sdo::Abort;
+use crate::set::ParameterSet;
+use crate::settings::{BLOCK_LENGTH, Settings, Source, parse_block};
+use crate::store::{LoadError, Store};
+use crate::supervisor::{self, CanState, Code, InUse, Observation, ResetCause, State, Supervisor};
+use crate::watch::{Watch, WatchParameters};
+use compensator_core::can::{
+    Answer, Entry, Frame, JointKind, Message, Motion, Node, Status, Sync, Telemetry, Torque,
+};
+use embedded_storage::nor_flash::NorFlash;
+use heapless::{Deque, String};
+
+/// Time between two reports of the current loop, s.
+pub const REPORT_PERIOD_S: f32 = 1e-3;
+
+/// Longest text of a panic that is kept, bytes.
+pub const PANIC_TEXT: usize = 160;
+
+/// Who a driver is.
+#[derive(Clone, Copy, Debug)]
+pub struct Identity {
+    /// The board, in words.
+    pub hardware: &'static str,
+    /// Number of this very board.
+    pub serial: u32,
+}
+
+impl Identity {
+    /// Vendor, product, revision and serial number. The vendor is 0: no number was bought.
+    pub fn numbers(&self) -> [u32; 4] {
+        const PRODUCT: u32 = u32::from_be_bytes(*b"FRIC");
+        [0, PRODUCT, u32::from(compensator_core::record::VERSION), self.serial]
+    }
+}
+
+/// How the last life ended.
+#[derive(Clone, Copy, Debug)]
+pub struct Boot<'a> {
+    /// Why there was a reset.
+    pub cause: ResetCause,
+    /// What a panic said before it.
+    pub panic: Option<&'a str>,
+    /// The guard below the stack was found overwritten.
+    pub stack_overflowed: bool,
+    /// The board's own tests at start passed.
+    pub self_test_passed: bool,
+}
+
+impl Default for Boot<'_> {
+    /// Power came, and all is well.
+    fn default() -> Self {
+        Self {
+            cause: ResetCause::PowerOn,
+            panic: None,
+            stack_overflowed: false,
+            self_test_passed: true,
+        }
+    }
+}
+
+/// All of a driver but its network state and its object server.
+#[derive(Debug)]
+pub struct Device<F> {
+    pub(super) counters: Counters,
+    pub(super) staging: Staging,
+    pub(super) identity: Identity,
+    /// The last errors, as object 1003h gives them; the newest last.
+    pub(super) errors: Deque<u32, ERRORS_KEPT>,
+    pub(super) last_panic: String<PANIC_TEXT>,
+    pub(super) run: u32,
+    pub(super) joint_kind: JointKind,
+    store: Store<F>,
+    /// What stands where nothing is stored.
+    defaults: Settings,
+    settings: Settings,
+    supervisor: Supervisor,
+    outbox: Outbox,
+    fed: FedJoint,
+    fed_armed: bool,
+    live: Live,
+    watch: Option<Watch>,
+    inputs: [u32; 10],
+    reply: Reply,
+    report: LoopReport,
+    /// A tick has looked at the report.
+    report_seen: bool,
+    can: CanState,
+    blocking: u32,
+    set_number: u32,
+    now_us: u64,
+}
+
+impl<F: NorFlash> Device<F> {
+    pub(super) fn boot(
+        defaults: Settings,
+        flash: F,
+        identity: Identity,
+        boot: &Boot,
+        now_us: u64,
+    ) -> Self {
+        let mut store = Store::open(flash);
+        let mut block = [0; BLOCK_LENGTH];
+        let loaded = store.load(&mut block).map(|loaded| loaded.length);
+        let fresh = || (defaults, ParameterSet::default());
+        let mut why = None;
+        let ((settings, set), parameters) = match loaded {
+            Ok(length) => match parse_block(block.get(..length).unwrap_or_default()) {
+                Ok(both) => (both, InUse::Set),
+                Err(error) => {
+                    why = Some(error);
+                    (fresh(), InUse::DefaultRefused)
+                }
+            },
+            Err(LoadError::Empty | LoadError::Damaged) => (fresh(), InUse::Default),
+            // There is a set, of another firmware.
+            Err(LoadError::Foreign(_) | LoadError::TooSmall { .. }) => {
+                (fresh(), InUse::DefaultRefused)
+            }
+        };
+        // A stored set that cannot be built for its period is as good as refused.
+        let feed = settings.feed();
+        let (fed, parameters) = match FedJoint::build(settings.node, &set.friction, feed) {
+            Ok(fed) => (fed, parameters),
+            Err(_) => (FedJoint::without_model(settings.node, feed), InUse::DefaultRefused),
+        };
+        let supervisor = Supervisor::boot(
+            &set.thresholds,
+            &supervisor::Boot {
+                reset: boot.cause,
+                panicked: boot.panic.is_some(),
+                stack_overflowed: boot.stack_overflowed,
+                store: store.health(),
+                parameters,
+                self_test_passed: boot.self_test_passed,
+            },
+        );
+        let mut last_panic = String::new();
+        for letter in boot.panic.unwrap_or_default().chars() {
+            if last_panic.push(letter).is_err() {
+                break;
+            }
+        }
+        let mut device = Self {
+            counters: Counters::default(),
+            watch: watch(&set.watch, &settings),
+            staging: Staging::new(set),
+            identity,
+            errors: Deque::new(),
+            last_panic,
+            run: 0,
+            joint_kind: JointKind::default(),
+            store,
+            defaults,
+            settings,
+            supervisor,
+            outbox: Outbox::default(),
+            fed,
+            fed_armed: false,
+            live: Live::default(),
+            inputs: [f32::NAN.to_bits(); 10],
+            reply: Reply::NONE,
+            report: LoopReport::default(),
+            report_seen: true,
+            can: CanState::Active,
+            blocking: 0,
+            set_number: 0,
+            now_us,
+        };
+        if let Some(error) = why {
+            device.staging.refuse(Abort::Value, error);
+        }
+        device
+    }
+
+    pub(super) const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    pub(super) const fn supervisor(&self) -> &Supervisor {
+        &self.supervisor
+    }
+
+    pub(super) const fn set(&self) -> &ParameterSet {
+        self.staging.active()
+    }
+
+    pub(super) fn outbox(&mut self) -> &mut Outbox {
+        &mut self.outbox
+    }
+
+    pub(super) fn flash(&self) -> &F {
+        self.store.flash()
+    }
+
+    pub(super) fn into_flash(self) -> F {
+        self.store.release()
+    }
+
+    /// Whether a joint is armed, on its own sensors or fed.
+    pub(super) fn is_armed(&self) -> bool {
+        self.supervisor.is_armed() || self.fed_armed
+    }
+
+    pub(super) fn set_time(&mut self, now_us: u64) {
+        self.now_us = now_us;
+    }
+
+    /// Takes in a process frame, where it is for this node.
+    pub(super) fn take(&mut self, message: &Message, frame: &Frame, node: Node, now_us: u64) {
+        let first = match message {
+            Message::Sync(sync) => return self.sync(*sync, node),
+            Message::Motion(of, _) if *of == node => 0,
+            Message::Torque(of, _) if *of == node => 2,
+            Message::Seal(of, _) if *of == node => 4,
+            Message::Surroundings(of, _) if *of == node => 6,
+            Message::Command(of, _) if *of == node => 8,
+            _ => return self.counters.count_foreign(),
+        };
+        let words = frame.data().as_chunks::<4>().0;
+        for (place, word) in self.inputs.iter_mut().skip(first).zip(words) {
+            *place = u32::from_le_bytes(*word);
+        }
+        self.fed.take(message);
+        match self.live.take(message, now_us) {
+            Some(Commanded::New { lost }) => {
+                count(&mut self.counters.command_lost, u32::from(lost));
+                self.supervisor.command_received(now_us);
+            }
+            Some(Commanded::Duplicate) => count(&mut self.counters.command_duplicate, 1),
+            Some(Commanded::Late) => count(&mut self.counters.command_late, 1),
+            None => {}
+        }
+    }
+
+    fn sync(&mut self, sync: Sync, node: Node) {
+        let lost = match self.fed.sync(sync) {
+            Step::Duplicate => return count(&mut self.counters.sync_duplicate, 1),
+            Step::Late => return count(&mut self.counters.sync_late, 1),
+            Step::Reply(reply, lost) => {
+                if self.settings.source == Source::Bus {
+                    self.reply = reply;
+                }
+                lost
+            }
+        };
+        count(&mut self.counters.sync_lost, u32::from(lost));
+        if self.settings.source == Source::Sensors {
+            self.reply = self.measured_reply();
+            // What the joint measured goes where a fed joint is told it: a log of a joint is a trace.
+            self.send(Message::Motion(
+                node,
+                Motion {
+                    velocity_rad_s: self.report.velocity_rad_s,
+                    position_rad: self.report.position_rad,
+                },
+            ));
+            self.send(Message::Torque(
+                node,
+                Torque { torque_nm: self.report.motor_torque_nm, load_torque_nm: f32::NAN },
+            ));
+        }
+        let reply = self.reply;
+        self.send(Message::Answer(node, reply.answer));
+        self.send(Message::Status(node, reply.status));
+        let every = u32::from(self.settings.telemetry_every);
+        if every > 0 && reply.status.sequence.is_multiple_of(every) {
+            self.send(Message::Telemetry(node, reply.telemetry));
+        }
+        if self.settings.source == Source::Bus
+            && let Some(watch) = &mut self.watch
+        {
+            let residual_nm = reply.telemetry.residual_torque_nm;
+            let velocity_rad_s = self.inputs.first().map_or(0.0, |word| f32::from_bits(*word));
+            watch.step(residual_nm, velocity_rad_s, residual_nm.is_finite());
+        }
+    }
+
+    fn measured_reply(&self) -> Reply {
+        Reply {
+            answer: Answer {
+                friction_torque_nm: self.report.friction_torque_nm,
+                feed_forward_current_a: self.report.feed_forward_current_a,
+            },
+            status: Status {
+                flags: self.report.flags,
+                sequence: self.fed.inbox().sequence().wrapping_sub(1),
+            },
+            telemetry: Telemetry {
+                current_a: self.report.current_a,
+                residual_torque_nm: self.report.residual_torque_nm,
+            },
+        }
+    }
+
+    fn send(&mut self, message: Message) {
+        self.outbox.push(message.emit());
+    }
+
+    /// What a trace says of the samples that follow.
+    pub(super) fn trace(&mut self, entry: Entry, message: &Message) {
+        match entry {
+            Entry::Run(number) => self.run = number,
+            Entry::Sequence(_) => {}
+            Entry::JointKind(kind) => self.joint_kind = kind,
+        }
+        self.fed.take(message);
+    }
+
+    /// What is due: see [`super::Driver::tick`].
+    pub(super) fn tick(&mut self, heartbeat_lost: bool, now_us: u64) {
+        self.now_us = now_us;
+        let report = &self.report;
+        let measures = self.settings.source == Source::Sensors;
+        let in_band = self.watch.as_ref().and_then(Watch::in_band);
+        let observation = if measures {
+            Observation {
+                bus_voltage_v: report.bus_voltage_v,
+                phase_currents_a: report.phase_currents_a,
+                current_a: report.current_a,
+                current_setpoint_a: report.current_reference_a,
+                velocity_rad_s: report.velocity_rad_s,
+                bridge_temperature_c: report.bridge_temperature_c,
+                motor_temperature_c: report.motor_temperature_c,
+                sample_age_us: report.sample_age_us,
+                gate_driver_fault: report.gate_driver_fault,
+                stack_intact: report.stack_intact,
+                can: self.can,
+                heartbeat_lost,
+                loop_flags: report.loop_flags,
+                compensator: report.flags,
+                model_in_band: in_band,
+            }
+        } else {
+            // A fed joint has no bridge to watch over.
+            Observation {
+                stack_intact: report.stack_intact,
+                can: self.can,
+                heartbeat_lost,
+                model_in_band: in_band,
+                ..Observation::default()
+            }
+        };
+        self.supervisor.observe(&observation, now_us);
+        self.report_seen = true;
+        if self.fed_armed && !self.in_the_way().is_empty() {
+            // Not armed itself, the supervisor would only remember it.
+            if heartbeat_lost {
+                self.supervisor.trip(Code::HeartbeatLost);
+            }
+            self.disarm();
+        }
+    }
+
+    /// Takes in what the current loop did: see [`super::Driver::report`].
+    pub(super) fn take_report(&mut self, report: &LoopReport) {
+        // What flags said since the last tick is not forgotten by a second report before the next.
+        let seen = (self.report.loop_flags, self.report.flags);
+        self.report = *report;
+        if !self.report_seen {
+            self.report.loop_flags |= seen.0;
+            self.report.flags |= seen.1;
+        }
+        self.report_seen = false;
+        for _ in 0..report.overruns_in_a_row {
+            self.supervisor.loop_overrun();
+        }
+        self.supervisor.loop_on_time();
+        if self.settings.source == Source::Sensors
+            && let Some(watch) = &mut self.watch
+        {
+            let valid = report.residual_torque_nm.is_finite();
+            watch.step(report.residual_torque_nm, report.velocity_rad_s, valid);
+        }
+    }
+
+    /// What the current loop is to do: see [`super::Driver::orders`].
+    pub(super) fn orders(&self, now_us: u64) -> LoopOrders {
+        let drives = self.settings.source == Source::Sensors;
+        let age_h = now_us as f32 * (1e-6 / 3600.0);
+        LoopOrders {
+            setpoint: self.live.setpoint(now_us),
+            covariates: self.live.covariates(self.settings.campaign_h + age_h, now_us),
+            bridge: drives && self.supervisor.bridge_allowed(),
+            compensation: drives && self.supervisor.compensation_allowed(),
+            current_share: self.supervisor.current_share(),
+            set_number: self.set_number,
+        }
+    }
+
+    pub(super) fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
+        if receiver_overrun {
+            count(&mut self.counters.receiver_overrun, 1);
+        }
+        if can == CanState::Off && self.can != CanState::Off {
+            count(&mut self.counters.bus_off, 1);
+        }
+        self.can = can;
+    }
+
+    /// Disarms the joint, whatever feeds it.
+    pub(super) fn disarm(&mut self) {
+        self.supervisor.disarm();
+        self.fed.set_enabled(false);
+        self.fed_armed = false;
+    }
+
+    /// The next code that came or went, as an emergency: code, register, the joint's own detail.
+    pub(super) fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
+        let event = self.supervisor.take_event()?;
+        let info = event.code.info();
+        let code = if event.raised { info.emergency } else { 0 };
+        log!(warn, "{=str} {=str}", info.name, if event.raised { "came" } else { "went" });
+        if event.raised {
+            self.keep_error(info.emergency, u16::from(info.number));
+        }
+        Some((code, self.error_register(), [info.number, 0, 0, 0, 0]))
+    }
+
+    pub(super) fn error_register(&self) -> u8 {
+        self.supervisor.faults().error_register() | self.supervisor.limits().error_register()
+    }
+
+    pub(super) fn sequence(&self) -> u32 {
+        self.fed.inbox().sequence()
+    }
+
+    pub(super) fn state_words(&self) -> [u32; 5] {
+        let state = match self.supervisor.state() {
+            State::Fault => 2,
+            _ if self.is_armed() => 1,
+            _ => 0,
+        };
+        let (faults, limits) = (self.supervisor.faults(), self.supervisor.limits());
+        [0, state, faults.fault_bits(), limits.limit_bits(), self.blocking]
+    }
+
+    pub(super) fn outbox_counts(&self) -> (u32, u32) {
+        (self.outbox.sent(), self.outbox.lost())
+    }
+
+    pub(super) const fn last_inputs(&self) -> [u32; 10] {
+        self.inputs
+    }
+
+    pub(super) fn last_outputs(&self) -> [u32; 6] {
+        self.reply.words()
+    }
+
+    pub(super) fn code_count(&self, place: usize) -> Option<u32> {
+        self.supervisor.counts().get(place).copied()
+    }
+
+    pub(super) fn watch_words(&self) -> [u32; 5] {
+        let Some(watch) = &self.watch else { return [1, 0, 0, 0, 0] };
+        [
+            u32::from(watch.in_band().unwrap_or(true)),
+            watch.windows(),
+            watch.windows_out_of_band(),
+            watch.alarms(),
+            watch.largest_in_bands().to_bits(),
+        ]
+    }
+}
+
+/// A watch for these parameters; `None` where it cannot be built. Samples farther apart than the
+/// parameters ask for are independent too.
+fn watch(written: &WatchParameters, settings: &Settings) -> Option<Watch> {
+    let period_s = match settings.source {
+        Source::Sensors => REPORT_PERIOD_S,
+        Source::Bus => settings.period_s,
+    };
+    let independent_s = written.independent_s.max(period_s);
+    WatchParameters { independent_s, ..*written }.build(period_s).ok()
+}

@@ -1,0 +1,117 @@
+//! What a tool may ask of a driver, and what it answers where that cannot be.
+
+use super::{Device, watch};
+use crate::fed::FedJoint;
+use crate::node::sdo::Abort;
+use crate::set::ParameterSet;
+use crate::settings::{BLOCK_LENGTH, Settings, Source, emit_block};
+use crate::supervisor::{self, Code, InUse};
+use embedded_storage::nor_flash::NorFlash;
+
+impl<F: NorFlash> Device<F> {
+    /// A request to the state machine: 0 disarm, 1 arm, 2 clear faults.
+    pub(in crate::driver) fn request(&mut self, request: u8) -> Result<(), Abort> {
+        match request {
+            0 => {
+                self.disarm();
+                Ok(())
+            }
+            1 => self.arm(),
+            2 => self.supervisor.clear_faults().map_err(|left| {
+                self.blocking = left.fault_bits();
+                self.staging.refuse(Abort::State, Still(left))
+            }),
+            _ => Err(self.staging.refuse(
+                Abort::Value,
+                format_args!(
+                    "request = {request}: must be 0 (disarm), 1 (arm) or 2 (clear faults)"
+                ),
+            )),
+        }
+    }
+
+    fn arm(&mut self) -> Result<(), Abort> {
+        if self.settings.source == Source::Sensors {
+            return self.supervisor.arm(self.now_us).map_err(|refusal| {
+                self.blocking = refusal.causes.fault_bits();
+                self.staging.refuse(Abort::State, refusal)
+            });
+        }
+        // A fed joint drives nothing: no set-point and no bus voltage is needed, but no fault either.
+        let causes = self.in_the_way();
+        if !causes.is_empty() {
+            self.blocking = causes.fault_bits();
+            return Err(self.staging.refuse(Abort::State, Still(causes)));
+        }
+        self.fed_armed = true;
+        self.fed.set_enabled(true);
+        Ok(())
+    }
+
+    /// What stops a fed joint: faults, and a master that has gone.
+    pub(super) fn in_the_way(&self) -> supervisor::CodeSet {
+        let mut causes = self.supervisor.faults();
+        if self.supervisor.causes().contains(Code::HeartbeatLost) {
+            causes.insert(Code::HeartbeatLost);
+        }
+        causes
+    }
+
+    /// Makes the staged set the active one, all at once.
+    pub(in crate::driver) fn commit(&mut self, meant: u32) -> Result<(), Abort> {
+        let set = self.staging.committed(meant)?;
+        let fed = FedJoint::build(self.settings.node, &set.friction, self.settings.feed());
+        let fed = fed.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        set.builds().map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        let thresholds = self.supervisor.configure(&set.thresholds);
+        thresholds.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        self.fed = fed;
+        self.watch = watch(&set.watch, &self.settings);
+        self.staging.activate(set);
+        self.supervisor.parameters(InUse::Set);
+        self.set_number = self.set_number.wrapping_add(1);
+        Ok(())
+    }
+
+    /// Takes other settings; the node's number counts from the next start.
+    pub(in crate::driver) fn set_settings(&mut self, settings: Settings) -> Result<(), Abort> {
+        let set = self.staging.active();
+        let watch = watch(&set.watch, &settings);
+        let fed = FedJoint::build(self.settings.node, &set.friction, settings.feed());
+        self.fed = fed.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        self.watch = watch;
+        self.settings = settings;
+        self.live.forget_command();
+        Ok(())
+    }
+
+    /// Stores settings and the active set.
+    pub(in crate::driver) fn save(&mut self) -> Result<(), Abort> {
+        let block = emit_block(&self.settings, self.staging.active());
+        self.write_block(&block)
+    }
+
+    /// Stores the defaults; they count from the next start, as CiA 301 has it.
+    pub(in crate::driver) fn restore_defaults(&mut self) -> Result<(), Abort> {
+        self.write_block(&emit_block(&self.defaults, &ParameterSet::default()))
+    }
+
+    fn write_block(&mut self, block: &[u8; BLOCK_LENGTH]) -> Result<(), Abort> {
+        let saved = self.store.save(block);
+        self.supervisor.store(self.store.health());
+        match saved {
+            Ok(_) => Ok(()),
+            Err(error) => Err(self.staging.refuse(Abort::Hardware, error)),
+        }
+    }
+}
+
+/// Faults that stand in the way, by name.
+struct Still(supervisor::CodeSet);
+
+impl core::fmt::Display for Still {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("still there:")?;
+        self.0.iter().try_for_each(|code: Code| write!(f, " {}", code.info().name))
+    }
+}

@@ -1,0 +1,429 @@
+//! Parameters on their way in: staged, validated, committed in two steps.
+//!
+//! What is written goes to a staged set, which drives nothing. A commit names the CRC of the set the
+//! tool means; only where the staged set has that very CRC, is valid as a whole and can be built, it
+//! becomes the active one, all at once. So neither half a set nor somebody else's is ever used. A
+//! refused write changes nothing, and its reason stands in the refusal object in words: which field,
+//! its value, its bound, why.
+
+use crate::control::MotorParameters;
+use crate::log::log;
+use crate::node::dictionary::index;
+use crate::node::sdo::{Abort, Value};
+use crate::set::{DRIVE_LENGTH, ParameterSet};
+use crate::supervisor::Thresholds;
+use crate::watch::WatchParameters;
+use compensator_core::compensator::CompensatorParameters;
+use compensator_core::parameters::{Choices, Envelope, LawKind};
+use compensator_core::record;
+use compensator_core::term::MAX_TERMS;
+use compensator_core::{ParameterId, TermKind};
+use core::fmt::{Display, Write};
+use heapless::String;
+
+/// A term's place that holds none.
+pub const NO_TERM: u8 = 0xFF;
+
+/// Longest reason, bytes.
+pub const REASON: usize = 160;
+
+/// The active set and the staged one.
+#[derive(Clone, Debug)]
+pub struct Staging {
+    active: ParameterSet,
+    staged: ParameterSet,
+    /// The staged terms as they were written: between two writes a term may stand twice.
+    terms: [u8; MAX_TERMS],
+    reason: String<REASON>,
+}
+
+impl Staging {
+    /// Nothing staged besides the active set.
+    pub fn new(active: ParameterSet) -> Self {
+        let mut staging = Self {
+            staged: active.clone(),
+            active,
+            terms: [NO_TERM; MAX_TERMS],
+            reason: String::new(),
+        };
+        staging.discard();
+        staging
+    }
+
+    /// The set in use.
+    pub const fn active(&self) -> &ParameterSet {
+        &self.active
+    }
+
+    /// The staged set, its terms put in order.
+    pub fn staged(&self) -> ParameterSet {
+        let mut staged = self.staged.clone();
+        staged.friction.model.terms.clear();
+        for kind in self.terms.iter().filter_map(|code| TermKind::from_number(*code)) {
+            staged.friction.model.add_term(kind);
+        }
+        staged
+    }
+
+    /// Stages the active set again.
+    pub fn discard(&mut self) {
+        self.stage(self.active.clone());
+    }
+
+    /// Stages a whole set.
+    pub fn stage(&mut self, set: ParameterSet) {
+        self.terms = [NO_TERM; MAX_TERMS];
+        for (place, term) in self.terms.iter_mut().zip(&set.friction.model.terms) {
+            *place = *term as u8;
+        }
+        self.staged = set;
+    }
+
+    /// Why the last write was refused.
+    pub fn reason(&self) -> &str {
+        &self.reason
+    }
+
+    /// Keeps a reason, as far as it fits, and gives the abort code that goes with it.
+    pub fn refuse(&mut self, abort: Abort, why: impl Display) -> Abort {
+        self.reason.clear();
+        let mut cut = Cut(&mut self.reason);
+        // A reason that does not fit is cut, not lost.
+        let _ = write!(cut, "{why}");
+        log!(warn, "refused: {=str}", self.reason.as_str());
+        abort
+    }
+
+    /// Reads what is staged.
+    pub fn read(&self, at_index: u16, sub_index: u8, value: &mut Value) -> Result<(), Abort> {
+        let place = usize::from(sub_index).checked_sub(1).ok_or(Abort::NoSubIndex)?;
+        let ParameterSet { friction, motor, thresholds, watch } = &self.staged;
+        let model = &friction.model;
+        let float = |numbers: &[f32]| numbers.get(place).copied().ok_or(Abort::NoSubIndex);
+        let bytes = match at_index {
+            index::ENVELOPE => float(&model.envelope.to_array())?.to_le_bytes(),
+            index::COMPENSATOR => float(&friction.compensator.to_array())?.to_le_bytes(),
+            index::MOTOR => float(&motor.to_array())?.to_le_bytes(),
+            index::THRESHOLDS => float(&thresholds.to_array())?.to_le_bytes(),
+            index::WATCH_PARAMETERS => float(&watch.to_array())?.to_le_bytes(),
+            index::PARAMETERS => {
+                let id = ParameterId::ALL.get(place).ok_or(Abort::NoSubIndex)?;
+                model.get(*id).to_le_bytes()
+            }
+            _ => {
+                let byte = match place {
+                    0 => model.law as u8,
+                    1 => choices_to_bits(model.choices),
+                    _ => *self.terms.get(place - 2).ok_or(Abort::NoSubIndex)?,
+                };
+                return value.push(byte).map_err(|_| Abort::Memory);
+            }
+        };
+        value.extend_from_slice(&bytes).map_err(|_| Abort::Memory)
+    }
+
+    /// Stages a single value.
+    ///
+    /// # Errors
+    /// Out of its own range. Whether the values fit together is seen at the commit, so that they can be
+    /// written in any order.
+    pub fn write(&mut self, at_index: u16, sub_index: u8, value: &[u8]) -> Result<(), Abort> {
+        let place = usize::from(sub_index).checked_sub(1).ok_or(Abort::NoSubIndex)?;
+        if at_index == index::MODEL {
+            let [byte] = *value else { return Err(Abort::TooLong) };
+            return self.write_choice(place, byte);
+        }
+        let number = f32::from_le_bytes(value.try_into().map_err(|_| Abort::TooLong)?);
+        match at_index {
+            index::ENVELOPE => {
+                let mut fields = self.staged.friction.model.envelope.to_array();
+                self.put(&mut fields, place, number, &Envelope::NAMES)?;
+                self.staged.friction.model.envelope = Envelope::from_array(fields);
+            }
+            index::COMPENSATOR => {
+                let mut fields = self.staged.friction.compensator.to_array();
+                *fields.get_mut(place).ok_or(Abort::NoSubIndex)? = number;
+                let changed = CompensatorParameters::from_array(fields);
+                changed.validate().map_err(|error| self.refuse(Abort::Value, error))?;
+                self.staged.friction.compensator = changed;
+            }
+            index::MOTOR => {
+                let mut fields = self.staged.motor.to_array();
+                self.put(&mut fields, place, number, MotorParameters::NAMES)?;
+                self.staged.motor = MotorParameters::from_array(fields);
+            }
+            index::THRESHOLDS => {
+                let mut fields = self.staged.thresholds.to_array();
+                self.put(&mut fields, place, number, &Thresholds::NAMES)?;
+                self.staged.thresholds = Thresholds::from_array(fields);
+            }
+            index::WATCH_PARAMETERS => {
+                let mut fields = self.staged.watch.to_array();
+                self.put(&mut fields, place, number, &WatchParameters::NAMES)?;
+                self.staged.watch = WatchParameters::from_array(fields);
+            }
+            _ => {
+                let id = *ParameterId::ALL.get(place).ok_or(Abort::NoSubIndex)?;
+                let info = id.info();
+                self.check(info.name, number, info.lower, info.upper)?;
+                self.staged.friction.model.set(id, number);
+            }
+        }
+        Ok(())
+    }
+
+    fn write_choice(&mut self, place: usize, byte: u8) -> Result<(), Abort> {
+        match place {
+            0 => {
+                let law = LawKind::from_number(byte).ok_or_else(|| {
+                    self.refuse(Abort::Value, format_args!("law = {byte}: there is no such law"))
+                })?;
+                self.staged.friction.model.law = law;
+            }
+            1 => {
+                self.staged.friction.model.choices = choices_from_bits(byte).ok_or_else(|| {
+                    self.refuse(Abort::Value, format_args!("choices = {byte}: must be at most 7"))
+                })?;
+            }
+            _ => {
+                if byte != NO_TERM && TermKind::from_number(byte).is_none() {
+                    let why = format_args!("term = {byte}: there is no such term");
+                    return Err(self.refuse(Abort::Value, why));
+                }
+                *self.terms.get_mut(place - 2).ok_or(Abort::NoSubIndex)? = byte;
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts a number into a list of fields. Their ranges bound each other and are looked at by the
+    /// commit; here it must be a number.
+    fn put(
+        &mut self,
+        fields: &mut [f32],
+        place: usize,
+        number: f32,
+        names: &[&str],
+    ) -> Result<(), Abort> {
+        let (Some(name), Some(field)) = (names.get(place), fields.get_mut(place)) else {
+            return Err(Abort::NoSubIndex);
+        };
+        self.check(name, number, f64::from(f32::MIN), f64::from(f32::MAX))?;
+        *field = number;
+        Ok(())
+    }
+
+    fn check(&mut self, name: &str, number: f32, least: f64, most: f64) -> Result<(), Abort> {
+        let wide = f64::from(number);
+        if !number.is_finite() {
+            return Err(
+                self.refuse(Abort::Value, format_args!("{name} = {number}: must be finite"))
+            );
+        }
+        if wide < least {
+            let why = format_args!("{name} = {number}: must be at least {least}");
+            return Err(self.refuse(Abort::TooLow, why));
+        }
+        if wide > most {
+            let why = format_args!("{name} = {number}: must be at most {most}");
+            return Err(self.refuse(Abort::TooHigh, why));
+        }
+        Ok(())
+    }
+
+    /// Stages a whole friction model from its record.
+    ///
+    /// # Errors
+    /// The record is damaged, or its parameters are refused.
+    pub fn write_record(&mut self, bytes: &[u8]) -> Result<(), Abort> {
+        let friction = record::parse(bytes).map_err(|error| self.refuse(Abort::Value, error))?;
+        self.stage(ParameterSet { friction, ..self.staged.clone() });
+        Ok(())
+    }
+
+    /// Stages motor, thresholds and watch whole.
+    ///
+    /// # Errors
+    /// Another length, or a number is refused.
+    pub fn write_drive(&mut self, bytes: &[u8]) -> Result<(), Abort> {
+        let drive: &[u8; DRIVE_LENGTH] = bytes.try_into().map_err(|_| Abort::TooShort)?;
+        let set = ParameterSet::with_drive(self.staged().friction, drive);
+        set.validate_drive().map_err(|error| self.refuse(Abort::Value, error))?;
+        self.stage(set);
+        Ok(())
+    }
+
+    /// The set a commit with this CRC means, where it is the staged one and valid. It is not active
+    /// before [`Staging::activate`]: the driver builds it first.
+    ///
+    /// # Errors
+    /// Another CRC, or refused parameters.
+    pub fn committed(&mut self, meant: u32) -> Result<ParameterSet, Abort> {
+        let staged = self.staged();
+        let found = staged.crc();
+        if found != meant {
+            let why = format_args!("commit of {meant:08x}, but the staged set is {found:08x}");
+            return Err(self.refuse(Abort::Refused, why));
+        }
+        staged.validate().map_err(|error| self.refuse(Abort::Value, error))?;
+        Ok(staged)
+    }
+
+    /// Makes a set the active one, and the staged one.
+    pub fn activate(&mut self, set: ParameterSet) {
+        self.active = set;
+        self.discard();
+        self.reason.clear();
+    }
+}
+
+fn choices_to_bits(choices: Choices) -> u8 {
+    u8::from(choices.damping_fades)
+        | u8::from(choices.printed_extended) << 1
+        | u8::from(choices.allow_active) << 2
+}
+
+fn choices_from_bits(bits: u8) -> Option<Choices> {
+    (bits < 8).then_some(Choices {
+        damping_fades: bits & 1 != 0,
+        printed_extended: bits & 2 != 0,
+        allow_active: bits & 4 != 0,
+    })
+}
+
+/// Writes into a string as far as there is room.
+struct Cut<'a, const N: usize>(&'a mut String<N>);
+
+impl<const N: usize> Write for Cut<'_, N> {
+    fn write_str(&mut self, text: &str) -> core::fmt::Result {
+        for letter in text.chars() {
+            self.0.push(letter).map_err(|_| core::fmt::Error)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn float(staging: &mut Staging, id: ParameterId, value: f32) -> Result<(), Abort> {
+        staging.write(index::PARAMETERS, id as u8 + 1, &value.to_le_bytes())
+    }
+
+    #[test]
+    fn values_go_in_one_by_one_and_become_active_together() {
+        let mut staging = Staging::new(ParameterSet::default());
+        // On the way the static level lies below the Coulomb level: no single write may refuse that.
+        float(&mut staging, ParameterId::CoulombTorque, 1.5).unwrap();
+        float(&mut staging, ParameterId::StaticTorque, 2.0).unwrap();
+        staging.write(index::MODEL, 1, &[LawKind::ImprovedLugre as u8]).unwrap();
+        staging.write(index::MODEL, 3, &[TermKind::PositionRipple as u8]).unwrap();
+        assert_eq!(staging.active(), &ParameterSet::default());
+        let wrong = staging.committed(1);
+        assert_eq!(wrong, Err(Abort::Refused));
+        assert!(staging.reason().starts_with("commit of 00000001, but"), "{}", staging.reason());
+        let meant = staging.staged().crc();
+        let set = staging.committed(meant).unwrap();
+        staging.activate(set);
+        assert_eq!(staging.active().friction.model.get(ParameterId::StaticTorque), 2.0);
+        assert_eq!(staging.active().friction.model.terms.as_slice(), [TermKind::PositionRipple]);
+        assert_eq!(staging.active().crc(), meant);
+    }
+
+    #[test]
+    fn a_refusal_names_the_field_and_changes_nothing() {
+        let mut staging = Staging::new(ParameterSet::default());
+        let before = staging.staged();
+        let cases: [(u16, u8, &[u8], Abort, &str); 8] = [
+            (
+                index::PARAMETERS,
+                1,
+                &(-1f32).to_le_bytes(),
+                Abort::TooLow,
+                "coulomb_torque = -1: must be at least",
+            ),
+            (
+                index::PARAMETERS,
+                1,
+                &1e9f32.to_le_bytes(),
+                Abort::TooHigh,
+                "coulomb_torque = 1000000000: must be at most",
+            ),
+            (
+                index::PARAMETERS,
+                3,
+                &f32::NAN.to_le_bytes(),
+                Abort::Value,
+                "stribeck_velocity = NaN: must be finite",
+            ),
+            (
+                index::COMPENSATOR,
+                1,
+                &1.5f32.to_le_bytes(),
+                Abort::Value,
+                "scale = 1.5: must be at most 1: over-comp",
+            ),
+            (
+                index::ENVELOPE,
+                1,
+                &f32::INFINITY.to_le_bytes(),
+                Abort::Value,
+                "velocity_max_rad_s = inf: must be finite",
+            ),
+            (
+                index::MOTOR,
+                1,
+                &f32::NAN.to_le_bytes(),
+                Abort::Value,
+                "pole_pairs = NaN: must be finite",
+            ),
+            (index::MODEL, 1, &[200], Abort::Value, "law = 200: there is no such law"),
+            (index::MODEL, 4, &[99], Abort::Value, "term = 99: there is no such term"),
+        ];
+        for (at, sub_index, bytes, abort, reason) in cases {
+            assert_eq!(staging.write(at, sub_index, bytes), Err(abort));
+            assert!(staging.reason().starts_with(reason), "{}", staging.reason());
+            assert_eq!(staging.staged(), before);
+        }
+    }
+
+    #[test]
+    fn values_that_do_not_fit_together_are_refused_at_the_commit() {
+        let mut staging = Staging::new(ParameterSet::default());
+        float(&mut staging, ParameterId::CoulombTorque, 3.0).unwrap();
+        let meant = staging.staged().crc();
+        assert_eq!(staging.committed(meant), Err(Abort::Value));
+        assert!(staging.reason().starts_with("static_torque = 1: must be at least 3"));
+        staging.discard();
+        assert_eq!(staging.staged(), ParameterSet::default());
+        staging.write(index::THRESHOLDS, 1, &2e5f32.to_le_bytes()).unwrap();
+        let meant = staging.staged().crc();
+        assert_eq!(staging.committed(meant), Err(Abort::Value));
+        assert!(
+            staging.reason().starts_with("command_timeout_us = 200000: must be at most 100000")
+        );
+    }
+
+    #[test]
+    fn a_record_is_staged_whole_or_not_at_all() {
+        let mut staging = Staging::new(ParameterSet::default());
+        let mut other = ParameterSet::default();
+        other.friction.model.set(ParameterId::ViscousFriction, 0.5);
+        other.friction.model.add_term(TermKind::TorqueOffset);
+        let mut record = record::emit(&other.friction);
+        staging.write_record(&record).unwrap();
+        assert_eq!(staging.staged(), other);
+        record[90] ^= 1;
+        assert_eq!(staging.write_record(&record), Err(Abort::Value));
+        assert_eq!(staging.reason(), "record is damaged (CRC)");
+        assert_eq!(staging.staged(), other);
+    }
+
+    #[test]
+    fn a_long_reason_is_cut() {
+        let mut staging = Staging::new(ParameterSet::default());
+        staging.refuse(Abort::Value, "x".repeat(400));
+        assert_eq!(staging.reason().len(), REASON);
+    }
+}

@@ -1,0 +1,208 @@
+//! A joint that is fed from the bus: replay and hardware-in-the-loop.
+//!
+//! Every input comes in frames, the compensator takes one step at each SYNC, and all it gives goes back
+//! in frames; nothing drives a bridge. The joint driver runs this code on its processor, and the PC that
+//! replays a trace to it runs the same code beside it on the frames it sent. The two then differ in
+//! compiler, processor and floating-point unit, in the bus between and in nothing else, so their answers
+//! must agree to the last bit.
+
+use compensator_core::can::{Answer, Inbox, Message, Node, Status, Sync, SyncOutcome, Telemetry};
+use compensator_core::record::Configuration;
+use compensator_core::{Compensator, Fixed, Flags, ParameterError, Real};
+
+/// The number a joint computes with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Number {
+    /// `f32`.
+    #[default]
+    Float,
+    /// [`Fixed`], for processors without a floating-point unit.
+    Fixed,
+}
+
+/// A compensator in either number.
+#[derive(Clone, Debug)]
+enum Either {
+    /// None: every answer is 0 and says that it is off.
+    Absent,
+    Float(Compensator<f32>),
+    Fixed(Compensator<Fixed>),
+}
+
+/// What a joint says after a SYNC.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reply {
+    /// TPDO 1.
+    pub answer: Answer,
+    /// TPDO 2.
+    pub status: Status,
+    /// TPDO 3.
+    pub telemetry: Telemetry,
+}
+
+impl Reply {
+    /// What a joint says before its first sample.
+    pub const NONE: Self = Self {
+        answer: Answer { friction_torque_nm: 0.0, feed_forward_current_a: 0.0 },
+        status: Status { flags: Flags::DISABLED, sequence: 0 },
+        telemetry: Telemetry { current_a: 0.0, residual_torque_nm: f32::NAN },
+    };
+
+    /// Whether every bit is the same; NaN is equal to itself here.
+    pub fn same_bits(&self, other: &Self) -> bool {
+        self.words() == other.words()
+    }
+
+    /// All of it, in the order of the frames.
+    pub fn words(&self) -> [u32; 6] {
+        [
+            self.answer.friction_torque_nm.to_bits(),
+            self.answer.feed_forward_current_a.to_bits(),
+            self.status.flags.bits(),
+            self.status.sequence,
+            self.telemetry.current_a.to_bits(),
+            self.telemetry.residual_torque_nm.to_bits(),
+        ]
+    }
+}
+
+/// What a SYNC led to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Step {
+    /// A sample, and how many were lost before it.
+    Reply(Reply, u8),
+    /// The same SYNC again: nothing was done.
+    Duplicate,
+    /// A SYNC from before the last: nothing was done.
+    Late,
+}
+
+/// What a fed joint is besides its parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feed {
+    /// The number it computes with.
+    pub number: Number,
+    /// Time from SYNC to SYNC, s.
+    pub period_s: f32,
+    /// Age of the campaign when a run begins, h.
+    pub campaign_h: f32,
+}
+
+/// A compensator between frames.
+#[derive(Clone, Debug)]
+pub struct FedJoint {
+    feed: Feed,
+    inbox: Inbox,
+    compensator: Either,
+}
+
+impl FedJoint {
+    /// Builds the compensator; it is off.
+    ///
+    /// # Errors
+    /// As [`Compensator::build`].
+    pub fn build(
+        node: Node,
+        configuration: &Configuration,
+        feed: Feed,
+    ) -> Result<Self, ParameterError> {
+        let compensator = match feed.number {
+            Number::Float => Either::Float(Compensator::build(configuration, feed.period_s)?),
+            Number::Fixed => Either::Fixed(Compensator::build(configuration, feed.period_s)?),
+        };
+        Ok(Self { feed, inbox: Inbox::new(node), compensator })
+    }
+
+    /// A joint without a model: it answers, and compensates nothing.
+    pub const fn without_model(node: Node, feed: Feed) -> Self {
+        Self { feed, inbox: Inbox::new(node), compensator: Either::Absent }
+    }
+
+    /// Switches the compensator on or off; on begins at rest.
+    pub fn set_enabled(&mut self, enabled: bool) {
+        match &mut self.compensator {
+            Either::Absent => {}
+            Either::Float(compensator) => compensator.set_enabled(enabled),
+            Either::Fixed(compensator) => compensator.set_enabled(enabled),
+        }
+    }
+
+    /// Whether it is on.
+    pub fn is_enabled(&self) -> bool {
+        match &self.compensator {
+            Either::Absent => false,
+            Either::Float(compensator) => compensator.is_enabled(),
+            Either::Fixed(compensator) => compensator.is_enabled(),
+        }
+    }
+
+    /// What it is built for.
+    pub const fn feed(&self) -> Feed {
+        self.feed
+    }
+
+    /// What has been heard of the sample that is being put together.
+    pub const fn inbox(&self) -> &Inbox {
+        &self.inbox
+    }
+
+    /// Takes in a message that is no SYNC. A new run begins with the compensator at rest.
+    pub fn take(&mut self, message: &Message) {
+        if self.inbox.take(message) && self.is_enabled() {
+            self.set_enabled(false);
+            self.set_enabled(true);
+        }
+    }
+
+    /// Takes in a SYNC, and steps where it ends a sample.
+    pub fn sync(&mut self, sync: Sync) -> Step {
+        let lost = match self.inbox.sync(sync) {
+            SyncOutcome::Sample { lost } => lost,
+            SyncOutcome::Duplicate => return Step::Duplicate,
+            SyncOutcome::Late => return Step::Late,
+        };
+        let (inbox, feed) = (&self.inbox, self.feed);
+        let reply = match &mut self.compensator {
+            Either::Absent => {
+                let status = Status { flags: Flags::DISABLED, sequence: inbox.sequence() };
+                Reply { status, ..Reply::NONE }
+            }
+            Either::Float(compensator) => reply(compensator, inbox, feed),
+            Either::Fixed(compensator) => reply(compensator, inbox, feed),
+        };
+        self.inbox.end_sample();
+        Step::Reply(reply, lost)
+    }
+}
+
+fn reply<T: Real<Setting = f32>>(
+    compensator: &mut Compensator<T>,
+    inbox: &Inbox,
+    feed: Feed,
+) -> Reply {
+    let inputs = inbox.inputs::<T>(feed.period_s, feed.campaign_h);
+    let output = compensator.step(&inputs);
+    let command = inbox.command_current_a(feed.period_s).map_or(0.0, |reading| reading.value);
+    let (current, flags) = compensator.sum(T::from_setting(command), &output);
+    // To `f32` by way of `f64`, which holds either number exactly: one rounding.
+    let number = |value: T| value.value() as f32;
+    let friction_torque_nm = number(output.friction_torque_nm);
+    Reply {
+        answer: Answer {
+            friction_torque_nm,
+            feed_forward_current_a: number(output.feed_forward_current_a),
+        },
+        status: Status { flags, sequence: inbox.sequence() },
+        telemetry: Telemetry {
+            current_a: number(current),
+            residual_torque_nm: residual(inbox.measured_torque_nm(), friction_torque_nm, flags),
+        },
+    }
+}
+
+/// Measured less modelled torque, Nm; NaN where nothing is measured or nothing modelled. Every NaN is
+/// the same one: processors differ in which they make.
+fn residual(measured_nm: f32, modelled_nm: f32, flags: Flags) -> f32 {
+    let difference = measured_nm - modelled_nm;
+    if difference.is_nan() || flags.contains(Flags::DISABLED) { f32::NAN } else { difference }
+}

@@ -1,0 +1,231 @@
+//! What a driver keeps besides the friction model: how it takes part in the bus and what feeds it.
+//!
+//! Stored in one block with the parameter record, so that the two cannot be of different ages. Every
+//! setting is an object of the dictionary (see [`crate::node::dictionary`]) and is refused out of range
+//! when it is written, not when it is used.
+
+use crate::fed::{Feed, Number};
+use crate::set::{ParameterSet, SET_LENGTH, SetError};
+use compensator_core::can::Node;
+use core::fmt;
+
+/// Where a driver's inputs come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Source {
+    /// Its own encoder and converters: it drives a joint.
+    #[default]
+    Sensors,
+    /// Frames: it drives nothing.
+    Bus,
+}
+
+/// Legal sample periods of a fed joint, s.
+pub const PERIOD_RANGE_S: (f32, f32) = (1e-5, 1.0);
+
+/// What a driver keeps besides the friction model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Number of the joint on its bus.
+    pub node: Node,
+    /// Time between heartbeats, ms; 0 for none.
+    pub heartbeat_ms: u16,
+    /// Whose heartbeat is awaited (bits 16 to 22) and for how long, ms (bits 0 to 15), as CiA 301
+    /// writes it; 0 for none.
+    pub awaited_heartbeat: u32,
+    /// Where inputs come from.
+    pub source: Source,
+    /// The number a fed joint computes with.
+    pub number: Number,
+    /// Telemetry is sent at every so many SYNCs; 0 for never.
+    pub telemetry_every: u8,
+    /// Time from SYNC to SYNC of a fed joint, s.
+    pub period_s: f32,
+    /// Age of the campaign when a run begins, h.
+    pub campaign_h: f32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            node: Node::FIRST,
+            heartbeat_ms: 1000,
+            awaited_heartbeat: 0,
+            source: Source::default(),
+            number: Number::default(),
+            telemetry_every: 1,
+            period_s: 1e-3,
+            campaign_h: 0.0,
+        }
+    }
+}
+
+impl Settings {
+    /// Length in bytes of the settings in a block.
+    pub const LENGTH: usize = 24;
+    const VERSION: u8 = 1;
+
+    /// What a fed joint is built for.
+    pub fn feed(&self) -> Feed {
+        Feed { number: self.number, period_s: self.period_s, campaign_h: self.campaign_h }
+    }
+
+    /// The settings as bytes, little-endian, in the order of the fields behind a version.
+    pub fn emit(&self) -> [u8; Self::LENGTH] {
+        let mut bytes = [0; Self::LENGTH];
+        let words = [
+            (
+                0,
+                u32::from_le_bytes([
+                    Self::VERSION,
+                    self.node.number(),
+                    self.source as u8,
+                    self.number as u8,
+                ]),
+            ),
+            (4, u32::from(self.heartbeat_ms)),
+            (8, self.awaited_heartbeat),
+            (12, u32::from(self.telemetry_every)),
+            (16, self.period_s.to_bits()),
+            (20, self.campaign_h.to_bits()),
+        ];
+        for (at, word) in words {
+            if let Some(place) = bytes.get_mut(at..at + 4) {
+                place.copy_from_slice(&word.to_le_bytes());
+            }
+        }
+        bytes
+    }
+
+    /// Reads settings; `None` for another version or anything out of its range.
+    pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
+        let word = |at: usize| bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
+        let [version, node, source, number] = word(0)?.to_le_bytes();
+        let settings = Self {
+            node: Node::new(node)?,
+            heartbeat_ms: u16::try_from(word(4)?).ok()?,
+            awaited_heartbeat: word(8)?,
+            source: match source {
+                0 => Source::Sensors,
+                1 => Source::Bus,
+                _ => return None,
+            },
+            number: match number {
+                0 => Number::Float,
+                1 => Number::Fixed,
+                _ => return None,
+            },
+            telemetry_every: u8::try_from(word(12)?).ok()?,
+            period_s: f32::from_bits(word(16)?),
+            campaign_h: f32::from_bits(word(20)?),
+        };
+        (version == Self::VERSION && settings.validate().is_ok()).then_some(settings)
+    }
+
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// Names the first one out of its range, and the range.
+    pub fn validate(&self) -> Result<(), SettingError> {
+        let (least, most) = PERIOD_RANGE_S;
+        let checks = [
+            ((least..=most).contains(&self.period_s), "period_s", "1e-5 to 1"),
+            ((0.0..=1e6).contains(&self.campaign_h), "campaign_h", "0 to 1e6"),
+            (
+                self.awaited_heartbeat >> 23 == 0,
+                "awaited_heartbeat",
+                "a node (bits 16 to 22) and milliseconds (bits 0 to 15)",
+            ),
+        ];
+        match checks.into_iter().find(|(holds, ..)| !holds) {
+            Some((_, name, legal)) => Err(SettingError { name, legal }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A setting out of its range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SettingError {
+    /// Its name.
+    pub name: &'static str,
+    /// What it may be.
+    pub legal: &'static str,
+}
+
+impl fmt::Display for SettingError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: must be {}", self.name, self.legal)
+    }
+}
+
+impl core::error::Error for SettingError {}
+
+/// Length in bytes of the block that is stored.
+pub const BLOCK_LENGTH: usize = Settings::LENGTH + SET_LENGTH;
+
+/// Why a stored block was not taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BlockError {
+    /// Too short, of another version, or a setting is out of its range.
+    Settings,
+    /// The parameter set is refused.
+    Set(SetError),
+}
+
+impl fmt::Display for BlockError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Settings => f.write_str("stored settings are of another version or out of range"),
+            Self::Set(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for BlockError {}
+
+/// Settings and parameters as the block that is stored.
+pub fn emit_block(settings: &Settings, set: &ParameterSet) -> [u8; BLOCK_LENGTH] {
+    let mut block = [0; BLOCK_LENGTH];
+    let (head, rest) = block.split_at_mut(Settings::LENGTH);
+    head.copy_from_slice(&settings.emit());
+    rest.copy_from_slice(&set.emit());
+    block
+}
+
+/// Reads a stored block.
+///
+/// # Errors
+/// Says which half is wrong, and of the parameters which one is refused and why.
+pub fn parse_block(block: &[u8]) -> Result<(Settings, ParameterSet), BlockError> {
+    let (head, set) =
+        block.split_first_chunk::<{ Settings::LENGTH }>().ok_or(BlockError::Settings)?;
+    let settings = Settings::parse(head).ok_or(BlockError::Settings)?;
+    Ok((settings, ParameterSet::parse(set).map_err(BlockError::Set)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use compensator_core::record::RecordError;
+
+    #[test]
+    fn a_block_is_read_as_it_was_written() {
+        let settings = Settings {
+            node: Node::new(17).unwrap(),
+            heartbeat_ms: 250,
+            awaited_heartbeat: 3 << 16 | 500,
+            source: Source::Bus,
+            number: Number::Fixed,
+            telemetry_every: 7,
+            period_s: 2.5e-4,
+            campaign_h: 12.5,
+        };
+        let mut block = emit_block(&settings, &ParameterSet::default());
+        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+        assert_eq!(parse_block(&block[..10]), Err(BlockError::Settings));
+        block[Settings::LENGTH + 90] ^= 1;
+        assert_eq!(parse_block(&block), Err(BlockError::Set(SetError::Record(RecordError::Crc))));
+        block[2] = 2;
+        assert_eq!(parse_block(&block), Err(BlockError::Settings));
+    }
+}

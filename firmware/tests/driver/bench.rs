@@ -1,0 +1,130 @@
+//! A driver on a bench: frames in, frames out, and a tool that reads and writes its objects.
+
+use canopen_rs::Address;
+use canopen_rs::sdo::{
+    decode_abort, decode_data_segment, decode_download_response, encode_data_segment,
+    encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
+};
+use compensator_core::can::{Frame, Message, Node};
+use firmware::driver::{Boot, Driver, Identity};
+use firmware::settings::{Settings, Source};
+use firmware::store::memory::MemoryFlash;
+
+pub type Flash = MemoryFlash<2>;
+
+pub const NODE: Node = Node::FIRST;
+
+pub struct Bench {
+    pub driver: Driver<Flash>,
+    pub now_us: u64,
+}
+
+pub fn frame(identifier: u16, data: &[u8]) -> Frame {
+    Frame::new(identifier, data).expect("a legal frame")
+}
+
+impl Bench {
+    /// A driver fed by the bus.
+    pub fn fed() -> Self {
+        Self::boot(Source::Bus, Flash::new(), &Boot::default())
+    }
+
+    /// A driver on its own sensors.
+    pub fn on_sensors() -> Self {
+        Self::boot(Source::Sensors, Flash::new(), &Boot::default())
+    }
+
+    pub fn boot(source: Source, flash: Flash, boot: &Boot) -> Self {
+        let settings = Settings { node: NODE, source, ..Settings::default() };
+        let identity = Identity { hardware: "bench", serial: 7 };
+        Self { driver: Driver::boot(settings, flash, identity, boot, 0), now_us: 0 }
+    }
+
+    /// Everything it wants to send.
+    pub fn sent(&mut self) -> Vec<Frame> {
+        std::iter::from_fn(|| self.driver.transmit()).collect()
+    }
+
+    /// What it sends as messages a joint knows.
+    pub fn messages(&mut self) -> Vec<Message> {
+        self.sent().iter().filter_map(|frame| Message::parse(frame).ok()).collect()
+    }
+
+    pub fn give(&mut self, message: Message) {
+        self.driver.receive(&message.emit(), self.now_us);
+    }
+
+    /// Lets time pass, a millisecond a tick.
+    pub fn pass_ms(&mut self, milliseconds: u64) {
+        for _ in 0..milliseconds {
+            self.now_us += 1000;
+            self.driver.tick(self.now_us);
+        }
+    }
+
+    /// Makes it operational.
+    pub fn start(&mut self) {
+        self.driver.receive(&frame(0, &[1, NODE.number()]), self.now_us);
+    }
+
+    fn exchange(&mut self, request: [u8; 8]) -> Result<[u8; 8], u32> {
+        self.driver.receive(&frame(0x601, &request), self.now_us);
+        let answers: Vec<Frame> =
+            self.sent().into_iter().filter(|frame| frame.identifier() == 0x581).collect();
+        let [answer] = answers[..] else { panic!("{} answers", answers.len()) };
+        let data = answer.data().try_into().expect("eight bytes");
+        match decode_abort(&data) {
+            Ok((_, code)) => Err(code),
+            Err(_) => Ok(data),
+        }
+    }
+
+    /// Reads an object, or gives the abort code.
+    pub fn read(&mut self, index: u16, sub_index: u8) -> Result<Vec<u8>, u32> {
+        let answer = self.exchange(encode_upload_request(Address::new(index, sub_index)))?;
+        if answer[0] & 2 != 0 {
+            return Ok(answer[4..8 - usize::from(answer[0] >> 2 & 3)].to_vec());
+        }
+        let (mut value, mut toggle) = (Vec::new(), false);
+        loop {
+            let answer = self.exchange(encode_upload_segment_request(toggle))?;
+            let segment = decode_data_segment(&answer).expect("a segment");
+            value.extend_from_slice(segment.data);
+            if segment.last {
+                return Ok(value);
+            }
+            toggle = !toggle;
+        }
+    }
+
+    /// Reads a number.
+    pub fn number(&mut self, index: u16, sub_index: u8) -> u32 {
+        let value = self.read(index, sub_index).expect("can be read");
+        value.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte))
+    }
+
+    /// Reads a text.
+    pub fn text(&mut self, index: u16) -> String {
+        String::from_utf8(self.read(index, 0).expect("can be read")).expect("text")
+    }
+
+    /// Writes an object, or gives the abort code.
+    pub fn write(&mut self, index: u16, sub_index: u8, value: &[u8]) -> Result<(), u32> {
+        let at = Address::new(index, sub_index);
+        if value.len() <= 4 {
+            let mut request = [0x23 | ((4 - value.len()) as u8) << 2, 0, 0, sub_index, 0, 0, 0, 0];
+            request[1..3].copy_from_slice(&index.to_le_bytes());
+            request[4..4 + value.len()].copy_from_slice(value);
+            let answer = self.exchange(request)?;
+            decode_download_response(&answer).expect("done");
+            return Ok(());
+        }
+        self.exchange(encode_download_initiate_segmented(at, value.len() as u32))?;
+        let count = value.chunks(7).count();
+        for (place, chunk) in value.chunks(7).enumerate() {
+            let last = place + 1 == count;
+            self.exchange(encode_data_segment(chunk, place % 2 == 1, last).expect("fits"))?;
+        }
+        Ok(())
+    }
+}

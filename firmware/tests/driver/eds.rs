@@ -1,0 +1,181 @@
+//! `joint.eds` is the dictionary, for CANopen tools (CiA 306).
+//!
+//! The file is made from the dictionary and from what a fresh driver answers, and a test holds it to that:
+//! `UPDATE_TABLES=1 cargo test -p firmware --test driver eds` writes it.
+
+use super::bench::Bench;
+use firmware::node::dictionary::{Access, DataType, Entry, OBJECTS, Object, Shape, index};
+use std::fmt::Write;
+
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/joint.eds");
+
+/// Objects every device must have.
+const MANDATORY: [u16; 3] = [index::DEVICE_TYPE, index::ERROR_REGISTER, index::IDENTITY];
+
+fn access(entry: &Entry) -> &'static str {
+    match entry.access {
+        Access::Const => "const",
+        Access::ReadOnly => "ro",
+        Access::ReadWrite => "rw",
+        Access::WriteOnly => "wo",
+    }
+}
+
+/// Whether a value holds the node's number, and is the rest of it.
+fn by_node(object: u16, sub_index: u8) -> bool {
+    let is_pdo = (0x1400..0x1600).contains(&object) || (0x1800..0x1A00).contains(&object);
+    object == index::EMERGENCY_IDENTIFIER
+        || object == index::SDO_SERVER && sub_index > 0
+        || is_pdo && sub_index == 1
+}
+
+/// What a fresh driver answers, in the words of the format; `None` where it changes by itself.
+fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> Option<String> {
+    let changes = entry.access == Access::ReadOnly
+        || object.index == index::LAST_PANIC
+        || object.index == index::REFUSAL
+        || entry.data == DataType::Domain
+        // The board's own.
+        || matches!(object.index, index::HARDWARE_VERSION)
+        || object.index == index::IDENTITY && sub_index == 4
+        // A joint is fed by its sensors; this one is on a bench.
+        || object.index == index::OPERATION && sub_index == 1;
+    if changes {
+        return None;
+    }
+    let value = bench.read(object.index, sub_index).ok()?;
+    if entry.data == DataType::VisibleString {
+        return Some(String::from_utf8(value).expect("text"));
+    }
+    let number = value.iter().rev().fold(0u32, |number, byte| number << 8 | u32::from(*byte));
+    Some(match entry.data {
+        DataType::Real32 => format!("{:?}", f32::from_bits(number)),
+        _ if by_node(object.index, sub_index) => format!("$NODEID+0x{:X}", number - 1),
+        _ => format!("0x{number:X}"),
+    })
+}
+
+fn list(text: &mut String, name: &str, objects: &[&Object]) {
+    let _ = write!(text, "\n[{name}]\nSupportedObjects={}\n", objects.len());
+    for (place, object) in objects.iter().enumerate() {
+        let _ = writeln!(text, "{}=0x{:04X}", place + 1, object.index);
+    }
+}
+
+fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) {
+    let mapped = u8::from(matches!(object.index, index::INPUTS | index::OUTPUTS) && sub_index > 0);
+    let _ = write!(
+        text,
+        "ObjectType=0x7\nDataType=0x{:04X}\nAccessType={}\n",
+        entry.data as u8,
+        access(entry)
+    );
+    if let Some(default) = default(bench, object, sub_index, entry) {
+        let _ = writeln!(text, "DefaultValue={default}");
+    }
+    let _ = writeln!(text, "PDOMapping={mapped}");
+}
+
+fn eds() -> String {
+    let mut bench = Bench::fed();
+    let mut text = String::from(
+        "[FileInfo]\n\
+         FileName=joint.eds\n\
+         FileVersion=1\n\
+         FileRevision=0\n\
+         EDSVersion=4.0\n\
+         Description=Friction-compensated joint driver\n\
+         \n\
+         [DeviceInfo]\n\
+         VendorName=none\n\
+         VendorNumber=0x0\n\
+         ProductName=joint driver\n\
+         ProductNumber=0x46524943\n\
+         RevisionNumber=0x2\n\
+         BaudRate_10=0\n\
+         BaudRate_20=0\n\
+         BaudRate_50=0\n\
+         BaudRate_125=0\n\
+         BaudRate_250=0\n\
+         BaudRate_500=0\n\
+         BaudRate_800=0\n\
+         BaudRate_1000=1\n\
+         SimpleBootUpMaster=0\n\
+         SimpleBootUpSlave=1\n\
+         Granularity=0\n\
+         DynamicChannelsSupported=0\n\
+         GroupMessaging=0\n\
+         NrOfRXPDO=5\n\
+         NrOfTXPDO=3\n\
+         LSS_Supported=0\n\
+         \n\
+         [DummyUsage]\n\
+         Dummy0005=0\n\
+         Dummy0006=0\n\
+         Dummy0007=0\n",
+    );
+    let all = |keep: &dyn Fn(u16) -> bool| -> Vec<&Object> {
+        OBJECTS.iter().filter(|object| keep(object.index)).collect()
+    };
+    list(&mut text, "MandatoryObjects", &all(&|index| MANDATORY.contains(&index)));
+    list(
+        &mut text,
+        "OptionalObjects",
+        &all(&|index| index < 0x2000 && !MANDATORY.contains(&index)),
+    );
+    list(&mut text, "ManufacturerObjects", &all(&|index| index >= 0x2000));
+    for object in OBJECTS {
+        let _ = write!(text, "\n[{:04X}]\nParameterName={}\n", object.index, object.name);
+        if let Shape::Variable(entry) = object.shape {
+            value(&mut text, &mut bench, object, 0, &entry);
+            continue;
+        }
+        let kind = if matches!(object.shape, Shape::Array(..)) { 8 } else { 9 };
+        let _ = writeln!(text, "ObjectType=0x{kind}\nSubNumber={}", u16::from(object.last()) + 1);
+        for sub_index in 0..=object.last() {
+            let entry = object.entry(sub_index).expect("within its last");
+            let many = matches!(object.shape, Shape::Array(..)) || entry.name == "term";
+            let name = match sub_index {
+                0 => "highest_sub_index".to_owned(),
+                _ if many => format!("{}_{sub_index}", entry.name),
+                _ => entry.name.to_owned(),
+            };
+            let _ =
+                write!(text, "\n[{:04X}sub{sub_index:X}]\nParameterName={name}\n", object.index);
+            value(&mut text, &mut bench, object, sub_index, &entry);
+        }
+    }
+    text
+}
+
+#[test]
+fn the_file_is_the_dictionary() {
+    let now = eds();
+    if std::env::var_os("UPDATE_TABLES").is_some() {
+        std::fs::write(FILE, &now).expect("can be written");
+    }
+    let file = std::fs::read_to_string(FILE).expect("joint.eds is there");
+    for (place, (found, expected)) in file.lines().zip(now.lines()).enumerate() {
+        assert_eq!(found, expected, "line {}; UPDATE_TABLES=1 writes it anew", place + 1);
+    }
+    assert_eq!(file.lines().count(), now.lines().count());
+}
+
+/// The identifiers and the layout in the EDS are those the frames have.
+#[test]
+fn mapped_objects_are_as_long_as_their_frames() {
+    let mut bench = Bench::fed();
+    let words = [(index::RECEIVE_MAPPING, 5u16), (index::TRANSMIT_MAPPING, 3)];
+    for (first, count) in words {
+        for object in first..first + count {
+            let bits: u32 = (1..=2).map(|place| bench.number(object, place) & 0xFF).sum();
+            assert_eq!(bits, 64, "{object:04X}");
+            for place in 1..=2 {
+                let mapped = bench.number(object, place);
+                let (index, sub_index) = ((mapped >> 16) as u16, (mapped >> 8) as u8);
+                let entry = firmware::node::dictionary::find(index, sub_index).expect("is there");
+                assert_eq!(entry.data.length(), Some(4));
+            }
+        }
+    }
+}

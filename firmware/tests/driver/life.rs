@@ -1,0 +1,134 @@
+//! How a driver starts, beats and reports.
+
+use super::bench::{Bench, Flash, NODE, frame};
+use super::moving;
+use compensator_core::can::{Entry, JointKind, Message, Motion, Sync, Torque};
+use firmware::driver::Boot;
+use firmware::node::dictionary::index;
+use firmware::settings::Source;
+use firmware::supervisor::{Code, ResetCause};
+
+/// Code and own number of each emergency.
+fn emergencies(bench: &mut Bench) -> Vec<(u16, u8)> {
+    let frames = bench.sent();
+    let own = frames.iter().filter(|frame| frame.identifier() == 0x081);
+    own.map(|frame| (u16::from_le_bytes([frame.data()[0], frame.data()[1]]), frame.data()[3]))
+        .collect()
+}
+
+#[test]
+fn a_panic_of_the_last_life_is_told_and_stands_in_the_way_of_arming() {
+    let boot = Boot {
+        cause: ResetCause::Software,
+        panic: Some("panicked at src/x.rs:7: no"),
+        ..Boot::default()
+    };
+    let mut bench = Bench::boot(Source::Bus, Flash::new(), &boot);
+    let code = Code::PanicBeforeReset;
+    assert!(emergencies(&mut bench).contains(&(code.info().emergency, code.number())));
+    assert_eq!(bench.text(index::LAST_PANIC), "panicked at src/x.rs:7: no");
+    bench.start();
+    assert_eq!(bench.number(index::STATE, 2), 2);
+    assert_eq!(bench.write(index::STATE, 1, &[1]), Err(0x0800_0022));
+    assert_eq!(bench.text(index::REFUSAL), "still there: panic-before-reset");
+    assert!(bench.number(index::ERROR_FIELD, 0) > 0);
+    bench.write(index::STATE, 1, &[2]).unwrap();
+    bench.write(index::STATE, 1, &[1]).unwrap();
+    assert!(bench.driver.is_armed());
+}
+
+#[test]
+fn an_awaited_heartbeat_that_stays_away_stops_the_joint() {
+    let mut bench = Bench::fed();
+    bench.write(index::AWAITED_HEARTBEAT, 1, &(9u32 << 16 | 50).to_le_bytes()).unwrap();
+    bench.start();
+    bench.write(index::STATE, 1, &[1]).unwrap();
+    bench.driver.receive(&frame(0x709, &[5]), bench.now_us);
+    bench.pass_ms(50);
+    assert!(bench.driver.is_armed());
+    emergencies(&mut bench);
+    bench.pass_ms(2);
+    assert!(!bench.driver.is_armed());
+    let code = Code::HeartbeatLost;
+    assert!(emergencies(&mut bench).contains(&(code.info().emergency, code.number())));
+    assert_eq!(bench.write(index::STATE, 1, &[1]), Err(0x0800_0022));
+    bench.driver.receive(&frame(0x709, &[5]), bench.now_us);
+    bench.pass_ms(1);
+    bench.write(index::STATE, 1, &[2]).unwrap();
+    bench.write(index::STATE, 1, &[1]).unwrap();
+}
+
+#[test]
+fn heartbeats_come_as_often_as_asked() {
+    let mut bench = Bench::fed();
+    bench.write(index::HEARTBEAT, 0, &200u16.to_le_bytes()).unwrap();
+    bench.sent();
+    bench.pass_ms(1000);
+    let beats = bench.sent().iter().filter(|frame| frame.identifier() == 0x701).count();
+    assert_eq!(beats, 5);
+}
+
+#[test]
+fn the_network_can_ask_for_a_restart() {
+    let mut bench = Bench::fed();
+    assert!(!bench.driver.reset_wanted());
+    bench.driver.receive(&frame(0, &[0x81, 2]), 0);
+    assert!(!bench.driver.reset_wanted());
+    bench.driver.receive(&frame(0, &[0x81, 1]), 0);
+    assert!(bench.driver.reset_wanted());
+}
+
+#[test]
+fn communication_restarts_without_losing_parameters() {
+    let mut bench = Bench::fed();
+    bench.start();
+    bench.write(index::COMPENSATOR, 1, &0.5f32.to_le_bytes()).unwrap();
+    bench.driver.receive(&frame(0, &[0x82, 1]), 0);
+    assert_eq!(bench.sent(), [frame(0x701, &[0])]);
+    assert_eq!(bench.number(index::COMPENSATOR, 1), 0.5f32.to_bits());
+}
+
+#[test]
+fn a_trace_says_its_run_and_its_samples() {
+    let mut bench = Bench::fed();
+    bench.start();
+    bench.sent();
+    for entry in [Entry::JointKind(JointKind::Prismatic), Entry::Run(41), Entry::Sequence(7)] {
+        bench.give(Message::Entry(NODE, entry));
+        assert_eq!(bench.sent().len(), 1, "an SDO answer");
+    }
+    assert_eq!(bench.number(index::TRACE, 1), 41);
+    assert_eq!(bench.number(index::TRACE, 3), 1);
+    bench.give(moving(0));
+    bench.give(Message::Sync(Sync { counter: 8 }));
+    let status = bench.messages().into_iter().find_map(|message| match message {
+        Message::Status(_, status) => Some(status.sequence),
+        _ => None,
+    });
+    assert_eq!(status, Some(7));
+}
+
+#[test]
+fn a_residual_beyond_the_promise_raises_the_flag_and_counts() {
+    let mut bench = Bench::fed();
+    bench.start();
+    bench.write(index::STATE, 1, &[1]).unwrap();
+    let run = |bench: &mut Bench, first: u32, wear_nm: f32| {
+        for sequence in first..first + 60_000 {
+            // Sliding to and fro, and a joint whose friction is the model's and more.
+            let velocity_rad_s = if sequence % 2000 < 1000 { 1.0 } else { -1.0 };
+            let torque_nm = (1.0 + wear_nm) * velocity_rad_s;
+            bench.give(Message::Motion(NODE, Motion { velocity_rad_s, position_rad: f32::NAN }));
+            bench.give(Message::Torque(NODE, Torque { torque_nm, load_torque_nm: f32::NAN }));
+            bench.give(Message::Sync(Sync::of(sequence)));
+            bench.sent();
+        }
+    };
+    run(&mut bench, 0, 0.0);
+    bench.pass_ms(1);
+    assert_eq!(bench.number(index::WATCH, 1), 1, "in band");
+    run(&mut bench, 60_000, 0.4);
+    bench.pass_ms(1);
+    assert_eq!(bench.number(index::WATCH, 1), 0, "out of band");
+    assert!(bench.number(index::WATCH, 3) > 0);
+}

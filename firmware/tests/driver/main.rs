@@ -1,0 +1,120 @@
+//! The joint driver as the bus sees it: what a tool, a master and a careless neighbour can do.
+
+mod bench;
+mod eds;
+mod hostile;
+mod life;
+mod parameters;
+mod sensors;
+
+use bench::{Bench, NODE, frame};
+use compensator_core::can::{Message, Motion, Seal, Sync};
+use compensator_core::{Flags, LawKind, ParameterId};
+use firmware::fed::{FedJoint, Step};
+use firmware::node::dictionary::index;
+use firmware::set::ParameterSet;
+use firmware::settings::Settings;
+use firmware::supervisor::Code;
+
+const STATE_REFUSED: u32 = 0x0800_0022;
+
+fn moving(sequence: u32) -> Message {
+    let velocity_rad_s = 2.0 * (sequence as f32 * 0.05).sin();
+    Message::Motion(NODE, Motion { velocity_rad_s, position_rad: f32::NAN })
+}
+
+/// Frames a fed joint answers a sample with.
+fn sample(bench: &mut Bench, sequence: u32) -> Vec<Message> {
+    bench.give(moving(sequence));
+    bench.give(Message::Sync(Sync::of(sequence)));
+    bench.messages()
+}
+
+#[test]
+fn it_is_quiet_until_it_is_started_and_compensates_nothing_until_it_is_armed() {
+    let mut bench = Bench::fed();
+    // It says that it is there, and that it runs on default parameters.
+    let begun = bench.sent();
+    assert_eq!(begun[0], frame(0x701, &[0]));
+    let code = Code::ParametersDefault;
+    assert_eq!(begun[1].identifier(), 0x081);
+    assert_eq!(begun[1].data()[3], code.number());
+    assert_eq!(begun.len(), 2);
+    assert!(sample(&mut bench, 0).is_empty());
+    bench.start();
+    let answers = sample(&mut bench, 0);
+    let [Message::Answer(_, answer), Message::Status(_, status), Message::Telemetry(..)] =
+        answers[..]
+    else {
+        panic!("{answers:?}")
+    };
+    assert_eq!(status.flags, Flags::DISABLED);
+    assert_eq!(answer.friction_torque_nm, 0.0);
+    assert_eq!(bench.number(index::STATE, 2), 0);
+    bench.write(index::STATE, 1, &[1]).unwrap();
+    assert_eq!(bench.number(index::STATE, 2), 1);
+    let answers = sample(&mut bench, 1);
+    let [Message::Answer(_, answer), ..] = answers[..] else { panic!("{answers:?}") };
+    assert!(answer.friction_torque_nm != 0.0);
+}
+
+#[test]
+fn armed_it_gives_the_bits_of_the_core_on_the_same_frames() {
+    let mut bench = Bench::fed();
+    let mut set = ParameterSet::default();
+    set.friction.model.law = LawKind::ImprovedLugre;
+    set.friction.model.set(ParameterId::PressureCoulomb, 2e-6);
+    bench.write(index::MODEL, 1, &[LawKind::ImprovedLugre as u8]).unwrap();
+    let place = ParameterId::PressureCoulomb as u8 + 1;
+    bench.write(index::PARAMETERS, place, &2e-6f32.to_le_bytes()).unwrap();
+    bench.write(index::COMMIT, 3, &set.crc().to_le_bytes()).unwrap();
+    bench.start();
+    bench.write(index::STATE, 1, &[1]).unwrap();
+    let mut core =
+        FedJoint::build(NODE, &set.friction, Settings::default().feed()).expect("builds");
+    core.set_enabled(true);
+    for sequence in 0..2000 {
+        // The pressure is heard now and then, and its age counts.
+        if sequence % 37 == 0 {
+            let pressure_diff_pa = 1e5 + sequence as f32;
+            let seal = Message::Seal(NODE, Seal { radial_force_n: f32::NAN, pressure_diff_pa });
+            core.take(&seal);
+            bench.give(seal);
+        }
+        core.take(&moving(sequence));
+        let Step::Reply(reply, 0) = core.sync(Sync::of(sequence)) else { panic!() };
+        let expected = [
+            Message::Answer(NODE, reply.answer),
+            Message::Status(NODE, reply.status),
+            Message::Telemetry(NODE, reply.telemetry),
+        ];
+        let found: Vec<_> = sample(&mut bench, sequence).iter().map(Message::emit).collect();
+        assert_eq!(found, expected.map(|message| message.emit()), "sample {sequence}");
+    }
+}
+
+#[test]
+fn a_stop_of_the_network_disarms() {
+    for command in [2, 0x80] {
+        let mut bench = Bench::fed();
+        bench.start();
+        bench.write(index::STATE, 1, &[1]).unwrap();
+        assert!(bench.driver.is_armed());
+        bench.driver.receive(&frame(0, &[command, 0]), 0);
+        assert!(!bench.driver.is_armed());
+    }
+}
+
+#[test]
+fn telemetry_comes_as_often_as_it_is_asked_for() {
+    for (every, expected) in [(0u8, 0), (1, 100), (10, 10), (255, 1)] {
+        let mut bench = Bench::fed();
+        bench.write(index::OPERATION, 5, &[every]).unwrap();
+        bench.start();
+        let telemetry = (0..100)
+            .flat_map(|sequence| sample(&mut bench, sequence))
+            .filter(|message| matches!(message, Message::Telemetry(..)))
+            .count();
+        assert_eq!(telemetry, expected);
+    }
+}

@@ -1,0 +1,180 @@
+//! Parameters: refused with a reason, committed in two steps, kept over a restart.
+
+use super::STATE_REFUSED;
+use super::bench::{Bench, Flash};
+use compensator_core::{LawKind, ParameterId, record};
+use firmware::driver::Boot;
+use firmware::node::dictionary::{LOAD, OBJECTS, SAVE, index};
+use firmware::set::ParameterSet;
+use firmware::settings::Source;
+use firmware::store::memory::Torn;
+
+const SCALE: u8 = 1;
+
+fn scale(bench: &mut Bench) -> f32 {
+    f32::from_bits(bench.number(index::COMPENSATOR, SCALE))
+}
+
+fn write_scale(bench: &mut Bench, value: f32) -> Result<(), u32> {
+    bench.write(index::COMPENSATOR, SCALE, &value.to_le_bytes())
+}
+
+fn commit(bench: &mut Bench) -> Result<(), u32> {
+    let staged = bench.number(index::COMMIT, 2);
+    bench.write(index::COMMIT, 3, &staged.to_le_bytes())
+}
+
+#[test]
+fn every_object_can_be_read_or_says_why_not() {
+    let mut bench = Bench::fed();
+    for object in OBJECTS {
+        for sub_index in 0..=object.last() {
+            let entry = object.entry(sub_index).unwrap();
+            let value = bench.read(object.index, sub_index);
+            let is_list = object.index == index::ERROR_FIELD && sub_index > 0;
+            match value {
+                Ok(value) => {
+                    let length = entry.data.length();
+                    assert!(length.is_none_or(|length| length == value.len()), "{entry:?}");
+                }
+                Err(0x0601_0001) => assert!(format!("{:?}", entry.access) == "WriteOnly"),
+                // The list of errors is as long as there are errors.
+                Err(0x0609_0011) => assert!(is_list, "{object:?} {sub_index}"),
+                Err(code) => panic!("{object:?} {sub_index}: {code:08x}"),
+            }
+        }
+    }
+    assert_eq!(bench.read(0x2FFF, 0), Err(0x0602_0000));
+    assert_eq!(bench.read(index::STATE, 99), Err(0x0609_0011));
+}
+
+#[test]
+fn nothing_is_written_while_armed_and_the_rest_says_why() {
+    let mut bench = Bench::fed();
+    bench.start();
+    bench.write(index::STATE, 1, &[1]).unwrap();
+    assert_eq!(write_scale(&mut bench, 0.5), Err(STATE_REFUSED));
+    assert_eq!(bench.write(index::OPERATION, 1, &[0]), Err(STATE_REFUSED));
+    assert_eq!(bench.write(index::STORE, 1, &SAVE.to_le_bytes()), Err(STATE_REFUSED));
+    bench.write(index::STATE, 1, &[0]).unwrap();
+    write_scale(&mut bench, 0.5).unwrap();
+    // Too high, read only, too long, too short, unknown.
+    assert_eq!(write_scale(&mut bench, 1.5), Err(0x0609_0030));
+    let reason = bench.text(index::REFUSAL);
+    assert!(reason.starts_with("scale = 1.5: must be at most 1: over-compensation"), "{reason}");
+    assert_eq!(bench.write(index::DEVICE_TYPE, 0, &[0; 4]), Err(0x0601_0002));
+    assert_eq!(bench.write(index::HEARTBEAT, 0, &[0; 4]), Err(0x0607_0012));
+    assert_eq!(bench.write(index::COMPENSATOR, SCALE, &[0; 2]), Err(0x0607_0013));
+    assert_eq!(bench.write(index::STORE, 1, &1u32.to_le_bytes()), Err(0x0800_0020));
+    assert_eq!(scale(&mut bench), 0.5);
+}
+
+#[test]
+fn staged_values_do_nothing_before_their_commit() {
+    let mut bench = Bench::fed();
+    let active = bench.number(index::COMMIT, 1);
+    write_scale(&mut bench, 0.5).unwrap();
+    assert_eq!(bench.number(index::COMMIT, 1), active);
+    assert_eq!(bench.write(index::COMMIT, 3, &active.to_le_bytes()), Err(0x0800_0020));
+    assert!(bench.text(index::REFUSAL).starts_with("commit of"));
+    bench.write(index::COMMIT, 4, &[1]).unwrap();
+    assert_eq!(scale(&mut bench), 0.9);
+    write_scale(&mut bench, 0.5).unwrap();
+    commit(&mut bench).unwrap();
+    assert_ne!(bench.number(index::COMMIT, 1), active);
+    assert_eq!(bench.driver.set().friction.compensator.scale, 0.5);
+}
+
+#[test]
+fn a_whole_record_goes_in_and_comes_out() {
+    let mut bench = Bench::fed();
+    let mut set = ParameterSet::default();
+    set.friction.model.law = LawKind::ImprovedLugre;
+    set.friction.model.set(ParameterId::ViscousFriction, 0.3);
+    set.motor.inertia_kg_m2 = 0.2;
+    bench.write(index::COMMIT, 5, &record::emit(&set.friction)).unwrap();
+    bench.write(index::COMMIT, 6, &set.emit_drive()).unwrap();
+    bench.write(index::COMMIT, 3, &set.crc().to_le_bytes()).unwrap();
+    assert_eq!(bench.driver.set(), &set);
+    assert_eq!(bench.read(index::COMMIT, 5).unwrap(), record::emit(&set.friction));
+    let mut wrong = record::emit(&set.friction);
+    wrong[100] ^= 4;
+    assert_eq!(bench.write(index::COMMIT, 5, &wrong), Err(0x0609_0030));
+    assert_eq!(bench.text(index::REFUSAL), "record is damaged (CRC)");
+}
+
+fn restarted(bench: Bench) -> Bench {
+    Bench::boot(Source::Bus, bench.driver.into_flash(), &Boot::default())
+}
+
+#[test]
+fn what_is_saved_outlives_a_restart_and_what_is_not_does_not() {
+    let mut bench = Bench::fed();
+    write_scale(&mut bench, 0.5).unwrap();
+    commit(&mut bench).unwrap();
+    let mut bench = restarted(bench);
+    assert_eq!(scale(&mut bench), 0.9);
+    write_scale(&mut bench, 0.5).unwrap();
+    commit(&mut bench).unwrap();
+    bench.write(index::OPERATION, 2, &[1]).unwrap();
+    bench.write(index::OPERATION, 6, &[9]).unwrap();
+    bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
+    let mut bench = restarted(bench);
+    // The node's number is another one now.
+    assert_eq!(bench.sent()[0].identifier(), 0x709);
+    assert_eq!(bench.driver.set().friction.compensator.scale, 0.5);
+}
+
+#[test]
+fn defaults_come_back_at_the_next_start() {
+    let mut bench = Bench::fed();
+    write_scale(&mut bench, 0.5).unwrap();
+    commit(&mut bench).unwrap();
+    bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
+    bench.write(index::RESTORE, 1, &LOAD.to_le_bytes()).unwrap();
+    assert_eq!(scale(&mut bench), 0.5);
+    let mut bench = restarted(bench);
+    assert_eq!(scale(&mut bench), 0.9);
+}
+
+#[test]
+fn a_power_cut_while_saving_leaves_the_old_set_or_the_new() {
+    let mut first = Bench::fed();
+    write_scale(&mut first, 0.5).unwrap();
+    commit(&mut first).unwrap();
+    first.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
+    let flash = first.driver.into_flash();
+    let mut scales = Vec::new();
+    for step in 0.. {
+        let mut cut: Flash = flash.clone();
+        cut.cut(step, Torn::Nothing);
+        let mut bench = Bench::boot(Source::Bus, cut, &Boot::default());
+        write_scale(&mut bench, 0.7).unwrap();
+        commit(&mut bench).unwrap();
+        let saved = bench.write(index::STORE, 1, &SAVE.to_le_bytes());
+        let mut flash = bench.driver.into_flash();
+        let was_cut = !flash.has_power();
+        assert_eq!(saved.is_err(), was_cut);
+        flash.power_on();
+        let mut bench = Bench::boot(Source::Bus, flash, &Boot::default());
+        scales.push(scale(&mut bench));
+        if !was_cut {
+            break;
+        }
+    }
+    // Every step of a save was cut, and the last save was whole.
+    assert!(scales.len() > 50, "{}", scales.len());
+    assert!(scales.iter().all(|scale| [0.5, 0.7].contains(scale)), "{scales:?}");
+    assert_eq!((scales.first(), scales.last()), (Some(&0.5), Some(&0.7)));
+}
+
+#[test]
+fn the_promised_band_of_the_model_can_be_set() {
+    let mut bench = Bench::fed();
+    bench.write(index::WATCH_PARAMETERS, 1, &0.02f32.to_le_bytes()).unwrap();
+    commit(&mut bench).unwrap();
+    assert_eq!(bench.driver.set().watch.band_nm, 0.02);
+    bench.write(index::WATCH_PARAMETERS, 1, &(-1f32).to_le_bytes()).unwrap();
+    assert!(commit(&mut bench).is_err());
+    assert!(bench.text(index::REFUSAL).starts_with("band_nm = -1"));
+}

@@ -1,0 +1,149 @@
+//! A driver on its own sensors: set-points age, a joint nobody commands stops.
+
+use super::bench::{Bench, NODE, frame};
+use compensator_core::can::{Command, Message, Sync};
+use firmware::driver::LoopReport;
+use firmware::node::dictionary::index;
+use firmware::supervisor::{Code, State};
+
+fn measured() -> LoopReport {
+    LoopReport {
+        bus_voltage_v: Some(48.0),
+        phase_currents_a: Some([0.0; 3]),
+        bridge_temperature_c: Some(30.0),
+        motor_temperature_c: Some(30.0),
+        sample_age_us: Some(10),
+        velocity_rad_s: 1.5,
+        position_rad: 0.25,
+        motor_torque_nm: 2.0,
+        ..LoopReport::default()
+    }
+}
+
+fn command(bench: &mut Bench, counter: u8) {
+    bench.give(Message::Command(NODE, Command::new(3.0, 1.0, counter)));
+}
+
+/// A joint that is measured, commanded and armed, and has been for a while.
+fn armed() -> Bench {
+    let mut bench = Bench::on_sensors();
+    bench.start();
+    // The parameters are the driver's own: said so, or compensation is held back.
+    let staged = bench.number(index::COMMIT, 2);
+    bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+    for counter in 0..20 {
+        bench.driver.report(&measured());
+        command(&mut bench, counter);
+        bench.pass_ms(1);
+    }
+    bench.write(index::STATE, 1, &[1]).unwrap();
+    bench.sent();
+    bench
+}
+
+/// Lets time pass with the joint measured.
+fn pass(bench: &mut Bench, milliseconds: u64) {
+    for _ in 0..milliseconds {
+        bench.driver.report(&measured());
+        bench.pass_ms(1);
+    }
+}
+
+#[test]
+fn nothing_is_armed_without_measurements_and_a_set_point() {
+    let mut bench = Bench::on_sensors();
+    bench.start();
+    bench.pass_ms(5);
+    assert_eq!(bench.write(index::STATE, 1, &[1]), Err(0x0800_0022));
+    let reason = bench.text(index::REFUSAL);
+    assert!(reason.contains("command-timeout") && reason.contains("unmeasured"), "{reason}");
+    assert!(!bench.driver.orders(bench.now_us).bridge);
+}
+
+#[test]
+fn an_armed_joint_gets_its_set_point_with_its_age() {
+    let bench = armed();
+    let orders = bench.driver.orders(bench.now_us + 5000);
+    assert!(orders.bridge && orders.compensation);
+    assert_eq!(orders.setpoint.current_a, 3.0);
+    assert_eq!(orders.setpoint.velocity_reference_rad_s, 1.0);
+    assert!((orders.setpoint.age_s - 0.006).abs() < 1e-6, "{}", orders.setpoint.age_s);
+}
+
+#[test]
+fn a_joint_nobody_commands_stops_within_a_tenth_of_a_second_and_stays_so() {
+    let mut bench = armed();
+    pass(&mut bench, 98);
+    assert!(bench.driver.is_armed());
+    pass(&mut bench, 2);
+    assert_eq!(bench.driver.supervisor().state(), State::Fault);
+    assert!(!bench.driver.orders(bench.now_us).bridge);
+    let code = Code::CommandTimeout.info().emergency.to_le_bytes();
+    let told = bench.sent().iter().any(|f| f.identifier() == 0x81 && f.data()[..2] == code);
+    assert!(told, "an emergency");
+    // A set-point that comes back does not start it again.
+    command(&mut bench, 100);
+    pass(&mut bench, 5);
+    assert!(!bench.driver.is_armed());
+    bench.write(index::STATE, 1, &[2]).unwrap();
+    assert!(!bench.driver.is_armed());
+    command(&mut bench, 101);
+    bench.write(index::STATE, 1, &[1]).unwrap();
+    assert!(bench.driver.is_armed());
+}
+
+#[test]
+fn repeated_and_late_commands_keep_nothing_alive() {
+    let mut bench = armed();
+    for _ in 0..99 {
+        command(&mut bench, 19);
+        command(&mut bench, 10);
+        pass(&mut bench, 1);
+    }
+    pass(&mut bench, 1);
+    assert_eq!(bench.driver.supervisor().state(), State::Fault);
+    let counters = bench.driver.counters();
+    assert_eq!((counters.command_duplicate, counters.command_late), (99, 99));
+}
+
+#[test]
+fn what_it_measures_goes_out_as_a_trace() {
+    let mut bench = armed();
+    bench.give(Message::Sync(Sync { counter: 1 }));
+    let messages = bench.messages();
+    let [Message::Motion(_, motion), Message::Torque(_, torque), Message::Answer(..), ..] =
+        messages[..]
+    else {
+        panic!("{messages:?}")
+    };
+    assert_eq!((motion.velocity_rad_s, motion.position_rad), (1.5, 0.25));
+    assert_eq!(torque.torque_nm, 2.0);
+}
+
+#[test]
+fn too_much_voltage_stops_it_and_a_row_of_overruns_too() {
+    let mut bench = armed();
+    bench.driver.report(&LoopReport { bus_voltage_v: Some(90.0), ..measured() });
+    bench.pass_ms(1);
+    assert!(bench.driver.supervisor().faults().contains(Code::BusOvervoltage));
+
+    let mut bench = armed();
+    bench.driver.report(&LoopReport { overruns_in_a_row: 1, ..measured() });
+    assert!(bench.driver.is_armed());
+    assert!(!bench.driver.orders(bench.now_us).compensation);
+    bench.driver.report(&LoopReport { overruns_in_a_row: 50, ..measured() });
+    assert!(bench.driver.supervisor().faults().contains(Code::LoopOverrun));
+}
+
+#[test]
+fn another_set_has_another_number() {
+    let mut bench = armed();
+    let before = bench.driver.orders(0).set_number;
+    bench.write(index::STATE, 1, &[0]).unwrap();
+    bench.write(index::COMPENSATOR, 1, &0.5f32.to_le_bytes()).unwrap();
+    let staged = bench.number(index::COMMIT, 2);
+    bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+    assert_ne!(bench.driver.orders(0).set_number, before);
+    bench.driver.receive(&frame(0, &[2, 1]), 0);
+    assert!(!bench.driver.orders(0).bridge);
+}
