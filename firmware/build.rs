@@ -20,14 +20,17 @@ fn main() {
     let map =
         fs::read_to_string("../memory.x").expect("memory.x lies at the top of the repository");
     fs::write(out.join("memory.x"), map).expect("OUT_DIR is writable");
-    if on("BOARD_QEMU") {
-        println!("cargo::rustc-link-arg-bins=--defsym=BOARD_QEMU=1");
-    } else if !on("BOARD_STM32G474") {
-        panic!("choose a board: feature board-stm32g474 or board-qemu");
+    match (on("BOARD_QEMU"), on("BOARD_STM32G474")) {
+        (true, false) => println!("cargo::rustc-link-arg-bins=--defsym=BOARD_QEMU=1"),
+        (false, true) => {}
+        (false, false) => panic!("choose a board: feature board-stm32g474 or board-qemu"),
+        (true, true) => panic!("one board an image: add --no-default-features to board-qemu"),
     }
     println!("cargo::rustc-link-search={}", out.display());
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
     println!("cargo::rustc-link-arg-bins=--nmagic");
+    // The other binaries log nothing, and this script insists on a logger.
+    println!("cargo::rustc-link-arg-bin=firmware=-Tdefmt.x");
     if on("C_REFERENCE") {
         build_c_reference(&out);
     }

@@ -11,12 +11,16 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod control;
+pub mod deadline;
 pub mod driver;
 pub mod fed;
 pub mod fingerprint;
 pub mod joint;
 mod log;
+pub mod loop_task;
 pub mod node;
+pub mod panic_note;
+pub mod sensors;
 pub mod set;
 pub mod settings;
 pub mod store;
@@ -25,3 +29,5 @@ pub mod watch;
 
 #[cfg(target_os = "none")]
 pub mod panic;
+#[cfg(target_os = "none")]
+pub mod stack_guard;

@@ -22,6 +22,12 @@ macro_rules! print_line {
 #[cfg(target_os = "none")]
 use print_line;
 
+#[cfg(target_os = "none")]
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo) -> ! {
+    firmware::panic::print_and_exit(info)
+}
+
 fn print_fingerprints() {
     for (name, fingerprint) in firmware::fingerprint::all() {
         print_line!("fingerprint | {name} | {fingerprint:08x}");

@@ -1,0 +1,226 @@
+//! The emulated board: QEMU's mps2-an386, a Cortex-M4F.
+//!
+//! The same [`Driver`] as on the joint, without a joint: it is fed by frames. CAN comes over the UART as
+//! slcan text, so the board is its own adapter, and a program that can use a USB adapter can use it:
+//!
+//! ```text
+//! qemu-system-arm -M mps2-an386 -display none -monitor none -echr 256
+//!     -chardev socket,id=can,path=can.sock,server=on,wait=off,mux=on -serial chardev:can
+//!     -semihosting-config enable=on,target=native,arg=joint,arg=flash=flash.bin -kernel firmware | defmt-print -e firmware
+//! host-sim params status --bus slcan:can.sock
+//! ```
+//!
+//! Parameters are in `flash.bin`; without that argument they outlive a reset only. Logs are defmt frames on the
+//! standard output. One loop does it all: bytes in, frames through the driver, bytes out, sleep. Nothing
+//! is thrown away to save time: while there is no room for answers no byte is taken in, and the host waits.
+//! Interrupts are masked for good and only wake the core. `mux` lays a queue of 32 bytes before the UART's one,
+//! which halves what a byte costs; 256 is an escape byte that does not exist.
+
+mod clock;
+mod flash;
+mod kept;
+mod uart;
+
+use clock::Clock;
+use compensator_core::can::Frame;
+use compensator_core::can::slcan::{Adapter, LONGEST_CLASSIC, emit_frame};
+use core::ffi::CStr;
+use defmt_semihosting as _;
+use firmware::driver::{Boot, Driver, Identity, LoopReport};
+use firmware::settings::{Settings, Source};
+use firmware::supervisor::{CanState, ResetCause};
+use firmware::{panic, stack_guard};
+use flash::{BoardFlash, OpenError};
+use heapless::{Deque, Vec};
+use kept::Kept;
+use semihosting::experimental::env;
+use uart::Uart;
+
+/// Time between two ticks of the driver, us.
+const TICK_US: u64 = 1000;
+/// Text that waits to be sent, bytes.
+const WAITING: usize = 4096;
+/// Room there must be before a byte is taken in: for all the driver can say to one frame.
+const ROOM: usize = 1024;
+/// How long what is said last may take to be sent before a reset, us.
+const FAREWELL_US: u64 = 100_000;
+/// Longest command line, bytes.
+const COMMAND_LINE: usize = 1024;
+
+defmt::timestamp!("{=u64:us}", u64::from(clock::stamp_us()));
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    cortex_m::interrupt::disable();
+    let stack_overflowed = stack_guard::take_overflow();
+    stack_guard::paint();
+    let panic = panic::take();
+    let (Some(core), Some(kept)) = (cortex_m::Peripherals::take(), Kept::take()) else {
+        unreachable!("a program is entered once");
+    };
+    let warm = kept.is_warm();
+    let mut clock = Clock::start(core.SYST);
+    let flash = open_flash(kept);
+    let settings = Settings { source: Source::Bus, ..Settings::default() };
+    let identity = Identity { hardware: "QEMU mps2-an386", serial: 0 };
+    let cause = if warm { ResetCause::Software } else { ResetCause::PowerOn };
+    let panic = panic.as_deref();
+    defmt::info!("started, {=str}", if warm { "after a reset" } else { "switched on" });
+    // What there is to test, QEMU has: its memory and its registers are right or it does not run.
+    let boot = Boot { cause, panic, stack_overflowed, self_test_passed: true };
+    let now_us = clock.now_us();
+    let driver = Driver::boot(settings, flash, identity, &boot, now_us);
+    let line = SerialBus { uart: Uart::start(), adapter: Adapter::new(), waiting: Deque::new() };
+    Board { driver, line, clock, due_us: now_us }.run()
+}
+
+/// The flash the command line asks for.
+fn open_flash(kept: Kept) -> BoardFlash {
+    let mut path = Vec::<u8, COMMAND_LINE>::new();
+    if let Ok(arguments) = env::args::<COMMAND_LINE>() {
+        for argument in &arguments {
+            if let Some(file) = argument.ok().and_then(|word| word.strip_prefix("flash=")) {
+                path.clear();
+                let _ = path.extend_from_slice(file.as_bytes());
+                let _ = path.push(0);
+            }
+        }
+    }
+    let Ok(path) = CStr::from_bytes_with_nul(&path) else { return BoardFlash::kept(kept) };
+    match BoardFlash::in_file(path) {
+        Ok(flash) => flash,
+        Err(error) => {
+            match error {
+                OpenError::Host => defmt::error!("flash: the file can be neither opened nor made"),
+                OpenError::Length(found) => defmt::error!(
+                    "flash: {=u64} bytes, expected {=usize}: no flash of a driver",
+                    found,
+                    flash::LENGTH
+                ),
+            }
+            semihosting::process::exit(1)
+        }
+    }
+}
+
+/// CAN on a serial line.
+struct SerialBus {
+    uart: Uart,
+    adapter: Adapter,
+    waiting: Deque<u8, WAITING>,
+}
+
+impl SerialBus {
+    /// Puts text in the queue. There is room: no byte is taken in without.
+    fn say(&mut self, text: &[u8]) {
+        for byte in text {
+            let _ = self.waiting.push_back(*byte);
+        }
+    }
+
+    /// Puts a frame in the queue, if the host wants to hear the bus.
+    fn tell(&mut self, frame: &Frame) {
+        let mut text = [0; LONGEST_CLASSIC + 1];
+        if self.adapter.is_open()
+            && let Some(length) = emit_frame(frame, &mut text)
+        {
+            self.say(text.get(..length).unwrap_or_default());
+        }
+    }
+
+    fn has_room(&self) -> bool {
+        self.waiting.capacity() - self.waiting.len() >= ROOM
+    }
+
+    /// Sends as much as is taken.
+    fn send(&mut self) {
+        while let Some(byte) = self.waiting.front() {
+            if !self.uart.send(*byte) {
+                break;
+            }
+            self.waiting.pop_front();
+        }
+    }
+}
+
+struct Board {
+    driver: Driver<BoardFlash>,
+    line: SerialBus,
+    clock: Clock,
+    due_us: u64,
+}
+
+impl Board {
+    fn run(mut self) -> ! {
+        loop {
+            self.line.uart.clear();
+            let all = self.take_in();
+            self.tick();
+            self.line.send();
+            if self.driver.reset_wanted() {
+                self.reset();
+            }
+            let sent = self.line.waiting.is_empty();
+            self.line.uart.wake_when_sent(!sent);
+            if !sent {
+                // It may have become free before it was to tell.
+                self.line.send();
+            }
+            if all || !self.line.has_room() {
+                self.clock.sleep();
+            }
+        }
+    }
+
+    /// Takes in what came, as long as there is room for what is said to it; says whether that was all.
+    fn take_in(&mut self) -> bool {
+        while self.line.has_room() {
+            let Some(byte) = self.line.uart.receive() else { return true };
+            let Some(heard) = self.line.adapter.push(byte) else { continue };
+            self.line.say(heard.answer);
+            if let Some(frame) = heard.frame {
+                let now_us = self.clock.now_us();
+                self.driver.receive(&frame, now_us);
+                self.give_out();
+                if self.driver.reset_wanted() {
+                    return true;
+                }
+            }
+            self.line.send();
+        }
+        false
+    }
+
+    fn tick(&mut self) {
+        let now_us = self.clock.now_us();
+        if now_us >= self.due_us {
+            self.due_us = now_us + TICK_US;
+            let overrun = self.line.uart.overrun();
+            self.driver.bus_state(overrun, CanState::Active);
+            let stack_intact = stack_guard::is_intact();
+            self.driver.report(&LoopReport { stack_intact, ..LoopReport::default() });
+            self.driver.tick(now_us);
+            self.give_out();
+        }
+    }
+
+    fn give_out(&mut self) {
+        while self.line.has_room()
+            && let Some(frame) = self.driver.transmit()
+        {
+            self.line.tell(&frame);
+        }
+    }
+
+    /// Says what is left to say, and restarts the machine.
+    fn reset(mut self) -> ! {
+        self.give_out();
+        let until_us = self.clock.now_us() + FAREWELL_US;
+        while !self.line.waiting.is_empty() && self.clock.now_us() < until_us {
+            self.line.send();
+        }
+        // The emulator keeps files open over a reset.
+        drop(self.driver.into_flash());
+        cortex_m::peripheral::SCB::sys_reset()
+    }
+}

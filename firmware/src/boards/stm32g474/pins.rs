@@ -1,0 +1,89 @@
+//! What is wired to what: the one table to change for another board with this chip.
+//!
+//! Types check it: a pin that cannot be what it is used for does not compile (embassy knows every pin's
+//! functions), and a peripheral named twice is moved twice, which does not compile either. The break input
+//! alone is set by number, in `power_stage`.
+
+use embassy_stm32::{Peri, Peripherals, peripherals};
+
+macro_rules! wiring {
+    ($(
+        $(#[$about:meta])*
+        $field:ident: $group:ident {
+            $($name:ident = $what:ident, $text:literal;)*
+        }
+    )*) => {
+        $(
+            $(#[$about])*
+            pub struct $group {
+                $(#[doc = $text] pub $name: Peri<'static, peripherals::$what>,)*
+            }
+        )*
+
+        /// The whole table.
+        pub struct Wiring {
+            $(pub $field: $group,)*
+        }
+
+        /// Hands each part of the board what is wired to it.
+        pub fn wiring(p: Peripherals) -> Wiring {
+            Wiring { $($field: $group { $($name: p.$what,)* },)* }
+        }
+    };
+}
+
+wiring! {
+    /// Three half bridges and their driver.
+    bridge: Bridge {
+        timer  = TIM1, "makes the PWM";
+        a_high = PA8,  "phase a, high side: TIM1_CH1";
+        a_low  = PB13, "phase a, low side: TIM1_CH1N";
+        b_high = PA9,  "phase b, high side: TIM1_CH2";
+        b_low  = PB14, "phase b, low side: TIM1_CH2N";
+        c_high = PA10, "phase c, high side: TIM1_CH3";
+        c_low  = PB15, "phase c, low side: TIM1_CH3N";
+        fault  = PB10, "fault of the gate driver, low when there is one: TIM1_BKIN, function 12";
+        enable = PC6,  "wakes the gate driver";
+    }
+    /// What is sampled with the PWM.
+    currents: Currents {
+        adc_a   = ADC1, "converts phase a and the bus";
+        adc_b   = ADC2, "converts phase b at the same moment";
+        phase_a = PA0,  "amplified shunt, phase a: ADC1_IN1";
+        phase_b = PA1,  "amplified shunt, phase b: ADC2_IN2";
+        bus     = PC0,  "divided bus voltage: ADC1_IN6";
+    }
+    /// What is sampled now and then.
+    slow: Slow {
+        adc                = ADC3, "converts temperatures";
+        bridge_temperature = PB0,  "thermistor at the bridge: ADC3_IN12";
+        motor_temperature  = PB1,  "thermistor in the motor: ADC3_IN1";
+        force_adc          = ADC4, "converts the side load";
+        force              = PB12, "amplified strain gauge bridge: ADC4_IN3";
+    }
+    /// The motor's encoder.
+    encoder: Encoder {
+        spi    = SPI1, "reads it";
+        clock  = PA5,  "SPI1_SCK";
+        out    = PA7,  "SPI1_MOSI";
+        back   = PA6,  "SPI1_MISO, pulled up: a broken wire reads as an error";
+        select = PA4,  "chip select, low when selected";
+    }
+    /// The pressure sensor's bus.
+    pressure: Pressure {
+        i2c   = I2C1, "reads it";
+        clock = PA15, "I2C1_SCL";
+        data  = PB7,  "I2C1_SDA";
+    }
+    /// The CAN transceiver.
+    can: Can {
+        controller = FDCAN1, "classic frames";
+        receive    = PA11,   "FDCAN1_RX";
+        transmit   = PA12,   "FDCAN1_TX";
+    }
+    /// What has no pins.
+    inside: Inside {
+        watchdog = IWDG,  "resets a firmware that hangs";
+        flash    = FLASH, "holds the parameters, in its second bank";
+    }
+}

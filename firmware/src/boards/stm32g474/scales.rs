@@ -1,0 +1,52 @@
+//! What a count, a volt and a tick mean on this board: the numbers to change with its parts.
+
+use embassy_stm32::time::Hertz;
+use firmware::deadline::Limits;
+use firmware::joint::PERIOD_S;
+use firmware::sensors::shunt::RANGE;
+use firmware::sensors::strain_gauge::StrainGauge;
+use firmware::sensors::thermistor::Thermistor;
+
+/// Crystal, Hz. CAN at 1 Mbit/s needs one: the chip's own oscillator is not steady enough.
+pub const CRYSTAL_HZ: u32 = 24_000_000;
+/// Processor, timers and converters' source: 24 MHz / 6 x 85 / 2.
+pub const CORE_HZ: u32 = 170_000_000;
+/// Loop rate, Hz.
+pub const LOOP_HZ: u32 = 20_000;
+const _: () = assert!((LOOP_HZ as f32 * PERIOD_S - 1.0).abs() < 1e-6, "one period everywhere");
+/// Counts of the PWM timer from the bottom to the top; it counts up and down in a period.
+pub const PWM_TOP: u16 = (CORE_HZ / LOOP_HZ / 2) as u16;
+/// Time both switches of a half bridge are open when they change, in timer counts (500 ns). At most 127.
+pub const DEAD_TIME: u8 = 85;
+
+/// Periods the compensation stays dropped after a late one: 0.1 s.
+const HOLD: u32 = LOOP_HZ / 10;
+/// What a period may take.
+pub const LIMITS: Limits = Limits::of_period(CORE_HZ / LOOP_HZ, HOLD);
+
+/// The converters' reference, V.
+const REFERENCE_V: f32 = 3.3;
+/// Shunts of 1 mohm, amplified by 20; a current into the motor pulls the low side's shunt down.
+pub const AMPERES_PER_COUNT: f32 = -REFERENCE_V / (RANGE as f32 * 0.001 * 20.0);
+/// Divider of the bus, 68 k over 3.3 k.
+pub const VOLTS_PER_COUNT: f32 = REFERENCE_V / RANGE as f32 * (68.0 + 3.3) / 3.3;
+
+/// 10 k thermistors (B 3435) under 10 k.
+pub const BRIDGE_THERMISTOR: Thermistor = Thermistor { ratio_at_25: 1.0, beta_k: 3435.0 };
+/// See [`BRIDGE_THERMISTOR`].
+pub const MOTOR_THERMISTOR: Thermistor = BRIDGE_THERMISTOR;
+/// Side load, to be set from two weights; see docs/porting.md.
+pub const STRAIN_GAUGE: StrainGauge = StrainGauge { zero: 0.5, range_n: 2000.0 };
+/// A board without strain gauges leaves the input open, and takes the side load from the bus.
+pub const HAS_STRAIN_GAUGE: bool = true;
+/// Pressure inside the housing, Pa: closed at the surface.
+pub const INSIDE_PA: f32 = 101_325.0;
+
+/// Bit rate of the bus.
+pub const CAN_BITS_PER_S: u32 = 1_000_000;
+/// The encoder's clock, at most; it stands 10 MHz.
+pub const ENCODER_CLOCK: Hertz = Hertz(8_000_000);
+/// The pressure sensor's clock; it stands 400 kHz.
+pub const PRESSURE_CLOCK: Hertz = Hertz(400_000);
+/// How long the firmware may be silent before it is reset, us. A page of flash is erased in 25 ms at most.
+pub const WATCHDOG_US: u32 = 50_000;

@@ -1,0 +1,75 @@
+//! What changes slowly: temperatures, side load, pressure.
+
+use super::{pins, scales};
+use embassy_stm32::Peri;
+use embassy_stm32::adc::{Adc, SampleTime};
+use embassy_stm32::i2c::{Config, I2c, Master};
+use embassy_stm32::mode::Blocking;
+use embassy_stm32::peripherals::{ADC3, ADC4, PB0, PB1, PB12};
+use embassy_time::Duration;
+use firmware::sensors::Local;
+use firmware::sensors::ms5837::Ms5837;
+use firmware::sensors::shunt::RANGE;
+
+/// Long enough for a divider of 10 k: 6 us.
+const SETTLE: SampleTime = SampleTime::CYCLES247_5;
+
+/// How long a transfer to the pressure sensor may take before it is given up.
+const TRANSFER: Duration = Duration::from_micros(1000);
+
+/// The slow sensors.
+pub struct SlowSensors {
+    temperatures: Adc<'static, ADC3>,
+    bridge: Peri<'static, PB0>,
+    motor: Peri<'static, PB1>,
+    forces: Adc<'static, ADC4>,
+    force: Peri<'static, PB12>,
+    pressure: Ms5837<I2c<'static, Blocking, Master>>,
+}
+
+impl SlowSensors {
+    /// Sets the converters and the sensor bus up.
+    pub fn new(slow: pins::Slow, pressure: pins::Pressure) -> Self {
+        let mut config = Config::default();
+        config.frequency = scales::PRESSURE_CLOCK;
+        config.timeout = TRANSFER;
+        let bus = I2c::new_blocking(pressure.i2c, pressure.clock, pressure.data, config);
+        Self {
+            temperatures: Adc::new(slow.adc, Default::default()),
+            bridge: slow.bridge_temperature,
+            motor: slow.motor_temperature,
+            forces: Adc::new(slow.force_adc, Default::default()),
+            force: slow.force,
+            pressure: Ms5837::new(bus),
+        }
+    }
+
+    /// Temperatures of bridge and motor, deg C; NaN where a sensor is broken.
+    pub fn temperatures_c(&mut self) -> [f32; 2] {
+        let bridge = share(self.temperatures.blocking_read(&mut self.bridge, SETTLE));
+        let motor = share(self.temperatures.blocking_read(&mut self.motor, SETTLE));
+        [
+            scales::BRIDGE_THERMISTOR.temperature_c(bridge),
+            scales::MOTOR_THERMISTOR.temperature_c(motor),
+        ]
+    }
+
+    /// Side load and pressure, where there is something new.
+    pub fn poll(&mut self, local: &mut Local, now_us: u64) {
+        if scales::HAS_STRAIN_GAUGE {
+            let at = share(self.forces.blocking_read(&mut self.force, SETTLE));
+            if let Some(force_n) = scales::STRAIN_GAUGE.force_n(at) {
+                local.radial_force(force_n, now_us);
+            }
+        }
+        // A sensor that fails is not heard: its last value ages, and is said to be stale.
+        if let Ok(Some(found)) = self.pressure.poll(now_us) {
+            local.pressure_diff((found.pressure_pa - scales::INSIDE_PA) * 1e-6, now_us);
+            local.temperature(found.temperature_c, now_us);
+        }
+    }
+}
+
+fn share(counts: u16) -> f32 {
+    f32::from(counts) / f32::from(RANGE)
+}

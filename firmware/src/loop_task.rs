@@ -1,0 +1,351 @@
+//! What the current loop's interrupt does, but for the registers.
+//!
+//! ```text
+//! interrupt: sample -> LoopTask::period -> bridge -> registers -> LoopTask::end -> a report, now and then
+//! below it:  LoopLink <- reports;  Driver -> orders, parts -> LoopTask
+//! ```
+//! The interrupt owns a [`LoopTask`] and everything in it. What goes in and out are whole values through
+//! queues: [`LoopOrders`] and, after a commit, [`Parts`] built below; [`LoopReport`]s out. Between two orders the
+//! ages of what came over the bus grow here, so a background that has died is a set-point gone stale, and no
+//! current.
+//!
+//! A fault seen while driving *trips*: the bridge is off from that period on and stays off until it was
+//! ordered off, so it is never closed again by the interrupt before the supervisor has seen why. Until then
+//! the fault is told in every report, that no delay of the supervisor's passes over it.
+
+use crate::control::{
+    Bridge, Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags, Motor, Sample,
+    Setpoint, Valid,
+};
+use crate::deadline::{Deadline, Limits};
+use crate::driver::{LoopOrders, LoopReport, REPORT_PERIOD_S};
+use crate::set::ParameterSet;
+use compensator_core::compensator::Reading;
+use compensator_core::{Flags, Inputs, Output, ParameterError};
+use core::cell::Cell;
+
+/// The friction compensator, held to the share of the current that temperature leaves.
+#[derive(Clone, Debug)]
+pub struct Model {
+    inner: JointCompensator<f32>,
+    /// Largest current of joint and motor, A.
+    most_a: f32,
+    /// The same, times the share that is left. A cell, for the loop that owns this lends it out to be read.
+    limit_a: Cell<f32>,
+}
+
+impl Model {
+    fn set_share(&self, share: f32) {
+        // NaN leaves nothing.
+        let share = if share >= 0.0 { share.min(1.0) } else { 0.0 };
+        self.limit_a.set(self.most_a * share);
+    }
+}
+
+impl Compensate for Model {
+    fn set_enabled(&mut self, enabled: bool) {
+        self.inner.set_enabled(enabled);
+    }
+
+    fn is_enabled(&self) -> bool {
+        self.inner.is_enabled()
+    }
+
+    #[inline]
+    fn step(&mut self, inputs: &Inputs<f32>) -> Output<f32> {
+        self.inner.step(inputs)
+    }
+
+    #[inline]
+    fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags) {
+        let (sum, flags) = self.inner.sum(command_a, output);
+        let limit = self.limit_a.get();
+        if sum.abs() <= limit {
+            return (sum, flags);
+        }
+        (sum.max(-limit).min(limit), flags | Flags::CURRENT_LIMITED)
+    }
+
+    fn torque_constant_nm_per_a(&self) -> f32 {
+        self.inner.torque_constant_nm_per_a()
+    }
+}
+
+/// What a current loop is made of: built outside the interrupt, handed over whole.
+#[derive(Clone, Debug)]
+pub struct Parts {
+    motor: Motor,
+    model: Model,
+    may_drive: bool,
+}
+
+impl Parts {
+    /// Builds the parts for a period in s.
+    ///
+    /// # Errors
+    /// What of motor or friction model stands against it.
+    pub fn build(set: &ParameterSet, period_s: f32) -> Result<Self, ParameterError> {
+        let motor = set.motor.build(period_s)?;
+        let inner = JointCompensator::build(&set.friction, period_s)?;
+        let most_a = set.motor.current_limit_a.min(set.friction.compensator.current_limit_a);
+        let model = Model { inner, most_a, limit_a: Cell::new(most_a) };
+        Ok(Self { motor, model, may_drive: true })
+    }
+
+    /// The same parts, to measure with and never to drive: for a joint whose own cannot be built.
+    #[must_use]
+    pub fn measuring_only(self) -> Self {
+        Self { may_drive: false, ..self }
+    }
+}
+
+/// The interrupt's own.
+#[derive(Clone, Debug)]
+pub struct LoopTask {
+    current_loop: CurrentLoop<Model>,
+    deadline: Deadline,
+    orders: LoopOrders,
+    may_drive: bool,
+    /// Why the bridge is held off until it was ordered off; empty where it is not.
+    tripped: LoopFlags,
+    /// The hardware opened the bridge while it was ordered on: held off in the same way.
+    broken: bool,
+    /// The hardware said so at any time since the last report.
+    gate_fault: bool,
+    report: LoopReport,
+    period_s: f32,
+    /// Periods since the last report, and from one to the next.
+    since_report: u32,
+    report_every: u32,
+}
+
+/// Orders before the first: nothing is on.
+const NO_ORDERS: LoopOrders = LoopOrders {
+    setpoint: Setpoint::NONE,
+    covariates: Covariates {
+        radial_force_n: MISSING,
+        pressure_diff_mpa: MISSING,
+        temperature_c: MISSING,
+        load_torque_nm: MISSING,
+        auxiliary: MISSING,
+        campaign_time_h: 0.0,
+    },
+    bridge: false,
+    compensation: false,
+    current_share: 1.0,
+    set_number: 0,
+};
+const MISSING: Reading<f32> = Reading { value: 0.0, age_s: -1.0 };
+
+impl LoopTask {
+    /// A loop that waits for orders, bridge off.
+    pub fn new(parts: Parts, limits: Limits) -> Self {
+        let period_s = parts.motor.period_s();
+        let mut task = Self {
+            current_loop: CurrentLoop::new(parts.motor, parts.model),
+            deadline: Deadline::new(limits),
+            orders: NO_ORDERS,
+            may_drive: parts.may_drive,
+            tripped: LoopFlags::empty(),
+            broken: false,
+            gate_fault: false,
+            report: LoopReport::default(),
+            period_s,
+            since_report: 0,
+            report_every: ((REPORT_PERIOD_S / period_s) as u32).max(1),
+        };
+        task.clear_report();
+        task
+    }
+
+    /// Takes orders. That the bridge is ordered off ends a trip: it was seen.
+    pub fn order(&mut self, orders: LoopOrders) {
+        if !orders.bridge {
+            self.tripped = LoopFlags::empty();
+            self.broken = false;
+        }
+        self.current_loop.compensator().set_share(orders.current_share);
+        self.orders = orders;
+    }
+
+    /// Takes other parameters, between two periods.
+    pub fn swap(&mut self, parts: Parts) {
+        parts.model.set_share(self.orders.current_share);
+        self.may_drive = parts.may_drive;
+        self.current_loop.swap(parts.motor);
+        let _old = self.current_loop.swap_compensator(parts.model);
+    }
+
+    /// Says where the joint is, rad: after homing.
+    pub fn set_position(&mut self, position_rad: f32) {
+        self.current_loop.set_position(position_rad);
+    }
+
+    /// One period: what was sampled at the trigger, when that was and when it is now, in cycles; whether
+    /// the hardware has opened the bridge by itself. Gives what the bridge is to do.
+    #[inline]
+    pub fn period(
+        &mut self,
+        sample: &Sample,
+        bridge_broke: bool,
+        triggered: u32,
+        now: u32,
+    ) -> Bridge {
+        let in_time = self.deadline.begin(triggered, now);
+        self.gate_fault |= bridge_broke;
+        self.broken |= bridge_broke && self.orders.bridge;
+        let held = !self.tripped.is_empty() || self.broken || !self.may_drive;
+        let driving = self.orders.bridge && !held;
+        self.current_loop.set_driving(driving);
+        self.current_loop.set_compensating(self.orders.compensation && in_time);
+        let cycle = self.current_loop.step(sample, &self.orders.setpoint, &self.orders.covariates);
+        if driving {
+            self.tripped |= cycle.flags.intersection(LoopFlags::FAULTS);
+        }
+        self.grow_old();
+        self.note(sample, &cycle);
+        cycle.bridge
+    }
+
+    /// The period is over: the duties are written.
+    #[inline]
+    pub fn end(&mut self, now: u32) {
+        self.deadline.end(now);
+    }
+
+    /// Why the bridge is held off until it is ordered off.
+    pub fn tripped(&self) -> LoopFlags {
+        self.tripped
+    }
+
+    /// A report, if one is due. Nothing of it is forgotten before [`LoopTask::reported`]: where it found no
+    /// place, the next says it too.
+    #[inline]
+    pub fn report(&self) -> Option<LoopReport> {
+        if self.since_report < self.report_every {
+            return None;
+        }
+        let mut report = self.report;
+        report.loop_flags |= self.tripped;
+        if !self.may_drive {
+            // The supervisor knows this one as the firmware's own mistake, and does not arm.
+            report.loop_flags |= LoopFlags::NOT_FINITE;
+        }
+        report.gate_driver_fault = self.gate_fault || self.broken;
+        report.overruns_in_a_row = self.deadline.longest_row();
+        Some(report)
+    }
+
+    /// The report was handed over: the next begins.
+    pub fn reported(&mut self) {
+        self.clear_report();
+        self.deadline.forget();
+        self.gate_fault = false;
+        self.since_report = 0;
+    }
+
+    fn clear_report(&mut self) {
+        self.report.loop_flags = LoopFlags::empty();
+        self.report.flags = Flags::empty();
+    }
+
+    /// What came over the bus is older by a period.
+    fn grow_old(&mut self) {
+        let LoopOrders { setpoint, covariates, .. } = &mut self.orders;
+        let ages = [
+            &mut setpoint.age_s,
+            &mut covariates.radial_force_n.age_s,
+            &mut covariates.pressure_diff_mpa.age_s,
+            &mut covariates.temperature_c.age_s,
+            &mut covariates.load_torque_nm.age_s,
+            &mut covariates.auxiliary.age_s,
+        ];
+        for age_s in ages {
+            // Negative is never heard, and stays so.
+            if *age_s >= 0.0 {
+                *age_s += self.period_s;
+            }
+        }
+    }
+
+    #[inline]
+    fn note(&mut self, sample: &Sample, cycle: &Cycle) {
+        self.since_report = self.since_report.saturating_add(1);
+        let valid = sample.valid;
+        let [a, b, c] = sample.currents_a;
+        let two = valid.contains(Valid::CURRENT_A | Valid::CURRENT_B);
+        let currents = match (two, valid.contains(Valid::CURRENT_C)) {
+            (true, true) => [a, b, c],
+            (true, false) => [a, b, -a - b],
+            (false, _) => [f32::NAN; 3],
+        };
+        let unreferenced = cycle.flags.contains(LoopFlags::POSITION_UNREFERENCED);
+        let told = |value: f32, valid: bool| if valid { value } else { f32::NAN };
+        let report = &mut self.report;
+        report.bus_voltage_v = Some(told(sample.bus_v, valid.contains(Valid::BUS)));
+        report.phase_currents_a = Some(currents);
+        report.current_a = cycle.current_q_a;
+        report.current_reference_a = cycle.current_reference_a;
+        report.velocity_rad_s = cycle.velocity_rad_s;
+        report.position_rad = told(cycle.position_rad, !unreferenced);
+        report.motor_torque_nm = cycle.motor_torque_nm;
+        report.friction_torque_nm = cycle.friction_torque_nm;
+        report.feed_forward_current_a = cycle.feed_forward_current_a;
+        report.residual_torque_nm = told(cycle.residual_torque_nm, cycle.residual_valid);
+        report.loop_flags |= cycle.flags;
+        report.flags |= cycle.compensator;
+        report.sample_age_us = Some(0);
+    }
+}
+
+/// The loop as the background sees it: what it last said, and how long ago.
+#[derive(Clone, Copy, Debug)]
+pub struct LoopLink {
+    last: LoopReport,
+    heard_us: u64,
+    set_number: u32,
+}
+
+/// A loop that has not reported for so long no longer runs, us.
+pub const LOOP_SILENT_US: u64 = 5000;
+
+impl LoopLink {
+    /// A loop that is about to start.
+    pub fn new(now_us: u64) -> Self {
+        Self { last: LoopReport::default(), heard_us: now_us, set_number: 0 }
+    }
+
+    /// Takes in a report; gives it back for the driver.
+    pub fn hear(&mut self, report: LoopReport, now_us: u64) -> LoopReport {
+        self.heard_us = now_us;
+        self.last = report;
+        report
+    }
+
+    /// What to tell the driver where no report came: the last one, grown old, with nothing told twice.
+    pub fn silence(&self, now_us: u64) -> LoopReport {
+        let silent_us = now_us.saturating_sub(self.heard_us);
+        LoopReport {
+            sample_age_us: Some(u32::try_from(silent_us).unwrap_or(u32::MAX)),
+            overruns_in_a_row: 0,
+            residual_torque_nm: f32::NAN,
+            ..self.last
+        }
+    }
+
+    /// Whether the loop still reports: a watchdog is fed only then.
+    pub fn is_alive(&self, now_us: u64) -> bool {
+        now_us.saturating_sub(self.heard_us) < LOOP_SILENT_US
+    }
+
+    /// Whether these orders are the first with another parameter set, for which the loop needs parts.
+    pub fn wants_parts(&mut self, orders: &LoopOrders) -> bool {
+        let changed = orders.set_number != self.set_number;
+        self.set_number = orders.set_number;
+        changed
+    }
+}
+
+#[cfg(test)]
+#[path = "loop_task_tests.rs"]
+mod tests;

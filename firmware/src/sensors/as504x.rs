@@ -1,0 +1,236 @@
+//! Magnetic encoders of the kind AS5047P and AS5048A: 14 bits of a turn over SPI.
+//!
+//! A frame is 16 bits both ways, mode 1 (clock low at rest, sampled on its falling edge), at most 10 MHz. Out goes
+//! a command: even parity, read bit, register. Back comes what the frame *before* asked for: even parity,
+//! an error flag, 14 bits. So one frame a period is enough, and the angle it brings was latched at the end
+//! of the frame before: a period of age, which belongs in `encoder_delay_s` together with the sensor's own.
+//!
+//! The error flag stays until the error register was read. That takes two frames without an angle, over
+//! which the observer coasts. A broken wire reads as ones (pull up the input): the error flag is then up.
+
+use embedded_hal::spi::{Operation, SpiDevice};
+
+/// Bits of an angle.
+pub const ANGLE_BITS: u32 = 14;
+
+/// Command to read the angle; at this address both kinds have it.
+const READ_ANGLE: u16 = command(0x3FFF);
+/// Command to read the errors, which clears them.
+const READ_ERRORS: u16 = command(0x0001);
+
+const ERROR: u16 = 1 << 14;
+const DATA: u16 = ERROR - 1;
+
+/// From chip select to the first clock, and from the last clock back, ns (data sheet: t_L, t_H).
+const SELECT_NS: u32 = 350;
+const RELEASE_NS: u32 = 100;
+
+/// A read command: even parity in the top bit.
+const fn command(register: u16) -> u16 {
+    let word = ERROR | (register & DATA);
+    word | ((word.count_ones() as u16 & 1) << 15)
+}
+
+/// Why a frame brought no angle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EncoderError<E> {
+    /// The bus.
+    Spi(E),
+    /// Parity does not fit.
+    Parity,
+    /// The encoder reports an error; it is being asked which, and the flag cleared.
+    Flagged,
+    /// The frame carries no angle: it is the first, or the answer about errors.
+    NoAngle,
+}
+
+/// What the next frame will bring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Awaited {
+    Unknown,
+    Angle,
+    Errors,
+}
+
+/// An encoder.
+#[derive(Debug)]
+pub struct As504x<S> {
+    spi: S,
+    awaited: Awaited,
+    errors: u16,
+}
+
+impl<S: SpiDevice<u16>> As504x<S> {
+    /// An encoder nothing was asked of yet.
+    pub fn new(spi: S) -> Self {
+        Self { spi, awaited: Awaited::Unknown, errors: 0 }
+    }
+
+    /// Exchanges one frame; gives the angle that was latched at the end of the one before, in 14 bits.
+    ///
+    /// # Errors
+    /// Says why there is no angle; go on calling, it mends what can be mended.
+    #[inline]
+    pub fn angle(&mut self) -> Result<u16, EncoderError<S::Error>> {
+        self.exchange(READ_ANGLE, Awaited::Angle)
+    }
+
+    fn exchange(&mut self, ask: u16, next: Awaited) -> Result<u16, EncoderError<S::Error>> {
+        let awaited = self.awaited;
+        let (ask, next) =
+            if awaited == Awaited::Errors { (READ_ANGLE, Awaited::Angle) } else { (ask, next) };
+        let answer = match self.frame(ask) {
+            Ok(answer) => answer,
+            Err(error) => {
+                self.awaited = Awaited::Unknown;
+                return Err(EncoderError::Spi(error));
+            }
+        };
+        self.awaited = next;
+        if !answer.count_ones().is_multiple_of(2) {
+            return Err(EncoderError::Parity);
+        }
+        match awaited {
+            Awaited::Unknown => Err(EncoderError::NoAngle),
+            Awaited::Errors => {
+                self.errors |= answer & DATA;
+                Err(EncoderError::NoAngle)
+            }
+            Awaited::Angle if answer & ERROR != 0 => {
+                // Ask which, in a frame of its own; the answer to the one just sent is lost with it.
+                self.clear();
+                Err(EncoderError::Flagged)
+            }
+            Awaited::Angle => Ok(answer & DATA),
+        }
+    }
+
+    fn frame(&mut self, ask: u16) -> Result<u16, S::Error> {
+        let mut word = [ask];
+        self.spi.transaction(&mut [
+            Operation::DelayNs(SELECT_NS),
+            Operation::TransferInPlace(&mut word),
+            Operation::DelayNs(RELEASE_NS),
+        ])?;
+        let [answer] = word;
+        Ok(answer)
+    }
+
+    fn clear(&mut self) {
+        let sent = self.frame(READ_ERRORS).is_ok();
+        self.awaited = if sent { Awaited::Errors } else { Awaited::Unknown };
+    }
+
+    /// Every bit of the error register seen since the last call: 0 framing, 1 command, 2 parity.
+    pub fn take_errors(&mut self) -> u16 {
+        core::mem::take(&mut self.errors)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::convert::Infallible;
+    use embedded_hal::spi::ErrorType;
+
+    /// An encoder as its data sheet has it: answers a frame late, holds its error flag.
+    struct Chip {
+        angle: u16,
+        answer: u16,
+        errors: u16,
+        flips: u16,
+        asked: Vec<u16>,
+    }
+
+    impl ErrorType for Chip {
+        type Error = Infallible;
+    }
+
+    impl SpiDevice<u16> for Chip {
+        fn transaction(&mut self, steps: &mut [Operation<'_, u16>]) -> Result<(), Infallible> {
+            for step in steps {
+                let words = match step {
+                    Operation::TransferInPlace(words) => words,
+                    Operation::DelayNs(_) => continue,
+                    other => panic!("{other:?}"),
+                };
+                let asked = words[0];
+                self.asked.push(asked);
+                words[0] = self.answer ^ core::mem::take(&mut self.flips);
+                assert_eq!(asked.count_ones() % 2, 0, "even parity");
+                assert_ne!(asked & ERROR, 0, "reads only");
+                let flag = if self.errors != 0 { ERROR } else { 0 };
+                let data = match asked & DATA {
+                    0x3FFF => self.angle,
+                    0x0001 => core::mem::take(&mut self.errors),
+                    other => panic!("register {other:#x}"),
+                };
+                let word = flag | data;
+                self.answer = word | ((word.count_ones() as u16 & 1) << 15);
+            }
+            Ok(())
+        }
+    }
+
+    fn encoder() -> As504x<Chip> {
+        As504x::new(Chip { angle: 0x1234, answer: 0, errors: 0, flips: 0, asked: Vec::new() })
+    }
+
+    #[test]
+    fn commands_are_the_data_sheets() {
+        assert_eq!((READ_ANGLE, READ_ERRORS), (0xFFFF, 0x4001));
+    }
+
+    #[test]
+    fn an_angle_comes_a_frame_late() {
+        let mut encoder = encoder();
+        assert_eq!(encoder.angle(), Err(EncoderError::NoAngle));
+        encoder.spi.angle = 0x3FFF;
+        assert_eq!(encoder.angle(), Ok(0x1234));
+        assert_eq!(encoder.angle(), Ok(0x3FFF));
+    }
+
+    #[test]
+    fn a_flipped_bit_costs_one_angle() {
+        let mut encoder = encoder();
+        let _ = encoder.angle();
+        for bit in 0..14 {
+            encoder.spi.flips = 1 << bit;
+            assert_eq!(encoder.angle(), Err(EncoderError::Parity));
+            assert_eq!(encoder.angle(), Ok(0x1234));
+        }
+    }
+
+    #[test]
+    fn an_error_flag_is_read_cleared_and_told() {
+        let mut encoder = encoder();
+        let _ = encoder.angle();
+        encoder.spi.errors = 0b10;
+        assert_eq!(encoder.angle(), Ok(0x1234));
+        assert_eq!(encoder.angle(), Err(EncoderError::Flagged));
+        assert_eq!(encoder.angle(), Err(EncoderError::NoAngle));
+        assert_eq!(encoder.angle(), Ok(0x1234));
+        assert_eq!(encoder.take_errors(), 0b10);
+        assert_eq!(encoder.take_errors(), 0);
+    }
+
+    #[test]
+    fn a_broken_wire_is_no_angle() {
+        struct Wire(u16);
+        impl ErrorType for Wire {
+            type Error = Infallible;
+        }
+        impl SpiDevice<u16> for Wire {
+            fn transaction(&mut self, steps: &mut [Operation<'_, u16>]) -> Result<(), Infallible> {
+                for step in steps {
+                    if let Operation::TransferInPlace(words) = step {
+                        words.fill(self.0);
+                    }
+                }
+                Ok(())
+            }
+        }
+        let mut encoder = As504x::new(Wire(0xFFFF));
+        assert!((0..20).all(|_| encoder.angle().is_err()));
+    }
+}
