@@ -9,6 +9,7 @@
 //! a thin `main`.
 
 pub mod bank;
+pub mod bus;
 pub mod cli;
 pub mod data;
 pub mod diagnose;

@@ -1,0 +1,158 @@
+//! Bytes to and fro: a serial device, a TCP connection, a socket in the file system.
+//!
+//! Never blocks; waiting is [`Link::wait`]'s. A serial device is set raw, with eight bits and no handshake,
+//! and locked, so that two programs do not share an adapter by mistake.
+
+use super::slcan::Address;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::OFlags;
+use rustix::termios::{self, ControlModes, OptionalActions, QueueSelector, SpecialCodeIndex};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{TcpStream, ToSocketAddrs};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::time::Duration;
+
+/// How long a TCP connection may take to come about.
+const CONNECT: Duration = Duration::from_secs(3);
+
+/// An open line.
+#[derive(Debug)]
+pub(super) enum Link {
+    Serial(File),
+    Tcp(TcpStream),
+    Local(UnixStream),
+}
+
+impl Link {
+    /// Opens it.
+    ///
+    /// # Errors
+    /// Why not, and what to do, in words.
+    pub(super) fn open(address: &Address) -> Result<Self, String> {
+        match address {
+            Address::Tcp(host) => connect(host),
+            Address::Path { path, baud } => {
+                let kind = fs::metadata(path).map_err(|error| match error.kind() {
+                    ErrorKind::NotFound => "no such device or socket; is it plugged in?".into(),
+                    _ => error.to_string(),
+                })?;
+                if kind.file_type().is_socket() {
+                    let stream = UnixStream::connect(path).map_err(|error| error.to_string())?;
+                    stream.set_nonblocking(true).map_err(|error| error.to_string())?;
+                    Ok(Self::Local(stream))
+                } else if kind.file_type().is_char_device() {
+                    serial(path, *baud).map(Self::Serial)
+                } else {
+                    Err("neither a serial device nor a socket".into())
+                }
+            }
+        }
+    }
+
+    /// Reads what there is: `None` if nothing yet, 0 bytes if the other end is gone.
+    pub(super) fn read(&mut self, bytes: &mut [u8]) -> io::Result<Option<usize>> {
+        let read = match self {
+            Self::Serial(file) => file.read(bytes),
+            Self::Tcp(stream) => stream.read(bytes),
+            Self::Local(stream) => stream.read(bytes),
+        };
+        would_block(read)
+    }
+
+    /// Writes as much as there is room for: `None` if there is none.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> io::Result<Option<usize>> {
+        let written = match self {
+            Self::Serial(file) => file.write(bytes),
+            Self::Tcp(stream) => stream.write(bytes),
+            Self::Local(stream) => stream.write(bytes),
+        };
+        would_block(written)
+    }
+
+    /// Waits until there is something to read, or room to write if `write`.
+    pub(super) fn wait(&self, write: bool, time: Duration) -> io::Result<()> {
+        let flags = if write { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
+        wait(self.as_fd(), flags, time).map(|_| ())
+    }
+}
+
+impl AsFd for Link {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        match self {
+            Self::Serial(file) => file.as_fd(),
+            Self::Tcp(stream) => stream.as_fd(),
+            Self::Local(stream) => stream.as_fd(),
+        }
+    }
+}
+
+/// Waits for this; says whether it came about. A signal ends the wait early.
+pub(super) fn wait(fd: BorrowedFd, flags: PollFlags, time: Duration) -> io::Result<bool> {
+    let mut fds = [PollFd::from_borrowed_fd(fd, flags)];
+    // Longer than a day is a day: whoever waits looks again.
+    let time = time.min(Duration::from_secs(86_400));
+    let time = Timespec { tv_sec: time.as_secs() as i64, tv_nsec: time.subsec_nanos().into() };
+    match poll(&mut fds, Some(&time)) {
+        Ok(ready) => Ok(ready > 0),
+        Err(rustix::io::Errno::INTR) => Ok(false),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn would_block(done: io::Result<usize>) -> io::Result<Option<usize>> {
+    match done {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+fn connect(host: &str) -> Result<Link, String> {
+    let mut why = "no such host".to_owned();
+    for address in host.to_socket_addrs().map_err(|error| error.to_string())? {
+        let connected = TcpStream::connect_timeout(&address, CONNECT).and_then(|stream| {
+            stream.set_nodelay(true)?;
+            stream.set_nonblocking(true)?;
+            Ok(stream)
+        });
+        match connected {
+            Ok(stream) => return Ok(Link::Tcp(stream)),
+            Err(error) => why = error.to_string(),
+        }
+    }
+    Err(why)
+}
+
+fn serial(path: &Path, baud: Option<u32>) -> Result<File, String> {
+    // Not to wait for a carrier, and not to become our controlling terminal.
+    let flags = OFlags::NOCTTY | OFlags::NONBLOCK;
+    let file = (OpenOptions::new().read(true).write(true))
+        .custom_flags(flags.bits() as i32)
+        .open(path)
+        .map_err(|error| match error.kind() {
+            ErrorKind::PermissionDenied => {
+                format!("{error}; join its group (often dialout) or run as root")
+            }
+            _ => error.to_string(),
+        })?;
+    let mut line = termios::tcgetattr(&file).map_err(|_| "no serial line".to_owned())?;
+    file.try_lock().map_err(|_| "in use by another program".to_owned())?;
+    line.make_raw();
+    line.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
+    line.control_modes -= ControlModes::CRTSCTS | ControlModes::CSTOPB;
+    line.special_codes[SpecialCodeIndex::VMIN] = 1;
+    line.special_codes[SpecialCodeIndex::VTIME] = 0;
+    if let Some(baud) = baud {
+        line.set_speed(baud).map_err(|_| format!("no baud rate of {baud}"))?;
+    }
+    let set = termios::tcsetattr(&file, OptionalActions::Now, &line);
+    set.and_then(|()| termios::tcflush(&file, QueueSelector::IOFlush))
+        .map_err(|error| error.to_string())?;
+    Ok(file)
+}

@@ -1,0 +1,133 @@
+//! What stands behind `--bus`.
+
+use super::{Bus, BusError, Hub, slcan};
+use std::fmt;
+use std::str::FromStr;
+
+/// Most bytes of an interface's name.
+const LONGEST_INTERFACE: usize = 15;
+
+/// A bus by its name on the command line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BusName {
+    /// `loop`: in this process.
+    Loop,
+    /// `can0`: an interface of the kernel.
+    SocketCan(String),
+    /// `slcan:/dev/ttyACM0`, `slcan:localhost:3333`: an adapter.
+    Slcan(slcan::Address),
+}
+
+/// A name that names no bus; one line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "bus {name:?}: {why}; expected loop, an interface as vcan0, slcan:/dev/ttyACM0 or slcan:HOST:PORT"
+)]
+pub struct BusNameError {
+    name: String,
+    why: &'static str,
+}
+
+impl FromStr for BusName {
+    type Err = BusNameError;
+
+    fn from_str(name: &str) -> Result<Self, BusNameError> {
+        let error = |why| BusNameError { name: name.into(), why };
+        if name == "loop" {
+            return Ok(Self::Loop);
+        }
+        if let Some(address) = name.strip_prefix("slcan:") {
+            let address = slcan::Address::parse(address).ok_or(error("no path or host"))?;
+            return Ok(Self::Slcan(address));
+        }
+        if name.is_empty() {
+            return Err(error("empty"));
+        }
+        if let Some((kind, _)) = name.split_once(':') {
+            return Err(error(if kind == "slcan" { "no address" } else { "no such kind of bus" }));
+        }
+        if name.len() > LONGEST_INTERFACE {
+            return Err(error("longer than an interface's 15 letters"));
+        }
+        if !name.bytes().all(|byte| byte.is_ascii_graphic() && byte != b'/')
+            || name.starts_with('.')
+        {
+            return Err(error("no name of an interface"));
+        }
+        Ok(Self::SocketCan(name.into()))
+    }
+}
+
+impl fmt::Display for BusName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Loop => f.write_str("loop"),
+            Self::SocketCan(interface) => f.write_str(interface),
+            Self::Slcan(address) => write!(f, "slcan:{address}"),
+        }
+    }
+}
+
+impl BusName {
+    /// A place on that bus; for `loop`, on this hub.
+    ///
+    /// # Errors
+    /// [`BusError::Open`], with what to do about it.
+    pub fn open(&self, hub: &Hub) -> Result<Box<dyn Bus>, BusError> {
+        match self {
+            Self::Loop => Ok(Box::new(hub.port())),
+            Self::Slcan(address) => {
+                Ok(Box::new(slcan::Slcan::open(address, slcan::Options::default())?))
+            }
+            #[cfg(target_os = "linux")]
+            Self::SocketCan(interface) => Ok(Box::new(super::socket::SocketCan::open(interface)?)),
+            #[cfg(not(target_os = "linux"))]
+            Self::SocketCan(interface) => {
+                let why = "interfaces of the kernel are Linux's; use slcan:PATH or loop here";
+                Err(BusError::Open { name: interface.clone(), why: why.into() })
+            }
+        }
+    }
+
+    /// What a log calls it: an interface's name without blanks, 15 letters at most.
+    pub fn interface(&self) -> &str {
+        match self {
+            Self::Loop => "loop",
+            Self::SocketCan(interface) => interface,
+            Self::Slcan(_) => "slcan0",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_there_and_back() {
+        for name in [
+            "loop",
+            "vcan0",
+            "can-left.1",
+            "slcan:/dev/ttyACM0",
+            "slcan:/dev/ttyUSB0@3000000",
+            "slcan:localhost:3333",
+            "slcan:[::1]:3333",
+            "slcan:./socket",
+        ] {
+            let parsed: BusName = name.parse().expect(name);
+            assert_eq!(parsed.to_string(), name);
+        }
+        assert_eq!("loop".parse(), Ok(BusName::Loop));
+        assert_eq!("can0".parse(), Ok(BusName::SocketCan("can0".into())));
+    }
+
+    #[test]
+    fn others_are_refused_in_one_line() {
+        for name in ["", "slcan:", "tcp:1.2.3.4:5", "an-interface-too-long", "can 0", "../x", "a/b"]
+        {
+            let error = name.parse::<BusName>().expect_err(name).to_string();
+            assert!(error.contains("expected loop") && error.lines().count() == 1, "{error}");
+        }
+    }
+}
