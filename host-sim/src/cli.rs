@@ -4,12 +4,16 @@
 //! exit code 0 is done, 1 a check that failed, 2 bad usage or bad input, said in one line. A command that
 //! fails leaves no file behind: files are written when all is known.
 
+mod bus;
 mod compare;
 mod demo;
 mod diagnose;
 mod identify;
 mod input;
+mod node;
 mod output;
+mod parameters;
+mod replay;
 mod simulate;
 
 use clap::error::ErrorKind;
@@ -33,6 +37,12 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// The whole story in a minute: a joint, a hidden effect, its CAN trace, the diagnosis, the truth
     Demo(demo::Arguments),
+    /// Be a joint driver, on the bus, on this PC
+    Node(node::Arguments),
+    /// Read and write a joint driver's parameters
+    Params(parameters::Arguments),
+    /// Play a trace to a joint driver and hold every answer against the core, bit for bit
+    Replay(replay::Arguments),
     /// Simulate a machine: its log, and the truth behind it
     Simulate(simulate::Arguments),
 }
@@ -43,15 +53,19 @@ pub fn run() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => return refused(&error),
     };
+    let done = |outcome: Result<(), String>| outcome.map(|()| ExitCode::SUCCESS);
     let outcome = match arguments.command {
-        Command::Identify(arguments) => identify::run(&arguments),
-        Command::Compare(arguments) => compare::run(&arguments),
-        Command::Diagnose(arguments) => diagnose::run(&arguments),
-        Command::Demo(arguments) => demo::run(&arguments),
-        Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Identify(arguments) => done(identify::run(&arguments)),
+        Command::Compare(arguments) => done(compare::run(&arguments)),
+        Command::Diagnose(arguments) => done(diagnose::run(&arguments)),
+        Command::Demo(arguments) => done(demo::run(&arguments)),
+        Command::Node(arguments) => done(node::run(&arguments)),
+        Command::Params(arguments) => parameters::run(&arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
+        Command::Simulate(arguments) => done(simulate::run(&arguments)),
     };
     match outcome {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(message) => {
             eprintln!("error: {message}");
             ExitCode::from(2)

@@ -10,13 +10,16 @@
 
 pub mod bank;
 pub mod bus;
+pub mod canopen;
 pub mod cli;
 pub mod data;
 pub mod diagnose;
 pub mod dual;
 pub mod fit;
+pub mod joint;
 pub mod params;
 pub mod plant;
+pub mod replay;
 pub mod report;
 pub mod results;
 pub mod spec;

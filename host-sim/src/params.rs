@@ -15,16 +15,23 @@
 //! damping_fades = true
 //! [compensator]                           # optional
 //! scale = 0.9
+//! [motor]                                 # optional, as [thresholds] and [watch]: of a joint driver
+//! gear_ratio = 51.0
 //! ```
 //!
 //! `identify` writes it, the core takes it unchanged. Unknown keys, wrong units and values out of
 //! range are refused, each in one line that names the key.
+
+mod driver;
+
+pub use driver::{Drive, emit_set};
 
 use crate::data::Joint;
 use crate::fit::Outcome;
 use crate::spec::Spec;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::{Choices, Envelope, Info};
+use compensator_core::record::Configuration;
 use compensator_core::{ParameterId, Parameters};
 use std::fmt::Write;
 use std::path::Path;
@@ -41,6 +48,15 @@ pub struct ParameterFile {
     pub parameters: Parameters<f64>,
     /// How a driver is to use it.
     pub compensator: CompensatorParameters,
+    /// What it says of the driver besides.
+    pub drive: Drive,
+}
+
+impl ParameterFile {
+    /// The friction model as a driver takes it.
+    pub fn friction(&self) -> Configuration {
+        Configuration { model: self.parameters.convert(), compensator: self.compensator }
+    }
 }
 
 /// Why a parameter file was refused; one line.
@@ -79,17 +95,26 @@ pub fn emit(outcome: &Outcome, joint: Joint) -> String {
         }
         text.push_str(" }\n");
     }
-    text.push_str("\n[envelope]\n");
-    for (name, value) in Envelope::NAMES.iter().zip(parameters.envelope.to_array()) {
+    emit_limits(&parameters.envelope, parameters.choices, &mut text);
+    text
+}
+
+/// A section of numbers.
+fn emit_numbers(name: &str, names: &[&str], values: &[f32], text: &mut String) {
+    let _ = writeln!(text, "\n[{name}]");
+    for (name, value) in names.iter().zip(values) {
         let _ = writeln!(text, "{name} = {value:?}");
     }
-    let Choices { damping_fades, printed_extended, allow_active } = parameters.choices;
+}
+
+fn emit_limits(envelope: &Envelope, choices: Choices, text: &mut String) {
+    emit_numbers("envelope", &Envelope::NAMES, &envelope.to_array(), text);
+    let Choices { damping_fades, printed_extended, allow_active } = choices;
     let _ = write!(
         text,
         "\n[choices]\ndamping_fades = {damping_fades}\nprinted_extended = {printed_extended}\n\
          allow_active = {allow_active}\n"
     );
-    text
 }
 
 /// Reads and validates a file.
@@ -111,9 +136,20 @@ pub fn parse(text: &str) -> Result<ParameterFile, String> {
         .map_err(|error| error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" "))?;
     let root = document.as_table();
     for (key, _) in root.iter() {
-        const KNOWN: [&str; 6] = ["schema", "joint", "model", "parameters", "envelope", "choices"];
-        if !KNOWN.contains(&key) && key != "compensator" {
-            return Err(format!("unknown key {key:?}, expected {}, compensator", KNOWN.join(", ")));
+        const KNOWN: [&str; 10] = [
+            "schema",
+            "joint",
+            "model",
+            "parameters",
+            "envelope",
+            "choices",
+            "compensator",
+            "motor",
+            "thresholds",
+            "watch",
+        ];
+        if !KNOWN.contains(&key) {
+            return Err(format!("unknown key {key:?}, expected {}", KNOWN.join(", ")));
         }
     }
     match root.get("schema").and_then(Item::as_integer) {
@@ -155,7 +191,8 @@ pub fn parse(text: &str) -> Result<ParameterFile, String> {
     fields(root, "compensator", &CompensatorParameters::NAMES, &mut compensator)?;
     let compensator = CompensatorParameters::from_array(compensator);
     parameters.validate().and_then(|()| compensator.validate()).map_err(|e| e.to_string())?;
-    Ok(ParameterFile { joint, spec, parameters, compensator })
+    let drive = Drive::parse(root)?;
+    Ok(ParameterFile { joint, spec, parameters, compensator, drive })
 }
 
 fn string(root: &toml_edit::Table, key: &str) -> Result<String, String> {

@@ -2,7 +2,7 @@
 //!
 //! A joint is drawn at random, with one effect hidden in it that its model does not know. It moves, its
 //! CAN traffic is recorded, and from there on only that recording is looked at: what the model misses, why,
-//! what a better one gains. At the end the hidden effect is shown, and whether the diagnosis was right
+//! what a better one gains. That one is given to a joint driver, and the recording replayed to it. At the end the hidden effect is shown, and whether the diagnosis was right
 //! is said either way: a wrong one is a story that ran. The same seed is the same story.
 
 use super::input::spinner;
@@ -12,9 +12,11 @@ use crate::data::{Dataset, ReadOptions, Split, SplitRule, read, split};
 use crate::diagnose::{Diagnosis, Question, diagnose};
 use crate::params;
 use crate::plant::worlds::{Effect, Kind, Options, World, draw_with};
+use crate::replay::{Plan, Setup, Tally, in_process};
 use crate::results::diagnosis_page::{self, Diagnosed};
 use crate::results::{diagnosis, table};
 use crate::trace::{self, EmitOptions};
+use compensator_core::can::Node;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
@@ -113,10 +115,12 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     ];
     arguments.output.write(&files)?;
     teller.step("Wrote the report.")?;
+    let played = deploy(&out.join("trace.log"), &toml);
+    teller.step(&deployed(&played))?;
 
     let grade = grade(Kind::One(effect(seed)), seed, &world, &found);
     if arguments.output.json {
-        return say(&pretty(&summary(seed, &world, &grade, value))?);
+        return say(&pretty(&summary(seed, &world, &grade, value, &played))?);
     }
     let mut text = "\nWhat the diagnosis says, from the recording alone:\n".to_owned();
     for (index, sentence) in document.story().iter().enumerate() {
@@ -179,6 +183,27 @@ fn extension(found: &Diagnosis) -> String {
     )
 }
 
+/// Gives the extended model to a joint driver, the firmware's own code on a bus in this process, and plays
+/// the recording to it.
+fn deploy(trace: &Path, toml: &str) -> Result<Tally, String> {
+    let friction = params::parse(toml)?.friction();
+    let plan = Plan::read(trace, Node::FIRST).map_err(|error| error.to_string())?;
+    let setup = Setup { friction: Some(friction), number: None, period_s: plan.period_s as f32 };
+    let played = in_process(&plan, Node::FIRST, &setup).map_err(|error| error.to_string())?;
+    Ok(played.tally)
+}
+
+fn deployed(played: &Result<Tally, String>) -> String {
+    match played {
+        Ok(tally) => format!(
+            "Gave the extended model to a joint driver (the firmware's own code, on a bus in this process) and replayed the \
+             recording to it: {} of {} answers are the core's, bit for bit.",
+            tally.equal, tally.samples
+        ),
+        Err(why) => format!("A joint driver would not run the extended model: {why}."),
+    }
+}
+
 /// What had been hidden, and whether it was found.
 fn reveal(world: &World, found: &Diagnosis, grade: &Grade) -> String {
     let truth = &world.truth;
@@ -217,7 +242,17 @@ fn reveal(world: &World, found: &Diagnosis, grade: &Grade) -> String {
 }
 
 /// The result for a machine.
-fn summary(seed: u64, world: &World, grade: &Grade, diagnosis: Value) -> Value {
+fn summary(
+    seed: u64,
+    world: &World,
+    grade: &Grade,
+    diagnosis: Value,
+    played: &Result<Tally, String>,
+) -> Value {
+    let replay = match played {
+        Ok(tally) => json!(tally),
+        Err(why) => json!({ "refused": why }),
+    };
     json!({
         "schema": 1,
         "seed": seed,
@@ -226,6 +261,7 @@ fn summary(seed: u64, world: &World, grade: &Grade, diagnosis: Value) -> Value {
         "right": grade.right,
         "size_inside_ci95": grade.size_inside,
         "truth": world.truth.json(),
+        "replay": replay,
         "diagnosis": diagnosis,
     })
 }

@@ -1,0 +1,171 @@
+//! A driver in this process, as a tool on its bus sees it; and the commands over it.
+
+use canopen_rs::{Address, NmtCommand};
+use compensator_core::can::Node;
+use firmware::node::dictionary::{SAVE, index};
+use host_sim::bus::{Bus, Hub, Port};
+use host_sim::canopen::{Client, SdoError};
+use host_sim::joint::JointNode;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::time::Duration;
+
+const NODE: Node = Node::FIRST;
+
+fn client(flash: Option<&Path>) -> Client<Port> {
+    let hub = Hub::new();
+    hub.attach(JointNode::start(NODE, flash).expect("a flash"));
+    Client::new(hub.port(), NODE)
+}
+
+fn host_sim(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_host-sim")).args(arguments).output().expect("runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn a_client_reads_writes_and_is_told_why_not() {
+    let mut client = client(None);
+    let at = Address::new;
+    assert_eq!(client.read_number(at(index::SYNC_OVERFLOW, 0)).unwrap(), 240);
+    assert_eq!(client.read_text(at(index::HARDWARE_VERSION, 0)).unwrap(), "PC, host-sim node");
+    let scale = at(index::COMPENSATOR, 1);
+    client.write(scale, &0.5f32.to_le_bytes()).unwrap();
+    assert_eq!(client.read_float(scale).unwrap(), 0.5);
+    let error = client.write(scale, &7f32.to_le_bytes()).unwrap_err().to_string();
+    assert!(
+        error.starts_with("compensator.scale (2022h:1): refused: value out of range"),
+        "{error}"
+    );
+    assert!(
+        error
+            .ends_with("scale = 7: must be at most 1: over-compensation makes the joint oscillate"),
+        "{error}"
+    );
+    let record = client.read(at(index::COMMIT, 5)).unwrap();
+    client.write(at(index::COMMIT, 5), &record).unwrap();
+}
+
+#[test]
+fn a_node_that_is_not_there_is_said_so() {
+    let hub = Hub::new();
+    let mut client = Client::new(hub.port(), Node::new(9).unwrap());
+    let error = client.read(Address::new(0x1000, 0)).unwrap_err();
+    assert!(matches!(error, SdoError::Silent { node: 9 }), "{error}");
+}
+
+#[test]
+fn its_flash_is_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flash.bin");
+    let write = |value: f32| {
+        // `run` keeps the file; the hub only runs the driver.
+        let hub = Hub::new();
+        let (mut port, tool) = (hub.port(), hub.port());
+        let mut joint = JointNode::start(NODE, Some(&path)).unwrap();
+        let mut client = Client::new(tool, NODE);
+        // Two stations and one thread: the driver runs for a while after each request.
+        let mut step = |data: [u8; 8]| {
+            let frame = compensator_core::can::Frame::new(0x601, &data).unwrap();
+            client.bus().send(&frame.into()).unwrap();
+            let until = hub.now_ns() + 3_000_000;
+            let clock = hub.clone();
+            joint.run(&mut port, |_| clock.now_ns() >= until).unwrap();
+        };
+        let [a, b, c, d] = value.to_le_bytes();
+        step([0x23, 0x22, 0x20, 1, a, b, c, d]);
+        let mut set = firmware::set::ParameterSet::default();
+        set.friction.compensator.scale = value;
+        let [a, b, c, d] = set.crc().to_le_bytes();
+        step([0x23, 0x27, 0x20, 3, a, b, c, d]);
+        let [a, b, c, d] = SAVE.to_le_bytes();
+        step([0x23, 0x10, 0x10, 1, a, b, c, d]);
+    };
+    write(0.625);
+    let mut again = client(Some(&path));
+    let scale = again.read_float(Address::new(index::COMPENSATOR, 1)).unwrap();
+    assert_eq!(scale, 0.625);
+    std::fs::write(&path, b"no flash").unwrap();
+    let error = JointNode::start(NODE, Some(&path)).err().unwrap().to_string();
+    assert!(error.contains("8 bytes, expected 4096"), "{error}");
+}
+
+#[test]
+fn a_reset_over_the_bus_restarts_it() {
+    let mut client = client(None);
+    client.write(Address::new(index::COMPENSATOR, 1), &0.5f32.to_le_bytes()).unwrap();
+    client.command(NmtCommand::ResetNode).unwrap();
+    let boot_up = client.bus().receive_within(Duration::from_millis(10)).unwrap().unwrap();
+    assert_eq!(boot_up.frame.to_joint().unwrap().identifier(), 0x701);
+    assert_eq!(client.read_float(Address::new(index::COMPENSATOR, 1)).unwrap(), 0.9);
+}
+
+#[test]
+fn params_prints_a_file_that_is_no_different() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("joint.toml");
+    let name = path.to_str().unwrap();
+    let got = host_sim(&["params", "get"]);
+    assert!(got.status.success());
+    std::fs::write(&path, &got.stdout).unwrap();
+    let same = host_sim(&["params", "diff", name]);
+    assert_eq!(same.status.code(), Some(0), "{}", text(&same.stdout));
+    let changed = text(&got.stdout).replace("gear_ratio = 51.0", "gear_ratio = 20.0");
+    std::fs::write(&path, changed).unwrap();
+    let other = host_sim(&["params", "diff", name]);
+    assert_eq!(other.status.code(), Some(1));
+    assert_eq!(text(&other.stdout), "motor.gear_ratio: driver 51.0, file 20.0\n");
+    // The torque constant of the compensator goes with the gear: the whole set is looked at.
+    let refused = host_sim(&["params", "set", name]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        text(&refused.stderr).starts_with("error: torque_constant"),
+        "{}",
+        text(&refused.stderr)
+    );
+}
+
+#[test]
+fn params_gets_sets_and_refuses_by_name() {
+    let got = host_sim(&["params", "get", "compensator.scale", "static_torque"]);
+    assert_eq!(text(&got.stdout), "compensator.scale = 0.9\nstatic_torque = 1.0\n");
+    let set = host_sim(&["params", "set", "model=improved-lugre", "static_torque=2.5", "--save"]);
+    assert_eq!(set.status.code(), Some(0), "{}", text(&set.stderr));
+    for (what, why) in [
+        ("coulomb_torque=5", "static_torque = 1: must be at least 5"),
+        ("compensator.scale=2", "scale = 2: must be at most 1"),
+        ("scale=1", "scale: no such parameter; is it compensator.scale?"),
+        ("static_torque=much", "static_torque: found \"much\", expected a number"),
+        ("nowhere.toml", "nowhere.toml: No such file"),
+    ] {
+        let refused = host_sim(&["params", "set", what]);
+        let error = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{what}");
+        assert!(error.contains(why) && error.lines().count() == 1, "{what}: {error}");
+    }
+    let status = text(&host_sim(&["params", "status"]).stdout);
+    assert!(
+        status.contains("state       safe") && status.contains("parameters-default"),
+        "{status}"
+    );
+}
+
+#[test]
+fn replay_says_what_is_wrong_with_its_arguments() {
+    for (arguments, why) in [
+        (&["replay", "nowhere.log"][..], "nowhere.log: No such file"),
+        (&["replay", "x.log", "--rate", "0"], "expected 1, a number above 0, or max"),
+        (&["replay", "x.log", "--bus", "slcan:"], "expected loop, an interface as vcan0"),
+        (&["replay", "x.log", "--faults", "loose=1"], "expected drop, duplicate"),
+        (&["replay", "x.log", "--node-id", "200"], "expected 1 to 127"),
+        (&["node"], "nobody else is on the bus loop"),
+    ] {
+        let refused = host_sim(arguments);
+        let error = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{arguments:?}");
+        assert!(error.contains(why), "{arguments:?}: {error}");
+    }
+}
