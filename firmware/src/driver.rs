@@ -61,13 +61,8 @@ impl<F: NorFlash> Driver<F> {
         let mut device = Device::boot(settings, flash, identity, boot, now_us);
         let node = device.settings().node;
         let network = Network::boot(node, now_us, device.outbox());
-        let mut driver = Self {
-            network,
-            sdo: SdoServer::new(),
-            device,
-            reset_wanted: false,
-            told: State::Safe,
-        };
+        let mut driver =
+            Self { network, sdo: SdoServer::new(), device, reset_wanted: false, told: State::Safe };
         log!(info, "start as node {=u8} on {=str}", node.number(), identity.hardware);
         if let Some(_text) = boot.panic {
             log!(error, "the last life ended with: {=str}", _text);

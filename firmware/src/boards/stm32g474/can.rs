@@ -2,7 +2,7 @@
 //!
 //! embassy sets the controller up: clock, pins, bit timing, filters. Frames are moved here, for embassy's own
 //! queues take a critical section for each, which would hold up the current loop. The message memory's layout
-//! is fixed (RM0440, 44.3.3): elements of 18 words, two of them header. Three received frames fit, so the
+//! is fixed (as the HAL of the chip has it): elements of 18 words, two of them header. Three received frames fit, so the
 //! interrupt moves them on to a longer queue at once; three frames to send fit, in the order they came.
 //!
 //! Filters are masks and pairs (embassy 0.6 swaps the bounds of a range). A controller that has left the bus
