@@ -15,7 +15,7 @@ mod validate;
 
 pub use build::WrongPeriod;
 pub use table::{Info, ParameterId};
-pub use validate::{Bound, ParameterError};
+pub use validate::{Bound, ParameterError, check_ranges};
 
 use crate::number::Real;
 use crate::term::{MAX_TERMS, TermKind};

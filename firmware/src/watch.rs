@@ -23,7 +23,7 @@
 //! square may see it first), one that grows slowly `memory_s` after it has passed the limit.
 
 use compensator_core::Real;
-use compensator_core::parameters::{Bound, ParameterError};
+use compensator_core::parameters::{Bound, ParameterError, check_ranges};
 
 /// What is watched for, as a person writes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,16 +117,7 @@ impl WatchParameters {
         let refuse = |field, value: f32, bound, why| {
             Err(ParameterError { field, value: value.into(), bound, why })
         };
-        let named = Self::NAMES.into_iter().zip(self.to_array()).zip(Self::RANGES);
-        for ((field, value), (least, most, why)) in named {
-            if !value.is_finite() {
-                return refuse(field, value, Bound::Finite, why);
-            } else if value < least {
-                return refuse(field, value, Bound::AtLeast(least.into()), why);
-            } else if value > most {
-                return refuse(field, value, Bound::AtMost(most.into()), why);
-            }
-        }
+        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
         let [fewest, most] = WINDOWS.map(|windows| windows * self.independent_s);
         let memory = self.memory_s;
         if memory < fewest {

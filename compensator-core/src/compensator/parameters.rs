@@ -2,7 +2,7 @@
 
 use super::limit;
 use crate::number::Real;
-use crate::parameters::{Bound, Envelope, ParameterError};
+use crate::parameters::{Bound, Envelope, ParameterError, check_ranges};
 
 /// How the model is used in the current loop, as a person writes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,20 +103,7 @@ impl CompensatorParameters {
     /// # Errors
     /// Names the first field out of its range, its value, its bound and why.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let named = Self::NAMES.into_iter().zip(self.to_array()).zip(Self::RANGES);
-        for ((field, value), (least, most, why)) in named {
-            let bound = if !value.is_finite() {
-                Bound::Finite
-            } else if value < least {
-                Bound::AtLeast(least.into())
-            } else if value > most {
-                Bound::AtMost(most.into())
-            } else {
-                continue;
-            };
-            return Err(ParameterError { field, value: value.into(), bound, why });
-        }
-        Ok(())
+        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)
     }
 }
 

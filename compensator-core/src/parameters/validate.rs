@@ -63,6 +63,30 @@ impl fmt::Display for ParameterError {
 
 impl core::error::Error for ParameterError {}
 
+/// Checks numbers against ranges: smallest and largest legal value, and why, each in the order of the names.
+///
+/// # Errors
+/// Names the first that is not a number or out of its range.
+pub fn check_ranges(
+    names: &[&'static str],
+    values: &[f32],
+    ranges: &[(f32, f32, &'static str)],
+) -> Result<(), ParameterError> {
+    for ((field, value), (least, most, why)) in names.iter().zip(values).zip(ranges) {
+        let bound = if !value.is_finite() {
+            Bound::Finite
+        } else if value < least {
+            Bound::AtLeast((*least).into())
+        } else if value > most {
+            Bound::AtMost((*most).into())
+        } else {
+            continue;
+        };
+        return refuse(field, (*value).into(), bound, why);
+    }
+    Ok(())
+}
+
 pub(super) fn refuse(
     field: &'static str,
     value: f64,

@@ -11,7 +11,7 @@ use super::pi::{BANDWIDTH_SHARE_MAX, Gains, one_minus_exp};
 use super::space_vector::CIRCLE;
 use super::transform::{UNITS_PER_RAD, binary_angle};
 use compensator_core::compensator::CompensatorParameters;
-use compensator_core::parameters::{Bound, ParameterError};
+use compensator_core::parameters::{Bound, ParameterError, check_ranges};
 use core::f32::consts::TAU;
 
 macro_rules! fields {
@@ -127,16 +127,7 @@ impl MotorParameters {
     /// # Errors
     /// Names the first field refused, its value, the bound it broke and why the bound is there.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let named = Self::NAMES.iter().zip(self.to_array()).zip(Self::RANGES);
-        for ((field, value), (least, most, why)) in named {
-            if !value.is_finite() {
-                refuse(field, value, Bound::Finite, why)?;
-            } else if value < *least {
-                refuse(field, value, Bound::AtLeast((*least).into()), why)?;
-            } else if value > *most {
-                refuse(field, value, Bound::AtMost((*most).into()), why)?;
-            }
-        }
+        check_ranges(Self::NAMES, &self.to_array(), Self::RANGES)?;
         if self.pole_pairs != self.pole_pairs as u32 as f32 {
             refuse("pole_pairs", self.pole_pairs, Bound::Whole, "poles come in pairs")?;
         }

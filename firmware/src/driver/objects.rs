@@ -101,22 +101,29 @@ impl<F: NorFlash> Objects for Device<F> {
                 let drive = self.staging.staged().emit_drive();
                 return value.extend_from_slice(&drive).map_err(|_| Abort::Memory);
             }
-            (
-                index::MODEL
-                | index::ENVELOPE
-                | index::COMPENSATOR
-                | index::PARAMETERS
-                | index::MOTOR
-                | index::THRESHOLDS
-                | index::WATCH_PARAMETERS,
-                place,
-            ) => return self.staging.read(at.index, place, value),
+            (staged, place) if is_staged(staged) => {
+                return self.staging.read(staged, place, value);
+            }
             (index, place) => self.number(index, place)?,
         };
         let length = entry.data.length().unwrap_or(4);
         let bytes = number.to_le_bytes();
         value.extend_from_slice(bytes.get(..length).unwrap_or(&bytes)).map_err(|_| Abort::Memory)
     }
+}
+
+/// Whether an object is part of the parameter set, which is staged.
+const fn is_staged(at_index: u16) -> bool {
+    matches!(
+        at_index,
+        index::MODEL
+            | index::ENVELOPE
+            | index::COMPENSATOR
+            | index::PARAMETERS
+            | index::MOTOR
+            | index::THRESHOLDS
+            | index::WATCH_PARAMETERS
+    )
 }
 
 /// A text as its bytes; one that is empty reads as a blank, for SDO has no word for nothing.

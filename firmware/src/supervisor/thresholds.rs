@@ -3,7 +3,7 @@
 //! As a person writes them, in SI units; [`Thresholds::validate`] names what it refuses. Delays that
 //! belong to the physics of a cause and not to a joint are in the table of [`super::codes`].
 
-use compensator_core::parameters::{Bound, ParameterError};
+use compensator_core::parameters::{Bound, ParameterError, check_ranges};
 
 /// Levels and times.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -188,16 +188,7 @@ impl Thresholds {
         let refuse = |field, value: f32, bound, why| {
             Err(ParameterError { field, value: value.into(), bound, why })
         };
-        let named = Self::NAMES.into_iter().zip(self.to_array()).zip(Self::RANGES);
-        for ((field, value), (least, most, why)) in named {
-            if !value.is_finite() {
-                return refuse(field, value, Bound::Finite, why);
-            } else if value < least {
-                return refuse(field, value, Bound::AtLeast(least.into()), why);
-            } else if value > most {
-                return refuse(field, value, Bound::AtMost(most.into()), why);
-            }
-        }
+        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
         let clears = "a level is left again on its safe side";
         let derates = "current is taken back before the trip";
         let hysteresis = self.temperature_hysteresis_c;
