@@ -1,0 +1,60 @@
+"""What the emulated board needs built: the image, host-sim, and a program that decodes the log."""
+
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+TARGET_FOLDER = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
+TARGET = "thumbv7em-none-eabihf"
+# The one that reads what this defmt writes.
+DECODER = "defmt-print@1.2.0"
+
+
+def cargo_build(*arguments):
+    """Builds; gives the program's path."""
+    # Lines below this level are not in the image at all.
+    os.environ.setdefault("DEFMT_LOG", "info")
+    result = subprocess.run(["cargo", "build", "-q", "--message-format=json-render-diagnostics", *arguments], cwd=ROOT,
+                            stdout=subprocess.PIPE, text=True)
+    if result.returncode:
+        sys.exit(f"tests/qemu: cargo build {' '.join(arguments)} failed")
+    built = [json.loads(line).get("executable") for line in result.stdout.splitlines()]
+    return pathlib.Path([path for path in built if path][-1]).resolve()
+
+
+def build_firmware():
+    """The image for the emulated board, or what FIRMWARE_QEMU names."""
+    given = os.environ.get("FIRMWARE_QEMU")
+    return pathlib.Path(given).resolve() if given else cargo_build(
+        "-p", "firmware", "--bin", "firmware", "--profile", "firmware", "--target", TARGET, "--no-default-features",
+        "--features", "board-qemu,terms")
+
+
+def build_host_sim():
+    """host-sim, or what HOST_SIM names."""
+    given = os.environ.get("HOST_SIM")
+    return pathlib.Path(given).resolve() if given else cargo_build("-p", "host-sim", "--bin", "host-sim")
+
+
+def decoder(tools):
+    """defmt-print, or where it could be had; None where it cannot. `tools` is where it is put."""
+    found = shutil.which("defmt-print") or shutil.which("defmt-print", path=str(tools / "bin"))
+    if not found:
+        print("installing defmt-print (once)")
+        subprocess.run(["cargo", "install", "-q", "--locked", "--root", str(tools), DECODER], check=False)
+        found = shutil.which("defmt-print", path=str(tools / "bin"))
+    return found
+
+
+def decode(program, elf, log):
+    """The log's lines, decoded."""
+    with open(log, "rb") as file:
+        result = subprocess.run([program, "-e", str(elf)], stdin=file, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                text=True, timeout=60)
+    if result.returncode != 0:
+        raise RuntimeError(f"defmt-print: {result.stdout[-400:]}")
+    return result.stdout.splitlines()
