@@ -10,6 +10,7 @@ mod demo;
 mod diagnose;
 mod identify;
 mod input;
+mod monitor;
 mod node;
 mod output;
 mod parameters;
@@ -37,6 +38,8 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// The whole story in a minute: a joint, a hidden effect, its CAN trace, the diagnosis, the truth
     Demo(demo::Arguments),
+    /// A live view of a joint: velocity, friction, current, flags, model in band
+    Monitor(monitor::Arguments),
     /// Be a joint driver, on the bus, on this PC
     Node(node::Arguments),
     /// Read and write a joint driver's parameters
@@ -59,6 +62,7 @@ pub fn run() -> ExitCode {
         Command::Compare(arguments) => done(compare::run(&arguments)),
         Command::Diagnose(arguments) => done(diagnose::run(&arguments)),
         Command::Demo(arguments) => done(demo::run(&arguments)),
+        Command::Monitor(arguments) => done(monitor::run(&arguments)),
         Command::Node(arguments) => done(node::run(&arguments)),
         Command::Params(arguments) => parameters::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),

@@ -17,6 +17,7 @@ pub mod diagnose;
 pub mod dual;
 pub mod fit;
 pub mod joint;
+pub mod monitor;
 pub mod params;
 pub mod plant;
 pub mod replay;

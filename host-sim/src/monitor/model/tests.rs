@@ -1,0 +1,185 @@
+use super::*;
+use compensator_core::can::{Answer, Motion, Status, Telemetry};
+
+const MS: u64 = 1_000_000;
+/// A start that is not 0, as on a real bus.
+const START: u64 = 1_700_000_000_000 * MS;
+const LENS: Lens = Lens { window_s: 10.0, columns: 100, events: 100 };
+
+fn model() -> Model {
+    Model::new(Node::FIRST, START)
+}
+
+fn hear(model: &mut Model, at_ms: u64, message: &Message) -> bool {
+    frame(model, at_ms, &message.emit())
+}
+
+fn frame(model: &mut Model, at_ms: u64, frame: &Frame) -> bool {
+    model.take(&Received { time_ns: START + at_ms * MS, frame: (*frame).into() })
+}
+
+fn raw(model: &mut Model, at_ms: u64, identifier: u16, data: &[u8]) -> bool {
+    frame(model, at_ms, &Frame::new(identifier, data).unwrap())
+}
+
+/// A second of a joint at 1 kHz that begins at this time, every frame of it.
+fn second(model: &mut Model, from_ms: u64) {
+    for at in from_ms..from_ms + 1000 {
+        let velocity_rad_s = at as f32 / 1000.0;
+        let motion = Motion { velocity_rad_s, position_rad: 0.0 };
+        hear(model, at, &Message::Motion(Node::FIRST, motion));
+        hear(model, at, &Message::Sync(Sync::of(at as u32)));
+        let answer = Answer { friction_torque_nm: 2.5, feed_forward_current_a: -1.25 };
+        hear(model, at, &Message::Answer(Node::FIRST, answer));
+        let status = Status { flags: Flags::SLEW_LIMITED, sequence: at as u32 };
+        hear(model, at, &Message::Status(Node::FIRST, status));
+        let telemetry = Telemetry { current_a: 0.5, residual_torque_nm: f32::NAN };
+        hear(model, at, &Message::Telemetry(Node::FIRST, telemetry));
+    }
+}
+
+fn view(model: &Model, at_ms: u64) -> View {
+    model.view(START + at_ms * MS, &LENS)
+}
+
+fn texts(view: &View) -> Vec<&str> {
+    view.events.iter().map(|event| event.text.as_str()).collect()
+}
+
+#[test]
+fn a_running_joint_is_seen_with_its_rates_and_ranges() {
+    let mut model = model();
+    second(&mut model, 0);
+    second(&mut model, 1000);
+    let view = view(&model, 2000);
+    let [velocity, friction, forward, current, residual] = &view.readings;
+    assert_eq!(velocity.value, Some(1.999));
+    assert_eq!(velocity.range, Some([0.0, 1.999]));
+    assert_eq!((friction.value, forward.value, current.value), (Some(2.5), Some(-1.25), Some(0.5)));
+    assert!(residual.unmeasured && residual.value.is_none());
+    assert!(view.readings.iter().all(|reading| !reading.stale));
+    assert_eq!(
+        (view.rates.samples, view.rates.answers, view.rates.frames),
+        (1000.0, 1000.0, 5000.0)
+    );
+    // Four frames of 111 to 135 bits and a SYNC of some 55, 1000 times a second, at 1 Mbit/s.
+    assert!((0.49..0.61).contains(&view.rates.load), "{}", view.rates.load);
+    assert_eq!(view.syncs, SyncCounts::default());
+    assert_eq!(view.flags.as_ref().unwrap().0, ["slew-limited"]);
+    model.forget_ranges();
+    assert_eq!(model.view(START, &LENS).readings[0].range, None);
+}
+
+#[test]
+fn silence_makes_everything_old_and_is_told_once() {
+    let mut model = model();
+    second(&mut model, 0);
+    raw(&mut model, 1000, 0x701, &[5]);
+    for at in (1000..9000).step_by(20) {
+        model.tick(START + at * MS);
+    }
+    let view = view(&model, 9000);
+    assert!(view.silent);
+    let measured = view.readings.iter().filter(|reading| reading.value.is_some());
+    assert!(measured.clone().count() == 4 && measured.into_iter().all(|reading| reading.stale));
+    assert!((view.readings[0].age_s.unwrap() - 8.001).abs() < 1e-9);
+    assert!(view.flags.as_ref().unwrap().2 && view.heartbeat.late);
+    assert_eq!((view.rates.samples, view.rates.load), (0.0, 0.0));
+    let silences = texts(&view).iter().filter(|text| text.contains("silent")).count();
+    assert_eq!(silences, 1);
+    assert!(raw(&mut model, 9100, 0x701, &[5]));
+    assert!(!model.view(START + 9100 * MS, &LENS).silent);
+}
+
+#[test]
+fn syncs_are_counted_and_a_pause_is_no_loss() {
+    let mut model = model();
+    let mut sync = |at_ms, counter| hear(&mut model, at_ms, &Message::Sync(Sync { counter }));
+    for (at, counter) in [(0, 1), (1, 2), (2, 2), (3, 6), (4, 5), (5, 9), (3000, 200), (3001, 201)]
+    {
+        sync(at, counter);
+    }
+    let view = view(&model, 3001);
+    assert_eq!(view.syncs, SyncCounts { lost: 5, duplicate: 1, late: 1 });
+    // Losses close together are one line.
+    assert_eq!(texts(&view), ["5 SYNCs lost"]);
+}
+
+#[test]
+fn faults_come_and_go_by_emergencies_and_by_objects() {
+    let mut model = model();
+    raw(&mut model, 0, 0x701, &[0]);
+    raw(&mut model, 1, 0x081, &[0x10, 0x32, 0x05, 8, 0, 0, 0, 0]);
+    raw(&mut model, 2, 0x081, &[0x10, 0x63, 0x81, 34, 0, 0, 0, 0]);
+    let seen = view(&model, 3);
+    assert_eq!(seen.codes.faults, ["bus-overvoltage"]);
+    assert_eq!(seen.codes.limits, ["parameters-default"]);
+    assert!(!seen.codes.read);
+    assert!(texts(&seen)[1].starts_with("fault bus-overvoltage (3210h): bus at"), "{seen:?}");
+    raw(&mut model, 4, 0x081, &[0, 0, 0, 34, 0, 0, 0, 0]);
+    let now_ns = START + 5 * MS;
+    let value = |place, value| Told::Value(canopen_rs::Address::new(index::STATE, place), value);
+    model.told(value(2, 1), now_ns);
+    model.told(value(3, 0b1001), now_ns);
+    model.told(value(4, 1 << 31), now_ns);
+    let seen = view(&model, 6);
+    // The joint's own word counts; a code of a newer driver by its number.
+    assert_eq!(seen.codes.faults, ["command-timeout", "overcurrent"]);
+    assert_eq!(seen.codes.limits, ["code-64"]);
+    assert_eq!((seen.state, seen.emergencies, seen.objects_stale), (Some("armed"), 3, false));
+    assert!(view(&model, 3000).objects_stale);
+    // After a start nothing of that is known any more.
+    assert!(raw(&mut model, 3001, 0x701, &[0]));
+    let seen = view(&model, 3002);
+    assert!(seen.state.is_none() && seen.codes.faults.is_empty() && !seen.codes.read);
+}
+
+#[test]
+fn what_others_say_is_not_the_joints() {
+    let mut model = model();
+    let other = Node::new(2).unwrap();
+    let motion = Motion { velocity_rad_s: 9.0, position_rad: 0.0 };
+    assert!(!hear(&mut model, 0, &Message::Motion(other, motion)));
+    assert!(!raw(&mut model, 1, 0x702, &[5]));
+    raw(&mut model, 2, 0x082, &[0x10, 0x32, 5, 8, 0, 0, 0, 0]);
+    let error = CanFrame::Error { class: 4, length: 8, bytes: [0; 8] };
+    model.take(&Received { time_ns: START + 3 * MS, frame: error });
+    let view = view(&model, 1000);
+    assert!(view.heard_age_s.is_none() && view.nmt.is_none() && view.readings[0].value.is_none());
+    assert_eq!((view.emergencies, view.error_frames), (0, 1));
+}
+
+#[test]
+fn garbage_and_odd_times_do_no_harm() {
+    let mut model = model();
+    let mut state = 1u64;
+    for _ in 0..50_000 {
+        state = state.wrapping_mul(0x5851_F42D_4C95_7F2D).wrapping_add(0x1405_7B7E_F767_814F);
+        let length = (state >> 60).min(8) as usize;
+        let bases = [0, 0x80, 0x180, 0x200, 0x280, 0x380, 0x580, 0x600, 0x700];
+        let identifier = bases[(state >> 50) as usize % bases.len()] + (state >> 40 & 1) as u16;
+        let data = state.to_le_bytes();
+        let frame = Frame::new(identifier, &data[..length]).unwrap();
+        // Times that jump, before the start too.
+        model.take(&Received { time_ns: state >> 20, frame: frame.into() });
+    }
+    model.tick(0);
+    let view = model.view(0, &LENS);
+    assert!(view.events.len() <= 100 && view.elapsed_s == 0.0);
+    assert!(view.json("x", &model.take_line_ranges()).to_string().contains("\"schema\":1"));
+}
+
+#[test]
+fn json_has_numbers_where_there_are_and_null_where_not() {
+    let mut model = model();
+    second(&mut model, 0);
+    let ranges = model.take_line_ranges();
+    let json = view(&model, 1000).json("vcan0", &ranges);
+    let at = |path: &str| json.pointer(path).unwrap_or_else(|| panic!("{path}: {json}")).clone();
+    assert_eq!(at("/quantities/velocity_rad_s/value"), 0.999);
+    assert_eq!(at("/quantities/velocity_rad_s/max"), 0.999);
+    assert!(at("/quantities/residual_torque_nm/value").is_null());
+    assert!(at("/model_in_band").is_null() && at("/state").is_null());
+    assert_eq!(at("/flags"), serde_json::json!(["slew-limited"]));
+    assert_eq!(at("/bus"), "vcan0");
+}

@@ -1,0 +1,255 @@
+//! Draws a [`View`] on a terminal of any size.
+//!
+//! ```text
+//! bus, node, how alive                                    header
+//! charts: name, value, unit, min, max | state, faults, limits, flags, model, traffic
+//! log: emergencies, state changes, what was asked for
+//! keys                                                    footer
+//! ```
+//!
+//! What is old is dimmed and says its age, in every place, because a frozen picture of a healthy joint is
+//! the worst a monitor can show. Where the terminal is small, charts go first, then the log; state and
+//! values stay.
+
+mod chart;
+mod panel;
+
+use super::controls::Controls;
+use super::view_data::{Event, EventKind, View};
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
+
+/// What a screen is told besides the joint.
+#[derive(Clone, Debug, Default)]
+pub struct Setting {
+    /// Name of the bus.
+    pub bus: String,
+    /// What is shown is a simulation in this process.
+    pub demo: bool,
+    /// The clock of the bus is that of the epoch; else it counts from the start.
+    pub epoch: bool,
+    /// Why there is no bus, where there is none.
+    pub gone: Option<String>,
+    /// Reading objects waits for another client.
+    pub asks_later: bool,
+}
+
+const DIM: Style = Style::new().fg(Color::DarkGray);
+const BAD: Style = Style::new().fg(Color::Red).add_modifier(Modifier::BOLD);
+const WARN: Style = Style::new().fg(Color::Yellow);
+const GOOD: Style = Style::new().fg(Color::Green);
+const BANNER: Style = Style::new().fg(Color::Black).bg(Color::Yellow);
+
+/// An age in words that fit: `0.3 s`, `12 s`, `3 min`, `2 h`.
+fn age(seconds: f64) -> String {
+    match seconds {
+        s if s < 9.95 => format!("{s:.1} s"),
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.0} h", s / 3600.0),
+    }
+}
+
+/// A number with four digits or so, in seven letters.
+fn short(value: f32) -> String {
+    match value.abs() {
+        0.0 => "0.000".to_owned(),
+        size if size < 5e-4 => format!("{value:.0e}"),
+        size if size < 9.9995 => format!("{value:.3}"),
+        size if size < 99.995 => format!("{value:.2}"),
+        size if size < 9999.5 => format!("{value:.1}"),
+        _ => format!("{value:.1e}"),
+    }
+}
+
+/// Draws all of it.
+pub fn draw(frame: &mut Frame, live: &View, controls: &Controls, setting: &Setting) {
+    let area = frame.area();
+    if area.is_empty() {
+        return;
+    }
+    let view = controls.held.as_ref().unwrap_or(live);
+    let log_height = match area.height {
+        0..=17 => 0,
+        height => (height / 5).clamp(4, 12),
+    };
+    let rows = [
+        Constraint::Length(1),
+        Constraint::Min(0),
+        Constraint::Length(log_height),
+        Constraint::Length(u16::from(area.height > 2)),
+    ];
+    let [top, middle, log, bottom] = Layout::vertical(rows).areas(area);
+    frame.render_widget(header(live, controls, setting, top.width), top);
+    let beside = if middle.width >= 70 { (middle.width * 3 / 8).clamp(33, 52) } else { 0 };
+    if beside > 0 {
+        let columns = [Constraint::Min(0), Constraint::Length(beside)];
+        let [left, right] = Layout::horizontal(columns).spacing(1).areas(middle);
+        chart::draw(frame, view, left);
+        panel::draw(frame, view, controls, setting, right);
+    } else {
+        // One below the other: values without charts, then as much of the state as there is room for.
+        let values = middle.height.min(5);
+        let [above, below] =
+            Layout::vertical([Constraint::Length(values), Constraint::Min(0)]).areas(middle);
+        chart::draw(frame, view, above);
+        panel::draw(frame, view, controls, setting, below);
+    }
+    draw_log(frame, view, controls, setting, log);
+    frame.render_widget(footer(controls, setting, bottom.width), bottom);
+    if controls.help {
+        draw_help(frame, area);
+    }
+    if controls.confirm {
+        draw_confirm(frame, area, live);
+    }
+}
+
+fn header(view: &View, controls: &Controls, setting: &Setting, width: u16) -> Paragraph<'static> {
+    let mut spans = vec![Span::styled(
+        format!(" node {} on {} ", view.node, setting.bus),
+        Style::new().add_modifier(Modifier::BOLD),
+    )];
+    if let Some(held) = &controls.held {
+        let since_s = view.elapsed_s - held.elapsed_s;
+        spans.push(Span::styled(format!(" PAUSED {} ago ", age(since_s)), BANNER));
+    }
+    let alive = if setting.gone.is_some() {
+        Span::styled(" NO BUS ", BAD.add_modifier(Modifier::REVERSED))
+    } else {
+        match (view.heard_age_s, view.silent) {
+            (None, _) => Span::styled(" not heard yet ", BANNER),
+            (Some(age_s), true) => {
+                let text = format!(" SILENT for {} ", age(age_s));
+                Span::styled(text, BAD.add_modifier(Modifier::REVERSED))
+            }
+            (Some(_), false) => Span::styled(" live ", GOOD),
+        }
+    };
+    spans.push(alive);
+    if setting.demo {
+        let long = " DEMO: a simulated joint in this process, no bus ";
+        let text = if width >= 100 { long } else { " DEMO: simulated, no bus " };
+        spans.push(Span::styled(text, BANNER));
+    }
+    if controls.listen {
+        spans.push(Span::styled(" listening only ", DIM));
+    }
+    let window = format!(" window {:.0} s, on for {}", controls.window_s(), age(view.elapsed_s));
+    spans.push(Span::styled(window, DIM));
+    Paragraph::new(Line::from(spans))
+}
+
+fn footer(controls: &Controls, setting: &Setting, width: u16) -> Paragraph<'static> {
+    if let Some(why) = &setting.gone {
+        return Paragraph::new(Line::styled(format!(" {why}; trying again"), BAD));
+    }
+    if let Some(hint) = controls.hint {
+        return Paragraph::new(Line::styled(format!(" {hint}"), WARN));
+    }
+    let (orders, reset) = match (controls.listen, width >= 90) {
+        (true, _) => ("", "reset min/max"),
+        (false, true) => ("  d disarm  a arm  c clear faults", "reset min/max"),
+        (false, false) => ("  d disarm  a arm  c clear", "reset"),
+    };
+    let text = format!(" q quit  space pause  +/- window  r {reset}{orders}  ? help");
+    Paragraph::new(Line::styled(text, DIM))
+}
+
+/// The time of an event: of the day in UTC, or s from the start.
+fn stamp(time_ns: u64, epoch: bool) -> String {
+    let seconds = time_ns / 1_000_000_000;
+    let millis = time_ns / 1_000_000 % 1000;
+    if !epoch {
+        return format!("{seconds:>5}.{millis:03}");
+    }
+    let of_day = seconds % 86_400;
+    format!("{:02}:{:02}:{:02}.{millis:03}", of_day / 3600, of_day / 60 % 60, of_day % 60)
+}
+
+fn draw_log(frame: &mut Frame, view: &View, controls: &Controls, setting: &Setting, area: Rect) {
+    if area.height == 0 {
+        return;
+    }
+    let unit = if setting.epoch { "UTC" } else { "s" };
+    let back = controls.scroll.min(view.events.len().saturating_sub(1));
+    let scrolled = if back > 0 { format!(", {back} lines back (End)") } else { String::new() };
+    let count = view.emergencies;
+    let plural = if count == 1 { "y" } else { "ies" };
+    let title = format!("{count} emergenc{plural}; log, {unit}{scrolled}");
+    let block = Block::new()
+        .borders(ratatui::widgets::Borders::TOP)
+        .border_style(DIM)
+        .title(Line::from(format!(" {title} ")));
+    let room = usize::from(area.height.saturating_sub(1));
+    let end = view.events.len() - back;
+    let shown = &view.events[end.saturating_sub(room)..end];
+    let lines: Vec<Line> = if view.events.is_empty() {
+        vec![Line::styled(" nothing yet", DIM)]
+    } else {
+        shown.iter().map(|event| log_line(event, setting)).collect()
+    };
+    frame.render_widget(Paragraph::new(lines).block(block), area);
+}
+
+fn log_line(event: &Event, setting: &Setting) -> Line<'static> {
+    let style = match event.kind {
+        EventKind::Fault => BAD,
+        EventKind::Warning => WARN,
+        EventKind::Good => GOOD,
+        EventKind::Note => Style::new(),
+    };
+    let time = Span::styled(format!(" {}  ", stamp(event.time_ns, setting.epoch)), DIM);
+    Line::from(vec![time, Span::styled(event.text.clone(), style)])
+}
+
+/// A place in the middle, as large as there is room for.
+fn middle(area: Rect, width: u16, height: u16) -> Rect {
+    let (width, height) = (width.min(area.width), height.min(area.height));
+    let (x, y) = (area.x + (area.width - width) / 2, area.y + (area.height - height) / 2);
+    Rect { x, y, width, height }
+}
+
+const HELP: [&str; 11] = [
+    "q, Ctrl-C     quit",
+    "space         hold the screen; data is taken in meanwhile",
+    "+ -           longer or shorter charts, 1 s to 10 min",
+    "r             begin min and max anew",
+    "d             disarm the joint, at once",
+    "a             arm it; asks first",
+    "c             clear faults whose cause is gone",
+    "up, down, PgUp, PgDn, End   scroll the log",
+    "",
+    "Grey is old: its age stands beside it. Min and max are since r.",
+    "Loads are of a bus of 1 Mbit/s. ? or Esc closes this.",
+];
+
+fn draw_help(frame: &mut Frame, area: Rect) {
+    let place = middle(area, 68, HELP.len() as u16 + 2);
+    let lines: Vec<Line> = HELP.iter().map(|line| Line::from(format!(" {line}"))).collect();
+    frame.render_widget(Clear, place);
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" keys ")), place);
+}
+
+fn draw_confirm(frame: &mut Frame, area: Rect, view: &View) {
+    let place = middle(area, 56, 5);
+    let what = match view.source {
+        Some("the bus") => "It is fed by the bus and drives nothing.",
+        Some(_) => "It drives a motor: keep clear of the joint.",
+        None => "Not known whether it drives a motor: keep clear.",
+    };
+    let text = vec![
+        Line::styled(format!(" Arm joint {}?", view.node), BAD),
+        Line::from(format!(" {what}")),
+        Line::from(" y arms it, any other key does not."),
+    ];
+    let block = Block::bordered().border_style(BAD);
+    frame.render_widget(Clear, place);
+    frame.render_widget(Paragraph::new(text).wrap(Wrap { trim: false }).block(block), place);
+}
+
+#[cfg(test)]
+mod tests;

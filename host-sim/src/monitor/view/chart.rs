@@ -1,0 +1,147 @@
+//! Rolling charts: a line of numbers each, and below it the course as far as there is room.
+
+use super::{DIM, WARN, age, short};
+use crate::monitor::view_data::{Quantity, Reading, View};
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::symbols::Marker;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+use ratatui::widgets::canvas::{Canvas, Line as Stroke, Points};
+
+/// Width of the numbers beside a chart.
+const AXIS: u16 = 8;
+
+fn color(quantity: Quantity) -> Color {
+    match quantity {
+        Quantity::Velocity => Color::Cyan,
+        Quantity::Friction => Color::LightBlue,
+        Quantity::FeedForward => Color::Magenta,
+        Quantity::Current => Color::Green,
+        Quantity::Residual => Color::Yellow,
+    }
+}
+
+/// All charts, one below the other, as high as there is room for.
+pub fn draw(frame: &mut Frame, view: &View, area: Rect) {
+    let count = view.readings.len() as u16;
+    let (each, rest) = (area.height / count, area.height % count);
+    let heights = (0..count).map(|place| Constraint::Length(each + u16::from(place < rest)));
+    let places = Layout::vertical(heights).split(area);
+    for (reading, place) in view.readings.iter().zip(places.iter()) {
+        if place.height == 0 {
+            continue;
+        }
+        let [head, body] =
+            Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(*place);
+        frame.render_widget(Paragraph::new(heading(reading, head.width)), head);
+        course(frame, reading, body);
+    }
+}
+
+/// Name, value, unit, age where it is old, least and most.
+fn heading(reading: &Reading, width: u16) -> Line<'static> {
+    let is_old = reading.stale || reading.unmeasured;
+    let strong = Style::new().fg(color(reading.quantity)).add_modifier(Modifier::BOLD);
+    let style = if is_old || reading.value.is_none() { DIM } else { strong };
+    let name = format!("{:<8} ", reading.quantity.name());
+    let (value, unit) = match reading.value {
+        Some(_) if reading.unmeasured => ("-".to_owned(), reading.unit),
+        Some(value) => (short(value), reading.unit),
+        None => ("-".to_owned(), reading.unit),
+    };
+    let mut spans = vec![
+        Span::styled(name, style),
+        Span::styled(format!("{value:>7} "), style),
+        Span::styled(format!("{unit:<5}"), DIM),
+    ];
+    if reading.unmeasured {
+        spans.push(Span::styled("  none given", DIM));
+    } else if reading.value.is_none() {
+        spans.push(Span::styled("  not heard yet", DIM));
+    } else if let (true, Some(age_s)) = (reading.stale, reading.age_s) {
+        spans.push(Span::styled(format!("  {} OLD", age(age_s)), WARN));
+    }
+    if let Some([least, most]) = reading.range {
+        let range = format!(" min {:>7} max {:>7}", short(least), short(most));
+        let used: usize = spans.iter().map(Span::width).sum();
+        if used + range.len() <= usize::from(width) {
+            spans.push(Span::styled(range, if is_old { DIM } else { Style::new() }));
+        }
+    }
+    Line::from(spans)
+}
+
+/// Where a chart begins and ends: round numbers, and never nothing between them.
+fn bounds(reading: &Reading) -> Option<[f64; 2]> {
+    let shown = reading.columns.iter().flatten();
+    let (least, most) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), column| {
+        (least.min(f64::from(column[0])), most.max(f64::from(column[1])))
+    });
+    if least > most {
+        return None;
+    }
+    let size = least.abs().max(most.abs());
+    let span = (most - least).max(0.02 * size).max(1e-3);
+    // A tick of 1, 2 or 5: small changes of the span leave the scale where it is.
+    let power = 10f64.powf((span / 4.0).log10().floor());
+    let tick = [1.0, 2.0, 5.0, 10.0].map(|of| of * power);
+    let tick = tick.into_iter().find(|tick| *tick >= span / 4.0).unwrap_or(span);
+    let (low, high) = ((least / tick).floor() * tick, (most / tick).ceil() * tick);
+    if high > low { Some([low, high]) } else { Some([low - tick, high + tick]) }
+}
+
+/// The course of a quantity; older parts are left, and where nothing was heard there is nothing.
+fn course(frame: &mut Frame, reading: &Reading, area: Rect) {
+    if area.height == 0 || area.width <= AXIS + 4 {
+        return;
+    }
+    let Some([low, high]) = bounds(reading) else { return };
+    let [axis, body] =
+        Layout::horizontal([Constraint::Length(AXIS), Constraint::Min(0)]).areas(area);
+    let top = Line::styled(format!("{:>7}", short(high as f32)), DIM);
+    frame.render_widget(Paragraph::new(top), Rect { height: 1, ..axis });
+    if axis.height > 1 {
+        let place = Rect { y: axis.bottom() - 1, height: 1, ..axis };
+        let bottom = Line::styled(format!("{:>7}", short(low as f32)), DIM);
+        frame.render_widget(Paragraph::new(bottom), place);
+    }
+    let last = reading.columns.len().saturating_sub(1) as f64;
+    let ink = if reading.stale { Color::DarkGray } else { color(reading.quantity) };
+    let strokes = strokes(reading);
+    let zero: Vec<(f64, f64)> = if low < 0.0 && 0.0 < high {
+        (0..reading.columns.len()).step_by(8).map(|x| (x as f64, 0.0)).collect()
+    } else {
+        Vec::new()
+    };
+    let canvas = Canvas::default()
+        .marker(Marker::Braille)
+        .x_bounds([0.0, last.max(1.0)])
+        .y_bounds([low, high])
+        .paint(|context| {
+            context.draw(&Points { coords: &zero, color: Color::DarkGray });
+            context.layer();
+            for [x1, y1, x2, y2] in &strokes {
+                context.draw(&Stroke { x1: *x1, y1: *y1, x2: *x2, y2: *y2, color: ink });
+            }
+        });
+    frame.render_widget(canvas, body);
+}
+
+/// A stroke from least to most of each column, and one to the column before unless there is a gap.
+fn strokes(reading: &Reading) -> Vec<[f64; 4]> {
+    let mut strokes = Vec::with_capacity(2 * reading.columns.len());
+    let mut before: Option<(usize, f64)> = None;
+    let filled = reading.columns.iter().enumerate();
+    for (at, [least, most]) in filled.filter_map(|(at, column)| Some((at, (*column)?))) {
+        let (x, low, high) = (at as f64, f64::from(least), f64::from(most));
+        strokes.push([x, low, x, high]);
+        if let Some((earlier, y)) = before.filter(|(earlier, _)| at - earlier <= reading.bridged) {
+            // To the nearest point of this column.
+            strokes.push([earlier as f64, y, x, y.clamp(low, high)]);
+        }
+        before = Some((at, (low + high) / 2.0));
+    }
+    strokes
+}

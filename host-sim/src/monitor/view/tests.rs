@@ -1,0 +1,219 @@
+use super::*;
+use crate::bus::Received;
+use crate::monitor::model::Model;
+use crate::monitor::view_data::Lens;
+use compensator_core::can::{
+    Answer, Frame as JointFrame, Message, Motion, Node, Status, Sync, Telemetry,
+};
+use compensator_core::compensator::Flags;
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use ratatui::buffer::Buffer;
+
+const MS: u64 = 1_000_000;
+
+fn hear(model: &mut Model, at_ms: u64, frame: JointFrame) {
+    model.take(&Received { time_ns: at_ms * MS, frame: frame.into() });
+}
+
+/// A joint that turned to and fro for five seconds and then, maybe, fell silent.
+fn model() -> Model {
+    let mut model = Model::new(Node::FIRST, 0);
+    hear(&mut model, 0, JointFrame::new(0x701, &[0]).unwrap());
+    hear(&mut model, 1, JointFrame::new(0x081, &[0x10, 0x32, 5, 8, 0, 0, 0, 0]).unwrap());
+    hear(&mut model, 2, JointFrame::new(0x081, &[0x10, 0x63, 0x81, 34, 0, 0, 0, 0]).unwrap());
+    for at in 0..5000u64 {
+        let phase = at as f32 * 2e-3;
+        let node = Node::FIRST;
+        let flags = Flags::PRESSURE_STALE | Flags::SLEW_LIMITED;
+        for message in [
+            Message::Motion(node, Motion { velocity_rad_s: 3.5 * phase.sin(), position_rad: 0.0 }),
+            Message::Sync(Sync::of(at as u32 + u32::from(at > 3000))),
+            Message::Answer(
+                node,
+                Answer {
+                    friction_torque_nm: 2.0 * phase.cos(),
+                    feed_forward_current_a: phase.cos(),
+                },
+            ),
+            Message::Status(node, Status { flags, sequence: at as u32 }),
+            Message::Telemetry(node, Telemetry { current_a: 0.25, residual_torque_nm: f32::NAN }),
+        ] {
+            hear(&mut model, at, message.emit());
+        }
+        if at % 1000 == 500 {
+            hear(&mut model, at, JointFrame::new(0x701, &[5]).unwrap());
+        }
+    }
+    model
+}
+
+fn setting() -> Setting {
+    Setting { bus: "can0".into(), epoch: true, ..Setting::default() }
+}
+
+fn drawn(view: &View, controls: &Controls, setting: &Setting, size: (u16, u16)) -> Buffer {
+    let mut terminal = Terminal::new(TestBackend::new(size.0, size.1)).unwrap();
+    terminal.draw(|frame| draw(frame, view, controls, setting)).unwrap();
+    terminal.backend().buffer().clone()
+}
+
+fn text(buffer: &Buffer) -> String {
+    let width = usize::from(buffer.area.width).max(1);
+    let rows = buffer.content.chunks(width);
+    rows.map(|row| row.iter().map(|cell| cell.symbol()).collect::<String>() + "\n").collect()
+}
+
+fn seen(model: &Model, at_ms: u64) -> View {
+    model.view(at_ms * MS, &Lens { window_s: 10.0, columns: 240, events: 500 })
+}
+
+fn screen(model: &Model, at_ms: u64, size: (u16, u16)) -> String {
+    text(&drawn(&seen(model, at_ms), &Controls::new(false), &setting(), size))
+}
+
+fn assert_shows(screen: &str, words: &[&str]) {
+    for word in words {
+        assert!(screen.contains(word), "{word:?} is not on\n{screen}");
+    }
+}
+
+const VITAL: [&str; 18] = [
+    "node 1 on can0",
+    "live",
+    "velocity",
+    "friction",
+    "feed-fwd",
+    "current",
+    "residual",
+    "rad/s",
+    "min  -3.500 max   3.500",
+    "operational",
+    "bus-overvoltage",
+    "parameters-default",
+    "pressure-stale",
+    "1 lost, 0 twice, 0 late",
+    "1000/s, answers 1000/s",
+    "? help",
+    "bus load",
+    "q quit",
+];
+
+#[test]
+fn all_that_matters_is_seen_on_a_narrow_and_a_wide_screen() {
+    let model = model();
+    for size in [(80, 24), (120, 40), (200, 60)] {
+        let screen = screen(&model, 4999, size);
+        assert_shows(&screen, &VITAL);
+        assert_shows(&screen, &["1000/s", "none given", "2 emergencies", "slew-limited"]);
+        assert!(!screen.contains("OLD") && !screen.contains("SILENT"), "{screen}");
+        assert!(!screen.contains("more lines"), "{screen}");
+        let dots = screen.chars().filter(|sign| ('\u{2801}'..='\u{28FF}').contains(sign)).count();
+        assert!(dots > 60, "{dots} on\n{screen}");
+    }
+    assert_shows(
+        &screen(&model, 4999, (120, 40)),
+        &["fault bus-overvoltage (3210h): bus at", "00:00:00.001"],
+    );
+}
+
+#[test]
+fn what_is_old_looks_old() {
+    let mut model = model();
+    model.tick(12_000 * MS);
+    let view = seen(&model, 12_000);
+    let buffer = drawn(&view, &Controls::new(false), &setting(), (120, 40));
+    let screen = text(&buffer);
+    assert_shows(&screen, &["SILENT for 7.0 s", "7.0 s OLD", "none for 7.0 s", "fallen silent"]);
+    // The value of the velocity is dimmed, as it is not while it is fresh.
+    let style = |buffer: &Buffer| buffer.cell((0, 1)).unwrap().fg;
+    assert_eq!(buffer.cell((0, 1)).unwrap().symbol(), "v");
+    assert_eq!(style(&buffer), Color::DarkGray);
+    let fresh = drawn(&seen(&model, 4999), &Controls::new(false), &setting(), (120, 40));
+    assert_ne!(style(&fresh), Color::DarkGray);
+    // The course has rolled on: its right part is empty.
+    let braille = |buffer: &Buffer, x: u16| {
+        (2..30).any(|y| {
+            let sign = buffer.cell((x, y)).and_then(|cell| cell.symbol().chars().next());
+            sign.is_some_and(|sign| ('\u{2801}'..='\u{28FF}').contains(&sign))
+        })
+    };
+    assert!(
+        (60..70).any(|x| braille(&fresh, x))
+            && !(62..70).any(|x| {
+                let sign = buffer.cell((x, 2)).and_then(|cell| cell.symbol().chars().next());
+                sign.is_some_and(|sign| ('\u{2801}'..='\u{28FF}').contains(&sign))
+            })
+    );
+}
+
+#[test]
+fn nothing_panics_at_any_size_in_any_state() {
+    let model = model();
+    let mut held = Controls::new(true);
+    held.held = Some(seen(&model, 3000));
+    let mut asking = Controls::new(false);
+    (asking.confirm, asking.help, asking.scroll) = (true, true, 1000);
+    let gone = Setting { gone: Some("bus can0: gone".into()), demo: true, ..setting() };
+    let nothing = Model::new(Node::FIRST, 0);
+    for model in [&model, &nothing] {
+        for at_ms in [0, 4999, 60_000] {
+            let view = seen(model, at_ms);
+            for controls in [&Controls::new(false), &held, &asking] {
+                for width in (1..40).chain([69, 70, 71, 80, 120, 250]) {
+                    for height in [1, 2, 3, 5, 8, 13, 14, 24, 80] {
+                        drawn(&view, controls, &gone, (width, height));
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_small_screen_keeps_state_and_values() {
+    let model = model();
+    let screen = screen(&model, 4999, (40, 14));
+    assert_shows(&screen, &["velocity", "residual", "operational", "bus-overvoltage"]);
+    assert_shows(&screen, &["more lines: enlarge"]);
+}
+
+#[test]
+fn what_is_special_is_said() {
+    let model = model();
+    let view = seen(&model, 4999);
+    let demo = Setting { demo: true, ..setting() };
+    let mut controls = Controls::new(true);
+    for size in [(80, 24), (120, 40)] {
+        assert_shows(&text(&drawn(&view, &controls, &demo, size)), &["DEMO", "listening only"]);
+    }
+    controls = Controls::new(false);
+    controls.held = Some(seen(&model, 2000));
+    assert_shows(&text(&drawn(&view, &controls, &setting(), (80, 24))), &["PAUSED 3.0 s ago"]);
+    controls = Controls::new(false);
+    controls.confirm = true;
+    let words = ["Arm joint 1?", "keep clear", "y arms it"];
+    assert_shows(&text(&drawn(&view, &controls, &setting(), (80, 24))), &words);
+    (controls.confirm, controls.help) = (false, true);
+    assert_shows(
+        &text(&drawn(&view, &controls, &setting(), (80, 24))),
+        &["disarm the joint, at once"],
+    );
+    let gone = Setting { gone: Some("bus can0: down".into()), ..setting() };
+    let screen = text(&drawn(&view, &Controls::new(false), &gone, (80, 24)));
+    assert_shows(&screen, &["NO BUS", "bus can0: down; trying again"]);
+    let empty = seen(&Model::new(Node::FIRST, 0), 0);
+    let screen = text(&drawn(&empty, &Controls::new(false), &setting(), (80, 24)));
+    assert_shows(&screen, &["not heard yet", "not read yet", "none heard of", "nothing yet"]);
+}
+
+#[test]
+fn numbers_and_ages_fit() {
+    for value in [0.0, -0.0, 1e-9, 4.9e-4, 9.9994, -9.9999, 99.999, -1234.5, 9999.6, -3e38f32] {
+        assert!(short(value).len() <= 7, "{}", short(value));
+    }
+    assert_eq!(
+        (age(0.04), age(9.97), age(300.0), age(9000.0)),
+        ("0.0 s".into(), "10 s".into(), "5 min".into(), "2 h".into())
+    );
+}
