@@ -207,10 +207,9 @@ impl WallClock {
         self.start_ns.saturating_add(nanoseconds(self.start.elapsed()))
     }
 
-    /// What this clock said when the system's said this, not long ago.
-    fn at_ns(&self, stamp: SystemTime) -> u64 {
-        let age = SystemTime::now().duration_since(stamp).unwrap_or_default();
-        self.now_ns().saturating_sub(nanoseconds(age))
+    /// What the system's clock is ahead of this one, ns.
+    fn system_ahead_ns(&self) -> i64 {
+        since_epoch_ns(SystemTime::now()).cast_signed() - self.now_ns().cast_signed()
     }
 
     fn left(&self, until_ns: u64) -> Duration {

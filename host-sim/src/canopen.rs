@@ -273,7 +273,8 @@ impl<B: Bus> Client<B> {
         while let Some(received) = self.bus.receive(until_ns)? {
             let answer = received.frame.to_joint();
             let answer = answer.filter(|frame| frame.identifier() == 0x580 + number);
-            if let Some(data) = answer.and_then(|frame| frame.data().try_into().ok()) {
+            let data = answer.and_then(|frame| frame.data().try_into().ok());
+            if let Some(data) = data.filter(|data| answers(&request, data)) {
                 return Ok(data);
             }
             if self.overheard.len() == OVERHEARD {
@@ -289,6 +290,14 @@ impl<B: Bus> Client<B> {
     }
 }
 
+/// Whether an answer can be that to a request, and not one to another tool on the bus: the first of a
+/// transfer names its object, the others say only what they are.
+fn answers(request: &[u8; 8], answer: &[u8; 8]) -> bool {
+    const KIND: u8 = 0xE0;
+    let begins = matches!(request[0] & KIND, 0x20 | 0x40);
+    if begins { request[1..4] == answer[1..4] } else { matches!(answer[0] & KIND, 0 | 0x20 | 0x80) }
+}
+
 /// An object by name and address, as `compensator.scale (2022h:1)`.
 pub fn name(at: Address) -> String {
     let address = format!("{:04X}h:{}", at.index, at.subindex);
@@ -297,5 +306,22 @@ pub fn name(at: Address) -> String {
         Some(_) if object.last() == 0 => format!("{} ({address})", object.name),
         Some(entry) => format!("{}.{} ({address})", object.name, entry.name),
         None => format!("{} ({address})", object.name),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::answers;
+
+    #[test]
+    fn an_answer_to_somebody_else_is_none() {
+        let asked = [0x40, 0x22, 0x20, 1, 0, 0, 0, 0];
+        assert!(answers(&asked, &[0x43, 0x22, 0x20, 1, 0, 0, 0, 0]));
+        assert!(answers(&asked, &[0x80, 0x22, 0x20, 1, 0, 0, 9, 6]));
+        assert!(!answers(&asked, &[0x43, 0x02, 0x20, 2, 0, 0, 0, 0]));
+        // A segment does not name its object, but is no answer that begins a transfer.
+        let segment = [0x60, 0, 0, 0, 0, 0, 0, 0];
+        assert!(answers(&segment, &[0x00, 1, 2, 3, 4, 5, 6, 7]));
+        assert!(!answers(&segment, &[0x43, 0x22, 0x20, 1, 0, 0, 0, 0]));
     }
 }

@@ -86,9 +86,8 @@ impl JointNode {
         mut is_over: impl FnMut(&Self) -> bool,
     ) -> Result<(), BusError> {
         let start_ns = bus.now_ns();
-        let mut due_ns = start_ns;
+        let (mut now_ns, mut due_ns) = (start_ns, start_ns);
         while !is_over(self) {
-            let now_ns = bus.now_ns();
             if now_ns >= due_ns {
                 self.tick(now_ns - start_ns);
                 due_ns = now_ns + TICK_NS;
@@ -98,13 +97,15 @@ impl JointNode {
             while let Some(frame) = self.transmit() {
                 bus.send(&frame)?;
             }
-            if let Some(received) = bus.receive(due_ns)? {
-                Participant::receive(
-                    self,
-                    &received.frame,
-                    received.time_ns.saturating_sub(start_ns),
-                );
-            }
+            // A frame's stamp says what time it is: the clock is asked where nothing came.
+            now_ns = match bus.receive(due_ns)? {
+                Some(received) => {
+                    let time_ns = received.time_ns.max(start_ns);
+                    Participant::receive(self, &received.frame, time_ns - start_ns);
+                    now_ns.max(time_ns)
+                }
+                None => bus.now_ns(),
+            };
         }
         Ok(())
     }

@@ -132,8 +132,12 @@ pub fn read(path: &Path) -> Result<ParameterFile, ParameterFileError> {
 /// # Errors
 /// As [`read`], without the file's name.
 pub fn parse(text: &str) -> Result<ParameterFile, String> {
-    let document = Document::parse(text)
-        .map_err(|error| error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" "))?;
+    // A key or a text of the file may go over lines, and is in the words that refuse it.
+    understand(text).map_err(|why| why.lines().map(str::trim).collect::<Vec<_>>().join(" "))
+}
+
+fn understand(text: &str) -> Result<ParameterFile, String> {
+    let document = Document::parse(text).map_err(|error| error.to_string())?;
     let root = document.as_table();
     for (key, _) in root.iter() {
         const KNOWN: [&str; 10] = [
@@ -275,6 +279,8 @@ mod tests {
             ("scale", "scael", "compensator.scael: unknown"),
             ("[envelope]", "[envelop]", "unknown key \"envelop\""),
             ("= 1.5", "= ", "TOML parse error"),
+            ("\"lugre+pressure-coulomb\"", "\"\"\"lu\ngre\"\"\"", "unknown model"),
+            ("static_torque", "\"static\\ntorque\"", "not a parameter of lugre+pressure"),
         ] {
             let error = parse(&GOOD.replacen(from, to, 1)).unwrap_err();
             assert!(error.contains(word), "{from} -> {to}: {error}");

@@ -110,6 +110,10 @@ fn eds() -> String {
          LSS_Supported=0\n\
          \n\
          [DummyUsage]\n\
+         Dummy0001=0\n\
+         Dummy0002=0\n\
+         Dummy0003=0\n\
+         Dummy0004=0\n\
          Dummy0005=0\n\
          Dummy0006=0\n\
          Dummy0007=0\n",
