@@ -20,7 +20,7 @@ pub mod staging;
 
 pub use counters::Counters;
 pub use device::{Boot, Identity, REPORT_PERIOD_S};
-pub use live::{LoopOrders, LoopReport};
+pub use live::{Home, LoopOrders, LoopReport};
 
 use crate::log::log;
 use crate::node::sdo::SdoServer;

@@ -18,7 +18,7 @@ use crate::control::{
     Setpoint, Valid,
 };
 use crate::deadline::{Deadline, Limits};
-use crate::driver::{LoopOrders, LoopReport, REPORT_PERIOD_S};
+use crate::driver::{Home, LoopOrders, LoopReport, REPORT_PERIOD_S};
 use crate::set::ParameterSet;
 use compensator_core::compensator::Reading;
 use compensator_core::{Flags, Inputs, Output, ParameterError};
@@ -134,6 +134,7 @@ const NO_ORDERS: LoopOrders = LoopOrders {
     compensation: false,
     current_share: 1.0,
     set_number: 0,
+    home: Home { position_rad: 0.0, number: 0 },
 };
 const MISSING: Reading<f32> = Reading { value: 0.0, age_s: -1.0 };
 
@@ -158,11 +159,15 @@ impl LoopTask {
         task
     }
 
-    /// Takes orders. That the bridge is ordered off ends a trip: it was seen.
+    /// Takes orders. That the bridge is ordered off ends a trip: it was seen. A position that was said is
+    /// the joint's from now on.
     pub fn order(&mut self, orders: LoopOrders) {
         if !orders.bridge {
             self.tripped = LoopFlags::empty();
             self.broken = false;
+        }
+        if orders.home.number != self.orders.home.number {
+            self.current_loop.set_position(orders.home.position_rad);
         }
         self.current_loop.compensator().set_share(orders.current_share);
         self.orders = orders;
@@ -174,11 +179,6 @@ impl LoopTask {
         self.may_drive = parts.may_drive;
         self.current_loop.swap(parts.motor);
         let _old = self.current_loop.swap_compensator(parts.model);
-    }
-
-    /// Says where the joint is, rad: after homing.
-    pub fn set_position(&mut self, position_rad: f32) {
-        self.current_loop.set_position(position_rad);
     }
 
     /// One period: what was sampled at the trigger, when that was and when it is now, in cycles; whether

@@ -298,3 +298,24 @@ fn parts_are_wanted_once_a_set() {
     assert!(link.wants_parts(&orders(1)));
     assert!(!link.wants_parts(&orders(1)));
 }
+
+#[test]
+fn a_joint_is_where_it_was_said_to_be_once() {
+    let mut bench = Bench::new();
+    assert!(bench.next_report().position_rad.is_nan(), "whole turns are not known");
+    let home = |number| LoopOrders { home: Home { position_rad: -0.5, number }, ..NO_ORDERS };
+    bench.task.order(home(1));
+    assert!((bench.next_report().position_rad + 0.5).abs() < 1e-4);
+    // A tenth of a motor turn on; the same order again says nothing new, another one does.
+    let turned = 0x1_0000_0000u64 / 10;
+    for _ in 0..1000 {
+        bench.sample.encoder = bench.sample.encoder.wrapping_add((turned / 1000) as u32);
+        bench.task.order(home(1));
+        bench.run();
+    }
+    bench.task.reported();
+    let moved_rad = bench.next_report().position_rad;
+    assert!((moved_rad + 0.5).abs() > 1e-3, "{moved_rad}");
+    bench.task.order(home(2));
+    assert!((bench.next_report().position_rad + 0.5).abs() < 1e-4);
+}

@@ -3,7 +3,7 @@
 mod requests;
 
 use super::counters::{Counters, count};
-use super::live::{Commanded, Live, LoopOrders, LoopReport};
+use super::live::{Commanded, Home, Live, LoopOrders, LoopReport};
 use super::staging::Staging;
 use crate::fed::{FedJoint, Reply, Step};
 use crate::log::log;
@@ -98,6 +98,7 @@ pub struct Device<F> {
     can: CanState,
     blocking: u32,
     set_number: u32,
+    home: Home,
     now_us: u64,
 }
 
@@ -175,6 +176,7 @@ impl<F: NorFlash> Device<F> {
             can: CanState::Active,
             blocking: 0,
             set_number: 0,
+            home: Home::default(),
             now_us,
         };
         if let Some(error) = why {
@@ -395,6 +397,7 @@ impl<F: NorFlash> Device<F> {
             compensation: drives && self.supervisor.compensation_allowed(),
             current_share: self.supervisor.current_share(),
             set_number: self.set_number,
+            home: self.home,
         }
     }
 
@@ -462,9 +465,11 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(super) fn watch_words(&self) -> [u32; 5] {
-        let Some(watch) = &self.watch else { return [1, 0, 0, 0, 0] };
+        /// Whether the model is in its band is not known before the first window is full.
+        const UNKNOWN: u32 = 2;
+        let Some(watch) = &self.watch else { return [UNKNOWN, 0, 0, 0, 0] };
         [
-            u32::from(watch.in_band().unwrap_or(true)),
+            watch.in_band().map_or(UNKNOWN, u32::from),
             watch.windows(),
             watch.windows_out_of_band(),
             watch.alarms(),

@@ -24,6 +24,18 @@ pub struct LoopOrders {
     pub current_share: f32,
     /// Counts parameter sets: where it changes, the loop is to be given the new one.
     pub set_number: u32,
+    /// Where the joint was last said to be.
+    pub home: Home,
+}
+
+/// Where a joint is, as somebody who knows said: an encoder on the motor tells the angle within its turn, and
+/// not which turn it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Home {
+    /// Position at the moment this was said, rad.
+    pub position_rad: f32,
+    /// Counts the times it was said: where it changes, the joint is there now.
+    pub number: u32,
 }
 
 /// What the current loop, and the board around it, did and saw since the last report.

@@ -25,7 +25,10 @@ impl<F: NorFlash> Objects for Device<F> {
             }
         }
         // A request to disarm, and what a trace says of itself, are always heard.
-        let always = matches!(at.index, index::STATE | index::TRACE | index::ERROR_FIELD);
+        let always = matches!(
+            (at.index, at.subindex),
+            (index::STATE, 1) | (index::TRACE | index::ERROR_FIELD, _)
+        );
         if !always && self.is_armed() { Err(Abort::State) } else { Ok(()) }
     }
 
@@ -57,7 +60,10 @@ impl<F: NorFlash> Objects for Device<F> {
                 self.write_setting(at, number)
             }
             index::TRACE => self.write_trace(at.subindex, number),
-            index::STATE => self.request(number as u8),
+            index::STATE => match at.subindex {
+                1 => self.request(number as u8),
+                _ => self.set_position(f32::from_bits(number)),
+            },
             index::MODEL
             | index::ENVELOPE
             | index::COMPENSATOR

@@ -283,6 +283,7 @@ pub static OBJECTS: &[Object] = &[
             entry("faults", Unsigned32, ReadOnly),
             entry("limits", Unsigned32, ReadOnly),
             entry("blocking_codes", Unsigned32, ReadOnly),
+            entry("set_position_rad", Real32, WriteOnly),
         ],
     ),
     Object {

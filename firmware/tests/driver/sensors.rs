@@ -107,6 +107,32 @@ fn repeated_and_late_commands_keep_nothing_alive() {
 }
 
 #[test]
+fn it_is_told_where_the_joint_is_while_it_is_not_armed() {
+    let mut bench = Bench::on_sensors();
+    bench.start();
+    let before = bench.driver.orders(bench.now_us).home;
+    bench.write(index::STATE, 6, &1.25f32.to_le_bytes()).unwrap();
+    let home = bench.driver.orders(bench.now_us).home;
+    assert_eq!((home.position_rad, home.number), (1.25, before.number + 1));
+    let refused = bench.write(index::STATE, 6, &f32::INFINITY.to_le_bytes());
+    assert_eq!(refused, Err(0x0609_0030));
+    assert!(bench.text(index::REFUSAL).contains("set_position_rad = inf"));
+    assert_eq!(bench.driver.orders(bench.now_us).home, home);
+
+    let mut bench = armed();
+    let home = bench.driver.orders(bench.now_us).home;
+    assert_eq!(bench.write(index::STATE, 6, &1f32.to_le_bytes()), Err(0x0800_0022));
+    assert_eq!(bench.driver.orders(bench.now_us).home, home);
+    assert!(bench.driver.is_armed());
+
+    // A fed joint is where its frames say.
+    let mut bench = Bench::fed();
+    bench.start();
+    assert_eq!(bench.write(index::STATE, 6, &1f32.to_le_bytes()), Err(0x0800_0022));
+    assert!(bench.text(index::REFUSAL).contains("fed by the bus"));
+}
+
+#[test]
 fn what_it_measures_goes_out_as_a_trace() {
     let mut bench = armed();
     bench.give(Message::Sync(Sync { counter: 1 }));

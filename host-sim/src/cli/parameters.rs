@@ -84,6 +84,12 @@ enum Action {
     Disarm,
     /// Clear its faults
     Clear,
+    /// Say where the joint is now, at rest and disarmed: at a stop, or as a sensor behind the gear tells
+    Home {
+        /// Its position, rad
+        #[arg(value_name = "RAD", default_value_t = 0.0, allow_negative_numbers = true)]
+        position_rad: f32,
+    },
     /// Restart the driver
     Reset,
 }
@@ -109,6 +115,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
         Action::Arm => done(driver.request(1)),
         Action::Disarm => done(driver.request(0)),
         Action::Clear => done(driver.request(2)),
+        Action::Home { position_rad } => {
+            let at = Address::new(index::STATE, 6);
+            done(driver.client.write(at, &position_rad.to_le_bytes()).map_err(words))
+        }
         Action::Reset => {
             let sent = driver.client.command(NmtCommand::ResetNode);
             done(sent.map_err(|error| error.to_string()))
@@ -275,7 +285,11 @@ impl Driver {
         let source = if self.number(index::OPERATION, 1)? == 0 { "sensors" } else { "bus" };
         let number = if self.number(index::OPERATION, 2)? == 0 { "f32" } else { "fixed" };
         let crc = self.number(index::COMMIT, 1)?;
-        let in_band = self.number(index::WATCH, 1)? != 0;
+        let in_band = match self.number(index::WATCH, 1)? {
+            0 => Some(false),
+            1 => Some(true),
+            _ => None,
+        };
         let out_of_band = self.number(index::WATCH, 3)?;
         let panic = text(&mut self.client, index::LAST_PANIC)?;
         let refusal = text(&mut self.client, index::REFUSAL)?;
@@ -306,7 +320,11 @@ impl Driver {
              model       {}, {out_of_band} windows out of band\n",
             list(&faults),
             list(&limits),
-            if in_band { "in band" } else { "OUT OF BAND" },
+            match in_band {
+                None => "nothing to judge yet",
+                Some(true) => "in band",
+                Some(false) => "OUT OF BAND",
+            },
         );
         for (label, value) in [("last panic  ", panic), ("last refusal", refusal)] {
             if !value.is_empty() {

@@ -1,6 +1,6 @@
 //! What a tool may ask of a driver, and what it answers where that cannot be.
 
-use super::{Device, watch};
+use super::{Device, Home, watch};
 use crate::fed::FedJoint;
 use crate::node::sdo::Abort;
 use crate::set::ParameterSet;
@@ -28,6 +28,21 @@ impl<F: NorFlash> Device<F> {
                 ),
             )),
         }
+    }
+
+    /// Somebody knows where the joint is, rad: at rest at a stop, or from a sensor behind the gear.
+    pub(in crate::driver) fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
+        if self.settings.source == Source::Bus {
+            let why =
+                "set_position_rad: the position of a joint fed by the bus comes with its frames";
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        if !position_rad.is_finite() {
+            let why = format_args!("set_position_rad = {position_rad}: must be a finite number");
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        self.home = Home { position_rad, number: self.home.number.wrapping_add(1) };
+        Ok(())
     }
 
     fn arm(&mut self) -> Result<(), Abort> {
