@@ -76,6 +76,23 @@ class Board:
 
     def jump(self, address):
         """Sets the program counter, as a debugger does, and lets it run."""
+        self.debugged(
+            # QEMU writes single registers for debuggers that have asked which there are.
+            (b"qXfer:features:read:target.xml:0,400", b""),
+            (b"Pf=" + struct.pack("<I", address).hex().encode(), b"OK"),
+        )
+
+    def poke(self, address, data):
+        """Writes memory, as a debugger does, and lets it run."""
+        self.debugged((b"M%x,%x:" % (address, len(data)) + data.hex().encode(), b"OK"))
+
+    def symbol(self, name):
+        """Address of a symbol of the image."""
+        table = subprocess.run(["arm-none-eabi-nm", str(self.elf)], stdout=subprocess.PIPE, text=True, check=True).stdout
+        return next(int(words[0], 16) for line in table.splitlines() if (words := line.split())[-1] == name)
+
+    def debugged(self, *commands):
+        """Stops it, gives a debugger's commands, each with what its answer must hold, and lets it run."""
         with socket.socket(socket.AF_UNIX) as link:
             link.settimeout(10)
             link.connect(str(self.debug))
@@ -89,10 +106,9 @@ class Board:
 
             packet(b"?")
             try:
-                # QEMU writes single registers for debuggers that have asked which there are.
-                packet(b"qXfer:features:read:target.xml:0,400")
-                if b"OK" not in packet(b"Pf=" + struct.pack("<I", address).hex().encode()):
-                    raise RuntimeError("the debugger cannot set the program counter")
+                for command, expected in commands:
+                    if expected not in packet(command):
+                        raise RuntimeError(f"the debugger's {command.decode()} is refused")
             finally:
                 packet(b"D")
 
