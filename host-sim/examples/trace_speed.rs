@@ -1,11 +1,11 @@
-//! How fast a CAN log is read: frames a second, of text to frames and of text to samples.
+//! How fast a CAN log is read on one core: a line each, frames per second.
 //!
-//! ```text
-//! cargo run --release -p host-sim --example trace_speed
-//! ```
+//! `tests/bench` runs it. Text to frames, by this project's reader and by that of the `socketcan` crate, and
+//! text to a joint's samples.
 
 use compensator_core::can::Node;
 use host_sim::trace::{Assembler, Fraction, Sample, Writer, candump};
+use socketcan::dump::Reader;
 use std::time::Instant;
 
 const SAMPLES: u32 = 400_000;
@@ -34,13 +34,16 @@ fn main() {
             begin.elapsed().as_secs_f64()
         });
         let best = best.fold(f64::INFINITY, f64::min);
-        let megabytes = log.len() as f64 / best / 1e6;
-        println!("{name}: {:.1} M frames/s, {megabytes:.0} MB/s", frames / best / 1e6);
+        println!("{name}\t{:e}", frames / best);
     };
-    measure("text to frames", &|| {
+    measure("host-sim, frames", &|| {
         lines().flat_map(candump::parse).fold(0, |sum, line| sum ^ line.time_ns)
     });
-    measure("text to samples", &|| {
+    measure("socketcan crate, frames", &|| {
+        let records = Reader::from_reader(log.as_slice()).flatten();
+        records.fold(0, |sum, record| sum ^ record.t_us)
+    });
+    measure("host-sim, samples of a joint", &|| {
         let mut assembler = Assembler::default();
         let parsed = lines().flat_map(candump::parse);
         let samples = parsed.filter_map(|line| assembler.take(0, &line));
