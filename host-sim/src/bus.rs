@@ -33,8 +33,9 @@ pub use name::{BusName, BusNameError};
 pub use recorder::Recorder;
 
 use crate::trace::CanFrame;
+use rustix::time::{ClockId, Timespec, clock_gettime};
 use std::io;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 
 /// A frame heard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,6 +142,13 @@ pub trait Bus {
     /// What the clock of the bus says.
     fn now_ns(&self) -> u64;
 
+    /// Sleeps until the clock says `until_ns` (0: not at all) without listening: what comes meanwhile is kept,
+    /// with the time at which it came, and nobody is woken for it. `false`, at once, where frames are
+    /// stamped by who hears them, so that one has to listen.
+    fn rest(&mut self, _until_ns: u64) -> bool {
+        false
+    }
+
     /// What has happened so far.
     fn counters(&self) -> Counters;
 
@@ -167,6 +175,10 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
         (**self).now_ns()
     }
 
+    fn rest(&mut self, until_ns: u64) -> bool {
+        (**self).rest(until_ns)
+    }
+
     fn counters(&self) -> Counters {
         (**self).counters()
     }
@@ -185,6 +197,10 @@ impl<B: Bus + ?Sized> Bus for &mut B {
         (**self).now_ns()
     }
 
+    fn rest(&mut self, until_ns: u64) -> bool {
+        (**self).rest(until_ns)
+    }
+
     fn counters(&self) -> Counters {
         (**self).counters()
     }
@@ -193,18 +209,29 @@ impl<B: Bus + ?Sized> Bus for &mut B {
 /// The clock of a real bus: of the epoch, as a log wants it, but it never jumps, whoever sets the time.
 #[derive(Clone, Copy, Debug)]
 struct WallClock {
-    start: Instant,
-    start_ns: u64,
+    /// What it is ahead of the kernel's monotonic clock, ns.
+    ahead_ns: u64,
 }
 
 impl WallClock {
     fn new() -> Self {
-        let start_ns = since_epoch_ns(SystemTime::now());
-        Self { start: Instant::now(), start_ns }
+        let system_ns = since_epoch_ns(SystemTime::now());
+        Self { ahead_ns: system_ns.saturating_sub(monotonic_ns()) }
     }
 
     fn now_ns(&self) -> u64 {
-        self.start_ns.saturating_add(nanoseconds(self.start.elapsed()))
+        monotonic_ns().saturating_add(self.ahead_ns)
+    }
+
+    /// Sleeps until it says `until_ns`. Said as a time and not as a duration, so that nobody has to ask
+    /// what time it is first.
+    #[cfg(target_os = "linux")]
+    fn sleep(&self, until_ns: u64) {
+        let until = Duration::from_nanos(until_ns.saturating_sub(self.ahead_ns));
+        if let Ok(until) = Timespec::try_from(until) {
+            // A signal ends it early, which a wait may.
+            let _ = rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, &until);
+        }
     }
 
     /// What the system's clock is ahead of this one, ns.
@@ -215,6 +242,12 @@ impl WallClock {
     fn left(&self, until_ns: u64) -> Duration {
         Duration::from_nanos(until_ns.saturating_sub(self.now_ns()))
     }
+}
+
+fn monotonic_ns() -> u64 {
+    // Neither is negative: the clock counts from the start of the machine.
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec.cast_unsigned() * 1_000_000_000 + now.tv_nsec as u64
 }
 
 fn since_epoch_ns(time: SystemTime) -> u64 {

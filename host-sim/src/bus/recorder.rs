@@ -106,6 +106,10 @@ impl<B: Bus, W: Write> Bus for Recorder<B, W> {
         self.bus.now_ns()
     }
 
+    fn rest(&mut self, until_ns: u64) -> bool {
+        self.bus.rest(until_ns)
+    }
+
     fn counters(&self) -> Counters {
         self.bus.counters()
     }

@@ -2,13 +2,16 @@
 //!
 //! Classic CAN and CAN FD through one raw socket, error frames with them, own frames not. The kernel
 //! stamps a frame when it comes, so that latencies are those of the bus and not of this program's turn;
-//! stamps are brought to the clock that does not jump. The kernel drops frames that nobody fetches in
+//! stamps are brought to the clock that does not jump. What has come is fetched all at once: on a busy
+//! bus a call of the system costs more than what is done with a frame. The kernel drops frames that nobody fetches in
 //! time and counts them; the count is asked for, so that no loss goes unseen. Where the interface's queue
 //! is full (ENOBUFS, which no poll waits for) sending tries again for up to a second.
 
 use super::link::wait;
-use super::{Bus, BusError, Counters, LONGEST_WAIT, Received, WallClock, since_epoch_ns};
+use super::{Bus, BusError, Counters, LONGEST_WAIT, Received, WallClock, nanoseconds};
 use crate::trace::CanFrame;
+use nix::sys::socket::{ControlMessageOwned, MsgFlags, MultiHeaders, RecvMsg, recvmmsg};
+use nix::sys::time::TimeSpec;
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketType, socket, sockopt};
@@ -17,14 +20,20 @@ use socketcan::{
     CanAnyFrame, CanDataFrame, CanErrorFrame, CanFdFrame, CanFdSocket, CanRemoteFrame,
     EmbeddedFrame, ExtendedId, Id, Socket, SocketOptions, StandardId,
 };
+use std::collections::VecDeque;
 use std::fs;
-use std::io;
-use std::os::fd::AsFd;
+use std::io::{self, IoSliceMut};
+use std::os::fd::{AsFd, AsRawFd};
 use std::thread;
 use std::time::{Duration, Instant};
 
 /// Room asked for in the kernel, bytes: some 5,000 frames; it may give less.
 const BUFFER: usize = 4 << 20;
+/// Frames fetched at once, and the size of the largest.
+const BATCH: usize = 32;
+const LARGEST: usize = 72;
+/// How often the system's clock is compared with ours, ns: whoever sets it shifts stamps for so long.
+const COMPARED_EVERY_NS: u64 = 100_000_000;
 /// Between two tries to send.
 const PAUSE: Duration = Duration::from_micros(200);
 
@@ -44,8 +53,13 @@ pub struct SocketCan {
     name: String,
     flexible: bool,
     clock: WallClock,
-    /// What the system's clock was ahead of ours when we last slept, ns.
+    /// What the system's clock was ahead of ours when they were last compared, and the stamp then, ns.
     ahead_ns: i64,
+    compared_ns: u64,
+    /// Frames fetched and not yet asked for.
+    heard: VecDeque<Received>,
+    /// The last time there was no more to fetch.
+    drained: bool,
     counters: Counters,
 }
 
@@ -70,9 +84,17 @@ impl SocketCan {
             let _ = sockopt::set_socket_recv_buffer_size(&socket, BUFFER);
         }
         let flexible = property(interface, "mtu").is_none_or(|mtu| mtu >= FLEXIBLE_MTU);
-        let (clock, counters) = (WallClock::new(), Counters::default());
-        let ahead_ns = clock.system_ahead_ns();
-        Ok(Self { socket, name: interface.into(), flexible, clock, ahead_ns, counters })
+        Ok(Self {
+            socket,
+            name: interface.into(),
+            flexible,
+            clock: WallClock::new(),
+            ahead_ns: 0,
+            compared_ns: 0,
+            heard: VecDeque::with_capacity(BATCH),
+            drained: false,
+            counters: Counters::default(),
+        })
     }
 
     /// Whether the interface takes CAN FD.
@@ -90,6 +112,45 @@ impl SocketCan {
             Some(Errno::NODEV | Errno::NXIO) => closed("the interface is gone"),
             _ => BusError::Io { name, source },
         }
+    }
+
+    /// Fetches what has come, without waiting.
+    fn fetch(&mut self) -> Result<(), BusError> {
+        // Made anew: a call leaves in the headers how much it put there, and the next would have no more room.
+        let mut headers = MultiHeaders::<()>::preallocate(BATCH, Some(nix::cmsg_space!(TimeSpec)));
+        let mut frames = [[0; LARGEST]; BATCH];
+        let mut slices = frames.each_mut().map(|frame| [IoSliceMut::new(frame)]);
+        let (socket, flags) = (self.socket.as_raw_fd(), MsgFlags::MSG_DONTWAIT);
+        let mut found = [(0, None); BATCH];
+        let count = match recvmmsg(socket, &mut headers, &mut slices, flags, None) {
+            Ok(messages) => {
+                let places = found.iter_mut().zip(messages);
+                places.map(|(place, message)| *place = (message.bytes, stamp_ns(&message))).count()
+            }
+            Err(nix::Error::EAGAIN | nix::Error::EINTR) => 0,
+            Err(error) => return Err(self.failed(error.into())),
+        };
+        self.drained = count < BATCH;
+        for (bytes, (length, stamp_ns)) in frames.iter().zip(found).take(count) {
+            let Some(frame) = from_kernel(&bytes[..length]) else { continue };
+            let time_ns = match stamp_ns {
+                Some(stamp_ns) => self.ours(stamp_ns),
+                None => self.clock.now_ns(),
+            };
+            self.counters.received += 1;
+            self.counters.errors += u64::from(matches!(frame, CanFrame::Error { .. }));
+            self.heard.push_back(Received { time_ns, frame });
+        }
+        Ok(())
+    }
+
+    /// What our clock said when the system's said this.
+    fn ours(&mut self, stamp_ns: u64) -> u64 {
+        if stamp_ns.abs_diff(self.compared_ns) > COMPARED_EVERY_NS {
+            self.compared_ns = stamp_ns;
+            self.ahead_ns = self.clock.system_ahead_ns();
+        }
+        stamp_ns.saturating_add_signed(-self.ahead_ns)
     }
 
     /// Frames the kernel dropped for this socket.
@@ -132,36 +193,33 @@ impl Bus for SocketCan {
 
     fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError> {
         loop {
-            match self.socket.read_frame_with_timestamps() {
-                Ok((frame, stamps)) => {
-                    let frame = from_kernel(&frame);
-                    let ours = |stamp| since_epoch_ns(stamp).saturating_add_signed(-self.ahead_ns);
-                    let stamp = stamps.socket.map(ours);
-                    let time_ns = stamp.unwrap_or_else(|| self.clock.now_ns());
-                    self.counters.received += 1;
-                    let is_error = matches!(frame, CanFrame::Error { .. });
-                    self.counters.errors += u64::from(is_error);
-                    return Ok(Some(Received { time_ns, frame }));
-                }
-                Err(error) => match Errno::from_io_error(&error) {
-                    Some(Errno::INTR) => continue,
-                    Some(Errno::AGAIN) => {}
-                    _ => return Err(self.failed(error)),
-                },
+            if let Some(received) = self.heard.pop_front() {
+                return Ok(Some(received));
             }
             let left = self.clock.left(until_ns);
-            if left.is_zero() {
+            let mut came = true;
+            if self.drained && !left.is_zero() {
+                came = wait(self.socket.as_fd(), PollFlags::IN, left)
+                    .map_err(|error| self.failed(error))?;
+            }
+            if came {
+                self.fetch()?;
+            }
+            if self.heard.is_empty() && self.clock.left(until_ns).is_zero() {
                 return Ok(None);
             }
-            wait(self.socket.as_fd(), PollFlags::IN, left).map_err(|error| self.failed(error))?;
-            // Whoever sets the system's clock meanwhile shifts the stamps until here; asking for it at
-            // each frame costs two clocks a frame.
-            self.ahead_ns = self.clock.system_ahead_ns();
         }
     }
 
     fn now_ns(&self) -> u64 {
         self.clock.now_ns()
+    }
+
+    fn rest(&mut self, until_ns: u64) -> bool {
+        if until_ns > 0 {
+            self.clock.sleep(until_ns);
+        }
+        true
     }
 
     fn counters(&self) -> Counters {
@@ -224,6 +282,14 @@ fn identifier(number: u32, extended: bool) -> Option<Id> {
     }
 }
 
+/// When a frame came, ns of the system's clock, where the kernel says so.
+fn stamp_ns(message: &RecvMsg<'_, '_, ()>) -> Option<u64> {
+    message.cmsgs().ok()?.find_map(|about| match about {
+        ControlMessageOwned::ScmTimestampns(stamp) => Some(nanoseconds(Duration::from(stamp))),
+        _ => None,
+    })
+}
+
 fn to_kernel(frame: &CanFrame) -> Option<CanAnyFrame> {
     Some(match *frame {
         CanFrame::Data { identifier: number, extended, .. } => {
@@ -240,34 +306,66 @@ fn to_kernel(frame: &CanFrame) -> Option<CanAnyFrame> {
     })
 }
 
-fn from_kernel(frame: &CanAnyFrame) -> CanFrame {
-    let (identifier, extended) = match frame.id() {
-        Id::Standard(number) => (u32::from(number.as_raw()), false),
-        Id::Extended(number) => (number.as_raw(), true),
-    };
-    let classic = |data: &[u8]| {
-        let mut bytes = [0; 8];
-        bytes.iter_mut().zip(data).for_each(|(to, from)| *to = *from);
-        (data.len().min(8) as u8, bytes)
-    };
-    match frame {
-        CanAnyFrame::Normal(frame) => {
-            let (length, bytes) = classic(frame.data());
-            CanFrame::Data { identifier, extended, length, bytes }
-        }
-        CanAnyFrame::Remote(frame) => {
-            CanFrame::Remote { identifier, extended, length: frame.dlc().min(8) as u8 }
-        }
-        CanAnyFrame::Fd(frame) => {
-            let mut bytes = [0; 64];
-            bytes.iter_mut().zip(frame.data()).for_each(|(to, from)| *to = *from);
-            let length = frame.data().len().min(64) as u8;
-            let flags = frame.flags().bits() & 0xF;
-            CanFrame::Flexible { identifier, extended, flags, length, bytes }
-        }
-        CanAnyFrame::Error(frame) => {
-            let (length, bytes) = classic(frame.data());
-            CanFrame::Error { class: frame.error_bits(), length, bytes }
+/// A frame as the kernel hands it over (`struct can_frame`, `struct canfd_frame` of `linux/can.h`);
+/// `None` for what is neither.
+fn from_kernel(bytes: &[u8]) -> Option<CanFrame> {
+    const EXTENDED: u32 = 1 << 31;
+    const REMOTE: u32 = 1 << 30;
+    const ERROR: u32 = 1 << 29;
+    let (head, data) = bytes.split_first_chunk::<8>()?;
+    let [a, b, c, d, length, flags, ..] = *head;
+    let word = u32::from_ne_bytes([a, b, c, d]);
+    let extended = word & EXTENDED != 0;
+    let identifier = word & if extended { 0x1FFF_FFFF } else { 0x7FF };
+    if let Ok(bytes) = <[u8; 64]>::try_from(data) {
+        let length = length.min(64);
+        return Some(CanFrame::Flexible {
+            identifier,
+            extended,
+            flags: flags & 0xF,
+            length,
+            bytes,
+        });
+    }
+    let (mut bytes, length) = (<[u8; 8]>::try_from(data).ok()?, length.min(8));
+    bytes[usize::from(length)..].fill(0);
+    Some(if word & ERROR != 0 {
+        CanFrame::Error { class: word & 0x1FFF_FFFF, length, bytes }
+    } else if word & REMOTE != 0 {
+        CanFrame::Remote { identifier, extended, length }
+    } else {
+        CanFrame::Data { identifier, extended, length, bytes }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kernels(word: u32, length: u8, flags: u8, data: &[u8]) -> Vec<u8> {
+        let head = [&word.to_ne_bytes()[..], &[length, flags, 0, 0]].concat();
+        [&head, data].concat()
+    }
+
+    #[test]
+    fn frames_of_the_kernel_are_understood() {
+        let frame = |word, length| from_kernel(&kernels(word, length, 0, &[7; 8])).unwrap();
+        let bytes = [7, 7, 0, 0, 0, 0, 0, 0];
+        let data = CanFrame::Data { identifier: 0x123, extended: false, length: 2, bytes };
+        assert_eq!(frame(0x123, 2), data);
+        let identifier = 0x1FFF_FFFF;
+        let data = CanFrame::Data { identifier, extended: true, length: 8, bytes: [7; 8] };
+        // A length beyond the data is what raw length codes would give.
+        assert_eq!(frame(0x9FFF_FFFF, 15), data);
+        let remote = CanFrame::Remote { identifier: 0x123, extended: false, length: 4 };
+        assert_eq!(frame(0x4000_0123, 4), remote);
+        let error = CanFrame::Error { class: 0x4, length: 8, bytes: [7; 8] };
+        assert_eq!(frame(0x2000_0004, 8), error);
+        let found = from_kernel(&kernels(0x123, 12, 0xF5, &[9; 64])).unwrap();
+        assert_eq!((found.data(), found.data().len()), (&[9; 12][..], 12));
+        assert!(matches!(found, CanFrame::Flexible { identifier: 0x123, flags: 5, .. }));
+        for length in [0, 7, 15, 17, 71] {
+            assert_eq!(from_kernel(&vec![0; length]), None);
         }
     }
 }
