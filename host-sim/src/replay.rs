@@ -17,6 +17,7 @@ pub mod check;
 mod in_process;
 pub mod plan;
 pub mod play;
+pub mod punctual;
 pub mod report;
 pub mod setup;
 

@@ -8,6 +8,7 @@ use crate::canopen::Client;
 use crate::joint::JointNode;
 use crate::params;
 use crate::replay::play::Progress;
+use crate::replay::punctual::be_punctual;
 use crate::replay::report::About;
 use crate::replay::{Check, Plan, Rate, Report, Setup, play, set_up};
 use firmware::fed::Number;
@@ -114,6 +115,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
         bar.set_message(format!("{} of {} samples", progress.samples, progress.of));
     };
     let check = Check::new(node, core);
+    let keeps_time = arguments.bus.bus != BusName::Loop && arguments.rate != Rate::Max;
+    let raised_priority = keeps_time && be_punctual();
     let played = match arguments.faults {
         Some(faults) => {
             let faults = FaultPlan { sent: faults, received: faults };
@@ -136,6 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
         node: node.number(),
         number: if feed.number == Number::Float { "f32" } else { "fixed" },
         clock: arguments.bus.clock(),
+        raised_priority,
         period_s: feed.period_s,
         rate: arguments.rate,
     };

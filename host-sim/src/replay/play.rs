@@ -1,10 +1,11 @@
 //! Plays a plan to a driver, in time.
 //!
-//! Each frame has its time; until then, frames that come are taken in. A timer of the kernel wakes late, by
-//! nearly the same every time: how late is learned, so much earlier it is set, and what is left of the wait
-//! the clock is watched ([`SPIN_NS`] at most). After a stall what is due goes out faster than planned, but
-//! never in a burst ([`HURRY`]). As fast as the driver answers, so many samples are on their way at most
-//! ([`WINDOW`]).
+//! Each frame has its time. Until then this program sleeps where the kernel keeps and stamps what comes, and
+//! takes answers in by the dozen ([`HEARD_AT_ONCE`]): to be woken for each costs more than they do. A timer of
+//! the kernel wakes late, by nearly the same every time: how late is learned, and so much earlier it is set
+//! ([`EARLIEST_NS`] at most); where it wakes too early all the same the clock is watched. After a stall what is due goes out
+//! faster than planned, but never in a burst ([`HURRY`]). As fast as the driver answers, so many samples are
+//! on their way at most ([`WINDOW`]).
 
 use super::check::{Check, Tally};
 use super::plan::Plan;
@@ -23,8 +24,14 @@ pub enum Rate {
 /// Samples on their way, at most, as fast as the driver answers.
 pub const WINDOW: usize = 16;
 
-/// How long before its time the clock is watched, at most, ns.
-pub const SPIN_NS: u64 = 100_000;
+/// How long before its time a timer is set, at most, ns.
+pub const EARLIEST_NS: u64 = 200_000;
+
+/// Frames sent before the answers to them, which wait in the kernel, are taken in together.
+pub const HEARD_AT_ONCE: usize = 32;
+
+/// A wait longer than this is one that listens, ns.
+const LONGEST_REST_NS: u64 = 2_000_000;
 
 /// How many times as fast as planned frames go out that are late.
 pub const HURRY: u64 = 4;
@@ -95,7 +102,8 @@ pub fn play(
         recorded: (0, 0),
         last_sync: None,
         last: None,
-        early_ns: SPIN_NS,
+        early_ns: 0,
+        unheard: 0,
         silent_windows: 0,
     };
     let mut samples = 0;
@@ -167,6 +175,8 @@ struct Player<'a> {
     last: Option<(u64, u64)>,
     /// How much before its time a timer is set, ns.
     early_ns: u64,
+    /// Frames sent since somebody looked what has come.
+    unheard: usize,
     /// Windows in a row nobody answered.
     silent_windows: u32,
 }
@@ -175,14 +185,28 @@ impl Player<'_> {
     /// Waits until a frame is due, and gives the time at which it is sent.
     fn wait(&mut self, bus: &mut dyn Bus, check: &mut Check, due_ns: u64) -> Result<u64, BusError> {
         let (last_due_ns, last_ns) = self.last.unwrap_or((due_ns, 0));
-        let send_ns = due_ns.max(last_ns + (due_ns - last_due_ns) / HURRY);
+        let least_ns = (due_ns - last_due_ns) / HURRY;
+        let mut send_ns = due_ns.max(last_ns + least_ns);
         let wake_ns = send_ns.saturating_sub(self.early_ns);
-        while let Some(received) = bus.receive(wake_ns)? {
-            self.take(check, &received);
+        let short = self.last.is_some() && wake_ns < last_ns + LONGEST_REST_NS;
+        if short && bus.rest(0) {
+            self.unheard += 1;
+            if self.unheard == HEARD_AT_ONCE {
+                self.hear(bus, check, 0)?;
+            }
+            if wake_ns > last_ns {
+                bus.rest(wake_ns);
+            }
+        } else {
+            self.hear(bus, check, wake_ns)?;
         }
         let mut now_ns = bus.now_ns();
         if wake_ns > last_ns {
             self.learn(now_ns.saturating_sub(wake_ns));
+        }
+        if now_ns > send_ns + EARLIEST_NS {
+            // Somebody else had the processor, maybe since before the last frame got to the bus.
+            send_ns = now_ns + least_ns;
         }
         while now_ns < send_ns {
             std::hint::spin_loop();
@@ -199,14 +223,28 @@ impl Player<'_> {
         Ok(now_ns)
     }
 
-    /// A timer woke so much late. Set so much early as four of five wake late: later ones cost more time of
-    /// frames, earlier ones more of the processor.
+    /// Takes in what comes until then.
+    fn hear(
+        &mut self,
+        bus: &mut dyn Bus,
+        check: &mut Check,
+        until_ns: u64,
+    ) -> Result<(), BusError> {
+        self.unheard = 0;
+        while let Some(received) = bus.receive(until_ns)? {
+            self.take(check, &received);
+        }
+        Ok(())
+    }
+
+    /// A timer woke so much late. Set so much early that one in five wakes before its frame is due: earlier
+    /// ones cost the processor, later ones the frame. What is later than any timer was somebody else's turn.
     fn learn(&mut self, late_ns: u64) {
         const STEP_NS: u64 = 500;
-        self.early_ns = if late_ns > self.early_ns {
-            (self.early_ns + 4 * STEP_NS).min(SPIN_NS)
-        } else {
-            self.early_ns.saturating_sub(STEP_NS)
+        self.early_ns = match late_ns {
+            late_ns if late_ns > EARLIEST_NS => self.early_ns,
+            late_ns if late_ns > self.early_ns => self.early_ns + STEP_NS,
+            _ => self.early_ns.saturating_sub(4 * STEP_NS),
         };
     }
 

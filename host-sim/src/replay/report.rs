@@ -53,6 +53,8 @@ pub struct Report {
     pub rate: Option<f64>,
     /// What times are measured with.
     pub clock: &'static str,
+    /// Whether the kernel gave the replay priority, which lateness depends on.
+    pub raised_priority: bool,
     /// Time from SYNC to SYNC the driver was built for, s.
     pub period_s: f32,
     /// Whether every sample was answered with the core's bits.
@@ -91,6 +93,8 @@ pub struct About<'a> {
     pub number: &'static str,
     /// What times are measured with.
     pub clock: &'static str,
+    /// Whether the kernel gave the replay priority.
+    pub raised_priority: bool,
     /// Time from SYNC to SYNC, s.
     pub period_s: f32,
     /// How fast it was played.
@@ -114,6 +118,7 @@ impl Report {
                 Rate::Max => None,
             },
             clock: about.clock,
+            raised_priority: about.raised_priority,
             period_s: about.period_s,
             holds: played.tally.holds(),
             samples_in_log: plan.samples,
@@ -184,10 +189,11 @@ impl Report {
         };
         let _ = writeln!(
             text,
-            "  {} frames in {:.3} s ({rate}, clock: {}), {:.0} samples/s, load of a 1 Mbit/s bus {:.1} %",
+            "  {} frames in {:.3} s ({rate}, clock: {}{}), {:.0} samples/s, load of a 1 Mbit/s bus {:.1} %",
             self.frames,
             self.seconds,
             self.clock,
+            if self.raised_priority { ", raised priority" } else { "" },
             if self.seconds > 0.0 { tally.samples as f64 / self.seconds } else { 0.0 },
             100.0 * self.bus_load
         );

@@ -6,8 +6,9 @@
 4,000 frames a second, evenly: three inputs and a SYNC of a joint at 1 kHz. A node is on the bus and answers
 both. The judge is candump: its stamps are the kernel's. They say when a frame went out against the log's
 own time; the best frame of a run is taken as on time. The two play alternately, so that whatever else the
-machine does meets both. A guest's clock is coarse and its one processor shared, so lateness and processor time
-are printed; that replay sends in no bursts is held.
+machine does meets both, and of the rounds the best counts. Held: lateness no worse than canplayer's, and no
+bursts. Processor time a guest knows to a few percent only, and is printed; ours hears and checks 9,000
+answers a second with it.
 """
 import os
 import subprocess
@@ -15,7 +16,9 @@ import subprocess
 from bench import FOLDER, HOST_SIM, INTERFACE, Candump, Node, cansend, equal, host_sim, passed, simulate, test
 
 ROUNDS = 3
-GAP_US = 250
+# Not quite 250: a guest's kernel tells processor time by who is there at its ticks, every 10,000 us, and a
+# program in step with them would be there always or never.
+GAP_US = 249
 SECONDS = 3
 INPUTS = ("201", "301", "401", "080")
 
@@ -80,8 +83,8 @@ def the_time_of_a_log_is_kept_as_canplayer_keeps_it():
             f" (rounds {each}), bursts {bursts}, processor {cpu_s:.2f} s of {ROUNDS * SECONDS}"
         )
     print(f"measured: replay: of its processor time {ROUNDS * set_up_s:.2f} s to start and set up")
-    # In a guest with one processor, shared with whatever the machine does, times are told and not held.
     ours, theirs = figures["replay"], figures["canplayer"]
+    assert ours[0] <= theirs[0] and ours[1] <= theirs[1], f"late: {figures}"
     assert ours[2] <= max(theirs[2], len(frames) // 100), "bursts"
 
 
