@@ -97,20 +97,27 @@ class Board:
             link.settimeout(10)
             link.connect(str(self.debug))
 
-            def packet(text, answer=True):
+            def packet(text):
                 link.sendall(b"+$" + text + b"#%02x" % (sum(text) & 0xFF))
+
+            def answer():
                 found = b""
-                while answer and not re.search(rb"\$[^#]*#..", found):
+                while True:
                     found += link.recv(4096)
-                return found
+                    # That it has stopped it says when it is asked and also by itself.
+                    for body in re.findall(rb"\$([^#]*)#..", found):
+                        if not re.match(rb"[ST]\d", body):
+                            return body
 
             packet(b"?")
             try:
                 for command, expected in commands:
-                    if expected not in packet(command):
+                    packet(command)
+                    if expected not in answer():
                         raise RuntimeError(f"the debugger's {command.decode()} is refused")
             finally:
                 packet(b"D")
+                answer()
 
 
 class Line:
