@@ -87,7 +87,7 @@ fn abort_words(code: u32) -> &'static str {
         0x0609_0031 => "value too high",
         0x0609_0032 => "value too low",
         0x0800_0020 => "cannot be done",
-        0x0800_0022 => "not in this state: disarm first",
+        0x0800_0022 => "not in this state",
         _ => "refused",
     }
 }

@@ -11,7 +11,7 @@ use compensator_core::record;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Objects for Device<F> {
-    fn may_write(&self, at: Address, length: Option<usize>) -> Result<(), Abort> {
+    fn may_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
         let entry = dictionary::find(at.index, at.subindex)?;
         if !matches!(entry.access, Access::ReadWrite | Access::WriteOnly) {
             return Err(Abort::ReadOnly);
@@ -29,7 +29,11 @@ impl<F: NorFlash> Objects for Device<F> {
             (at.index, at.subindex),
             (index::STATE, 1) | (index::TRACE | index::ERROR_FIELD, _)
         );
-        if !always && self.is_armed() { Err(Abort::State) } else { Ok(()) }
+        if !always && self.is_armed() {
+            let why = "the joint is armed, and nothing is written then: disarm first";
+            return Err(self.staging.refuse(Abort::State, why));
+        }
+        Ok(())
     }
 
     fn write(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {

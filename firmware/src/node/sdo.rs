@@ -80,7 +80,7 @@ pub trait Objects {
     ///
     /// # Errors
     /// Why it cannot be written.
-    fn may_write(&self, at: Address, length: Option<usize>) -> Result<(), Abort>;
+    fn may_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort>;
 
     /// Writes a value, little-endian.
     ///
@@ -280,7 +280,7 @@ mod tests {
     struct Shelf(std::vec::Vec<u8>);
 
     impl Objects for Shelf {
-        fn may_write(&self, at: Address, _: Option<usize>) -> Result<(), Abort> {
+        fn may_write(&mut self, at: Address, _: Option<usize>) -> Result<(), Abort> {
             if matches!(at.index, 0x2000 | 0x2001) { Ok(()) } else { Err(Abort::NoObject) }
         }
         fn write(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {

@@ -122,6 +122,7 @@ fn it_is_told_where_the_joint_is_while_it_is_not_armed() {
     let mut bench = armed();
     let home = bench.driver.orders(bench.now_us).home;
     assert_eq!(bench.write(index::STATE, 6, &1f32.to_le_bytes()), Err(0x0800_0022));
+    assert!(bench.text(index::REFUSAL).contains("disarm first"));
     assert_eq!(bench.driver.orders(bench.now_us).home, home);
     assert!(bench.driver.is_armed());
 

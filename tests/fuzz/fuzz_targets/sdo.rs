@@ -20,7 +20,7 @@ struct Shelf {
 }
 
 impl Objects for Shelf {
-    fn may_write(&self, at: Address, length: Option<usize>) -> Result<(), Abort> {
+    fn may_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
         match (at.index, length) {
             (0x2000 | 0x2002, _) | (0x2001, None | Some(4)) => Ok(()),
             (0x2001, _) => Err(Abort::TooShort),

@@ -9,7 +9,7 @@ import time
 from bench import FOLDER, HOST_SIM, INTERFACE, Candump, Node, cansend, equal, frames, host_sim, passed
 from bench import simulate, test, until
 
-ARMED = "not in this state: disarm first"
+ARMED = "the joint is armed, and nothing is written then: disarm first"
 
 PARAMETERS = """
 schema = 1
