@@ -206,7 +206,7 @@ impl Player<'_> {
         }
         if now_ns > send_ns + EARLIEST_NS {
             // Somebody else had the processor, maybe since before the last frame got to the bus.
-            send_ns = now_ns + least_ns;
+            send_ns = now_ns + least_ns.min(EARLIEST_NS);
         }
         while now_ns < send_ns {
             std::hint::spin_loop();

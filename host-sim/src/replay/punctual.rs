@@ -2,9 +2,9 @@
 //!
 //! Unasked, Linux puts off a thread's timers by up to 50 us to wake once for several, and gives the
 //! processor in turns: on a busy machine with one processor, the driver that a frame wakes runs before
-//! the next frame is sent. Timers of their own anybody may have. Priority is for root, or by `ulimit -e`;
-//! a replay that gets none goes on without, and its report says so. It sleeps between frames, so nobody
-//! starves.
+//! the next frame is sent. Timers of their own anybody may have. Priority is for root, or for whom
+//! `limits.conf` grants `nice`; a replay that gets none goes on without, and its report says so. It sleeps
+//! between frames, so nobody starves.
 
 /// Highest priority below real time.
 const HIGHEST: i32 = -20;
