@@ -6,7 +6,7 @@ import json
 import subprocess
 import time
 
-from bench import FOLDER, HOST_SIM, INTERFACE, Candump, Node, cansend, equal, frames, host_sim, passed
+from bench import FOLDER, HOST_SIM, INTERFACE, Candump, Node, Program, cansend, equal, frames, host_sim, passed
 from bench import simulate, test, until
 
 ARMED = "the joint is armed, and nothing is written then: disarm first"
@@ -205,6 +205,25 @@ def what_is_saved_outlives_the_process_and_what_is_not_does_not():
     (FOLDER / "no.flash").write_bytes(b"no flash")
     said = host_sim("node", "--flash", FOLDER / "no.flash", code=2)
     assert "8 bytes, expected" in said, said
+
+
+@test
+def a_monitor_beside_a_replay_sees_what_goes_on():
+    with Node():
+        watcher = [HOST_SIM, "monitor", "--bus", INTERFACE, "--json", "--seconds", "30"]
+        with Program(watcher, FOLDER / "monitor.out") as monitor:
+            until(lambda: "{" in monitor.text(), "the monitor's first second", 20)
+            holds(replay())
+            # It tells once a second: of the two of the replay one is whole.
+            until(lambda: '"state":"safe"' in monitor.text().splitlines()[-1], "the end of the replay", 20)
+        told = [json.loads(line) for line in monitor.text().splitlines() if line.endswith("}")]
+    busy = max(told, key=lambda one: one["samples_per_s"])
+    equal((busy["state"], busy["fed_by"], busy["nmt"]), ("armed", "the bus", "operational"))
+    assert 900 < busy["samples_per_s"] < 1100 and 900 < busy["answers_per_s"] < 1100, busy
+    assert busy["frames_per_s"] > 4000 and 0 < busy["bus_load"] < 1, busy
+    moved = busy["quantities"]["velocity_rad_s"]
+    assert moved["min"] < moved["max"], busy
+    equal((busy["sync_lost"], busy["error_frames"], busy["faults"]), (0, 0, []))
 
 
 @test
