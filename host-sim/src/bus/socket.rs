@@ -3,9 +3,9 @@
 //! Classic CAN and CAN FD through one raw socket, error frames with them, own frames not. The kernel
 //! stamps a frame when it comes, so that latencies are those of the bus and not of this program's turn;
 //! stamps are brought to the clock that does not jump. What has come is fetched all at once: on a busy
-//! bus a call of the system costs more than what is done with a frame. The kernel drops frames that nobody fetches in
-//! time and counts them; the count is asked for, so that no loss goes unseen. Where the interface's queue
-//! is full (ENOBUFS, which no poll waits for) sending tries again for up to a second.
+//! bus a call of the system costs more than what is done with a frame. The kernel drops frames that nobody
+//! fetches in time and counts them; the count is asked for, so that no loss goes unseen. Where the
+//! interface's queue is full (ENOBUFS, which no poll waits for) sending tries again for up to a second.
 
 use super::link::wait;
 use super::{Bus, BusError, Counters, LONGEST_WAIT, Received, WallClock, nanoseconds};

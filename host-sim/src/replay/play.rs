@@ -3,9 +3,9 @@
 //! Each frame has its time. Until then this program sleeps where the kernel keeps and stamps what comes, and
 //! takes answers in by the dozen ([`HEARD_AT_ONCE`]): to be woken for each costs more than they do. A timer of
 //! the kernel wakes late, by nearly the same every time: how late is learned, and so much earlier it is set
-//! ([`EARLIEST_NS`] at most); where it wakes too early all the same the clock is watched. After a stall what is due goes out
-//! faster than planned, but never in a burst ([`HURRY`]). As fast as the driver answers, so many samples are
-//! on their way at most ([`WINDOW`]).
+//! ([`EARLIEST_NS`] at most); where it wakes too early all the same the clock is watched. After a stall what
+//! is due goes out faster than planned, but never in a burst ([`HURRY`]). As fast as the driver answers, so
+//! many samples are on their way at most ([`WINDOW`]).
 
 use super::check::{Check, Tally};
 use super::plan::Plan;

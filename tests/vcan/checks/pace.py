@@ -7,8 +7,9 @@
 both. The judge is candump: its stamps are the kernel's. They say when a frame went out against the log's
 own time; the best frame of a run is taken as on time. The two play alternately, so that whatever else the
 machine does meets both, and of the rounds the best counts. Held: lateness no worse than canplayer's, and no
-bursts. Processor time a guest knows to a few percent only, and is printed; ours hears and checks 9,000
-answers a second with it.
+bursts: at most one frame in a hundred within a fifth of its gap (seen: 1 to 63 of 36,000; canplayer 800 to
+6,000). Processor time a guest knows to a tenth or so, and is printed; ours hears and checks 9,000 answers a
+second with it.
 """
 import os
 import subprocess
@@ -80,11 +81,9 @@ def the_time_of_a_log_is_kept_as_canplayer_keeps_it():
         short = FOLDER / "pace-short.log"
         short.write_text("".join(log.read_text().splitlines(keepends=True)[:8]))
         set_up_s = min(played([*replay[:2], str(short), *replay[3:]], frames[:8])[2] for _ in range(3))
-    bursts_of = {}
     for name, rounds in found.items():
         at = best(rounds)
         bursts, cpu_s = sum(run[1] for run in rounds), sum(run[2] for run in rounds)
-        bursts_of[name] = bursts
         each = " ".join(f"{run[0][len(run[0]) // 2]}/{run[0][int(0.99 * len(run[0]))]}" for run in rounds)
         print(
             f"measured: {name}: {len(frames)} frames at 4 kHz, best round late by p50 {at[0]}, p99 {at[1]} us"
@@ -92,7 +91,7 @@ def the_time_of_a_log_is_kept_as_canplayer_keeps_it():
         )
     print(f"measured: replay: of its processor time {len(rounds) * set_up_s:.2f} s to start and set up")
     assert keeps_up(found), "late"
-    assert bursts_of["replay"] <= max(bursts_of["canplayer"], len(frames) // 100), "bursts"
+    assert sum(run[1] for run in found["replay"]) <= len(found["replay"]) * len(frames) // 100, "bursts"
 
 
 passed("pace")
