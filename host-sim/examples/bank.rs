@@ -1,8 +1,8 @@
 //! Grades the diagnosis on a bank of hidden worlds: `bank [SEED_BASE] [PER_KIND] [FILTER]`.
 
-use host_sim::bank::{TUNING, examine};
-use host_sim::plant::worlds::{Kind, bank};
+use host_sim::benchmark::{TUNING, examine};
 use rayon::prelude::*;
+use simulated_machines::worlds::{Kind, bank};
 use std::collections::BTreeMap;
 
 fn main() {
@@ -16,12 +16,12 @@ fn main() {
         .collect();
     if let Some(folder) = arguments.get(4) {
         for (index, (kind, seed)) in worlds.iter().enumerate() {
-            let world = host_sim::plant::worlds::draw(*kind, *seed);
+            let world = simulated_machines::worlds::draw(*kind, *seed);
             println!(
                 "{index} {:?} {:?} {} Hz noise {}",
                 world.truth.hidden, world.truth.seal, world.truth.rate_hz, world.truth.noise_nm
             );
-            let csv = world.csv();
+            let csv = world.log.csv();
             let written = std::fs::write(format!("{folder}/{index}.csv"), csv);
             assert!(written.is_ok(), "{folder}: not written");
         }

@@ -6,14 +6,15 @@
 //! ones. The joint and its log are simulated. `cargo run --release -p host-sim --example certificate`
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters, TermKind};
-use host_sim::fit::{Track, tracks};
-use host_sim::plant::underwater_joint::{Recording, record};
-use host_sim::stochastic::draw::{Draws, varied};
-use host_sim::stochastic::ensemble::Ensemble;
-use host_sim::stochastic::range::Ranges;
-use host_sim::stochastic::trials::{Block, Trials};
-use host_sim::stochastic::{Counts, Levels, Settings, certify};
+use friction_identification::fit::{Track, tracks};
+use friction_identification::stochastic::draw::{Draws, varied};
+use friction_identification::stochastic::ensemble::Ensemble;
+use friction_identification::stochastic::range::Ranges;
+use friction_identification::stochastic::trials::{Block, Trials};
+use friction_identification::stochastic::{Counts, Levels, Settings, certify};
+use host_sim::simulated;
 use rayon::prelude::*;
+use simulated_machines::underwater_joint::{Recording, record};
 use std::time::Instant;
 
 const STRICT: Levels = Levels { alpha: 0.05, delta: 0.05, epsilon: 0.05, rho: 0.35 };
@@ -35,7 +36,7 @@ fn log() -> (Vec<Track>, Parameters<f64>) {
         .with(Id::ViscousFriction, seal.k2)
         .with(Id::RadialForceCoulomb, seal.per_force)
         .with(Id::PressureCoulomb, seal.per_pressure);
-    (tracks(&truth.dataset()), parameters)
+    (tracks(&simulated::dataset(&truth.log())), parameters)
 }
 
 /// The same runs, each so often over that there are two million rows.

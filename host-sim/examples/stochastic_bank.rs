@@ -10,11 +10,12 @@
 //! THE CERTIFICATES]`
 
 use compensator_core::{LawKind, ParameterId as Id};
-use host_sim::fit::{FitOptions, Rows, fit, tracks};
-use host_sim::plant::worlds::{Kind, World, bank, draw};
-use host_sim::spec::Spec;
-use host_sim::stochastic::{Settings, certify_calibrated, literal_causes};
+use friction_identification::fit::{FitOptions, Rows, fit, tracks};
+use friction_identification::spec::Spec;
+use friction_identification::stochastic::{Settings, certify_calibrated, literal_causes};
+use host_sim::simulated;
 use rayon::prelude::*;
+use simulated_machines::worlds::{Kind, World, bank, draw};
 use std::collections::BTreeMap;
 
 /// Seed of the worlds that judge; the rule's threshold was chosen on others (seed 1).
@@ -43,7 +44,7 @@ fn is_right(world: &World, kind: Kind, named: Option<Id>) -> bool {
 
 fn judge(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {
     let world = draw(kind, seed);
-    let tracks = tracks(&world.data);
+    let tracks = tracks(&simulated::dataset(&world.log));
     let spec = Spec::law(LawKind::Lugre);
     let rows = Rows { tracks: &tracks, decimate: 1 };
     let options = FitOptions { starts: 2, ..FitOptions::default() };

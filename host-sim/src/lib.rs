@@ -1,28 +1,15 @@
-//! Identifies, compares and diagnoses joint friction models on measured data.
+//! The command line over the house's libraries, and what is shown to a person.
 //!
-//! ```text
-//! data -> fit (over compensator-core's own step) -> results
-//! ```
-//!
-//! [`data`] reads logs by the contract; [`fit`] fits a [`spec::Spec`]; [`results`] writes `fit.json`,
-//! `compare.json`, `params.toml` and the HTML page; [`cli`] is the command line over them. The binary is
-//! a thin `main`.
+//! [`cli`] is the command line; [`results`] writes JSON files, terminal tables and HTML pages out of what
+//! `friction-identification` finds, over the building blocks of [`report`]. Here alone the rooms meet that must not
+//! know each other: [`benchmark`] grades a diagnosis on simulated machines, [`simulated`] makes a data set of what a machine
+//! logged, [`driver_file`] puts a joint driver's settings into a parameter file, [`demo_joint`] puts a simulated joint
+//! on a bus. The binary is a thin `main`.
 
-pub mod bank;
-pub mod bus;
-pub mod canopen;
+pub mod benchmark;
 pub mod cli;
-pub mod data;
-pub mod diagnose;
-pub mod dual;
-pub mod fit;
-pub mod joint;
-pub mod monitor;
-pub mod params;
-pub mod plant;
-pub mod replay;
+pub mod demo_joint;
+pub mod driver_file;
 pub mod report;
 pub mod results;
-pub mod spec;
-pub mod stochastic;
-pub mod trace;
+pub mod simulated;

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use compensator_core::compensator::Compensator;
 use compensator_core::record::{self, Configuration};
 use compensator_core::{LawKind, Model};
-use host_sim::params;
+use host_sim::driver_file;
 use parquet::data_type::DoubleType;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
@@ -152,7 +152,7 @@ fn assert_contract(document: &Value, models: usize) {
 
 /// A parameter file as the driver takes it: through the f32 record and back, and built.
 fn assert_deployable(file: &Path) {
-    let read = params::read(file).unwrap_or_else(|error| panic!("{error}"));
+    let read = driver_file::read(file).unwrap_or_else(|error| panic!("{error}"));
     let configuration =
         Configuration { model: read.parameters.convert(), compensator: read.compensator };
     let record = record::emit(&configuration);
@@ -328,7 +328,7 @@ fn fitted_parameters_load_into_the_driver_and_into_the_next_fit() {
     // Terms and rigid-body parts are in the file too, and a start may be of another model.
     let model = "--model lugre+pressure-coulomb --rigid-body offset,inertia";
     folder.done(&format!("identify data.csv {model} --start lugre/params.toml --out terms"));
-    let read = params::read(&folder.path("terms/params.toml")).expect("accepted");
+    let read = driver_file::read(&folder.path("terms/params.toml")).expect("accepted");
     let full = "lugre+torque-offset+unmodelled-inertia+pressure-coulomb";
     assert_eq!(read.spec.full_name(), full);
     assert_deployable(&folder.path("terms/params.toml"));

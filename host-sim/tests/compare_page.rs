@@ -6,12 +6,13 @@
 use std::fs;
 use std::process::Command;
 
-use host_sim::data::{Dataset, Run, Split, SplitRule, split};
-use host_sim::fit::{FitOptions, Outcome, Rows, Track, identify, tracks};
-use host_sim::plant::{Recording, record};
+use friction_identification::data::{Dataset, Run, Split, SplitRule, split};
+use friction_identification::fit::{FitOptions, Outcome, Rows, Track, identify, tracks};
+use friction_identification::spec::Spec;
 use host_sim::results::{Study, page};
-use host_sim::spec::Spec;
+use host_sim::simulated;
 use serde_json::Value;
+use simulated_machines::{Recording, record};
 
 const SHORT: Recording = Recording {
     runs: 4,
@@ -40,7 +41,7 @@ impl Case {
     }
 
     fn simulated(how: Recording) -> Self {
-        Self::new(record(1, how).dataset(), 1)
+        Self::new(simulated::dataset(&record(1, how).log()), 1)
     }
 
     fn rows<'a>(&self, tracks: &'a [Track]) -> Rows<'a> {
@@ -130,7 +131,7 @@ fn the_page_names_the_best_model_and_what_speaks_for_it() {
 
 #[test]
 fn steady_sliding_determines_no_bristles_and_the_page_says_so() {
-    let mut data = record(1, Recording { steady: true, ..SHORT }).dataset();
+    let mut data = simulated::dataset(&record(1, Recording { steady: true, ..SHORT }).log());
     // The start of a run, where the bristles bend, is cut off.
     data.runs.iter_mut().for_each(|run| *run = run.slice(1000..run.len()));
     data.rows = data.runs.iter().map(Run::len).sum();
@@ -162,7 +163,7 @@ fn what_a_model_lacks_is_not_called_noise() {
 
 #[test]
 fn hours_between_runs_do_not_swallow_the_time_axis() {
-    let mut data = record(1, SHORT).dataset();
+    let mut data = simulated::dataset(&record(1, SHORT).log());
     for (index, run) in data.runs.iter_mut().enumerate() {
         run.time_s.iter_mut().for_each(|time| *time += 5.0 * 3600.0 * index as f64);
     }

@@ -10,12 +10,13 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use host_sim::data::{Dataset, Joint, Split, SplitRule, split};
-use host_sim::diagnose::{Diagnosis, Question, diagnose, story};
-use host_sim::plant::worlds::{Effect, Kind, Options, draw, draw_with};
+use friction_identification::data::{Dataset, Joint, Split, SplitRule, split};
+use friction_identification::diagnose::{Diagnosis, Question, diagnose, story};
 use host_sim::report::Page;
 use host_sim::results::diagnosis_page::{Diagnosed, page, stochastic_section};
+use host_sim::simulated;
 use serde_json::{Value, json};
+use simulated_machines::worlds::{Effect, Kind, Options, draw, draw_with};
 
 /// A log that has been diagnosed.
 struct Case {
@@ -32,7 +33,7 @@ impl Case {
     }
 
     fn hidden(kind: Kind, seed: u64) -> Self {
-        Self::new(draw(kind, seed).data)
+        Self::new(simulated::dataset(&draw(kind, seed).log))
     }
 
     fn html(&self) -> String {
@@ -88,7 +89,7 @@ fn escaped(text: &str) -> String {
 fn the_page_tells_the_story_and_shows_its_evidence() {
     let options = Options { runs: Some(12), noise_nm: Some(0.05), ..Options::default() };
     let kind = Kind::One(Effect::PressureCoulomb);
-    let case = Case::new(draw_with(kind, &[Some(1.5e-6)], 3, &options).data);
+    let case = Case::new(simulated::dataset(&draw_with(kind, &[Some(1.5e-6)], 3, &options).log));
     assert_eq!(case.found.cause(), "pressure-coulomb");
     let html = case.html();
     assert!(html.len() < 8_000_000, "{} bytes", html.len());
@@ -151,7 +152,7 @@ fn every_cause_has_a_plane_to_show_in() {
 
 #[test]
 fn a_joint_that_slides_has_its_own_units() {
-    let mut data = draw(Kind::One(Effect::TorqueOffset), 5).data;
+    let mut data = simulated::dataset(&draw(Kind::One(Effect::TorqueOffset), 5).log);
     data.joint = Joint::Prismatic;
     let case = Case::new(data);
     let own = own_part(&case.html());

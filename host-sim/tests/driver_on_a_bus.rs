@@ -3,9 +3,9 @@
 use canopen_rs::{Address, NmtCommand};
 use compensator_core::can::Node;
 use firmware::node::dictionary::{SAVE, index};
-use host_sim::bus::{Bus, Hub, Port};
-use host_sim::canopen::{Client, SdoError};
-use host_sim::joint::JointNode;
+use joint_bus::bus::{Bus, Hub, Port};
+use joint_bus::canopen::{Client, SdoError};
+use joint_bus::joint::JointNode;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Duration;

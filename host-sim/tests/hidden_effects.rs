@@ -11,7 +11,7 @@
 //! and without `UPDATE_TABLES` compared with it. The worlds that grade are not those the diagnosis was
 //! tuned on: another base of seeds is another machine, campaign and set of sensors throughout.
 
-use host_sim::bank::{GRADING, Grade, examine_bank};
+use host_sim::benchmark::{GRADING, Grade, examine_bank};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

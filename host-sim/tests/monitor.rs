@@ -203,7 +203,7 @@ fn time_a_signal_and_control_c_give_the_terminal_back() {
 #[test]
 #[ignore = "takes the terminal and panics"]
 fn panics_on_its_terminal() {
-    let _ = host_sim::monitor::screen::with_terminal::<()>(|terminal| {
+    let _ = joint_bus::monitor::screen::with_terminal::<()>(|terminal| {
         terminal.draw(|frame| frame.render_widget("taken", frame.area())).expect("drawn");
         panic!("as it was told to");
     });

@@ -1,21 +1,22 @@
 //! Simulated joints with known parameters: are they found, and are the standard errors right?
 //!
-//! The joints are drawn from paper 0's ranges and simulated by [`host_sim::plant`], which shares no code
+//! The joints are drawn from paper 0's ranges and simulated by [`simulated_machines`], which shares no code
 //! with the core: own state, own integrator. A fit then has to find the parameters within two of its own
 //! standard errors in 95 % of the cases (95.4 % if errors are right, which a hundred seeds can tell to a
 //! percent or two). Too few would mean a bias or errors that are too small; too many,
 //! errors that are too large: the test has limits on both sides.
 
 use compensator_core::ParameterId as Id;
-use host_sim::fit::{FitOptions, Outcome, Rows, State, identify, tracks};
-use host_sim::plant::{Recording, Truth, record};
-use host_sim::spec::Spec;
+use friction_identification::fit::{FitOptions, Outcome, Rows, State, identify, tracks};
+use friction_identification::spec::Spec;
+use host_sim::simulated;
 use rayon::prelude::*;
+use simulated_machines::{Recording, Truth, record};
 
 const SEEDS: u64 = 100;
 
 fn fit(truth: &Truth, model: &str) -> Outcome {
-    let tracks = tracks(&truth.dataset());
+    let tracks = tracks(&simulated::dataset(&truth.log()));
     let rows = Rows { tracks: &tracks, decimate: 1 };
     let spec = Spec::parse(model).unwrap();
     let options = FitOptions { starts: 1, ..FitOptions::default() };
@@ -95,7 +96,7 @@ fn steady_sliding_leaves_the_bristles_undetermined_and_the_fit_says_so() {
     let how = Recording { steady: true, loaded: false, runs: 6, ..Recording::default() };
     let truth = record(7, how);
     // From the middle of each run, where sliding has long been steady.
-    let mut data = truth.dataset();
+    let mut data = simulated::dataset(&truth.log());
     for run in &mut data.runs {
         *run = run.slice(2000..run.len());
     }

@@ -5,11 +5,11 @@ use compensator_core::record::Configuration;
 use compensator_core::{LawKind, ParameterId, TermKind};
 use firmware::fed::Number;
 use firmware::set::ParameterSet;
-use host_sim::bus::{FaultInjector, FaultPlan, Faults, Hub, Port};
-use host_sim::canopen::Client;
-use host_sim::joint::JointNode;
-use host_sim::replay::{Check, Plan, Played, Rate, Setup, play, set_up};
-use host_sim::trace::{CanFrame, Fraction, Line, candump};
+use joint_bus::bus::{FaultInjector, FaultPlan, Faults, Hub, Port};
+use joint_bus::canopen::Client;
+use joint_bus::joint::JointNode;
+use joint_bus::replay::{Check, Plan, Played, Rate, Setup, play, set_up};
+use joint_trace::{CanFrame, Fraction, Line, candump};
 
 const NODE: Node = Node::FIRST;
 

@@ -5,19 +5,20 @@
 //! table that stands in `docs/stochastic-extension.md`. All of it is simulated.
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters};
-use host_sim::data::{BadRows, Dataset, Joint, Run};
-use host_sim::fit::{FitOptions, Rows, Track, fit, tracks};
-use host_sim::plant::friction::{Seal, Surroundings};
-use host_sim::plant::worlds::{Kind, draw};
-use host_sim::plant::{Recording, record};
-use host_sim::spec::Spec;
-use host_sim::stochastic::{
+use friction_identification::data::{BadRows, Dataset, Joint, Run};
+use friction_identification::fit::{FitOptions, Rows, Track, fit, tracks};
+use friction_identification::spec::Spec;
+use friction_identification::stochastic::{
     CV_MOST, Campaign, Certificate, Form, Settings, certify, certify_calibrated, reading,
 };
+use host_sim::simulated;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
+use simulated_machines::friction::{Seal, Surroundings};
+use simulated_machines::worlds::{Kind, draw};
+use simulated_machines::{Recording, record};
 use std::f64::consts::TAU;
 
 /// Low and high side load (N) and pressure difference (Pa) of Table II, as the readings take it.
@@ -176,7 +177,7 @@ fn the_papers_protocol_improves_with_the_improved_law() {
 #[test]
 fn steady_sliding_does_not_determine_the_bristles_and_the_reading_says_so() {
     let truth = record(3, Recording { steady: true, rate_hz: 200.0, ..Recording::default() });
-    let tracks = tracks(&truth.dataset());
+    let tracks = tracks(&simulated::dataset(&truth.log()));
     let parameters = fitted(LawKind::Lugre, &tracks);
     let certificate =
         certify(&parameters, LawKind::Lugre.parameters(), &tracks, &Settings::default());
@@ -193,7 +194,7 @@ fn steady_sliding_does_not_determine_the_bristles_and_the_reading_says_so() {
 #[test]
 fn nothing_hidden_is_named_nothing_by_the_calibrated_rule() {
     let world = draw(Kind::None, 4);
-    let tracks = tracks(&world.data);
+    let tracks = tracks(&simulated::dataset(&world.log));
     let parameters = fitted(LawKind::Lugre, &tracks);
     let free = LawKind::Lugre.parameters();
     let (certificate, calibrated) =
@@ -208,7 +209,7 @@ fn nothing_hidden_is_named_nothing_by_the_calibrated_rule() {
 #[test]
 fn load_and_pressure_widen_the_coulomb_level_until_the_model_knows_them() {
     let truth = record(5, Recording { runs: 16, rate_hz: 200.0, ..Recording::default() });
-    let tracks = tracks(&truth.dataset());
+    let tracks = tracks(&simulated::dataset(&truth.log()));
     let free = LawKind::Lugre.parameters();
     let settings = Settings::default();
     let (before, calibrated) =
@@ -226,7 +227,7 @@ fn load_and_pressure_widen_the_coulomb_level_until_the_model_knows_them() {
 #[test]
 fn the_same_seed_gives_the_same_certificate() {
     let truth = record(5, Recording { rate_hz: 100.0, ..Recording::default() });
-    let tracks = tracks(&truth.dataset());
+    let tracks = tracks(&simulated::dataset(&truth.log()));
     let parameters =
         Parameters::new(LawKind::Lugre).with(Id::CoulombTorque, 2.0).with(Id::StaticTorque, 2.5);
     let free = LawKind::Lugre.parameters();

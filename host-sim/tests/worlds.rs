@@ -4,9 +4,10 @@
 //! of one effect alone share their noise, so the difference of their torques *is* the effect, and can be
 //! held against the catalogue's formula.
 
-use host_sim::data::{Dataset, ReadOptions, Run, read};
-use host_sim::plant::worlds::{Effect, Kind, Options, PAIRS, World, bank, draw, draw_with};
+use friction_identification::data::{Dataset, ReadOptions, Run, read};
+use host_sim::simulated;
 use rayon::prelude::*;
+use simulated_machines::worlds::{self, Effect, Kind, Options, PAIRS, WorldTruth, bank};
 use std::fs;
 use std::process::Command;
 
@@ -33,6 +34,22 @@ fn catalogue() -> impl Iterator<Item = Effect> {
 }
 
 const NOISE_NM: f64 = 0.05;
+
+/// A world with its log as a data set.
+struct World {
+    csv: String,
+    data: Dataset,
+    truth: WorldTruth,
+}
+
+fn draw(kind: Kind, seed: u64) -> World {
+    draw_with(kind, &[], seed, &Options::default())
+}
+
+fn draw_with(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Options) -> World {
+    let worlds::World { log, truth } = worlds::draw_with(kind, sizes, seed, options);
+    World { csv: log.csv(), data: simulated::dataset(&log), truth }
+}
 
 fn sized(effect: Effect, size: f64, seed: u64, finer: u32) -> World {
     let options = Options {
@@ -248,7 +265,7 @@ fn the_confounded_cannot_be_told_apart_and_decoys_nearly() {
 fn every_world_of_a_bank_is_a_log_of_the_size_it_should_be() {
     let worlds: Vec<(Kind, u64)> = bank(21, 1).collect();
     worlds.into_par_iter().for_each(|(kind, seed)| {
-        let World { data, truth } = draw(kind, seed);
+        let World { data, truth, .. } = draw(kind, seed);
         assert!((6..=40).contains(&data.runs.len()), "{kind:?} {seed}");
         assert!((8_000..=40_000).contains(&data.rows), "{kind:?} {seed}: {} rows", data.rows);
         assert!((100.0..=2000.0).contains(&truth.rate_hz));
@@ -303,7 +320,7 @@ fn a_log_read_back_is_the_log() {
     for (at, (kind, seed)) in bank(31, 1).step_by(3).enumerate() {
         let world = draw(kind, seed);
         let path = folder.path().join(format!("{at}.csv"));
-        fs::write(&path, world.csv()).unwrap();
+        fs::write(&path, &world.csv).unwrap();
         let back = read(&[path], &ReadOptions::default(), &|_, _| {}).unwrap();
         assert_eq!(back.runs, world.data.runs, "{kind:?} {seed}");
         assert_eq!(back.covariates, world.data.covariates);

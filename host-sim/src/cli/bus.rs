@@ -1,9 +1,9 @@
 //! Arguments of the commands that are on a bus.
 
-use crate::bus::{Bus, BusName, Hub, Recorder};
-use crate::trace::Fraction;
 use clap::Args;
 use compensator_core::can::Node;
+use joint_bus::bus::{Bus, BusName, Hub, Recorder};
+use joint_trace::Fraction;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;

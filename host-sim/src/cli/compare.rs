@@ -2,10 +2,10 @@
 
 use super::input::{DataArguments, Input, spinner};
 use super::output::{OutputArguments, say};
-use crate::fit::{FitOptions, Outcome, outcome::identify};
 use crate::results::{Study, document, page, table};
-use crate::spec::Spec;
 use compensator_core::LawKind;
+use friction_identification::fit::{FitOptions, Outcome, outcome::identify};
+use friction_identification::spec::Spec;
 
 /// Arguments of `compare`.
 #[derive(clap::Args)]

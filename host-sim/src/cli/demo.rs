@@ -7,19 +7,23 @@
 
 use super::input::spinner;
 use super::output::{OutputArguments, say};
-use crate::bank::{Grade, grade};
-use crate::data::{Dataset, ReadOptions, Split, SplitRule, read, split};
-use crate::diagnose::{Diagnosis, Question, diagnose};
-use crate::params;
-use crate::plant::worlds::{Effect, Kind, Options, World, draw_with};
-use crate::replay::{Plan, Setup, Tally, in_process};
+use crate::benchmark::{Grade, grade};
+use crate::driver_file;
+use crate::results::diagnosis;
 use crate::results::diagnosis_page::{self, Diagnosed};
-use crate::results::{diagnosis, table};
-use crate::trace::{self, EmitOptions};
+use crate::simulated;
 use compensator_core::can::Node;
+use friction_identification::data::{
+    Dataset, EmitOptions, ReadOptions, Split, SplitRule, emit, read, split,
+};
+use friction_identification::diagnose::{Diagnosis, Question, diagnose};
+use friction_identification::number::figure;
+use friction_identification::params;
+use joint_bus::replay::{Plan, Setup, Tally, in_process};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
+use simulated_machines::worlds::{Effect, Kind, Options, World, draw_with};
 use std::path::Path;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -70,8 +74,8 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     record(&world, &truth, &arguments.output)?;
     teller.step(&format!(
         "It has moved {} times, {} rows in all; its CAN traffic is in {}/trace.log.",
-        world.data.runs.len(),
-        world.data.rows,
+        world.log.runs.len(),
+        world.log.rows(),
         out.display()
     ))?;
 
@@ -155,12 +159,13 @@ fn pretty(value: &Value) -> Result<String, String> {
 /// Writes what the joint did, as a table and as its CAN traffic, and the truth behind it.
 fn record(world: &World, truth: &str, output: &OutputArguments) -> Result<(), String> {
     let mut log = Vec::new();
+    let data = simulated::dataset(&world.log);
     // A covariate beyond those of the contract fits into the traffic, if there is just one.
-    let auxiliary = world.data.covariates.first().cloned();
+    let auxiliary = data.covariates.first().cloned();
     let options = EmitOptions { auxiliary, ..EmitOptions::default() };
-    trace::emit(&world.data, &options, &mut log).map_err(|error| error.to_string())?;
+    emit(&data, &options, &mut log).map_err(|error| error.to_string())?;
     let log = String::from_utf8(log).map_err(|error| error.to_string())?;
-    output.write(&[("data.csv", &world.csv()), ("trace.log", &log), ("truth.json", truth)])
+    output.write(&[("data.csv", &world.log.csv()), ("trace.log", &log), ("truth.json", truth)])
 }
 
 /// Reads the recording as `diagnose` would.
@@ -186,7 +191,7 @@ fn extension(found: &Diagnosis) -> String {
 /// Gives the extended model to a joint driver, the firmware's own code on a bus in this process, and plays
 /// the recording to it.
 fn deploy(trace: &Path, toml: &str) -> Result<Tally, String> {
-    let friction = params::parse(toml)?.friction();
+    let friction = driver_file::parse(toml)?.friction();
     let plan = Plan::read(trace, Node::FIRST).map_err(|error| error.to_string())?;
     let setup = Setup { friction: Some(friction), number: None, period_s: plan.period_s as f32 };
     let played = in_process(&plan, Node::FIRST, &setup).map_err(|error| error.to_string())?;
@@ -212,8 +217,8 @@ fn reveal(world: &World, found: &Diagnosis, grade: &Grade) -> String {
         text += &format!(
             "{}, which changes the torque by {} Nm RMS under {} Nm of noise. ",
             hidden.in_words,
-            table::figure(hidden.visible_rms_nm),
-            table::figure(truth.noise_nm)
+            figure(hidden.visible_rms_nm),
+            figure(truth.noise_nm)
         );
     }
     let named = found.cause();
@@ -235,7 +240,7 @@ fn reveal(world: &World, found: &Diagnosis, grade: &Grade) -> String {
         let inside = if (low..=high).contains(&size) { "lies in" } else { "is outside" };
         text += &format!(
             " Of the size it said {}; the true one {inside} its 95 % interval.",
-            table::figure(value)
+            figure(value)
         );
     }
     text

@@ -2,11 +2,12 @@
 
 use super::input::{DataArguments, spinner};
 use super::output::{OutputArguments, say};
-use crate::diagnose::{Question, diagnose};
-use crate::params;
+use crate::driver_file;
 use crate::results::diagnosis_page::{self, Diagnosed};
 use crate::results::{diagnosis, table};
-use crate::spec::Spec;
+use friction_identification::diagnose::{Question, diagnose};
+use friction_identification::params;
+use friction_identification::spec::Spec;
 use std::path::PathBuf;
 
 /// Arguments of `diagnose`.
@@ -27,7 +28,7 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let model = arguments.model.as_deref().map(Spec::parse).transpose();
-    let given = arguments.params.as_deref().map(params::read).transpose();
+    let given = arguments.params.as_deref().map(driver_file::read).transpose();
     let question = Question {
         model: model.map_err(|error| error.to_string())?,
         given: given.map_err(|e| e.to_string())?.map(|file| (file.spec, file.parameters)),

@@ -2,11 +2,12 @@
 
 use super::input::{DataArguments, spinner};
 use super::output::{OutputArguments, say};
-use crate::fit::{FitOptions, outcome::identify};
-use crate::params;
+use crate::driver_file;
 use crate::results::{Study, document, page, table};
-use crate::spec::Spec;
 use compensator_core::{ParameterId, Parameters};
+use friction_identification::fit::{FitOptions, outcome::identify};
+use friction_identification::params;
+use friction_identification::spec::Spec;
 use std::path::PathBuf;
 
 /// Arguments of `identify`.
@@ -60,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let start = match &arguments.start {
         None => None,
         Some(path) => {
-            let file = params::read(path).map_err(|error| error.to_string())?;
+            let file = driver_file::read(path).map_err(|error| error.to_string())?;
             Some(merged(&base, &file.parameters))
         }
     };

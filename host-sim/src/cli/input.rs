@@ -1,11 +1,11 @@
 //! What every command that reads data shares: files, columns, split, rigid body.
 
-use crate::data::{self, Dataset, ReadOptions, Split, SplitRule};
-use crate::fit::track::{campaign_start, tracks_since};
-use crate::fit::{Rows, Track};
-use crate::spec::parse_rigid_body;
 use clap::Args;
 use compensator_core::TermKind;
+use friction_identification::data::{self, Dataset, ReadOptions, Split, SplitRule};
+use friction_identification::fit::track::{campaign_start, tracks_since};
+use friction_identification::fit::{Rows, Track};
+use friction_identification::spec::parse_rigid_body;
 use indicatif::{ProgressBar, ProgressStyle};
 use sha2::{Digest, Sha256};
 use std::collections::HashSet;

@@ -4,11 +4,12 @@
 //! asks the joint for its state twice a second; with `--listen` it sends nothing at all.
 
 use super::bus::BusArguments;
-use crate::bus::slcan::{Options, Slcan};
-use crate::bus::{Bus, BusName, Hub, Recorder};
-use crate::monitor::view::Setting;
-use crate::monitor::{Session, demo, run_lines, run_screen, screen};
-use crate::trace::Fraction;
+use crate::demo_joint;
+use joint_bus::bus::slcan::{Options, Slcan};
+use joint_bus::bus::{Bus, BusName, Hub, Recorder};
+use joint_bus::monitor::view::Setting;
+use joint_bus::monitor::{Session, run_lines, run_screen, screen};
+use joint_trace::Fraction;
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -87,7 +88,7 @@ fn open(arguments: &Arguments) -> Result<Box<dyn Bus>, String> {
 }
 
 fn open_demo(arguments: &Arguments) -> Result<Box<dyn Bus>, String> {
-    let (_, port) = demo::start(arguments.bus.node_id)?;
+    let (_, port) = demo_joint::start(arguments.bus.node_id)?;
     recorded(arguments, Box::new(port))
 }
 

@@ -2,8 +2,8 @@
 
 use super::bus::BusArguments;
 use super::output::say;
-use crate::bus::{BusError, BusName, Hub};
-use crate::joint::JointNode;
+use joint_bus::bus::{BusError, BusName, Hub};
+use joint_bus::joint::JointNode;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

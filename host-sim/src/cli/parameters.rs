@@ -7,11 +7,7 @@
 
 use super::bus::BusArguments;
 use super::output::say;
-use crate::bus::{Bus, BusName, Hub};
-use crate::canopen::{Client, SdoError};
-use crate::data::Joint;
-use crate::joint::JointNode;
-use crate::params;
+use crate::driver_file;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
 use compensator_core::compensator::CompensatorParameters;
@@ -22,6 +18,10 @@ use firmware::node::dictionary::{FRAME_COUNTERS, LOAD, SAVE, index};
 use firmware::set::{DRIVE_LENGTH, ParameterSet};
 use firmware::supervisor::{Code, Thresholds};
 use firmware::watch::WatchParameters;
+use friction_identification::data::Joint;
+use joint_bus::bus::{Bus, BusName, Hub};
+use joint_bus::canopen::{Client, SdoError};
+use joint_bus::joint::JointNode;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -160,7 +160,7 @@ impl Driver {
     fn get(&mut self, names: &[String], json: bool) -> Result<(), String> {
         let set = self.read_set()?;
         if names.is_empty() && !json {
-            return say(&params::emit_set(&set, Joint::Revolute));
+            return say(&driver_file::emit(&set, Joint::Revolute));
         }
         let all = numbers(&set);
         let chosen: Vec<&(String, f32)> = if names.is_empty() {
@@ -190,9 +190,9 @@ impl Driver {
             match item.split_once('=') {
                 Some((name, value)) => put(&mut set, name.trim(), value.trim())?,
                 None => {
-                    let file = params::read(Path::new(item)).map_err(|error| error.to_string())?;
-                    set.friction = file.friction();
-                    file.drive.apply(&mut set);
+                    let file =
+                        driver_file::read(Path::new(item)).map_err(|error| error.to_string())?;
+                    driver_file::apply(&file, &mut set);
                 }
             }
         }
@@ -218,9 +218,9 @@ impl Driver {
 
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode, String> {
         let has = self.read_set()?;
-        let file = params::read(path).map_err(|error| error.to_string())?;
-        let mut wants = ParameterSet { friction: file.friction(), ..has.clone() };
-        file.drive.apply(&mut wants);
+        let file = driver_file::read(path).map_err(|error| error.to_string())?;
+        let mut wants = has.clone();
+        driver_file::apply(&file, &mut wants);
         let mut lines: Vec<(String, String, String)> = Vec::new();
         let (model, meant) = (&has.friction.model, &wants.friction.model);
         let name = |model: &compensator_core::Parameters<f32>| {
@@ -382,7 +382,8 @@ fn unknown(name: &str, all: &[(String, f32)]) -> String {
 /// Sets one number of a set, or its model, from text.
 fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String> {
     if name == "model" {
-        let spec = crate::spec::Spec::parse(value).map_err(|error| error.to_string())?;
+        let spec =
+            friction_identification::spec::Spec::parse(value).map_err(|error| error.to_string())?;
         let mut model = spec.parameters().map_err(|error| error.to_string())?.convert::<f32>();
         for id in ParameterId::ALL {
             model.set(*id, set.friction.model.get(*id));

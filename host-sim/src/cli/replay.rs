@@ -3,15 +3,15 @@
 use super::bus::BusArguments;
 use super::input::spinner;
 use super::output::{OutputArguments, say};
-use crate::bus::{BusName, FaultInjector, FaultPlan, Faults, Hub};
-use crate::canopen::Client;
-use crate::joint::JointNode;
-use crate::params;
-use crate::replay::play::Progress;
-use crate::replay::punctual::be_punctual;
-use crate::replay::report::About;
-use crate::replay::{Check, Plan, Rate, Report, Setup, play, set_up};
+use crate::driver_file;
 use firmware::fed::Number;
+use joint_bus::bus::{BusName, FaultInjector, FaultPlan, Faults, Hub};
+use joint_bus::canopen::Client;
+use joint_bus::joint::JointNode;
+use joint_bus::replay::play::Progress;
+use joint_bus::replay::punctual::be_punctual;
+use joint_bus::replay::report::About;
+use joint_bus::replay::{Check, Plan, Rate, Report, Setup, play, set_up};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -90,7 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
     let words = |error: &dyn std::error::Error| error.to_string();
     let node = arguments.bus.node_id;
     let plan = Plan::read(&arguments.trace, node).map_err(|error| words(&error))?;
-    let file = arguments.params.as_deref().map(params::read).transpose();
+    let file = arguments.params.as_deref().map(driver_file::read).transpose();
     let friction = file.map_err(|error| words(&error))?.map(|file| file.friction());
     let hub = Hub::new();
     if arguments.bus.bus == BusName::Loop {

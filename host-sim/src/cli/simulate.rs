@@ -4,12 +4,12 @@
 //! physical effect or two, or none, is hidden in an otherwise random campaign, for a diagnosis to find.
 
 use super::output::{OutputArguments, say};
-use crate::data::Dataset;
-use crate::plant::worlds::{self, Effect, Kind, Options, WorldTruth};
-use crate::plant::{Recording, record};
-use crate::trace::{EmitOptions, emit};
+use crate::simulated;
 use clap::ValueEnum;
+use friction_identification::data::{Dataset, EmitOptions, emit};
 use serde_json::Value;
+use simulated_machines::worlds::{self, Effect, Kind, Options, WorldTruth};
+use simulated_machines::{Recording, record};
 
 /// Machines that can be simulated.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -178,7 +178,12 @@ fn plain(arguments: &Arguments) -> Result<Log, String> {
         return Err("--runs x --seconds x --rate: more than 1e8 rows".into());
     }
     let truth = record(arguments.seed, how);
-    Ok(Log { csv: truth.csv(), truth: truth.json(), data: truth.dataset(), hidden: String::new() })
+    Ok(Log {
+        csv: truth.csv(),
+        truth: truth.json(),
+        data: simulated::dataset(&truth.log()),
+        hidden: String::new(),
+    })
 }
 
 /// Most seconds and rows of a hidden world: every step of all runs is held in memory.
@@ -209,10 +214,10 @@ fn hidden(arguments: &Arguments) -> Result<Log, String> {
     let sizes: Vec<Option<f64>> = arguments.hide.iter().map(|hide| hide.size).collect();
     let world = worlds::draw_with(kind, &sizes, arguments.seed, &options);
     Ok(Log {
-        csv: world.csv(),
+        csv: world.log.csv(),
         truth: world.truth.json(),
         hidden: told(&world.truth),
-        data: world.data,
+        data: simulated::dataset(&world.log),
     })
 }
 

@@ -13,7 +13,6 @@
 
 mod chart;
 mod figure;
-mod number;
 mod page;
 mod palette;
 mod table;
@@ -21,7 +20,6 @@ mod thin;
 mod write;
 
 pub use chart::{Axis, Chart, Series, Style};
-pub use number::{count, significant, with_error};
 pub use page::{Block, Page};
 pub use table::{Best, Cell, Table};
 pub use thin::{rounded, thin_scatter, thin_series};

@@ -9,7 +9,7 @@
 
 use maud::{Markup, html};
 
-use super::number::{count, significant, with_error};
+use friction_identification::number::{count, significant, with_error};
 
 /// Significant digits of a [`Cell::Number`].
 const DIGITS: usize = 4;

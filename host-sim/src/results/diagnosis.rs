@@ -4,10 +4,10 @@
 //! by regime and direction, the hash of each file. All errors are in the unit of the torque column.
 
 use super::json::{parameter, sources};
-use crate::data::{Dataset, Split};
-use crate::diagnose::finding::Finding;
-use crate::diagnose::{Diagnosis, Hearing, Share, story};
-use crate::fit::Outcome;
+use friction_identification::data::{Dataset, Split};
+use friction_identification::diagnose::finding::Finding;
+use friction_identification::diagnose::{Diagnosis, Hearing, Share, story};
+use friction_identification::fit::Outcome;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 

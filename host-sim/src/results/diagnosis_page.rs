@@ -22,11 +22,11 @@ mod words;
 pub use stochastic::stochastic_section;
 
 use super::page::{Study, View, glossary, in_rows, tables as shared};
-use crate::data::{Dataset, Split};
-use crate::diagnose::{Diagnosis, story};
-use crate::fit::outcome::{Predicted, predict};
-use crate::fit::statistics::autocorrelation_time;
 use crate::report::{Block, Page};
+use friction_identification::data::{Dataset, Split};
+use friction_identification::diagnose::{Diagnosis, story};
+use friction_identification::fit::outcome::{Predicted, predict};
+use friction_identification::fit::statistics::autocorrelation_time;
 use rows::Rows;
 use serde_json::Value;
 

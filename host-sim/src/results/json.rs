@@ -4,9 +4,9 @@
 //! torque column; `nrmse_std` and `nrmse_range` are the RMSE over the standard deviation and over the range
 //! of what was measured on the same rows, `bic` is `n ln(SSE/n) + k ln n` of the training rows.
 
-use crate::data::{Dataset, Split};
-use crate::fit::{Estimate, Metrics, Outcome};
-use crate::params::unit;
+use friction_identification::data::{Dataset, Split};
+use friction_identification::fit::{Estimate, Metrics, Outcome};
+use friction_identification::params::unit;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 

@@ -17,10 +17,10 @@ mod summary;
 pub(super) mod tables;
 pub(super) mod words;
 
-use crate::data::{Dataset, Joint, Split};
-use crate::fit::{Outcome, Rows};
 use crate::report::{Block, Page};
 use compensator_core::LawKind;
+use friction_identification::data::{Dataset, Joint, Split};
+use friction_identification::fit::{Outcome, Rows};
 use held_out::HeldOut;
 
 /// How many of the best models are drawn in the open.
@@ -102,7 +102,7 @@ impl<'a> View<'a> {
 }
 
 /// The parameters that were fitted, not kept.
-fn fitted(fit: &Outcome) -> impl Iterator<Item = &crate::fit::Estimate> {
+fn fitted(fit: &Outcome) -> impl Iterator<Item = &friction_identification::fit::Estimate> {
     fit.estimates.iter().filter(|estimate| estimate.std_error.is_some())
 }
 

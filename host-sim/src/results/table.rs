@@ -1,23 +1,11 @@
 //! The same results on a terminal.
 
-use crate::data::Dataset;
-use crate::diagnose::Diagnosis;
-use crate::fit::Outcome;
-use crate::params::unit;
 use comfy_table::{CellAlignment, Table, presets};
-
-/// A number with four significant digits, without an exponent where that reads well.
-pub fn figure(value: f64) -> String {
-    let size = value.abs();
-    if size == 0.0 {
-        return "0".to_owned();
-    }
-    if !(1e-3..1e6).contains(&size) {
-        return format!("{value:.3e}");
-    }
-    let digits = (3 - size.log10().floor() as i32).clamp(0, 6) as usize;
-    format!("{value:.digits$}")
-}
+use friction_identification::data::Dataset;
+use friction_identification::diagnose::Diagnosis;
+use friction_identification::fit::Outcome;
+use friction_identification::number::figure;
+use friction_identification::params::unit;
 
 fn table(header: &[&str], numbers_from: usize) -> Table {
     let mut table = Table::new();

@@ -3,9 +3,9 @@
 #![no_main]
 
 use compensator_core::can::Node;
-use host_sim::replay::Plan;
-use host_sim::trace::Assembler;
-use host_sim::trace::candump::{self, CanFrame, Fraction};
+use joint_bus::replay::Plan;
+use joint_trace::Assembler;
+use joint_trace::candump::{self, CanFrame, Fraction};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {

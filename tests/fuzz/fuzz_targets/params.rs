@@ -4,7 +4,7 @@
 
 use compensator_core::record;
 use firmware::set::ParameterSet;
-use host_sim::params::{emit_set, parse};
+use host_sim::driver_file::{apply, emit, parse};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {
@@ -17,18 +17,18 @@ fuzz_target!(|data: &[u8]| {
         }
     };
     file.parameters.validate().expect("what is read is valid");
-    let mut set = ParameterSet { friction: file.friction(), ..ParameterSet::default() };
-    file.drive.apply(&mut set);
+    let mut set = ParameterSet::default();
+    apply(&file, &mut set);
     // In `f32`, and with the rest of the driver, it may be refused; it is no panic.
     if set.validate().is_err() {
         return;
     }
     assert_eq!(record::parse(&record::emit(&set.friction)).as_ref(), Ok(&set.friction));
-    let written = emit_set(&set, file.joint);
+    let written = emit(&set, file.joint);
     let again = parse(&written).unwrap_or_else(|why| panic!("{why}\n{written}"));
-    let mut read = ParameterSet { friction: again.friction(), ..ParameterSet::default() };
-    again.drive.apply(&mut read);
-    assert_eq!(emit_set(&read, again.joint), written);
+    let mut read = ParameterSet::default();
+    apply(&again, &mut read);
+    assert_eq!(emit(&read, again.joint), written);
     // What a model does not use is not in its file.
     for id in set.friction.model.active() {
         let (found, expected) = (read.friction.model.get(id), set.friction.model.get(id));

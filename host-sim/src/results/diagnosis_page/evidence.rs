@@ -11,11 +11,12 @@ use super::Scene;
 use super::bins::{Bins, Mean, Spacing};
 use super::figures::{AFTER, fitting_range};
 use super::rows::{AT_REST, Rows, rate, rest_before, since_reversal};
-use crate::diagnose::Finding;
-use crate::fit::outcome::predict;
-use crate::report::{Axis, Chart, Series, Style, rounded, significant, thin_scatter};
+use crate::report::{Axis, Chart, Series, Style, rounded, thin_scatter};
 use ParameterId as Id;
 use compensator_core::{ParameterId, TermKind};
+use friction_identification::diagnose::Finding;
+use friction_identification::fit::outcome::predict;
+use friction_identification::number::significant;
 use std::f64::consts::TAU;
 
 /// Bins of a chart over the whole width, and of one of two.

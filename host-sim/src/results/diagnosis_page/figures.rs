@@ -4,9 +4,10 @@ use super::Scene;
 use super::bins::{Bins, Mean, Spacing};
 use super::rows::Stretch;
 use super::rows::times;
-use crate::diagnose::{Diagnosis, Hearing, Share};
-use crate::report::{Axis, Chart, Series, rounded, significant, thin_scatter, thin_series};
+use crate::report::{Axis, Chart, Series, rounded, thin_scatter, thin_series};
 use crate::results::page::words::quantity;
+use friction_identification::diagnose::{Diagnosis, Hearing, Share};
+use friction_identification::number::significant;
 
 /// The base model in every legend.
 pub(super) const BEFORE: &str = "before";

@@ -6,10 +6,10 @@
 //! every row. So a column is made at the full rate, stretch by stretch, and thinned afterwards as the
 //! residual was ([`Rows::column`]).
 
-use crate::data::{Dataset, Part};
-use crate::diagnose::Log;
-use crate::fit::Track;
-use crate::fit::outcome::Predicted;
+use friction_identification::data::{Dataset, Part};
+use friction_identification::diagnose::Log;
+use friction_identification::fit::Track;
+use friction_identification::fit::outcome::Predicted;
 use std::ops::Range;
 
 /// Below this share of the fastest speed a joint rests.

@@ -5,8 +5,9 @@
 //! hold it, large where they hardly feel it. Whatever is missing is left out, never invented.
 
 use super::figures::{AFTER, BEFORE};
-use crate::report::{Axis, Block, Cell, Chart, Series, Table, significant};
-use crate::stochastic::CV_MOST;
+use crate::report::{Axis, Block, Cell, Chart, Series, Table};
+use friction_identification::number::significant;
+use friction_identification::stochastic::CV_MOST;
 use serde_json::{Map, Value};
 
 /// The section, from the stochastic extension of the base model and of the extended one; nothing

@@ -1,12 +1,13 @@
 //! The tables of the page.
 
 use super::Scene;
-use crate::data::Joint;
-use crate::diagnose::{Diagnosis, Hearing, Share};
-use crate::fit::{Estimate, Outcome, State};
-use crate::params::unit;
-use crate::report::{Cell, Table, significant};
+use crate::report::{Cell, Table};
 use compensator_core::ParameterId;
+use friction_identification::data::Joint;
+use friction_identification::diagnose::{Diagnosis, Hearing, Share};
+use friction_identification::fit::{Estimate, Outcome, State};
+use friction_identification::number::significant;
+use friction_identification::params::unit;
 
 fn header<const N: usize>(names: [&str; N]) -> Vec<String> {
     names.map(str::to_owned).to_vec()

@@ -1,11 +1,11 @@
 //! The page's title and the texts beside its charts and tables.
 
 use super::Scene;
-use crate::diagnose::round::{MATERIAL, SIGNIFICANT};
-use crate::diagnose::{Diagnosis, Finding};
-use crate::report::significant;
 use crate::results::page::words::{self as shared, counted, listed, quantity};
 use compensator_core::term::UNKNOWN_LEVELS;
+use friction_identification::diagnose::round::{MATERIAL, SIGNIFICANT};
+use friction_identification::diagnose::{Diagnosis, Finding};
+use friction_identification::number::significant;
 
 /// Where nothing was found.
 pub(super) const NOTHING_FOUND: &str = "No cause passed: what the base model leaves over is no more than noise as far as \
@@ -133,7 +133,7 @@ pub(super) fn verdicts(scene: &Scene) -> Vec<String> {
     if scene.is_extended() {
         fits.push(("after", &found.extended));
     }
-    let said = |(when, fit): (&'static str, &crate::fit::Outcome)| {
+    let said = |(when, fit): (&'static str, &friction_identification::fit::Outcome)| {
         let sentence =
             move |verdict: &String| format!("{when}: {}.", verdict.trim_end_matches('.'));
         fit.verdicts.iter().map(sentence).collect::<Vec<_>>()

@@ -7,7 +7,8 @@
 
 use super::View;
 use super::words::quantity;
-use crate::report::{Axis, Chart, Series, rounded, significant, thin_scatter, thin_series};
+use crate::report::{Axis, Chart, Series, rounded, thin_scatter, thin_series};
+use friction_identification::number::significant;
 
 /// Points of a cloud, of logged rows and of a model each.
 const CLOUD: usize = 1500;
@@ -22,7 +23,7 @@ const LOGGED: &str = "as logged";
 pub(super) fn errors(view: &View) -> Chart {
     let names = view.ranking.iter().map(|&fit| view.name(fit));
     let places = || (0..view.ranking.len()).map(|place| place as f64).collect();
-    let of = |rmse: fn(&crate::fit::Outcome) -> f64| {
+    let of = |rmse: fn(&friction_identification::fit::Outcome) -> f64| {
         view.ranking.iter().map(|&fit| rmse(view.fit(fit))).collect()
     };
     Chart {

@@ -1,8 +1,8 @@
 //! What the words and numbers of the page mean, and how they came about.
 
 use super::View;
-use crate::fit::Resolution;
 use compensator_core::{LawKind, TermKind};
+use friction_identification::fit::Resolution;
 
 /// Definitions of the metrics.
 pub(in crate::results) fn metrics(view: &View) -> Vec<String> {

@@ -10,9 +10,9 @@
 //! decimated, so is it here.
 
 use super::Study;
-use crate::fit::outcome::predict;
-use crate::fit::statistics::autocorrelation_time;
-use crate::fit::{Outcome, Track};
+use friction_identification::fit::outcome::predict;
+use friction_identification::fit::statistics::autocorrelation_time;
+use friction_identification::fit::{Outcome, Track};
 use rayon::prelude::*;
 use std::ops::Range;
 

@@ -8,8 +8,8 @@
 use super::figures::neighbours;
 use super::words::{listed, quantity};
 use super::{View, fitted};
-use crate::fit::{Outcome, State};
 use compensator_core::{ParameterId as Id, TermKind};
+use friction_identification::fit::{Outcome, State};
 
 /// Errors on held-out rows within this factor of those on the training rows are the same.
 const AS_WELL: f64 = 1.25;

@@ -1,9 +1,9 @@
 //! The tables of the page.
 
 use super::{View, fitted};
-use crate::fit::{Estimate, Metrics, Outcome, State};
-use crate::params::unit;
 use crate::report::{Best, Block, Cell, Table};
+use friction_identification::fit::{Estimate, Metrics, Outcome, State};
+use friction_identification::params::unit;
 use std::ops::Range;
 
 /// More runs than this are only counted.
@@ -54,7 +54,7 @@ fn metrics(
 }
 
 pub(in crate::results) fn held_out_metrics(view: &View) -> Table {
-    let rows = crate::report::count(view.fit(view.best()).test.rows as u64);
+    let rows = friction_identification::number::count(view.fit(view.best()).test.rows as u64);
     let more = |fit: &Outcome| vec![Cell::Digits(fit.seconds, 2)];
     let marked = if view.study.fits.len() > 1 { "; the best of each column is marked" } else { "" };
     let caption = format!("On {rows} held-out rows{marked}");
@@ -62,7 +62,7 @@ pub(in crate::results) fn held_out_metrics(view: &View) -> Table {
 }
 
 pub(in crate::results) fn train_metrics(view: &View) -> Table {
-    let rows = crate::report::count(view.fit(view.best()).train.rows as u64);
+    let rows = friction_identification::number::count(view.fit(view.best()).train.rows as u64);
     let more = |fit: &Outcome| {
         // To the unit, however large: only differences count.
         let digits = fit.bic.abs().max(1.0).log10() as usize + 1;
@@ -150,11 +150,11 @@ pub(in crate::results) fn files(view: &View) -> Table {
 
 pub(in crate::results) fn runs(view: &View) -> Table {
     let (data, split) = (view.study.data, view.study.split);
-    let rows_of = |parts: &[crate::data::Part], run: usize| -> Cell {
+    let rows_of = |parts: &[friction_identification::data::Part], run: usize| -> Cell {
         let own = parts.iter().filter(|part| part.run == run);
         Cell::Count(own.map(|part| Range::len(&part.rows) as u64).sum())
     };
-    let row = |(index, run): (usize, &crate::data::Run)| {
+    let row = |(index, run): (usize, &friction_identification::data::Run)| {
         let seconds = run.time_s[run.len() - 1] - run.time_s[0];
         let rate = (run.len() - 1) as f64 / seconds;
         vec![

@@ -1,8 +1,8 @@
 //! The page's title and the texts beside its charts and tables.
 
 use super::View;
-use crate::data::{Joint, Part};
-use crate::report::{count, significant};
+use friction_identification::data::{Joint, Part};
+use friction_identification::number::{count, significant};
 
 /// Above the parameter tables.
 pub(in crate::results) const PARAMETERS: &str = "A value is given with one standard error. Only a parameter that is \"determined\" says \

@@ -1,0 +1,327 @@
+//! A CANopen client: reads and writes the objects of a node, over any bus.
+//!
+//! Frames are coded by `canopen-rs`. Its own client holds values of at most 64 bytes; a parameter record
+//! has more, so the little there is to a client is here. Whatever else is on the bus while an answer is
+//! awaited is kept for whoever asks for it with [`Client::overheard`].
+
+use crate::bus::{Bus, BusError, Received};
+use canopen_rs::Address;
+use canopen_rs::sdo::{
+    decode_abort, decode_data_segment, decode_download_response, decode_download_segment_response,
+    decode_upload_initiate_segmented_response, encode_data_segment,
+    encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
+};
+use compensator_core::can::{Frame, Node};
+use firmware::node::dictionary::{Object, index};
+use joint_trace::CanFrame;
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// How long a node may take to answer.
+pub const ANSWER_TIME: Duration = Duration::from_millis(1000);
+
+/// Frames kept while an answer is awaited, at most; the oldest are dropped.
+const OVERHEARD: usize = 4096;
+
+/// Why an object could not be read or written; one line.
+#[derive(Debug, thiserror::Error)]
+pub enum SdoError {
+    /// The bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// Nobody answered.
+    #[error("node {node} does not answer: is it on the bus, and is its number right?")]
+    Silent {
+        /// Who was asked.
+        node: u8,
+    },
+    /// The node refused.
+    #[error("{object}: refused: {} (abort code {code:08X}){}", abort_words(*.code), reason(.why))]
+    Refused {
+        /// The object, by name and address.
+        object: String,
+        /// Abort code of CiA 301.
+        code: u32,
+        /// What the node says itself, where it says something.
+        why: String,
+    },
+    /// The answer makes no sense.
+    #[error("{object}: node {node} answers what CiA 301 does not know")]
+    Protocol {
+        /// The object.
+        object: String,
+        /// Who answered.
+        node: u8,
+    },
+    /// The value has another length than its type.
+    #[error("{object}: {found} bytes, expected {expected}")]
+    Length {
+        /// The object.
+        object: String,
+        /// Bytes that came.
+        found: usize,
+        /// Bytes expected.
+        expected: usize,
+    },
+}
+
+fn reason(why: &str) -> String {
+    if why.is_empty() { String::new() } else { format!(": {why}") }
+}
+
+/// Abort codes in words (CiA 301, table 22).
+fn abort_words(code: u32) -> &'static str {
+    match code {
+        0x0503_0000 => "toggle bit not alternated",
+        0x0504_0000 => "protocol timed out",
+        0x0504_0001 => "unknown command",
+        0x0504_0005 => "out of memory",
+        0x0601_0001 => "write only",
+        0x0601_0002 => "read only",
+        0x0602_0000 => "no such object",
+        0x0606_0000 => "the flash would not take it",
+        0x0607_0012 => "too many bytes",
+        0x0607_0013 => "too few bytes",
+        0x0609_0011 => "no such sub-index",
+        0x0609_0030 => "value out of range",
+        0x0609_0031 => "value too high",
+        0x0609_0032 => "value too low",
+        0x0800_0020 => "cannot be done",
+        0x0800_0022 => "not in this state",
+        _ => "refused",
+    }
+}
+
+/// A client of one node.
+pub struct Client<B> {
+    bus: B,
+    node: Node,
+    overheard: VecDeque<Received>,
+}
+
+impl<B: Bus> Client<B> {
+    /// A client of this node.
+    pub fn new(bus: B, node: Node) -> Self {
+        Self { bus, node, overheard: VecDeque::new() }
+    }
+
+    /// The bus.
+    pub fn bus(&mut self) -> &mut B {
+        &mut self.bus
+    }
+
+    /// The bus, given back; what was overheard and not asked for is lost.
+    pub fn into_bus(self) -> B {
+        self.bus
+    }
+
+    /// The next frame that came while an answer was awaited.
+    pub fn overheard(&mut self) -> Option<Received> {
+        self.overheard.pop_front()
+    }
+
+    /// Sends a network command (CiA 301, 7.2.8.2) to this node.
+    ///
+    /// # Errors
+    /// As [`Bus::send`].
+    pub fn command(&mut self, command: canopen_rs::NmtCommand) -> Result<(), BusError> {
+        let data = [command as u8, self.node.number()];
+        match Frame::new(0, &data) {
+            Some(frame) => self.bus.send(&frame.into()),
+            None => Ok(()),
+        }
+    }
+
+    /// Reads a value.
+    ///
+    /// # Errors
+    /// See [`SdoError`].
+    pub fn read(&mut self, at: Address) -> Result<Vec<u8>, SdoError> {
+        let value = self.upload(at);
+        self.with_reason(value)
+    }
+
+    fn upload(&mut self, at: Address) -> Result<Vec<u8>, SdoError> {
+        let answer = self.exchange(at, encode_upload_request(at))?;
+        // Expedited: the value is in the answer, with or without its size.
+        if answer[0] & 0xE2 == 0x42 {
+            let unused = if answer[0] & 1 != 0 { usize::from(answer[0] >> 2 & 3) } else { 0 };
+            return Ok(answer[4..8 - unused].to_vec());
+        }
+        let (_, length) =
+            decode_upload_initiate_segmented_response(&answer).map_err(|_| self.protocol(at))?;
+        let mut value = Vec::with_capacity((length as usize).min(1 << 16));
+        let mut toggle = false;
+        loop {
+            let answer = self.exchange(at, encode_upload_segment_request(toggle))?;
+            let segment = decode_data_segment(&answer).map_err(|_| self.protocol(at))?;
+            if segment.toggle != toggle {
+                return Err(self.protocol(at));
+            }
+            value.extend_from_slice(segment.data);
+            if segment.last {
+                break;
+            }
+            toggle = !toggle;
+        }
+        let (found, expected) = (value.len(), length as usize);
+        if found != expected {
+            return Err(SdoError::Length { object: name(at), found, expected });
+        }
+        Ok(value)
+    }
+
+    /// Writes a value.
+    ///
+    /// # Errors
+    /// See [`SdoError`].
+    pub fn write(&mut self, at: Address, value: &[u8]) -> Result<(), SdoError> {
+        let done = self.download(at, value);
+        self.with_reason(done)
+    }
+
+    fn download(&mut self, at: Address, value: &[u8]) -> Result<(), SdoError> {
+        if (1..=4).contains(&value.len()) {
+            let mut request = [0; 8];
+            request[0] = 0x23 | ((4 - value.len()) as u8) << 2;
+            request[1..3].copy_from_slice(&at.index.to_le_bytes());
+            request[3] = at.subindex;
+            request[4..4 + value.len()].copy_from_slice(value);
+            let answer = self.exchange(at, request)?;
+            return decode_download_response(&answer).map(|_| ()).map_err(|_| self.protocol(at));
+        }
+        let begin = encode_download_initiate_segmented(at, value.len() as u32);
+        let answer = self.exchange(at, begin)?;
+        decode_download_response(&answer).map_err(|_| self.protocol(at))?;
+        let count = value.chunks(7).count().max(1);
+        for place in 0..count {
+            let chunk = value.chunks(7).nth(place).unwrap_or_default();
+            let toggle = place % 2 == 1;
+            let segment = encode_data_segment(chunk, toggle, place + 1 == count)
+                .map_err(|_| self.protocol(at))?;
+            let answer = self.exchange(at, segment)?;
+            if decode_download_segment_response(&answer) != Ok(toggle) {
+                return Err(self.protocol(at));
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads a number of up to four bytes.
+    ///
+    /// # Errors
+    /// See [`SdoError`].
+    pub fn read_number(&mut self, at: Address) -> Result<u32, SdoError> {
+        let value = self.read(at)?;
+        let mut word = [0; 4];
+        let place = word.get_mut(..value.len()).ok_or_else(|| SdoError::Length {
+            object: name(at),
+            found: value.len(),
+            expected: 4,
+        })?;
+        place.copy_from_slice(&value);
+        Ok(u32::from_le_bytes(word))
+    }
+
+    /// Reads an `f32`.
+    ///
+    /// # Errors
+    /// See [`SdoError`].
+    pub fn read_float(&mut self, at: Address) -> Result<f32, SdoError> {
+        self.read_number(at).map(f32::from_bits)
+    }
+
+    /// Reads a text.
+    ///
+    /// # Errors
+    /// See [`SdoError`].
+    pub fn read_text(&mut self, at: Address) -> Result<String, SdoError> {
+        let bytes = self.read(at)?;
+        Ok(String::from_utf8_lossy(&bytes).trim_end().to_owned())
+    }
+
+    /// Puts the node's own words for it to a refusal, where its code does not say all.
+    fn with_reason<T>(&mut self, outcome: Result<T, SdoError>) -> Result<T, SdoError> {
+        match outcome {
+            Err(SdoError::Refused { object, code, .. })
+                if matches!(
+                    code,
+                    0x0606_0000 | 0x0609_0030..=0x0609_0032 | 0x0800_0020 | 0x0800_0022
+                ) =>
+            {
+                let text = self.upload(Address::new(index::REFUSAL, 0)).unwrap_or_default();
+                let why = String::from_utf8_lossy(&text).trim().to_owned();
+                Err(SdoError::Refused { object, code, why })
+            }
+            other => other,
+        }
+    }
+
+    /// Sends a request and waits for its answer.
+    fn exchange(&mut self, at: Address, request: [u8; 8]) -> Result<[u8; 8], SdoError> {
+        let answer = self.answer_to(request)?;
+        let Ok((_, code)) = decode_abort(&answer) else { return Ok(answer) };
+        Err(SdoError::Refused { object: name(at), code, why: String::new() })
+    }
+
+    fn answer_to(&mut self, request: [u8; 8]) -> Result<[u8; 8], SdoError> {
+        let number = u16::from(self.node.number());
+        let silent = SdoError::Silent { node: self.node.number() };
+        let Some(frame) = Frame::new(0x600 + number, &request) else { return Err(silent) };
+        self.bus.send(&CanFrame::from(frame))?;
+        let until_ns = self.bus.now_ns().saturating_add(ANSWER_TIME.as_nanos() as u64);
+        while let Some(received) = self.bus.receive(until_ns)? {
+            let answer = received.frame.to_joint();
+            let answer = answer.filter(|frame| frame.identifier() == 0x580 + number);
+            let data = answer.and_then(|frame| frame.data().try_into().ok());
+            if let Some(data) = data.filter(|data| answers(&request, data)) {
+                return Ok(data);
+            }
+            if self.overheard.len() == OVERHEARD {
+                self.overheard.pop_front();
+            }
+            self.overheard.push_back(received);
+        }
+        Err(silent)
+    }
+
+    fn protocol(&self, at: Address) -> SdoError {
+        SdoError::Protocol { object: name(at), node: self.node.number() }
+    }
+}
+
+/// Whether an answer can be that to a request, and not one to another tool on the bus: the first of a
+/// transfer names its object, the others say only what they are.
+fn answers(request: &[u8; 8], answer: &[u8; 8]) -> bool {
+    const KIND: u8 = 0xE0;
+    let begins = matches!(request[0] & KIND, 0x20 | 0x40);
+    if begins { request[1..4] == answer[1..4] } else { matches!(answer[0] & KIND, 0 | 0x20 | 0x80) }
+}
+
+/// An object by name and address, as `compensator.scale (2022h:1)`.
+pub fn name(at: Address) -> String {
+    let address = format!("{:04X}h:{}", at.index, at.subindex);
+    let Some(object) = Object::find(at.index) else { return address };
+    match object.entry(at.subindex) {
+        Some(_) if object.last() == 0 => format!("{} ({address})", object.name),
+        Some(entry) => format!("{}.{} ({address})", object.name, entry.name),
+        None => format!("{} ({address})", object.name),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::answers;
+
+    #[test]
+    fn an_answer_to_somebody_else_is_none() {
+        let asked = [0x40, 0x22, 0x20, 1, 0, 0, 0, 0];
+        assert!(answers(&asked, &[0x43, 0x22, 0x20, 1, 0, 0, 0, 0]));
+        assert!(answers(&asked, &[0x80, 0x22, 0x20, 1, 0, 0, 9, 6]));
+        assert!(!answers(&asked, &[0x43, 0x02, 0x20, 2, 0, 0, 0, 0]));
+        // A segment does not name its object, but is no answer that begins a transfer.
+        let segment = [0x60, 0, 0, 0, 0, 0, 0, 0];
+        assert!(answers(&segment, &[0x00, 1, 2, 3, 4, 5, 6, 7]));
+        assert!(!answers(&segment, &[0x43, 0x22, 0x20, 1, 0, 0, 0, 0]));
+    }
+}

@@ -1,0 +1,17 @@
+//! A joint driver on a CAN bus, seen from a PC.
+//!
+//! ```text
+//! bus (a hub in virtual time, SocketCAN, slcan; a recorder and a fault injector around any of them)
+//!  ├─ canopen   reads and writes a joint's objects
+//!  ├─ joint     is a joint: the firmware's own driver on a bus
+//!  ├─ replay    plays a trace to a joint and holds every answer against the core, bit for bit
+//!  └─ monitor   shows a joint to a person
+//! ```
+//!
+//! Time is the bus's: a hub's is virtual, so that a minute of traffic takes milliseconds.
+
+pub mod bus;
+pub mod canopen;
+pub mod joint;
+pub mod monitor;
+pub mod replay;

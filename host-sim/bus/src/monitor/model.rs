@@ -1,0 +1,465 @@
+//! What is known of a joint from the frames on its bus.
+//!
+//! Frames and times in, a [`View`] out: nothing here reads a clock, a bus or a terminal. Everything that
+//! is known carries the time it was heard, so that a view can say how old it is: a joint that has fallen
+//! silent must not look like one that stands still. SYNCs are judged by the driver's own code
+//! ([`Inbox`]). Faults and limits come from emergencies at once, and from objects for those that were
+//! there before.
+
+use super::asker::{Request, Told};
+use super::rates::Rates;
+use super::series::Series;
+use super::view_data::{
+    Band, Codes, Event, EventKind, Heartbeat, Lens, Quantity, Reading, SyncCounts, View,
+};
+use crate::bus::{BitRates, Received};
+use canopen_rs::NmtState;
+use canopen_rs::emcy::EmergencyMessage;
+use canopen_rs::nmt::decode_heartbeat;
+use compensator_core::can::{Entry, Frame, Inbox, JointKind, Message, Node, Sync, SyncOutcome};
+use compensator_core::compensator::Flags;
+use firmware::node::dictionary::index;
+use firmware::supervisor::Code;
+use joint_trace::CanFrame;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+/// Events that are kept.
+const EVENTS: usize = 500;
+/// Without a SYNC for so long the next one begins anew: what was lost meanwhile cannot be counted.
+const SYNC_PAUSE_NS: u64 = 1_000_000_000;
+/// Without a frame of the joint for so long it is silent, if it has no slower heartbeat.
+const SILENT_NS: u64 = 3_000_000_000;
+/// Objects this old are stale: four rounds of reading.
+const OBJECTS_STALE_NS: u64 = 2_000_000_000;
+
+/// Time since an earlier one, s.
+fn age_s(at_ns: u64, now_ns: u64) -> f64 {
+    now_ns.saturating_sub(at_ns) as f64 * 1e-9
+}
+
+/// What is known of a joint.
+#[derive(Debug)]
+pub struct Model {
+    node: Node,
+    start_ns: u64,
+    inbox: Inbox,
+    kind: JointKind,
+    series: [Series; Quantity::ALL.len()],
+    rates: Rates,
+    syncs: SyncCounts,
+    last_sync_ns: Option<u64>,
+    /// When the losses that are one line of the log began, ns, and how many there were.
+    losses: (u64, u64),
+    nmt: Option<NmtState>,
+    heartbeat_ns: Option<u64>,
+    heartbeat_step_ns: Option<u64>,
+    heard_ns: Option<u64>,
+    silent: bool,
+    flags: Option<(u64, Flags)>,
+    /// Values of the objects that are read, by index and sub-index.
+    objects: BTreeMap<(u16, u8), (u64, u32)>,
+    /// Numbers of the codes that are there.
+    codes: BTreeSet<u8>,
+    emergencies: u64,
+    error_frames: u64,
+    events: VecDeque<Event>,
+    events_ever: u64,
+}
+
+impl Model {
+    /// Nothing is known yet.
+    pub fn new(node: Node, start_ns: u64) -> Self {
+        Self {
+            node,
+            start_ns,
+            inbox: Inbox::new(node),
+            kind: JointKind::default(),
+            series: Default::default(),
+            rates: Rates::new(start_ns),
+            syncs: SyncCounts::default(),
+            last_sync_ns: None,
+            losses: (0, 0),
+            nmt: None,
+            heartbeat_ns: None,
+            heartbeat_step_ns: None,
+            heard_ns: None,
+            silent: false,
+            flags: None,
+            objects: BTreeMap::new(),
+            codes: BTreeSet::new(),
+            emergencies: 0,
+            error_frames: 0,
+            events: VecDeque::new(),
+            events_ever: 0,
+        }
+    }
+
+    /// Puts a line into the log.
+    pub fn log(&mut self, time_ns: u64, kind: EventKind, text: impl Into<String>) {
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
+        }
+        self.events_ever += 1;
+        self.events.push_back(Event { time_ns, kind, text: text.into() });
+    }
+
+    /// Takes in a frame that was heard. `true` where the joint has shown up, or is in another state.
+    pub fn take(&mut self, received: &Received) -> bool {
+        let Received { time_ns, ref frame } = *received;
+        self.count(time_ns, frame);
+        if matches!(frame, CanFrame::Error { .. }) {
+            self.error_frames += 1;
+            return false;
+        }
+        let Some(frame) = frame.to_joint() else { return false };
+        let number = u16::from(self.node.number());
+        let identifier = frame.identifier();
+        let is_joints = matches!(identifier.wrapping_sub(number), 0x080 | 0x180 | 0x280 | 0x380)
+            || matches!(identifier.wrapping_sub(number), 0x580 | 0x700);
+        let mut news = false;
+        if is_joints {
+            news = self.heard_ns.is_none() || self.silent;
+            if self.silent {
+                self.log(time_ns, EventKind::Good, "the joint is heard again");
+            }
+            (self.heard_ns, self.silent) = (Some(time_ns), false);
+        }
+        if identifier == 0x700 + number {
+            return self.heartbeat(&frame, time_ns) || news;
+        }
+        if identifier == 0x080 + number {
+            self.emergency(&frame, time_ns);
+            return true;
+        }
+        if let Ok(message) = Message::parse(&frame) {
+            self.message(&message, time_ns);
+        }
+        news
+    }
+
+    /// Takes in a frame the monitor itself has sent: it loads the bus too.
+    pub fn sent(&mut self, time_ns: u64, frame: &CanFrame) {
+        self.count(time_ns, frame);
+    }
+
+    fn count(&mut self, time_ns: u64, frame: &CanFrame) {
+        let slot = self.rates.at(time_ns);
+        slot.frames += 1;
+        slot.wire_ns += BitRates::FASTEST.duration_ns(frame);
+    }
+
+    fn push(&mut self, quantity: Quantity, time_ns: u64, value: f32) {
+        self.series[quantity as usize].push(time_ns, value);
+    }
+
+    fn message(&mut self, message: &Message, time_ns: u64) {
+        if let Message::Sync(sync) = message {
+            return self.sync(*sync, time_ns);
+        }
+        if message.node() != Some(self.node) {
+            return;
+        }
+        if self.inbox.take(message) {
+            self.log(time_ns, EventKind::Note, "a run begins");
+        }
+        match *message {
+            Message::Motion(_, of) => self.push(Quantity::Velocity, time_ns, of.velocity_rad_s),
+            Message::Answer(_, of) => {
+                self.rates.at(time_ns).answers += 1;
+                self.push(Quantity::Friction, time_ns, of.friction_torque_nm);
+                self.push(Quantity::FeedForward, time_ns, of.feed_forward_current_a);
+            }
+            Message::Telemetry(_, of) => {
+                self.push(Quantity::Current, time_ns, of.current_a);
+                self.push(Quantity::Residual, time_ns, of.residual_torque_nm);
+            }
+            Message::Status(_, of) => self.flags = Some((time_ns, of.flags)),
+            Message::Entry(_, Entry::JointKind(kind)) => self.kind = kind,
+            _ => {}
+        }
+    }
+
+    fn sync(&mut self, sync: Sync, time_ns: u64) {
+        let paused = |last: u64| time_ns.saturating_sub(last) > SYNC_PAUSE_NS;
+        if self.last_sync_ns.is_some_and(paused) {
+            self.inbox = Inbox::new(self.node);
+        }
+        self.last_sync_ns = Some(time_ns);
+        match self.inbox.sync(sync) {
+            SyncOutcome::Sample { lost } => {
+                self.inbox.end_sample();
+                self.rates.at(time_ns).samples += 1;
+                if lost > 0 {
+                    self.syncs.lost += u64::from(lost);
+                    self.log_loss(lost, time_ns);
+                }
+            }
+            SyncOutcome::Duplicate => self.syncs.duplicate += 1,
+            SyncOutcome::Late => self.syncs.late += 1,
+        }
+    }
+
+    /// A second of losses is a line, or a bad cable would drive everything else out of the log.
+    fn log_loss(&mut self, lost: u8, time_ns: u64) {
+        let line = |count: u64| format!("{count} SYNC{} lost", if count == 1 { "" } else { "s" });
+        let (begun_ns, count) = self.losses;
+        let goes_on = time_ns.saturating_sub(begun_ns) < SYNC_PAUSE_NS && count > 0;
+        let was = line(count);
+        if goes_on && let Some(event) = self.events.back_mut().filter(|event| event.text == was) {
+            self.losses.1 += u64::from(lost);
+            event.text = line(self.losses.1);
+            return;
+        }
+        self.losses = (time_ns, u64::from(lost));
+        self.log(time_ns, EventKind::Warning, line(u64::from(lost)));
+    }
+
+    fn heartbeat(&mut self, frame: &Frame, time_ns: u64) -> bool {
+        let Ok(data) = <&[u8; 1]>::try_from(frame.data()) else { return false };
+        let Ok(state) = decode_heartbeat(data) else { return false };
+        if state == NmtState::Initialising {
+            self.log(time_ns, EventKind::Warning, "the joint has started");
+            // What was there before the start need not be there after it.
+            (self.heartbeat_ns, self.heartbeat_step_ns) = (None, None);
+            self.codes.clear();
+            self.objects.clear();
+        } else {
+            let step_ns = self.heartbeat_ns.map(|before| time_ns.saturating_sub(before));
+            // Smoothed: an adapter may hand over several at once.
+            self.heartbeat_step_ns = match (self.heartbeat_step_ns, step_ns) {
+                (Some(usual_ns), Some(step_ns)) => Some((3 * usual_ns + step_ns) / 4),
+                (usual_ns, step_ns) => usual_ns.or(step_ns),
+            };
+        }
+        self.heartbeat_ns = Some(time_ns);
+        let is_new = self.nmt != Some(state);
+        if is_new && state != NmtState::Initialising {
+            self.log(time_ns, EventKind::Note, format!("network state {}", nmt_name(state)));
+        }
+        self.nmt = Some(state);
+        is_new || state == NmtState::Initialising
+    }
+
+    fn emergency(&mut self, frame: &Frame, time_ns: u64) {
+        let Ok(message) = EmergencyMessage::decode(frame.data()) else { return };
+        self.emergencies += 1;
+        let (code, number) = (message.error_code, message.vendor_specific[0]);
+        let raised = code != 0;
+        if raised {
+            self.codes.insert(number);
+        } else {
+            self.codes.remove(&number);
+        }
+        let fault = number <= 32;
+        let what = if fault { "fault" } else { "limit" };
+        let name = code_name(number);
+        let kind = match (raised, fault) {
+            (true, true) => EventKind::Fault,
+            (true, false) => EventKind::Warning,
+            (false, _) => EventKind::Good,
+        };
+        let text = match (raised, Code::from_number(number)) {
+            (true, Some(known)) => {
+                format!("{what} {name} ({code:04X}h): {}", known.info().raised_by)
+            }
+            (true, None) => format!("{what} {name} ({code:04X}h)"),
+            (false, _) => format!("{what} {name} is over"),
+        };
+        self.log(time_ns, kind, text);
+    }
+
+    /// Takes in what the joint told when it was asked.
+    pub fn told(&mut self, told: Told, now_ns: u64) {
+        match told {
+            Told::Value(at, value) => self.object(at.index, at.subindex, value, now_ns),
+            Told::Done(request) => {
+                self.log(now_ns, EventKind::Good, format!("{}: done", request.name()));
+            }
+            Told::Refused(request, code, why) => {
+                let why = if why.is_empty() { "no reason given" } else { why.as_str() };
+                let text = format!("{}: refused ({code:08X}h): {why}", request.name());
+                self.log(now_ns, EventKind::Fault, text);
+            }
+            Told::Unanswered(request) => {
+                let text = format!("{}: the joint does not answer", request.name());
+                self.log(now_ns, EventKind::Fault, text);
+            }
+        }
+    }
+
+    fn object(&mut self, at_index: u16, place: u8, value: u32, now_ns: u64) {
+        let before = self.objects.insert((at_index, place), (now_ns, value));
+        match (at_index, place) {
+            (index::STATE, 2) if before.is_some_and(|(_, before)| before != value) => {
+                let kind = if value == 2 { EventKind::Fault } else { EventKind::Note };
+                self.log(now_ns, kind, format!("state {}", state_name(value)));
+            }
+            (index::STATE, 3) => self.replace_codes(1, value),
+            (index::STATE, 4) => self.replace_codes(33, value),
+            _ => {}
+        }
+    }
+
+    fn replace_codes(&mut self, first: u8, bits: u32) {
+        for bit in 0..32 {
+            if bits >> bit & 1 != 0 {
+                self.codes.insert(first + bit);
+            } else {
+                self.codes.remove(&(first + bit));
+            }
+        }
+    }
+
+    /// Notices what is not heard any more.
+    pub fn tick(&mut self, now_ns: u64) {
+        let limit_ns = self.heartbeat_limit_ns().max(SILENT_NS);
+        let late = |heard: u64| now_ns.saturating_sub(heard) > limit_ns;
+        if !self.silent && self.heard_ns.is_some_and(late) {
+            self.silent = true;
+            self.log(now_ns, EventKind::Fault, "the joint has fallen silent");
+        }
+    }
+
+    fn heartbeat_limit_ns(&self) -> u64 {
+        self.heartbeat_step_ns.map_or(SILENT_NS, |step_ns| step_ns.saturating_mul(5) / 2)
+    }
+
+    /// Whether the joint would answer if it were asked: not in the network state *stopped*.
+    pub fn serves_objects(&self) -> bool {
+        self.nmt != Some(NmtState::Stopped)
+    }
+
+    /// Begins least and most of every quantity anew.
+    pub fn forget_ranges(&mut self) {
+        self.series.iter_mut().for_each(Series::forget_range);
+    }
+
+    /// Least and most of every quantity since this was last asked.
+    pub fn take_line_ranges(&mut self) -> [Option<[f32; 2]>; Quantity::ALL.len()] {
+        self.series.each_mut().map(Series::take_line_range)
+    }
+
+    /// Lines ever put into the log.
+    pub const fn events_ever(&self) -> u64 {
+        self.events_ever
+    }
+
+    /// All of it, at this time.
+    pub fn view(&self, now_ns: u64, lens: &Lens) -> View {
+        let object =
+            |index: u16, place: u8| self.objects.get(&(index, place)).map(|(_, value)| *value);
+        let age = |index: u16, place: u8| {
+            self.objects.get(&(index, place)).map(|(at_ns, _)| age_s(*at_ns, now_ns))
+        };
+        let state_age_s = age(index::STATE, 2);
+        let names = |from: u8, to: u8| {
+            self.codes.iter().filter(|n| (from..=to).contains(n)).map(|n| code_name(*n)).collect()
+        };
+        let stale_s = OBJECTS_STALE_NS as f64 * 1e-9;
+        View {
+            node: self.node.number(),
+            time_ns: now_ns,
+            elapsed_s: age_s(self.start_ns, now_ns),
+            window_s: lens.window_s,
+            heard_age_s: self.heard_ns.map(|at_ns| age_s(at_ns, now_ns)),
+            silent: self.silent,
+            nmt: self.nmt.map(nmt_name),
+            heartbeat: Heartbeat {
+                age_s: self.heartbeat_ns.map(|at_ns| age_s(at_ns, now_ns)),
+                period_s: self.heartbeat_step_ns.map(|step_ns| step_ns as f64 * 1e-9),
+                late: (self.heartbeat_ns)
+                    .is_some_and(|at_ns| now_ns.saturating_sub(at_ns) > self.heartbeat_limit_ns()),
+            },
+            state: object(index::STATE, 2).map(state_name),
+            source: object(index::OPERATION, 1).map(|source| match source {
+                0 => "its sensors",
+                1 => "the bus",
+                _ => "unknown",
+            }),
+            objects_age_s: state_age_s,
+            objects_stale: state_age_s.is_some_and(|age_s| age_s > stale_s),
+            codes: Codes {
+                faults: names(1, 32),
+                limits: names(33, 64),
+                read: age(index::STATE, 3).is_some() && age(index::STATE, 4).is_some(),
+            },
+            flags: self.flags.map(|(at_ns, flags)| {
+                let stale = self.series[Quantity::Friction as usize].stale_ns();
+                let age_s = age_s(at_ns, now_ns);
+                (flag_names(flags), age_s, age_s > stale as f64 * 1e-9)
+            }),
+            band: object(index::WATCH, 1).map(|in_band| Band {
+                in_band: in_band != 0,
+                windows: object(index::WATCH, 2).unwrap_or(0),
+                windows_out: object(index::WATCH, 3).unwrap_or(0),
+                largest_in_bands: object(index::WATCH, 5).map(f32::from_bits),
+            }),
+            readings: Quantity::ALL.map(|quantity| self.reading(quantity, now_ns, lens)),
+            rates: self.rates.per_second(now_ns),
+            syncs: self.syncs,
+            sync_age_s: self.last_sync_ns.map(|at_ns| age_s(at_ns, now_ns)),
+            emergencies: self.emergencies,
+            error_frames: self.error_frames,
+            events: self.events.iter().rev().take(lens.events).rev().cloned().collect(),
+        }
+    }
+
+    fn reading(&self, quantity: Quantity, now_ns: u64, lens: &Lens) -> Reading {
+        let series = &self.series[quantity as usize];
+        let window_ns = (lens.window_s * 1e9) as u64;
+        let (columns, bridged) = series.columns(now_ns, window_ns, lens.columns);
+        let age = series.last().map(|(at_ns, _)| now_ns.saturating_sub(at_ns));
+        Reading {
+            quantity,
+            unit: quantity.unit(self.kind),
+            value: series.last().map(|(_, value)| value),
+            unmeasured: series.is_unmeasured(),
+            age_s: age.map(|age_ns| age_ns as f64 * 1e-9),
+            stale: age.is_some_and(|age_ns| age_ns > series.stale_ns()),
+            range: series.range(),
+            columns,
+            bridged,
+        }
+    }
+
+    /// Notes that a request is on its way.
+    pub fn requested(&mut self, request: Request, now_ns: u64) {
+        self.log(now_ns, EventKind::Note, format!("{}: asked for", request.name()));
+    }
+}
+
+/// A code's name, or its number where this version does not know it.
+fn code_name(number: u8) -> String {
+    Code::from_number(number).map_or_else(|| format!("code-{number}"), |c| c.info().name.to_owned())
+}
+
+/// Names of flags in the words of the rest; bits of a newer driver by their place.
+fn flag_names(flags: Flags) -> Vec<String> {
+    let known = flags.iter_names().map(|(name, _)| name.to_lowercase().replace('_', "-"));
+    let rest = flags.bits() & !Flags::all().bits();
+    let unknown = (0..32).filter(|bit| rest >> bit & 1 != 0).map(|bit| format!("flag-{bit}"));
+    known.chain(unknown).collect()
+}
+
+/// A network state in words.
+fn nmt_name(state: NmtState) -> &'static str {
+    match state {
+        NmtState::Initialising => "starting",
+        NmtState::Stopped => "stopped",
+        NmtState::Operational => "operational",
+        NmtState::PreOperational => "pre-operational",
+    }
+}
+
+/// A state of the joint in words.
+fn state_name(value: u32) -> &'static str {
+    match value {
+        0 => "safe",
+        1 => "armed",
+        2 => "FAULT",
+        _ => "unknown",
+    }
+}
+
+#[cfg(test)]
+mod tests;

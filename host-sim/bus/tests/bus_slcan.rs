@@ -1,0 +1,303 @@
+//! slcan against an adapter in this test, which speaks with the board's own code, and against one that
+//! misbehaves: TCP, a socket in the file system, a serial line that is a pseudo-terminal.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::os::unix::net::UnixListener;
+use std::sync::mpsc;
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use compensator_core::can::Frame;
+use compensator_core::can::slcan::{Adapter, BitRate, LONGEST_CLASSIC, emit_frame};
+use joint_bus::bus::slcan::{Address, Options, Slcan};
+use joint_bus::bus::{Bus, BusError};
+use joint_trace::CanFrame;
+
+const SECOND: Duration = Duration::from_secs(1);
+
+fn data(identifier: u32, extended: bool, data: &[u8]) -> CanFrame {
+    let mut bytes = [0; 8];
+    bytes[..data.len()].copy_from_slice(data);
+    CanFrame::Data { identifier, extended, length: data.len() as u8, bytes }
+}
+
+/// Is an adapter whose bus holds one joint: each frame is answered with the next identifier. Ends with
+/// the line; gives the frames it took.
+fn joint(mut line: impl Read + Write) -> Vec<Frame> {
+    let mut adapter = Adapter::<LONGEST_CLASSIC>::new();
+    let (mut bytes, mut taken) = ([0; 256], Vec::new());
+    while let Ok(length @ 1..) = line.read(&mut bytes) {
+        let mut out = Vec::new();
+        for heard in bytes[..length].iter().filter_map(|byte| adapter.push(*byte)) {
+            out.extend_from_slice(heard.answer);
+            if let Some(frame) = heard.frame {
+                let answer = Frame::new(frame.identifier() + 1, frame.data()).expect("legal");
+                let mut text = [0; LONGEST_CLASSIC + 1];
+                let length = emit_frame(&answer, &mut text).expect("fits");
+                out.extend_from_slice(&text[..length]);
+                taken.push(frame);
+            }
+        }
+        if line.write_all(&out).is_err() {
+            break;
+        }
+    }
+    taken
+}
+
+/// Sends to a joint behind `address` and hears its answers; gives round trips a second.
+fn converse(address: &str) -> f64 {
+    let address = Address::parse(address).expect("an address");
+    let mut bus = Slcan::open(&address, Options::default()).expect("an adapter");
+    let begin = Instant::now();
+    for count in 0..500u16 {
+        let sent = data(u32::from(count), false, &count.to_le_bytes());
+        let before_ns = bus.now_ns();
+        bus.send(&sent).expect("sent");
+        let heard = bus.receive_within(SECOND).expect("open").expect("an answer");
+        assert_eq!(heard.frame, data(u32::from(count) + 1, false, &count.to_le_bytes()));
+        assert!(before_ns <= heard.time_ns && heard.time_ns <= bus.now_ns());
+    }
+    let rate = 500.0 / begin.elapsed().as_secs_f64();
+    let counters = bus.counters();
+    assert_eq!((counters.sent, counters.received), (500, 500));
+    assert_eq!((counters.garbage, counters.refused), (0, 0));
+    rate
+}
+
+#[test]
+fn a_joint_behind_tcp() {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("an address").to_string();
+    let peer = thread::spawn(move || {
+        let line = listener.accept().expect("a host").0;
+        line.set_nodelay(true).expect("set");
+        joint(line)
+    });
+    println!("{:.0} round trips a second over TCP", converse(&address));
+    assert_eq!(peer.join().expect("no panic").len(), 500, "closing ends it");
+}
+
+#[test]
+fn a_joint_behind_a_socket_in_the_file_system() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("joint");
+    let listener = UnixListener::bind(&path).expect("a socket");
+    let peer = thread::spawn(move || joint(listener.accept().expect("a host").0));
+    println!("{:.0} round trips a second over a socket", converse(path.to_str().expect("text")));
+    assert_eq!(peer.join().expect("no panic").len(), 500);
+}
+
+#[test]
+fn a_joint_behind_a_serial_line() {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    let open = || {
+        let adapter = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+        grantpt(&adapter)?;
+        unlockpt(&adapter)?;
+        let path = ptsname(&adapter, Vec::new())?;
+        Ok::<_, rustix::io::Errno>((adapter, path))
+    };
+    let (adapter, path) = match open() {
+        Ok(opened) => opened,
+        Err(error) => {
+            println!("skipped: no pseudo-terminal here: {error}");
+            return;
+        }
+    };
+    let path = path.into_string().expect("text");
+    // The other end is gone when the last copy is dropped; reading then fails.
+    let peer = thread::spawn(move || joint(File::from(adapter)));
+    println!("{:.0} round trips a second over a serial line", converse(&format!("{path}@3000000")));
+    assert_eq!(peer.join().expect("no panic").len(), 500);
+}
+
+/// A peer that writes what the test tells it to, once the bus is open, and hands over what it heard.
+struct Peer {
+    address: Address,
+    say: mpsc::Sender<Vec<u8>>,
+    heard: JoinHandle<Vec<u8>>,
+}
+
+/// Answers the commands that open the bus with these; nothing for those beyond.
+fn peer(answers: &'static [&'static [u8]]) -> Peer {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("an address").to_string();
+    let (say, told) = mpsc::channel::<Vec<u8>>();
+    let heard = thread::spawn(move || {
+        let mut line: TcpStream = listener.accept().expect("a host").0;
+        line.set_nodelay(true).expect("set");
+        let mut heard = Vec::new();
+        let mut bytes = [0; 4096];
+        for answer in answers {
+            let length = line.read(&mut bytes).unwrap_or(0);
+            heard.extend_from_slice(&bytes[..length]);
+            line.write_all(answer).expect("written");
+        }
+        for text in told {
+            line.write_all(&text).expect("written");
+            thread::sleep(Duration::from_millis(5));
+        }
+        line.shutdown(std::net::Shutdown::Write).expect("shut");
+        let _ = line.read_to_end(&mut heard);
+        heard
+    });
+    Peer { address: Address::parse(&address).expect("an address"), say, heard }
+}
+
+const WELL: &[&[u8]] = &[b"\r\r\x07", b"\r", b"\r"];
+
+#[test]
+fn lines_in_pieces_garbage_bells_and_overlong_ones() {
+    let peer = peer(WELL);
+    let mut bus = Slcan::open(&peer.address, Options::default()).expect("open");
+    let say = |text: &[u8]| peer.say.send(text.to_vec()).expect("told");
+    for piece in ["t", "20", "13A", "0B1", "C2\rT1FFF", "FFFF0\r"] {
+        say(piece.as_bytes());
+    }
+    let mut hear = || bus.receive_within(SECOND).expect("open").map(|heard| heard.frame);
+    assert_eq!(hear(), Some(data(0x201, false, &[0xA0, 0xB1, 0xC2])));
+    assert_eq!(hear(), Some(data(0x1FFF_FFFF, true, &[])));
+    say(b"\xFF\x00nonsense\rt8000\r\x07O\r");
+    say(&[b't'; 1000]);
+    say(b"\rz\rZ\rV1013\r\rr0053\rR000000068\r");
+    assert_eq!(hear(), Some(CanFrame::Remote { identifier: 5, extended: false, length: 3 }));
+    assert_eq!(hear(), Some(CanFrame::Remote { identifier: 6, extended: true, length: 8 }));
+    say(b"d0019000102030405060708090A0B\rB00000002111\r");
+    let mut bytes = [0; 64];
+    bytes.iter_mut().zip(0..12).for_each(|(byte, at)| *byte = at);
+    let (flags, length) = (0, 12);
+    let flexible = CanFrame::Flexible { identifier: 1, extended: false, flags, length, bytes };
+    assert_eq!(hear(), Some(flexible));
+    let mut bytes = [0; 64];
+    bytes[0] = 0x11;
+    let (flags, length) = (1, 1);
+    let switched = CanFrame::Flexible { identifier: 2, extended: true, flags, length, bytes };
+    assert_eq!(hear(), Some(switched));
+    let counters = bus.counters();
+    // Nonsense, an identifier out of range, a command, an overlong line; one bell.
+    assert_eq!((counters.received, counters.garbage, counters.refused), (6, 4, 1));
+    let begin = Instant::now();
+    assert_eq!(bus.receive_within(Duration::from_millis(50)).expect("open"), None);
+    let took = begin.elapsed();
+    assert!(took >= Duration::from_millis(50) && took < Duration::from_millis(500), "{took:?}");
+}
+
+#[test]
+fn every_frame_is_written_as_the_format_has_it() {
+    let peer = peer(WELL);
+    let options = Options { bit_rate: BitRate::new(6).expect("a rate"), ..Options::default() };
+    let mut bus = Slcan::open(&peer.address, options).expect("open");
+    let flexible = |flags, length| CanFrame::Flexible {
+        identifier: 0x10,
+        extended: false,
+        flags,
+        length,
+        bytes: [0; 64],
+    };
+    bus.send(&data(0x7FF, false, &[1])).expect("sent");
+    bus.send(&data(0x123, true, &[])).expect("sent");
+    bus.send(&CanFrame::Remote { identifier: 2, extended: false, length: 4 }).expect("sent");
+    bus.send(&flexible(0, 9)).expect("filled up to twelve bytes");
+    bus.send(&flexible(5, 1)).expect("sent");
+    let error = bus.send(&CanFrame::Error { class: 1, length: 8, bytes: [0; 8] });
+    assert!(matches!(error, Err(BusError::Unsupported { what: "error frames", .. })), "{error:?}");
+    let error = bus.send(&data(0x800, false, &[]));
+    assert!(matches!(error, Err(BusError::Unsupported { .. })), "{error:?}");
+    assert_eq!(bus.counters().sent, 5);
+    drop(bus);
+    drop(peer.say);
+    let heard = String::from_utf8(peer.heard.join().expect("no panic")).expect("text");
+    let zeros = "0".repeat(24);
+    let lines = format!("\r\rC\rS6\rO\rt7FF101\rT000001230\rr0024\rd0109{zeros}\rb010100\rC\r");
+    assert_eq!(heard, lines);
+}
+
+#[test]
+fn the_end_of_the_line_is_an_error_after_what_was_heard() {
+    for (last, ending) in
+        [(&b"t12"[..], "in the middle of a line"), (b"", "closed by the other end")]
+    {
+        let peer = peer(WELL);
+        let mut bus = Slcan::open(&peer.address, Options::default()).expect("open");
+        peer.say.send([b"t1230\r", last].concat()).expect("told");
+        drop(peer.say);
+        let heard = bus.receive_within(SECOND).expect("open").map(|heard| heard.frame);
+        assert_eq!(heard, Some(data(0x123, false, &[])));
+        let error = bus.receive_within(SECOND).expect_err("closed").to_string();
+        assert!(error.ends_with(ending) && error.lines().count() == 1, "{error}");
+        assert!(matches!(bus.send(&data(1, false, &[])), Err(BusError::Closed { .. })));
+        assert!(matches!(bus.receive_within(SECOND), Err(BusError::Closed { .. })));
+    }
+}
+
+#[test]
+fn an_adapter_that_refuses_is_not_opened_and_a_silent_one_is() {
+    const RATE: &[&[u8]] = &[b"\r", b"\x07"];
+    const OPENING: &[&[u8]] = &[b"\x07", b"\r", b"\x07"];
+    for (answers, refused) in [(RATE, "BitRate"), (OPENING, "Open")] {
+        let peer = peer(answers);
+        let error =
+            Slcan::open(&peer.address, Options::default()).expect_err("refused").to_string();
+        assert!(error.contains("refuses") && error.contains(refused), "{error}");
+    }
+    let silent = peer(&[]);
+    let mut bus = Slcan::open(&silent.address, Options::default()).expect("believed");
+    silent.say.send(b"t0010\r".to_vec()).expect("told");
+    let heard = bus.receive_within(SECOND).expect("open").map(|heard| heard.frame);
+    assert_eq!(heard, Some(data(1, false, &[])));
+}
+
+#[test]
+fn what_an_adapter_says_before_it_is_opened_is_dropped() {
+    // Amid a frame when the host came, and others before it obeyed.
+    let peer = peer(&[b"7788\rt1230\rt1240\r\x07", b"\r", b"\rt1250\r"]);
+    let mut bus = Slcan::open(&peer.address, Options::default()).expect("open");
+    let heard = bus.receive_within(SECOND).expect("open").map(|heard| heard.frame);
+    assert_eq!(heard, Some(data(0x125, false, &[])));
+    assert_eq!(bus.counters().garbage, 0);
+}
+
+/// Nobody reads: what fits is taken, then the sender is told, and no line is torn.
+#[test]
+fn a_peer_that_takes_nothing() {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("an address").to_string();
+    let (resume, resumed) = mpsc::channel::<()>();
+    let peer = thread::spawn(move || {
+        let mut line = listener.accept().expect("a host").0;
+        let mut bytes = [0; 64];
+        for _ in 0..3 {
+            let _ = line.read(&mut bytes);
+            line.write_all(b"\r").expect("written");
+        }
+        resumed.recv().expect("told");
+        let mut heard = Vec::new();
+        let _ = line.read_to_end(&mut heard);
+        heard
+    });
+    let address = Address::parse(&address).expect("an address");
+    let mut bus = Slcan::open(&address, Options::default()).expect("open");
+    let frame = data(0x123, false, &[7; 8]);
+    let mut sent = 0;
+    let error = loop {
+        match bus.send(&frame) {
+            Ok(()) => sent += 1,
+            Err(error) => break error,
+        }
+        assert!(sent < 10_000_000, "a peer that takes all");
+    };
+    assert!(matches!(error, BusError::Full { .. }), "{error}");
+    assert!(bus.counters().waits > 0 && bus.counters().sent == sent);
+    resume.send(()).expect("it waits");
+    thread::sleep(Duration::from_millis(200));
+    bus.send(&frame).expect("there is room again");
+    drop(bus);
+    let heard = peer.join().expect("no panic");
+    let lines: Vec<&[u8]> = heard.split(|byte| *byte == b'\r').collect();
+    let whole = lines.iter().filter(|line| **line == b"t12380707070707070707").count() as u64;
+    assert_eq!(whole, sent + 1);
+    assert_eq!(lines.len() as u64, sent + 1 + 2, "C, and nothing behind its end");
+}

@@ -1,0 +1,349 @@
+//! The kernel's CAN: every kind of frame against can-utils, stamps, losses, full queues, interfaces that
+//! are down or gone.
+//!
+//! Needs an interface: `vcan0`, or the one `VCAN` names, up, with CAN FD, and can-utils. Without it each
+//! test says that it is skipped; `tests/vcan/run` gives it one, in a guest, and sets `VCAN_REQUIRED`.
+
+#![cfg(target_os = "linux")]
+
+use std::collections::HashSet;
+use std::env;
+use std::fs;
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use joint_bus::bus::socket::SocketCan;
+use joint_bus::bus::{Bus, BusError, Hub, Recorder};
+use joint_trace::candump::{self, CanFrame, Fraction};
+
+const SECOND: Duration = Duration::from_secs(1);
+
+/// The interface, for one test at a time; `None` where there is none.
+fn interface() -> Option<(String, MutexGuard<'static, ()>)> {
+    static ONE: Mutex<()> = Mutex::new(());
+    let name = env::var("VCAN").unwrap_or("vcan0".into());
+    let there = SocketCan::open(&name).map(|_| ());
+    if let Err(error) = there {
+        assert!(env::var("VCAN_REQUIRED").is_err(), "{error}");
+        println!("skipped: {error}");
+        return None;
+    }
+    if Command::new("candump").stdout(Stdio::null()).stderr(Stdio::null()).status().is_err() {
+        assert!(env::var("VCAN_REQUIRED").is_err(), "no can-utils");
+        println!("skipped: no candump here; apt install can-utils");
+        return None;
+    }
+    Some((name, ONE.lock().unwrap_or_else(PoisonError::into_inner)))
+}
+
+/// Runs a program and asserts that it is content.
+fn run(command: &str) {
+    let words: Vec<&str> = command.split_whitespace().collect();
+    let output = Command::new(words[0]).args(&words[1..]).output().expect(words[0]);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command}: {told}");
+}
+
+fn data(identifier: u32, extended: bool, data: &[u8]) -> CanFrame {
+    let mut bytes = [0; 8];
+    bytes[..data.len()].copy_from_slice(data);
+    CanFrame::Data { identifier, extended, length: data.len() as u8, bytes }
+}
+
+fn flexible(identifier: u32, extended: bool, flags: u8, length: u8) -> CanFrame {
+    let bytes =
+        std::array::from_fn(|at| if at < usize::from(length) { at as u8 ^ 0x5A } else { 0 });
+    CanFrame::Flexible { identifier, extended, flags, length, bytes }
+}
+
+fn every_kind() -> Vec<CanFrame> {
+    vec![
+        data(0x000, false, &[]),
+        data(0x7FF, false, &[1, 2, 3, 4, 5, 6, 7, 8]),
+        data(0x0000_0001, true, &[0xAA]),
+        data(0x1FFF_FFFF, true, &[0; 8]),
+        CanFrame::Remote { identifier: 0x123, extended: false, length: 0 },
+        CanFrame::Remote { identifier: 0x0012_3456, extended: true, length: 8 },
+        flexible(0x321, false, 0, 12),
+        flexible(0x0765_4321, true, 1, 64),
+        flexible(0x10, false, 3, 0),
+        flexible(0x11, false, 1, 8),
+        CanFrame::Error { class: 0x4, length: 8, bytes: [0, 0x0C, 0, 0, 0, 0, 0, 0] },
+    ]
+}
+
+/// Without the flag that says nothing but that a frame is of CAN FD; some kernels set it.
+fn plain(mut frame: CanFrame) -> CanFrame {
+    if let CanFrame::Flexible { flags, .. } = &mut frame {
+        *flags &= 3;
+    }
+    frame
+}
+
+/// Listeners the kernel has for all frames of an interface.
+fn listeners(interface: &str) -> usize {
+    let list = fs::read_to_string("/proc/net/can/rcvlist_all").unwrap_or_default();
+    list.lines().filter(|line| line.split_whitespace().next() == Some(interface)).count()
+}
+
+/// candump, listening by the time this returns, until it has heard so many frames.
+fn candump(interface: &str, frames: usize) -> Child {
+    let before = listeners(interface);
+    let filter = format!("{interface},0:0,#FFFFFFFF");
+    let child = Command::new("timeout")
+        .args(["20", "candump", "-L", "-n", &frames.to_string(), &filter])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("candump");
+    let begin = Instant::now();
+    while listeners(interface) == before {
+        assert!(begin.elapsed() < 10 * SECOND, "candump does not listen");
+        thread::sleep(Duration::from_millis(5));
+    }
+    child
+}
+
+#[test]
+fn what_is_sent_candump_hears() {
+    let Some((name, _one)) = interface() else { return };
+    let frames = every_kind();
+    let dump = candump(&name, frames.len());
+    let mut bus = SocketCan::open(&name).expect("open");
+    assert!(bus.is_flexible());
+    frames.iter().for_each(|frame| bus.send(frame).expect("sent"));
+    let output = dump.wait_with_output().expect("candump ends");
+    let heard: Vec<CanFrame> = output
+        .stdout
+        .split(|byte| *byte == b'\n')
+        .filter(|line| !line.is_empty())
+        .map(|line| plain(candump::parse(line).expect("a line").frame))
+        .collect();
+    assert_eq!(heard, frames);
+    assert_eq!(bus.counters().sent, frames.len() as u64);
+    assert_eq!(bus.receive(0).expect("open"), None, "own frames are not heard");
+}
+
+#[test]
+fn what_cansend_sends_is_heard() {
+    let Some((name, _one)) = interface() else { return };
+    let mut bus = SocketCan::open(&name).expect("open");
+    for frame in every_kind() {
+        let line = candump::Line { time_ns: 0, interface: b"x", frame, direction: None };
+        let mut text = Vec::new();
+        candump::emit(&line, Fraction::Microseconds, &mut text);
+        let text = String::from_utf8(text).expect("text");
+        let words = text.split_whitespace().nth(2).expect("a frame");
+        let before_ns = bus.now_ns();
+        run(&format!("cansend {name} {words}"));
+        let heard = bus.receive_within(SECOND).expect("open").expect(words);
+        assert_eq!(plain(heard.frame), frame, "{words}");
+        // The stamp is the kernel's: between the call and now, give or take the two clocks' reading.
+        let slack = 1_000_000;
+        assert!(before_ns <= heard.time_ns + slack && heard.time_ns <= bus.now_ns(), "{words}");
+    }
+    let counters = bus.counters();
+    assert_eq!((counters.received, counters.errors, counters.lost), (11, 1, 0));
+}
+
+#[test]
+fn a_stamp_says_when_a_frame_came_not_when_it_was_fetched() {
+    let Some((name, _one)) = interface() else { return };
+    let (mut bus, mut other) =
+        (SocketCan::open(&name).expect("open"), SocketCan::open(&name).expect("open"));
+    let before_ns = bus.now_ns();
+    other.send(&data(1, false, &[])).expect("sent");
+    thread::sleep(Duration::from_millis(300));
+    let heard = bus.receive(0).expect("open").expect("it waits");
+    let late_ms = heard.time_ns.saturating_sub(before_ns) / 1_000_000;
+    assert!(late_ms < 150, "{late_ms} ms");
+}
+
+#[test]
+fn canplayer_plays_what_was_recorded() {
+    let Some((name, _one)) = interface() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("trace.log");
+    let mut frames = every_kind();
+    frames.extend((0..500u32).map(|at| data(at, false, &at.to_le_bytes())));
+    let hub = Hub::new();
+    let file = fs::File::create(&path).expect("a file");
+    let mut record = Recorder::new(hub.port(), file, &name, Fraction::Microseconds);
+    for (frame, time_ns) in frames.iter().zip((0..).step_by(200_000)) {
+        record.receive(time_ns).expect("a loop");
+        record.send(frame).expect("a loop");
+    }
+    record.finish().expect("written");
+    let mut bus = SocketCan::open(&name).expect("open");
+    run(&format!("timeout 20 canplayer -I {}", path.display()));
+    let heard: Vec<CanFrame> = std::iter::from_fn(|| bus.receive(0).expect("open"))
+        .map(|heard| plain(heard.frame))
+        .collect();
+    assert_eq!(heard, frames);
+}
+
+#[test]
+fn a_wait_lasts_as_long_as_said() {
+    let Some((name, _one)) = interface() else { return };
+    let mut bus = SocketCan::open(&name).expect("open");
+    let begin = Instant::now();
+    assert_eq!(bus.receive_within(Duration::from_millis(120)).expect("open"), None);
+    let took = begin.elapsed();
+    assert!(took >= Duration::from_millis(119) && took < Duration::from_millis(400), "{took:?}");
+    let begin = Instant::now();
+    assert_eq!(bus.receive(0).expect("open"), None);
+    assert!(begin.elapsed() < Duration::from_millis(100), "at once");
+}
+
+#[test]
+fn a_full_queue_is_waited_for_but_not_for_ever() {
+    let Some((name, _one)) = interface() else { return };
+    let shape = |what: &str| {
+        let command = format!("qdisc replace dev {name} root tbf {what}");
+        let output = Command::new("tc").args(command.split_whitespace()).output();
+        output.is_ok_and(|output| output.status.success())
+    };
+    // 100 kbit/s of packets of 16 bytes, room for 20: 781 frames a second.
+    if !shape("rate 100kbit burst 160 limit 320") {
+        println!("skipped: no traffic shaping here");
+        return;
+    }
+    let (mut bus, mut other) =
+        (SocketCan::open(&name).expect("open"), SocketCan::open(&name).expect("open"));
+    let begin = Instant::now();
+    (0..400u32).for_each(|at| bus.send(&data(1, false, &at.to_le_bytes())).expect("sent"));
+    let took = begin.elapsed();
+    let heard = std::iter::from_fn(|| other.receive_within(SECOND).expect("open")).take(400);
+    let heard: Vec<u32> = heard
+        .map(|heard| u32::from_le_bytes(heard.frame.data().try_into().expect("four bytes")))
+        .collect();
+    assert_eq!(heard, (0..400).collect::<Vec<u32>>(), "in order, none lost");
+    assert!(bus.counters().waits > 0);
+    assert!(took > Duration::from_millis(300) && took < 5 * SECOND, "{took:?}");
+
+    // A frame every two seconds.
+    assert!(shape("rate 64bit burst 72 limit 160"));
+    let begin = Instant::now();
+    let error = (0..100)
+        .find_map(|_| bus.send(&data(2, false, &[])).err())
+        .expect("there is no end of room");
+    assert!(matches!(error, BusError::Full { .. }) && begin.elapsed() < 10 * SECOND, "{error}");
+    run(&format!("tc qdisc del dev {name} root"));
+}
+
+#[test]
+fn what_the_kernel_loses_is_counted() {
+    let Some((name, _one)) = interface() else { return };
+    let (mut slow, mut sender) =
+        (SocketCan::open(&name).expect("open"), SocketCan::open(&name).expect("open"));
+    let mut sent = 0;
+    while slow.counters().lost < 100 {
+        (0..1000).for_each(|_| sender.send(&data(1, false, &[0; 8])).expect("sent"));
+        sent += 1000;
+        assert!(sent < 300_000, "a kernel that loses nothing");
+    }
+    let received = std::iter::from_fn(|| slow.receive(0).expect("open")).count() as u64;
+    let counters = slow.counters();
+    println!("measured: room for {received} frames in the kernel");
+    assert_eq!((received, received + counters.lost), (counters.received, sent));
+    assert!(received > 200);
+}
+
+#[test]
+fn interfaces_that_are_down_or_gone_or_classic() {
+    let Some((_, _one)) = interface() else { return };
+    let fresh = "vcan7";
+    let _ = Command::new("ip").args(["link", "del", fresh]).output();
+    let add = Command::new("ip").args(["link", "add", "dev", fresh, "type", "vcan"]).output();
+    if !add.is_ok_and(|output| output.status.success()) {
+        println!("skipped: we may not make interfaces");
+        return;
+    }
+    let refused = |advice: &str| {
+        let text = SocketCan::open(fresh).expect_err("not to be used").to_string();
+        assert!(text.contains(advice) && text.lines().count() == 1, "{text}");
+    };
+    refused("the interface is down; ip link set vcan7 mtu 72 up");
+    run("ip link set vcan7 mtu 16 up");
+    let mut bus = SocketCan::open(fresh).expect("open");
+    assert!(!bus.is_flexible());
+    let error = bus.send(&flexible(1, false, 0, 8)).expect_err("classic");
+    assert!(matches!(error, BusError::Unsupported { what: "CAN FD", .. }), "{error}");
+    bus.send(&data(1, false, &[])).expect("classic goes");
+    run("ip link set vcan7 down");
+    let error = bus.receive_within(SECOND).expect_err("down").to_string();
+    assert!(error.contains("down; ip link set vcan7 up"), "{error}");
+    let error = bus.send(&data(1, false, &[])).expect_err("down").to_string();
+    assert!(error.contains("down"), "{error}");
+    run("ip link set vcan7 up");
+    bus.send(&data(1, false, &[])).expect("up again");
+    run("ip link del vcan7");
+    let error = bus.receive_within(SECOND).expect_err("gone");
+    assert!(matches!(error, BusError::Closed { .. }), "{error}");
+    refused("no such interface; ip link add dev vcan7 type vcan");
+    let text = SocketCan::open("lo").expect_err("no CAN").to_string();
+    assert_eq!(text, "bus lo: no CAN interface");
+}
+
+#[test]
+fn frames_a_second_and_a_kilohertz() {
+    let Some((name, _one)) = interface() else { return };
+    let (mut bus, mut other) =
+        (SocketCan::open(&name).expect("open"), SocketCan::open(&name).expect("open"));
+    let begin = Instant::now();
+    let mut heard = 0u32;
+    for at in 0..20_000u32 {
+        bus.send(&data(0x201, false, &[0; 8])).expect("sent");
+        if at % 50 == 49 {
+            heard += std::iter::from_fn(|| other.receive(0).expect("open")).count() as u32;
+        }
+    }
+    let rate = f64::from(heard) / begin.elapsed().as_secs_f64();
+    println!("measured: {rate:.0} frames a second sent and heard by one thread");
+    assert_eq!((heard, other.counters().lost), (20_000, 0));
+    assert!(rate > 1000.0);
+
+    // A joint's samples: five frames each millisecond, and one back from another thread.
+    let samples = 2000u64;
+    let answering = thread::spawn(move || {
+        let mut seen = HashSet::new();
+        while (seen.len() as u64) < samples {
+            let heard = other.receive_within(5 * SECOND).expect("open").expect("a sample");
+            if let CanFrame::Data { identifier: 0x080, .. } = heard.frame {
+                seen.insert(heard.frame.data().to_vec());
+                other.send(&data(0x181, false, heard.frame.data())).expect("sent");
+            }
+        }
+        other.counters()
+    });
+    let start_ns = bus.now_ns() + 50_000_000;
+    let (mut trips, mut late) = (Vec::new(), 0u64);
+    for sample in 0..samples {
+        let due_ns = start_ns + sample * 1_000_000;
+        assert_eq!(bus.receive(due_ns).expect("open"), None, "an answer nobody waits for");
+        late = late.max(bus.now_ns().saturating_sub(due_ns));
+        for identifier in [0x201, 0x301, 0x401, 0x501] {
+            bus.send(&data(identifier, false, &[1; 8])).expect("sent");
+        }
+        let sent_ns = bus.now_ns();
+        bus.send(&data(0x080, false, &sample.to_le_bytes())).expect("sent");
+        let heard = bus.receive_within(SECOND).expect("open").expect("an answer");
+        assert_eq!(heard.frame, data(0x181, false, &sample.to_le_bytes()));
+        trips.push(heard.time_ns.saturating_sub(sent_ns) / 1000);
+    }
+    let took = (bus.now_ns() - start_ns) as f64 * 1e-9;
+    trips.sort_unstable();
+    let at = |share: f64| trips[((trips.len() - 1) as f64 * share) as usize];
+    println!(
+        "measured: 1 kHz, six frames a sample: {samples} samples in {took:.3} s, answer after {} us \
+         (median), {} us (99 %), {} us (worst); latest start {} us",
+        at(0.5),
+        at(0.99),
+        at(1.0),
+        late / 1000
+    );
+    let counters = answering.join().expect("no panic");
+    assert_eq!((counters.lost, bus.counters().lost), (0, 0));
+    assert_eq!(counters.received, 20_000 + 5 * samples);
+}

@@ -1,0 +1,158 @@
+//! Measured data as a CAN log.
+//!
+//! Each row becomes the frames a driver would have been told it by ([`Writer`]). A run's own clock goes on: runs whose times follow each other keep them, others are put behind the one before
+//! with a second between. Stamps count from the first row; nanoseconds are written where microseconds
+//! would round. Values are rounded to `f32`, as a driver holds them. Names of runs that are no numbers
+//! become numbers, and covariates but the chosen one stay behind.
+
+use super::{Dataset, Joint, Run};
+use compensator_core::can::{Entry, JointKind, Message, Motion, Node, Seal, Surroundings, Torque};
+use joint_trace::{Fraction, Sample, Writer};
+use std::collections::HashSet;
+use std::io::{self, Write};
+
+/// Between runs that overlap in time, ns.
+const BETWEEN_RUNS_NS: i64 = 1_000_000_000;
+
+/// How a log is to be written.
+#[derive(Clone, Debug)]
+pub struct EmitOptions {
+    /// Name of the interface.
+    pub interface: String,
+    /// The joint's number on the bus.
+    pub node: Node,
+    /// Stamp of the first row, s.
+    pub start_s: u32,
+    /// The covariate of the data set that travels as the auxiliary one.
+    pub auxiliary: Option<String>,
+}
+
+impl Default for EmitOptions {
+    fn default() -> Self {
+        Self { interface: "vcan0".into(), node: Node::FIRST, start_s: 0, auxiliary: None }
+    }
+}
+
+/// Why a log could not be written; one line.
+#[derive(Debug, thiserror::Error)]
+pub enum EmitError {
+    /// Writing failed.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// The interface's name would break a line.
+    #[error("interface {0:?}: expected a name of up to 15 letters and digits, as can0")]
+    Interface(String),
+    /// The data set has no such covariate.
+    #[error("auxiliary column {0:?}: not among the covariates of the data")]
+    Auxiliary(String),
+    /// A time that is too far from the first for a stamp.
+    #[error("run {run}: a time of {time_s} s after the first: expected less than 30 years")]
+    Time {
+        /// The run.
+        run: String,
+        /// Its time.
+        time_s: f64,
+    },
+}
+
+/// Writes a data set as the log of one joint.
+///
+/// # Errors
+/// A name, column or time that has no place in such a log, or what the writer below says.
+pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<(), EmitError> {
+    let interface = options.interface.as_str();
+    let legal = !interface.is_empty()
+        && interface.len() <= 15
+        && interface.bytes().all(|byte| byte.is_ascii_graphic());
+    if !legal {
+        return Err(EmitError::Interface(interface.to_owned()));
+    }
+    let auxiliary = options
+        .auxiliary
+        .as_ref()
+        .map(|name| {
+            let at = data.covariates.iter().position(|covariate| covariate == name);
+            at.ok_or_else(|| EmitError::Auxiliary(name.clone()))
+        })
+        .transpose()?;
+    let stamps = stamps(data, options.start_s)?;
+    let whole = stamps.iter().flatten().all(|stamp| stamp % 1000 == 0);
+    let fraction = if whole { Fraction::Microseconds } else { Fraction::Nanoseconds };
+    let mut writer = Writer::new(out, interface, options.node, fraction);
+    let kind = match data.joint {
+        Joint::Revolute => JointKind::Revolute,
+        Joint::Prismatic => JointKind::Prismatic,
+    };
+    let first = stamps.iter().flatten().next().copied().unwrap_or_default();
+    writer.message(first, &Message::Entry(options.node, Entry::JointKind(kind)))?;
+    for ((run, number), stamps) in data.runs.iter().zip(run_numbers(data)).zip(&stamps) {
+        let own = auxiliary.and_then(|at| run.extra.get(at)).map(Vec::as_slice);
+        for (row, time_ns) in stamps.iter().enumerate() {
+            writer.sample(&Sample {
+                time_ns: *time_ns,
+                run: Some(number),
+                sequence: row as u32,
+                ..sample(run, row, own)
+            })?;
+        }
+    }
+    writer.flush()?;
+    Ok(())
+}
+
+/// A row, in the numbers of the bus.
+fn sample(run: &Run, row: usize, auxiliary: Option<&[f64]>) -> Sample {
+    let at = |column: &Option<Vec<f64>>| column.as_ref().map_or(f32::NAN, |c| c[row] as f32);
+    Sample {
+        motion: Motion {
+            velocity_rad_s: run.velocity[row] as f32,
+            position_rad: at(&run.position),
+        },
+        torque: Torque {
+            torque_nm: run.torque[row] as f32,
+            load_torque_nm: at(&run.load_torque_nm),
+        },
+        seal: Seal {
+            radial_force_n: at(&run.radial_force_n),
+            pressure_diff_pa: at(&run.pressure_diff_pa),
+        },
+        surroundings: Surroundings {
+            temperature_c: at(&run.temperature_c),
+            auxiliary: auxiliary.map_or(f32::NAN, |column| column[row] as f32),
+        },
+        ..Sample::EMPTY
+    }
+}
+
+/// The numbers the runs get: their names where all are numbers, else 1, 2, 3.
+pub fn run_numbers(data: &Dataset) -> Vec<u32> {
+    let parsed: Option<Vec<u32>> = data.runs.iter().map(|run| run.name.parse().ok()).collect();
+    let distinct =
+        |numbers: &Vec<u32>| numbers.iter().collect::<HashSet<_>>().len() == numbers.len();
+    parsed.filter(distinct).unwrap_or_else(|| (1..=data.runs.len() as u32).collect())
+}
+
+/// The stamps of each run's rows, ns.
+fn stamps(data: &Dataset, start_s: u32) -> Result<Vec<Vec<u64>>, EmitError> {
+    const LONGEST_S: f64 = 9e8;
+    let firsts = data.runs.iter().flat_map(|run| run.time_s.first());
+    let origin = firsts.copied().fold(f64::INFINITY, f64::min);
+    let start = i64::from(start_s) * 1_000_000_000;
+    let mut end: Option<i64> = None;
+    let mut stamps = Vec::with_capacity(data.runs.len());
+    for run in &data.runs {
+        let late = run.time_s.iter().find(|time| **time - origin > LONGEST_S);
+        if let Some(time_s) = late {
+            return Err(EmitError::Time { run: run.name.clone(), time_s: time_s - origin });
+        }
+        let since = |time: f64| start + ((time - origin) * 1e9).round() as i64;
+        let first = run.time_s.first().map_or(start, |time| since(*time));
+        // Where the clock of this run does not follow that of the run before, it is set on.
+        let shift = end.filter(|end| first <= *end).map_or(0, |end| end + BETWEEN_RUNS_NS - first);
+        let stamped = run.time_s.iter().map(|time| (since(*time) + shift).max(0) as u64);
+        let stamped: Vec<u64> = stamped.collect();
+        end = stamped.last().map(|last| *last as i64).or(end);
+        stamps.push(stamped);
+    }
+    Ok(stamps)
+}

@@ -1,0 +1,295 @@
+//! CAN logs, made into rows.
+//!
+//! What [`joint_trace`] puts together goes through the same `clean` as the rows of a CSV file, under the
+//! names of the contract; the row of a message is the line of the sample's SYNC. Which columns a joint
+//! measures shows only in the data, so the log is read twice: once to see, once to take. The driver's
+//! answers are no measurement and stay out, or a model would be judged by what another one said.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use super::clean::{Cleaner, FileData, Row};
+use super::dataset::LeftOutColumn;
+use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
+use super::header::layout;
+use super::read::MAX_BAD_SHARE;
+use compensator_core::can::JointKind;
+use joint_trace::{Assembler, LineError, Sample, Summary, candump};
+
+/// Lines between two calls of the progress function.
+const PROGRESS_LINES: u64 = 64 * 1024;
+
+/// Longer than any line of such a log.
+const LONGEST_LINE: u64 = 4096;
+
+/// A quantity of a sample: its names on a joint that turns and on one that slides.
+struct Quantity {
+    names: [&'static str; 2],
+    of: fn(&Sample) -> f32,
+}
+
+/// What a joint may measure, velocity and torque first.
+const QUANTITIES: [Quantity; 8] = [
+    Quantity { names: ["velocity_rad_s", "velocity_m_s"], of: |s| s.motion.velocity_rad_s },
+    Quantity { names: ["torque_nm", "force_n"], of: |s| s.torque.torque_nm },
+    Quantity { names: ["position_rad", "position_m"], of: |s| s.motion.position_rad },
+    Quantity { names: ["load_torque_nm"; 2], of: |s| s.torque.load_torque_nm },
+    Quantity { names: ["radial_force_n"; 2], of: |s| s.seal.radial_force_n },
+    Quantity { names: ["pressure_diff_pa"; 2], of: |s| s.seal.pressure_diff_pa },
+    Quantity { names: ["temperature_c"; 2], of: |s| s.surroundings.temperature_c },
+    Quantity { names: ["auxiliary"; 2], of: |s| s.surroundings.auxiliary },
+];
+
+/// Whether a file that begins so is a candump log: its first line with anything in it is one of a frame.
+pub(super) fn is_trace(head: &[u8]) -> bool {
+    let mut lines = head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
+    let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
+    // A line that is cut off by the end of the head has its stamp at least.
+    first.is_some_and(|line| !matches!(candump::parse(line), Err(LineError::Time)))
+}
+
+/// A column of the table a log is made into.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Column {
+    Run,
+    Time,
+    Quantity(usize),
+}
+
+/// A sample as a row of that table.
+struct TraceRow<'a> {
+    sample: &'a Sample,
+    time_s: f64,
+    columns: &'a [Column],
+}
+
+impl Row for TraceRow<'_> {
+    fn number(&self, column: usize) -> Option<f64> {
+        match self.columns.get(column)? {
+            Column::Run => self.sample.run.map(f64::from),
+            Column::Time => Some(self.time_s),
+            Column::Quantity(at) => Some(f64::from((QUANTITIES[*at].of)(self.sample))),
+        }
+    }
+
+    fn text(&self, column: usize) -> Cow<'_, [u8]> {
+        let text = match (self.columns.get(column), self.number(column), &self.sample.fault) {
+            (Some(Column::Run), _, _) => {
+                self.sample.run.map(|run| run.to_string()).unwrap_or_default()
+            }
+            (_, Some(value), Some(fault)) if value.is_nan() => fault.to_string(),
+            (_, Some(value), None) if value.is_nan() => "no frame of it".to_owned(),
+            (_, value, _) => value.map(|value| value.to_string()).unwrap_or_default(),
+        };
+        Cow::Owned(text.into_bytes())
+    }
+}
+
+/// What the first reading shows.
+struct Overview {
+    summary: Summary,
+    columns: Vec<Column>,
+    /// Stamp the time counts from, ns: the first sample's.
+    origin_ns: u64,
+    /// Lines that begin as one of a frame and are none; the first few by name.
+    bad: BadRows,
+    /// Lines that are something else: remarks, what candump says of dropped frames.
+    remarks: u64,
+}
+
+/// Reads a log from its start. `progress` is told the bytes done so far.
+pub(super) fn read_trace(
+    path: &Path,
+    mut file: File,
+    mapping: &[(String, String)],
+    progress: &dyn Fn(u64),
+) -> Result<FileData, DataError> {
+    let size = file.metadata().map_or(0, |about| about.len());
+    let overview = look(path, &mut file, &|bytes| progress(bytes / 2))?;
+    let kind = match overview.summary.kind {
+        JointKind::Revolute => 0,
+        JointKind::Prismatic => 1,
+    };
+    let name = |column: &Column| match column {
+        Column::Run => "run",
+        Column::Time => "time_s",
+        Column::Quantity(at) => QUANTITIES[*at].names[kind],
+    };
+    let columns = &overview.columns;
+    let names = columns.iter().map(|column| name(column).to_owned()).collect();
+    let mut cleaner = Cleaner::new(path, layout(path, names, mapping)?);
+    for bad in &overview.bad.first {
+        cleaner.leave_out(bad.row, None, bad.found.clone(), &bad.expected);
+    }
+    let second_half = |bytes| progress((size + bytes) / 2);
+    each_sample(
+        path,
+        &mut file,
+        &second_half,
+        |_| {},
+        |sample| {
+            // Signed, for the clock may have been set back. A division, so that a millisecond is the
+            // number 0.001 and not one beside it.
+            let since_ns = i128::from(sample.time_ns) - i128::from(overview.origin_ns);
+            let time_s = since_ns as f64 / 1e9;
+            cleaner.take(sample.line, &TraceRow { sample, time_s, columns })
+        },
+    )?;
+    let mut data = cleaner.finish()?;
+    data.bad.count += overview.bad.count - overview.bad.first.len();
+    tell(path, &overview, &mut data);
+    Ok(data)
+}
+
+/// What is worth knowing of a log beside its rows.
+fn tell(path: &Path, overview: &Overview, data: &mut FileData) {
+    let (file, summary) = (path.display(), &overview.summary);
+    if summary.answers > 0 {
+        for name in ["friction_torque_nm", "feed_forward_current_a", "flags"] {
+            let why = "it is the driver's answer and no measurement".into();
+            data.left_out.push(LeftOutColumn { name: name.into(), why });
+        }
+    }
+    if summary.lost > 0 {
+        let lost = summary.lost;
+        data.notes.push(format!("{file}: {lost} samples are missing by the count of the SYNCs"));
+    }
+    if summary.errors > 0 {
+        data.notes.push(format!("{file}: {} error frames are passed over", summary.errors));
+    }
+    if overview.remarks > 0 {
+        data.notes.push(format!("{file}: {} lines are no frames", overview.remarks));
+    }
+}
+
+/// The first reading.
+fn look(path: &Path, file: &mut File, progress: &dyn Fn(u64)) -> Result<Overview, DataError> {
+    let (mut bad, mut remarks) = (BadRows::default(), 0);
+    let mut seen = [false; QUANTITIES.len()];
+    let (mut has_runs, mut origin_ns) = (false, None);
+    let aside = |aside: Aside| match aside {
+        Aside::Remark => remarks += 1,
+        Aside::Bad { row, line, error } => {
+            bad.count += 1;
+            if bad.first.len() < NAMED_BAD_ROWS {
+                let (column, found) = ("(all)".into(), quoted(line));
+                let expected = error.expected().into();
+                bad.first.push(BadCell { file: path.into(), row, column, found, expected });
+            }
+        }
+    };
+    let summary = each_sample(path, file, progress, aside, |sample| {
+        for (seen, quantity) in seen.iter_mut().zip(&QUANTITIES) {
+            *seen |= !(quantity.of)(sample).is_nan();
+        }
+        has_runs |= sample.run.is_some();
+        origin_ns.get_or_insert(sample.time_ns);
+        Ok(())
+    })?;
+    let rows = summary.frames as usize + bad.count;
+    if bad.count as f64 > MAX_BAD_SHARE * rows as f64 {
+        let (first, bad) = (bad.first[0].clone(), bad.count);
+        return Err(DataError::TooManyBad { first, bad, rows });
+    }
+    let wrong = |found: String, expected: &str| {
+        Err(DataError::File { file: path.into(), found, expected: expected.into() })
+    };
+    if !summary.others.is_empty() {
+        let all = summary.joint.iter().chain(&summary.others);
+        let all: Vec<String> = all.map(|(bus, node)| format!("{node} on {bus}")).collect();
+        let found = format!("inputs of the joints {}", listed(&all));
+        return wrong(found, "those of one joint: cut its frames and the SYNC out with grep");
+    }
+    let (Some(origin_ns), [true, true, ..]) = (origin_ns, seen) else {
+        let found = format!("{} frames and no joint's velocity and torque", summary.frames);
+        let expected = "frames 200 and 300 + node and the SYNC 080, as joint.dbc says";
+        return wrong(found, expected);
+    };
+    let quantities = (0..QUANTITIES.len()).filter(|at| seen[*at]).map(Column::Quantity);
+    let run = has_runs.then_some(Column::Run);
+    let columns = run.into_iter().chain([Column::Time]).chain(quantities).collect();
+    Ok(Overview { summary, columns, origin_ns, bad, remarks })
+}
+
+/// A line that is no frame.
+enum Aside<'a> {
+    /// It begins as one.
+    Bad { row: u64, line: &'a [u8], error: LineError },
+    /// It does not.
+    Remark,
+}
+
+/// Walks the file from its start and hands out its samples, and the lines that are no frames.
+fn each_sample(
+    path: &Path,
+    file: &mut File,
+    progress: &dyn Fn(u64),
+    mut aside: impl FnMut(Aside),
+    mut sink: impl FnMut(&Sample) -> Result<(), DataError>,
+) -> Result<Summary, DataError> {
+    let io = |source| DataError::Io { file: path.into(), source };
+    file.seek(SeekFrom::Start(0)).map_err(io)?;
+    let mut reader = BufReader::with_capacity(1 << 20, file);
+    let mut assembler = Assembler::default();
+    let mut line = Vec::with_capacity(256);
+    let (mut row, mut bytes) = (0u64, 0u64);
+    loop {
+        let is_rest = line.len() as u64 == LONGEST_LINE && !line.ends_with(b"\n");
+        line.clear();
+        // A file of one endless line must not be held; what follows the part that was is skipped.
+        let read = reader.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line).map_err(io)?;
+        if read == 0 {
+            break;
+        }
+        bytes += read as u64;
+        if is_rest {
+            continue;
+        }
+        row += 1;
+        if row.is_multiple_of(PROGRESS_LINES) {
+            progress(bytes);
+        }
+        match candump::parse(&line) {
+            Ok(frame) => {
+                if let Some(sample) = assembler.take(row, &frame) {
+                    sink(&sample)?;
+                }
+            }
+            Err(error) => {
+                let text = line.trim_ascii();
+                if text.starts_with(b"(") {
+                    aside(Aside::Bad { row, line: text, error });
+                } else if !text.is_empty() {
+                    aside(Aside::Remark);
+                }
+            }
+        }
+    }
+    let (last, summary) = assembler.finish();
+    if let Some(sample) = last {
+        sink(&sample)?;
+    }
+    Ok(summary)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_is_known_by_its_first_line() {
+        for log in [
+            "(1436509052.249713) vcan0 044#2A366C2BBA\n",
+            "\n# a remark\n  (0.5) can0 123#R\n",
+            "(1436509052.249713) vcan0 044#2A36",
+            "(1436509052.249713) can0 rubbish\n",
+        ] {
+            assert!(is_trace(log.as_bytes()), "{log}");
+        }
+        for other in ["", "time_s,velocity_rad_s\n", "(a),b\n1,2\n", "(1,2)\n", "PAR1"] {
+            assert!(!is_trace(other.as_bytes()), "{other}");
+        }
+    }
+}

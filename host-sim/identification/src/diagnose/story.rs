@@ -1,0 +1,216 @@
+//! The five sentences: what is wrong, where, why, what the extension gains, what to do next.
+
+use super::finding::{Finding, Size};
+use super::log::Log;
+use super::{Diagnosis, Share};
+use crate::fit::State;
+use crate::fit::outcome::Predicted;
+use crate::number::figure;
+use compensator_core::{ParameterId as Id, TermKind};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+/// What is left where no column explains it: `unknown`, without a term.
+pub fn unexplained(after: &Predicted, noise_floor: f64, log: &Log, seed: u64) -> Finding {
+    use rand::{RngExt, SeedableRng};
+    let rmse = after.metrics.rmse;
+    let beyond = |rmse: f64| (rmse * rmse - noise_floor * noise_floor).max(0.0).sqrt();
+    let per_track: Vec<(f64, f64)> = after
+        .residuals
+        .iter()
+        .map(|track| (track.iter().map(|r| r * r).sum(), track.len() as f64))
+        .collect();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+    let mut drawn: Vec<f64> = (0..400)
+        .map(|_| {
+            let (mut sum, mut rows) = (0.0, 0.0);
+            for _ in 0..per_track.len() {
+                let (own, count) = per_track[random.random_range(0..per_track.len())];
+                sum += own;
+                rows += count;
+            }
+            beyond((sum / f64::max(rows, 1.0)).sqrt())
+        })
+        .collect();
+    drawn.sort_by(f64::total_cmp);
+    let least = beyond(super::STRUCTURE.0 * noise_floor);
+    let stability = drawn.iter().filter(|size| **size > least).count() as f64 / drawn.len() as f64;
+    let unit = log.train.joint.torque_unit();
+    let size = Size {
+        value: beyond(rmse),
+        unit: unit.to_owned(),
+        ci95: [drawn[drawn.len() / 40], drawn[drawn.len() - 1 - drawn.len() / 40]],
+    };
+    Finding {
+        kind: TermKind::Unknown,
+        columns: Vec::new(),
+        in_words: format!(
+            "something smooth is left, {} {unit} RMS beyond the noise of {} {unit}, that follows none of the log's columns",
+            figure(size.value),
+            figure(noise_floor)
+        ),
+        size,
+        order: None,
+        p_value: like_noise(after),
+        stability,
+        share_of_residual: (1.0 - (noise_floor / rmse).powi(2)).clamp(0.0, 1.0),
+        confusable_with: Vec::new(),
+    }
+}
+
+/// Probability that white noise hangs together as this residual does from one row to the next.
+fn like_noise(after: &Predicted) -> f64 {
+    let (mut products, mut squares, mut rows) = (0.0, 0.0, 0.0);
+    for track in &after.residuals {
+        products += track.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
+        squares += track.iter().map(|r| r * r).sum::<f64>();
+        rows += track.len() as f64;
+    }
+    let surprise = products / f64::max(squares, f64::MIN_POSITIVE) * f64::sqrt(rows);
+    Normal::standard().sf(surprise)
+}
+
+/// What to measure next.
+pub fn next_experiment(diagnosis: &Diagnosis) -> String {
+    let confused = diagnosis.findings.iter().find(|finding| !finding.confusable_with.is_empty());
+    if let Some(finding) = confused {
+        let mut vary: Vec<String> = finding.columns.clone();
+        let mut hold: Vec<String> = Vec::new();
+        for (_, columns) in &finding.confusable_with {
+            hold.extend(columns.iter().filter(|name| !vary.contains(name)).cloned());
+        }
+        hold.dedup();
+        let motion = |names: &[String]| names.iter().all(|name| name.starts_with("velocity"));
+        if motion(&vary) {
+            hold.retain(|name| !name.starts_with("velocity"));
+            vary.clear();
+        }
+        let others: Vec<&str> =
+            finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+        if hold.is_empty() || vary.is_empty() {
+            return format!(
+                "To tell {} from {}, add slow reversals and rests of different length both ways.",
+                finding.kind.name(),
+                others.join(" and ")
+            );
+        }
+        return format!(
+            "To tell {} from {}, vary {} while {} stays constant, and the other way round.",
+            finding.kind.name(),
+            others.join(" and "),
+            vary.join(" and "),
+            hold.join(" and ")
+        );
+    }
+    if diagnosis.findings.iter().any(|finding| finding.kind == TermKind::Unknown) {
+        let columns: Vec<&str> = diagnosis
+            .findings
+            .iter()
+            .filter(|finding| finding.kind == TermKind::Unknown)
+            .flat_map(|finding| finding.columns.iter().map(String::as_str))
+            .collect();
+        return if columns.is_empty() {
+            "Log more of what may act (temperature, side load, pressure, position) and repeat the run that is worst."
+                .into()
+        } else {
+            format!("Vary {} in steps with everything else held constant.", columns.join(" and "))
+        };
+    }
+    let loose: Vec<&str> = diagnosis
+        .extended
+        .estimates
+        .iter()
+        .filter(|e| e.state == State::NotDetermined && e.id != Id::TemperatureReference)
+        .map(|e| e.id.name())
+        .collect();
+    if loose.iter().any(|name| ["bristle_stiffness", "bristle_damping"].contains(name)) {
+        return "Add small oscillations within the bristles' travel (a few hertz, growing until it breaks away): \
+                this log does not determine the bristles."
+            .into();
+    }
+    if loose.iter().any(|name| ["stribeck_velocity", "static_torque"].contains(name)) {
+        return "Add slow reversals through zero speed: this log does not determine the Stribeck curve.".into();
+    }
+    let missing: Vec<&str> = [
+        ("radial_force_n", "side load"),
+        ("pressure_diff_pa", "pressure"),
+        ("temperature_c", "temperature"),
+    ]
+    .into_iter()
+    .filter(|(column, _)| !diagnosis.log.varies(column))
+    .map(|(_, name)| name)
+    .collect();
+    if missing.is_empty() {
+        "Repeat one of the held-out runs on another day: what a campaign cannot show is whether it repeats.".into()
+    } else {
+        format!("Vary and log {}: nothing can be said of what does not change.", missing.join(", "))
+    }
+}
+
+/// Where in the motion the error lies.
+fn place(diagnosis: &Diagnosis) -> String {
+    let worst = diagnosis.by_regime.iter().max_by(|a, b| a.of_error.total_cmp(&b.of_error));
+    let Some(worst) = worst else { return String::new() };
+    let share = |share: &Share| {
+        let (error, spread) = (100.0 * share.of_error, 200.0 * share.uncertainty);
+        format!("{error:.0} ± {spread:.0} % of the squared error")
+    };
+    if worst.of_rows < 0.95 {
+        let rows = 100.0 * worst.of_rows;
+        return format!(
+            "{} lies in {}, which is {rows:.0} % of the rows.",
+            share(worst),
+            worst.name
+        );
+    }
+    // One regime is all there is: what is left to tell is the direction.
+    let harder = diagnosis.by_direction.iter().max_by(|a, b| a.of_error.total_cmp(&b.of_error));
+    harder.map_or_else(String::new, |harder| {
+        let rows = 100.0 * harder.of_rows;
+        let (regime, direction) = (&worst.name, &harder.name);
+        format!(
+            "All of it is {regime}; {} lies {direction}, which is {rows:.0} % of the rows.",
+            share(harder)
+        )
+    })
+}
+
+/// The five sentences.
+pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
+    let unit = diagnosis.log.train.joint.torque_unit();
+    let runs =
+        |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
+    let before = diagnosis.before.metrics.rmse;
+    let wrong = format!(
+        "A {} model, fitted on {}, misses the torque on {} it has not seen by {} {unit} RMS; the noise alone would be {} {unit}.",
+        diagnosis.baseline.spec,
+        runs(diagnosis.log.train.runs.len(), "run"),
+        runs(diagnosis.log.test.runs.len(), "run"),
+        figure(before),
+        figure(diagnosis.noise_floor)
+    );
+    let place = place(diagnosis);
+    let why = match diagnosis.findings.as_slice() {
+        [] => "Nothing systematic is left above the noise: no cause is named.".to_owned(),
+        [first, others @ ..] => {
+            let mut text = format!("The cause is {}: {}", first.kind.name(), first.in_words);
+            for other in others {
+                text += &format!("; then {} ({})", other.kind.name(), other.in_words);
+            }
+            text + "."
+        }
+    };
+    let gain = &diagnosis.gain;
+    let better = if diagnosis.extended.spec == diagnosis.baseline.spec {
+        "No extension is offered, so none is gained.".to_owned()
+    } else {
+        format!(
+            "With {} the error on unseen runs falls to {} {unit}, by {:.1} % (95 % interval {:.1} to {:.1} %).",
+            diagnosis.extended.spec,
+            figure(diagnosis.after.metrics.rmse),
+            100.0 * gain.value,
+            100.0 * gain.ci95[0],
+            100.0 * gain.ci95[1]
+        )
+    };
+    vec![wrong, place, why, better, next_experiment(diagnosis)]
+}

@@ -1,0 +1,313 @@
+//! `params.toml`: parameters as a person writes and reads them.
+//!
+//! ```toml
+//! schema = 1
+//! joint = "revolute"
+//! model = "lugre+pressure-coulomb"
+//!
+//! [parameters]
+//! coulomb_torque = { value = 1.5, unit = "Nm", std_error = 0.01, state = "determined" }
+//! static_torque = 2.2                     # a bare number is in the parameter's own SI unit
+//!
+//! [envelope]                              # what the model may meet; optional
+//! velocity_max_rad_s = 10.5
+//! [choices]                               # optional
+//! damping_fades = true
+//! [compensator]                           # optional
+//! scale = 0.9
+//! ```
+//!
+//! `identify` writes it, the core takes it unchanged. What else may stand in a file, whoever reads it says
+//! ([`Section`]): a joint driver's motor, for one. Unknown keys, wrong units and values out of
+//! range are refused, each in one line that names the key.
+
+use crate::data::Joint;
+use crate::fit::Outcome;
+use crate::spec::Spec;
+use compensator_core::compensator::CompensatorParameters;
+use compensator_core::parameters::{Choices, Envelope, Info};
+use compensator_core::record::Configuration;
+use compensator_core::{ParameterId, Parameters};
+use std::fmt::Write;
+use std::path::Path;
+use toml_edit::{Document, Item, TableLike};
+
+/// A parameter file, read and validated.
+#[derive(Clone, Debug)]
+pub struct ParameterFile {
+    /// Units the values are in.
+    pub joint: Joint,
+    /// The model, with the rigid-body parts among its terms.
+    pub spec: Spec,
+    /// Its parameters.
+    pub parameters: Parameters<f64>,
+    /// How a driver is to use it.
+    pub compensator: CompensatorParameters,
+    /// The numbers of each further [`Section`] that was asked for, in its order; NaN where none is given.
+    pub sections: Vec<Vec<f32>>,
+}
+
+/// A further section of a file: numbers by name.
+#[derive(Clone, Copy, Debug)]
+pub struct Section {
+    /// Its name, as `motor`.
+    pub name: &'static str,
+    /// What may stand in it.
+    pub fields: &'static [&'static str],
+}
+
+impl ParameterFile {
+    /// The friction model as a driver takes it.
+    pub fn friction(&self) -> Configuration {
+        Configuration { model: self.parameters.convert(), compensator: self.compensator }
+    }
+}
+
+/// Why a parameter file was refused; one line.
+#[derive(Debug, thiserror::Error)]
+#[error("{file}: {what}")]
+pub struct ParameterFileError {
+    file: String,
+    what: String,
+}
+
+/// Unit of a parameter on this kind of joint.
+pub fn unit(info: &Info, joint: Joint) -> &'static str {
+    match joint {
+        Joint::Revolute => info.unit,
+        Joint::Prismatic => info.unit_prismatic,
+    }
+}
+
+/// The file of a fit.
+pub fn emit(outcome: &Outcome, joint: Joint) -> String {
+    let parameters = &outcome.parameters;
+    let mut text = head(joint, &outcome.spec.full_name());
+    // Writing to a string does not fail.
+    for estimate in &outcome.estimates {
+        let (info, value) = (estimate.id.info(), estimate.value);
+        let unit = unit(info, joint);
+        let _ = write!(text, "{} = {{ value = {value:?}, unit = \"{unit}\"", info.name);
+        if let Some(error) = estimate.std_error {
+            let _ = write!(text, ", std_error = {error:?}, state = \"{}\"", estimate.state.name());
+        }
+        text.push_str(" }\n");
+    }
+    emit_limits(&parameters.envelope, parameters.choices, &mut text);
+    text
+}
+
+/// The file of a model in the numbers of a driver: read back, it is the same model to the bit.
+pub fn emit_model(model: &Parameters<f32>, joint: Joint) -> String {
+    let spec = Spec { terms: model.terms.to_vec(), ..Spec::law(model.law) };
+    let mut text = head(joint, &spec.full_name());
+    for id in model.active() {
+        let (info, value) = (id.info(), model.get(id));
+        let unit = unit(info, joint);
+        let _ = writeln!(text, "{} = {{ value = {value:?}, unit = \"{unit}\" }}", info.name);
+    }
+    emit_limits(&model.envelope, model.choices, &mut text);
+    text
+}
+
+fn head(joint: Joint, model: &str) -> String {
+    let kind = match joint {
+        Joint::Revolute => "revolute",
+        Joint::Prismatic => "prismatic",
+    };
+    format!("schema = 1\njoint = \"{kind}\"\nmodel = \"{model}\"\n\n[parameters]\n")
+}
+
+/// Puts a section of numbers at the end of a file.
+pub fn emit_section(name: &str, names: &[&str], values: &[f32], text: &mut String) {
+    let _ = writeln!(text, "\n[{name}]");
+    for (name, value) in names.iter().zip(values) {
+        let _ = writeln!(text, "{name} = {value:?}");
+    }
+}
+
+fn emit_limits(envelope: &Envelope, choices: Choices, text: &mut String) {
+    emit_section("envelope", &Envelope::NAMES, &envelope.to_array(), text);
+    let Choices { damping_fades, printed_extended, allow_active } = choices;
+    let _ = write!(
+        text,
+        "\n[choices]\ndamping_fades = {damping_fades}\nprinted_extended = {printed_extended}\n\
+         allow_active = {allow_active}\n"
+    );
+}
+
+/// Reads and validates a file that may have these sections besides those of a model.
+///
+/// # Errors
+/// One line: the file, the key, what was found and what was expected; or the core's own refusal.
+pub fn read(path: &Path, sections: &[Section]) -> Result<ParameterFile, ParameterFileError> {
+    let refuse = |what: String| ParameterFileError { file: path.display().to_string(), what };
+    let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
+    parse(&text, sections).map_err(refuse)
+}
+
+/// Reads and validates the text of a file.
+///
+/// # Errors
+/// As [`read`], without the file's name.
+pub fn parse(text: &str, sections: &[Section]) -> Result<ParameterFile, String> {
+    // A key or a text of the file may go over lines, and is in the words that refuse it.
+    understand(text, sections)
+        .map_err(|why| why.lines().map(str::trim).collect::<Vec<_>>().join(" "))
+}
+
+fn understand(text: &str, sections: &[Section]) -> Result<ParameterFile, String> {
+    let document = Document::parse(text).map_err(|error| error.to_string())?;
+    let root = document.as_table();
+    let own = ["schema", "joint", "model", "parameters", "envelope", "choices", "compensator"];
+    let known: Vec<&str> = own.into_iter().chain(sections.iter().map(|more| more.name)).collect();
+    if let Some((key, _)) = root.iter().find(|(key, _)| !known.contains(key)) {
+        return Err(format!("unknown key {key:?}, expected {}", known.join(", ")));
+    }
+    match root.get("schema").and_then(Item::as_integer) {
+        Some(1) => {}
+        found => return Err(format!("schema: found {found:?}, expected 1")),
+    }
+    let joint = match string(root, "joint")?.as_str() {
+        "revolute" => Joint::Revolute,
+        "prismatic" => Joint::Prismatic,
+        other => return Err(format!("joint: found {other:?}, expected revolute or prismatic")),
+    };
+    let spec = Spec::parse(&string(root, "model")?).map_err(|error| error.to_string())?;
+    let mut parameters = spec.parameters().map_err(|error| error.to_string())?;
+    let active: Vec<ParameterId> = parameters.active().collect();
+    for (key, item) in section(root, "parameters")? {
+        let id = ParameterId::parse(key).filter(|id| active.contains(id)).ok_or_else(|| {
+            let known: Vec<_> = active.iter().map(|id| id.name()).collect();
+            format!("parameters.{key}: not a parameter of {spec}, expected of {}", known.join(", "))
+        })?;
+        parameters.set(id, value(key, item, unit(id.info(), joint))?);
+    }
+    let mut envelope = parameters.envelope.to_array();
+    fields(root, "envelope", &Envelope::NAMES, &mut envelope)?;
+    parameters.envelope = Envelope::from_array(envelope);
+    for (key, item) in section(root, "choices")? {
+        let chosen =
+            item.as_bool().ok_or_else(|| format!("choices.{key}: expected true or false"))?;
+        match key {
+            "damping_fades" => parameters.choices.damping_fades = chosen,
+            "printed_extended" => parameters.choices.printed_extended = chosen,
+            "allow_active" => parameters.choices.allow_active = chosen,
+            _ => {
+                let known = "damping_fades, printed_extended, allow_active";
+                return Err(format!("choices.{key}: unknown, expected of {known}"));
+            }
+        }
+    }
+    let mut compensator = CompensatorParameters::default().to_array();
+    fields(root, "compensator", &CompensatorParameters::NAMES, &mut compensator)?;
+    let compensator = CompensatorParameters::from_array(compensator);
+    parameters.validate().and_then(|()| compensator.validate()).map_err(|e| e.to_string())?;
+    let further = |section: &Section| {
+        let mut values = vec![f32::NAN; section.fields.len()];
+        fields(root, section.name, section.fields, &mut values).map(|()| values)
+    };
+    let sections = sections.iter().map(further).collect::<Result<_, _>>()?;
+    Ok(ParameterFile { joint, spec, parameters, compensator, sections })
+}
+
+fn string(root: &toml_edit::Table, key: &str) -> Result<String, String> {
+    let text = root.get(key).and_then(Item::as_str);
+    text.map(str::to_owned).ok_or_else(|| format!("{key}: missing or not a text"))
+}
+
+type Entries<'a> = Vec<(&'a str, &'a Item)>;
+
+fn section<'a>(root: &'a toml_edit::Table, name: &str) -> Result<Entries<'a>, String> {
+    let Some(item) = root.get(name) else { return Ok(Vec::new()) };
+    let table: &dyn TableLike =
+        item.as_table_like().ok_or_else(|| format!("{name}: expected a table"))?;
+    Ok(table.iter().collect())
+}
+
+fn number(item: &Item) -> Option<f64> {
+    item.as_float().or_else(|| item.as_integer().map(|i| i as f64)).filter(|x| x.is_finite())
+}
+
+/// A bare number, or a table with a value and, where given, the right unit.
+fn value(key: &str, item: &Item, unit: &str) -> Result<f64, String> {
+    let expected = || format!("parameters.{key}: expected a finite number in {unit}");
+    let Some(table) = item.as_table_like() else { return number(item).ok_or_else(expected) };
+    if let Some(found) = table.get("unit").and_then(Item::as_str)
+        && found != unit
+    {
+        return Err(format!("parameters.{key}: found unit {found:?}, expected {unit:?}"));
+    }
+    table.get("value").and_then(number).ok_or_else(expected)
+}
+
+fn fields(
+    root: &toml_edit::Table,
+    name: &str,
+    names: &[&str],
+    values: &mut [f32],
+) -> Result<(), String> {
+    for (key, item) in section(root, name)? {
+        let at = names
+            .iter()
+            .position(|known| *known == key)
+            .ok_or_else(|| format!("{name}.{key}: unknown, expected of {}", names.join(", ")))?;
+        values[at] =
+            number(item).ok_or_else(|| format!("{name}.{key}: expected a finite number"))? as f32;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = "schema = 1\njoint = \"revolute\"\nmodel = \"lugre+pressure-coulomb\"\n\
+        [parameters]\ncoulomb_torque = { value = 1.5, unit = \"Nm\" }\nstatic_torque = 2\n\
+        pressure_coulomb = 2.4e-6\n[envelope]\nvelocity_max_rad_s = 10.5\n\
+        [compensator]\nscale = 0.8\n";
+
+    #[test]
+    fn a_file_is_read() {
+        let file = parse(GOOD, &[]).unwrap();
+        assert_eq!(file.parameters.get(ParameterId::CoulombTorque), 1.5);
+        assert_eq!(file.parameters.get(ParameterId::StaticTorque), 2.0);
+        assert_eq!(file.parameters.envelope.velocity_max_rad_s, 10.5);
+        assert_eq!(file.compensator.scale, 0.8);
+        assert_eq!(file.spec.to_string(), "lugre+pressure-coulomb");
+    }
+
+    #[test]
+    fn a_further_section_is_read_where_it_is_asked_for() {
+        let text = format!("{GOOD}[motor]\ngear_ratio = 20\n");
+        let motor = Section { name: "motor", fields: &["pole_pairs", "gear_ratio"] };
+        let file = parse(&text, &[motor]).unwrap();
+        assert!(file.sections[0][0].is_nan() && file.sections[0][1] == 20.0);
+        assert!(parse(&text, &[]).unwrap_err().contains("unknown key \"motor\""));
+        let error = parse(&text.replace("gear_ratio", "gear"), &[motor]).unwrap_err();
+        assert!(error.contains("motor.gear: unknown"), "{error}");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        for (from, to, word) in [
+            ("schema = 1", "schema = 2", "schema"),
+            ("revolute", "round", "expected revolute or prismatic"),
+            ("lugre+", "luger+", "unknown model"),
+            ("unit = \"Nm\"", "unit = \"mNm\"", "expected \"Nm\""),
+            ("static_torque = 2", "static_torque = 1", "static_torque = 1: must be at least 1.5"),
+            ("static_torque = 2", "static_torque = nan", "parameters.static_torque"),
+            ("pressure_coulomb", "radial_force_coulomb", "not a parameter of lugre+pressure"),
+            ("scale = 0.8", "scale = 1.8", "scale = 1.8: must be at most 1: over-compensation"),
+            ("scale", "scael", "compensator.scael: unknown"),
+            ("[envelope]", "[envelop]", "unknown key \"envelop\""),
+            ("= 1.5", "= ", "TOML parse error"),
+            ("\"lugre+pressure-coulomb\"", "\"\"\"lu\ngre\"\"\"", "unknown model"),
+            ("static_torque", "\"static\\ntorque\"", "not a parameter of lugre+pressure"),
+        ] {
+            let error = parse(&GOOD.replacen(from, to, 1), &[]).unwrap_err();
+            assert!(error.contains(word), "{from} -> {to}: {error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+}

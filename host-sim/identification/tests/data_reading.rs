@@ -1,0 +1,366 @@
+//! The rules of the data contract, each on a file of a few rows.
+//!
+//! Every test writes its file into a directory of its own, reads it through the public interface,
+//! and looks at what a user would see: runs, bad rows by their place, one-line errors.
+
+use std::cell::RefCell;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use friction_identification::data::{DataError, Dataset, Joint, ReadOptions, read};
+
+/// A directory that goes away with its owner.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new() -> Folder {
+        static COUNT: AtomicUsize = AtomicUsize::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let path = std::env::temp_dir().join(format!("data-{}-{number}", std::process::id()));
+        fs::create_dir_all(&path).unwrap();
+        Folder(path)
+    }
+
+    fn write(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.0.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, content).unwrap();
+        path
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+fn read_with(files: &[PathBuf], options: &ReadOptions) -> Result<Dataset, DataError> {
+    read(files, options, &|_, _| {})
+}
+
+fn try_text(text: impl AsRef<[u8]>) -> Result<Dataset, String> {
+    let folder = Folder::new();
+    let path = folder.write("log.csv", text);
+    let said = |error: DataError| {
+        let said = error.to_string();
+        assert!(!said.contains('\n'), "an error is one line: {said:?}");
+        said.replace(&format!("{}{}", folder.0.display(), std::path::MAIN_SEPARATOR), "")
+    };
+    read_with(&[path], &ReadOptions::default()).map_err(said)
+}
+
+fn text(text: impl AsRef<[u8]>) -> Dataset {
+    try_text(text).unwrap()
+}
+
+fn refused(text: impl AsRef<[u8]>) -> String {
+    try_text(text).unwrap_err()
+}
+
+/// `header`, then 100 good rows of a revolute joint, then `rows`.
+fn after_100_rows(rows: &str) -> String {
+    let good: String = (0..100).map(|i| format!("{}.0,1.0,2.0\n", i)).collect();
+    format!("time_s,velocity_rad_s,torque_nm\n{good}{rows}")
+}
+
+/// Where the first bad row is and what is said of it.
+fn first_bad(data: &Dataset) -> (u64, &str, &str, &str) {
+    let cell = &data.bad_rows.first[0];
+    (cell.row, &cell.column, &cell.found, &cell.expected)
+}
+
+const PLAIN: &str = "time_s,velocity_rad_s,torque_nm\n0.0,1.0,2.0\n0.1,1.5,2.5\n";
+
+#[test]
+fn a_plain_file_is_one_run_named_after_it() {
+    let data = text(PLAIN);
+    assert_eq!(data.joint, Joint::Revolute);
+    assert_eq!((data.rows, data.rows_read, data.bad_rows.count), (2, 2, 0));
+    let run = &data.runs[0];
+    assert_eq!(run.name, "log");
+    assert_eq!(run.time_s, [0.0, 0.1]);
+    assert_eq!(run.velocity, [1.0, 1.5]);
+    assert_eq!(run.torque, [2.0, 2.5]);
+    assert!(run.position.is_none() && run.acceleration.is_none());
+}
+
+#[test]
+fn every_contract_column_finds_its_place() {
+    let data = text(
+        "run,time_s,velocity_m_s,force_n,position_m,acceleration_m_s2,radial_force_n,\
+         pressure_diff_pa,temperature_c,load_torque_nm,flow\nA,0,1,2,3,4,5,6,7,8,9\n",
+    );
+    assert_eq!(data.joint, Joint::Prismatic);
+    assert_eq!(data.joint.torque_unit(), "N");
+    let run = &data.runs[0];
+    assert_eq!((run.velocity[0], run.torque[0]), (1.0, 2.0));
+    assert_eq!(run.position.as_deref(), Some(&[3.0][..]));
+    assert_eq!(run.acceleration.as_deref(), Some(&[4.0][..]));
+    assert_eq!(run.radial_force_n.as_deref(), Some(&[5.0][..]));
+    assert_eq!(run.pressure_diff_pa.as_deref(), Some(&[6.0][..]));
+    assert_eq!(run.temperature_c.as_deref(), Some(&[7.0][..]));
+    assert_eq!(run.load_torque_nm.as_deref(), Some(&[8.0][..]));
+    assert_eq!(
+        (data.covariates.as_slice(), &run.extra[0][..]),
+        (&["flow".to_string()][..], &[9.0][..])
+    );
+}
+
+#[test]
+fn how_the_text_is_written_does_not_matter() {
+    let plain = text(PLAIN);
+    let crlf = PLAIN.replace('\n', "\r\n");
+    let semicolons = PLAIN.replace(',', ";");
+    let tabs = PLAIN.replace(',', "\t");
+    let quoted = "\"time_s\",\"velocity_rad_s\",\"torque_nm\"\r\n\"0.0\",\"1.0\",\"2.0\"\r\n\"0.1\",1.5,\"2.5\"\r\n";
+    let blanks =
+        "\n\r\n time_s , velocity_rad_s,torque_nm \n\n 0.0 , 1.0,2.0\n\n\n0.1,1.5,+2.5e0\n,,\n\n";
+    let no_last_end = PLAIN.trim_end();
+    let marked = format!("\u{feff}{PLAIN}");
+    for other in [&crlf, &semicolons, &tabs, quoted, blanks, no_last_end, &marked] {
+        let data = text(other);
+        assert_eq!(data.runs, plain.runs, "{other:?}");
+        assert_eq!(data.bad_rows.count, 0);
+    }
+}
+
+#[test]
+fn a_decimal_comma_is_read_where_the_comma_is_free_and_told() {
+    let data = text("time_s;velocity_rad_s;torque_nm\n0,0;1,0;2,0\n0,1;1,5;-2,5e-1\n");
+    assert_eq!(data.runs[0].torque, [2.0, -0.25]);
+    assert!(data.notes[0].ends_with("commas inside numbers are decimal points"));
+}
+
+#[test]
+fn files_that_are_no_table_are_told_apart() {
+    assert_eq!(refused(""), "log.csv: found an empty file, expected a header and a row per sample");
+    assert_eq!(
+        refused("time_s,velocity_rad_s,torque_nm\r\n\r\n"),
+        "log.csv: found a header and no rows, expected a row per sample"
+    );
+    assert!(refused(b"\xff\xfet\0i\0m\0").contains("found text in UTF-16"));
+    assert!(refused(b"\x1f\x8b\x08rest").contains("found a gzip archive"));
+    assert!(refused(b"PAR1nonsensePAR1").contains("expected a Parquet file"));
+    let folder = Folder::new();
+    let error = |path: &Path| {
+        read_with(&[path.to_path_buf()], &ReadOptions::default()).unwrap_err().to_string()
+    };
+    assert!(error(&folder.0).contains("found a directory"));
+    assert!(error(&folder.0.join("none.csv")).contains("none.csv: cannot be read"));
+    let error = read_with(&[], &ReadOptions::default()).unwrap_err().to_string();
+    assert_eq!(error, "data: found no file, expected one or more CSV or Parquet files");
+}
+
+#[test]
+fn bad_cells_are_left_out_and_named_by_row() {
+    for (row, column, found) in [
+        ("abc,1,2", "time_s", "\"abc\""),
+        ("200,NaN,2", "velocity_rad_s", "\"NaN\""),
+        ("200,1,-inf", "torque_nm", "\"-inf\""),
+        ("200,1,", "torque_nm", "an empty cell"),
+        ("200,1e999,2", "velocity_rad_s", "\"1e999\""),
+    ] {
+        let data = text(after_100_rows(&format!("{row}\n200.5,1,2\n")));
+        assert_eq!((data.rows, data.rows_read, data.bad_rows.count), (101, 102, 1));
+        assert_eq!(first_bad(&data), (102, column, found, "a finite number"));
+    }
+}
+
+#[test]
+fn ragged_rows_are_bad() {
+    let data = text(after_100_rows("100,1\n101,1,2,3\n102,1,2\n"));
+    assert_eq!((data.rows, data.bad_rows.count), (101, 2));
+    assert_eq!(first_bad(&data), (102, "(all)", "2 cells", "3 cells as in the header"));
+    assert_eq!(data.bad_rows.first[1].found, "4 cells");
+}
+
+#[test]
+fn row_numbers_are_those_of_an_editor() {
+    // Blank lines, CRLF and a quoted cell over three lines all come before the bad row.
+    let rows = after_100_rows("").replace('\n', "\r\n");
+    let rows = rows.replacen("\r\n0.0,1.0,2.0\r\n", "\r\n\r\n\r\n0.0,1.0,\"2.0\r\n\r\n\"\r\n", 1);
+    let data = text(rows.clone() + "x,1,2\r\n");
+    assert_eq!(data.rows, 100);
+    let line = rows.matches('\n').count() as u64 + 1;
+    assert_eq!(first_bad(&data).0, line);
+    let data = text(rows + "\r\n\r\nx,1,2");
+    assert_eq!(first_bad(&data).0, line + 2);
+}
+
+#[test]
+fn an_unclosed_quote_is_one_bad_row_that_says_so() {
+    // The cell swallows the rest of the file, whether or not it is in the last column.
+    for rows in ["100,1,\"2\n101,1,2\n102,1,2\n", "100,\"1,2\n101,1,2", "100,1,\"2"] {
+        let data = text(after_100_rows(rows));
+        assert_eq!((data.rows, data.bad_rows.count), (100, 1));
+        let place = (102, "(all)", "a quote that is never closed", "3 cells as in the header");
+        assert_eq!(first_bad(&data), place);
+    }
+    let data = text(after_100_rows("100,\"1,2\n101,1,2\n102\",1,2\n103,1,2\n"));
+    assert_eq!(first_bad(&data).2, "a quoted cell that ends 2 lines further down");
+    assert_eq!((data.rows, data.bad_rows.count), (101, 1));
+}
+
+#[test]
+fn time_must_not_run_backwards_inside_a_run() {
+    let data = text(after_100_rows("98.5,1,2\n99.0,1,2\n99.5,1,2\n"));
+    assert_eq!((data.rows, data.bad_rows.count), (102, 1));
+    assert_eq!(first_bad(&data), (102, "time_s", "98.5", "a time not before 99 of row 101"));
+    assert!(data.notes[0].ends_with("1 rows repeat the time stamp before them and are kept"));
+}
+
+#[test]
+fn runs_may_be_interleaved_and_have_their_own_clocks() {
+    let data = text(
+        "time_s,run,velocity_rad_s,torque_nm\n100,b,1,1\n0,7,2,2\n101,b,3,3\n1,7,4,4\n0, a b ,5,5\n",
+    );
+    let names: Vec<&str> = data.runs.iter().map(|run| run.name.as_str()).collect();
+    assert_eq!(names, ["b", "7", "a b"]);
+    assert_eq!(data.runs[0].velocity, [1.0, 3.0]);
+    assert_eq!(data.runs[1].velocity, [2.0, 4.0]);
+    assert_eq!(data.bad_rows.count, 0);
+}
+
+#[test]
+fn a_row_without_its_run_is_bad() {
+    let rows: String = (0..50).map(|i| format!("a,{i},1,2\n")).collect();
+    let data = text(format!("run,time_s,velocity_rad_s,torque_nm\n{rows},50,1,2\n"));
+    assert_eq!(first_bad(&data), (52, "run", "an empty cell", "the run's name"));
+}
+
+#[test]
+fn more_than_five_percent_of_bad_rows_is_an_error() {
+    let bad = |n: usize| after_100_rows(&"x,1,2\n".repeat(n));
+    assert_eq!(text(bad(5)).bad_rows.count, 5);
+    assert_eq!(text(bad(5)).bad_rows.first.len(), 5);
+    assert_eq!(
+        refused(bad(6)),
+        "log.csv: row 102, column time_s: found \"x\", expected a finite number \
+         (6 of 106 rows are bad, this is the first; at most 5 % may be)"
+    );
+}
+
+#[test]
+fn a_hole_in_a_covariate_makes_the_row_bad() {
+    let good: String = (0..40).map(|i| format!("{i},1,2,{i},x\n")).collect();
+    let head = "time_s,velocity_rad_s,torque_nm,temperature_c,note\n";
+    let data = text(format!("{head}{good}40,1,2,,x\n41,1,2,41,x\n"));
+    assert_eq!((data.rows, data.bad_rows.count), (41, 1));
+    assert_eq!(first_bad(&data), (42, "temperature_c", "an empty cell", "a finite number"));
+    let run = &data.runs[0];
+    assert_eq!(run.time_s[40], 41.0);
+    assert_eq!(run.temperature_c.as_ref().unwrap()[40], 41.0);
+}
+
+#[test]
+fn columns_without_a_number_are_left_out_and_named() {
+    let data = text(
+        "run,time_s,velocity_rad_s,torque_nm,shape,temperature_c,note,\n\
+         a,0,1,2,sine,,x,\na,1,1,2,sine,nan,y,\nb,0,1,2,step,,z,\n",
+    );
+    assert_eq!((data.rows, data.bad_rows.count), (3, 0));
+    let left: Vec<(&str, &str)> =
+        data.left_out_columns.iter().map(|c| (c.name.as_str(), c.why.as_str())).collect();
+    assert_eq!(
+        left,
+        [
+            ("number 8", "it has no name"),
+            ("shape", "it is text (kept as a label of each run)"),
+            ("temperature_c", "it holds no value"),
+            ("note", "it is text that changes inside a run"),
+        ]
+    );
+    assert_eq!(data.runs[0].labels, [("shape".to_string(), "sine".to_string())]);
+    assert_eq!(data.constant_columns(), ["run", "shape"]);
+}
+
+#[test]
+fn a_header_problem_is_an_error_of_row_one() {
+    assert!(refused("time_s,velocity_rad_s,torque_nm,force_n\n0,1,2,3\n").starts_with(
+        "log.csv: row 1, column force_n: found torque_nm as well, expected one target"
+    ));
+    assert!(refused("time_s,a,a\n").contains("found the name twice"));
+    assert!(refused("0,1,2\n3,4,5\n").contains("found numbers, expected the columns' names"));
+    assert!(refused("t,v,f\n0,1,2\n").contains("--columns time_s=NAME,velocity_rad_s=NAME"));
+}
+
+#[test]
+fn foreign_headers_are_translated() {
+    let folder = Folder::new();
+    let path = folder.write("servo.csv", "time_s,velocity_rad_s,drive_voltage_v\n0,1,2\n");
+    let pair = |text: &str| {
+        let (name, foreign) = text.split_once('=').unwrap();
+        (name.to_string(), foreign.to_string())
+    };
+    let options =
+        ReadOptions { columns: vec![pair("torque_nm=drive_voltage_v")], ..Default::default() };
+    let data = read_with(std::slice::from_ref(&path), &options).unwrap();
+    assert_eq!((data.joint, data.runs[0].torque[0]), (Joint::Revolute, 2.0));
+    let options = ReadOptions { columns: vec![pair("torque_nm=tau")], ..Default::default() };
+    let error = read_with(&[path], &options).unwrap_err().to_string();
+    assert!(error.contains("--columns torque_nm=tau: found no column tau, expected one of time_s"));
+}
+
+#[test]
+fn several_files_become_one_data_set() {
+    let folder = Folder::new();
+    let head = "run,time_s,velocity_rad_s,torque_nm";
+    let first =
+        folder.write("one/log.csv", format!("{head},temperature_c,flow,kp\n1,0,1,2,20,5,7\n"));
+    let second = folder.write("two/log.csv", format!("{head},kp,temperature_c\n1,0,3,4,8,21\n"));
+    let third =
+        folder.write("x.csv", "time_s,velocity_rad_s,torque_nm,temperature_c,kp\n0,5,6,22,9\n");
+    let data = read_with(&[first.clone(), second, third], &ReadOptions::default()).unwrap();
+    let names: Vec<&str> = data.runs.iter().map(|run| run.name.as_str()).collect();
+    assert_eq!(names, ["log:1", "log-2:1", "x"]);
+    assert_eq!(data.covariates, ["kp"]);
+    let kp: Vec<f64> = data.runs.iter().map(|run| run.extra[0][0]).collect();
+    assert_eq!(kp, [7.0, 8.0, 9.0]);
+    assert_eq!(data.runs[1].temperature_c, Some(vec![21.0]));
+    assert_eq!(data.runs.iter().map(|run| run.file).collect::<Vec<_>>(), [0, 1, 2]);
+    assert!(
+        data.notes.iter().any(|note| note.starts_with("flow is left out: ")),
+        "{:?}",
+        data.notes
+    );
+
+    let slides = folder.write("slides.csv", "time_s,velocity_m_s,force_n\n0,1,2\n");
+    let error = read_with(&[first.clone(), slides], &ReadOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("slides.csv: found force_n, expected torque_nm as in"));
+    let error = read_with(&[first.clone(), first], &ReadOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("found the file given twice"));
+}
+
+#[test]
+fn skipping_counts_per_run() {
+    let folder = Folder::new();
+    let rows: String =
+        (0..60).map(|i| format!("{},{i},{i},2\n", if i < 40 { "a" } else { "b" })).collect();
+    let path = folder.write("log.csv", format!("run,time_s,velocity_rad_s,torque_nm\n{rows}"));
+    let with = |skip| {
+        let options = ReadOptions { skip, ..Default::default() };
+        read_with(std::slice::from_ref(&path), &options)
+    };
+    let data = with(5).unwrap();
+    assert_eq!((data.runs[0].time_s[0], data.runs[1].time_s[0], data.rows), (5.0, 45.0, 50));
+    assert_eq!(data.rows_read, 60);
+    let data = with(20).unwrap();
+    assert_eq!(data.runs.len(), 1);
+    assert_eq!(data.notes, ["runs too short to skip are left out: b"]);
+    let error = with(100).unwrap_err().to_string();
+    assert!(error.starts_with("--skip 100: found no run with a row left"), "{error}");
+}
+
+#[test]
+fn progress_starts_at_zero_and_ends_at_the_total() {
+    let folder = Folder::new();
+    let files = [folder.write("a.csv", PLAIN), folder.write("b.csv", PLAIN)];
+    let seen = RefCell::new(Vec::new());
+    read(&files, &ReadOptions::default(), &|done, total| seen.borrow_mut().push((done, total)))
+        .unwrap();
+    let (seen, total) = (seen.into_inner(), 2 * PLAIN.len() as u64);
+    assert_eq!((seen[0], *seen.last().unwrap()), ((0, total), (total, total)));
+    assert!(seen.windows(2).all(|pair| pair[0].0 <= pair[1].0));
+}

@@ -1,0 +1,345 @@
+//! Measured data through a CAN log and back.
+//!
+//! A log must hold what a CSV file holds: the same data set, written as a log and read again, is the
+//! same to the rounding of `f32`, run by run and column by column, and so is what is told of its rows.
+//! What can go wrong on a bus or in a file is put into a good log, a fault at a time, and the message
+//! must name the file, the line, what stands there and what should.
+
+use compensator_core::Flags;
+use compensator_core::can::{Answer, Node, Status};
+use friction_identification::data::{Dataset, EmitOptions, Joint, ReadOptions, Run, emit, read};
+use friction_identification::fit::{tracks, tracks_with};
+use joint_trace::{Assembler, Fraction, Sample, Writer, candump};
+use std::path::PathBuf;
+
+/// Two runs that overlap in time, with every column and a covariate.
+fn measured() -> Dataset {
+    let run = |name: &str, rows: usize, phase: f64| {
+        let column = |of: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            (0..rows).map(|row| of(row as f64 * 1e-3 + phase)).collect()
+        };
+        Run {
+            name: name.into(),
+            file: 0,
+            time_s: (0..rows).map(|row| row as f64 / 1e3).collect(),
+            velocity: column(&|t| (3.0 * t).sin()),
+            torque: column(&|t| 1.5 * (3.0 * t).sin().signum() + 0.1 * t),
+            position: Some(column(&|t| -(3.0 * t).cos() / 3.0)),
+            acceleration: None,
+            radial_force_n: Some(column(&|t| 40.0 + t)),
+            pressure_diff_pa: Some(column(&|t| 2e5 + 1e3 * t)),
+            temperature_c: Some(column(&|t| 12.0 + 0.01 * t)),
+            load_torque_nm: Some(column(&|t| 5.0 * t.sin())),
+            extra: vec![column(&|t| 7.0 * t), column(&|t| t * t)],
+            labels: vec![],
+        }
+    };
+    let runs = vec![run("3", 700, 0.0), run("8", 300, 0.4)];
+    Dataset {
+        joint: Joint::Revolute,
+        rows: 1000,
+        rows_read: 1000,
+        runs,
+        files: vec![],
+        bad_rows: Default::default(),
+        covariates: vec!["flow".into(), "gap".into()],
+        left_out_columns: vec![],
+        notes: vec![],
+    }
+}
+
+fn log_of(data: &Dataset, options: &EmitOptions) -> Vec<u8> {
+    let mut log = Vec::new();
+    emit(data, options, &mut log).unwrap();
+    log
+}
+
+fn gap() -> EmitOptions {
+    EmitOptions { auxiliary: Some("gap".into()), ..EmitOptions::default() }
+}
+
+/// A file that is gone when the test is over.
+struct Log(tempfile::TempDir);
+
+impl Log {
+    fn new(text: &[u8]) -> Self {
+        let directory = tempfile::tempdir().unwrap();
+        std::fs::write(directory.path().join("trace.log"), text).unwrap();
+        Self(directory)
+    }
+
+    fn path(&self) -> PathBuf {
+        self.0.path().join("trace.log")
+    }
+
+    fn read(&self) -> Result<Dataset, String> {
+        let nothing = |_: u64, _: u64| {};
+        let said = read(&[self.path()], &ReadOptions::default(), &nothing);
+        said.map_err(|error| {
+            error.to_string().replace(&self.path().display().to_string(), "trace.log")
+        })
+    }
+}
+
+#[test]
+fn a_data_set_comes_back_from_its_log() {
+    let data = measured();
+    let back = Log::new(&log_of(&data, &gap())).read().unwrap();
+    assert_eq!(back.joint, Joint::Revolute);
+    assert_eq!((back.rows, back.bad_rows.count), (1000, 0));
+    assert_eq!(back.covariates, ["auxiliary"]);
+    assert!(back.left_out_columns.is_empty() && back.notes.is_empty(), "{:?}", back.notes);
+    assert_eq!(back.runs.len(), 2);
+    let rounded = |column: &[f64]| -> Vec<f64> {
+        column.iter().map(|value| f64::from(*value as f32)).collect()
+    };
+    for (run, found) in data.runs.iter().zip(&back.runs) {
+        assert_eq!(found.name, run.name);
+        for (row, time) in run.time_s.iter().enumerate() {
+            let since = found.time_s[row] - found.time_s[0];
+            assert!((since - time).abs() < 1e-12, "{row}: {since} {time}");
+        }
+        assert_eq!(found.velocity, rounded(&run.velocity));
+        assert_eq!(found.torque, rounded(&run.torque));
+        for (found, measured) in [
+            (&found.position, &run.position),
+            (&found.load_torque_nm, &run.load_torque_nm),
+            (&found.radial_force_n, &run.radial_force_n),
+            (&found.pressure_diff_pa, &run.pressure_diff_pa),
+            (&found.temperature_c, &run.temperature_c),
+        ] {
+            assert_eq!(found.as_deref(), measured.as_deref().map(rounded).as_deref());
+        }
+        assert_eq!(found.extra, [rounded(&run.extra[1])]);
+    }
+    // The first run keeps its clock to the bit; the second begins a second after its end.
+    assert_eq!(back.runs[0].time_s, data.runs[0].time_s);
+    assert_eq!(back.runs[1].time_s[0], 1.699);
+    let carried = tracks_with(&back, Some("auxiliary"));
+    assert_eq!(carried[0].samples[30].auxiliary, back.runs[0].extra[0][30]);
+    assert_eq!(tracks(&back)[0].samples[30].auxiliary, 0.0);
+}
+
+#[test]
+fn columns_that_are_not_there_cost_no_frames_and_a_slide_stays_one() {
+    let mut data = measured();
+    data.joint = Joint::Prismatic;
+    for run in &mut data.runs {
+        run.position = None;
+        (run.radial_force_n, run.pressure_diff_pa) = (None, None);
+        (run.temperature_c, run.load_torque_nm) = (None, None);
+    }
+    let log = log_of(&data, &EmitOptions::default());
+    let lines = log.iter().filter(|byte| **byte == b'\n').count();
+    // Joint kind, two runs, their numbers of the samples said in full, and three frames a row.
+    assert_eq!(lines, 1 + 2 + 3 + 2 + 3 * 1000);
+    let back = Log::new(&log).read().unwrap();
+    assert_eq!(back.joint, Joint::Prismatic);
+    assert!(back.runs[0].position.is_none() && back.runs[0].temperature_c.is_none());
+    assert!(back.covariates.is_empty() && back.left_out_columns.is_empty());
+    assert!(back.runs[1].velocity.len() == 300);
+}
+
+#[test]
+fn stamps_have_the_digits_they_need_and_gaps_stay() {
+    let mut data = measured();
+    data.runs.truncate(1);
+    data.runs[0].time_s.iter_mut().skip(350).for_each(|time| *time += 2.0);
+    let start = EmitOptions { start_s: 1_436_509_052, ..gap() };
+    let log = log_of(&data, &start);
+    assert!(log.starts_with(b"(1436509052.000000) vcan0 601#"));
+    assert_eq!(tracks(&Log::new(&log).read().unwrap()).len(), 2, "a gap parts tracks");
+    data.runs[0].time_s.iter_mut().for_each(|time| *time *= 1.0 / 3.0);
+    let log = log_of(&data, &start);
+    assert!(log.starts_with(b"(1436509052.000000000) vcan0 601#"));
+    let back = Log::new(&log).read().unwrap();
+    for (found, time) in back.runs[0].time_s.iter().zip(&data.runs[0].time_s) {
+        assert!((found - time).abs() < 1e-9);
+    }
+}
+
+/// A log with the driver's answers in it.
+fn answered() -> Vec<u8> {
+    let mut log = Vec::new();
+    let mut writer = Writer::new(&mut log, "can0", Node::new(5).unwrap(), Fraction::Nanoseconds);
+    for sequence in 0..1000u32 {
+        let mut sample = Sample::EMPTY;
+        sample.time_ns = 1_000_000_007 + u64::from(sequence) * 50_001;
+        (sample.run, sample.sequence) = (Some(1 + sequence / 600), sequence % 600);
+        sample.motion.velocity_rad_s = (sequence as f32 * 0.01).sin();
+        sample.torque.torque_nm = sequence as f32;
+        let friction = sequence as f32 * 1.5;
+        sample.answer =
+            Some(Answer { friction_torque_nm: friction, feed_forward_current_a: 0.9 * friction });
+        let flags = if sequence % 7 == 0 { Flags::SLEW_LIMITED } else { Flags::empty() };
+        sample.status = Some(Status { flags, sequence: sample.sequence });
+        writer.sample(&sample).unwrap();
+    }
+    log
+}
+
+fn samples_of(log: &[u8]) -> Vec<Sample> {
+    let mut assembler = Assembler::default();
+    let mut samples = Vec::new();
+    for (at, line) in log.split(|byte| *byte == b'\n').filter(|line| !line.is_empty()).enumerate() {
+        samples.extend(assembler.take(at as u64 + 1, &candump::parse(line).unwrap()));
+    }
+    let (last, summary) = assembler.finish();
+    samples.extend(last);
+    assert_eq!(summary.lost, 0);
+    samples
+}
+
+#[test]
+fn a_log_with_answers_is_read_and_written_to_the_byte() {
+    let log = answered();
+    let samples = samples_of(&log);
+    assert_eq!(samples.len(), 1000);
+    assert!(samples.iter().all(|sample| sample.answer.is_some() && sample.status.is_some()));
+    assert_eq!(samples[999].status.unwrap().sequence, 399);
+    let mut again = Vec::new();
+    let mut writer = Writer::new(&mut again, "can0", Node::new(5).unwrap(), Fraction::Nanoseconds);
+    samples.iter().for_each(|sample| writer.sample(sample).unwrap());
+    assert!(again == log);
+}
+
+#[test]
+fn answers_of_a_driver_are_no_measurement() {
+    let data = Log::new(&answered()).read().unwrap();
+    assert!(data.covariates.is_empty());
+    let left_out: Vec<&str> = data.left_out_columns.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(left_out, ["friction_torque_nm", "feed_forward_current_a", "flags"]);
+    assert!(data.left_out_columns[0].why.contains("driver's answer"));
+}
+
+#[test]
+fn what_is_wrong_is_said_with_file_and_line() {
+    let text = String::from_utf8(log_of(&measured(), &gap())).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    let with = |at: usize, line: &str| {
+        let mut lines = lines.clone();
+        lines[at] = line;
+        Log::new((lines.join("\n") + "\n").as_bytes()).read()
+    };
+    // Lines 1 to 3 are the joint's kind, the run and its first sample's motion.
+    let first_row = lines.iter().position(|line| line.contains(" 080#02")).unwrap();
+    let motion = first_row - 4;
+    assert!(lines[motion].contains(" 201#"));
+    for (at, line, bad_row, found, expected) in [
+        (motion, "(0.001000) vcan0 201#00", first_row, "201 with 1 bytes, expected 8", "finite"),
+        (motion, "", first_row, "no frame of it", "a finite number"),
+        (motion, "(0.001) vcan0 20#00", motion, "(0.001) vcan0 20#00", "three or eight"),
+        (motion, "(0.001000) vcan0 201#0000C07F00000000", first_row, "no frame of it", "finite"),
+        (
+            motion + 2,
+            "(0.001000) vcan0 401#00",
+            first_row,
+            "401 with 1 bytes, expected 8",
+            "finite",
+        ),
+    ] {
+        let data = with(at, line).unwrap();
+        let cell = data.bad_rows.first[0].to_string();
+        // A line that is no frame is bad, and so is the sample that lacks it.
+        let count = if bad_row == motion { 2 } else { 1 };
+        assert_eq!(data.bad_rows.count, count, "{cell}");
+        assert!(cell.contains(&format!("trace.log: row {}, column ", bad_row + 1)), "{cell}");
+        assert!(cell.contains(found) && cell.contains(expected), "{cell}");
+    }
+    let silent = with(first_row, "(0.001000) vcan0 080#00").unwrap();
+    assert!(silent.notes[0].contains("1 samples are missing"), "{:?}", silent.notes);
+    let remark =
+        with(first_row, "DROPCOUNT: dropped 1 CAN frame on 'vcan0' socket (total drops 1)");
+    let notes = remark.unwrap().notes.join("; ");
+    assert!(
+        notes.contains("1 lines are no frames") && notes.contains("1 samples are missing"),
+        "{notes}"
+    );
+    let other = with(motion, "(0.001000) vcan0 202#0000803F0000803F").unwrap_err();
+    assert!(
+        other.contains("trace.log: found inputs of the joints 1 on vcan0, 2 on vcan0"),
+        "{other}"
+    );
+    for (log, message) in [
+        (
+            "(1.5) can0 123#00\n(1.6) can0 080#01\n",
+            "trace.log: found 2 frames and no joint's velocity and torque, expected frames 200 and \
+             300 + node and the SYNC 080, as joint.dbc says",
+        ),
+        (
+            "(1.5) can0 123\n",
+            "trace.log: row 1, column (all): found \"(1.5) can0 123\", expected an identifier of \
+             three or eight hexadecimal digits and # (1 of 1 rows are bad, this is the first; at \
+             most 5 % may be)",
+        ),
+    ] {
+        assert_eq!(Log::new(log.as_bytes()).read().unwrap_err(), message);
+    }
+}
+
+#[test]
+fn what_cannot_be_written_is_refused() {
+    let data = measured();
+    for (options, word) in [
+        (EmitOptions { interface: "can 0".into(), ..gap() }, "can 0"),
+        (EmitOptions { interface: String::new(), ..gap() }, "interface"),
+        (EmitOptions { auxiliary: Some("depth".into()), ..gap() }, "\"depth\""),
+    ] {
+        let error = emit(&data, &options, std::io::sink()).unwrap_err().to_string();
+        assert!(error.contains(word) && error.lines().count() == 1, "{error}");
+    }
+    let mut late = measured();
+    late.runs[1].time_s.iter_mut().for_each(|time| *time += 1e9);
+    let error = emit(&late, &gap(), std::io::sink()).unwrap_err().to_string();
+    assert!(error.contains("run 8"), "{error}");
+}
+
+#[test]
+fn columns_can_be_renamed_as_in_any_other_file() {
+    let log = Log::new(&log_of(&measured(), &gap()));
+    let columns = vec![("torque_nm".to_owned(), "load_torque_nm".to_owned())];
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let data = read(&[log.path()], &options, &|_, _| {}).unwrap();
+    assert_eq!(data.runs[0].torque[10], f64::from((5.0 * 0.01f64.sin()) as f32));
+}
+
+/// A generator of its own, so that every run tries the same logs (Marsaglia 2003).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as usize % end
+    }
+}
+
+#[test]
+fn damaged_logs_are_read_or_refused_in_one_line() {
+    let mut data = measured();
+    data.runs.iter_mut().for_each(|run| *run = run.slice(0..60));
+    let sound = log_of(&data, &gap());
+    let mut random = Random(0x9e37_79b9_7f4a_7c15);
+    let mut refused = 0;
+    for round in 0..400 {
+        let mut log = sound.clone();
+        for _ in 0..1 + random.below(if round % 2 == 0 { 3 } else { 60 }) {
+            let at = random.below(log.len());
+            match random.below(4) {
+                0 => log[at] = b"(). #R_0F\n\xFF"[random.below(11)],
+                1 => log[at] = random.below(256) as u8,
+                2 if at > 0 => drop(log.drain(at..(at + random.below(90)).min(log.len()))),
+                _ => log.truncate(at.max(1)),
+            }
+        }
+        match Log::new(&log).read() {
+            Ok(data) => assert!(data.rows > 0),
+            Err(message) => {
+                refused += 1;
+                assert_eq!(message.lines().count(), 1, "{message}");
+            }
+        }
+    }
+    assert!((20..380).contains(&refused), "{refused}");
+}

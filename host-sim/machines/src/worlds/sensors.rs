@@ -1,0 +1,171 @@
+//! What is logged of a simulated run, when, and how exactly.
+//!
+//! A sensor's resolution is also that of the number in the file, so a log in memory and one
+//! that was read back from `data.csv` are the same.
+
+use super::dice::Dice;
+use super::motion::Motion;
+use super::setting::{RunSetting, Setting};
+use super::surroundings::Condition;
+use crate::log::{Log, LoggedRun};
+use std::ops::Range;
+
+/// How a log is taken.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sensors {
+    /// Largest shift of a sample from its place in the grid, in periods.
+    pub jitter: f64,
+    /// Whether packets are lost in some runs.
+    pub gaps: bool,
+    /// Whether velocity and position have an encoder's errors; else they are exact.
+    pub encoder: bool,
+}
+
+impl Sensors {
+    pub fn draw(dice: &mut Dice) -> Self {
+        let jitter = if dice.chance(0.5) { dice.between(0.0, 0.1) } else { 0.0 };
+        Self { jitter, gaps: dice.chance(1.0 / 3.0), encoder: dice.chance(0.4) }
+    }
+
+    /// When the samples of a run are taken, s from its start. None are in `lost`. The first is taken
+    /// at rest: what bristles hold in a motion that has just begun nobody can know.
+    pub fn times(
+        &self,
+        dice: &mut Dice,
+        rate_hz: f64,
+        seconds: f64,
+        lost: &Range<f64>,
+    ) -> Vec<f64> {
+        let rows = ((seconds * rate_hz).round() as usize).max(2);
+        (0..rows)
+            .map(|row| {
+                let jitters = self.jitter > 0.0 && row > 0;
+                let shift = if jitters { self.jitter * dice.between(-0.5, 0.5) } else { 0.0 };
+                rounded((row as f64 + shift) / rate_hz, MICRO)
+            })
+            .filter(|t| !lost.contains(t))
+            .collect()
+    }
+
+    /// The packets that are lost in a run, s: mostly none. The log resumes where the joint has been
+    /// sliding for a while, so that what the bristles hold is known again.
+    pub fn lost(&self, dice: &mut Dice, motion: &Motion, size: &LossSize) -> Range<f64> {
+        if !self.gaps || !dice.chance(0.4) {
+            return 0.0..0.0;
+        }
+        let seconds = size.seconds;
+        let length = dice.log_between(0.05, 0.06 + 0.1 * seconds).max(12.0 / size.rate_hz);
+        let resumes = (0..20).map(|_| dice.between(0.3, 0.9) * seconds).find(|&end| {
+            let (before, now) = (motion.at(end - SLIDING_S), motion.at(end));
+            let travel = (now.angle - before.angle).abs();
+            before.velocity * now.velocity > 0.0 && travel > size.sliding_rad
+        });
+        resumes.map_or(0.0..0.0, |end| (end - length).max(0.1 * seconds)..end)
+    }
+}
+
+/// What decides where packets may be lost.
+pub(super) struct LossSize {
+    pub rate_hz: f64,
+    pub seconds: f64,
+    /// Travel after which bristles slide, whatever they held.
+    pub sliding_rad: f64,
+}
+
+/// How long a joint has been sliding where a log resumes, s.
+const SLIDING_S: f64 = 0.05;
+
+/// Steps of a value per unit: what the last digit in the file stands for.
+const MICRO: f64 = 1e6;
+const NANO: f64 = 1e9;
+
+fn rounded(value: f64, per_unit: f64) -> f64 {
+    // The sum with 0 makes of a minus nothing a nothing.
+    (value * per_unit).round() / per_unit + 0.0
+}
+
+/// Steps of an encoder in one radian: 21 bits a turn.
+const ENCODER_STEPS: f64 = (1 << 21) as f64 / std::f64::consts::TAU;
+
+/// Error of a measured velocity, in proportion to it: an encoder's lines are uneven, and at rest
+/// it counts nothing.
+const VELOCITY_ERROR: f64 = 1e-3;
+
+/// Columns every log has.
+const REQUIRED: [&str; 3] = ["time_s", "velocity_rad_s", "torque_nm"];
+
+/// Columns of the contract a setting may have, in the order they are written.
+const OPTIONAL: [&str; 6] = [
+    "position_rad",
+    "acceleration_rad_s2",
+    "radial_force_n",
+    "pressure_diff_pa",
+    "temperature_c",
+    "load_torque_nm",
+];
+
+/// The log of all runs, with the torques as they truly are and a torque sensor's noise.
+pub(super) fn log(setting: &Setting, torques: &[Vec<f64>], noise_nm: f64) -> Log {
+    let runs = setting
+        .runs
+        .iter()
+        .zip(torques)
+        .enumerate()
+        .map(|(index, (run, torque))| logged(setting, run, index, torque, noise_nm))
+        .collect();
+    let optional = OPTIONAL.into_iter().filter(|name| setting.columns.contains(name));
+    let columns = REQUIRED.into_iter().chain(optional).chain(setting.extra_columns());
+    Log { columns: columns.map(str::to_owned).collect(), runs }
+}
+
+fn logged(
+    setting: &Setting,
+    run: &RunSetting,
+    index: usize,
+    torque: &[f64],
+    noise_nm: f64,
+) -> LoggedRun {
+    let mut dice = Dice::new(run.seed, 1);
+    let noise: Vec<f64> = torque.iter().map(|_| noise_nm * dice.normal()).collect();
+    let instants: Vec<_> = run.times.iter().map(|&t| run.motion.at(t)).collect();
+    let steepest = instants.iter().map(|at| at.acceleration.abs()).fold(0.0, f64::max);
+    let encoder = setting.sensors.encoder;
+    let velocity = instants.iter().map(|at| {
+        let error = if encoder { VELOCITY_ERROR * at.velocity * dice.normal() } else { 0.0 };
+        rounded(at.velocity + error, NANO)
+    });
+    let velocity: Vec<f64> = velocity.collect();
+    let angle = |angle: f64| {
+        let angle = run.start_angle + angle;
+        rounded(if encoder { rounded(angle, ENCODER_STEPS) } else { angle }, NANO)
+    };
+    let acceleration = instants.iter().map(|at| {
+        let error = if encoder { 2e-3 * steepest * dice.normal() } else { 0.0 };
+        rounded(at.acceleration + error, MICRO)
+    });
+    let acceleration: Vec<f64> = acceleration.collect();
+    let taken = |of: &dyn Fn(&Condition, f64) -> f64, per_unit: f64| -> Vec<f64> {
+        run.times.iter().map(|&t| rounded(of(&run.condition, t), per_unit)).collect()
+    };
+    let optional = |column: &str| -> Vec<f64> {
+        match column {
+            "position_rad" => instants.iter().map(|at| angle(at.angle)).collect(),
+            "acceleration_rad_s2" => acceleration.clone(),
+            "radial_force_n" => taken(&|around, t| around.force.at(t), MICRO),
+            "pressure_diff_pa" => taken(&|around, t| around.pressure.at(t), 1e3),
+            "temperature_c" => taken(&|around, t| around.temperature.at(t), MICRO),
+            _ => taken(&|around, t| around.load.at(t), MICRO),
+        }
+    };
+    let has = |column: &str| setting.columns.contains(&column);
+    let start_s = run.condition.start_s;
+    let mut columns = vec![
+        run.times.iter().map(|t| rounded(start_s + t, MICRO)).collect(),
+        velocity,
+        torque.iter().zip(&noise).map(|(f, e)| rounded(f + e, MICRO)).collect(),
+    ];
+    columns.extend(OPTIONAL.into_iter().filter(|column| has(column)).map(optional));
+    let extras = run.condition.extras.iter().filter(|(extra, _)| has(extra.column()));
+    columns.extend(extras.map(|(_, signal)| taken(&|_, t| signal.at(t), MICRO)));
+    LoggedRun { name: index.to_string(), columns }
+}

@@ -1,0 +1,358 @@
+//! Where a world's data come from, before anything is hidden: seal, campaign, sensors.
+
+use super::dice::Dice;
+use super::dynamics::{Path, torque};
+use super::effect::Effect;
+use super::excite::{Drive, motions};
+use super::joint::Joint;
+use super::motion::Motion;
+use super::sensors::{LossSize, Sensors};
+use super::surroundings::{Condition, Extra, Signal};
+use crate::friction::Seal;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+use std::sync::OnceLock;
+
+/// What may be asked for instead of drawn.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Number of runs.
+    pub runs: Option<usize>,
+    /// Length of each, s.
+    pub seconds: Option<f64>,
+    /// Sample rate, Hz.
+    pub rate_hz: Option<f64>,
+    /// Standard deviation of the torque sensor, Nm.
+    pub noise_nm: Option<f64>,
+    /// The log lacks the columns the hidden effects follow: their cause must then not be named.
+    pub without_own_columns: bool,
+    /// So many integrator steps in place of one, for tests of the integrator; 0 as 1.
+    pub finer: u32,
+}
+
+/// One run before it is simulated.
+#[derive(Clone, Debug)]
+pub(super) struct RunSetting {
+    pub motion: Motion,
+    /// Angle of the shaft at the start, rad.
+    pub start_angle: f64,
+    pub condition: Condition,
+    /// When samples are taken, s from the start.
+    pub times: Vec<f64>,
+    /// What the bristles hold at the start, as a share of the Coulomb level.
+    pub held: f64,
+    /// Of the run's own noise.
+    pub seed: u64,
+}
+
+/// A campaign before anything is hidden in it.
+#[derive(Clone, Debug)]
+pub(super) struct Setting {
+    pub seal: Seal,
+    pub rate_hz: f64,
+    pub seconds: f64,
+    pub runs: Vec<RunSetting>,
+    /// The optional columns of the log.
+    pub columns: Vec<&'static str>,
+    pub sensors: Sensors,
+    /// From the start of the first run to the end of the last, s.
+    pub campaign_s: f64,
+    /// Fastest speed of any run, rad/s.
+    pub top_rad_s: f64,
+    finer: f64,
+    /// The paths of a joint that needs nothing special.
+    plain_paths: OnceLock<Vec<Path>>,
+}
+
+/// Longest step of the integrator, s.
+const STEP_S: f64 = 1e-4;
+
+/// Rows of a log, in total.
+const ROWS: (f64, f64) = (9_000.0, 38_000.0);
+
+/// The covariates of the contract.
+pub(super) const COVARIATES: [&str; 4] =
+    ["radial_force_n", "pressure_diff_pa", "temperature_c", "load_torque_nm"];
+
+/// Size of a campaign.
+struct Size {
+    rate_hz: f64,
+    runs: usize,
+    seconds: f64,
+}
+
+fn size(dice: &mut Dice, effects: &[Effect], options: &Options) -> Size {
+    // Contact ages over many seconds: such a campaign is long, and so its rate is low.
+    let ages = effects.contains(&Effect::DwellTimeStatic);
+    let drawn_rate = dice.log_between(100.0, if ages { 300.0 } else { 2000.0 });
+    let rate_hz = options.rate_hz.unwrap_or((drawn_rate / 5.0).round() * 5.0);
+    let rows = dice.log_between(ROWS.0, ROWS.1);
+    // Enough seconds for six runs that show something; not so many that they are all alike.
+    let least_s = if ages { 100.0 } else { 28.0 };
+    let total = (rows / rate_hz).max(least_s).min(ROWS.1 / rate_hz).min(170.0);
+    let (shortest, longest): (f64, f64) = if ages { (10.0, 22.0) } else { (2.2, 12.0) };
+    let drawn = dice.log_between(shortest.max(total / 40.0), longest);
+    let drawn = options.seconds.unwrap_or(drawn);
+    let runs = options.runs.unwrap_or(((total / drawn).round() as usize).clamp(6, 40));
+    let seconds = options.seconds.unwrap_or((total / runs as f64).max(1.0));
+    Size { rate_hz, runs, seconds }
+}
+
+fn seal(dice: &mut Dice, rate_hz: f64, effects: &[Effect]) -> Seal {
+    let coulomb_nm = dice.between(1.6, 2.4);
+    let static_nm = coulomb_nm * dice.between(1.15, 1.55);
+    // A log must be able to follow the bristles at an acceleration worth having.
+    let stiffest = (2.0 * static_nm * rate_hz * rate_hz / 9.0).clamp(2.5e3, 2e4);
+    let films = effects.contains(&Effect::TemperatureViscous);
+    Seal {
+        k0: dice.log_between(2e3, stiffest),
+        k1: dice.between(5.0, 40.0),
+        k2: if films { dice.between(0.07, 0.12) } else { dice.between(0.02, 0.1) },
+        coulomb_nm,
+        static_nm,
+        stribeck_rad_s: dice.log_between(0.05, 0.25),
+        per_pressure: 0.0,
+        per_force: 0.0,
+        eta3: 0.0,
+    }
+}
+
+fn conditions(
+    dice: &mut Dice,
+    size: &Size,
+    effects: &[Effect],
+    extras: &[Extra],
+) -> Vec<Condition> {
+    let lively = effects.contains(&Effect::RadialForceRate);
+    let (cycles, turn) = (dice.between(0.8, 2.3), dice.between(0.0, TAU));
+    let (middle_c, half_c) = (dice.between(10.0, 25.0), 0.5 * dice.between(10.0, 30.0));
+    let greased: Vec<usize> = (0..2).map(|_| 1 + dice.below(size.runs.max(2) - 1)).collect();
+    let mut greased_s = -3600.0 * dice.between(0.0, 10.0);
+    let mut start_s = 0.0;
+    (0..size.runs)
+        .map(|index| {
+            let turned = TAU * cycles * index as f64 / size.runs as f64 + turn;
+            let swing_n = if lively { dice.between(4.0, 10.0) } else { dice.between(1.0, 8.0) };
+            let swing = |dice: &mut Dice, swing: f64| Signal {
+                swing,
+                hz: dice.between(0.5, 3.0),
+                phase: dice.between(0.0, TAU),
+                ..Signal::default()
+            };
+            let force = Signal { level: dice.between(12.0, 60.0), ..swing(dice, swing_n) };
+            let load_nm = dice.between(0.3, 2.0);
+            let load =
+                Signal { level: dice.sign() * dice.between(0.5, 10.0), ..swing(dice, load_nm) };
+            let pressure = Signal {
+                level: dice.between(1e4, 3e5),
+                per_s: dice.between(-8e3, 8e3) / size.seconds,
+                ..Signal::default()
+            };
+            let temperature = Signal {
+                level: middle_c + half_c * (0.8 * turned.sin() + 0.2 * dice.between(-1.0, 1.0)),
+                per_s: dice.between(-0.8, 0.8) / size.seconds,
+                swing: dice.between(0.05, 0.3),
+                hz: dice.between(0.02, 0.08),
+                phase: dice.between(0.0, TAU),
+            };
+            if greased.contains(&index) {
+                greased_s = start_s - dice.between(60.0, 600.0);
+            }
+            let extras = extras.iter().map(|&extra| {
+                let (least, most) = extra.range();
+                let level = dice.between(least, most);
+                let small = 0.02 * (most - least);
+                let signal = match extra {
+                    Extra::LubricantAge => Signal {
+                        level: (start_s - greased_s) / 3600.0,
+                        per_s: 1.0 / 3600.0,
+                        ..Signal::default()
+                    },
+                    Extra::CableTension => Signal { level, ..swing(dice, 0.1 * (most - least)) },
+                    _ => Signal {
+                        level,
+                        per_s: dice.between(-small, small) / size.seconds,
+                        ..Signal::default()
+                    },
+                };
+                (extra, signal)
+            });
+            let extras = extras.collect();
+            let condition = Condition { start_s, force, pressure, temperature, load, extras };
+            start_s += size.seconds + dice.log_between(120.0, 3600.0);
+            condition
+        })
+        .collect()
+}
+
+/// Conditions in which no two quantities, nor one and the time, go together by chance: with six
+/// runs they easily do, and then no data could tell their effects apart.
+fn unrelated(dice: &mut Dice, size: &Size, effects: &[Effect], extras: &[Extra]) -> Vec<Condition> {
+    const TRIES: usize = 60;
+    const ENOUGH: f64 = 0.5;
+    let mut best = conditions(dice, size, effects, extras);
+    let mut least = closest(&best);
+    for _ in 1..TRIES {
+        if least < ENOUGH {
+            break;
+        }
+        let next = conditions(dice, size, effects, extras);
+        let relation = closest(&next);
+        if relation < least {
+            (best, least) = (next, relation);
+        }
+    }
+    best
+}
+
+/// The largest correlation between the levels of any two quantities over the runs.
+fn closest(conditions: &[Condition]) -> f64 {
+    let of = |level: &dyn Fn(&Condition) -> f64| conditions.iter().map(level).collect::<Vec<f64>>();
+    let mut series = vec![
+        of(&|c| c.start_s),
+        of(&|c| c.force.level),
+        of(&|c| c.pressure.level),
+        of(&|c| c.temperature.level),
+        of(&|c| c.load.level.abs()),
+    ];
+    let extras = conditions.first().map_or(0, |condition| condition.extras.len());
+    series.extend((0..extras).map(|at| of(&|c| c.extras[at].1.level)));
+    let mut most = 0.0f64;
+    for (at, one) in series.iter().enumerate() {
+        for other in &series[..at] {
+            most = most.max(correlation(one, other).abs());
+        }
+    }
+    most
+}
+
+/// Correlation of two series of equal length; 0 where one does not vary.
+pub(super) fn correlation(one: &[f64], other: &[f64]) -> f64 {
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let (mean_a, mean_b) = (mean(one), mean(other));
+    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    for (a, b) in one.iter().zip(other) {
+        ab += (a - mean_a) * (b - mean_b);
+        aa += (a - mean_a) * (a - mean_a);
+        bb += (b - mean_b) * (b - mean_b);
+    }
+    if aa * bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+}
+
+/// The optional columns a log has: those an effect follows always, others mostly.
+fn columns(dice: &mut Dice, effects: &[Effect], extras: &[Extra]) -> Vec<&'static str> {
+    let mut columns: Vec<&'static str> = Vec::new();
+    let own = |column: &str| effects.iter().any(|effect| effect.column() == Some(column));
+    for (column, share) in [("position_rad", 0.9), ("acceleration_rad_s2", 0.25)] {
+        // Acceleration is the slope of velocity: no effect needs it measured.
+        if dice.chance(share) || (own(column) && column == "position_rad") {
+            columns.push(column);
+        }
+    }
+    for column in COVARIATES {
+        if dice.chance(0.75) || own(column) {
+            columns.push(column);
+        }
+    }
+    columns.extend(extras.iter().map(|extra| extra.column()));
+    columns
+}
+
+impl Setting {
+    /// Draws a campaign in which `effects` would show.
+    pub fn draw(seed: u64, effects: &[Effect], extras: &[Extra], options: &Options) -> Self {
+        let mut dice = Dice::new(seed, 0);
+        let size = size(&mut dice, effects, options);
+        let seal = seal(&mut dice, size.rate_hz, effects);
+        let drive = Drive {
+            top_rad_s: dice.between(4.0, 10.47),
+            steepest_rad_s2: Drive::steepest(&seal, size.rate_hz),
+            longest_rest_s: (0.6 * size.seconds).clamp(0.1, 20.0),
+            rate_hz: size.rate_hz,
+            seconds: size.seconds,
+        };
+        let sensors = Sensors::draw(&mut dice);
+        let loss = LossSize {
+            rate_hz: size.rate_hz,
+            seconds: size.seconds,
+            sliding_rad: 8.0 * seal.static_nm / seal.k0,
+        };
+        let mut extras = extras.to_vec();
+        if extras.is_empty() && dice.chance(0.3) {
+            extras.extend(dice.pick(&[Extra::Humidity, Extra::SupplyVoltage, Extra::CableTension]));
+        }
+        let columns = columns(&mut dice, effects, &extras);
+        let motions = motions(&mut dice, &seal, &drive, effects, size.runs);
+        let conditions = unrelated(&mut dice, &size, effects, &extras);
+        let runs: Vec<RunSetting> = motions
+            .into_iter()
+            .zip(conditions)
+            .map(|(motion, condition)| {
+                let lost = sensors.lost(&mut dice, &motion, &loss);
+                let times = sensors.times(&mut dice, size.rate_hz, size.seconds, &lost);
+                let start_angle = dice.between(-TAU, TAU);
+                let held = dice.between(-0.6, 0.6);
+                RunSetting { motion, start_angle, condition, times, held, seed: dice.seed() }
+            })
+            .collect();
+        let peaks = runs.iter().map(|run| run.motion.peak(size.seconds));
+        let top_rad_s = peaks.fold(0.0, f64::max);
+        let campaign_s = runs.last().map_or(0.0, |run| run.condition.start_s + size.seconds);
+        let finer = f64::from(options.finer.max(1));
+        let Size { rate_hz, seconds, .. } = size;
+        Self {
+            seal,
+            rate_hz,
+            seconds,
+            runs,
+            columns,
+            sensors,
+            campaign_s,
+            top_rad_s,
+            finer,
+            plain_paths: OnceLock::new(),
+        }
+    }
+
+    /// Sees to it that a column is in the log.
+    pub fn log_column(&mut self, column: &'static str) {
+        let always = ["velocity_rad_s", "time_s"].contains(&column);
+        if !always && !self.columns.contains(&column) {
+            self.columns.push(column);
+        }
+    }
+
+    /// The extra columns of the log, in their order.
+    pub fn extra_columns(&self) -> impl Iterator<Item = &'static str> + '_ {
+        let extras = self.runs.first().map_or(&[][..], |run| &run.condition.extras);
+        let names = extras.iter().map(|(extra, _)| extra.column());
+        names.filter(|name| self.columns.contains(name))
+    }
+
+    /// The paths of all runs as this joint needs them.
+    fn paths(&self, joint: &Joint) -> Vec<Path> {
+        let path = |run: &RunSetting| {
+            let longest_s = STEP_S.min(joint.longest_step_s(run.motion.peak(self.seconds)));
+            let times: Vec<f64> = run.times.iter().map(|t| t - joint.delay_s).collect();
+            Path::new(&run.motion, run.start_angle, &times, longest_s, self.finer)
+        };
+        self.runs.par_iter().map(path).collect()
+    }
+
+    /// The true torque of each row of each run, Nm.
+    pub fn torques(&self, joint: &Joint) -> Vec<Vec<f64>> {
+        let own: Vec<Path>;
+        let special = joint.delay_s != 0.0 || joint.longest_step_s(self.top_rad_s) < STEP_S;
+        let paths = if special {
+            own = self.paths(joint);
+            &own
+        } else {
+            self.plain_paths.get_or_init(|| self.paths(joint))
+        };
+        let torques = |(run, path): (&RunSetting, &Path)| {
+            let held_rad = run.held * joint.seal.coulomb_nm / joint.seal.k0;
+            torque(joint, &run.condition, path, held_rad)
+        };
+        self.runs.par_iter().zip(paths).map(torques).collect()
+    }
+}

@@ -1,0 +1,75 @@
+//! A joint's frames among all frames.
+
+use crate::candump::CanFrame;
+use compensator_core::can::Frame;
+
+impl From<Frame> for CanFrame {
+    fn from(frame: Frame) -> Self {
+        let data = frame.data();
+        let mut bytes = [0; 8];
+        bytes.iter_mut().zip(data).for_each(|(to, from)| *to = *from);
+        let (identifier, length) = (u32::from(frame.identifier()), data.len() as u8);
+        Self::Data { identifier, extended: false, length, bytes }
+    }
+}
+
+impl CanFrame {
+    /// As a frame a joint knows: classic data with an 11-bit identifier; `None` for any other.
+    pub fn to_joint(&self) -> Option<Frame> {
+        let Self::Data { identifier, extended: false, length, bytes } = self else { return None };
+        let identifier = u16::try_from(*identifier).ok()?;
+        Frame::new(identifier, bytes.get(..usize::from(*length))?)
+    }
+
+    /// The data there are; none of a remote request, details of an error frame.
+    pub fn data(&self) -> &[u8] {
+        let (bytes, length): (&[u8], u8) = match self {
+            Self::Data { bytes, length, .. } | Self::Error { bytes, length, .. } => {
+                (bytes, *length)
+            }
+            Self::Flexible { bytes, length, .. } => (bytes, *length),
+            Self::Remote { .. } => (&[], 0),
+        };
+        bytes.get(..usize::from(length)).unwrap_or(bytes)
+    }
+
+    /// The data, to be changed in place.
+    pub fn data_mut(&mut self) -> &mut [u8] {
+        let (bytes, length): (&mut [u8], u8) = match self {
+            Self::Data { bytes, length, .. } | Self::Error { bytes, length, .. } => {
+                (bytes, *length)
+            }
+            Self::Flexible { bytes, length, .. } => (bytes, *length),
+            Self::Remote { .. } => (&mut [], 0),
+        };
+        let length = usize::from(length).min(bytes.len());
+        &mut bytes[..length]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_joints_frame_there_and_back() {
+        for data in [&[][..], &[1, 2, 3], &[255; 8]] {
+            let frame = Frame::new(0x7FF, data).expect("legal");
+            let there = CanFrame::from(frame);
+            assert_eq!((there.to_joint(), there.data()), (Some(frame), data));
+        }
+    }
+
+    #[test]
+    fn others_are_no_joints() {
+        let bytes = [0; 8];
+        let wide = CanFrame::Data { identifier: 1, extended: true, length: 0, bytes };
+        let large = CanFrame::Data { identifier: 0x800, extended: false, length: 0, bytes };
+        let long = CanFrame::Data { identifier: 1, extended: false, length: 9, bytes };
+        let remote = CanFrame::Remote { identifier: 1, extended: false, length: 0 };
+        let error = CanFrame::Error { class: 4, length: 8, bytes };
+        for frame in [wide, large, long, remote, error] {
+            assert_eq!(frame.to_joint(), None, "{frame:?}");
+        }
+    }
+}
