@@ -19,6 +19,9 @@
 #[cfg(test)]
 extern crate std;
 
+#[macro_use]
+mod fields;
+
 pub mod can;
 pub mod compensator;
 pub mod curve;

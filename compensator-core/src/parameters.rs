@@ -110,82 +110,26 @@ impl LawKind {
 /// The terms of a model, in the order they act.
 pub type TermList = Vec<TermKind, MAX_TERMS>;
 
-/// The operating range a model is declared for. Validation proves the levels over it; the step
-/// limits velocity to it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Envelope {
-    /// Largest speed, rad/s.
-    pub velocity_max_rad_s: f32,
-    /// Largest side load, N; the smallest is 0.
-    pub radial_force_max_n: f32,
-    /// Largest pressure difference, Pa; the smallest is 0.
-    pub pressure_diff_max_pa: f32,
-    /// Largest transmitted torque, Nm.
-    pub load_torque_max_nm: f32,
-    /// Farthest position from zero, rad.
-    pub position_max_rad: f32,
-    /// Largest acceleration, rad/s^2.
-    pub acceleration_max_rad_s2: f32,
-    /// Longest campaign, h.
-    pub campaign_max_h: f32,
-}
-
-impl Envelope {
-    /// How many fields there are.
-    pub const FIELDS: usize = 7;
-
-    /// Names of the fields, in their order.
-    pub const NAMES: [&'static str; Self::FIELDS] = [
-        "velocity_max_rad_s",
-        "radial_force_max_n",
-        "pressure_diff_max_pa",
-        "load_torque_max_nm",
-        "position_max_rad",
-        "acceleration_max_rad_s2",
-        "campaign_max_h",
-    ];
-
-    /// The fields, in their order.
-    pub const fn to_array(self) -> [f32; Self::FIELDS] {
-        [
-            self.velocity_max_rad_s,
-            self.radial_force_max_n,
-            self.pressure_diff_max_pa,
-            self.load_torque_max_nm,
-            self.position_max_rad,
-            self.acceleration_max_rad_s2,
-            self.campaign_max_h,
-        ]
+crate::named_fields! {
+    /// The operating range a model is declared for. Validation proves the levels over it; the step
+    /// limits velocity to it.
+    pub struct Envelope {
+        /// Largest speed, rad/s.
+        velocity_max_rad_s: f32 = 12.0;
+        /// Largest side load, N; the smallest is 0.
+        radial_force_max_n: f32 = 100.0;
+        /// Largest pressure difference, Pa; the smallest is 0.
+        pressure_diff_max_pa: f32 = 3e5;
+        /// Largest transmitted torque, Nm.
+        load_torque_max_nm: f32 = 26.0;
+        /// Farthest position from zero, rad.
+        position_max_rad: f32 = 1000.0;
+        /// Largest acceleration, rad/s^2.
+        acceleration_max_rad_s2: f32 = 1000.0;
+        /// Longest campaign, h.
+        campaign_max_h: f32 = 2000.0;
     }
-
-    /// The envelope with these fields, in their order.
-    pub const fn from_array(fields: [f32; Self::FIELDS]) -> Self {
-        let [velocity, force, pressure, load, position, acceleration, campaign] = fields;
-        Self {
-            velocity_max_rad_s: velocity,
-            radial_force_max_n: force,
-            pressure_diff_max_pa: pressure,
-            load_torque_max_nm: load,
-            position_max_rad: position,
-            acceleration_max_rad_s2: acceleration,
-            campaign_max_h: campaign,
-        }
-    }
-}
-
-impl Default for Envelope {
     /// The joint of paper 0, with room: 100 rpm, 100 N, 0.3 MPa, 26 Nm.
-    fn default() -> Self {
-        Self {
-            velocity_max_rad_s: 12.0,
-            radial_force_max_n: 100.0,
-            pressure_diff_max_pa: 3e5,
-            load_torque_max_nm: 26.0,
-            position_max_rad: 1000.0,
-            acceleration_max_rad_s2: 1000.0,
-            campaign_max_h: 2000.0,
-        }
-    }
 }
 
 /// Choices about a law that are not numbers.

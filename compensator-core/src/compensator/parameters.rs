@@ -4,100 +4,30 @@ use super::limit;
 use crate::number::Real;
 use crate::parameters::{Bound, Envelope, ParameterError, check_ranges};
 
-/// How the model is used in the current loop, as a person writes it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CompensatorParameters {
-    /// Share of the friction to cancel, 0..=1. Industry uses 0.7-0.9; above 1 joints oscillate.
-    pub scale: f32,
-    /// Largest compensation torque, Nm.
-    pub torque_limit_nm: f32,
-    /// Fastest change of the compensation torque, Nm/s.
-    pub slew_limit_nm_per_s: f32,
-    /// Joint torque per motor current, Nm/A, gear included.
-    pub torque_constant_nm_per_a: f32,
-    /// Largest current after the last addition, A.
-    pub current_limit_a: f32,
-    /// Below this speed the reference velocity takes over gradually, rad/s; 0 for never.
-    pub blend_velocity_rad_s: f32,
-    /// A reading is good for this long, s.
-    pub hold_s: f32,
-    /// After that it fades to neutral over this long, s.
-    pub fade_s: f32,
-}
-
-impl Default for CompensatorParameters {
-    /// For the joint of paper 0 (26 Nm; friction 2-3.5 Nm) with a 1 Nm/A drive.
-    fn default() -> Self {
-        Self {
-            scale: 0.9,
-            torque_limit_nm: 6.0,
-            slew_limit_nm_per_s: 2000.0,
-            torque_constant_nm_per_a: 1.0,
-            current_limit_a: 26.0,
-            blend_velocity_rad_s: 0.05,
-            hold_s: 0.1,
-            fade_s: 0.4,
-        }
+crate::named_fields! {
+    /// How the model is used in the current loop, as a person writes it.
+    pub struct CompensatorParameters {
+        /// Share of the friction to cancel, 0..=1. Industry uses 0.7-0.9; above 1 joints oscillate.
+        scale: f32 = 0.9, 0.0..=1.0, "over-compensation makes the joint oscillate";
+        /// Largest compensation torque, Nm.
+        torque_limit_nm: f32 = 6.0, 0.0..=1000.0, "a torque limit is a size";
+        /// Fastest change of the compensation torque, Nm/s.
+        slew_limit_nm_per_s: f32 = 2000.0, 1e-3..=1e9, "at no slew nothing would ever be compensated";
+        /// Joint torque per motor current, Nm/A, gear included.
+        torque_constant_nm_per_a: f32 = 1.0, 1e-6..=1e6, "current is torque over this";
+        /// Largest current after the last addition, A.
+        current_limit_a: f32 = 26.0, 0.0..=1000.0, "a current limit is a size";
+        /// Below this speed the reference velocity takes over gradually, rad/s; 0 for never.
+        blend_velocity_rad_s: f32 = 0.05, 0.0..=1e3, "a speed";
+        /// A reading is good for this long, s.
+        hold_s: f32 = 0.1, 0.0..=1000.0, "a time";
+        /// After that it fades to neutral over this long, s.
+        fade_s: f32 = 0.4, 1e-4..=1000.0, "a reading fades, it does not jump";
     }
+    /// For the joint of paper 0 (26 Nm; friction 2-3.5 Nm) with a 1 Nm/A drive.
 }
 
 impl CompensatorParameters {
-    /// How many fields there are.
-    pub const FIELDS: usize = 8;
-
-    /// Names of the fields, in their order.
-    pub const NAMES: [&'static str; Self::FIELDS] = [
-        "scale",
-        "torque_limit_nm",
-        "slew_limit_nm_per_s",
-        "torque_constant_nm_per_a",
-        "current_limit_a",
-        "blend_velocity_rad_s",
-        "hold_s",
-        "fade_s",
-    ];
-
-    /// The fields, in their order.
-    pub const fn to_array(self) -> [f32; Self::FIELDS] {
-        [
-            self.scale,
-            self.torque_limit_nm,
-            self.slew_limit_nm_per_s,
-            self.torque_constant_nm_per_a,
-            self.current_limit_a,
-            self.blend_velocity_rad_s,
-            self.hold_s,
-            self.fade_s,
-        ]
-    }
-
-    /// The parameters with these fields, in their order.
-    pub const fn from_array(fields: [f32; Self::FIELDS]) -> Self {
-        let [scale, torque, slew, constant, current, blend, hold, fade] = fields;
-        Self {
-            scale,
-            torque_limit_nm: torque,
-            slew_limit_nm_per_s: slew,
-            torque_constant_nm_per_a: constant,
-            current_limit_a: current,
-            blend_velocity_rad_s: blend,
-            hold_s: hold,
-            fade_s: fade,
-        }
-    }
-
-    /// Smallest and largest legal value of each field, in their order, and why.
-    const RANGES: [(f32, f32, &'static str); Self::FIELDS] = [
-        (0.0, 1.0, "over-compensation makes the joint oscillate"),
-        (0.0, 1000.0, "a torque limit is a size"),
-        (1e-3, 1e9, "at no slew nothing would ever be compensated"),
-        (1e-6, 1e6, "current is torque over this"),
-        (0.0, 1000.0, "a current limit is a size"),
-        (0.0, 1e3, "a speed"),
-        (0.0, 1000.0, "a time"),
-        (1e-4, 1000.0, "a reading fades, it does not jump"),
-    ];
-
     /// Checks every field.
     ///
     /// # Errors
