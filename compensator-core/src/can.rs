@@ -26,10 +26,10 @@ mod inbox;
 mod message;
 pub mod slcan;
 
+pub use crate::joint_kind::JointKind;
 pub use inbox::{Inbox, SyncOutcome};
 pub use message::{
-    Answer, Command, Entry, JointKind, Message, Motion, Seal, Status, Surroundings, Sync,
-    Telemetry, Torque,
+    Answer, Command, Entry, Message, Motion, Seal, Status, Surroundings, Sync, Telemetry, Torque,
 };
 
 use core::fmt;

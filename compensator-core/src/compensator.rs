@@ -10,144 +10,20 @@
 //! * **Limits** come after the last addition ([`Compensator::sum`]); each that acts is a [`Flags`] bit.
 //! * **Disabled** is absent: the command comes out of the sum with the bits it went in with.
 
+#[cfg_attr(not(feature = "terms"), path = "compensator/no_covariates.rs")]
+mod covariates;
 mod parameters;
 
+pub use crate::flags::Flags;
+pub use crate::quantity::{Inputs, Reading};
 pub use parameters::CompensatorParameters;
 
 use crate::model::{Model, Sample, State};
 use crate::number::Real;
 use crate::parameters::ParameterError;
 use crate::record::Configuration;
-#[cfg(feature = "terms")]
-use crate::term::{Column, TEMPERATURE_RANGE_C};
+use covariates::Covariates;
 use parameters::Built;
-
-bitflags::bitflags! {
-    /// What was replaced, faded or limited in a sample.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-    pub struct Flags: u32 {
-        /// The compensator is off and did nothing.
-        const DISABLED = 1 << 0;
-        /// Measured velocity NaN, beyond the envelope or too old; the reference stood in.
-        const VELOCITY_INVALID = 1 << 1;
-        /// Reference velocity NaN, beyond the envelope or too old; the measured one stood in.
-        const REFERENCE_INVALID = 1 << 2;
-        /// Position NaN or beyond the envelope.
-        const POSITION_INVALID = 1 << 3;
-        /// Position so old that its terms fade.
-        const POSITION_STALE = 1 << 4;
-        /// Acceleration NaN or beyond the envelope.
-        const ACCELERATION_INVALID = 1 << 5;
-        /// Acceleration so old that its term fades.
-        const ACCELERATION_STALE = 1 << 6;
-        /// Radial force NaN or beyond the envelope.
-        const RADIAL_FORCE_INVALID = 1 << 7;
-        /// Radial force so old that it fades.
-        const RADIAL_FORCE_STALE = 1 << 8;
-        /// Pressure NaN or beyond the envelope.
-        const PRESSURE_INVALID = 1 << 9;
-        /// Pressure so old that it fades.
-        const PRESSURE_STALE = 1 << 10;
-        /// Temperature NaN or outside -50..150 deg C.
-        const TEMPERATURE_INVALID = 1 << 11;
-        /// Temperature so old that it fades to the reference.
-        const TEMPERATURE_STALE = 1 << 12;
-        /// Load torque NaN or beyond the envelope.
-        const LOAD_TORQUE_INVALID = 1 << 13;
-        /// Load torque so old that it fades.
-        const LOAD_TORQUE_STALE = 1 << 14;
-        /// Campaign time NaN, negative or beyond the envelope; the last good one stands.
-        const CAMPAIGN_TIME_INVALID = 1 << 15;
-        /// The torque limit acted.
-        const TORQUE_LIMITED = 1 << 16;
-        /// The slew limit acted.
-        const SLEW_LIMITED = 1 << 17;
-        /// The current limit acted on the sum.
-        const CURRENT_LIMITED = 1 << 18;
-        /// The model gave no finite torque; its state was cleared. Never seen with validated
-        /// parameters; here so that a mistake shows as a flag and not as a current.
-        const MODEL_NOT_FINITE = 1 << 19;
-        /// The command given to the sum was not a finite number and counted as 0.
-        const COMMAND_INVALID = 1 << 20;
-        /// Auxiliary covariate NaN or beyond any sensible size.
-        const AUXILIARY_INVALID = 1 << 21;
-        /// Auxiliary covariate so old that its term fades.
-        const AUXILIARY_STALE = 1 << 22;
-    }
-}
-
-impl Flags {
-    /// These flags where `condition` is negative, else none.
-    #[inline(always)]
-    fn when(self, condition: i32) -> Self {
-        Self::from_bits_retain(self.bits() & (condition >> 31) as u32)
-    }
-}
-
-/// A measured value and how long ago it was true.
-#[derive(Clone, Copy, Debug)]
-pub struct Reading<T> {
-    /// The value, in the unit its place in [`Inputs`] says.
-    pub value: T,
-    /// Its age, s; negative (-0 too) or NaN counts as never measured.
-    pub age_s: T,
-}
-
-impl<T: Real> Reading<T> {
-    /// A value just measured.
-    pub fn fresh(value: T) -> Self {
-        Self { value, age_s: T::zero() }
-    }
-
-    /// No such sensor, or nothing heard of it yet.
-    pub fn missing() -> Self {
-        Self { value: T::zero(), age_s: -T::one() }
-    }
-}
-
-/// What the compensator is told in one sample.
-#[derive(Clone, Copy, Debug)]
-pub struct Inputs<T> {
-    /// Measured or observed joint velocity, rad/s.
-    pub velocity_rad_s: Reading<T>,
-    /// Velocity the joint is meant to have, rad/s.
-    pub velocity_reference_rad_s: Reading<T>,
-    /// Joint position, rad.
-    pub position_rad: Reading<T>,
-    /// Joint acceleration, rad/s^2.
-    pub acceleration_rad_s2: Reading<T>,
-    /// Side load on the shaft, N.
-    pub radial_force_n: Reading<T>,
-    /// Outside minus inside pressure, MPa.
-    pub pressure_diff_mpa: Reading<T>,
-    /// Temperature at the seal, deg C.
-    pub temperature_c: Reading<T>,
-    /// Torque transmitted to the load, Nm.
-    pub load_torque_nm: Reading<T>,
-    /// A covariate of this joint's own, in its own unit.
-    pub auxiliary: Reading<T>,
-    /// Time since the campaign began, h.
-    pub campaign_time_h: T,
-}
-
-impl<T: Real> Inputs<T> {
-    /// A measured velocity and nothing else.
-    pub fn velocity(velocity_rad_s: T) -> Self {
-        let missing = Reading::missing();
-        Self {
-            velocity_rad_s: Reading::fresh(velocity_rad_s),
-            velocity_reference_rad_s: missing,
-            position_rad: missing,
-            acceleration_rad_s2: missing,
-            radial_force_n: missing,
-            pressure_diff_mpa: missing,
-            temperature_c: missing,
-            load_torque_nm: missing,
-            auxiliary: missing,
-            campaign_time_h: T::zero(),
-        }
-    }
-}
 
 /// What the compensator gives in one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -216,8 +92,7 @@ pub struct Compensator<T: Real> {
     compensation_torque_nm: T,
     radial_force: Held<T>,
     pressure: Held<T>,
-    #[cfg(feature = "terms")]
-    others: Others<T>,
+    covariates: Covariates<T>,
 }
 
 /// How far side load and pressure are to be believed, 0..=1.
@@ -226,22 +101,6 @@ pub struct Compensator<T: Real> {
 struct SealTrust<T> {
     force: T,
     pressure: T,
-}
-
-/// Largest magnitude an auxiliary covariate is believed of; its unit is not known here.
-#[cfg(feature = "terms")]
-const AUXILIARY_MAX: f64 = 1e9;
-
-/// Covariates only terms read.
-#[cfg(feature = "terms")]
-#[derive(Clone, Copy, Debug)]
-struct Others<T> {
-    position: Held<T>,
-    acceleration: Held<T>,
-    temperature: Held<T>,
-    load_torque: Held<T>,
-    auxiliary: Held<T>,
-    campaign_time_h: T,
 }
 
 impl<T: Real> Compensator<T> {
@@ -256,27 +115,15 @@ impl<T: Real> Compensator<T> {
         configuration.compensator.validate()?;
         let model = configuration.model.build::<T>(period_s)?;
         let reference = configuration.model.get(crate::ParameterId::TemperatureReference);
-        let built = Built::new(
-            &configuration.compensator,
-            &configuration.model.envelope,
-            reference,
-            period_s,
-        )?;
+        let built =
+            Built::new(&configuration.compensator, &configuration.model.envelope, period_s)?;
         Ok(Self {
             enabled: false,
             state: State::default(),
             compensation_torque_nm: T::zero(),
             radial_force: Held::never(&built),
             pressure: Held::never(&built),
-            #[cfg(feature = "terms")]
-            others: Others {
-                position: Held::never(&built),
-                acceleration: Held::never(&built),
-                temperature: Held::never(&built),
-                load_torque: Held::never(&built),
-                auxiliary: Held::never(&built),
-                campaign_time_h: T::zero(),
-            },
+            covariates: Covariates::never(&built, &configuration.model.envelope, reference),
             model,
             built,
         })
@@ -318,9 +165,7 @@ impl<T: Real> Compensator<T> {
         let (velocity, trust) = self.blended_velocity(inputs, &mut flags);
         let mut sample = Sample { velocity_rad_s: velocity, ..Sample::default() };
         let seal_trust = self.guard_seal(inputs, &mut sample, &mut flags);
-        #[cfg(feature = "terms")]
-        self.guard_others(inputs, seal_trust, &mut sample, &mut flags);
-        let _ = seal_trust;
+        self.covariates.take(inputs, &self.model, &self.built, seal_trust, &mut sample, &mut flags);
 
         let mut friction = self.model.step(&mut self.state, &sample);
         // Validated parameters keep friction far below this.
@@ -420,71 +265,6 @@ impl<T: Real> Compensator<T> {
         // rounding of its guard); the levels are proven from 0 upwards.
         sample.pressure_diff_mpa = (self.pressure.value * pressure_trust).positive_part();
         SealTrust { force: force_trust, pressure: pressure_trust }
-    }
-
-    #[cfg(feature = "terms")]
-    #[inline(always)]
-    fn guard_others(
-        &mut self,
-        inputs: &Inputs<T>,
-        seal: SealTrust<T>,
-        sample: &mut Sample<T>,
-        flags: &mut Flags,
-    ) {
-        if self.model.terms.is_empty() {
-            return;
-        }
-        let (built, held) = (&self.built, &mut self.others);
-        let symmetric = |reach, invalid, stale| Guard { middle: T::zero(), reach, invalid, stale };
-
-        let guard = symmetric(built.position_max, Flags::POSITION_INVALID, Flags::POSITION_STALE);
-        sample.position_trust = held.position.take(inputs.position_rad, &guard, built, flags);
-        sample.position_rad = held.position.value;
-
-        let guard = symmetric(
-            built.acceleration_max,
-            Flags::ACCELERATION_INVALID,
-            Flags::ACCELERATION_STALE,
-        );
-        let trust = held.acceleration.take(inputs.acceleration_rad_s2, &guard, built, flags);
-        sample.acceleration_rad_s2 = held.acceleration.value * trust;
-
-        let guard =
-            symmetric(built.load_torque_max, Flags::LOAD_TORQUE_INVALID, Flags::LOAD_TORQUE_STALE);
-        let load_trust = held.load_torque.take(inputs.load_torque_nm, &guard, built, flags);
-        sample.load_torque_nm = held.load_torque.value * load_trust;
-
-        let guard = Guard {
-            middle: T::from_f64(0.5 * (TEMPERATURE_RANGE_C[0] + TEMPERATURE_RANGE_C[1])),
-            reach: T::from_f64(0.5 * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0])),
-            invalid: Flags::TEMPERATURE_INVALID,
-            stale: Flags::TEMPERATURE_STALE,
-        };
-        let temperature_trust = held.temperature.take(inputs.temperature_c, &guard, built, flags);
-        let reference = built.temperature_reference;
-        sample.temperature_c = reference + (held.temperature.value - reference) * temperature_trust;
-
-        let reach = T::from_f64(AUXILIARY_MAX);
-        let guard = symmetric(reach, Flags::AUXILIARY_INVALID, Flags::AUXILIARY_STALE);
-        let auxiliary_trust = held.auxiliary.take(inputs.auxiliary, &guard, built, flags);
-        sample.auxiliary = held.auxiliary.value;
-
-        let time = inputs.campaign_time_h;
-        let illegal = time.negative_or_nan() | time.beyond(built.campaign_max_h);
-        held.campaign_time_h = time.unless(illegal, held.campaign_time_h);
-        *flags |= Flags::CAMPAIGN_TIME_INVALID.when(illegal);
-        sample.campaign_time_h = held.campaign_time_h;
-
-        // A column at its neutral value says nothing of what has no known cause: that fades whole.
-        sample.unknown_trust = match self.model.spline.column {
-            // Guarded by themselves.
-            Column::Velocity | Column::Position | Column::CampaignTime => T::one(),
-            Column::RadialForce => seal.force,
-            Column::Pressure => seal.pressure,
-            Column::Temperature => temperature_trust,
-            Column::LoadTorque => load_trust,
-            Column::Auxiliary => auxiliary_trust,
-        };
     }
 }
 

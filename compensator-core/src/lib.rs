@@ -7,7 +7,7 @@
 //! Reading order: [`law`] (what rubs), [`effect`] and [`term`] (what changes how hard),
 //! [`parameters`] (written, validated, built), [`model`] (one sample in, one torque out),
 //! [`compensator`] (the model made safe for a current loop), [`record`] (parameters in flash), [`can`]
-//! (samples and answers on the bus).
+//! (samples and answers on the bus). [`quantity`] is the table of what a joint measures.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
@@ -26,16 +26,24 @@ pub mod can;
 pub mod compensator;
 pub mod curve;
 pub mod effect;
+mod envelope;
+mod flags;
+mod joint_kind;
 pub mod law;
 pub mod model;
 pub mod number;
 pub mod parameters;
+pub mod quantity;
 pub mod record;
 pub mod seal;
 pub mod term;
 
-pub use compensator::{Compensator, Flags, Inputs, Output};
-pub use model::{Model, Sample, State};
+pub use compensator::{Compensator, Output};
+pub use envelope::Envelope;
+pub use flags::Flags;
+pub use joint_kind::JointKind;
+pub use model::{Model, State};
 pub use number::{Fixed, Real};
 pub use parameters::{LawKind, ParameterError, ParameterId, Parameters};
+pub use quantity::{Inputs, Quantity, Reading, Sample};
 pub use term::TermKind;

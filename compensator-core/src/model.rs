@@ -8,64 +8,18 @@
 
 #[cfg(feature = "terms")]
 use crate::effect::Effects;
+pub use crate::quantity::Sample;
+
 use crate::effect::{Effect, NoEffect, SealEffect};
 use crate::law::bristle::{AsymmetricLugre, Lugre};
 use crate::law::steady::Steady;
 use crate::number::Real;
 #[cfg(feature = "terms")]
+use crate::quantity::Quantity;
+#[cfg(feature = "terms")]
 use crate::term::{MAX_TERMS, Memory, Spline, Term};
 #[cfg(feature = "terms")]
 use heapless::Vec;
-
-/// What a model is told in one sample. Everything not measured is left at its default.
-#[derive(Clone, Copy, Debug)]
-pub struct Sample<T> {
-    /// Joint velocity, rad/s.
-    pub velocity_rad_s: T,
-    /// Joint position, rad.
-    pub position_rad: T,
-    /// How far the position is to be believed, 0..=1: scales what follows the angle.
-    pub position_trust: T,
-    /// Joint acceleration, rad/s^2.
-    pub acceleration_rad_s2: T,
-    /// Side load on the shaft at the seal's end, N.
-    pub radial_force_n: T,
-    /// Change of the side load since the last sample, N.
-    pub radial_force_change_n: T,
-    /// Outside minus inside pressure, MPa.
-    pub pressure_diff_mpa: T,
-    /// Temperature of the seal, deg C.
-    pub temperature_c: T,
-    /// Torque transmitted to the load, Nm.
-    pub load_torque_nm: T,
-    /// Time since the campaign (or the seal's life) began, h.
-    pub campaign_time_h: T,
-    /// A covariate of this joint's own, in its own unit.
-    pub auxiliary: T,
-    /// How far the column that [`crate::TermKind::Unknown`] follows is to be believed, 0..=1;
-    /// where that is the position, its own trust comes on top.
-    pub unknown_trust: T,
-}
-
-impl<T: Real> Default for Sample<T> {
-    fn default() -> Self {
-        let zero = T::zero();
-        Self {
-            velocity_rad_s: zero,
-            position_rad: zero,
-            position_trust: T::one(),
-            acceleration_rad_s2: zero,
-            radial_force_n: zero,
-            radial_force_change_n: zero,
-            pressure_diff_mpa: zero,
-            temperature_c: zero,
-            load_torque_nm: zero,
-            campaign_time_h: zero,
-            auxiliary: zero,
-            unknown_trust: T::one(),
-        }
-    }
-}
 
 /// What a model remembers between samples.
 #[derive(Clone, Copy, Debug, Default)]
@@ -219,6 +173,12 @@ impl<T: Real> Model<T> {
         return self.terms.is_empty();
         #[cfg(not(feature = "terms"))]
         true
+    }
+
+    /// The quantity that the lookup-table term follows.
+    #[cfg(feature = "terms")]
+    pub(crate) fn lookup_column(&self) -> Quantity {
+        self.spline.column
     }
 
     /// Friction torque in this sample, Nm, positive where it has to be driven towards positive

@@ -13,6 +13,7 @@ mod extremes;
 pub mod table;
 mod validate;
 
+pub use crate::envelope::Envelope;
 pub use build::WrongPeriod;
 pub use table::{Info, ParameterId};
 pub use validate::{Bound, ParameterError, check_ranges};
@@ -109,28 +110,6 @@ impl LawKind {
 
 /// The terms of a model, in the order they act.
 pub type TermList = Vec<TermKind, MAX_TERMS>;
-
-crate::named_fields! {
-    /// The operating range a model is declared for. Validation proves the levels over it; the step
-    /// limits velocity to it.
-    pub struct Envelope {
-        /// Largest speed, rad/s.
-        velocity_max_rad_s: f32 = 12.0;
-        /// Largest side load, N; the smallest is 0.
-        radial_force_max_n: f32 = 100.0;
-        /// Largest pressure difference, Pa; the smallest is 0.
-        pressure_diff_max_pa: f32 = 3e5;
-        /// Largest transmitted torque, Nm.
-        load_torque_max_nm: f32 = 26.0;
-        /// Farthest position from zero, rad.
-        position_max_rad: f32 = 1000.0;
-        /// Largest acceleration, rad/s^2.
-        acceleration_max_rad_s2: f32 = 1000.0;
-        /// Longest campaign, h.
-        campaign_max_h: f32 = 2000.0;
-    }
-    /// The joint of paper 0, with room: 100 rpm, 100 N, 0.3 MPa, 26 Nm.
-}
 
 /// Choices about a law that are not numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -29,9 +29,6 @@ pub const DELAY_LINE: usize = 32;
 /// Contact stops ageing after this, s: its effect grows with the logarithm, and fixed point ends.
 pub const CONTACT_AGE_MAX_S: f64 = 1000.0;
 
-/// Coldest and hottest seal a temperature reading is believed of, deg C.
-pub const TEMPERATURE_RANGE_C: [f64; 2] = [-50.0, 150.0];
-
 /// Knots of [`TermKind::Unknown`].
 pub const KNOTS: usize = 6;
 
@@ -54,60 +51,6 @@ pub const UNKNOWN_LEVELS: [ParameterId; KNOTS] = [
     Id::UnknownLevel5,
     Id::UnknownLevel6,
 ];
-
-/// What [`TermKind::Unknown`] can follow. The number is the value of
-/// [`ParameterId::UnknownColumn`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(u8)]
-pub enum Column {
-    /// Velocity with its sign, rad/s.
-    #[default]
-    Velocity,
-    /// Position, rad.
-    Position,
-    /// Time since the campaign began, s as a person writes it, h inside.
-    CampaignTime,
-    /// Side load on the shaft, N.
-    RadialForce,
-    /// Pressure difference, Pa as a person writes it, MPa inside.
-    Pressure,
-    /// Temperature of the seal, deg C.
-    Temperature,
-    /// Transmitted torque, Nm.
-    LoadTorque,
-    /// The covariate a joint has of its own, in that one's unit.
-    Auxiliary,
-}
-
-impl Column {
-    /// Every column, in the order of their numbers.
-    pub const ALL: [Self; 8] = [
-        Self::Velocity,
-        Self::Position,
-        Self::CampaignTime,
-        Self::RadialForce,
-        Self::Pressure,
-        Self::Temperature,
-        Self::LoadTorque,
-        Self::Auxiliary,
-    ];
-
-    /// The column of a value of [`ParameterId::UnknownColumn`]; of an illegal one the nearest, of
-    /// one that is not a number the first.
-    pub fn of(number: f64) -> Self {
-        // A cast saturates.
-        Self::ALL[usize::from(number as u8).min(Self::ALL.len() - 1)]
-    }
-
-    /// The unit inside over the unit a person writes.
-    pub const fn scale(self) -> f64 {
-        match self {
-            Self::CampaignTime => 1.0 / 3600.0,
-            Self::Pressure => 1e-6,
-            _ => 1.0,
-        }
-    }
-}
 
 macro_rules! term_kinds {
     ($($(#[$doc:meta])* $kind:ident = $name:literal [$($parameter:ident),*]),* $(,)?) => {

@@ -26,20 +26,7 @@ const SHARE_WHERE_BITS_DECIDE: f64 = 2.1;
 
 /// What `Fixed` makes of a sample, for `f64`: the error wanted is the step's, not the sensor's.
 fn held(sample: &Sample<Fixed>) -> Sample<f64> {
-    Sample {
-        velocity_rad_s: sample.velocity_rad_s.value(),
-        position_rad: sample.position_rad.value(),
-        position_trust: sample.position_trust.value(),
-        acceleration_rad_s2: sample.acceleration_rad_s2.value(),
-        radial_force_n: sample.radial_force_n.value(),
-        radial_force_change_n: sample.radial_force_change_n.value(),
-        pressure_diff_mpa: sample.pressure_diff_mpa.value(),
-        temperature_c: sample.temperature_c.value(),
-        load_torque_nm: sample.load_torque_nm.value(),
-        campaign_time_h: sample.campaign_time_h.value(),
-        auxiliary: sample.auxiliary.value(),
-        unknown_trust: sample.unknown_trust.value(),
-    }
+    sample.map(Real::value)
 }
 
 /// The largest distance between the two numbers over a case, in shares of what is allowed; `None`

@@ -8,8 +8,10 @@
 #![cfg(feature = "terms")]
 
 use compensator_core::model::{Sample, State};
-use compensator_core::term::{Column, KNOTS, MAX_TERMS, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
-use compensator_core::{Fixed, LawKind, Model, ParameterId as Id, Parameters, Real, TermKind};
+use compensator_core::term::{KNOTS, MAX_TERMS, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use compensator_core::{
+    Fixed, LawKind, Model, ParameterId as Id, Parameters, Quantity, Real, TermKind,
+};
 
 const PERIOD: f64 = 1e-3;
 const COULOMB: f64 = 1.5;
@@ -66,7 +68,7 @@ fn lively<T: Real>(step: u32) -> Sample<T> {
         load_torque_nm: number(5.0 * (4.0 * t).sin()),
         campaign_time_h: number(t),
         auxiliary: number(0.3 * t),
-        unknown_trust: T::one(),
+        lookup_trust: T::one(),
     }
 }
 
@@ -100,21 +102,7 @@ fn level(coulomb: f64, static_level: f64, speed: f64) -> f64 {
 /// Friction after sliding long at `velocity` under constant covariates.
 fn settled<T: Real>(parameters: &Parameters<T::Setting>, sample: &Sample<f64>) -> f64 {
     let model = build::<T>(parameters);
-    let number = T::from_f64;
-    let sample = Sample {
-        velocity_rad_s: number(sample.velocity_rad_s),
-        position_rad: number(sample.position_rad),
-        position_trust: number(sample.position_trust),
-        acceleration_rad_s2: number(sample.acceleration_rad_s2),
-        radial_force_n: number(sample.radial_force_n),
-        radial_force_change_n: T::zero(),
-        pressure_diff_mpa: number(sample.pressure_diff_mpa),
-        temperature_c: number(sample.temperature_c),
-        load_torque_nm: number(sample.load_torque_nm),
-        campaign_time_h: number(sample.campaign_time_h),
-        auxiliary: number(sample.auxiliary),
-        unknown_trust: number(sample.unknown_trust),
-    };
+    let sample = Sample { radial_force_change_n: T::zero(), ..sample.map(T::from_f64) };
     let mut state = State::default();
     (0..20_000).map(|_| model.step(&mut state, &sample).value()).last().unwrap()
 }
@@ -208,7 +196,7 @@ fn sliding() -> Vec<Sliding> {
             let age = 0.01 / v.abs();
             rubs(COULOMB, STATIC + 0.5 * (1.0 + age).ln(), v)
         }),
-        (TermKind::Unknown, drawn_over(Column::Temperature, -25.0, 75.0), |v, s| {
+        (TermKind::Unknown, drawn_over(Quantity::Temperature, -25.0, 75.0), |v, s| {
             let (torque, change) = drawn_at((s.temperature_c + 25.0) / 100.0);
             level(COULOMB, STATIC, v.abs()) * (1.0 + change) * v.signum() + VISCOUS * v + torque
         }),
@@ -253,9 +241,9 @@ const TORQUES: [f64; KNOTS] = [0.5, -0.25, 0.125, 0.375, -0.125, 0.25];
 const LEVELS: [f64; KNOTS] = [-0.25, 0.125, 0.5, 0.25, -0.5, 0.0625];
 
 /// The parameters of the knots above over a range of a column.
-fn drawn_over(column: Column, lower: f64, upper: f64) -> Vec<(Id, f64)> {
+fn drawn_over(column: Quantity, lower: f64, upper: f64) -> Vec<(Id, f64)> {
     let mut values = vec![
-        (Id::UnknownColumn, f64::from(column as u8)),
+        (Id::UnknownColumn, f64::from(column.info().column.unwrap())),
         (Id::UnknownLower, lower),
         (Id::UnknownUpper, upper),
     ];
@@ -279,18 +267,19 @@ fn drawn_at(share: f64) -> (f64, f64) {
 #[test]
 fn unknown_cause_follows_every_column_within_and_beyond_its_range() {
     /// Column, its range as a person writes it, and how a sample is given a value of it.
-    type Row = (Column, f64, f64, fn(&mut Sample<f64>, f64));
+    type Row = (Quantity, f64, f64, fn(&mut Sample<f64>, f64));
     let rows: [Row; 8] = [
-        (Column::Velocity, -2.0, 3.0, |s, x| s.velocity_rad_s = x),
-        (Column::Position, -1.0, 4.0, |s, x| s.position_rad = x),
-        (Column::CampaignTime, 3600.0, 360_000.0, |s, x| s.campaign_time_h = x / 3600.0),
-        (Column::RadialForce, 20.0, 80.0, |s, x| s.radial_force_n = x),
-        (Column::Pressure, 5e4, 2.5e5, |s, x| s.pressure_diff_mpa = x * 1e-6),
-        (Column::Temperature, 5.0, 25.0, |s, x| s.temperature_c = x),
-        (Column::LoadTorque, -20.0, 10.0, |s, x| s.load_torque_nm = x),
-        (Column::Auxiliary, -300.0, 700.0, |s, x| s.auxiliary = x),
+        (Quantity::Velocity, -2.0, 3.0, |s, x| s.velocity_rad_s = x),
+        (Quantity::Position, -1.0, 4.0, |s, x| s.position_rad = x),
+        (Quantity::CampaignTime, 3600.0, 360_000.0, |s, x| s.campaign_time_h = x / 3600.0),
+        (Quantity::RadialForce, 20.0, 80.0, |s, x| s.radial_force_n = x),
+        (Quantity::Pressure, 5e4, 2.5e5, |s, x| s.pressure_diff_mpa = x * 1e-6),
+        (Quantity::Temperature, 5.0, 25.0, |s, x| s.temperature_c = x),
+        (Quantity::LoadTorque, -20.0, 10.0, |s, x| s.load_torque_nm = x),
+        (Quantity::Auxiliary, -300.0, 700.0, |s, x| s.auxiliary = x),
     ];
-    assert!(rows.iter().map(|row| row.0).eq(Column::ALL));
+    let followed = Quantity::ALL.iter().filter(|of| of.info().column.is_some());
+    assert!(rows.iter().map(|row| row.0).eq(followed.copied()));
     for (column, lower, upper, put) in rows {
         let values = drawn_over(column, lower, upper);
         for share in [-1.0, -0.125, 0.0, 0.0625, 0.2, 0.45, 0.6, 0.75, 0.9375, 1.0, 1.25] {
@@ -298,9 +287,8 @@ fn unknown_cause_follows_every_column_within_and_beyond_its_range() {
             put(&mut sample, lower + (upper - lower) * share);
             let (torque, change) = drawn_at(share);
             let v = sample.velocity_rad_s;
-            for (trust, position_trust) in [(1.0, 1.0), (0.5, 1.0), (1.0, 0.25), (0.0, 1.0)] {
-                let sample = Sample { unknown_trust: trust, position_trust, ..sample };
-                let trust = if column == Column::Position { trust * position_trust } else { trust };
+            for trust in [1.0, 0.5, 0.0] {
+                let sample = Sample { lookup_trust: trust, ..sample };
                 let scaled = 1.0 + change * trust;
                 let rubs = level(COULOMB, STATIC, v.abs()) * scaled * v.signum() + VISCOUS * v;
                 let expected = rubs + torque * trust;

@@ -5,7 +5,7 @@
 
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::record::Configuration;
-use compensator_core::term::{Column, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use compensator_core::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 
 /// Sample period of the current loop, s: 20 kHz.
@@ -30,7 +30,7 @@ pub fn configuration(law: LawKind, terms: &[TermKind]) -> Configuration {
         .with(ParameterId::RippleSine, 0.05)
         .with(ParameterId::RippleCosine, 0.03)
         .with(ParameterId::RippleOrder, 3.0)
-        .with(ParameterId::UnknownColumn, f32::from(Column::Auxiliary as u8))
+        .with(ParameterId::UnknownColumn, 7.0)
         .with(ParameterId::UnknownLower, 0.1)
         .with(ParameterId::UnknownUpper, 0.8);
     for (index, (torque, level)) in UNKNOWN_TORQUES.into_iter().zip(UNKNOWN_LEVELS).enumerate() {

@@ -8,8 +8,8 @@
 //! frames.
 
 use super::{Command, Entry, Message, Motion, Node, Seal, Surroundings, Sync, Torque};
-use crate::compensator::Reading;
-use crate::{Inputs, Real};
+use crate::number::Real;
+use crate::quantity::{Inputs, Reading};
 
 /// What a SYNC was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,13 +141,13 @@ impl Inbox {
                 of.velocity_reference_rad_s()
             }),
             position_rad: motion(|of| of.position_rad),
-            acceleration_rad_s2: Reading::missing(),
             radial_force_n: seal(|of| of.radial_force_n),
             pressure_diff_mpa: seal(Seal::pressure_diff_mpa),
             temperature_c: surroundings(|of| of.temperature_c),
             load_torque_nm: reading(self.torque, period_s, |of| of.load_torque_nm),
             auxiliary: surroundings(|of| of.auxiliary),
             campaign_time_h: T::from_setting(campaign),
+            ..Inputs::missing()
         }
     }
 

@@ -1,7 +1,8 @@
 //! What the frames say: each as a struct, and all as one [`Message`] to emit and to parse.
 
 use super::{Frame, FrameError, Node};
-use crate::compensator::Flags;
+use crate::flags::Flags;
+use crate::joint_kind::JointKind;
 
 /// Identifiers without the node's number (CiA 301, predefined connection set).
 mod base {
@@ -160,16 +161,6 @@ pub enum Entry {
     Sequence(u32),
     /// Sub-index 3: the units of the quantities.
     JointKind(JointKind),
-}
-
-/// Whether a joint turns or slides.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum JointKind {
-    /// rad, rad/s, Nm.
-    #[default]
-    Revolute,
-    /// m, m/s, N.
-    Prismatic,
 }
 
 /// A frame, understood.

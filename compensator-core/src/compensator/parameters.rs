@@ -58,27 +58,15 @@ pub(super) struct Built<T> {
     /// Half the largest side load: the middle of what is legal.
     pub radial_force_middle: T,
     pub pressure_max_mpa: T,
-    #[cfg(feature = "terms")]
-    pub position_max: T,
-    #[cfg(feature = "terms")]
-    pub acceleration_max: T,
-    #[cfg(feature = "terms")]
-    pub load_torque_max: T,
-    #[cfg(feature = "terms")]
-    pub campaign_max_h: T,
-    #[cfg(feature = "terms")]
-    pub temperature_reference: T,
 }
 
 impl<T: Real<Setting = f32>> Built<T> {
     pub(super) fn new(
         written: &CompensatorParameters,
         envelope: &Envelope,
-        temperature_reference: f32,
         period_s: f32,
     ) -> Result<Self, ParameterError> {
         let blend = written.blend_velocity_rad_s;
-        let _ = temperature_reference;
         let built = Self {
             scale: limit(written.scale),
             torque_limit: limit(written.torque_limit_nm),
@@ -96,16 +84,6 @@ impl<T: Real<Setting = f32>> Built<T> {
             velocity_limit: limit(envelope.velocity_max_rad_s),
             radial_force_middle: limit(0.5 * envelope.radial_force_max_n),
             pressure_max_mpa: limit(envelope.pressure_diff_max_pa * 1e-6),
-            #[cfg(feature = "terms")]
-            position_max: limit(envelope.position_max_rad),
-            #[cfg(feature = "terms")]
-            acceleration_max: limit(envelope.acceleration_max_rad_s2),
-            #[cfg(feature = "terms")]
-            load_torque_max: limit(envelope.load_torque_max_nm),
-            #[cfg(feature = "terms")]
-            campaign_max_h: limit(envelope.campaign_max_h),
-            #[cfg(feature = "terms")]
-            temperature_reference: T::from_f64(f64::from(temperature_reference)),
         };
         for (field, value) in [
             ("scale", written.scale),

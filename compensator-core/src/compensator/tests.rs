@@ -1,8 +1,10 @@
 use super::*;
 use crate::parameters::{LawKind, ParameterId, Parameters};
+#[cfg(feature = "terms")]
+use crate::quantity::Quantity;
 use crate::term::TermKind;
 #[cfg(feature = "terms")]
-use crate::term::{Column, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use crate::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use proptest::prelude::*;
 
 const PERIOD_S: f32 = 50e-6;
@@ -91,10 +93,10 @@ fn stale_load_and_pressure_fade_to_the_plain_law_without_a_jump() {
 
 /// The unknown term following one column, 0.5 Nm and half the level more wherever that stands.
 #[cfg(feature = "terms")]
-fn with_unknown(column: Column) -> Configuration {
+fn with_unknown(column: Quantity) -> Configuration {
     let mut configuration = configuration();
     assert!(configuration.model.add_term(TermKind::Unknown));
-    configuration.model.set(ParameterId::UnknownColumn, f32::from(column as u8));
+    configuration.model.set(ParameterId::UnknownColumn, f32::from(column.info().column.unwrap()));
     for id in UNKNOWN_TORQUES {
         configuration.model.set(id, 0.5);
     }
@@ -115,18 +117,18 @@ fn unknown_cause_fades_to_nothing_with_the_reading_it_follows() {
         ..loaded(velocity)
     };
     let missing = Reading::missing();
-    for column in Column::ALL {
+    for column in Quantity::ALL.iter().copied().filter(|of| of.info().column.is_some()) {
         let configuration = with_unknown(column);
         let mut compensator = enabled(&configuration);
         let silent = match column {
-            Column::Position => Inputs { position_rad: missing, ..all(2.0) },
-            Column::RadialForce => Inputs { radial_force_n: missing, ..all(2.0) },
-            Column::Pressure => Inputs { pressure_diff_mpa: missing, ..all(2.0) },
-            Column::Temperature => Inputs { temperature_c: missing, ..all(2.0) },
-            Column::LoadTorque => Inputs { load_torque_nm: missing, ..all(2.0) },
-            Column::Auxiliary => Inputs { auxiliary: missing, ..all(2.0) },
+            Quantity::Position => Inputs { position_rad: missing, ..all(2.0) },
+            Quantity::RadialForce => Inputs { radial_force_n: missing, ..all(2.0) },
+            Quantity::Pressure => Inputs { pressure_diff_mpa: missing, ..all(2.0) },
+            Quantity::Temperature => Inputs { temperature_c: missing, ..all(2.0) },
+            Quantity::LoadTorque => Inputs { load_torque_nm: missing, ..all(2.0) },
+            Quantity::Auxiliary => Inputs { auxiliary: missing, ..all(2.0) },
             // A velocity that is not heard withdraws everything; time is never silent.
-            Column::Velocity | Column::CampaignTime => all(2.0),
+            _ => all(2.0),
         };
         let before = settle(&mut compensator, &all(2.0), 4000).friction_torque_nm;
         let level = 1.5 + 40.0 * 0.01 + 0.2 * 2.4;
@@ -141,9 +143,9 @@ fn unknown_cause_fades_to_nothing_with_the_reading_it_follows() {
             }
         }
         let left = match column {
-            Column::Velocity | Column::CampaignTime => before,
-            Column::RadialForce => 1.5 + 0.2 * 2.4 + 0.16,
-            Column::Pressure => 1.5 + 40.0 * 0.01 + 0.16,
+            Quantity::Velocity | Quantity::CampaignTime => before,
+            Quantity::RadialForce => 1.5 + 0.2 * 2.4 + 0.16,
+            Quantity::Pressure => 1.5 + 40.0 * 0.01 + 0.16,
             _ => level + 0.16,
         };
         assert!((last - left).abs() < 1e-3, "{column:?}: {last} {left}");
@@ -153,7 +155,7 @@ fn unknown_cause_fades_to_nothing_with_the_reading_it_follows() {
 #[cfg(feature = "terms")]
 #[test]
 fn auxiliary_readings_are_flagged_and_replaced() {
-    let configuration = with_unknown(Column::Auxiliary);
+    let configuration = with_unknown(Quantity::Auxiliary);
     let mut compensator = enabled(&configuration);
     let with = |auxiliary| Inputs { auxiliary, ..loaded(2.0) };
     let before = settle(&mut compensator, &with(Reading::fresh(7.0)), 4000);

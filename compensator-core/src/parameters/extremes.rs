@@ -8,9 +8,8 @@
 
 use super::{ParameterId, Parameters};
 use crate::number::Real;
-use crate::term::{
-    CONTACT_AGE_MAX_S, TEMPERATURE_RANGE_C, TermKind, UNKNOWN_LEVELS, UNKNOWN_TORQUES,
-};
+use crate::quantity::TEMPERATURE_RANGE_C;
+use crate::term::{CONTACT_AGE_MAX_S, TermKind, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use ParameterId as Id;
 
 impl<S: Real> Parameters<S> {

@@ -134,7 +134,8 @@ parameters! {
     ChannelDelay = "channel_delay", "s", "s", 0.0, 10.0, 0.0;
     /// Gain on the transmitted torque.
     LoadGain = "load_gain", "Nm/Nm", "N/Nm", -1e6, 1e6, 0.0;
-    /// Which column the term of unknown cause follows: the number of a [`crate::term::Column`].
+    /// Which column the term of unknown cause follows: the number of a column of
+    /// [`crate::quantity::Info`].
     UnknownColumn = "unknown_column", "1", "1", 0.0, 7.0, 0.0;
     /// Where the term's first knot lies; its unit is that of its column: rad/s, rad, s, N, Pa, degC,
     /// Nm, or the auxiliary column's own.

@@ -6,20 +6,21 @@
 //! The knots are kept beside the list of terms and not in it: a model has this term at most once, and
 //! every place of the list would have to be as large as the largest term.
 
-use super::{Column, KNOTS, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use super::{KNOTS, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use crate::effect::Effects;
 use crate::model::Sample;
 use crate::number::Real;
 use crate::parameters::{ParameterId as Id, Parameters};
+use crate::quantity::Quantity;
 
 /// Cells between the knots.
 const CELLS: usize = KNOTS - 1;
 
 /// The term of unknown cause, built.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Spline<T> {
     /// What it follows.
-    pub(crate) column: Column,
+    pub(crate) column: Quantity,
     /// Where the first knot lies, in the column's unit inside.
     lower: T,
     /// From there to the last knot.
@@ -32,11 +33,18 @@ pub struct Spline<T> {
     level: [T; KNOTS],
 }
 
+/// The quantity of a column number; of an illegal one the nearest, of one that is not a number the first.
+fn column_of(number: f64) -> Quantity {
+    // A cast saturates, and so does the range of the parameter.
+    let last = Id::UnknownColumn.info().upper;
+    Quantity::of_column(number.min(last) as u8).unwrap_or(Quantity::Velocity)
+}
+
 impl<T: Real> Spline<T> {
     /// Builds the term from parameters; from illegal ones too, as a fit passes through them.
     pub(crate) fn build(parameters: &Parameters<T::Setting>) -> Self {
-        let column = Column::of(parameters.get(Id::UnknownColumn).value());
-        let scale = T::Setting::from_f64(column.scale());
+        let column = column_of(parameters.get(Id::UnknownColumn).value());
+        let scale = T::Setting::from_f64(column.info().inside_scale);
         let lower = parameters.get(Id::UnknownLower) * scale;
         let span = parameters.get(Id::UnknownUpper) * scale - lower;
         let number = |id| T::from_setting(parameters.get(id));
@@ -70,17 +78,11 @@ impl<T: Real> Spline<T> {
     #[inline(never)]
     pub(crate) fn act(&self, sample: &Sample<T>, effects: &mut Effects<T>) {
         let one = T::one();
-        let trust = sample.unknown_trust;
-        let (at, trust) = match self.column {
+        let trust = sample.lookup_trust;
+        let at = match self.column {
             // The velocity the other terms see: guarded, and delayed where there is a delay.
-            Column::Velocity => (effects.velocity, trust),
-            Column::Position => (sample.position_rad, trust * sample.position_trust),
-            Column::CampaignTime => (sample.campaign_time_h, trust),
-            Column::RadialForce => (sample.radial_force_n, trust),
-            Column::Pressure => (sample.pressure_diff_mpa, trust),
-            Column::Temperature => (sample.temperature_c, trust),
-            Column::LoadTorque => (sample.load_torque_nm, trust),
-            Column::Auxiliary => (sample.auxiliary, trust),
+            Quantity::Velocity => effects.velocity,
+            column => column.of_sample(sample).unwrap_or_default(),
         };
         // Limited before it is scaled: fixed point has no room for a column far outside.
         let along = (at - self.lower).at_least(T::zero()).at_most(self.span) * self.cells_per_unit;

@@ -5,7 +5,7 @@
 //! so that every case is legal; of the cases for fixed point a part is refused, and says so.
 
 use compensator_core::model::Sample;
-use compensator_core::term::{Column, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use compensator_core::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use compensator_core::{LawKind, ParameterId as Id, Parameters, Real, TermKind};
 use proptest::prelude::*;
 
@@ -104,7 +104,7 @@ fn unknown(size: f64) -> impl Strategy<Value = Vec<(Id, f64)>> {
     let knot = || 0.0..1.0f64;
     let knots = || [knot(), knot(), knot(), knot(), knot(), knot()];
     let ends = [knot(), knot()];
-    (0..Column::ALL.len(), ends, knots(), knots()).prop_map(move |(column, ends, torque, level)| {
+    (0..8usize, ends, knots(), knots()).prop_map(move |(column, ends, torque, level)| {
         let (least, most) = COLUMN_RANGES[column];
         let at = |share: f64| least + (most - least) * share;
         let lower = ends[0].min(ends[1]);
@@ -185,25 +185,12 @@ impl Case {
             load_torque_nm: (load * 2.0 - 1.0) * 26.0,
             campaign_time_h: time * 2000.0,
             auxiliary: own * 1000.0 - 200.0,
-            unknown_trust: 1.0,
+            lookup_trust: 1.0,
         }
     }
 }
 
 /// A sample in another number.
 pub fn converted<T: Real>(sample: &Sample<f64>) -> Sample<T> {
-    Sample {
-        velocity_rad_s: T::from_f64(sample.velocity_rad_s),
-        position_rad: T::from_f64(sample.position_rad),
-        position_trust: T::from_f64(sample.position_trust),
-        acceleration_rad_s2: T::from_f64(sample.acceleration_rad_s2),
-        radial_force_n: T::from_f64(sample.radial_force_n),
-        radial_force_change_n: T::from_f64(sample.radial_force_change_n),
-        pressure_diff_mpa: T::from_f64(sample.pressure_diff_mpa),
-        temperature_c: T::from_f64(sample.temperature_c),
-        load_torque_nm: T::from_f64(sample.load_torque_nm),
-        campaign_time_h: T::from_f64(sample.campaign_time_h),
-        auxiliary: T::from_f64(sample.auxiliary),
-        unknown_trust: T::from_f64(sample.unknown_trust),
-    }
+    sample.map(T::from_f64)
 }

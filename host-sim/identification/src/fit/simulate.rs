@@ -190,18 +190,10 @@ fn between<T: Real>(
         T::from_f64(if step == steps { to } else { from + (to - from) * share })
     };
     Sample {
-        velocity_rad_s: on_line(before.velocity_rad_s, now.velocity_rad_s),
-        position_rad: on_line(before.position_rad, now.position_rad),
         position_trust: T::from_f64(now.position_trust),
-        acceleration_rad_s2: on_line(before.acceleration_rad_s2, now.acceleration_rad_s2),
-        radial_force_n: on_line(before.radial_force_n, now.radial_force_n),
         radial_force_change_n: T::from_f64(now.radial_force_change_n / steps as f64),
-        pressure_diff_mpa: on_line(before.pressure_diff_mpa, now.pressure_diff_mpa),
-        temperature_c: on_line(before.temperature_c, now.temperature_c),
-        load_torque_nm: on_line(before.load_torque_nm, now.load_torque_nm),
-        campaign_time_h: on_line(before.campaign_time_h, now.campaign_time_h),
-        auxiliary: on_line(before.auxiliary, now.auxiliary),
-        unknown_trust: T::from_f64(now.unknown_trust),
+        lookup_trust: T::from_f64(now.lookup_trust),
+        ..before.zip(now, on_line)
     }
 }
 
@@ -209,7 +201,7 @@ fn between<T: Real>(
 mod tests {
     use super::*;
     use crate::dual::Dual;
-    use compensator_core::term::{Column, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+    use compensator_core::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
     use compensator_core::{LawKind, ParameterId as Id, TermKind};
 
     /// A joint moving to and fro while its auxiliary covariate sweeps.
@@ -237,7 +229,7 @@ mod tests {
             .with(Id::CoulombTorque, 1.5)
             .with(Id::StaticTorque, 2.0)
             .with(Id::BristleStiffness, 300.0)
-            .with(Id::UnknownColumn, f64::from(Column::Auxiliary as u8))
+            .with(Id::UnknownColumn, 7.0)
             .with(Id::UnknownLower, -8.0)
             .with(Id::UnknownUpper, 9.0);
         assert!(base.add_term(TermKind::Unknown));

@@ -109,7 +109,7 @@ fn track(
                 load_torque_nm: at(&run.load_torque_nm, row),
                 campaign_time_h: (run.time_s[row] - campaign_start) / 3600.0,
                 auxiliary: auxiliary.map_or(0.0, |column| column[row]),
-                unknown_trust: 1.0,
+                lookup_trust: 1.0,
             }
         })
         .collect();

@@ -270,20 +270,7 @@ fn draw_starts(
 }
 
 fn in_f32(sample: &Sample<f64>) -> Sample<f32> {
-    Sample {
-        velocity_rad_s: sample.velocity_rad_s as f32,
-        position_rad: sample.position_rad as f32,
-        position_trust: sample.position_trust as f32,
-        acceleration_rad_s2: sample.acceleration_rad_s2 as f32,
-        radial_force_n: sample.radial_force_n as f32,
-        radial_force_change_n: sample.radial_force_change_n as f32,
-        pressure_diff_mpa: sample.pressure_diff_mpa as f32,
-        temperature_c: sample.temperature_c as f32,
-        load_torque_nm: sample.load_torque_nm as f32,
-        campaign_time_h: sample.campaign_time_h as f32,
-        auxiliary: sample.auxiliary as f32,
-        unknown_trust: sample.unknown_trust as f32,
-    }
+    sample.map(|number| number as f32)
 }
 
 #[cfg(test)]
