@@ -15,7 +15,7 @@ use firmware::control::MotorParameters;
 use firmware::set::ParameterSet;
 use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
-use friction_identification::data::Joint;
+use friction_identification::data::JointKind;
 use friction_identification::params::{
     self, ParameterFile, ParameterFileError, Section, emit_model, emit_section,
 };
@@ -63,7 +63,7 @@ pub fn apply(file: &ParameterFile, set: &mut ParameterSet) {
 }
 
 /// The file of a joint driver's whole set: read back, it is the same set to the bit.
-pub fn emit(set: &ParameterSet, joint: Joint) -> String {
+pub fn emit(set: &ParameterSet, joint: JointKind) -> String {
     let mut text = emit_model(&set.friction.model, joint);
     let compensator = set.friction.compensator.to_array();
     emit_section("compensator", &CompensatorParameters::NAMES, &compensator, &mut text);
@@ -91,7 +91,7 @@ mod tests {
         set.motor.inertia_kg_m2 = 0.123_456_7;
         set.watch.band_nm = 0.07;
         let mut back = ParameterSet::default();
-        apply(&parse(&emit(&set, Joint::Revolute)).unwrap(), &mut back);
+        apply(&parse(&emit(&set, JointKind::Revolute)).unwrap(), &mut back);
         assert_eq!(back.emit(), set.emit());
     }
 

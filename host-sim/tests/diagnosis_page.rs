@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use friction_identification::data::{Dataset, Joint, Split, SplitRule, split};
+use friction_identification::data::{Dataset, JointKind, Split, SplitRule, split};
 use friction_identification::diagnose::{Diagnosis, Question, diagnose, story};
 use host_sim::report::Page;
 use host_sim::results::diagnosis_page::{Diagnosed, page, stochastic_section};
@@ -153,7 +153,7 @@ fn every_cause_has_a_plane_to_show_in() {
 #[test]
 fn a_joint_that_slides_has_its_own_units() {
     let mut data = simulated::dataset(&draw(Kind::One(Effect::TorqueOffset), 5).log);
-    data.joint = Joint::Prismatic;
+    data.joint = JointKind::Prismatic;
     let case = Case::new(data);
     let own = own_part(&case.html());
     for text in ["Prismatic joint (force in N", "velocity (m/s)", "RMSE (N)", "N s/m"] {

@@ -5,7 +5,7 @@
 //! table that stands in `docs/stochastic-extension.md`. All of it is simulated.
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters};
-use friction_identification::data::{BadRows, Dataset, Joint, Run};
+use friction_identification::data::{BadRows, Dataset, JointKind, Quantity, Run};
 use friction_identification::fit::{FitOptions, Rows, Track, fit, tracks};
 use friction_identification::spec::Spec;
 use friction_identification::stochastic::{
@@ -95,7 +95,8 @@ fn experiment(kind: usize, repeat: usize) -> Run {
         forces.push(now.force);
         pressures.push(now.pressure);
     }
-    (run.radial_force_n, run.pressure_diff_pa) = (Some(forces), Some(pressures));
+    run.set(Quantity::RadialForce, forces);
+    run.set(Quantity::Pressure, pressures);
     run
 }
 
@@ -108,7 +109,7 @@ fn campaign() -> Dataset {
         all.into_par_iter().map(|(kind, repeat)| experiment(kind, repeat)).collect();
     let rows = runs.len() * ROWS;
     Dataset {
-        joint: Joint::Revolute,
+        joint: JointKind::Revolute,
         runs,
         files: Vec::new(),
         rows,

@@ -4,7 +4,7 @@
 //! of one effect alone share their noise, so the difference of their torques *is* the effect, and can be
 //! held against the catalogue's formula.
 
-use friction_identification::data::{Dataset, ReadOptions, Run, read};
+use friction_identification::data::{Dataset, Quantity, ReadOptions, Run, read};
 use host_sim::simulated;
 use rayon::prelude::*;
 use simulated_machines::worlds::{self, Effect, Kind, Options, PAIRS, WorldTruth, bank};
@@ -73,7 +73,10 @@ fn shown(effect: Effect, size: f64, seed: u64) -> (World, Vec<Vec<f64>>) {
 
 fn differences(a: &Dataset, b: &Dataset) -> Vec<Vec<f64>> {
     let run = |(a, b): (&Run, &Run)| {
-        assert_eq!((&a.time_s, &a.velocity, &a.position), (&b.time_s, &b.velocity, &b.position));
+        assert_eq!(
+            (&a.time_s, &a.velocity, a.get(Quantity::Position)),
+            (&b.time_s, &b.velocity, b.get(Quantity::Position))
+        );
         a.torque.iter().zip(&b.torque).map(|(a, b)| a - b).collect()
     };
     a.runs.iter().zip(&b.runs).map(run).collect()
@@ -144,21 +147,21 @@ fn assert_in_sliding(effect: Effect, tolerance: f64, formula: impl Fn(&World, &R
     assert!(rows > 500, "{}: only {rows} rows", effect.name());
 }
 
-fn value(column: &Option<Vec<f64>>, row: usize) -> f64 {
-    column.as_ref().unwrap()[row]
+fn value(run: &Run, quantity: Quantity, row: usize) -> f64 {
+    run.get(quantity).unwrap()[row]
 }
 
 #[test]
 fn loads_raise_the_level_by_their_factor() {
     let (k, p, l) = (4e-3, 1e-6, 0.03);
     assert_in_sliding(Effect::RadialForceCoulomb, 2e-3, |_, run, row| {
-        k * value(&run.radial_force_n, row) * run.velocity[row].signum()
+        k * value(run, Quantity::RadialForce, row) * run.velocity[row].signum()
     });
     assert_in_sliding(Effect::PressureCoulomb, 1e-3, |_, run, row| {
-        p * value(&run.pressure_diff_pa, row) * run.velocity[row].signum()
+        p * value(run, Quantity::Pressure, row) * run.velocity[row].signum()
     });
     assert_in_sliding(Effect::LoadTorqueCoulomb, 3e-3, |_, run, row| {
-        l * value(&run.load_torque_nm, row).abs() * run.velocity[row].signum()
+        l * value(run, Quantity::LoadTorque, row).abs() * run.velocity[row].signum()
     });
 }
 
@@ -171,7 +174,7 @@ fn what_adds_to_friction_is_what_the_formula_says() {
     });
     assert_in_sliding(Effect::GravityImbalance, 1e-5, |world, run, row| {
         let (_, phase) = world.truth.hidden[0].details[0];
-        0.15 * (value(&run.position, row) + phase).sin()
+        0.15 * (value(run, Quantity::Position, row) + phase).sin()
     });
     let (world, difference) = shown(Effect::UnmodelledInertia, 0.03, 5);
     let (mut products, mut squares) = (0.0, 0.0);
@@ -202,7 +205,7 @@ fn a_factor_on_the_level_is_one() {
     });
     assert_in_sliding(Effect::TemperatureViscous, 5e-4, |world, run, row| {
         let (_, reference) = world.truth.hidden[0].details[0];
-        let film = (-0.03 * (value(&run.temperature_c, row) - reference)).exp();
+        let film = (-0.03 * (value(run, Quantity::Temperature, row) - reference)).exp();
         world.truth.seal.k2 * (film - 1.0) * run.velocity[row]
     });
 }

@@ -16,6 +16,7 @@
 mod acceleration;
 mod clean;
 mod columns;
+pub mod contract;
 mod csv_source;
 mod dataset;
 mod decimate;
@@ -31,10 +32,12 @@ mod trace_sink;
 mod trace_source;
 
 pub use acceleration::{DERIVATIVE_WINDOW, derivative};
-pub use dataset::{Dataset, Joint, LeftOutColumn, Run};
+pub use clean::{MAX_BAD_SHARE, MAX_RUNS};
+pub use compensator_core::quantity::{JointKind, JointKind as Joint, Quantity};
+pub use dataset::{Dataset, LeftOutColumn, Measured, Run};
 pub use decimate::AntiAlias;
 pub use error::{BadCell, BadRows, DataError};
-pub use read::{MAX_BAD_SHARE, MAX_RUNS, ReadOptions, read};
+pub use read::{ReadOptions, read};
 pub use segment::{GAP_FACTOR, segments};
 pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
 pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};

@@ -21,7 +21,7 @@
 //! ([`Section`]): a joint driver's motor, for one. Unknown keys, wrong units and values out of
 //! range are refused, each in one line that names the key.
 
-use crate::data::Joint;
+use crate::data::JointKind;
 use crate::fit::Outcome;
 use crate::spec::Spec;
 use compensator_core::compensator::CompensatorParameters;
@@ -36,7 +36,7 @@ use toml_edit::{Document, Item, TableLike};
 #[derive(Clone, Debug)]
 pub struct ParameterFile {
     /// Units the values are in.
-    pub joint: Joint,
+    pub joint: JointKind,
     /// The model, with the rigid-body parts among its terms.
     pub spec: Spec,
     /// Its parameters.
@@ -72,15 +72,15 @@ pub struct ParameterFileError {
 }
 
 /// Unit of a parameter on this kind of joint.
-pub fn unit(info: &Info, joint: Joint) -> &'static str {
+pub fn unit(info: &Info, joint: JointKind) -> &'static str {
     match joint {
-        Joint::Revolute => info.unit,
-        Joint::Prismatic => info.unit_prismatic,
+        JointKind::Revolute => info.unit,
+        JointKind::Prismatic => info.unit_prismatic,
     }
 }
 
 /// The file of a fit.
-pub fn emit(outcome: &Outcome, joint: Joint) -> String {
+pub fn emit(outcome: &Outcome, joint: JointKind) -> String {
     let parameters = &outcome.parameters;
     let mut text = head(joint, &outcome.spec.full_name());
     // Writing to a string does not fail.
@@ -98,7 +98,7 @@ pub fn emit(outcome: &Outcome, joint: Joint) -> String {
 }
 
 /// The file of a model in the numbers of a driver: read back, it is the same model to the bit.
-pub fn emit_model(model: &Parameters<f32>, joint: Joint) -> String {
+pub fn emit_model(model: &Parameters<f32>, joint: JointKind) -> String {
     let spec = Spec { terms: model.terms.to_vec(), ..Spec::law(model.law) };
     let mut text = head(joint, &spec.full_name());
     for id in model.active() {
@@ -110,10 +110,10 @@ pub fn emit_model(model: &Parameters<f32>, joint: Joint) -> String {
     text
 }
 
-fn head(joint: Joint, model: &str) -> String {
+fn head(joint: JointKind, model: &str) -> String {
     let kind = match joint {
-        Joint::Revolute => "revolute",
-        Joint::Prismatic => "prismatic",
+        JointKind::Revolute => "revolute",
+        JointKind::Prismatic => "prismatic",
     };
     format!("schema = 1\njoint = \"{kind}\"\nmodel = \"{model}\"\n\n[parameters]\n")
 }
@@ -169,8 +169,8 @@ fn understand(text: &str, sections: &[Section]) -> Result<ParameterFile, String>
         found => return Err(format!("schema: found {found:?}, expected 1")),
     }
     let joint = match string(root, "joint")?.as_str() {
-        "revolute" => Joint::Revolute,
-        "prismatic" => Joint::Prismatic,
+        "revolute" => JointKind::Revolute,
+        "prismatic" => JointKind::Prismatic,
         other => return Err(format!("joint: found {other:?}, expected revolute or prismatic")),
     };
     let spec = Spec::parse(&string(root, "model")?).map_err(|error| error.to_string())?;

@@ -6,7 +6,9 @@
 
 use std::path::{Path, PathBuf};
 
-use friction_identification::data::{Dataset, Joint, ReadOptions, SplitRule, read, split};
+use friction_identification::data::{
+    Dataset, JointKind, Quantity, ReadOptions, SplitRule, read, split,
+};
 
 /// The files, or `None` and a word about it.
 fn measured(names: &[&str]) -> Option<Vec<PathBuf>> {
@@ -31,7 +33,7 @@ fn the_positioning_system_reads_under_foreign_names() {
     let columns =
         [("time_s", "t_s"), ("velocity_m_s", "vel_m_per_s"), ("force_n", "motor_force_N")];
     let data = load(&files, &columns);
-    assert_eq!(data.joint, Joint::Prismatic);
+    assert_eq!(data.joint, JointKind::Prismatic);
     assert_eq!((data.rows_read, data.bad_rows.count), (2 * 24_841, 0));
     assert_eq!(data.runs[0].name, "emps-train");
 }
@@ -42,7 +44,7 @@ fn the_seals_read_whole() {
         let Some(files) = measured(&[name]) else { return };
         let data = load(&files, &[]);
         assert_eq!((data.rows, data.bad_rows.count), (rows, 0));
-        assert!(data.runs.iter().all(|run| run.pressure_diff_pa.is_some()));
+        assert!(data.runs.iter().all(|run| run.get(Quantity::Pressure).is_some()));
     }
 }
 

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use friction_identification::data::{Dataset, Joint, ReadOptions, read};
+use friction_identification::data::{Dataset, JointKind, ReadOptions, read};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::data_type::{
     BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type,
@@ -83,7 +83,7 @@ fn a_table_reads_as_its_csv_would() {
         [Compression::UNCOMPRESSED, Compression::SNAPPY, Compression::ZSTD(ZstdLevel::default())];
     for (at, compression) in compressions.into_iter().enumerate() {
         let data = read_one(&write(&format!("table-{at}"), compression, 2, 30));
-        assert_eq!(data.joint, Joint::Revolute);
+        assert_eq!(data.joint, JointKind::Revolute);
         assert_eq!((data.rows, data.rows_read, data.bad_rows.count), (59, 60, 1));
         let bad = &data.bad_rows.first[0];
         // The header would be row 1, so the fourth sample is row 5.

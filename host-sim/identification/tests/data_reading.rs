@@ -8,7 +8,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use friction_identification::data::{DataError, Dataset, Joint, ReadOptions, read};
+use friction_identification::data::{
+    DataError, Dataset, JointKind, Measured, Quantity, ReadOptions, read,
+};
 
 /// A directory that goes away with its owner.
 struct Folder(PathBuf);
@@ -76,14 +78,14 @@ const PLAIN: &str = "time_s,velocity_rad_s,torque_nm\n0.0,1.0,2.0\n0.1,1.5,2.5\n
 #[test]
 fn a_plain_file_is_one_run_named_after_it() {
     let data = text(PLAIN);
-    assert_eq!(data.joint, Joint::Revolute);
+    assert_eq!(data.joint, JointKind::Revolute);
     assert_eq!((data.rows, data.rows_read, data.bad_rows.count), (2, 2, 0));
     let run = &data.runs[0];
     assert_eq!(run.name, "log");
     assert_eq!(run.time_s, [0.0, 0.1]);
     assert_eq!(run.velocity, [1.0, 1.5]);
     assert_eq!(run.torque, [2.0, 2.5]);
-    assert!(run.position.is_none() && run.acceleration.is_none());
+    assert!(run.measured == Measured::default());
 }
 
 #[test]
@@ -92,16 +94,16 @@ fn every_contract_column_finds_its_place() {
         "run,time_s,velocity_m_s,force_n,position_m,acceleration_m_s2,radial_force_n,\
          pressure_diff_pa,temperature_c,load_torque_nm,flow\nA,0,1,2,3,4,5,6,7,8,9\n",
     );
-    assert_eq!(data.joint, Joint::Prismatic);
+    assert_eq!(data.joint, JointKind::Prismatic);
     assert_eq!(data.joint.torque_unit(), "N");
     let run = &data.runs[0];
     assert_eq!((run.velocity[0], run.torque[0]), (1.0, 2.0));
-    assert_eq!(run.position.as_deref(), Some(&[3.0][..]));
-    assert_eq!(run.acceleration.as_deref(), Some(&[4.0][..]));
-    assert_eq!(run.radial_force_n.as_deref(), Some(&[5.0][..]));
-    assert_eq!(run.pressure_diff_pa.as_deref(), Some(&[6.0][..]));
-    assert_eq!(run.temperature_c.as_deref(), Some(&[7.0][..]));
-    assert_eq!(run.load_torque_nm.as_deref(), Some(&[8.0][..]));
+    assert_eq!(run.get(Quantity::Position), Some(&[3.0][..]));
+    assert_eq!(run.get(Quantity::Acceleration), Some(&[4.0][..]));
+    assert_eq!(run.get(Quantity::RadialForce), Some(&[5.0][..]));
+    assert_eq!(run.get(Quantity::Pressure), Some(&[6.0][..]));
+    assert_eq!(run.get(Quantity::Temperature), Some(&[7.0][..]));
+    assert_eq!(run.get(Quantity::LoadTorque), Some(&[8.0][..]));
     assert_eq!(
         (data.covariates.as_slice(), &run.extra[0][..]),
         (&["flow".to_string()][..], &[9.0][..])
@@ -251,7 +253,7 @@ fn a_hole_in_a_covariate_makes_the_row_bad() {
     assert_eq!(first_bad(&data), (42, "temperature_c", "an empty cell", "a finite number"));
     let run = &data.runs[0];
     assert_eq!(run.time_s[40], 41.0);
-    assert_eq!(run.temperature_c.as_ref().unwrap()[40], 41.0);
+    assert_eq!(run.get(Quantity::Temperature).unwrap()[40], 41.0);
 }
 
 #[test]
@@ -297,7 +299,7 @@ fn foreign_headers_are_translated() {
     let options =
         ReadOptions { columns: vec![pair("torque_nm=drive_voltage_v")], ..Default::default() };
     let data = read_with(std::slice::from_ref(&path), &options).unwrap();
-    assert_eq!((data.joint, data.runs[0].torque[0]), (Joint::Revolute, 2.0));
+    assert_eq!((data.joint, data.runs[0].torque[0]), (JointKind::Revolute, 2.0));
     let options = ReadOptions { columns: vec![pair("torque_nm=tau")], ..Default::default() };
     let error = read_with(&[path], &options).unwrap_err().to_string();
     assert!(error.contains("--columns torque_nm=tau: found no column tau, expected one of time_s"));
@@ -318,7 +320,7 @@ fn several_files_become_one_data_set() {
     assert_eq!(data.covariates, ["kp"]);
     let kp: Vec<f64> = data.runs.iter().map(|run| run.extra[0][0]).collect();
     assert_eq!(kp, [7.0, 8.0, 9.0]);
-    assert_eq!(data.runs[1].temperature_c, Some(vec![21.0]));
+    assert_eq!(data.runs[1].get(Quantity::Temperature), Some(&[21.0][..]));
     assert_eq!(data.runs.iter().map(|run| run.file).collect::<Vec<_>>(), [0, 1, 2]);
     assert!(
         data.notes.iter().any(|note| note.starts_with("flow is left out: ")),

@@ -7,7 +7,9 @@
 
 use compensator_core::Flags;
 use compensator_core::can::{Answer, Node, Status};
-use friction_identification::data::{Dataset, EmitOptions, Joint, ReadOptions, Run, emit, read};
+use friction_identification::data::{
+    Dataset, EmitOptions, JointKind, Measured, Quantity, ReadOptions, Run, contract, emit, read,
+};
 use friction_identification::fit::{tracks, tracks_with};
 use joint_trace::{Assembler, Fraction, Sample, Writer, candump};
 use std::path::PathBuf;
@@ -24,19 +26,18 @@ fn measured() -> Dataset {
             time_s: (0..rows).map(|row| row as f64 / 1e3).collect(),
             velocity: column(&|t| (3.0 * t).sin()),
             torque: column(&|t| 1.5 * (3.0 * t).sin().signum() + 0.1 * t),
-            position: Some(column(&|t| -(3.0 * t).cos() / 3.0)),
-            acceleration: None,
-            radial_force_n: Some(column(&|t| 40.0 + t)),
-            pressure_diff_pa: Some(column(&|t| 2e5 + 1e3 * t)),
-            temperature_c: Some(column(&|t| 12.0 + 0.01 * t)),
-            load_torque_nm: Some(column(&|t| 5.0 * t.sin())),
             extra: vec![column(&|t| 7.0 * t), column(&|t| t * t)],
-            labels: vec![],
+            ..Run::default()
         }
+        .with(Quantity::Position, column(&|t| -(3.0 * t).cos() / 3.0))
+        .with(Quantity::RadialForce, column(&|t| 40.0 + t))
+        .with(Quantity::Pressure, column(&|t| 2e5 + 1e3 * t))
+        .with(Quantity::Temperature, column(&|t| 12.0 + 0.01 * t))
+        .with(Quantity::LoadTorque, column(&|t| 5.0 * t.sin()))
     };
     let runs = vec![run("3", 700, 0.0), run("8", 300, 0.4)];
     Dataset {
-        joint: Joint::Revolute,
+        joint: JointKind::Revolute,
         rows: 1000,
         rows_read: 1000,
         runs,
@@ -85,7 +86,7 @@ impl Log {
 fn a_data_set_comes_back_from_its_log() {
     let data = measured();
     let back = Log::new(&log_of(&data, &gap())).read().unwrap();
-    assert_eq!(back.joint, Joint::Revolute);
+    assert_eq!(back.joint, JointKind::Revolute);
     assert_eq!((back.rows, back.bad_rows.count), (1000, 0));
     assert_eq!(back.covariates, ["auxiliary"]);
     assert!(back.left_out_columns.is_empty() && back.notes.is_empty(), "{:?}", back.notes);
@@ -101,14 +102,8 @@ fn a_data_set_comes_back_from_its_log() {
         }
         assert_eq!(found.velocity, rounded(&run.velocity));
         assert_eq!(found.torque, rounded(&run.torque));
-        for (found, measured) in [
-            (&found.position, &run.position),
-            (&found.load_torque_nm, &run.load_torque_nm),
-            (&found.radial_force_n, &run.radial_force_n),
-            (&found.pressure_diff_pa, &run.pressure_diff_pa),
-            (&found.temperature_c, &run.temperature_c),
-        ] {
-            assert_eq!(found.as_deref(), measured.as_deref().map(rounded).as_deref());
+        for quantity in contract::optional() {
+            assert_eq!(found.get(quantity), run.get(quantity).map(rounded).as_deref());
         }
         assert_eq!(found.extra, [rounded(&run.extra[1])]);
     }
@@ -123,19 +118,17 @@ fn a_data_set_comes_back_from_its_log() {
 #[test]
 fn columns_that_are_not_there_cost_no_frames_and_a_slide_stays_one() {
     let mut data = measured();
-    data.joint = Joint::Prismatic;
+    data.joint = JointKind::Prismatic;
     for run in &mut data.runs {
-        run.position = None;
-        (run.radial_force_n, run.pressure_diff_pa) = (None, None);
-        (run.temperature_c, run.load_torque_nm) = (None, None);
+        run.measured = Measured::default();
     }
     let log = log_of(&data, &EmitOptions::default());
     let lines = log.iter().filter(|byte| **byte == b'\n').count();
     // Joint kind, two runs, their numbers of the samples said in full, and three frames a row.
     assert_eq!(lines, 1 + 2 + 3 + 2 + 3 * 1000);
     let back = Log::new(&log).read().unwrap();
-    assert_eq!(back.joint, Joint::Prismatic);
-    assert!(back.runs[0].position.is_none() && back.runs[0].temperature_c.is_none());
+    assert_eq!(back.joint, JointKind::Prismatic);
+    assert!(back.runs[0].measured == Measured::default());
     assert!(back.covariates.is_empty() && back.left_out_columns.is_empty());
     assert!(back.runs[1].velocity.len() == 300);
 }

@@ -18,7 +18,7 @@ use firmware::node::dictionary::{FRAME_COUNTERS, LOAD, SAVE, index};
 use firmware::set::{DRIVE_LENGTH, ParameterSet};
 use firmware::supervisor::{Code, Thresholds};
 use firmware::watch::WatchParameters;
-use friction_identification::data::Joint;
+use friction_identification::data::JointKind;
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::joint::JointNode;
@@ -160,7 +160,7 @@ impl Driver {
     fn get(&mut self, names: &[String], json: bool) -> Result<(), String> {
         let set = self.read_set()?;
         if names.is_empty() && !json {
-            return say(&driver_file::emit(&set, Joint::Revolute));
+            return say(&driver_file::emit(&set, JointKind::Revolute));
         }
         let all = numbers(&set);
         let chosen: Vec<&(String, f32)> = if names.is_empty() {

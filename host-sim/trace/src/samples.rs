@@ -12,6 +12,7 @@ use compensator_core::can::{
     Answer, Entry, Frame, FrameError, JointKind, Message, Motion, Node, Seal, Status, Surroundings,
     Sync, Torque,
 };
+use compensator_core::quantity::Quantity;
 
 /// A sample as it was on the bus. What nobody measures, and what did not arrive, is NaN.
 #[derive(Clone, Copy, Debug)]
@@ -60,6 +61,35 @@ impl Sample {
         status: None,
         fault: None,
     };
+
+    /// What was measured of a quantity, in the unit of its column in a log; NaN of what was not, and of what
+    /// no frame carries.
+    pub fn get(&self, quantity: Quantity) -> f32 {
+        let mut copy = *self;
+        copy.place(quantity).map_or(f32::NAN, |value| *value)
+    }
+
+    /// Sets what was measured of a quantity; of what no frame carries, nothing.
+    pub fn set(&mut self, quantity: Quantity, value: f32) {
+        if let Some(place) = self.place(quantity) {
+            *place = value;
+        }
+    }
+
+    /// Where a quantity stands in the frames.
+    fn place(&mut self, quantity: Quantity) -> Option<&mut f32> {
+        Some(match quantity {
+            Quantity::Velocity => &mut self.motion.velocity_rad_s,
+            Quantity::Position => &mut self.motion.position_rad,
+            Quantity::Torque => &mut self.torque.torque_nm,
+            Quantity::LoadTorque => &mut self.torque.load_torque_nm,
+            Quantity::RadialForce => &mut self.seal.radial_force_n,
+            Quantity::Pressure => &mut self.seal.pressure_diff_pa,
+            Quantity::Temperature => &mut self.surroundings.temperature_c,
+            Quantity::Auxiliary => &mut self.surroundings.auxiliary,
+            Quantity::CampaignTime | Quantity::Acceleration => return None,
+        })
+    }
 }
 
 /// What there was in a log.

@@ -12,6 +12,8 @@
 
 use std::borrow::Cow;
 
+use compensator_core::quantity::Quantity;
+
 use super::dataset::Run;
 use super::segment::segments;
 
@@ -21,7 +23,7 @@ pub const DERIVATIVE_WINDOW: usize = 15;
 impl Run {
     /// The measured acceleration, or else the slope of the velocity in rad/s2 or m/s2. Zero where a segment is a single sample.
     pub fn acceleration_or_derived(&self) -> Cow<'_, [f64]> {
-        if let Some(known) = &self.acceleration {
+        if let Some(known) = self.get(Quantity::Acceleration) {
             return Cow::Borrowed(known);
         }
         let mut slope = Vec::with_capacity(self.len());
@@ -148,12 +150,8 @@ mod tests {
 
     #[test]
     fn a_measured_acceleration_is_taken_as_it_is() {
-        let run = Run {
-            time_s: vec![0.0, 1.0],
-            velocity: vec![0.0, 1.0],
-            acceleration: Some(vec![7.0, 8.0]),
-            ..Run::default()
-        };
+        let run = Run { time_s: vec![0.0, 1.0], velocity: vec![0.0, 1.0], ..Run::default() }
+            .with(Quantity::Acceleration, vec![7.0, 8.0]);
         assert_eq!(*run.acceleration_or_derived(), [7.0, 8.0]);
     }
 }

@@ -14,10 +14,16 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::columns::{Column, FINITE, Fate, Label, Tally};
-use super::dataset::{Joint, LeftOutColumn};
+use super::dataset::LeftOutColumn;
 use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, quoted};
-use super::header::{Layout, OptionalColumn, Slot};
-use super::read::{MAX_BAD_SHARE, MAX_RUNS};
+use super::header::{Layout, OptionalColumn};
+use compensator_core::quantity::JointKind;
+
+/// More than this share of bad rows in a file is an error: such a file is misread, not noisy.
+pub const MAX_BAD_SHARE: f64 = 0.05;
+
+/// More runs than this in a file is an error: then the run column is not one.
+pub const MAX_RUNS: usize = 100_000;
 
 /// No machine moves, pushes or heats like this. The core's `f32` squares such numbers, which must stay
 /// finite; a fit's sums of squares must, too. A clock or a foreign covariate may count as it likes.
@@ -43,7 +49,7 @@ pub(super) trait Row {
 /// A file's clean rows.
 #[derive(Debug)]
 pub(super) struct FileData {
-    pub joint: Joint,
+    pub joint: JointKind,
     pub runs: Vec<CleanRun>,
     /// The optional columns that stayed.
     pub optional: Vec<OptionalColumn>,
@@ -140,7 +146,7 @@ impl<'a> Cleaner<'a> {
             optional.zip(open.optional.iter_mut().zip(&mut open.labels))
         {
             let cell = row.number(column.index);
-            match complaint(cell, column.slot == Slot::Extra) {
+            match complaint(cell, column.quantity.is_none()) {
                 None => {
                     tally.number();
                     kept.put(at, cell.unwrap_or_default());

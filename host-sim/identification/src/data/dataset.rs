@@ -7,61 +7,20 @@
 //! from run to run.
 //!
 //! A rotary and a linear joint differ only in the units they are printed with: "torque" below
-//! means a force in N, and "velocity" m/s, when the joint is [`Joint::Prismatic`].
+//! means a force in N, and "velocity" m/s, when the joint is [`JointKind::Prismatic`].
 
 use std::ops::Range;
 use std::path::PathBuf;
 
+use super::contract;
 use super::error::BadRows;
-
-/// What the joint does, and with it the units of its columns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Joint {
-    /// It turns: rad, rad/s, rad/s2, Nm.
-    Revolute,
-    /// It slides: m, m/s, m/s2, N.
-    Prismatic,
-}
-
-impl Joint {
-    /// `"Nm"` or `"N"`.
-    pub fn torque_unit(self) -> &'static str {
-        match self {
-            Joint::Revolute => "Nm",
-            Joint::Prismatic => "N",
-        }
-    }
-
-    /// `"rad"` or `"m"`.
-    pub fn position_unit(self) -> &'static str {
-        match self {
-            Joint::Revolute => "rad",
-            Joint::Prismatic => "m",
-        }
-    }
-
-    /// `"rad/s"` or `"m/s"`.
-    pub fn velocity_unit(self) -> &'static str {
-        match self {
-            Joint::Revolute => "rad/s",
-            Joint::Prismatic => "m/s",
-        }
-    }
-
-    /// `"rad/s2"` or `"m/s2"`.
-    pub fn acceleration_unit(self) -> &'static str {
-        match self {
-            Joint::Revolute => "rad/s2",
-            Joint::Prismatic => "m/s2",
-        }
-    }
-}
+use compensator_core::quantity::{JointKind, Quantity};
 
 /// Everything that was read, cleaned and skipped.
 #[derive(Debug, Clone)]
 pub struct Dataset {
     /// The joint kind, by the target column: `torque_nm` or `force_n`.
-    pub joint: Joint,
+    pub joint: JointKind,
     /// The runs in the order they first appear in the files. None is empty.
     pub runs: Vec<Run>,
     /// The files, in the order given.
@@ -102,45 +61,44 @@ pub struct Run {
     pub velocity: Vec<f64>,
     /// The torque (Nm) or force (N) to be explained.
     pub torque: Vec<f64>,
-    /// Joint position in rad or m.
-    pub position: Option<Vec<f64>>,
-    /// Measured acceleration in rad/s2 or m/s2; see [`Run::acceleration_or_derived`].
-    pub acceleration: Option<Vec<f64>>,
-    /// Side load on the shaft in N.
-    pub radial_force_n: Option<Vec<f64>>,
-    /// Pressure difference over the seal in Pa.
-    pub pressure_diff_pa: Option<Vec<f64>>,
-    /// Temperature in degrees Celsius.
-    pub temperature_c: Option<Vec<f64>>,
-    /// Torque transmitted to the load in Nm.
-    pub load_torque_nm: Option<Vec<f64>>,
+    /// What else was measured, in the units of its column; see [`Run::get`].
+    pub measured: Measured,
     /// Extra columns, parallel to [`Dataset::covariates`].
     pub extra: Vec<Vec<f64>>,
     /// Text columns that hold one value throughout the run: (column, value).
     pub labels: Vec<(String, String)>,
 }
 
-/// Where a column of the contract is kept.
-enum Place<'a> {
-    Required(&'a mut Vec<f64>),
-    Optional(&'a mut Option<Vec<f64>>),
-}
+/// Columns of a run by their quantity.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Measured([Option<Vec<f64>>; Quantity::ALL.len()]);
 
 impl Run {
-    /// Where a column of the contract is kept; `None` for a covariate.
-    fn place(&mut self, name: &str) -> Option<Place<'_>> {
-        Some(match name {
-            "time_s" => Place::Required(&mut self.time_s),
-            "velocity_rad_s" | "velocity_m_s" => Place::Required(&mut self.velocity),
-            "torque_nm" | "force_n" => Place::Required(&mut self.torque),
-            "position_rad" | "position_m" => Place::Optional(&mut self.position),
-            "acceleration_rad_s2" | "acceleration_m_s2" => Place::Optional(&mut self.acceleration),
-            "radial_force_n" => Place::Optional(&mut self.radial_force_n),
-            "pressure_diff_pa" => Place::Optional(&mut self.pressure_diff_pa),
-            "temperature_c" => Place::Optional(&mut self.temperature_c),
-            "load_torque_nm" => Place::Optional(&mut self.load_torque_nm),
-            _ => return None,
-        })
+    /// The column of a quantity, in its unit in the contract.
+    pub fn get(&self, quantity: Quantity) -> Option<&[f64]> {
+        match quantity {
+            Quantity::CampaignTime => Some(&self.time_s),
+            Quantity::Velocity => Some(&self.velocity),
+            Quantity::Torque => Some(&self.torque),
+            _ => self.measured.0[quantity as usize].as_deref(),
+        }
+    }
+
+    /// Sets the column of a quantity, as long as time is.
+    pub fn set(&mut self, quantity: Quantity, values: Vec<f64>) {
+        match quantity {
+            Quantity::CampaignTime => self.time_s = values,
+            Quantity::Velocity => self.velocity = values,
+            Quantity::Torque => self.torque = values,
+            _ => self.measured.0[quantity as usize] = Some(values),
+        }
+    }
+
+    /// As [`Run::set`], for a run in one expression.
+    #[must_use]
+    pub fn with(mut self, quantity: Quantity, values: Vec<f64>) -> Self {
+        self.set(quantity, values);
+        self
     }
 
     /// Number of rows.
@@ -166,19 +124,13 @@ impl Run {
 
     /// A copy in which every numeric column but time went through `f`; time is empty.
     pub(super) fn map_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
-        let opt = |column: &Option<Vec<f64>>| column.as_ref().map(&f);
         Run {
             name: self.name.clone(),
             file: self.file,
             time_s: Vec::new(),
             velocity: f(&self.velocity),
             torque: f(&self.torque),
-            position: opt(&self.position),
-            acceleration: opt(&self.acceleration),
-            radial_force_n: opt(&self.radial_force_n),
-            pressure_diff_pa: opt(&self.pressure_diff_pa),
-            temperature_c: opt(&self.temperature_c),
-            load_torque_nm: opt(&self.load_torque_nm),
+            measured: Measured(self.measured.0.each_ref().map(|of| of.as_ref().map(&f))),
             extra: self.extra.iter().map(&f).collect(),
             labels: self.labels.clone(),
         }
@@ -190,17 +142,23 @@ impl Dataset {
     /// which are those of the contract ([`super::read`]); any other name is a covariate.
     ///
     /// # Errors
-    /// One line: a required column is missing, or a column is not as long as its run's time. Values are
+    /// One line: a required column is missing, or a run's columns differ in number or length. Values are
     /// taken as they are: whoever is not sure of them writes a file and reads it.
     pub fn of_columns(
         names: &[String],
         runs: impl IntoIterator<Item = (String, Vec<Vec<f64>>)>,
     ) -> Result<Self, String> {
         let has = |name: &str| names.iter().any(|own| own == name);
-        let joint = match (has("torque_nm"), has("force_n")) {
-            (true, false) => Joint::Revolute,
-            (false, true) => Joint::Prismatic,
-            _ => return Err("columns: expected either torque_nm or force_n".into()),
+        let [turns, slides] = Quantity::Torque.info().names;
+        let joint = match (has(turns), has(slides)) {
+            (true, false) => JointKind::Revolute,
+            (false, true) => JointKind::Prismatic,
+            _ => return Err(format!("columns: expected either {turns} or {slides}")),
+        };
+        let required = [Quantity::CampaignTime, Quantity::Velocity, Quantity::Torque];
+        let place = |name: &str| {
+            let is = |quantity: &Quantity| quantity.name(joint) == name;
+            required.into_iter().find(is).or_else(|| contract::parse_optional(name, joint))
         };
         let mut data = Self {
             joint,
@@ -209,27 +167,27 @@ impl Dataset {
             rows: 0,
             rows_read: 0,
             bad_rows: BadRows::default(),
-            covariates: Vec::new(),
+            covariates: names.iter().filter(|name| place(name).is_none()).cloned().collect(),
             left_out_columns: Vec::new(),
             notes: Vec::new(),
         };
-        let known = |name: &String| Run::default().place(name).is_some();
-        data.covariates = names.iter().filter(|name| !known(name)).cloned().collect();
+        for quantity in required {
+            let name = quantity.name(joint);
+            if !has(name) {
+                return Err(format!("columns: expected {name}"));
+            }
+        }
         for (name, columns) in runs {
+            let rows = columns.first().map_or(0, Vec::len);
+            if columns.len() != names.len() || columns.iter().any(|column| column.len() != rows) {
+                return Err(format!("run {name}: expected {} columns of one length", names.len()));
+            }
             let mut run = Run { name, ..Run::default() };
             for (column, values) in names.iter().zip(columns) {
-                match run.place(column) {
-                    Some(Place::Required(place)) => *place = values,
-                    Some(Place::Optional(place)) => *place = Some(values),
+                match place(column) {
+                    Some(quantity) => run.set(quantity, values),
                     None => run.extra.push(values),
                 }
-            }
-            let rows = run.len();
-            if !names.iter().all(|name| data.column(&run, name).is_some_and(|c| c.len() == rows)) {
-                return Err(format!("run {}: columns differ in length", run.name));
-            }
-            if run.velocity.len() != rows || run.torque.len() != rows {
-                return Err(format!("run {}: expected time, velocity and torque", run.name));
             }
             data.rows += rows;
             data.runs.push(run);
@@ -241,23 +199,11 @@ impl Dataset {
     /// A column of a run by the name it has in the contract or in [`Dataset::covariates`].
     /// Position, velocity and acceleration answer to the names of either joint kind.
     pub fn column<'a>(&self, run: &'a Run, name: &str) -> Option<&'a [f64]> {
-        match name {
-            "time_s" => Some(&run.time_s),
-            "velocity_rad_s" | "velocity_m_s" => Some(&run.velocity),
-            "torque_nm" | "force_n" => Some(&run.torque),
-            "position_rad" | "position_m" if run.position.is_some() => run.position.as_deref(),
-            "acceleration_rad_s2" | "acceleration_m_s2" if run.acceleration.is_some() => {
-                run.acceleration.as_deref()
-            }
-            "radial_force_n" => run.radial_force_n.as_deref(),
-            "pressure_diff_pa" => run.pressure_diff_pa.as_deref(),
-            "temperature_c" => run.temperature_c.as_deref(),
-            "load_torque_nm" => run.load_torque_nm.as_deref(),
-            _ => {
-                let at = self.covariates.iter().position(|covariate| covariate == name)?;
-                run.extra.get(at).map(Vec::as_slice)
-            }
+        if let Some(known) = Quantity::parse(name).and_then(|(quantity, _)| run.get(quantity)) {
+            return Some(known);
         }
+        let at = self.covariates.iter().position(|covariate| covariate == name)?;
+        run.extra.get(at).map(Vec::as_slice)
     }
 
     /// The one value `column` has throughout a run, as text: the run's name for `run`, a label,
@@ -278,12 +224,11 @@ impl Dataset {
     /// Names of all columns that are constant in every run, `run` first: what
     /// [`SplitRule::HoldOut`](super::SplitRule::HoldOut) can go by.
     pub fn constant_columns(&self) -> Vec<String> {
-        let contract = ["radial_force_n", "pressure_diff_pa", "temperature_c", "load_torque_nm"];
         let mut names: Vec<String> = vec!["run".into()];
         if let Some(run) = self.runs.first() {
             names.extend(run.labels.iter().map(|(name, _)| name.clone()));
         }
-        names.extend(contract.iter().map(|name| (*name).to_string()));
+        names.extend(contract::covariates().map(|of| of.name(self.joint).to_owned()));
         names.extend(self.covariates.iter().cloned());
         names.retain(|name| self.runs.iter().all(|run| self.constant(run, name).is_some()));
         names
@@ -316,7 +261,7 @@ mod tests {
     #[test]
     fn constants_come_from_the_name_the_labels_and_the_columns() {
         let data = Dataset {
-            joint: Joint::Revolute,
+            joint: JointKind::Revolute,
             runs: vec![run()],
             files: vec![],
             rows: 4,

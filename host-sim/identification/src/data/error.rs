@@ -10,7 +10,7 @@
 
 use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// How many bad rows are kept by name; the rest are only counted.
 pub(super) const NAMED_BAD_ROWS: usize = 5;
@@ -93,6 +93,17 @@ pub enum DataError {
         /// What was expected.
         expected: String,
     },
+}
+
+/// An error in the header row.
+pub(super) fn at_header(file: &Path, column: &str, found: &str, expected: &str) -> DataError {
+    DataError::Cell(BadCell {
+        file: file.into(),
+        row: 1,
+        column: column.into(),
+        found: found.into(),
+        expected: expected.into(),
+    })
 }
 
 /// Text from a file, fit to be repeated in a message: one line, at most 40 characters, quoted.

@@ -11,26 +11,18 @@
 
 use std::path::Path;
 
-use super::dataset::{Joint, LeftOutColumn};
-use super::error::DataError;
-use super::naming::{Naming, at_header};
+use compensator_core::quantity::{JointKind, Quantity};
 
-/// An optional column's place in a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Slot {
-    Position,
-    Acceleration,
-    RadialForce,
-    PressureDiff,
-    Temperature,
-    LoadTorque,
-    Extra,
-}
+use super::contract::{RUN, TARGETS, TIME, VELOCITIES, parse_optional};
+use super::dataset::LeftOutColumn;
+use super::error::{DataError, at_header};
+use super::naming::Naming;
 
 /// A column beside time, velocity and torque.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct OptionalColumn {
-    pub slot: Slot,
+    /// What it measures; `None` of an extra covariate.
+    pub quantity: Option<Quantity>,
     /// Its name in the contract, or its own.
     pub name: String,
     /// Where it is in the file.
@@ -40,7 +32,7 @@ pub(super) struct OptionalColumn {
 /// The header, understood.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
-    pub joint: Joint,
+    pub joint: JointKind,
     /// All names as they are in the file, for messages.
     pub names: Vec<String>,
     /// Where the run's name is.
@@ -50,30 +42,6 @@ pub(super) struct Layout {
     pub optional: Vec<OptionalColumn>,
     pub left_out: Vec<LeftOutColumn>,
     pub notes: Vec<String>,
-}
-
-const RUN: &str = "run";
-const TIME: &str = "time_s";
-const TARGETS: [(&str, Joint); 2] = [("torque_nm", Joint::Revolute), ("force_n", Joint::Prismatic)];
-const VELOCITIES: [(&str, Joint); 2] =
-    [("velocity_rad_s", Joint::Revolute), ("velocity_m_s", Joint::Prismatic)];
-const OPTIONAL: [(&str, Slot, Option<Joint>); 8] = [
-    ("position_rad", Slot::Position, Some(Joint::Revolute)),
-    ("position_m", Slot::Position, Some(Joint::Prismatic)),
-    ("acceleration_rad_s2", Slot::Acceleration, Some(Joint::Revolute)),
-    ("acceleration_m_s2", Slot::Acceleration, Some(Joint::Prismatic)),
-    ("radial_force_n", Slot::RadialForce, None),
-    ("pressure_diff_pa", Slot::PressureDiff, None),
-    ("temperature_c", Slot::Temperature, None),
-    ("load_torque_nm", Slot::LoadTorque, None),
-];
-
-/// All names of the contract.
-pub(super) fn contract() -> impl Iterator<Item = &'static str> {
-    [RUN, TIME]
-        .into_iter()
-        .chain(VELOCITIES.iter().chain(&TARGETS).map(|(name, _)| *name))
-        .chain(OPTIONAL.iter().map(|(name, ..)| *name))
 }
 
 /// Understands a header; `mapping` holds (contract name, foreign name).
@@ -116,8 +84,9 @@ pub(super) fn layout(
         }
         match no_covariate(name) {
             None => {
-                let slot = slot(name, velocity.kind);
-                optional.push(OptionalColumn { slot, name: name.into(), index });
+                // In the unit of another joint kind, position is a quantity of its own.
+                let quantity = parse_optional(name, velocity.kind);
+                optional.push(OptionalColumn { quantity, name: name.into(), index });
             }
             Some(why) => {
                 let nameless = || format!("number {}", index + 1);
@@ -135,7 +104,7 @@ pub(super) fn layout(
 struct KindColumn {
     index: usize,
     name: &'static str,
-    kind: Joint,
+    kind: JointKind,
 }
 
 /// The target column, which decides the joint kind; of two, the one `--columns` gives.
@@ -158,20 +127,11 @@ fn target(file: &Path, naming: &Naming) -> Result<Option<KindColumn>, DataError>
 }
 
 /// The velocity column; of two, the one of the target's kind.
-fn velocity(naming: &Naming, kind: Option<Joint>) -> Option<KindColumn> {
+fn velocity(naming: &Naming, kind: Option<JointKind>) -> Option<KindColumn> {
     VELOCITIES
         .iter()
         .filter_map(|&(name, kind)| naming.find(name).map(|index| KindColumn { index, name, kind }))
         .min_by_key(|velocity| Some(velocity.kind) != kind)
-}
-
-/// The place of a column in a run. Position and acceleration have theirs only in the unit of the
-/// velocity; in the other unit they are quantities of their own.
-fn slot(name: &str, velocity: Joint) -> Slot {
-    OPTIONAL
-        .iter()
-        .find(|(known, _, kind)| *known == name && kind.is_none_or(|kind| kind == velocity))
-        .map_or(Slot::Extra, |&(_, slot, _)| slot)
 }
 
 /// Why a column cannot be a covariate, or `None` if it can.
@@ -204,20 +164,20 @@ mod tests {
     #[test]
     fn both_kinds_of_joint_are_known_by_their_target() {
         let turns = understand("time_s,velocity_rad_s,torque_nm,position_rad", "").unwrap();
-        assert_eq!((turns.joint, turns.required), (Joint::Revolute, [0, 1, 2]));
-        assert_eq!(turns.optional[0].slot, Slot::Position);
+        assert_eq!((turns.joint, turns.required), (JointKind::Revolute, [0, 1, 2]));
+        assert_eq!(turns.optional[0].quantity, Some(Quantity::Position));
         let slides = understand("run,force_n,velocity_m_s,time_s,position_m", "").unwrap();
-        assert_eq!((slides.joint, slides.required), (Joint::Prismatic, [3, 2, 1]));
+        assert_eq!((slides.joint, slides.required), (JointKind::Prismatic, [3, 2, 1]));
         assert_eq!(slides.run, Some(0));
-        assert_eq!(slides.optional[0].slot, Slot::Position);
+        assert_eq!(slides.optional[0].quantity, Some(Quantity::Position));
     }
 
     #[test]
     fn what_the_contract_does_not_know_is_an_extra_covariate() {
         let found = understand("time_s,velocity_rad_s,torque_nm,flow,position_m", "").unwrap();
-        let extras: Vec<(&str, Slot)> =
-            found.optional.iter().map(|c| (c.name.as_str(), c.slot)).collect();
-        assert_eq!(extras, [("flow", Slot::Extra), ("position_m", Slot::Extra)]);
+        let extras: Vec<(&str, Option<Quantity>)> =
+            found.optional.iter().map(|c| (c.name.as_str(), c.quantity)).collect();
+        assert_eq!(extras, [("flow", None), ("position_m", None)]);
     }
 
     #[test]
@@ -248,7 +208,10 @@ mod tests {
         )
         .unwrap();
         assert_eq!(found.required, [0, 1, 3]);
-        assert_eq!((found.optional[0].slot, found.optional[0].index), (Slot::LoadTorque, 2));
+        assert_eq!(
+            (found.optional[0].quantity, found.optional[0].index),
+            (Some(Quantity::LoadTorque), 2)
+        );
         assert!(found.left_out.is_empty());
     }
 
@@ -281,7 +244,7 @@ mod tests {
         let both = "time_s,velocity_rad_s,torque_nm,force_n";
         assert!(understand(both, "").unwrap_err().contains("expected one target"));
         let chosen = understand("time_s,velocity_rad_s,tau,force_n", "torque_nm=tau").unwrap();
-        assert_eq!(chosen.joint, Joint::Revolute);
+        assert_eq!(chosen.joint, JointKind::Revolute);
         assert_eq!(chosen.left_out[0].name, "force_n");
     }
 
@@ -290,7 +253,7 @@ mod tests {
         let error = understand("time_s,velocity_rad_s,force_n", "").unwrap_err();
         assert!(error.contains("expected torque_nm for a joint with velocity_rad_s"), "{error}");
         let mixed = understand("time_s,velocity_m_s,u", "torque_nm=u").unwrap();
-        assert_eq!(mixed.joint, Joint::Revolute);
+        assert_eq!(mixed.joint, JointKind::Revolute);
         assert_eq!(mixed.notes.len(), 1);
     }
 

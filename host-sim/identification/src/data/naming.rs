@@ -6,9 +6,9 @@
 
 use std::path::Path;
 
+use super::contract;
 use super::dataset::LeftOutColumn;
-use super::error::{BadCell, DataError, listed};
-use super::header::contract;
+use super::error::{DataError, at_header, listed};
 
 /// The names of a file's columns, own and given.
 pub(super) struct Naming<'a> {
@@ -110,8 +110,8 @@ fn mapped_columns<'a>(
         let refuse = |found: String, expected: String| {
             Err(DataError::Request { what: format!("--columns {name}={foreign}"), found, expected })
         };
-        if !contract().any(|known| known == name) {
-            let known: Vec<&str> = contract().collect();
+        if !contract::names().any(|known| known == name) {
+            let known: Vec<&str> = contract::names().collect();
             return refuse(format!("the name {name}"), format!("one of {}", listed(&known)));
         }
         if mapped.iter().any(|(earlier, _)| earlier == name) {
@@ -126,15 +126,4 @@ fn mapped_columns<'a>(
         mapped.push((name, index));
     }
     Ok(mapped)
-}
-
-/// An error in the header row.
-pub(super) fn at_header(file: &Path, column: &str, found: &str, expected: &str) -> DataError {
-    DataError::Cell(BadCell {
-        file: file.into(),
-        row: 1,
-        column: column.into(),
-        found: found.into(),
-        expected: expected.into(),
-    })
 }

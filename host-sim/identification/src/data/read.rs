@@ -10,20 +10,15 @@ use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 
+use compensator_core::quantity::Quantity;
+
 use super::clean::{CleanRun, FileData};
 use super::csv_source::read_csv;
-use super::dataset::{Dataset, Joint, LeftOutColumn, Run};
+use super::dataset::{Dataset, LeftOutColumn, Run};
 use super::error::{BadRows, DataError};
-use super::header::Slot;
 use super::parquet_source::read_parquet;
 use super::sniff::{Format, sniff};
 use super::trace_source::{is_trace, read_trace};
-
-/// More than this share of bad rows in a file is an error: such a file is misread, not noisy.
-pub const MAX_BAD_SHARE: f64 = 0.05;
-
-/// More runs than this in a file is an error: then the run column is not one.
-pub const MAX_RUNS: usize = 100_000;
 
 /// Bytes of a file that are looked at for the first line of a CAN log.
 const HEAD: u64 = 4096;
@@ -115,12 +110,15 @@ fn read_one(
     }
 }
 
+/// An optional column: what it measures, `None` of an extra covariate, and its name.
+type Place = (Option<Quantity>, String);
+
 /// Makes one data set of the files.
 fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
     let joint = parts[0].joint;
     for (part, file) in parts.iter().zip(files) {
         if part.joint != joint {
-            let target = |joint| if joint == Joint::Revolute { "torque_nm" } else { "force_n" };
+            let target = |joint| Quantity::Torque.name(joint);
             return Err(DataError::File {
                 file: file.clone(),
                 found: target(part.joint).into(),
@@ -140,8 +138,8 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
         notes: Vec::new(),
     };
     let shared = shared_columns(files, &parts, &mut data.notes);
-    for (slot, name) in &shared {
-        if *slot == Slot::Extra {
+    for (quantity, name) in &shared {
+        if quantity.is_none() {
             data.covariates.push(name.clone());
         }
     }
@@ -160,7 +158,7 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
         let places: Vec<Option<usize>> = part
             .optional
             .iter()
-            .map(|column| shared.iter().position(|s| s.0 == column.slot && s.1 == column.name))
+            .map(|column| shared.iter().position(|s| s.0 == column.quantity && s.1 == column.name))
             .collect();
         for clean in part.runs {
             let name = match (&clean.name, files.len()) {
@@ -175,21 +173,17 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
 }
 
 /// The optional columns all files have, in the order of the first; the others get a note.
-fn shared_columns(
-    files: &[PathBuf],
-    parts: &[FileData],
-    notes: &mut Vec<String>,
-) -> Vec<(Slot, String)> {
-    let has = |part: &FileData, slot: Slot, name: &str| {
-        part.optional.iter().any(|column| column.slot == slot && column.name == name)
+fn shared_columns(files: &[PathBuf], parts: &[FileData], notes: &mut Vec<String>) -> Vec<Place> {
+    let has = |part: &FileData, quantity: Option<Quantity>, name: &str| {
+        part.optional.iter().any(|column| column.quantity == quantity && column.name == name)
     };
-    let mut shared: Vec<(Slot, String)> = Vec::new();
+    let mut shared: Vec<Place> = Vec::new();
     let mut told: Vec<&str> = Vec::new();
     for column in parts.iter().flat_map(|part| &part.optional) {
-        let lacking = parts.iter().position(|part| !has(part, column.slot, &column.name));
+        let lacking = parts.iter().position(|part| !has(part, column.quantity, &column.name));
         match lacking {
-            None if !has_pair(&shared, column.slot, &column.name) => {
-                shared.push((column.slot, column.name.clone()));
+            None if !has_pair(&shared, column.quantity, &column.name) => {
+                shared.push((column.quantity, column.name.clone()));
             }
             Some(at) if !told.contains(&column.name.as_str()) => {
                 told.push(&column.name);
@@ -202,8 +196,8 @@ fn shared_columns(
     shared
 }
 
-fn has_pair(columns: &[(Slot, String)], slot: Slot, name: &str) -> bool {
-    columns.iter().any(|column| column.0 == slot && column.1 == name)
+fn has_pair(columns: &[Place], quantity: Option<Quantity>, name: &str) -> bool {
+    columns.iter().any(|column| column.0 == quantity && column.1 == name)
 }
 
 /// Puts a run's columns where they belong. `places` says for each of them which of the shared
@@ -213,7 +207,7 @@ fn make_run(
     file: usize,
     clean: CleanRun,
     places: &[Option<usize>],
-    shared: &[(Slot, String)],
+    shared: &[Place],
 ) -> Run {
     let [time_s, velocity, torque] = clean.required;
     let mut run =
@@ -226,13 +220,8 @@ fn make_run(
     columns.sort_by_key(|(place, _)| *place);
     for (place, values) in columns {
         match shared[place].0 {
-            Slot::Position => run.position = Some(values),
-            Slot::Acceleration => run.acceleration = Some(values),
-            Slot::RadialForce => run.radial_force_n = Some(values),
-            Slot::PressureDiff => run.pressure_diff_pa = Some(values),
-            Slot::Temperature => run.temperature_c = Some(values),
-            Slot::LoadTorque => run.load_torque_nm = Some(values),
-            Slot::Extra => run.extra.push(values),
+            Some(quantity) => run.set(quantity, values),
+            None => run.extra.push(values),
         }
     }
     run

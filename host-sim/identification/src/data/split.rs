@@ -254,9 +254,9 @@ fn same(setting: &str, value: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::dataset::Joint;
     use super::super::error::BadRows;
     use super::*;
+    use compensator_core::quantity::JointKind;
 
     /// `n` runs of ten rows, named by number; two files; kp is 100 in even runs, 400 in odd ones.
     fn data(n: usize) -> Dataset {
@@ -271,7 +271,7 @@ mod tests {
             ..Run::default()
         };
         Dataset {
-            joint: Joint::Revolute,
+            joint: JointKind::Revolute,
             runs: (0..n).map(run).collect(),
             files: vec!["a.csv".into(), "b.csv".into()],
             rows: 10 * n,

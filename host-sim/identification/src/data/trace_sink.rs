@@ -1,12 +1,12 @@
 //! Measured data as a CAN log.
 //!
-//! Each row becomes the frames a driver would have been told it by ([`Writer`]). A run's own clock goes on: runs whose times follow each other keep them, others are put behind the one before
-//! with a second between. Stamps count from the first row; nanoseconds are written where microseconds
-//! would round. Values are rounded to `f32`, as a driver holds them. Names of runs that are no numbers
+//! Each row becomes the frames a driver would have been told it by ([`Writer`]). A run's own clock goes
+//! on: runs whose times follow each other keep them, others are put behind the one before with a second
+//! between. Stamps count from the first row; nanoseconds are written where microseconds would round. Values are rounded to `f32`, as a driver holds them. Names of runs that are no numbers
 //! become numbers, and covariates but the chosen one stay behind.
 
-use super::{Dataset, Joint, Run};
-use compensator_core::can::{Entry, JointKind, Message, Motion, Node, Seal, Surroundings, Torque};
+use super::{Dataset, Quantity, Run, contract};
+use compensator_core::can::{Entry, Message, Node};
 use joint_trace::{Fraction, Sample, Writer};
 use std::collections::HashSet;
 use std::io::{self, Write};
@@ -79,12 +79,8 @@ pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<()
     let whole = stamps.iter().flatten().all(|stamp| stamp % 1000 == 0);
     let fraction = if whole { Fraction::Microseconds } else { Fraction::Nanoseconds };
     let mut writer = Writer::new(out, interface, options.node, fraction);
-    let kind = match data.joint {
-        Joint::Revolute => JointKind::Revolute,
-        Joint::Prismatic => JointKind::Prismatic,
-    };
     let first = stamps.iter().flatten().next().copied().unwrap_or_default();
-    writer.message(first, &Message::Entry(options.node, Entry::JointKind(kind)))?;
+    writer.message(first, &Message::Entry(options.node, Entry::JointKind(data.joint)))?;
     for ((run, number), stamps) in data.runs.iter().zip(run_numbers(data)).zip(&stamps) {
         let own = auxiliary.and_then(|at| run.extra.get(at)).map(Vec::as_slice);
         for (row, time_ns) in stamps.iter().enumerate() {
@@ -102,26 +98,17 @@ pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<()
 
 /// A row, in the numbers of the bus.
 fn sample(run: &Run, row: usize, auxiliary: Option<&[f64]>) -> Sample {
-    let at = |column: &Option<Vec<f64>>| column.as_ref().map_or(f32::NAN, |c| c[row] as f32);
-    Sample {
-        motion: Motion {
-            velocity_rad_s: run.velocity[row] as f32,
-            position_rad: at(&run.position),
-        },
-        torque: Torque {
-            torque_nm: run.torque[row] as f32,
-            load_torque_nm: at(&run.load_torque_nm),
-        },
-        seal: Seal {
-            radial_force_n: at(&run.radial_force_n),
-            pressure_diff_pa: at(&run.pressure_diff_pa),
-        },
-        surroundings: Surroundings {
-            temperature_c: at(&run.temperature_c),
-            auxiliary: auxiliary.map_or(f32::NAN, |column| column[row] as f32),
-        },
-        ..Sample::EMPTY
+    let mut sample = Sample::EMPTY;
+    let required = [Quantity::Velocity, Quantity::Torque];
+    for quantity in required.into_iter().chain(contract::optional()) {
+        if let Some(column) = run.get(quantity) {
+            sample.set(quantity, column[row] as f32);
+        }
     }
+    if let Some(column) = auxiliary {
+        sample.set(Quantity::Auxiliary, column[row] as f32);
+    }
+    sample
 }
 
 /// The numbers the runs get: their names where all are numbers, else 1, 2, 3.

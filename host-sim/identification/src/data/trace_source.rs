@@ -10,12 +10,12 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use super::clean::MAX_BAD_SHARE;
 use super::clean::{Cleaner, FileData, Row};
 use super::dataset::LeftOutColumn;
 use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
 use super::header::layout;
-use super::read::MAX_BAD_SHARE;
-use compensator_core::can::JointKind;
+use compensator_core::quantity::Quantity;
 use joint_trace::{Assembler, LineError, Sample, Summary, candump};
 
 /// Lines between two calls of the progress function.
@@ -23,24 +23,6 @@ const PROGRESS_LINES: u64 = 64 * 1024;
 
 /// Longer than any line of such a log.
 const LONGEST_LINE: u64 = 4096;
-
-/// A quantity of a sample: its names on a joint that turns and on one that slides.
-struct Quantity {
-    names: [&'static str; 2],
-    of: fn(&Sample) -> f32,
-}
-
-/// What a joint may measure, velocity and torque first.
-const QUANTITIES: [Quantity; 8] = [
-    Quantity { names: ["velocity_rad_s", "velocity_m_s"], of: |s| s.motion.velocity_rad_s },
-    Quantity { names: ["torque_nm", "force_n"], of: |s| s.torque.torque_nm },
-    Quantity { names: ["position_rad", "position_m"], of: |s| s.motion.position_rad },
-    Quantity { names: ["load_torque_nm"; 2], of: |s| s.torque.load_torque_nm },
-    Quantity { names: ["radial_force_n"; 2], of: |s| s.seal.radial_force_n },
-    Quantity { names: ["pressure_diff_pa"; 2], of: |s| s.seal.pressure_diff_pa },
-    Quantity { names: ["temperature_c"; 2], of: |s| s.surroundings.temperature_c },
-    Quantity { names: ["auxiliary"; 2], of: |s| s.surroundings.auxiliary },
-];
 
 /// Whether a file that begins so is a candump log: its first line with anything in it is one of a frame.
 pub(super) fn is_trace(head: &[u8]) -> bool {
@@ -55,7 +37,7 @@ pub(super) fn is_trace(head: &[u8]) -> bool {
 enum Column {
     Run,
     Time,
-    Quantity(usize),
+    Measured(Quantity),
 }
 
 /// A sample as a row of that table.
@@ -70,7 +52,7 @@ impl Row for TraceRow<'_> {
         match self.columns.get(column)? {
             Column::Run => self.sample.run.map(f64::from),
             Column::Time => Some(self.time_s),
-            Column::Quantity(at) => Some(f64::from((QUANTITIES[*at].of)(self.sample))),
+            Column::Measured(quantity) => Some(f64::from(self.sample.get(*quantity))),
         }
     }
 
@@ -108,14 +90,11 @@ pub(super) fn read_trace(
 ) -> Result<FileData, DataError> {
     let size = file.metadata().map_or(0, |about| about.len());
     let overview = look(path, &mut file, &|bytes| progress(bytes / 2))?;
-    let kind = match overview.summary.kind {
-        JointKind::Revolute => 0,
-        JointKind::Prismatic => 1,
-    };
+    let kind = overview.summary.kind;
     let name = |column: &Column| match column {
         Column::Run => "run",
         Column::Time => "time_s",
-        Column::Quantity(at) => QUANTITIES[*at].names[kind],
+        Column::Measured(quantity) => quantity.name(kind),
     };
     let columns = &overview.columns;
     let names = columns.iter().map(|column| name(column).to_owned()).collect();
@@ -167,7 +146,7 @@ fn tell(path: &Path, overview: &Overview, data: &mut FileData) {
 /// The first reading.
 fn look(path: &Path, file: &mut File, progress: &dyn Fn(u64)) -> Result<Overview, DataError> {
     let (mut bad, mut remarks) = (BadRows::default(), 0);
-    let mut seen = [false; QUANTITIES.len()];
+    let mut seen = [false; Quantity::ALL.len()];
     let (mut has_runs, mut origin_ns) = (false, None);
     let aside = |aside: Aside| match aside {
         Aside::Remark => remarks += 1,
@@ -181,8 +160,8 @@ fn look(path: &Path, file: &mut File, progress: &dyn Fn(u64)) -> Result<Overview
         }
     };
     let summary = each_sample(path, file, progress, aside, |sample| {
-        for (seen, quantity) in seen.iter_mut().zip(&QUANTITIES) {
-            *seen |= !(quantity.of)(sample).is_nan();
+        for (seen, quantity) in seen.iter_mut().zip(Quantity::ALL) {
+            *seen |= !sample.get(*quantity).is_nan();
         }
         has_runs |= sample.run.is_some();
         origin_ns.get_or_insert(sample.time_ns);
@@ -202,12 +181,14 @@ fn look(path: &Path, file: &mut File, progress: &dyn Fn(u64)) -> Result<Overview
         let found = format!("inputs of the joints {}", listed(&all));
         return wrong(found, "those of one joint: cut its frames and the SYNC out with grep");
     }
-    let (Some(origin_ns), [true, true, ..]) = (origin_ns, seen) else {
+    let is_seen = |quantity: Quantity| seen[quantity as usize];
+    let complete = is_seen(Quantity::Velocity) && is_seen(Quantity::Torque);
+    let Some(origin_ns) = origin_ns.filter(|_| complete) else {
         let found = format!("{} frames and no joint's velocity and torque", summary.frames);
         let expected = "frames 200 and 300 + node and the SYNC 080, as joint.dbc says";
         return wrong(found, expected);
     };
-    let quantities = (0..QUANTITIES.len()).filter(|at| seen[*at]).map(Column::Quantity);
+    let quantities = Quantity::ALL.iter().copied().filter(|of| is_seen(*of)).map(Column::Measured);
     let run = has_runs.then_some(Column::Run);
     let columns = run.into_iter().chain([Column::Time]).chain(quantities).collect();
     Ok(Overview { summary, columns, origin_ns, bad, remarks })

@@ -4,7 +4,7 @@
 //! sample period. The bristle state starts anew on each track. Where the log's spacing is even to
 //! `EVEN`, the period is one number and a model is built once; else each sample carries its own.
 
-use crate::data::{Dataset, Run, segments};
+use crate::data::{Dataset, Quantity, Run, contract, segments};
 use compensator_core::Sample;
 
 /// Spacing that varies by less than this share of the median counts as even. A logger's clock
@@ -91,25 +91,26 @@ fn track(
     auxiliary: Option<&[f64]>,
     campaign_start: f64,
 ) -> Track {
-    let at = |column: &Option<Vec<f64>>, row: usize| column.as_ref().map_or(0.0, |c| c[row]);
+    let columns: Vec<(Quantity, &[f64])> = contract::optional()
+        .filter_map(|quantity| run.get(quantity).map(|column| (quantity, column)))
+        .collect();
+    let force = run.get(Quantity::RadialForce);
     let samples = rows
         .clone()
         .map(|row| {
+            let mut sample = Sample::default();
+            for (quantity, column) in &columns {
+                let inside = column[row] * quantity.info().inside_scale;
+                quantity.set_in_sample(&mut sample, inside);
+            }
             let before = row.saturating_sub(1).max(rows.start);
-            let force = at(&run.radial_force_n, row);
             Sample {
                 velocity_rad_s: run.velocity[row],
-                position_rad: at(&run.position, row),
-                position_trust: 1.0,
                 acceleration_rad_s2: acceleration[row],
-                radial_force_n: force,
-                radial_force_change_n: force - at(&run.radial_force_n, before),
-                pressure_diff_mpa: at(&run.pressure_diff_pa, row) * 1e-6,
-                temperature_c: at(&run.temperature_c, row),
-                load_torque_nm: at(&run.load_torque_nm, row),
+                radial_force_change_n: force.map_or(0.0, |force| force[row] - force[before]),
                 campaign_time_h: (run.time_s[row] - campaign_start) / 3600.0,
                 auxiliary: auxiliary.map_or(0.0, |column| column[row]),
-                lookup_trust: 1.0,
+                ..sample
             }
         })
         .collect();
@@ -142,7 +143,7 @@ fn median(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::{BadRows, Joint};
+    use crate::data::{BadRows, JointKind};
 
     #[test]
     fn a_covariate_is_carried_as_the_auxiliary_column() {
@@ -154,7 +155,7 @@ mod tests {
             ..Run::default()
         };
         let data = Dataset {
-            joint: Joint::Revolute,
+            joint: JointKind::Revolute,
             runs: vec![run],
             files: vec![],
             rows: 3,
