@@ -1,27 +1,27 @@
-//! The diagnosis graded on worlds whose truth is known.
+//! The diagnosis graded on scenarios whose truth is known.
 //!
-//! [`simulated_machines::worlds`] hides an effect; [`friction_identification::diagnose`] sees the log alone; here the two meet. The
-//! worlds used to tune the diagnosis are drawn from [`TUNING`], those that grade it from [`GRADING`]: another
+//! [`simulated_machines::scenarios`] hides an effect; [`friction_identification::diagnose`] sees the log alone; here the two meet. The
+//! scenarios used to tune the diagnosis are drawn from [`TUNING`], those that grade it from [`GRADING`]: another
 //! seed is another machine, another campaign, other sensors, not the same with other noise.
 
 use crate::simulated;
 use friction_identification::data::{SplitRule, split};
 use friction_identification::diagnose::{Diagnosis, Question, diagnose};
 use rayon::prelude::*;
-use simulated_machines::worlds::{Kind, World, bank, draw};
+use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
 
-/// Seed of the worlds that may be looked at while the diagnosis is made better.
+/// Seed of the scenarios that may be looked at while the diagnosis is made better.
 pub const TUNING: u64 = 1;
 
-/// Seed of the worlds that judge it.
+/// Seed of the scenarios that judge it.
 pub const GRADING: u64 = 20_261_122;
 
-/// How a diagnosis did on one world.
+/// How a diagnosis did on one scenario.
 #[derive(Clone, Debug)]
 pub struct Grade {
     /// What was hidden.
     pub kind: Kind,
-    /// Seed of the world.
+    /// Seed of the scenario.
     pub seed: u64,
     /// The hidden causes, strongest first; empty where none.
     pub hidden: Vec<&'static str>,
@@ -53,8 +53,8 @@ pub struct Grade {
 /// first, and the decoy not named. Confounded: the true cause or its twin first, and the other one named
 /// as not told apart; or `unknown`. Outside the catalogue: `unknown`, or a cause that says it cannot be told
 /// from `unknown`.
-pub fn grade(kind: Kind, seed: u64, world: &World, found: &Diagnosis) -> Grade {
-    let truth = &world.truth;
+pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> Grade {
+    let truth = &scenario.truth;
     let hidden: Vec<&'static str> = truth.hidden.iter().map(|hidden| hidden.cause).collect();
     let named: Vec<&'static str> = found.findings.iter().map(|f| f.kind.name()).collect();
     let first = found.findings.first();
@@ -109,30 +109,30 @@ pub fn grade(kind: Kind, seed: u64, world: &World, found: &Diagnosis) -> Grade {
         error_over_noise: found.after.metrics.rmse / truth.noise_nm,
         visible: truth.hidden.first().map_or(0.0, |hidden| hidden.visible_rms_nm / truth.noise_nm),
         seconds: found.seconds,
-        rows: world.log.rows(),
+        rows: scenario.log.rows(),
         heard,
     }
 }
 
-/// Draws a world, diagnoses it, grades the diagnosis.
+/// Draws a scenario, diagnoses it, grades the diagnosis.
 ///
 /// # Errors
-/// One line, where the log cannot be split or diagnosed: such a world must not drop out of the count.
+/// One line, where the log cannot be split or diagnosed: such a scenario must not drop out of the count.
 pub fn examine(kind: Kind, seed: u64) -> Result<Grade, String> {
     let failed = |why: String| format!("{kind:?}, seed {seed}: {why}");
-    let world = draw(kind, seed);
-    let data = simulated::dataset(&world.log);
+    let scenario = draw(kind, seed);
+    let data = simulated::dataset(&scenario.log);
     let parts = split(&data, &SplitRule::default(), 0).map_err(|e| failed(e.to_string()))?;
     let found = diagnose(&data, &parts, 1, &[], &Question::default(), &|_| {})
         .map_err(|e| failed(e.to_string()))?;
-    Ok(grade(kind, seed, &world, &found))
+    Ok(grade(kind, seed, &scenario, &found))
 }
 
-/// Examines a bank of worlds; see [`bank`].
+/// Examines a benchmark of scenarios; see [`benchmark`].
 ///
 /// # Errors
-/// As [`examine`], of the first world that fails.
-pub fn examine_bank(seed_base: u64, per_kind: usize) -> Result<Vec<Grade>, String> {
-    let worlds: Vec<(Kind, u64)> = bank(seed_base, per_kind).collect();
-    worlds.into_par_iter().map(|(kind, seed)| examine(kind, seed)).collect()
+/// As [`examine`], of the first scenario that fails.
+pub fn examine_benchmark(seed_base: u64, per_kind: usize) -> Result<Vec<Grade>, String> {
+    let scenarios: Vec<(Kind, u64)> = benchmark(seed_base, per_kind).collect();
+    scenarios.into_par_iter().map(|(kind, seed)| examine(kind, seed)).collect()
 }

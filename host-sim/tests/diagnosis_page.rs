@@ -16,7 +16,7 @@ use host_sim::report::Page;
 use host_sim::results::diagnosis_page::{Diagnosed, page, stochastic_section};
 use host_sim::simulated;
 use serde_json::{Value, json};
-use simulated_machines::worlds::{Effect, Kind, Options, draw, draw_with};
+use simulated_machines::scenarios::{HiddenCause, Kind, Options, draw, draw_with};
 
 /// A log that has been diagnosed.
 struct Case {
@@ -88,7 +88,7 @@ fn escaped(text: &str) -> String {
 #[test]
 fn the_page_tells_the_story_and_shows_its_evidence() {
     let options = Options { runs: Some(12), noise_nm: Some(0.05), ..Options::default() };
-    let kind = Kind::One(Effect::PressureCoulomb);
+    let kind = Kind::One(HiddenCause::PressureCoulomb);
     let case = Case::new(simulated::dataset(&draw_with(kind, &[Some(1.5e-6)], 3, &options).log));
     assert_eq!(case.found.cause(), "pressure-coulomb");
     let html = case.html();
@@ -135,9 +135,9 @@ fn a_page_of_nothing_found_says_so() {
 fn every_cause_has_a_plane_to_show_in() {
     let mut shown = 0;
     for (effect, title) in [
-        (Effect::DirectionAsymmetry, "By direction, before"),
-        (Effect::Backlash, "Just after a reversal"),
-        (Effect::PositionRipple, "The position, folded by the order"),
+        (HiddenCause::DirectionAsymmetry, "By direction, before"),
+        (HiddenCause::Backlash, "Just after a reversal"),
+        (HiddenCause::PositionRipple, "The position, folded by the order"),
     ] {
         let case = Case::hidden(Kind::One(effect), 5);
         let own = own_part(&case.html());
@@ -152,7 +152,7 @@ fn every_cause_has_a_plane_to_show_in() {
 
 #[test]
 fn a_joint_that_slides_has_its_own_units() {
-    let mut data = simulated::dataset(&draw(Kind::One(Effect::TorqueOffset), 5).log);
+    let mut data = simulated::dataset(&draw(Kind::One(HiddenCause::TorqueOffset), 5).log);
     data.joint = JointKind::Prismatic;
     let case = Case::new(data);
     let own = own_part(&case.html());

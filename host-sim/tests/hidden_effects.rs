@@ -1,28 +1,28 @@
 //! An effect is hidden in the data, and has to be found.
 //!
-//! The worlds are drawn by `plant::worlds`, with equations and an integrator of their own; the diagnosis
-//! sees the log alone. Every test run grades a fast subset; all of the table `host-sim/graded/worlds.md`
+//! The scenarios are drawn by `simulated_machines::scenarios`, with equations and an integrator of their own; the diagnosis
+//! sees the log alone. Every test run grades a fast subset; all of the table `host-sim/graded/scenarios.md`
 //! is made anew by
 //!
 //! ```text
 //! UPDATE_TABLES=1 cargo test --release -p host-sim --test hidden_effects -- --ignored
 //! ```
 //!
-//! and without `UPDATE_TABLES` compared with it. The worlds that grade are not those the diagnosis was
+//! and without `UPDATE_TABLES` compared with it. The scenarios that grade are not those the diagnosis was
 //! tuned on: another base of seeds is another machine, campaign and set of sensors throughout.
 
-use host_sim::benchmark::{GRADING, Grade, examine_bank};
+use host_sim::benchmark::{GRADING, Grade, examine_benchmark};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Banks of 35 worlds in the graded table.
-const BANKS: usize = 6;
+/// Rounds of 35 scenarios in the graded table.
+const ROUNDS: usize = 6;
 
-/// Banks in every test run: 70 worlds.
-const FAST_BANKS: usize = 2;
+/// Rounds in every test run: 70 scenarios.
+const FAST_ROUNDS: usize = 2;
 
-/// What must be reached, as shares; the limits of the whole bank are the project's targets.
+/// What must be reached, as shares; the limits of the whole benchmark are the project's targets.
 struct Limits {
     one: f64,
     none: f64,
@@ -74,8 +74,8 @@ fn row_of(grade: &Grade) -> String {
 /// Which cause was named first for what was hidden.
 fn table(grades: &[Grade]) -> String {
     let mut text = String::from(
-        "# The diagnosis on hidden worlds\n\n\
-         Simulated worlds, graded; made by `UPDATE_TABLES=1 cargo test --release -p host-sim --test hidden_effects -- --ignored`.\n\n\
+        "# The diagnosis on hidden scenarios\n\n\
+         Simulated scenarios, graded; made by `UPDATE_TABLES=1 cargo test --release -p host-sim --test hidden_effects -- --ignored`.\n\n\
          | what | reached | of | share |\n|---|---|---|---|\n",
     );
     for (what, good, all) in shares(grades) {
@@ -114,22 +114,22 @@ fn table(grades: &[Grade]) -> String {
 }
 
 fn table_path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("graded/worlds.md")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("graded/scenarios.md")
 }
 
 #[test]
 fn hidden_effects_are_found() {
-    // Of few worlds each weighs much: the limits leave room for chance, the whole bank's do not.
+    // Of few scenarios each weighs much: the limits leave room for chance, the whole benchmark's do not.
     check(
-        &examine_bank(GRADING, FAST_BANKS).expect("every world is diagnosed"),
+        &examine_benchmark(GRADING, FAST_ROUNDS).expect("every scenario is diagnosed"),
         &Limits { one: 0.88, none: 0.85, open: 0.6, inside: 0.7, error: 0.8 },
     );
 }
 
 #[test]
-#[ignore = "210 worlds, some minutes"]
+#[ignore = "210 scenarios, some minutes"]
 fn the_whole_bank_is_as_in_the_table() {
-    let grades = examine_bank(GRADING, BANKS).expect("every world is diagnosed");
+    let grades = examine_benchmark(GRADING, ROUNDS).expect("every scenario is diagnosed");
     let text = table(&grades);
     if std::env::var_os("UPDATE_TABLES").is_some() {
         std::fs::write(table_path(), text).expect("the table's folder is there");

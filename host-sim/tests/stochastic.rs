@@ -17,7 +17,7 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use simulated_machines::friction::{Seal, Surroundings};
-use simulated_machines::worlds::{Kind, draw};
+use simulated_machines::scenarios::{Kind, draw};
 use simulated_machines::{Recording, record};
 use std::f64::consts::TAU;
 
@@ -194,8 +194,8 @@ fn steady_sliding_does_not_determine_the_bristles_and_the_reading_says_so() {
 
 #[test]
 fn nothing_hidden_is_named_nothing_by_the_calibrated_rule() {
-    let world = draw(Kind::None, 4);
-    let tracks = tracks(&simulated::dataset(&world.log));
+    let scenario = draw(Kind::None, 4);
+    let tracks = tracks(&simulated::dataset(&scenario.log));
     let parameters = fitted(LawKind::Lugre, &tracks);
     let free = LawKind::Lugre.parameters();
     let (certificate, calibrated) =

@@ -9,8 +9,8 @@
 pub mod friction;
 pub mod log;
 pub mod motion;
+pub mod scenarios;
 pub mod underwater_joint;
-pub mod worlds;
 
 pub use log::{Log, LoggedRun};
 pub use underwater_joint::{Recording, Truth, record};

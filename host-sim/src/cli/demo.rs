@@ -23,7 +23,7 @@ use joint_bus::replay::{Plan, Setup, Tally, in_process};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
-use simulated_machines::worlds::{Effect, Kind, Options, World, draw_with};
+use simulated_machines::scenarios::{HiddenCause, Kind, Options, Scenario, draw_with};
 use std::path::Path;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -69,13 +69,13 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
          Which one stays hidden until the end. (--seed {seed} is this story again.)"
     ))?;
     let options = Options { runs: Some(RUNS), ..Options::default() };
-    let world = draw_with(Kind::One(effect(seed)), &[], seed, &options);
-    let truth = pretty(&world.truth.json())?;
-    record(&world, &truth, &arguments.output)?;
+    let scenario = draw_with(Kind::One(effect(seed)), &[], seed, &options);
+    let truth = pretty(&scenario.truth.json())?;
+    record(&scenario, &truth, &arguments.output)?;
     teller.step(&format!(
         "It has moved {} times, {} rows in all; its CAN traffic is in {}/trace.log.",
-        world.log.runs.len(),
-        world.log.rows(),
+        scenario.log.runs.len(),
+        scenario.log.rows(),
         out.display()
     ))?;
 
@@ -122,15 +122,15 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let played = deploy(&out.join("trace.log"), &toml);
     teller.step(&deployed(&played))?;
 
-    let grade = grade(Kind::One(effect(seed)), seed, &world, &found);
+    let grade = grade(Kind::One(effect(seed)), seed, &scenario, &found);
     if arguments.output.json {
-        return say(&pretty(&summary(seed, &world, &grade, value, &played))?);
+        return say(&pretty(&summary(seed, &scenario, &grade, value, &played))?);
     }
     let mut text = "\nWhat the diagnosis says, from the recording alone:\n".to_owned();
     for (index, sentence) in document.story().iter().enumerate() {
         text += &format!("{}. {sentence}\n", index + 1);
     }
-    text += &format!("\n{}\n", reveal(&world, &found, &grade));
+    text += &format!("\n{}\n", reveal(&scenario, &found, &grade));
     text += &format!(
         "\n{:.0} s. To be looked at: {out}/report.html. Beside it: diagnosis.json, params.toml, data.csv, trace.log, \
          truth.json.\n",
@@ -146,9 +146,11 @@ fn by_the_time() -> u64 {
 }
 
 /// The effect a seed hides: one of the catalogue, all as likely.
-fn effect(seed: u64) -> Effect {
-    let known: Vec<Effect> =
-        Effect::ALL.into_iter().filter(|effect| *effect != Effect::OutsideCatalogue).collect();
+fn effect(seed: u64) -> HiddenCause {
+    let known: Vec<HiddenCause> = HiddenCause::ALL
+        .into_iter()
+        .filter(|effect| *effect != HiddenCause::OutsideCatalogue)
+        .collect();
     known[Pcg64::seed_from_u64(seed).random_range(0..known.len())]
 }
 
@@ -157,15 +159,15 @@ fn pretty(value: &Value) -> Result<String, String> {
 }
 
 /// Writes what the joint did, as a table and as its CAN traffic, and the truth behind it.
-fn record(world: &World, truth: &str, output: &OutputArguments) -> Result<(), String> {
+fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result<(), String> {
     let mut log = Vec::new();
-    let data = simulated::dataset(&world.log);
+    let data = simulated::dataset(&scenario.log);
     // A covariate beyond those of the contract fits into the traffic, if there is just one.
     let auxiliary = data.covariates.first().cloned();
     let options = EmitOptions { auxiliary, ..EmitOptions::default() };
     emit(&data, &options, &mut log).map_err(|error| error.to_string())?;
     let log = String::from_utf8(log).map_err(|error| error.to_string())?;
-    output.write(&[("data.csv", &world.log.csv()), ("trace.log", &log), ("truth.json", truth)])
+    output.write(&[("data.csv", &scenario.log.csv()), ("trace.log", &log), ("truth.json", truth)])
 }
 
 /// Reads the recording as `diagnose` would.
@@ -210,8 +212,8 @@ fn deployed(played: &Result<Tally, String>) -> String {
 }
 
 /// What had been hidden, and whether it was found.
-fn reveal(world: &World, found: &Diagnosis, grade: &Grade) -> String {
-    let truth = &world.truth;
+fn reveal(scenario: &Scenario, found: &Diagnosis, grade: &Grade) -> String {
+    let truth = &scenario.truth;
     let mut text = String::from("What had been hidden: ");
     for hidden in &truth.hidden {
         text += &format!(
@@ -249,7 +251,7 @@ fn reveal(world: &World, found: &Diagnosis, grade: &Grade) -> String {
 /// The result for a machine.
 fn summary(
     seed: u64,
-    world: &World,
+    scenario: &Scenario,
     grade: &Grade,
     diagnosis: Value,
     played: &Result<Tally, String>,
@@ -265,7 +267,7 @@ fn summary(
         "named": grade.named,
         "right": grade.right,
         "size_inside_ci95": grade.size_inside,
-        "truth": world.truth.json(),
+        "truth": scenario.truth.json(),
         "replay": replay,
         "diagnosis": diagnosis,
     })

@@ -8,12 +8,12 @@ use crate::simulated;
 use clap::ValueEnum;
 use friction_identification::data::{Dataset, EmitOptions, emit};
 use serde_json::Value;
-use simulated_machines::worlds::{self, Effect, Kind, Options, WorldTruth};
+use simulated_machines::scenarios::{self, HiddenCause, Kind, Options, ScenarioTruth};
 use simulated_machines::{Recording, record};
 
 /// Machines that can be simulated.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Scenario {
+enum Simulation {
     /// The joint of paper 0 on its test stand: speeds, side loads and pressures
     UnderwaterJoint,
 }
@@ -23,7 +23,7 @@ enum Scenario {
 pub struct Arguments {
     /// The machine
     #[arg(value_enum)]
-    scenario: Scenario,
+    scenario: Simulation,
     #[command(flatten)]
     output: OutputArguments,
     /// Hide a physical effect, of SIZE in its term's unit or of one that shows; `none` and `unknown`
@@ -63,7 +63,7 @@ fn positive(text: &str) -> Result<f64, String> {
 /// What is to be hidden: an effect, or nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Hide {
-    effect: Option<Effect>,
+    effect: Option<HiddenCause>,
     size: Option<f64>,
 }
 
@@ -77,13 +77,13 @@ impl Hide {
             Some((name, size)) => (name, Some(size)),
             None => (text, None),
         };
-        let effect = Effect::parse(name);
+        let effect = HiddenCause::parse(name);
         if effect.is_none() && name != NONE {
-            let known: Vec<&str> = Effect::ALL.iter().map(|effect| effect.name()).collect();
+            let known: Vec<&str> = HiddenCause::ALL.iter().map(|effect| effect.name()).collect();
             return Err(format!("unknown cause, expected one of {NONE}, {}", known.join(", ")));
         }
         let Some(size) = size else { return Ok(Self { effect, size: None }) };
-        let Some(effect) = effect.filter(|effect| *effect != Effect::OutsideCatalogue) else {
+        let Some(effect) = effect.filter(|effect| *effect != HiddenCause::OutsideCatalogue) else {
             return Err(format!("{name} takes no size"));
         };
         let (least, most) = effect.bounds();
@@ -100,7 +100,7 @@ impl Hide {
     }
 }
 
-/// What kind of world is asked for.
+/// What kind of scenario is asked for.
 fn kind(hide: &[Hide]) -> Result<Kind, String> {
     let kind = match *hide {
         [Hide { effect: None, .. }] => Kind::None,
@@ -126,7 +126,7 @@ struct Log {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), String> {
-    let Scenario::UnderwaterJoint = arguments.scenario;
+    let Simulation::UnderwaterJoint = arguments.scenario;
     let log = if arguments.hide.is_empty() { plain(arguments)? } else { hidden(arguments)? };
     let json = serde_json::to_string_pretty(&log.truth).map_err(|e| e.to_string())? + "\n";
     let mut files = vec![("data.csv", log.csv.as_str()), ("truth.json", json.as_str())];
@@ -186,7 +186,7 @@ fn plain(arguments: &Arguments) -> Result<Log, String> {
     })
 }
 
-/// Most seconds and rows of a hidden world: every step of all runs is held in memory.
+/// Most seconds and rows of a hidden scenario: every step of all runs is held in memory.
 const MOST_SECONDS: f64 = 2000.0;
 const MOST_ROWS: f64 = 5e6;
 
@@ -212,23 +212,23 @@ fn hidden(arguments: &Arguments) -> Result<Log, String> {
         return Err(format!("--runs x --seconds x --rate: more than {MOST_ROWS} rows with --hide"));
     }
     let sizes: Vec<Option<f64>> = arguments.hide.iter().map(|hide| hide.size).collect();
-    let world = worlds::draw_with(kind, &sizes, arguments.seed, &options);
+    let scenario = scenarios::draw_with(kind, &sizes, arguments.seed, &options);
     Ok(Log {
-        csv: world.log.csv(),
-        truth: world.truth.json(),
-        hidden: told(&world.truth),
-        data: simulated::dataset(&world.log),
+        csv: scenario.log.csv(),
+        truth: scenario.truth.json(),
+        hidden: told(&scenario.truth),
+        data: simulated::dataset(&scenario.log),
     })
 }
 
 /// A line for each hidden effect.
-fn told(truth: &WorldTruth) -> String {
+fn told(truth: &ScenarioTruth) -> String {
     if truth.hidden.is_empty() {
         return "hidden: none\n".to_owned();
     }
     let noise_nm = truth.noise_nm;
-    let line = |hidden: &worlds::Hidden| {
-        let worlds::Hidden { in_words, visible_rms_nm, .. } = hidden;
+    let line = |hidden: &scenarios::Hidden| {
+        let scenarios::Hidden { in_words, visible_rms_nm, .. } = hidden;
         format!("hidden: {in_words}; {visible_rms_nm:.3} Nm RMS under {noise_nm:.3} Nm of noise\n")
     };
     truth.hidden.iter().map(line).collect()
@@ -242,11 +242,11 @@ mod tests {
     fn causes_and_sizes_are_read() {
         let hide = |text| Hide::parse(text).unwrap();
         assert_eq!(hide("none"), Hide { effect: None, size: None });
-        let effect = Some(Effect::PressureCoulomb);
+        let effect = Some(HiddenCause::PressureCoulomb);
         assert_eq!(hide("pressure-coulomb"), Hide { effect, size: None });
         assert_eq!(hide("pressure-coulomb:2e-6"), Hide { effect, size: Some(2e-6) });
         assert_eq!(hide("torque-offset:-0.1").size, Some(-0.1));
-        assert_eq!(hide("unknown").effect, Some(Effect::OutsideCatalogue));
+        assert_eq!(hide("unknown").effect, Some(HiddenCause::OutsideCatalogue));
     }
 
     #[test]
@@ -315,8 +315,8 @@ mod tests {
             kind(&texts.iter().map(|text| Hide::parse(text).unwrap()).collect::<Vec<_>>())
         };
         assert_eq!(kind(&["none"]), Ok(Kind::None));
-        assert_eq!(kind(&["backlash"]), Ok(Kind::One(Effect::Backlash)));
-        let both = Kind::Two(Effect::Backlash, Effect::TorqueOffset);
+        assert_eq!(kind(&["backlash"]), Ok(Kind::One(HiddenCause::Backlash)));
+        let both = Kind::Two(HiddenCause::Backlash, HiddenCause::TorqueOffset);
         assert_eq!(kind(&["backlash", "torque-offset"]), Ok(both));
         for texts in [
             &["none", "backlash"][..],

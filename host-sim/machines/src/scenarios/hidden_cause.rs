@@ -2,7 +2,7 @@
 
 /// A physical effect that plain LuGre does not know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Effect {
+pub enum HiddenCause {
     /// Side load raises both levels, Nm/N.
     RadialForceCoulomb,
     /// Changing side load bends the bristles, rad/N.
@@ -59,26 +59,26 @@ const fn facts(
     Facts { name, unit, column, least, most }
 }
 
-impl Effect {
+impl HiddenCause {
     /// Every effect, those of the catalogue first.
-    pub const ALL: [Effect; 17] = [
-        Effect::RadialForceCoulomb,
-        Effect::RadialForceRate,
-        Effect::PressureCoulomb,
-        Effect::TemperatureViscous,
-        Effect::PositionRipple,
-        Effect::GravityImbalance,
-        Effect::DirectionAsymmetry,
-        Effect::TorqueOffset,
-        Effect::QuadraticDrag,
-        Effect::DwellTimeStatic,
-        Effect::TimeDrift,
-        Effect::LoadTorqueCoulomb,
-        Effect::UnmodelledInertia,
-        Effect::Backlash,
-        Effect::StribeckShape,
-        Effect::ChannelDelay,
-        Effect::OutsideCatalogue,
+    pub const ALL: [HiddenCause; 17] = [
+        HiddenCause::RadialForceCoulomb,
+        HiddenCause::RadialForceRate,
+        HiddenCause::PressureCoulomb,
+        HiddenCause::TemperatureViscous,
+        HiddenCause::PositionRipple,
+        HiddenCause::GravityImbalance,
+        HiddenCause::DirectionAsymmetry,
+        HiddenCause::TorqueOffset,
+        HiddenCause::QuadraticDrag,
+        HiddenCause::DwellTimeStatic,
+        HiddenCause::TimeDrift,
+        HiddenCause::LoadTorqueCoulomb,
+        HiddenCause::UnmodelledInertia,
+        HiddenCause::Backlash,
+        HiddenCause::StribeckShape,
+        HiddenCause::ChannelDelay,
+        HiddenCause::OutsideCatalogue,
     ];
 
     const fn facts(self) -> Facts {
@@ -86,31 +86,37 @@ impl Effect {
         let position = Some("position_rad");
         let force = Some("radial_force_n");
         match self {
-            Effect::RadialForceCoulomb => facts("radial-force-coulomb", "Nm/N", force, 0.0, 0.1),
-            Effect::RadialForceRate => facts("radial-force-rate", "rad/N", force, 0.0, 1e-3),
-            Effect::PressureCoulomb => {
+            HiddenCause::RadialForceCoulomb => {
+                facts("radial-force-coulomb", "Nm/N", force, 0.0, 0.1)
+            }
+            HiddenCause::RadialForceRate => facts("radial-force-rate", "rad/N", force, 0.0, 1e-3),
+            HiddenCause::PressureCoulomb => {
                 facts("pressure-coulomb", "Nm/Pa", Some("pressure_diff_pa"), 0.0, 1e-4)
             }
-            Effect::TemperatureViscous => {
+            HiddenCause::TemperatureViscous => {
                 facts("temperature-viscous", "1/K", Some("temperature_c"), 0.0, 0.2)
             }
-            Effect::PositionRipple => facts("position-ripple", "1", position, 0.0, 0.9),
-            Effect::GravityImbalance => facts("gravity-imbalance", "Nm", position, 0.0, 10.0),
-            Effect::DirectionAsymmetry => facts("direction-asymmetry", "1", velocity, -0.9, 0.9),
-            Effect::TorqueOffset => facts("torque-offset", "Nm", None, -10.0, 10.0),
-            Effect::QuadraticDrag => facts("quadratic-drag", "Nm s^2/rad^2", velocity, 0.0, 0.1),
-            Effect::DwellTimeStatic => facts("dwell-time-static", "Nm", velocity, 0.0, 5.0),
-            Effect::TimeDrift => facts("time-drift", "1", Some("time_s"), -0.9, 5.0),
-            Effect::LoadTorqueCoulomb => {
+            HiddenCause::PositionRipple => facts("position-ripple", "1", position, 0.0, 0.9),
+            HiddenCause::GravityImbalance => facts("gravity-imbalance", "Nm", position, 0.0, 10.0),
+            HiddenCause::DirectionAsymmetry => {
+                facts("direction-asymmetry", "1", velocity, -0.9, 0.9)
+            }
+            HiddenCause::TorqueOffset => facts("torque-offset", "Nm", None, -10.0, 10.0),
+            HiddenCause::QuadraticDrag => {
+                facts("quadratic-drag", "Nm s^2/rad^2", velocity, 0.0, 0.1)
+            }
+            HiddenCause::DwellTimeStatic => facts("dwell-time-static", "Nm", velocity, 0.0, 5.0),
+            HiddenCause::TimeDrift => facts("time-drift", "1", Some("time_s"), -0.9, 5.0),
+            HiddenCause::LoadTorqueCoulomb => {
                 facts("load-torque-coulomb", "Nm/Nm", Some("load_torque_nm"), 0.0, 1.0)
             }
-            Effect::UnmodelledInertia => {
+            HiddenCause::UnmodelledInertia => {
                 facts("unmodelled-inertia", "kg m^2", Some("acceleration_rad_s2"), -1.0, 1.0)
             }
-            Effect::Backlash => facts("backlash", "rad", velocity, 0.0, 0.1),
-            Effect::StribeckShape => facts("stribeck-shape", "1", velocity, 0.3, 8.0),
-            Effect::ChannelDelay => facts("channel-delay", "s", velocity, 0.0, 0.1),
-            Effect::OutsideCatalogue => facts("unknown", "1", None, 0.0, 0.0),
+            HiddenCause::Backlash => facts("backlash", "rad", velocity, 0.0, 0.1),
+            HiddenCause::StribeckShape => facts("stribeck-shape", "1", velocity, 0.3, 8.0),
+            HiddenCause::ChannelDelay => facts("channel-delay", "s", velocity, 0.0, 0.1),
+            HiddenCause::OutsideCatalogue => facts("unknown", "1", None, 0.0, 0.0),
         }
     }
 
@@ -143,7 +149,7 @@ impl Effect {
     /// The size at which nothing acts.
     pub const fn neutral(self) -> f64 {
         match self {
-            Effect::StribeckShape => 2.0,
+            HiddenCause::StribeckShape => 2.0,
             _ => 0.0,
         }
     }
@@ -155,16 +161,16 @@ mod tests {
 
     #[test]
     fn names_are_distinct_and_read_back() {
-        for effect in Effect::ALL {
-            assert_eq!(Effect::parse(effect.name()), Some(effect));
+        for effect in HiddenCause::ALL {
+            assert_eq!(HiddenCause::parse(effect.name()), Some(effect));
         }
-        assert_eq!(Effect::parse("none"), None);
-        assert_eq!(Effect::parse(""), None);
+        assert_eq!(HiddenCause::parse("none"), None);
+        assert_eq!(HiddenCause::parse(""), None);
     }
 
     #[test]
     fn the_neutral_size_may_be_asked_for() {
-        for effect in Effect::ALL {
+        for effect in HiddenCause::ALL {
             let (least, most) = effect.bounds();
             assert!((least..=most).contains(&effect.neutral()), "{}", effect.name());
         }

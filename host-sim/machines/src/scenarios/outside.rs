@@ -1,7 +1,7 @@
 //! Structure that no cause of the catalogue has: the right answer to it is `unknown`.
 
-use super::dice::Dice;
 use super::joint::{Around, on_the_shaft};
+use super::sampler::Sampler;
 use super::setting::Setting;
 use super::surroundings::{Condition, Extra, Signal};
 
@@ -59,11 +59,11 @@ pub(super) struct Outside {
 
 impl Flavour {
     /// One at random, to be [placed](Self::placed) when the campaign is known.
-    pub fn draw(dice: &mut Dice) -> Self {
-        let curve = dice.pick(&[Curve::Straight, Curve::Square, Curve::Step]);
+    pub fn draw(sampler: &mut Sampler) -> Self {
+        let curve = sampler.pick(&[Curve::Straight, Curve::Square, Curve::Step]);
         let curve = curve.unwrap_or(Curve::Straight);
         let column = |extra| Flavour::Column { extra, from: 0.0, range: 1.0, curve };
-        match dice.below(6) {
+        match sampler.below(6) {
             // Never straight: that would be hard to tell from anything else that warms up.
             0 => Flavour::Temperature { from_c: 0.0, range_k: 1.0, curve: Curve::Step },
             1 => column(Extra::Humidity),
@@ -71,14 +71,14 @@ impl Flavour {
             3 => Flavour::Band { speed: 1.0, width: 1.0 },
             4 => Flavour::Cable { from: Extra::CableTension.range().0 },
             _ => Flavour::Scratch {
-                angle: dice.between(-3.0, 3.0),
-                width: dice.log_between(0.06, 0.3),
+                angle: sampler.between(-3.0, 3.0),
+                width: sampler.log_between(0.06, 0.3),
             },
         }
     }
 
     /// Over the range its column really has in a campaign.
-    pub fn placed(self, dice: &mut Dice, setting: &Setting) -> Self {
+    pub fn placed(self, sampler: &mut Sampler, setting: &Setting) -> Self {
         let range = |signal: &dyn Fn(&Condition) -> Signal| {
             let ends = setting.runs.iter().flat_map(|run| {
                 let signal = signal(&run.condition);
@@ -99,8 +99,8 @@ impl Flavour {
                 // Above the Stribeck velocity, or the law would take the bump for its own curve.
                 let most = 0.7 * setting.top_rad_s;
                 let least = (4.0 * setting.seal.stribeck_rad_s).min(0.7 * most);
-                let speed = dice.log_between(least, most);
-                Flavour::Band { speed, width: speed * dice.between(0.15, 0.3) }
+                let speed = sampler.log_between(least, most);
+                Flavour::Band { speed, width: speed * sampler.between(0.15, 0.3) }
             }
             other => other,
         }

@@ -5,9 +5,9 @@
 //! ways, rests. The remaining runs lean towards the motions in which the hidden effect shows, as
 //! whoever plans measurements of a joint with a problem would choose them.
 
-use super::dice::Dice;
-use super::effect::Effect;
+use super::hidden_cause::HiddenCause;
 use super::motion::{Motion, Speeds, Wave};
+use super::sampler::Sampler;
 use crate::friction::Seal;
 use std::f64::consts::TAU;
 
@@ -37,17 +37,17 @@ const STYLES: [Style; 8] = [
 ];
 
 /// Motions in which an effect shows.
-fn favoured(effect: Effect) -> &'static [Style] {
+fn favoured(effect: HiddenCause) -> &'static [Style] {
     use Style::{Fast, OneWay, Presliding, Rests, Several, Slow, Stairs, Triangle};
     match effect {
-        Effect::RadialForceRate => &[Rests, Presliding, Slow],
-        Effect::TemperatureViscous | Effect::QuadraticDrag => &[Fast, Stairs, OneWay],
-        Effect::PositionRipple | Effect::GravityImbalance => &[Stairs, Fast, OneWay],
-        Effect::DwellTimeStatic => &[Rests],
-        Effect::Backlash => &[Triangle, Slow, Rests],
-        Effect::StribeckShape => &[Slow, Triangle, Rests],
-        Effect::UnmodelledInertia => &[Fast, Several],
-        Effect::ChannelDelay => &[Several, Triangle, Fast],
+        HiddenCause::RadialForceRate => &[Rests, Presliding, Slow],
+        HiddenCause::TemperatureViscous | HiddenCause::QuadraticDrag => &[Fast, Stairs, OneWay],
+        HiddenCause::PositionRipple | HiddenCause::GravityImbalance => &[Stairs, Fast, OneWay],
+        HiddenCause::DwellTimeStatic => &[Rests],
+        HiddenCause::Backlash => &[Triangle, Slow, Rests],
+        HiddenCause::StribeckShape => &[Slow, Triangle, Rests],
+        HiddenCause::UnmodelledInertia => &[Fast, Several],
+        HiddenCause::ChannelDelay => &[Several, Triangle, Fast],
         _ => &STYLES,
     }
 }
@@ -84,47 +84,47 @@ impl Drive {
 
 /// A motion for each of so many runs.
 pub(super) fn motions(
-    dice: &mut Dice,
+    sampler: &mut Sampler,
     seal: &Seal,
     drive: &Drive,
-    effects: &[Effect],
+    effects: &[HiddenCause],
     runs: usize,
 ) -> Vec<Motion> {
     let mut styles: Vec<Style> = STYLES.into_iter().take(runs).collect();
     while styles.len() < runs {
-        let effect = dice.pick(effects);
-        let leaning = effect.filter(|_| dice.chance(0.65)).map_or(&STYLES[..], favoured);
-        styles.extend(dice.pick(leaning));
+        let effect = sampler.pick(effects);
+        let leaning = effect.filter(|_| sampler.chance(0.65)).map_or(&STYLES[..], favoured);
+        styles.extend(sampler.pick(leaning));
     }
     // The order of the runs must say nothing about their motion, or drift would look like it.
-    dice.shuffle(&mut styles);
-    styles.into_iter().map(|style| motion(dice, seal, drive, style)).collect()
+    sampler.shuffle(&mut styles);
+    styles.into_iter().map(|style| motion(sampler, seal, drive, style)).collect()
 }
 
-fn motion(dice: &mut Dice, seal: &Seal, drive: &Drive, style: Style) -> Motion {
+fn motion(sampler: &mut Sampler, seal: &Seal, drive: &Drive, style: Style) -> Motion {
     let stribeck = seal.stribeck_rad_s;
     match style {
         Style::Fast => {
-            let peak = drive.top_rad_s * dice.between(0.5, 1.0);
-            sine(drive, peak, dice.between(0.15, 0.4))
+            let peak = drive.top_rad_s * sampler.between(0.5, 1.0);
+            sine(drive, peak, sampler.between(0.15, 0.4))
         }
         Style::Slow => {
-            let (peak, hz) = (stribeck * dice.between(2.0, 5.0), dice.between(0.2, 0.6));
+            let (peak, hz) = (stribeck * sampler.between(2.0, 5.0), sampler.between(0.2, 0.6));
             sine(drive, peak, hz)
         }
         Style::Presliding => {
-            let share = dice.between(3.0, 8.0);
+            let share = sampler.between(3.0, 8.0);
             // From end to end of the bristles' travel in no less than four samples.
             let resolved = drive.rate_hz / (2.0 * TAU * share);
-            let hz = resolved.min(4.0) * dice.between(0.6, 1.0);
+            let hz = resolved.min(4.0) * sampler.between(0.6, 1.0);
             let travel = share * seal.static_nm / seal.k0;
-            Motion::Presliding { travel, hz, growth: drive.seconds * dice.between(0.6, 1.0) }
+            Motion::Presliding { travel, hz, growth: drive.seconds * sampler.between(0.6, 1.0) }
         }
-        Style::Several => several(dice, drive),
-        Style::Stairs => stairs(dice, stribeck, drive, false),
-        Style::OneWay => stairs(dice, stribeck, drive, true),
-        Style::Rests => rests(dice, stribeck, drive),
-        Style::Triangle => triangle(dice, stribeck, drive),
+        Style::Several => several(sampler, drive),
+        Style::Stairs => stairs(sampler, stribeck, drive, false),
+        Style::OneWay => stairs(sampler, stribeck, drive, true),
+        Style::Rests => rests(sampler, stribeck, drive),
+        Style::Triangle => triangle(sampler, stribeck, drive),
     }
 }
 
@@ -136,12 +136,12 @@ fn sine(drive: &Drive, peak: f64, hz: f64) -> Motion {
     Motion::Waves(vec![Wave { peak, hz }])
 }
 
-fn several(dice: &mut Dice, drive: &Drive) -> Motion {
-    let count = 3 + dice.below(2);
+fn several(sampler: &mut Sampler, drive: &Drive) -> Motion {
+    let count = 3 + sampler.below(2);
     let fastest = (drive.rate_hz / 60.0).min(2.5);
-    let share = dice.between(0.5, 1.0) * drive.steepest_rad_s2 / count as f64;
+    let share = sampler.between(0.5, 1.0) * drive.steepest_rad_s2 / count as f64;
     let waves = (0..count).map(|_| {
-        let hz = dice.log_between(1.2 / drive.seconds, fastest.max(2.0 / drive.seconds));
+        let hz = sampler.log_between(1.2 / drive.seconds, fastest.max(2.0 / drive.seconds));
         let peak = (share / (TAU * hz)).min(drive.top_rad_s / count as f64);
         Wave { peak, hz }
     });
@@ -149,15 +149,15 @@ fn several(dice: &mut Dice, drive: &Drive) -> Motion {
 }
 
 /// Constant speeds with ramps between them.
-fn stairs(dice: &mut Dice, stribeck: f64, drive: &Drive, one_way: bool) -> Motion {
-    let mut speeds = Speeds::from_rest(dice.chance(0.5));
-    let mut side = dice.sign();
+fn stairs(sampler: &mut Sampler, stribeck: f64, drive: &Drive, one_way: bool) -> Motion {
+    let mut speeds = Speeds::from_rest(sampler.chance(0.5));
+    let mut side = sampler.sign();
     while speeds.end() < drive.seconds {
-        let size = dice.log_between(0.4 * stribeck, drive.top_rad_s);
-        if !one_way && dice.chance(0.7) {
+        let size = sampler.log_between(0.4 * stribeck, drive.top_rad_s);
+        if !one_way && sampler.chance(0.7) {
             side = -side;
         }
-        let steepest = drive.steepest_rad_s2 * dice.between(0.4, 0.65);
+        let steepest = drive.steepest_rad_s2 * sampler.between(0.4, 0.65);
         // What can be reached within a part of the run.
         let reach = speeds.velocity() + side * size;
         let change = (reach - speeds.velocity()).abs().max((side * size - speeds.velocity()).abs());
@@ -166,37 +166,37 @@ fn stairs(dice: &mut Dice, stribeck: f64, drive: &Drive, one_way: bool) -> Motio
             if change / steepest > longest { size * longest * steepest / change } else { size };
         let seconds = (side * size - speeds.velocity()).abs() / steepest;
         speeds.ramp(side * size, seconds.max(0.02));
-        speeds.hold(dice.between(0.3, 1.5));
+        speeds.hold(sampler.between(0.3, 1.5));
     }
     Motion::Speeds(speeds)
 }
 
 /// Starts, short ways and rests of very different length.
-fn rests(dice: &mut Dice, stribeck: f64, drive: &Drive) -> Motion {
-    let mut speeds = Speeds::from_rest(dice.chance(0.5));
-    let mut side = dice.sign();
+fn rests(sampler: &mut Sampler, stribeck: f64, drive: &Drive) -> Motion {
+    let mut speeds = Speeds::from_rest(sampler.chance(0.5));
+    let mut side = sampler.sign();
     while speeds.end() < drive.seconds {
-        speeds.hold(dice.log_between(0.05, drive.longest_rest_s));
-        if dice.chance(0.5) {
+        speeds.hold(sampler.log_between(0.05, drive.longest_rest_s));
+        if sampler.chance(0.5) {
             side = -side;
         }
-        let size = stribeck * dice.log_between(0.8, 8.0);
-        let steepest = dice.log_between(0.15, 1.0) * drive.steepest_rad_s2 * 0.6;
+        let size = stribeck * sampler.log_between(0.8, 8.0);
+        let steepest = sampler.log_between(0.15, 1.0) * drive.steepest_rad_s2 * 0.6;
         let seconds = (size / steepest).clamp(0.05, 2.0);
         speeds.ramp(side * size, seconds);
-        speeds.hold(dice.between(0.1, 0.8));
+        speeds.hold(sampler.between(0.1, 0.8));
         speeds.ramp(0.0, (size / (0.5 * drive.steepest_rad_s2)).max(0.05));
     }
     Motion::Speeds(speeds)
 }
 
 /// Slow straight ramps through zero.
-fn triangle(dice: &mut Dice, stribeck: f64, drive: &Drive) -> Motion {
+fn triangle(sampler: &mut Sampler, stribeck: f64, drive: &Drive) -> Motion {
     let mut speeds = Speeds::from_rest(false);
-    let mut peak = stribeck * dice.between(1.2, 4.0) * dice.sign();
+    let mut peak = stribeck * sampler.between(1.2, 4.0) * sampler.sign();
     while speeds.end() < drive.seconds {
         let rise = (peak - speeds.velocity()).abs();
-        speeds.ramp(peak, dice.between(0.6, 2.0).max(rise / drive.steepest_rad_s2));
+        speeds.ramp(peak, sampler.between(0.6, 2.0).max(rise / drive.steepest_rad_s2));
         peak = -peak;
     }
     Motion::Speeds(speeds)

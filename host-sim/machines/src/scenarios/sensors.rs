@@ -3,8 +3,8 @@
 //! A sensor's resolution is also that of the number in the file, so a log in memory and one
 //! that was read back from `data.csv` are the same.
 
-use super::dice::Dice;
 use super::motion::Motion;
+use super::sampler::Sampler;
 use super::setting::{RunSetting, Setting};
 use super::surroundings::Condition;
 use crate::log::{Log, LoggedRun};
@@ -22,16 +22,16 @@ pub(super) struct Sensors {
 }
 
 impl Sensors {
-    pub fn draw(dice: &mut Dice) -> Self {
-        let jitter = if dice.chance(0.5) { dice.between(0.0, 0.1) } else { 0.0 };
-        Self { jitter, gaps: dice.chance(1.0 / 3.0), encoder: dice.chance(0.4) }
+    pub fn draw(sampler: &mut Sampler) -> Self {
+        let jitter = if sampler.chance(0.5) { sampler.between(0.0, 0.1) } else { 0.0 };
+        Self { jitter, gaps: sampler.chance(1.0 / 3.0), encoder: sampler.chance(0.4) }
     }
 
     /// When the samples of a run are taken, s from its start. None are in `lost`. The first is taken
     /// at rest: what bristles hold in a motion that has just begun nobody can know.
     pub fn times(
         &self,
-        dice: &mut Dice,
+        sampler: &mut Sampler,
         rate_hz: f64,
         seconds: f64,
         lost: &Range<f64>,
@@ -40,7 +40,7 @@ impl Sensors {
         (0..rows)
             .map(|row| {
                 let jitters = self.jitter > 0.0 && row > 0;
-                let shift = if jitters { self.jitter * dice.between(-0.5, 0.5) } else { 0.0 };
+                let shift = if jitters { self.jitter * sampler.between(-0.5, 0.5) } else { 0.0 };
                 rounded((row as f64 + shift) / rate_hz, MICRO)
             })
             .filter(|t| !lost.contains(t))
@@ -49,13 +49,13 @@ impl Sensors {
 
     /// The packets that are lost in a run, s: mostly none. The log resumes where the joint has been
     /// sliding for a while, so that what the bristles hold is known again.
-    pub fn lost(&self, dice: &mut Dice, motion: &Motion, size: &LossSize) -> Range<f64> {
-        if !self.gaps || !dice.chance(0.4) {
+    pub fn lost(&self, sampler: &mut Sampler, motion: &Motion, size: &LossSize) -> Range<f64> {
+        if !self.gaps || !sampler.chance(0.4) {
             return 0.0..0.0;
         }
         let seconds = size.seconds;
-        let length = dice.log_between(0.05, 0.06 + 0.1 * seconds).max(12.0 / size.rate_hz);
-        let resumes = (0..20).map(|_| dice.between(0.3, 0.9) * seconds).find(|&end| {
+        let length = sampler.log_between(0.05, 0.06 + 0.1 * seconds).max(12.0 / size.rate_hz);
+        let resumes = (0..20).map(|_| sampler.between(0.3, 0.9) * seconds).find(|&end| {
             let (before, now) = (motion.at(end - SLIDING_S), motion.at(end));
             let travel = (now.angle - before.angle).abs();
             before.velocity * now.velocity > 0.0 && travel > size.sliding_rad
@@ -125,13 +125,13 @@ fn logged(
     torque: &[f64],
     noise_nm: f64,
 ) -> LoggedRun {
-    let mut dice = Dice::new(run.seed, 1);
-    let noise: Vec<f64> = torque.iter().map(|_| noise_nm * dice.normal()).collect();
+    let mut sampler = Sampler::new(run.seed, 1);
+    let noise: Vec<f64> = torque.iter().map(|_| noise_nm * sampler.normal()).collect();
     let instants: Vec<_> = run.times.iter().map(|&t| run.motion.at(t)).collect();
     let steepest = instants.iter().map(|at| at.acceleration.abs()).fold(0.0, f64::max);
     let encoder = setting.sensors.encoder;
     let velocity = instants.iter().map(|at| {
-        let error = if encoder { VELOCITY_ERROR * at.velocity * dice.normal() } else { 0.0 };
+        let error = if encoder { VELOCITY_ERROR * at.velocity * sampler.normal() } else { 0.0 };
         rounded(at.velocity + error, NANO)
     });
     let velocity: Vec<f64> = velocity.collect();
@@ -140,7 +140,7 @@ fn logged(
         rounded(if encoder { rounded(angle, ENCODER_STEPS) } else { angle }, NANO)
     };
     let acceleration = instants.iter().map(|at| {
-        let error = if encoder { 2e-3 * steepest * dice.normal() } else { 0.0 };
+        let error = if encoder { 2e-3 * steepest * sampler.normal() } else { 0.0 };
         rounded(at.acceleration + error, MICRO)
     });
     let acceleration: Vec<f64> = acceleration.collect();

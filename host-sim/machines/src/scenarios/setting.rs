@@ -1,11 +1,11 @@
-//! Where a world's data come from, before anything is hidden: seal, campaign, sensors.
+//! Where a scenario's data come from, before anything is hidden: seal, campaign, sensors.
 
-use super::dice::Dice;
 use super::dynamics::{Path, torque};
-use super::effect::Effect;
 use super::excite::{Drive, motions};
+use super::hidden_cause::HiddenCause;
 use super::joint::Joint;
 use super::motion::Motion;
+use super::sampler::Sampler;
 use super::sensors::{LossSize, Sensors};
 use super::surroundings::{Condition, Extra, Signal};
 use crate::friction::Seal;
@@ -81,36 +81,36 @@ struct Size {
     seconds: f64,
 }
 
-fn size(dice: &mut Dice, effects: &[Effect], options: &Options) -> Size {
+fn size(sampler: &mut Sampler, effects: &[HiddenCause], options: &Options) -> Size {
     // Contact ages over many seconds: such a campaign is long, and so its rate is low.
-    let ages = effects.contains(&Effect::DwellTimeStatic);
-    let drawn_rate = dice.log_between(100.0, if ages { 300.0 } else { 2000.0 });
+    let ages = effects.contains(&HiddenCause::DwellTimeStatic);
+    let drawn_rate = sampler.log_between(100.0, if ages { 300.0 } else { 2000.0 });
     let rate_hz = options.rate_hz.unwrap_or((drawn_rate / 5.0).round() * 5.0);
-    let rows = dice.log_between(ROWS.0, ROWS.1);
+    let rows = sampler.log_between(ROWS.0, ROWS.1);
     // Enough seconds for six runs that show something; not so many that they are all alike.
     let least_s = if ages { 100.0 } else { 28.0 };
     let total = (rows / rate_hz).max(least_s).min(ROWS.1 / rate_hz).min(170.0);
     let (shortest, longest): (f64, f64) = if ages { (10.0, 22.0) } else { (2.2, 12.0) };
-    let drawn = dice.log_between(shortest.max(total / 40.0), longest);
+    let drawn = sampler.log_between(shortest.max(total / 40.0), longest);
     let drawn = options.seconds.unwrap_or(drawn);
     let runs = options.runs.unwrap_or(((total / drawn).round() as usize).clamp(6, 40));
     let seconds = options.seconds.unwrap_or((total / runs as f64).max(1.0));
     Size { rate_hz, runs, seconds }
 }
 
-fn seal(dice: &mut Dice, rate_hz: f64, effects: &[Effect]) -> Seal {
-    let coulomb_nm = dice.between(1.6, 2.4);
-    let static_nm = coulomb_nm * dice.between(1.15, 1.55);
+fn seal(sampler: &mut Sampler, rate_hz: f64, effects: &[HiddenCause]) -> Seal {
+    let coulomb_nm = sampler.between(1.6, 2.4);
+    let static_nm = coulomb_nm * sampler.between(1.15, 1.55);
     // A log must be able to follow the bristles at an acceleration worth having.
     let stiffest = (2.0 * static_nm * rate_hz * rate_hz / 9.0).clamp(2.5e3, 2e4);
-    let films = effects.contains(&Effect::TemperatureViscous);
+    let films = effects.contains(&HiddenCause::TemperatureViscous);
     Seal {
-        k0: dice.log_between(2e3, stiffest),
-        k1: dice.between(5.0, 40.0),
-        k2: if films { dice.between(0.07, 0.12) } else { dice.between(0.02, 0.1) },
+        k0: sampler.log_between(2e3, stiffest),
+        k1: sampler.between(5.0, 40.0),
+        k2: if films { sampler.between(0.07, 0.12) } else { sampler.between(0.02, 0.1) },
         coulomb_nm,
         static_nm,
-        stribeck_rad_s: dice.log_between(0.05, 0.25),
+        stribeck_rad_s: sampler.log_between(0.05, 0.25),
         per_pressure: 0.0,
         per_force: 0.0,
         eta3: 0.0,
@@ -118,49 +118,52 @@ fn seal(dice: &mut Dice, rate_hz: f64, effects: &[Effect]) -> Seal {
 }
 
 fn conditions(
-    dice: &mut Dice,
+    sampler: &mut Sampler,
     size: &Size,
-    effects: &[Effect],
+    effects: &[HiddenCause],
     extras: &[Extra],
 ) -> Vec<Condition> {
-    let lively = effects.contains(&Effect::RadialForceRate);
-    let (cycles, turn) = (dice.between(0.8, 2.3), dice.between(0.0, TAU));
-    let (middle_c, half_c) = (dice.between(10.0, 25.0), 0.5 * dice.between(10.0, 30.0));
-    let greased: Vec<usize> = (0..2).map(|_| 1 + dice.below(size.runs.max(2) - 1)).collect();
-    let mut greased_s = -3600.0 * dice.between(0.0, 10.0);
+    let lively = effects.contains(&HiddenCause::RadialForceRate);
+    let (cycles, turn) = (sampler.between(0.8, 2.3), sampler.between(0.0, TAU));
+    let (middle_c, half_c) = (sampler.between(10.0, 25.0), 0.5 * sampler.between(10.0, 30.0));
+    let greased: Vec<usize> = (0..2).map(|_| 1 + sampler.below(size.runs.max(2) - 1)).collect();
+    let mut greased_s = -3600.0 * sampler.between(0.0, 10.0);
     let mut start_s = 0.0;
     (0..size.runs)
         .map(|index| {
             let turned = TAU * cycles * index as f64 / size.runs as f64 + turn;
-            let swing_n = if lively { dice.between(4.0, 10.0) } else { dice.between(1.0, 8.0) };
-            let swing = |dice: &mut Dice, swing: f64| Signal {
+            let swing_n =
+                if lively { sampler.between(4.0, 10.0) } else { sampler.between(1.0, 8.0) };
+            let swing = |sampler: &mut Sampler, swing: f64| Signal {
                 swing,
-                hz: dice.between(0.5, 3.0),
-                phase: dice.between(0.0, TAU),
+                hz: sampler.between(0.5, 3.0),
+                phase: sampler.between(0.0, TAU),
                 ..Signal::default()
             };
-            let force = Signal { level: dice.between(12.0, 60.0), ..swing(dice, swing_n) };
-            let load_nm = dice.between(0.3, 2.0);
-            let load =
-                Signal { level: dice.sign() * dice.between(0.5, 10.0), ..swing(dice, load_nm) };
+            let force = Signal { level: sampler.between(12.0, 60.0), ..swing(sampler, swing_n) };
+            let load_nm = sampler.between(0.3, 2.0);
+            let load = Signal {
+                level: sampler.sign() * sampler.between(0.5, 10.0),
+                ..swing(sampler, load_nm)
+            };
             let pressure = Signal {
-                level: dice.between(1e4, 3e5),
-                per_s: dice.between(-8e3, 8e3) / size.seconds,
+                level: sampler.between(1e4, 3e5),
+                per_s: sampler.between(-8e3, 8e3) / size.seconds,
                 ..Signal::default()
             };
             let temperature = Signal {
-                level: middle_c + half_c * (0.8 * turned.sin() + 0.2 * dice.between(-1.0, 1.0)),
-                per_s: dice.between(-0.8, 0.8) / size.seconds,
-                swing: dice.between(0.05, 0.3),
-                hz: dice.between(0.02, 0.08),
-                phase: dice.between(0.0, TAU),
+                level: middle_c + half_c * (0.8 * turned.sin() + 0.2 * sampler.between(-1.0, 1.0)),
+                per_s: sampler.between(-0.8, 0.8) / size.seconds,
+                swing: sampler.between(0.05, 0.3),
+                hz: sampler.between(0.02, 0.08),
+                phase: sampler.between(0.0, TAU),
             };
             if greased.contains(&index) {
-                greased_s = start_s - dice.between(60.0, 600.0);
+                greased_s = start_s - sampler.between(60.0, 600.0);
             }
             let extras = extras.iter().map(|&extra| {
                 let (least, most) = extra.range();
-                let level = dice.between(least, most);
+                let level = sampler.between(least, most);
                 let small = 0.02 * (most - least);
                 let signal = match extra {
                     Extra::LubricantAge => Signal {
@@ -168,10 +171,10 @@ fn conditions(
                         per_s: 1.0 / 3600.0,
                         ..Signal::default()
                     },
-                    Extra::CableTension => Signal { level, ..swing(dice, 0.1 * (most - least)) },
+                    Extra::CableTension => Signal { level, ..swing(sampler, 0.1 * (most - least)) },
                     _ => Signal {
                         level,
-                        per_s: dice.between(-small, small) / size.seconds,
+                        per_s: sampler.between(-small, small) / size.seconds,
                         ..Signal::default()
                     },
                 };
@@ -179,7 +182,7 @@ fn conditions(
             });
             let extras = extras.collect();
             let condition = Condition { start_s, force, pressure, temperature, load, extras };
-            start_s += size.seconds + dice.log_between(120.0, 3600.0);
+            start_s += size.seconds + sampler.log_between(120.0, 3600.0);
             condition
         })
         .collect()
@@ -187,16 +190,21 @@ fn conditions(
 
 /// Conditions in which no two quantities, nor one and the time, go together by chance: with six
 /// runs they easily do, and then no data could tell their effects apart.
-fn unrelated(dice: &mut Dice, size: &Size, effects: &[Effect], extras: &[Extra]) -> Vec<Condition> {
+fn unrelated(
+    sampler: &mut Sampler,
+    size: &Size,
+    effects: &[HiddenCause],
+    extras: &[Extra],
+) -> Vec<Condition> {
     const TRIES: usize = 60;
     const ENOUGH: f64 = 0.5;
-    let mut best = conditions(dice, size, effects, extras);
+    let mut best = conditions(sampler, size, effects, extras);
     let mut least = closest(&best);
     for _ in 1..TRIES {
         if least < ENOUGH {
             break;
         }
-        let next = conditions(dice, size, effects, extras);
+        let next = conditions(sampler, size, effects, extras);
         let relation = closest(&next);
         if relation < least {
             (best, least) = (next, relation);
@@ -240,17 +248,17 @@ pub(super) fn correlation(one: &[f64], other: &[f64]) -> f64 {
 }
 
 /// The optional columns a log has: those an effect follows always, others mostly.
-fn columns(dice: &mut Dice, effects: &[Effect], extras: &[Extra]) -> Vec<&'static str> {
+fn columns(sampler: &mut Sampler, effects: &[HiddenCause], extras: &[Extra]) -> Vec<&'static str> {
     let mut columns: Vec<&'static str> = Vec::new();
     let own = |column: &str| effects.iter().any(|effect| effect.column() == Some(column));
     for (column, share) in [("position_rad", 0.9), ("acceleration_rad_s2", 0.25)] {
         // Acceleration is the slope of velocity: no effect needs it measured.
-        if dice.chance(share) || (own(column) && column == "position_rad") {
+        if sampler.chance(share) || (own(column) && column == "position_rad") {
             columns.push(column);
         }
     }
     for column in COVARIATES {
-        if dice.chance(0.75) || own(column) {
+        if sampler.chance(0.75) || own(column) {
             columns.push(column);
         }
     }
@@ -260,39 +268,43 @@ fn columns(dice: &mut Dice, effects: &[Effect], extras: &[Extra]) -> Vec<&'stati
 
 impl Setting {
     /// Draws a campaign in which `effects` would show.
-    pub fn draw(seed: u64, effects: &[Effect], extras: &[Extra], options: &Options) -> Self {
-        let mut dice = Dice::new(seed, 0);
-        let size = size(&mut dice, effects, options);
-        let seal = seal(&mut dice, size.rate_hz, effects);
+    pub fn draw(seed: u64, effects: &[HiddenCause], extras: &[Extra], options: &Options) -> Self {
+        let mut sampler = Sampler::new(seed, 0);
+        let size = size(&mut sampler, effects, options);
+        let seal = seal(&mut sampler, size.rate_hz, effects);
         let drive = Drive {
-            top_rad_s: dice.between(4.0, 10.47),
+            top_rad_s: sampler.between(4.0, 10.47),
             steepest_rad_s2: Drive::steepest(&seal, size.rate_hz),
             longest_rest_s: (0.6 * size.seconds).clamp(0.1, 20.0),
             rate_hz: size.rate_hz,
             seconds: size.seconds,
         };
-        let sensors = Sensors::draw(&mut dice);
+        let sensors = Sensors::draw(&mut sampler);
         let loss = LossSize {
             rate_hz: size.rate_hz,
             seconds: size.seconds,
             sliding_rad: 8.0 * seal.static_nm / seal.k0,
         };
         let mut extras = extras.to_vec();
-        if extras.is_empty() && dice.chance(0.3) {
-            extras.extend(dice.pick(&[Extra::Humidity, Extra::SupplyVoltage, Extra::CableTension]));
+        if extras.is_empty() && sampler.chance(0.3) {
+            extras.extend(sampler.pick(&[
+                Extra::Humidity,
+                Extra::SupplyVoltage,
+                Extra::CableTension,
+            ]));
         }
-        let columns = columns(&mut dice, effects, &extras);
-        let motions = motions(&mut dice, &seal, &drive, effects, size.runs);
-        let conditions = unrelated(&mut dice, &size, effects, &extras);
+        let columns = columns(&mut sampler, effects, &extras);
+        let motions = motions(&mut sampler, &seal, &drive, effects, size.runs);
+        let conditions = unrelated(&mut sampler, &size, effects, &extras);
         let runs: Vec<RunSetting> = motions
             .into_iter()
             .zip(conditions)
             .map(|(motion, condition)| {
-                let lost = sensors.lost(&mut dice, &motion, &loss);
-                let times = sensors.times(&mut dice, size.rate_hz, size.seconds, &lost);
-                let start_angle = dice.between(-TAU, TAU);
-                let held = dice.between(-0.6, 0.6);
-                RunSetting { motion, start_angle, condition, times, held, seed: dice.seed() }
+                let lost = sensors.lost(&mut sampler, &motion, &loss);
+                let times = sensors.times(&mut sampler, size.rate_hz, size.seconds, &lost);
+                let start_angle = sampler.between(-TAU, TAU);
+                let held = sampler.between(-0.6, 0.6);
+                RunSetting { motion, start_angle, condition, times, held, seed: sampler.seed() }
             })
             .collect();
         let peaks = runs.iter().map(|run| run.motion.peak(size.seconds));

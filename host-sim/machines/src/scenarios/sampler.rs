@@ -1,17 +1,17 @@
-//! Random numbers with names: what a world is drawn with.
+//! Random numbers with names: what a scenario is drawn with.
 
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-/// A seeded source of everything random in a world. The same seed gives the same world on every
+/// A seeded source of everything random in a scenario. The same seed gives the same scenario on every
 /// machine, for the generator is value-stable and nothing depends on the order of threads.
-pub(super) struct Dice(Pcg64);
+pub(super) struct Sampler(Pcg64);
 
 /// A logarithm needs a positive number.
 const TINY: f64 = 1e-12;
 
-impl Dice {
+impl Sampler {
     /// A source of its own for each pair of a seed and a purpose.
     pub fn new(seed: u64, purpose: u64) -> Self {
         Self(Pcg64::seed_from_u64(mixed(seed ^ mixed(purpose))))

@@ -1,7 +1,7 @@
 //! What surrounds a joint during a run: side load, pressure, temperature, load, and more.
 //!
 //! Each quantity has a level of the run, a mild ramp and a slow swing. They are drawn independently
-//! of each other; kinds of world that want two of them to move together say so afterwards.
+//! of each other; kinds of scenario that want two of them to move together say so afterwards.
 
 use std::f64::consts::TAU;
 
@@ -96,7 +96,7 @@ pub(super) struct Condition {
 }
 
 impl Condition {
-    /// An extra column's signal; nothing where the world has no such column.
+    /// An extra column's signal; nothing where the scenario has no such column.
     pub fn extra(&self, extra: Extra) -> Signal {
         let found = self.extras.iter().find(|(known, _)| *known == extra);
         found.map_or_else(Signal::default, |(_, signal)| *signal)

@@ -1,16 +1,16 @@
 //! An effect with its size and everything else that makes it the one it is.
 
-use super::dice::Dice;
-use super::effect::Effect;
+use super::hidden_cause::HiddenCause;
 use super::joint::{Drift, Dwell, Joint, Play, Thinning, Wave};
 use super::outside::{Flavour, Outside};
+use super::sampler::Sampler;
 use super::setting::Setting;
 use std::f64::consts::TAU;
 
 /// What is drawn beside the size.
 #[derive(Clone, Debug)]
-pub(super) struct HiddenEffect {
-    pub effect: Effect,
+pub(super) struct DrawnCause {
+    pub effect: HiddenCause,
     /// By the convention of the catalogue's term.
     pub size: f64,
     /// Of a ripple, 1/rad.
@@ -32,29 +32,29 @@ const ORDERS: (f64, f64) = (1.0, 250.0);
 /// Most samples a channel is late, so that a driver's delay line can hold them.
 const LATEST_SAMPLES: f64 = 28.0;
 
-impl HiddenEffect {
+impl DrawnCause {
     /// Draws an effect for a campaign, at a size to begin with.
     pub fn draw(
-        dice: &mut Dice,
-        effect: Effect,
+        sampler: &mut Sampler,
+        effect: HiddenCause,
         setting: &Setting,
         flavour: Option<Flavour>,
     ) -> Self {
-        let order = dice.log_between(ORDERS.0, ORDERS.1);
-        let whole = dice.chance(0.5);
+        let order = sampler.log_between(ORDERS.0, ORDERS.1);
+        let whole = sampler.chance(0.5);
         let levels = setting.runs.iter().map(|run| run.condition.temperature.level);
         let (least_c, most_c) =
             levels.fold((f64::INFINITY, -f64::INFINITY), |(l, m), c| (l.min(c), m.max(c)));
-        let run_in = dice.chance(0.5);
-        let time = dice.between(0.15, 0.5) * setting.campaign_s;
+        let run_in = sampler.chance(0.5);
+        let time = sampler.between(0.15, 0.5) * setting.campaign_s;
         let mut hidden = Self {
             effect,
             size: 0.0,
             order: if whole { order.round() } else { order },
-            phase: dice.between(0.0, TAU),
-            reference_c: dice.between(least_c, most_c),
-            onset_s: dice.log_between(0.02, 0.5),
-            forgetting_rad: dice.log_between(5e-3, 2e-2),
+            phase: sampler.between(0.0, TAU),
+            reference_c: sampler.between(least_c, most_c),
+            onset_s: sampler.log_between(0.02, 0.5),
+            forgetting_rad: sampler.log_between(5e-3, 2e-2),
             run_in_s: run_in.then_some(time),
             campaign_s: setting.campaign_s,
             leak: 0.02,
@@ -63,9 +63,9 @@ impl HiddenEffect {
         let (least, most) = hidden.limits(setting);
         // Scaled later until it shows as wanted; which sizes are usual must tell nothing.
         hidden.size = match effect {
-            Effect::StribeckShape if dice.chance(0.6) => dice.between(0.5, 1.3),
-            Effect::StribeckShape => dice.between(3.0, 5.0),
-            _ => dice.log_between(least, most) * hidden.side(dice),
+            HiddenCause::StribeckShape if sampler.chance(0.6) => sampler.between(0.5, 1.3),
+            HiddenCause::StribeckShape => sampler.between(3.0, 5.0),
+            _ => sampler.log_between(least, most) * hidden.side(sampler),
         };
         hidden
     }
@@ -76,53 +76,53 @@ impl HiddenEffect {
     }
 
     /// The sign a size is drawn with.
-    fn side(&self, dice: &mut Dice) -> f64 {
+    fn side(&self, sampler: &mut Sampler) -> f64 {
         match self.effect {
-            Effect::DirectionAsymmetry | Effect::TorqueOffset => dice.sign(),
+            HiddenCause::DirectionAsymmetry | HiddenCause::TorqueOffset => sampler.sign(),
             // Run-in lowers friction more often than not; wear raises it as often as not.
-            Effect::TimeDrift if self.run_in_s.is_some() && dice.chance(0.8) => -1.0,
-            Effect::TimeDrift => dice.sign(),
+            HiddenCause::TimeDrift if self.run_in_s.is_some() && sampler.chance(0.8) => -1.0,
+            HiddenCause::TimeDrift => sampler.sign(),
             _ => 1.0,
         }
     }
 
     /// Whether a larger size is a larger effect in proportion, so that it can be scaled.
     pub fn scales(&self) -> bool {
-        self.effect != Effect::StribeckShape
+        self.effect != HiddenCause::StribeckShape
     }
 
     /// Smallest and largest magnitude a joint like this may have.
     pub fn limits(&self, setting: &Setting) -> (f64, f64) {
         let seal = &setting.seal;
         match self.effect {
-            Effect::RadialForceCoulomb => (5e-4, 0.05),
-            Effect::RadialForceRate => {
+            HiddenCause::RadialForceCoulomb => (5e-4, 0.05),
+            HiddenCause::RadialForceRate => {
                 // A full swing at rest bends the bristles by less than half their travel.
                 let swings = setting.runs.iter().map(|run| run.condition.force.swing);
                 let widest = swings.fold(1.0, f64::max);
                 (1e-8, 0.4 * seal.coulomb_nm / (2.0 * widest * seal.k0))
             }
-            Effect::PressureCoulomb => (5e-8, 1e-5),
-            Effect::TemperatureViscous => (0.003, 0.09),
-            Effect::PositionRipple => (0.005, 0.5),
-            Effect::GravityImbalance => (0.01, 1.2),
-            Effect::DirectionAsymmetry => (0.005, 0.4),
-            Effect::TorqueOffset => (0.01, 1.0),
-            Effect::QuadraticDrag => (1e-4, 0.03),
-            Effect::DwellTimeStatic => (0.02, 0.6),
-            Effect::TimeDrift => (0.01, 0.5),
-            Effect::LoadTorqueCoulomb => (0.002, 0.2),
-            Effect::UnmodelledInertia => (1e-3, 0.4),
-            Effect::Backlash => {
+            HiddenCause::PressureCoulomb => (5e-8, 1e-5),
+            HiddenCause::TemperatureViscous => (0.003, 0.09),
+            HiddenCause::PositionRipple => (0.005, 0.5),
+            HiddenCause::GravityImbalance => (0.01, 1.2),
+            HiddenCause::DirectionAsymmetry => (0.005, 0.4),
+            HiddenCause::TorqueOffset => (0.01, 1.0),
+            HiddenCause::QuadraticDrag => (1e-4, 0.03),
+            HiddenCause::DwellTimeStatic => (0.02, 0.6),
+            HiddenCause::TimeDrift => (0.01, 0.5),
+            HiddenCause::LoadTorqueCoulomb => (0.002, 0.2),
+            HiddenCause::UnmodelledInertia => (1e-3, 0.4),
+            HiddenCause::Backlash => {
                 let travel = seal.static_nm / seal.k0;
                 (0.3 * travel, 5.0 * travel)
             }
-            Effect::StribeckShape => (0.5, 5.0),
-            Effect::ChannelDelay => {
+            HiddenCause::StribeckShape => (0.5, 5.0),
+            HiddenCause::ChannelDelay => {
                 let most = (LATEST_SAMPLES / setting.rate_hz).min(0.03);
                 (most.min(0.002), most)
             }
-            Effect::OutsideCatalogue => {
+            HiddenCause::OutsideCatalogue => {
                 self.flavour.map_or((0.1, 0.1), |flavour| flavour.limits(seal.coulomb_nm))
             }
         }
@@ -135,37 +135,37 @@ impl HiddenEffect {
             return;
         }
         match self.effect {
-            Effect::RadialForceCoulomb => joint.seal.per_force = size,
-            Effect::RadialForceRate => joint.seal.eta3 = size,
-            Effect::PressureCoulomb => joint.seal.per_pressure = size,
-            Effect::TemperatureViscous => {
+            HiddenCause::RadialForceCoulomb => joint.seal.per_force = size,
+            HiddenCause::RadialForceRate => joint.seal.eta3 = size,
+            HiddenCause::PressureCoulomb => joint.seal.per_pressure = size,
+            HiddenCause::TemperatureViscous => {
                 joint.thinning = Some(Thinning { per_k: size, reference_c: self.reference_c });
             }
-            Effect::PositionRipple => {
+            HiddenCause::PositionRipple => {
                 joint.ripple = Some(Wave { size, order: self.order, phase: self.phase });
             }
-            Effect::GravityImbalance => {
+            HiddenCause::GravityImbalance => {
                 joint.gravity = Some(Wave { size, order: 1.0, phase: self.phase });
             }
-            Effect::DirectionAsymmetry => joint.asymmetry = size,
-            Effect::TorqueOffset => joint.offset_nm = size,
-            Effect::QuadraticDrag => joint.drag = size,
-            Effect::DwellTimeStatic => {
+            HiddenCause::DirectionAsymmetry => joint.asymmetry = size,
+            HiddenCause::TorqueOffset => joint.offset_nm = size,
+            HiddenCause::QuadraticDrag => joint.drag = size,
+            HiddenCause::DwellTimeStatic => {
                 joint.dwell = Some(Dwell {
                     gain_nm: size,
                     onset_s: self.onset_s,
                     travel_rad: self.forgetting_rad,
                 });
             }
-            Effect::TimeDrift => joint.drift = Some(self.drift()),
-            Effect::LoadTorqueCoulomb => joint.per_load = size,
-            Effect::UnmodelledInertia => joint.inertia = size,
-            Effect::Backlash => {
+            HiddenCause::TimeDrift => joint.drift = Some(self.drift()),
+            HiddenCause::LoadTorqueCoulomb => joint.per_load = size,
+            HiddenCause::UnmodelledInertia => joint.inertia = size,
+            HiddenCause::Backlash => {
                 joint.play = Some(Play { travel_rad: size, leak: self.leak });
             }
-            Effect::StribeckShape => joint.stribeck_exponent = size,
-            Effect::ChannelDelay => joint.delay_s = size,
-            Effect::OutsideCatalogue => {
+            HiddenCause::StribeckShape => joint.stribeck_exponent = size,
+            HiddenCause::ChannelDelay => joint.delay_s = size,
+            HiddenCause::OutsideCatalogue => {
                 joint.outside = self.flavour.map(|flavour| Outside { flavour, size });
             }
         }
@@ -197,14 +197,14 @@ impl HiddenEffect {
     /// What else there is to know of it, by name and value.
     pub fn details(&self) -> Vec<(&'static str, f64)> {
         match self.effect {
-            Effect::PositionRipple => vec![("order", self.order), ("phase_rad", self.phase)],
-            Effect::GravityImbalance => vec![("phase_rad", self.phase)],
-            Effect::TemperatureViscous => vec![("reference_c", self.reference_c)],
-            Effect::DwellTimeStatic => {
+            HiddenCause::PositionRipple => vec![("order", self.order), ("phase_rad", self.phase)],
+            HiddenCause::GravityImbalance => vec![("phase_rad", self.phase)],
+            HiddenCause::TemperatureViscous => vec![("reference_c", self.reference_c)],
+            HiddenCause::DwellTimeStatic => {
                 vec![("onset_s", self.onset_s), ("forgetting_travel_rad", self.forgetting_rad)]
             }
-            Effect::TimeDrift => self.run_in_s.map(|t| ("run_in_s", t)).into_iter().collect(),
-            Effect::Backlash => vec![("motion_within", self.leak)],
+            HiddenCause::TimeDrift => self.run_in_s.map(|t| ("run_in_s", t)).into_iter().collect(),
+            HiddenCause::Backlash => vec![("motion_within", self.leak)],
             _ => Vec::new(),
         }
     }

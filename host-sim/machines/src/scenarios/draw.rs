@@ -1,17 +1,17 @@
-//! Draws a world: a campaign, what is hidden in it, and how large that must be to show.
+//! Draws a scenario: a campaign, what is hidden in it, and how large that must be to show.
 
-use super::World;
+use super::Scenario;
 use super::arrange::{Arrangement, confounded, correlation_over_rows, with_decoy};
-use super::dice::Dice;
-use super::effect::Effect;
-use super::hidden::HiddenEffect;
+use super::drawn_cause::DrawnCause;
+use super::hidden_cause::HiddenCause;
 use super::joint::Joint;
 use super::kind::Kind;
 use super::outside::Flavour;
+use super::sampler::Sampler;
 use super::sensors;
 use super::setting::{Options, Setting};
 use super::surroundings::Extra;
-use super::truth::{Decoy, Hidden, WorldTruth};
+use super::truth::{Decoy, Hidden, ScenarioTruth};
 
 /// An effect's visible RMS over the noise.
 const OVER_NOISE: (f64, f64) = (0.3, 3.0);
@@ -27,33 +27,33 @@ const ATTEMPTS: u64 = 8;
 
 type Torques = Vec<Vec<f64>>;
 
-/// What a kind of world is made of.
+/// What a kind of scenario is made of.
 struct Recipe {
-    effects: Vec<Effect>,
+    effects: Vec<HiddenCause>,
     arrangement: Arrangement,
 }
 
-fn recipe(dice: &mut Dice, kind: Kind) -> Recipe {
+fn recipe(sampler: &mut Sampler, kind: Kind) -> Recipe {
     let independent = |effects| Recipe { effects, arrangement: Arrangement::Independent };
     match kind {
         Kind::None => independent(Vec::new()),
         Kind::One(effect) => independent(vec![effect]),
         Kind::Two(first, second) if first == second => independent(vec![first]),
         Kind::Two(first, second) => independent(vec![first, second]),
-        Kind::Outside => independent(vec![Effect::OutsideCatalogue]),
+        Kind::Outside => independent(vec![HiddenCause::OutsideCatalogue]),
         Kind::Confounded => {
-            let (effect, arrangement) = confounded(dice);
+            let (effect, arrangement) = confounded(sampler);
             Recipe { effects: vec![effect], arrangement }
         }
         Kind::Decoy => {
-            let (effect, arrangement) = with_decoy(dice);
+            let (effect, arrangement) = with_decoy(sampler);
             Recipe { effects: vec![effect], arrangement }
         }
     }
 }
 
-/// Draws worlds until one shows what it hides.
-pub(super) fn draw(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Options) -> World {
+/// Draws scenarios until one shows what it hides.
+pub(super) fn draw(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Options) -> Scenario {
     let trial = |number| {
         let mut trial = Trial::draw(kind, seed, number, options);
         trial.size(sizes, options.noise_nm);
@@ -67,14 +67,14 @@ pub(super) fn draw(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Optio
         }
         last = trial(number);
     }
-    last.world(kind, seed, options)
+    last.scenario(kind, seed, options)
 }
 
-/// A world on its way.
+/// A scenario on its way.
 struct Trial {
     setting: Setting,
     arrangement: Arrangement,
-    hidden: Vec<HiddenEffect>,
+    hidden: Vec<DrawnCause>,
     noise_nm: f64,
     /// Visible RMS over the noise that is aimed at.
     shown: f64,
@@ -88,22 +88,22 @@ struct Trial {
 impl Trial {
     /// Draws a campaign and what is hidden in it, at a size to begin with.
     fn draw(kind: Kind, seed: u64, number: u64, options: &Options) -> Self {
-        let mut dice = Dice::new(seed, 100 + number);
-        let Recipe { effects, arrangement } = recipe(&mut dice, kind);
-        let outside = effects.contains(&Effect::OutsideCatalogue);
-        let flavour = outside.then(|| Flavour::draw(&mut dice));
+        let mut sampler = Sampler::new(seed, 100 + number);
+        let Recipe { effects, arrangement } = recipe(&mut sampler, kind);
+        let outside = effects.contains(&HiddenCause::OutsideCatalogue);
+        let flavour = outside.then(|| Flavour::draw(&mut sampler));
         let needed = flavour.as_ref().and_then(Flavour::extra).or(arrangement.extra());
         let extras: Vec<Extra> = needed.into_iter().collect();
-        let mut setting = Setting::draw(dice.seed(), &effects, &extras, options);
-        arrangement.impose(&mut dice, &mut setting);
-        let flavour = flavour.map(|flavour| flavour.placed(&mut dice, &setting));
+        let mut setting = Setting::draw(sampler.seed(), &effects, &extras, options);
+        arrangement.impose(&mut sampler, &mut setting);
+        let flavour = flavour.map(|flavour| flavour.placed(&mut sampler, &setting));
         if let Some(flavour) = &flavour {
             setting.log_column(flavour.column());
         }
-        let drawn_noise = dice.log_between(NOISE_NM.0, NOISE_NM.1);
+        let drawn_noise = sampler.log_between(NOISE_NM.0, NOISE_NM.1);
         let hidden = effects.iter().map(|&effect| {
-            let own = flavour.filter(|_| effect == Effect::OutsideCatalogue);
-            let mut hidden = HiddenEffect::draw(&mut dice, effect, &setting, own);
+            let own = flavour.filter(|_| effect == HiddenCause::OutsideCatalogue);
+            let mut hidden = DrawnCause::draw(&mut sampler, effect, &setting, own);
             if matches!(arrangement, Arrangement::Exactly { .. }) {
                 hidden.straighten();
             }
@@ -115,8 +115,8 @@ impl Trial {
             arrangement,
             hidden,
             noise_nm: options.noise_nm.unwrap_or(drawn_noise),
-            shown: dice.log_between(1.25 * OVER_NOISE.0, 0.8 * OVER_NOISE.1),
-            second: dice.between(0.65, 1.4),
+            shown: sampler.log_between(1.25 * OVER_NOISE.0, 0.8 * OVER_NOISE.1),
+            second: sampler.between(0.65, 1.4),
             torques: Torques::new(),
             visible: Vec::new(),
         }
@@ -172,8 +172,8 @@ impl Trial {
     }
 
     /// The log and the truth.
-    fn world(mut self, kind: Kind, seed: u64, options: &Options) -> World {
-        let own: Vec<&str> = self.hidden.iter().flat_map(HiddenEffect::columns).collect();
+    fn scenario(mut self, kind: Kind, seed: u64, options: &Options) -> Scenario {
+        let own: Vec<&str> = self.hidden.iter().flat_map(DrawnCause::columns).collect();
         let columns = &mut self.setting.columns;
         let mut missing_columns = Vec::new();
         if options.without_own_columns {
@@ -181,10 +181,10 @@ impl Trial {
             columns.retain(|name| !own.contains(name));
         }
         let log = sensors::log(&self.setting, &self.torques, self.noise_nm);
-        World { log, truth: WorldTruth { missing_columns, ..self.truth(kind, seed) } }
+        Scenario { log, truth: ScenarioTruth { missing_columns, ..self.truth(kind, seed) } }
     }
 
-    fn truth(&self, kind: Kind, seed: u64) -> WorldTruth {
+    fn truth(&self, kind: Kind, seed: u64) -> ScenarioTruth {
         let setting = &self.setting;
         let hidden =
             self.hidden.iter().zip(&self.visible).map(|(hidden, &visible_rms_nm)| Hidden {
@@ -192,7 +192,7 @@ impl Trial {
                 columns: hidden.columns(),
                 size: hidden.size,
                 unit: hidden.unit(),
-                order: (hidden.effect == Effect::PositionRipple).then_some(hidden.order),
+                order: (hidden.effect == HiddenCause::PositionRipple).then_some(hidden.order),
                 visible_rms_nm,
                 details: hidden.details(),
                 in_words: hidden.words(),
@@ -216,7 +216,7 @@ impl Trial {
                 decoys.push(Decoy { column: decoy, follows, correlation });
             }
         }
-        WorldTruth {
+        ScenarioTruth {
             seed,
             kind,
             hidden,
@@ -236,14 +236,14 @@ impl Trial {
     }
 }
 
-fn acting(mut joint: Joint, hidden: &HiddenEffect) -> Joint {
+fn acting(mut joint: Joint, hidden: &DrawnCause) -> Joint {
     hidden.act_on(&mut joint);
     joint
 }
 
 /// Scales an effect until it shows as wanted, alone; returns the torques it then makes.
 fn scaled(
-    hidden: &mut HiddenEffect,
+    hidden: &mut DrawnCause,
     setting: &Setting,
     plain: &Joint,
     without: &Torques,

@@ -1,17 +1,17 @@
 //! Columns that move together: exactly, so that nobody can tell them apart, or nearly.
 
-use super::dice::Dice;
-use super::effect::Effect;
+use super::hidden_cause::HiddenCause;
+use super::sampler::Sampler;
 use super::setting::{RunSetting, Setting, correlation};
 use super::surroundings::{Condition, Extra, Signal};
 
-/// What a world beyond one with independent columns is about.
+/// What a scenario beyond one with independent columns is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Arrangement {
     /// All columns are independent.
     Independent,
     /// `follower` is always a multiple of `leader`, so that `twin` explains as much as the truth.
-    Exactly { leader: &'static str, follower: &'static str, twin: Effect },
+    Exactly { leader: &'static str, follower: &'static str, twin: HiddenCause },
     /// `decoy` nearly follows what the effect follows, and does nothing.
     Nearly { follows: &'static str, decoy: &'static str },
 }
@@ -23,43 +23,43 @@ pub(super) const NEARLY: (f64, f64) = (0.8, 0.95);
 const NO_EXCESS: f64 = 1.05;
 
 /// Levels that grow with one of these columns, by what does it.
-const BY_COLUMN: [(&str, Effect); 3] = [
-    ("pressure_diff_pa", Effect::PressureCoulomb),
-    ("radial_force_n", Effect::RadialForceCoulomb),
-    ("load_torque_nm", Effect::LoadTorqueCoulomb),
+const BY_COLUMN: [(&str, HiddenCause); 3] = [
+    ("pressure_diff_pa", HiddenCause::PressureCoulomb),
+    ("radial_force_n", HiddenCause::RadialForceCoulomb),
+    ("load_torque_nm", HiddenCause::LoadTorqueCoulomb),
 ];
 
 /// An effect that cannot be told from another, and how that comes.
-pub(super) fn confounded(dice: &mut Dice) -> (Effect, Arrangement) {
-    if dice.chance(0.15) {
+pub(super) fn confounded(sampler: &mut Sampler) -> (HiddenCause, Arrangement) {
+    if sampler.chance(0.15) {
         // A campaign that went deeper day by day.
         let (leader, follower) = ("time_s", "pressure_diff_pa");
-        let twin = Effect::PressureCoulomb;
-        return (Effect::TimeDrift, Arrangement::Exactly { leader, follower, twin });
+        let twin = HiddenCause::PressureCoulomb;
+        return (HiddenCause::TimeDrift, Arrangement::Exactly { leader, follower, twin });
     }
     let mut columns = BY_COLUMN;
-    dice.shuffle(&mut columns);
+    sampler.shuffle(&mut columns);
     let [(leader, first), (follower, second), _] = columns;
-    let (effect, twin) = if dice.chance(0.5) { (first, second) } else { (second, first) };
+    let (effect, twin) = if sampler.chance(0.5) { (first, second) } else { (second, first) };
     (effect, Arrangement::Exactly { leader, follower, twin })
 }
 
 /// An effect with a decoy.
-pub(super) fn with_decoy(dice: &mut Dice) -> (Effect, Arrangement) {
+pub(super) fn with_decoy(sampler: &mut Sampler) -> (HiddenCause, Arrangement) {
     let humidity = Extra::Humidity.column();
     let cases = [
-        (Effect::TimeDrift, "time_s", "temperature_c"),
-        (Effect::TimeDrift, "time_s", humidity),
-        (Effect::PressureCoulomb, "pressure_diff_pa", "radial_force_n"),
-        (Effect::PressureCoulomb, "pressure_diff_pa", humidity),
-        (Effect::PressureCoulomb, "pressure_diff_pa", "temperature_c"),
-        (Effect::TemperatureViscous, "temperature_c", humidity),
-        (Effect::RadialForceCoulomb, "radial_force_n", "load_torque_nm"),
-        (Effect::RadialForceCoulomb, "radial_force_n", "pressure_diff_pa"),
-        (Effect::LoadTorqueCoulomb, "load_torque_nm", "radial_force_n"),
-        (Effect::LoadTorqueCoulomb, "load_torque_nm", humidity),
+        (HiddenCause::TimeDrift, "time_s", "temperature_c"),
+        (HiddenCause::TimeDrift, "time_s", humidity),
+        (HiddenCause::PressureCoulomb, "pressure_diff_pa", "radial_force_n"),
+        (HiddenCause::PressureCoulomb, "pressure_diff_pa", humidity),
+        (HiddenCause::PressureCoulomb, "pressure_diff_pa", "temperature_c"),
+        (HiddenCause::TemperatureViscous, "temperature_c", humidity),
+        (HiddenCause::RadialForceCoulomb, "radial_force_n", "load_torque_nm"),
+        (HiddenCause::RadialForceCoulomb, "radial_force_n", "pressure_diff_pa"),
+        (HiddenCause::LoadTorqueCoulomb, "load_torque_nm", "radial_force_n"),
+        (HiddenCause::LoadTorqueCoulomb, "load_torque_nm", humidity),
     ];
-    let (effect, follows, decoy) = cases[dice.below(cases.len())];
+    let (effect, follows, decoy) = cases[sampler.below(cases.len())];
     (effect, Arrangement::Nearly { follows, decoy })
 }
 
@@ -86,7 +86,7 @@ impl Arrangement {
     }
 
     /// Makes the columns move as arranged and sees to it that they are in the log.
-    pub fn impose(&self, dice: &mut Dice, setting: &mut Setting) {
+    pub fn impose(&self, sampler: &mut Sampler, setting: &mut Setting) {
         // A load that presses is a load whichever way it pulls: here it pulls one way.
         for run in &mut setting.runs {
             let load = &mut run.condition.load;
@@ -111,7 +111,7 @@ impl Arrangement {
                     }
                 }
             }
-            Arrangement::Nearly { follows, decoy } => nearly(dice, setting, follows, decoy),
+            Arrangement::Nearly { follows, decoy } => nearly(sampler, setting, follows, decoy),
         }
         let (Self::Exactly { leader: one, follower: other, .. }
         | Self::Nearly { follows: one, decoy: other }) = *self
@@ -135,7 +135,7 @@ fn range_of(column: &str, setting: &Setting) -> (f64, f64) {
 }
 
 /// Draws the decoy's levels until the correlation over the rows is as it should be.
-fn nearly(dice: &mut Dice, setting: &mut Setting, follows: &str, decoy: &str) {
+fn nearly(sampler: &mut Sampler, setting: &mut Setting, follows: &str, decoy: &str) {
     let levels: Vec<f64> =
         setting.runs.iter_mut().map(|run| leading(&mut run.condition, follows).level).collect();
     let (c, d) = range(decoy);
@@ -151,8 +151,8 @@ fn nearly(dice: &mut Dice, setting: &mut Setting, follows: &str, decoy: &str) {
     }
     let mut best: Option<(f64, Vec<f64>)> = None;
     for _ in 0..60 {
-        let wanted = dice.between(NEARLY.0 + 0.02, NEARLY.1 - 0.02);
-        let drawn = related(dice, &levels, wanted);
+        let wanted = sampler.between(NEARLY.0 + 0.02, NEARLY.1 - 0.02);
+        let drawn = related(sampler, &levels, wanted);
         let largest = drawn.iter().fold(0.0f64, |most, level| most.max(level.abs())).max(1e-9);
         let drawn: Vec<f64> = drawn.iter().map(|x| middle + half * x / largest).collect();
         set_levels(setting, decoy, &drawn);
@@ -178,14 +178,14 @@ fn set_levels(setting: &mut Setting, column: &str, levels: &[f64]) {
 }
 
 /// Numbers of mean 0 whose correlation with `levels` is `wanted`.
-fn related(dice: &mut Dice, levels: &[f64], wanted: f64) -> Vec<f64> {
+fn related(sampler: &mut Sampler, levels: &[f64], wanted: f64) -> Vec<f64> {
     let unit = |values: &[f64]| {
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
         let norm = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>().sqrt().max(1e-12);
         values.iter().map(|x| (x - mean) / norm).collect::<Vec<f64>>()
     };
     let along = unit(levels);
-    let random: Vec<f64> = unit(&levels.iter().map(|_| dice.normal()).collect::<Vec<f64>>());
+    let random: Vec<f64> = unit(&levels.iter().map(|_| sampler.normal()).collect::<Vec<f64>>());
     let shared: f64 = along.iter().zip(&random).map(|(a, r)| a * r).sum();
     let across: Vec<f64> = random.iter().zip(&along).map(|(r, a)| r - shared * a).collect();
     let across = unit(&across);

@@ -1,57 +1,61 @@
-//! Hidden worlds: do they hide what they say, as large as they say, and nothing else?
+//! Hidden scenarios: do they hide what they say, as large as they say, and nothing else?
 //!
-//! What is asserted here is what a grading of the diagnosis rests on. Two worlds that differ in the size
+//! What is asserted here is what a grading of the diagnosis rests on. Two scenarios that differ in the size
 //! of one effect alone share their noise, so the difference of their torques *is* the effect, and can be
 //! held against the catalogue's formula.
 
 use friction_identification::data::{Dataset, Quantity, ReadOptions, Run, read};
 use host_sim::simulated;
 use rayon::prelude::*;
-use simulated_machines::worlds::{self, Effect, Kind, Options, PAIRS, WorldTruth, bank};
+use simulated_machines::scenarios::{
+    self, HiddenCause, Kind, Options, PAIRS, ScenarioTruth, benchmark,
+};
 use std::fs;
 use std::process::Command;
 
 /// A size at which each effect shows.
-fn size(effect: Effect) -> f64 {
+fn size(effect: HiddenCause) -> f64 {
     match effect {
-        Effect::RadialForceCoulomb => 4e-3,
-        Effect::RadialForceRate => 2e-6,
-        Effect::PressureCoulomb => 1e-6,
-        Effect::TemperatureViscous => 0.03,
-        Effect::PositionRipple | Effect::DirectionAsymmetry => 0.08,
-        Effect::GravityImbalance | Effect::TorqueOffset | Effect::DwellTimeStatic => 0.15,
-        Effect::QuadraticDrag | Effect::ChannelDelay => 5e-3,
-        Effect::TimeDrift => -0.15,
-        Effect::LoadTorqueCoulomb | Effect::UnmodelledInertia => 0.03,
-        Effect::Backlash => 1e-3,
-        Effect::StribeckShape => 0.8,
-        Effect::OutsideCatalogue => 0.2,
+        HiddenCause::RadialForceCoulomb => 4e-3,
+        HiddenCause::RadialForceRate => 2e-6,
+        HiddenCause::PressureCoulomb => 1e-6,
+        HiddenCause::TemperatureViscous => 0.03,
+        HiddenCause::PositionRipple | HiddenCause::DirectionAsymmetry => 0.08,
+        HiddenCause::GravityImbalance
+        | HiddenCause::TorqueOffset
+        | HiddenCause::DwellTimeStatic => 0.15,
+        HiddenCause::QuadraticDrag | HiddenCause::ChannelDelay => 5e-3,
+        HiddenCause::TimeDrift => -0.15,
+        HiddenCause::LoadTorqueCoulomb | HiddenCause::UnmodelledInertia => 0.03,
+        HiddenCause::Backlash => 1e-3,
+        HiddenCause::StribeckShape => 0.8,
+        HiddenCause::OutsideCatalogue => 0.2,
     }
 }
 
-fn catalogue() -> impl Iterator<Item = Effect> {
-    Effect::ALL.into_iter().filter(|effect| *effect != Effect::OutsideCatalogue)
+fn catalogue() -> impl Iterator<Item = HiddenCause> {
+    HiddenCause::ALL.into_iter().filter(|effect| *effect != HiddenCause::OutsideCatalogue)
 }
 
 const NOISE_NM: f64 = 0.05;
 
-/// A world with its log as a data set.
-struct World {
+/// A scenario with its log as a data set.
+struct Scenario {
     csv: String,
     data: Dataset,
-    truth: WorldTruth,
+    truth: ScenarioTruth,
 }
 
-fn draw(kind: Kind, seed: u64) -> World {
+fn draw(kind: Kind, seed: u64) -> Scenario {
     draw_with(kind, &[], seed, &Options::default())
 }
 
-fn draw_with(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Options) -> World {
-    let worlds::World { log, truth } = worlds::draw_with(kind, sizes, seed, options);
-    World { csv: log.csv(), data: simulated::dataset(&log), truth }
+fn draw_with(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Options) -> Scenario {
+    let scenarios::Scenario { log, truth } = scenarios::draw_with(kind, sizes, seed, options);
+    Scenario { csv: log.csv(), data: simulated::dataset(&log), truth }
 }
 
-fn sized(effect: Effect, size: f64, seed: u64, finer: u32) -> World {
+fn sized(effect: HiddenCause, size: f64, seed: u64, finer: u32) -> Scenario {
     let options = Options {
         runs: Some(8),
         seconds: Some(5.0),
@@ -64,7 +68,7 @@ fn sized(effect: Effect, size: f64, seed: u64, finer: u32) -> World {
 }
 
 /// The torque with an effect minus that without, run by run.
-fn shown(effect: Effect, size: f64, seed: u64) -> (World, Vec<Vec<f64>>) {
+fn shown(effect: HiddenCause, size: f64, seed: u64) -> (Scenario, Vec<Vec<f64>>) {
     let with = sized(effect, size, seed, 1);
     let without = sized(effect, effect.neutral(), seed, 1);
     let differences = differences(&with.data, &without.data);
@@ -87,14 +91,14 @@ fn rms(runs: &[Vec<f64>]) -> f64 {
     (runs.iter().flatten().map(|x| x * x).sum::<f64>() / rows as f64).sqrt()
 }
 
-fn same(a: &World, b: &World) -> bool {
+fn same(a: &Scenario, b: &Scenario) -> bool {
     a.data.runs == b.data.runs && a.truth == b.truth
 }
 
 #[test]
 fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    for (kind, seed) in bank(11, 1).step_by(5) {
+    for (kind, seed) in benchmark(11, 1).step_by(5) {
         let one = pool.install(|| draw(kind, seed));
         let other = draw(kind, seed);
         assert!(same(&one, &other), "{kind:?}");
@@ -105,8 +109,8 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn what_is_hidden_is_as_large_as_the_truth_says() {
     catalogue().for_each(|effect| {
-        let (world, difference) = shown(effect, size(effect), 3);
-        let hidden = &world.truth.hidden[0];
+        let (scenario, difference) = shown(effect, size(effect), 3);
+        let hidden = &scenario.truth.hidden[0];
         assert_eq!((hidden.cause, hidden.size), (effect.name(), size(effect)));
         let seen = rms(&difference);
         assert!(seen > 0.2 * NOISE_NM, "{}: {seen}", effect.name());
@@ -124,8 +128,8 @@ fn a_neutral_size_is_nothing() {
 
 /// Rows at which the joint has slid for long: within a straight stretch, well above the Stribeck
 /// velocity.
-fn sliding(world: &World, run: &Run) -> Vec<usize> {
-    let fast = 8.0 * world.truth.seal.stribeck_rad_s;
+fn sliding(scenario: &Scenario, run: &Run) -> Vec<usize> {
+    let fast = 8.0 * scenario.truth.seal.stribeck_rad_s;
     let all = |row: usize| {
         (row - 10..=row).all(|at| run.velocity[at] * run.velocity[row].signum() > fast)
     };
@@ -133,12 +137,16 @@ fn sliding(world: &World, run: &Run) -> Vec<usize> {
 }
 
 /// Holds the effect in sliding against a formula of the row, within a share of its largest value.
-fn assert_in_sliding(effect: Effect, tolerance: f64, formula: impl Fn(&World, &Run, usize) -> f64) {
-    let (world, difference) = shown(effect, size(effect), 5);
+fn assert_in_sliding(
+    effect: HiddenCause,
+    tolerance: f64,
+    formula: impl Fn(&Scenario, &Run, usize) -> f64,
+) {
+    let (scenario, difference) = shown(effect, size(effect), 5);
     let mut rows = 0;
-    for (run, difference) in world.data.runs.iter().zip(&difference) {
-        for row in sliding(&world, run) {
-            let (found, expected) = (difference[row], formula(&world, run, row));
+    for (run, difference) in scenario.data.runs.iter().zip(&difference) {
+        for row in sliding(&scenario, run) {
+            let (found, expected) = (difference[row], formula(&scenario, run, row));
             let name = effect.name();
             assert!((found - expected).abs() < tolerance, "{name}: {found} is not {expected}");
             rows += 1;
@@ -154,31 +162,31 @@ fn value(run: &Run, quantity: Quantity, row: usize) -> f64 {
 #[test]
 fn loads_raise_the_level_by_their_factor() {
     let (k, p, l) = (4e-3, 1e-6, 0.03);
-    assert_in_sliding(Effect::RadialForceCoulomb, 2e-3, |_, run, row| {
+    assert_in_sliding(HiddenCause::RadialForceCoulomb, 2e-3, |_, run, row| {
         k * value(run, Quantity::RadialForce, row) * run.velocity[row].signum()
     });
-    assert_in_sliding(Effect::PressureCoulomb, 1e-3, |_, run, row| {
+    assert_in_sliding(HiddenCause::PressureCoulomb, 1e-3, |_, run, row| {
         p * value(run, Quantity::Pressure, row) * run.velocity[row].signum()
     });
-    assert_in_sliding(Effect::LoadTorqueCoulomb, 3e-3, |_, run, row| {
+    assert_in_sliding(HiddenCause::LoadTorqueCoulomb, 3e-3, |_, run, row| {
         l * value(run, Quantity::LoadTorque, row).abs() * run.velocity[row].signum()
     });
 }
 
 #[test]
 fn what_adds_to_friction_is_what_the_formula_says() {
-    assert_in_sliding(Effect::TorqueOffset, 2e-6, |_, _, _| 0.15);
-    // Velocity is logged with an encoder's error in some worlds.
-    assert_in_sliding(Effect::QuadraticDrag, 4e-3, |_, run, row| {
+    assert_in_sliding(HiddenCause::TorqueOffset, 2e-6, |_, _, _| 0.15);
+    // Velocity is logged with an encoder's error in some scenarios.
+    assert_in_sliding(HiddenCause::QuadraticDrag, 4e-3, |_, run, row| {
         5e-3 * run.velocity[row] * run.velocity[row].abs()
     });
-    assert_in_sliding(Effect::GravityImbalance, 1e-5, |world, run, row| {
-        let (_, phase) = world.truth.hidden[0].details[0];
+    assert_in_sliding(HiddenCause::GravityImbalance, 1e-5, |scenario, run, row| {
+        let (_, phase) = scenario.truth.hidden[0].details[0];
         0.15 * (value(run, Quantity::Position, row) + phase).sin()
     });
-    let (world, difference) = shown(Effect::UnmodelledInertia, 0.03, 5);
+    let (scenario, difference) = shown(HiddenCause::UnmodelledInertia, 0.03, 5);
     let (mut products, mut squares) = (0.0, 0.0);
-    for (run, difference) in world.data.runs.iter().zip(&difference) {
+    for (run, difference) in scenario.data.runs.iter().zip(&difference) {
         for (a, torque) in run.acceleration_or_derived().iter().zip(difference) {
             products += a * torque;
             squares += a * a;
@@ -190,23 +198,23 @@ fn what_adds_to_friction_is_what_the_formula_says() {
 
 #[test]
 fn a_factor_on_the_level_is_one() {
-    assert_in_sliding(Effect::DirectionAsymmetry, 4e-3, |world, run, row| {
-        let (seal, v) = (&world.truth.seal, run.velocity[row]);
+    assert_in_sliding(HiddenCause::DirectionAsymmetry, 4e-3, |scenario, run, row| {
+        let (seal, v) = (&scenario.truth.seal, run.velocity[row]);
         0.08 * (seal.coulomb_nm + seal.k2 * v.abs())
     });
-    let end = |world: &World| {
-        let last = world.data.runs.last().unwrap();
+    let end = |scenario: &Scenario| {
+        let last = scenario.data.runs.last().unwrap();
         last.time_s[0].floor() + 5.0
     };
-    assert_in_sliding(Effect::TimeDrift, 0.16 * 2.4, |world, run, row| {
+    assert_in_sliding(HiddenCause::TimeDrift, 0.16 * 2.4, |scenario, run, row| {
         // Straight or as a run-in: between nothing and all of it, at the very end all of it.
-        let share = (run.time_s[row] / end(world)).min(1.0);
-        -0.15 * share * world.truth.seal.coulomb_nm * run.velocity[row].signum()
+        let share = (run.time_s[row] / end(scenario)).min(1.0);
+        -0.15 * share * scenario.truth.seal.coulomb_nm * run.velocity[row].signum()
     });
-    assert_in_sliding(Effect::TemperatureViscous, 5e-4, |world, run, row| {
-        let (_, reference) = world.truth.hidden[0].details[0];
+    assert_in_sliding(HiddenCause::TemperatureViscous, 5e-4, |scenario, run, row| {
+        let (_, reference) = scenario.truth.hidden[0].details[0];
         let film = (-0.03 * (value(run, Quantity::Temperature, row) - reference)).exp();
-        world.truth.seal.k2 * (film - 1.0) * run.velocity[row]
+        scenario.truth.seal.k2 * (film - 1.0) * run.velocity[row]
     });
 }
 
@@ -243,32 +251,32 @@ fn correlation(data: &Dataset, one: &str, other: &str) -> f64 {
 
 /// The column a level's cause follows.
 fn column(cause: &str) -> &'static str {
-    Effect::parse(cause).and_then(Effect::column).unwrap()
+    HiddenCause::parse(cause).and_then(HiddenCause::column).unwrap()
 }
 
 #[test]
 fn the_confounded_cannot_be_told_apart_and_decoys_nearly() {
     (0..12u64).into_par_iter().for_each(|seed| {
-        let world = draw(Kind::Confounded, seed);
-        let twin = world.truth.confusable_with[0];
-        assert_ne!(twin, world.truth.cause());
-        let found = correlation(&world.data, column(world.truth.cause()), column(twin));
+        let scenario = draw(Kind::Confounded, seed);
+        let twin = scenario.truth.confusable_with[0];
+        assert_ne!(twin, scenario.truth.cause());
+        let found = correlation(&scenario.data, column(scenario.truth.cause()), column(twin));
         assert!(found > 0.999, "{seed}: {found}");
 
-        let world = draw(Kind::Decoy, seed);
-        let decoy = &world.truth.decoys[0];
-        let found = correlation(&world.data, decoy.follows, decoy.column);
+        let scenario = draw(Kind::Decoy, seed);
+        let decoy = &scenario.truth.decoys[0];
+        let found = correlation(&scenario.data, decoy.follows, decoy.column);
         assert!((0.78..0.96).contains(&found), "{seed}: {found}, said {}", decoy.correlation);
         assert!((found - decoy.correlation).abs() < 0.03, "{seed}: {found}");
-        assert_eq!(decoy.follows, column(world.truth.cause()));
+        assert_eq!(decoy.follows, column(scenario.truth.cause()));
     });
 }
 
 #[test]
 fn every_world_of_a_bank_is_a_log_of_the_size_it_should_be() {
-    let worlds: Vec<(Kind, u64)> = bank(21, 1).collect();
-    worlds.into_par_iter().for_each(|(kind, seed)| {
-        let World { data, truth, .. } = draw(kind, seed);
+    let scenarios: Vec<(Kind, u64)> = benchmark(21, 1).collect();
+    scenarios.into_par_iter().for_each(|(kind, seed)| {
+        let Scenario { data, truth, .. } = draw(kind, seed);
         assert!((6..=40).contains(&data.runs.len()), "{kind:?} {seed}");
         assert!((8_000..=40_000).contains(&data.rows), "{kind:?} {seed}: {} rows", data.rows);
         assert!((100.0..=2000.0).contains(&truth.rate_hz));
@@ -308,33 +316,37 @@ fn every_world_of_a_bank_is_a_log_of_the_size_it_should_be() {
 #[test]
 fn a_log_can_lack_the_column_its_effect_follows() {
     let options = Options { without_own_columns: true, ..Options::default() };
-    let effects = [Effect::PressureCoulomb, Effect::TemperatureViscous, Effect::PositionRipple];
+    let effects = [
+        HiddenCause::PressureCoulomb,
+        HiddenCause::TemperatureViscous,
+        HiddenCause::PositionRipple,
+    ];
     for effect in effects {
-        let world = draw_with(Kind::One(effect), &[], 8, &options);
+        let scenario = draw_with(Kind::One(effect), &[], 8, &options);
         let name = effect.column().unwrap();
-        assert_eq!(world.data.column(&world.data.runs[0], name), None);
-        assert_eq!(world.truth.missing_columns, [name]);
+        assert_eq!(scenario.data.column(&scenario.data.runs[0], name), None);
+        assert_eq!(scenario.truth.missing_columns, [name]);
     }
 }
 
 #[test]
 fn a_log_read_back_is_the_log() {
     let folder = tempfile::tempdir().unwrap();
-    for (at, (kind, seed)) in bank(31, 1).step_by(3).enumerate() {
-        let world = draw(kind, seed);
+    for (at, (kind, seed)) in benchmark(31, 1).step_by(3).enumerate() {
+        let scenario = draw(kind, seed);
         let path = folder.path().join(format!("{at}.csv"));
-        fs::write(&path, &world.csv).unwrap();
+        fs::write(&path, &scenario.csv).unwrap();
         let back = read(&[path], &ReadOptions::default(), &|_, _| {}).unwrap();
-        assert_eq!(back.runs, world.data.runs, "{kind:?} {seed}");
-        assert_eq!(back.covariates, world.data.covariates);
-        assert_eq!((back.rows, back.bad_rows.count), (world.data.rows, 0));
+        assert_eq!(back.runs, scenario.data.runs, "{kind:?} {seed}");
+        assert_eq!(back.covariates, scenario.data.covariates);
+        assert_eq!((back.rows, back.bad_rows.count), (scenario.data.rows, 0));
     }
 }
 
 #[test]
 fn pairs_are_of_different_causes_of_the_catalogue() {
     for (one, other) in PAIRS {
-        assert!(one != other && ![one, other].contains(&Effect::OutsideCatalogue));
+        assert!(one != other && ![one, other].contains(&HiddenCause::OutsideCatalogue));
     }
 }
 

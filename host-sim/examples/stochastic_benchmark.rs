@@ -1,9 +1,9 @@
-//! How often the paper's rule names what is hidden, on simulated worlds whose truth is known.
+//! How often the paper's rule names what is hidden, on simulated scenarios whose truth is known.
 //!
-//! Each world of the bank is fitted with plain LuGre and certified. The *literal* rule takes the
+//! Each scenario of the benchmark is fitted with plain LuGre and certified. The *literal* rule takes the
 //! parameter with the largest coefficient of variation; the *calibrated* one that whose permitted spread grew most
-//! over a world with nothing hidden, or none. A rule is right where a hidden cause acts through its parameter
-//! (`literal_causes`, generously), and in a world without one where it names none. *Always coulomb_torque* is a
+//! over a scenario with nothing hidden, or none. A rule is right where a hidden cause acts through its parameter
+//! (`literal_causes`, generously), and in a scenario without one where it names none. *Always coulomb_torque* is a
 //! rule that looks at nothing: what a good guess is worth under this grading.
 //!
 //! `cargo run --release -p host-sim --example stochastic_bank [WORLDS PER KIND] [SEED OF THE WORLDS] [SEED OF
@@ -15,13 +15,13 @@ use friction_identification::spec::Spec;
 use friction_identification::stochastic::{Settings, certify_calibrated, literal_causes};
 use host_sim::simulated;
 use rayon::prelude::*;
-use simulated_machines::worlds::{Kind, World, bank, draw};
+use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
 use std::collections::BTreeMap;
 
-/// Seed of the worlds that judge; the rule's threshold was chosen on others (seed 1).
+/// Seed of the scenarios that judge; the rule's threshold was chosen on others (seed 1).
 const GRADING: u64 = 20_261_121;
 
-/// What the rules said of a world.
+/// What the rules said of a scenario.
 struct Verdicts {
     kind: &'static str,
     cause: &'static str,
@@ -34,17 +34,17 @@ struct Verdicts {
     seconds: f64,
 }
 
-fn is_right(world: &World, kind: Kind, named: Option<Id>) -> bool {
+fn is_right(scenario: &Scenario, kind: Kind, named: Option<Id>) -> bool {
     let Some(id) = named else { return kind == Kind::None };
-    let hidden = world.truth.hidden.iter().map(|hidden| hidden.cause);
+    let hidden = scenario.truth.hidden.iter().map(|hidden| hidden.cause);
     // Where no data can tell two causes apart, either will do.
-    let twins = world.truth.confusable_with.iter().copied();
+    let twins = scenario.truth.confusable_with.iter().copied();
     hidden.chain(twins).any(|cause| literal_causes(id).contains(&cause))
 }
 
 fn judge(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {
-    let world = draw(kind, seed);
-    let tracks = tracks(&simulated::dataset(&world.log));
+    let scenario = draw(kind, seed);
+    let tracks = tracks(&simulated::dataset(&scenario.log));
     let spec = Spec::law(LawKind::Lugre);
     let rows = Rows { tracks: &tracks, decimate: 1 };
     let options = FitOptions { starts: 2, ..FitOptions::default() };
@@ -53,10 +53,10 @@ fn judge(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {
     let (certificate, calibrated) =
         certify_calibrated(&solution.parameters(), LawKind::Lugre.parameters(), &tracks, settings);
     let seconds = begin.elapsed().as_secs_f64();
-    let right = |named| is_right(&world, kind, named);
+    let right = |named| is_right(&scenario, kind, named);
     Some(Verdicts {
         kind: kind.name(),
-        cause: world.truth.cause(),
+        cause: scenario.truth.cause(),
         literal: certificate.verdict,
         calibrated: calibrated.verdict,
         largest_ratio: calibrated.ratios.iter().map(|ratio| ratio.1).fold(0.0, f64::max),
@@ -70,7 +70,7 @@ fn judge(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {
     })
 }
 
-/// Rows by name in the order they come: worlds, and how many each rule got right.
+/// Rows by name in the order they come: scenarios, and how many each rule got right.
 fn table<'a>(
     verdicts: impl Iterator<Item = (&'a str, &'a Verdicts)>,
 ) -> Vec<(&'a str, [usize; 4])> {
@@ -90,10 +90,12 @@ fn table<'a>(
 }
 
 fn print(title: &str, rows: &[(&str, [usize; 4])]) {
-    println!("\n| {title} | worlds | literal right | calibrated right | always coulomb_torque |");
+    println!(
+        "\n| {title} | scenarios | literal right | calibrated right | always coulomb_torque |"
+    );
     println!("|---|---|---|---|---|");
-    for (name, [worlds, literal, calibrated, always]) in rows {
-        println!("| {name} | {worlds} | {literal} | {calibrated} | {always} |");
+    for (name, [scenarios, literal, calibrated, always]) in rows {
+        println!("| {name} | {scenarios} | {literal} | {calibrated} | {always} |");
     }
 }
 
@@ -104,9 +106,9 @@ fn main() {
     };
     let (per_kind, seed) = (number(2) as usize, number(GRADING));
     let settings = Settings { seed: number(0), ..Settings::default() };
-    let worlds: Vec<(Kind, u64)> = bank(seed, per_kind).collect();
+    let scenarios: Vec<(Kind, u64)> = benchmark(seed, per_kind).collect();
     let verdicts: Vec<Verdicts> =
-        worlds.into_par_iter().filter_map(|(kind, seed)| judge(kind, seed, &settings)).collect();
+        scenarios.into_par_iter().filter_map(|(kind, seed)| judge(kind, seed, &settings)).collect();
     for v in &verdicts {
         println!(
             "{:<11} {:<22} literal {:<18} calibrated {:<18} ratio {:>6.2} sum {:>7.2} {:.2} s",

@@ -1,8 +1,8 @@
-//! Grades the diagnosis on a bank of hidden worlds: `bank [SEED_BASE] [PER_KIND] [FILTER]`.
+//! Grades the diagnosis on a benchmark of hidden scenarios: `benchmark [SEED_BASE] [PER_KIND] [FILTER]`.
 
 use host_sim::benchmark::{TUNING, examine};
 use rayon::prelude::*;
-use simulated_machines::worlds::{Kind, bank};
+use simulated_machines::scenarios::{Kind, benchmark};
 use std::collections::BTreeMap;
 
 fn main() {
@@ -11,23 +11,26 @@ fn main() {
         arguments.get(at).and_then(|text| text.parse().ok()).unwrap_or(default)
     };
     let filter = arguments.get(3).cloned().unwrap_or_default();
-    let worlds: Vec<(Kind, u64)> = bank(number(1, TUNING), number(2, 1) as usize)
+    let scenarios: Vec<(Kind, u64)> = benchmark(number(1, TUNING), number(2, 1) as usize)
         .filter(|(kind, _)| format!("{kind:?}").contains(&filter))
         .collect();
     if let Some(folder) = arguments.get(4) {
-        for (index, (kind, seed)) in worlds.iter().enumerate() {
-            let world = simulated_machines::worlds::draw(*kind, *seed);
+        for (index, (kind, seed)) in scenarios.iter().enumerate() {
+            let scenario = simulated_machines::scenarios::draw(*kind, *seed);
             println!(
                 "{index} {:?} {:?} {} Hz noise {}",
-                world.truth.hidden, world.truth.seal, world.truth.rate_hz, world.truth.noise_nm
+                scenario.truth.hidden,
+                scenario.truth.seal,
+                scenario.truth.rate_hz,
+                scenario.truth.noise_nm
             );
-            let csv = world.log.csv();
+            let csv = scenario.log.csv();
             let written = std::fs::write(format!("{folder}/{index}.csv"), csv);
             assert!(written.is_ok(), "{folder}: not written");
         }
         return;
     }
-    let mut grades: Vec<_> = worlds
+    let mut grades: Vec<_> = scenarios
         .into_par_iter()
         .filter_map(|(kind, seed)| match examine(kind, seed) {
             Ok(grade) => Some(grade),

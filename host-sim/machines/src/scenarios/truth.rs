@@ -1,4 +1,4 @@
-//! The truth behind a world, in words and in JSON.
+//! The truth behind a scenario, in words and in JSON.
 
 use super::kind::Kind;
 use crate::friction::Seal;
@@ -37,14 +37,14 @@ pub struct Decoy {
     pub correlation: f64,
 }
 
-/// What is true of a world.
+/// What is true of a scenario.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WorldTruth {
+pub struct ScenarioTruth {
     /// What it was drawn by.
     pub seed: u64,
     /// What kind it is.
     pub kind: Kind,
-    /// What is hidden, strongest first; nothing in a world without.
+    /// What is hidden, strongest first; nothing in a scenario without.
     pub hidden: Vec<Hidden>,
     /// Causes that explain these data exactly as well as the true one.
     pub confusable_with: Vec<&'static str>,
@@ -72,7 +72,7 @@ pub struct WorldTruth {
     pub description: String,
 }
 
-impl WorldTruth {
+impl ScenarioTruth {
     /// The cause a diagnosis should put first: `none` where nothing is hidden.
     pub fn cause(&self) -> &'static str {
         self.hidden.first().map_or("none", |hidden| hidden.cause)
