@@ -15,6 +15,7 @@
 //! does is out of sight. A joint's own frames ([`compensator_core::can::Frame`]) are the classic ones of
 //! 11 bits: `CanFrame::from(frame)` and [`CanFrame::to_joint`] go to and fro.
 
+mod address;
 mod bits;
 mod fault;
 mod hub;
@@ -25,6 +26,7 @@ pub mod slcan;
 #[cfg(target_os = "linux")]
 pub mod socket;
 
+pub use address::Address;
 pub use bits::BitRates;
 pub use fault::{FaultCounters, FaultInjector, FaultPlan, Faults};
 pub use hub::{Hub, Participant, Port};

@@ -1,32 +1,32 @@
 //! A live view of a joint, for somebody who leaves it open beside the test stand.
 //!
 //! ```text
-//! bus ─ frames, times ─► [model] ─► View ─► [view] on a terminal, or a line of JSON a second
-//!          ▲                ▲
-//!          └─── [asker] ────┘   state, faults, watch: twice a second, and only of a joint that answers
+//! bus ─ frames, times ─► [joint_view] ─► View ─► [view] on a terminal, or a line of JSON a second
+//!  ▲                          ▲
+//!  └────── [sdo_poller] ──────┘   state, faults, watch: twice a second, and only of a joint that answers
 //! ```
 //!
-//! [`model`], [`asker`] and [`controls`] are pure: frames, keys and times in, data out. What is here is the
-//! loop that ties them to a [`Bus`] and a terminal. It never waits for an answer: a joint that says
+//! [`joint_view`], [`sdo_poller`] and [`controls`] are pure: frames, keys and times in, data out. What is
+//! here is the loop that ties them to a [`Bus`] and a terminal. It never waits for an answer: a joint that says
 //! nothing leaves the screen alive, and a bus that goes is opened again when it is back.
 
-pub mod asker;
 pub mod controls;
-pub mod model;
+pub mod joint_view;
 pub mod rates;
 pub mod screen;
+pub mod sdo_poller;
 pub mod series;
 pub mod view;
 pub mod view_data;
 
 use crate::bus::{Bus, BusError};
-use asker::Asker;
 use compensator_core::can::Node;
 use controls::{Action, Controls};
 use joint_trace::CanFrame;
-use model::Model;
+use joint_view::JointView;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event as Input};
+use sdo_poller::SdoPoller;
 use std::time::{Duration, Instant};
 use view::Setting;
 use view_data::{EventKind, Lens, Quantity};
@@ -46,8 +46,8 @@ const LOG_LINES: usize = 500;
 
 /// A joint that is watched.
 pub struct Session {
-    model: Model,
-    asker: Asker,
+    joint: JointView,
+    sdo_poller: SdoPoller,
     start_ns: u64,
     /// The time the bus last had.
     now_ns: u64,
@@ -56,8 +56,8 @@ pub struct Session {
 impl Session {
     /// Watches this node from this time on; asks it nothing where it is only to listen.
     pub fn new(node: Node, listen: bool, start_ns: u64) -> Self {
-        let (model, asker) = (Model::new(node, start_ns), Asker::new(node, listen));
-        Self { model, asker, start_ns, now_ns: start_ns }
+        let (joint, sdo_poller) = (JointView::new(node, start_ns), SdoPoller::new(node, listen));
+        Self { joint, sdo_poller, start_ns, now_ns: start_ns }
     }
 
     /// Takes in what comes within a moment, and asks what is to be asked.
@@ -73,19 +73,19 @@ impl Session {
             self.now_ns = now_ns;
             let waits = received.is_some();
             if let Some(received) = received {
-                if self.model.take(&received) {
-                    self.asker.wake(now_ns);
+                if self.joint.take(&received) {
+                    self.sdo_poller.wake(now_ns);
                 }
                 let joints = received.frame.to_joint();
-                if let Some(told) = joints.and_then(|frame| self.asker.take(&frame, now_ns)) {
-                    self.model.told(told, now_ns);
+                if let Some(reply) = joints.and_then(|frame| self.sdo_poller.take(&frame, now_ns)) {
+                    self.joint.on_reply(reply, now_ns);
                 }
             }
             // Not for ever, where there is always another frame.
             if now_ns >= until_ns {
                 // A joint is silent if nothing of it waits: not while there is more to be taken in.
                 if !waits {
-                    self.model.tick(now_ns);
+                    self.joint.tick(now_ns);
                 }
                 return Ok(());
             }
@@ -94,20 +94,20 @@ impl Session {
 
     fn ask(&mut self, bus: &mut dyn Bus) -> Result<(), BusError> {
         let now_ns = bus.now_ns();
-        let (frame, told) = self.asker.poll(now_ns, self.model.serves_objects());
-        if let Some(told) = told {
-            self.model.told(told, now_ns);
+        let (frame, reply) = self.sdo_poller.poll(now_ns, self.joint.serves_objects());
+        if let Some(reply) = reply {
+            self.joint.on_reply(reply, now_ns);
         }
         let Some(frame) = frame.map(CanFrame::from) else { return Ok(()) };
         match bus.send(&frame) {
             Ok(()) => {
-                self.model.sent(now_ns, &frame);
+                self.joint.sent(now_ns, &frame);
                 Ok(())
             }
             // Nobody acknowledges: to listen is still possible.
             Err(error @ BusError::Full { .. }) => {
-                self.model.log(now_ns, EventKind::Fault, error.to_string());
-                self.asker.bus_is_full(now_ns);
+                self.joint.log(now_ns, EventKind::Fault, error.to_string());
+                self.sdo_poller.bus_is_full(now_ns);
                 Ok(())
             }
             Err(error) => Err(error),
@@ -132,7 +132,7 @@ pub fn run_lines(
     mut print: impl FnMut(&str) -> Result<bool, String>,
 ) -> Result<(), String> {
     let mut due_ns = session.start_ns + LINE_NS;
-    let mut events_told = 0;
+    let mut events_printed = 0;
     while !is_over(session.elapsed_s()) {
         session.step(bus).map_err(|error| error.to_string())?;
         if session.now_ns < due_ns {
@@ -140,10 +140,10 @@ pub fn run_lines(
         }
         // After a pause of the whole process, not one line for each second missed.
         due_ns = due_ns.max(session.now_ns.saturating_sub(LINE_NS)) + LINE_NS;
-        let events = (session.model.events_ever() - events_told) as usize;
-        events_told = session.model.events_ever();
-        let ranges: [_; Quantity::ALL.len()] = session.model.take_line_ranges();
-        let view = session.model.view(session.now_ns, &Lens { window_s: 1.0, columns: 0, events });
+        let events = (session.joint.events_ever() - events_printed) as usize;
+        events_printed = session.joint.events_ever();
+        let ranges: [_; Quantity::ALL.len()] = session.joint.take_line_ranges();
+        let view = session.joint.view(session.now_ns, &Lens { window_s: 1.0, columns: 0, events });
         if !print(&(view.json(name, &ranges).to_string() + "\n"))? {
             break;
         }
@@ -164,7 +164,7 @@ pub fn run_screen(
     mut open: impl FnMut() -> Result<Box<dyn Bus>, String>,
     mut is_over: impl FnMut(f64) -> bool,
 ) -> Result<(), String> {
-    let mut controls = Controls::new(session.asker.only_listens());
+    let mut controls = Controls::new(session.sdo_poller.only_listens());
     let mut bus = Some(bus);
     let mut tried = Instant::now();
     let mut drawn: Option<Instant> = None;
@@ -177,7 +177,7 @@ pub fn run_screen(
                 Ok(()) => begun = (Instant::now(), session.now_ns),
                 Err(error) => {
                     let why = error.to_string();
-                    session.model.log(session.now_ns, EventKind::Fault, why.clone());
+                    session.joint.log(session.now_ns, EventKind::Fault, why.clone());
                     (setting.gone, bus, tried) = (Some(why), None, Instant::now());
                 }
             },
@@ -185,15 +185,15 @@ pub fn run_screen(
                 wait = Duration::from_nanos(STEP_NS);
                 // Time goes on without a bus, or what was last heard would never grow old.
                 session.now_ns = begun.1 + begun.0.elapsed().as_nanos() as u64;
-                session.model.tick(session.now_ns);
+                session.joint.tick(session.now_ns);
                 if tried.elapsed() >= TRY_AGAIN {
                     match open() {
                         Ok(opened) => {
                             bus = Some(opened);
                             setting.gone = None;
                             let text = "the bus is back";
-                            session.model.log(session.now_ns, EventKind::Good, text);
-                            session.asker.wake(session.now_ns);
+                            session.joint.log(session.now_ns, EventKind::Good, text);
+                            session.sdo_poller.wake(session.now_ns);
                         }
                         Err(why) => setting.gone = Some(why),
                     }
@@ -201,7 +201,7 @@ pub fn run_screen(
                 }
             }
         }
-        setting.asks_later = session.asker.is_held(session.now_ns);
+        setting.asks_later = session.sdo_poller.is_held(session.now_ns);
         let mut pressed = false;
         while event::poll(std::mem::take(&mut wait)).map_err(failed)? {
             pressed = true;
@@ -212,20 +212,20 @@ pub fn run_screen(
                     let lens = lens(&controls);
                     let now_ns = session.now_ns;
                     controls.held = match controls.held.take() {
-                        None => Some(session.model.view(now_ns, &lens)),
+                        None => Some(session.joint.view(now_ns, &lens)),
                         Some(_) => None,
                     };
                 }
-                Some(Action::ForgetRanges) => session.model.forget_ranges(),
+                Some(Action::ForgetRanges) => session.joint.forget_ranges(),
                 Some(Action::Request(request)) => {
-                    session.model.requested(request, session.now_ns);
-                    session.asker.request(request);
+                    session.joint.requested(request, session.now_ns);
+                    session.sdo_poller.request(request);
                 }
                 Some(Action::Redraw) | None => {}
             }
         }
         if pressed || drawn.is_none_or(|at| at.elapsed() >= PICTURE) {
-            let view = session.model.view(session.now_ns, &lens(&controls));
+            let view = session.joint.view(session.now_ns, &lens(&controls));
             controls.scroll = controls.scroll.min(view.events.len().saturating_sub(1));
             let draw = |frame: &mut ratatui::Frame| view::draw(frame, &view, &controls, &setting);
             terminal.draw(draw).map_err(failed)?;

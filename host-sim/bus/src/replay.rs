@@ -17,7 +17,7 @@ pub mod check;
 mod in_process;
 pub mod plan;
 pub mod play;
-pub mod punctual;
+pub mod real_time;
 pub mod report;
 pub mod setup;
 

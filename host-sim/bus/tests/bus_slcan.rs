@@ -11,7 +11,8 @@ use std::time::{Duration, Instant};
 
 use compensator_core::can::Frame;
 use compensator_core::can::slcan::{Adapter, BitRate, LONGEST_CLASSIC, emit_frame};
-use joint_bus::bus::slcan::{Address, Options, Slcan};
+use joint_bus::bus::Address;
+use joint_bus::bus::slcan::{Options, Slcan};
 use joint_bus::bus::{Bus, BusError};
 use joint_trace::CanFrame;
 

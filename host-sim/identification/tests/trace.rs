@@ -11,7 +11,7 @@ use friction_identification::data::{
     Dataset, EmitOptions, JointKind, Measured, Quantity, ReadOptions, Run, contract, emit, read,
 };
 use friction_identification::fit::{tracks, tracks_with};
-use joint_trace::{Assembler, Fraction, Sample, Writer, candump};
+use joint_trace::{Assembler, Fraction, TraceSample, Writer, candump};
 use std::path::PathBuf;
 
 /// Two runs that overlap in time, with every column and a covariate.
@@ -156,7 +156,7 @@ fn answered() -> Vec<u8> {
     let mut log = Vec::new();
     let mut writer = Writer::new(&mut log, "can0", Node::new(5).unwrap(), Fraction::Nanoseconds);
     for sequence in 0..1000u32 {
-        let mut sample = Sample::EMPTY;
+        let mut sample = TraceSample::EMPTY;
         sample.time_ns = 1_000_000_007 + u64::from(sequence) * 50_001;
         (sample.run, sample.sequence) = (Some(1 + sequence / 600), sequence % 600);
         sample.motion.velocity_rad_s = (sequence as f32 * 0.01).sin();
@@ -171,7 +171,7 @@ fn answered() -> Vec<u8> {
     log
 }
 
-fn samples_of(log: &[u8]) -> Vec<Sample> {
+fn samples_of(log: &[u8]) -> Vec<TraceSample> {
     let mut assembler = Assembler::default();
     let mut samples = Vec::new();
     for (at, line) in log.split(|byte| *byte == b'\n').filter(|line| !line.is_empty()).enumerate() {

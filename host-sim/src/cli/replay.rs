@@ -9,7 +9,7 @@ use joint_bus::bus::{BusName, FaultInjector, FaultPlan, Faults, Hub};
 use joint_bus::canopen::Client;
 use joint_bus::joint::JointNode;
 use joint_bus::replay::play::Progress;
-use joint_bus::replay::punctual::be_punctual;
+use joint_bus::replay::real_time::request_real_time;
 use joint_bus::replay::report::About;
 use joint_bus::replay::{Check, Plan, Rate, Report, Setup, play, set_up};
 use std::path::PathBuf;
@@ -116,7 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
     };
     let check = Check::new(node, core);
     let keeps_time = arguments.bus.bus != BusName::Loop && arguments.rate != Rate::Max;
-    let raised_priority = keeps_time && be_punctual();
+    let raised_priority = keeps_time && request_real_time();
     let played = match arguments.faults {
         Some(faults) => {
             let faults = FaultPlan { sent: faults, received: faults };

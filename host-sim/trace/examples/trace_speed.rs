@@ -4,7 +4,7 @@
 //! text to a joint's samples.
 
 use compensator_core::can::Node;
-use joint_trace::{Assembler, Fraction, Sample, Writer, candump};
+use joint_trace::{Assembler, Fraction, TraceSample, Writer, candump};
 use socketcan::dump::Reader;
 use std::time::Instant;
 
@@ -14,7 +14,7 @@ fn main() {
     let mut log = Vec::new();
     let mut writer = Writer::new(&mut log, "vcan0", Node::FIRST, Fraction::Microseconds);
     for sequence in 0..SAMPLES {
-        let mut sample = Sample::EMPTY;
+        let mut sample = TraceSample::EMPTY;
         sample.time_ns = 1_436_509_052_000_000_000 + u64::from(sequence) * 200_000;
         (sample.run, sample.sequence) = (Some(1), sequence);
         let value = (sequence as f32 * 1e-3).sin();

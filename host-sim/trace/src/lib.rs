@@ -13,5 +13,5 @@ pub mod samples;
 pub mod writer;
 
 pub use candump::{CanFrame, Direction, Fraction, Line, LineError};
-pub use samples::{Assembler, Sample, Summary};
+pub use samples::{Assembler, Summary, TraceSample};
 pub use writer::Writer;

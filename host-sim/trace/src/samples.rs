@@ -16,7 +16,7 @@ use compensator_core::quantity::Quantity;
 
 /// A sample as it was on the bus. What nobody measures, and what did not arrive, is NaN.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample {
+pub struct TraceSample {
     /// Line of the SYNC in the log, from 1.
     pub line: u64,
     /// Stamp of the SYNC, ns.
@@ -46,7 +46,7 @@ const NO_TORQUE: Torque = Torque { torque_nm: f32::NAN, load_torque_nm: f32::NAN
 const NO_SEAL: Seal = Seal { radial_force_n: f32::NAN, pressure_diff_pa: f32::NAN };
 const NO_SURROUNDINGS: Surroundings = Surroundings { temperature_c: f32::NAN, auxiliary: f32::NAN };
 
-impl Sample {
+impl TraceSample {
     /// A sample of which nothing is known.
     pub const EMPTY: Self = Self {
         line: 0,
@@ -123,11 +123,11 @@ const MOST_OTHERS: usize = 16;
 pub struct Assembler {
     joint: Option<(Box<[u8]>, Node)>,
     /// What has come since the last SYNC, and what the slow PDOs hold.
-    open: Sample,
+    open: TraceSample,
     heard_motion: bool,
     heard_torque: bool,
     /// The sample that waits for its answers.
-    closed: Option<Sample>,
+    closed: Option<TraceSample>,
     /// Number and counter of the last SYNC in this run.
     last: Option<(u32, u8)>,
     /// The number the next sample was said to have.
@@ -139,7 +139,7 @@ impl Default for Assembler {
     fn default() -> Self {
         Self {
             joint: None,
-            open: Sample::EMPTY,
+            open: TraceSample::EMPTY,
             heard_motion: false,
             heard_torque: false,
             closed: None,
@@ -153,7 +153,7 @@ impl Default for Assembler {
 impl Assembler {
     /// Takes the next line of a log; gives the sample it shows to be complete.
     #[inline]
-    pub fn take(&mut self, number: u64, line: &Line) -> Option<Sample> {
+    pub fn take(&mut self, number: u64, line: &Line) -> Option<TraceSample> {
         self.summary.frames += 1;
         let frame = match &line.frame {
             CanFrame::Data { identifier, extended: false, length, bytes } => {
@@ -181,13 +181,13 @@ impl Assembler {
     }
 
     /// The last sample, and what there was.
-    pub fn finish(mut self) -> (Option<Sample>, Summary) {
+    pub fn finish(mut self) -> (Option<TraceSample>, Summary) {
         let last = self.hand_out();
         self.summary.joint = self.joint.as_ref().map(|(interface, node)| named(interface, *node));
         (last, self.summary)
     }
 
-    fn hand_out(&mut self) -> Option<Sample> {
+    fn hand_out(&mut self) -> Option<TraceSample> {
         let sample = self.closed.take()?;
         self.summary.samples += 1;
         self.summary.answers += u64::from(sample.answer.is_some());
@@ -227,7 +227,7 @@ impl Assembler {
     }
 
     #[inline]
-    fn message(&mut self, number: u64, line: &Line, message: Message) -> Option<Sample> {
+    fn message(&mut self, number: u64, line: &Line, message: Message) -> Option<TraceSample> {
         let interface = line.interface;
         match message {
             Message::Motion(node, motion) => {
@@ -296,7 +296,7 @@ impl Assembler {
         match entry {
             Entry::Run(run) => {
                 // What the slow PDOs said was of another run.
-                self.open = Sample { run: Some(run), ..Sample::EMPTY };
+                self.open = TraceSample { run: Some(run), ..TraceSample::EMPTY };
                 (self.heard_motion, self.heard_torque) = (false, false);
                 (self.last, self.announced) = (None, Some(0));
             }
@@ -310,7 +310,7 @@ impl Assembler {
         let sequence = self.count(sync);
         // A SYNC for others on the bus ends no sample of this joint.
         if self.heard_motion || self.heard_torque || self.open.fault.is_some() {
-            let mut sample = Sample { line: number, time_ns, sequence, ..self.open };
+            let mut sample = TraceSample { line: number, time_ns, sequence, ..self.open };
             if sample.fault.is_some() {
                 // Whichever frame it was: a slow PDO would else pass with its old value.
                 sample.motion = NO_MOTION;
@@ -368,7 +368,7 @@ mod tests {
     use crate::candump;
 
     /// The samples of a log, and what there was in it.
-    fn assemble(log: &str) -> (Vec<Sample>, Summary) {
+    fn assemble(log: &str) -> (Vec<TraceSample>, Summary) {
         let mut assembler = Assembler::default();
         let mut samples = Vec::new();
         for (at, line) in log.lines().enumerate() {

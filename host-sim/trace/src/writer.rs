@@ -5,7 +5,7 @@
 //! begins with its number.
 
 use crate::candump::{self, CanFrame, Fraction, Line};
-use crate::samples::Sample;
+use crate::samples::TraceSample;
 use compensator_core::can::{Entry, Message, Node, Sync};
 use std::io::{self, Write};
 
@@ -41,9 +41,9 @@ impl<'a, W: Write> Writer<'a, W> {
     ///
     /// # Errors
     /// As the writer below.
-    pub fn sample(&mut self, sample: &Sample) -> io::Result<()> {
+    pub fn sample(&mut self, sample: &TraceSample) -> io::Result<()> {
         let (time_ns, node) = (sample.time_ns, self.node);
-        let Sample { motion, torque, seal, surroundings, .. } = *sample;
+        let TraceSample { motion, torque, seal, surroundings, .. } = *sample;
         if sample.run != self.run
             && let Some(run) = sample.run
         {

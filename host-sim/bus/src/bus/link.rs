@@ -3,7 +3,7 @@
 //! Never blocks; waiting is [`Link::wait`]'s. A serial device is set raw, with eight bits and no handshake,
 //! and locked, so that two programs do not share an adapter by mistake.
 
-use super::slcan::Address;
+use super::address::Address;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::termios::{self, ControlModes, OptionalActions, QueueSelector, SpecialCodeIndex};

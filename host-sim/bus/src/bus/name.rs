@@ -1,6 +1,6 @@
 //! What stands behind `--bus`.
 
-use super::{Bus, BusError, Hub, slcan};
+use super::{Address, Bus, BusError, Hub, slcan};
 use std::fmt;
 use std::str::FromStr;
 
@@ -15,7 +15,7 @@ pub enum BusName {
     /// `can0`: an interface of the kernel.
     SocketCan(String),
     /// `slcan:/dev/ttyACM0`, `slcan:localhost:3333`: an adapter.
-    Slcan(slcan::Address),
+    Slcan(Address),
 }
 
 /// A name that names no bus; one line.
@@ -37,7 +37,7 @@ impl FromStr for BusName {
             return Ok(Self::Loop);
         }
         if let Some(address) = name.strip_prefix("slcan:") {
-            let address = slcan::Address::parse(address).ok_or(error("no path or host"))?;
+            let address = Address::parse(address).ok_or(error("no path or host"))?;
             return Ok(Self::Slcan(address));
         }
         if name.is_empty() {

@@ -1,6 +1,6 @@
 //! What the keys do: pure, so that a test can press them.
 
-use super::asker::Request;
+use super::sdo_poller::Request;
 use super::view_data::View;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 

@@ -7,7 +7,7 @@
 
 use super::{Dataset, Quantity, Run, contract};
 use compensator_core::can::{Entry, Message, Node};
-use joint_trace::{Fraction, Sample, Writer};
+use joint_trace::{Fraction, TraceSample, Writer};
 use std::collections::HashSet;
 use std::io::{self, Write};
 
@@ -84,7 +84,7 @@ pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<()
     for ((run, number), stamps) in data.runs.iter().zip(run_numbers(data)).zip(&stamps) {
         let own = auxiliary.and_then(|at| run.extra.get(at)).map(Vec::as_slice);
         for (row, time_ns) in stamps.iter().enumerate() {
-            writer.sample(&Sample {
+            writer.sample(&TraceSample {
                 time_ns: *time_ns,
                 run: Some(number),
                 sequence: row as u32,
@@ -97,8 +97,8 @@ pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<()
 }
 
 /// A row, in the numbers of the bus.
-fn sample(run: &Run, row: usize, auxiliary: Option<&[f64]>) -> Sample {
-    let mut sample = Sample::EMPTY;
+fn sample(run: &Run, row: usize, auxiliary: Option<&[f64]>) -> TraceSample {
+    let mut sample = TraceSample::EMPTY;
     let required = [Quantity::Velocity, Quantity::Torque];
     for quantity in required.into_iter().chain(contract::optional()) {
         if let Some(column) = run.get(quantity) {

@@ -16,7 +16,7 @@ use super::dataset::LeftOutColumn;
 use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
 use super::header::layout;
 use compensator_core::quantity::Quantity;
-use joint_trace::{Assembler, LineError, Sample, Summary, candump};
+use joint_trace::{Assembler, LineError, Summary, TraceSample, candump};
 
 /// Lines between two calls of the progress function.
 const PROGRESS_LINES: u64 = 64 * 1024;
@@ -42,7 +42,7 @@ enum Column {
 
 /// A sample as a row of that table.
 struct TraceRow<'a> {
-    sample: &'a Sample,
+    sample: &'a TraceSample,
     time_s: f64,
     columns: &'a [Column],
 }
@@ -208,7 +208,7 @@ fn each_sample(
     file: &mut File,
     progress: &dyn Fn(u64),
     mut aside: impl FnMut(Aside),
-    mut sink: impl FnMut(&Sample) -> Result<(), DataError>,
+    mut sink: impl FnMut(&TraceSample) -> Result<(), DataError>,
 ) -> Result<Summary, DataError> {
     let io = |source| DataError::Io { file: path.into(), source };
     file.seek(SeekFrom::Start(0)).map_err(io)?;

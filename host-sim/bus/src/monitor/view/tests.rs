@@ -1,6 +1,6 @@
 use super::*;
 use crate::bus::Received;
-use crate::monitor::model::Model;
+use crate::monitor::joint_view::JointView;
 use crate::monitor::view_data::Lens;
 use compensator_core::can::{
     Answer, Frame as JointFrame, Message, Motion, Node, Status, Sync, Telemetry,
@@ -12,13 +12,13 @@ use ratatui::buffer::Buffer;
 
 const MS: u64 = 1_000_000;
 
-fn hear(model: &mut Model, at_ms: u64, frame: JointFrame) {
+fn hear(model: &mut JointView, at_ms: u64, frame: JointFrame) {
     model.take(&Received { time_ns: at_ms * MS, frame: frame.into() });
 }
 
 /// A joint that turned to and fro for five seconds and then, maybe, fell silent.
-fn model() -> Model {
-    let mut model = Model::new(Node::FIRST, 0);
+fn model() -> JointView {
+    let mut model = JointView::new(Node::FIRST, 0);
     hear(&mut model, 0, JointFrame::new(0x701, &[0]).unwrap());
     hear(&mut model, 1, JointFrame::new(0x081, &[0x10, 0x32, 5, 8, 0, 0, 0, 0]).unwrap());
     hear(&mut model, 2, JointFrame::new(0x081, &[0x10, 0x63, 0x81, 34, 0, 0, 0, 0]).unwrap());
@@ -64,11 +64,11 @@ fn text(buffer: &Buffer) -> String {
     rows.map(|row| row.iter().map(|cell| cell.symbol()).collect::<String>() + "\n").collect()
 }
 
-fn seen(model: &Model, at_ms: u64) -> View {
+fn seen(model: &JointView, at_ms: u64) -> View {
     model.view(at_ms * MS, &Lens { window_s: 10.0, columns: 240, events: 500 })
 }
 
-fn screen(model: &Model, at_ms: u64, size: (u16, u16)) -> String {
+fn screen(model: &JointView, at_ms: u64, size: (u16, u16)) -> String {
     text(&drawn(&seen(model, at_ms), &Controls::new(false), &setting(), size))
 }
 
@@ -155,7 +155,7 @@ fn nothing_panics_at_any_size_in_any_state() {
     let mut asking = Controls::new(false);
     (asking.confirm, asking.help, asking.scroll) = (true, true, 1000);
     let gone = Setting { gone: Some("bus can0: gone".into()), demo: true, ..setting() };
-    let nothing = Model::new(Node::FIRST, 0);
+    let nothing = JointView::new(Node::FIRST, 0);
     for model in [&model, &nothing] {
         for at_ms in [0, 4999, 60_000] {
             let view = seen(model, at_ms);
@@ -202,7 +202,7 @@ fn what_is_special_is_said() {
     let gone = Setting { gone: Some("bus can0: down".into()), ..setting() };
     let screen = text(&drawn(&view, &Controls::new(false), &gone, (80, 24)));
     assert_shows(&screen, &["NO BUS", "bus can0: down; trying again"]);
-    let empty = seen(&Model::new(Node::FIRST, 0), 0);
+    let empty = seen(&JointView::new(Node::FIRST, 0), 0);
     let screen = text(&drawn(&empty, &Controls::new(false), &setting(), (80, 24)));
     assert_shows(&screen, &["not heard yet", "not read yet", "none heard of", "nothing yet"]);
 }

@@ -6,8 +6,8 @@
 //! ([`Inbox`]). Faults and limits come from emergencies at once, and from objects for those that were
 //! there before.
 
-use super::asker::{Request, Told};
 use super::rates::Rates;
+use super::sdo_poller::{Request, SdoReply};
 use super::series::Series;
 use super::view_data::{
     Band, Codes, Event, EventKind, Heartbeat, Lens, Quantity, Reading, SyncCounts, View,
@@ -39,7 +39,7 @@ fn age_s(at_ns: u64, now_ns: u64) -> f64 {
 
 /// What is known of a joint.
 #[derive(Debug)]
-pub struct Model {
+pub struct JointView {
     node: Node,
     start_ns: u64,
     inbox: Inbox,
@@ -66,7 +66,7 @@ pub struct Model {
     events_ever: u64,
 }
 
-impl Model {
+impl JointView {
     /// Nothing is known yet.
     pub fn new(node: Node, start_ns: u64) -> Self {
         Self {
@@ -269,18 +269,18 @@ impl Model {
     }
 
     /// Takes in what the joint told when it was asked.
-    pub fn told(&mut self, told: Told, now_ns: u64) {
-        match told {
-            Told::Value(at, value) => self.object(at.index, at.subindex, value, now_ns),
-            Told::Done(request) => {
+    pub fn on_reply(&mut self, reply: SdoReply, now_ns: u64) {
+        match reply {
+            SdoReply::Value(at, value) => self.object(at.index, at.subindex, value, now_ns),
+            SdoReply::Done(request) => {
                 self.log(now_ns, EventKind::Good, format!("{}: done", request.name()));
             }
-            Told::Refused(request, code, why) => {
+            SdoReply::Refused(request, code, why) => {
                 let why = if why.is_empty() { "no reason given" } else { why.as_str() };
                 let text = format!("{}: refused ({code:08X}h): {why}", request.name());
                 self.log(now_ns, EventKind::Fault, text);
             }
-            Told::Unanswered(request) => {
+            SdoReply::Unanswered(request) => {
                 let text = format!("{}: the joint does not answer", request.name());
                 self.log(now_ns, EventKind::Fault, text);
             }

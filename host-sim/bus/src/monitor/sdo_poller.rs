@@ -66,7 +66,7 @@ impl Request {
 
 /// What came of asking.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Told {
+pub enum SdoReply {
     /// An object has this value.
     Value(Address, u32),
     /// A request was taken.
@@ -99,7 +99,7 @@ struct Pending {
 
 /// Asks a joint.
 #[derive(Debug)]
-pub struct Asker {
+pub struct SdoPoller {
     node: Node,
     listen: bool,
     round: VecDeque<Address>,
@@ -111,7 +111,7 @@ pub struct Asker {
     hold_until_ns: u64,
 }
 
-impl Asker {
+impl SdoPoller {
     /// Asks this node, or only listens.
     pub fn new(node: Node, listen: bool) -> Self {
         Self {
@@ -167,19 +167,19 @@ impl Asker {
     }
 
     /// What is to be sent now; and what came of a request nobody answered.
-    pub fn poll(&mut self, now_ns: u64, serves: bool) -> (Option<Frame>, Option<Told>) {
+    pub fn poll(&mut self, now_ns: u64, serves: bool) -> (Option<Frame>, Option<SdoReply>) {
         if self.listen {
             return (None, None);
         }
-        let mut told = None;
+        let mut reply = None;
         if self.pending.as_ref().is_some_and(|pending| now_ns >= pending.until_ns)
             && let Some(pending) = self.pending.take()
         {
             self.follow_up = None;
-            told = match pending.job {
-                Job::Write(request) => Some(Told::Unanswered(request)),
+            reply = match pending.job {
+                Job::Write(request) => Some(SdoReply::Unanswered(request)),
                 Job::Reason { request, code, text, .. } => {
-                    Some(Told::Refused(request, code, words(&text)))
+                    Some(SdoReply::Refused(request, code, words(&text)))
                 }
                 Job::Read => {
                     self.drop_round();
@@ -190,7 +190,7 @@ impl Asker {
             };
         }
         let next = self.next(now_ns, serves);
-        (next.and_then(|data| Frame::new(0x600 + u16::from(self.node.number()), &data)), told)
+        (next.and_then(|data| Frame::new(0x600 + u16::from(self.node.number()), &data)), reply)
     }
 
     fn next(&mut self, now_ns: u64, serves: bool) -> Option<[u8; 8]> {
@@ -224,7 +224,7 @@ impl Asker {
     }
 
     /// Takes in a frame that was on the bus, where it is of the joint's objects.
-    pub fn take(&mut self, frame: &Frame, now_ns: u64) -> Option<Told> {
+    pub fn take(&mut self, frame: &Frame, now_ns: u64) -> Option<SdoReply> {
         let number = u16::from(self.node.number());
         if frame.identifier() == 0x600 + number {
             let of_trace = matches!(Message::parse(frame), Ok(Message::Entry(..)));
@@ -257,15 +257,15 @@ impl Asker {
                 Err(_) => {
                     // What it led to is read at once.
                     self.next_round_ns = now_ns;
-                    Some(Told::Done(request))
+                    Some(SdoReply::Done(request))
                 }
             },
             Some(Job::Reason { request, code, .. }) => {
                 if let Some(text) = expedited(&answer) {
-                    return Some(Told::Refused(request, code, words(text)));
+                    return Some(SdoReply::Refused(request, code, words(text)));
                 }
                 if decode_upload_initiate_segmented_response(&answer).is_err() {
-                    return Some(Told::Refused(request, code, String::new()));
+                    return Some(SdoReply::Refused(request, code, String::new()));
                 }
                 let text = Vec::new();
                 let job = Job::Reason { request, code, text, toggle: Some(false) };
@@ -278,12 +278,12 @@ impl Asker {
                 let value = expedited(&answer).filter(|_| WATCHED.contains(&at))?;
                 let mut word = [0; 4];
                 word.iter_mut().zip(value).for_each(|(to, from)| *to = *from);
-                Some(Told::Value(at, u32::from_le_bytes(word)))
+                Some(SdoReply::Value(at, u32::from_le_bytes(word)))
             }
         }
     }
 
-    fn segment(&mut self, answer: &[u8; 8], now_ns: u64) -> Option<Told> {
+    fn segment(&mut self, answer: &[u8; 8], now_ns: u64) -> Option<SdoReply> {
         let Pending { at, job, .. } = self.pending.take()?;
         let Job::Reason { request, code, mut text, toggle: Some(toggle) } = job else {
             return None;
@@ -292,14 +292,14 @@ impl Asker {
             Ok(segment) if segment.toggle == toggle => {
                 text.extend_from_slice(segment.data);
                 if segment.last || text.len() > 1024 {
-                    return Some(Told::Refused(request, code, words(&text)));
+                    return Some(SdoReply::Refused(request, code, words(&text)));
                 }
                 let job = Job::Reason { request, code, text, toggle: Some(!toggle) };
                 self.await_answer(at, job, now_ns);
                 self.follow_up = Some(encode_upload_segment_request(!toggle));
                 None
             }
-            _ => Some(Told::Refused(request, code, words(&text))),
+            _ => Some(SdoReply::Refused(request, code, words(&text))),
         }
     }
 }

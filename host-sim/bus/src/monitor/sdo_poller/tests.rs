@@ -10,32 +10,32 @@ const MS: u64 = 1_000_000;
 /// A joint and who asks it, on a bus without delay.
 struct Bench {
     joint: JointNode,
-    asker: Asker,
+    sdo_poller: SdoPoller,
     now_ns: u64,
-    told: Vec<Told>,
+    replies: Vec<SdoReply>,
     asked: Vec<Frame>,
 }
 
 impl Bench {
     fn new(listen: bool) -> Self {
         let joint = JointNode::start(Node::FIRST, None).unwrap();
-        let asker = Asker::new(Node::FIRST, listen);
-        Self { joint, asker, now_ns: 0, told: Vec::new(), asked: Vec::new() }
+        let sdo_poller = SdoPoller::new(Node::FIRST, listen);
+        Self { joint, sdo_poller, now_ns: 0, replies: Vec::new(), asked: Vec::new() }
     }
 
     fn run(&mut self, time_ms: u64) {
         for _ in 0..time_ms {
             self.joint.tick(self.now_ns);
             loop {
-                let (frame, told) = self.asker.poll(self.now_ns, true);
-                self.told.extend(told);
+                let (frame, reply) = self.sdo_poller.poll(self.now_ns, true);
+                self.replies.extend(reply);
                 if let Some(frame) = frame {
                     self.asked.push(frame);
                     Participant::receive(&mut self.joint, &CanFrame::from(frame), self.now_ns);
                 }
                 let mut heard = false;
                 while let Some(answer) = self.joint.transmit().and_then(|of| of.to_joint()) {
-                    self.told.extend(self.asker.take(&answer, self.now_ns));
+                    self.replies.extend(self.sdo_poller.take(&answer, self.now_ns));
                     heard = true;
                 }
                 if !heard {
@@ -47,8 +47,8 @@ impl Bench {
     }
 
     fn value(&self, index: u16, place: u8) -> Option<u32> {
-        self.told.iter().rev().find_map(|told| match told {
-            Told::Value(at, value) if *at == Address::new(index, place) => Some(*value),
+        self.replies.iter().rev().find_map(|reply| match reply {
+            SdoReply::Value(at, value) if *at == Address::new(index, place) => Some(*value),
             _ => None,
         })
     }
@@ -58,8 +58,8 @@ impl Bench {
 fn all_that_is_watched_is_read_twice_a_second() {
     let mut bench = Bench::new(false);
     bench.run(2001);
-    assert_eq!(bench.told.len(), 5 * WATCHED.len());
-    assert_eq!(bench.asked.len(), bench.told.len());
+    assert_eq!(bench.replies.len(), 5 * WATCHED.len());
+    assert_eq!(bench.asked.len(), bench.replies.len());
     for at in WATCHED {
         assert!(bench.value(at.index, at.subindex).is_some(), "{at:?}");
     }
@@ -72,14 +72,14 @@ fn all_that_is_watched_is_read_twice_a_second() {
 #[test]
 fn requests_go_first_and_their_end_is_told() {
     let mut bench = Bench::new(false);
-    bench.asker.request(Request::Arm);
+    bench.sdo_poller.request(Request::Arm);
     bench.run(1);
     assert_eq!(bench.asked[0].data()[..5], [0x2F, 0x02, 0x20, 1, 1]);
-    assert_eq!(bench.told[0], Told::Done(Request::Arm));
+    assert_eq!(bench.replies[0], SdoReply::Done(Request::Arm));
     // What it led to is read at once.
     assert_eq!(bench.value(index::STATE, 2), Some(1));
-    bench.asker.request(Request::Arm);
-    bench.asker.request(Request::Disarm);
+    bench.sdo_poller.request(Request::Arm);
+    bench.sdo_poller.request(Request::Disarm);
     let asked = bench.asked.len();
     bench.run(1);
     // Disarming overtakes what was asked before, and arming is not heard of again.
@@ -95,10 +95,10 @@ fn a_refusal_comes_with_the_joints_own_words() {
     let write = Frame::new(0x601, &[0x2F, 0x01, 0x20, 1, 0, 0, 0, 0]).unwrap();
     Participant::receive(&mut bench.joint, &CanFrame::from(write), 0);
     while bench.joint.transmit().is_some() {}
-    bench.asker.request(Request::Arm);
+    bench.sdo_poller.request(Request::Arm);
     bench.run(5);
-    let refused = bench.told.iter().find_map(|told| match told {
-        Told::Refused(Request::Arm, code, why) => Some((*code, why.clone())),
+    let refused = bench.replies.iter().find_map(|reply| match reply {
+        SdoReply::Refused(Request::Arm, code, why) => Some((*code, why.clone())),
         _ => None,
     });
     let (code, why) = refused.expect("refused");
@@ -112,14 +112,14 @@ fn a_refusal_comes_with_the_joints_own_words() {
 #[test]
 fn who_listens_sends_nothing_and_still_understands() {
     let mut bench = Bench::new(true);
-    bench.asker.request(Request::Arm);
+    bench.sdo_poller.request(Request::Arm);
     bench.run(3000);
-    assert!(bench.asked.is_empty() && bench.told.is_empty());
+    assert!(bench.asked.is_empty() && bench.replies.is_empty());
     // Somebody else reads the state.
     let read = Frame::new(0x601, &encode_upload_request(WATCHED[0])).unwrap();
     Participant::receive(&mut bench.joint, &CanFrame::from(read), bench.now_ns);
     bench.run(1);
-    assert_eq!(bench.told, [Told::Value(WATCHED[0], 0)]);
+    assert_eq!(bench.replies, [SdoReply::Value(WATCHED[0], 0)]);
 }
 
 #[test]
@@ -129,13 +129,13 @@ fn another_client_is_left_alone() {
     let theirs = Frame::new(0x601, &[0x23, 0x23, 0x20, 1, 0, 0, 0, 0]).unwrap();
     let asked = bench.asked.len();
     for _ in 0..20 {
-        assert_eq!(bench.asker.take(&theirs, bench.now_ns), None);
-        assert!(bench.asker.is_held(bench.now_ns));
+        assert_eq!(bench.sdo_poller.take(&theirs, bench.now_ns), None);
+        assert!(bench.sdo_poller.is_held(bench.now_ns));
         bench.run(100);
     }
     assert_eq!(bench.asked.len(), asked);
     // To disarm does not wait.
-    bench.asker.request(Request::Disarm);
+    bench.sdo_poller.request(Request::Disarm);
     bench.run(1);
     assert_eq!(bench.asked.len(), asked + 1);
     bench.run(1500);
@@ -144,25 +144,25 @@ fn another_client_is_left_alone() {
 
 #[test]
 fn who_does_not_answer_is_asked_ever_less_often() {
-    let mut asker = Asker::new(Node::FIRST, false);
+    let mut sdo_poller = SdoPoller::new(Node::FIRST, false);
     let mut times = Vec::new();
     for now_ms in 0..120_000 {
-        let (frame, told) = asker.poll(now_ms * MS, true);
-        assert_eq!(told, None);
+        let (frame, reply) = sdo_poller.poll(now_ms * MS, true);
+        assert_eq!(reply, None);
         times.extend(frame.map(|_| now_ms));
     }
     // One question each time, not a round of eight.
     assert!(times.len() < 15, "{times:?}");
     assert!(times.windows(2).last().is_some_and(|pair| pair[1] - pair[0] >= 16_000), "{times:?}");
     // It shows up: it is asked at once.
-    asker.wake(120_000 * MS);
-    assert!((120_000..120_400).any(|now_ms| asker.poll(now_ms * MS, true).0.is_some()));
+    sdo_poller.wake(120_000 * MS);
+    assert!((120_000..120_400).any(|now_ms| sdo_poller.poll(now_ms * MS, true).0.is_some()));
     // A stopped joint is not asked, a full bus not used.
-    let mut asker = Asker::new(Node::FIRST, false);
-    assert_eq!(asker.poll(0, false), (None, None));
-    asker.bus_is_full(0);
-    assert!((0..9_000).all(|now_ms| asker.poll(now_ms * MS, true).0.is_none()));
-    asker.request(Request::Arm);
-    assert!(asker.poll(9_000 * MS, true).0.is_some());
-    assert_eq!(asker.poll(9_300 * MS, false).1, Some(Told::Unanswered(Request::Arm)));
+    let mut sdo_poller = SdoPoller::new(Node::FIRST, false);
+    assert_eq!(sdo_poller.poll(0, false), (None, None));
+    sdo_poller.bus_is_full(0);
+    assert!((0..9_000).all(|now_ms| sdo_poller.poll(now_ms * MS, true).0.is_none()));
+    sdo_poller.request(Request::Arm);
+    assert!(sdo_poller.poll(9_000 * MS, true).0.is_some());
+    assert_eq!(sdo_poller.poll(9_300 * MS, false).1, Some(SdoReply::Unanswered(Request::Arm)));
 }

@@ -11,7 +11,7 @@ const HIGHEST: i32 = -20;
 
 /// Asks for punctual timers and priority, for this thread; says whether it got priority.
 #[cfg(target_os = "linux")]
-pub fn be_punctual() -> bool {
+pub fn request_real_time() -> bool {
     // 1 ns is as good as none; 0 would be the default.
     let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
     rustix::process::setpriority_process(None, HIGHEST).is_ok()
@@ -19,6 +19,6 @@ pub fn be_punctual() -> bool {
 
 /// Asks for nothing, and got none.
 #[cfg(not(target_os = "linux"))]
-pub fn be_punctual() -> bool {
+pub fn request_real_time() -> bool {
     false
 }

@@ -6,24 +6,24 @@ const MS: u64 = 1_000_000;
 const START: u64 = 1_700_000_000_000 * MS;
 const LENS: Lens = Lens { window_s: 10.0, columns: 100, events: 100 };
 
-fn model() -> Model {
-    Model::new(Node::FIRST, START)
+fn model() -> JointView {
+    JointView::new(Node::FIRST, START)
 }
 
-fn hear(model: &mut Model, at_ms: u64, message: &Message) -> bool {
+fn hear(model: &mut JointView, at_ms: u64, message: &Message) -> bool {
     frame(model, at_ms, &message.emit())
 }
 
-fn frame(model: &mut Model, at_ms: u64, frame: &Frame) -> bool {
+fn frame(model: &mut JointView, at_ms: u64, frame: &Frame) -> bool {
     model.take(&Received { time_ns: START + at_ms * MS, frame: (*frame).into() })
 }
 
-fn raw(model: &mut Model, at_ms: u64, identifier: u16, data: &[u8]) -> bool {
+fn raw(model: &mut JointView, at_ms: u64, identifier: u16, data: &[u8]) -> bool {
     frame(model, at_ms, &Frame::new(identifier, data).unwrap())
 }
 
 /// A second of a joint at 1 kHz that begins at this time, every frame of it.
-fn second(model: &mut Model, from_ms: u64) {
+fn second(model: &mut JointView, from_ms: u64) {
     for at in from_ms..from_ms + 1000 {
         let velocity_rad_s = at as f32 / 1000.0;
         let motion = Motion { velocity_rad_s, position_rad: 0.0 };
@@ -38,7 +38,7 @@ fn second(model: &mut Model, from_ms: u64) {
     }
 }
 
-fn view(model: &Model, at_ms: u64) -> View {
+fn view(model: &JointView, at_ms: u64) -> View {
     model.view(START + at_ms * MS, &LENS)
 }
 
@@ -118,10 +118,11 @@ fn faults_come_and_go_by_emergencies_and_by_objects() {
     assert!(texts(&seen)[1].starts_with("fault bus-overvoltage (3210h): bus at"), "{seen:?}");
     raw(&mut model, 4, 0x081, &[0, 0, 0, 34, 0, 0, 0, 0]);
     let now_ns = START + 5 * MS;
-    let value = |place, value| Told::Value(canopen_rs::Address::new(index::STATE, place), value);
-    model.told(value(2, 1), now_ns);
-    model.told(value(3, 0b1001), now_ns);
-    model.told(value(4, 1 << 31), now_ns);
+    let value =
+        |place, value| SdoReply::Value(canopen_rs::Address::new(index::STATE, place), value);
+    model.on_reply(value(2, 1), now_ns);
+    model.on_reply(value(3, 0b1001), now_ns);
+    model.on_reply(value(4, 1 << 31), now_ns);
     let seen = view(&model, 6);
     // The joint's own word counts; a code of a newer driver by its number.
     assert_eq!(seen.codes.faults, ["command-timeout", "overcurrent"]);
