@@ -9,7 +9,7 @@
 //! ([`segments`]); thinning out is anti-aliased ([`AntiAlias`]); and training and test data
 //! are whole stretches of time, never shuffled rows ([`split`]).
 //!
-//! The way of a row: `csv_source`, `parquet_source` or `trace_source` -> `header` (which column is what) ->
+//! The way of a row: `source` (one of the formats) -> `header` (which column is what) ->
 //! `clean` (may this row stay?) -> `columns` (which optional columns may stay?) -> `read`
 //! (several files become one [`Dataset`]).
 
@@ -17,19 +17,16 @@ mod acceleration;
 mod clean;
 mod columns;
 pub mod contract;
-mod csv_source;
 mod dataset;
 mod decimate;
 mod error;
 mod header;
 mod naming;
-mod parquet_source;
 mod read;
 mod segment;
-mod sniff;
+mod source;
 mod split;
 mod trace_sink;
-mod trace_source;
 
 pub use acceleration::{DERIVATIVE_WINDOW, derivative};
 pub use clean::{MAX_BAD_SHARE, MAX_RUNS};

@@ -6,22 +6,14 @@
 //! files. Last, `skip` drops the start of each run (the logger's own filters were still settling).
 
 use std::collections::HashSet;
-use std::fs::File;
-use std::io::{Read, Seek};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use compensator_core::quantity::Quantity;
 
 use super::clean::{CleanRun, FileData};
-use super::csv_source::read_csv;
 use super::dataset::{Dataset, LeftOutColumn, Run};
 use super::error::{BadRows, DataError};
-use super::parquet_source::read_parquet;
-use super::sniff::{Format, sniff};
-use super::trace_source::{is_trace, read_trace};
-
-/// Bytes of a file that are looked at for the first line of a CAN log.
-const HEAD: u64 = 4096;
+use super::source::read_file;
 
 /// How files are to be read.
 #[derive(Debug, Clone, Default)]
@@ -48,7 +40,7 @@ pub fn read(
     progress(0, total);
     for (path, size) in files.iter().zip(sizes) {
         let so_far = |bytes: u64| progress(done + bytes.min(size), total);
-        parts.push(read_one(path, size, &options.columns, &so_far)?);
+        parts.push(read_file(path, size, &options.columns, &so_far)?);
         done += size;
         progress(done, total);
     }
@@ -85,29 +77,6 @@ fn sizes(files: &[PathBuf]) -> Result<Vec<u64>, DataError> {
         Ok(about.len())
     };
     files.iter().map(size).collect()
-}
-
-fn read_one(
-    path: &Path,
-    size: u64,
-    mapping: &[(String, String)],
-    so_far: &dyn Fn(u64),
-) -> Result<FileData, DataError> {
-    let mut file =
-        File::open(path).map_err(|source| DataError::Io { file: path.into(), source })?;
-    let mut head = Vec::new();
-    let io = |source| DataError::Io { file: path.into(), source };
-    file.by_ref().take(HEAD).read_to_end(&mut head).map_err(io)?;
-    file.rewind().map_err(io)?;
-    if is_trace(&head) {
-        return read_trace(path, file, mapping, so_far);
-    }
-    match sniff(path, &mut file)? {
-        Format::Csv { separator, .. } => read_csv(path, file, separator, mapping, so_far),
-        Format::Parquet => {
-            read_parquet(path, file, mapping, &|share| so_far((share * size as f64) as u64))
-        }
-    }
 }
 
 /// An optional column: what it measures, `None` of an extra covariate, and its name.

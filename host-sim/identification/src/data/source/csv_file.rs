@@ -12,15 +12,14 @@
 
 use std::borrow::Cow;
 use std::cell::Cell;
-use std::fs::File;
-use std::io::{Read, Seek};
-use std::path::Path;
+use std::io::{Read, Seek, SeekFrom};
 
 use csv::{ByteRecord, ReaderBuilder, Terminator};
 
-use super::clean::{Cleaner, FileData, Row};
-use super::error::DataError;
-use super::header::layout;
+use super::{Input, Source};
+use crate::data::clean::{Cleaner, FileData, Row};
+use crate::data::error::DataError;
+use crate::data::header::layout;
 
 /// Rows between two calls of the progress function.
 const PROGRESS_ROWS: u64 = 16 * 1024;
@@ -67,14 +66,32 @@ fn with_decimal_comma(cell: &[u8]) -> Option<f64> {
     fast_float2::parse(&copy[..cell.len()]).ok()
 }
 
-/// Reads a file that stands where its table starts. `progress` is told the bytes done so far.
-pub(super) fn read_csv(
-    path: &Path,
-    mut file: File,
-    separator: u8,
-    mapping: &[(String, String)],
-    progress: &dyn Fn(u64),
-) -> Result<FileData, DataError> {
+/// Tables as text.
+pub(super) const SOURCE: Source = Source { is_it: |_| true, read };
+
+/// Before the text of some programs.
+const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
+
+/// The separator that occurs most often in the first line, outside quotes.
+fn separator(text: &[u8]) -> u8 {
+    let header = text.trim_ascii_start();
+    // A leading tab may be an empty first name, but then others follow it.
+    let mut counts = [(b',', 0), (b';', 0), (b'\t', 0)];
+    let mut is_quoted = false;
+    for &byte in header.iter().take_while(|&&byte| byte != b'\n') {
+        is_quoted ^= byte == b'"';
+        if let Some((_, count)) = counts.iter_mut().find(|(s, _)| *s == byte && !is_quoted) {
+            *count += 1;
+        }
+    }
+    // `max_by_key` prefers the last of equals, and the comma is to be preferred.
+    counts.iter().rev().max_by_key(|(_, count)| *count).map_or(b',', |(separator, _)| *separator)
+}
+
+fn read(input: Input) -> Result<FileData, DataError> {
+    let Input { path, mut file, head, size, mapping, progress } = input;
+    let start = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+    let separator = separator(&head[start..]);
     let failed = |error: csv::Error| {
         let said = error.to_string();
         let source = match error.into_kind() {
@@ -84,9 +101,9 @@ pub(super) fn read_csv(
         DataError::Io { file: path.into(), source }
     };
     let io = |source| DataError::Io { file: path.into(), source };
-    let start = file.stream_position().map_err(io)?;
+    file.seek(SeekFrom::Start(start as u64)).map_err(io)?;
     // With the line end that is appended.
-    let bytes = file.metadata().map_err(io)?.len().saturating_sub(start) + 1;
+    let bytes = size.saturating_sub(start as u64) + 1;
     let mut reader = ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -159,6 +176,15 @@ fn is_blank(record: &ByteRecord) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn separators_are_seen() {
+        assert_eq!(separator(b"a,b,c\n1,2,3\n"), b',');
+        assert_eq!(separator(b"a;b;c\n1,0;2,0;3,0\n"), b';');
+        assert_eq!(separator(b"\r\n\na\tb\r\n"), b'\t');
+        assert_eq!(separator(b"\"a;x;y\",b\n"), b',', "quoted ones do not count");
+        assert_eq!(separator(b"alone\n"), b',');
+    }
 
     #[test]
     fn a_decimal_comma_is_one_comma_and_no_point() {

@@ -21,10 +21,11 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
-use super::clean::{Cleaner, FileData, Row};
-use super::dataset::LeftOutColumn;
-use super::error::{BadCell, DataError, one_line};
-use super::header::layout;
+use super::{Input, Source};
+use crate::data::clean::{Cleaner, FileData, Row};
+use crate::data::dataset::LeftOutColumn;
+use crate::data::error::{BadCell, DataError, one_line};
+use crate::data::header::layout;
 
 /// Rows unpacked at a time.
 const BATCH: usize = 8 * 1024;
@@ -77,18 +78,18 @@ impl Row for BatchRow<'_> {
     }
 }
 
-/// Reads a file. `progress` is told the share done so far, from 0 to 1.
+/// Apache Parquet.
+pub(super) const SOURCE: Source = Source { is_it: |head| head.starts_with(b"PAR1"), read };
+
+/// Reads a file.
 ///
 /// The `parquet` crate answers nearly every damaged file with an error, but a few (a page that
 /// refers to a dictionary which is not there) with a panic. A user's file must not look like a
 /// bug of this program, so that too becomes an error.
-pub(super) fn read_parquet(
-    path: &Path,
-    file: File,
-    mapping: &[(String, String)],
-    progress: &dyn Fn(f64),
-) -> Result<FileData, DataError> {
-    let reading = AssertUnwindSafe(|| read_undamaged(path, file, mapping, progress));
+fn read(input: Input) -> Result<FileData, DataError> {
+    let Input { path, file, size, mapping, progress, .. } = input;
+    let share = |share: f64| progress((share * size as f64) as u64);
+    let reading = AssertUnwindSafe(|| read_undamaged(path, file, mapping, &share));
     catch_unwind(reading).unwrap_or_else(|_| {
         Err(DataError::File {
             file: path.into(),

@@ -10,11 +10,11 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::clean::MAX_BAD_SHARE;
-use super::clean::{Cleaner, FileData, Row};
-use super::dataset::LeftOutColumn;
-use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
-use super::header::layout;
+use super::{Input, Source};
+use crate::data::clean::{Cleaner, FileData, MAX_BAD_SHARE, Row};
+use crate::data::dataset::LeftOutColumn;
+use crate::data::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
+use crate::data::header::layout;
 use compensator_core::quantity::Quantity;
 use joint_trace::{Assembler, LineError, Summary, TraceSample, candump};
 
@@ -24,8 +24,11 @@ const PROGRESS_LINES: u64 = 64 * 1024;
 /// Longer than any line of such a log.
 const LONGEST_LINE: u64 = 4096;
 
+/// What `candump -L` writes.
+pub(super) const SOURCE: Source = Source { is_it: is_trace, read };
+
 /// Whether a file that begins so is a candump log: its first line with anything in it is one of a frame.
-pub(super) fn is_trace(head: &[u8]) -> bool {
+fn is_trace(head: &[u8]) -> bool {
     let mut lines = head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
     let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
     // A line that is cut off by the end of the head has its stamp at least.
@@ -81,14 +84,8 @@ struct Overview {
     remarks: u64,
 }
 
-/// Reads a log from its start. `progress` is told the bytes done so far.
-pub(super) fn read_trace(
-    path: &Path,
-    mut file: File,
-    mapping: &[(String, String)],
-    progress: &dyn Fn(u64),
-) -> Result<FileData, DataError> {
-    let size = file.metadata().map_or(0, |about| about.len());
+fn read(input: Input) -> Result<FileData, DataError> {
+    let Input { path, mut file, size, mapping, progress, .. } = input;
     let overview = look(path, &mut file, &|bytes| progress(bytes / 2))?;
     let kind = overview.summary.kind;
     let name = |column: &Column| match column {
