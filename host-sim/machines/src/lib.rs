@@ -10,7 +10,11 @@ pub mod friction;
 pub mod log;
 pub mod motion;
 pub mod scenarios;
+pub mod simulation;
+pub mod simulations;
 pub mod underwater_joint;
 
 pub use log::{Log, LoggedRun};
+pub use simulation::{Request, Simulated, Simulation};
+pub use simulations::SIMULATIONS;
 pub use underwater_joint::{Recording, Truth, record};

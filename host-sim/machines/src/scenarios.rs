@@ -18,6 +18,7 @@ mod drawn_cause;
 mod dynamics;
 mod excite;
 mod hidden_cause;
+mod hide;
 mod joint;
 mod kind;
 mod motion;
@@ -29,6 +30,7 @@ mod surroundings;
 mod truth;
 
 pub use hidden_cause::HiddenCause;
+pub use hide::{Hide, kind};
 pub use kind::{Kind, PAIRS, benchmark};
 pub use setting::Options;
 pub use truth::{Decoy, Hidden, ScenarioTruth};

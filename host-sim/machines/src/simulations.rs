@@ -1,0 +1,11 @@
+//! What can be simulated: one list, which `host-sim simulate` offers.
+//!
+//! A new machine, or a new experiment on one, is a file here with a [`Simulation`] and its line in the list.
+
+mod underwater_joint;
+
+use crate::simulation::Simulation;
+use underwater_joint::UnderwaterJoint;
+
+/// Every simulation there is.
+pub const SIMULATIONS: &[&dyn Simulation] = &[&UnderwaterJoint];

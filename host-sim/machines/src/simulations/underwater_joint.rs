@@ -1,0 +1,94 @@
+//! The underwater joint as a simulation: as the paper has it, or with something hidden.
+
+use crate::scenarios::{self, Hidden, Options, ScenarioTruth};
+use crate::simulation::{Request, Simulated, Simulation};
+use crate::underwater_joint::{Recording, record};
+
+/// The joint of paper 0 on its test stand. Without anything to hide, load and pressure act as the paper
+/// says; else one physical effect or two, or none, is hidden in an otherwise random campaign.
+pub struct UnderwaterJoint;
+
+impl Simulation for UnderwaterJoint {
+    fn name(&self) -> &'static str {
+        "underwater-joint"
+    }
+
+    fn about(&self) -> &'static str {
+        "The joint of paper 0 on its test stand: speeds, side loads and pressures"
+    }
+
+    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+        if request.hide.is_empty() { plain(request) } else { hidden(request) }
+    }
+}
+
+/// Most rows.
+const MOST_ROWS: f64 = 1e8;
+
+/// The joint with load and pressure as they are in the paper.
+fn plain(request: &Request) -> Result<Simulated, String> {
+    let default = Recording::default();
+    let how = Recording {
+        runs: request.runs.unwrap_or(default.runs),
+        seconds: request.seconds.unwrap_or(default.seconds),
+        rate_hz: request.rate_hz.unwrap_or(default.rate_hz),
+        noise_nm: request.noise_nm.unwrap_or(default.noise_nm),
+        loaded: !request.unloaded,
+        steady: request.steady,
+    };
+    if how.seconds * how.rate_hz * how.runs as f64 > MOST_ROWS {
+        return Err("--runs x --seconds x --rate: more than 1e8 rows".into());
+    }
+    let truth = record(request.seed, how);
+    Ok(Simulated { csv: truth.csv(), truth: truth.json(), log: truth.log(), hidden: Vec::new() })
+}
+
+/// Most seconds and rows of a scenario: every step of all runs is held in memory.
+const MOST_SECONDS_HIDDEN: f64 = 2000.0;
+const MOST_ROWS_HIDDEN: f64 = 5e6;
+
+/// A joint with something hidden.
+fn hidden(request: &Request) -> Result<Simulated, String> {
+    let kind = scenarios::kind(&request.hide)?;
+    let options = Options {
+        runs: request.runs,
+        seconds: request.seconds,
+        rate_hz: request.rate_hz,
+        noise_nm: request.noise_nm,
+        ..Options::default()
+    };
+    // What is not given is drawn: some 170 s in all, in six runs at least of a second at least.
+    let seconds = match (request.runs.map(|runs| runs as f64), request.seconds) {
+        (Some(runs), Some(seconds)) => runs * seconds,
+        (runs, seconds) => (runs.unwrap_or(6.0) * seconds.unwrap_or(1.0)).max(170.0),
+    };
+    if seconds > MOST_SECONDS_HIDDEN {
+        return Err(format!("--runs x --seconds: more than {MOST_SECONDS_HIDDEN} s with --hide"));
+    }
+    if seconds * request.rate_hz.unwrap_or(2000.0) > MOST_ROWS_HIDDEN {
+        return Err(format!(
+            "--runs x --seconds x --rate: more than {MOST_ROWS_HIDDEN} rows with --hide"
+        ));
+    }
+    let sizes: Vec<Option<f64>> = request.hide.iter().map(|hide| hide.size).collect();
+    let scenario = scenarios::draw_with(kind, &sizes, request.seed, &options);
+    Ok(Simulated {
+        csv: scenario.log.csv(),
+        truth: scenario.truth.json(),
+        hidden: in_words(&scenario.truth),
+        log: scenario.log,
+    })
+}
+
+/// A line for each hidden effect.
+fn in_words(truth: &ScenarioTruth) -> Vec<String> {
+    if truth.hidden.is_empty() {
+        return vec!["hidden: none".to_owned()];
+    }
+    let noise_nm = truth.noise_nm;
+    let line = |hidden: &Hidden| {
+        let Hidden { in_words, visible_rms_nm, .. } = hidden;
+        format!("hidden: {in_words}; {visible_rms_nm:.3} Nm RMS under {noise_nm:.3} Nm of noise")
+    };
+    truth.hidden.iter().map(line).collect()
+}
