@@ -37,15 +37,16 @@ def build_firmware():
 def build_host_sim():
     """host-sim, or what HOST_SIM names."""
     given = os.environ.get("HOST_SIM")
-    return pathlib.Path(given).resolve() if given else cargo_build("-p", "host-sim", "--bin", "host-sim")
+    return pathlib.Path(given).resolve() if given else cargo_build("--workspace", "--bin", "host-sim")
 
 
 def decoder(tools):
     """defmt-print, or where it could be had; None where it cannot. `tools` is where it is put."""
     found = shutil.which("defmt-print") or shutil.which("defmt-print", path=str(tools / "bin"))
     if not found:
+        # Some hundred lines are decoded: not worth what an optimised build takes.
         print("installing defmt-print (once)")
-        subprocess.run(["cargo", "install", "-q", "--locked", "--root", str(tools), DECODER], check=False)
+        subprocess.run(["cargo", "install", "-q", "--debug", "--locked", "--root", str(tools), DECODER], check=False)
         found = shutil.which("defmt-print", path=str(tools / "bin"))
     return found
 
