@@ -16,7 +16,8 @@ import subprocess
 
 from bench import FOLDER, HOST_SIM, INTERFACE, Candump, Node, cansend, equal, host_sim, passed, simulate, test
 
-ROUNDS, MOST_ROUNDS = 3, 9
+# Another round is played only where the best so far is not enough.
+ROUNDS, MOST_ROUNDS = 3 if os.environ.get("LONG_TESTS") else 1, 9
 # Not quite 250: a guest's kernel tells processor time by who is there at its ticks, every 10,000 us, and a
 # program in step with them would be there always or never.
 GAP_US = 249
