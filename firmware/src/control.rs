@@ -25,6 +25,9 @@ pub use current_loop::{Covariates, CurrentLoop, Cycle, Setpoint};
 pub use flags::LoopFlags;
 pub use parameters::{Motor, MotorParameters};
 
+/// Period of the current loop, s: 20 kHz.
+pub const PERIOD_S: f32 = 50e-6;
+
 bitflags::bitflags! {
     /// What of a [`Sample`] was measured and is believed by the board.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

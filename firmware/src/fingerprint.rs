@@ -7,7 +7,8 @@
 //! They rest, preslide, slide both ways, pass the Stribeck range, leave the envelope and are now and
 //! then not a number. One bit of one step anywhere changes the fingerprint.
 
-use crate::joint::{PERIOD_S, configuration};
+use crate::control::PERIOD_S;
+use crate::reference_joint::configuration;
 use compensator_core::compensator::Reading;
 use compensator_core::model::{Sample, State};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};

@@ -6,7 +6,7 @@
 //! [`sensors`] are drivers without a board. The boards themselves are in the binary `firmware`, and only
 //! there are registers. Time is passed in everywhere, so a PC runs all of this in virtual time.
 //!
-//! For measuring the core on its processor: [`joint`], the joint all figures are taken for, and [`fingerprint`], the
+//! For measuring the core on its processor: [`reference_joint`], the joint all figures are taken for, and [`fingerprint`], the
 //! runs whose output bits must agree between PC and microcontroller; the binary `cost` counts instructions.
 #![cfg_attr(not(test), no_std)]
 
@@ -15,11 +15,11 @@ pub mod deadline;
 pub mod driver;
 pub mod fed;
 pub mod fingerprint;
-pub mod joint;
 mod log;
 pub mod loop_task;
 pub mod node;
 pub mod panic_note;
+pub mod reference_joint;
 pub mod sensors;
 pub mod set;
 pub mod settings;

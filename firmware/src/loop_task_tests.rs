@@ -1,7 +1,7 @@
 //! The interrupt's work, without its registers.
 
 use super::*;
-use crate::joint::PERIOD_S;
+use crate::control::PERIOD_S;
 
 const PERIOD: u32 = 8500;
 

@@ -6,7 +6,7 @@
 //! its fields.
 
 use crate::control::MotorParameters;
-use crate::joint::PERIOD_S;
+use crate::control::PERIOD_S;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;

@@ -89,7 +89,7 @@ mod image {
         use compensator_core::{Compensator, record};
         let record = [source() as u8; record::LENGTH];
         let configuration = record::parse(black_box(&record)).ok()?;
-        let built = Compensator::build(&configuration, firmware::joint::PERIOD_S).ok()?;
+        let built = Compensator::build(&configuration, firmware::control::PERIOD_S).ok()?;
         // SAFETY: the image is measured, not run.
         let place = unsafe { &mut *place() };
         *place = built;

@@ -64,9 +64,9 @@ mod app {
     use embassy_time::Instant;
     use embedded_hal::delay::DelayNs;
     use embedded_hal_bus::spi::ExclusiveDevice;
+    use firmware::control::PERIOD_S;
     use firmware::control::{Bridge, encoder_angle};
     use firmware::driver::{Boot, Driver, Identity, LoopOrders, LoopReport};
-    use firmware::joint::PERIOD_S;
     use firmware::loop_task::{LoopLink, LoopTask, Parts};
     use firmware::sensors::Local as Sensed;
     use firmware::sensors::as504x::{ANGLE_BITS, As504x};

@@ -167,7 +167,8 @@ impl Compensate for NoCompensation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::joint::{PERIOD_S, configuration};
+    use crate::control::PERIOD_S;
+    use crate::reference_joint::configuration;
     use compensator_core::{Fixed, LawKind};
 
     fn build<T: Real<Setting = f32>>() -> JointCompensator<T> {

@@ -222,9 +222,8 @@ fn rounded(x: f32) -> i32 {
 mod tests {
     use super::*;
     use crate::control::MotorParameters;
+    use crate::control::PERIOD_S;
     use crate::control::transform::binary_angle;
-
-    const PERIOD_S: f32 = 50e-6;
 
     fn motor() -> Motor {
         MotorParameters::default().build(PERIOD_S).expect("defaults are legal")

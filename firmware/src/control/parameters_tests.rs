@@ -1,8 +1,7 @@
 //! Every field is refused by its name, and what is accepted builds finite coefficients.
 
 use super::*;
-
-const PERIOD_S: f32 = 50e-6;
+use crate::control::PERIOD_S;
 
 fn with(field: &str, value: f32) -> MotorParameters {
     let mut fields = MotorParameters::default().to_array();

@@ -105,8 +105,7 @@ impl Integral {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const PERIOD_S: f32 = 50e-6;
+    use crate::control::PERIOD_S;
 
     #[test]
     fn one_minus_exp_is_that() {

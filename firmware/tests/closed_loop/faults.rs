@@ -230,7 +230,7 @@ proptest! {
         let mut fixed = CurrentLoop::new(
             parameters().build(PERIOD_S).expect("legal"),
             JointCompensator::<compensator_core::Fixed>::build(
-                &firmware::joint::configuration(compensator_core::LawKind::ImprovedLugre, &[]),
+                &firmware::reference_joint::configuration(compensator_core::LawKind::ImprovedLugre, &[]),
                 PERIOD_S,
             ).expect("legal"),
         );

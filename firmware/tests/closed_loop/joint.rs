@@ -70,7 +70,7 @@ fn compensation_takes_most_of_the_breakaway_current() {
 #[test]
 fn more_than_all_friction_is_refused() {
     for scale in [1.001, 1.2, f32::NAN] {
-        let mut joint = firmware::joint::configuration(LawKind::Lugre, &[]);
+        let mut joint = firmware::reference_joint::configuration(LawKind::Lugre, &[]);
         joint.compensator.scale = scale;
         let refused = JointCompensator::<f32>::build(&joint, PERIOD_S).expect_err("over 1");
         assert_eq!(refused.field, "scale");
@@ -104,7 +104,7 @@ fn the_limit_comes_after_the_sum() {
 #[test]
 fn compensation_switched_off_is_absent_bit_for_bit() {
     let fixed = JointCompensator::<Fixed>::build(
-        &firmware::joint::configuration(LawKind::ImprovedLugre, &[]),
+        &firmware::reference_joint::configuration(LawKind::ImprovedLugre, &[]),
         PERIOD_S,
     )
     .expect("legal");

@@ -8,7 +8,7 @@ use firmware::control::{
 };
 use std::f64::consts::TAU;
 
-pub const PERIOD_S: f32 = 50e-6;
+pub use firmware::control::PERIOD_S;
 
 /// Cycles in so many seconds.
 pub fn cycles(seconds: f64) -> usize {
@@ -95,7 +95,7 @@ pub fn none() -> NoCompensation {
 
 /// The default joint's LuGre, as an identification of the plant's seal would give it.
 pub fn lugre(scale: f32) -> JointCompensator<f32> {
-    let mut joint = firmware::joint::configuration(LawKind::Lugre, &[]);
+    let mut joint = firmware::reference_joint::configuration(LawKind::Lugre, &[]);
     joint.compensator.scale = scale;
     joint.compensator.torque_constant_nm_per_a = 0.98;
     JointCompensator::build(&joint, PERIOD_S).expect("the joint is legal")

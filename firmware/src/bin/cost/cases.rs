@@ -17,7 +17,8 @@ use compensator_core::effect::NoEffect;
 use compensator_core::law::bristle::Lugre;
 use compensator_core::model::{Law, Model, Sample, State};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
-use firmware::joint::{PERIOD_S, configuration};
+use firmware::control::PERIOD_S;
+use firmware::reference_joint::configuration;
 
 /// Velocities that visit every class; NaN and infinity become 0 and the limit in fixed point.
 const VELOCITIES: [f32; 24] = [

@@ -1,8 +1,8 @@
 //! What a count, a volt and a tick mean on this board: the numbers to change with its parts.
 
 use embassy_stm32::time::Hertz;
+use firmware::control::PERIOD_S;
 use firmware::deadline::Limits;
-use firmware::joint::PERIOD_S;
 use firmware::sensors::shunt::RANGE;
 use firmware::sensors::strain_gauge::StrainGauge;
 use firmware::sensors::thermistor::Thermistor;

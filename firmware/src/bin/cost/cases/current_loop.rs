@@ -11,12 +11,13 @@ use super::{Arguments, Clock, UPDATES, address, inputs, measure, velocities};
 use compensator_core::LawKind;
 use compensator_core::TermKind;
 use core::f32::consts::TAU;
+use firmware::control::PERIOD_S;
 use firmware::control::transform::binary_angle;
 use firmware::control::{
     Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, Motor, MotorParameters,
     NoCompensation, Sample, Setpoint, Valid,
 };
-use firmware::joint::{PERIOD_S, configuration};
+use firmware::reference_joint::configuration;
 
 /// The loop whose memory is told.
 pub type Loop = CurrentLoop<JointCompensator<f32>>;

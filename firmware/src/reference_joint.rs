@@ -8,9 +8,6 @@ use compensator_core::record::Configuration;
 use compensator_core::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 
-/// Sample period of the current loop, s: 20 kHz.
-pub const PERIOD_S: f32 = 50e-6;
-
 /// A configuration with this law and these terms.
 ///
 /// A term that does not fit is left out: the list of a measurement is a constant, and the figures
