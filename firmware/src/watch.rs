@@ -25,36 +25,24 @@
 use compensator_core::Real;
 use compensator_core::parameters::{Bound, ParameterError, check_ranges};
 
-/// What is watched for, as a person writes it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WatchParameters {
-    /// RMS residual the identification promised, Nm.
-    pub band_nm: f32,
-    /// Bias that is no cause for an alarm, in bands, 0..=10. The promised RMS is not all noise: at one
-    /// speed a model may be off by it all the time.
-    pub tolerance: f32,
-    /// Residuals this far apart are independent, s.
-    pub independent_s: f32,
-    /// How far back the means reach, s of sliding.
-    pub memory_s: f32,
-    /// Mean time between false alarms, h of sliding.
-    pub false_alarm_h: f32,
-    /// Slower than this the joint does not slide and is not watched, rad/s.
-    pub least_velocity_rad_s: f32,
-}
-
-impl Default for WatchParameters {
-    /// A band of 0.1 Nm, a false alarm in a thousand hours, three tenths of a Nm found within 5 s.
-    fn default() -> Self {
-        Self {
-            band_nm: 0.1,
-            tolerance: 1.0,
-            independent_s: 0.01,
-            memory_s: 10.0,
-            false_alarm_h: 1000.0,
-            least_velocity_rad_s: 0.05,
-        }
+compensator_core::named_fields! {
+    /// What is watched for, as a person writes it.
+    pub struct WatchParameters {
+        /// RMS residual the identification promised, Nm.
+        band_nm: f32 = 0.1, 1e-6..=1000.0, "a residual is measured against it";
+        /// Bias that is no cause for an alarm, in bands, 0..=10. The promised RMS is not all noise: at one
+        /// speed a model may be off by it all the time.
+        tolerance: f32 = 1.0, 0.0..=10.0, "a bias in bands";
+        /// Residuals this far apart are independent, s.
+        independent_s: f32 = 0.01, 1e-4..=1.0, "from a few samples to a stroke";
+        /// How far back the means reach, s of sliding.
+        memory_s: f32 = 10.0, 2e-3..=1e4, "wear takes hours, a driver wants to know within seconds";
+        /// Mean time between false alarms, h of sliding.
+        false_alarm_h: f32 = 1000.0, 1e-5..=1e6, "up to a hundred years";
+        /// Slower than this the joint does not slide and is not watched, rad/s.
+        least_velocity_rad_s: f32 = 0.05, 0.0..=1e3, "a speed";
     }
+    /// A band of 0.1 Nm, a false alarm in a thousand hours, three tenths of a Nm found within 5 s.
 }
 
 /// Fewest and most windows the means reach back.
@@ -67,48 +55,6 @@ const LEAST_REST: f32 = 20.0;
 const WILD: f32 = 100.0;
 
 impl WatchParameters {
-    /// How many fields there are.
-    pub const FIELDS: usize = 6;
-
-    /// Names of the fields, in their order.
-    pub const NAMES: [&'static str; Self::FIELDS] = [
-        "band_nm",
-        "tolerance",
-        "independent_s",
-        "memory_s",
-        "false_alarm_h",
-        "least_velocity_rad_s",
-    ];
-
-    /// The fields, in their order.
-    pub const fn to_array(self) -> [f32; Self::FIELDS] {
-        [
-            self.band_nm,
-            self.tolerance,
-            self.independent_s,
-            self.memory_s,
-            self.false_alarm_h,
-            self.least_velocity_rad_s,
-        ]
-    }
-
-    /// The parameters with these fields, in their order.
-    pub const fn from_array(fields: [f32; Self::FIELDS]) -> Self {
-        let [band_nm, tolerance, independent_s, memory_s, false_alarm_h, least_velocity_rad_s] =
-            fields;
-        Self { band_nm, tolerance, independent_s, memory_s, false_alarm_h, least_velocity_rad_s }
-    }
-
-    /// Smallest and largest legal value of each field, in their order, and why.
-    const RANGES: [(f32, f32, &'static str); Self::FIELDS] = [
-        (1e-6, 1000.0, "a residual is measured against it"),
-        (0.0, 10.0, "a bias in bands"),
-        (1e-4, 1.0, "from a few samples to a stroke"),
-        (2e-3, 1e4, "wear takes hours, a driver wants to know within seconds"),
-        (1e-5, 1e6, "up to a hundred years"),
-        (0.0, 1e3, "a speed"),
-    ];
-
     /// Checks every field, and those that depend on each other.
     ///
     /// # Errors

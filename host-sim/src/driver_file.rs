@@ -23,7 +23,7 @@ use std::path::Path;
 
 /// What a driver's file holds besides a model.
 const SECTIONS: [Section; 3] = [
-    Section { name: "motor", fields: MotorParameters::NAMES },
+    Section { name: "motor", fields: &MotorParameters::NAMES },
     Section { name: "thresholds", fields: &Thresholds::NAMES },
     Section { name: "watch", fields: &WatchParameters::NAMES },
 ];
@@ -67,7 +67,7 @@ pub fn emit(set: &ParameterSet, joint: JointKind) -> String {
     let mut text = emit_model(&set.friction.model, joint);
     let compensator = set.friction.compensator.to_array();
     emit_section("compensator", &CompensatorParameters::NAMES, &compensator, &mut text);
-    emit_section("motor", MotorParameters::NAMES, &set.motor.to_array(), &mut text);
+    emit_section("motor", &MotorParameters::NAMES, &set.motor.to_array(), &mut text);
     emit_section("thresholds", &Thresholds::NAMES, &set.thresholds.to_array(), &mut text);
     emit_section("watch", &WatchParameters::NAMES, &set.watch.to_array(), &mut text);
     text

@@ -14,86 +14,53 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::{Bound, ParameterError, check_ranges};
 use core::f32::consts::TAU;
 
-macro_rules! fields {
-    ($($(#[$doc:meta])* $field:ident = $default:literal, $least:literal ..= $most:literal, $why:literal;)*) => {
-        /// What a person writes.
-        #[derive(Clone, Copy, Debug, PartialEq)]
-        pub struct MotorParameters { $($(#[$doc])* pub $field: f32,)* }
-
-        impl MotorParameters {
-            /// How many fields there are.
-            pub const FIELDS: usize = Self::NAMES.len();
-
-            /// Names of the fields, in their order.
-            pub const NAMES: &'static [&'static str] = &[$(stringify!($field)),*];
-
-            /// Smallest and largest legal value of each field, in their order, and why.
-            pub const RANGES: &'static [(f32, f32, &'static str)] = &[$(($least, $most, $why)),*];
-
-            /// The fields, in their order.
-            pub const fn to_array(self) -> [f32; Self::FIELDS] {
-                [$(self.$field),*]
-            }
-
-            /// The parameters with these fields, in their order.
-            pub const fn from_array(fields: [f32; Self::FIELDS]) -> Self {
-                let [$($field),*] = fields;
-                Self { $($field),* }
-            }
-        }
-
-        impl Default for MotorParameters {
-            /// A 48 V motor of seven pole pairs behind a gear of 51, 1 Nm/A at the joint.
-            fn default() -> Self {
-                Self { $($field: $default),* }
-            }
-        }
-    };
-}
-
-fields! {
-    /// Pole pairs, a whole number.
-    pole_pairs = 7.0, 1.0..=64.0, "a motor has at least one pair of poles";
-    /// Turns of the motor in one of the joint.
-    gear_ratio = 51.0, 0.01..=1e4, "turns of the motor in one of the joint";
-    /// 1, or -1 where a positive turn of the motor moves the joint towards negative position.
-    joint_direction = 1.0, -1.0..=1.0, "1 or -1";
-    /// Resistance of a phase, ohm.
-    resistance_ohm = 0.12, 1e-4..=1e3, "a winding has resistance";
-    /// Inductance along the magnet, H.
-    inductance_d_h = 90e-6, 1e-7..=1.0, "a winding has inductance";
-    /// Inductance across the magnet, H.
-    inductance_q_h = 90e-6, 1e-7..=1.0, "a winding has inductance";
-    /// The motor's torque per q current, Nm/A, without gear.
-    torque_constant_nm_per_a = 0.0196, 1e-6..=1e3, "a magnet makes torque";
-    /// Bandwidth of the current controllers, Hz.
-    current_bandwidth_hz = 800.0, 1.0..=50e3, "a bandwidth";
-    /// Bandwidth of the observer (its triple pole), Hz.
-    observer_bandwidth_hz = 100.0, 0.1..=10e3, "a bandwidth";
-    /// Largest current asked for, A.
-    current_limit_a = 26.0, 0.0..=1e4, "a limit is a size";
-    /// Phase current at which the bridge opens, A.
-    overcurrent_a = 40.0, 0.0..=2e4, "a limit is a size";
-    /// Bus voltage below which the bridge stays open, V.
-    bus_voltage_min_v = 18.0, 1.0..=1e3, "duties are voltage over this";
-    /// Bus voltage above which the bridge stays open, V.
-    bus_voltage_max_v = 56.0, 1.0..=1e3, "a voltage";
-    /// Share of the longest undistorted voltage vector in use; the rest is time for the shunts to settle.
-    modulation_max = 0.95, 0.05..=1.0, "beyond 1 the bridge distorts";
-    /// Encoder angle at which the magnet lies along phase a, rad of the motor.
-    encoder_offset_rad = 0.0, -6.3..=6.3, "within a turn";
-    /// 1, or -1 where the encoder counts down when phases a, b, c follow each other.
-    encoder_direction = 1.0, -1.0..=1.0, "1 or -1";
-    /// How old the encoder's angle is when the currents are sampled, s.
-    encoder_delay_s = 0.0, 0.0..=1e-3, "a short time";
-    /// How long a missing encoder is coasted over, s.
-    encoder_coast_s = 0.002, 0.0..=0.02, "a rotor is not known for longer";
-    /// Largest speed of the joint that is believed, rad/s.
-    velocity_max_rad_s = 12.0, 1e-3..=1e4, "the joint must move";
-    /// Age at which a set-point no longer counts, s.
-    setpoint_timeout_s = 0.1, 1e-4..=0.1, "a joint must not run on without being told";
-    /// Inertia at the joint, rotor and gear included, kg m^2; 0 where it is not known.
-    inertia_kg_m2 = 0.0, 0.0..=1e4, "an inertia";
+compensator_core::named_fields! {
+    /// What a person writes.
+    pub struct MotorParameters {
+        /// Pole pairs, a whole number.
+        pole_pairs: f32 = 7.0, 1.0..=64.0, "a motor has at least one pair of poles";
+        /// Turns of the motor in one of the joint.
+        gear_ratio: f32 = 51.0, 0.01..=1e4, "turns of the motor in one of the joint";
+        /// 1, or -1 where a positive turn of the motor moves the joint towards negative position.
+        joint_direction: f32 = 1.0, -1.0..=1.0, "1 or -1";
+        /// Resistance of a phase, ohm.
+        resistance_ohm: f32 = 0.12, 1e-4..=1e3, "a winding has resistance";
+        /// Inductance along the magnet, H.
+        inductance_d_h: f32 = 90e-6, 1e-7..=1.0, "a winding has inductance";
+        /// Inductance across the magnet, H.
+        inductance_q_h: f32 = 90e-6, 1e-7..=1.0, "a winding has inductance";
+        /// The motor's torque per q current, Nm/A, without gear.
+        torque_constant_nm_per_a: f32 = 0.0196, 1e-6..=1e3, "a magnet makes torque";
+        /// Bandwidth of the current controllers, Hz.
+        current_bandwidth_hz: f32 = 800.0, 1.0..=50e3, "a bandwidth";
+        /// Bandwidth of the observer (its triple pole), Hz.
+        observer_bandwidth_hz: f32 = 100.0, 0.1..=10e3, "a bandwidth";
+        /// Largest current asked for, A.
+        current_limit_a: f32 = 26.0, 0.0..=1e4, "a limit is a size";
+        /// Phase current at which the bridge opens, A.
+        overcurrent_a: f32 = 40.0, 0.0..=2e4, "a limit is a size";
+        /// Bus voltage below which the bridge stays open, V.
+        bus_voltage_min_v: f32 = 18.0, 1.0..=1e3, "duties are voltage over this";
+        /// Bus voltage above which the bridge stays open, V.
+        bus_voltage_max_v: f32 = 56.0, 1.0..=1e3, "a voltage";
+        /// Share of the longest undistorted voltage vector in use; the rest is time for the shunts to settle.
+        modulation_max: f32 = 0.95, 0.05..=1.0, "beyond 1 the bridge distorts";
+        /// Encoder angle at which the magnet lies along phase a, rad of the motor.
+        encoder_offset_rad: f32 = 0.0, -6.3..=6.3, "within a turn";
+        /// 1, or -1 where the encoder counts down when phases a, b, c follow each other.
+        encoder_direction: f32 = 1.0, -1.0..=1.0, "1 or -1";
+        /// How old the encoder's angle is when the currents are sampled, s.
+        encoder_delay_s: f32 = 0.0, 0.0..=1e-3, "a short time";
+        /// How long a missing encoder is coasted over, s.
+        encoder_coast_s: f32 = 0.002, 0.0..=0.02, "a rotor is not known for longer";
+        /// Largest speed of the joint that is believed, rad/s.
+        velocity_max_rad_s: f32 = 12.0, 1e-3..=1e4, "the joint must move";
+        /// Age at which a set-point no longer counts, s.
+        setpoint_timeout_s: f32 = 0.1, 1e-4..=0.1, "a joint must not run on without being told";
+        /// Inertia at the joint, rotor and gear included, kg m^2; 0 where it is not known.
+        inertia_kg_m2: f32 = 0.0, 0.0..=1e4, "an inertia";
+    }
+    /// A 48 V motor of seven pole pairs behind a gear of 51, 1 Nm/A at the joint.
 }
 
 /// Shortest and longest period, s.
@@ -127,7 +94,7 @@ impl MotorParameters {
     /// # Errors
     /// Names the first field refused, its value, the bound it broke and why the bound is there.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        check_ranges(Self::NAMES, &self.to_array(), Self::RANGES)?;
+        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
         if self.pole_pairs != self.pole_pairs as u32 as f32 {
             refuse("pole_pairs", self.pole_pairs, Bound::Whole, "poles come in pairs")?;
         }

@@ -20,7 +20,7 @@ fn defaults_are_legal_and_agree_with_the_default_joint() {
 
 #[test]
 fn every_field_is_refused_by_its_name_beyond_its_range() {
-    for (field, (least, most, why)) in MotorParameters::NAMES.iter().zip(MotorParameters::RANGES) {
+    for (field, (least, most, why)) in MotorParameters::NAMES.iter().zip(&MotorParameters::RANGES) {
         let below = least - least.abs().max(1e-3);
         let above = most + most.abs().max(1e-3);
         for (value, bound) in [
@@ -106,7 +106,7 @@ proptest::proptest! {
         // Each field anywhere in its range, on a logarithmic scale where it spans decades.
         let mut written = [0.0; MotorParameters::FIELDS];
         for ((slot, share), (least, most, _)) in
-            written.iter_mut().zip(fields).zip(MotorParameters::RANGES)
+            written.iter_mut().zip(fields).zip(&MotorParameters::RANGES)
         {
             *slot = if *least > 0.0 {
                 (least * (most / least).powf(share)).clamp(*least, *most)

@@ -149,7 +149,7 @@ impl Staging {
             }
             index::MOTOR => {
                 let mut fields = self.staged.motor.to_array();
-                self.put(&mut fields, place, number, MotorParameters::NAMES)?;
+                self.put(&mut fields, place, number, &MotorParameters::NAMES)?;
                 self.staged.motor = MotorParameters::from_array(fields);
             }
             index::THRESHOLDS => {

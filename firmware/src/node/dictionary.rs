@@ -356,7 +356,7 @@ pub static OBJECTS: &[Object] = &[
         shape: Shape::Numbers(&CompensatorParameters::NAMES),
     },
     Object { index: index::PARAMETERS, name: "parameters", shape: Shape::Parameters },
-    Object { index: index::MOTOR, name: "motor", shape: Shape::Numbers(MotorParameters::NAMES) },
+    Object { index: index::MOTOR, name: "motor", shape: Shape::Numbers(&MotorParameters::NAMES) },
     Object {
         index: index::THRESHOLDS,
         name: "thresholds",

@@ -357,7 +357,7 @@ fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
     section("envelope", &Envelope::NAMES, &model.envelope.to_array());
     let compensator = set.friction.compensator.to_array();
     section("compensator", &CompensatorParameters::NAMES, &compensator);
-    section("motor", MotorParameters::NAMES, &set.motor.to_array());
+    section("motor", &MotorParameters::NAMES, &set.motor.to_array());
     section("thresholds", &Thresholds::NAMES, &set.thresholds.to_array());
     section("watch", &WatchParameters::NAMES, &set.watch.to_array());
     all
@@ -425,7 +425,7 @@ fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String> {
             set.friction.compensator = CompensatorParameters::from_array(fields);
         }
         Some(("motor", field)) => {
-            let fields = change(set.motor.to_array(), MotorParameters::NAMES, field, number);
+            let fields = change(set.motor.to_array(), &MotorParameters::NAMES, field, number);
             set.motor = MotorParameters::from_array(fields);
         }
         Some(("thresholds", field)) => {
