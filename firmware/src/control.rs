@@ -74,14 +74,31 @@ pub enum Bridge {
     Drive([f32; 3]),
 }
 
-/// A three-phase bridge, its current and voltage sensors and the motor's encoder.
+/// A three-phase bridge with its sensors and the motor's encoder: what a board gives the current loop.
 pub trait PowerStage {
     /// What was measured for this period.
     fn sample(&mut self) -> Sample;
+
+    /// Whether the hardware has opened the bridge by itself, or would.
+    fn broke(&mut self) -> bool;
+
     /// Sets the duties of the next period, each 0..=1.
     fn drive(&mut self, duty: [f32; 3]);
+
     /// Opens all switches at once.
     fn off(&mut self);
+
+    /// The processor's cycle counter, which wraps.
+    fn cycles(&self) -> u32;
+
+    /// Does with the bridge what a cycle says.
+    #[inline(always)]
+    fn apply(&mut self, bridge: Bridge) {
+        match bridge {
+            Bridge::Drive(duty) => self.drive(duty),
+            Bridge::Off => self.off(),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -10,12 +10,14 @@
 //! runs whose output bits must agree between PC and microcontroller; the binary `cost` counts instructions.
 #![cfg_attr(not(test), no_std)]
 
+pub mod background;
 pub mod control;
 pub mod deadline;
 pub mod driver;
 pub mod fed;
 pub mod fingerprint;
 mod log;
+pub mod loop_link;
 pub mod loop_task;
 pub mod node;
 pub mod panic_note;

@@ -1,11 +1,11 @@
 //! What the current loop's interrupt does, but for the registers.
 //!
 //! ```text
-//! interrupt: sample -> LoopTask::period -> bridge -> registers -> LoopTask::end -> a report, now and then
-//! below it:  LoopLink <- reports;  Driver -> orders, parts -> LoopTask
+//! interrupt: orders, parts -> LoopTask::interrupt <-> PowerStage;  a report, now and then
+//! below it:  LoopLink <- reports;  Driver -> orders, parts -> LoopLink
 //! ```
 //! The interrupt owns a [`LoopTask`] and everything in it. What goes in and out are whole values through
-//! queues: [`LoopOrders`] and, after a commit, [`Parts`] built below; [`LoopReport`]s out. Between two orders the
+//! queues ([`crate::loop_link`]): [`LoopOrders`] and, after a commit, [`Parts`] built below; [`LoopReport`]s out. Between two orders the
 //! ages of what came over the bus grow here, so a background that has died is a set-point gone stale, and no
 //! current.
 //!
@@ -14,11 +14,13 @@
 //! the fault is told in every report, that no delay of the supervisor's passes over it.
 
 use crate::control::{
-    Bridge, Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags, Motor, Sample,
-    Setpoint, Valid,
+    Bridge, Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags, Motor,
+    PERIOD_S, PowerStage, Sample, Setpoint, Valid,
 };
 use crate::deadline::{Deadline, Limits};
 use crate::driver::{Home, LoopOrders, LoopReport, REPORT_PERIOD_S};
+use crate::log::log;
+use crate::loop_link::LoopPort;
 use crate::set::ParameterSet;
 use compensator_core::compensator::Reading;
 use compensator_core::{Flags, Inputs, Output, ParameterError};
@@ -90,6 +92,20 @@ impl Parts {
         let most_a = set.motor.current_limit_a.min(set.friction.compensator.current_limit_a);
         let model = Model { inner, most_a, limit_a: Cell::new(most_a) };
         Ok(Self { motor, model, may_drive: true })
+    }
+
+    /// What a loop starts with: parts of the stored set, or else something to measure with and never drive.
+    ///
+    /// # Panics
+    /// Where not even the default set can be built, which the tests rule out.
+    pub fn first(set: &ParameterSet) -> Self {
+        Self::build(set, PERIOD_S).unwrap_or_else(|_refused| {
+            log!(error, "stored parameters cannot be built: {=str}", _refused.field);
+            match Self::build(&ParameterSet::default(), PERIOD_S) {
+                Ok(parts) => parts.measuring_only(),
+                Err(refused) => panic!("default parameters: {refused}"),
+            }
+        })
     }
 
     /// The same parts, to measure with and never to drive: for a joint whose own cannot be built.
@@ -179,6 +195,34 @@ impl LoopTask {
         self.may_drive = parts.may_drive;
         self.current_loop.swap(parts.motor);
         let _old = self.current_loop.swap_compensator(parts.model);
+    }
+
+    /// The whole interrupt on a power stage: what came from the background, one period, a report if one is
+    /// due. `triggered` is when the sample was taken and `now` when the interrupt began, in cycles.
+    #[inline]
+    pub fn interrupt(
+        &mut self,
+        stage: &mut impl PowerStage,
+        port: &mut LoopPort<'_>,
+        triggered: u32,
+        now: u32,
+    ) {
+        let sample = stage.sample();
+        // Parts first: orders to drive come after those they are for.
+        if let Some(parts) = port.parts.dequeue() {
+            self.swap(parts);
+        }
+        while let Some(orders) = port.orders.dequeue() {
+            self.order(orders);
+        }
+        let broke = stage.broke();
+        stage.apply(self.period(&sample, broke, triggered, now));
+        self.end(stage.cycles());
+        if let Some(report) = self.report()
+            && port.reports.enqueue(report).is_ok()
+        {
+            self.reported();
+        }
     }
 
     /// One period: what was sampled at the trigger, when that was and when it is now, in cycles; whether
@@ -295,54 +339,6 @@ impl LoopTask {
         report.loop_flags |= cycle.flags;
         report.flags |= cycle.compensator;
         report.sample_age_us = Some(0);
-    }
-}
-
-/// The loop as the background sees it: what it last said, and how long ago.
-#[derive(Clone, Copy, Debug)]
-pub struct LoopLink {
-    last: LoopReport,
-    heard_us: u64,
-    set_number: u32,
-}
-
-/// A loop that has not reported for so long no longer runs, us.
-pub const LOOP_SILENT_US: u64 = 5000;
-
-impl LoopLink {
-    /// A loop that is about to start.
-    pub fn new(now_us: u64) -> Self {
-        Self { last: LoopReport::default(), heard_us: now_us, set_number: 0 }
-    }
-
-    /// Takes in a report; gives it back for the driver.
-    pub fn hear(&mut self, report: LoopReport, now_us: u64) -> LoopReport {
-        self.heard_us = now_us;
-        self.last = report;
-        report
-    }
-
-    /// What to tell the driver where no report came: the last one, grown old, with nothing told twice.
-    pub fn silence(&self, now_us: u64) -> LoopReport {
-        let silent_us = now_us.saturating_sub(self.heard_us);
-        LoopReport {
-            sample_age_us: Some(u32::try_from(silent_us).unwrap_or(u32::MAX)),
-            overruns_in_a_row: 0,
-            residual_torque_nm: f32::NAN,
-            ..self.last
-        }
-    }
-
-    /// Whether the loop still reports: a watchdog is fed only then.
-    pub fn is_alive(&self, now_us: u64) -> bool {
-        now_us.saturating_sub(self.heard_us) < LOOP_SILENT_US
-    }
-
-    /// Whether these orders are the first with another parameter set, for which the loop needs parts.
-    pub fn wants_parts(&mut self, orders: &LoopOrders) -> bool {
-        let changed = orders.set_number != self.set_number;
-        self.set_number = orders.set_number;
-        changed
     }
 }
 

@@ -278,28 +278,6 @@ fn parts_of_a_set_that_cannot_be_built_are_refused_by_name() {
 }
 
 #[test]
-fn a_silent_loop_grows_old_and_is_not_told_twice() {
-    let mut link = LoopLink::new(0);
-    let report =
-        LoopReport { overruns_in_a_row: 2, sample_age_us: Some(0), ..LoopReport::default() };
-    assert_eq!(link.hear(report, 1000).overruns_in_a_row, 2);
-    assert!(link.is_alive(5999));
-    assert!(!link.is_alive(6000));
-    let silence = link.silence(4000);
-    assert_eq!((silence.overruns_in_a_row, silence.sample_age_us), (0, Some(3000)));
-    assert_eq!(link.silence(u64::MAX).sample_age_us, Some(u32::MAX));
-}
-
-#[test]
-fn parts_are_wanted_once_a_set() {
-    let mut link = LoopLink::new(0);
-    let orders = |set_number| LoopOrders { set_number, ..NO_ORDERS };
-    assert!(!link.wants_parts(&orders(0)));
-    assert!(link.wants_parts(&orders(1)));
-    assert!(!link.wants_parts(&orders(1)));
-}
-
-#[test]
 fn a_joint_is_where_it_was_said_to_be_once() {
     let mut bench = Bench::new();
     assert!(bench.next_report().position_rad.is_nan(), "whole turns are not known");

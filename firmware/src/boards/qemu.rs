@@ -11,8 +11,8 @@
 //! ```
 //!
 //! Parameters are in `flash.bin`; without that argument they outlive a reset only. Logs are defmt frames on the
-//! standard output. One loop does it all: bytes in, frames through the driver, bytes out, sleep. Nothing
-//! is thrown away to save time: while there is no room for answers no byte is taken in, and the host waits.
+//! standard output. Nothing is thrown away to save time: while there is no room for answers no byte is
+//! taken in, and the host waits. There is no bridge, hence no current loop.
 //! Interrupts are masked for good and only wake the core. `mux` lays a queue of 32 bytes before the UART's one,
 //! which halves what a byte costs; 256 is an escape byte that does not exist.
 
@@ -26,9 +26,10 @@ use compensator_core::can::Frame;
 use compensator_core::can::slcan::{Adapter, LONGEST_CLASSIC, emit_frame};
 use core::ffi::CStr;
 use defmt_semihosting as _;
-use firmware::driver::{Boot, Driver, Identity, LoopReport};
+use firmware::background::{Background, Board, BoardState, Next};
+use firmware::driver::{Boot, Driver, Identity};
 use firmware::settings::{Settings, Source};
-use firmware::supervisor::{CanState, ResetCause};
+use firmware::supervisor::ResetCause;
 use firmware::{panic, stack_guard};
 use flash::{BoardFlash, OpenError};
 use heapless::{Deque, Vec};
@@ -36,14 +37,10 @@ use kept::Kept;
 use semihosting::experimental::env;
 use uart::Uart;
 
-/// Time between two ticks of the driver, us.
-const TICK_US: u64 = 1000;
 /// Text that waits to be sent, bytes.
 const WAITING: usize = 4096;
 /// Room there must be before a byte is taken in: for all the driver can say to one frame.
 const ROOM: usize = 1024;
-/// How long what is said last may take to be sent before a reset, us.
-const FAREWELL_US: u64 = 100_000;
 /// Longest command line, bytes.
 const COMMAND_LINE: usize = 1024;
 
@@ -71,7 +68,7 @@ fn main() -> ! {
     let now_us = clock.now_us();
     let driver = Driver::boot(settings, flash, identity, &boot, now_us);
     let line = SerialBus { uart: Uart::start(), adapter: Adapter::new(), waiting: Deque::new() };
-    Board { driver, line, clock, due_us: now_us }.run()
+    run(Background::new(driver, now_us), EmulatedBoard { line, clock })
 }
 
 /// The flash the command line asks for.
@@ -143,84 +140,70 @@ impl SerialBus {
     }
 }
 
-struct Board {
-    driver: Driver<BoardFlash>,
+struct EmulatedBoard {
     line: SerialBus,
     clock: Clock,
-    due_us: u64,
 }
 
-impl Board {
-    fn run(mut self) -> ! {
+fn run(mut background: Background<BoardFlash>, mut board: EmulatedBoard) -> ! {
+    loop {
+        board.line.uart.clear();
+        if background.round(&mut board) == Next::Restart {
+            // The emulator keeps files open over a reset.
+            drop(background.into_flash());
+            cortex_m::peripheral::SCB::sys_reset()
+        }
+        board.line.send();
+        let sent = board.line.waiting.is_empty();
+        board.line.uart.wake_when_sent(!sent);
+        if !sent {
+            // It may have become free before it was to tell.
+            board.line.send();
+        }
+        board.clock.sleep();
+    }
+}
+
+impl Board for EmulatedBoard {
+    const FAREWELL_US: u64 = 100_000;
+
+    fn now_us(&mut self) -> u64 {
+        self.clock.now_us()
+    }
+
+    /// The next frame of the text that came, as long as there is room for what is said to it.
+    fn receive(&mut self) -> Option<Frame> {
         loop {
-            self.line.uart.clear();
-            let all = self.take_in();
-            self.tick();
             self.line.send();
-            if self.driver.reset_wanted() {
-                self.reset();
+            if !self.line.has_room() {
+                return None;
             }
-            let sent = self.line.waiting.is_empty();
-            self.line.uart.wake_when_sent(!sent);
-            if !sent {
-                // It may have become free before it was to tell.
-                self.line.send();
-            }
-            if all || !self.line.has_room() {
-                self.clock.sleep();
-            }
-        }
-    }
-
-    /// Takes in what came, as long as there is room for what is said to it; says whether that was all.
-    fn take_in(&mut self) -> bool {
-        while self.line.has_room() {
-            let Some(byte) = self.line.uart.receive() else { return true };
-            let Some(heard) = self.line.adapter.push(byte) else { continue };
+            let Some(heard) = self.line.adapter.push(self.line.uart.receive()?) else { continue };
             self.line.say(heard.answer);
-            if let Some(frame) = heard.frame {
-                let now_us = self.clock.now_us();
-                self.driver.receive(&frame, now_us);
-                self.give_out();
-                if self.driver.reset_wanted() {
-                    return true;
-                }
+            if heard.frame.is_some() {
+                return heard.frame;
             }
-            self.line.send();
-        }
-        false
-    }
-
-    fn tick(&mut self) {
-        let now_us = self.clock.now_us();
-        if now_us >= self.due_us {
-            self.due_us = now_us + TICK_US;
-            let overrun = self.line.uart.overrun();
-            self.driver.bus_state(overrun, CanState::Active);
-            let stack_intact = stack_guard::is_intact();
-            self.driver.report(&LoopReport { stack_intact, ..LoopReport::default() });
-            self.driver.tick(now_us);
-            self.give_out();
         }
     }
 
-    fn give_out(&mut self) {
-        while self.line.has_room()
-            && let Some(frame) = self.driver.transmit()
-        {
-            self.line.tell(&frame);
-        }
+    fn has_room(&mut self) -> bool {
+        self.line.has_room()
     }
 
-    /// Says what is left to say, and restarts the machine.
-    fn reset(mut self) -> ! {
-        self.give_out();
-        let until_us = self.clock.now_us() + FAREWELL_US;
-        while !self.line.waiting.is_empty() && self.clock.now_us() < until_us {
-            self.line.send();
+    fn send(&mut self, frame: &Frame) {
+        self.line.tell(frame);
+    }
+
+    fn is_idle(&mut self) -> bool {
+        self.line.send();
+        self.line.waiting.is_empty()
+    }
+
+    fn state(&mut self, _now_us: u64) -> BoardState {
+        BoardState {
+            stack_intact: stack_guard::is_intact(),
+            receiver_overrun: self.line.uart.overrun(),
+            ..BoardState::default()
         }
-        // The emulator keeps files open over a reset.
-        drop(self.driver.into_flash());
-        cortex_m::peripheral::SCB::sys_reset()
     }
 }

@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! priority   interrupt       does
-//! 15         ADC1_2          the current loop, 20 kHz: counts -> LoopTask -> duties. Logs nothing, locks nothing
+//! 15         ADC1_2          the current loop, 20 kHz: LoopTask on the motor stage. Logs nothing, locks nothing
 //!  8         FDCAN1_IT0      received frames -> queue
 //!  4         TIM5            embassy's clock, microseconds
-//!  idle      -               the driver: frames, objects, supervisor, slow sensors, flash, watchdog
+//!  idle      -               the library's background loop: frames, supervisor, slow sensors, flash, watchdog
 //! ```
 //! Between them go queues of whole values; nothing is shared and nothing is locked. The loop's state lies in
 //! CCM, which the core reaches without waiting and nobody else does. Pins are in [`pins`], numbers of the
@@ -16,6 +16,7 @@
 
 mod can;
 mod flash;
+mod motor_stage;
 mod pins;
 mod power_stage;
 mod scales;
@@ -51,50 +52,24 @@ unsafe fn DefaultHandler(number: i16) -> ! {
 mod app {
     use super::can::{self, Controller};
     use super::flash::StoreFlash;
-    use super::power_stage::{self, Stage};
+    use super::motor_stage::{MotorStage, encoder, find_offsets};
+    use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{pins, scales, start, watchdog};
     use compensator_core::can::Frame;
     use cortex_m::peripheral::DWT;
-    use embassy_stm32::gpio::{Level, Output, Pull, Speed};
     use embassy_stm32::interrupt::{InterruptExt, Priority};
-    use embassy_stm32::mode::Blocking;
-    use embassy_stm32::spi::mode::Master;
-    use embassy_stm32::spi::{self, Spi};
     use embassy_time::Instant;
-    use embedded_hal::delay::DelayNs;
-    use embedded_hal_bus::spi::ExclusiveDevice;
-    use firmware::control::PERIOD_S;
-    use firmware::control::{Bridge, encoder_angle};
-    use firmware::driver::{Boot, Driver, Identity, LoopOrders, LoopReport};
-    use firmware::loop_task::{LoopLink, LoopTask, Parts};
-    use firmware::sensors::Local as Sensed;
-    use firmware::sensors::as504x::{ANGLE_BITS, As504x};
-    use firmware::sensors::shunt::{OFFSET_SAMPLES, OffsetFinder, Shunt};
-    use firmware::set::ParameterSet;
+    use firmware::background::{Background, Board, BoardState, Next};
+    use firmware::driver::{Boot, Driver, Identity};
+    use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
+    use firmware::loop_task::{LoopTask, Parts};
     use firmware::settings::Settings;
     use firmware::{panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
-    /// Time between two ticks of the driver, us.
-    const TICK_US: u64 = 1000;
-    /// How long what is said last may take to be sent before a reset, us.
-    const FAREWELL_US: u64 = 20_000;
     /// Received frames that wait: the background may be away for a transfer on the sensor bus, 1 ms.
     const FRAMES: usize = 64;
-    /// Periods the gate driver's amplifiers have to wake up, 5 ms.
-    const WAKING: u32 = 100;
-
-    type Encoder = As504x<ExclusiveDevice<Spi<'static, Blocking, Master>, Output<'static>, Cycles>>;
-
-    /// Waits by counting cycles.
-    pub struct Cycles;
-
-    impl DelayNs for Cycles {
-        fn delay_ns(&mut self, ns: u32) {
-            cortex_m::asm::delay(ns.saturating_mul(scales::CORE_HZ / 10_000_000) / 100);
-        }
-    }
 
     #[shared]
     struct Shared {}
@@ -104,29 +79,18 @@ mod app {
         // The loop's.
         #[unsafe(link_section = ".ccm.task")]
         task: LoopTask,
-        stage: Stage,
-        encoder: Encoder,
-        shunts: [Option<Shunt>; 2],
-        orders_in: Consumer<'static, LoopOrders>,
-        parts_in: Consumer<'static, Parts>,
-        reports_out: Producer<'static, LoopReport>,
+        stage: MotorStage,
+        port: LoopPort<'static>,
         // The receive interrupt's.
         frames_out: Producer<'static, Frame>,
         // The background's.
-        driver: Driver<StoreFlash>,
-        controller: Controller,
-        slow: SlowSensors,
-        frames_in: Consumer<'static, Frame>,
-        reports_in: Consumer<'static, LoopReport>,
-        orders_out: Producer<'static, LoopOrders>,
-        parts_out: Producer<'static, Parts>,
+        background: Background<StoreFlash>,
+        board: JointBoard,
     }
 
     #[init(local = [
         frames: Queue<Frame, FRAMES> = Queue::new(),
-        orders: Queue<LoopOrders, 4> = Queue::new(),
-        parts: Queue<Parts, 2> = Queue::new(),
-        reports: Queue<LoopReport, 4> = Queue::new(),
+        queues: LoopQueues = LoopQueues::new(),
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {
         let stack_overflowed = stack_guard::take_overflow();
@@ -151,110 +115,30 @@ mod app {
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
         let driver = Driver::boot(Settings::default(), store, identity, &boot, now_us);
-        let task = LoopTask::new(first_parts(driver.set()), scales::LIMITS);
+        let task = LoopTask::new(Parts::first(driver.set()), scales::LIMITS);
         let controller = Controller::start(wired.can, driver.node());
         let slow = SlowSensors::new(wired.slow, wired.pressure);
-        let encoder = encoder(wired.encoder);
+        let stage = MotorStage { stage, encoder: encoder(wired.encoder), shunts };
 
-        let (frames_out, frames_in) = context.local.frames.split();
-        let (orders_out, orders_in) = context.local.orders.split();
-        let (parts_out, parts_in) = context.local.parts.split();
-        let (reports_out, reports_in) = context.local.reports.split();
-        let local = Local {
-            task,
-            stage,
-            encoder,
-            shunts,
-            orders_in,
-            parts_in,
-            reports_out,
-            frames_out,
-            driver,
-            controller,
-            slow,
-            frames_in,
-            reports_in,
-            orders_out,
-            parts_out,
-        };
-        (Shared {}, local)
-    }
-
-    /// Amplifiers' offsets: the bridge is off, so what is measured is no current.
-    fn find_offsets(stage: &mut Stage) -> [Option<Shunt>; 2] {
-        let mut finders = [OffsetFinder::default(); 2];
-        for _ in 0..WAKING {
-            stage.wait();
-        }
-        for _ in 0..OFFSET_SAMPLES {
-            let counts = stage.wait();
-            for (finder, counts) in finders.iter_mut().zip([counts.phase_a, counts.phase_b]) {
-                finder.take(counts);
-            }
-        }
-        // The fault a gate driver shows while it wakes is forgotten.
-        stage.off();
-        finders.map(|finder| finder.shunt(scales::AMPERES_PER_COUNT))
-    }
-
-    /// What the loop starts with: what is stored, or else something to measure with and never drive.
-    fn first_parts(set: &ParameterSet) -> Parts {
-        Parts::build(set, PERIOD_S).unwrap_or_else(|refused| {
-            defmt::error!("stored parameters cannot be built: {=str}", refused.field);
-            match Parts::build(&ParameterSet::default(), PERIOD_S) {
-                Ok(parts) => parts.measuring_only(),
-                Err(refused) => panic!("default parameters: {refused}"),
-            }
-        })
-    }
-
-    fn encoder(wired: pins::Encoder) -> Encoder {
-        let mut config = spi::Config::default();
-        config.mode = spi::MODE_1;
-        config.frequency = scales::ENCODER_CLOCK;
-        config.miso_pull = Pull::Up;
-        let bus = Spi::new_blocking(wired.spi, wired.clock, wired.out, wired.back, config);
-        let select = Output::new(wired.select, Level::High, Speed::VeryHigh);
-        match ExclusiveDevice::new(bus, select, Cycles) {
-            Ok(device) => As504x::new(device),
-            Err(never) => match never {},
-        }
+        let (frames_out, frames) = context.local.frames.split();
+        let now_us = Instant::now().as_micros();
+        let (port, link) = context.local.queues.split(now_us);
+        let background = Background::new(driver, now_us);
+        let board = JointBoard { controller, slow, frames, link };
+        (Shared {}, Local { task, stage, port, frames_out, background, board })
     }
 
     /// One period of the current loop.
-    #[task(binds = ADC1_2, priority = 15, local = [
-        task, stage, encoder, shunts, orders_in, parts_in, reports_out,
-    ])]
+    #[task(binds = ADC1_2, priority = 15, local = [task, stage, port])]
     fn current_loop(context: current_loop::Context) {
         let local = context.local;
         let now = DWT::cycle_count();
-        let triggered = now.wrapping_sub(local.stage.since_trigger());
-        if !local.stage.is_due() {
+        let triggered = now.wrapping_sub(local.stage.stage.since_trigger());
+        if !local.stage.stage.is_due() {
             return;
         }
         watchdog::beat();
-        let counts = local.stage.counts();
-        let angle = local.encoder.angle().ok();
-        let angle = angle.map(|counts| encoder_angle(u32::from(counts), ANGLE_BITS));
-        // Parts first: orders to drive come after those they are for.
-        if let Some(parts) = local.parts_in.dequeue() {
-            local.task.swap(parts);
-        }
-        while let Some(orders) = local.orders_in.dequeue() {
-            local.task.order(orders);
-        }
-        let sample = power_stage::sample(counts, local.shunts, angle);
-        let broke = local.stage.broke();
-        match local.task.period(&sample, broke, triggered, now) {
-            Bridge::Drive(duty) => local.stage.drive(duty),
-            Bridge::Off => local.stage.off(),
-        }
-        local.task.end(DWT::cycle_count());
-        if let Some(report) = local.task.report()
-            && local.reports_out.enqueue(report).is_ok()
-        {
-            local.task.reported();
-        }
+        local.task.interrupt(local.stage, local.port, triggered, now);
     }
 
     /// Frames off the controller, before it has no place for the next.
@@ -269,110 +153,68 @@ mod app {
     }
 
     /// Everything that has time.
-    #[idle(local = [
-        driver, controller, slow, frames_in, reports_in, orders_out, parts_out,
-    ])]
+    #[idle(local = [background, board])]
     fn idle(context: idle::Context) -> ! {
-        let idle::LocalResources {
-            driver,
-            controller,
-            slow,
-            frames_in,
-            reports_in,
-            orders_out,
-            parts_out,
-            ..
-        } = context.local;
-        let mut due_us = Instant::now().as_micros();
-        let mut link = LoopLink::new(due_us);
-        let mut sensed = Sensed::default();
+        let local = context.local;
         loop {
-            let now_us = Instant::now().as_micros();
-            while let Some(frame) = frames_in.dequeue() {
-                driver.receive(&frame, now_us);
-                send(driver, controller);
-            }
-            if now_us >= due_us {
-                // Late ticks are not made up for.
-                due_us = (due_us + TICK_US).max(now_us);
-                slow.poll(&mut sensed, now_us);
-                let [bridge_c, motor_c] = slow.temperatures_c();
-                let mut tell = |report: LoopReport| {
-                    driver.report(&LoopReport {
-                        bridge_temperature_c: Some(bridge_c),
-                        motor_temperature_c: Some(motor_c),
-                        stack_intact: stack_guard::is_intact(),
-                        ..report
-                    });
-                };
-                match reports_in.dequeue() {
-                    Some(report) => {
-                        tell(link.hear(report, now_us));
-                        while let Some(report) = reports_in.dequeue() {
-                            tell(link.hear(report, now_us));
-                        }
-                    }
-                    None => tell(link.silence(now_us)),
-                }
-                driver.bus_state(controller.take_overrun(), controller.state());
-                driver.tick(now_us);
-                order(driver, &sensed, &mut link, now_us, parts_out, orders_out);
-                if link.is_alive(now_us) {
-                    watchdog::feed();
-                }
-            }
-            send(driver, controller);
-            if driver.reset_wanted() {
-                restart(driver, controller);
-            }
-            cortex_m::asm::wfi();
-        }
-    }
-
-    /// Orders for the loop, and parts where the parameters have changed.
-    fn order(
-        driver: &Driver<StoreFlash>,
-        sensed: &Sensed,
-        link: &mut LoopLink,
-        now_us: u64,
-        parts_out: &mut Producer<'static, Parts>,
-        orders_out: &mut Producer<'static, LoopOrders>,
-    ) {
-        let mut orders = driver.orders(now_us);
-        sensed.complete(&mut orders.covariates, now_us);
-        if !parts_out.ready() {
-            // The loop has not taken the last parts: it does not run, and orders would be for the old ones.
-            return;
-        }
-        if link.wants_parts(&orders) {
-            match Parts::build(driver.set(), PERIOD_S) {
-                Ok(parts) => drop(parts_out.enqueue(parts)),
-                // The driver built them before it took them: a mistake of the firmware's own.
-                Err(refused) => panic!("committed parameters: {refused}"),
-            }
-        }
-        // A full queue is a loop that does not run; its set-point grows old there.
-        let _ = orders_out.enqueue(orders);
-    }
-
-    fn send(driver: &mut Driver<StoreFlash>, controller: &mut Controller) {
-        while controller.has_room() {
-            match driver.transmit() {
-                Some(frame) => controller.send(&frame),
-                None => return,
+            match local.background.round(local.board) {
+                Next::Sleep => cortex_m::asm::wfi(),
+                // The reset opens the bridge.
+                Next::Restart => cortex_m::peripheral::SCB::sys_reset(),
             }
         }
     }
 
-    /// Sends what is still to be said, and resets. The reset opens the bridge.
-    fn restart(driver: &mut Driver<StoreFlash>, controller: &mut Controller) -> ! {
-        let until = Instant::now().as_micros() + FAREWELL_US;
-        while Instant::now().as_micros() < until {
-            send(driver, controller);
-            if controller.is_idle() {
-                break;
+    /// What the background loop is given.
+    pub struct JointBoard {
+        controller: Controller,
+        slow: SlowSensors,
+        frames: Consumer<'static, Frame>,
+        link: LoopLink<'static>,
+    }
+
+    impl Board for JointBoard {
+        const FAREWELL_US: u64 = 20_000;
+
+        fn now_us(&mut self) -> u64 {
+            Instant::now().as_micros()
+        }
+
+        fn receive(&mut self) -> Option<Frame> {
+            self.frames.dequeue()
+        }
+
+        fn has_room(&mut self) -> bool {
+            self.controller.has_room()
+        }
+
+        fn send(&mut self, frame: &Frame) {
+            self.controller.send(frame);
+        }
+
+        fn is_idle(&mut self) -> bool {
+            self.controller.is_idle()
+        }
+
+        fn state(&mut self, now_us: u64) -> BoardState {
+            let sensors = self.slow.poll(now_us);
+            let [bridge_c, motor_c] = self.slow.temperatures_c();
+            BoardState {
+                bridge_temperature_c: Some(bridge_c),
+                motor_temperature_c: Some(motor_c),
+                stack_intact: stack_guard::is_intact(),
+                receiver_overrun: self.controller.take_overrun(),
+                can: self.controller.state(),
+                sensors,
             }
         }
-        cortex_m::peripheral::SCB::sys_reset()
+
+        fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
+            Some(&mut self.link)
+        }
+
+        fn feed_watchdog(&mut self) {
+            watchdog::feed();
+        }
     }
 }

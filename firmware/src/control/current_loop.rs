@@ -20,7 +20,7 @@ use super::parameters::Motor;
 use super::pi::Integral;
 use super::space_vector::{clamp, duties, limit};
 use super::transform::{Rotating, Rotation, Stationary, clarke};
-use super::{Bridge, PowerStage, Sample, Valid};
+use super::{Bridge, Sample, Valid};
 use compensator_core::compensator::Reading;
 use compensator_core::{Flags, Inputs};
 
@@ -219,23 +219,6 @@ impl<C: Compensate> CurrentLoop<C> {
     /// The compensator in use.
     pub fn compensator(&self) -> &C {
         &self.compensator
-    }
-
-    /// One whole cycle on a power stage: sample, step, drive or open.
-    #[inline]
-    pub fn run(
-        &mut self,
-        stage: &mut impl PowerStage,
-        setpoint: &Setpoint,
-        covariates: &Covariates,
-    ) -> Cycle {
-        let sample = stage.sample();
-        let cycle = self.step(&sample, setpoint, covariates);
-        match cycle.bridge {
-            Bridge::Off => stage.off(),
-            Bridge::Drive(duty) => stage.drive(duty),
-        }
-        cycle
     }
 
     /// One cycle.

@@ -27,7 +27,13 @@ pub struct Stage {
     /// Put in the place of a sample, to see what the loop makes of it.
     pub forged: Option<Sample>,
     pub offs: usize,
+    /// The processor's cycle counter at the start of the period.
+    pub cycles: u32,
 }
+
+/// Cycles of a period, and of the loop in it.
+pub const PERIOD_CYCLES: u32 = 8500;
+const LOOP_CYCLES: u32 = 3000;
 
 /// Amperes in a step of a 12-bit converter over +-60 A.
 const CURRENT_STEP: f64 = 120.0 / 4096.0;
@@ -43,6 +49,7 @@ impl Stage {
             encoder_age: 0.0,
             forged: None,
             offs: 0,
+            cycles: 0,
         }
     }
 
@@ -64,12 +71,21 @@ impl Stage {
     pub fn pass(&mut self) {
         self.plant.period(f64::from(PERIOD_S), self.acting);
         self.acting = self.pending;
+        self.cycles = self.cycles.wrapping_add(PERIOD_CYCLES);
+    }
+
+    /// Whether the bridge acts.
+    pub fn is_on(&self) -> bool {
+        self.acting.is_some()
     }
 }
 
 impl PowerStage for Stage {
     fn sample(&mut self) -> Sample {
         self.forged.take().unwrap_or_else(|| self.measured())
+    }
+    fn broke(&mut self) -> bool {
+        false
     }
     fn drive(&mut self, duty: [f32; 3]) {
         self.pending = Some(duty.map(f64::from));
@@ -78,6 +94,9 @@ impl PowerStage for Stage {
         self.offs += 1;
         // Switches open at once.
         (self.pending, self.acting) = (None, None);
+    }
+    fn cycles(&self) -> u32 {
+        self.cycles.wrapping_add(LOOP_CYCLES)
     }
 }
 
@@ -123,7 +142,9 @@ impl<C: Compensate> Rig<C> {
 
     /// One cycle and the period after it.
     pub fn cycle(&mut self) -> Cycle {
-        let cycle = self.control.run(&mut self.stage, &self.setpoint, &self.covariates);
+        let sample = self.stage.sample();
+        let cycle = self.control.step(&sample, &self.setpoint, &self.covariates);
+        self.stage.apply(cycle.bridge);
         if let Bridge::Drive(duty) = cycle.bridge {
             assert!(duty.iter().all(|share| (0.0..=1.0).contains(share)), "{duty:?}");
         }

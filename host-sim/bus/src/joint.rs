@@ -1,4 +1,4 @@
-//! A joint driver on this PC: the firmware's own [`Driver`], with a bus in place of a controller.
+//! A joint driver on this PC: the firmware's own background loop, with a bus in place of a controller.
 //!
 //! Everything on the bus is answered by the code that runs on the board. What is missing is a motor: its
 //! inputs come over the bus (replay), and asked for its own sensors it says that it has none. Its flash
@@ -6,6 +6,7 @@
 
 use crate::bus::{Bus, BusError, Participant};
 use compensator_core::can::Node;
+use firmware::background::{Background, BoardState, TICK_US};
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::settings::{Settings, Source};
 use firmware::store::memory::{MemoryFlash, PAGE};
@@ -18,11 +19,12 @@ use std::{fs, io};
 const PAGES: usize = 2;
 
 /// Time between two ticks of the driver, ns.
-const TICK_NS: u64 = 1_000_000;
+const TICK_NS: u64 = 1000 * TICK_US;
 
 /// A joint driver on this PC.
 pub struct JointNode {
-    driver: Option<Driver<MemoryFlash<PAGES>>>,
+    /// Gone only while it restarts.
+    background: Option<Background<MemoryFlash<PAGES>>>,
     defaults: Settings,
     file: Option<PathBuf>,
     /// The flash as it was last written to the file.
@@ -62,13 +64,14 @@ impl JointNode {
         }
         let defaults = defaults(node);
         let driver = Driver::boot(defaults, flash, IDENTITY, &Boot::default(), 0);
+        let background = Some(Background::new(driver, 0));
         let file = file.map(Path::to_path_buf);
-        Ok(Self { driver: Some(driver), defaults, file, written, restarts: 0 })
+        Ok(Self { background, defaults, file, written, restarts: 0 })
     }
 
     /// The driver, to look at.
     pub fn driver(&self) -> Option<&Driver<MemoryFlash<PAGES>>> {
-        self.driver.as_ref()
+        self.background.as_ref().map(Background::driver)
     }
 
     /// How often it was restarted over the bus.
@@ -112,7 +115,7 @@ impl JointNode {
 
     /// Writes the flash to its file, where it has changed.
     fn keep(&mut self) -> io::Result<()> {
-        let (Some(path), Some(driver)) = (&self.file, &self.driver) else { return Ok(()) };
+        let (Some(path), Some(driver)) = (&self.file, self.driver()) else { return Ok(()) };
         let now = image(driver.flash());
         if now != self.written {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -125,12 +128,13 @@ impl JointNode {
     }
 
     fn restart_if_asked(&mut self, now_ns: u64) {
-        if self.driver.as_ref().is_some_and(Driver::reset_wanted)
-            && let Some(driver) = self.driver.take()
+        if self.driver().is_some_and(Driver::reset_wanted)
+            && let Some(background) = self.background.take()
         {
             let boot = Boot { cause: ResetCause::Software, ..Boot::default() };
-            let (flash, now_us) = (driver.into_flash(), now_ns / 1000);
-            self.driver = Some(Driver::boot(self.defaults, flash, IDENTITY, &boot, now_us));
+            let (flash, now_us) = (background.into_flash(), now_ns / 1000);
+            let driver = Driver::boot(self.defaults, flash, IDENTITY, &boot, now_us);
+            self.background = Some(Background::new(driver, now_us));
             self.restarts += 1;
         }
     }
@@ -143,20 +147,20 @@ fn image(flash: &MemoryFlash<PAGES>) -> Vec<u8> {
 impl Participant for JointNode {
     fn receive(&mut self, frame: &CanFrame, now_ns: u64) {
         // A driver's controller takes classic data frames of 11 bits and drops all else.
-        if let (Some(frame), Some(driver)) = (frame.to_joint(), &mut self.driver) {
-            driver.receive(&frame, now_ns / 1000);
+        if let (Some(frame), Some(background)) = (frame.to_joint(), &mut self.background) {
+            background.receive(&frame, now_ns / 1000);
         }
         self.restart_if_asked(now_ns);
     }
 
     fn tick(&mut self, now_ns: u64) -> Option<u64> {
-        if let Some(driver) = &mut self.driver {
-            driver.tick(now_ns / 1000);
+        if let Some(background) = &mut self.background {
+            background.tick(&BoardState::default(), None, now_ns / 1000);
         }
         Some(now_ns + TICK_NS)
     }
 
     fn transmit(&mut self) -> Option<CanFrame> {
-        self.driver.as_mut()?.transmit().map(CanFrame::from)
+        self.background.as_mut()?.transmit().map(CanFrame::from)
     }
 }

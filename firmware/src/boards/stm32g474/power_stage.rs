@@ -10,7 +10,7 @@
 //! never set by hardware (no automatic re-enable), and dead time, idle levels and break are locked at the start.
 
 use super::pins;
-use super::scales::{DEAD_TIME, PWM_TOP, VOLTS_PER_COUNT};
+use super::scales::{DEAD_TIME, PWM_TOP};
 use embassy_stm32::adc::{Adc, AdcChannel, Exten, InjectedAdc, SampleTime};
 use embassy_stm32::gpio::{AfType, Flex, Level, Output, OutputType, Pull, Speed};
 use embassy_stm32::pac::timer::vals;
@@ -19,8 +19,6 @@ use embassy_stm32::timer::complementary_pwm::ComplementaryPwmPin;
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::triggers::TIM1_TRGO2;
 use embassy_stm32::{Peri, pac, rcc};
-use firmware::control::{Sample, Valid};
-use firmware::sensors::shunt::Shunt;
 
 /// Alternate function of the break input.
 const BREAK_FUNCTION: u8 = 12;
@@ -151,25 +149,6 @@ impl Stage {
             w.0 = u32::MAX;
             w.set_bif(0, false);
         });
-    }
-}
-
-/// What the loop is given for these counts.
-#[inline(always)]
-pub fn sample(counts: Counts, shunts: &[Option<Shunt>; 2], encoder: Option<u32>) -> Sample {
-    let [a, b] = shunts;
-    let a = a.as_ref().and_then(|shunt| shunt.current_a(counts.phase_a));
-    let b = b.as_ref().and_then(|shunt| shunt.current_a(counts.phase_b));
-    let mut valid = Valid::BUS;
-    valid.set(Valid::CURRENT_A, a.is_some());
-    valid.set(Valid::CURRENT_B, b.is_some());
-    valid.set(Valid::ENCODER, encoder.is_some());
-    Sample {
-        currents_a: [a.unwrap_or(0.0), b.unwrap_or(0.0), 0.0],
-        // Half a count more, so that no power is a low voltage and not a missing one.
-        bus_v: (f32::from(counts.bus) + 0.5) * VOLTS_PER_COUNT,
-        encoder: encoder.unwrap_or(0),
-        valid,
     }
 }
 

@@ -25,6 +25,8 @@ pub struct SlowSensors {
     forces: Adc<'static, ADC4>,
     force: Peri<'static, PB12>,
     pressure: Ms5837<I2c<'static, Blocking, Master>>,
+    /// What side load and pressure last were.
+    last: Local,
 }
 
 impl SlowSensors {
@@ -41,6 +43,7 @@ impl SlowSensors {
             forces: Adc::new(slow.force_adc, Default::default()),
             force: slow.force,
             pressure: Ms5837::new(bus),
+            last: Local::default(),
         }
     }
 
@@ -54,8 +57,9 @@ impl SlowSensors {
         ]
     }
 
-    /// Side load and pressure, where there is something new.
-    pub fn poll(&mut self, local: &mut Local, now_us: u64) {
+    /// Side load and pressure, with what is new.
+    pub fn poll(&mut self, now_us: u64) -> Local {
+        let local = &mut self.last;
         if scales::HAS_STRAIN_GAUGE {
             let at = share(self.forces.blocking_read(&mut self.force, SETTLE));
             if let Some(force_n) = scales::STRAIN_GAUGE.force_n(at) {
@@ -67,6 +71,7 @@ impl SlowSensors {
             local.pressure_diff((found.pressure_pa - scales::INSIDE_PA) * 1e-6, now_us);
             local.temperature(found.temperature_c, now_us);
         }
+        *local
     }
 }
 
