@@ -1,9 +1,8 @@
 //! Hands the linker its script and the memory map of the board.
 //!
 //! All link arguments are here, so that nothing in the workspace says `-T` to a PC's linker.
-//! cortex-m-rt's `link.x` includes `memory.x`, which a linker looks for in its working directory (the
-//! top of the workspace) before the search path. So there is one `memory.x`, at the top, for both
-//! boards, and a symbol chooses; the copy in `OUT_DIR` serves whoever builds from elsewhere.
+//! cortex-m-rt's `link.x` includes `memory.x`. Each board has its own beside its source, in
+//! `src/boards/NAME/` for the feature `board-NAME`; the one chosen is copied to where the linker looks.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -11,21 +10,14 @@ use std::{env, fs};
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
-    println!("cargo::rerun-if-changed=../memory.x");
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let on = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
-    let map =
-        fs::read_to_string("../memory.x").expect("memory.x lies at the top of the repository");
-    fs::write(out.join("memory.x"), map).expect("OUT_DIR is writable");
-    match (on("BOARD_QEMU"), on("BOARD_STM32G474")) {
-        (true, false) => println!("cargo::rustc-link-arg-bins=--defsym=BOARD_QEMU=1"),
-        (false, true) => {}
-        (false, false) => panic!("choose a board: feature board-stm32g474 or board-qemu"),
-        (true, true) => panic!("one board an image: add --no-default-features to board-qemu"),
-    }
+    let map = format!("src/boards/{}/memory.x", board());
+    println!("cargo::rerun-if-changed={map}");
+    fs::copy(&map, out.join("memory.x")).unwrap_or_else(|error| panic!("{map}: {error}"));
     println!("cargo::rustc-link-search={}", out.display());
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
     println!("cargo::rustc-link-arg-bins=--nmagic");
@@ -33,6 +25,18 @@ fn main() {
     println!("cargo::rustc-link-arg-bin=firmware=-Tdefmt.x");
     if on("C_REFERENCE") {
         build_c_reference(&out);
+    }
+}
+
+/// The board that is chosen by its feature.
+fn board() -> String {
+    let chosen = env::vars().filter_map(|(name, _)| {
+        name.strip_prefix("CARGO_FEATURE_BOARD_").map(str::to_ascii_lowercase)
+    });
+    match chosen.collect::<Vec<_>>().as_slice() {
+        [board] => board.clone(),
+        [] => panic!("choose a board: feature board-stm32g474 or another"),
+        _ => panic!("one board an image: add --no-default-features to choose another"),
     }
 }
 

@@ -1,11 +1,12 @@
-//! The boards the joint driver runs on: wires and registers around the same [`firmware::driver::Driver`].
+//! The boards the joint driver runs on: pins, registers and interrupts around the same library.
 //!
-//! A board reads its clock and its converters, moves frames between its bus and the driver, keeps its
-//! flash behind `embedded_storage`, and calls the current loop. It decides nothing: whatever can be
-//! decided without a register is in the library, where a PC tests it. How to add one: `docs/porting.md`.
+//! A board implements [`firmware::background::Board`] (frames, time, sensors, watchdog) and, where it has a
+//! bridge, [`firmware::control::PowerStage`]; it keeps its flash behind `embedded_storage`. It decides
+//! nothing: whatever can be decided without a register is in the library, where a PC tests it. Adding one
+//! is a folder here with its `memory.x`, a line below and a feature; see `docs/porting.md`.
 //!
 //! The skeleton both boards share:
-//! - A cargo feature chooses the board: `board-stm32g474` (default) or `board-qemu`, never both in an image.
+//! - A cargo feature `board-NAME` chooses the board, one in an image, which `build.rs` sees to.
 //!   Dependencies of a board are optional, behind its feature and `cfg(target_os = "none")`.
 //! - `main.rs` only takes this module in. A board's own file defines its entry point (`#[entry]` or an RTIC
 //!   app) and its one `defmt` global logger: stm32g474 `defmt-rtt`, qemu `defmt-semihosting`.
@@ -15,13 +16,10 @@
 //!   and `take_overflow`, asked before `paint`, into `Boot::stack_overflowed`.
 //! - Exceptions that are nobody's (`HardFault`) are taken here; `DefaultHandler` is a board's own.
 
-#[cfg(all(feature = "board-qemu", not(feature = "board-stm32g474")))]
+#[cfg(feature = "board-qemu")]
 mod qemu;
-#[cfg(all(feature = "board-stm32g474", not(feature = "board-qemu")))]
+#[cfg(feature = "board-stm32g474")]
 mod stm32g474;
-
-#[cfg(all(feature = "board-qemu", feature = "board-stm32g474"))]
-compile_error!("one board an image: build with --no-default-features --features board-qemu,terms");
 
 /// What a hard fault does: the same as a panic, which see.
 ///

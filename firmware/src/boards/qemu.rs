@@ -92,7 +92,7 @@ fn open_flash(kept: Kept) -> BoardFlash {
                 OpenError::Length(found) => defmt::error!(
                     "flash: {=u64} bytes, expected {=usize}: no flash of a driver",
                     found,
-                    flash::LENGTH
+                    kept::LENGTH
                 ),
             }
             semihosting::process::exit(1)

@@ -5,19 +5,13 @@
 //! a chip does whose power is cut. Without a file the bytes are kept in RAM that start-up leaves alone
 //! ([`super::kept`]): they outlive a reset of the machine.
 
-use super::kept::Kept;
+use super::kept::{Kept, LENGTH, PAGES};
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use firmware::store::memory::{DOUBLE_WORD, MemoryError, MemoryFlash, PAGE};
 use semihosting::fs::File;
 use semihosting::io::{self, Read, Seek, SeekFrom, Write};
-
-/// Pages: two slots of one page each.
-const PAGES: usize = 2;
-
-/// Bytes of the flash.
-pub const LENGTH: usize = PAGES * PAGE;
 
 /// Why the flash refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,10 +4,16 @@
 //! there, so a mark tells the two apart.
 #![allow(unsafe_code)] // A static that start-up does not make.
 
-use super::flash::LENGTH;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
+use firmware::store::memory::PAGE;
+
+/// Pages of the flash: two slots of one page each.
+pub const PAGES: usize = 2;
+
+/// Bytes of the flash.
+pub const LENGTH: usize = PAGES * PAGE;
 
 /// "kept", "over": unlike anything memory holds by itself.
 const MARK: [u32; 2] = [0x6B65_7074, 0x6F76_6572];
