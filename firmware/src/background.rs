@@ -140,6 +140,8 @@ impl<F: NorFlash> Background<F> {
         Next::Restart
     }
 
+    // Called in several places: kept out of line for the size of the image.
+    #[inline(never)]
     fn send(&mut self, board: &mut impl Board) {
         while board.has_room()
             && let Some(frame) = self.driver.transmit()
@@ -165,28 +167,33 @@ impl<F: NorFlash> Background<F> {
         current_loop: Option<&mut LoopLink>,
         now_us: u64,
     ) -> bool {
-        let driver = &mut self.driver;
-        let mut report = |report: LoopReport| {
-            driver.report(&LoopReport {
-                bridge_temperature_c: state.bridge_temperature_c,
-                motor_temperature_c: state.motor_temperature_c,
-                stack_intact: state.stack_intact,
-                ..report
-            });
-        };
         let Some(link) = current_loop else {
-            report(LoopReport::default());
-            driver.bus_state(state.receiver_overrun, state.can);
-            driver.tick(now_us);
+            self.report(state, &LoopReport::default());
+            self.observe(state, now_us);
             return true;
         };
-        link.reports(now_us, report);
-        driver.bus_state(state.receiver_overrun, state.can);
-        driver.tick(now_us);
-        let mut orders = driver.orders(now_us);
+        link.reports(now_us, |report| self.report(state, &report));
+        self.observe(state, now_us);
+        let mut orders = self.driver.orders(now_us);
         state.sensors.complete(&mut orders.covariates, now_us);
-        link.order(orders, driver.set());
+        link.order(orders, self.driver.set());
         link.is_alive(now_us)
+    }
+
+    // As `send`.
+    #[inline(never)]
+    fn report(&mut self, state: &BoardState, report: &LoopReport) {
+        self.driver.report(&LoopReport {
+            bridge_temperature_c: state.bridge_temperature_c,
+            motor_temperature_c: state.motor_temperature_c,
+            stack_intact: state.stack_intact,
+            ..*report
+        });
+    }
+
+    fn observe(&mut self, state: &BoardState, now_us: u64) {
+        self.driver.bus_state(state.receiver_overrun, state.can);
+        self.driver.tick(now_us);
     }
 
     /// The driver, to look at.
