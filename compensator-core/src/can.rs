@@ -30,6 +30,7 @@ pub use crate::joint_kind::JointKind;
 pub use inbox::{Inbox, SyncOutcome};
 pub use message::{
     Answer, Command, Entry, Message, Motion, Seal, Status, Surroundings, Sync, Telemetry, Torque,
+    base,
 };
 
 use core::fmt;

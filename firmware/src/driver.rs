@@ -28,14 +28,9 @@ use crate::node::{Network, Order};
 use crate::set::ParameterSet;
 use crate::settings::{Settings, Source};
 use crate::supervisor::{CanState, State, Supervisor};
-use compensator_core::can::{Frame, FrameError, Message, Node};
+use compensator_core::can::{Frame, FrameError, Message, Node, base};
 use device::Device;
 use embedded_storage::nor_flash::NorFlash;
-
-/// Base of the identifiers of SDO requests (CiA 301, predefined connection set).
-const SDO_REQUEST: u16 = 0x600;
-/// Base of those of the answers.
-const SDO_ANSWER: u16 = 0x580;
 
 /// A joint driver.
 #[derive(Debug)]
@@ -82,7 +77,7 @@ impl<F: NorFlash> Driver<F> {
             return;
         }
         let node = self.network.node();
-        if frame.identifier() == SDO_REQUEST + u16::from(node.number()) {
+        if frame.identifier() == base::SDO_REQUEST + u16::from(node.number()) {
             self.serve(frame, node, now_us);
             self.tell_events();
             return;
@@ -129,7 +124,7 @@ impl<F: NorFlash> Driver<F> {
         self.device.set_time(now_us);
         if let Some(answer) = self.sdo.answer(request, now_us, &mut self.device) {
             self.device.counters.sdo_refused = self.sdo.aborts();
-            let identifier = SDO_ANSWER + u16::from(node.number());
+            let identifier = base::SDO_ANSWER + u16::from(node.number());
             if let Some(frame) = Frame::new(identifier, &answer) {
                 self.device.outbox().push(frame);
             }

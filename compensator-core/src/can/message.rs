@@ -4,9 +4,11 @@ use super::{Frame, FrameError, Node};
 use crate::flags::Flags;
 use crate::joint_kind::JointKind;
 
-/// Identifiers without the node's number (CiA 301, predefined connection set).
-mod base {
+/// Identifiers without the node's number (CiA 301, predefined connection set): these and no others.
+#[allow(missing_docs)]
+pub mod base {
     pub const SYNC: u16 = 0x080;
+    pub const EMERGENCY: u16 = 0x080;
     pub const ANSWER: u16 = 0x180;
     pub const MOTION: u16 = 0x200;
     pub const STATUS: u16 = 0x280;
@@ -15,7 +17,10 @@ mod base {
     pub const SEAL: u16 = 0x400;
     pub const COMMAND: u16 = 0x480;
     pub const SURROUNDINGS: u16 = 0x500;
-    pub const SDO_DOWNLOAD: u16 = 0x600;
+    /// A client's request to the server of objects.
+    pub const SDO_REQUEST: u16 = 0x600;
+    /// The server's answer.
+    pub const SDO_ANSWER: u16 = 0x580;
     /// What is the node's number in an identifier.
     pub const NODE: u16 = 0x07F;
 }
@@ -280,7 +285,7 @@ impl Message {
                 };
                 let [low, high] = TRACE_OBJECT.to_le_bytes();
                 let head = u32::from_le_bytes([DOWNLOAD_4_BYTES, low, high, sub_index]);
-                frame(base::SDO_DOWNLOAD, node, words(head, value))
+                frame(base::SDO_REQUEST, node, words(head, value))
             }
         }
     }
@@ -334,7 +339,7 @@ impl Message {
                 let counter = (second >> 24) as u8;
                 Self::Command(node, Command { current_a: a, velocity_steps, counter })
             }
-            base::SDO_DOWNLOAD => {
+            base::SDO_REQUEST => {
                 // Any other download is for another object, and legal.
                 let [command, low, high, sub_index] = first.to_le_bytes();
                 let ours = command == DOWNLOAD_4_BYTES

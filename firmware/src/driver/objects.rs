@@ -6,7 +6,7 @@ use crate::node::dictionary::{self, Access, ERRORS_KEPT, LOAD, Object, SAVE, ind
 use crate::node::sdo::{Abort, Objects, Value};
 use crate::settings::{SettingError, Source};
 use canopen_rs::Address;
-use compensator_core::can::{Entry, JointKind, Message, Node};
+use compensator_core::can::{Entry, JointKind, Message, Node, base};
 use compensator_core::record;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -162,8 +162,9 @@ const TRANSMITTED: [[u32; 2]; 3] = [
     [mapped(index::OUTPUTS, 5, 32), mapped(index::OUTPUTS, 6, 32)],
 ];
 /// Identifiers of the PDOs without the node's number.
-const RECEIVED_AT: [u32; 5] = [0x200, 0x300, 0x400, 0x500, 0x480];
-const TRANSMITTED_AT: [u32; 3] = [0x180, 0x280, 0x380];
+const RECEIVED_AT: [u16; 5] =
+    [base::MOTION, base::TORQUE, base::SEAL, base::SURROUNDINGS, base::COMMAND];
+const TRANSMITTED_AT: [u16; 3] = [base::ANSWER, base::STATUS, base::TELEMETRY];
 
 /// How a PDO travels (CiA 301, table 72): with the SYNC, or whenever it comes.
 const SYNCHRONOUS: u32 = 1;
@@ -176,9 +177,10 @@ impl<F: NorFlash> Device<F> {
         let nth = usize::from(place).wrapping_sub(1);
         let settings = self.settings();
         let list = |numbers: &[u32]| numbers.get(nth).copied().ok_or(Abort::NoSubIndex);
-        let pdo = |table: &[u32], first: u16, kind: u32| {
-            let base = table.get(usize::from(at_index - first)).ok_or(Abort::NoObject)?;
-            list(&[base + node, kind])
+        let at = |base: u16| u32::from(base) + node;
+        let pdo = |table: &[u16], first: u16, kind: u32| {
+            let base = *table.get(usize::from(at_index - first)).ok_or(Abort::NoObject)?;
+            list(&[at(base), kind])
         };
         match at_index {
             // No device profile.
@@ -187,15 +189,15 @@ impl<F: NorFlash> Device<F> {
             index::ERROR_FIELD => {
                 self.errors.iter().rev().nth(nth).copied().ok_or(Abort::NoSubIndex)
             }
-            index::SYNC_IDENTIFIER => Ok(0x80),
-            index::EMERGENCY_IDENTIFIER => Ok(0x80 + node),
+            index::SYNC_IDENTIFIER => Ok(base::SYNC.into()),
+            index::EMERGENCY_IDENTIFIER => Ok(at(base::EMERGENCY)),
             // Saved and restored on command, not by itself.
             index::STORE | index::RESTORE => Ok(1),
             index::AWAITED_HEARTBEAT => Ok(settings.awaited_heartbeat),
             index::HEARTBEAT => Ok(u32::from(settings.heartbeat_ms)),
             index::IDENTITY => list(&self.identity.numbers()),
             index::SYNC_OVERFLOW => Ok(240),
-            index::SDO_SERVER => list(&[0x600 + node, 0x580 + node]),
+            index::SDO_SERVER => list(&[at(base::SDO_REQUEST), at(base::SDO_ANSWER)]),
             index::RECEIVE_PDO..=0x1403 => pdo(&RECEIVED_AT, index::RECEIVE_PDO, SYNCHRONOUS),
             0x1404 => pdo(&RECEIVED_AT, index::RECEIVE_PDO, EVENT_DRIVEN),
             index::TRANSMIT_PDO..=0x1802 => pdo(&TRANSMITTED_AT, index::TRANSMIT_PDO, SYNCHRONOUS),
