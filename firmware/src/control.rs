@@ -29,7 +29,7 @@ pub use parameters::{Motor, MotorParameters};
 pub const PERIOD_S: f32 = 50e-6;
 
 bitflags::bitflags! {
-    /// What of a [`Sample`] was measured and is believed by the board.
+    /// What of a [`StageSample`] was measured and is believed by the board.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub struct Valid: u8 {
         /// Current of phase a. A board with two shunts never sets the third's bit.
@@ -47,7 +47,7 @@ bitflags::bitflags! {
 
 /// What a power stage measured in one period.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample {
+pub struct StageSample {
     /// Phase currents a, b, c into the motor, A.
     pub currents_a: [f32; 3],
     /// Bus voltage, V.
@@ -77,7 +77,7 @@ pub enum Bridge {
 /// A three-phase bridge with its sensors and the motor's encoder: what a board gives the current loop.
 pub trait PowerStage {
     /// What was measured for this period.
-    fn sample(&mut self) -> Sample;
+    fn sample(&mut self) -> StageSample;
 
     /// Whether the hardware has opened the bridge by itself, or would.
     fn broke(&mut self) -> bool;

@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! frame -> receive -> network command · object -> staging, store, supervisor
-//!                  -> PDO, SYNC      -> fed joint (source: bus)   -> Answer, Status, Telemetry
+//!                  -> PDO, SYNC      -> HIL joint (source: bus)   -> Answer, Status, Telemetry
 //!                                    -> live inputs (source: sensors) <-> current loop
 //! tick  -> heartbeat, timeouts, supervisor -> emergencies
 //! ```
@@ -24,9 +24,9 @@ pub use live::{Home, LoopOrders, LoopReport};
 
 use crate::log::log;
 use crate::node::sdo::SdoServer;
-use crate::node::{Network, Order};
-use crate::set::ParameterSet;
-use crate::settings::{Settings, Source};
+use crate::node::{Network, NmtAction};
+use crate::node_settings::{NodeSettings, Source};
+use crate::parameter_set::ParameterSet;
 use crate::supervisor::{CanState, State, Supervisor};
 use compensator_core::can::{Frame, FrameError, Message, Node, base};
 use device::Device;
@@ -40,14 +40,14 @@ pub struct Driver<F> {
     device: Device<F>,
     reset_wanted: bool,
     /// The state last logged.
-    told: State,
+    logged: State,
 }
 
 impl<F: NorFlash> Driver<F> {
     /// Starts: loads settings and parameters, reports what the last life ended with, and waits in a
     /// safe state. `settings` stand in where none are stored.
     pub fn boot(
-        settings: Settings,
+        settings: NodeSettings,
         flash: F,
         identity: Identity,
         boot: &Boot,
@@ -56,30 +56,35 @@ impl<F: NorFlash> Driver<F> {
         let mut device = Device::boot(settings, flash, identity, boot, now_us);
         let node = device.settings().node;
         let network = Network::boot(node, now_us, device.outbox());
-        let mut driver =
-            Self { network, sdo: SdoServer::new(), device, reset_wanted: false, told: State::Safe };
+        let mut driver = Self {
+            network,
+            sdo: SdoServer::new(),
+            device,
+            reset_wanted: false,
+            logged: State::Safe,
+        };
         log!(info, "start as node {=u8} on {=str}", node.number(), identity.hardware);
         if let Some(_text) = boot.panic {
             log!(error, "the last life ended with: {=str}", _text);
         }
-        driver.tell_events();
+        driver.publish_events();
         driver
     }
 
     /// Takes in a frame.
     pub fn receive(&mut self, frame: &Frame, now_us: u64) {
         self.device.counters.received = self.device.counters.received.wrapping_add(1);
-        if let Some(order) = self.network.command(frame) {
-            self.obey(order, now_us);
+        if let Some(action) = self.network.on_nmt_frame(frame) {
+            self.execute(action, now_us);
             return;
         }
-        if self.network.hear(frame, self.device.settings().awaited_heartbeat, now_us) {
+        if self.network.on_heartbeat(frame, self.device.settings().awaited_heartbeat, now_us) {
             return;
         }
         let node = self.network.node();
         if frame.identifier() == base::SDO_REQUEST + u16::from(node.number()) {
             self.serve(frame, node, now_us);
-            self.tell_events();
+            self.publish_events();
             return;
         }
         match Message::parse(frame) {
@@ -95,16 +100,16 @@ impl<F: NorFlash> Driver<F> {
         }
     }
 
-    fn obey(&mut self, order: Order, now_us: u64) {
-        match order {
-            Order::State(_) => {
+    fn execute(&mut self, action: NmtAction, now_us: u64) {
+        match action {
+            NmtAction::State(_) => {
                 // A joint nobody talks to any more does not stay armed.
                 if !self.network.is_operational() {
                     self.device.disarm();
                 }
             }
-            Order::Reset => self.reset_wanted = true,
-            Order::ResetCommunication => {
+            NmtAction::Reset => self.reset_wanted = true,
+            NmtAction::ResetCommunication => {
                 self.device.disarm();
                 self.sdo = SdoServer::new();
                 let node = self.device.settings().node;
@@ -137,17 +142,17 @@ impl<F: NorFlash> Driver<F> {
         self.network.tick(settings.heartbeat_ms, now_us, self.device.outbox());
         let heartbeat_lost = self.network.misses_heartbeat(settings.awaited_heartbeat, now_us);
         self.device.tick(heartbeat_lost, now_us);
-        self.tell_events();
+        self.publish_events();
     }
 
     /// Sends an emergency for every code that came or went.
-    fn tell_events(&mut self) {
+    fn publish_events(&mut self) {
         while let Some((code, register, detail)) = self.device.next_event() {
             self.network.emergency(code, register, detail, self.device.outbox());
         }
         let state = self.supervisor().state();
-        if state != self.told {
-            self.told = state;
+        if state != self.logged {
+            self.logged = state;
             match state {
                 State::Safe => log!(info, "safe"),
                 State::Armed => log!(info, "armed"),
@@ -206,7 +211,7 @@ impl<F: NorFlash> Driver<F> {
         self.device.set()
     }
 
-    /// Whether the joint is armed, on its own sensors or fed.
+    /// Whether the joint is armed, on its own sensors or in HIL.
     pub fn is_armed(&self) -> bool {
         self.device.is_armed()
     }

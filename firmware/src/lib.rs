@@ -1,7 +1,7 @@
 //! The joint driver's firmware, as far as it can be tested on a PC.
 //!
 //! From the outside in: [`driver`] is a joint on its bus (frames in, frames out, a tick a millisecond), with
-//! its objects ([`node`]), parameters ([`set`], [`settings`], [`store`]), [`supervisor`] and [`watch`]. [`loop_task`] is
+//! its objects ([`node`]), parameters ([`parameter_set`], [`node_settings`], [`store`]), [`supervisor`] and [`watch`]. [`loop_task`] is
 //! what the fast interrupt does: the current loop ([`control`]) under its own time guard ([`deadline`]).
 //! [`sensors`] are drivers without a board. The boards themselves are in the binary `firmware`, and only
 //! there are registers. Time is passed in everywhere, so a PC runs all of this in virtual time.
@@ -14,17 +14,17 @@ pub mod background;
 pub mod control;
 pub mod deadline;
 pub mod driver;
-pub mod fed;
 pub mod fingerprint;
+pub mod hil;
 mod log;
 pub mod loop_link;
 pub mod loop_task;
 pub mod node;
+pub mod node_settings;
 pub mod panic_note;
+pub mod parameter_set;
 pub mod reference_joint;
 pub mod sensors;
-pub mod set;
-pub mod settings;
 pub mod store;
 pub mod supervisor;
 pub mod watch;

@@ -8,7 +8,7 @@
 use crate::control::PERIOD_S;
 use crate::driver::{LoopOrders, LoopReport};
 use crate::loop_task::Parts;
-use crate::set::ParameterSet;
+use crate::parameter_set::ParameterSet;
 use heapless::spsc::{Consumer, Producer, Queue};
 
 /// A loop that has not reported for so long no longer runs, us.

@@ -9,19 +9,19 @@
 //! ages of what came over the bus grow here, so a background that has died is a set-point gone stale, and no
 //! current.
 //!
-//! A fault seen while driving *trips*: the bridge is off from that period on and stays off until it was
-//! ordered off, so it is never closed again by the interrupt before the supervisor has seen why. Until then
-//! the fault is told in every report, that no delay of the supervisor's passes over it.
+//! A fault seen while driving *trips*: the bridge opens in that period and stays open until the orders say
+//! off. So the interrupt never closes it again before the supervisor has seen why. Until then every report
+//! repeats the fault, so that a late supervisor does not miss it.
 
 use crate::control::{
     Bridge, Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags, Motor,
-    PERIOD_S, PowerStage, Sample, Setpoint, Valid,
+    PERIOD_S, PowerStage, Setpoint, StageSample, Valid,
 };
 use crate::deadline::{Deadline, Limits};
 use crate::driver::{Home, LoopOrders, LoopReport, REPORT_PERIOD_S};
 use crate::log::log;
 use crate::loop_link::LoopPort;
-use crate::set::ParameterSet;
+use crate::parameter_set::ParameterSet;
 use compensator_core::compensator::Reading;
 use compensator_core::{Flags, Inputs, Output, ParameterError};
 use core::cell::Cell;
@@ -32,7 +32,8 @@ pub struct Model {
     inner: JointCompensator<f32>,
     /// Largest current of joint and motor, A.
     most_a: f32,
-    /// The same, times the share that is left. A cell, for the loop that owns this lends it out to be read.
+    /// What temperature leaves of it, A. A cell, because it changes with every order, and the current loop
+    /// that owns this model gives out shared references only.
     limit_a: Cell<f32>,
 }
 
@@ -230,7 +231,7 @@ impl LoopTask {
     #[inline]
     pub fn period(
         &mut self,
-        sample: &Sample,
+        sample: &StageSample,
         bridge_broke: bool,
         triggered: u32,
         now: u32,
@@ -305,7 +306,7 @@ impl LoopTask {
             &mut covariates.auxiliary.age_s,
         ];
         for age_s in ages {
-            // Negative is never heard, and stays so.
+            // A negative age says that nothing ever came, and stays negative.
             if *age_s >= 0.0 {
                 *age_s += self.period_s;
             }
@@ -313,7 +314,7 @@ impl LoopTask {
     }
 
     #[inline]
-    fn note(&mut self, sample: &Sample, cycle: &Cycle) {
+    fn note(&mut self, sample: &StageSample, cycle: &Cycle) {
         self.since_report = self.since_report.saturating_add(1);
         let valid = sample.valid;
         let [a, b, c] = sample.currents_a;
@@ -324,18 +325,18 @@ impl LoopTask {
             (false, _) => [f32::NAN; 3],
         };
         let unreferenced = cycle.flags.contains(LoopFlags::POSITION_UNREFERENCED);
-        let told = |value: f32, valid: bool| if valid { value } else { f32::NAN };
+        let known = |value: f32, valid: bool| if valid { value } else { f32::NAN };
         let report = &mut self.report;
-        report.bus_voltage_v = Some(told(sample.bus_v, valid.contains(Valid::BUS)));
+        report.bus_voltage_v = Some(known(sample.bus_v, valid.contains(Valid::BUS)));
         report.phase_currents_a = Some(currents);
         report.current_a = cycle.current_q_a;
         report.current_reference_a = cycle.current_reference_a;
         report.velocity_rad_s = cycle.velocity_rad_s;
-        report.position_rad = told(cycle.position_rad, !unreferenced);
+        report.position_rad = known(cycle.position_rad, !unreferenced);
         report.motor_torque_nm = cycle.motor_torque_nm;
         report.friction_torque_nm = cycle.friction_torque_nm;
         report.feed_forward_current_a = cycle.feed_forward_current_a;
-        report.residual_torque_nm = told(cycle.residual_torque_nm, cycle.residual_valid);
+        report.residual_torque_nm = known(cycle.residual_torque_nm, cycle.residual_valid);
         report.loop_flags |= cycle.flags;
         report.flags |= cycle.compensator;
         report.sample_age_us = Some(0);

@@ -8,11 +8,11 @@ const PERIOD: u32 = 8500;
 struct Bench {
     task: LoopTask,
     at: u32,
-    sample: Sample,
+    sample: StageSample,
 }
 
-fn healthy() -> Sample {
-    Sample {
+fn healthy() -> StageSample {
+    StageSample {
         currents_a: [0.0; 3],
         bus_v: 48.0,
         encoder: 1 << 28,
@@ -104,9 +104,12 @@ fn a_fault_opens_the_bridge_and_only_an_order_off_and_on_closes_it() {
 #[test]
 fn every_fault_trips() {
     for (name, broken) in [
-        ("currents", Sample { valid: healthy().valid.difference(Valid::CURRENT_A), ..healthy() }),
-        ("overvoltage", Sample { bus_v: 57.0, ..healthy() }),
-        ("undervoltage", Sample { bus_v: 17.0, ..healthy() }),
+        (
+            "currents",
+            StageSample { valid: healthy().valid.difference(Valid::CURRENT_A), ..healthy() },
+        ),
+        ("overvoltage", StageSample { bus_v: 57.0, ..healthy() }),
+        ("undervoltage", StageSample { bus_v: 17.0, ..healthy() }),
     ] {
         let mut bench = Bench::new();
         bench.task.order(drive(1.0));

@@ -59,7 +59,7 @@ impl Outbox {
 
 /// What a network command leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum NmtAction {
     /// The state is another, or the same; nothing else is to be done.
     State(NmtState),
     /// Start anew, as after power-up.
@@ -73,16 +73,16 @@ pub enum Order {
 pub struct Network {
     node: Node,
     machine: NmtStateMachine,
-    last_heartbeat_us: u64,
-    /// Whose heartbeat was last heard, and when.
-    heard_us: Option<u64>,
+    sent_us: u64,
+    /// When the awaited heartbeat last came.
+    heartbeat_us: Option<u64>,
 }
 
 impl Network {
     /// Says that it is there, and becomes pre-operational.
     pub fn boot(node: Node, now_us: u64, outbox: &mut Outbox) -> Self {
         let mut machine = NmtStateMachine::new();
-        let network = |machine| Self { node, machine, last_heartbeat_us: now_us, heard_us: None };
+        let network = |machine| Self { node, machine, sent_us: now_us, heartbeat_us: None };
         outbox.push(heartbeat(node, NmtState::Initialising));
         machine.boot();
         network(machine)
@@ -109,7 +109,7 @@ impl Network {
     }
 
     /// Takes in a network command, where the frame is one and this node is meant.
-    pub fn command(&mut self, frame: &Frame) -> Option<Order> {
+    pub fn on_nmt_frame(&mut self, frame: &Frame) -> Option<NmtAction> {
         if frame.identifier() != NMT_COMMAND_COB_ID {
             return None;
         }
@@ -119,18 +119,18 @@ impl Network {
             return None;
         }
         Some(match command {
-            NmtCommand::ResetNode => Order::Reset,
-            NmtCommand::ResetCommunication => Order::ResetCommunication,
-            other => Order::State(self.machine.apply(other)),
+            NmtCommand::ResetNode => NmtAction::Reset,
+            NmtCommand::ResetCommunication => NmtAction::ResetCommunication,
+            other => NmtAction::State(self.machine.apply(other)),
         })
     }
 
     /// Takes in a heartbeat, where the frame is one of the node awaited (`awaited` as in object 1016h).
-    pub fn hear(&mut self, frame: &Frame, awaited: u32, now_us: u64) -> bool {
+    pub fn on_heartbeat(&mut self, frame: &Frame, awaited: u32, now_us: u64) -> bool {
         let producer = (awaited >> 16) as u16 & 0x7F;
         let is_it = awaited != 0 && frame.identifier() == HEARTBEAT_COB_BASE + producer;
         if is_it && frame.data().len() == 1 {
-            self.heard_us = Some(now_us);
+            self.heartbeat_us = Some(now_us);
         }
         is_it
     }
@@ -138,15 +138,15 @@ impl Network {
     /// Whether an awaited heartbeat that had been heard has stayed away for too long.
     pub fn misses_heartbeat(&self, awaited: u32, now_us: u64) -> bool {
         let longest_us = u64::from(awaited & 0xFFFF) * 1000;
-        let late = |heard: u64| now_us.saturating_sub(heard) > longest_us;
-        awaited != 0 && longest_us > 0 && self.heard_us.is_some_and(late)
+        let late = |came: u64| now_us.saturating_sub(came) > longest_us;
+        awaited != 0 && longest_us > 0 && self.heartbeat_us.is_some_and(late)
     }
 
     /// Sends a heartbeat where one is due; `every_ms` 0 is never.
     pub fn tick(&mut self, every_ms: u16, now_us: u64, outbox: &mut Outbox) {
         let period_us = u64::from(every_ms) * 1000;
-        if period_us > 0 && now_us.saturating_sub(self.last_heartbeat_us) >= period_us {
-            self.last_heartbeat_us = now_us;
+        if period_us > 0 && now_us.saturating_sub(self.sent_us) >= period_us {
+            self.sent_us = now_us;
             outbox.push(heartbeat(self.node, self.state()));
         }
     }
@@ -187,14 +187,14 @@ mod tests {
         assert_eq!(outbox.pop(), Some(frame(0x705, &[0])));
         assert_eq!(network.state(), NmtState::PreOperational);
         assert!(!network.is_operational() && network.serves_objects());
-        let state = |state| Some(Order::State(state));
-        assert_eq!(network.command(&frame(0, &[1, 4])), None);
-        assert_eq!(network.command(&frame(0, &[1, 5])), state(NmtState::Operational));
-        assert_eq!(network.command(&frame(0, &[2, 0])), state(NmtState::Stopped));
+        let state = |state| Some(NmtAction::State(state));
+        assert_eq!(network.on_nmt_frame(&frame(0, &[1, 4])), None);
+        assert_eq!(network.on_nmt_frame(&frame(0, &[1, 5])), state(NmtState::Operational));
+        assert_eq!(network.on_nmt_frame(&frame(0, &[2, 0])), state(NmtState::Stopped));
         assert!(!network.serves_objects());
-        assert_eq!(network.command(&frame(0, &[0x81, 0])), Some(Order::Reset));
+        assert_eq!(network.on_nmt_frame(&frame(0, &[0x81, 0])), Some(NmtAction::Reset));
         for wrong in [&[1][..], &[7, 5], &[1, 5, 0], &[1, 128]] {
-            assert_eq!(network.command(&frame(0, wrong)), None);
+            assert_eq!(network.on_nmt_frame(&frame(0, wrong)), None);
         }
     }
 
@@ -213,8 +213,8 @@ mod tests {
         let awaited = 7 << 16 | 50;
         // Not heard of yet: there is nobody to miss.
         assert!(!network.misses_heartbeat(awaited, 1_000_000));
-        assert!(!network.hear(&frame(0x708, &[5]), awaited, 0));
-        assert!(network.hear(&frame(0x707, &[5]), awaited, 1_000_000));
+        assert!(!network.on_heartbeat(&frame(0x708, &[5]), awaited, 0));
+        assert!(network.on_heartbeat(&frame(0x707, &[5]), awaited, 1_000_000));
         assert!(!network.misses_heartbeat(awaited, 1_050_000));
         assert!(network.misses_heartbeat(awaited, 1_050_001));
         assert!(!network.misses_heartbeat(0, 9_000_000));

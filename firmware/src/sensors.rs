@@ -51,16 +51,16 @@ impl Local {
 
     /// Puts these readings where the bus gave none, or an older one.
     pub fn complete(&self, covariates: &mut Covariates, now_us: u64) {
-        for (own, told) in [
+        for (own, reported) in [
             (self.radial_force_n, &mut covariates.radial_force_n),
             (self.pressure_diff_mpa, &mut covariates.pressure_diff_mpa),
             (self.temperature_c, &mut covariates.temperature_c),
         ] {
             let Some(own) = own else { continue };
             let age_s = now_us.saturating_sub(own.at_us) as f32 * 1e-6;
-            let never_told = told.age_s.is_nan() || told.age_s < 0.0;
-            if never_told || age_s < told.age_s {
-                *told = Reading { value: own.value, age_s };
+            let never_reported = reported.age_s.is_nan() || reported.age_s < 0.0;
+            if never_reported || age_s < reported.age_s {
+                *reported = Reading { value: own.value, age_s };
             }
         }
     }

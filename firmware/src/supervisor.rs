@@ -184,7 +184,7 @@ impl Supervisor {
     fn weigh(&mut self, index: usize, code: Code, sight: Sight, now_us: u64) {
         let present = self.present.contains(code);
         let turned = match sight {
-            Sight::Told => return,
+            Sight::Reported => return,
             Sight::Bad => !present,
             Sight::Good => present,
             Sight::Between => false,
@@ -224,7 +224,7 @@ impl Supervisor {
             if present {
                 self.count(code);
             }
-            self.tell(code, present);
+            self.publish(code, present);
         }
     }
 
@@ -233,7 +233,7 @@ impl Supervisor {
         if !self.latched.contains(code) {
             self.latched.insert(code);
             self.count(code);
-            self.tell(code, true);
+            self.publish(code, true);
         }
     }
 
@@ -243,7 +243,7 @@ impl Supervisor {
         }
     }
 
-    fn tell(&mut self, code: Code, raised: bool) {
+    fn publish(&mut self, code: Code, raised: bool) {
         if self.events.is_full() {
             let _ = self.events.pop_front();
             self.events_lost = self.events_lost.saturating_add(1);
@@ -301,7 +301,7 @@ impl Supervisor {
                 left.insert(code);
             } else {
                 self.latched.remove(code);
-                self.tell(code, false);
+                self.publish(code, false);
             }
         }
         if left.is_empty() { Ok(()) } else { Err(left) }

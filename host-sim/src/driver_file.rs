@@ -12,7 +12,7 @@
 
 use compensator_core::compensator::CompensatorParameters;
 use firmware::control::MotorParameters;
-use firmware::set::ParameterSet;
+use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
 use friction_identification::data::JointKind;

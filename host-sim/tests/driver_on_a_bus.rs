@@ -77,7 +77,7 @@ fn its_flash_is_a_file() {
         };
         let [a, b, c, d] = value.to_le_bytes();
         step([0x23, 0x22, 0x20, 1, a, b, c, d]);
-        let mut set = firmware::set::ParameterSet::default();
+        let mut set = firmware::parameter_set::ParameterSet::default();
         set.friction.compensator.scale = value;
         let [a, b, c, d] = set.crc().to_le_bytes();
         step([0x23, 0x27, 0x20, 3, a, b, c, d]);

@@ -3,8 +3,8 @@
 use compensator_core::can::{Message, Motion, Node, Seal, Sync};
 use compensator_core::record::Configuration;
 use compensator_core::{LawKind, ParameterId, TermKind};
-use firmware::fed::Number;
-use firmware::set::ParameterSet;
+use firmware::hil::Number;
+use firmware::parameter_set::ParameterSet;
 use joint_bus::bus::{FaultInjector, FaultPlan, Faults, Hub, Port};
 use joint_bus::canopen::Client;
 use joint_bus::joint::JointNode;
@@ -91,7 +91,7 @@ fn the_friction_is_that_of_the_model_and_not_nothing() {
     for planned in &plan.frames {
         match planned.message {
             Message::Sync(sync) => {
-                if let firmware::fed::Step::Reply(reply, _) = core.sync(sync) {
+                if let firmware::hil::Step::Reply(reply, _) = core.sync(sync) {
                     largest = largest.max(reply.answer.friction_torque_nm.abs());
                 }
             }
@@ -153,7 +153,7 @@ fn answers_in_the_log_are_compared_too() {
         line(planned.due_ns, planned.message);
         match planned.message {
             Message::Sync(sync) => {
-                let firmware::fed::Step::Reply(mut reply, _) = core.sync(sync) else { panic!() };
+                let firmware::hil::Step::Reply(mut reply, _) = core.sync(sync) else { panic!() };
                 if reply.status.sequence == 321 {
                     reply.answer.friction_torque_nm += 1e-3;
                 }

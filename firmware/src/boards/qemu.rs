@@ -28,7 +28,7 @@ use core::ffi::CStr;
 use defmt_semihosting as _;
 use firmware::background::{Background, Board, BoardState, Next};
 use firmware::driver::{Boot, Driver, Identity};
-use firmware::settings::{Settings, Source};
+use firmware::node_settings::{NodeSettings, Source};
 use firmware::supervisor::ResetCause;
 use firmware::{panic, stack_guard};
 use flash::{BoardFlash, OpenError};
@@ -58,7 +58,7 @@ fn main() -> ! {
     let warm = kept.is_warm();
     let mut clock = Clock::start(core.SYST);
     let flash = open_flash(kept);
-    let settings = Settings { source: Source::Bus, ..Settings::default() };
+    let settings = NodeSettings { source: Source::Bus, ..NodeSettings::default() };
     let identity = Identity { hardware: "QEMU mps2-an386", serial: 0 };
     let cause = if warm { ResetCause::Software } else { ResetCause::PowerOn };
     let panic = panic.as_deref();
@@ -109,19 +109,19 @@ struct SerialBus {
 
 impl SerialBus {
     /// Puts text in the queue. There is room: no byte is taken in without.
-    fn say(&mut self, text: &[u8]) {
+    fn queue(&mut self, text: &[u8]) {
         for byte in text {
             let _ = self.waiting.push_back(*byte);
         }
     }
 
     /// Puts a frame in the queue, if the host wants to hear the bus.
-    fn tell(&mut self, frame: &Frame) {
+    fn publish(&mut self, frame: &Frame) {
         let mut text = [0; LONGEST_CLASSIC + 1];
         if self.adapter.is_open()
             && let Some(length) = emit_frame(frame, &mut text)
         {
-            self.say(text.get(..length).unwrap_or_default());
+            self.queue(text.get(..length).unwrap_or_default());
         }
     }
 
@@ -178,10 +178,12 @@ impl Board for EmulatedBoard {
             if !self.line.has_room() {
                 return None;
             }
-            let Some(heard) = self.line.adapter.push(self.line.uart.receive()?) else { continue };
-            self.line.say(heard.answer);
-            if heard.frame.is_some() {
-                return heard.frame;
+            let Some(received) = self.line.adapter.push(self.line.uart.receive()?) else {
+                continue;
+            };
+            self.line.queue(received.answer);
+            if received.frame.is_some() {
+                return received.frame;
             }
         }
     }
@@ -191,7 +193,7 @@ impl Board for EmulatedBoard {
     }
 
     fn send(&mut self, frame: &Frame) {
-        self.line.tell(frame);
+        self.line.publish(frame);
     }
 
     fn is_idle(&mut self) -> bool {

@@ -64,7 +64,7 @@ mod app {
     use firmware::driver::{Boot, Driver, Identity};
     use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
     use firmware::loop_task::{LoopTask, Parts};
-    use firmware::settings::Settings;
+    use firmware::node_settings::NodeSettings;
     use firmware::{panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -114,7 +114,7 @@ mod app {
         let identity = Identity { hardware: "STM32G474 joint driver", serial: start::serial() };
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
-        let driver = Driver::boot(Settings::default(), store, identity, &boot, now_us);
+        let driver = Driver::boot(NodeSettings::default(), store, identity, &boot, now_us);
         let task = LoopTask::new(Parts::first(driver.set()), scales::LIMITS);
         let controller = Controller::start(wired.can, driver.node());
         let slow = SlowSensors::new(wired.slow, wired.pressure);

@@ -20,7 +20,7 @@ use super::parameters::Motor;
 use super::pi::Integral;
 use super::space_vector::{clamp, duties, limit};
 use super::transform::{Rotating, Rotation, Stationary, clarke};
-use super::{Bridge, Sample, Valid};
+use super::{Bridge, StageSample, Valid};
 use compensator_core::compensator::Reading;
 use compensator_core::{Flags, Inputs};
 
@@ -223,7 +223,12 @@ impl<C: Compensate> CurrentLoop<C> {
 
     /// One cycle.
     #[inline]
-    pub fn step(&mut self, sample: &Sample, setpoint: &Setpoint, covariates: &Covariates) -> Cycle {
+    pub fn step(
+        &mut self,
+        sample: &StageSample,
+        setpoint: &Setpoint,
+        covariates: &Covariates,
+    ) -> Cycle {
         let mut flags = LoopFlags::BRIDGE_OFF.when(!self.driving);
         let measured = self.phase_currents(sample, &mut flags);
         // Park needs the attitude, so the observer comes first.
@@ -247,7 +252,7 @@ impl<C: Compensate> CurrentLoop<C> {
 
     /// The current vector, from three shunts or two; 0 where it is not known.
     #[inline(always)]
-    fn phase_currents(&self, sample: &Sample, flags: &mut LoopFlags) -> Stationary {
+    fn phase_currents(&self, sample: &StageSample, flags: &mut LoopFlags) -> Stationary {
         let [a, b, c] = sample.currents_a;
         let all = Valid::CURRENT_A.union(Valid::CURRENT_B).union(Valid::CURRENT_C);
         let valid = sample.valid.intersection(all);
@@ -280,7 +285,7 @@ impl<C: Compensate> CurrentLoop<C> {
 
     /// Lets the observer take its sample; gives the rotor's angle.
     #[inline(always)]
-    fn observe(&mut self, sample: &Sample, flags: &mut LoopFlags) -> u32 {
+    fn observe(&mut self, sample: &StageSample, flags: &mut LoopFlags) -> u32 {
         let motor = &self.motor;
         let measured =
             sample.valid.contains(Valid::ENCODER).then(|| motor.rotor_angle(sample.encoder));
@@ -308,13 +313,13 @@ impl<C: Compensate> CurrentLoop<C> {
     ) -> Cycle {
         let motor = &self.motor;
         // Not below 0 and not NaN, either.
-        let heard = setpoint.age_s >= 0.0 && setpoint.age_s <= motor.setpoint_timeout_s;
+        let fresh = setpoint.age_s >= 0.0 && setpoint.age_s <= motor.setpoint_timeout_s;
         let sound = setpoint.current_a.is_finite();
-        flags |= LoopFlags::SETPOINT_STALE.when(!heard);
-        flags |= LoopFlags::SETPOINT_INVALID.when(heard & !sound);
-        let told = heard & sound;
+        flags |= LoopFlags::SETPOINT_STALE.when(!fresh);
+        flags |= LoopFlags::SETPOINT_INVALID.when(fresh & !sound);
+        let usable = fresh & sound;
         let compensate =
-            self.compensating & self.driving & told & !flags.contains(LoopFlags::ENCODER_LOST);
+            self.compensating & self.driving & usable & !flags.contains(LoopFlags::ENCODER_LOST);
         self.compensator.set_enabled(compensate);
         let compensate = self.compensator.is_enabled();
         flags |= LoopFlags::COMPENSATION_OFF.when(!compensate);
@@ -346,7 +351,7 @@ impl<C: Compensate> CurrentLoop<C> {
             campaign_time_h: covariates.campaign_time_h,
         };
         let output = self.compensator.step(&inputs);
-        let command = if told { setpoint.current_a } else { 0.0 };
+        let command = if usable { setpoint.current_a } else { 0.0 };
         let faded = self.faded(compensate, output.feed_forward_current_a, &mut flags);
         // Adding 0 would turn -0 into 0: without a fade the command keeps its bits.
         let command = if faded == 0.0 { command } else { command + faded };
@@ -391,7 +396,7 @@ impl<C: Compensate> CurrentLoop<C> {
 
     /// The bus voltage to go by, V; 0 where there is none.
     #[inline(always)]
-    fn bus(&mut self, sample: &Sample, flags: &mut LoopFlags) -> f32 {
+    fn bus(&mut self, sample: &StageSample, flags: &mut LoopFlags) -> f32 {
         let (bus, motor) = (sample.bus_v, &self.motor);
         if sample.valid.contains(Valid::BUS) && bus > 0.0 && bus.is_finite() {
             *flags |= LoopFlags::BUS_UNDERVOLTAGE.when(bus < motor.bus_min_v);
@@ -454,10 +459,10 @@ impl<C: Compensate> CurrentLoop<C> {
     #[inline(always)]
     fn explain(&self, cycle: &mut Cycle, covariates: &Covariates) {
         let load = &covariates.load_torque_nm;
-        let heard = load.age_s >= 0.0;
-        // Never heard of: there is no such sensor. Old or not a number: there is one, and it failed.
-        let known = !heard || (load.age_s <= LOAD_TORQUE_HOLD_S && load.value.abs() < 1e9);
-        let load_nm = if heard && known { load.value } else { 0.0 };
+        let reported = load.age_s >= 0.0;
+        // Never reported: there is no such sensor. Old or not a number: there is one, and it failed.
+        let known = !reported || (load.age_s <= LOAD_TORQUE_HOLD_S && load.value.abs() < 1e9);
+        let load_nm = if reported && known { load.value } else { 0.0 };
         cycle.motor_torque_nm = cycle.current_q_a * self.compensator.torque_constant_nm_per_a();
         cycle.residual_torque_nm = cycle.motor_torque_nm
             - self.motor.inertia_kg_m2 * cycle.acceleration_rad_s2

@@ -3,15 +3,15 @@
 mod requests;
 
 use super::counters::{Counters, count};
-use super::live::{Commanded, Home, Live, LoopOrders, LoopReport};
+use super::live::{CommandSequence, Home, Live, LoopOrders, LoopReport};
 use super::staging::Staging;
-use crate::fed::{FedJoint, Reply, Step};
+use crate::hil::{HilJoint, Reply, Step};
 use crate::log::log;
 use crate::node::Outbox;
 use crate::node::dictionary::ERRORS_KEPT;
 use crate::node::sdo::Abort;
-use crate::set::ParameterSet;
-use crate::settings::{BLOCK_LENGTH, Settings, Source, parse_block};
+use crate::node_settings::{BLOCK_LENGTH, NodeSettings, Source, parse_block};
+use crate::parameter_set::ParameterSet;
 use crate::store::{LoadError, Store};
 use crate::supervisor::{self, CanState, Code, InUse, Observation, ResetCause, State, Supervisor};
 use crate::watch::{Watch, WatchParameters};
@@ -82,12 +82,12 @@ pub struct Device<F> {
     pub(super) joint_kind: JointKind,
     store: Store<F>,
     /// What stands where nothing is stored.
-    defaults: Settings,
-    settings: Settings,
+    defaults: NodeSettings,
+    settings: NodeSettings,
     supervisor: Supervisor,
     outbox: Outbox,
-    fed: FedJoint,
-    fed_armed: bool,
+    hil: HilJoint,
+    hil_armed: bool,
     live: Live,
     watch: Option<Watch>,
     inputs: [u32; 10],
@@ -104,7 +104,7 @@ pub struct Device<F> {
 
 impl<F: NorFlash> Device<F> {
     pub(super) fn boot(
-        defaults: Settings,
+        defaults: NodeSettings,
         flash: F,
         identity: Identity,
         boot: &Boot,
@@ -130,10 +130,10 @@ impl<F: NorFlash> Device<F> {
             }
         };
         // A stored set that cannot be built for its period is as good as refused.
-        let feed = settings.feed();
-        let (fed, parameters) = match FedJoint::build(settings.node, &set.friction, feed) {
-            Ok(fed) => (fed, parameters),
-            Err(_) => (FedJoint::without_model(settings.node, feed), InUse::DefaultRefused),
+        let setup = settings.hil_setup();
+        let (hil, parameters) = match HilJoint::build(settings.node, &set.friction, setup) {
+            Ok(hil) => (hil, parameters),
+            Err(_) => (HilJoint::without_model(settings.node, setup), InUse::DefaultRefused),
         };
         let supervisor = Supervisor::boot(
             &set.thresholds,
@@ -166,8 +166,8 @@ impl<F: NorFlash> Device<F> {
             settings,
             supervisor,
             outbox: Outbox::default(),
-            fed,
-            fed_armed: false,
+            hil,
+            hil_armed: false,
             live: Live::default(),
             inputs: [f32::NAN.to_bits(); 10],
             reply: Reply::NONE,
@@ -185,7 +185,7 @@ impl<F: NorFlash> Device<F> {
         device
     }
 
-    pub(super) const fn settings(&self) -> &Settings {
+    pub(super) const fn settings(&self) -> &NodeSettings {
         &self.settings
     }
 
@@ -209,9 +209,9 @@ impl<F: NorFlash> Device<F> {
         self.store.release()
     }
 
-    /// Whether a joint is armed, on its own sensors or fed.
+    /// Whether a joint is armed, on its own sensors or in HIL.
     pub(super) fn is_armed(&self) -> bool {
-        self.supervisor.is_armed() || self.fed_armed
+        self.supervisor.is_armed() || self.hil_armed
     }
 
     pub(super) fn set_time(&mut self, now_us: u64) {
@@ -233,20 +233,20 @@ impl<F: NorFlash> Device<F> {
         for (place, word) in self.inputs.iter_mut().skip(first).zip(words) {
             *place = u32::from_le_bytes(*word);
         }
-        self.fed.take(message);
+        self.hil.take(message);
         match self.live.take(message, now_us) {
-            Some(Commanded::New { lost }) => {
+            Some(CommandSequence::New { lost }) => {
                 count(&mut self.counters.command_lost, u32::from(lost));
                 self.supervisor.command_received(now_us);
             }
-            Some(Commanded::Duplicate) => count(&mut self.counters.command_duplicate, 1),
-            Some(Commanded::Late) => count(&mut self.counters.command_late, 1),
+            Some(CommandSequence::Duplicate) => count(&mut self.counters.command_duplicate, 1),
+            Some(CommandSequence::Late) => count(&mut self.counters.command_late, 1),
             None => {}
         }
     }
 
     fn sync(&mut self, sync: Sync, node: Node) {
-        let lost = match self.fed.sync(sync) {
+        let lost = match self.hil.sync(sync) {
             Step::Duplicate => return count(&mut self.counters.sync_duplicate, 1),
             Step::Late => return count(&mut self.counters.sync_late, 1),
             Step::Reply(reply, lost) => {
@@ -259,7 +259,7 @@ impl<F: NorFlash> Device<F> {
         count(&mut self.counters.sync_lost, u32::from(lost));
         if self.settings.source == Source::Sensors {
             self.reply = self.measured_reply();
-            // What the joint measured goes where a fed joint is told it: a log of a joint is a trace.
+            // What the joint measured goes where a joint in HIL is given it: a log of a joint is a trace.
             self.send(Message::Motion(
                 node,
                 Motion {
@@ -296,7 +296,7 @@ impl<F: NorFlash> Device<F> {
             },
             status: Status {
                 flags: self.report.flags,
-                sequence: self.fed.inbox().sequence().wrapping_sub(1),
+                sequence: self.hil.inbox().sequence().wrapping_sub(1),
             },
             telemetry: Telemetry {
                 current_a: self.report.current_a,
@@ -316,7 +316,7 @@ impl<F: NorFlash> Device<F> {
             Entry::Sequence(_) => {}
             Entry::JointKind(kind) => self.joint_kind = kind,
         }
-        self.fed.take(message);
+        self.hil.take(message);
     }
 
     /// What is due: see [`super::Driver::tick`].
@@ -344,7 +344,7 @@ impl<F: NorFlash> Device<F> {
                 model_in_band: in_band,
             }
         } else {
-            // A fed joint has no bridge to watch over.
+            // A joint in HIL has no bridge to watch over.
             Observation {
                 stack_intact: report.stack_intact,
                 can: self.can,
@@ -355,7 +355,7 @@ impl<F: NorFlash> Device<F> {
         };
         self.supervisor.observe(&observation, now_us);
         self.report_seen = true;
-        if self.fed_armed && !self.in_the_way().is_empty() {
+        if self.hil_armed && !self.in_the_way().is_empty() {
             // Not armed itself, the supervisor would only remember it.
             if heartbeat_lost {
                 self.supervisor.trip(Code::HeartbeatLost);
@@ -411,11 +411,11 @@ impl<F: NorFlash> Device<F> {
         self.can = can;
     }
 
-    /// Disarms the joint, whatever feeds it.
+    /// Disarms the joint, wherever its inputs come from.
     pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
-        self.fed.set_enabled(false);
-        self.fed_armed = false;
+        self.hil.set_enabled(false);
+        self.hil_armed = false;
     }
 
     /// The next code that came or went, as an emergency: code, register, the joint's own detail.
@@ -435,7 +435,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(super) fn sequence(&self) -> u32 {
-        self.fed.inbox().sequence()
+        self.hil.inbox().sequence()
     }
 
     pub(super) fn state_words(&self) -> [u32; 5] {
@@ -480,7 +480,7 @@ impl<F: NorFlash> Device<F> {
 
 /// A watch for these parameters; `None` where it cannot be built. Samples farther apart than the
 /// parameters ask for are independent too.
-fn watch(written: &WatchParameters, settings: &Settings) -> Option<Watch> {
+fn watch(written: &WatchParameters, settings: &NodeSettings) -> Option<Watch> {
     let period_s = match settings.source {
         Source::Sensors => REPORT_PERIOD_S,
         Source::Bus => settings.period_s,

@@ -107,7 +107,7 @@ impl Default for LoopReport {
 
 /// How a command stands to the one before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Commanded {
+pub enum CommandSequence {
     /// The next one, after so many lost ones.
     New {
         /// Commands that never came.
@@ -120,45 +120,45 @@ pub enum Commanded {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Heard<M> {
+struct Received<M> {
     value: M,
     at_us: u64,
 }
 
-/// What was last heard over the bus, and when.
+/// What last came over the bus, and when.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Live {
-    command: Option<Heard<Command>>,
-    seal: Option<Heard<Seal>>,
-    surroundings: Option<Heard<Surroundings>>,
-    torque: Option<Heard<Torque>>,
+    command: Option<Received<Command>>,
+    seal: Option<Received<Seal>>,
+    surroundings: Option<Received<Surroundings>>,
+    torque: Option<Received<Torque>>,
 }
 
 impl Live {
     /// Takes in a message for this node. A command says how it stands to the one before.
-    pub fn take(&mut self, message: &Message, now_us: u64) -> Option<Commanded> {
+    pub fn take(&mut self, message: &Message, now_us: u64) -> Option<CommandSequence> {
         match *message {
-            Message::Seal(_, value) => self.seal = Some(Heard { value, at_us: now_us }),
+            Message::Seal(_, value) => self.seal = Some(Received { value, at_us: now_us }),
             Message::Surroundings(_, value) => {
-                self.surroundings = Some(Heard { value, at_us: now_us });
+                self.surroundings = Some(Received { value, at_us: now_us });
             }
-            Message::Torque(_, value) => self.torque = Some(Heard { value, at_us: now_us }),
+            Message::Torque(_, value) => self.torque = Some(Received { value, at_us: now_us }),
             Message::Command(_, value) => return Some(self.command(value, now_us)),
             _ => {}
         }
         None
     }
 
-    fn command(&mut self, value: Command, now_us: u64) -> Commanded {
+    fn command(&mut self, value: Command, now_us: u64) -> CommandSequence {
         let ahead = self.command.map_or(1, |had| value.counter.wrapping_sub(had.value.counter));
         match ahead {
-            0 => Commanded::Duplicate,
+            0 => CommandSequence::Duplicate,
             // Half the ring ahead, or half behind.
             1..=128 => {
-                self.command = Some(Heard { value, at_us: now_us });
-                Commanded::New { lost: ahead - 1 }
+                self.command = Some(Received { value, at_us: now_us });
+                CommandSequence::New { lost: ahead - 1 }
             }
-            _ => Commanded::Late,
+            _ => CommandSequence::Late,
         }
     }
 
@@ -196,8 +196,8 @@ fn age_s(at_us: u64, now_us: u64) -> f32 {
     now_us.saturating_sub(at_us) as f32 * 1e-6
 }
 
-fn reading<M>(heard: Option<Heard<M>>, now_us: u64, of: impl Fn(&M) -> f32) -> Reading<f32> {
-    let Some(had) = heard else { return Reading::missing() };
+fn reading<M>(received: Option<Received<M>>, now_us: u64, of: impl Fn(&M) -> f32) -> Reading<f32> {
+    let Some(had) = received else { return Reading::missing() };
     let value = of(&had.value);
     // NaN says that nobody measures it.
     if value.is_nan() {
@@ -219,11 +219,11 @@ mod tests {
     fn commands_are_new_lost_again_or_late() {
         let mut live = Live::default();
         let mut take = |counter, now_us| live.take(&command(counter), now_us).unwrap();
-        assert_eq!(take(200, 10), Commanded::New { lost: 0 });
-        assert_eq!(take(201, 20), Commanded::New { lost: 0 });
-        assert_eq!(take(201, 30), Commanded::Duplicate);
-        assert_eq!(take(200, 30), Commanded::Late);
-        assert_eq!(take(5, 40), Commanded::New { lost: 59 });
+        assert_eq!(take(200, 10), CommandSequence::New { lost: 0 });
+        assert_eq!(take(201, 20), CommandSequence::New { lost: 0 });
+        assert_eq!(take(201, 30), CommandSequence::Duplicate);
+        assert_eq!(take(200, 30), CommandSequence::Late);
+        assert_eq!(take(5, 40), CommandSequence::New { lost: 59 });
         // Neither the repeated nor the late one made the set-point younger.
         assert!((live.setpoint(1_000_040).age_s - 1.0).abs() < 1e-6);
     }

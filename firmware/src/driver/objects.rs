@@ -1,10 +1,10 @@
 //! What each object of the dictionary reads as, and what writing it does.
 
 use super::device::Device;
-use crate::fed::Number;
+use crate::hil::Number;
 use crate::node::dictionary::{self, Access, ERRORS_KEPT, LOAD, Object, SAVE, index};
 use crate::node::sdo::{Abort, Objects, Value};
-use crate::settings::{SettingError, Source};
+use crate::node_settings::{SettingError, Source};
 use canopen_rs::Address;
 use compensator_core::can::{Entry, JointKind, Message, Node, base};
 use compensator_core::record;

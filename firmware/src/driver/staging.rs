@@ -10,7 +10,7 @@ use crate::control::MotorParameters;
 use crate::log::log;
 use crate::node::dictionary::index;
 use crate::node::sdo::{Abort, Value};
-use crate::set::{DRIVE_LENGTH, ParameterSet};
+use crate::parameter_set::{DRIVE_LENGTH, ParameterSet};
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;

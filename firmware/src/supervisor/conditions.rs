@@ -17,7 +17,7 @@ pub(super) enum Sight {
     /// It stays what it was.
     Between,
     /// No observation shows it: it is told by a call of its own.
-    Told,
+    Reported,
 }
 
 impl Sight {
@@ -39,7 +39,7 @@ fn above(value: f32, bad: f32, good: f32) -> Sight {
 
 /// Looks for the cause of a code.
 pub(super) fn look(supervisor: &Supervisor, code: Code, seen: &Observation, now_us: u64) -> Sight {
-    use Sight::{Good, Told};
+    use Sight::{Good, Reported};
     let thresholds = &supervisor.thresholds;
     let flag = |flags: LoopFlags| seen.loop_flags.intersects(flags);
     let compensator = |flags: Flags| Sight::bad_if(seen.compensator.intersects(flags));
@@ -102,7 +102,7 @@ pub(super) fn look(supervisor: &Supervisor, code: Code, seen: &Observation, now_
         | Code::PanicBeforeReset
         | Code::ParametersDefault
         | Code::ParametersRefused
-        | Code::StoreReduced => Told,
+        | Code::StoreReduced => Reported,
         Code::LoopLate => Sight::bad_if(supervisor.overrun_since_observed),
         Code::VelocityInvalid => Sight::bad_if(
             seen.compensator.contains(Flags::VELOCITY_INVALID | Flags::REFERENCE_INVALID),

@@ -9,7 +9,7 @@ use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_task::{LoopTask, Parts};
 use firmware::node::dictionary::index;
-use firmware::settings::Settings;
+use firmware::node_settings::NodeSettings;
 use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::Code;
 use std::collections::VecDeque;
@@ -76,8 +76,13 @@ impl Joint {
     /// A driver that has started, operational, on a plant at rest.
     fn started() -> Self {
         let identity = Identity { hardware: "bench", serial: 7 };
-        let driver =
-            Driver::boot(Settings::default(), MemoryFlash::new(), identity, &Boot::default(), 0);
+        let driver = Driver::boot(
+            NodeSettings::default(),
+            MemoryFlash::new(),
+            identity,
+            &Boot::default(),
+            0,
+        );
         let task =
             LoopTask::new(Parts::first(driver.set()), Limits::of_period(PERIOD_CYCLES, 2000));
         let (port, link) = Box::leak(Box::new(LoopQueues::new())).split(0);

@@ -4,8 +4,8 @@ use crate::plant::Machine;
 use crate::rig::{PERIOD_S, Rig, cycles, lugre, none, parameters};
 use compensator_core::compensator::Reading;
 use firmware::control::{
-    Bridge, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags, MotorParameters, Sample,
-    Setpoint, Valid,
+    Bridge, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags, MotorParameters, Setpoint,
+    StageSample, Valid,
 };
 use proptest::prelude::*;
 
@@ -30,16 +30,16 @@ fn bad_currents_open_the_bridge_for_their_cycle_alone() {
         ([-21.0, -21.0, c], good.valid, LoopFlags::OVERCURRENT),
         ([f32::MAX, f32::MIN, 0.0], good.valid, LoopFlags::CURRENT_INVALID),
     ] {
-        rig.stage.forged = Some(Sample { currents_a, valid, ..good });
+        rig.stage.forged = Some(StageSample { currents_a, valid, ..good });
         let cycle = rig.cycle();
         assert!(open(&cycle) && cycle.flags.contains(flag), "{currents_a:?}: {:?}", cycle.flags);
         let cycle = rig.cycle();
         assert!(!open(&cycle), "{:?}", cycle.flags);
     }
     // The third of an unmeasured phase may be anything.
-    rig.stage.forged = Some(Sample { currents_a: [a, b, f32::NAN], ..good });
+    rig.stage.forged = Some(StageSample { currents_a: [a, b, f32::NAN], ..good });
     assert!(!open(&rig.cycle()));
-    rig.stage.forged = Some(Sample { currents_a: [a, b, 5.0 - a - b], valid: all, ..good });
+    rig.stage.forged = Some(StageSample { currents_a: [a, b, 5.0 - a - b], valid: all, ..good });
     let cycle = rig.cycle();
     assert!(!open(&cycle) && cycle.flags.contains(LoopFlags::CURRENT_IMBALANCE));
     let end = rig.run(cycles(0.02));
@@ -60,11 +60,11 @@ fn the_bus_is_held_for_twenty_cycles_and_its_range_kept() {
     rig.stage.valid.insert(Valid::BUS);
     assert!(!open(&rig.cycle()));
     for (bus, flag) in [(17.9, LoopFlags::BUS_UNDERVOLTAGE), (56.1, LoopFlags::BUS_OVERVOLTAGE)] {
-        rig.stage.forged = Some(Sample { bus_v: bus, ..rig.stage.measured() });
+        rig.stage.forged = Some(StageSample { bus_v: bus, ..rig.stage.measured() });
         let cycle = rig.cycle();
         assert!(open(&cycle) && cycle.flags.contains(flag), "{bus}");
     }
-    rig.stage.forged = Some(Sample { bus_v: f32::NAN, ..rig.stage.measured() });
+    rig.stage.forged = Some(StageSample { bus_v: f32::NAN, ..rig.stage.measured() });
     let cycle = rig.cycle();
     assert!(!open(&cycle) && cycle.flags.contains(LoopFlags::BUS_INVALID));
     assert_eq!(cycle.bus_v, 56.1);
@@ -120,7 +120,7 @@ fn an_encoder_jump_is_not_driven_by() {
     rig.setpoint.current_a = 1.5;
     rig.run(cycles(0.01));
     let good = rig.stage.measured();
-    rig.stage.forged = Some(Sample { encoder: good.encoder.wrapping_add(1 << 28), ..good });
+    rig.stage.forged = Some(StageSample { encoder: good.encoder.wrapping_add(1 << 28), ..good });
     let cycle = rig.cycle();
     assert!(cycle.flags.contains(LoopFlags::ENCODER_IMPLAUSIBLE));
     assert!(!open(&cycle));
@@ -175,13 +175,13 @@ prop_compose! {
         readings in proptest::array::uniform5(any_reading()),
         campaign_time_h in anything(),
         orders in any::<u8>(),
-    ) -> (Sample, Setpoint, Covariates, u8) {
+    ) -> (StageSample, Setpoint, Covariates, u8) {
         let [radial_force_n, pressure_diff_mpa, temperature_c, load_torque_nm, auxiliary] = readings;
         // An encoder that stands still in half the samples lets the rotor be found.
         let encoder = if still { 77 << 20 } else { encoder };
         let [current_a, velocity_reference_rad_s, age_s] = setpoint;
         (
-            Sample { currents_a, bus_v, encoder, valid },
+            StageSample { currents_a, bus_v, encoder, valid },
             Setpoint { current_a, velocity_reference_rad_s, age_s },
             Covariates {
                 radial_force_n, pressure_diff_mpa, temperature_c, load_torque_nm, auxiliary,

@@ -4,7 +4,7 @@ use crate::plant::{Machine, Plant};
 use compensator_core::LawKind;
 use firmware::control::{
     Bridge, Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags,
-    MotorParameters, NoCompensation, PowerStage, Sample, Setpoint, Valid, encoder_angle,
+    MotorParameters, NoCompensation, PowerStage, Setpoint, StageSample, Valid, encoder_angle,
 };
 use std::f64::consts::TAU;
 
@@ -25,7 +25,7 @@ pub struct Stage {
     /// How long before the currents the encoder is read, s.
     pub encoder_age: f64,
     /// Put in the place of a sample, to see what the loop makes of it.
-    pub forged: Option<Sample>,
+    pub forged: Option<StageSample>,
     pub offs: usize,
     /// The processor's cycle counter at the start of the period.
     pub cycles: u32,
@@ -54,12 +54,12 @@ impl Stage {
     }
 
     /// What an honest stage would measure now.
-    pub fn measured(&self) -> Sample {
+    pub fn measured(&self) -> StageSample {
         let quantised = |current: f64| ((current / CURRENT_STEP).round() * CURRENT_STEP) as f32;
         let motor = &self.plant.machine;
         let since = self.plant.velocity() * motor.gear * self.encoder_age;
         let turns = (self.plant.motor_angle() - since) / TAU;
-        Sample {
+        StageSample {
             currents_a: self.plant.phases().map(quantised),
             bus_v: ((self.plant.machine.bus / 0.02).round() * 0.02) as f32,
             encoder: encoder_angle(((turns - turns.floor()) * 16384.0) as u32, 14),
@@ -81,7 +81,7 @@ impl Stage {
 }
 
 impl PowerStage for Stage {
-    fn sample(&mut self) -> Sample {
+    fn sample(&mut self) -> StageSample {
         self.forged.take().unwrap_or_else(|| self.measured())
     }
     fn broke(&mut self) -> bool {

@@ -7,7 +7,7 @@ use canopen_rs::sdo::{
 };
 use compensator_core::can::{Frame, Message, Node};
 use firmware::driver::{Boot, Driver, Identity};
-use firmware::settings::{Settings, Source};
+use firmware::node_settings::{NodeSettings, Source};
 use firmware::store::memory::MemoryFlash;
 
 pub type Flash = MemoryFlash<2>;
@@ -25,7 +25,7 @@ pub fn frame(identifier: u16, data: &[u8]) -> Frame {
 
 impl Bench {
     /// A driver fed by the bus.
-    pub fn fed() -> Self {
+    pub fn hil() -> Self {
         Self::boot(Source::Bus, Flash::new(), &Boot::default())
     }
 
@@ -35,7 +35,7 @@ impl Bench {
     }
 
     pub fn boot(source: Source, flash: Flash, boot: &Boot) -> Self {
-        let settings = Settings { node: NODE, source, ..Settings::default() };
+        let settings = NodeSettings { node: NODE, source, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial: 7 };
         Self { driver: Driver::boot(settings, flash, identity, boot, 0), now_us: 0 }
     }

@@ -77,7 +77,7 @@ fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, e
 }
 
 fn eds() -> String {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     let mut text = String::from(
         "[FileInfo]\n\
          FileName=joint.eds\n\
@@ -168,7 +168,7 @@ fn the_file_is_the_dictionary() {
 /// The identifiers and the layout in the EDS are those the frames have.
 #[test]
 fn mapped_objects_are_as_long_as_their_frames() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     let words = [(index::RECEIVE_MAPPING, 5u16), (index::TRANSMIT_MAPPING, 3)];
     for (first, count) in words {
         for object in first..first + count {

@@ -8,7 +8,7 @@ use firmware::node::dictionary::index;
 use proptest::prelude::*;
 
 fn armed() -> Bench {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     bench.start();
     bench.write(index::STATE, 1, &[1]).unwrap();
     bench

@@ -5,7 +5,7 @@ use super::moving;
 use compensator_core::can::{Entry, JointKind, Message, Motion, Sync, Torque};
 use firmware::driver::Boot;
 use firmware::node::dictionary::index;
-use firmware::settings::Source;
+use firmware::node_settings::Source;
 use firmware::supervisor::{Code, ResetCause};
 
 /// Code and own number of each emergency.
@@ -39,7 +39,7 @@ fn a_panic_of_the_last_life_is_told_and_stands_in_the_way_of_arming() {
 
 #[test]
 fn an_awaited_heartbeat_that_stays_away_stops_the_joint() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     bench.write(index::AWAITED_HEARTBEAT, 1, &(9u32 << 16 | 50).to_le_bytes()).unwrap();
     bench.start();
     bench.write(index::STATE, 1, &[1]).unwrap();
@@ -60,7 +60,7 @@ fn an_awaited_heartbeat_that_stays_away_stops_the_joint() {
 
 #[test]
 fn heartbeats_come_as_often_as_asked() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     bench.write(index::HEARTBEAT, 0, &200u16.to_le_bytes()).unwrap();
     bench.sent();
     bench.pass_ms(1000);
@@ -70,7 +70,7 @@ fn heartbeats_come_as_often_as_asked() {
 
 #[test]
 fn the_network_can_ask_for_a_restart() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     assert!(!bench.driver.reset_wanted());
     bench.driver.receive(&frame(0, &[0x81, 2]), 0);
     assert!(!bench.driver.reset_wanted());
@@ -80,7 +80,7 @@ fn the_network_can_ask_for_a_restart() {
 
 #[test]
 fn communication_restarts_without_losing_parameters() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     bench.start();
     bench.write(index::COMPENSATOR, 1, &0.5f32.to_le_bytes()).unwrap();
     bench.driver.receive(&frame(0, &[0x82, 1]), 0);
@@ -90,7 +90,7 @@ fn communication_restarts_without_losing_parameters() {
 
 #[test]
 fn a_trace_says_its_run_and_its_samples() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     bench.start();
     bench.sent();
     for entry in [Entry::JointKind(JointKind::Prismatic), Entry::Run(41), Entry::Sequence(7)] {
@@ -110,7 +110,7 @@ fn a_trace_says_its_run_and_its_samples() {
 
 #[test]
 fn a_residual_beyond_the_promise_raises_the_flag_and_counts() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     bench.start();
     bench.write(index::STATE, 1, &[1]).unwrap();
     let run = |bench: &mut Bench, first: u32, wear_nm: f32| {

@@ -10,10 +10,10 @@ mod sensors;
 use bench::{Bench, NODE, frame};
 use compensator_core::can::{Message, Motion, Seal, Sync};
 use compensator_core::{Flags, LawKind, ParameterId};
-use firmware::fed::{FedJoint, Step};
+use firmware::hil::{HilJoint, Step};
 use firmware::node::dictionary::index;
-use firmware::set::ParameterSet;
-use firmware::settings::Settings;
+use firmware::node_settings::NodeSettings;
+use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Code;
 
 const STATE_REFUSED: u32 = 0x0800_0022;
@@ -23,7 +23,7 @@ fn moving(sequence: u32) -> Message {
     Message::Motion(NODE, Motion { velocity_rad_s, position_rad: f32::NAN })
 }
 
-/// Frames a fed joint answers a sample with.
+/// Frames a joint in HIL answers a sample with.
 fn sample(bench: &mut Bench, sequence: u32) -> Vec<Message> {
     bench.give(moving(sequence));
     bench.give(Message::Sync(Sync::of(sequence)));
@@ -32,7 +32,7 @@ fn sample(bench: &mut Bench, sequence: u32) -> Vec<Message> {
 
 #[test]
 fn it_is_quiet_until_it_is_started_and_compensates_nothing_until_it_is_armed() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     // It says that it is there, and that it runs on default parameters.
     let begun = bench.sent();
     assert_eq!(begun[0], frame(0x701, &[0]));
@@ -60,7 +60,7 @@ fn it_is_quiet_until_it_is_started_and_compensates_nothing_until_it_is_armed() {
 
 #[test]
 fn armed_it_gives_the_bits_of_the_core_on_the_same_frames() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     let mut set = ParameterSet::default();
     set.friction.model.law = LawKind::ImprovedLugre;
     set.friction.model.set(ParameterId::PressureCoulomb, 2e-6);
@@ -71,7 +71,7 @@ fn armed_it_gives_the_bits_of_the_core_on_the_same_frames() {
     bench.start();
     bench.write(index::STATE, 1, &[1]).unwrap();
     let mut core =
-        FedJoint::build(NODE, &set.friction, Settings::default().feed()).expect("builds");
+        HilJoint::build(NODE, &set.friction, NodeSettings::default().hil_setup()).expect("builds");
     core.set_enabled(true);
     for sequence in 0..2000 {
         // The pressure is heard now and then, and its age counts.
@@ -96,7 +96,7 @@ fn armed_it_gives_the_bits_of_the_core_on_the_same_frames() {
 #[test]
 fn a_stop_of_the_network_disarms() {
     for command in [2, 0x80] {
-        let mut bench = Bench::fed();
+        let mut bench = Bench::hil();
         bench.start();
         bench.write(index::STATE, 1, &[1]).unwrap();
         assert!(bench.driver.is_armed());
@@ -108,7 +108,7 @@ fn a_stop_of_the_network_disarms() {
 #[test]
 fn telemetry_comes_as_often_as_it_is_asked_for() {
     for (every, expected) in [(0u8, 0), (1, 100), (10, 10), (255, 1)] {
-        let mut bench = Bench::fed();
+        let mut bench = Bench::hil();
         bench.write(index::OPERATION, 5, &[every]).unwrap();
         bench.start();
         let telemetry = (0..100)

@@ -5,8 +5,8 @@ use super::bench::{Bench, Flash};
 use compensator_core::{LawKind, ParameterId, record};
 use firmware::driver::Boot;
 use firmware::node::dictionary::{LOAD, OBJECTS, SAVE, index};
-use firmware::set::ParameterSet;
-use firmware::settings::Source;
+use firmware::node_settings::Source;
+use firmware::parameter_set::ParameterSet;
 use firmware::store::memory::Torn;
 
 const SCALE: u8 = 1;
@@ -26,7 +26,7 @@ fn commit(bench: &mut Bench) -> Result<(), u32> {
 
 #[test]
 fn every_object_can_be_read_or_says_why_not() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     for object in OBJECTS {
         for sub_index in 0..=object.last() {
             let entry = object.entry(sub_index).unwrap();
@@ -50,7 +50,7 @@ fn every_object_can_be_read_or_says_why_not() {
 
 #[test]
 fn nothing_is_written_while_armed_and_the_rest_says_why() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     bench.start();
     bench.write(index::STATE, 1, &[1]).unwrap();
     assert_eq!(write_scale(&mut bench, 0.5), Err(STATE_REFUSED));
@@ -71,7 +71,7 @@ fn nothing_is_written_while_armed_and_the_rest_says_why() {
 
 #[test]
 fn staged_values_do_nothing_before_their_commit() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     let active = bench.number(index::COMMIT, 1);
     write_scale(&mut bench, 0.5).unwrap();
     assert_eq!(bench.number(index::COMMIT, 1), active);
@@ -87,7 +87,7 @@ fn staged_values_do_nothing_before_their_commit() {
 
 #[test]
 fn a_whole_record_goes_in_and_comes_out() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     let mut set = ParameterSet::default();
     set.friction.model.law = LawKind::ImprovedLugre;
     set.friction.model.set(ParameterId::ViscousFriction, 0.3);
@@ -109,7 +109,7 @@ fn restarted(bench: Bench) -> Bench {
 
 #[test]
 fn what_is_saved_outlives_a_restart_and_what_is_not_does_not() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     write_scale(&mut bench, 0.5).unwrap();
     commit(&mut bench).unwrap();
     let mut bench = restarted(bench);
@@ -127,7 +127,7 @@ fn what_is_saved_outlives_a_restart_and_what_is_not_does_not() {
 
 #[test]
 fn defaults_come_back_at_the_next_start() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     write_scale(&mut bench, 0.5).unwrap();
     commit(&mut bench).unwrap();
     bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
@@ -139,7 +139,7 @@ fn defaults_come_back_at_the_next_start() {
 
 #[test]
 fn a_power_cut_while_saving_leaves_the_old_set_or_the_new() {
-    let mut first = Bench::fed();
+    let mut first = Bench::hil();
     write_scale(&mut first, 0.5).unwrap();
     commit(&mut first).unwrap();
     first.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
@@ -170,7 +170,7 @@ fn a_power_cut_while_saving_leaves_the_old_set_or_the_new() {
 
 #[test]
 fn the_promised_band_of_the_model_can_be_set() {
-    let mut bench = Bench::fed();
+    let mut bench = Bench::hil();
     bench.write(index::WATCH_PARAMETERS, 1, &0.02f32.to_le_bytes()).unwrap();
     commit(&mut bench).unwrap();
     assert_eq!(bench.driver.set().watch.band_nm, 0.02);

@@ -126,8 +126,8 @@ fn it_is_told_where_the_joint_is_while_it_is_not_armed() {
     assert_eq!(bench.driver.orders(bench.now_us).home, home);
     assert!(bench.driver.is_armed());
 
-    // A fed joint is where its frames say.
-    let mut bench = Bench::fed();
+    // A joint in HIL is where its frames say.
+    let mut bench = Bench::hil();
     bench.start();
     assert_eq!(bench.write(index::STATE, 6, &1f32.to_le_bytes()), Err(0x0800_0022));
     assert!(bench.text(index::REFUSAL).contains("fed by the bus"));

@@ -8,7 +8,7 @@ use crate::bus::{Bus, BusError, Participant};
 use compensator_core::can::Node;
 use firmware::background::{Background, BoardState, TICK_US};
 use firmware::driver::{Boot, Driver, Identity};
-use firmware::settings::{Settings, Source};
+use firmware::node_settings::{NodeSettings, Source};
 use firmware::store::memory::{MemoryFlash, PAGE};
 use firmware::supervisor::ResetCause;
 use joint_trace::CanFrame;
@@ -25,7 +25,7 @@ const TICK_NS: u64 = 1000 * TICK_US;
 pub struct JointNode {
     /// Gone only while it restarts.
     background: Option<Background<MemoryFlash<PAGES>>>,
-    defaults: Settings,
+    defaults: NodeSettings,
     file: Option<PathBuf>,
     /// The flash as it was last written to the file.
     written: Vec<u8>,
@@ -35,8 +35,8 @@ pub struct JointNode {
 const IDENTITY: Identity = Identity { hardware: "PC, host-sim node", serial: 0 };
 
 /// What a driver on a PC is where nothing is stored: fed by the bus, with this number.
-pub fn defaults(node: Node) -> Settings {
-    Settings { node, source: Source::Bus, ..Settings::default() }
+pub fn defaults(node: Node) -> NodeSettings {
+    NodeSettings { node, source: Source::Bus, ..NodeSettings::default() }
 }
 
 impl JointNode {

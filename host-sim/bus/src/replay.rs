@@ -9,7 +9,7 @@
 //! ```
 //!
 //! The check is an equality of bits, not a tolerance: driver and core run the same code on the same
-//! frames (see [`firmware::fed`]). [`setup`] brings the driver to where this holds: fed by the bus,
+//! frames (see [`firmware::hil`]). [`setup`] brings the driver to where this holds: fed by the bus,
 //! the trace's period, the same parameters, armed. [`mod@play`] keeps the time: as recorded, faster, or as fast
 //! as the driver answers.
 

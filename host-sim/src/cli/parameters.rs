@@ -15,7 +15,7 @@ use compensator_core::parameters::Envelope;
 use compensator_core::{ParameterId, record};
 use firmware::control::MotorParameters;
 use firmware::node::dictionary::{FRAME_COUNTERS, LOAD, SAVE, index};
-use firmware::set::{DRIVE_LENGTH, ParameterSet};
+use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
 use firmware::supervisor::{Code, Thresholds};
 use firmware::watch::WatchParameters;
 use friction_identification::data::JointKind;

@@ -4,7 +4,7 @@ use super::bus::BusArguments;
 use super::input::spinner;
 use super::output::{OutputArguments, say};
 use crate::driver_file;
-use firmware::fed::Number;
+use firmware::hil::Number;
 use joint_bus::bus::{BusName, FaultInjector, FaultPlan, Faults, Hub};
 use joint_bus::canopen::Client;
 use joint_bus::joint::JointNode;
@@ -109,7 +109,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
         period_s: arguments.period.unwrap_or(plan.period_s as f32),
     };
     let core = set_up(&mut client, node, &setup).map_err(|error| words(&error))?;
-    let feed = core.feed();
+    let setup = core.setup();
     let bar = spinner("replaying".into());
     let mut tell = |progress: Progress| {
         bar.set_message(format!("{} of {} samples", progress.samples, progress.of));
@@ -137,10 +137,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
         trace: &trace,
         bus: &name,
         node: node.number(),
-        number: if feed.number == Number::Float { "f32" } else { "fixed" },
+        number: if setup.number == Number::Float { "f32" } else { "fixed" },
         clock: arguments.bus.clock(),
         raised_priority,
-        period_s: feed.period_s,
+        period_s: setup.period_s,
         rate: arguments.rate,
     };
     let report = Report::new(&about, &plan, played);

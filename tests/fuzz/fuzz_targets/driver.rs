@@ -12,7 +12,7 @@ use compensator_core::{Flags, record};
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
 use firmware::node::OUTBOX;
 use firmware::node::dictionary::{LOAD, OBJECTS, SAVE, index};
-use firmware::settings::{Settings, Source};
+use firmware::node_settings::{NodeSettings, Source};
 use firmware::store::memory::{MemoryFlash, Torn};
 use firmware::supervisor::{CanState, ResetCause};
 use libfuzzer_sys::fuzz_target;
@@ -52,13 +52,13 @@ impl Bytes<'_> {
 
 struct World {
     driver: Driver<Flash>,
-    settings: Settings,
+    settings: NodeSettings,
     now_us: u64,
     /// Number and CRC of the set that was last looked at; `None` after a start.
     set: Option<(u32, u32)>,
 }
 
-fn boot(settings: Settings, flash: Flash, cause: ResetCause, now_us: u64) -> Driver<Flash> {
+fn boot(settings: NodeSettings, flash: Flash, cause: ResetCause, now_us: u64) -> Driver<Flash> {
     Driver::boot(settings, flash, IDENTITY, &Boot { cause, ..Boot::default() }, now_us)
 }
 
@@ -312,7 +312,7 @@ fn step(world: &mut World, which: u8, bytes: &mut Bytes) {
 fuzz_target!(|data: &[u8]| {
     let mut bytes = Bytes(data);
     let source = if bytes.byte() % 2 == 0 { Source::Bus } else { Source::Sensors };
-    let settings = Settings { node: Node::FIRST, source, ..Settings::default() };
+    let settings = NodeSettings { node: Node::FIRST, source, ..NodeSettings::default() };
     let driver = boot(settings, Flash::new(), ResetCause::PowerOn, 0);
     let mut world = World { driver, settings, now_us: 0, set: None };
     world.learn_node();

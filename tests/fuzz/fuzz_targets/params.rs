@@ -3,7 +3,7 @@
 #![no_main]
 
 use compensator_core::record;
-use firmware::set::ParameterSet;
+use firmware::parameter_set::ParameterSet;
 use host_sim::driver_file::{apply, emit, parse};
 use libfuzzer_sys::fuzz_target;
 

@@ -4,9 +4,9 @@
 
 use compensator_core::can::{Message, Motion, Node, Seal, Sync};
 use compensator_core::record::{self, Configuration};
-use firmware::fed::{FedJoint, Feed, Number, Step};
-use firmware::set::ParameterSet;
-use firmware::settings::{Settings, emit_block, parse_block};
+use firmware::hil::{HilJoint, HilSetup, Number, Step};
+use firmware::parameter_set::ParameterSet;
+use firmware::node_settings::{NodeSettings, emit_block, parse_block};
 use libfuzzer_sys::fuzz_target;
 
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
@@ -22,8 +22,8 @@ fn guarded(data: &[u8]) -> Vec<u8> {
 
 fn run(configuration: &Configuration) {
     for number in [Number::Float, Number::Fixed] {
-        let feed = Feed { number, period_s: 1e-3, campaign_h: 0.0 };
-        let Ok(mut joint) = FedJoint::build(Node::FIRST, configuration, feed) else { continue };
+        let setup = HilSetup { number, period_s: 1e-3, campaign_h: 0.0 };
+        let Ok(mut joint) = HilJoint::build(Node::FIRST, configuration, setup) else { continue };
         joint.set_enabled(true);
         let most = configuration.model.envelope.velocity_max_rad_s;
         let speeds = [0.0, most, -most, most * 1e-3, -most * 1e-6, 2.0 * most, f32::NAN, 0.0];
@@ -52,15 +52,15 @@ fuzz_target!(|data: &[u8]| {
         set.validate().expect("what is read is valid");
         assert_eq!(ParameterSet::parse(&set.emit()).map(|again| again.emit()), Ok(set.emit()));
     }
-    if let Some(bytes) = data.first_chunk::<{ Settings::LENGTH }>()
-        && let Some(settings) = Settings::parse(bytes)
+    if let Some(bytes) = data.first_chunk::<{ NodeSettings::LENGTH }>()
+        && let Some(settings) = NodeSettings::parse(bytes)
     {
         settings.validate().expect("what is read is valid");
-        assert_eq!(Settings::parse(&settings.emit()), Some(settings));
+        assert_eq!(NodeSettings::parse(&settings.emit()), Some(settings));
     }
     // A whole block, with the record's CRC put right.
     let mut block = data.to_vec();
-    let record = Settings::LENGTH..Settings::LENGTH + record::LENGTH;
+    let record = NodeSettings::LENGTH..NodeSettings::LENGTH + record::LENGTH;
     if let Some(place) = block.get_mut(record) {
         let whole = guarded(place);
         place.copy_from_slice(&whole);

@@ -13,7 +13,7 @@ use embassy_stm32::spi::mode::Master;
 use embassy_stm32::spi::{self, Spi};
 use embedded_hal::delay::DelayNs;
 use embedded_hal_bus::spi::ExclusiveDevice;
-use firmware::control::{PowerStage, Sample, Valid, encoder_angle};
+use firmware::control::{PowerStage, StageSample, Valid, encoder_angle};
 use firmware::sensors::as504x::{ANGLE_BITS, As504x};
 use firmware::sensors::shunt::{OFFSET_SAMPLES, OffsetFinder, Shunt};
 
@@ -42,7 +42,7 @@ pub struct MotorStage {
 
 impl PowerStage for MotorStage {
     #[inline(always)]
-    fn sample(&mut self) -> Sample {
+    fn sample(&mut self) -> StageSample {
         let counts = self.stage.counts();
         let angle = self.encoder.angle().ok();
         sample(counts, &self.shunts, angle.map(|angle| encoder_angle(u32::from(angle), ANGLE_BITS)))
@@ -71,7 +71,7 @@ impl PowerStage for MotorStage {
 
 /// What the loop is given for these counts.
 #[inline(always)]
-fn sample(counts: Counts, shunts: &[Option<Shunt>; 2], encoder: Option<u32>) -> Sample {
+fn sample(counts: Counts, shunts: &[Option<Shunt>; 2], encoder: Option<u32>) -> StageSample {
     let [a, b] = shunts;
     let a = a.as_ref().and_then(|shunt| shunt.current_a(counts.phase_a));
     let b = b.as_ref().and_then(|shunt| shunt.current_a(counts.phase_b));
@@ -79,7 +79,7 @@ fn sample(counts: Counts, shunts: &[Option<Shunt>; 2], encoder: Option<u32>) -> 
     valid.set(Valid::CURRENT_A, a.is_some());
     valid.set(Valid::CURRENT_B, b.is_some());
     valid.set(Valid::ENCODER, encoder.is_some());
-    Sample {
+    StageSample {
         currents_a: [a.unwrap_or(0.0), b.unwrap_or(0.0), 0.0],
         // Half a count more, so that no power is a low voltage and not a missing one.
         bus_v: (f32::from(counts.bus) + 0.5) * scales::VOLTS_PER_COUNT,

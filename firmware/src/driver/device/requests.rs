@@ -1,10 +1,10 @@
 //! What a tool may ask of a driver, and what it answers where that cannot be.
 
 use super::{Device, Home, watch};
-use crate::fed::FedJoint;
+use crate::hil::HilJoint;
 use crate::node::sdo::Abort;
-use crate::set::ParameterSet;
-use crate::settings::{BLOCK_LENGTH, Settings, Source, emit_block};
+use crate::node_settings::{BLOCK_LENGTH, NodeSettings, Source, emit_block};
+use crate::parameter_set::ParameterSet;
 use crate::supervisor::{self, Code, InUse};
 use embedded_storage::nor_flash::NorFlash;
 
@@ -52,18 +52,18 @@ impl<F: NorFlash> Device<F> {
                 self.staging.refuse(Abort::State, refusal)
             });
         }
-        // A fed joint drives nothing: no set-point and no bus voltage is needed, but no fault either.
+        // A joint in HIL drives nothing: no set-point and no bus voltage is needed, but no fault either.
         let causes = self.in_the_way();
         if !causes.is_empty() {
             self.blocking = causes.fault_bits();
             return Err(self.staging.refuse(Abort::State, Still(causes)));
         }
-        self.fed_armed = true;
-        self.fed.set_enabled(true);
+        self.hil_armed = true;
+        self.hil.set_enabled(true);
         Ok(())
     }
 
-    /// What stops a fed joint: faults, and a master that has gone.
+    /// What stops a joint in HIL: faults, and a master that has gone.
     pub(super) fn in_the_way(&self) -> supervisor::CodeSet {
         let mut causes = self.supervisor.faults();
         if self.supervisor.causes().contains(Code::HeartbeatLost) {
@@ -75,12 +75,12 @@ impl<F: NorFlash> Device<F> {
     /// Makes the staged set the active one, all at once.
     pub(in crate::driver) fn commit(&mut self, meant: u32) -> Result<(), Abort> {
         let set = self.staging.committed(meant)?;
-        let fed = FedJoint::build(self.settings.node, &set.friction, self.settings.feed());
-        let fed = fed.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        let hil = HilJoint::build(self.settings.node, &set.friction, self.settings.hil_setup());
+        let hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         set.builds().map_err(|error| self.staging.refuse(Abort::Value, error))?;
         let thresholds = self.supervisor.configure(&set.thresholds);
         thresholds.map_err(|error| self.staging.refuse(Abort::Value, error))?;
-        self.fed = fed;
+        self.hil = hil;
         self.watch = watch(&set.watch, &self.settings);
         self.staging.activate(set);
         self.supervisor.parameters(InUse::Set);
@@ -89,11 +89,11 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// Takes other settings; the node's number counts from the next start.
-    pub(in crate::driver) fn set_settings(&mut self, settings: Settings) -> Result<(), Abort> {
+    pub(in crate::driver) fn set_settings(&mut self, settings: NodeSettings) -> Result<(), Abort> {
         let set = self.staging.active();
         let watch = watch(&set.watch, &settings);
-        let fed = FedJoint::build(self.settings.node, &set.friction, settings.feed());
-        self.fed = fed.map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        let hil = HilJoint::build(self.settings.node, &set.friction, settings.hil_setup());
+        self.hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.watch = watch;
         self.settings = settings;
         self.live.forget_command();

@@ -5,7 +5,7 @@
 //! that is wrong; a wrong one differs in at least one bit, and is shown with both values.
 
 use compensator_core::can::{Answer, Frame, Message, Node, Status, Sync, Telemetry};
-use firmware::fed::{FedJoint, Reply, Step};
+use firmware::hil::{HilJoint, Reply, Step};
 use serde::Serialize;
 use std::collections::VecDeque;
 
@@ -68,7 +68,7 @@ struct Waiting {
 #[derive(Debug)]
 pub struct Check {
     node: Node,
-    core: FedJoint,
+    core: HilJoint,
     waiting: VecDeque<Waiting>,
     answered: VecDeque<Waiting>,
     /// So many of those that wait, the oldest, are not counted on any more.
@@ -81,7 +81,7 @@ pub struct Check {
 
 impl Check {
     /// A check with a joint as the driver is set up; it is on.
-    pub fn new(node: Node, mut core: FedJoint) -> Self {
+    pub fn new(node: Node, mut core: HilJoint) -> Self {
         core.set_enabled(true);
         Self {
             node,
@@ -255,12 +255,12 @@ impl Tally {
 mod tests {
     use super::*;
     use compensator_core::can::Motion;
-    use firmware::set::ParameterSet;
-    use firmware::settings::Settings;
+    use firmware::node_settings::NodeSettings;
+    use firmware::parameter_set::ParameterSet;
 
-    fn joint() -> FedJoint {
+    fn joint() -> HilJoint {
         let set = ParameterSet::default();
-        FedJoint::build(Node::FIRST, &set.friction, Settings::default().feed()).unwrap()
+        HilJoint::build(Node::FIRST, &set.friction, NodeSettings::default().hil_setup()).unwrap()
     }
 
     /// Sends so many samples, and gives the frames a driver answers with, by sample.

@@ -6,10 +6,10 @@ use canopen_rs::{Address, NmtCommand};
 use compensator_core::ParameterError;
 use compensator_core::can::Node;
 use compensator_core::record::{self, Configuration, RecordError};
-use firmware::fed::{FedJoint, Feed, Number};
+use firmware::hil::{HilJoint, HilSetup, Number};
 use firmware::node::dictionary::index;
-use firmware::set::{DRIVE_LENGTH, ParameterSet};
-use firmware::settings::{PERIOD_RANGE_S, Source};
+use firmware::node_settings::{PERIOD_RANGE_S, Source};
+use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
 
 /// What a driver is to be set up for.
 #[derive(Clone, Debug)]
@@ -58,7 +58,7 @@ pub fn set_up<B: Bus>(
     client: &mut Client<B>,
     node: Node,
     setup: &Setup,
-) -> Result<FedJoint, SetupError> {
+) -> Result<HilJoint, SetupError> {
     let at = Address::new;
     if !(PERIOD_RANGE_S.0..=PERIOD_RANGE_S.1).contains(&setup.period_s) {
         return Err(SetupError::Period { found_s: setup.period_s });
@@ -85,8 +85,8 @@ pub fn set_up<B: Bus>(
         _ => Number::Fixed,
     };
     let campaign_h = client.read_float(at(index::OPERATION, 4))?;
-    let feed = Feed { number, period_s: setup.period_s, campaign_h };
-    let core = FedJoint::build(node, &friction, feed).map_err(SetupError::Build)?;
+    let hil_setup = HilSetup { number, period_s: setup.period_s, campaign_h };
+    let core = HilJoint::build(node, &friction, hil_setup).map_err(SetupError::Build)?;
     // A run begins anew for the driver as for the core: nothing heard, nothing counted.
     client.write(at(index::TRACE, 1), &0u32.to_le_bytes())?;
     client.command(NmtCommand::StartRemoteNode).map_err(SdoError::from)?;

@@ -15,7 +15,7 @@ use firmware::control::PERIOD_S;
 use firmware::control::transform::binary_angle;
 use firmware::control::{
     Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, Motor, MotorParameters,
-    NoCompensation, Sample, Setpoint, Valid,
+    NoCompensation, Setpoint, StageSample, Valid,
 };
 use firmware::reference_joint::configuration;
 
@@ -27,7 +27,7 @@ const SETTLE: usize = 1000;
 
 #[derive(Clone)]
 struct Inputs {
-    sample: Sample,
+    sample: StageSample,
     setpoint: Setpoint,
     covariates: Covariates,
 }
@@ -48,7 +48,7 @@ extern "C" fn alone(control: &mut CurrentLoop<NoCompensation>, inputs: &Inputs, 
 fn healthy(angle_rad: f32) -> Inputs {
     let readings = inputs::<f32>(0, 0.0);
     Inputs {
-        sample: Sample {
+        sample: StageSample {
             currents_a: [1.0, -0.4, -0.6],
             bus_v: 48.0,
             encoder: binary_angle(angle_rad),

@@ -1,4 +1,4 @@
-//! A joint that is fed from the bus: replay and hardware-in-the-loop.
+//! A joint in HIL (hardware in the loop): its inputs come over the bus, as in a replay.
 //!
 //! Every input comes in frames, the compensator takes one step at each SYNC, and all it gives goes back
 //! in frames; nothing drives a bridge. The joint driver runs this code on its processor, and the PC that
@@ -77,9 +77,9 @@ pub enum Step {
     Late,
 }
 
-/// What a fed joint is besides its parameters.
+/// What a joint in HIL is besides its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Feed {
+pub struct HilSetup {
     /// The number it computes with.
     pub number: Number,
     /// Time from SYNC to SYNC, s.
@@ -90,13 +90,13 @@ pub struct Feed {
 
 /// A compensator between frames.
 #[derive(Clone, Debug)]
-pub struct FedJoint {
-    feed: Feed,
+pub struct HilJoint {
+    setup: HilSetup,
     inbox: Inbox,
     compensator: Either,
 }
 
-impl FedJoint {
+impl HilJoint {
     /// Builds the compensator; it is off.
     ///
     /// # Errors
@@ -104,18 +104,18 @@ impl FedJoint {
     pub fn build(
         node: Node,
         configuration: &Configuration,
-        feed: Feed,
+        setup: HilSetup,
     ) -> Result<Self, ParameterError> {
-        let compensator = match feed.number {
-            Number::Float => Either::Float(Compensator::build(configuration, feed.period_s)?),
-            Number::Fixed => Either::Fixed(Compensator::build(configuration, feed.period_s)?),
+        let compensator = match setup.number {
+            Number::Float => Either::Float(Compensator::build(configuration, setup.period_s)?),
+            Number::Fixed => Either::Fixed(Compensator::build(configuration, setup.period_s)?),
         };
-        Ok(Self { feed, inbox: Inbox::new(node), compensator })
+        Ok(Self { setup, inbox: Inbox::new(node), compensator })
     }
 
     /// A joint without a model: it answers, and compensates nothing.
-    pub const fn without_model(node: Node, feed: Feed) -> Self {
-        Self { feed, inbox: Inbox::new(node), compensator: Either::Absent }
+    pub const fn without_model(node: Node, setup: HilSetup) -> Self {
+        Self { setup, inbox: Inbox::new(node), compensator: Either::Absent }
     }
 
     /// Switches the compensator on or off; on begins at rest.
@@ -137,8 +137,8 @@ impl FedJoint {
     }
 
     /// What it is built for.
-    pub const fn feed(&self) -> Feed {
-        self.feed
+    pub const fn setup(&self) -> HilSetup {
+        self.setup
     }
 
     /// What has been heard of the sample that is being put together.
@@ -161,14 +161,14 @@ impl FedJoint {
             SyncOutcome::Duplicate => return Step::Duplicate,
             SyncOutcome::Late => return Step::Late,
         };
-        let (inbox, feed) = (&self.inbox, self.feed);
+        let (inbox, setup) = (&self.inbox, self.setup);
         let reply = match &mut self.compensator {
             Either::Absent => {
                 let status = Status { flags: Flags::DISABLED, sequence: inbox.sequence() };
                 Reply { status, ..Reply::NONE }
             }
-            Either::Float(compensator) => reply(compensator, inbox, feed),
-            Either::Fixed(compensator) => reply(compensator, inbox, feed),
+            Either::Float(compensator) => reply(compensator, inbox, setup),
+            Either::Fixed(compensator) => reply(compensator, inbox, setup),
         };
         self.inbox.end_sample();
         Step::Reply(reply, lost)
@@ -178,11 +178,11 @@ impl FedJoint {
 fn reply<T: Real<Setting = f32>>(
     compensator: &mut Compensator<T>,
     inbox: &Inbox,
-    feed: Feed,
+    setup: HilSetup,
 ) -> Reply {
-    let inputs = inbox.inputs::<T>(feed.period_s, feed.campaign_h);
+    let inputs = inbox.inputs::<T>(setup.period_s, setup.campaign_h);
     let output = compensator.step(&inputs);
-    let command = inbox.command_current_a(feed.period_s).map_or(0.0, |reading| reading.value);
+    let command = inbox.command_current_a(setup.period_s).map_or(0.0, |reading| reading.value);
     let (current, flags) = compensator.sum(T::from_setting(command), &output);
     // To `f32` by way of `f64`, which holds either number exactly: one rounding.
     let number = |value: T| value.value() as f32;

@@ -4,8 +4,8 @@
 //! setting is an object of the dictionary (see [`crate::node::dictionary`]) and is refused out of range
 //! when it is written, not when it is used.
 
-use crate::fed::{Feed, Number};
-use crate::set::{ParameterSet, SET_LENGTH, SetError};
+use crate::hil::{HilSetup, Number};
+use crate::parameter_set::{ParameterSet, SET_LENGTH, SetError};
 use compensator_core::can::Node;
 use core::fmt;
 
@@ -19,12 +19,12 @@ pub enum Source {
     Bus,
 }
 
-/// Legal sample periods of a fed joint, s.
+/// Legal sample periods of a joint in HIL, s.
 pub const PERIOD_RANGE_S: (f32, f32) = (1e-5, 1.0);
 
 /// What a driver keeps besides the friction model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct NodeSettings {
     /// Number of the joint on its bus.
     pub node: Node,
     /// Time between heartbeats, ms; 0 for none.
@@ -34,17 +34,17 @@ pub struct Settings {
     pub awaited_heartbeat: u32,
     /// Where inputs come from.
     pub source: Source,
-    /// The number a fed joint computes with.
+    /// The number a joint in HIL computes with.
     pub number: Number,
     /// Telemetry is sent at every so many SYNCs; 0 for never.
     pub telemetry_every: u8,
-    /// Time from SYNC to SYNC of a fed joint, s.
+    /// Time from SYNC to SYNC of a joint in HIL, s.
     pub period_s: f32,
     /// Age of the campaign when a run begins, h.
     pub campaign_h: f32,
 }
 
-impl Default for Settings {
+impl Default for NodeSettings {
     fn default() -> Self {
         Self {
             node: Node::FIRST,
@@ -59,14 +59,14 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
+impl NodeSettings {
     /// Length in bytes of the settings in a block.
     pub const LENGTH: usize = 24;
     const VERSION: u8 = 1;
 
-    /// What a fed joint is built for.
-    pub fn feed(&self) -> Feed {
-        Feed { number: self.number, period_s: self.period_s, campaign_h: self.campaign_h }
+    /// What a joint in HIL is built for.
+    pub fn hil_setup(&self) -> HilSetup {
+        HilSetup { number: self.number, period_s: self.period_s, campaign_h: self.campaign_h }
     }
 
     /// The settings as bytes, little-endian, in the order of the fields behind a version.
@@ -161,13 +161,13 @@ impl fmt::Display for SettingError {
 impl core::error::Error for SettingError {}
 
 /// Length in bytes of the block that is stored.
-pub const BLOCK_LENGTH: usize = Settings::LENGTH + SET_LENGTH;
+pub const BLOCK_LENGTH: usize = NodeSettings::LENGTH + SET_LENGTH;
 
 /// Why a stored block was not taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BlockError {
     /// Too short, of another version, or a setting is out of its range.
-    Settings,
+    NodeSettings,
     /// The parameter set is refused.
     Set(SetError),
 }
@@ -175,7 +175,9 @@ pub enum BlockError {
 impl fmt::Display for BlockError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Settings => f.write_str("stored settings are of another version or out of range"),
+            Self::NodeSettings => {
+                f.write_str("stored settings are of another version or out of range")
+            }
             Self::Set(error) => error.fmt(f),
         }
     }
@@ -183,10 +185,10 @@ impl fmt::Display for BlockError {
 
 impl core::error::Error for BlockError {}
 
-/// Settings and parameters as the block that is stored.
-pub fn emit_block(settings: &Settings, set: &ParameterSet) -> [u8; BLOCK_LENGTH] {
+/// NodeSettings and parameters as the block that is stored.
+pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> [u8; BLOCK_LENGTH] {
     let mut block = [0; BLOCK_LENGTH];
-    let (head, rest) = block.split_at_mut(Settings::LENGTH);
+    let (head, rest) = block.split_at_mut(NodeSettings::LENGTH);
     head.copy_from_slice(&settings.emit());
     rest.copy_from_slice(&set.emit());
     block
@@ -196,10 +198,10 @@ pub fn emit_block(settings: &Settings, set: &ParameterSet) -> [u8; BLOCK_LENGTH]
 ///
 /// # Errors
 /// Says which half is wrong, and of the parameters which one is refused and why.
-pub fn parse_block(block: &[u8]) -> Result<(Settings, ParameterSet), BlockError> {
+pub fn parse_block(block: &[u8]) -> Result<(NodeSettings, ParameterSet), BlockError> {
     let (head, set) =
-        block.split_first_chunk::<{ Settings::LENGTH }>().ok_or(BlockError::Settings)?;
-    let settings = Settings::parse(head).ok_or(BlockError::Settings)?;
+        block.split_first_chunk::<{ NodeSettings::LENGTH }>().ok_or(BlockError::NodeSettings)?;
+    let settings = NodeSettings::parse(head).ok_or(BlockError::NodeSettings)?;
     Ok((settings, ParameterSet::parse(set).map_err(BlockError::Set)?))
 }
 
@@ -210,7 +212,7 @@ mod tests {
 
     #[test]
     fn a_block_is_read_as_it_was_written() {
-        let settings = Settings {
+        let settings = NodeSettings {
             node: Node::new(17).unwrap(),
             heartbeat_ms: 250,
             awaited_heartbeat: 3 << 16 | 500,
@@ -222,10 +224,10 @@ mod tests {
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
-        assert_eq!(parse_block(&block[..10]), Err(BlockError::Settings));
-        block[Settings::LENGTH + 90] ^= 1;
+        assert_eq!(parse_block(&block[..10]), Err(BlockError::NodeSettings));
+        block[NodeSettings::LENGTH + 90] ^= 1;
         assert_eq!(parse_block(&block), Err(BlockError::Set(SetError::Record(RecordError::Crc))));
         block[2] = 2;
-        assert_eq!(parse_block(&block), Err(BlockError::Settings));
+        assert_eq!(parse_block(&block), Err(BlockError::NodeSettings));
     }
 }
