@@ -1,6 +1,7 @@
 //! The device behind the bus: what the objects stand for.
 
 mod requests;
+mod values;
 
 use super::counters::{Counters, count};
 use super::live::{CommandSequence, Home, Live, LoopOrders, LoopReport};
@@ -9,6 +10,7 @@ use crate::hil::{HilJoint, Reply, Step};
 use crate::log::log;
 use crate::node::Outbox;
 use crate::node::dictionary::ERRORS_KEPT;
+use crate::node::dictionary::records::{self, Inputs};
 use crate::node::sdo::Abort;
 use crate::node_settings::{BLOCK_LENGTH, NodeSettings, Source, parse_block};
 use crate::parameter_set::ParameterSet;
@@ -37,10 +39,15 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Vendor, product, revision and serial number. The vendor is 0: no number was bought.
-    pub fn numbers(&self) -> [u32; 4] {
-        const PRODUCT: u32 = u32::from_be_bytes(*b"FRIC");
-        [0, PRODUCT, u32::from(compensator_core::record::VERSION), self.serial]
+    /// As an object of the dictionary.
+    pub fn object(&self) -> records::Identity {
+        records::Identity {
+            // No number was bought.
+            vendor_id: 0,
+            product_code: u32::from_be_bytes(*b"FRIC"),
+            revision_number: compensator_core::record::VERSION.into(),
+            serial_number: self.serial,
+        }
     }
 }
 
@@ -90,7 +97,7 @@ pub struct Device<F> {
     hil_armed: bool,
     live: Live,
     watch: Option<Watch>,
-    inputs: [u32; 10],
+    inputs: Inputs,
     reply: Reply,
     report: LoopReport,
     /// A tick has looked at the report.
@@ -169,7 +176,7 @@ impl<F: NorFlash> Device<F> {
             hil,
             hil_armed: false,
             live: Live::default(),
-            inputs: [f32::NAN.to_bits(); 10],
+            inputs: NOT_RECEIVED,
             reply: Reply::NONE,
             report: LoopReport::default(),
             report_seen: true,
@@ -220,17 +227,27 @@ impl<F: NorFlash> Device<F> {
 
     /// Takes in a process frame, where it is for this node.
     pub(super) fn take(&mut self, message: &Message, frame: &Frame, node: Node, now_us: u64) {
-        let first = match message {
+        let inputs = &mut self.inputs;
+        let places = match message {
             Message::Sync(sync) => return self.sync(*sync, node),
-            Message::Motion(of, _) if *of == node => 0,
-            Message::Torque(of, _) if *of == node => 2,
-            Message::Seal(of, _) if *of == node => 4,
-            Message::Surroundings(of, _) if *of == node => 6,
-            Message::Command(of, _) if *of == node => 8,
+            Message::Motion(of, _) if *of == node => {
+                [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
+            }
+            Message::Torque(of, _) if *of == node => {
+                [&mut inputs.torque_nm, &mut inputs.load_torque_nm]
+            }
+            Message::Seal(of, _) if *of == node => {
+                [&mut inputs.radial_force_n, &mut inputs.pressure_diff_pa]
+            }
+            Message::Surroundings(of, _) if *of == node => {
+                [&mut inputs.temperature_c, &mut inputs.auxiliary]
+            }
+            Message::Command(of, _) if *of == node => {
+                [&mut inputs.command_current_a, &mut inputs.command_velocity_and_counter]
+            }
             _ => return self.counters.count_foreign(),
         };
-        let words = frame.data().as_chunks::<4>().0;
-        for (place, word) in self.inputs.iter_mut().skip(first).zip(words) {
+        for (place, word) in places.into_iter().zip(frame.data().as_chunks::<4>().0) {
             *place = u32::from_le_bytes(*word);
         }
         self.hil.take(message);
@@ -283,7 +300,7 @@ impl<F: NorFlash> Device<F> {
             && let Some(watch) = &mut self.watch
         {
             let residual_nm = reply.telemetry.residual_torque_nm;
-            let velocity_rad_s = self.inputs.first().map_or(0.0, |word| f32::from_bits(*word));
+            let velocity_rad_s = f32::from_bits(self.inputs.velocity_rad_s);
             watch.step(residual_nm, velocity_rad_s, residual_nm.is_finite());
         }
     }
@@ -429,54 +446,24 @@ impl<F: NorFlash> Device<F> {
         }
         Some((code, self.error_register(), [info.number, 0, 0, 0, 0]))
     }
-
-    pub(super) fn error_register(&self) -> u8 {
-        self.supervisor.faults().error_register() | self.supervisor.limits().error_register()
-    }
-
-    pub(super) fn sequence(&self) -> u32 {
-        self.hil.inbox().sequence()
-    }
-
-    pub(super) fn state_words(&self) -> [u32; 5] {
-        let state = match self.supervisor.state() {
-            State::Fault => 2,
-            _ if self.is_armed() => 1,
-            _ => 0,
-        };
-        let (faults, limits) = (self.supervisor.faults(), self.supervisor.limits());
-        [0, state, faults.fault_bits(), limits.limit_bits(), self.blocking]
-    }
-
-    pub(super) fn outbox_counts(&self) -> (u32, u32) {
-        (self.outbox.sent(), self.outbox.lost())
-    }
-
-    pub(super) const fn last_inputs(&self) -> [u32; 10] {
-        self.inputs
-    }
-
-    pub(super) fn last_outputs(&self) -> [u32; 6] {
-        self.reply.words()
-    }
-
-    pub(super) fn code_count(&self, place: usize) -> Option<u32> {
-        self.supervisor.counts().get(place).copied()
-    }
-
-    pub(super) fn watch_words(&self) -> [u32; 5] {
-        /// Whether the model is in its band is not known before the first window is full.
-        const UNKNOWN: u32 = 2;
-        let Some(watch) = &self.watch else { return [UNKNOWN, 0, 0, 0, 0] };
-        [
-            watch.in_band().map_or(UNKNOWN, u32::from),
-            watch.windows(),
-            watch.windows_out_of_band(),
-            watch.alarms(),
-            watch.largest_in_bands().to_bits(),
-        ]
-    }
 }
+
+/// Inputs before any came: numbers that are none.
+const NOT_RECEIVED: Inputs = {
+    const NONE: u32 = f32::NAN.to_bits();
+    Inputs {
+        velocity_rad_s: NONE,
+        position_rad: NONE,
+        torque_nm: NONE,
+        load_torque_nm: NONE,
+        radial_force_n: NONE,
+        pressure_diff_pa: NONE,
+        temperature_c: NONE,
+        auxiliary: NONE,
+        command_current_a: NONE,
+        command_velocity_and_counter: NONE,
+    }
+};
 
 /// A watch for these parameters; `None` where it cannot be built. Samples farther apart than the
 /// parameters ask for are independent too.

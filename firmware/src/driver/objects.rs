@@ -2,6 +2,7 @@
 
 use super::device::Device;
 use crate::hil::Number;
+use crate::node::dictionary::records::{self, Commit, Inputs, Operation, Outputs, State, Trace};
 use crate::node::dictionary::{self, Access, ERRORS_KEPT, LOAD, Object, SAVE, index};
 use crate::node::sdo::{Abort, Objects, Value};
 use crate::node_settings::{SettingError, Source};
@@ -27,7 +28,7 @@ impl<F: NorFlash> Objects for Device<F> {
         // A request to disarm, and what a trace says of itself, are always heard.
         let always = matches!(
             (at.index, at.subindex),
-            (index::STATE, 1) | (index::TRACE | index::ERROR_FIELD, _)
+            (index::STATE, State::REQUEST) | (index::TRACE | index::ERROR_FIELD, _)
         );
         if !always && self.is_armed() {
             let why = "the joint is armed, and nothing is written then: disarm first";
@@ -65,7 +66,7 @@ impl<F: NorFlash> Objects for Device<F> {
             }
             index::TRACE => self.write_trace(at.subindex, number),
             index::STATE => match at.subindex {
-                1 => self.request(number as u8),
+                State::REQUEST => self.request(number as u8),
                 _ => self.set_position(f32::from_bits(number)),
             },
             index::MODEL
@@ -76,12 +77,12 @@ impl<F: NorFlash> Objects for Device<F> {
             | index::THRESHOLDS
             | index::WATCH_PARAMETERS => self.staging.write(at.index, at.subindex, value),
             index::COMMIT => match at.subindex {
-                3 => self.commit(number),
-                4 => {
+                Commit::COMMIT => self.commit(number),
+                Commit::DISCARD => {
                     self.staging.discard();
                     Ok(())
                 }
-                5 => self.staging.write_record(value),
+                Commit::FRICTION_RECORD => self.staging.write_record(value),
                 _ => self.staging.write_drive(value),
             },
             _ => Err(Abort::ReadOnly),
@@ -103,11 +104,11 @@ impl<F: NorFlash> Objects for Device<F> {
             (index::SOFTWARE_VERSION, _) => return text(env!("CARGO_PKG_VERSION"), value),
             (index::LAST_PANIC, _) => return text(&self.last_panic, value),
             (index::REFUSAL, _) => return text(self.staging.reason(), value),
-            (index::COMMIT, 5) => {
+            (index::COMMIT, Commit::FRICTION_RECORD) => {
                 let record = record::emit(&self.staging.staged().friction);
                 return value.extend_from_slice(&record).map_err(|_| Abort::Memory);
             }
-            (index::COMMIT, 6) => {
+            (index::COMMIT, Commit::DRIVE_RECORD) => {
                 let drive = self.staging.staged().emit_drive();
                 return value.extend_from_slice(&drive).map_err(|_| Abort::Memory);
             }
@@ -142,29 +143,12 @@ fn text(text: &str, value: &mut Value) -> Result<(), Abort> {
     value.extend_from_slice(text.as_bytes()).map_err(|_| Abort::Memory)
 }
 
-/// What process frames are made of: objects of two numbers each, as index, sub-index and bits.
-const fn mapped(index: u16, sub_index: u8, bits: u8) -> u32 {
-    (index as u32) << 16 | (sub_index as u32) << 8 | bits as u32
+/// Objects of 32 bits that make a process frame.
+const fn mapped(index: u16, sub_indices: [u8; 2]) -> [u32; 2] {
+    let [first, second] = sub_indices;
+    let head = (index as u32) << 16 | 32;
+    [head | (first as u32) << 8, head | (second as u32) << 8]
 }
-
-/// The mapping of the receive PDOs, in their order.
-const RECEIVED: [[u32; 2]; 5] = [
-    [mapped(index::INPUTS, 1, 32), mapped(index::INPUTS, 2, 32)],
-    [mapped(index::INPUTS, 3, 32), mapped(index::INPUTS, 4, 32)],
-    [mapped(index::INPUTS, 5, 32), mapped(index::INPUTS, 6, 32)],
-    [mapped(index::INPUTS, 7, 32), mapped(index::INPUTS, 8, 32)],
-    [mapped(index::INPUTS, 9, 32), mapped(index::INPUTS, 10, 32)],
-];
-/// The mapping of the transmit PDOs.
-const TRANSMITTED: [[u32; 2]; 3] = [
-    [mapped(index::OUTPUTS, 1, 32), mapped(index::OUTPUTS, 2, 32)],
-    [mapped(index::OUTPUTS, 3, 32), mapped(index::OUTPUTS, 4, 32)],
-    [mapped(index::OUTPUTS, 5, 32), mapped(index::OUTPUTS, 6, 32)],
-];
-/// Identifiers of the PDOs without the node's number.
-const RECEIVED_AT: [u16; 5] =
-    [base::MOTION, base::TORQUE, base::SEAL, base::SURROUNDINGS, base::COMMAND];
-const TRANSMITTED_AT: [u16; 3] = [base::ANSWER, base::STATUS, base::TELEMETRY];
 
 /// How a PDO travels (CiA 301, table 72): with the SYNC, or whenever it comes.
 const SYNCHRONOUS: u32 = 1;
@@ -178,10 +162,11 @@ impl<F: NorFlash> Device<F> {
         let settings = self.settings();
         let list = |numbers: &[u32]| numbers.get(nth).copied().ok_or(Abort::NoSubIndex);
         let at = |base: u16| u32::from(base) + node;
-        let pdo = |table: &[u16], first: u16, kind: u32| {
-            let base = *table.get(usize::from(at_index - first)).ok_or(Abort::NoObject)?;
-            list(&[at(base), kind])
+        let pdo = |base, transmission_type| {
+            list(&records::Pdo { cob_id: at(base), transmission_type }.words())
         };
+        let inputs = |sub_indices| list(&mapped(index::INPUTS, sub_indices));
+        let outputs = |sub_indices| list(&mapped(index::OUTPUTS, sub_indices));
         match at_index {
             // No device profile.
             index::DEVICE_TYPE => Ok(0),
@@ -195,36 +180,60 @@ impl<F: NorFlash> Device<F> {
             index::STORE | index::RESTORE => Ok(1),
             index::AWAITED_HEARTBEAT => Ok(settings.awaited_heartbeat),
             index::HEARTBEAT => Ok(u32::from(settings.heartbeat_ms)),
-            index::IDENTITY => list(&self.identity.numbers()),
+            index::IDENTITY => list(&self.identity.object().words()),
             index::SYNC_OVERFLOW => Ok(240),
-            index::SDO_SERVER => list(&[at(base::SDO_REQUEST), at(base::SDO_ANSWER)]),
-            index::RECEIVE_PDO..=0x1403 => pdo(&RECEIVED_AT, index::RECEIVE_PDO, SYNCHRONOUS),
-            0x1404 => pdo(&RECEIVED_AT, index::RECEIVE_PDO, EVENT_DRIVEN),
-            index::TRANSMIT_PDO..=0x1802 => pdo(&TRANSMITTED_AT, index::TRANSMIT_PDO, SYNCHRONOUS),
-            index::RECEIVE_MAPPING..=0x1604 => {
-                let which = usize::from(at_index - index::RECEIVE_MAPPING);
-                list(RECEIVED.get(which).ok_or(Abort::NoObject)?)
+            index::SDO_SERVER => list(
+                &records::SdoServer {
+                    client_to_server: at(base::SDO_REQUEST),
+                    server_to_client: at(base::SDO_ANSWER),
+                }
+                .words(),
+            ),
+            index::RECEIVE_MOTION => pdo(base::MOTION, SYNCHRONOUS),
+            index::RECEIVE_TORQUE => pdo(base::TORQUE, SYNCHRONOUS),
+            index::RECEIVE_SEAL => pdo(base::SEAL, SYNCHRONOUS),
+            index::RECEIVE_SURROUNDINGS => pdo(base::SURROUNDINGS, SYNCHRONOUS),
+            index::RECEIVE_COMMAND => pdo(base::COMMAND, EVENT_DRIVEN),
+            index::TRANSMIT_ANSWER => pdo(base::ANSWER, SYNCHRONOUS),
+            index::TRANSMIT_STATUS => pdo(base::STATUS, SYNCHRONOUS),
+            index::TRANSMIT_TELEMETRY => pdo(base::TELEMETRY, SYNCHRONOUS),
+            index::MAPPING_MOTION => inputs([Inputs::VELOCITY, Inputs::POSITION]),
+            index::MAPPING_TORQUE => inputs([Inputs::TORQUE, Inputs::LOAD_TORQUE]),
+            index::MAPPING_SEAL => inputs([Inputs::RADIAL_FORCE, Inputs::PRESSURE_DIFF]),
+            index::MAPPING_SURROUNDINGS => inputs([Inputs::TEMPERATURE, Inputs::AUXILIARY]),
+            index::MAPPING_COMMAND => inputs([Inputs::COMMAND_CURRENT, Inputs::COMMAND_REST]),
+            index::MAPPING_ANSWER => {
+                outputs([Outputs::FRICTION_TORQUE, Outputs::FEED_FORWARD_CURRENT])
             }
-            index::TRANSMIT_MAPPING..=0x1A02 => {
-                let which = usize::from(at_index - index::TRANSMIT_MAPPING);
-                list(TRANSMITTED.get(which).ok_or(Abort::NoObject)?)
+            index::MAPPING_STATUS => outputs([Outputs::FLAGS, Outputs::SEQUENCE]),
+            index::MAPPING_TELEMETRY => outputs([Outputs::CURRENT, Outputs::RESIDUAL_TORQUE]),
+            index::TRACE => {
+                let joint_kind = self.joint_kind as u32;
+                let (run, sequence) = (self.run, self.sequence());
+                list(&Trace { run, sequence, joint_kind }.words())
             }
-            index::TRACE => list(&[self.run, self.sequence(), self.joint_kind as u32]),
-            index::OPERATION => list(&[
-                settings.source as u32,
-                settings.number as u32,
-                settings.period_s.to_bits(),
-                settings.campaign_h.to_bits(),
-                u32::from(settings.telemetry_every),
-                node,
-            ]),
-            index::STATE => list(&self.state_words()),
-            index::FRAME_COUNTERS => list(&self.counters.words(self.outbox_counts())),
-            index::INPUTS => list(&self.last_inputs()),
-            index::OUTPUTS => list(&self.last_outputs()),
+            index::OPERATION => list(
+                &Operation {
+                    source: settings.source as u32,
+                    number: settings.number as u32,
+                    period_s: settings.period_s.to_bits(),
+                    campaign_h: settings.campaign_h.to_bits(),
+                    telemetry_every: settings.telemetry_every.into(),
+                    node,
+                }
+                .words(),
+            ),
+            index::STATE => list(&self.state_object().words()),
+            index::FRAME_COUNTERS => list(&self.all_counters().words()),
+            index::INPUTS => list(&self.last_inputs().words()),
+            index::OUTPUTS => list(&self.last_outputs().words()),
             index::CODE_COUNTERS => self.code_count(nth).ok_or(Abort::NoSubIndex),
-            index::WATCH => list(&self.watch_words()),
-            index::COMMIT => list(&[self.staging.active().crc(), self.staging.staged().crc()]),
+            index::WATCH => list(&self.watch_state().words()),
+            index::COMMIT => {
+                let (active_crc, staged_crc) =
+                    (self.staging.active().crc(), self.staging.staged().crc());
+                list(&Commit { active_crc, staged_crc, ..Default::default() }.words())
+            }
             _ => Err(Abort::NoObject),
         }
     }
@@ -235,23 +244,23 @@ impl<F: NorFlash> Device<F> {
         match (at.index, at.subindex) {
             (index::HEARTBEAT, _) => changed.heartbeat_ms = number as u16,
             (index::AWAITED_HEARTBEAT, _) => changed.awaited_heartbeat = number,
-            (_, 1) => {
+            (_, Operation::SOURCE) => {
                 changed.source = match byte {
                     0 => Source::Sensors,
                     1 => Source::Bus,
                     _ => return Err(self.refuse_setting("source", "0 (sensors) or 1 (bus)")),
                 }
             }
-            (_, 2) => {
+            (_, Operation::NUMBER) => {
                 changed.number = match byte {
                     0 => Number::Float,
                     1 => Number::Fixed,
                     _ => return Err(self.refuse_setting("number", "0 (f32) or 1 (fixed point)")),
                 }
             }
-            (_, 3) => changed.period_s = f32::from_bits(number),
-            (_, 4) => changed.campaign_h = f32::from_bits(number),
-            (_, 5) => changed.telemetry_every = byte,
+            (_, Operation::PERIOD_S) => changed.period_s = f32::from_bits(number),
+            (_, Operation::CAMPAIGN_H) => changed.campaign_h = f32::from_bits(number),
+            (_, Operation::TELEMETRY_EVERY) => changed.telemetry_every = byte,
             _ => {
                 changed.node =
                     Node::new(byte).ok_or_else(|| self.refuse_setting("node", "1 to 127"))?;
@@ -267,8 +276,8 @@ impl<F: NorFlash> Device<F> {
 
     fn write_trace(&mut self, place: u8, number: u32) -> Result<(), Abort> {
         let entry = match place {
-            1 => Entry::Run(number),
-            2 => Entry::Sequence(number),
+            Trace::RUN => Entry::Run(number),
+            Trace::SEQUENCE => Entry::Sequence(number),
             _ => Entry::JointKind(match number {
                 0 => JointKind::Revolute,
                 1 => JointKind::Prismatic,

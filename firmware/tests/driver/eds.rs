@@ -169,7 +169,7 @@ fn the_file_is_the_dictionary() {
 #[test]
 fn mapped_objects_are_as_long_as_their_frames() {
     let mut bench = Bench::hil();
-    let words = [(index::RECEIVE_MAPPING, 5u16), (index::TRANSMIT_MAPPING, 3)];
+    let words = [(index::MAPPING_MOTION, 5u16), (index::MAPPING_ANSWER, 3)];
     for (first, count) in words {
         for object in first..first + count {
             let bits: u32 = (1..=2).map(|place| bench.number(object, place) & 0xFF).sum();

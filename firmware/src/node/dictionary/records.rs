@@ -1,0 +1,273 @@
+//! Objects of several values: each entry with its name, type and access, and the place of its value.
+//!
+//! [`record!`] makes of one list both what a tool sees, [`Entry`] by entry, and a struct that the driver
+//! fills by name and never by position. A new entry is a row here; the compiler then asks for its value.
+//! Entries that are written, or sent in process frames, have a constant for their sub-index as well.
+
+/// Type of a value, by its number in CiA 301.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum DataType {
+    /// Eight bits.
+    Unsigned8 = 0x05,
+    /// Sixteen bits.
+    Unsigned16 = 0x06,
+    /// Thirty-two bits.
+    Unsigned32 = 0x07,
+    /// `f32`.
+    Real32 = 0x08,
+    /// Text.
+    VisibleString = 0x09,
+    /// Bytes.
+    Domain = 0x0F,
+}
+
+impl DataType {
+    /// Length in bytes; `None` where it varies.
+    pub const fn length(self) -> Option<usize> {
+        match self {
+            Self::Unsigned8 => Some(1),
+            Self::Unsigned16 => Some(2),
+            Self::Unsigned32 | Self::Real32 => Some(4),
+            Self::VisibleString | Self::Domain => None,
+        }
+    }
+}
+
+/// Who may do what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Never changes.
+    Const,
+    /// The driver changes it.
+    ReadOnly,
+    /// A tool may write it.
+    ReadWrite,
+    /// A tool may write it; there is nothing to read.
+    WriteOnly,
+}
+
+/// One value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Name, in the words of the rest of the project.
+    pub name: &'static str,
+    /// Its type.
+    pub data: DataType,
+    /// Who may do what.
+    pub access: Access,
+}
+
+pub(super) const fn entry(name: &'static str, data: DataType, access: Access) -> Entry {
+    Entry { name, data, access }
+}
+
+/// The sub-index of an entry; a name that is not there does not compile where the result is a constant.
+const fn sub_index(entries: &[Entry], name: &str) -> u8 {
+    let mut place = 0;
+    while place < entries.len() {
+        if is_same(entries[place].name.as_bytes(), name.as_bytes()) {
+            return place as u8 + 1;
+        }
+        place += 1;
+    }
+    panic!("no entry of this name")
+}
+
+const fn is_same(a: &[u8], b: &[u8]) -> bool {
+    let mut place = 0;
+    while place < a.len() && place < b.len() && a[place] == b[place] {
+        place += 1;
+    }
+    place == a.len() && place == b.len()
+}
+
+macro_rules! record {
+    ($(#[$doc:meta])* $record:ident {
+        $($field:ident: $data:ident, $access:ident $(, $AT:ident)?;)*
+    }) => {
+        $(#[$doc])*
+        ///
+        /// Values are words; a float is its bits.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        #[allow(missing_docs)]
+        pub struct $record { $(pub $field: u32),* }
+
+        #[allow(missing_docs)]
+        impl $record {
+            /// The entries, from sub-index 1 on.
+            pub const ENTRIES: &'static [Entry] =
+                &[$(entry(stringify!($field), DataType::$data, Access::$access)),*];
+
+            $($(pub const $AT: u8 = sub_index(Self::ENTRIES, stringify!($field));)?)*
+
+            /// The values, in the order of the entries.
+            pub const fn words(&self) -> [u32; Self::ENTRIES.len()] {
+                [$(self.$field),*]
+            }
+        }
+    };
+}
+
+record! {
+    /// Who the device is.
+    Identity {
+        vendor_id: Unsigned32, Const;
+        product_code: Unsigned32, Const;
+        revision_number: Unsigned32, Const;
+        serial_number: Unsigned32, Const;
+    }
+}
+
+record! {
+    /// Identifiers of the server of objects.
+    SdoServer {
+        client_to_server: Unsigned32, Const;
+        server_to_client: Unsigned32, Const;
+    }
+}
+
+record! {
+    /// Identifier of a PDO, and how it travels.
+    Pdo {
+        cob_id: Unsigned32, Const;
+        transmission_type: Unsigned8, Const;
+    }
+}
+
+record! {
+    /// What a trace says of the samples that follow.
+    Trace {
+        run: Unsigned32, ReadWrite, RUN;
+        sequence: Unsigned32, ReadWrite, SEQUENCE;
+        joint_kind: Unsigned32, ReadWrite;
+    }
+}
+
+record! {
+    /// How the driver takes part in the bus.
+    Operation {
+        source: Unsigned8, ReadWrite, SOURCE;
+        number: Unsigned8, ReadWrite, NUMBER;
+        period_s: Real32, ReadWrite, PERIOD_S;
+        campaign_h: Real32, ReadWrite, CAMPAIGN_H;
+        telemetry_every: Unsigned8, ReadWrite, TELEMETRY_EVERY;
+        node: Unsigned8, ReadWrite;
+    }
+}
+
+record! {
+    /// The state machine.
+    State {
+        request: Unsigned8, WriteOnly, REQUEST;
+        state: Unsigned8, ReadOnly;
+        faults: Unsigned32, ReadOnly;
+        limits: Unsigned32, ReadOnly;
+        blocking_codes: Unsigned32, ReadOnly;
+        set_position_rad: Real32, WriteOnly;
+    }
+}
+
+record! {
+    /// What last came in process frames.
+    Inputs {
+        velocity_rad_s: Real32, ReadOnly, VELOCITY;
+        position_rad: Real32, ReadOnly, POSITION;
+        torque_nm: Real32, ReadOnly, TORQUE;
+        load_torque_nm: Real32, ReadOnly, LOAD_TORQUE;
+        radial_force_n: Real32, ReadOnly, RADIAL_FORCE;
+        pressure_diff_pa: Real32, ReadOnly, PRESSURE_DIFF;
+        temperature_c: Real32, ReadOnly, TEMPERATURE;
+        auxiliary: Real32, ReadOnly, AUXILIARY;
+        command_current_a: Real32, ReadOnly, COMMAND_CURRENT;
+        command_velocity_and_counter: Unsigned32, ReadOnly, COMMAND_REST;
+    }
+}
+
+record! {
+    /// What was last answered in process frames.
+    Outputs {
+        friction_torque_nm: Real32, ReadOnly, FRICTION_TORQUE;
+        feed_forward_current_a: Real32, ReadOnly, FEED_FORWARD_CURRENT;
+        flags: Unsigned32, ReadOnly, FLAGS;
+        sequence: Unsigned32, ReadOnly, SEQUENCE;
+        current_a: Real32, ReadOnly, CURRENT;
+        residual_torque_nm: Real32, ReadOnly, RESIDUAL_TORQUE;
+    }
+}
+
+record! {
+    /// Whether the model keeps its promise.
+    WatchState {
+        in_band: Unsigned8, ReadOnly;
+        windows: Unsigned32, ReadOnly;
+        windows_out_of_band: Unsigned32, ReadOnly;
+        alarms: Unsigned32, ReadOnly;
+        largest_in_bands: Real32, ReadOnly;
+    }
+}
+
+record! {
+    /// The staged parameter set, and what takes it.
+    Commit {
+        active_crc: Unsigned32, ReadOnly;
+        staged_crc: Unsigned32, ReadOnly;
+        commit: Unsigned32, WriteOnly, COMMIT;
+        discard: Unsigned8, WriteOnly, DISCARD;
+        friction_record: Domain, ReadWrite, FRICTION_RECORD;
+        drive_record: Domain, ReadWrite, DRIVE_RECORD;
+    }
+}
+
+macro_rules! counters {
+    ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
+        /// What came in and could not be used, and what was lost.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        pub struct Counters { $($(#[$doc])* pub $name: u32),* }
+
+        /// What the frames and answers are counted as, in the order of their sub-indices.
+        pub const FRAME_COUNTERS: &[&str] = &[$(stringify!($name)),*];
+
+        impl Counters {
+            /// The counts, in the order of [`FRAME_COUNTERS`].
+            pub const fn words(&self) -> [u32; FRAME_COUNTERS.len()] {
+                [$(self.$name),*]
+            }
+        }
+    };
+}
+
+counters! {
+    /// Frames taken in.
+    received,
+    /// Frames sent.
+    sent,
+    /// Frames there was no room for.
+    not_sent,
+    /// Frames of others.
+    foreign,
+    /// Process frames that came while the node was not operational.
+    passed_over,
+    /// Frames of ours with too few or too many bytes.
+    wrong_length,
+    /// Frames of ours whose content is not legal.
+    wrong_content,
+    /// SYNCs that never came.
+    sync_lost,
+    /// SYNCs that came twice.
+    sync_duplicate,
+    /// SYNCs that came after a later one.
+    sync_late,
+    /// Commands that came twice.
+    command_duplicate,
+    /// Commands that never came.
+    command_lost,
+    /// Commands that came after a later one.
+    command_late,
+    /// Object requests refused.
+    sdo_refused,
+    /// Times the controller lost what came in.
+    receiver_overrun,
+    /// Times the controller left the bus.
+    bus_off,
+}
