@@ -7,7 +7,7 @@
 
 use crate::control::PERIOD_S;
 use crate::driver::{LoopOrders, LoopReport};
-use crate::loop_task::Parts;
+use crate::loop_parts::Parts;
 use crate::parameter_set::ParameterSet;
 use heapless::spsc::{Consumer, Producer, Queue};
 

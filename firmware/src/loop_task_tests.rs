@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::control::PERIOD_S;
+use crate::parameter_set::ParameterSet;
 
 const PERIOD: u32 = 8500;
 

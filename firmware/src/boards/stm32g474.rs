@@ -63,7 +63,8 @@ mod app {
     use firmware::background::{Background, Board, BoardState, Next};
     use firmware::driver::{Boot, Driver, Identity};
     use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-    use firmware::loop_task::{LoopTask, Parts};
+    use firmware::loop_parts::Parts;
+    use firmware::loop_task::LoopTask;
     use firmware::node_settings::NodeSettings;
     use firmware::{panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};

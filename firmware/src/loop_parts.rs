@@ -1,0 +1,100 @@
+//! What a current loop is made of: built in the background, handed to the interrupt whole.
+//!
+//! Building divides, validates and takes milliseconds, so it is done outside the interrupt; the interrupt
+//! swaps motor and friction model between two periods ([`crate::loop_task::LoopTask::swap`]).
+
+use crate::control::{Compensate, JointCompensator, Motor, PERIOD_S};
+use crate::log::log;
+use crate::parameter_set::ParameterSet;
+use compensator_core::{Flags, Inputs, Output, ParameterError};
+use core::cell::Cell;
+
+/// The friction compensator, held to the share of the current that temperature leaves.
+#[derive(Clone, Debug)]
+pub struct Model {
+    inner: JointCompensator<f32>,
+    /// Largest current of joint and motor, A.
+    most_a: f32,
+    /// What temperature leaves of it, A. A cell, because it changes with every order, and the current loop
+    /// that owns this model gives out shared references only.
+    limit_a: Cell<f32>,
+}
+
+impl Model {
+    pub(crate) fn set_share(&self, share: f32) {
+        // NaN leaves nothing.
+        let share = if share >= 0.0 { share.min(1.0) } else { 0.0 };
+        self.limit_a.set(self.most_a * share);
+    }
+}
+
+impl Compensate for Model {
+    fn set_enabled(&mut self, enabled: bool) {
+        self.inner.set_enabled(enabled);
+    }
+
+    fn is_enabled(&self) -> bool {
+        self.inner.is_enabled()
+    }
+
+    #[inline]
+    fn step(&mut self, inputs: &Inputs<f32>) -> Output<f32> {
+        self.inner.step(inputs)
+    }
+
+    #[inline]
+    fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags) {
+        let (sum, flags) = self.inner.sum(command_a, output);
+        let limit = self.limit_a.get();
+        if sum.abs() <= limit {
+            return (sum, flags);
+        }
+        (sum.max(-limit).min(limit), flags | Flags::CURRENT_LIMITED)
+    }
+
+    fn torque_constant_nm_per_a(&self) -> f32 {
+        self.inner.torque_constant_nm_per_a()
+    }
+}
+
+/// What a current loop is made of: built outside the interrupt, handed over whole.
+#[derive(Clone, Debug)]
+pub struct Parts {
+    pub(crate) motor: Motor,
+    pub(crate) model: Model,
+    pub(crate) may_drive: bool,
+}
+
+impl Parts {
+    /// Builds the parts for a period in s.
+    ///
+    /// # Errors
+    /// What of motor or friction model stands against it.
+    pub fn build(set: &ParameterSet, period_s: f32) -> Result<Self, ParameterError> {
+        let motor = set.motor.build(period_s)?;
+        let inner = JointCompensator::build(&set.friction, period_s)?;
+        let most_a = set.motor.current_limit_a.min(set.friction.compensator.current_limit_a);
+        let model = Model { inner, most_a, limit_a: Cell::new(most_a) };
+        Ok(Self { motor, model, may_drive: true })
+    }
+
+    /// What a loop starts with: parts of the stored set, or else something to measure with and never drive.
+    ///
+    /// # Panics
+    /// Where not even the default set can be built, which the tests rule out.
+    pub fn first(set: &ParameterSet) -> Self {
+        Self::build(set, PERIOD_S).unwrap_or_else(|_refused| {
+            log!(error, "stored parameters cannot be built: {=str}", _refused.field);
+            match Self::build(&ParameterSet::default(), PERIOD_S) {
+                Ok(parts) => parts.measuring_only(),
+                Err(refused) => panic!("default parameters: {refused}"),
+            }
+        })
+    }
+
+    /// The same parts, to measure with and never to drive: for a joint whose own cannot be built.
+    #[must_use]
+    pub fn measuring_only(self) -> Self {
+        Self { may_drive: false, ..self }
+    }
+}
