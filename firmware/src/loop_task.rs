@@ -5,9 +5,9 @@
 //! below it:  LoopLink <- reports;  Driver -> orders, parts -> LoopLink
 //! ```
 //! The interrupt owns a [`LoopTask`] and everything in it. What goes in and out are whole values through
-//! queues ([`crate::loop_link`]): [`LoopOrders`] and, after a commit, [`Parts`] built below; [`LoopReport`]s out. Between two orders the
-//! ages of what came over the bus grow here, so a background that has died is a set-point gone stale, and no
-//! current.
+//! queues ([`crate::loop_link`]): [`LoopOrders`] and, after a commit, [`Parts`] built below; [`LoopReport`]s
+//! out. Between two orders the ages of what came over the bus grow here, so a background that has died is a
+//! set-point gone stale, and no current.
 //!
 //! A fault seen while driving *trips*: the bridge opens in that period and stays open until the orders say
 //! off. So the interrupt never closes it again before the supervisor has seen why. Until then every report
