@@ -27,14 +27,17 @@ pub mod compensator;
 pub mod curve;
 pub mod effect;
 mod envelope;
+mod fits;
 mod flags;
 mod joint_kind;
 pub mod law;
 pub mod model;
 pub mod number;
+pub mod parameter;
 pub mod parameters;
 pub mod quantity;
 pub mod record;
+mod refusal;
 pub mod seal;
 pub mod term;
 

@@ -6,38 +6,26 @@
 //! Units inside are chosen so that fixed point can hold them: pressure in MPa, campaign time in
 //! hours. For a prismatic joint read m for rad and N for Nm throughout.
 
-#[cfg(feature = "terms")]
-use crate::effect::Effects;
 pub use crate::quantity::Sample;
 
-use crate::effect::{Effect, NoEffect, SealEffect};
+use crate::effect::{Effect, Effects, NoEffect, SealEffect};
 use crate::law::bristle::{AsymmetricLugre, Lugre};
 use crate::law::steady::Steady;
 use crate::number::Real;
-#[cfg(feature = "terms")]
-use crate::quantity::Quantity;
-#[cfg(feature = "terms")]
-use crate::term::{MAX_TERMS, Memory, Spline, Term};
-#[cfg(feature = "terms")]
-use heapless::Vec;
+use crate::term::{Memory, Terms};
 
 /// What a model remembers between samples.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct State<T: Real> {
     /// Torque held by the bent bristles, `y = sigma0 z`, Nm.
     pub bristle_torque_nm: T,
-    #[cfg(feature = "terms")]
     pub(crate) memory: Memory<T>,
 }
 
 impl<T: Real> State<T> {
     /// A model that holds this bristle torque, Nm.
     pub fn holding(bristle_torque_nm: T) -> Self {
-        Self {
-            bristle_torque_nm,
-            #[cfg(feature = "terms")]
-            memory: Memory::default(),
-        }
+        Self { bristle_torque_nm, memory: Memory::default() }
     }
 }
 
@@ -126,11 +114,7 @@ impl<T: Real> Law<T> {
 #[derive(Clone, Debug)]
 pub struct Model<T: Real> {
     pub(crate) law: Law<T>,
-    #[cfg(feature = "terms")]
-    pub(crate) terms: Vec<Term<T>, MAX_TERMS>,
-    /// The knots of [`Term::Unknown`], where it is in the list.
-    #[cfg(feature = "terms")]
-    pub(crate) spline: Spline<T>,
+    pub(crate) terms: Terms<T>,
 }
 
 impl<T: Real> Model<T> {
@@ -139,17 +123,17 @@ impl<T: Real> Model<T> {
         &self.law
     }
 
-    /// A copy for a sample period `ratio` times as long; see [`Model::stretch`].
-    pub fn stretched(&self, ratio: T) -> Self {
-        let mut stretched = self.clone();
-        stretched.stretch(self, ratio);
-        stretched
+    /// A copy for a sample period `ratio` times as long; see [`Model::rescale_period`].
+    pub fn rescaled(&self, ratio: T) -> Self {
+        let mut rescaled = self.clone();
+        rescaled.rescale_period(self, ratio);
+        rescaled
     }
 
     /// Becomes `of` for a sample period `ratio` times as long: for logs whose samples are unevenly
     /// spaced. `self` is to be a copy of `of`, or what an earlier call made of one; only what the period
     /// enters is written. `ratio` is positive.
-    pub fn stretch(&mut self, of: &Self, ratio: T) {
+    pub fn rescale_period(&mut self, of: &Self, ratio: T) {
         match (&mut self.law, &of.law) {
             (Law::Lugre(law), Law::Lugre(from)) => law.stiffness_step = from.stiffness_step * ratio,
             (Law::Asymmetric(law), Law::Asymmetric(from)) => {
@@ -161,24 +145,12 @@ impl<T: Real> Model<T> {
             }
             _ => {}
         }
-        #[cfg(feature = "terms")]
-        for (term, from) in self.terms.iter_mut().zip(&of.terms) {
-            term.stretch(from, ratio);
-        }
+        self.terms.rescale_period(&of.terms, ratio);
     }
 
     /// Whether the model is its law alone.
     pub fn is_plain(&self) -> bool {
-        #[cfg(feature = "terms")]
-        return self.terms.is_empty();
-        #[cfg(not(feature = "terms"))]
-        true
-    }
-
-    /// The quantity that the lookup-table term follows.
-    #[cfg(feature = "terms")]
-    pub(crate) fn lookup_column(&self) -> Quantity {
-        self.spline.column
+        self.terms.is_empty()
     }
 
     /// Friction torque in this sample, Nm, positive where it has to be driven towards positive
@@ -188,7 +160,6 @@ impl<T: Real> Model<T> {
     /// [`crate::compensator::Compensator`] sees to that.
     #[inline]
     pub fn step(&self, state: &mut State<T>, sample: &Sample<T>) -> T {
-        #[cfg(feature = "terms")]
         if !self.terms.is_empty() {
             return self.step_with_terms(state, sample);
         }
@@ -215,7 +186,6 @@ impl<T: Real> Model<T> {
         }
     }
 
-    #[cfg(feature = "terms")]
     #[inline(never)]
     fn step_with_terms(&self, state: &mut State<T>, sample: &Sample<T>) -> T {
         // Guarded before the terms see it: what is not a number must not enter their memory.
@@ -224,9 +194,7 @@ impl<T: Real> Model<T> {
         if let Law::Improved(_, seal) = &self.law {
             effects.seal = seal.effect(sample);
         }
-        for term in &self.terms {
-            term.act(sample, &self.spline, &mut state.memory, &mut effects);
-        }
+        self.terms.act(sample, &mut state.memory, &mut effects);
         let (bristle, velocity) = (&mut state.bristle_torque_nm, effects.velocity);
         let friction = match &self.law {
             Law::Lugre(law) | Law::Improved(law, _) => law.step(bristle, velocity, &effects),

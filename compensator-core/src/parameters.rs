@@ -5,20 +5,21 @@
 //! [`Parameters`] for which [`Parameters::validate`] returned `Ok`. *Built* for a sample period:
 //! [`crate::model::Model`], immutable, swapped whole. And the *state*, which belongs to none of them.
 //!
-//! [`table`] is the one list of all parameters, with unit, range and default; files, CAN objects,
+//! [`crate::parameter`] is the one list of all parameters, with unit, range and default; files, CAN objects,
 //! fits and documentation are driven by it. [`LawKind`] and [`TermKind`] say which of them count.
 
 mod build;
 mod extremes;
-pub mod table;
 mod validate;
 
 pub use crate::envelope::Envelope;
+pub use crate::parameter as table;
+pub use crate::parameter::{Info, ParameterId};
+pub use crate::refusal::{Bound, ParameterError, check_ranges};
 pub use build::WrongPeriod;
-pub use table::{Info, ParameterId};
-pub use validate::{Bound, ParameterError, check_ranges};
 
 use crate::number::Real;
+use crate::parameter::Values;
 use crate::term::{MAX_TERMS, TermKind};
 use ParameterId as Id;
 use heapless::Vec;
@@ -40,6 +41,7 @@ macro_rules! laws {
             }
 
             /// The parameters that belong to this law.
+            #[inline(never)]
             pub const fn parameters(self) -> &'static [ParameterId] {
                 match self { $(LawKind::$kind => &[$(Id::$parameter),*]),* }
             }
@@ -135,34 +137,30 @@ pub struct Parameters<S> {
     pub envelope: Envelope,
     /// Choices about the law.
     pub choices: Choices,
-    values: [S; table::COUNT],
+    values: Values<S>,
 }
 
 impl<S: Real> Parameters<S> {
     /// A law with every parameter at its default.
     pub fn new(law: LawKind) -> Self {
-        let mut values = [S::zero(); table::COUNT];
-        for (value, info) in values.iter_mut().zip(table::TABLE) {
-            *value = S::from_f64(info.default);
-        }
         Self {
             law,
             terms: TermList::new(),
             envelope: Envelope::default(),
             choices: Choices::default(),
-            values,
+            values: Values::new(),
         }
     }
 
     /// Switches a term on. `false` if the list is full; a term that is there already stays once.
     /// A term the law has in it already (side load in the improved law, the offset in the atan law) is
-    /// not added to it once more. A delay goes first: the other terms are to see the delayed velocity.
+    /// not added to it once more. Terms act in the order of the list; one that the others are to see acts first.
     pub fn add_term(&mut self, kind: TermKind) -> bool {
         if self.terms.contains(&kind) || self.law.includes(kind) {
             return true;
         }
         let added = self.terms.push(kind).is_ok();
-        if added && kind == TermKind::ChannelDelay {
+        if added && kind.acts_first() {
             self.terms.rotate_right(1);
         }
         added
@@ -171,14 +169,12 @@ impl<S: Real> Parameters<S> {
     /// The value of a parameter, in its unit.
     #[inline]
     pub fn get(&self, id: ParameterId) -> S {
-        self.values.get(id as usize).copied().unwrap_or_default()
+        self.values.get(id)
     }
 
     /// Sets a parameter, in its unit. Nothing is checked until [`Parameters::validate`].
     pub fn set(&mut self, id: ParameterId, value: S) {
-        if let Some(slot) = self.values.get_mut(id as usize) {
-            *slot = value;
-        }
+        self.values.set(id, value);
     }
 
     /// As [`Parameters::set`], for building in one expression.
@@ -203,7 +199,7 @@ impl<S: Real> Parameters<S> {
             terms: self.terms.clone(),
             envelope: self.envelope,
             choices: self.choices,
-            values: self.values.map(|value| R::from_f64(value.value())),
+            values: self.values.convert(),
         }
     }
 }

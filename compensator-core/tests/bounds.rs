@@ -10,7 +10,7 @@
 mod support;
 
 use compensator_core::model::{Sample, State};
-use compensator_core::term::UNKNOWN_LEVELS;
+use compensator_core::term::LOOKUP_LEVELS;
 use compensator_core::{Fixed, LawKind, Model, ParameterId as Id, Parameters, Real, TermKind};
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
@@ -50,9 +50,9 @@ fn largest_level(case: &Case, covariates: &[f64; 8]) -> f64 {
             + value(Id::DriftAmplitude) * (-seconds / value(Id::DriftTime)).exp()
             + value(Id::DriftRate) * seconds;
     }
-    if on(TermKind::Unknown) {
+    if on(TermKind::LookupTable) {
         // Wherever its column stands, between two knots.
-        level *= 1.0 + UNKNOWN_LEVELS.map(value).into_iter().fold(-1.0, f64::max);
+        level *= 1.0 + LOOKUP_LEVELS.map(value).into_iter().fold(-1.0, f64::max);
     }
     if on(TermKind::DirectionAsymmetry) {
         level *= 1.0 + value(Id::CoulombAsymmetry).abs();

@@ -103,15 +103,21 @@ fn refusals_name_field_value_bound_and_reason() {
             AtLeast(-0.999 / (2000.0 * 3600.0)),
             "end of the campaign",
         ),
-        row(with_term(TermKind::Unknown), Id::UnknownColumn, 2.5, Whole, "a column has a number"),
         row(
-            with_term(TermKind::Unknown).with(Id::UnknownLower, 0.5),
-            Id::UnknownUpper,
+            with_term(TermKind::LookupTable),
+            Id::LookupColumn,
+            2.5,
+            Whole,
+            "a column has a number",
+        ),
+        row(
+            with_term(TermKind::LookupTable).with(Id::LookupLower, 0.5),
+            Id::LookupUpper,
             0.5,
             MoreThan(0.5),
             "over a range",
         ),
-        row(with_term(TermKind::Unknown), Id::UnknownLevel3, -0.95, AtLeast(-0.9), "range"),
+        row(with_term(TermKind::LookupTable), Id::LookupLevel3, -0.95, AtLeast(-0.9), "range"),
         // Passivity, constant sigma1: 4 F_C / v_max = 0.75 or sigma2 F_C / (F_S - F_C), the larger.
         row(
             lugre().with(Id::ViscousFriction, 0.1),

@@ -8,7 +8,7 @@
 #![cfg(feature = "terms")]
 
 use compensator_core::model::{Sample, State};
-use compensator_core::term::{KNOTS, MAX_TERMS, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use compensator_core::term::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, MAX_TERMS};
 use compensator_core::{
     Fixed, LawKind, Model, ParameterId as Id, Parameters, Quantity, Real, TermKind,
 };
@@ -196,7 +196,7 @@ fn sliding() -> Vec<Sliding> {
             let age = 0.01 / v.abs();
             rubs(COULOMB, STATIC + 0.5 * (1.0 + age).ln(), v)
         }),
-        (TermKind::Unknown, drawn_over(Quantity::Temperature, -25.0, 75.0), |v, s| {
+        (TermKind::LookupTable, drawn_over(Quantity::Temperature, -25.0, 75.0), |v, s| {
             let (torque, change) = drawn_at((s.temperature_c + 25.0) / 100.0);
             level(COULOMB, STATIC, v.abs()) * (1.0 + change) * v.signum() + VISCOUS * v + torque
         }),
@@ -243,12 +243,12 @@ const LEVELS: [f64; KNOTS] = [-0.25, 0.125, 0.5, 0.25, -0.5, 0.0625];
 /// The parameters of the knots above over a range of a column.
 fn drawn_over(column: Quantity, lower: f64, upper: f64) -> Vec<(Id, f64)> {
     let mut values = vec![
-        (Id::UnknownColumn, f64::from(column.info().column.unwrap())),
-        (Id::UnknownLower, lower),
-        (Id::UnknownUpper, upper),
+        (Id::LookupColumn, f64::from(column.info().column.unwrap())),
+        (Id::LookupLower, lower),
+        (Id::LookupUpper, upper),
     ];
-    values.extend(UNKNOWN_TORQUES.into_iter().zip(TORQUES));
-    values.extend(UNKNOWN_LEVELS.into_iter().zip(LEVELS));
+    values.extend(LOOKUP_TORQUES.into_iter().zip(TORQUES));
+    values.extend(LOOKUP_LEVELS.into_iter().zip(LEVELS));
     values
 }
 
@@ -292,8 +292,10 @@ fn unknown_cause_follows_every_column_within_and_beyond_its_range() {
                 let scaled = 1.0 + change * trust;
                 let rubs = level(COULOMB, STATIC, v.abs()) * scaled * v.signum() + VISCOUS * v;
                 let expected = rubs + torque * trust;
-                let built =
-                    (with_term(TermKind::Unknown, &values), with_term(TermKind::Unknown, &values));
+                let built = (
+                    with_term(TermKind::LookupTable, &values),
+                    with_term(TermKind::LookupTable, &values),
+                );
                 for (found, tolerance) in [
                     (settled::<f64>(&built.0, &sample), 5e-5),
                     (settled::<f32>(&built.1, &sample), 1e-4),

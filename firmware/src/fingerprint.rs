@@ -29,7 +29,7 @@ const TERMS: &[TermKind] = &[
 ];
 
 #[cfg(feature = "terms")]
-const UNKNOWN: &[TermKind] = &[TermKind::Unknown];
+const UNKNOWN: &[TermKind] = &[TermKind::LookupTable];
 
 /// The runs: name and fingerprint, in the order they are printed.
 pub fn all() -> impl Iterator<Item = (&'static str, u32)> {

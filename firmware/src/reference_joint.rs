@@ -5,7 +5,7 @@
 
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::record::Configuration;
-use compensator_core::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 
 /// A configuration with this law and these terms.
@@ -27,10 +27,10 @@ pub fn configuration(law: LawKind, terms: &[TermKind]) -> Configuration {
         .with(ParameterId::RippleSine, 0.05)
         .with(ParameterId::RippleCosine, 0.03)
         .with(ParameterId::RippleOrder, 3.0)
-        .with(ParameterId::UnknownColumn, 7.0)
-        .with(ParameterId::UnknownLower, 0.1)
-        .with(ParameterId::UnknownUpper, 0.8);
-    for (index, (torque, level)) in UNKNOWN_TORQUES.into_iter().zip(UNKNOWN_LEVELS).enumerate() {
+        .with(ParameterId::LookupColumn, 7.0)
+        .with(ParameterId::LookupLower, 0.1)
+        .with(ParameterId::LookupUpper, 0.8);
+    for (index, (torque, level)) in LOOKUP_TORQUES.into_iter().zip(LOOKUP_LEVELS).enumerate() {
         let height = index as f32;
         model.set(torque, 0.25 - 0.07 * height);
         model.set(level, 0.03 * height * (5.0 - height) - 0.1);

@@ -106,7 +106,7 @@ macro_rules! define_covariates {
                 )?)*
                 self.take_campaign_time(inputs, sample, flags);
                 // A column at its neutral value says nothing to the lookup table: that fades whole.
-                sample.lookup_trust = match model.lookup_column() {
+                sample.lookup_trust = match model.terms.lookup_column() {
                     Quantity::RadialForce => seal.force,
                     Quantity::Pressure => seal.pressure,
                     $($(Quantity::$quantity => $held,)?)*

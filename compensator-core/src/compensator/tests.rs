@@ -4,7 +4,7 @@ use crate::parameters::{LawKind, ParameterId, Parameters};
 use crate::quantity::Quantity;
 use crate::term::TermKind;
 #[cfg(feature = "terms")]
-use crate::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use crate::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
 use proptest::prelude::*;
 
 const PERIOD_S: f32 = 50e-6;
@@ -95,12 +95,12 @@ fn stale_load_and_pressure_fade_to_the_plain_law_without_a_jump() {
 #[cfg(feature = "terms")]
 fn with_unknown(column: Quantity) -> Configuration {
     let mut configuration = configuration();
-    assert!(configuration.model.add_term(TermKind::Unknown));
-    configuration.model.set(ParameterId::UnknownColumn, f32::from(column.info().column.unwrap()));
-    for id in UNKNOWN_TORQUES {
+    assert!(configuration.model.add_term(TermKind::LookupTable));
+    configuration.model.set(ParameterId::LookupColumn, f32::from(column.info().column.unwrap()));
+    for id in LOOKUP_TORQUES {
         configuration.model.set(id, 0.5);
     }
-    for id in UNKNOWN_LEVELS {
+    for id in LOOKUP_LEVELS {
         configuration.model.set(id, 0.5);
     }
     configuration
@@ -332,14 +332,14 @@ proptest! {
         let mut configuration = configuration();
         if with_terms && cfg!(feature = "terms") {
             for kind in [TermKind::TemperatureViscous, TermKind::PositionRipple,
-                TermKind::Unknown, TermKind::DwellTimeStatic, TermKind::Backlash,
+                TermKind::LookupTable, TermKind::DwellTimeStatic, TermKind::Backlash,
                 TermKind::UnmodelledInertia, TermKind::ChannelDelay, TermKind::TimeDrift] {
                 prop_assert!(configuration.model.add_term(kind));
             }
             configuration.model.set(ParameterId::RippleSine, 0.2);
-            configuration.model.set(ParameterId::UnknownColumn, 7.0);
-            configuration.model.set(ParameterId::UnknownTorque3, 1.0);
-            configuration.model.set(ParameterId::UnknownLevel5, 0.5);
+            configuration.model.set(ParameterId::LookupColumn, 7.0);
+            configuration.model.set(ParameterId::LookupTorque3, 1.0);
+            configuration.model.set(ParameterId::LookupLevel5, 0.5);
             configuration.model.set(ParameterId::DwellGain, 0.1);
             configuration.model.set(ParameterId::BacklashTravel, 1e-3);
             configuration.model.set(ParameterId::Inertia, 0.01);

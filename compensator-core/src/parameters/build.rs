@@ -5,40 +5,21 @@
 //! of the step can leave the number's range within the envelope, which is why the step itself need
 //! not check.
 
-use super::validate::refuse;
 use super::{Bound, LawKind, ParameterError, ParameterId, Parameters};
 use crate::curve;
+use crate::fits::{coefficient, product};
 use crate::law::bristle::{AsymmetricLugre, Lugre, STRIBECK_END};
 use crate::law::steady::{Shape, Steady};
 use crate::model::{Law, Model, SealLoad};
 use crate::number::Real;
-use crate::term::TermKind;
-#[cfg(feature = "terms")]
-use crate::term::{DELAY_LINE, MAX_TERMS, Spline, Term};
+use crate::refusal::refuse;
+use crate::term::bounds::Bounds;
+use crate::term::{Terms, check};
 use ParameterId as Id;
 use core::f64::consts::FRAC_PI_2;
 
 /// Largest `sigma0 dt`; the step is stable for any, but beyond this a float's square overflows.
 const STIFFNESS_STEP_MAX: f64 = 1e15;
-
-/// Refuses a coefficient the number type would round too coarsely, or has no room for.
-fn coefficient<T: Real>(field: &'static str, value: f64) -> Result<(), ParameterError> {
-    if T::represents(value) {
-        return Ok(());
-    }
-    let why = "the number type cannot hold this coefficient to 1e-3 of its value";
-    refuse(field, value, Bound::Finite, why)
-}
-
-/// Refuses a product the number type has no room for, with two percent to spare for the rounding of
-/// its factors. A small product may round to nothing.
-fn product<T: Real>(field: &'static str, value: f64) -> Result<(), ParameterError> {
-    if T::represents((1.02 * value.abs()).max(1.0)) {
-        return Ok(());
-    }
-    let why = "the number type cannot hold this product of the step within the envelope";
-    refuse(field, value, Bound::Finite, why)
-}
 
 /// Why a sample period was refused.
 pub type WrongPeriod = ParameterError;
@@ -55,17 +36,7 @@ impl<S: Real<Setting = S>> Parameters<S> {
         if !(period.is_finite() && period > 0.0) {
             refuse("sample_period_s", period, Bound::MoreThan(0.0), "time moves on")?;
         }
-        #[cfg(not(feature = "terms"))]
-        if let Some(term) = self.terms.first() {
-            refuse(term.name(), 1.0, Bound::AtMost(0.0), "built without the feature `terms`")?;
-        }
-        let model = Model {
-            law: self.build_law(period_s),
-            #[cfg(feature = "terms")]
-            terms: self.build_terms(period_s),
-            #[cfg(feature = "terms")]
-            spline: Spline::build(self),
-        };
+        let model = self.build_unchecked(period_s);
         self.check_range(&model, period)?;
         Ok(model)
     }
@@ -75,21 +46,8 @@ impl<S: Real<Setting = S>> Parameters<S> {
     pub fn build_unchecked<T: Real<Setting = S>>(&self, period_s: S) -> Model<T> {
         Model {
             law: self.build_law(period_s),
-            #[cfg(feature = "terms")]
-            terms: self.build_terms(period_s),
-            #[cfg(feature = "terms")]
-            spline: Spline::build(self),
+            terms: Terms::build(&self.terms, &self.values, period_s),
         }
-    }
-
-    #[cfg(feature = "terms")]
-    fn build_terms<T: Real<Setting = S>>(&self, period_s: S) -> heapless::Vec<Term<T>, MAX_TERMS> {
-        let mut built = heapless::Vec::new();
-        for kind in &self.terms {
-            // The list it comes from is as long as the one it goes to; `collect` would bring a panic.
-            let _ = built.push(Term::build(*kind, self, period_s));
-        }
-        built
     }
 
     fn build_law<T: Real<Setting = S>>(&self, period_s: S) -> Law<T> {
@@ -202,7 +160,8 @@ impl<S: Real<Setting = S>> Parameters<S> {
                 coefficient::<T>(id.name(), value(*id))?;
             }
         }
-        let viscous = self.largest_viscous() * speed;
+        let bounds = self.bounds();
+        let viscous = self.largest_viscous(&bounds) * speed;
         product::<T>("viscous_friction * velocity_max", viscous)?;
         match &model.law {
             Law::Steady(Steady { shape: Shape::Extended { .. }, .. }) => {
@@ -216,23 +175,21 @@ impl<S: Real<Setting = S>> Parameters<S> {
             }
             _ => {}
         }
-        let level = self.largest_level();
+        let level = self.largest_level(&bounds);
         product::<T>("the largest level", level)?;
         if self.law.has_stribeck_curve() {
             let cells = curve::CELLS_PER_STRIBECK_VELOCITY / value(Id::StribeckVelocity);
             coefficient::<T>("16 / stribeck_velocity", cells)?;
-            if self.terms.contains(&TermKind::StribeckShape) {
+            if bounds.bends_stribeck_curve {
                 product::<T>("16 / stribeck_velocity * velocity_max", cells * speed)?;
             }
         }
-        let mut torque = level + viscous + self.largest_added_torque();
+        let mut torque = level + viscous + bounds.torque;
         if self.law.has_bristles() {
-            torque += self.check_bristles::<T>(period, speed, level)?;
+            torque += self.check_bristles::<T>(&bounds, period, speed, level)?;
         }
         product::<T>("the sum of all torques", torque)?;
-        #[cfg(feature = "terms")]
-        self.check_terms::<T>(period)?;
-        Ok(())
+        check::<T, S>(&self.terms, &self.values, &self.envelope, S::from_f64(period))
     }
 
     /// The products of a bristle step. The held torque is at most the largest level and what a
@@ -241,6 +198,7 @@ impl<S: Real<Setting = S>> Parameters<S> {
     /// largest torque of the damping, Nm.
     fn check_bristles<T: Real>(
         &self,
+        bounds: &Bounds,
         period: f64,
         speed: f64,
         level: f64,
@@ -248,20 +206,15 @@ impl<S: Real<Setting = S>> Parameters<S> {
         let value = |id: Id| self.get(id).value();
         let step = value(Id::BristleStiffness) * period;
         coefficient::<T>("bristle_stiffness * sample_period", step)?;
-        let kind = TermKind::RadialForceRate;
-        let bent = if self.law.includes(kind) || self.terms.contains(&kind) {
-            let per_newton = value(Id::RadialForceRate) / period;
-            coefficient::<T>("radial_force_rate / sample_period", per_newton)?;
-            per_newton.abs() * f64::from(self.envelope.radial_force_max_n)
-        } else {
-            0.0
-        };
+        let per_newton = bounds.travel_per_newton / period;
+        coefficient::<T>("radial_force_rate / sample_period", per_newton)?;
+        let bent = per_newton.abs() * f64::from(self.envelope.radial_force_max_n);
         product::<T>("radial_force_rate * radial_force_max / sample_period", bent)?;
         product::<T>("bristle_stiffness * radial_force_rate * radial_force_max", step * bent)?;
         let both = 2.0 * level + step * bent;
         product::<T>("level * velocity_max", both * speed)?;
         product::<T>("bristle_stiffness * sample_period * velocity_max", step * speed + level)?;
-        let rate = (both * speed / self.smallest_level()).min(both / step);
+        let rate = (both * speed / self.smallest_level(bounds)).min(both / step);
         product::<T>("bristle rate", rate)?;
         let damping = if self.law.parameters().contains(&Id::BristleDamping) {
             value(Id::BristleDamping)
@@ -271,35 +224,5 @@ impl<S: Real<Setting = S>> Parameters<S> {
         let damped = damping * (rate + bent);
         product::<T>("bristle_damping * bristle rate", damped)?;
         Ok(damped)
-    }
-
-    #[cfg(feature = "terms")]
-    fn check_terms<T: Real>(&self, period: f64) -> Result<(), ParameterError> {
-        if self.terms.contains(&TermKind::ChannelDelay) {
-            let longest = (DELAY_LINE - 1) as f64 * period;
-            let delay = self.get(Id::ChannelDelay).value();
-            if delay > longest {
-                let why = "the delay line holds 31 samples";
-                return refuse(Id::ChannelDelay.name(), delay, Bound::AtMost(longest), why);
-            }
-        }
-        let why = "the number type cannot hold what this term computes within the envelope";
-        if self.terms.contains(&TermKind::Unknown) {
-            let spline = Spline::<S>::build(self);
-            coefficient::<T>("5 / (unknown_upper - unknown_lower)", spline.coefficient().value())?;
-            product::<T>(TermKind::Unknown.name(), spline.largest_product())?;
-        }
-        for kind in &self.terms {
-            // Built in the number of the settings, which has the range, and held against T's.
-            let term = Term::<S>::build(*kind, self, S::from_f64(period));
-            let largest = term.largest_product(&self.envelope);
-            for value in term.coefficients().map(Real::value) {
-                if !T::represents(value) {
-                    return refuse(kind.name(), value, Bound::Finite, why);
-                }
-            }
-            product::<T>(kind.name(), largest)?;
-        }
-        Ok(())
     }
 }

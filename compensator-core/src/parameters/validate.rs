@@ -10,98 +10,10 @@
 
 use super::{Envelope, ParameterId, Parameters};
 use crate::number::Real;
+use crate::refusal::{Bound, ParameterError, refuse};
 use crate::term::TermKind;
+use crate::term::bounds::{Added, LEAST_SHARE};
 use ParameterId as Id;
-use core::fmt;
-
-/// The bound a refused value broke.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Bound {
-    /// It must be at least this.
-    AtLeast(f64),
-    /// It must be at most this.
-    AtMost(f64),
-    /// It must be more than this.
-    MoreThan(f64),
-    /// It must be a finite number.
-    Finite,
-    /// It must be a whole number.
-    Whole,
-}
-
-impl fmt::Display for Bound {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Bound::AtLeast(bound) => write!(f, "at least {bound}"),
-            Bound::AtMost(bound) => write!(f, "at most {bound}"),
-            Bound::MoreThan(bound) => write!(f, "more than {bound}"),
-            Bound::Finite => f.write_str("a finite number"),
-            Bound::Whole => f.write_str("a whole number"),
-        }
-    }
-}
-
-/// Why parameters were refused: which, its value, its bound and the reason.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ParameterError {
-    /// Name of the parameter or envelope field.
-    pub field: &'static str,
-    /// Its value, in its own unit.
-    pub value: f64,
-    /// What it should have been.
-    pub bound: Bound,
-    /// Why.
-    pub why: &'static str,
-}
-
-impl fmt::Display for ParameterError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Seven digits: records hold f32, and 1.8 should not read 1.7999999523162842.
-        write!(f, "{} = {}: must be {}: {}", self.field, self.value as f32, self.bound, self.why)
-    }
-}
-
-impl core::error::Error for ParameterError {}
-
-/// Checks numbers against ranges: smallest and largest legal value, and why, each in the order of the names.
-///
-/// # Errors
-/// Names the first that is not a number or out of its range.
-pub fn check_ranges(
-    names: &[&'static str],
-    values: &[f32],
-    ranges: &[(f32, f32, &'static str)],
-) -> Result<(), ParameterError> {
-    for ((field, value), (least, most, why)) in names.iter().zip(values).zip(ranges) {
-        let bound = if !value.is_finite() {
-            Bound::Finite
-        } else if value < least {
-            Bound::AtLeast((*least).into())
-        } else if value > most {
-            Bound::AtMost((*most).into())
-        } else {
-            continue;
-        };
-        return refuse(field, (*value).into(), bound, why);
-    }
-    Ok(())
-}
-
-pub(super) fn refuse(
-    field: &'static str,
-    value: f64,
-    bound: Bound,
-    why: &'static str,
-) -> Result<(), ParameterError> {
-    Err(ParameterError { field, value, bound, why })
-}
-
-/// Least share of a level that load, pressure or wear may leave: a positive rest that the rounding of
-/// the step's number cannot make 0.
-const LEAST_SHARE: f64 = 1e-3;
-
-/// Largest amplitude of the ripple over the angle, as the range of each of its two parts.
-const RIPPLE_MAX: f64 = 0.99;
 
 /// Largest field of an envelope: beyond it `f32` products of the step could leave their range.
 const ENVELOPE_MAX: f32 = 1e9;
@@ -153,11 +65,9 @@ impl<S: Real> Parameters<S> {
 
     fn validate_levels(&self) -> Result<(), ParameterError> {
         let value = |id: Id| self.get(id).value();
-        let corners = self.seal_corners();
-        let least_of =
-            |added: fn((f64, f64)) -> f64| corners.map(added).into_iter().fold(0.0, f64::min);
-        let taken = -least_of(|corner| corner.0) - self.load_torque_added().0;
-        let drop = -least_of(|corner| corner.1);
+        let levels = self.bounds().corners(&self.envelope);
+        let taken = -levels.iter().map(|added| added.coulomb).fold(0.0, f64::min);
+        let drop = -levels.iter().map(|added| added.excess).fold(0.0, f64::min);
         let negative = self.law.parameters().contains(&Id::CoulombTorqueNegative);
         for (coulomb, static_level) in [
             (Id::CoulombTorque, Id::StaticTorque),
@@ -186,7 +96,6 @@ impl<S: Real> Parameters<S> {
     }
 
     fn validate_terms(&self) -> Result<(), ParameterError> {
-        let value = |id: Id| self.get(id).value();
         for (index, kind) in self.terms.iter().enumerate() {
             if self.terms.iter().take(index).any(|earlier| earlier == kind) {
                 let why = "a term may be listed once";
@@ -201,33 +110,9 @@ impl<S: Real> Parameters<S> {
                 "this law has the term in it already",
             );
         }
-        let amplitude = self.ripple_amplitude();
-        if amplitude > RIPPLE_MAX {
-            let why = "a ripple of 1 or more turns friction round";
-            let field = "hypot(ripple_sine, ripple_cosine)";
-            return refuse(field, amplitude, Bound::AtMost(RIPPLE_MAX), why);
-        }
-        let (least, _) = self.drift_range();
-        if least < LEAST_SHARE {
-            // The run-in alone leaves at least 1 %: it is the wear that takes the rest.
-            let end_s = f64::from(self.envelope.campaign_max_h) * 3600.0;
-            let why = "the level must stay positive to the end of the campaign";
-            let rate = value(Id::DriftRate);
-            let bound = Bound::AtLeast(rate + (LEAST_SHARE - least) / end_s);
-            return refuse(Id::DriftRate.name(), rate, bound, why);
-        }
-        if self.terms.contains(&TermKind::Unknown) {
-            // Its change of the level leaves at least a tenth: the range of each knot sees to that.
-            let column = value(Id::UnknownColumn);
-            if column != libm::trunc(column) {
-                let why = "a column has a number";
-                return refuse(Id::UnknownColumn.name(), column, Bound::Whole, why);
-            }
-            let (lower, upper) = (value(Id::UnknownLower), value(Id::UnknownUpper));
-            if upper <= lower {
-                let why = "the knots are spread over a range";
-                return refuse(Id::UnknownUpper.name(), upper, Bound::MoreThan(lower), why);
-            }
+        let on = TermKind::ALL.iter().filter(|kind| self.terms.contains(kind));
+        for kind in on {
+            kind.validate(&self.values, &self.envelope)?;
         }
         Ok(())
     }
@@ -264,7 +149,6 @@ impl<S: Real> Parameters<S> {
             excess = excess.max(value(Id::StaticTorqueNegative) - value(Id::CoulombTorqueNegative));
             coulomb = coulomb.min(value(Id::CoulombTorqueNegative));
         }
-        coulomb += self.load_torque_added().0;
         let fastest = if self.choices.damping_fades {
             PEAK_OF_FADING * value(Id::StribeckVelocity)
         } else {
@@ -272,9 +156,10 @@ impl<S: Real> Parameters<S> {
         };
         // Each criterion is linear in the load, so what holds at the corners holds between them;
         // but only the same criterion at all of them.
+        let levels = self.bounds().corners(&self.envelope);
         let at_corners = |largest: &dyn Fn(f64, f64) -> f64| {
-            let at = |(added, widened): (f64, f64)| largest(coulomb + added, excess + widened);
-            self.seal_corners().map(at).into_iter().fold(f64::MAX, f64::min)
+            let at = |added: &Added| largest(coulomb + added.coulomb, excess + added.excess);
+            levels.iter().map(at).fold(f64::MAX, f64::min)
         };
         let mut largest = at_corners(&|coulomb, _| 4.0 * coulomb / fastest);
         if !self.choices.damping_fades {

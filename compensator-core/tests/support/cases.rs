@@ -5,7 +5,7 @@
 //! so that every case is legal; of the cases for fixed point a part is refused, and says so.
 
 use compensator_core::model::Sample;
-use compensator_core::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
 use compensator_core::{LawKind, ParameterId as Id, Parameters, Real, TermKind};
 use proptest::prelude::*;
 
@@ -109,12 +109,12 @@ fn unknown(size: f64) -> impl Strategy<Value = Vec<(Id, f64)>> {
         let at = |share: f64| least + (most - least) * share;
         let lower = ends[0].min(ends[1]);
         let mut values = vec![
-            (Id::UnknownColumn, column as f64),
-            (Id::UnknownLower, at(lower)),
-            (Id::UnknownUpper, at(ends[0].max(ends[1]).max(lower + 0.01))),
+            (Id::LookupColumn, column as f64),
+            (Id::LookupLower, at(lower)),
+            (Id::LookupUpper, at(ends[0].max(ends[1]).max(lower + 0.01))),
         ];
-        values.extend(UNKNOWN_TORQUES.into_iter().zip(torque.map(|k| (2.0 * k - 1.0) * size)));
-        values.extend(UNKNOWN_LEVELS.into_iter().zip(level.map(|k| 3.0 * k - 0.9)));
+        values.extend(LOOKUP_TORQUES.into_iter().zip(torque.map(|k| (2.0 * k - 1.0) * size)));
+        values.extend(LOOKUP_LEVELS.into_iter().zip(level.map(|k| 3.0 * k - 0.9)));
         values
     })
 }

@@ -257,7 +257,7 @@ fn acts_on(kind: TermKind) -> Option<ParameterId> {
         | Kind::UnmodelledInertia
         | Kind::ChannelDelay
         | Kind::LoadGain
-        | Kind::Unknown => None,
+        | Kind::LookupTable => None,
     }
 }
 

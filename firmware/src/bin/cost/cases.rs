@@ -49,7 +49,7 @@ const VELOCITIES: [f32; 24] = [
 ];
 
 #[cfg(feature = "terms")]
-const UNKNOWN: &[TermKind] = &[TermKind::Unknown];
+const UNKNOWN: &[TermKind] = &[TermKind::LookupTable];
 
 #[cfg(feature = "terms")]
 const TWO_TERMS: &[TermKind] = &[TermKind::TemperatureViscous, TermKind::PositionRipple];

@@ -15,7 +15,7 @@ use super::tangent::{Exact, Tangent};
 use crate::data::Joint;
 use crate::spec::Spec;
 use ParameterId as Id;
-use compensator_core::term::{KNOTS, MAX_TERMS, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use compensator_core::term::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, MAX_TERMS};
 use compensator_core::{ParameterId, Sample, TermKind};
 
 /// Orders of a ripple that are tried.
@@ -132,7 +132,7 @@ pub fn catalogue(log: &Log, spec: &Spec, tangent: &Tangent) -> Vec<Candidate> {
     }
     position(log, tangent, &mut all);
     drift(log, &mut all);
-    if !taken(TermKind::Unknown) {
+    if !taken(TermKind::LookupTable) {
         // With an offset in the model, the spline's constant would be a second one.
         let offset = taken(TermKind::TorqueOffset);
         unknown(log, offset, &mut all);
@@ -453,13 +453,13 @@ fn spline(
     }
     let width = (most - least) / (KNOTS - 1) as f64;
     let pinned = (((median - least) / width).round() as usize).min(KNOTS - 1);
-    let knots = if level { UNKNOWN_LEVELS } else { UNKNOWN_TORQUES };
-    let others = if level { UNKNOWN_TORQUES } else { UNKNOWN_LEVELS };
+    let knots = if level { LOOKUP_LEVELS } else { LOOKUP_TORQUES };
+    let others = if level { LOOKUP_TORQUES } else { LOOKUP_LEVELS };
     let read = followed.read;
     let mut seeds = vec![
-        (Id::UnknownColumn, Seed::At(followed.number)),
-        (Id::UnknownLower, Seed::At(least * followed.factor)),
-        (Id::UnknownUpper, Seed::At(most * followed.factor)),
+        (Id::LookupColumn, Seed::At(followed.number)),
+        (Id::LookupLower, Seed::At(least * followed.factor)),
+        (Id::LookupUpper, Seed::At(most * followed.factor)),
     ];
     if pins {
         seeds.push((knots[pinned], Seed::At(0.0)));
@@ -481,11 +481,12 @@ fn spline(
     if proportional {
         regressors.push(row(read));
     }
-    let mut fixed = vec![Id::UnknownColumn, Id::UnknownLower, Id::UnknownUpper];
+    let mut fixed = vec![Id::LookupColumn, Id::LookupLower, Id::LookupUpper];
     fixed.extend(pins.then_some(knots[pinned]));
     fixed.extend(others);
     seeds.extend(others.map(|id| (id, Seed::At(0.0))));
-    let mut candidate = Candidate::new(TermKind::Unknown, &[followed.name.as_str()], regressors);
+    let mut candidate =
+        Candidate::new(TermKind::LookupTable, &[followed.name.as_str()], regressors);
     candidate.follows = Some(Follows {
         column: followed.name.clone(),
         extra: followed.extra.is_some(),

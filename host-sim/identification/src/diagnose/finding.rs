@@ -8,7 +8,7 @@ use crate::fit::{Estimate, Outcome, State};
 use crate::number::figure;
 use crate::params::unit;
 use ParameterId as Id;
-use compensator_core::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
 use compensator_core::{ParameterId, TermKind};
 
 /// Standard errors on either side that hold 95 %.
@@ -98,7 +98,7 @@ fn drift(outcome: &Outcome, log: &Log) -> Size {
 
 /// From the lowest to the highest knot.
 fn spline(outcome: &Outcome, joint: Joint, level: bool) -> Size {
-    let knots = if level { UNKNOWN_LEVELS } else { UNKNOWN_TORQUES };
+    let knots = if level { LOOKUP_LEVELS } else { LOOKUP_TORQUES };
     let value = |id: &Id| outcome.parameters.get(*id);
     let error = |id: &Id| estimate(outcome, *id).and_then(|e| e.std_error).unwrap_or(0.0);
     // A knot the log hardly visits may stand anywhere: it does not count. One that was pinned at 0 does.
@@ -145,7 +145,7 @@ pub fn size(found: &Found, outcome: &Outcome, log: &Log) -> Size {
         Kind::StribeckShape => plain(Id::StribeckExponent),
         Kind::ChannelDelay => plain(Id::ChannelDelay),
         Kind::LoadGain => plain(Id::LoadGain),
-        Kind::Unknown => {
+        Kind::LookupTable => {
             let level = found.follows.as_ref().is_some_and(|follows| follows.level);
             spline(outcome, joint, level)
         }
@@ -181,7 +181,7 @@ pub fn meaning(kind: TermKind) -> &'static str {
             "torque and velocity are logged at different times; this is the logger, not friction"
         }
         Kind::LoadGain => "the load torque enters the reading",
-        Kind::Unknown => "no named cause explains what is left",
+        Kind::LookupTable => "no named cause explains what is left",
     }
 }
 
@@ -195,13 +195,13 @@ fn in_words(
 ) -> String {
     use TermKind as Kind;
     let mut words = match (found.kind, &found.follows) {
-        (Kind::Unknown, Some(follows)) if follows.level => format!(
+        (Kind::LookupTable, Some(follows)) if follows.level => format!(
             "friction follows {}, {}, in a way no named cause describes: its level spans {}",
             follows.column,
             shape(outcome, true),
             size.in_words()
         ),
-        (Kind::Unknown, Some(follows)) => format!(
+        (Kind::LookupTable, Some(follows)) => format!(
             "a torque follows {}, {}, whichever way the joint moves: calibration or load, not friction; it spans {}",
             follows.column,
             shape(outcome, false),
@@ -235,7 +235,7 @@ fn in_words(
 
 /// The shape of a spline in words.
 fn shape(outcome: &Outcome, level: bool) -> &'static str {
-    let knots = if level { UNKNOWN_LEVELS } else { UNKNOWN_TORQUES };
+    let knots = if level { LOOKUP_LEVELS } else { LOOKUP_TORQUES };
     let values = knots.map(|id| outcome.parameters.get(id));
     let steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let span = values.iter().fold(f64::MIN, |a, b| a.max(*b))

@@ -126,6 +126,6 @@ pub fn without(log: &Log, model: &Fitted, kind: TermKind) -> Result<Fitted, Spec
         .filter(|id| start.active().any(|own| own == *id) || !kind.parameters().contains(id))
         .collect();
     let mut fitted = refit(log, &spec, &start, &fixed, Some(model.resolution));
-    fitted.follows = model.follows.clone().filter(|_| kind != TermKind::Unknown);
+    fitted.follows = model.follows.clone().filter(|_| kind != TermKind::LookupTable);
     Ok(fitted)
 }

@@ -132,10 +132,10 @@ fn confusions(
     for (other, candidate) in round.candidates.iter().enumerate() {
         // A curve over a column of the catalogue can be bent into any of its causes; over a column the
         // catalogue does not know it is another explanation.
-        let flexible = candidate.kind == TermKind::Unknown
-            && kind != TermKind::Unknown
+        let flexible = candidate.kind == TermKind::LookupTable
+            && kind != TermKind::LookupTable
             && candidate.extra.is_none();
-        if candidate.kind == kind && candidate.kind != TermKind::Unknown || flexible {
+        if candidate.kind == kind && candidate.kind != TermKind::LookupTable || flexible {
             continue;
         }
         if other == trial.candidate

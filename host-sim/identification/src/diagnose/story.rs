@@ -41,7 +41,7 @@ pub fn unexplained(after: &Predicted, noise_floor: f64, log: &Log, seed: u64) ->
         ci95: [drawn[drawn.len() / 40], drawn[drawn.len() - 1 - drawn.len() / 40]],
     };
     Finding {
-        kind: TermKind::Unknown,
+        kind: TermKind::LookupTable,
         columns: Vec::new(),
         in_words: format!(
             "something smooth is left, {} {unit} RMS beyond the noise of {} {unit}, that follows none of the log's columns",
@@ -101,11 +101,11 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
             hold.join(" and ")
         );
     }
-    if diagnosis.findings.iter().any(|finding| finding.kind == TermKind::Unknown) {
+    if diagnosis.findings.iter().any(|finding| finding.kind == TermKind::LookupTable) {
         let columns: Vec<&str> = diagnosis
             .findings
             .iter()
-            .filter(|finding| finding.kind == TermKind::Unknown)
+            .filter(|finding| finding.kind == TermKind::LookupTable)
             .flat_map(|finding| finding.columns.iter().map(String::as_str))
             .collect();
         return if columns.is_empty() {

@@ -37,7 +37,7 @@ impl Resolution {
 struct Stepper<T: Real> {
     model: Model<T>,
     /// The model for the sample period at hand, where periods vary.
-    stretched: Model<T>,
+    rescaled: Model<T>,
     ratio: f64,
     state: State<T>,
     substeps: usize,
@@ -48,7 +48,7 @@ impl<T: Real<Setting = T>> Stepper<T> {
         let period = T::from_f64(track.period_s / substeps as f64);
         let model: Model<T> = parameters.build_unchecked(period);
         let state = State::holding(held.unwrap_or_else(|| sliding(&model, track)));
-        Self { stretched: model.clone(), model, ratio: 1.0, state, substeps }
+        Self { rescaled: model.clone(), model, ratio: 1.0, state, substeps }
     }
 
     fn row(
@@ -60,7 +60,7 @@ impl<T: Real<Setting = T>> Stepper<T> {
     ) -> T {
         if ratio != self.ratio {
             self.ratio = ratio;
-            self.stretched.stretch(&self.model, T::from_f64(ratio));
+            self.rescaled.rescale_period(&self.model, T::from_f64(ratio));
         }
         let mut torque = T::zero();
         for step in 1..=self.substeps {
@@ -69,7 +69,7 @@ impl<T: Real<Setting = T>> Stepper<T> {
                 let share = T::from_f64(step as f64 / self.substeps as f64);
                 input.velocity_rad_s = from + (to - from) * share;
             }
-            torque = self.stretched.step(&mut self.state, &input);
+            torque = self.rescaled.step(&mut self.state, &input);
         }
         torque
     }
@@ -201,7 +201,7 @@ fn between<T: Real>(
 mod tests {
     use super::*;
     use crate::dual::Dual;
-    use compensator_core::term::{UNKNOWN_LEVELS, UNKNOWN_TORQUES};
+    use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
     use compensator_core::{LawKind, ParameterId as Id, TermKind};
 
     /// A joint moving to and fro while its auxiliary covariate sweeps.
@@ -229,11 +229,11 @@ mod tests {
             .with(Id::CoulombTorque, 1.5)
             .with(Id::StaticTorque, 2.0)
             .with(Id::BristleStiffness, 300.0)
-            .with(Id::UnknownColumn, 7.0)
-            .with(Id::UnknownLower, -8.0)
-            .with(Id::UnknownUpper, 9.0);
-        assert!(base.add_term(TermKind::Unknown));
-        let knots: Vec<Id> = UNKNOWN_TORQUES.into_iter().chain(UNKNOWN_LEVELS).collect();
+            .with(Id::LookupColumn, 7.0)
+            .with(Id::LookupLower, -8.0)
+            .with(Id::LookupUpper, 9.0);
+        assert!(base.add_term(TermKind::LookupTable));
+        let knots: Vec<Id> = LOOKUP_TORQUES.into_iter().chain(LOOKUP_LEVELS).collect();
         for (index, id) in knots.iter().enumerate() {
             base.set(*id, 0.05 * (index as f64 * 1.7).sin());
         }

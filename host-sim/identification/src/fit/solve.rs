@@ -440,9 +440,9 @@ fn free_parameters(
         Id::DwellTravel,
         Id::BacklashStiffnessRatio,
         // Which column, and over which range, is chosen; what happens along it is fitted.
-        Id::UnknownColumn,
-        Id::UnknownLower,
-        Id::UnknownUpper,
+        Id::LookupColumn,
+        Id::LookupLower,
+        Id::LookupUpper,
     ];
     base.active()
         .filter(|id| !options.fixed.contains(id) && !unseen.contains(id))

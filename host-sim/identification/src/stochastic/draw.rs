@@ -33,9 +33,9 @@ const LOADS: [Id; 3] = [Id::RadialForceCoulomb, Id::PressureCoulomb, Id::LoadCou
 /// Parameters that choose, place or date something. A spread of theirs would mean nothing.
 const CHOICES: [Id; 5] = [
     Id::TemperatureReference,
-    Id::UnknownColumn,
-    Id::UnknownLower,
-    Id::UnknownUpper,
+    Id::LookupColumn,
+    Id::LookupLower,
+    Id::LookupUpper,
     Id::BacklashStiffnessRatio,
 ];
 

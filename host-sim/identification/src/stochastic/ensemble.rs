@@ -267,7 +267,7 @@ fn general(
     stride: usize,
 ) -> usize {
     let mut state = group.state;
-    let mut stretched = model.clone();
+    let mut rescaled = model.clone();
     let mut torque = [0.0; LANES];
     let mut violations = 0;
     let own = |lane: usize| group.first[lane]..group.first[lane] + rows;
@@ -278,8 +278,8 @@ fn general(
             for lane in 0..LANES {
                 let sample = &samples[lane][row];
                 torque[lane] = if let Some(ratios) = group.period_ratio.get(row) {
-                    stretched.stretch(model, ratios[lane]);
-                    stretched.step(&mut state[lane], sample)
+                    rescaled.rescale_period(model, ratios[lane]);
+                    rescaled.step(&mut state[lane], sample)
                 } else {
                     model.step(&mut state[lane], sample)
                 };
@@ -342,7 +342,7 @@ mod tests {
             for row in 0..trials.rows {
                 let at = trial.first + row;
                 let ratio = block.period_ratio.as_ref().map_or(1.0, |ratios| ratios[at]);
-                let torque = model.stretched(ratio).step(&mut state, &block.samples[at]);
+                let torque = model.rescaled(ratio).step(&mut state, &block.samples[at]);
                 if (row + 1).is_multiple_of(stride) && block.judged[at] {
                     let (low, high) = ranges.at(block.samples[at].velocity_rad_s);
                     let predicted = block.predicted[at];

@@ -116,7 +116,7 @@ fn simulate_block(
         }
         true
     });
-    let mut stretched = model.clone();
+    let mut rescaled = model.clone();
     let mut state =
         State::holding(held.map_or_else(|| sliding(&model, &piece), |held| held as f32));
     let samples: Vec<Sample<f32>> = piece.samples.iter().map(in_f32).collect();
@@ -130,8 +130,8 @@ fn simulate_block(
             states.push(state);
         }
         let torque = if let Some(ratios) = &ratios {
-            stretched.stretch(&model, ratios[row]);
-            stretched.step(&mut state, sample)
+            rescaled.rescale_period(&model, ratios[row]);
+            rescaled.step(&mut state, sample)
         } else {
             model.step(&mut state, sample)
         };

@@ -282,7 +282,7 @@ fn plane(scene: &Scene, finding: &Finding, kind: TermKind) -> Option<Plane> {
         Kind::LoadGain => plain("The load", "load_torque_nm", column("load_torque_nm")?)
             .saying("A part of the load in the reading is a line through zero, whichever way the joint moves."),
         Kind::DirectionAsymmetry | Kind::TorqueOffset => return None,
-        Kind::Unknown => {
+        Kind::LookupTable => {
             let name = finding.columns.first()?;
             let x = column(name)?;
             let level = super::words::follows_level(found);

@@ -2,7 +2,7 @@
 
 use super::Scene;
 use crate::results::page::words::{self as shared, counted, listed, quantity};
-use compensator_core::term::UNKNOWN_LEVELS;
+use compensator_core::term::LOOKUP_LEVELS;
 use friction_identification::diagnose::round::{MATERIAL, SIGNIFICANT};
 use friction_identification::diagnose::{Diagnosis, Finding};
 use friction_identification::number::significant;
@@ -108,7 +108,7 @@ pub(super) fn left_over(scene: &Scene) -> String {
 
 /// Whether the free curve scales the level of the friction.
 pub(super) fn follows_level(found: &Diagnosis) -> bool {
-    UNKNOWN_LEVELS.iter().any(|id| found.extended.parameters.get(*id) != 0.0)
+    LOOKUP_LEVELS.iter().any(|id| found.extended.parameters.get(*id) != 0.0)
 }
 
 /// The findings, a sentence each.
@@ -144,7 +144,7 @@ pub(super) fn verdicts(scene: &Scene) -> Vec<String> {
 /// How the diagnosis was made.
 pub(super) fn methods(scene: &Scene) -> Vec<String> {
     let found = scene.about.found;
-    let (log, knots) = (&found.log, UNKNOWN_LEVELS.len());
+    let (log, knots) = (&found.log, LOOKUP_LEVELS.len());
     vec![
         "A model is simulated by the step that runs on the joint driver, here in double precision, driven by the logged \
          motion; its free parameters are fitted to the sum of squared residuals by Levenberg-Marquardt with exact \

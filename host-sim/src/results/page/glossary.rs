@@ -137,6 +137,6 @@ fn term(kind: TermKind) -> &'static str {
         TermKind::StribeckShape => "another exponent than 2 in g(v).",
         TermKind::ChannelDelay => "the velocity of a moment ago.",
         TermKind::LoadGain => "a gain on the known load.",
-        TermKind::Unknown => "a torque and a change of the levels drawn over one column.",
+        TermKind::LookupTable => "a torque and a change of the levels drawn over one column.",
     }
 }

@@ -5,6 +5,8 @@
 //! edge of its range is legal and strange. New parameters go to the *end*: their position is their
 //! number in records and on CAN.
 
+use crate::number::Real;
+
 /// What is known of a parameter apart from its value.
 #[derive(Clone, Copy, Debug)]
 pub struct Info {
@@ -136,36 +138,76 @@ parameters! {
     LoadGain = "load_gain", "Nm/Nm", "N/Nm", -1e6, 1e6, 0.0;
     /// Which column the term of unknown cause follows: the number of a column of
     /// [`crate::quantity::Info`].
-    UnknownColumn = "unknown_column", "1", "1", 0.0, 7.0, 0.0;
+    LookupColumn = "unknown_column", "1", "1", 0.0, 7.0, 0.0;
     /// Where the term's first knot lies; its unit is that of its column: rad/s, rad, s, N, Pa, degC,
     /// Nm, or the auxiliary column's own.
-    UnknownLower = "unknown_lower", "of the column", "of the column", -1e12, 1e12, 0.0;
+    LookupLower = "unknown_lower", "of the column", "of the column", -1e12, 1e12, 0.0;
     /// Where its last knot lies. The others are evenly spread between.
-    UnknownUpper = "unknown_upper", "of the column", "of the column", -1e12, 1e12, 1.0;
+    LookupUpper = "unknown_upper", "of the column", "of the column", -1e12, 1e12, 1.0;
     /// Torque of unknown cause at its first knot, whichever way the joint moves.
-    UnknownTorque1 = "unknown_torque_1", "Nm", "N", -1e6, 1e6, 0.0;
+    LookupTorque1 = "unknown_torque_1", "Nm", "N", -1e6, 1e6, 0.0;
     /// Torque of unknown cause at its second knot, whichever way the joint moves.
-    UnknownTorque2 = "unknown_torque_2", "Nm", "N", -1e6, 1e6, 0.0;
+    LookupTorque2 = "unknown_torque_2", "Nm", "N", -1e6, 1e6, 0.0;
     /// Torque of unknown cause at its third knot, whichever way the joint moves.
-    UnknownTorque3 = "unknown_torque_3", "Nm", "N", -1e6, 1e6, 0.0;
+    LookupTorque3 = "unknown_torque_3", "Nm", "N", -1e6, 1e6, 0.0;
     /// Torque of unknown cause at its fourth knot, whichever way the joint moves.
-    UnknownTorque4 = "unknown_torque_4", "Nm", "N", -1e6, 1e6, 0.0;
+    LookupTorque4 = "unknown_torque_4", "Nm", "N", -1e6, 1e6, 0.0;
     /// Torque of unknown cause at its fifth knot, whichever way the joint moves.
-    UnknownTorque5 = "unknown_torque_5", "Nm", "N", -1e6, 1e6, 0.0;
+    LookupTorque5 = "unknown_torque_5", "Nm", "N", -1e6, 1e6, 0.0;
     /// Torque of unknown cause at its sixth knot, whichever way the joint moves.
-    UnknownTorque6 = "unknown_torque_6", "Nm", "N", -1e6, 1e6, 0.0;
+    LookupTorque6 = "unknown_torque_6", "Nm", "N", -1e6, 1e6, 0.0;
     /// Relative change of the level, of unknown cause, at its first knot.
-    UnknownLevel1 = "unknown_level_1", "1", "1", -0.9, 10.0, 0.0;
+    LookupLevel1 = "unknown_level_1", "1", "1", -0.9, 10.0, 0.0;
     /// Relative change of the level, of unknown cause, at its second knot.
-    UnknownLevel2 = "unknown_level_2", "1", "1", -0.9, 10.0, 0.0;
+    LookupLevel2 = "unknown_level_2", "1", "1", -0.9, 10.0, 0.0;
     /// Relative change of the level, of unknown cause, at its third knot.
-    UnknownLevel3 = "unknown_level_3", "1", "1", -0.9, 10.0, 0.0;
+    LookupLevel3 = "unknown_level_3", "1", "1", -0.9, 10.0, 0.0;
     /// Relative change of the level, of unknown cause, at its fourth knot.
-    UnknownLevel4 = "unknown_level_4", "1", "1", -0.9, 10.0, 0.0;
+    LookupLevel4 = "unknown_level_4", "1", "1", -0.9, 10.0, 0.0;
     /// Relative change of the level, of unknown cause, at its fifth knot.
-    UnknownLevel5 = "unknown_level_5", "1", "1", -0.9, 10.0, 0.0;
+    LookupLevel5 = "unknown_level_5", "1", "1", -0.9, 10.0, 0.0;
     /// Relative change of the level, of unknown cause, at its sixth knot.
-    UnknownLevel6 = "unknown_level_6", "1", "1", -0.9, 10.0, 0.0;
+    LookupLevel6 = "unknown_level_6", "1", "1", -0.9, 10.0, 0.0;
+}
+
+/// A value of each parameter, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Values<S>([S; COUNT]);
+
+impl<S: Real> Values<S> {
+    /// Every parameter at its default.
+    pub fn new() -> Self {
+        Self(TABLE.each_ref().map(|info| S::from_f64(info.default)))
+    }
+
+    /// The value of a parameter.
+    #[inline]
+    pub fn get(&self, id: ParameterId) -> S {
+        self.0.get(id as usize).copied().unwrap_or_default()
+    }
+
+    /// Sets a parameter.
+    pub fn set(&mut self, id: ParameterId, value: S) {
+        if let Some(slot) = self.0.get_mut(id as usize) {
+            *slot = value;
+        }
+    }
+
+    /// The value of a parameter as `f64`.
+    pub fn value(&self, id: ParameterId) -> f64 {
+        self.get(id).value()
+    }
+
+    /// The same values in another number.
+    pub fn convert<R: Real>(&self) -> Values<R> {
+        Values(self.0.map(|value| R::from_f64(value.value())))
+    }
+}
+
+impl<S: Real> Default for Values<S> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl ParameterId {

@@ -1,0 +1,80 @@
+//! Bristle stiffness is low while the play in the drive is crossed.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Backlash<T> {
+    /// The share of the stiffness that is missing inside the play.
+    missing: T,
+    /// Share of half the play that is crossed in a sample, per speed, s/rad.
+    per_velocity: T,
+}
+
+impl<T: Real> Term<T> for Backlash<T> {
+    const PARAMETERS: &'static [Id] = &[Id::BacklashTravel, Id::BacklashStiffnessRatio];
+
+    /// Position within the play, from its middle at 0 to its ends at -1 and 1.
+    type Memory = T;
+
+    fn build(values: &Values<T::Setting>, period_s: T::Setting) -> Self {
+        let constant = T::Setting::from_f64;
+        let half_travel = values.get(Id::BacklashTravel) * constant(0.5);
+        if half_travel > constant(0.0) {
+            let stiffness = values.get(Id::BacklashStiffnessRatio);
+            Self {
+                missing: T::from_setting(constant(1.0) - stiffness),
+                per_velocity: T::from_setting(period_s / half_travel),
+            }
+        } else {
+            Self { missing: T::zero(), per_velocity: T::zero() }
+        }
+    }
+
+    fn rescale_period(&self, ratio: T) -> Self {
+        Self { per_velocity: self.per_velocity * ratio, ..*self }
+    }
+
+    #[inline]
+    fn act(&self, _: &Sample<T>, play: &mut Self::Memory, effects: &mut Effects<T>) {
+        let (one, velocity) = (T::one(), effects.velocity);
+        let travel = velocity.abs() * self.per_velocity;
+        let room = one - *play * velocity.sign();
+        let crossed = travel.at_most(room);
+        *play = (*play + crossed.copy_sign(velocity)).within(one);
+        // The share of this sample's travel made without contact: 1 inside the play, 0 at
+        // its end, to the last bit. The full division, for these may be the last few bits
+        // of a fixed-point number.
+        let free = if travel < room {
+            one
+        } else if room > T::zero() {
+            room / travel
+        } else {
+            T::zero()
+        };
+        effects.stiffness_scale = effects.stiffness_scale * (one - self.missing * free);
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.missing, self.per_velocity, T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        self.per_velocity.value().abs() * f64::from(envelope.velocity_max_rad_s)
+    }
+
+    fn widen<S: Real>(_: &Values<S>, _: &Envelope, _: &mut Bounds) {
+        // A softer bristle takes no quantity beyond what the law is proven for.
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,83 @@
+//! `F_S += k ln(1 + age/t0)`: the longer the rest, the higher the breakaway.
+//!
+//! The contact's age after Dieterich (1979): `d(age)/dt = 1 - |v| age / travel`, stepped implicitly, so that
+//! it stays positive and is forgotten within one travel.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct DwellTimeStatic<T> {
+    /// `k`, Nm.
+    gain: T,
+    /// `1/t0`, 1/s.
+    per_time: T,
+    /// Sample period, s.
+    period: T,
+    /// Sample period over the travel that renews the contact, s/rad.
+    renewal: T,
+}
+
+/// Contact stops ageing after this, s: its effect grows with the logarithm, and fixed point ends.
+const CONTACT_AGE_MAX_S: f64 = 1000.0;
+
+impl<T: Real> Term<T> for DwellTimeStatic<T> {
+    const PARAMETERS: &'static [Id] = &[Id::DwellGain, Id::DwellTime, Id::DwellTravel];
+
+    /// How old the contact is, s: time at rest, forgotten with travel.
+    type Memory = T;
+
+    fn build(values: &Values<T::Setting>, period_s: T::Setting) -> Self {
+        let one = T::Setting::from_f64(1.0);
+        Self {
+            gain: T::from_setting(values.get(Id::DwellGain)),
+            per_time: T::from_setting(one / values.get(Id::DwellTime)),
+            period: T::from_setting(period_s),
+            renewal: T::from_setting(period_s / values.get(Id::DwellTravel)),
+        }
+    }
+
+    fn rescale_period(&self, ratio: T) -> Self {
+        Self { period: self.period * ratio, renewal: self.renewal * ratio, ..*self }
+    }
+
+    #[inline]
+    fn act(&self, _: &Sample<T>, contact_age_s: &mut Self::Memory, effects: &mut Effects<T>) {
+        let one = T::one();
+        let oldest = T::from_f64(CONTACT_AGE_MAX_S);
+        let aged = (*contact_age_s + self.period).at_most(oldest);
+        // The full division: `ratio` of fixed point would lose more of an old age in each
+        // sample than the sample adds to it.
+        *contact_age_s = aged / (one + self.renewal * effects.velocity.abs());
+        effects.seal.static_level =
+            effects.seal.static_level + self.gain * (one + *contact_age_s * self.per_time).ln();
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        // The period may be held coarsely: a percent of an age is a percent of the gain.
+        [self.gain, self.per_time, self.renewal, T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        let speed = f64::from(envelope.velocity_max_rad_s);
+        let size = |coefficient: T| coefficient.value().abs();
+        let aged = size(self.per_time) * CONTACT_AGE_MAX_S;
+        (size(self.gain) * libm::log(1.0 + aged)).max(size(self.renewal) * speed).max(aged)
+    }
+
+    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+        let ages = CONTACT_AGE_MAX_S / values.value(Id::DwellTime);
+        bounds.static_level += values.value(Id::DwellGain) * libm::log(1.0 + ages);
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,53 @@
+//! `+ k tau_L`: the known load, in the torque channel's own scale. A rigid-body part, no cause.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LoadGain<T> {
+    /// Factor on the load torque.
+    gain: T,
+}
+
+impl<T: Real> Term<T> for LoadGain<T> {
+    const PARAMETERS: &'static [Id] = &[Id::LoadGain];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        Self { gain: T::from_setting(values.get(Id::LoadGain)) }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        effects.torque = effects.torque + self.gain * sample.load_torque_nm;
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.gain, T::zero(), T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        self.gain.value().abs() * f64::from(envelope.load_torque_max_nm)
+    }
+
+    fn widen<S: Real>(values: &Values<S>, envelope: &Envelope, bounds: &mut Bounds) {
+        let largest = f64::from(envelope.load_torque_max_nm);
+        bounds.torque += values.value(Id::LoadGain).abs() * largest;
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,54 @@
+//! `F_C += k |tau_L|`, `F_S` likewise: transmitted torque loads the gear.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LoadTorqueCoulomb<T> {
+    /// Nm per Nm.
+    coefficient: T,
+}
+
+impl<T: Real> Term<T> for LoadTorqueCoulomb<T> {
+    const PARAMETERS: &'static [Id] = &[Id::LoadCoulomb];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        Self { coefficient: T::from_setting(values.get(Id::LoadCoulomb)) }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        let added = self.coefficient * sample.load_torque_nm.abs();
+        effects.seal.coulomb = effects.seal.coulomb + added;
+        effects.seal.static_level = effects.seal.static_level + added;
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.coefficient, T::zero(), T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        self.coefficient.value().abs() * f64::from(envelope.load_torque_max_nm)
+    }
+
+    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+        bounds.per_load_torque.coulomb += values.value(Id::LoadCoulomb);
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,55 @@
+//! What stands in for a model's terms where there are none: nothing, at no cost.
+
+use super::{MAX_TERMS, TermKind};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::Values;
+use crate::quantity::Sample;
+use crate::refusal::{Bound, ParameterError, refuse};
+use core::marker::PhantomData;
+use heapless::Vec;
+
+/// No terms.
+#[derive(Clone, Debug)]
+pub(crate) struct Terms<T>(PhantomData<T>);
+
+/// Nothing to remember.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Memory<T>(PhantomData<T>);
+
+impl<T: Real> Terms<T> {
+    pub(crate) fn build(
+        _: &Vec<TermKind, MAX_TERMS>,
+        _: &Values<T::Setting>,
+        _: T::Setting,
+    ) -> Self {
+        Self(PhantomData)
+    }
+
+    pub(crate) fn rescale_period(&mut self, _: &Self, _: T) {}
+
+    #[inline(always)]
+    pub(crate) fn act(&self, _: &Sample<T>, _: &mut Memory<T>, _: &mut Effects<T>) {}
+
+    #[inline(always)]
+    pub(crate) fn is_empty(&self) -> bool {
+        true
+    }
+}
+
+/// Refuses every term: none was compiled.
+#[allow(clippy::extra_unused_type_parameters)]
+pub(crate) fn check<T: Real, S: Real<Setting = S>>(
+    kinds: &Vec<TermKind, MAX_TERMS>,
+    _: &Values<S>,
+    _: &Envelope,
+    _: S,
+) -> Result<(), ParameterError> {
+    match kinds.first() {
+        None => Ok(()),
+        Some(kind) => {
+            refuse(kind.name(), 1.0, Bound::AtMost(0.0), "built without the feature `terms`")
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! `F_C += k dP`, `F_S` likewise: pressure preloads the seal.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PressureCoulomb<T> {
+    /// On `F_C`, Nm/MPa.
+    coulomb: T,
+    /// On `F_S`, Nm/MPa.
+    static_level: T,
+}
+
+impl<T: Real> Term<T> for PressureCoulomb<T> {
+    const PARAMETERS: &'static [Id] = &[Id::PressureCoulomb, Id::PressureStaticExcess];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        let mega = T::Setting::from_f64(1e6);
+        let (coulomb, excess) =
+            (values.get(Id::PressureCoulomb), values.get(Id::PressureStaticExcess));
+        Self {
+            coulomb: T::from_setting(coulomb * mega),
+            static_level: T::from_setting((coulomb + excess) * mega),
+        }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        let pressure = sample.pressure_diff_mpa;
+        effects.seal.coulomb = effects.seal.coulomb + self.coulomb * pressure;
+        effects.seal.static_level = effects.seal.static_level + self.static_level * pressure;
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.coulomb, self.static_level, T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        let steeper = self.coulomb.value().abs().max(self.static_level.value().abs());
+        steeper * f64::from(envelope.pressure_diff_max_pa) * 1e-6
+    }
+
+    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+        bounds.per_pascal.coulomb += values.value(Id::PressureCoulomb);
+        bounds.per_pascal.excess += values.value(Id::PressureStaticExcess);
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

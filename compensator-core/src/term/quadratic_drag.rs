@@ -1,0 +1,55 @@
+//! `+ c v |v|`: water drag.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct QuadraticDrag<T> {
+    /// Nm s^2/rad^2.
+    coefficient: T,
+}
+
+impl<T: Real> Term<T> for QuadraticDrag<T> {
+    const PARAMETERS: &'static [Id] = &[Id::QuadraticDrag];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        Self { coefficient: T::from_setting(values.get(Id::QuadraticDrag)) }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, _: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        let velocity = effects.velocity;
+        effects.torque = effects.torque + self.coefficient * velocity * velocity.abs();
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.coefficient, T::zero(), T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        let speed = f64::from(envelope.velocity_max_rad_s);
+        (self.coefficient.value().abs() * speed).max(1.0) * speed
+    }
+
+    fn widen<S: Real>(values: &Values<S>, envelope: &Envelope, bounds: &mut Bounds) {
+        let speed = f64::from(envelope.velocity_max_rad_s);
+        bounds.torque += values.value(Id::QuadraticDrag).abs() * (speed * speed);
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

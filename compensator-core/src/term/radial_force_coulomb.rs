@@ -1,0 +1,60 @@
+//! `F_C += k F_L`, `F_S` likewise: side load presses the seal.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct RadialForceCoulomb<T> {
+    /// On `F_C`, Nm/N.
+    coulomb: T,
+    /// On `F_S`, Nm/N.
+    static_level: T,
+}
+
+impl<T: Real> Term<T> for RadialForceCoulomb<T> {
+    const PARAMETERS: &'static [Id] = &[Id::RadialForceCoulomb, Id::RadialForceStaticExcess];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        let (coulomb, excess) =
+            (values.get(Id::RadialForceCoulomb), values.get(Id::RadialForceStaticExcess));
+        Self { coulomb: T::from_setting(coulomb), static_level: T::from_setting(coulomb + excess) }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        let force = sample.radial_force_n;
+        effects.seal.coulomb = effects.seal.coulomb + self.coulomb * force;
+        effects.seal.static_level = effects.seal.static_level + self.static_level * force;
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.coulomb, self.static_level, T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        let steeper = self.coulomb.value().abs().max(self.static_level.value().abs());
+        steeper * f64::from(envelope.radial_force_max_n)
+    }
+
+    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+        bounds.per_newton.coulomb += values.value(Id::RadialForceCoulomb);
+        bounds.per_newton.excess += values.value(Id::RadialForceStaticExcess);
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

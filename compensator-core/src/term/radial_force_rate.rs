@@ -1,0 +1,53 @@
+//! `dz/dt += eta3 dF_L/dt`: a changing side load bends the bristles.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct RadialForceRate<T> {
+    /// Bristle rate for a change of 1 N within a sample, rad/s.
+    per_newton: T,
+}
+
+impl<T: Real> Term<T> for RadialForceRate<T> {
+    const PARAMETERS: &'static [Id] = &[Id::RadialForceRate];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, period_s: T::Setting) -> Self {
+        Self { per_newton: T::from_setting(values.get(Id::RadialForceRate) / period_s) }
+    }
+
+    fn rescale_period(&self, ratio: T) -> Self {
+        Self { per_newton: self.per_newton / ratio }
+    }
+
+    #[inline]
+    fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        effects.seal.bristle_rate =
+            effects.seal.bristle_rate + self.per_newton * sample.radial_force_change_n;
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.per_newton, T::zero(), T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        self.per_newton.value().abs() * f64::from(envelope.radial_force_max_n)
+    }
+
+    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+        bounds.travel_per_newton += values.value(Id::RadialForceRate);
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,53 @@
+//! `exp(-|v/v_s|^delta)`: the Stribeck curve with another exponent.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct StribeckShape<T> {
+    /// Half the exponent.
+    half_exponent: T,
+}
+
+impl<T: Real> Term<T> for StribeckShape<T> {
+    const PARAMETERS: &'static [Id] = &[Id::StribeckExponent];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        let half = T::Setting::from_f64(0.5);
+        Self { half_exponent: T::from_setting(values.get(Id::StribeckExponent) * half) }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, _: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        effects.half_exponent = Some(self.half_exponent);
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.half_exponent, T::zero(), T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, _: &Envelope) -> f64 {
+        self.half_exponent.value().abs()
+    }
+
+    fn widen<S: Real>(_: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+        bounds.bends_stribeck_curve = true;
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,63 @@
+//! `sigma2 *= exp(-b (T - T0))`: the film thins as it warms.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::quantity::TEMPERATURE_RANGE_C;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TemperatureViscous<T> {
+    /// `b`, 1/K.
+    rate: T,
+    /// `T0`, deg C.
+    reference: T,
+}
+
+impl<T: Real> Term<T> for TemperatureViscous<T> {
+    const PARAMETERS: &'static [Id] = &[Id::TemperatureViscosity, Id::TemperatureReference];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        Self {
+            rate: T::from_setting(values.get(Id::TemperatureViscosity)),
+            reference: T::from_setting(values.get(Id::TemperatureReference)),
+        }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        let factor = (-(self.rate * (sample.temperature_c - self.reference))).exp();
+        effects.viscous_scale = effects.viscous_scale * factor;
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.rate, self.reference, T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, _: &Envelope) -> f64 {
+        // The exponent; what it makes of the viscous torque is checked with that torque.
+        self.rate.value().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0])
+    }
+
+    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+        let (rate, reference) =
+            (values.value(Id::TemperatureViscosity), values.value(Id::TemperatureReference));
+        let factor = TEMPERATURE_RANGE_C.map(|end| libm::exp(-rate * (end - reference)));
+        bounds.viscous_factor *= factor[0].max(factor[1]);
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,86 @@
+//! `g *= 1 + a exp(-t/T) + r t`: run-in and wear.
+
+use super::bounds::{Bounds, LEAST_SHARE};
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::{Bound, ParameterError, refuse};
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TimeDrift<T> {
+    /// `a`.
+    amplitude: T,
+    /// `-1/T`, 1/h.
+    per_time: T,
+    /// `r`, 1/h.
+    rate: T,
+}
+
+/// Least and largest factor on the level; between its ends it stays within them and 1.
+fn range<S: Real>(values: &Values<S>, envelope: &Envelope) -> (f64, f64) {
+    let end_s = f64::from(envelope.campaign_max_h) * 3600.0;
+    let amplitude = values.value(Id::DriftAmplitude);
+    let start = 1.0 + amplitude;
+    let end = 1.0
+        + amplitude * libm::exp(-end_s / values.value(Id::DriftTime))
+        + values.value(Id::DriftRate) * end_s;
+    (start.min(end).min(1.0), start.max(end).max(1.0))
+}
+
+impl<T: Real> Term<T> for TimeDrift<T> {
+    const PARAMETERS: &'static [Id] = &[Id::DriftAmplitude, Id::DriftTime, Id::DriftRate];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        let hour = T::Setting::from_f64(3600.0);
+        Self {
+            amplitude: T::from_setting(values.get(Id::DriftAmplitude)),
+            per_time: T::from_setting(-hour / values.get(Id::DriftTime)),
+            rate: T::from_setting(values.get(Id::DriftRate) * hour),
+        }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        let time = sample.campaign_time_h;
+        let run_in = self.amplitude * (self.per_time * time).exp();
+        let wear = self.rate * time;
+        effects.level_scale = effects.level_scale * (T::one() + run_in + wear);
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.amplitude, self.per_time, self.rate, T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        let faster = self.per_time.value().abs().max(self.rate.value().abs());
+        faster * f64::from(envelope.campaign_max_h)
+    }
+
+    fn widen<S: Real>(values: &Values<S>, envelope: &Envelope, bounds: &mut Bounds) {
+        let (least, most) = range(values, envelope);
+        bounds.scale_level(least, most);
+    }
+
+    fn validate<S: Real>(values: &Values<S>, envelope: &Envelope) -> Result<(), ParameterError> {
+        let (least, _) = range(values, envelope);
+        if least < LEAST_SHARE {
+            // The run-in alone leaves at least 1 %: it is the wear that takes the rest.
+            let end_s = f64::from(envelope.campaign_max_h) * 3600.0;
+            let why = "the level must stay positive to the end of the campaign";
+            let rate = values.value(Id::DriftRate);
+            let bound = Bound::AtLeast(rate + (LEAST_SHARE - least) / end_s);
+            return refuse(Id::DriftRate.name(), rate, bound, why);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,52 @@
+//! `+ c`: a sensor's zero error.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TorqueOffset<T> {
+    /// Nm.
+    offset: T,
+}
+
+impl<T: Real> Term<T> for TorqueOffset<T> {
+    const PARAMETERS: &'static [Id] = &[Id::TorqueOffset];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        Self { offset: T::from_setting(values.get(Id::TorqueOffset)) }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, _: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        effects.torque = effects.torque + self.offset;
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.offset, T::zero(), T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, _: &Envelope) -> f64 {
+        self.offset.value().abs()
+    }
+
+    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+        bounds.torque += values.value(Id::TorqueOffset).abs();
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}

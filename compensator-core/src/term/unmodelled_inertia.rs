@@ -1,0 +1,53 @@
+//! `+ J dv/dt`: an inertia that was not taken out of the torque.
+
+use super::bounds::Bounds;
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct UnmodelledInertia<T> {
+    /// kg m^2.
+    inertia: T,
+}
+
+impl<T: Real> Term<T> for UnmodelledInertia<T> {
+    const PARAMETERS: &'static [Id] = &[Id::Inertia];
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        Self { inertia: T::from_setting(values.get(Id::Inertia)) }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        effects.torque = effects.torque + self.inertia * sample.acceleration_rad_s2;
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.inertia, T::zero(), T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, envelope: &Envelope) -> f64 {
+        self.inertia.value().abs() * f64::from(envelope.acceleration_max_rad_s2)
+    }
+
+    fn widen<S: Real>(values: &Values<S>, envelope: &Envelope, bounds: &mut Bounds) {
+        let fastest = f64::from(envelope.acceleration_max_rad_s2);
+        bounds.torque += values.value(Id::Inertia).abs() * fastest;
+    }
+
+    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}
