@@ -13,6 +13,7 @@ mod extremes;
 mod validate;
 
 pub use crate::envelope::Envelope;
+pub use crate::law::{Choices, LawKind};
 pub use crate::parameter as table;
 pub use crate::parameter::{Info, ParameterId};
 pub use crate::refusal::{Bound, ParameterError, check_ranges};
@@ -21,109 +22,10 @@ pub use build::WrongPeriod;
 use crate::number::Real;
 use crate::parameter::Values;
 use crate::term::{MAX_TERMS, TermKind};
-use ParameterId as Id;
 use heapless::Vec;
-
-macro_rules! laws {
-    ($($(#[$doc:meta])* $kind:ident = $name:literal [$($parameter:ident),*]),* $(,)?) => {
-        /// The friction laws, see [`crate::law`].
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        #[repr(u8)]
-        pub enum LawKind { $($(#[$doc])* $kind),* }
-
-        impl LawKind {
-            /// Every law, in the order of their numbers.
-            pub const ALL: &'static [LawKind] = &[$(LawKind::$kind),*];
-
-            /// The name used in model names and files.
-            pub const fn name(self) -> &'static str {
-                match self { $(LawKind::$kind => $name),* }
-            }
-
-            /// The parameters that belong to this law.
-            #[inline(never)]
-            pub const fn parameters(self) -> &'static [ParameterId] {
-                match self { $(LawKind::$kind => &[$(Id::$parameter),*]),* }
-            }
-        }
-    };
-}
-
-laws! {
-    /// Coulomb and viscous.
-    Linear = "linear" [CoulombTorque, ViscousFriction],
-    /// With a quadratic and a cubic part.
-    Extended = "extended" [CoulombTorque, ViscousFriction, QuadraticFriction, CubicFriction],
-    /// With an arc tangent and an offset.
-    Atan = "atan" [TorqueOffset, CoulombTorque, ViscousFriction, AtanTorque, AtanSlope],
-    /// With the Stribeck curve.
-    Stribeck = "stribeck" [CoulombTorque, StaticTorque, StribeckVelocity, ViscousFriction],
-    /// Bristles of one level, and a viscous part.
-    Dahl = "dahl" [CoulombTorque, BristleStiffness, ViscousFriction],
-    /// Bristles with the Stribeck curve.
-    Lugre = "lugre" [
-        CoulombTorque, StaticTorque, StribeckVelocity, BristleStiffness, BristleDamping,
-        ViscousFriction
-    ],
-    /// LuGre with levels of their own for each direction.
-    LugreAsymmetric = "lugre-asymmetric" [
-        CoulombTorque, StaticTorque, CoulombTorqueNegative, StaticTorqueNegative,
-        StribeckVelocity, BristleStiffness, BristleDamping, ViscousFriction
-    ],
-    /// LuGre under side load and pressure.
-    ImprovedLugre = "improved-lugre" [
-        CoulombTorque, StaticTorque, StribeckVelocity, BristleStiffness, BristleDamping,
-        ViscousFriction, RadialForceCoulomb, RadialForceStaticExcess, PressureCoulomb,
-        PressureStaticExcess, RadialForceRate
-    ],
-}
-
-impl LawKind {
-    /// The law with this name.
-    pub fn parse(name: &str) -> Option<Self> {
-        Self::ALL.iter().copied().find(|kind| kind.name() == name)
-    }
-
-    /// The law with this number (its position in [`LawKind::ALL`]).
-    pub fn from_number(number: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(number)).copied()
-    }
-
-    /// Whether what this term does is part of the law already.
-    pub fn includes(self, kind: TermKind) -> bool {
-        kind.parameters().iter().all(|id| self.parameters().contains(id))
-    }
-
-    /// Whether the law carries a bristle state.
-    pub fn has_bristles(self) -> bool {
-        self.parameters().contains(&Id::BristleStiffness)
-    }
-
-    /// Whether the law's level falls along a Stribeck curve.
-    pub fn has_stribeck_curve(self) -> bool {
-        self.parameters().contains(&Id::StribeckVelocity)
-    }
-
-    /// Whether side load and pressure already belong to the law.
-    pub fn has_seal_load(self) -> bool {
-        self == Self::ImprovedLugre
-    }
-}
 
 /// The terms of a model, in the order they act.
 pub type TermList = Vec<TermKind, MAX_TERMS>;
-
-/// Choices about a law that are not numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Choices {
-    /// Bristle damping fades along the Stribeck curve instead of staying constant; see
-    /// [`ParameterId::BristleDamping`].
-    pub damping_fades: bool,
-    /// Take the extended law as paper 2 prints it.
-    pub printed_extended: bool,
-    /// Accept a law that can give out more energy than it takes in.
-    pub allow_active: bool,
-}
 
 /// A law, its terms and their values. `S` is `f32` for a driver, `f64` on the host, a dual number
 /// where derivatives are wanted.

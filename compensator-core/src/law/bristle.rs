@@ -23,13 +23,16 @@
 //! One path for every input: on a Cortex-M4F the plain step takes 55 instructions in `f32`, and
 //! the improved one 75 as a model (`tests/cost/table.md`).
 
-use crate::curve;
+use super::interface::{Range, Step, Written, stribeck_axis};
 use crate::effect::Effect;
+use crate::fits::{coefficient, product};
 use crate::number::Real;
+use crate::parameter::ParameterId as Id;
+use crate::refusal::ParameterError;
 
-/// A LuGre law built for a sample period. Dahl is the one with equal levels and no damping.
+/// LuGre's bristles built for a sample period: what all bristle laws step.
 #[derive(Clone, Copy, Debug)]
-pub struct Lugre<T> {
+pub struct Bristles<T> {
     /// `F_C`, Nm.
     pub coulomb: T,
     /// `F_S`, Nm; at least `coulomb`.
@@ -50,7 +53,37 @@ pub struct Lugre<T> {
     pub velocity_limit: T,
 }
 
-impl<T: Real> Lugre<T> {
+impl<T: Real> Bristles<T> {
+    /// Builds them for a sample period in s.
+    pub(super) fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self {
+        let constant = T::Setting::from_f64;
+        let setting = |id| written.values.get(id);
+        let number = |id| T::from_setting(setting(id));
+        let stiffness_step = setting(Id::BristleStiffness) * period_s;
+        let (damping, damping_at_rest) = if written.choices.damping_fades {
+            (T::zero(), number(Id::BristleDamping))
+        } else {
+            (number(Id::BristleDamping), T::zero())
+        };
+        let (stribeck_end, cells_per_velocity) = stribeck_axis(written);
+        Self {
+            coulomb: number(Id::CoulombTorque),
+            static_level: number(Id::StaticTorque),
+            stribeck_end,
+            cells_per_velocity,
+            stiffness_step: T::from_setting(stiffness_step.at_most(constant(STIFFNESS_STEP_MAX))),
+            damping,
+            damping_at_rest,
+            viscous: number(Id::ViscousFriction),
+            velocity_limit: written.velocity_limit(),
+        }
+    }
+
+    /// The same for a sample period `ratio` times as long.
+    pub(super) fn rescale_period(&mut self, of: &Self, ratio: T) {
+        self.stiffness_step = of.stiffness_step * ratio;
+    }
+
     /// Advances the bristle torque by one sample and returns the friction torque, Nm, positive
     /// when it has to be driven towards positive velocity.
     ///
@@ -61,8 +94,15 @@ impl<T: Real> Lugre<T> {
         self.step_between(bristle_torque, velocity, effect, self.coulomb, self.static_level)
     }
 
+    /// To be stepped between the built levels.
     #[inline(always)]
-    fn step_between<E: Effect<T>>(
+    pub(super) fn as_step(&self) -> Step<'_, T> {
+        Step::Bristles(self, self.coulomb, self.static_level)
+    }
+
+    /// The same between other levels, Nm, than the built ones.
+    #[inline(always)]
+    pub(super) fn step_between<E: Effect<T>>(
         &self,
         bristle_torque: &mut T,
         velocity: T,
@@ -99,32 +139,32 @@ impl<T: Real> Lugre<T> {
     }
 }
 
-/// A LuGre law whose levels depend on the direction it is loaded in (paper 1, eq. 4).
-///
-/// The print lets `g` depend on the force it is about to give; here the sign of the held torque
-/// decides, which is known. A state can thus stand above the level of the side it crosses to by
-/// one sample's travel at most.
-#[derive(Clone, Copy, Debug)]
-pub struct AsymmetricLugre<T> {
-    /// The law with the levels of the positive side.
-    pub positive: Lugre<T>,
-    /// `F_C` where the held torque is not positive, Nm.
-    pub coulomb_negative: T,
-    /// `F_S` where the held torque is not positive, Nm.
-    pub static_level_negative: T,
-}
+/// Largest `sigma0 dt`; the step is stable for any, but beyond this a float's square overflows.
+const STIFFNESS_STEP_MAX: f64 = 1e15;
 
-impl<T: Real> AsymmetricLugre<T> {
-    /// As [`Lugre::step`].
-    #[inline(always)]
-    pub fn step<E: Effect<T>>(&self, bristle_torque: &mut T, velocity: T, effect: &E) -> T {
-        let positive = *bristle_torque > T::zero();
-        let coulomb = if positive { self.positive.coulomb } else { self.coulomb_negative };
-        let static_level =
-            if positive { self.positive.static_level } else { self.static_level_negative };
-        self.positive.step_between(bristle_torque, velocity, effect, coulomb, static_level)
-    }
+/// The products of a bristle step, in a number that has to hold them. The held torque is at most the largest
+/// level and what a jump of the side load adds to it; the numerator of the rate, level plus held torque times
+/// speed; and the rate, that over the smallest level, or over the stiffness step. Returns the largest
+/// torque of the damping, Nm, for a law with such a `sigma1`.
+pub(super) fn check<N: Real, S: Real>(
+    written: &Written<S>,
+    range: &Range,
+    damping: f64,
+) -> Result<f64, ParameterError> {
+    let Range { period_s, speed, largest_level: level, .. } = *range;
+    let step = written.values.value(Id::BristleStiffness) * period_s;
+    coefficient::<N>("bristle_stiffness * sample_period", step)?;
+    let per_newton = range.bounds.travel_per_newton / period_s;
+    coefficient::<N>("radial_force_rate / sample_period", per_newton)?;
+    let bent = per_newton.abs() * f64::from(written.envelope.radial_force_max_n);
+    product::<N>("radial_force_rate * radial_force_max / sample_period", bent)?;
+    product::<N>("bristle_stiffness * radial_force_rate * radial_force_max", step * bent)?;
+    let both = 2.0 * level + step * bent;
+    product::<N>("level * velocity_max", both * speed)?;
+    product::<N>("bristle_stiffness * sample_period * velocity_max", step * speed + level)?;
+    let rate = (both * speed / range.smallest_level).min(both / step);
+    product::<N>("bristle rate", rate)?;
+    let damped = damping * (rate + bent);
+    product::<N>("bristle_damping * bristle rate", damped)?;
+    Ok(damped)
 }
-
-/// Largest velocity the Stribeck table reaches, in units of `v_s`.
-pub(crate) const STRIBECK_END: f64 = curve::LAST / curve::CELLS_PER_STRIBECK_VELOCITY;

@@ -4,7 +4,6 @@
 //! and what one joint costs; joints that do not wait for each other would overlap. The last line is
 //! a fit's: the step with its derivatives by six parameters.
 
-use compensator_core::model::Law;
 use compensator_core::{Fixed, LawKind, Model, ParameterId, Parameters, Real, Sample, State};
 use friction_identification::dual::Dual;
 use std::hint::black_box;
@@ -85,7 +84,7 @@ where
 fn line_with_derivatives() {
     const NUMBER: usize = 6;
     let plain = model::<f64>(LawKind::Lugre);
-    let Law::Lugre(law) = plain.law() else { unreachable!("a lugre model") };
+    let law = plain.law().plain_bristles().expect("a lugre model");
     let mut parameters = Parameters::<Dual<NUMBER>>::new(LawKind::Lugre);
     let values = [law.coulomb, law.static_level, 0.1, 1e4, law.damping, law.viscous];
     for (index, (id, value)) in LawKind::Lugre.parameters().iter().zip(values).enumerate() {
@@ -93,7 +92,7 @@ fn line_with_derivatives() {
     }
     let model: Model<Dual<NUMBER>> = parameters.build_unchecked(Dual::from_f64(50e-6));
     let velocities: Vec<f64> = samples::<f64>().iter().map(|s| s.velocity_rad_s).collect();
-    let Law::Lugre(law) = model.law() else { unreachable!("a lugre model") };
+    let law = model.law().plain_bristles().expect("a lugre model");
     let seconds = best(|| {
         let mut bristle = Dual::default();
         let mut sum = [0.0; NUMBER];

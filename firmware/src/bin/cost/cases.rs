@@ -14,7 +14,7 @@ use super::clock::{Arguments, Clock};
 use super::print_line;
 use compensator_core::compensator::Reading;
 use compensator_core::effect::NoEffect;
-use compensator_core::law::bristle::Lugre;
+use compensator_core::law::bristle::Bristles;
 use compensator_core::model::{Law, Model, Sample, State};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
 use firmware::control::PERIOD_S;
@@ -94,11 +94,11 @@ fn address<T>(of: &T) -> usize {
     core::ptr::from_ref(of) as usize
 }
 
-extern "C" fn lugre_f32(law: &Lugre<f32>, state: &mut f32, _: usize, velocity: f32) -> f32 {
+extern "C" fn lugre_f32(law: &Bristles<f32>, state: &mut f32, _: usize, velocity: f32) -> f32 {
     law.step(state, velocity, &NoEffect)
 }
 
-extern "C" fn lugre_fixed(law: &Lugre<Fixed>, state: &mut Fixed, velocity: i32) -> i32 {
+extern "C" fn lugre_fixed(law: &Bristles<Fixed>, state: &mut Fixed, velocity: i32) -> i32 {
     law.step(state, Fixed::from_bits(velocity), &NoEffect).to_bits()
 }
 
@@ -126,9 +126,10 @@ extern "C" fn joint_fixed(
     current.to_bits()
 }
 
-fn law<T: Real>(model: &Model<T>) -> &Lugre<T> {
+fn law<T: Real>(model: &Model<T>) -> &Bristles<T> {
     match model.law() {
-        Law::Lugre(law) | Law::Improved(law, _) => law,
+        Law::Lugre(law) => &law.0,
+        Law::ImprovedLugre(law) => &law.bristles,
         _ => panic!("only bristle laws are measured"),
     }
 }

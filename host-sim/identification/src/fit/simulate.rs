@@ -9,7 +9,6 @@
 
 use super::track::Track;
 use compensator_core::effect::NoEffect;
-use compensator_core::model::Law;
 use compensator_core::{Model, ParameterId, Parameters, Real, Sample, State, TermKind};
 
 /// How finely a simulation steps.
@@ -92,7 +91,7 @@ pub fn simulate<T: Real<Setting = T>>(
     let even = track.period_ratio.is_none();
     if resolution == Resolution::PLAIN && even && coarse.model.is_plain() && delayed.is_none() {
         // The common case of plain bristles, with the law chosen once instead of at each sample.
-        if let Law::Lugre(law) = coarse.model.law() {
+        if let Some(law) = coarse.model.law().plain_bristles() {
             let bristle = &mut coarse.state.bristle_torque_nm;
             for (row, sample) in track.samples.iter().enumerate() {
                 let torque = law.step(bristle, T::from_f64(sample.velocity_rad_s), &NoEffect);
@@ -169,11 +168,7 @@ fn undelayed<T: Real<Setting = T>>(
 
 /// The bristle torque of a joint that slides where the track begins: the Coulomb level.
 fn sliding<T: Real<Setting = T>>(model: &Model<T>, track: &Track) -> T {
-    let coulomb = match model.law() {
-        Law::Lugre(law) | Law::Improved(law, _) => law.coulomb,
-        Law::Asymmetric(law) => law.positive.coulomb,
-        Law::Steady(_) => return T::zero(),
-    };
+    let coulomb = model.law().sliding_torque();
     coulomb.copy_sign(T::from_f64(track.samples[0].velocity_rad_s))
 }
 

@@ -13,8 +13,7 @@
 use super::range::Ranges;
 use super::trials::{Block, Trial, Trials};
 use compensator_core::effect::NoEffect;
-use compensator_core::law::bristle::Lugre;
-use compensator_core::model::Law;
+use compensator_core::law::bristle::Bristles;
 use compensator_core::{Model, Parameters, Sample, State};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -143,11 +142,9 @@ impl<'a> Ensemble<'a> {
                     built.insert((group.period_s, model))
                 }
             };
-            let outside = match model.law() {
-                Law::Lugre(law) if model.is_plain() && group.is_even() => {
-                    plain(law, group, self.stride)
-                }
-                Law::Lugre(law) if model.is_plain() => plain_uneven(law, group, self.stride),
+            let outside = match model.law().plain_bristles() {
+                Some(law) if model.is_plain() && group.is_even() => plain(law, group, self.stride),
+                Some(law) if model.is_plain() => plain_uneven(law, group, self.stride),
                 _ => general(model, group, self.blocks, self.rows, self.stride),
             };
             self.simulations.fetch_add(group.trials, Ordering::Relaxed);
@@ -223,7 +220,7 @@ fn outside(torque: &Lanes, low: &Lanes, high: &Lanes) -> usize {
 }
 
 /// The plain law, chosen once instead of at each sample.
-fn plain(law: &Lugre<f32>, group: &Group, stride: usize) -> usize {
+fn plain(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
     let mut bristle = group.state.map(|state| state.bristle_torque_nm);
     let mut torque = [0.0; LANES];
     let mut violations = 0;
@@ -240,7 +237,7 @@ fn plain(law: &Lugre<f32>, group: &Group, stride: usize) -> usize {
 }
 
 /// As [`plain`], where each row has its own period.
-fn plain_uneven(law: &Lugre<f32>, group: &Group, stride: usize) -> usize {
+fn plain_uneven(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
     let mut bristle = group.state.map(|state| state.bristle_torque_nm);
     let mut torque = [0.0; LANES];
     let mut violations = 0;
@@ -249,7 +246,7 @@ fn plain_uneven(law: &Lugre<f32>, group: &Group, stride: usize) -> usize {
         for (velocity, ratio) in rows.iter().zip(ratios) {
             for lane in 0..LANES {
                 let stiffness_step = law.stiffness_step * ratio[lane];
-                let law = Lugre { stiffness_step, ..*law };
+                let law = Bristles { stiffness_step, ..*law };
                 torque[lane] = law.step(&mut bristle[lane], velocity[lane], &NoEffect);
             }
         }

@@ -9,7 +9,6 @@
 use crate::fit::rest::settle;
 use crate::fit::simulate::simulate;
 use crate::fit::{Resolution, Track};
-use compensator_core::model::Law;
 use compensator_core::{Model, Parameters, Sample, State};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -165,11 +164,7 @@ fn cut(track: &Track, rows: Range<usize>) -> Track {
 
 /// The bristle torque of a joint that slides where a piece begins, as in a fit.
 fn sliding(model: &Model<f32>, piece: &Track) -> f32 {
-    let coulomb = match model.law() {
-        Law::Lugre(law) | Law::Improved(law, _) => law.coulomb,
-        Law::Asymmetric(law) => law.positive.coulomb,
-        Law::Steady(_) => 0.0,
-    };
+    let coulomb = model.law().sliding_torque();
     coulomb.copysign(piece.samples[0].velocity_rad_s as f32)
 }
 

@@ -1,0 +1,65 @@
+//! With `f0 + fa atan(fb v)` besides (paper 2, eq. 6).
+
+use super::interface::{FrictionLaw, Range, Step, Written};
+use super::steady::Steady;
+use crate::effect::Effect;
+use crate::fits::product;
+use crate::number::Real;
+use crate::parameter::ParameterId as Id;
+use crate::refusal::ParameterError;
+use core::f64::consts::FRAC_PI_2;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug)]
+pub struct Atan<T> {
+    /// Coulomb and viscous friction.
+    pub steady: Steady<T>,
+    /// `f0`, Nm.
+    pub offset: T,
+    /// `fa`, Nm.
+    pub torque: T,
+    /// `fb`, s/rad.
+    pub slope: T,
+}
+
+impl<T: Real> FrictionLaw<T> for Atan<T> {
+    const PARAMETERS: &'static [Id] =
+        &[Id::TorqueOffset, Id::CoulombTorque, Id::ViscousFriction, Id::AtanTorque, Id::AtanSlope];
+
+    type Memory = ();
+
+    fn build(written: &Written<T::Setting>, _: T::Setting) -> Self {
+        let number = |id| T::from_setting(written.values.get(id));
+        Self {
+            steady: Steady::build(written),
+            offset: number(Id::TorqueOffset),
+            torque: number(Id::AtanTorque),
+            slope: number(Id::AtanSlope),
+        }
+    }
+
+    fn rescale_period(&mut self, _: &Self, _: T) {}
+
+    #[inline(always)]
+    fn velocity_limit(&self) -> T {
+        self.steady.velocity_limit
+    }
+
+    fn sliding_torque(&self) -> T {
+        T::zero()
+    }
+
+    #[inline(always)]
+    fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), velocity: T, effect: &E) -> Step<'_, T> {
+        let velocity = self.steady.limited(velocity);
+        let sliding = self.steady.sliding(effect.coulomb(self.steady.coulomb), velocity, effect);
+        Step::Done(sliding + self.offset + self.torque * (self.slope * velocity).atan())
+    }
+
+    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+        let value = |id: Id| written.values.value(id);
+        product::<N>("atan_slope * velocity_max", value(Id::AtanSlope) * range.speed)?;
+        product::<N>(Id::AtanTorque.name(), value(Id::AtanTorque) * FRAC_PI_2)?;
+        Ok(0.0)
+    }
+}

@@ -1,0 +1,146 @@
+//! LuGre under side load and pressure (paper 0, eq. 16).
+
+use super::bristle::{self, Bristles};
+use super::interface::{FrictionLaw, Range, Step, Written};
+use crate::effect::{Effect, Effects, SealEffect};
+use crate::number::Real;
+use crate::parameter::ParameterId as Id;
+use crate::quantity::Sample;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug)]
+pub struct ImprovedLugre<T> {
+    /// The bristles.
+    pub bristles: Bristles<T>,
+    /// What presses and bends them.
+    pub load: SealLoad<T>,
+}
+
+/// How side load and pressure act in the improved LuGre law.
+#[derive(Clone, Copy, Debug)]
+pub struct SealLoad<T> {
+    /// Side load on `F_C`, Nm/N.
+    pub radial_force_coulomb: T,
+    /// Side load on `F_S`, Nm/N.
+    pub radial_force_static: T,
+    /// Pressure on `F_C`, Nm/MPa.
+    pub pressure_coulomb: T,
+    /// Pressure on `F_S`, Nm/MPa.
+    pub pressure_static: T,
+    /// Bristle rate for a change of the side load by 1 N within a sample, `eta3/dt`, rad/s.
+    pub rate_per_newton: T,
+}
+
+impl<T: Real> SealLoad<T> {
+    /// What the seal does to the law in this sample.
+    #[inline(always)]
+    pub fn effect(&self, sample: &Sample<T>) -> SealEffect<T> {
+        let (force, pressure) = (sample.radial_force_n, sample.pressure_diff_mpa);
+        SealEffect {
+            coulomb: self.radial_force_coulomb * force + self.pressure_coulomb * pressure,
+            static_level: self.radial_force_static * force + self.pressure_static * pressure,
+            bristle_rate: self.rate_per_newton * sample.radial_force_change_n,
+        }
+    }
+}
+
+/// The improved law's effect, added to the levels one product at a time: a product and a sum are
+/// one instruction then. [`SealEffect`] is the sum, for terms to add to.
+struct SealUnder<'a, T> {
+    load: &'a SealLoad<T>,
+    sample: &'a Sample<T>,
+}
+
+impl<T: Real> Effect<T> for SealUnder<'_, T> {
+    #[inline(always)]
+    fn coulomb(&self, base: T) -> T {
+        base.plus_product(self.load.radial_force_coulomb, self.sample.radial_force_n)
+            .plus_product(self.load.pressure_coulomb, self.sample.pressure_diff_mpa)
+    }
+    #[inline(always)]
+    fn static_level(&self, base: T) -> T {
+        base.plus_product(self.load.radial_force_static, self.sample.radial_force_n)
+            .plus_product(self.load.pressure_static, self.sample.pressure_diff_mpa)
+    }
+    #[inline(always)]
+    fn carried(&self, bristle_torque: T, stiffness_step: T) -> T {
+        let own_rate = self.load.rate_per_newton * self.sample.radial_force_change_n;
+        bristle_torque + stiffness_step * own_rate
+    }
+    #[inline(always)]
+    fn bristle_rate(&self, rate: T) -> T {
+        rate + self.load.rate_per_newton * self.sample.radial_force_change_n
+    }
+}
+
+impl<T: Real> FrictionLaw<T> for ImprovedLugre<T> {
+    const PARAMETERS: &'static [Id] = &[
+        Id::CoulombTorque,
+        Id::StaticTorque,
+        Id::StribeckVelocity,
+        Id::BristleStiffness,
+        Id::BristleDamping,
+        Id::ViscousFriction,
+        Id::RadialForceCoulomb,
+        Id::RadialForceStaticExcess,
+        Id::PressureCoulomb,
+        Id::PressureStaticExcess,
+        Id::RadialForceRate,
+    ];
+
+    const HAS_SEAL_LOAD: bool = true;
+
+    type Memory = ();
+
+    fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self {
+        let setting = |id| written.values.get(id);
+        let mega = T::Setting::from_f64(1e6);
+        let load = SealLoad {
+            radial_force_coulomb: T::from_setting(setting(Id::RadialForceCoulomb)),
+            radial_force_static: T::from_setting(
+                setting(Id::RadialForceCoulomb) + setting(Id::RadialForceStaticExcess),
+            ),
+            pressure_coulomb: T::from_setting(setting(Id::PressureCoulomb) * mega),
+            pressure_static: T::from_setting(
+                (setting(Id::PressureCoulomb) + setting(Id::PressureStaticExcess)) * mega,
+            ),
+            rate_per_newton: T::from_setting(setting(Id::RadialForceRate) / period_s),
+        };
+        Self { bristles: Bristles::build(written, period_s), load }
+    }
+
+    fn rescale_period(&mut self, of: &Self, ratio: T) {
+        self.bristles.rescale_period(&of.bristles, ratio);
+        self.load.rate_per_newton = of.load.rate_per_newton / ratio;
+    }
+
+    #[inline(always)]
+    fn velocity_limit(&self) -> T {
+        self.bristles.velocity_limit
+    }
+
+    fn sliding_torque(&self) -> T {
+        self.bristles.coulomb
+    }
+
+    #[inline(always)]
+    fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), _: T, _: &E) -> Step<'_, T> {
+        self.bristles.as_step()
+    }
+
+    #[inline(always)]
+    fn step_alone(&self, held: &mut T, (): &mut (), sample: &Sample<T>) -> Step<'_, T> {
+        let effect = SealUnder { load: &self.load, sample };
+        Step::Done(self.bristles.step(held, sample.velocity_rad_s, &effect))
+    }
+
+    #[inline(always)]
+    fn load(&self, sample: &Sample<T>, effects: &mut Effects<T>) {
+        effects.seal = self.load.effect(sample);
+    }
+
+    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+        bristle::check::<N, S>(written, range, written.values.value(Id::BristleDamping))
+    }
+}

@@ -1,0 +1,46 @@
+//! Coulomb and viscous friction (paper 2, eq. 2-4).
+
+use super::interface::{FrictionLaw, Range, Step, Written};
+use super::steady::Steady;
+use crate::effect::Effect;
+use crate::number::Real;
+use crate::parameter::ParameterId as Id;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug)]
+pub struct Linear<T> {
+    /// Coulomb and viscous friction.
+    pub steady: Steady<T>,
+}
+
+impl<T: Real> FrictionLaw<T> for Linear<T> {
+    const PARAMETERS: &'static [Id] = &[Id::CoulombTorque, Id::ViscousFriction];
+
+    type Memory = ();
+
+    fn build(written: &Written<T::Setting>, _: T::Setting) -> Self {
+        Self { steady: Steady::build(written) }
+    }
+
+    fn rescale_period(&mut self, _: &Self, _: T) {}
+
+    #[inline(always)]
+    fn velocity_limit(&self) -> T {
+        self.steady.velocity_limit
+    }
+
+    fn sliding_torque(&self) -> T {
+        T::zero()
+    }
+
+    #[inline(always)]
+    fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), velocity: T, effect: &E) -> Step<'_, T> {
+        let velocity = self.steady.limited(velocity);
+        Step::Done(self.steady.sliding(effect.coulomb(self.steady.coulomb), velocity, effect))
+    }
+
+    fn check<N: Real, S: Real>(_: &Written<S>, _: &Range) -> Result<f64, ParameterError> {
+        Ok(0.0)
+    }
+}

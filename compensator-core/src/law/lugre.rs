@@ -1,0 +1,51 @@
+//! LuGre: bristles with the Stribeck curve (paper 0, eq. 1; paper 1, eq. 12-13); see [`super::bristle`].
+
+use super::bristle::{self, Bristles};
+use super::interface::{FrictionLaw, Range, Step, Written};
+use crate::effect::Effect;
+use crate::number::Real;
+use crate::parameter::ParameterId as Id;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug)]
+pub struct Lugre<T>(pub Bristles<T>);
+
+impl<T: Real> FrictionLaw<T> for Lugre<T> {
+    const PARAMETERS: &'static [Id] = &[
+        Id::CoulombTorque,
+        Id::StaticTorque,
+        Id::StribeckVelocity,
+        Id::BristleStiffness,
+        Id::BristleDamping,
+        Id::ViscousFriction,
+    ];
+
+    type Memory = ();
+
+    fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self {
+        Self(Bristles::build(written, period_s))
+    }
+
+    fn rescale_period(&mut self, of: &Self, ratio: T) {
+        self.0.rescale_period(&of.0, ratio);
+    }
+
+    #[inline(always)]
+    fn velocity_limit(&self) -> T {
+        self.0.velocity_limit
+    }
+
+    fn sliding_torque(&self) -> T {
+        self.0.coulomb
+    }
+
+    #[inline(always)]
+    fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), _: T, _: &E) -> Step<'_, T> {
+        self.0.as_step()
+    }
+
+    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+        bristle::check::<N, S>(written, range, written.values.value(Id::BristleDamping))
+    }
+}

@@ -1,0 +1,73 @@
+//! LuGre with levels that depend on the direction it is loaded in (paper 1, eq. 4).
+//!
+//! The print lets `g` depend on the force it is about to give; here the sign of the held torque
+//! decides, which is known. A state can thus stand above the level of the side it crosses to by
+//! one sample's travel at most.
+
+use super::bristle::{self, Bristles};
+use super::interface::{FrictionLaw, Range, Step, Written};
+use crate::effect::Effect;
+use crate::number::Real;
+use crate::parameter::ParameterId as Id;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug)]
+pub struct LugreAsymmetric<T> {
+    /// The bristles, with the levels of the positive side.
+    pub positive: Bristles<T>,
+    /// `F_C` where the held torque is not positive, Nm.
+    pub coulomb_negative: T,
+    /// `F_S` where the held torque is not positive, Nm.
+    pub static_level_negative: T,
+}
+
+impl<T: Real> FrictionLaw<T> for LugreAsymmetric<T> {
+    const PARAMETERS: &'static [Id] = &[
+        Id::CoulombTorque,
+        Id::StaticTorque,
+        Id::CoulombTorqueNegative,
+        Id::StaticTorqueNegative,
+        Id::StribeckVelocity,
+        Id::BristleStiffness,
+        Id::BristleDamping,
+        Id::ViscousFriction,
+    ];
+
+    type Memory = ();
+
+    fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self {
+        let number = |id| T::from_setting(written.values.get(id));
+        Self {
+            positive: Bristles::build(written, period_s),
+            coulomb_negative: number(Id::CoulombTorqueNegative),
+            static_level_negative: number(Id::StaticTorqueNegative),
+        }
+    }
+
+    fn rescale_period(&mut self, of: &Self, ratio: T) {
+        self.positive.rescale_period(&of.positive, ratio);
+    }
+
+    #[inline(always)]
+    fn velocity_limit(&self) -> T {
+        self.positive.velocity_limit
+    }
+
+    fn sliding_torque(&self) -> T {
+        self.positive.coulomb
+    }
+
+    #[inline(always)]
+    fn step<E: Effect<T>>(&self, held: &mut T, (): &mut (), _: T, _: &E) -> Step<'_, T> {
+        let positive = *held > T::zero();
+        let coulomb = if positive { self.positive.coulomb } else { self.coulomb_negative };
+        let static_level =
+            if positive { self.positive.static_level } else { self.static_level_negative };
+        Step::Bristles(&self.positive, coulomb, static_level)
+    }
+
+    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+        bristle::check::<N, S>(written, range, written.values.value(Id::BristleDamping))
+    }
+}

@@ -1,0 +1,65 @@
+//! With `(F_S - F_C) exp(-(v/v_s)^2) sgn v` besides: what LuGre is in steady sliding.
+
+use super::interface::{FrictionLaw, Range, Step, Written, stribeck_axis};
+use super::steady::Steady;
+use crate::effect::Effect;
+use crate::number::Real;
+use crate::parameter::ParameterId as Id;
+use crate::refusal::ParameterError;
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug)]
+pub struct Stribeck<T> {
+    /// Coulomb and viscous friction.
+    pub steady: Steady<T>,
+    /// `F_S`, Nm.
+    pub static_level: T,
+    /// `63/16 v_s`, rad/s.
+    pub stribeck_end: T,
+    /// `16 / v_s`, cells per rad/s.
+    pub cells_per_velocity: T,
+}
+
+impl<T: Real> FrictionLaw<T> for Stribeck<T> {
+    const PARAMETERS: &'static [Id] =
+        &[Id::CoulombTorque, Id::StaticTorque, Id::StribeckVelocity, Id::ViscousFriction];
+
+    type Memory = ();
+
+    fn build(written: &Written<T::Setting>, _: T::Setting) -> Self {
+        let (stribeck_end, cells_per_velocity) = stribeck_axis(written);
+        Self {
+            steady: Steady::build(written),
+            static_level: T::from_setting(written.values.get(Id::StaticTorque)),
+            stribeck_end,
+            cells_per_velocity,
+        }
+    }
+
+    fn rescale_period(&mut self, _: &Self, _: T) {}
+
+    #[inline(always)]
+    fn velocity_limit(&self) -> T {
+        self.steady.velocity_limit
+    }
+
+    fn sliding_torque(&self) -> T {
+        T::zero()
+    }
+
+    #[inline(always)]
+    fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), velocity: T, effect: &E) -> Step<'_, T> {
+        let velocity = self.steady.limited(velocity);
+        let coulomb = effect.coulomb(self.steady.coulomb);
+        let cells =
+            effect.stribeck_speed(velocity.abs(), self.stribeck_end) * self.cells_per_velocity;
+        let towards_rest = effect.stribeck_argument(cells).stribeck_curve();
+        let static_level = effect.static_level(self.static_level);
+        let level = coulomb + (static_level - coulomb) * towards_rest;
+        Step::Done(self.steady.sliding(level, velocity, effect))
+    }
+
+    fn check<N: Real, S: Real>(_: &Written<S>, _: &Range) -> Result<f64, ParameterError> {
+        Ok(0.0)
+    }
+}
