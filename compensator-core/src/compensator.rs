@@ -68,14 +68,14 @@ impl<T: Real> Held<T> {
         built: &Built<T>,
         flags: &mut Flags,
     ) -> T {
-        // Conditions as signs, and choices without branches: see `Real::below`.
-        let illegal = (reading.value - guard.middle).beyond(guard.reach);
-        let unheard = reading.age_s.negative_or_nan();
+        // Masks, so that no input makes a branch.
+        let illegal = (reading.value - guard.middle).abs_gt_mask(guard.reach);
+        let unheard = reading.age_s.negative_or_nan_mask();
         *flags |= guard.invalid.when(illegal & !unheard);
-        self.value = reading.value.unless(illegal | unheard, self.value);
-        let age_s = reading.age_s.unless(illegal | unheard, self.age_s + built.period_s);
+        self.value = T::select(illegal | unheard, self.value, reading.value);
+        let age_s = T::select(illegal | unheard, self.age_s + built.period_s, reading.age_s);
         self.age_s = age_s.within_level(built.faded_s);
-        *flags |= guard.stale.when(built.hold_s.below(self.age_s));
+        *flags |= guard.stale.when(built.hold_s.lt_mask(self.age_s));
         // 1 up to hold_s, then a straight line to 0 at hold_s + fade_s.
         let faded = (self.age_s - built.hold_s).positive_part() * built.fade_per_s;
         (T::one() - faded).positive_part()
@@ -169,7 +169,7 @@ impl<T: Real> Compensator<T> {
 
         let mut friction = self.model.step(&mut self.state, &sample);
         // Validated parameters keep friction far below this.
-        if friction.beyond(self.built.not_finite) < 0 {
+        if friction.abs_gt_mask(self.built.not_finite).is_set() {
             friction = zero;
             self.state = State::default();
             flags |= Flags::MODEL_NOT_FINITE;
@@ -177,10 +177,10 @@ impl<T: Real> Compensator<T> {
         let built = &self.built;
         let wanted = friction * built.scale * trust;
         let limited = wanted.within_level(built.torque_limit);
-        flags |= Flags::TORQUE_LIMITED.when(wanted.beyond(built.torque_limit));
+        flags |= Flags::TORQUE_LIMITED.when(wanted.abs_gt_mask(built.torque_limit));
         let change = limited - self.compensation_torque_nm;
         let slewed = change.within_level(built.slew_step);
-        flags |= Flags::SLEW_LIMITED.when(change.beyond(built.slew_step));
+        flags |= Flags::SLEW_LIMITED.when(change.abs_gt_mask(built.slew_step));
         self.compensation_torque_nm = self.compensation_torque_nm + slewed;
         Output {
             friction_torque_nm: friction,
@@ -195,12 +195,12 @@ impl<T: Real> Compensator<T> {
     #[inline]
     pub fn sum(&self, command_current_a: T, output: &Output<T>) -> (T, Flags) {
         let mut flags = output.flags;
-        let unsound = command_current_a.beyond(self.built.not_finite);
-        let command = command_current_a.unless(unsound, T::zero());
+        let unsound = command_current_a.abs_gt_mask(self.built.not_finite);
+        let command = T::select(unsound, T::zero(), command_current_a);
         flags |= Flags::COMMAND_INVALID.when(unsound);
         let sum = if self.enabled { command + output.feed_forward_current_a } else { command };
         let limited = sum.within_level(self.built.current_limit);
-        flags |= Flags::CURRENT_LIMITED.when(sum.beyond(self.built.current_limit));
+        flags |= Flags::CURRENT_LIMITED.when(sum.abs_gt_mask(self.built.current_limit));
         (limited, flags)
     }
 
@@ -209,9 +209,9 @@ impl<T: Real> Compensator<T> {
     fn blended_velocity(&self, inputs: &Inputs<T>, flags: &mut Flags) -> (T, T) {
         let built = &self.built;
         let unusable = |reading: &Reading<T>| {
-            reading.value.beyond(built.velocity_limit)
-                | reading.age_s.negative_or_nan()
-                | built.hold_s.below(reading.age_s)
+            reading.value.abs_gt_mask(built.velocity_limit)
+                | reading.age_s.negative_or_nan_mask()
+                | built.hold_s.lt_mask(reading.age_s)
         };
         let (measured, reference) = (&inputs.velocity_rad_s, &inputs.velocity_reference_rad_s);
         let (no_measured, no_reference) = (unusable(measured), unusable(reference));
@@ -219,16 +219,16 @@ impl<T: Real> Compensator<T> {
         *flags |= Flags::REFERENCE_INVALID.when(no_reference);
         // Each stands in for the other, and 0 for both: blending two equal velocities gives that one.
         let (zero, one) = (T::zero(), T::one());
-        let alone = reference.value.unless(no_reference, zero);
-        let measured = measured.value.unless(no_measured, alone);
-        let reference = reference.value.unless(no_reference, measured);
+        let alone = T::select(no_reference, zero, reference.value);
+        let measured = T::select(no_measured, alone, measured.value);
+        let reference = T::select(no_reference, measured, reference.value);
         // At and above the blend velocity there is nothing to multiply, so nothing for fixed point
         // to overflow.
         let speed = measured.abs();
         let blended = speed * built.blend_per_velocity;
-        let weight = one.unless(speed.below(built.blend_velocity), blended);
+        let weight = T::select(speed.lt_mask(built.blend_velocity), blended, one);
         let velocity = reference + (measured - reference) * weight;
-        (velocity, one.unless(no_measured & no_reference, zero))
+        (velocity, T::select(no_measured & no_reference, zero, one))
     }
 
     #[inline(always)]
@@ -248,11 +248,11 @@ impl<T: Real> Compensator<T> {
         // A change counts only between two trusted values: neither the first reading nor the fade
         // bends a bristle.
         let before = self.radial_force.value;
-        let unknown = built.hold_s.below(self.radial_force.age_s);
+        let unknown = built.hold_s.lt_mask(self.radial_force.age_s);
         let force_trust = self.radial_force.take(inputs.radial_force_n, &force, built, flags);
         let change = self.radial_force.value - before;
         sample.radial_force_n = (self.radial_force.value * force_trust).positive_part();
-        sample.radial_force_change_n = change.unless(unknown, T::zero());
+        sample.radial_force_change_n = T::select(unknown, T::zero(), change);
 
         let pressure = Guard {
             middle: T::zero(),

@@ -2,6 +2,8 @@
 //!
 //! Bits travel on CAN and in logs, so none may ever change; a new one takes the next free place.
 
+use crate::number::Mask;
+
 bitflags::bitflags! {
     /// What was replaced, faded or limited in a sample.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,9 +59,9 @@ bitflags::bitflags! {
 }
 
 impl Flags {
-    /// These flags where `condition` is negative, else none.
+    /// These flags where the mask is set, else none.
     #[inline(always)]
-    pub(crate) fn when(self, condition: i32) -> Self {
-        Self::from_bits_retain(self.bits() & (condition >> 31) as u32)
+    pub(crate) fn when(self, mask: Mask) -> Self {
+        Self::from_bits_retain(self.bits() & mask.bits())
     }
 }

@@ -11,8 +11,10 @@
 
 mod fixed;
 mod float;
+mod mask;
 
 pub use fixed::Fixed;
+pub use mask::Mask;
 
 use core::fmt::Debug;
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -181,31 +183,28 @@ pub trait Real:
         (limited, limited.abs())
     }
 
-    /// Whether `self < other`, both at least 0: negative if so. A NaN lies above every number.
-    ///
-    /// A condition as the sign of a word costs a Cortex-M one subtraction. Conditions are joined with
-    /// `|`, and [`Real::unless`] makes a choice of them that is never a branch.
+    /// Whether `self < other`, both at least 0. A NaN lies above every number.
     #[inline(always)]
-    fn below(self, other: Self) -> i32 {
-        if self < other { -1 } else { 0 }
+    fn lt_mask(self, other: Self) -> Mask {
+        Mask::of(self < other)
     }
 
-    /// Whether `|self| > bound`, for `bound >= 0`, or `self` is NaN: negative if so.
+    /// Whether `|self| > bound`, for `bound >= 0`, or `self` is NaN.
     #[inline(always)]
-    fn beyond(self, bound: Self) -> i32 {
-        if self.abs() <= bound { 0 } else { -1 }
+    fn abs_gt_mask(self, bound: Self) -> Mask {
+        !Mask::of(self.abs() <= bound)
     }
 
-    /// Whether `self` is less than 0, -0 or NaN: negative if so.
+    /// Whether `self` is less than 0, -0 or NaN.
     #[inline(always)]
-    fn negative_or_nan(self) -> i32 {
-        if self >= Self::zero() { 0 } else { -1 }
+    fn negative_or_nan_mask(self) -> Mask {
+        !Mask::of(self >= Self::zero())
     }
 
-    /// `self`, or `other` where `condition` is negative.
+    /// `if_set` where the mask is set, else `otherwise`.
     #[inline(always)]
-    fn unless(self, condition: i32, other: Self) -> Self {
-        if condition < 0 { other } else { self }
+    fn select(mask: Mask, if_set: Self, otherwise: Self) -> Self {
+        if mask.is_set() { if_set } else { otherwise }
     }
 
     /// The whole part of `self`, which is at least 0, and what is left; of a part beyond `last`,

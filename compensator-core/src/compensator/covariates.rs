@@ -130,8 +130,8 @@ impl<T: Real> Covariates<T> {
         flags: &mut Flags,
     ) {
         let time = inputs.campaign_time_h;
-        let illegal = time.negative_or_nan() | time.beyond(self.limits.campaign_max_h);
-        self.campaign_time_h = time.unless(illegal, self.campaign_time_h);
+        let illegal = time.negative_or_nan_mask() | time.abs_gt_mask(self.limits.campaign_max_h);
+        self.campaign_time_h = T::select(illegal, self.campaign_time_h, time);
         *flags |= Flags::CAMPAIGN_TIME_INVALID.when(illegal);
         sample.campaign_time_h = self.campaign_time_h;
     }

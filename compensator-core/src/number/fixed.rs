@@ -12,7 +12,7 @@
 //! `exp`, `ln`, `sin`, `atan` and `pow` go through `f32` (soft float on such a part): only extension
 //! terms use them.
 
-use super::{Real, Share};
+use super::{Mask, Real, Share};
 use crate::curve;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -138,24 +138,24 @@ impl Real for Fixed {
     }
 
     #[inline(always)]
-    fn below(self, other: Self) -> i32 {
-        self.0.wrapping_sub(other.0)
+    fn lt_mask(self, other: Self) -> Mask {
+        Mask::of_sign(self.0.wrapping_sub(other.0))
     }
 
     #[inline(always)]
-    fn beyond(self, bound: Self) -> i32 {
-        bound.0.wrapping_sub(self.0.saturating_abs())
+    fn abs_gt_mask(self, bound: Self) -> Mask {
+        Mask::of_sign(bound.0.wrapping_sub(self.0.saturating_abs()))
     }
 
     #[inline(always)]
-    fn negative_or_nan(self) -> i32 {
-        self.0
+    fn negative_or_nan_mask(self) -> Mask {
+        Mask::of_sign(self.0)
     }
 
     #[inline(always)]
-    fn unless(self, condition: i32, other: Self) -> Self {
-        let chosen = condition >> 31;
-        Self(self.0 & !chosen | other.0 & chosen)
+    fn select(mask: Mask, if_set: Self, otherwise: Self) -> Self {
+        let chosen = mask.bits() as i32;
+        Self(otherwise.0 & !chosen | if_set.0 & chosen)
     }
 
     #[inline(always)]

@@ -6,7 +6,7 @@
 //! coarser there), its sine from micromath, whose error of about 1e-3 of the amplitude is small
 //! beside the ripple amplitudes (a few percent of the friction) it multiplies.
 
-use super::Real;
+use super::{Mask, Real};
 use crate::curve;
 
 macro_rules! common {
@@ -67,24 +67,24 @@ impl Real for f32 {
     common!(f32);
 
     #[inline(always)]
-    fn below(self, other: Self) -> i32 {
-        (self.to_bits() as i32).wrapping_sub(other.to_bits() as i32)
+    fn lt_mask(self, other: Self) -> Mask {
+        Mask::of_sign((self.to_bits() as i32).wrapping_sub(other.to_bits() as i32))
     }
 
     #[inline(always)]
-    fn beyond(self, bound: Self) -> i32 {
-        bound.below(f32::from_bits(self.to_bits() & MAGNITUDE))
+    fn abs_gt_mask(self, bound: Self) -> Mask {
+        bound.lt_mask(f32::from_bits(self.to_bits() & MAGNITUDE))
     }
 
     #[inline(always)]
-    fn negative_or_nan(self) -> i32 {
-        self.to_bits() as i32 | f32::INFINITY.below(self)
+    fn negative_or_nan_mask(self) -> Mask {
+        Mask::of_sign(self.to_bits() as i32) | f32::INFINITY.lt_mask(self)
     }
 
     #[inline(always)]
-    fn unless(self, condition: i32, other: Self) -> Self {
-        let chosen = (condition >> 31) as u32;
-        f32::from_bits(self.to_bits() & !chosen | other.to_bits() & chosen)
+    fn select(mask: Mask, if_set: Self, otherwise: Self) -> Self {
+        let chosen = mask.bits();
+        f32::from_bits(otherwise.to_bits() & !chosen | if_set.to_bits() & chosen)
     }
 
     #[inline(always)]
