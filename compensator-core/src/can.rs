@@ -22,6 +22,7 @@
 //!
 //! Of a prismatic joint read m for rad and N for Nm. The same in the words of CAN tools: `joint.dbc`.
 
+pub mod cob_id;
 mod inbox;
 mod message;
 pub mod slcan;
@@ -30,7 +31,6 @@ pub use crate::joint_kind::JointKind;
 pub use inbox::{Inbox, SyncOutcome};
 pub use message::{
     Answer, Command, Entry, Message, Motion, Seal, Status, Surroundings, Sync, Telemetry, Torque,
-    base,
 };
 
 use core::fmt;

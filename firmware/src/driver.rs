@@ -28,7 +28,7 @@ use crate::node::{Network, NmtAction};
 use crate::node_settings::{NodeSettings, Source};
 use crate::parameter_set::ParameterSet;
 use crate::supervisor::{CanState, State, Supervisor};
-use compensator_core::can::{Frame, FrameError, Message, Node, base};
+use compensator_core::can::{Frame, FrameError, Message, Node, cob_id};
 use device::Device;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -82,7 +82,7 @@ impl<F: NorFlash> Driver<F> {
             return;
         }
         let node = self.network.node();
-        if frame.identifier() == base::SDO_REQUEST + u16::from(node.number()) {
+        if frame.identifier() == cob_id::SDO_REQUEST + u16::from(node.number()) {
             self.serve(frame, node, now_us);
             self.publish_events();
             return;
@@ -129,7 +129,7 @@ impl<F: NorFlash> Driver<F> {
         self.device.set_time(now_us);
         if let Some(answer) = self.sdo.answer(request, now_us, &mut self.device) {
             self.device.counters.sdo_refused = self.sdo.aborts();
-            let identifier = base::SDO_ANSWER + u16::from(node.number());
+            let identifier = cob_id::SDO_ANSWER + u16::from(node.number());
             if let Some(frame) = Frame::new(identifier, &answer) {
                 self.device.outbox().push(frame);
             }

@@ -1,29 +1,8 @@
 //! What the frames say: each as a struct, and all as one [`Message`] to emit and to parse.
 
-use super::{Frame, FrameError, Node};
+use super::{Frame, FrameError, Node, cob_id};
 use crate::flags::Flags;
 use crate::joint_kind::JointKind;
-
-/// Identifiers without the node's number (CiA 301, predefined connection set): these and no others.
-#[allow(missing_docs)]
-pub mod base {
-    pub const SYNC: u16 = 0x080;
-    pub const EMERGENCY: u16 = 0x080;
-    pub const ANSWER: u16 = 0x180;
-    pub const MOTION: u16 = 0x200;
-    pub const STATUS: u16 = 0x280;
-    pub const TORQUE: u16 = 0x300;
-    pub const TELEMETRY: u16 = 0x380;
-    pub const SEAL: u16 = 0x400;
-    pub const COMMAND: u16 = 0x480;
-    pub const SURROUNDINGS: u16 = 0x500;
-    /// A client's request to the server of objects.
-    pub const SDO_REQUEST: u16 = 0x600;
-    /// The server's answer.
-    pub const SDO_ANSWER: u16 = 0x580;
-    /// What is the node's number in an identifier.
-    pub const NODE: u16 = 0x07F;
-}
 
 /// Command byte of an expedited SDO download of four bytes.
 const DOWNLOAD_4_BYTES: u8 = 0x23;
@@ -250,32 +229,32 @@ impl Message {
     pub fn emit(&self) -> Frame {
         match *self {
             Self::Motion(node, of) => {
-                frame(base::MOTION, node, pair(of.velocity_rad_s, of.position_rad))
+                frame(cob_id::RPDO_1, node, pair(of.velocity_rad_s, of.position_rad))
             }
             Self::Torque(node, of) => {
-                frame(base::TORQUE, node, pair(of.torque_nm, of.load_torque_nm))
+                frame(cob_id::RPDO_2, node, pair(of.torque_nm, of.load_torque_nm))
             }
             Self::Seal(node, of) => {
-                frame(base::SEAL, node, pair(of.radial_force_n, of.pressure_diff_pa))
+                frame(cob_id::RPDO_3, node, pair(of.radial_force_n, of.pressure_diff_pa))
             }
             Self::Surroundings(node, of) => {
-                frame(base::SURROUNDINGS, node, pair(of.temperature_c, of.auxiliary))
+                frame(cob_id::RPDO_4, node, pair(of.temperature_c, of.auxiliary))
             }
             Self::Sync(Sync { counter }) => {
-                Frame { identifier: base::SYNC, length: 1, bytes: [counter, 0, 0, 0, 0, 0, 0, 0] }
+                Frame { identifier: cob_id::SYNC, length: 1, bytes: [counter, 0, 0, 0, 0, 0, 0, 0] }
             }
             Self::Answer(node, of) => {
-                frame(base::ANSWER, node, pair(of.friction_torque_nm, of.feed_forward_current_a))
+                frame(cob_id::TPDO_1, node, pair(of.friction_torque_nm, of.feed_forward_current_a))
             }
             Self::Status(node, of) => {
-                frame(base::STATUS, node, words(of.flags.bits(), of.sequence))
+                frame(cob_id::TPDO_2, node, words(of.flags.bits(), of.sequence))
             }
             Self::Telemetry(node, of) => {
-                frame(base::TELEMETRY, node, pair(of.current_a, of.residual_torque_nm))
+                frame(cob_id::TPDO_3, node, pair(of.current_a, of.residual_torque_nm))
             }
             Self::Command(node, of) => {
                 let rest = of.velocity_steps as u32 & 0x00FF_FFFF | u32::from(of.counter) << 24;
-                frame(base::COMMAND, node, words(of.current_a.to_bits(), rest))
+                frame(cob_id::RPDO_5, node, words(of.current_a.to_bits(), rest))
             }
             Self::Entry(node, entry) => {
                 let (sub_index, value) = match entry {
@@ -285,7 +264,7 @@ impl Message {
                 };
                 let [low, high] = TRACE_OBJECT.to_le_bytes();
                 let head = u32::from_le_bytes([DOWNLOAD_4_BYTES, low, high, sub_index]);
-                frame(base::SDO_REQUEST, node, words(head, value))
+                frame(cob_id::SDO_REQUEST, node, words(head, value))
             }
         }
     }
@@ -302,7 +281,7 @@ impl Message {
             let wrong = FrameError::Length { identifier, found, expected };
             if found == expected { Ok(()) } else { Err(wrong) }
         };
-        if identifier == base::SYNC {
+        if identifier == cob_id::SYNC {
             expect(1)?;
             let counter = frame.bytes[0];
             let legal = (1..=Sync::LAST).contains(&counter);
@@ -313,33 +292,33 @@ impl Message {
             };
         }
         let foreign = FrameError::Foreign(identifier);
-        let node = Node::new((identifier & base::NODE) as u8).ok_or(foreign)?;
+        let node = Node::new((identifier & cob_id::NODE) as u8).ok_or(foreign)?;
         let [first, second] = split(frame.bytes);
         let (a, b) = (f32::from_bits(first), f32::from_bits(second));
-        let message = match identifier & !base::NODE {
-            base::MOTION => Self::Motion(node, Motion { velocity_rad_s: a, position_rad: b }),
-            base::TORQUE => Self::Torque(node, Torque { torque_nm: a, load_torque_nm: b }),
-            base::SEAL => Self::Seal(node, Seal { radial_force_n: a, pressure_diff_pa: b }),
-            base::SURROUNDINGS => {
+        let message = match identifier & !cob_id::NODE {
+            cob_id::RPDO_1 => Self::Motion(node, Motion { velocity_rad_s: a, position_rad: b }),
+            cob_id::RPDO_2 => Self::Torque(node, Torque { torque_nm: a, load_torque_nm: b }),
+            cob_id::RPDO_3 => Self::Seal(node, Seal { radial_force_n: a, pressure_diff_pa: b }),
+            cob_id::RPDO_4 => {
                 Self::Surroundings(node, Surroundings { temperature_c: a, auxiliary: b })
             }
-            base::ANSWER => {
+            cob_id::TPDO_1 => {
                 Self::Answer(node, Answer { friction_torque_nm: a, feed_forward_current_a: b })
             }
-            base::STATUS => {
+            cob_id::TPDO_2 => {
                 let flags = Flags::from_bits_retain(first);
                 Self::Status(node, Status { flags, sequence: second })
             }
-            base::TELEMETRY => {
+            cob_id::TPDO_3 => {
                 Self::Telemetry(node, Telemetry { current_a: a, residual_torque_nm: b })
             }
-            base::COMMAND => {
+            cob_id::RPDO_5 => {
                 // The sign of 24 bits is carried up by shifting them to the top and back.
                 let velocity_steps = (second << 8) as i32 >> 8;
                 let counter = (second >> 24) as u8;
                 Self::Command(node, Command { current_a: a, velocity_steps, counter })
             }
-            base::SDO_REQUEST => {
+            cob_id::SDO_REQUEST => {
                 // Any other download is for another object, and legal.
                 let [command, low, high, sub_index] = first.to_le_bytes();
                 let ours = command == DOWNLOAD_4_BYTES

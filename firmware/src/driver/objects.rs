@@ -7,7 +7,7 @@ use crate::node::dictionary::{self, Access, ERRORS_KEPT, LOAD, Object, SAVE, ind
 use crate::node::sdo::{Abort, Objects, Value};
 use crate::node_settings::{SettingError, Source};
 use canopen_rs::Address;
-use compensator_core::can::{Entry, JointKind, Message, Node, base};
+use compensator_core::can::{Entry, JointKind, Message, Node, cob_id};
 use compensator_core::record;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -174,8 +174,8 @@ impl<F: NorFlash> Device<F> {
             index::ERROR_FIELD => {
                 self.errors.iter().rev().nth(nth).copied().ok_or(Abort::NoSubIndex)
             }
-            index::SYNC_IDENTIFIER => Ok(base::SYNC.into()),
-            index::EMERGENCY_IDENTIFIER => Ok(at(base::EMERGENCY)),
+            index::SYNC_IDENTIFIER => Ok(cob_id::SYNC.into()),
+            index::EMERGENCY_IDENTIFIER => Ok(at(cob_id::EMERGENCY)),
             // Saved and restored on command, not by itself.
             index::STORE | index::RESTORE => Ok(1),
             index::AWAITED_HEARTBEAT => Ok(settings.awaited_heartbeat),
@@ -184,19 +184,19 @@ impl<F: NorFlash> Device<F> {
             index::SYNC_OVERFLOW => Ok(240),
             index::SDO_SERVER => list(
                 &records::SdoServer {
-                    client_to_server: at(base::SDO_REQUEST),
-                    server_to_client: at(base::SDO_ANSWER),
+                    client_to_server: at(cob_id::SDO_REQUEST),
+                    server_to_client: at(cob_id::SDO_ANSWER),
                 }
                 .words(),
             ),
-            index::RECEIVE_MOTION => pdo(base::MOTION, SYNCHRONOUS),
-            index::RECEIVE_TORQUE => pdo(base::TORQUE, SYNCHRONOUS),
-            index::RECEIVE_SEAL => pdo(base::SEAL, SYNCHRONOUS),
-            index::RECEIVE_SURROUNDINGS => pdo(base::SURROUNDINGS, SYNCHRONOUS),
-            index::RECEIVE_COMMAND => pdo(base::COMMAND, EVENT_DRIVEN),
-            index::TRANSMIT_ANSWER => pdo(base::ANSWER, SYNCHRONOUS),
-            index::TRANSMIT_STATUS => pdo(base::STATUS, SYNCHRONOUS),
-            index::TRANSMIT_TELEMETRY => pdo(base::TELEMETRY, SYNCHRONOUS),
+            index::RECEIVE_MOTION => pdo(cob_id::RPDO_1, SYNCHRONOUS),
+            index::RECEIVE_TORQUE => pdo(cob_id::RPDO_2, SYNCHRONOUS),
+            index::RECEIVE_SEAL => pdo(cob_id::RPDO_3, SYNCHRONOUS),
+            index::RECEIVE_SURROUNDINGS => pdo(cob_id::RPDO_4, SYNCHRONOUS),
+            index::RECEIVE_COMMAND => pdo(cob_id::RPDO_5, EVENT_DRIVEN),
+            index::TRANSMIT_ANSWER => pdo(cob_id::TPDO_1, SYNCHRONOUS),
+            index::TRANSMIT_STATUS => pdo(cob_id::TPDO_2, SYNCHRONOUS),
+            index::TRANSMIT_TELEMETRY => pdo(cob_id::TPDO_3, SYNCHRONOUS),
             index::MAPPING_MOTION => inputs([Inputs::VELOCITY, Inputs::POSITION]),
             index::MAPPING_TORQUE => inputs([Inputs::TORQUE, Inputs::LOAD_TORQUE]),
             index::MAPPING_SEAL => inputs([Inputs::RADIAL_FORCE, Inputs::PRESSURE_DIFF]),

@@ -11,7 +11,7 @@ use canopen_rs::sdo::{
     decode_upload_initiate_segmented_response, encode_data_segment,
     encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
 };
-use compensator_core::can::{Frame, Node, base};
+use compensator_core::can::{Frame, Node, cob_id};
 use firmware::node::dictionary::{Object, index};
 use joint_trace::CanFrame;
 use std::collections::VecDeque;
@@ -267,14 +267,14 @@ impl<B: Bus> Client<B> {
     fn answer_to(&mut self, request: [u8; 8]) -> Result<[u8; 8], SdoError> {
         let number = u16::from(self.node.number());
         let silent = SdoError::Silent { node: self.node.number() };
-        let Some(frame) = Frame::new(base::SDO_REQUEST + number, &request) else {
+        let Some(frame) = Frame::new(cob_id::SDO_REQUEST + number, &request) else {
             return Err(silent);
         };
         self.bus.send(&CanFrame::from(frame))?;
         let until_ns = self.bus.now_ns().saturating_add(ANSWER_TIME.as_nanos() as u64);
         while let Some(received) = self.bus.receive(until_ns)? {
             let answer = received.frame.to_joint();
-            let answer = answer.filter(|frame| frame.identifier() == base::SDO_ANSWER + number);
+            let answer = answer.filter(|frame| frame.identifier() == cob_id::SDO_ANSWER + number);
             let data = answer.and_then(|frame| frame.data().try_into().ok());
             if let Some(data) = data.filter(|data| answers(&request, data)) {
                 return Ok(data);

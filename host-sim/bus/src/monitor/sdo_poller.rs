@@ -14,7 +14,7 @@ use canopen_rs::sdo::{
     decode_abort, decode_data_segment, decode_upload_initiate_segmented_response,
     encode_upload_request, encode_upload_segment_request,
 };
-use compensator_core::can::{Frame, Message, Node, base};
+use compensator_core::can::{Frame, Message, Node, cob_id};
 use firmware::node::dictionary::index;
 use std::collections::VecDeque;
 
@@ -192,7 +192,7 @@ impl SdoPoller {
         let next = self.next(now_ns, serves);
         (
             next.and_then(|data| {
-                Frame::new(base::SDO_REQUEST + u16::from(self.node.number()), &data)
+                Frame::new(cob_id::SDO_REQUEST + u16::from(self.node.number()), &data)
             }),
             reply,
         )
@@ -231,14 +231,14 @@ impl SdoPoller {
     /// Takes in a frame that was on the bus, where it is of the joint's objects.
     pub fn take(&mut self, frame: &Frame, now_ns: u64) -> Option<SdoReply> {
         let number = u16::from(self.node.number());
-        if frame.identifier() == base::SDO_REQUEST + number {
+        if frame.identifier() == cob_id::SDO_REQUEST + number {
             let of_trace = matches!(Message::parse(frame), Ok(Message::Entry(..)));
             let hold_ns = if of_trace { TRACE_HOLD_NS } else { HOLD_NS };
             self.hold_until_ns = self.hold_until_ns.max(now_ns + hold_ns);
             self.drop_round();
             return None;
         }
-        if frame.identifier() != base::SDO_ANSWER + number {
+        if frame.identifier() != cob_id::SDO_ANSWER + number {
             return None;
         }
         let answer: [u8; 8] = frame.data().try_into().ok()?;
