@@ -6,6 +6,7 @@
 //! number in records and on CAN.
 
 use crate::number::Real;
+use crate::quantity::Quantity;
 
 /// What is known of a parameter apart from its value.
 #[derive(Clone, Copy, Debug)]
@@ -138,7 +139,7 @@ parameters! {
     LoadGain = "load_gain", "Nm/Nm", "N/Nm", -1e6, 1e6, 0.0;
     /// Which column the term of unknown cause follows: the number of a column of
     /// [`crate::quantity::Info`].
-    LookupColumn = "unknown_column", "1", "1", 0.0, 7.0, 0.0;
+    LookupColumn = "unknown_column", "1", "1", 0.0, Quantity::LAST_COLUMN as f64, 0.0;
     /// Where the term's first knot lies; its unit is that of its column: rad/s, rad, s, N, Pa, degC,
     /// Nm, or the auxiliary column's own.
     LookupLower = "unknown_lower", "of the column", "of the column", -1e12, 1e12, 0.0;

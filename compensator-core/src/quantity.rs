@@ -230,6 +230,20 @@ impl Quantity {
         })
     }
 
+    /// The largest column number.
+    pub const LAST_COLUMN: u8 = {
+        let (mut last, mut index) = (0, 0);
+        while index < Self::ALL.len() {
+            if let Some(column) = Self::ALL[index].info().column
+                && column > last
+            {
+                last = column;
+            }
+            index += 1;
+        }
+        last
+    };
+
     /// The quantity that the lookup-table term follows for this column number.
     pub fn of_column(number: u8) -> Option<Self> {
         Self::ALL.iter().copied().find(|quantity| quantity.info().column == Some(number))

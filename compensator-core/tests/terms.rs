@@ -59,7 +59,6 @@ fn lively<T: Real>(step: u32) -> Sample<T> {
     Sample {
         velocity_rad_s: number((3.0 * t).sin() * (0.7 * t).sin().powi(3)),
         position_rad: number(3.0 * t.sin()),
-        position_trust: T::one(),
         acceleration_rad_s2: number(20.0 * (2.0 * t).cos()),
         radial_force_n: number(50.0 + 40.0 * (5.0 * t).sin()),
         radial_force_change_n: number(0.2 * (5.0 * t).cos()),
@@ -68,7 +67,7 @@ fn lively<T: Real>(step: u32) -> Sample<T> {
         load_torque_nm: number(5.0 * (4.0 * t).sin()),
         campaign_time_h: number(t),
         auxiliary: number(0.3 * t),
-        lookup_trust: T::one(),
+        ..Sample::default()
     }
 }
 

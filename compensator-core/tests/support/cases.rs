@@ -176,7 +176,6 @@ impl Case {
         Sample {
             velocity_rad_s: velocity,
             position_rad: position * 20.0 - 10.0,
-            position_trust: 1.0,
             acceleration_rad_s2: acceleration * 2000.0 - 1000.0,
             radial_force_n: force * 100.0,
             radial_force_change_n: (force - force_before) * 100.0,
@@ -185,7 +184,7 @@ impl Case {
             load_torque_nm: (load * 2.0 - 1.0) * 26.0,
             campaign_time_h: time * 2000.0,
             auxiliary: own * 1000.0 - 200.0,
-            lookup_trust: 1.0,
+            ..Sample::default()
         }
     }
 }
