@@ -4,7 +4,7 @@
 //! log        runs to learn from, runs to judge by, columns that may be blamed      log
 //!  -> base   the simplest law the log supports, fitted                             baseline
 //!  -> tangent what the model does, row by row, and its derivatives                 tangent
-//!  -> candidates every cause as columns beside it; orders of a ripple found blind  candidate, order
+//!  -> candidates every cause as columns beside it; orders of a ripple found blind  cause, candidate, order
 //!  -> panel  products of all columns by blocks: gains, chance, stability           survey, panel
 //!  -> choice the best of those that pass, fitted by the core; again; reviewed      select
 //!  -> judged on runs no fit has seen                                               judge, regime
@@ -16,7 +16,9 @@
 
 pub mod baseline;
 pub mod candidate;
+pub mod cause;
 pub mod chance;
+pub mod evidence;
 pub mod finding;
 pub mod judge;
 pub mod log;
@@ -31,7 +33,8 @@ pub mod story;
 pub mod survey;
 pub mod tangent;
 
-pub use finding::{Finding, Size};
+pub use cause::{Cause, Remedy};
+pub use finding::{Finding, Rival, Size};
 pub use judge::Gain;
 pub use log::Log;
 pub use regime::Share;
@@ -44,6 +47,7 @@ use crate::fit::{FitOptions, Outcome, State};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use compensator_core::{ParameterId, Parameters, TermKind};
+use finding::Unexplained;
 use model::Fitted;
 use std::time::Instant;
 
@@ -98,7 +102,7 @@ pub struct Diagnosis {
 impl Diagnosis {
     /// The name of the first cause, or `none`.
     pub fn cause(&self) -> &'static str {
-        self.findings.first().map_or("none", |finding| finding.kind.name())
+        self.findings.first().map_or("none", |finding| finding.cause.name())
     }
 }
 
@@ -152,13 +156,21 @@ pub fn diagnose(
     let at = tangent::tangent(&baseline.parameters, &[], &log.test_tracks, baseline.resolution);
     let found = selection.found.iter();
     let mut findings: Vec<Finding> =
-        found.map(|found| finding::finding(found, &extended, &log, &selection.extended)).collect();
+        found.map(|found| finding::finding(found, &extended, &log)).collect();
     let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
     let gain = judge::gain(&before, &after, question.seed);
     let left_over = left_over(&after, noise_floor);
     let noise_floor = judge::lower_floor(noise_floor, &after);
+    findings.extend(cause::ALL.iter().filter_map(|cause| cause.in_log(&log)));
     if findings.is_empty() && left_over > 0.0 {
-        findings.push(story::unexplained(&after, noise_floor, &log, question.seed));
+        let rest = Unexplained {
+            after: &after,
+            noise_floor,
+            times_floor: STRUCTURE.0,
+            log: &log,
+            seed: question.seed,
+        };
+        findings.extend(cause::ALL.iter().filter_map(|cause| cause.in_rest(&rest)));
     }
     progress("certifying");
     let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
@@ -231,34 +243,10 @@ fn certificates(
     let after = if extended.spec == baseline.spec { before.clone() } else { certify(extended) };
     let loose = baseline.estimates.iter().filter(|e| e.state != State::Determined);
     let loose: Vec<ParameterId> = loose.map(|e| e.id).collect();
-    let causes: Vec<(&str, Option<ParameterId>)> =
-        findings.iter().map(|finding| (finding.kind.name(), acts_on(finding.kind))).collect();
+    let causes: Vec<(&str, &[ParameterId])> =
+        findings.iter().map(|finding| (finding.cause.name(), finding.cause.acts_on())).collect();
     let reading = stochastic::reading(&before, &loose, &causes);
     Certificates { before, after, reading }
-}
-
-/// The parameter of the base law a cause acts on, if it acts on one.
-fn acts_on(kind: TermKind) -> Option<ParameterId> {
-    use ParameterId as Id;
-    use TermKind as Kind;
-    match kind {
-        Kind::RadialForceCoulomb
-        | Kind::PressureCoulomb
-        | Kind::LoadTorqueCoulomb
-        | Kind::PositionRipple
-        | Kind::DirectionAsymmetry
-        | Kind::TimeDrift => Some(Id::CoulombTorque),
-        Kind::DwellTimeStatic => Some(Id::StaticTorque),
-        Kind::TemperatureViscous | Kind::QuadraticDrag => Some(Id::ViscousFriction),
-        Kind::RadialForceRate | Kind::Backlash => Some(Id::BristleStiffness),
-        Kind::StribeckShape => Some(Id::StribeckVelocity),
-        Kind::GravityImbalance
-        | Kind::TorqueOffset
-        | Kind::UnmodelledInertia
-        | Kind::ChannelDelay
-        | Kind::LoadGain
-        | Kind::Unknown => None,
-    }
 }
 
 /// Memory of the residual in rows, where it is more than noise; else 0.

@@ -32,7 +32,7 @@ pub mod verdict;
 pub use calibrate::{Calibrated, calibrated_verdict, certify_calibrated};
 pub use certificate::{CV_MOST, Certificate, LeftOut};
 pub use levels::{Campaign, Counts, Levels};
-pub use verdict::{literal_causes, reading};
+pub use verdict::reading;
 
 use crate::data::Joint;
 use crate::fit::{Resolution, Track};

@@ -31,10 +31,10 @@ fn finite(value: f64) -> f64 {
 
 fn finding(finding: &Finding) -> Value {
     let mut confusable: Vec<&str> =
-        finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+        finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
     confusable.dedup();
     let mut value = json!({
-        "cause": finding.kind.name(),
+        "cause": finding.cause.name(),
         "columns": finding.columns,
         "size": {
             "value": finite(finding.size.value),
@@ -83,7 +83,7 @@ fn share(share: &Share) -> Value {
 
 fn heard(hearing: &Hearing) -> Value {
     json!({
-        "cause": hearing.kind.name(),
+        "cause": hearing.cause.name(),
         "columns": hearing.columns,
         "order": hearing.order,
         "as_share_of_level": hearing.level,

@@ -184,7 +184,7 @@ fn evidence(scene: &Scene) -> Vec<Block> {
     }
     for other in others {
         blocks.push(Block::Details {
-            summary: format!("The evidence for {}", other.kind.name()),
+            summary: format!("The evidence for {}", other.cause.name()),
             blocks: in_rows(evidence::of(scene, other)),
         });
     }

@@ -3,10 +3,11 @@
 use super::candidate::{Candidate, Follows, Seed};
 use super::log::Log;
 use super::panel::Trial;
+use super::select::Found;
 use crate::fit::simulate::Resolution;
 use crate::fit::{FitOptions, fit};
 use crate::spec::{Spec, SpecError};
-use compensator_core::{ParameterId, Parameters, TermKind};
+use compensator_core::{ParameterId, Parameters};
 
 /// Simulations per parameter of a fit that only has to tell causes apart; what is reported is fitted to
 /// the end.
@@ -32,7 +33,7 @@ pub struct Fitted {
     pub resolution: Resolution,
     /// Sum of squares on the training rows.
     pub sse: f64,
-    /// What `unknown` follows, if it is among the terms.
+    /// The column one of its terms follows, if that may follow any.
     pub follows: Option<Follows>,
 }
 
@@ -75,7 +76,7 @@ pub fn with_candidate(
     trial: &Trial,
 ) -> Result<Fitted, SpecError> {
     let mut spec = model.spec.clone();
-    spec.terms.push(candidate.kind);
+    spec.terms.push(candidate.term);
     let mut start = spec.parameters()?;
     for id in model.parameters.active() {
         start.set(id, model.parameters.get(id));
@@ -110,10 +111,10 @@ pub fn with_candidate(
     Ok(fitted)
 }
 
-/// The model without one of its terms, everything else fitted again.
-pub fn without(log: &Log, model: &Fitted, kind: TermKind) -> Result<Fitted, SpecError> {
+/// The model without one of the causes found, everything else fitted again.
+pub fn without(log: &Log, model: &Fitted, gone: &Found) -> Result<Fitted, SpecError> {
     let mut spec = model.spec.clone();
-    spec.terms.retain(|term| *term != kind);
+    spec.terms.retain(|term| *term != gone.term);
     let mut start = spec.parameters()?;
     for id in start.clone().active() {
         start.set(id, model.parameters.get(id));
@@ -123,9 +124,9 @@ pub fn without(log: &Log, model: &Fitted, kind: TermKind) -> Result<Fitted, Spec
         .fixed
         .iter()
         .copied()
-        .filter(|id| start.active().any(|own| own == *id) || !kind.parameters().contains(id))
+        .filter(|id| start.active().any(|own| own == *id) || !gone.term.parameters().contains(id))
         .collect();
     let mut fitted = refit(log, &spec, &start, &fixed, Some(model.resolution));
-    fitted.follows = model.follows.clone().filter(|_| kind != TermKind::Unknown);
+    fitted.follows = model.follows.clone().filter(|_| gone.follows.is_none());
     Ok(fitted)
 }

@@ -178,8 +178,8 @@ impl Panel {
 
     /// Tries every candidate. `candidates[i]`'s significance is that of the family of all.
     ///
-    /// `looks[i]` is how many candidates the `i`-th was chosen from for its agreement with the residual.
-    pub fn try_all(&self, looks: &[f64], seed: u64) -> Vec<Trial> {
+    /// `comparisons[i]` is how many candidates the `i`-th was chosen from for its agreement with the residual.
+    pub fn try_all(&self, comparisons: &[f64], seed: u64) -> Vec<Trial> {
         let base = self.sse();
         let base_unseen = self.unseen(&self.base);
         let scores: Vec<_> = (0..self.candidates.len()).map(|i| self.scores(i)).collect();
@@ -199,7 +199,7 @@ impl Panel {
                 let p_alone = found.as_ref().map_or(1.0, |found| {
                     self.probability_by_blocks(candidate, found, &scores[candidate])
                 });
-                let p_alone = (p_alone * looks[candidate]).min(1.0);
+                let p_alone = (p_alone * comparisons[candidate]).min(1.0);
                 Trial {
                     candidate,
                     coefficients,

@@ -3,23 +3,15 @@
 //! What only correlated with a cause that was not yet in falls here. So does what held-out runs do not
 //! need, what whole runs do not agree on, and a curve that is the last bend of a named cause's own effect.
 
-use super::candidate::{Candidate, Follows};
+use super::candidate::{Candidate, Claim, Follows};
+use super::finding::Rival;
 use super::log::Log;
 use super::model::{Fitted, without};
 use super::panel::Trial;
-use super::round::{MATERIAL, Round, weight};
+use super::round::{MATERIAL, Round};
 use super::select::{Found, MATERIAL_BESIDE};
 use crate::fit::outcome::predict;
 use crate::spec::SpecError;
-use compensator_core::TermKind;
-
-/// A cause and what it follows, whatever its settings.
-pub type Claim = (TermKind, Option<(String, bool)>);
-
-/// The claim a candidate or a finding makes.
-pub fn claim(kind: TermKind, follows: Option<&Follows>) -> Claim {
-    (kind, follows.map(|follows| (follows.column.clone(), follows.level)))
-}
 
 /// The same for whole runs as observations, which a finding has to pass with all others in. There are
 /// few runs, and one candidate left.
@@ -33,7 +25,7 @@ const ANY_SHAPE: f64 = 0.2;
 const RESAMPLES: usize = 60;
 
 fn is_any_shape(found: &Found) -> bool {
-    found.follows.as_ref().is_some_and(|follows| !follows.proportional)
+    found.follows.as_ref().is_some_and(Follows::is_any_shape)
 }
 
 /// Takes every finding out once, the last one first, and hears all candidates in its place; returns what
@@ -50,14 +42,12 @@ pub fn review(
     let mut left = found.len();
     while left > 0 {
         let index = left - 1;
-        let kind = found[index].kind;
-        progress(&format!("hearing {} against all others", kind.name()));
-        let rest = if found.len() == 1 { base.clone() } else { without(log, model, kind)? };
-        let mut round = Round::new(log, &rest, seed + 100 + index as u64);
-        let same = |candidate: &Candidate| {
-            claim(candidate.kind, candidate.follows.as_ref())
-                == claim(kind, found[index].follows.as_ref())
-        };
+        let claim = Claim::new(found[index].cause, found[index].follows.as_ref());
+        progress(&format!("hearing {} against all others", claim.cause.name()));
+        let rest =
+            if found.len() == 1 { base.clone() } else { without(log, model, &found[index])? };
+        let round = Round::new(log, &rest, seed + 100 + index as u64);
+        let same = |candidate: &Candidate| candidate.claim() == claim;
         let own = round
             .trials
             .iter()
@@ -82,7 +72,7 @@ pub fn review(
             let follows = rest.follows.as_ref().filter(|f| f.extra).map(|f| f.column.clone());
             *model = rest;
             let gone = found.remove(index);
-            lost_claims.push(claim(gone.kind, gone.follows.as_ref()));
+            lost_claims.push(Claim::new(gone.cause, gone.follows.as_ref()));
             log.follow(follows.as_deref());
             left = found.len();
             continue;
@@ -90,16 +80,16 @@ pub fn review(
         left -= 1;
         let Some(mut trial) = own else { continue };
         let candidates = &round.candidates;
-        let wins = round.panel.stability(RESAMPLES, seed + 7, |c| weight(&candidates[c]));
+        let wins = round.panel.stability(RESAMPLES, seed + 7, |c| candidates[c].weight);
         // Two settings of one cause's grid are the same cause.
         trial.stability = (0..candidates.len())
             .filter(|c| same(&candidates[*c]))
             .map(|c| wins[c])
             .sum::<f64>()
             .min(1.0);
-        let confusable = confusions(&mut round, &trial, kind);
+        let rivals = rivals(&round, &trial);
         found[index].share = (unique / base.sse.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        found[index].confusable = confusable;
+        found[index].rivals = rivals;
         found[index].trial = trial;
     }
     found.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -118,40 +108,36 @@ pub fn review(
 }
 
 /// Causes that would explain what a finding explains.
-fn confusions(
-    round: &mut Round,
-    trial: &Trial,
-    kind: TermKind,
-) -> Vec<(TermKind, Vec<String>, f64)> {
+fn rivals(round: &Round, trial: &Trial) -> Vec<Rival> {
     /// Nothing could tell two causes apart that share this much of their effect.
     const THE_SAME: f64 = 0.995;
     /// Nor, in practice, these, where the better one is not better by so many standard errors.
     const ALIKE: f64 = 0.8;
     const BETTER: f64 = 3.0;
-    let mut named: Vec<(TermKind, Vec<String>, f64)> = Vec::new();
+    let own = &round.candidates[trial.candidate];
+    let mut named: Vec<Rival> = Vec::new();
     for (other, candidate) in round.candidates.iter().enumerate() {
+        let follows_any = candidate.follows.is_some();
         // A curve over a column of the catalogue can be bent into any of its causes; over a column the
         // catalogue does not know it is another explanation.
-        let flexible = candidate.kind == TermKind::Unknown
-            && kind != TermKind::Unknown
-            && candidate.extra.is_none();
-        if candidate.kind == kind && candidate.kind != TermKind::Unknown || flexible {
-            continue;
-        }
-        if other == trial.candidate
-            || candidate.follows.is_some()
-                && candidate.columns == round.candidates[trial.candidate].columns
-        {
+        let flexible = follows_any && own.follows.is_none() && candidate.extra.is_none();
+        let another_setting = candidate.cause == own.cause && !follows_any;
+        let same_column = follows_any && candidate.columns == own.columns;
+        if flexible || another_setting || same_column || other == trial.candidate {
             continue;
         }
         let (share, better) = round.panel.confusion(trial.candidate, other);
         if share > THE_SAME || (share > ALIKE && better < BETTER) {
-            match named.iter_mut().find(|(kind, ..)| *kind == candidate.kind) {
-                Some(known) => known.2 = known.2.max(share),
-                None => named.push((candidate.kind, candidate.columns.clone(), share)),
+            match named.iter_mut().find(|rival| rival.cause == candidate.cause) {
+                Some(known) => known.share = known.share.max(share),
+                None => named.push(Rival {
+                    cause: candidate.cause,
+                    columns: candidate.columns.clone(),
+                    share,
+                }),
             }
         }
     }
-    named.sort_by(|a, b| b.2.total_cmp(&a.2));
+    named.sort_by(|a, b| b.share.total_cmp(&a.share));
     named
 }

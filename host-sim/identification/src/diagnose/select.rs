@@ -8,13 +8,15 @@
 //! A candidate passes if its blocks agree better than chance lets the best of all candidates agree
 //! ([`super::panel`]), it lowers the error on rows left out of the fit, and by a share that matters.
 
-use super::candidate::{Candidate, Follows};
+use super::candidate::{Candidate, Claim, Follows};
+use super::cause::Cause;
+use super::finding::Rival;
 use super::judge::{noise_floor, paired};
 use super::log::Log;
 use super::model::{Fitted, with_candidate};
 use super::panel::Trial;
-use super::review::{Claim, claim, review};
-use super::round::{Hearing, MATERIAL, Round, is_crooked, weight};
+use super::review::review;
+use super::round::{Hearing, MATERIAL, Round};
 use crate::fit::outcome::predict;
 use crate::spec::SpecError;
 use compensator_core::TermKind;
@@ -45,18 +47,20 @@ const SEARCHES: usize = 3;
 /// A cause that has been found.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// The term.
-    pub kind: TermKind,
+    /// The cause.
+    pub cause: &'static dyn Cause,
+    /// The term that takes it into the model.
+    pub term: TermKind,
     /// Columns it needs.
     pub columns: Vec<String>,
-    /// What it follows, for `unknown`.
+    /// What it follows, for a cause that may follow any column.
     pub follows: Option<Follows>,
     /// What the last review said.
     pub trial: Trial,
     /// Share of the residual it explains that nothing else does.
     pub share: f64,
     /// Other causes that would explain the same.
-    pub confusable: Vec<(TermKind, Vec<String>, f64)>,
+    pub rivals: Vec<Rival>,
 }
 
 /// The result of the search.
@@ -88,10 +92,10 @@ pub fn select(
     let mut refuted: Vec<Claim> = Vec::new();
     // Named causes have their say first; a curve of any shape may then have what is left, and shows in
     // the review which of them only stood in for it.
-    for allow_unknown in [false, true] {
+    for allow_any_shape in [false, true] {
         for _ in 0..SEARCHES {
             let before = found.len();
-            let heard = Heard { refuted: &refuted, allow_unknown, seed };
+            let heard = Heard { refuted: &refuted, allow_any_shape, seed };
             extend(log, &base, &mut model, &mut found, &mut hearing, &heard, progress)?;
             if found.len() == before {
                 break;
@@ -111,15 +115,14 @@ struct Heard<'a> {
     /// Not these: a review has taken them out.
     refuted: &'a [Claim],
     /// Curves of any shape.
-    allow_unknown: bool,
+    allow_any_shape: bool,
     seed: u64,
 }
 
 impl Heard<'_> {
     fn is_heard(&self, candidate: &Candidate) -> bool {
-        let any_shape = candidate.follows.as_ref().is_some_and(|follows| !follows.proportional);
-        let refuted = self.refuted.contains(&claim(candidate.kind, candidate.follows.as_ref()));
-        !refuted && (self.allow_unknown || !any_shape)
+        let refuted = self.refuted.contains(&candidate.claim());
+        !refuted && (self.allow_any_shape || !candidate.is_any_shape())
     }
 }
 
@@ -146,12 +149,13 @@ fn extend(
         let Some((chosen, fitted)) = choose(log, model, &round, least, progress)? else { break };
         let candidate = &round.candidates[chosen.candidate];
         found.push(Found {
-            kind: candidate.kind,
+            cause: candidate.cause,
+            term: candidate.term,
             columns: candidate.columns.clone(),
             follows: candidate.follows.clone(),
             trial: chosen,
             share: 0.0,
-            confusable: Vec::new(),
+            rivals: Vec::new(),
         });
         *model = fitted;
     }
@@ -168,14 +172,14 @@ fn choose(
 ) -> Result<Option<(Trial, Fitted)>, SpecError> {
     let passed = round.passed();
     let best = passed.first().map_or(0.0, |trial| round.merit(trial));
-    let mut variants: Vec<TermKind> = Vec::new();
+    let mut variants: Vec<&'static dyn Cause> = Vec::new();
     let mut shortlist: Vec<Trial> = Vec::new();
     for trial in passed {
         let candidate = &round.candidates[trial.candidate];
-        let enough = if is_crooked(candidate.kind) { 0.2 } else { 0.5 };
-        let same = variants.iter().filter(|kind| **kind == candidate.kind).count();
+        let enough = if candidate.cause.is_nonlinear() { 0.2 } else { 0.5 };
+        let same = variants.iter().filter(|cause| **cause == candidate.cause).count();
         if round.merit(trial) >= enough * best && same < 2 && shortlist.len() < MOST_FITTED {
-            variants.push(candidate.kind);
+            variants.push(candidate.cause);
             shortlist.push(trial.clone());
         }
     }
@@ -183,7 +187,7 @@ fn choose(
         shortlist.truncate(1);
     }
     if !model.spec.law.has_bristles() {
-        prefer_friction(round, &mut shortlist);
+        yield_in_sliding(round, &mut shortlist);
     }
     let straight = shortlist.len();
     let noise = noise_floor(&log.train_tracks, log.decimate);
@@ -195,11 +199,11 @@ fn choose(
     let mut before = None;
     for (place, trial) in shortlist.into_iter().enumerate() {
         let candidate = &round.candidates[trial.candidate];
-        progress(&format!("fitting {}+{}", model.spec, candidate.kind.name()));
+        progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
         let fitted = with_candidate(log, model, candidate, &trial)?;
         // What the panel's left-out rows cost beside its fitted ones, the fit's own gain pays too.
         let optimism = (trial.gain - trial.gain_unseen).max(0.0);
-        let merit = (model.sse - fitted.sse - optimism) * weight(candidate);
+        let merit = (model.sse - fitted.sse - optimism) * candidate.weight;
         if place >= straight {
             let model_now = before.get_or_insert_with(|| {
                 predict(&model.parameters, log.train_rows(), model.resolution)
@@ -223,18 +227,21 @@ fn choose(
     Ok(Some((trial, fitted)))
 }
 
-/// In pure sliding an offset of the sensor and a difference between the directions are one and the same.
-/// Where this log cannot tell them apart, the one that is friction is named, and the other as not told
-/// apart from it.
-fn prefer_friction(round: &Round, shortlist: &mut Vec<Trial>) {
-    let place = |shortlist: &[Trial], kind: TermKind| {
-        shortlist.iter().position(|trial| round.candidates[trial.candidate].kind == kind)
+/// In pure sliding two causes may be one and the same, as an offset of the sensor and a difference between
+/// the directions. Where this log cannot tell them apart, the one that yields is left to be named as not
+/// told apart from the other.
+fn yield_in_sliding(round: &Round, shortlist: &mut Vec<Trial>) {
+    let place = |shortlist: &[Trial], cause: &'static dyn Cause| {
+        shortlist.iter().position(|trial| round.candidates[trial.candidate].cause == cause)
     };
-    let Some(offset) = place(shortlist, TermKind::TorqueOffset) else { return };
-    let Some(asymmetry) = place(shortlist, TermKind::DirectionAsymmetry) else { return };
-    let (share, better) =
-        round.panel.confusion(shortlist[offset].candidate, shortlist[asymmetry].candidate);
-    if share > 0.95 && (better < 3.0 || share > 0.995) {
-        shortlist.remove(offset);
+    for cause in super::cause::ALL {
+        let Some(named) = cause.yields_to() else { continue };
+        let Some(yielding) = place(shortlist, *cause) else { continue };
+        let Some(named) = place(shortlist, named) else { continue };
+        let (share, better) =
+            round.panel.confusion(shortlist[yielding].candidate, shortlist[named].candidate);
+        if share > 0.95 && (better < 3.0 || share > 0.995) {
+            shortlist.remove(yielding);
+        }
     }
 }

@@ -64,12 +64,12 @@ pub(super) fn findings(scene: &Scene) -> Table {
         let [low, high] = finding.size.ci95;
         let unit = if finding.size.unit == "1" { "" } else { finding.size.unit.as_str() };
         let rivals: Vec<&str> =
-            finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+            finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
         let order = finding.order.map_or_else(String::new, |(order, error)| {
             format!(", order {} ± {}", significant(order, 4), significant(2.0 * error, 1))
         });
         vec![
-            finding.kind.name().into(),
+            finding.cause.name().into(),
             finding.columns.join(", ").into(),
             format!("{} {unit}{order}", unbroken(significant(finding.size.value, 4))).into(),
             format!("{} to {}", unbroken(significant(low, 3)), unbroken(significant(high, 3)))
@@ -99,7 +99,7 @@ pub(super) fn findings(scene: &Scene) -> Table {
 
 /// What a candidate is called.
 pub(super) fn candidate(heard: &Hearing) -> String {
-    let mut name = heard.kind.name().to_owned();
+    let mut name = heard.cause.name().to_owned();
     if !heard.columns.is_empty() {
         name += &format!(" ({})", heard.columns.join(", "));
     }
