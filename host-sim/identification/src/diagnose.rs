@@ -19,7 +19,9 @@ pub mod candidate;
 pub mod cause;
 pub mod chance;
 pub mod evidence;
+pub mod extended;
 pub mod finding;
+pub mod found;
 pub mod judge;
 pub mod log;
 pub mod model;
@@ -34,7 +36,8 @@ pub mod survey;
 pub mod tangent;
 
 pub use cause::{Cause, Remedy};
-pub use finding::{Finding, Rival, Size};
+pub use extended::Size;
+pub use finding::{Finding, Rival};
 pub use judge::Gain;
 pub use log::Log;
 pub use regime::Share;
@@ -47,7 +50,7 @@ use crate::fit::{FitOptions, Outcome, State};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use compensator_core::{ParameterId, Parameters, TermKind};
-use finding::Unexplained;
+use extended::{Observation, Unexplained};
 use model::Fitted;
 use std::time::Instant;
 
@@ -155,13 +158,12 @@ pub fn diagnose(
     let after = predict(&extended.parameters, log.test_rows(), extended.resolution);
     let at = tangent::tangent(&baseline.parameters, &[], &log.test_tracks, baseline.resolution);
     let found = selection.found.iter();
-    let mut findings: Vec<Finding> =
-        found.map(|found| finding::finding(found, &extended, &log)).collect();
+    let mut findings: Vec<Finding> = found.map(|found| found.finding(&extended, &log)).collect();
     let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
     let gain = judge::gain(&before, &after, question.seed);
     let left_over = left_over(&after, noise_floor);
     let noise_floor = judge::lower_floor(noise_floor, &after);
-    findings.extend(cause::ALL.iter().filter_map(|cause| cause.in_log(&log)));
+    findings.extend(observed(|cause| cause.in_log(&log)));
     if findings.is_empty() && left_over > 0.0 {
         let rest = Unexplained {
             after: &after,
@@ -170,7 +172,7 @@ pub fn diagnose(
             log: &log,
             seed: question.seed,
         };
-        findings.extend(cause::ALL.iter().filter_map(|cause| cause.in_rest(&rest)));
+        findings.extend(observed(|cause| cause.in_rest(&rest)));
     }
     progress("certifying");
     let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
@@ -192,6 +194,12 @@ pub fn diagnose(
         left_over,
         seconds: begin.elapsed().as_secs_f64(),
     })
+}
+
+/// What causes are seen without a fit of their own.
+fn observed(see: impl Fn(&dyn Cause) -> Option<Observation>) -> impl Iterator<Item = Finding> {
+    let all = cause::ALL.iter().copied();
+    all.filter_map(move |cause| Some(Finding::observed(cause, see(cause)?)))
 }
 
 fn base(log: &mut Log, question: &Question) -> Result<Fitted, SpecError> {

@@ -6,11 +6,9 @@
 //! coarse grid; the fit moves on from the best. A cause whose column is not in the log, or does not vary
 //! there, has no candidate: nothing is invented.
 
-use super::cause::{self, Cause};
 use super::log::Log;
 use super::tangent::{Exact, Tangent};
 use crate::spec::Spec;
-use compensator_core::term::MAX_TERMS;
 use compensator_core::{ParameterId, Sample, TermKind};
 
 /// One row as a regressor sees it.
@@ -71,26 +69,8 @@ impl Follows {
     }
 }
 
-/// What a candidate says, whatever its settings: a cause, and the column it follows (whether as a share of
-/// the level), where it may follow any.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Claim {
-    /// The cause.
-    pub cause: &'static dyn Cause,
-    follows: Option<(String, bool)>,
-}
-
-impl Claim {
-    /// The claim of a cause that follows this.
-    pub fn new(cause: &'static dyn Cause, follows: Option<&Follows>) -> Self {
-        Self { cause, follows: follows.map(|follows| (follows.column.clone(), follows.level)) }
-    }
-}
-
 /// One way a residual may be explained.
 pub struct Candidate {
-    /// The cause.
-    pub cause: &'static dyn Cause,
     /// The term that takes it into the model.
     pub term: TermKind,
     /// Columns of the log it needs.
@@ -114,15 +94,9 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// A candidate of a cause that acts through a term, by these regressors, one for each coefficient.
-    pub fn new(
-        cause: &'static dyn Cause,
-        term: TermKind,
-        columns: &[&str],
-        regressors: Vec<Regressor>,
-    ) -> Self {
+    /// A candidate that acts through a term, by these regressors, one for each coefficient.
+    pub fn new(term: TermKind, columns: &[&str], regressors: Vec<Regressor>) -> Self {
         Self {
-            cause,
             term,
             columns: columns.iter().map(|&name| name.to_owned()).collect(),
             follows: None,
@@ -171,11 +145,6 @@ impl Candidate {
         self
     }
 
-    /// What it says, whatever its settings.
-    pub fn claim(&self) -> Claim {
-        Claim::new(self.cause, self.follows.as_ref())
-    }
-
     /// Whether it is a curve of any shape.
     pub fn is_any_shape(&self) -> bool {
         self.follows.as_ref().is_some_and(Follows::is_any_shape)
@@ -198,14 +167,4 @@ impl Beside<'_> {
         let spec = self.spec;
         spec.terms.contains(&term) || spec.rigid_body.contains(&term) || spec.law.includes(term)
     }
-}
-
-/// The candidates of all causes beside a model that has been fitted; none where it takes no more terms.
-pub fn catalogue(beside: &Beside) -> Vec<Candidate> {
-    if beside.at.parameters.terms.len() >= MAX_TERMS {
-        return Vec::new();
-    }
-    let in_the_model = |cause: &dyn Cause| cause.remedy().term().is_some_and(|t| beside.has(t));
-    let open = cause::ALL.iter().filter(|cause| !in_the_model(**cause));
-    open.flat_map(|cause| cause.candidates(beside)).collect()
 }

@@ -26,12 +26,14 @@ mod torque_offset;
 mod unknown;
 mod unmodelled_inertia;
 
-use super::candidate::{Beside, Candidate};
-use super::evidence::Evidence;
-use super::finding::{Extended, Finding, Size, Unexplained};
-use super::log::Log;
+pub mod definition;
+
+pub use definition::{Cause, Remedy};
+
+use super::candidate::{Beside, Candidate, Follows};
+use compensator_core::term::MAX_TERMS;
 use compensator_core::{ParameterId, TermKind};
-use std::fmt;
+use std::ops::Deref;
 
 /// Every cause, in the order candidates are weighed in.
 pub const ALL: &[&dyn Cause] = &[
@@ -54,134 +56,6 @@ pub const ALL: &[&dyn Cause] = &[
     &unknown::Unknown,
 ];
 
-/// The friction levels of a law, in both directions.
-const LEVELS: &[ParameterId] = &[
-    ParameterId::CoulombTorque,
-    ParameterId::StaticTorque,
-    ParameterId::CoulombTorqueNegative,
-    ParameterId::StaticTorqueNegative,
-];
-
-/// What is to be done about a cause.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Remedy {
-    /// The driver's model takes this term: it is friction.
-    Term(TermKind),
-    /// A column of the log is to be corrected: it is the sensor or the logger. A term may stand in for the
-    /// correction until that is done.
-    CorrectColumn(Option<TermKind>),
-    /// The rigid body is to be known better: the term is a part of it, not friction.
-    RigidBody(TermKind),
-}
-
-impl Remedy {
-    /// The term that takes the cause into the model, if there is one.
-    pub fn term(self) -> Option<TermKind> {
-        match self {
-            Self::Term(term) | Self::RigidBody(term) => Some(term),
-            Self::CorrectColumn(term) => term,
-        }
-    }
-}
-
-/// One thing a residual can be blamed on.
-pub trait Cause: Sync {
-    /// The name used in files and findings.
-    fn name(&self) -> &'static str;
-
-    /// What it means, as the beginning of a sentence.
-    fn meaning(&self) -> &'static str;
-
-    /// What it does to a model, for a list of models.
-    fn effect(&self) -> &'static str;
-
-    /// What is to be done about it.
-    fn remedy(&self) -> Remedy;
-
-    /// The parameters of a law it acts through.
-    fn acts_on(&self) -> &'static [ParameterId] {
-        &[]
-    }
-
-    /// The covariate this cause is the first to be thought of for.
-    fn covariate(&self) -> Option<&'static str> {
-        None
-    }
-
-    /// Whether it has a name for what happens; one that has not comes when no other explains it.
-    fn is_named(&self) -> bool {
-        true
-    }
-
-    /// Whether it enters the model so nonlinearly that its column at size 0 may say too little.
-    fn is_nonlinear(&self) -> bool {
-        false
-    }
-
-    /// Whether it is worth a fit even where it did not pass, if structure is left.
-    fn is_underrated(&self) -> bool {
-        self.is_nonlinear()
-    }
-
-    /// The cause that is named instead where a log of sliding cannot tell the two apart.
-    fn yields_to(&self) -> Option<&'static dyn Cause> {
-        None
-    }
-
-    /// The ways it may explain what a fitted model leaves over; none where its columns are not in the log.
-    fn candidates(&self, _beside: &Beside) -> Vec<Candidate> {
-        Vec::new()
-    }
-
-    /// The finding, where the log shows it without a model.
-    fn in_log(&self, _log: &Log) -> Option<Finding> {
-        None
-    }
-
-    /// The finding, where structure is left that no candidate explains.
-    fn in_rest(&self, _rest: &Unexplained) -> Option<Finding> {
-        None
-    }
-
-    /// How large it is in the extended model: the first parameter of its term, unless it knows better.
-    fn size(&self, extended: &Extended) -> Size {
-        let first = self.remedy().term().and_then(|term| term.parameters().first());
-        first.map_or_else(Size::default, |id| extended.size(*id))
-    }
-
-    /// Of a periodic cause, its order with a standard error.
-    fn order(&self, _extended: &Extended) -> Option<(f64, f64)> {
-        None
-    }
-
-    /// Meaning and size in a sentence.
-    fn in_words(&self, size: &Size, _extended: &Extended) -> String {
-        format!("{}: {}", self.meaning(), size.in_words())
-    }
-
-    /// Where it shows.
-    fn evidence(&self, _columns: &[String], _extended: &Extended) -> Option<Evidence> {
-        None
-    }
-
-    /// What to measure next where it was found, following these columns; nothing, where the model decides.
-    fn next_experiment(&self, _columns: &[String]) -> Option<String> {
-        None
-    }
-}
-
-impl PartialEq for dyn Cause {
-    fn eq(&self, other: &Self) -> bool {
-        self.name() == other.name()
-    }
-}
-
-impl fmt::Debug for dyn Cause {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
 /// The cause a term explains; none for a part of the rigid body that is known beforehand.
 pub fn of_term(term: TermKind) -> Option<&'static dyn Cause> {
     ALL.iter().copied().find(|cause| cause.remedy().term() == Some(term))
@@ -190,6 +64,58 @@ pub fn of_term(term: TermKind) -> Option<&'static dyn Cause> {
 /// The causes that act through a parameter of a law.
 pub fn acting_through(id: ParameterId) -> impl Iterator<Item = &'static dyn Cause> {
     ALL.iter().copied().filter(move |cause| cause.acts_on().contains(&id))
+}
+
+/// A candidate and the cause it is of.
+pub struct Suspect {
+    /// The cause.
+    pub cause: &'static dyn Cause,
+    candidate: Candidate,
+}
+
+impl Deref for Suspect {
+    type Target = Candidate;
+
+    fn deref(&self) -> &Candidate {
+        &self.candidate
+    }
+}
+
+impl Suspect {
+    /// What it says, whatever its settings.
+    pub fn claim(&self) -> Claim {
+        Claim::new(self.cause, self.candidate.follows.as_ref())
+    }
+}
+
+/// What a suspect says, whatever its settings: a cause, and the column it follows (whether as a share of
+/// the level), where it may follow any.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Claim {
+    /// The cause.
+    pub cause: &'static dyn Cause,
+    follows: Option<(String, bool)>,
+}
+
+impl Claim {
+    /// The claim of a cause that follows this.
+    pub fn new(cause: &'static dyn Cause, follows: Option<&Follows>) -> Self {
+        Self { cause, follows: follows.map(|follows| (follows.column.clone(), follows.level)) }
+    }
+}
+
+/// The candidates of all causes beside a model that has been fitted; none where it takes no more terms.
+pub fn suspects(beside: &Beside) -> Vec<Suspect> {
+    if beside.at.parameters.terms.len() >= MAX_TERMS {
+        return Vec::new();
+    }
+    let in_the_model = |cause: &dyn Cause| cause.remedy().term().is_some_and(|t| beside.has(t));
+    let open = ALL.iter().copied().filter(|cause| !in_the_model(*cause));
+    open.flat_map(|cause| {
+        let candidates = cause.candidates(beside).into_iter();
+        candidates.map(move |candidate| Suspect { cause, candidate })
+    })
+    .collect()
 }
 
 #[cfg(test)]
@@ -201,7 +127,7 @@ mod tests {
         for cause in ALL {
             if let Some(term) = cause.remedy().term() {
                 assert_eq!(cause.name(), term.name());
-                assert_eq!(of_term(term).map(Cause::name), Some(cause.name()));
+                assert_eq!(of_term(term).map(|cause| cause.name()), Some(cause.name()));
             }
         }
         assert!(of_term(TermKind::LoadGain).is_none());
@@ -217,7 +143,7 @@ mod tests {
 
     #[test]
     fn causes_act_through_the_parameters_they_change() {
-        let through = |id| acting_through(id).map(Cause::name).collect::<Vec<_>>();
+        let through = |id| acting_through(id).map(|cause| cause.name()).collect::<Vec<_>>();
         assert_eq!(
             through(ParameterId::ViscousFriction),
             ["temperature-viscous", "quadratic-drag"]

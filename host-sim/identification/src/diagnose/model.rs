@@ -1,9 +1,9 @@
 //! A model on its way: fitted, extended by a candidate, shortened by a term.
 
 use super::candidate::{Candidate, Follows, Seed};
+use super::found::Found;
 use super::log::Log;
 use super::panel::Trial;
-use super::select::Found;
 use crate::fit::simulate::Resolution;
 use crate::fit::{FitOptions, fit};
 use crate::spec::{Spec, SpecError};

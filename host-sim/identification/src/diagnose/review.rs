@@ -3,15 +3,19 @@
 //! What only correlated with a cause that was not yet in falls here. So does what held-out runs do not
 //! need, what whole runs do not agree on, and a curve that is the last bend of a named cause's own effect.
 
-use super::candidate::{Candidate, Claim, Follows};
+use super::candidate::Follows;
+use super::cause::{Claim, Suspect};
 use super::finding::Rival;
+use super::found::Found;
 use super::log::Log;
 use super::model::{Fitted, without};
 use super::panel::Trial;
 use super::round::{MATERIAL, Round};
-use super::select::{Found, MATERIAL_BESIDE};
 use crate::fit::outcome::predict;
 use crate::spec::SpecError;
+
+/// Share of the base model's squared residual that a finding beside others must take alone.
+pub const MATERIAL_BESIDE: f64 = 0.01;
 
 /// The same for whole runs as observations, which a finding has to pass with all others in. There are
 /// few runs, and one candidate left.
@@ -47,7 +51,7 @@ pub fn review(
         let rest =
             if found.len() == 1 { base.clone() } else { without(log, model, &found[index])? };
         let round = Round::new(log, &rest, seed + 100 + index as u64);
-        let same = |candidate: &Candidate| candidate.claim() == claim;
+        let same = |candidate: &Suspect| candidate.claim() == claim;
         let own = round
             .trials
             .iter()

@@ -1,7 +1,7 @@
 //! One round: all candidates beside a fitted model.
 
-use super::candidate::{Beside, Candidate, catalogue};
-use super::cause::Cause;
+use super::candidate::Beside;
+use super::cause::{Cause, Suspect, suspects};
 use super::log::Log;
 use super::model::Fitted;
 use super::panel::{Panel, Trial};
@@ -36,7 +36,7 @@ pub struct Hearing {
 /// A fitted model with all its candidates.
 pub struct Round {
     /// Who is heard.
-    pub candidates: Vec<Candidate>,
+    pub candidates: Vec<Suspect>,
     /// What is known of them.
     pub panel: Panel,
     /// How they did.
@@ -49,7 +49,7 @@ impl Round {
     /// Asks all candidates beside a model.
     pub fn new(log: &Log, model: &Fitted, seed: u64) -> Self {
         let at = tangent(&model.parameters, &model.free, &log.train_tracks, model.resolution);
-        let candidates = catalogue(&Beside { log, spec: &model.spec, at: &at });
+        let candidates = suspects(&Beside { log, spec: &model.spec, at: &at });
         let panel = survey(log, &at, &candidates);
         let comparisons: Vec<f64> =
             candidates.iter().map(|candidate| candidate.comparisons).collect();

@@ -8,21 +8,16 @@
 //! A candidate passes if its blocks agree better than chance lets the best of all candidates agree
 //! ([`super::panel`]), it lowers the error on rows left out of the fit, and by a share that matters.
 
-use super::candidate::{Candidate, Claim, Follows};
-use super::cause::Cause;
-use super::finding::Rival;
+use super::cause::{Cause, Claim, Suspect};
+use super::found::Found;
 use super::judge::{noise_floor, paired};
 use super::log::Log;
 use super::model::{Fitted, with_candidate};
 use super::panel::Trial;
-use super::review::review;
+use super::review::{MATERIAL_BESIDE, review};
 use super::round::{Hearing, MATERIAL, Round};
 use crate::fit::outcome::predict;
 use crate::spec::SpecError;
-use compensator_core::TermKind;
-
-/// Share of the base model's squared residual that a finding beside others must take alone.
-pub const MATERIAL_BESIDE: f64 = 0.01;
 
 /// Most causes that are sought.
 const MOST_FINDINGS: usize = 5;
@@ -43,25 +38,6 @@ const CLEARLY: f64 = 3.0;
 
 /// How often the search goes on after the review has taken out what does not hold.
 const SEARCHES: usize = 3;
-
-/// A cause that has been found.
-#[derive(Clone, Debug)]
-pub struct Found {
-    /// The cause.
-    pub cause: &'static dyn Cause,
-    /// The term that takes it into the model.
-    pub term: TermKind,
-    /// Columns it needs.
-    pub columns: Vec<String>,
-    /// What it follows, for a cause that may follow any column.
-    pub follows: Option<Follows>,
-    /// What the last review said.
-    pub trial: Trial,
-    /// Share of the residual it explains that nothing else does.
-    pub share: f64,
-    /// Other causes that would explain the same.
-    pub rivals: Vec<Rival>,
-}
 
 /// The result of the search.
 #[derive(Clone, Debug)]
@@ -120,7 +96,7 @@ struct Heard<'a> {
 }
 
 impl Heard<'_> {
-    fn is_heard(&self, candidate: &Candidate) -> bool {
+    fn is_heard(&self, candidate: &Suspect) -> bool {
         let refuted = self.refuted.contains(&candidate.claim());
         !refuted && (self.allow_any_shape || !candidate.is_any_shape())
     }

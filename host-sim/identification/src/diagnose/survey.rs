@@ -1,6 +1,7 @@
 //! A fitted model and all candidates beside it, walked along the log once and kept as a [`Panel`].
 
-use super::candidate::{Candidate, Regressor, Row};
+use super::candidate::{Regressor, Row};
+use super::cause::Suspect;
 use super::log::Log;
 use super::panel::{Block, Panel};
 use super::tangent::{Tangent, TrackTangent, exact};
@@ -17,7 +18,7 @@ const MEMORIES: f64 = 8.0;
 const BLOCKS: (usize, usize) = (40, 240);
 
 /// Walks along the log.
-pub fn survey(log: &Log, tangent: &Tangent, candidates: &[Candidate]) -> Panel {
+pub fn survey(log: &Log, tangent: &Tangent, candidates: &[Suspect]) -> Panel {
     let rows: usize = log.train_tracks.iter().map(Track::len).sum::<usize>() / log.decimate;
     let residuals = tangent.tracks.iter().map(|at| at.residual.as_slice());
     let memory = autocorrelation_time(residuals) / log.decimate as f64;
@@ -38,7 +39,7 @@ fn blocks(
     tangent: &Tangent,
     track: &Track,
     at: &TrackTangent,
-    candidates: &[Candidate],
+    candidates: &[Suspect],
     length: usize,
 ) -> Vec<Block> {
     let mut columns: Vec<Vec<f64>> = at.jacobian.clone();

@@ -1,9 +1,9 @@
 //! Play: after a reversal there is travel with little stiffness.
 
-use super::{Cause, Remedy};
+use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use crate::diagnose::tangent::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
@@ -49,7 +49,7 @@ impl Cause for Backlash {
                 let settings = vec![(Id::BacklashTravel, travel)];
                 let by = Exact { kind: TermKind::Backlash, settings, derivative: None };
                 let by = vec![Regressor::Exact(by)];
-                Candidate::new(&Self, TermKind::Backlash, &columns, by)
+                Candidate::new(TermKind::Backlash, &columns, by)
                     .seeded(&[(Id::BacklashTravel, Seed::At(travel))])
                     .keeping(&[Id::BacklashStiffnessRatio])
             })

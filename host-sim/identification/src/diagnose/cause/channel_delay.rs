@@ -1,9 +1,9 @@
 //! Torque and velocity are logged at different times.
 
-use super::{Cause, Remedy};
+use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use crate::diagnose::tangent::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
@@ -34,7 +34,7 @@ impl Cause for ChannelDelay {
     /// The rate of the torque stands for a delay within a sample; a longer one turns the torque elsewhere.
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         let columns = [beside.log.velocity_name()];
-        let candidate = |by| Candidate::new(&Self, TermKind::ChannelDelay, &columns, vec![by]);
+        let candidate = |by| Candidate::new(TermKind::ChannelDelay, &columns, vec![by]);
         let mut all =
             vec![candidate(row(|r| -r.slope)).seeded(&[(Id::ChannelDelay, Seed::Times(0, 1.0))])];
         let period = beside.log.train_tracks.first().map_or(1e-3, |track| track.period_s);

@@ -1,9 +1,9 @@
 //! One direction rubs harder than the other: levels and viscous part differ by direction.
 
-use super::{Cause, LEVELS, Remedy};
+use super::definition::{Cause, LEVELS, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Seen};
-use crate::diagnose::finding::{Extended, Size};
+use crate::diagnose::extended::{Extended, Size};
 use crate::number::figure;
 use compensator_core::{ParameterId as Id, TermKind};
 
@@ -38,7 +38,7 @@ impl Cause for DirectionAsymmetry {
             row(move |r| sign(r.sample.velocity_rad_s) * r.viscous),
         ];
         let columns = [beside.log.velocity_name()];
-        vec![Candidate::new(&Self, TermKind::DirectionAsymmetry, &columns, by).seeded(&[
+        vec![Candidate::new(TermKind::DirectionAsymmetry, &columns, by).seeded(&[
             (Id::CoulombAsymmetry, Seed::Times(0, 1.0)),
             (Id::ViscousAsymmetry, Seed::Times(1, 1.0)),
         ])]

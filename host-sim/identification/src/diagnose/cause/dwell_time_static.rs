@@ -1,9 +1,9 @@
 //! Contacts age: the longer a joint rests, the higher it breaks away.
 
-use super::{Cause, LEVELS, Remedy};
+use super::definition::{Cause, LEVELS, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use crate::diagnose::tangent::Exact;
 use crate::number::significant;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -46,7 +46,7 @@ impl Cause for DwellTimeStatic {
                 let settings = vec![(Id::DwellTime, dwell_time)];
                 let kind = TermKind::DwellTimeStatic;
                 let by = Exact { kind, settings, derivative: Some(Id::DwellGain) };
-                Candidate::new(&Self, kind, &columns, vec![Regressor::Exact(by)])
+                Candidate::new(kind, &columns, vec![Regressor::Exact(by)])
                     .seeded(&[
                         (Id::DwellTime, Seed::At(dwell_time)),
                         (Id::DwellGain, Seed::Times(0, 1.0)),

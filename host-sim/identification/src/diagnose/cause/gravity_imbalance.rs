@@ -1,10 +1,10 @@
 //! An imbalance adds a torque of the angle, whichever way it turns.
 
-use super::{Cause, Remedy};
+use super::definition::{Cause, Remedy};
 use crate::data::Joint;
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::finding::{Extended, Size};
+use crate::diagnose::extended::{Extended, Size};
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// See the module.
@@ -33,7 +33,7 @@ impl Cause for GravityImbalance {
             return Vec::new();
         }
         let by = vec![row(|r| r.sample.position_rad.sin()), row(|r| r.sample.position_rad.cos())];
-        vec![Candidate::new(&Self, TermKind::GravityImbalance, &[name], by).seeded(&[
+        vec![Candidate::new(TermKind::GravityImbalance, &[name], by).seeded(&[
             (Id::GravitySine, Seed::Times(0, 1.0)),
             (Id::GravityCosine, Seed::Times(1, 1.0)),
         ])]

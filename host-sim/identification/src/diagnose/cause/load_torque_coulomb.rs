@@ -1,9 +1,9 @@
 //! The transmitted torque presses the gear: the levels rise with its size.
 
-use super::{Cause, LEVELS, Remedy};
+use super::definition::{Cause, LEVELS, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "load_torque_nm";
@@ -42,7 +42,7 @@ impl Cause for LoadTorqueCoulomb {
         }
         let by = vec![row(|r| r.added * r.sample.load_torque_nm.abs())];
         vec![
-            Candidate::new(&Self, TermKind::LoadTorqueCoulomb, &[COLUMN], by)
+            Candidate::new(TermKind::LoadTorqueCoulomb, &[COLUMN], by)
                 .seeded(&[(Id::LoadCoulomb, Seed::Times(0, 1.0))]),
         ]
     }

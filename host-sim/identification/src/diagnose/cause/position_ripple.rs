@@ -1,10 +1,10 @@
 //! Friction follows the position: an eccentric seal, a gear mesh, a scratch. Its order is found blind.
 
-use super::{Cause, LEVELS, Remedy};
+use super::definition::{Cause, LEVELS, Remedy};
 use crate::data::Joint;
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::finding::{Extended, Size};
+use crate::diagnose::extended::{Extended, Size};
 use crate::diagnose::order::{MOST_PRISMATIC, MOST_REVOLUTE, Point, peaks};
 use crate::number::{figure, significant};
 use crate::params::unit;
@@ -69,7 +69,7 @@ impl Cause for PositionRipple {
                 row(move |r| r.level * (n * r.sample.position_rad).sin()),
                 row(move |r| r.level * (n * r.sample.position_rad).cos()),
             ];
-            Candidate::new(&Self, TermKind::PositionRipple, &[name], by)
+            Candidate::new(TermKind::PositionRipple, &[name], by)
                 .seeded(&[
                     (Id::RippleOrder, Seed::At(n)),
                     (Id::RippleSine, Seed::Times(0, 1.0)),

@@ -1,9 +1,9 @@
 //! Pressure preloads the seal: the levels rise with it.
 
-use super::{Cause, LEVELS, Remedy};
+use super::definition::{Cause, LEVELS, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "pressure_diff_pa";
@@ -42,7 +42,7 @@ impl Cause for PressureCoulomb {
         }
         let by = vec![row(|r| r.added * r.sample.pressure_diff_mpa)];
         vec![
-            Candidate::new(&Self, TermKind::PressureCoulomb, &[COLUMN], by)
+            Candidate::new(TermKind::PressureCoulomb, &[COLUMN], by)
                 .seeded(&[(Id::PressureCoulomb, Seed::Times(0, 1e-6))])
                 .keeping(&[Id::PressureStaticExcess]),
         ]

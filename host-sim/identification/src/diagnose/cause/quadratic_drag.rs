@@ -1,9 +1,9 @@
 //! Drag of the water grows with the square of the speed.
 
-use super::{Cause, Remedy};
+use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Row, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// See the module.
@@ -37,7 +37,7 @@ impl Cause for QuadraticDrag {
         let drag = |r: &Row| r.sample.velocity_rad_s * r.sample.velocity_rad_s.abs();
         let columns = [beside.log.velocity_name()];
         vec![
-            Candidate::new(&Self, TermKind::QuadraticDrag, &columns, vec![row(drag)])
+            Candidate::new(TermKind::QuadraticDrag, &columns, vec![row(drag)])
                 .seeded(&[(Id::QuadraticDrag, Seed::Times(0, 1.0))]),
         ]
     }

@@ -1,9 +1,9 @@
 //! Side load presses the seal: the levels rise with it.
 
-use super::{Cause, LEVELS, Remedy};
+use super::definition::{Cause, LEVELS, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "radial_force_n";
@@ -42,7 +42,7 @@ impl Cause for RadialForceCoulomb {
         }
         let by = vec![row(|r| r.added * r.sample.radial_force_n)];
         vec![
-            Candidate::new(&Self, TermKind::RadialForceCoulomb, &[COLUMN], by)
+            Candidate::new(TermKind::RadialForceCoulomb, &[COLUMN], by)
                 .seeded(&[(Id::RadialForceCoulomb, Seed::Times(0, 1.0))])
                 .keeping(&[Id::RadialForceStaticExcess]),
         ]

@@ -1,9 +1,9 @@
 //! A changing side load bends the bristles.
 
-use super::{Cause, Remedy};
+use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use crate::diagnose::tangent::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
@@ -44,7 +44,7 @@ impl Cause for RadialForceRate {
         };
         let by = vec![Regressor::Exact(by)];
         vec![
-            Candidate::new(&Self, TermKind::RadialForceRate, &[COLUMN], by)
+            Candidate::new(TermKind::RadialForceRate, &[COLUMN], by)
                 .seeded(&[(Id::RadialForceRate, Seed::Times(0, 1.0))]),
         ]
     }

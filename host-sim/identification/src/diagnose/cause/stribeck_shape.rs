@@ -1,9 +1,9 @@
 //! The Stribeck curve falls with another exponent than 2.
 
-use super::{Cause, Remedy};
+use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use crate::diagnose::tangent::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
@@ -46,7 +46,7 @@ impl Cause for StribeckShape {
                 let settings = vec![(Id::StribeckExponent, setting)];
                 let by = Exact { kind: TermKind::StribeckShape, settings, derivative };
                 let by = vec![Regressor::Exact(by)];
-                Candidate::new(&Self, TermKind::StribeckShape, &columns, by)
+                Candidate::new(TermKind::StribeckShape, &columns, by)
                     .seeded(&[(Id::StribeckExponent, Seed::At(start))])
             })
             .into()

@@ -1,9 +1,9 @@
 //! The film thins as it warms: the viscous part falls with temperature.
 
-use super::{Cause, Remedy};
+use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "temperature_c";
@@ -45,7 +45,7 @@ impl Cause for TemperatureViscous {
         let mean = samples().map(|s| s.temperature_c).sum::<f64>() / rows;
         let by = vec![row(move |r| -r.viscous * (r.sample.temperature_c - mean))];
         vec![
-            Candidate::new(&Self, TermKind::TemperatureViscous, &[COLUMN], by)
+            Candidate::new(TermKind::TemperatureViscous, &[COLUMN], by)
                 .seeded(&[
                     (Id::TemperatureViscosity, Seed::Times(0, 1.0)),
                     (Id::TemperatureReference, Seed::At(mean)),

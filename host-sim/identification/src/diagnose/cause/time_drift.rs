@@ -1,9 +1,9 @@
 //! Friction changes over the campaign: run-in or wear.
 
-use super::{Cause, LEVELS, Remedy};
+use super::definition::{Cause, LEVELS, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
-use crate::diagnose::finding::{Extended, Size};
+use crate::diagnose::extended::{Extended, Size};
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// See the module.
@@ -35,7 +35,7 @@ impl Cause for TimeDrift {
     }
 
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        let candidate = |by| Candidate::new(&Self, TermKind::TimeDrift, &["time_s"], vec![by]);
+        let candidate = |by| Candidate::new(TermKind::TimeDrift, &["time_s"], vec![by]);
         let mut all = vec![
             candidate(row(|r| r.level * r.sample.campaign_time_h))
                 .seeded(&[

@@ -1,10 +1,10 @@
 //! The torque sensor's zero is off: a constant.
 
+use super::definition::{Cause, Remedy};
 use super::direction_asymmetry::DirectionAsymmetry;
-use super::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Seen};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// See the module.
@@ -35,7 +35,7 @@ impl Cause for TorqueOffset {
 
     fn candidates(&self, _: &Beside) -> Vec<Candidate> {
         vec![
-            Candidate::new(&Self, TermKind::TorqueOffset, &[], vec![row(|_| 1.0)])
+            Candidate::new(TermKind::TorqueOffset, &[], vec![row(|_| 1.0)])
                 .seeded(&[(Id::TorqueOffset, Seed::Times(0, 1.0))]),
         ]
     }

@@ -5,10 +5,10 @@
 //! as such too. Curves of any shape come after the named causes and with a handicap: six knots can be bent
 //! into most things. Structure that follows no column at all is told, and no term is offered.
 
-use super::{Cause, Remedy};
+use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Follows, Row, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
-use crate::diagnose::finding::{Extended, Finding, Size, Unexplained};
+use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
 use crate::diagnose::log::Log;
 use crate::fit::State;
 use crate::fit::outcome::Predicted;
@@ -51,6 +51,15 @@ impl Cause for Unknown {
         false
     }
 
+    fn next_experiment(&self, columns: &[String]) -> Option<String> {
+        Some(if columns.is_empty() {
+            "Log more of what may act (temperature, side load, pressure, position) and repeat the run that is worst."
+                .into()
+        } else {
+            format!("Vary {} in steps with everything else held constant.", columns.join(" and "))
+        })
+    }
+
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         // With an offset in the model, the curve's constant would be a second one.
         let offset = beside.has(TermKind::TorqueOffset);
@@ -69,7 +78,7 @@ impl Cause for Unknown {
         all
     }
 
-    fn in_rest(&self, rest: &Unexplained) -> Option<Finding> {
+    fn in_rest(&self, rest: &Unexplained) -> Option<Observation> {
         Some(unexplained(rest))
     }
 
@@ -125,15 +134,6 @@ impl Cause for Unknown {
         )
         .spaced(if is_velocity { Spacing::NarrowAtZero } else { Spacing::Even })
         .into()
-    }
-
-    fn next_experiment(&self, columns: &[String]) -> Option<String> {
-        Some(if columns.is_empty() {
-            "Log more of what may act (temperature, side load, pressure, position) and repeat the run that is worst."
-                .into()
-        } else {
-            format!("Vary {} in steps with everything else held constant.", columns.join(" and "))
-        })
     }
 }
 
@@ -259,7 +259,7 @@ fn curve(log: &Log, followed: &Followed, way: Way) -> Option<Candidate> {
     let weight = if proportional { GAIN_ERROR_WEIGHT } else { ANY_SHAPE_WEIGHT };
     let name = followed.name.as_str();
     Some(
-        Candidate::new(&Unknown, TermKind::Unknown, &[name], regressors)
+        Candidate::new(TermKind::Unknown, &[name], regressors)
             .seeded(&guesses)
             .keeping(&fixed)
             .following(follows, followed.covariate)
@@ -290,7 +290,7 @@ fn shape(extended: &Extended, level: bool) -> &'static str {
 }
 
 /// Structure that follows no column: how far the error is beyond the noise, its interval by resampled tracks.
-fn unexplained(rest: &Unexplained) -> Finding {
+fn unexplained(rest: &Unexplained) -> Observation {
     let Unexplained { after, noise_floor, .. } = *rest;
     let rmse = after.metrics.rmse;
     let beyond = |rmse: f64| (rmse * rmse - noise_floor * noise_floor).max(0.0).sqrt();
@@ -320,8 +320,7 @@ fn unexplained(rest: &Unexplained) -> Finding {
         unit: unit.to_owned(),
         ci95: [drawn[drawn.len() / 40], drawn[drawn.len() - 1 - drawn.len() / 40]],
     };
-    Finding {
-        cause: &Unknown,
+    Observation {
         columns: Vec::new(),
         in_words: format!(
             "something smooth is left, {} {unit} RMS beyond the noise of {} {unit}, that follows none of the log's columns",
@@ -329,11 +328,9 @@ fn unexplained(rest: &Unexplained) -> Finding {
             figure(noise_floor)
         ),
         size,
-        order: None,
         p_value: like_noise(after),
         stability,
         share_of_residual: (1.0 - (noise_floor / rmse).powi(2)).clamp(0.0, 1.0),
-        confusable_with: Vec::new(),
         evidence: None,
     }
 }

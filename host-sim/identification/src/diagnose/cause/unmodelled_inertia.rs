@@ -1,9 +1,9 @@
 //! A torque in proportion to acceleration: mass that is not in the known rigid body.
 
-use super::{Cause, Remedy};
+use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::finding::Extended;
+use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// See the module.
@@ -30,7 +30,7 @@ impl Cause for UnmodelledInertia {
         let columns = [beside.log.velocity_name()];
         let by = vec![row(|r| r.sample.acceleration_rad_s2)];
         vec![
-            Candidate::new(&Self, TermKind::UnmodelledInertia, &columns, by)
+            Candidate::new(TermKind::UnmodelledInertia, &columns, by)
                 .seeded(&[(Id::Inertia, Seed::Times(0, 1.0))]),
         ]
     }
