@@ -23,25 +23,26 @@ pub mod extended;
 pub mod finding;
 pub mod found;
 pub mod judge;
-pub mod log;
 pub mod model;
 pub mod order;
 pub mod panel;
 pub mod regime;
 pub mod review;
 pub mod round;
+pub mod search;
 pub mod select;
 pub mod story;
 pub mod survey;
 pub mod tangent;
+pub mod train_test;
 
 pub use cause::{Cause, Remedy};
 pub use extended::Size;
 pub use finding::{Finding, Rival};
 pub use judge::Gain;
-pub use log::Log;
 pub use regime::Share;
 pub use round::Hearing;
+pub use train_test::TrainTest;
 
 use crate::data::{Dataset, Split};
 use crate::fit::outcome::{Predicted, identify, predict};
@@ -49,9 +50,12 @@ use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Outcome, State};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
+use baseline::Baseline;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use extended::{Observation, Unexplained};
 use model::Fitted;
+use search::Search;
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// What is asked.
@@ -69,7 +73,7 @@ pub struct Question {
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
     /// The log as it was looked at, following what the extended model follows.
-    pub log: Log,
+    pub log: TrainTest,
     /// Error the torque's noise alone would make on the held-out rows, Nm.
     pub noise_floor: f64,
     /// The base model.
@@ -137,17 +141,26 @@ pub fn diagnose(
     progress: &dyn Fn(&str),
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
-    let mut log = Log::new(data, split, decimate, rigid_body);
-    log.take_some();
+    let whole = TrainTest::new(data, split, decimate, rigid_body);
+    let mut some = whole.thinned();
     progress("fitting the baseline");
-    let base = base(&mut log, question)?;
-    let selection = select::select(&mut log, base, question.seed, progress)?;
+    let Baseline { model: base, at_rest } = base(&some, question)?;
+    if let Some(at_rest) = &at_rest {
+        some = Cow::Owned(some.into_owned().without(at_rest));
+    }
+    let seed = question.seed;
+    let selection = select::select(&Search { log: &some, base: &base, seed, progress })?;
     progress("judging on held-out runs");
+    drop(some);
+    let whole = match &at_rest {
+        Some(at_rest) => whole.without(at_rest),
+        None => whole,
+    };
     let follows = selection.extended.follows.as_ref().filter(|follows| follows.extra);
-    log.take_all(follows.map(|follows| follows.column.as_str()));
+    let log = whole.following(follows).into_owned();
     let baseline = match &question.given {
         Some((spec, parameters)) => given(&log, spec, parameters)?,
-        None => outcome(&log, &selection.base)?,
+        None => outcome(&log, &base)?,
     };
     let extended = if selection.found.is_empty() {
         baseline.clone()
@@ -202,7 +215,7 @@ fn observed(see: impl Fn(&dyn Cause) -> Option<Observation>) -> impl Iterator<It
     all.filter_map(move |cause| Some(Finding::observed(cause, see(cause)?)))
 }
 
-fn base(log: &mut Log, question: &Question) -> Result<Fitted, SpecError> {
+fn base(log: &TrainTest, question: &Question) -> Result<Baseline, SpecError> {
     match (&question.given, &question.model) {
         (Some((spec, parameters)), _) => baseline::asked_for(log, spec, Some(parameters)),
         (None, Some(spec)) => {
@@ -214,7 +227,7 @@ fn base(log: &mut Log, question: &Question) -> Result<Fitted, SpecError> {
 }
 
 /// Errors and verdicts of a model that has been fitted.
-fn outcome(log: &Log, model: &Fitted) -> Result<Outcome, SpecError> {
+fn outcome(log: &TrainTest, model: &Fitted) -> Result<Outcome, SpecError> {
     let options = FitOptions {
         starts: 1,
         start: Some(model.parameters.clone()),
@@ -226,7 +239,7 @@ fn outcome(log: &Log, model: &Fitted) -> Result<Outcome, SpecError> {
 }
 
 /// A model taken as it is.
-fn given(log: &Log, spec: &Spec, parameters: &Parameters<f64>) -> Result<Outcome, SpecError> {
+fn given(log: &TrainTest, spec: &Spec, parameters: &Parameters<f64>) -> Result<Outcome, SpecError> {
     let fixed: Vec<ParameterId> = parameters.active().collect();
     let options =
         FitOptions { starts: 1, start: Some(parameters.clone()), fixed, ..FitOptions::default() };
@@ -235,7 +248,7 @@ fn given(log: &Log, spec: &Spec, parameters: &Parameters<f64>) -> Result<Outcome
 
 /// The paper's certificates of both models on the training runs.
 fn certificates(
-    log: &Log,
+    log: &TrainTest,
     baseline: &Outcome,
     extended: &Outcome,
     findings: &[Finding],

@@ -6,8 +6,8 @@
 //! coarse grid; the fit moves on from the best. A cause whose column is not in the log, or does not vary
 //! there, has no candidate: nothing is invented.
 
-use super::log::Log;
 use super::tangent::{Exact, Tangent};
+use super::train_test::TrainTest;
 use crate::spec::Spec;
 use compensator_core::{ParameterId, Sample, TermKind};
 
@@ -154,7 +154,7 @@ impl Candidate {
 /// What candidates stand beside: a log, and a model that has been fitted to it.
 pub struct Beside<'a> {
     /// The log.
-    pub log: &'a Log,
+    pub log: &'a TrainTest,
     /// The model.
     pub spec: &'a Spec,
     /// What it does, row by row.

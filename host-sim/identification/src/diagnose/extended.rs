@@ -2,7 +2,7 @@
 
 use super::candidate::Follows;
 use super::evidence::Evidence;
-use super::log::Log;
+use super::train_test::TrainTest;
 use crate::data::Joint;
 use crate::fit::outcome::Predicted;
 use crate::fit::{Estimate, Outcome};
@@ -46,7 +46,7 @@ pub struct Extended<'a> {
     /// The joint fit of everything.
     pub outcome: &'a Outcome,
     /// The log it was fitted on.
-    pub log: &'a Log,
+    pub log: &'a TrainTest,
     /// The column the finding follows, if its cause may follow any.
     pub follows: Option<&'a Follows>,
 }
@@ -106,7 +106,7 @@ pub struct Unexplained<'a> {
     /// An error so many times the noise floor is structure.
     pub times_floor: f64,
     /// The log.
-    pub log: &'a Log,
+    pub log: &'a TrainTest,
     /// For what is drawn at random.
     pub seed: u64,
 }

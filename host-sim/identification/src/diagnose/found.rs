@@ -4,8 +4,8 @@ use super::candidate::Follows;
 use super::cause::definition::Cause;
 use super::extended::Extended;
 use super::finding::{Finding, Rival};
-use super::log::Log;
 use super::panel::Trial;
+use super::train_test::TrainTest;
 use crate::fit::Outcome;
 use compensator_core::TermKind;
 
@@ -30,7 +30,7 @@ pub struct Found {
 
 impl Found {
     /// The finding, as the joint fit has it.
-    pub fn finding(&self, outcome: &Outcome, log: &Log) -> Finding {
+    pub fn finding(&self, outcome: &Outcome, log: &TrainTest) -> Finding {
         let extended = Extended { outcome, log, follows: self.follows.as_ref() };
         let cause = self.cause;
         let size = cause.size(&extended);

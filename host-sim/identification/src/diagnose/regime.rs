@@ -1,7 +1,7 @@
 //! Where in the motion a model is wrong.
 
-use super::log::Log;
 use super::tangent::Tangent;
+use super::train_test::TrainTest;
 use crate::fit::Track;
 use compensator_core::Sample;
 
@@ -162,7 +162,7 @@ pub fn shares<P>(
 
 /// The squared error of a model by the lowest, middle and highest third of every column that varies, and
 /// by run: name of the column, its parts.
-pub fn by_column(log: &Log, at: &Tangent) -> Vec<(String, Vec<Share>)> {
+pub fn by_column(log: &TrainTest, at: &Tangent) -> Vec<(String, Vec<Share>)> {
     type Read<'a> = Box<dyn Fn(usize, usize) -> f64 + 'a>;
     type Of = fn(&Sample<f64>) -> f64;
     let tracks = &log.test_tracks;
@@ -182,10 +182,7 @@ pub fn by_column(log: &Log, at: &Tangent) -> Vec<(String, Vec<Share>)> {
         columns.push((name.to_owned(), Box::new(move |t, r| read(sample(t, r)))));
     }
     for index in &log.extras {
-        let read = move |t: usize, r: usize| {
-            let track: &Track = &tracks[t];
-            log.test.runs[track.run].extra[*index][track.first_row + r]
-        };
+        let read = move |t: usize, r: usize| tracks[t].covariates[*index][r];
         columns.push((log.test.covariates[*index].clone(), Box::new(read)));
     }
     let mut all: Vec<(String, Vec<Share>)> =

@@ -7,11 +7,9 @@ use super::candidate::Follows;
 use super::cause::{Claim, Suspect};
 use super::finding::Rival;
 use super::found::Found;
-use super::log::Log;
-use super::model::{Fitted, without};
 use super::panel::Trial;
 use super::round::{MATERIAL, Round};
-use crate::fit::outcome::predict;
+use super::search::{Extension, Search};
 use crate::spec::SpecError;
 
 /// Share of the base model's squared residual that a finding beside others must take alone.
@@ -32,24 +30,21 @@ fn is_any_shape(found: &Found) -> bool {
     found.follows.as_ref().is_some_and(Follows::is_any_shape)
 }
 
-/// Takes every finding out once, the last one first, and hears all candidates in its place; returns what
+/// Takes every finding out once, the last one first, and weighs all candidates in its place; returns what
 /// did not hold.
-pub fn review(
-    log: &mut Log,
-    base: &Fitted,
-    model: &mut Fitted,
-    found: &mut Vec<Found>,
-    seed: u64,
-    progress: &dyn Fn(&str),
-) -> Result<Vec<Claim>, SpecError> {
+///
+/// # Errors
+/// If there are more terms than the core takes.
+pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, SpecError> {
+    let Search { log, base, seed, progress } = *search;
     let mut lost_claims = Vec::new();
-    let mut left = found.len();
+    let mut left = extension.found.len();
     while left > 0 {
         let index = left - 1;
+        let rest = extension.without(search, index)?;
+        let Extension { model, found } = &mut *extension;
         let claim = Claim::new(found[index].cause, found[index].follows.as_ref());
         progress(&format!("hearing {} against all others", claim.cause.name()));
-        let rest =
-            if found.len() == 1 { base.clone() } else { without(log, model, &found[index])? };
         let round = Round::new(log, &rest, seed + 100 + index as u64);
         let same = |candidate: &Suspect| candidate.claim() == claim;
         let own = round
@@ -59,10 +54,7 @@ pub fn review(
             .max_by(|a, b| a.gain_unseen.total_cmp(&b.gain_unseen))
             .cloned();
         let unique = rest.sse - model.sse;
-        let judged = |model: &Fitted, log: &Log| {
-            predict(&model.parameters, log.test_rows(), model.resolution).metrics.sse
-        };
-        let helps = judged(model, log) < judged(&rest, log);
+        let helps = model.on_test(log).metrics.sse < rest.on_test(log).metrics.sse;
         let lost = own.as_ref().is_none_or(|trial| {
             let by_runs = round.panel.probability_by_runs(trial.candidate);
             !helps
@@ -73,11 +65,9 @@ pub fn review(
         });
         if lost {
             // It was in the place of another: gone, and the others are reviewed anew.
-            let follows = rest.follows.as_ref().filter(|f| f.extra).map(|f| f.column.clone());
             *model = rest;
             let gone = found.remove(index);
             lost_claims.push(Claim::new(gone.cause, gone.follows.as_ref()));
-            log.follow(follows.as_deref());
             left = found.len();
             continue;
         }
@@ -91,13 +81,17 @@ pub fn review(
             .map(|c| wins[c])
             .sum::<f64>()
             .min(1.0);
-        let rivals = rivals(&round, &trial);
         found[index].share = (unique / base.sse.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        found[index].rivals = rivals;
+        found[index].rivals = rivals(&round, &trial);
         found[index].trial = trial;
     }
+    order(&mut extension.found);
+    Ok(lost_claims)
+}
+
+/// The strongest first, but a gain error of a column after the friction that follows the same column.
+fn order(found: &mut Vec<Found>) {
     found.sort_by(|a, b| b.share.total_cmp(&a.share));
-    // A gain error of a column after the friction that follows the same column.
     let is_gain_error = |f: &Found| f.follows.as_ref().is_some_and(|follows| !follows.level);
     for index in 0..found.len() {
         let friction = (index + 1..found.len()).find(|other| {
@@ -108,7 +102,6 @@ pub fn review(
             found.insert(index, friction);
         }
     }
-    Ok(lost_claims)
 }
 
 /// Causes that would explain what a finding explains.

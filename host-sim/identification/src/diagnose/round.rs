@@ -2,11 +2,11 @@
 
 use super::candidate::Beside;
 use super::cause::{Cause, Suspect, suspects};
-use super::log::Log;
 use super::model::Fitted;
 use super::panel::{Panel, Trial};
 use super::survey::survey;
 use super::tangent::tangent;
+use super::train_test::TrainTest;
 
 /// Probability under nothing hidden below which a candidate passes.
 pub const SIGNIFICANT: f64 = 0.005;
@@ -47,7 +47,8 @@ pub struct Round {
 
 impl Round {
     /// Asks all candidates beside a model.
-    pub fn new(log: &Log, model: &Fitted, seed: u64) -> Self {
+    pub fn new(log: &TrainTest, model: &Fitted, seed: u64) -> Self {
+        let log = &*log.following(model.follows.as_ref());
         let at = tangent(&model.parameters, &model.free, &log.train_tracks, model.resolution);
         let candidates = suspects(&Beside { log, spec: &model.spec, at: &at });
         let panel = survey(log, &at, &candidates);

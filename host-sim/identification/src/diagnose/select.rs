@@ -11,12 +11,11 @@
 use super::cause::{Cause, Claim, Suspect};
 use super::found::Found;
 use super::judge::{noise_floor, paired};
-use super::log::Log;
 use super::model::{Fitted, with_candidate};
 use super::panel::Trial;
 use super::review::{MATERIAL_BESIDE, review};
 use super::round::{Hearing, MATERIAL, Round};
-use crate::fit::outcome::predict;
+use super::search::{Extension, Search};
 use crate::spec::SpecError;
 
 /// Most causes that are sought.
@@ -42,8 +41,6 @@ const SEARCHES: usize = 3;
 /// The result of the search.
 #[derive(Clone, Debug)]
 pub struct Selection {
-    /// The base law fitted.
-    pub base: Fitted,
     /// The extended model.
     pub extended: Fitted,
     /// The causes, strongest first.
@@ -56,73 +53,64 @@ pub struct Selection {
 ///
 /// # Errors
 /// If the base already has as many terms as the core takes.
-pub fn select(
-    log: &mut Log,
-    base: Fitted,
-    seed: u64,
-    progress: &dyn Fn(&str),
-) -> Result<Selection, SpecError> {
-    let mut model = base.clone();
-    let mut found: Vec<Found> = Vec::new();
+pub fn select(search: &Search) -> Result<Selection, SpecError> {
+    let mut extension = Extension { model: search.base.clone(), found: Vec::new() };
     let mut hearing = Vec::new();
     let mut refuted: Vec<Claim> = Vec::new();
     // Named causes have their say first; a curve of any shape may then have what is left, and shows in
     // the review which of them only stood in for it.
     for allow_any_shape in [false, true] {
         for _ in 0..SEARCHES {
-            let before = found.len();
-            let heard = Heard { refuted: &refuted, allow_any_shape, seed };
-            extend(log, &base, &mut model, &mut found, &mut hearing, &heard, progress)?;
-            if found.len() == before {
+            let before = extension.found.len();
+            let admitted = Admitted { refuted: &refuted, allow_any_shape };
+            extend(search, &admitted, &mut extension, &mut hearing)?;
+            if extension.found.len() == before {
                 break;
             }
-            let lost = review(log, &base, &mut model, &mut found, seed, progress)?;
+            let lost = review(search, &mut extension)?;
             if lost.is_empty() {
                 break;
             }
             refuted.extend(lost);
         }
     }
-    Ok(Selection { base, extended: model, found, hearing })
+    Ok(Selection { extended: extension.model, found: extension.found, hearing })
 }
 
-/// Whom a round hears.
-struct Heard<'a> {
+/// Which candidates a round considers.
+struct Admitted<'a> {
     /// Not these: a review has taken them out.
     refuted: &'a [Claim],
     /// Curves of any shape.
     allow_any_shape: bool,
-    seed: u64,
 }
 
-impl Heard<'_> {
-    fn is_heard(&self, candidate: &Suspect) -> bool {
+impl Admitted<'_> {
+    fn has(&self, candidate: &Suspect) -> bool {
         let refuted = self.refuted.contains(&candidate.claim());
         !refuted && (self.allow_any_shape || !candidate.is_any_shape())
     }
 }
 
-/// Adds causes as long as there are any that pass.
+/// Adds causes as long as there are any that pass. The first round's scores go into `hearing`.
 fn extend(
-    log: &mut Log,
-    base: &Fitted,
-    model: &mut Fitted,
-    found: &mut Vec<Found>,
+    search: &Search,
+    admitted: &Admitted,
+    extension: &mut Extension,
     hearing: &mut Vec<Hearing>,
-    heard: &Heard,
-    progress: &dyn Fn(&str),
 ) -> Result<(), SpecError> {
-    while found.len() < MOST_FINDINGS {
+    while extension.found.len() < MOST_FINDINGS {
+        let Extension { model, found } = &mut *extension;
         let turn = found.len();
-        progress(&format!("weighing all causes (round {})", turn + 1));
-        let mut round = Round::new(log, model, heard.seed + turn as u64);
+        (search.progress)(&format!("weighing all causes (round {})", turn + 1));
+        let mut round = Round::new(search.log, model, search.seed + turn as u64);
         if hearing.is_empty() {
             *hearing = round.hearing();
         }
         let (trials, candidates) = (&mut round.trials, &round.candidates);
-        trials.retain(|trial| heard.is_heard(&candidates[trial.candidate]));
-        let least = if found.is_empty() { 0.0 } else { MATERIAL_BESIDE * base.sse };
-        let Some((chosen, fitted)) = choose(log, model, &round, least, progress)? else { break };
+        trials.retain(|trial| admitted.has(&candidates[trial.candidate]));
+        let least = if found.is_empty() { 0.0 } else { MATERIAL_BESIDE * search.base.sse };
+        let Some((chosen, fitted)) = choose(search, model, &round, least)? else { break };
         let candidate = &round.candidates[chosen.candidate];
         found.push(Found {
             cause: candidate.cause,
@@ -140,12 +128,12 @@ fn extend(
 
 /// Fits the candidates that passed and takes the one that explains most.
 fn choose(
-    log: &mut Log,
+    search: &Search,
     model: &Fitted,
     round: &Round,
     least: f64,
-    progress: &dyn Fn(&str),
 ) -> Result<Option<(Trial, Fitted)>, SpecError> {
+    let Search { log, progress, .. } = *search;
     let passed = round.passed();
     let best = passed.first().map_or(0.0, |trial| round.merit(trial));
     let mut variants: Vec<&'static dyn Cause> = Vec::new();
@@ -181,10 +169,8 @@ fn choose(
         let optimism = (trial.gain - trial.gain_unseen).max(0.0);
         let merit = (model.sse - fitted.sse - optimism) * candidate.weight;
         if place >= straight {
-            let model_now = before.get_or_insert_with(|| {
-                predict(&model.parameters, log.train_rows(), model.resolution)
-            });
-            let then = predict(&fitted.parameters, log.train_rows(), fitted.resolution);
+            let model_now = before.get_or_insert_with(|| model.on_train(log));
+            let then = fitted.on_train(log);
             let fall = model.sse - fitted.sse;
             if fall < SECOND_CHANCE * model.sse || paired(model_now, &then) < CLEARLY {
                 continue;
@@ -198,8 +184,6 @@ fn choose(
     if merit < (MATERIAL * model.sse).max(least) {
         return Ok(None);
     }
-    let follows = fitted.follows.as_ref().filter(|follows| follows.extra).map(|f| f.column.clone());
-    log.follow(follows.as_deref());
     Ok(Some((trial, fitted)))
 }
 

@@ -2,9 +2,9 @@
 
 use super::candidate::{Regressor, Row};
 use super::cause::Suspect;
-use super::log::Log;
 use super::panel::{Block, Panel};
 use super::tangent::{Tangent, TrackTangent, exact};
+use super::train_test::TrainTest;
 use crate::data::AntiAlias;
 use crate::fit::Track;
 use crate::fit::statistics::autocorrelation_time;
@@ -18,7 +18,7 @@ const MEMORIES: f64 = 8.0;
 const BLOCKS: (usize, usize) = (40, 240);
 
 /// Walks along the log.
-pub fn survey(log: &Log, tangent: &Tangent, candidates: &[Suspect]) -> Panel {
+pub fn survey(log: &TrainTest, tangent: &Tangent, candidates: &[Suspect]) -> Panel {
     let rows: usize = log.train_tracks.iter().map(Track::len).sum::<usize>() / log.decimate;
     let residuals = tangent.tracks.iter().map(|at| at.residual.as_slice());
     let memory = autocorrelation_time(residuals) / log.decimate as f64;
@@ -35,7 +35,7 @@ pub fn survey(log: &Log, tangent: &Tangent, candidates: &[Suspect]) -> Panel {
 
 /// All columns along one track, thinned out, cut into blocks.
 fn blocks(
-    log: &Log,
+    log: &TrainTest,
     tangent: &Tangent,
     track: &Track,
     at: &TrackTangent,
@@ -45,7 +45,7 @@ fn blocks(
     let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
     let slope = slope(track, &at.torque);
     for candidate in candidates {
-        let extra = candidate.extra.map(|index| &log.train.runs[track.run].extra[index]);
+        let extra = candidate.extra.map(|index| &track.covariates[index]);
         for regressor in &candidate.regressors {
             columns.push(match regressor {
                 Regressor::Exact(effect) => exact(tangent, track, at, effect),
@@ -57,7 +57,7 @@ fn blocks(
                             level: at.level[row],
                             viscous: at.viscous[row],
                             slope: slope[row],
-                            extra: extra.map_or(0.0, |extra| extra[track.first_row + row]),
+                            extra: extra.map_or(0.0, |extra| extra[row]),
                         })
                     })
                     .collect(),

@@ -212,15 +212,7 @@ mod tests {
             auxiliary: 10.0 * (0.7 * at(row)).cos(),
             ..Sample::default()
         };
-        Track {
-            run: 0,
-            first_row: 0,
-            samples: (0..2000).map(sample).collect(),
-            torque: vec![0.0; 2000],
-            period_s: 5e-3,
-            period_ratio: None,
-            unjudged: Vec::new(),
-        }
+        Track::even((0..2000).map(sample).collect(), vec![0.0; 2000], 5e-3)
     }
 
     #[test]

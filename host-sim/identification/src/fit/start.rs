@@ -287,17 +287,5 @@ fn trial_tracks(tracks: &[Track]) -> Vec<Track> {
     let stride = rows.div_ceil(TRIAL_ROWS).clamp(1, tracks.len().max(1));
     let chosen: Vec<&Track> = tracks.iter().step_by(stride).collect();
     let most = (TRIAL_ROWS / chosen.len().max(1)).max(2000);
-    chosen
-        .into_iter()
-        .map(|track| {
-            let mut track = track.clone();
-            track.samples.truncate(most);
-            track.torque.truncate(most);
-            track.unjudged.truncate(most);
-            if let Some(ratios) = &mut track.period_ratio {
-                ratios.truncate(most);
-            }
-            track
-        })
-        .collect()
+    chosen.into_iter().map(|track| track.part(0..track.len().min(most))).collect()
 }

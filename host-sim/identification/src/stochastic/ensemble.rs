@@ -303,14 +303,11 @@ mod tests {
             ..Sample::default()
         };
         let ratio = |row: usize| if row.is_multiple_of(3) { 1.4 } else { 0.8 };
+        let torque = (0..2500).map(|row| (row as f64 * 0.013).sin().signum()).collect();
         Track {
-            run: 0,
-            first_row: 0,
-            samples: (0..2500).map(sample).collect(),
-            torque: (0..2500).map(|row| (row as f64 * 0.013).sin().signum()).collect(),
-            period_s: 0.005,
             period_ratio: uneven.then(|| (0..2500).map(ratio).collect()),
-            unjudged: (0..2500).map(|row| row > 2300).collect(),
+            excluded: (0..2500).map(|row| row > 2300).collect(),
+            ..Track::even((0..2500).map(sample).collect(), torque, 0.005)
         }
     }
 

@@ -103,7 +103,7 @@ fn simulate_block(
     resolution: Resolution,
 ) -> (Block, Vec<State<f32>>) {
     let lead = lead_in.min(rows.start);
-    let piece = cut(track, rows.start - lead..rows.end);
+    let piece = track.part(rows.start - lead..rows.end);
     let model: Model<f32> =
         parameters.convert::<f32>().build_unchecked::<f32>(piece.period_s as f32);
     // A block within a track begins sliding, or on the way to what it will hold after the lead-in.
@@ -149,18 +149,6 @@ fn simulate_block(
         torque: piece.torque[lead..].to_vec(),
     };
     (block, states)
-}
-
-/// A part of a track, as a track.
-fn cut(track: &Track, rows: Range<usize>) -> Track {
-    Track {
-        samples: track.samples[rows.clone()].to_vec(),
-        torque: track.torque[rows.clone()].to_vec(),
-        period_ratio: track.period_ratio.as_ref().map(|ratios| ratios[rows.clone()].to_vec()),
-        unjudged: track.unjudged.iter().take(rows.end).skip(rows.start).copied().collect(),
-        first_row: track.first_row + rows.start,
-        ..*track
-    }
 }
 
 /// The bristle torque of a joint that slides where a piece begins, as in a fit.
@@ -281,15 +269,7 @@ mod tests {
     fn track(rows: usize) -> Track {
         let sample =
             |row: usize| Sample { velocity_rad_s: (row as f64 * 0.01).sin(), ..Sample::default() };
-        Track {
-            run: 0,
-            first_row: 0,
-            samples: (0..rows).map(sample).collect(),
-            torque: vec![0.5; rows],
-            period_s: 0.01,
-            period_ratio: None,
-            unjudged: Vec::new(),
-        }
+        Track::even((0..rows).map(sample).collect(), vec![0.5; rows], 0.01)
     }
 
     fn parameters() -> Parameters<f64> {

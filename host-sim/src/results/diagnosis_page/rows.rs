@@ -8,7 +8,7 @@
 
 use compensator_core::Sample;
 use friction_identification::data::{Dataset, Part};
-use friction_identification::diagnose::Log;
+use friction_identification::diagnose::TrainTest;
 use friction_identification::fit::Track;
 use friction_identification::fit::outcome::Predicted;
 use std::ops::Range;
@@ -145,13 +145,13 @@ impl<'a> Rows<'a> {
     }
 
     /// A column of the log by its name, where all rows have it.
-    pub fn named(&self, log: &Log, data: &Dataset, name: &str) -> Option<Vec<f64>> {
+    pub fn named(&self, log: &TrainTest, data: &Dataset, name: &str) -> Option<Vec<f64>> {
         let values = values(log, data, name)?;
         Some(self.column(|stretch| values(stretch)))
     }
 
     /// The rate of a column of the log, per second.
-    pub fn rate_of(&self, log: &Log, data: &Dataset, name: &str) -> Option<Vec<f64>> {
+    pub fn rate_of(&self, log: &TrainTest, data: &Dataset, name: &str) -> Option<Vec<f64>> {
         let values = values(log, data, name)?;
         Some(self.column(|stretch| rate(stretch.track, &values(stretch))))
     }
@@ -177,7 +177,7 @@ impl<'a> Rows<'a> {
 
 /// How a column of the log is read along a stretch at the full rate, by its name.
 fn values<'a>(
-    log: &Log,
+    log: &TrainTest,
     data: &'a Dataset,
     name: &str,
 ) -> Option<Box<dyn Fn(&Stretch) -> Vec<f64> + 'a>> {

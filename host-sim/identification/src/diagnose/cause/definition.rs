@@ -3,7 +3,7 @@
 use crate::diagnose::candidate::{Beside, Candidate};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
-use crate::diagnose::log::Log;
+use crate::diagnose::train_test::TrainTest;
 use compensator_core::{ParameterId, TermKind};
 use std::fmt;
 
@@ -87,7 +87,7 @@ pub trait Cause: Sync {
     }
 
     /// What is seen of it, where the log shows it without a model.
-    fn in_log(&self, _log: &Log) -> Option<Observation> {
+    fn in_log(&self, _log: &TrainTest) -> Option<Observation> {
         None
     }
 

@@ -9,7 +9,7 @@ use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, Follows, Row, Seed, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
 use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
-use crate::diagnose::log::Log;
+use crate::diagnose::train_test::TrainTest;
 use crate::fit::State;
 use crate::fit::outcome::Predicted;
 use crate::number::figure;
@@ -154,7 +154,7 @@ struct Followed {
     covariate: Option<usize>,
 }
 
-fn columns(log: &Log) -> Vec<Followed> {
+fn columns(log: &TrainTest) -> Vec<Followed> {
     let contract: [(&str, f64, f64, Read); 7] = [
         (log.velocity_name(), 0.0, 1.0, |r| r.sample.velocity_rad_s),
         (log.position_name(), 1.0, 1.0, |r| r.sample.position_rad),
@@ -196,16 +196,14 @@ struct Way {
 }
 
 /// A curve over one column.
-fn curve(log: &Log, followed: &Followed, way: Way) -> Option<Candidate> {
+fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
     let Way { level, proportional, pins } = way;
     let mut values: Vec<f64> = log
         .train_tracks
         .iter()
         .flat_map(|track| {
             track.samples.iter().enumerate().step_by(7).map(|(row, sample)| {
-                let extra = followed.covariate.map_or(0.0, |index| {
-                    log.train.runs[track.run].extra[index][track.first_row + row]
-                });
+                let extra = followed.covariate.map_or(0.0, |index| track.covariates[index][row]);
                 let row = Row { sample, added: 0.0, level: 0.0, viscous: 0.0, slope: 0.0, extra };
                 (followed.read)(&row)
             })
