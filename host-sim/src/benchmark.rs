@@ -87,7 +87,7 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         Some((hidden.size, finding.size.value, finding.size.ci95))
     });
     let heard = found
-        .hearing
+        .scores
         .iter()
         .take(5)
         .map(|h| {
@@ -96,7 +96,7 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
                 h.cause.name(),
                 h.columns.join(","),
                 h.share,
-                h.trial.p_value
+                h.fit.p_value
             )
         })
         .collect::<Vec<_>>()

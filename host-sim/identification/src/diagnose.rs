@@ -22,18 +22,18 @@ pub mod evidence;
 pub mod extended;
 pub mod finding;
 pub mod found;
+pub mod gram_blocks;
 pub mod judge;
 pub mod model;
 pub mod order;
-pub mod panel;
 pub mod regime;
 pub mod review;
 pub mod round;
 pub mod search;
 pub mod select;
+pub mod sensitivities;
 pub mod story;
 pub mod survey;
-pub mod tangent;
 pub mod train_test;
 
 pub use cause::{Cause, Remedy};
@@ -41,13 +41,13 @@ pub use extended::Size;
 pub use finding::{Finding, Rival};
 pub use judge::Gain;
 pub use regime::Share;
-pub use round::Hearing;
+pub use round::CandidateScore;
 pub use train_test::TrainTest;
 
 use crate::data::{Dataset, Split};
-use crate::fit::outcome::{Predicted, identify, predict};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Outcome, State};
+use crate::fit::{Predicted, identify, predict};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use baseline::Baseline;
@@ -95,7 +95,7 @@ pub struct Diagnosis {
     /// By thirds of every column, and by run.
     pub by_column: Vec<(String, Vec<Share>)>,
     /// Every candidate beside the base law, best first.
-    pub hearing: Vec<Hearing>,
+    pub scores: Vec<CandidateScore>,
     /// The paper's stochastic extension before and after, and where its verdict and this one part.
     pub certificates: Certificates,
     /// Name of the covariate in the auxiliary column, if the extended model follows one.
@@ -169,7 +169,12 @@ pub fn diagnose(
     };
     let before = predict(&baseline.parameters, log.test_rows(), baseline.resolution);
     let after = predict(&extended.parameters, log.test_rows(), extended.resolution);
-    let at = tangent::tangent(&baseline.parameters, &[], &log.test_tracks, baseline.resolution);
+    let at = sensitivities::sensitivities(
+        &baseline.parameters,
+        &[],
+        &log.test_tracks,
+        baseline.resolution,
+    );
     let found = selection.found.iter();
     let mut findings: Vec<Finding> = found.map(|found| found.finding(&extended, &log)).collect();
     let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
@@ -194,7 +199,7 @@ pub fn diagnose(
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),
         by_column: regime::by_column(&log, &at),
-        hearing: selection.hearing,
+        scores: selection.scores,
         certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),
         log,

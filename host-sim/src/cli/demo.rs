@@ -95,7 +95,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     teller.step(&format!(
         "Fitted {} and heard {} candidates for what it misses{}.",
         found.baseline.spec,
-        found.hearing.len(),
+        found.scores.len(),
         extension(&found)
     ))?;
 

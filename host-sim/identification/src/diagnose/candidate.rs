@@ -6,7 +6,7 @@
 //! coarse grid; the fit moves on from the best. A cause whose column is not in the log, or does not vary
 //! there, has no candidate: nothing is invented.
 
-use super::tangent::{Exact, Tangent};
+use super::sensitivities::{Exact, Sensitivities};
 use super::train_test::TrainTest;
 use crate::spec::Spec;
 use compensator_core::{ParameterId, Sample, TermKind};
@@ -40,9 +40,9 @@ pub fn row(f: impl Fn(&Row) -> f64 + Send + Sync + 'static) -> Regressor {
     Regressor::Row(Box::new(f))
 }
 
-/// How a parameter is set from the panel's coefficients.
+/// How a parameter is set from the linear fit's coefficients.
 #[derive(Clone, Debug)]
-pub enum Seed {
+pub enum InitialGuess {
     /// To this value.
     At(f64),
     /// To this multiple of the coefficient of this column.
@@ -80,7 +80,7 @@ pub struct Candidate {
     /// Its columns.
     pub regressors: Vec<Regressor>,
     /// Where a fit with it begins.
-    pub seeds: Vec<(ParameterId, Seed)>,
+    pub guesses: Vec<(ParameterId, InitialGuess)>,
     /// Parameters of the term a fit keeps.
     pub fixed: Vec<ParameterId>,
     /// Of a periodic cause, its order.
@@ -101,7 +101,7 @@ impl Candidate {
             columns: columns.iter().map(|&name| name.to_owned()).collect(),
             follows: None,
             regressors,
-            seeds: Vec::new(),
+            guesses: Vec::new(),
             fixed: Vec::new(),
             order: None,
             comparisons: 1.0,
@@ -112,8 +112,8 @@ impl Candidate {
 
     /// Where a fit with it begins.
     #[must_use]
-    pub fn seeded(mut self, seeds: &[(ParameterId, Seed)]) -> Self {
-        self.seeds = seeds.to_vec();
+    pub fn starting_at(mut self, guesses: &[(ParameterId, InitialGuess)]) -> Self {
+        self.guesses = guesses.to_vec();
         self
     }
 
@@ -158,7 +158,7 @@ pub struct Beside<'a> {
     /// The model.
     pub spec: &'a Spec,
     /// What it does, row by row.
-    pub at: &'a Tangent,
+    pub at: &'a Sensitivities,
 }
 
 impl Beside<'_> {

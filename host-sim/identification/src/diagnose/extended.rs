@@ -4,7 +4,7 @@ use super::candidate::Follows;
 use super::evidence::Evidence;
 use super::train_test::TrainTest;
 use crate::data::Joint;
-use crate::fit::outcome::Predicted;
+use crate::fit::predict::Predicted;
 use crate::fit::{Estimate, Outcome};
 use crate::number::figure;
 use crate::params::unit;

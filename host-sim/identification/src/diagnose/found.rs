@@ -4,7 +4,7 @@ use super::candidate::Follows;
 use super::cause::definition::Cause;
 use super::extended::Extended;
 use super::finding::{Finding, Rival};
-use super::panel::Trial;
+use super::gram_blocks::CandidateFit;
 use super::train_test::TrainTest;
 use crate::fit::Outcome;
 use compensator_core::TermKind;
@@ -21,7 +21,7 @@ pub struct Found {
     /// What it follows, for a cause that may follow any column.
     pub follows: Option<Follows>,
     /// What the last review said.
-    pub trial: Trial,
+    pub fit: CandidateFit,
     /// Share of the residual it explains that nothing else does.
     pub share: f64,
     /// Other causes that would explain the same.
@@ -55,8 +55,8 @@ impl Found {
             in_words,
             size,
             order: cause.order(&extended),
-            p_value: self.trial.p_value,
-            stability: self.trial.stability,
+            p_value: self.fit.p_value,
+            stability: self.fit.stability,
             share_of_residual: self.share,
             confusable_with: self.rivals.clone(),
             evidence: cause.evidence(&self.columns, &extended),

@@ -1,9 +1,9 @@
 //! A model on its way: fitted, extended by a candidate, shortened by a term.
 
-use super::candidate::{Candidate, Follows, Seed};
-use super::panel::Trial;
+use super::candidate::{Candidate, Follows, InitialGuess};
+use super::gram_blocks::CandidateFit;
 use super::train_test::TrainTest;
-use crate::fit::outcome::{Predicted, predict};
+use crate::fit::predict::{Predicted, predict};
 use crate::fit::simulate::Resolution;
 use crate::fit::{FitOptions, fit};
 use crate::spec::{Spec, SpecError};
@@ -13,7 +13,7 @@ use compensator_core::{ParameterId, Parameters, TermKind};
 /// the end.
 const PATIENCE: usize = 3;
 
-/// A fit goes on, so many times, while it gains less than this share of what the panel promised.
+/// A fit goes on, so many times, while it gains less than this share of what the linear fit promised.
 const MORE_FITS: usize = 4;
 
 const PROMISED: f64 = 0.95;
@@ -91,7 +91,7 @@ pub fn with_candidate(
     log: &TrainTest,
     model: &Fitted,
     candidate: &Candidate,
-    trial: &Trial,
+    linear: &CandidateFit,
 ) -> Result<Fitted, SpecError> {
     let mut spec = model.spec.clone();
     spec.terms.push(candidate.term);
@@ -100,10 +100,10 @@ pub fn with_candidate(
         parameters.set(id, model.parameters.get(id));
     }
     parameters.choices = model.parameters.choices;
-    for (id, seed) in &candidate.seeds {
+    for (id, seed) in &candidate.guesses {
         let value = match seed {
-            Seed::At(value) => *value,
-            Seed::Times(column, factor) => trial.coefficients[*column] * factor,
+            InitialGuess::At(value) => *value,
+            InitialGuess::Times(column, factor) => linear.coefficients[*column] * factor,
         };
         let info = id.info();
         parameters.set(*id, value.clamp(info.lower, info.upper));
@@ -114,9 +114,9 @@ pub fn with_candidate(
     let log = log.following(follows.as_ref());
     let mut start = Start { spec, parameters, fixed, follows, resolution: model.resolution };
     let mut fitted = refit(&log, &start);
-    // A short fit may stop on its way: what the linear panel promised should at least be kept.
+    // A short fit may stop on its way: what the linear fit promised should at least be kept.
     for _ in 0..MORE_FITS {
-        if model.sse - fitted.sse > PROMISED * trial.gain {
+        if model.sse - fitted.sse > PROMISED * linear.gain {
             break;
         }
         let before = fitted.sse;

@@ -1,4 +1,4 @@
-//! Every finding taken out once, and heard again beside all others.
+//! Every finding taken out once, and weighed again beside all others.
 //!
 //! What only correlated with a cause that was not yet in falls here. So does what held-out runs do not
 //! need, what whole runs do not agree on, and a curve that is the last bend of a named cause's own effect.
@@ -7,7 +7,7 @@ use super::candidate::Follows;
 use super::cause::{Claim, Suspect};
 use super::finding::Rival;
 use super::found::Found;
-use super::panel::Trial;
+use super::gram_blocks::CandidateFit;
 use super::round::{MATERIAL, Round};
 use super::search::{Extension, Search};
 use crate::spec::SpecError;
@@ -48,20 +48,20 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
         let round = Round::new(log, &rest, seed + 100 + index as u64);
         let same = |candidate: &Suspect| candidate.claim() == claim;
         let own = round
-            .trials
+            .fits
             .iter()
-            .filter(|trial| same(&round.candidates[trial.candidate]))
+            .filter(|fit| same(&round.candidates[fit.candidate]))
             .max_by(|a, b| a.gain_unseen.total_cmp(&b.gain_unseen))
             .cloned();
         let unique = rest.sse - model.sse;
         let helps = model.on_test(log).metrics.sse < rest.on_test(log).metrics.sse;
-        let lost = own.as_ref().is_none_or(|trial| {
-            let by_runs = round.panel.probability_by_runs(trial.candidate);
+        let lost = own.as_ref().is_none_or(|fit| {
+            let by_runs = round.gram.probability_by_runs(fit.candidate);
             !helps
                 || by_runs > SIGNIFICANT_BY_RUNS
                 || (found.len() > 1 && unique < MATERIAL_BESIDE * base.sse)
                 || (is_any_shape(&found[index]) && unique < ANY_SHAPE * (base.sse - rest.sse))
-                || (found.len() > 1 && !round.passes(trial) && unique < 4.0 * MATERIAL * rest.sse)
+                || (found.len() > 1 && !round.passes(fit) && unique < 4.0 * MATERIAL * rest.sse)
         });
         if lost {
             // It was in the place of another: gone, and the others are reviewed anew.
@@ -72,18 +72,18 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
             continue;
         }
         left -= 1;
-        let Some(mut trial) = own else { continue };
+        let Some(mut fit) = own else { continue };
         let candidates = &round.candidates;
-        let wins = round.panel.stability(RESAMPLES, seed + 7, |c| candidates[c].weight);
+        let wins = round.gram.stability(RESAMPLES, seed + 7, |c| candidates[c].weight);
         // Two settings of one cause's grid are the same cause.
-        trial.stability = (0..candidates.len())
+        fit.stability = (0..candidates.len())
             .filter(|c| same(&candidates[*c]))
             .map(|c| wins[c])
             .sum::<f64>()
             .min(1.0);
         found[index].share = (unique / base.sse.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        found[index].rivals = rivals(&round, &trial);
-        found[index].trial = trial;
+        found[index].rivals = rivals(&round, &fit);
+        found[index].fit = fit;
     }
     order(&mut extension.found);
     Ok(lost_claims)
@@ -105,13 +105,13 @@ fn order(found: &mut Vec<Found>) {
 }
 
 /// Causes that would explain what a finding explains.
-fn rivals(round: &Round, trial: &Trial) -> Vec<Rival> {
+fn rivals(round: &Round, fit: &CandidateFit) -> Vec<Rival> {
     /// Nothing could tell two causes apart that share this much of their effect.
     const THE_SAME: f64 = 0.995;
     /// Nor, in practice, these, where the better one is not better by so many standard errors.
     const ALIKE: f64 = 0.8;
     const BETTER: f64 = 3.0;
-    let own = &round.candidates[trial.candidate];
+    let own = &round.candidates[fit.candidate];
     let mut named: Vec<Rival> = Vec::new();
     for (other, candidate) in round.candidates.iter().enumerate() {
         let follows_any = candidate.follows.is_some();
@@ -120,10 +120,10 @@ fn rivals(round: &Round, trial: &Trial) -> Vec<Rival> {
         let flexible = follows_any && own.follows.is_none() && candidate.extra.is_none();
         let another_setting = candidate.cause == own.cause && !follows_any;
         let same_column = follows_any && candidate.columns == own.columns;
-        if flexible || another_setting || same_column || other == trial.candidate {
+        if flexible || another_setting || same_column || other == fit.candidate {
             continue;
         }
-        let (share, better) = round.panel.confusion(trial.candidate, other);
+        let (share, better) = round.gram.confusion(fit.candidate, other);
         if share > THE_SAME || (share > ALIKE && better < BETTER) {
             match named.iter_mut().find(|rival| rival.cause == candidate.cause) {
                 Some(known) => known.share = known.share.max(share),

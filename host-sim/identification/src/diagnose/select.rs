@@ -6,15 +6,15 @@
 //! in the end every finding is taken out once and has to win its place again, against all others.
 //!
 //! A candidate passes if its blocks agree better than chance lets the best of all candidates agree
-//! ([`super::panel`]), it lowers the error on rows left out of the fit, and by a share that matters.
+//! ([`super::gram_blocks`]), it lowers the error on rows left out of the fit, and by a share that matters.
 
 use super::cause::{Cause, Claim, Suspect};
 use super::found::Found;
+use super::gram_blocks::CandidateFit;
 use super::judge::{noise_floor, paired};
 use super::model::{Fitted, with_candidate};
-use super::panel::Trial;
 use super::review::{MATERIAL_BESIDE, review};
-use super::round::{Hearing, MATERIAL, Round};
+use super::round::{CandidateScore, MATERIAL, Round};
 use super::search::{Extension, Search};
 use crate::spec::SpecError;
 
@@ -24,7 +24,7 @@ const MOST_FINDINGS: usize = 5;
 /// Most candidates of a round that are fitted.
 const MOST_FITTED: usize = 6;
 
-/// Share of the squared residual beyond the noise above which causes the panel may underrate are
+/// Share of the squared residual beyond the noise above which causes the linear fit may underrate are
 /// fitted too: where a cause bends the base model's own parameters, its column at size 0 says little.
 const STRUCTURE: f64 = 0.15;
 
@@ -46,7 +46,7 @@ pub struct Selection {
     /// The causes, strongest first.
     pub found: Vec<Found>,
     /// All candidates beside the base law, best first.
-    pub hearing: Vec<Hearing>,
+    pub scores: Vec<CandidateScore>,
 }
 
 /// Searches for causes beside a base law.
@@ -55,7 +55,7 @@ pub struct Selection {
 /// If the base already has as many terms as the core takes.
 pub fn select(search: &Search) -> Result<Selection, SpecError> {
     let mut extension = Extension { model: search.base.clone(), found: Vec::new() };
-    let mut hearing = Vec::new();
+    let mut scores = Vec::new();
     let mut refuted: Vec<Claim> = Vec::new();
     // Named causes have their say first; a curve of any shape may then have what is left, and shows in
     // the review which of them only stood in for it.
@@ -63,7 +63,7 @@ pub fn select(search: &Search) -> Result<Selection, SpecError> {
         for _ in 0..SEARCHES {
             let before = extension.found.len();
             let admitted = Admitted { refuted: &refuted, allow_any_shape };
-            extend(search, &admitted, &mut extension, &mut hearing)?;
+            extend(search, &admitted, &mut extension, &mut scores)?;
             if extension.found.len() == before {
                 break;
             }
@@ -74,7 +74,7 @@ pub fn select(search: &Search) -> Result<Selection, SpecError> {
             refuted.extend(lost);
         }
     }
-    Ok(Selection { extended: extension.model, found: extension.found, hearing })
+    Ok(Selection { extended: extension.model, found: extension.found, scores })
 }
 
 /// Which candidates a round considers.
@@ -92,23 +92,23 @@ impl Admitted<'_> {
     }
 }
 
-/// Adds causes as long as there are any that pass. The first round's scores go into `hearing`.
+/// Adds causes as long as there are any that pass. The first round's scores go into `scores`.
 fn extend(
     search: &Search,
     admitted: &Admitted,
     extension: &mut Extension,
-    hearing: &mut Vec<Hearing>,
+    scores: &mut Vec<CandidateScore>,
 ) -> Result<(), SpecError> {
     while extension.found.len() < MOST_FINDINGS {
         let Extension { model, found } = &mut *extension;
         let turn = found.len();
         (search.progress)(&format!("weighing all causes (round {})", turn + 1));
         let mut round = Round::new(search.log, model, search.seed + turn as u64);
-        if hearing.is_empty() {
-            *hearing = round.hearing();
+        if scores.is_empty() {
+            *scores = round.scores();
         }
-        let (trials, candidates) = (&mut round.trials, &round.candidates);
-        trials.retain(|trial| admitted.has(&candidates[trial.candidate]));
+        let (fits, candidates) = (&mut round.fits, &round.candidates);
+        fits.retain(|fit| admitted.has(&candidates[fit.candidate]));
         let least = if found.is_empty() { 0.0 } else { MATERIAL_BESIDE * search.base.sse };
         let Some((chosen, fitted)) = choose(search, model, &round, least)? else { break };
         let candidate = &round.candidates[chosen.candidate];
@@ -117,7 +117,7 @@ fn extend(
             term: candidate.term,
             columns: candidate.columns.clone(),
             follows: candidate.follows.clone(),
-            trial: chosen,
+            fit: chosen,
             share: 0.0,
             rivals: Vec::new(),
         });
@@ -132,19 +132,19 @@ fn choose(
     model: &Fitted,
     round: &Round,
     least: f64,
-) -> Result<Option<(Trial, Fitted)>, SpecError> {
+) -> Result<Option<(CandidateFit, Fitted)>, SpecError> {
     let Search { log, progress, .. } = *search;
     let passed = round.passed();
-    let best = passed.first().map_or(0.0, |trial| round.merit(trial));
+    let best = passed.first().map_or(0.0, |fit| round.merit(fit));
     let mut variants: Vec<&'static dyn Cause> = Vec::new();
-    let mut shortlist: Vec<Trial> = Vec::new();
-    for trial in passed {
-        let candidate = &round.candidates[trial.candidate];
+    let mut shortlist: Vec<CandidateFit> = Vec::new();
+    for fit in passed {
+        let candidate = &round.candidates[fit.candidate];
         let enough = if candidate.cause.is_nonlinear() { 0.2 } else { 0.5 };
         let same = variants.iter().filter(|cause| **cause == candidate.cause).count();
-        if round.merit(trial) >= enough * best && same < 2 && shortlist.len() < MOST_FITTED {
+        if round.merit(fit) >= enough * best && same < 2 && shortlist.len() < MOST_FITTED {
             variants.push(candidate.cause);
-            shortlist.push(trial.clone());
+            shortlist.push(fit.clone());
         }
     }
     if shortlist.len() > 1 && round.merit(&shortlist[0]) > 50.0 * round.merit(&shortlist[1]) {
@@ -155,18 +155,18 @@ fn choose(
     }
     let straight = shortlist.len();
     let noise = noise_floor(&log.train_tracks, log.decimate);
-    let excess = model.sse - noise * noise * round.panel.rows as f64;
+    let excess = model.sse - noise * noise * round.gram.rows as f64;
     if excess > STRUCTURE * model.sse && best < EXPLAINS * excess {
         shortlist.extend(round.second_chances(&variants));
     }
-    let mut winner: Option<(f64, Trial, Fitted)> = None;
+    let mut winner: Option<(f64, CandidateFit, Fitted)> = None;
     let mut before = None;
-    for (place, trial) in shortlist.into_iter().enumerate() {
-        let candidate = &round.candidates[trial.candidate];
+    for (place, fit) in shortlist.into_iter().enumerate() {
+        let candidate = &round.candidates[fit.candidate];
         progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
-        let fitted = with_candidate(log, model, candidate, &trial)?;
-        // What the panel's left-out rows cost beside its fitted ones, the fit's own gain pays too.
-        let optimism = (trial.gain - trial.gain_unseen).max(0.0);
+        let fitted = with_candidate(log, model, candidate, &fit)?;
+        // What rows left out cost the linear fit beside its fitted ones, the fit's own gain pays too.
+        let optimism = (fit.gain - fit.gain_unseen).max(0.0);
         let merit = (model.sse - fitted.sse - optimism) * candidate.weight;
         if place >= straight {
             let model_now = before.get_or_insert_with(|| model.on_train(log));
@@ -177,29 +177,29 @@ fn choose(
             }
         }
         if winner.as_ref().is_none_or(|(best, ..)| merit > *best) {
-            winner = Some((merit, trial, fitted));
+            winner = Some((merit, fit, fitted));
         }
     }
-    let Some((merit, trial, fitted)) = winner else { return Ok(None) };
+    let Some((merit, fit, fitted)) = winner else { return Ok(None) };
     if merit < (MATERIAL * model.sse).max(least) {
         return Ok(None);
     }
-    Ok(Some((trial, fitted)))
+    Ok(Some((fit, fitted)))
 }
 
 /// In pure sliding two causes may be one and the same, as an offset of the sensor and a difference between
 /// the directions. Where this log cannot tell them apart, the one that yields is left to be named as not
 /// told apart from the other.
-fn yield_in_sliding(round: &Round, shortlist: &mut Vec<Trial>) {
-    let place = |shortlist: &[Trial], cause: &'static dyn Cause| {
-        shortlist.iter().position(|trial| round.candidates[trial.candidate].cause == cause)
+fn yield_in_sliding(round: &Round, shortlist: &mut Vec<CandidateFit>) {
+    let place = |shortlist: &[CandidateFit], cause: &'static dyn Cause| {
+        shortlist.iter().position(|fit| round.candidates[fit.candidate].cause == cause)
     };
     for cause in super::cause::ALL {
         let Some(named) = cause.yields_to() else { continue };
         let Some(yielding) = place(shortlist, *cause) else { continue };
         let Some(named) = place(shortlist, named) else { continue };
         let (share, better) =
-            round.panel.confusion(shortlist[yielding].candidate, shortlist[named].candidate);
+            round.gram.confusion(shortlist[yielding].candidate, shortlist[named].candidate);
         if share > 0.95 && (better < 3.0 || share > 0.995) {
             shortlist.remove(yielding);
         }

@@ -7,7 +7,7 @@
 
 use super::candidate::Follows;
 use crate::data::{Dataset, Run, Split};
-use crate::fit::start::Scales;
+use crate::fit::scales::Scales;
 use crate::fit::{Rows, Track, track};
 use compensator_core::TermKind;
 use std::borrow::Cow;

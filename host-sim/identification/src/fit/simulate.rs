@@ -79,7 +79,7 @@ impl<T: Real<Setting = T>> Stepper<T> {
 /// stops early where `sink` returns `false`.
 ///
 /// `held` is the bristle torque at the start, or `None` where the track begins sliding
-/// ([`super::rest`]). Parameters are not checked: a fit passes through illegal values.
+/// ([`super::initial_state`]). Parameters are not checked: a fit passes through illegal values.
 pub fn simulate<T: Real<Setting = T>>(
     parameters: &Parameters<T>,
     track: &Track,

@@ -87,7 +87,7 @@ impl Track {
 
     /// Whether a row counts in a fit and in its errors.
     #[inline]
-    pub fn is_judged(&self, row: usize) -> bool {
+    pub fn is_included(&self, row: usize) -> bool {
         !self.excluded.get(row).copied().unwrap_or(false)
     }
 
@@ -95,6 +95,15 @@ impl Track {
     pub fn is_empty(&self) -> bool {
         self.torque.is_empty()
     }
+}
+
+/// The rows a model is fitted on or judged by.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<'a> {
+    /// The tracks.
+    pub tracks: &'a [Track],
+    /// Keep one residual in this many, anti-aliased; 0 and 1 keep all.
+    pub decimate: usize,
 }
 
 /// Cuts every run into tracks. Segments of a single row tell nothing of a motion and are left out.

@@ -147,7 +147,7 @@ impl<'a> Study<'a> {
 }
 
 /// Noise of the torque, Nm, from its second differences: what a smooth torque would not have. The
-/// median keeps breakaways and reversals out. As [`crate::fit::start::Scales::noise`], of the blocks alone.
+/// median keeps breakaways and reversals out. As [`crate::fit::scales::Scales::noise`], of the blocks alone.
 fn noise(trials: &Trials) -> f64 {
     let torques = || trials.blocks.iter().map(|block| block.torque.as_slice());
     let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();

@@ -6,7 +6,7 @@
 //! steps of `f32` as a driver would, which is what sampled models are held against; trials begin at rows
 //! drawn evenly over the blocks, with what the fitted model remembers there.
 
-use crate::fit::rest::settle;
+use crate::fit::initial_state::initial_state;
 use crate::fit::simulate::simulate;
 use crate::fit::{Resolution, Track};
 use compensator_core::model::Law;
@@ -107,7 +107,8 @@ fn simulate_block(
     let model: Model<f32> =
         parameters.convert::<f32>().build_unchecked::<f32>(piece.period_s as f32);
     // A block within a track begins sliding, or on the way to what it will hold after the lead-in.
-    let rest = if rows.start == lead { settle(parameters, &piece, resolution) } else { None };
+    let rest =
+        if rows.start == lead { initial_state(parameters, &piece, resolution) } else { None };
     let held = rest.map(|rest| rest.held);
     let mut residual = Vec::with_capacity(rows.len());
     simulate(parameters, &piece, held, resolution, |row, torque, _| {
@@ -143,7 +144,7 @@ fn simulate_block(
         samples: samples[lead..].to_vec(),
         period_ratio: ratios.map(|ratios| ratios[lead..].to_vec()),
         period_s: piece.period_s,
-        judged: rows.clone().map(|row| track.is_judged(row)).collect(),
+        judged: rows.clone().map(|row| track.is_included(row)).collect(),
         residual,
         predicted,
         torque: piece.torque[lead..].to_vec(),

@@ -13,7 +13,7 @@ use super::rows::{AT_REST, Rows, rate, rest_before, since_reversal};
 use crate::report::{Axis, Chart, Series, Style, rounded, thin_scatter};
 use friction_identification::diagnose::Finding;
 use friction_identification::diagnose::evidence::{self, Evidence, Over, Seen};
-use friction_identification::fit::outcome::predict;
+use friction_identification::fit::predict::predict;
 use friction_identification::number::significant;
 use std::f64::consts::TAU;
 

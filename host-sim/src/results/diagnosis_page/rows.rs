@@ -10,7 +10,7 @@ use compensator_core::Sample;
 use friction_identification::data::{Dataset, Part};
 use friction_identification::diagnose::TrainTest;
 use friction_identification::fit::Track;
-use friction_identification::fit::outcome::Predicted;
+use friction_identification::fit::predict::Predicted;
 use std::ops::Range;
 
 /// Below this share of the fastest speed a joint rests.
@@ -88,7 +88,7 @@ impl<'a> Rows<'a> {
             begin = end;
         }
         let judged = |stretch: &Stretch| {
-            (0..stretch.track.len()).map(|row| f64::from(stretch.track.is_judged(row))).collect()
+            (0..stretch.track.len()).map(|row| f64::from(stretch.track.is_included(row))).collect()
         };
         rows.judged = rows.column(judged).into_iter().map(|judged| judged > 0.0).collect();
         rows.velocity = rows.sampled(|sample| sample.velocity_rad_s);

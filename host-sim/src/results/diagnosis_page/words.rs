@@ -150,7 +150,7 @@ pub(super) fn methods(scene: &Scene) -> Vec<String> {
             "Candidates: every cause of the catalogue whose column is in the log and varies, as what it would change in the \
              torque row by row; ripples by their order, found in the spectrum over the position; and, with a handicap and \
              after the named causes, a curve of {KNOTS} knots over any column (\"unknown\"). {} were heard.",
-            found.hearing.len()
+            found.scores.len()
         ),
         format!(
             "A candidate passes if its blocks of rows agree better than the best of all candidates does in this log with \

@@ -1,10 +1,10 @@
 //! Play: after a reversal there is travel with little stiffness.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::Extended;
-use crate::diagnose::tangent::Exact;
+use crate::diagnose::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// See the module.
@@ -50,7 +50,7 @@ impl Cause for Backlash {
                 let by = Exact { kind: TermKind::Backlash, settings, derivative: None };
                 let by = vec![Regressor::Exact(by)];
                 Candidate::new(TermKind::Backlash, &columns, by)
-                    .seeded(&[(Id::BacklashTravel, Seed::At(travel))])
+                    .starting_at(&[(Id::BacklashTravel, InitialGuess::At(travel))])
                     .keeping(&[Id::BacklashStiffnessRatio])
             })
             .into()

@@ -1,10 +1,10 @@
 //! Torque and velocity are logged at different times.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
 use crate::diagnose::extended::Extended;
-use crate::diagnose::tangent::Exact;
+use crate::diagnose::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// See the module.
@@ -35,15 +35,18 @@ impl Cause for ChannelDelay {
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         let columns = [beside.log.velocity_name()];
         let candidate = |by| Candidate::new(TermKind::ChannelDelay, &columns, vec![by]);
-        let mut all =
-            vec![candidate(row(|r| -r.slope)).seeded(&[(Id::ChannelDelay, Seed::Times(0, 1.0))])];
+        let mut all = vec![
+            candidate(row(|r| -r.slope))
+                .starting_at(&[(Id::ChannelDelay, InitialGuess::Times(0, 1.0))]),
+        ];
         let period = beside.log.train_tracks.first().map_or(1e-3, |track| track.period_s);
         for samples in [1.0, 3.0, 9.0, 27.0] {
             let delay = samples * period;
             let settings = vec![(Id::ChannelDelay, delay)];
             let by = Exact { kind: TermKind::ChannelDelay, settings, derivative: None };
             all.push(
-                candidate(Regressor::Exact(by)).seeded(&[(Id::ChannelDelay, Seed::At(delay))]),
+                candidate(Regressor::Exact(by))
+                    .starting_at(&[(Id::ChannelDelay, InitialGuess::At(delay))]),
             );
         }
         all

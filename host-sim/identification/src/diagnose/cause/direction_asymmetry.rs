@@ -1,7 +1,7 @@
 //! One direction rubs harder than the other: levels and viscous part differ by direction.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Seen};
 use crate::diagnose::extended::{Extended, Size};
 use crate::number::figure;
@@ -38,9 +38,9 @@ impl Cause for DirectionAsymmetry {
             row(move |r| sign(r.sample.velocity_rad_s) * r.viscous),
         ];
         let columns = [beside.log.velocity_name()];
-        vec![Candidate::new(TermKind::DirectionAsymmetry, &columns, by).seeded(&[
-            (Id::CoulombAsymmetry, Seed::Times(0, 1.0)),
-            (Id::ViscousAsymmetry, Seed::Times(1, 1.0)),
+        vec![Candidate::new(TermKind::DirectionAsymmetry, &columns, by).starting_at(&[
+            (Id::CoulombAsymmetry, InitialGuess::Times(0, 1.0)),
+            (Id::ViscousAsymmetry, InitialGuess::Times(1, 1.0)),
         ])]
     }
 

@@ -1,10 +1,10 @@
 //! Contacts age: the longer a joint rests, the higher it breaks away.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
 use crate::diagnose::extended::Extended;
-use crate::diagnose::tangent::Exact;
+use crate::diagnose::sensitivities::Exact;
 use crate::number::significant;
 use compensator_core::{ParameterId as Id, TermKind};
 
@@ -47,9 +47,9 @@ impl Cause for DwellTimeStatic {
                 let kind = TermKind::DwellTimeStatic;
                 let by = Exact { kind, settings, derivative: Some(Id::DwellGain) };
                 Candidate::new(kind, &columns, vec![Regressor::Exact(by)])
-                    .seeded(&[
-                        (Id::DwellTime, Seed::At(dwell_time)),
-                        (Id::DwellGain, Seed::Times(0, 1.0)),
+                    .starting_at(&[
+                        (Id::DwellTime, InitialGuess::At(dwell_time)),
+                        (Id::DwellGain, InitialGuess::Times(0, 1.0)),
                     ])
                     .keeping(&[Id::DwellTravel])
             })

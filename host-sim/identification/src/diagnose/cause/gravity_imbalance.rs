@@ -2,7 +2,7 @@
 
 use super::definition::{Cause, Remedy};
 use crate::data::Joint;
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::{Extended, Size};
 use compensator_core::{ParameterId as Id, TermKind};
@@ -33,9 +33,9 @@ impl Cause for GravityImbalance {
             return Vec::new();
         }
         let by = vec![row(|r| r.sample.position_rad.sin()), row(|r| r.sample.position_rad.cos())];
-        vec![Candidate::new(TermKind::GravityImbalance, &[name], by).seeded(&[
-            (Id::GravitySine, Seed::Times(0, 1.0)),
-            (Id::GravityCosine, Seed::Times(1, 1.0)),
+        vec![Candidate::new(TermKind::GravityImbalance, &[name], by).starting_at(&[
+            (Id::GravitySine, InitialGuess::Times(0, 1.0)),
+            (Id::GravityCosine, InitialGuess::Times(1, 1.0)),
         ])]
     }
 

@@ -1,7 +1,7 @@
 //! The transmitted torque presses the gear: the levels rise with its size.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -43,7 +43,7 @@ impl Cause for LoadTorqueCoulomb {
         let by = vec![row(|r| r.added * r.sample.load_torque_nm.abs())];
         vec![
             Candidate::new(TermKind::LoadTorqueCoulomb, &[COLUMN], by)
-                .seeded(&[(Id::LoadCoulomb, Seed::Times(0, 1.0))]),
+                .starting_at(&[(Id::LoadCoulomb, InitialGuess::Times(0, 1.0))]),
         ]
     }
 

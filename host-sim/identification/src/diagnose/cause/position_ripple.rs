@@ -2,7 +2,7 @@
 
 use super::definition::{Cause, LEVELS, Remedy};
 use crate::data::Joint;
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::{Extended, Size};
 use crate::diagnose::order::{MOST_PRISMATIC, MOST_REVOLUTE, Point, peaks};
@@ -70,10 +70,10 @@ impl Cause for PositionRipple {
                 row(move |r| r.level * (n * r.sample.position_rad).cos()),
             ];
             Candidate::new(TermKind::PositionRipple, &[name], by)
-                .seeded(&[
-                    (Id::RippleOrder, Seed::At(n)),
-                    (Id::RippleSine, Seed::Times(0, 1.0)),
-                    (Id::RippleCosine, Seed::Times(1, 1.0)),
+                .starting_at(&[
+                    (Id::RippleOrder, InitialGuess::At(n)),
+                    (Id::RippleSine, InitialGuess::Times(0, 1.0)),
+                    (Id::RippleCosine, InitialGuess::Times(1, 1.0)),
                 ])
                 .of_order(n, peak.independent)
         };

@@ -1,7 +1,7 @@
 //! Pressure preloads the seal: the levels rise with it.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -43,7 +43,7 @@ impl Cause for PressureCoulomb {
         let by = vec![row(|r| r.added * r.sample.pressure_diff_mpa)];
         vec![
             Candidate::new(TermKind::PressureCoulomb, &[COLUMN], by)
-                .seeded(&[(Id::PressureCoulomb, Seed::Times(0, 1e-6))])
+                .starting_at(&[(Id::PressureCoulomb, InitialGuess::Times(0, 1e-6))])
                 .keeping(&[Id::PressureStaticExcess]),
         ]
     }

@@ -1,7 +1,7 @@
 //! Drag of the water grows with the square of the speed.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Row, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Row, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -38,7 +38,7 @@ impl Cause for QuadraticDrag {
         let columns = [beside.log.velocity_name()];
         vec![
             Candidate::new(TermKind::QuadraticDrag, &columns, vec![row(drag)])
-                .seeded(&[(Id::QuadraticDrag, Seed::Times(0, 1.0))]),
+                .starting_at(&[(Id::QuadraticDrag, InitialGuess::Times(0, 1.0))]),
         ]
     }
 

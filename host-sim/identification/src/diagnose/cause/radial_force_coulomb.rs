@@ -1,7 +1,7 @@
 //! Side load presses the seal: the levels rise with it.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -43,7 +43,7 @@ impl Cause for RadialForceCoulomb {
         let by = vec![row(|r| r.added * r.sample.radial_force_n)];
         vec![
             Candidate::new(TermKind::RadialForceCoulomb, &[COLUMN], by)
-                .seeded(&[(Id::RadialForceCoulomb, Seed::Times(0, 1.0))])
+                .starting_at(&[(Id::RadialForceCoulomb, InitialGuess::Times(0, 1.0))])
                 .keeping(&[Id::RadialForceStaticExcess]),
         ]
     }

@@ -1,10 +1,10 @@
 //! A changing side load bends the bristles.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
 use crate::diagnose::extended::Extended;
-use crate::diagnose::tangent::Exact;
+use crate::diagnose::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "radial_force_n";
@@ -45,7 +45,7 @@ impl Cause for RadialForceRate {
         let by = vec![Regressor::Exact(by)];
         vec![
             Candidate::new(TermKind::RadialForceRate, &[COLUMN], by)
-                .seeded(&[(Id::RadialForceRate, Seed::Times(0, 1.0))]),
+                .starting_at(&[(Id::RadialForceRate, InitialGuess::Times(0, 1.0))]),
         ]
     }
 

@@ -1,10 +1,10 @@
 //! The Stribeck curve falls with another exponent than 2.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Regressor, Seed};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
 use crate::diagnose::extended::Extended;
-use crate::diagnose::tangent::Exact;
+use crate::diagnose::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// See the module.
@@ -47,7 +47,7 @@ impl Cause for StribeckShape {
                 let by = Exact { kind: TermKind::StribeckShape, settings, derivative };
                 let by = vec![Regressor::Exact(by)];
                 Candidate::new(TermKind::StribeckShape, &columns, by)
-                    .seeded(&[(Id::StribeckExponent, Seed::At(start))])
+                    .starting_at(&[(Id::StribeckExponent, InitialGuess::At(start))])
             })
             .into()
     }

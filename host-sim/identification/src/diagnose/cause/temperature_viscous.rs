@@ -1,7 +1,7 @@
 //! The film thins as it warms: the viscous part falls with temperature.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -46,9 +46,9 @@ impl Cause for TemperatureViscous {
         let by = vec![row(move |r| -r.viscous * (r.sample.temperature_c - mean))];
         vec![
             Candidate::new(TermKind::TemperatureViscous, &[COLUMN], by)
-                .seeded(&[
-                    (Id::TemperatureViscosity, Seed::Times(0, 1.0)),
-                    (Id::TemperatureReference, Seed::At(mean)),
+                .starting_at(&[
+                    (Id::TemperatureViscosity, InitialGuess::Times(0, 1.0)),
+                    (Id::TemperatureReference, InitialGuess::At(mean)),
                 ])
                 .keeping(&[Id::TemperatureReference]),
         ]

@@ -1,7 +1,7 @@
 //! Friction changes over the campaign: run-in or wear.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
 use crate::diagnose::extended::{Extended, Size};
 use compensator_core::{ParameterId as Id, TermKind};
@@ -38,9 +38,9 @@ impl Cause for TimeDrift {
         let candidate = |by| Candidate::new(TermKind::TimeDrift, &["time_s"], vec![by]);
         let mut all = vec![
             candidate(row(|r| r.level * r.sample.campaign_time_h))
-                .seeded(&[
-                    (Id::DriftRate, Seed::Times(0, 1.0 / 3600.0)),
-                    (Id::DriftAmplitude, Seed::At(0.0)),
+                .starting_at(&[
+                    (Id::DriftRate, InitialGuess::Times(0, 1.0 / 3600.0)),
+                    (Id::DriftAmplitude, InitialGuess::At(0.0)),
                 ])
                 .keeping(&[Id::DriftAmplitude, Id::DriftTime]),
         ];
@@ -50,10 +50,10 @@ impl Cause for TimeDrift {
             let by = row(move |r| r.level * (-r.sample.campaign_time_h / time_h).exp());
             all.push(
                 candidate(by)
-                    .seeded(&[
-                        (Id::DriftTime, Seed::At((time_h * 3600.0).max(1.0))),
-                        (Id::DriftAmplitude, Seed::Times(0, 1.0)),
-                        (Id::DriftRate, Seed::At(0.0)),
+                    .starting_at(&[
+                        (Id::DriftTime, InitialGuess::At((time_h * 3600.0).max(1.0))),
+                        (Id::DriftAmplitude, InitialGuess::Times(0, 1.0)),
+                        (Id::DriftRate, InitialGuess::At(0.0)),
                     ])
                     .keeping(&[Id::DriftRate]),
             );

@@ -2,7 +2,7 @@
 
 use super::definition::{Cause, Remedy};
 use super::direction_asymmetry::DirectionAsymmetry;
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Seen};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -36,7 +36,7 @@ impl Cause for TorqueOffset {
     fn candidates(&self, _: &Beside) -> Vec<Candidate> {
         vec![
             Candidate::new(TermKind::TorqueOffset, &[], vec![row(|_| 1.0)])
-                .seeded(&[(Id::TorqueOffset, Seed::Times(0, 1.0))]),
+                .starting_at(&[(Id::TorqueOffset, InitialGuess::Times(0, 1.0))]),
         ]
     }
 

@@ -6,12 +6,12 @@
 //! into most things. Structure that follows no column at all is told, and no term is offered.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Follows, Row, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, Follows, InitialGuess, Row, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
 use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
 use crate::diagnose::train_test::TrainTest;
 use crate::fit::State;
-use crate::fit::outcome::Predicted;
+use crate::fit::predict::Predicted;
 use crate::number::figure;
 use compensator_core::term::{KNOTS, UNKNOWN_LEVELS, UNKNOWN_TORQUES};
 use compensator_core::{ParameterId as Id, TermKind};
@@ -220,22 +220,22 @@ fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
     let (own, others) = (knots(level), knots(!level));
     let read = followed.read;
     let mut guesses = vec![
-        (Id::UnknownColumn, Seed::At(followed.number)),
-        (Id::UnknownLower, Seed::At(least * followed.factor)),
-        (Id::UnknownUpper, Seed::At(most * followed.factor)),
+        (Id::UnknownColumn, InitialGuess::At(followed.number)),
+        (Id::UnknownLower, InitialGuess::At(least * followed.factor)),
+        (Id::UnknownUpper, InitialGuess::At(most * followed.factor)),
     ];
     if pins {
-        guesses.push((own[pinned], Seed::At(0.0)));
+        guesses.push((own[pinned], InitialGuess::At(0.0)));
     }
     let mut regressors = Vec::new();
     for (knot, id) in own.iter().enumerate().filter(|(knot, _)| !pins || *knot != pinned) {
         let centre = least + knot as f64 * width;
         if proportional {
             let from = if pins { least + pinned as f64 * width } else { 0.0 };
-            guesses.push((*id, Seed::Times(0, centre - from)));
+            guesses.push((*id, InitialGuess::Times(0, centre - from)));
             continue;
         }
-        guesses.push((*id, Seed::Times(regressors.len(), 1.0)));
+        guesses.push((*id, InitialGuess::Times(regressors.len(), 1.0)));
         regressors.push(row(move |r| {
             let hat = (1.0 - ((read(r) - centre) / width).abs()).max(0.0);
             if level { hat * r.level } else { hat }
@@ -247,7 +247,7 @@ fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
     let mut fixed = vec![Id::UnknownColumn, Id::UnknownLower, Id::UnknownUpper];
     fixed.extend(pins.then_some(own[pinned]));
     fixed.extend(others);
-    guesses.extend(others.map(|id| (id, Seed::At(0.0))));
+    guesses.extend(others.map(|id| (id, InitialGuess::At(0.0))));
     let follows = Follows {
         column: followed.name.clone(),
         extra: followed.covariate.is_some(),
@@ -258,7 +258,7 @@ fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
     let name = followed.name.as_str();
     Some(
         Candidate::new(TermKind::Unknown, &[name], regressors)
-            .seeded(&guesses)
+            .starting_at(&guesses)
             .keeping(&fixed)
             .following(follows, followed.covariate)
             .weighing(weight),

@@ -1,7 +1,7 @@
 //! A torque in proportion to acceleration: mass that is not in the known rigid body.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Seed, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -31,7 +31,7 @@ impl Cause for UnmodelledInertia {
         let by = vec![row(|r| r.sample.acceleration_rad_s2)];
         vec![
             Candidate::new(TermKind::UnmodelledInertia, &columns, by)
-                .seeded(&[(Id::Inertia, Seed::Times(0, 1.0))]),
+                .starting_at(&[(Id::Inertia, InitialGuess::Times(0, 1.0))]),
         ]
     }
 
