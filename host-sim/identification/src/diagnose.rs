@@ -1,18 +1,19 @@
 //! What a simulation gets wrong, why, and what a better model gains.
 //!
 //! ```text
-//! log        runs to learn from, runs to judge by, columns that may be blamed      log
-//!  -> base   the simplest law the log supports, fitted                             baseline
-//!  -> tangent what the model does, row by row, and its derivatives                 tangent
-//!  -> candidates every cause as columns beside it; orders of a ripple found blind  cause, candidate, order
-//!  -> panel  products of all columns by blocks: gains, chance, stability           survey, panel
-//!  -> choice the best of those that pass, fitted by the core; again; reviewed      select
-//!  -> judged on runs no fit has seen                                               judge, regime
-//!  -> said   finding, story
+//! log           runs to learn from, runs to judge by, columns that may be blamed         train_test
+//!  -> base      the simplest law the log supports, fitted                                baseline
+//!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order
+//!  -> candidates     each cause as columns beside the model                              cause, candidate
+//!  -> products  of all columns by blocks: gains, chance, stability                       survey, gram_blocks, chance
+//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, review
+//!  -> judged    on runs no fit has seen                                                  judge, regime
+//!  -> told      size, sentence, where it shows                                           extended, finding, evidence, story
 //! ```
 //!
-//! The linear panel only decides who is worth a fit. What is reported was fitted by the core's own
-//! step, everything jointly, and judged on held-out runs.
+//! The linear fit beside the model ([`gram_blocks`]) only decides who is worth a fit. What is reported was
+//! fitted by the core's own step, everything jointly, and judged on held-out runs. What may be blamed, and
+//! what each cause needs to be found and told, is in [`cause`]: a file for each, and one list.
 
 pub mod baseline;
 pub mod candidate;
@@ -65,6 +66,10 @@ pub struct Question {
     pub model: Option<Spec>,
     /// A model with its values: judged as it is, then its law is fitted and extended.
     pub given: Option<(Spec, Parameters<f64>)>,
+    /// Keep one residual in this many, anti-aliased; 0 and 1 keep all.
+    pub decimate: usize,
+    /// Parts of the torque column that are not friction.
+    pub rigid_body: Vec<TermKind>,
     /// For what is drawn at random.
     pub seed: u64,
 }
@@ -135,13 +140,11 @@ const STRUCTURE: (f64, f64) = (1.04, 1.3);
 pub fn diagnose(
     data: &Dataset,
     split: &Split,
-    decimate: usize,
-    rigid_body: &[TermKind],
     question: &Question,
     progress: &dyn Fn(&str),
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
-    let whole = TrainTest::new(data, split, decimate, rigid_body);
+    let whole = TrainTest::new(data, split, question.decimate, &question.rigid_body);
     let mut some = whole.thinned();
     progress("fitting the baseline");
     let Baseline { model: base, at_rest } = base(&some, question)?;

@@ -43,8 +43,8 @@ fn examine(folder: &Path, case: &Case) -> Diagnosis {
     let data = read(&files, &options, &|_, _| {}).expect("a log by the contract");
     let parts = split(&data, &(case.rule)(&files), 0).expect("a split");
     let rigid_body = parse_rigid_body(case.rigid_body).expect("known parts");
-    let question = Question::default();
-    diagnose(&data, &parts, case.decimate, &rigid_body, &question, &|_| {}).expect("a diagnosis")
+    let question = Question { decimate: case.decimate, rigid_body, ..Question::default() };
+    diagnose(&data, &parts, &question, &|_| {}).expect("a diagnosis")
 }
 
 fn names(found: &Diagnosis) -> Vec<&'static str> {

@@ -3,13 +3,13 @@
 //! The measured residual gives the certificate. White noise of the sensor's size in its place gives that of
 //! a world with nothing hidden, on the same inputs, trials and draws ([`super::calibrate`]).
 
-use super::Settings;
 use super::certificate::{CV_MOST, Certificate, Class, LeftOut};
 use super::classes::{SpeedClass, speed_classes};
 use super::draw::{Draws, certifiable, spread_at, varied};
 use super::ensemble::Ensemble;
 use super::range::Ranges;
 use super::search::Search;
+use super::settings::Settings;
 use super::trials::{Block, Trials};
 use crate::fit::Track;
 use compensator_core::{ParameterId, Parameters};
