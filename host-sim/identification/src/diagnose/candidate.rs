@@ -7,7 +7,7 @@
 //! there, has no candidate: nothing is invented.
 
 use super::sensitivities::{Exact, Sensitivities};
-use super::train_test::TrainTest;
+use super::train_test::{Follows, TrainTest};
 use crate::spec::Spec;
 use compensator_core::{ParameterId, Sample, TermKind};
 
@@ -47,26 +47,6 @@ pub enum InitialGuess {
     At(f64),
     /// To this multiple of the coefficient of this column.
     Times(usize, f64),
-}
-
-/// The column a cause that may follow any has followed, and how.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Follows {
-    /// Name of the column.
-    pub column: String,
-    /// Whether it is one of the log's extra covariates.
-    pub extra: bool,
-    /// A share of the friction level; else a torque of its own.
-    pub level: bool,
-    /// A torque of its own, proportional to the column: a gain that is off.
-    pub proportional: bool,
-}
-
-impl Follows {
-    /// Whether it is a curve of any shape, which comes after named causes.
-    pub fn is_any_shape(&self) -> bool {
-        !self.proportional
-    }
 }
 
 /// One way a residual may be explained.

@@ -30,7 +30,8 @@ pub mod definition;
 
 pub use definition::{Cause, Remedy};
 
-use super::candidate::{Beside, Candidate, Follows};
+use super::candidate::{Beside, Candidate};
+use super::train_test::Follows;
 use compensator_core::term::MAX_TERMS;
 use compensator_core::{ParameterId, TermKind};
 use std::ops::Deref;

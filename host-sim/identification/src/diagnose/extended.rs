@@ -1,7 +1,7 @@
 //! What a cause is read from once it is found: the joint fit, or what is left.
 
-use super::candidate::Follows;
 use super::evidence::Evidence;
+use super::train_test::Follows;
 use super::train_test::TrainTest;
 use crate::data::Joint;
 use crate::fit::predict::Predicted;

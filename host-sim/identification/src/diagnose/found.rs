@@ -1,10 +1,10 @@
 //! A cause on its way through the search, until it is a finding.
 
-use super::candidate::Follows;
 use super::cause::definition::Cause;
 use super::extended::Extended;
 use super::finding::{Finding, Rival};
 use super::gram_blocks::CandidateFit;
+use super::train_test::Follows;
 use super::train_test::TrainTest;
 use crate::fit::Outcome;
 use compensator_core::TermKind;

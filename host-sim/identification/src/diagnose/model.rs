@@ -1,7 +1,8 @@
 //! A model on its way: fitted, extended by a candidate, shortened by a term.
 
-use super::candidate::{Candidate, Follows, InitialGuess};
+use super::candidate::{Candidate, InitialGuess};
 use super::gram_blocks::CandidateFit;
+use super::train_test::Follows;
 use super::train_test::TrainTest;
 use crate::fit::predict::{Predicted, predict};
 use crate::fit::simulate::Resolution;

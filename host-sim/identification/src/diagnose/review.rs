@@ -3,13 +3,13 @@
 //! What only correlated with a cause that was not yet in falls here. So does what held-out runs do not
 //! need, what whole runs do not agree on, and a curve that is the last bend of a named cause's own effect.
 
-use super::candidate::Follows;
 use super::cause::{Claim, Suspect};
 use super::finding::Rival;
 use super::found::Found;
 use super::gram_blocks::CandidateFit;
 use super::round::{MATERIAL, Round};
 use super::search::{Extension, Search};
+use super::train_test::Follows;
 use crate::spec::SpecError;
 
 /// Share of the base model's squared residual that a finding beside others must take alone.

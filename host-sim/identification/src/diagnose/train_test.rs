@@ -5,7 +5,6 @@
 //! units, and knows of every error the model makes. Such columns are kept out, and named. What tells
 //! them is that they follow the torque from sample to sample, which pressure or temperature cannot.
 
-use super::candidate::Follows;
 use crate::data::{Dataset, Run, Split};
 use crate::fit::scales::Scales;
 use crate::fit::{Rows, Track, track};
@@ -34,6 +33,26 @@ const MOST_SEARCHED: usize = 150_000;
 
 /// Runs a search looks at at least.
 const FEWEST_RUNS: usize = 12;
+
+/// The column a cause that may follow any has followed, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Follows {
+    /// Name of the column.
+    pub column: String,
+    /// Whether it is one of the log's extra covariates.
+    pub extra: bool,
+    /// A share of the friction level; else a torque of its own.
+    pub level: bool,
+    /// A torque of its own, proportional to the column: a gain that is off.
+    pub proportional: bool,
+}
+
+impl Follows {
+    /// Whether it is a curve of any shape, which comes after named causes.
+    pub fn is_any_shape(&self) -> bool {
+        !self.proportional
+    }
+}
 
 /// What is diagnosed. A value: what is left out or followed makes another one.
 #[derive(Clone, Debug)]

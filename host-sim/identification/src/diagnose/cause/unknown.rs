@@ -6,9 +6,10 @@
 //! into most things. Structure that follows no column at all is told, and no term is offered.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, Follows, InitialGuess, Row, row};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Row, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
 use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
+use crate::diagnose::train_test::Follows;
 use crate::diagnose::train_test::TrainTest;
 use crate::fit::State;
 use crate::fit::predict::Predicted;
