@@ -175,13 +175,12 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// How a column of the log is read along a stretch at the full rate, by its name.
-fn values<'a>(
-    log: &TrainTest,
-    data: &'a Dataset,
-    name: &str,
-) -> Option<Box<dyn Fn(&Stretch) -> Vec<f64> + 'a>> {
-    let of_sample = |of: fn(&Sample<f64>) -> f64| -> Box<dyn Fn(&Stretch) -> Vec<f64> + 'a> {
+/// Reads a column along a stretch at the full rate.
+type Read<'a> = Box<dyn Fn(&Stretch) -> Vec<f64> + 'a>;
+
+/// How a column of the log is read, by its name.
+fn values<'a>(log: &TrainTest, data: &'a Dataset, name: &str) -> Option<Read<'a>> {
+    let of_sample = |of: fn(&Sample<f64>) -> f64| -> Read<'a> {
         Box::new(move |stretch| stretch.track.samples.iter().map(of).collect())
     };
     Some(match name {
