@@ -3,16 +3,17 @@
 //! Each scenario of the benchmark is fitted with plain LuGre and certified. The *literal* rule takes the
 //! parameter with the largest coefficient of variation; the *calibrated* one that whose permitted spread grew most
 //! over a scenario with nothing hidden, or none. A rule is right where a hidden cause acts through its parameter
-//! (`literal_causes`, generously), and in a scenario without one where it names none. *Always coulomb_torque* is a
+//! (`cause::acting_through`, generously), and in a scenario without one where it names none. *Always coulomb_torque* is a
 //! rule that looks at nothing: what a good guess is worth under this grading.
 //!
 //! `cargo run --release -p host-sim --example stochastic_bank [WORLDS PER KIND] [SEED OF THE WORLDS] [SEED OF
 //! THE CERTIFICATES]`
 
 use compensator_core::{LawKind, ParameterId as Id};
+use friction_identification::diagnose::cause;
 use friction_identification::fit::{FitOptions, Rows, fit, tracks};
 use friction_identification::spec::Spec;
-use friction_identification::stochastic::{Settings, certify_calibrated, literal_causes};
+use friction_identification::stochastic::{Settings, certify_calibrated};
 use host_sim::simulated;
 use rayon::prelude::*;
 use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
@@ -39,7 +40,8 @@ fn is_right(scenario: &Scenario, kind: Kind, named: Option<Id>) -> bool {
     let hidden = scenario.truth.hidden.iter().map(|hidden| hidden.cause);
     // Where no data can tell two causes apart, either will do.
     let twins = scenario.truth.confusable_with.iter().copied();
-    hidden.chain(twins).any(|cause| literal_causes(id).contains(&cause))
+    let points_at = |name| cause::acting_through(id).any(|cause| cause.name() == name);
+    hidden.chain(twins).any(points_at)
 }
 
 fn judge(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {

@@ -6,7 +6,7 @@
 
 use crate::simulated;
 use friction_identification::data::{SplitRule, split};
-use friction_identification::diagnose::{Diagnosis, Question, diagnose};
+use friction_identification::diagnose::{Diagnosis, Finding, Question, diagnose};
 use rayon::prelude::*;
 use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
 
@@ -56,11 +56,12 @@ pub struct Grade {
 pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> Grade {
     let truth = &scenario.truth;
     let hidden: Vec<&'static str> = truth.hidden.iter().map(|hidden| hidden.cause).collect();
-    let named: Vec<&'static str> = found.findings.iter().map(|f| f.kind.name()).collect();
+    let named: Vec<&'static str> = found.findings.iter().map(|f| f.cause.name()).collect();
     let first = found.findings.first();
     let confusable: Vec<&'static str> = first.map_or(Vec::new(), |finding| {
-        finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect()
+        finding.confusable_with.iter().map(|rival| rival.cause.name()).collect()
     });
+    let is_open = first.is_some_and(|finding| !finding.cause.is_named());
     let is_first_true = named.first().is_some_and(|name| hidden.contains(name));
     let right = match kind {
         Kind::None => named.is_empty(),
@@ -73,9 +74,12 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         Kind::Confounded => {
             let both: Vec<&str> = hidden.iter().chain(&truth.confusable_with).copied().collect();
             let hedged = confusable.iter().any(|name| both.contains(name));
-            named.first().is_some_and(|name| *name == "unknown" || both.contains(name) && hedged)
+            named.first().is_some_and(|name| both.contains(name) && hedged) || is_open
         }
-        Kind::Outside => named.first() == Some(&"unknown") || confusable.contains(&"unknown"),
+        Kind::Outside => {
+            let hedged = |f: &Finding| f.confusable_with.iter().any(|r| !r.cause.is_named());
+            is_open || first.is_some_and(hedged)
+        }
     };
     let only = matches!(kind, Kind::One(_) | Kind::Decoy) && is_first_true;
     let sizes = first.filter(|_| only).and_then(|finding| {
@@ -83,16 +87,16 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         Some((hidden.size, finding.size.value, finding.size.ci95))
     });
     let heard = found
-        .hearing
+        .scores
         .iter()
         .take(5)
         .map(|h| {
             format!(
                 "{}({}) {:.3} p{:.0e}",
-                h.kind.name(),
+                h.cause.name(),
                 h.columns.join(","),
                 h.share,
-                h.trial.p_value
+                h.fit.p_value
             )
         })
         .collect::<Vec<_>>()
@@ -123,7 +127,7 @@ pub fn examine(kind: Kind, seed: u64) -> Result<Grade, String> {
     let scenario = draw(kind, seed);
     let data = simulated::dataset(&scenario.log);
     let parts = split(&data, &SplitRule::default(), 0).map_err(|e| failed(e.to_string()))?;
-    let found = diagnose(&data, &parts, 1, &[], &Question::default(), &|_| {})
+    let found = diagnose(&data, &parts, &Question::default(), &|_| {})
         .map_err(|e| failed(e.to_string()))?;
     Ok(grade(kind, seed, &scenario, &found))
 }

@@ -187,7 +187,7 @@ fn steady_sliding_does_not_determine_the_bristles_and_the_reading_says_so() {
     let text = reading(
         &certificate,
         &[certificate.verdict],
-        &[("pressure-coulomb", Some(Id::CoulombTorque))],
+        &[("pressure-coulomb", &[Id::CoulombTorque])],
     );
     assert!(text.contains("does not determine"), "{text}");
 }

@@ -1,50 +1,62 @@
 //! What a simulation gets wrong, why, and what a better model gains.
 //!
 //! ```text
-//! log        runs to learn from, runs to judge by, columns that may be blamed      log
-//!  -> base   the simplest law the log supports, fitted                             baseline
-//!  -> tangent what the model does, row by row, and its derivatives                 tangent
-//!  -> candidates every cause as columns beside it; orders of a ripple found blind  candidate, order
-//!  -> panel  products of all columns by blocks: gains, chance, stability           survey, panel
-//!  -> choice the best of those that pass, fitted by the core; again; reviewed      select
-//!  -> judged on runs no fit has seen                                               judge, regime
-//!  -> said   finding, story
+//! log           runs to learn from, runs to judge by, columns that may be blamed         train_test
+//!  -> base      the simplest law the log supports, fitted                                baseline
+//!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order
+//!  -> candidates     each cause as columns beside the model                              cause, candidate
+//!  -> products  of all columns by blocks: gains, chance, stability                       survey, gram_blocks, chance
+//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, review
+//!  -> judged    on runs no fit has seen                                                  judge, regime
+//!  -> told      size, sentence, where it shows                                           extended, finding, evidence, story
 //! ```
 //!
-//! The linear panel only decides who is worth a fit. What is reported was fitted by the core's own
-//! step, everything jointly, and judged on held-out runs.
+//! The linear fit beside the model ([`gram_blocks`]) only decides who is worth a fit. What is reported was
+//! fitted by the core's own step, everything jointly, and judged on held-out runs. What may be blamed, and
+//! what each cause needs to be found and told, is in [`cause`]: a file for each, and one list.
 
 pub mod baseline;
 pub mod candidate;
+pub mod cause;
 pub mod chance;
+pub mod evidence;
+pub mod extended;
 pub mod finding;
+pub mod found;
+pub mod gram_blocks;
 pub mod judge;
-pub mod log;
 pub mod model;
 pub mod order;
-pub mod panel;
 pub mod regime;
 pub mod review;
 pub mod round;
+pub mod search;
 pub mod select;
+pub mod sensitivities;
 pub mod story;
 pub mod survey;
-pub mod tangent;
+pub mod train_test;
 
-pub use finding::{Finding, Size};
+pub use cause::{Cause, Remedy};
+pub use extended::Size;
+pub use finding::{Finding, Rival};
 pub use judge::Gain;
-pub use log::Log;
 pub use regime::Share;
-pub use round::Hearing;
+pub use round::CandidateScore;
+pub use train_test::TrainTest;
 
 use crate::data::{Dataset, Split};
-use crate::fit::outcome::{Predicted, identify, predict};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Outcome, State};
+use crate::fit::{Predicted, identify, predict};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
+use baseline::Baseline;
 use compensator_core::{ParameterId, Parameters, TermKind};
+use extended::{Observation, Unexplained};
 use model::Fitted;
+use search::Search;
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// What is asked.
@@ -54,6 +66,10 @@ pub struct Question {
     pub model: Option<Spec>,
     /// A model with its values: judged as it is, then its law is fitted and extended.
     pub given: Option<(Spec, Parameters<f64>)>,
+    /// Keep one residual in this many, anti-aliased; 0 and 1 keep all.
+    pub decimate: usize,
+    /// Parts of the torque column that are not friction.
+    pub rigid_body: Vec<TermKind>,
     /// For what is drawn at random.
     pub seed: u64,
 }
@@ -62,7 +78,7 @@ pub struct Question {
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
     /// The log as it was looked at, following what the extended model follows.
-    pub log: Log,
+    pub log: TrainTest,
     /// Error the torque's noise alone would make on the held-out rows, Nm.
     pub noise_floor: f64,
     /// The base model.
@@ -84,7 +100,7 @@ pub struct Diagnosis {
     /// By thirds of every column, and by run.
     pub by_column: Vec<(String, Vec<Share>)>,
     /// Every candidate beside the base law, best first.
-    pub hearing: Vec<Hearing>,
+    pub scores: Vec<CandidateScore>,
     /// The paper's stochastic extension before and after, and where its verdict and this one part.
     pub certificates: Certificates,
     /// Name of the covariate in the auxiliary column, if the extended model follows one.
@@ -98,7 +114,7 @@ pub struct Diagnosis {
 impl Diagnosis {
     /// The name of the first cause, or `none`.
     pub fn cause(&self) -> &'static str {
-        self.findings.first().map_or("none", |finding| finding.kind.name())
+        self.findings.first().map_or("none", |finding| finding.cause.name())
     }
 }
 
@@ -124,23 +140,30 @@ const STRUCTURE: (f64, f64) = (1.04, 1.3);
 pub fn diagnose(
     data: &Dataset,
     split: &Split,
-    decimate: usize,
-    rigid_body: &[TermKind],
     question: &Question,
     progress: &dyn Fn(&str),
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
-    let mut log = Log::new(data, split, decimate, rigid_body);
-    log.take_some();
+    let whole = TrainTest::new(data, split, question.decimate, &question.rigid_body);
+    let mut some = whole.thinned();
     progress("fitting the baseline");
-    let base = base(&mut log, question)?;
-    let selection = select::select(&mut log, base, question.seed, progress)?;
+    let Baseline { model: base, at_rest } = base(&some, question)?;
+    if let Some(at_rest) = &at_rest {
+        some = Cow::Owned(some.into_owned().without(at_rest));
+    }
+    let seed = question.seed;
+    let selection = select::select(&Search { log: &some, base: &base, seed, progress })?;
     progress("judging on held-out runs");
+    drop(some);
+    let whole = match &at_rest {
+        Some(at_rest) => whole.without(at_rest),
+        None => whole,
+    };
     let follows = selection.extended.follows.as_ref().filter(|follows| follows.extra);
-    log.take_all(follows.map(|follows| follows.column.as_str()));
+    let log = whole.following(follows).into_owned();
     let baseline = match &question.given {
         Some((spec, parameters)) => given(&log, spec, parameters)?,
-        None => outcome(&log, &selection.base)?,
+        None => outcome(&log, &base)?,
     };
     let extended = if selection.found.is_empty() {
         baseline.clone()
@@ -149,16 +172,28 @@ pub fn diagnose(
     };
     let before = predict(&baseline.parameters, log.test_rows(), baseline.resolution);
     let after = predict(&extended.parameters, log.test_rows(), extended.resolution);
-    let at = tangent::tangent(&baseline.parameters, &[], &log.test_tracks, baseline.resolution);
+    let at = sensitivities::sensitivities(
+        &baseline.parameters,
+        &[],
+        &log.test_tracks,
+        baseline.resolution,
+    );
     let found = selection.found.iter();
-    let mut findings: Vec<Finding> =
-        found.map(|found| finding::finding(found, &extended, &log, &selection.extended)).collect();
+    let mut findings: Vec<Finding> = found.map(|found| found.finding(&extended, &log)).collect();
     let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
     let gain = judge::gain(&before, &after, question.seed);
     let left_over = left_over(&after, noise_floor);
     let noise_floor = judge::lower_floor(noise_floor, &after);
+    findings.extend(observed(|cause| cause.in_log(&log)));
     if findings.is_empty() && left_over > 0.0 {
-        findings.push(story::unexplained(&after, noise_floor, &log, question.seed));
+        let rest = Unexplained {
+            after: &after,
+            noise_floor,
+            times_floor: STRUCTURE.0,
+            log: &log,
+            seed: question.seed,
+        };
+        findings.extend(observed(|cause| cause.in_rest(&rest)));
     }
     progress("certifying");
     let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
@@ -167,7 +202,7 @@ pub fn diagnose(
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),
         by_column: regime::by_column(&log, &at),
-        hearing: selection.hearing,
+        scores: selection.scores,
         certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),
         log,
@@ -182,7 +217,13 @@ pub fn diagnose(
     })
 }
 
-fn base(log: &mut Log, question: &Question) -> Result<Fitted, SpecError> {
+/// What causes are seen without a fit of their own.
+fn observed(see: impl Fn(&dyn Cause) -> Option<Observation>) -> impl Iterator<Item = Finding> {
+    let all = cause::ALL.iter().copied();
+    all.filter_map(move |cause| Some(Finding::observed(cause, see(cause)?)))
+}
+
+fn base(log: &TrainTest, question: &Question) -> Result<Baseline, SpecError> {
     match (&question.given, &question.model) {
         (Some((spec, parameters)), _) => baseline::asked_for(log, spec, Some(parameters)),
         (None, Some(spec)) => {
@@ -194,7 +235,7 @@ fn base(log: &mut Log, question: &Question) -> Result<Fitted, SpecError> {
 }
 
 /// Errors and verdicts of a model that has been fitted.
-fn outcome(log: &Log, model: &Fitted) -> Result<Outcome, SpecError> {
+fn outcome(log: &TrainTest, model: &Fitted) -> Result<Outcome, SpecError> {
     let options = FitOptions {
         starts: 1,
         start: Some(model.parameters.clone()),
@@ -206,7 +247,7 @@ fn outcome(log: &Log, model: &Fitted) -> Result<Outcome, SpecError> {
 }
 
 /// A model taken as it is.
-fn given(log: &Log, spec: &Spec, parameters: &Parameters<f64>) -> Result<Outcome, SpecError> {
+fn given(log: &TrainTest, spec: &Spec, parameters: &Parameters<f64>) -> Result<Outcome, SpecError> {
     let fixed: Vec<ParameterId> = parameters.active().collect();
     let options =
         FitOptions { starts: 1, start: Some(parameters.clone()), fixed, ..FitOptions::default() };
@@ -215,7 +256,7 @@ fn given(log: &Log, spec: &Spec, parameters: &Parameters<f64>) -> Result<Outcome
 
 /// The paper's certificates of both models on the training runs.
 fn certificates(
-    log: &Log,
+    log: &TrainTest,
     baseline: &Outcome,
     extended: &Outcome,
     findings: &[Finding],
@@ -231,34 +272,10 @@ fn certificates(
     let after = if extended.spec == baseline.spec { before.clone() } else { certify(extended) };
     let loose = baseline.estimates.iter().filter(|e| e.state != State::Determined);
     let loose: Vec<ParameterId> = loose.map(|e| e.id).collect();
-    let causes: Vec<(&str, Option<ParameterId>)> =
-        findings.iter().map(|finding| (finding.kind.name(), acts_on(finding.kind))).collect();
+    let causes: Vec<(&str, &[ParameterId])> =
+        findings.iter().map(|finding| (finding.cause.name(), finding.cause.acts_on())).collect();
     let reading = stochastic::reading(&before, &loose, &causes);
     Certificates { before, after, reading }
-}
-
-/// The parameter of the base law a cause acts on, if it acts on one.
-fn acts_on(kind: TermKind) -> Option<ParameterId> {
-    use ParameterId as Id;
-    use TermKind as Kind;
-    match kind {
-        Kind::RadialForceCoulomb
-        | Kind::PressureCoulomb
-        | Kind::LoadTorqueCoulomb
-        | Kind::PositionRipple
-        | Kind::DirectionAsymmetry
-        | Kind::TimeDrift => Some(Id::CoulombTorque),
-        Kind::DwellTimeStatic => Some(Id::StaticTorque),
-        Kind::TemperatureViscous | Kind::QuadraticDrag => Some(Id::ViscousFriction),
-        Kind::RadialForceRate | Kind::Backlash => Some(Id::BristleStiffness),
-        Kind::StribeckShape => Some(Id::StribeckVelocity),
-        Kind::GravityImbalance
-        | Kind::TorqueOffset
-        | Kind::UnmodelledInertia
-        | Kind::ChannelDelay
-        | Kind::LoadGain
-        | Kind::LookupTable => None,
-    }
 }
 
 /// Memory of the residual in rows, where it is more than noise; else 0.

@@ -7,13 +7,36 @@
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use std::fmt;
 
-/// A rigid-body part of the torque column, and the core term that computes it.
-const RIGID_BODY: [(&str, TermKind); 4] = [
-    ("inertia", TermKind::UnmodelledInertia),
-    ("gravity", TermKind::GravityImbalance),
-    ("load", TermKind::LoadGain),
-    ("offset", TermKind::TorqueOffset),
+/// A part of the torque column that is not friction.
+struct RigidBodyPart {
+    /// As in `--rigid-body`.
+    name: &'static str,
+    /// The core term that computes it.
+    term: TermKind,
+    /// What it adds.
+    effect: &'static str,
+}
+
+/// The parts. The known load is a part and no cause: how it enters the reading is fitted, not found.
+const RIGID_BODY: [RigidBodyPart; 4] = [
+    RigidBodyPart {
+        name: "inertia",
+        term: TermKind::UnmodelledInertia,
+        effect: "inertia times acceleration.",
+    },
+    RigidBodyPart {
+        name: "gravity",
+        term: TermKind::GravityImbalance,
+        effect: "sine and cosine of the position, whichever way it moves.",
+    },
+    RigidBodyPart { name: "load", term: TermKind::LoadGain, effect: "a gain on the known load." },
+    RigidBodyPart { name: "offset", term: TermKind::TorqueOffset, effect: "a constant." },
 ];
+
+/// What a part of the rigid body adds to the torque, for a list of models; none for another term.
+pub fn rigid_body_effect(term: TermKind) -> Option<&'static str> {
+    RIGID_BODY.iter().find(|part| part.term == term).map(|part| part.effect)
+}
 
 /// A model to be fitted: its law, its terms, the rigid-body parts under it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -136,13 +159,13 @@ impl fmt::Display for Spec {
 pub fn parse_rigid_body(list: &str) -> Result<Vec<TermKind>, SpecError> {
     let mut parts = Vec::new();
     for name in list.split(',').map(str::trim).filter(|name| !name.is_empty()) {
-        let known = RIGID_BODY.iter().find(|(known, _)| *known == name);
-        let (_, term) = known.ok_or_else(|| {
-            let known = names(RIGID_BODY.iter().map(|(name, _)| *name));
+        let part = RIGID_BODY.iter().find(|part| part.name == name);
+        let part = part.ok_or_else(|| {
+            let known = names(RIGID_BODY.iter().map(|part| part.name));
             SpecError(format!("--rigid-body: unknown part {name:?}, expected of {known}"))
         })?;
-        if !parts.contains(term) {
-            parts.push(*term);
+        if !parts.contains(&part.term) {
+            parts.push(part.term);
         }
     }
     Ok(parts)

@@ -43,12 +43,12 @@ fn examine(folder: &Path, case: &Case) -> Diagnosis {
     let data = read(&files, &options, &|_, _| {}).expect("a log by the contract");
     let parts = split(&data, &(case.rule)(&files), 0).expect("a split");
     let rigid_body = parse_rigid_body(case.rigid_body).expect("known parts");
-    let question = Question::default();
-    diagnose(&data, &parts, case.decimate, &rigid_body, &question, &|_| {}).expect("a diagnosis")
+    let question = Question { decimate: case.decimate, rigid_body, ..Question::default() };
+    diagnose(&data, &parts, &question, &|_| {}).expect("a diagnosis")
 }
 
 fn names(found: &Diagnosis) -> Vec<&'static str> {
-    found.findings.iter().map(|finding| finding.kind.name()).collect()
+    found.findings.iter().map(|finding| finding.cause.name()).collect()
 }
 
 fn held_out(found: &Diagnosis) -> f64 {
@@ -70,7 +70,7 @@ fn pressure_is_named_on_both_seals_and_its_other_half_called_calibration() {
         assert_eq!(found.cause(), "pressure-coulomb", "{file}: {:?}", names(&found));
         assert!((least..most).contains(&held_out(&found)), "{file}");
         let other = found.findings.iter().find(|finding| {
-            finding.kind.name() == "unknown" && finding.columns == ["pressure_diff_pa"]
+            finding.cause.name() == "unknown" && finding.columns == ["pressure_diff_pa"]
         });
         let words = other.map(|finding| finding.in_words.clone()).unwrap_or_default();
         assert!(words.contains("calibration"), "{file}: {words}");

@@ -4,7 +4,7 @@ use super::input::{DataArguments, Input, spinner};
 use super::output::{OutputArguments, say};
 use crate::results::{Study, document, page, table};
 use compensator_core::LawKind;
-use friction_identification::fit::{FitOptions, Outcome, outcome::identify};
+use friction_identification::fit::{FitOptions, Outcome, identify};
 use friction_identification::spec::Spec;
 
 /// Arguments of `compare`.

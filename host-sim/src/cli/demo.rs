@@ -88,14 +88,13 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     ))?;
     let bar = spinner("diagnosing".into());
     let question = Question { seed, ..Question::default() };
-    let found =
-        diagnose(&data, &parts, 1, &[], &question, &|what| bar.set_message(what.to_owned()))
-            .map_err(|error| error.to_string())?;
+    let found = diagnose(&data, &parts, &question, &|what| bar.set_message(what.to_owned()))
+        .map_err(|error| error.to_string())?;
     bar.finish_and_clear();
     teller.step(&format!(
         "Fitted {} and heard {} candidates for what it misses{}.",
         found.baseline.spec,
-        found.hearing.len(),
+        found.scores.len(),
         extension(&found)
     ))?;
 

@@ -29,22 +29,19 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let model = arguments.model.as_deref().map(Spec::parse).transpose();
     let given = arguments.params.as_deref().map(driver_file::read).transpose();
+    let (model, given) = (model.map_err(|e| e.to_string())?, given.map_err(|e| e.to_string())?);
+    let input = arguments.data.read()?;
     let question = Question {
-        model: model.map_err(|error| error.to_string())?,
-        given: given.map_err(|e| e.to_string())?.map(|file| (file.spec, file.parameters)),
+        model,
+        given: given.map(|file| (file.spec, file.parameters)),
+        decimate: arguments.data.decimate as usize,
+        rigid_body: input.rigid_body.clone(),
         seed: arguments.data.seed,
     };
-    let input = arguments.data.read()?;
     let bar = spinner("diagnosing".into());
-    let found = diagnose(
-        &input.data,
-        &input.split,
-        arguments.data.decimate as usize,
-        &input.rigid_body,
-        &question,
-        &|what| bar.set_message(what.to_owned()),
-    )
-    .map_err(|error| error.to_string())?;
+    let progress = |what: &str| bar.set_message(what.to_owned());
+    let found = diagnose(&input.data, &input.split, &question, &progress)
+        .map_err(|error| error.to_string())?;
     bar.finish_and_clear();
 
     let document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);

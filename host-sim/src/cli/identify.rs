@@ -5,7 +5,7 @@ use super::output::{OutputArguments, say};
 use crate::driver_file;
 use crate::results::{Study, document, page, table};
 use compensator_core::{ParameterId, Parameters};
-use friction_identification::fit::{FitOptions, outcome::identify};
+use friction_identification::fit::{FitOptions, identify};
 use friction_identification::params;
 use friction_identification::spec::Spec;
 use std::path::PathBuf;

@@ -6,7 +6,7 @@
 use super::json::{parameter, sources};
 use friction_identification::data::{Dataset, Split};
 use friction_identification::diagnose::finding::Finding;
-use friction_identification::diagnose::{Diagnosis, Hearing, Share, story};
+use friction_identification::diagnose::{CandidateScore, Diagnosis, Share, story};
 use friction_identification::fit::Outcome;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -31,10 +31,10 @@ fn finite(value: f64) -> f64 {
 
 fn finding(finding: &Finding) -> Value {
     let mut confusable: Vec<&str> =
-        finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+        finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
     confusable.dedup();
     let mut value = json!({
-        "cause": finding.kind.name(),
+        "cause": finding.cause.name(),
         "columns": finding.columns,
         "size": {
             "value": finite(finding.size.value),
@@ -81,15 +81,15 @@ fn share(share: &Share) -> Value {
     })
 }
 
-fn heard(hearing: &Hearing) -> Value {
+fn heard(score: &CandidateScore) -> Value {
     json!({
-        "cause": hearing.kind.name(),
-        "columns": hearing.columns,
-        "order": hearing.order,
-        "as_share_of_level": hearing.level,
-        "gain_on_unseen_rows": finite(hearing.share),
-        "p_value": finite(hearing.trial.p_value),
-        "passed": hearing.passed,
+        "cause": score.cause.name(),
+        "columns": score.columns,
+        "order": score.order,
+        "as_share_of_level": score.level,
+        "gain_on_unseen_rows": finite(score.share),
+        "p_value": finite(score.fit.p_value),
+        "passed": score.passed,
     })
 }
 
@@ -126,7 +126,7 @@ pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[Stri
                 .map(|(name, parts)| (name.clone(), parts.iter().map(share).collect::<Vec<_>>().into()))
                 .collect::<Map<String, Value>>(),
         },
-        "heard": found.hearing.iter().map(heard).collect::<Vec<_>>(),
+        "heard": found.scores.iter().map(heard).collect::<Vec<_>>(),
         "notes": found.log.notes,
         "seconds": finite(found.seconds),
     }))

@@ -25,7 +25,7 @@ use super::page::{Study, View, glossary, in_rows, tables as shared};
 use crate::report::{Block, Page};
 use friction_identification::data::{Dataset, Split};
 use friction_identification::diagnose::{Diagnosis, story};
-use friction_identification::fit::outcome::{Predicted, predict};
+use friction_identification::fit::predict::{Predicted, predict};
 use friction_identification::fit::statistics::autocorrelation_time;
 use rows::Rows;
 use serde_json::Value;
@@ -184,7 +184,7 @@ fn evidence(scene: &Scene) -> Vec<Block> {
     }
     for other in others {
         blocks.push(Block::Details {
-            summary: format!("The evidence for {}", other.kind.name()),
+            summary: format!("The evidence for {}", other.cause.name()),
             blocks: in_rows(evidence::of(scene, other)),
         });
     }
@@ -228,12 +228,12 @@ fn findings(scene: &Scene) -> Vec<Block> {
         blocks.push(Block::Table(tables::findings(scene)));
         blocks.push(Block::List(words::findings(found)));
     }
-    if !found.hearing.is_empty() {
-        blocks.push(Block::Chart(figures::hearing(found)));
-        let count = found.hearing.len();
+    if !found.scores.is_empty() {
+        blocks.push(Block::Chart(figures::scores(found)));
+        let count = found.scores.len();
         blocks.push(Block::Details {
             summary: format!("All {count} candidates that were heard beside the base model"),
-            blocks: vec![Block::Table(tables::hearing(found))],
+            blocks: vec![Block::Table(tables::scores(found))],
         });
     }
     blocks

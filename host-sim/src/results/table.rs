@@ -94,9 +94,9 @@ pub fn findings(found: &Diagnosis) -> String {
     for finding in &found.findings {
         let [low, high] = finding.size.ci95;
         let rivals: Vec<&str> =
-            finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+            finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
         table.add_row([
-            finding.kind.name().to_owned(),
+            finding.cause.name().to_owned(),
             finding.columns.join(", "),
             format!("{} {}", figure(finding.size.value), finding.size.unit),
             format!("{} .. {}", figure(low), figure(high)),

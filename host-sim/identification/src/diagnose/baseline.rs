@@ -4,9 +4,8 @@
 //! with more parameters is taken if it lowers `n ln(SSE) + k ln n`, with `n` the number of *independent*
 //! rows. A log of steady sliding gets no bristles, and no cause that only bristles could show.
 
-use super::log::Log;
 use super::model::Fitted;
-use crate::fit::outcome::predict;
+use super::train_test::{AtRest, TrainTest};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, fit};
 use crate::spec::{Spec, SpecError};
@@ -22,7 +21,11 @@ const STARTS: usize = 2;
 ///
 /// # Errors
 /// If there are more terms than the core takes.
-fn fitted(log: &Log, spec: &Spec, start: Option<&Parameters<f64>>) -> Result<Fitted, SpecError> {
+fn fitted(
+    log: &TrainTest,
+    spec: &Spec,
+    start: Option<&Parameters<f64>>,
+) -> Result<Fitted, SpecError> {
     let base = match start {
         Some(start) => start.clone(),
         None => spec.parameters()?,
@@ -40,17 +43,23 @@ fn fitted(log: &Log, spec: &Spec, start: Option<&Parameters<f64>>) -> Result<Fit
     })
 }
 
+/// The model a log is held against, and what it cannot be judged by.
+#[derive(Clone, Debug)]
+pub struct Baseline {
+    /// The model.
+    pub model: Fitted,
+    /// Rows at rest, if it has nothing to say of them.
+    pub at_rest: Option<AtRest>,
+}
+
 /// Chooses a law.
 ///
 /// # Errors
 /// If the rigid-body parts alone are more terms than the core takes.
-pub fn choose(log: &mut Log) -> Result<Fitted, SpecError> {
-    let best = climb(log, &LADDER)?;
-    if leave_out_rest(log, &best) {
-        // A law with bristles has just been found no better: what is left are the others.
-        return climb(log, &LADDER[..2]);
-    }
-    Ok(best)
+pub fn choose(log: &TrainTest) -> Result<Baseline, SpecError> {
+    // Where rows at rest are left out, a law with bristles has just been found no better: what is left are
+    // the others.
+    judged(log, climb(log, &LADDER)?, |log| climb(log, &LADDER[..2]))
 }
 
 /// Fits a law that was asked for, from given parameters or from scratch.
@@ -58,24 +67,34 @@ pub fn choose(log: &mut Log) -> Result<Fitted, SpecError> {
 /// # Errors
 /// If there are more terms than the core takes.
 pub fn asked_for(
-    log: &mut Log,
+    log: &TrainTest,
     spec: &Spec,
     start: Option<&Parameters<f64>>,
-) -> Result<Fitted, SpecError> {
-    let first = fitted(log, spec, start)?;
-    if leave_out_rest(log, &first) { fitted(log, spec, start) } else { Ok(first) }
+) -> Result<Baseline, SpecError> {
+    judged(log, fitted(log, spec, start)?, |log| fitted(log, spec, start))
 }
 
-/// See [`Log::leave_out_rest`]; a law with bristles has something to say of rest.
-fn leave_out_rest(log: &mut Log, model: &Fitted) -> bool {
-    let squares = |log: &Log| {
-        let metrics = predict(&model.parameters, log.train_rows(), model.resolution).metrics;
+/// The model, or another one without the rows at rest, where it has nothing to say of them. A law with
+/// bristles has.
+fn judged(
+    log: &TrainTest,
+    model: Fitted,
+    again: impl Fn(&TrainTest) -> Result<Fitted, SpecError>,
+) -> Result<Baseline, SpecError> {
+    let squares = |log: &TrainTest| {
+        let metrics = model.on_train(log).metrics;
         (metrics.sse, metrics.rows)
     };
-    !model.spec.law.has_bristles() && log.leave_out_rest(squares)
+    let has_bristles = model.spec.law.has_bristles();
+    let at_rest = if has_bristles { None } else { log.worse_at_rest(squares) };
+    let model = match &at_rest {
+        Some(at_rest) => again(&log.clone().without(at_rest))?,
+        None => model,
+    };
+    Ok(Baseline { model, at_rest })
 }
 
-fn climb(log: &Log, ladder: &[LawKind]) -> Result<Fitted, SpecError> {
+fn climb(log: &TrainTest, ladder: &[LawKind]) -> Result<Fitted, SpecError> {
     let mut best: Option<Fitted> = None;
     for law in ladder {
         let next = fitted(log, &Spec::law(*law).on(&log.rigid_body), None)?;
@@ -87,8 +106,8 @@ fn climb(log: &Log, ladder: &[LawKind]) -> Result<Fitted, SpecError> {
     best.map_or_else(|| fitted(log, &Spec::law(LawKind::Linear), None), Ok)
 }
 
-fn is_worth_it(log: &Log, simple: &Fitted, rich: &Fitted) -> bool {
-    let predicted = predict(&rich.parameters, log.train_rows(), rich.resolution);
+fn is_worth_it(log: &TrainTest, simple: &Fitted, rich: &Fitted) -> bool {
+    let predicted = rich.on_train(log);
     let memory = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
     let rows = predicted.metrics.rows as f64 / memory;
     let more = rich.free.len() as f64 - simple.free.len() as f64;

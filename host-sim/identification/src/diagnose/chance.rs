@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 /// What each block says of a candidate.
-pub struct Scores {
+pub struct BlockScores {
     /// Per block.
     pub blocks: Vec<DVector<f64>>,
     /// What of the candidate's columns the base has.
@@ -12,7 +12,7 @@ pub struct Scores {
     inverse: DMatrix<f64>,
 }
 
-impl Scores {
+impl BlockScores {
     /// Puts the blocks' scores together.
     pub fn new(blocks: Vec<DVector<f64>>, shared: DMatrix<f64>) -> Self {
         let k = blocks.first().map_or(0, DVector::len);

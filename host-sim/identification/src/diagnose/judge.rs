@@ -1,8 +1,8 @@
 //! How much an extension gains, on runs no fit has seen, and how much there was to gain.
 
 use crate::fit::Track;
-use crate::fit::outcome::Predicted;
-use crate::fit::start::{Scales, white_noise};
+use crate::fit::predict::Predicted;
+use crate::fit::scales::{Scales, white_noise};
 use crate::fit::statistics::autocorrelation_time;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

@@ -1,8 +1,10 @@
 //! A model on its way: fitted, extended by a candidate, shortened by a term.
 
-use super::candidate::{Candidate, Follows, Seed};
-use super::log::Log;
-use super::panel::Trial;
+use super::candidate::{Candidate, InitialGuess};
+use super::gram_blocks::CandidateFit;
+use super::train_test::Follows;
+use super::train_test::TrainTest;
+use crate::fit::predict::{Predicted, predict};
 use crate::fit::simulate::Resolution;
 use crate::fit::{FitOptions, fit};
 use crate::spec::{Spec, SpecError};
@@ -12,7 +14,7 @@ use compensator_core::{ParameterId, Parameters, TermKind};
 /// the end.
 const PATIENCE: usize = 3;
 
-/// A fit goes on, so many times, while it gains less than this share of what the panel promised.
+/// A fit goes on, so many times, while it gains less than this share of what the linear fit promised.
 const MORE_FITS: usize = 4;
 
 const PROMISED: f64 = 0.95;
@@ -32,100 +34,127 @@ pub struct Fitted {
     pub resolution: Resolution,
     /// Sum of squares on the training rows.
     pub sse: f64,
-    /// What `unknown` follows, if it is among the terms.
+    /// The column one of its terms follows, if that may follow any.
     pub follows: Option<Follows>,
 }
 
-/// Fits a model from a start, at a resolution known to do.
-///
-/// # Errors
-/// If there are more terms than the core takes.
-pub fn refit(
-    log: &Log,
-    spec: &Spec,
-    start: &Parameters<f64>,
-    fixed: &[ParameterId],
-    resolution: Option<Resolution>,
-) -> Fitted {
+impl Fitted {
+    /// What it makes of the training rows.
+    pub fn on_train(&self, log: &TrainTest) -> Predicted {
+        let log = log.following(self.follows.as_ref());
+        predict(&self.parameters, log.train_rows(), self.resolution)
+    }
+
+    /// What it makes of the held-out rows.
+    pub fn on_test(&self, log: &TrainTest) -> Predicted {
+        let log = log.following(self.follows.as_ref());
+        predict(&self.parameters, log.test_rows(), self.resolution)
+    }
+}
+
+/// Where a fit begins, and what it keeps.
+struct Start {
+    spec: Spec,
+    parameters: Parameters<f64>,
+    fixed: Vec<ParameterId>,
+    /// The column one of the terms follows, if that may follow any.
+    follows: Option<Follows>,
+    resolution: Resolution,
+}
+
+/// Fits a model from a start, at a resolution known to do. The log follows what the model follows.
+fn refit(log: &TrainTest, start: &Start) -> Fitted {
     let options = FitOptions {
         starts: 1,
-        start: Some(start.clone()),
-        fixed: fixed.to_vec(),
-        resolution,
+        start: Some(start.parameters.clone()),
+        fixed: start.fixed.clone(),
+        resolution: Some(start.resolution),
         patience: PATIENCE,
         ..FitOptions::default()
     };
-    let solution = fit(spec, start, log.train_rows(), &options);
+    let solution = fit(&start.spec, &start.parameters, log.train_rows(), &options);
     Fitted {
-        spec: spec.clone(),
+        spec: start.spec.clone(),
         parameters: solution.parameters(),
         free: solution.coordinates.ids().collect(),
-        fixed: fixed.to_vec(),
+        fixed: start.fixed.clone(),
         resolution: solution.resolution,
         sse: solution.reduced.sum_of_squares(),
-        follows: None,
+        follows: start.follows.clone(),
     }
 }
 
 /// Puts a candidate's term into a model and fits everything again.
+///
+/// # Errors
+/// If there are more terms than the core takes.
 pub fn with_candidate(
-    log: &mut Log,
+    log: &TrainTest,
     model: &Fitted,
     candidate: &Candidate,
-    trial: &Trial,
+    linear: &CandidateFit,
 ) -> Result<Fitted, SpecError> {
     let mut spec = model.spec.clone();
-    spec.terms.push(candidate.kind);
-    let mut start = spec.parameters()?;
+    spec.terms.push(candidate.term);
+    let mut parameters = spec.parameters()?;
     for id in model.parameters.active() {
-        start.set(id, model.parameters.get(id));
+        parameters.set(id, model.parameters.get(id));
     }
-    start.choices = model.parameters.choices;
-    for (id, seed) in &candidate.seeds {
+    parameters.choices = model.parameters.choices;
+    for (id, seed) in &candidate.guesses {
         let value = match seed {
-            Seed::At(value) => *value,
-            Seed::Times(column, factor) => trial.coefficients[*column] * factor,
+            InitialGuess::At(value) => *value,
+            InitialGuess::Times(column, factor) => linear.coefficients[*column] * factor,
         };
         let info = id.info();
-        start.set(*id, value.clamp(info.lower, info.upper));
+        parameters.set(*id, value.clamp(info.lower, info.upper));
     }
     let mut fixed = model.fixed.clone();
     fixed.extend(&candidate.fixed);
-    if let Some(follows) = candidate.follows.as_ref().filter(|follows| follows.extra) {
-        log.follow(Some(&follows.column));
-    }
-    let mut fitted = refit(log, &spec, &start, &fixed, Some(model.resolution));
-    // A short fit may stop on its way: what the linear panel promised should at least be kept.
+    let follows = candidate.follows.clone().or_else(|| model.follows.clone());
+    let log = log.following(follows.as_ref());
+    let mut start = Start { spec, parameters, fixed, follows, resolution: model.resolution };
+    let mut fitted = refit(&log, &start);
+    // A short fit may stop on its way: what the linear fit promised should at least be kept.
     for _ in 0..MORE_FITS {
-        if model.sse - fitted.sse > PROMISED * trial.gain {
+        if model.sse - fitted.sse > PROMISED * linear.gain {
             break;
         }
         let before = fitted.sse;
-        fitted = refit(log, &spec, &fitted.parameters, &fixed, Some(model.resolution));
+        start.parameters = fitted.parameters;
+        fitted = refit(&log, &start);
         if fitted.sse > 0.999 * before {
             break;
         }
     }
-    fitted.follows = candidate.follows.clone().or_else(|| model.follows.clone());
     Ok(fitted)
 }
 
-/// The model without one of its terms, everything else fitted again.
-pub fn without(log: &Log, model: &Fitted, kind: TermKind) -> Result<Fitted, SpecError> {
+/// The model without one of its terms, everything else fitted again. `follows` is the column that is still
+/// followed then.
+///
+/// # Errors
+/// If there are more terms than the core takes.
+pub fn without(
+    log: &TrainTest,
+    model: &Fitted,
+    term: TermKind,
+    follows: Option<&Follows>,
+) -> Result<Fitted, SpecError> {
     let mut spec = model.spec.clone();
-    spec.terms.retain(|term| *term != kind);
-    let mut start = spec.parameters()?;
-    for id in start.clone().active() {
-        start.set(id, model.parameters.get(id));
+    spec.terms.retain(|own| *own != term);
+    let mut parameters = spec.parameters()?;
+    for id in parameters.clone().active() {
+        parameters.set(id, model.parameters.get(id));
     }
-    start.choices = model.parameters.choices;
+    parameters.choices = model.parameters.choices;
     let fixed: Vec<ParameterId> = model
         .fixed
         .iter()
         .copied()
-        .filter(|id| start.active().any(|own| own == *id) || !kind.parameters().contains(id))
+        .filter(|id| parameters.active().any(|own| own == *id) || !term.parameters().contains(id))
         .collect();
-    let mut fitted = refit(log, &spec, &start, &fixed, Some(model.resolution));
-    fitted.follows = model.follows.clone().filter(|_| kind != TermKind::LookupTable);
-    Ok(fitted)
+    let (follows, resolution) = (follows.cloned(), model.resolution);
+    let start = Start { spec, parameters, fixed, follows, resolution };
+    Ok(refit(&log.following(start.follows.as_ref()), &start))
 }

@@ -1,7 +1,7 @@
 //! Where in the motion a model is wrong.
 
-use super::log::Log;
-use super::tangent::Tangent;
+use super::sensitivities::Sensitivities;
+use super::train_test::TrainTest;
 use crate::fit::Track;
 use compensator_core::Sample;
 
@@ -91,7 +91,7 @@ pub fn regimes(track: &Track, bristle: &[f64], presliding: f64, fastest: f64) ->
 }
 
 /// The squared error of a model by regime.
-pub fn by_regime(tracks: &[Track], at: &Tangent) -> Vec<Share> {
+pub fn by_regime(tracks: &[Track], at: &Sensitivities) -> Vec<Share> {
     use compensator_core::ParameterId as Id;
     let parameters = &at.parameters;
     let presliding = if parameters.law.has_bristles() {
@@ -111,7 +111,7 @@ pub fn by_regime(tracks: &[Track], at: &Tangent) -> Vec<Share> {
 }
 
 /// The squared error of a model by direction.
-pub fn by_direction(tracks: &[Track], at: &Tangent) -> Vec<Share> {
+pub fn by_direction(tracks: &[Track], at: &Sensitivities) -> Vec<Share> {
     let parts = [("forwards".to_owned(), 1.0), ("backwards".to_owned(), -1.0)];
     shares(tracks, at, &parts, |track, row, sign| {
         tracks[track].samples[row].velocity_rad_s * sign > 0.0
@@ -121,7 +121,7 @@ pub fn by_direction(tracks: &[Track], at: &Tangent) -> Vec<Share> {
 /// The squared error of a model by parts of the rows.
 pub fn shares<P>(
     tracks: &[Track],
-    at: &Tangent,
+    at: &Sensitivities,
     parts: &[(String, P)],
     is_in: impl Fn(usize, usize, &P) -> bool,
 ) -> Vec<Share> {
@@ -162,7 +162,7 @@ pub fn shares<P>(
 
 /// The squared error of a model by the lowest, middle and highest third of every column that varies, and
 /// by run: name of the column, its parts.
-pub fn by_column(log: &Log, at: &Tangent) -> Vec<(String, Vec<Share>)> {
+pub fn by_column(log: &TrainTest, at: &Sensitivities) -> Vec<(String, Vec<Share>)> {
     type Read<'a> = Box<dyn Fn(usize, usize) -> f64 + 'a>;
     type Of = fn(&Sample<f64>) -> f64;
     let tracks = &log.test_tracks;
@@ -182,10 +182,7 @@ pub fn by_column(log: &Log, at: &Tangent) -> Vec<(String, Vec<Share>)> {
         columns.push((name.to_owned(), Box::new(move |t, r| read(sample(t, r)))));
     }
     for index in &log.extras {
-        let read = move |t: usize, r: usize| {
-            let track: &Track = &tracks[t];
-            log.test.runs[track.run].extra[*index][track.first_row + r]
-        };
+        let read = move |t: usize, r: usize| tracks[t].covariates[*index][r];
         columns.push((log.test.covariates[*index].clone(), Box::new(read)));
     }
     let mut all: Vec<(String, Vec<Share>)> =
@@ -196,7 +193,7 @@ pub fn by_column(log: &Log, at: &Tangent) -> Vec<(String, Vec<Share>)> {
     all
 }
 
-fn thirds(tracks: &[Track], at: &Tangent, read: impl Fn(usize, usize) -> f64) -> Vec<Share> {
+fn thirds(tracks: &[Track], at: &Sensitivities, read: impl Fn(usize, usize) -> f64) -> Vec<Share> {
     let rows =
         tracks.iter().enumerate().flat_map(|(t, track)| (0..track.len()).map(move |r| (t, r)));
     let mut values: Vec<f64> = rows.map(|(t, r)| read(t, r)).collect();

@@ -1,25 +1,19 @@
-//! Every finding taken out once, and heard again beside all others.
+//! Every finding taken out once, and weighed again beside all others.
 //!
 //! What only correlated with a cause that was not yet in falls here. So does what held-out runs do not
 //! need, what whole runs do not agree on, and a curve that is the last bend of a named cause's own effect.
 
-use super::candidate::{Candidate, Follows};
-use super::log::Log;
-use super::model::{Fitted, without};
-use super::panel::Trial;
-use super::round::{MATERIAL, Round, weight};
-use super::select::{Found, MATERIAL_BESIDE};
-use crate::fit::outcome::predict;
+use super::cause::{Claim, Suspect};
+use super::finding::Rival;
+use super::found::Found;
+use super::gram_blocks::CandidateFit;
+use super::round::{MATERIAL, Round};
+use super::search::{Extension, Search};
+use super::train_test::Follows;
 use crate::spec::SpecError;
-use compensator_core::TermKind;
 
-/// A cause and what it follows, whatever its settings.
-pub type Claim = (TermKind, Option<(String, bool)>);
-
-/// The claim a candidate or a finding makes.
-pub fn claim(kind: TermKind, follows: Option<&Follows>) -> Claim {
-    (kind, follows.map(|follows| (follows.column.clone(), follows.level)))
-}
+/// Share of the base model's squared residual that a finding beside others must take alone.
+pub const MATERIAL_BESIDE: f64 = 0.01;
 
 /// The same for whole runs as observations, which a finding has to pass with all others in. There are
 /// few runs, and one candidate left.
@@ -33,77 +27,71 @@ const ANY_SHAPE: f64 = 0.2;
 const RESAMPLES: usize = 60;
 
 fn is_any_shape(found: &Found) -> bool {
-    found.follows.as_ref().is_some_and(|follows| !follows.proportional)
+    found.follows.as_ref().is_some_and(Follows::is_any_shape)
 }
 
-/// Takes every finding out once, the last one first, and hears all candidates in its place; returns what
+/// Takes every finding out once, the last one first, and weighs all candidates in its place; returns what
 /// did not hold.
-pub fn review(
-    log: &mut Log,
-    base: &Fitted,
-    model: &mut Fitted,
-    found: &mut Vec<Found>,
-    seed: u64,
-    progress: &dyn Fn(&str),
-) -> Result<Vec<Claim>, SpecError> {
+///
+/// # Errors
+/// If there are more terms than the core takes.
+pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, SpecError> {
+    let Search { log, base, seed, progress } = *search;
     let mut lost_claims = Vec::new();
-    let mut left = found.len();
+    let mut left = extension.found.len();
     while left > 0 {
         let index = left - 1;
-        let kind = found[index].kind;
-        progress(&format!("hearing {} against all others", kind.name()));
-        let rest = if found.len() == 1 { base.clone() } else { without(log, model, kind)? };
-        let mut round = Round::new(log, &rest, seed + 100 + index as u64);
-        let same = |candidate: &Candidate| {
-            claim(candidate.kind, candidate.follows.as_ref())
-                == claim(kind, found[index].follows.as_ref())
-        };
+        let rest = extension.without(search, index)?;
+        let Extension { model, found } = &mut *extension;
+        let claim = Claim::new(found[index].cause, found[index].follows.as_ref());
+        progress(&format!("hearing {} against all others", claim.cause.name()));
+        let round = Round::new(log, &rest, seed + 100 + index as u64);
+        let same = |candidate: &Suspect| candidate.claim() == claim;
         let own = round
-            .trials
+            .fits
             .iter()
-            .filter(|trial| same(&round.candidates[trial.candidate]))
+            .filter(|fit| same(&round.candidates[fit.candidate]))
             .max_by(|a, b| a.gain_unseen.total_cmp(&b.gain_unseen))
             .cloned();
         let unique = rest.sse - model.sse;
-        let judged = |model: &Fitted, log: &Log| {
-            predict(&model.parameters, log.test_rows(), model.resolution).metrics.sse
-        };
-        let helps = judged(model, log) < judged(&rest, log);
-        let lost = own.as_ref().is_none_or(|trial| {
-            let by_runs = round.panel.probability_by_runs(trial.candidate);
+        let helps = model.on_test(log).metrics.sse < rest.on_test(log).metrics.sse;
+        let lost = own.as_ref().is_none_or(|fit| {
+            let by_runs = round.gram.probability_by_runs(fit.candidate);
             !helps
                 || by_runs > SIGNIFICANT_BY_RUNS
                 || (found.len() > 1 && unique < MATERIAL_BESIDE * base.sse)
                 || (is_any_shape(&found[index]) && unique < ANY_SHAPE * (base.sse - rest.sse))
-                || (found.len() > 1 && !round.passes(trial) && unique < 4.0 * MATERIAL * rest.sse)
+                || (found.len() > 1 && !round.passes(fit) && unique < 4.0 * MATERIAL * rest.sse)
         });
         if lost {
             // It was in the place of another: gone, and the others are reviewed anew.
-            let follows = rest.follows.as_ref().filter(|f| f.extra).map(|f| f.column.clone());
             *model = rest;
             let gone = found.remove(index);
-            lost_claims.push(claim(gone.kind, gone.follows.as_ref()));
-            log.follow(follows.as_deref());
+            lost_claims.push(Claim::new(gone.cause, gone.follows.as_ref()));
             left = found.len();
             continue;
         }
         left -= 1;
-        let Some(mut trial) = own else { continue };
+        let Some(mut fit) = own else { continue };
         let candidates = &round.candidates;
-        let wins = round.panel.stability(RESAMPLES, seed + 7, |c| weight(&candidates[c]));
+        let wins = round.gram.stability(RESAMPLES, seed + 7, |c| candidates[c].weight);
         // Two settings of one cause's grid are the same cause.
-        trial.stability = (0..candidates.len())
+        fit.stability = (0..candidates.len())
             .filter(|c| same(&candidates[*c]))
             .map(|c| wins[c])
             .sum::<f64>()
             .min(1.0);
-        let confusable = confusions(&mut round, &trial, kind);
         found[index].share = (unique / base.sse.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        found[index].confusable = confusable;
-        found[index].trial = trial;
+        found[index].rivals = rivals(&round, &fit);
+        found[index].fit = fit;
     }
+    order(&mut extension.found);
+    Ok(lost_claims)
+}
+
+/// The strongest first, but a gain error of a column after the friction that follows the same column.
+fn order(found: &mut Vec<Found>) {
     found.sort_by(|a, b| b.share.total_cmp(&a.share));
-    // A gain error of a column after the friction that follows the same column.
     let is_gain_error = |f: &Found| f.follows.as_ref().is_some_and(|follows| !follows.level);
     for index in 0..found.len() {
         let friction = (index + 1..found.len()).find(|other| {
@@ -114,44 +102,39 @@ pub fn review(
             found.insert(index, friction);
         }
     }
-    Ok(lost_claims)
 }
 
 /// Causes that would explain what a finding explains.
-fn confusions(
-    round: &mut Round,
-    trial: &Trial,
-    kind: TermKind,
-) -> Vec<(TermKind, Vec<String>, f64)> {
+fn rivals(round: &Round, fit: &CandidateFit) -> Vec<Rival> {
     /// Nothing could tell two causes apart that share this much of their effect.
     const THE_SAME: f64 = 0.995;
     /// Nor, in practice, these, where the better one is not better by so many standard errors.
     const ALIKE: f64 = 0.8;
     const BETTER: f64 = 3.0;
-    let mut named: Vec<(TermKind, Vec<String>, f64)> = Vec::new();
+    let own = &round.candidates[fit.candidate];
+    let mut named: Vec<Rival> = Vec::new();
     for (other, candidate) in round.candidates.iter().enumerate() {
+        let follows_any = candidate.follows.is_some();
         // A curve over a column of the catalogue can be bent into any of its causes; over a column the
         // catalogue does not know it is another explanation.
-        let flexible = candidate.kind == TermKind::LookupTable
-            && kind != TermKind::LookupTable
-            && candidate.extra.is_none();
-        if candidate.kind == kind && candidate.kind != TermKind::LookupTable || flexible {
+        let flexible = follows_any && own.follows.is_none() && candidate.extra.is_none();
+        let another_setting = candidate.cause == own.cause && !follows_any;
+        let same_column = follows_any && candidate.columns == own.columns;
+        if flexible || another_setting || same_column || other == fit.candidate {
             continue;
         }
-        if other == trial.candidate
-            || candidate.follows.is_some()
-                && candidate.columns == round.candidates[trial.candidate].columns
-        {
-            continue;
-        }
-        let (share, better) = round.panel.confusion(trial.candidate, other);
+        let (share, better) = round.gram.confusion(fit.candidate, other);
         if share > THE_SAME || (share > ALIKE && better < BETTER) {
-            match named.iter_mut().find(|(kind, ..)| *kind == candidate.kind) {
-                Some(known) => known.2 = known.2.max(share),
-                None => named.push((candidate.kind, candidate.columns.clone(), share)),
+            match named.iter_mut().find(|rival| rival.cause == candidate.cause) {
+                Some(known) => known.share = known.share.max(share),
+                None => named.push(Rival {
+                    cause: candidate.cause,
+                    columns: candidate.columns.clone(),
+                    share,
+                }),
             }
         }
     }
-    named.sort_by(|a, b| b.2.total_cmp(&a.2));
+    named.sort_by(|a, b| b.share.total_cmp(&a.share));
     named
 }

@@ -6,21 +6,17 @@
 //! in the end every finding is taken out once and has to win its place again, against all others.
 //!
 //! A candidate passes if its blocks agree better than chance lets the best of all candidates agree
-//! ([`super::panel`]), it lowers the error on rows left out of the fit, and by a share that matters.
+//! ([`super::gram_blocks`]), it lowers the error on rows left out of the fit, and by a share that matters.
 
-use super::candidate::{Candidate, Follows};
+use super::cause::{Cause, Claim, Suspect};
+use super::found::Found;
+use super::gram_blocks::CandidateFit;
 use super::judge::{noise_floor, paired};
-use super::log::Log;
 use super::model::{Fitted, with_candidate};
-use super::panel::Trial;
-use super::review::{Claim, claim, review};
-use super::round::{Hearing, MATERIAL, Round, is_crooked, weight};
-use crate::fit::outcome::predict;
+use super::review::{MATERIAL_BESIDE, review};
+use super::round::{CandidateScore, MATERIAL, Round};
+use super::search::{Extension, Search};
 use crate::spec::SpecError;
-use compensator_core::TermKind;
-
-/// Share of the base model's squared residual that a finding beside others must take alone.
-pub const MATERIAL_BESIDE: f64 = 0.01;
 
 /// Most causes that are sought.
 const MOST_FINDINGS: usize = 5;
@@ -28,7 +24,7 @@ const MOST_FINDINGS: usize = 5;
 /// Most candidates of a round that are fitted.
 const MOST_FITTED: usize = 6;
 
-/// Share of the squared residual beyond the noise above which causes the panel may underrate are
+/// Share of the squared residual beyond the noise above which causes the linear fit may underrate are
 /// fitted too: where a cause bends the base model's own parameters, its column at size 0 says little.
 const STRUCTURE: f64 = 0.15;
 
@@ -42,116 +38,88 @@ const CLEARLY: f64 = 3.0;
 /// How often the search goes on after the review has taken out what does not hold.
 const SEARCHES: usize = 3;
 
-/// A cause that has been found.
-#[derive(Clone, Debug)]
-pub struct Found {
-    /// The term.
-    pub kind: TermKind,
-    /// Columns it needs.
-    pub columns: Vec<String>,
-    /// What it follows, for `unknown`.
-    pub follows: Option<Follows>,
-    /// What the last review said.
-    pub trial: Trial,
-    /// Share of the residual it explains that nothing else does.
-    pub share: f64,
-    /// Other causes that would explain the same.
-    pub confusable: Vec<(TermKind, Vec<String>, f64)>,
-}
-
 /// The result of the search.
 #[derive(Clone, Debug)]
 pub struct Selection {
-    /// The base law fitted.
-    pub base: Fitted,
     /// The extended model.
     pub extended: Fitted,
     /// The causes, strongest first.
     pub found: Vec<Found>,
     /// All candidates beside the base law, best first.
-    pub hearing: Vec<Hearing>,
+    pub scores: Vec<CandidateScore>,
 }
 
 /// Searches for causes beside a base law.
 ///
 /// # Errors
 /// If the base already has as many terms as the core takes.
-pub fn select(
-    log: &mut Log,
-    base: Fitted,
-    seed: u64,
-    progress: &dyn Fn(&str),
-) -> Result<Selection, SpecError> {
-    let mut model = base.clone();
-    let mut found: Vec<Found> = Vec::new();
-    let mut hearing = Vec::new();
+pub fn select(search: &Search) -> Result<Selection, SpecError> {
+    let mut extension = Extension { model: search.base.clone(), found: Vec::new() };
+    let mut scores = Vec::new();
     let mut refuted: Vec<Claim> = Vec::new();
     // Named causes have their say first; a curve of any shape may then have what is left, and shows in
     // the review which of them only stood in for it.
-    for allow_unknown in [false, true] {
+    for allow_any_shape in [false, true] {
         for _ in 0..SEARCHES {
-            let before = found.len();
-            let heard = Heard { refuted: &refuted, allow_unknown, seed };
-            extend(log, &base, &mut model, &mut found, &mut hearing, &heard, progress)?;
-            if found.len() == before {
+            let before = extension.found.len();
+            let admitted = Admitted { refuted: &refuted, allow_any_shape };
+            extend(search, &admitted, &mut extension, &mut scores)?;
+            if extension.found.len() == before {
                 break;
             }
-            let lost = review(log, &base, &mut model, &mut found, seed, progress)?;
+            let lost = review(search, &mut extension)?;
             if lost.is_empty() {
                 break;
             }
             refuted.extend(lost);
         }
     }
-    Ok(Selection { base, extended: model, found, hearing })
+    Ok(Selection { extended: extension.model, found: extension.found, scores })
 }
 
-/// Whom a round hears.
-struct Heard<'a> {
+/// Which candidates a round considers.
+struct Admitted<'a> {
     /// Not these: a review has taken them out.
     refuted: &'a [Claim],
     /// Curves of any shape.
-    allow_unknown: bool,
-    seed: u64,
+    allow_any_shape: bool,
 }
 
-impl Heard<'_> {
-    fn is_heard(&self, candidate: &Candidate) -> bool {
-        let any_shape = candidate.follows.as_ref().is_some_and(|follows| !follows.proportional);
-        let refuted = self.refuted.contains(&claim(candidate.kind, candidate.follows.as_ref()));
-        !refuted && (self.allow_unknown || !any_shape)
+impl Admitted<'_> {
+    fn has(&self, candidate: &Suspect) -> bool {
+        let refuted = self.refuted.contains(&candidate.claim());
+        !refuted && (self.allow_any_shape || !candidate.is_any_shape())
     }
 }
 
-/// Adds causes as long as there are any that pass.
+/// Adds causes as long as there are any that pass. The first round's scores go into `scores`.
 fn extend(
-    log: &mut Log,
-    base: &Fitted,
-    model: &mut Fitted,
-    found: &mut Vec<Found>,
-    hearing: &mut Vec<Hearing>,
-    heard: &Heard,
-    progress: &dyn Fn(&str),
+    search: &Search,
+    admitted: &Admitted,
+    extension: &mut Extension,
+    scores: &mut Vec<CandidateScore>,
 ) -> Result<(), SpecError> {
-    while found.len() < MOST_FINDINGS {
+    while extension.found.len() < MOST_FINDINGS {
+        let Extension { model, found } = &mut *extension;
         let turn = found.len();
-        progress(&format!("weighing all causes (round {})", turn + 1));
-        let mut round = Round::new(log, model, heard.seed + turn as u64);
-        if hearing.is_empty() {
-            *hearing = round.hearing();
+        (search.progress)(&format!("weighing all causes (round {})", turn + 1));
+        let mut round = Round::new(search.log, model, search.seed + turn as u64);
+        if scores.is_empty() {
+            *scores = round.scores();
         }
-        let (trials, candidates) = (&mut round.trials, &round.candidates);
-        trials.retain(|trial| heard.is_heard(&candidates[trial.candidate]));
-        let least = if found.is_empty() { 0.0 } else { MATERIAL_BESIDE * base.sse };
-        let Some((chosen, fitted)) = choose(log, model, &round, least, progress)? else { break };
+        let (fits, candidates) = (&mut round.fits, &round.candidates);
+        fits.retain(|fit| admitted.has(&candidates[fit.candidate]));
+        let least = if found.is_empty() { 0.0 } else { MATERIAL_BESIDE * search.base.sse };
+        let Some((chosen, fitted)) = choose(search, model, &round, least)? else { break };
         let candidate = &round.candidates[chosen.candidate];
         found.push(Found {
-            kind: candidate.kind,
+            cause: candidate.cause,
+            term: candidate.term,
             columns: candidate.columns.clone(),
             follows: candidate.follows.clone(),
-            trial: chosen,
+            fit: chosen,
             share: 0.0,
-            confusable: Vec::new(),
+            rivals: Vec::new(),
         });
         *model = fitted;
     }
@@ -160,81 +128,80 @@ fn extend(
 
 /// Fits the candidates that passed and takes the one that explains most.
 fn choose(
-    log: &mut Log,
+    search: &Search,
     model: &Fitted,
     round: &Round,
     least: f64,
-    progress: &dyn Fn(&str),
-) -> Result<Option<(Trial, Fitted)>, SpecError> {
+) -> Result<Option<(CandidateFit, Fitted)>, SpecError> {
+    let Search { log, progress, .. } = *search;
     let passed = round.passed();
-    let best = passed.first().map_or(0.0, |trial| round.merit(trial));
-    let mut variants: Vec<TermKind> = Vec::new();
-    let mut shortlist: Vec<Trial> = Vec::new();
-    for trial in passed {
-        let candidate = &round.candidates[trial.candidate];
-        let enough = if is_crooked(candidate.kind) { 0.2 } else { 0.5 };
-        let same = variants.iter().filter(|kind| **kind == candidate.kind).count();
-        if round.merit(trial) >= enough * best && same < 2 && shortlist.len() < MOST_FITTED {
-            variants.push(candidate.kind);
-            shortlist.push(trial.clone());
+    let best = passed.first().map_or(0.0, |fit| round.merit(fit));
+    let mut variants: Vec<&'static dyn Cause> = Vec::new();
+    let mut shortlist: Vec<CandidateFit> = Vec::new();
+    for fit in passed {
+        let candidate = &round.candidates[fit.candidate];
+        let enough = if candidate.cause.is_nonlinear() { 0.2 } else { 0.5 };
+        let same = variants.iter().filter(|cause| **cause == candidate.cause).count();
+        if round.merit(fit) >= enough * best && same < 2 && shortlist.len() < MOST_FITTED {
+            variants.push(candidate.cause);
+            shortlist.push(fit.clone());
         }
     }
     if shortlist.len() > 1 && round.merit(&shortlist[0]) > 50.0 * round.merit(&shortlist[1]) {
         shortlist.truncate(1);
     }
     if !model.spec.law.has_bristles() {
-        prefer_friction(round, &mut shortlist);
+        yield_in_sliding(round, &mut shortlist);
     }
     let straight = shortlist.len();
     let noise = noise_floor(&log.train_tracks, log.decimate);
-    let excess = model.sse - noise * noise * round.panel.rows as f64;
+    let excess = model.sse - noise * noise * round.gram.rows as f64;
     if excess > STRUCTURE * model.sse && best < EXPLAINS * excess {
         shortlist.extend(round.second_chances(&variants));
     }
-    let mut winner: Option<(f64, Trial, Fitted)> = None;
+    let mut winner: Option<(f64, CandidateFit, Fitted)> = None;
     let mut before = None;
-    for (place, trial) in shortlist.into_iter().enumerate() {
-        let candidate = &round.candidates[trial.candidate];
-        progress(&format!("fitting {}+{}", model.spec, candidate.kind.name()));
-        let fitted = with_candidate(log, model, candidate, &trial)?;
-        // What the panel's left-out rows cost beside its fitted ones, the fit's own gain pays too.
-        let optimism = (trial.gain - trial.gain_unseen).max(0.0);
-        let merit = (model.sse - fitted.sse - optimism) * weight(candidate);
+    for (place, fit) in shortlist.into_iter().enumerate() {
+        let candidate = &round.candidates[fit.candidate];
+        progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
+        let fitted = with_candidate(log, model, candidate, &fit)?;
+        // What rows left out cost the linear fit beside its fitted ones, the fit's own gain pays too.
+        let optimism = (fit.gain - fit.gain_unseen).max(0.0);
+        let merit = (model.sse - fitted.sse - optimism) * candidate.weight;
         if place >= straight {
-            let model_now = before.get_or_insert_with(|| {
-                predict(&model.parameters, log.train_rows(), model.resolution)
-            });
-            let then = predict(&fitted.parameters, log.train_rows(), fitted.resolution);
+            let model_now = before.get_or_insert_with(|| model.on_train(log));
+            let then = fitted.on_train(log);
             let fall = model.sse - fitted.sse;
             if fall < SECOND_CHANCE * model.sse || paired(model_now, &then) < CLEARLY {
                 continue;
             }
         }
         if winner.as_ref().is_none_or(|(best, ..)| merit > *best) {
-            winner = Some((merit, trial, fitted));
+            winner = Some((merit, fit, fitted));
         }
     }
-    let Some((merit, trial, fitted)) = winner else { return Ok(None) };
+    let Some((merit, fit, fitted)) = winner else { return Ok(None) };
     if merit < (MATERIAL * model.sse).max(least) {
         return Ok(None);
     }
-    let follows = fitted.follows.as_ref().filter(|follows| follows.extra).map(|f| f.column.clone());
-    log.follow(follows.as_deref());
-    Ok(Some((trial, fitted)))
+    Ok(Some((fit, fitted)))
 }
 
-/// In pure sliding an offset of the sensor and a difference between the directions are one and the same.
-/// Where this log cannot tell them apart, the one that is friction is named, and the other as not told
-/// apart from it.
-fn prefer_friction(round: &Round, shortlist: &mut Vec<Trial>) {
-    let place = |shortlist: &[Trial], kind: TermKind| {
-        shortlist.iter().position(|trial| round.candidates[trial.candidate].kind == kind)
+/// In pure sliding two causes may be one and the same, as an offset of the sensor and a difference between
+/// the directions. Where this log cannot tell them apart, the one that yields is left to be named as not
+/// told apart from the other.
+fn yield_in_sliding(round: &Round, shortlist: &mut Vec<CandidateFit>) {
+    let place = |shortlist: &[CandidateFit], cause: &'static dyn Cause| {
+        shortlist.iter().position(|fit| round.candidates[fit.candidate].cause == cause)
     };
-    let Some(offset) = place(shortlist, TermKind::TorqueOffset) else { return };
-    let Some(asymmetry) = place(shortlist, TermKind::DirectionAsymmetry) else { return };
-    let (share, better) =
-        round.panel.confusion(shortlist[offset].candidate, shortlist[asymmetry].candidate);
-    if share > 0.95 && (better < 3.0 || share > 0.995) {
-        shortlist.remove(offset);
+    for cause in super::cause::ALL {
+        let Some(named) = cause.yields_to() else { continue };
+        let Some(yielding) = place(shortlist, *cause) else { continue };
+        let Some(named) = place(shortlist, named) else { continue };
+        let (share, better) =
+            round.gram.confusion(shortlist[yielding].candidate, shortlist[named].candidate);
+        if share > 0.95 && (better < 3.0 || share > 0.995) {
+            shortlist.remove(yielding);
+        }
     }
 }

@@ -1,73 +1,9 @@
 //! The five sentences: what is wrong, where, why, what the extension gains, what to do next.
 
-use super::finding::{Finding, Size};
-use super::log::Log;
+use super::finding::Finding;
 use super::{Diagnosis, Share};
 use crate::fit::State;
-use crate::fit::outcome::Predicted;
 use crate::number::figure;
-use compensator_core::{ParameterId as Id, TermKind};
-use statrs::distribution::{ContinuousCDF, Normal};
-
-/// What is left where no column explains it: `unknown`, without a term.
-pub fn unexplained(after: &Predicted, noise_floor: f64, log: &Log, seed: u64) -> Finding {
-    use rand::{RngExt, SeedableRng};
-    let rmse = after.metrics.rmse;
-    let beyond = |rmse: f64| (rmse * rmse - noise_floor * noise_floor).max(0.0).sqrt();
-    let per_track: Vec<(f64, f64)> = after
-        .residuals
-        .iter()
-        .map(|track| (track.iter().map(|r| r * r).sum(), track.len() as f64))
-        .collect();
-    let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
-    let mut drawn: Vec<f64> = (0..400)
-        .map(|_| {
-            let (mut sum, mut rows) = (0.0, 0.0);
-            for _ in 0..per_track.len() {
-                let (own, count) = per_track[random.random_range(0..per_track.len())];
-                sum += own;
-                rows += count;
-            }
-            beyond((sum / f64::max(rows, 1.0)).sqrt())
-        })
-        .collect();
-    drawn.sort_by(f64::total_cmp);
-    let least = beyond(super::STRUCTURE.0 * noise_floor);
-    let stability = drawn.iter().filter(|size| **size > least).count() as f64 / drawn.len() as f64;
-    let unit = log.train.joint.torque_unit();
-    let size = Size {
-        value: beyond(rmse),
-        unit: unit.to_owned(),
-        ci95: [drawn[drawn.len() / 40], drawn[drawn.len() - 1 - drawn.len() / 40]],
-    };
-    Finding {
-        kind: TermKind::LookupTable,
-        columns: Vec::new(),
-        in_words: format!(
-            "something smooth is left, {} {unit} RMS beyond the noise of {} {unit}, that follows none of the log's columns",
-            figure(size.value),
-            figure(noise_floor)
-        ),
-        size,
-        order: None,
-        p_value: like_noise(after),
-        stability,
-        share_of_residual: (1.0 - (noise_floor / rmse).powi(2)).clamp(0.0, 1.0),
-        confusable_with: Vec::new(),
-    }
-}
-
-/// Probability that white noise hangs together as this residual does from one row to the next.
-fn like_noise(after: &Predicted) -> f64 {
-    let (mut products, mut squares, mut rows) = (0.0, 0.0, 0.0);
-    for track in &after.residuals {
-        products += track.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
-        squares += track.iter().map(|r| r * r).sum::<f64>();
-        rows += track.len() as f64;
-    }
-    let surprise = products / f64::max(squares, f64::MIN_POSITIVE) * f64::sqrt(rows);
-    Normal::standard().sf(surprise)
-}
 
 /// What to measure next.
 pub fn next_experiment(diagnosis: &Diagnosis) -> String {
@@ -75,8 +11,8 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
     if let Some(finding) = confused {
         let mut vary: Vec<String> = finding.columns.clone();
         let mut hold: Vec<String> = Vec::new();
-        for (_, columns) in &finding.confusable_with {
-            hold.extend(columns.iter().filter(|name| !vary.contains(name)).cloned());
+        for rival in &finding.confusable_with {
+            hold.extend(rival.columns.iter().filter(|name| !vary.contains(name)).cloned());
         }
         hold.dedup();
         let motion = |names: &[String]| names.iter().all(|name| name.starts_with("velocity"));
@@ -85,41 +21,31 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
             vary.clear();
         }
         let others: Vec<&str> =
-            finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+            finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
         if hold.is_empty() || vary.is_empty() {
             return format!(
                 "To tell {} from {}, add slow reversals and rests of different length both ways.",
-                finding.kind.name(),
+                finding.cause.name(),
                 others.join(" and ")
             );
         }
         return format!(
             "To tell {} from {}, vary {} while {} stays constant, and the other way round.",
-            finding.kind.name(),
+            finding.cause.name(),
             others.join(" and "),
             vary.join(" and "),
             hold.join(" and ")
         );
     }
-    if diagnosis.findings.iter().any(|finding| finding.kind == TermKind::LookupTable) {
-        let columns: Vec<&str> = diagnosis
-            .findings
-            .iter()
-            .filter(|finding| finding.kind == TermKind::LookupTable)
-            .flat_map(|finding| finding.columns.iter().map(String::as_str))
-            .collect();
-        return if columns.is_empty() {
-            "Log more of what may act (temperature, side load, pressure, position) and repeat the run that is worst."
-                .into()
-        } else {
-            format!("Vary {} in steps with everything else held constant.", columns.join(" and "))
-        };
+    let asked = |finding: &Finding| finding.cause.next_experiment(&finding.columns);
+    if let Some(next) = diagnosis.findings.iter().find_map(asked) {
+        return next;
     }
     let loose: Vec<&str> = diagnosis
         .extended
         .estimates
         .iter()
-        .filter(|e| e.state == State::NotDetermined && e.id != Id::TemperatureReference)
+        .filter(|e| e.state == State::NotDetermined)
         .map(|e| e.id.name())
         .collect();
     if loose.iter().any(|name| ["bristle_stiffness", "bristle_damping"].contains(name)) {
@@ -192,9 +118,9 @@ pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
     let why = match diagnosis.findings.as_slice() {
         [] => "Nothing systematic is left above the noise: no cause is named.".to_owned(),
         [first, others @ ..] => {
-            let mut text = format!("The cause is {}: {}", first.kind.name(), first.in_words);
+            let mut text = format!("The cause is {}: {}", first.cause.name(), first.in_words);
             for other in others {
-                text += &format!("; then {} ({})", other.kind.name(), other.in_words);
+                text += &format!("; then {} ({})", other.cause.name(), other.in_words);
             }
             text + "."
         }

@@ -1,9 +1,10 @@
-//! A fitted model and all candidates beside it, walked along the log once and kept as a [`Panel`].
+//! A fitted model and all candidates beside it, walked along the log once and kept as a [`GramBlocks`].
 
-use super::candidate::{Candidate, Regressor, Row};
-use super::log::Log;
-use super::panel::{Block, Panel};
-use super::tangent::{Tangent, TrackTangent, exact};
+use super::candidate::{Regressor, Row};
+use super::cause::Suspect;
+use super::gram_blocks::{Block, GramBlocks};
+use super::sensitivities::{Sensitivities, TrackSensitivities, exact};
+use super::train_test::TrainTest;
 use crate::data::AntiAlias;
 use crate::fit::Track;
 use crate::fit::statistics::autocorrelation_time;
@@ -17,37 +18,38 @@ const MEMORIES: f64 = 8.0;
 const BLOCKS: (usize, usize) = (40, 240);
 
 /// Walks along the log.
-pub fn survey(log: &Log, tangent: &Tangent, candidates: &[Candidate]) -> Panel {
+pub fn survey(log: &TrainTest, model: &Sensitivities, candidates: &[Suspect]) -> GramBlocks {
     let rows: usize = log.train_tracks.iter().map(Track::len).sum::<usize>() / log.decimate;
-    let residuals = tangent.tracks.iter().map(|at| at.residual.as_slice());
+    let residuals = model.tracks.iter().map(|at| at.residual.as_slice());
     let memory = autocorrelation_time(residuals) / log.decimate as f64;
     let least = (rows / BLOCKS.1).max(4);
     let length = ((MEMORIES * memory) as usize).clamp(least, (rows / BLOCKS.0).max(least));
-    let both: Vec<(&Track, &TrackTangent)> = log.train_tracks.iter().zip(&tangent.tracks).collect();
+    let both: Vec<(&Track, &TrackSensitivities)> =
+        log.train_tracks.iter().zip(&model.tracks).collect();
     let blocks: Vec<Vec<Block>> = both
         .par_iter()
-        .map(|(track, at)| blocks(log, tangent, track, at, candidates, length))
+        .map(|(track, at)| blocks(log, model, track, at, candidates, length))
         .collect();
     let widths: Vec<usize> = candidates.iter().map(|c| c.regressors.len()).collect();
-    Panel::new(tangent.free.len(), &widths, blocks.into_iter().flatten().collect())
+    GramBlocks::new(model.free.len(), &widths, blocks.into_iter().flatten().collect())
 }
 
 /// All columns along one track, thinned out, cut into blocks.
 fn blocks(
-    log: &Log,
-    tangent: &Tangent,
+    log: &TrainTest,
+    model: &Sensitivities,
     track: &Track,
-    at: &TrackTangent,
-    candidates: &[Candidate],
+    at: &TrackSensitivities,
+    candidates: &[Suspect],
     length: usize,
 ) -> Vec<Block> {
     let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
     let slope = slope(track, &at.torque);
     for candidate in candidates {
-        let extra = candidate.extra.map(|index| &log.train.runs[track.run].extra[index]);
+        let extra = candidate.extra.map(|index| &track.covariates[index]);
         for regressor in &candidate.regressors {
             columns.push(match regressor {
-                Regressor::Exact(effect) => exact(tangent, track, at, effect),
+                Regressor::Exact(effect) => exact(model, track, at, effect),
                 Regressor::Row(of) => (0..track.len())
                     .map(|row| {
                         of(&Row {
@@ -56,7 +58,7 @@ fn blocks(
                             level: at.level[row],
                             viscous: at.viscous[row],
                             slope: slope[row],
-                            extra: extra.map_or(0.0, |extra| extra[track.first_row + row]),
+                            extra: extra.map_or(0.0, |extra| extra[row]),
                         })
                     })
                     .collect(),
@@ -64,7 +66,7 @@ fn blocks(
         }
     }
     columns.push(at.residual.clone());
-    for row in (0..track.len()).filter(|row| !track.is_judged(*row)) {
+    for row in (0..track.len()).filter(|row| !track.is_included(*row)) {
         columns.iter_mut().for_each(|column| column[row] = 0.0);
     }
     let mut memory = at.memory.clone();

@@ -10,7 +10,7 @@
 //! one more row per such coordinate, worth one measured row, with a width of a decade. A parameter the
 //! data do determine (an error of a percent, say) is moved by it by less than a hundredth of its error.
 
-use super::start::Scales;
+use super::scales::Scales;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Real};
 

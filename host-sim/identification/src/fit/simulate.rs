@@ -78,7 +78,7 @@ impl<T: Real<Setting = T>> Stepper<T> {
 /// stops early where `sink` returns `false`.
 ///
 /// `held` is the bristle torque at the start, or `None` where the track begins sliding
-/// ([`super::rest`]). Parameters are not checked: a fit passes through illegal values.
+/// ([`super::initial_state`]). Parameters are not checked: a fit passes through illegal values.
 pub fn simulate<T: Real<Setting = T>>(
     parameters: &Parameters<T>,
     track: &Track,
@@ -207,15 +207,7 @@ mod tests {
             auxiliary: 10.0 * (0.7 * at(row)).cos(),
             ..Sample::default()
         };
-        Track {
-            run: 0,
-            first_row: 0,
-            samples: (0..2000).map(sample).collect(),
-            torque: vec![0.0; 2000],
-            period_s: 5e-3,
-            period_ratio: None,
-            unjudged: Vec::new(),
-        }
+        Track::even((0..2000).map(sample).collect(), vec![0.0; 2000], 5e-3)
     }
 
     #[test]

@@ -7,11 +7,12 @@
 //! grid is judged on a part of the rows, the best few are improved there, and the best of those go on.
 
 use super::coordinates::Coordinates;
+use super::initial_state::initial_state;
 use super::metrics::Metrics;
-use super::rest::settle;
+use super::minimise::minimise;
+use super::scales::Scales;
 use super::simulate::{Resolution, simulate};
-use super::solve::{Rows, minimise};
-use super::track::Track;
+use super::track::{Rows, Track};
 use crate::spec::Spec;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Sample, TermKind};
@@ -20,101 +21,6 @@ use rayon::prelude::*;
 
 /// Rows the grid is judged on.
 const TRIAL_ROWS: usize = 20_000;
-
-/// The sizes of a data set that starting values are made from.
-#[derive(Clone, Copy, Debug)]
-pub struct Scales {
-    /// 95th percentile of the speed, rad/s.
-    pub speed: f64,
-    /// Root mean square of the torque, Nm.
-    pub torque: f64,
-    /// Median over the tracks of the distance travelled per track, rad.
-    pub travel: f64,
-    /// Length of the campaign, s.
-    pub campaign_s: f64,
-    /// Mean temperature, deg C.
-    pub temperature_c: f64,
-    /// Noise of the torque, Nm, from its second differences: what a smooth torque would not have.
-    /// Never more than the noise there is by much, where the motion is smooth.
-    pub noise: f64,
-    /// Median sample period, s.
-    pub period_s: f64,
-}
-
-impl Scales {
-    /// Sizes of some tracks.
-    pub fn of(tracks: &[Track]) -> Self {
-        let samples = || tracks.iter().flat_map(|track| &track.samples);
-        let rows = samples().count().max(1) as f64;
-        let mut speeds: Vec<f64> = samples().map(|s| s.velocity_rad_s.abs()).collect();
-        speeds.sort_by(f64::total_cmp);
-        let speed = speeds.get(speeds.len() * 95 / 100).copied().unwrap_or(1.0);
-        let squares: f64 = tracks.iter().flat_map(|t| &t.torque).map(|t| t * t).sum();
-        let mut travels: Vec<f64> = tracks
-            .iter()
-            .map(|t| t.samples.iter().map(|s| s.velocity_rad_s.abs()).sum::<f64>() * t.period_s)
-            .collect();
-        travels.sort_by(f64::total_cmp);
-        let travel = travels.get(travels.len() / 2).copied().unwrap_or(1.0);
-        Self {
-            speed: speed.max(1e-9),
-            torque: (squares / rows).sqrt().max(1e-12),
-            travel: travel.max(1e-9),
-            campaign_s: samples().map(|s| s.campaign_time_h * 3600.0).fold(1.0, f64::max),
-            temperature_c: samples().map(|s| s.temperature_c).sum::<f64>() / rows,
-            noise: noise(tracks).max(1e-6 * (squares / rows).sqrt()),
-            period_s: tracks.first().map_or(1e-3, |t| t.period_s),
-        }
-    }
-
-    /// Between which values a positive parameter is sought, well inside its legal range: beyond
-    /// them it does on these rows what it does at the bound.
-    pub fn bounds(&self, id: ParameterId) -> (f64, f64) {
-        let (least, most) = match id {
-            Id::CoulombTorque | Id::CoulombTorqueNegative => {
-                (1e-4 * self.torque, 1e3 * self.torque)
-            }
-            Id::StribeckVelocity => (1e-3 * self.speed, 1e1 * self.speed),
-            // Presliding over a hundred times the travel, or a millionth of it.
-            Id::BristleStiffness => {
-                (0.01 * self.torque / self.travel, 1e6 * self.torque / self.travel)
-            }
-            Id::AtanSlope => (1e-2 / self.speed, 1e4 / self.speed),
-            Id::DriftTime => (1e-2 * self.campaign_s, 1e2 * self.campaign_s),
-            _ => (id.info().lower, id.info().upper),
-        };
-        // Of a torque or a motion of next to nothing there may be no such range: then it is a point.
-        let least = least.max(id.info().lower).min(id.info().upper);
-        (least, most.min(id.info().upper).max(least))
-    }
-
-    /// A size a parameter that cannot be negative may be expected to have.
-    pub fn typical(&self, id: ParameterId) -> f64 {
-        match id {
-            Id::BristleDamping => 0.1 * self.torque / self.speed,
-            Id::DwellGain => 0.1 * self.torque,
-            Id::BacklashTravel => 0.01 * self.travel,
-            Id::ChannelDelay => self.period_s,
-            _ => 1.0,
-        }
-    }
-}
-
-/// The median keeps breakaways and reversals out; a second difference of white noise has `sqrt 6`
-/// times its standard deviation, and 0.6745 of that as median magnitude.
-fn noise(tracks: &[Track]) -> f64 {
-    white_noise(tracks.iter().map(|track| track.torque.as_slice()))
-}
-
-/// Standard deviation of the white noise in some unbroken series, as in [`Scales::noise`].
-pub fn white_noise<'a>(series: impl Iterator<Item = &'a [f64]>) -> f64 {
-    let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
-    let mut differences: Vec<f64> =
-        series.flat_map(|series| series.windows(3).map(second)).collect();
-    differences.sort_by(f64::total_cmp);
-    let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
-    median / (0.6745 * 6f64.sqrt())
-}
 
 /// A parameter and what it multiplies.
 type LinearPart = (ParameterId, fn(&Sample<f64>) -> f64);
@@ -207,7 +113,7 @@ pub fn candidates(
     let cost = |start: &Parameters<f64>| -> f64 {
         let errors = trial.tracks.iter().map(|track| {
             let mut simulated = Vec::with_capacity(track.len());
-            let held = settle(start, track, resolution).map(|rest| rest.held);
+            let held = initial_state(start, track, resolution).map(|state| state.held);
             simulate(start, track, held, resolution, |_, torque, _| {
                 simulated.push(torque);
                 true
@@ -224,8 +130,8 @@ pub fn candidates(
         .map(|(_, start)| {
             let coordinates = Coordinates::new(&start, free, scales);
             let from = coordinates.point(&start);
-            let (point, reduced, _, _) = minimise(&coordinates, &from, trial, resolution, 3);
-            (reduced.sum_of_squares(), coordinates.parameters::<f64>(&point))
+            let minimum = minimise(&coordinates, &from, trial, resolution, 3);
+            (minimum.reduced.sum_of_squares(), coordinates.parameters::<f64>(&minimum.point))
         })
         .collect();
     improved.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -287,17 +193,5 @@ fn trial_tracks(tracks: &[Track]) -> Vec<Track> {
     let stride = rows.div_ceil(TRIAL_ROWS).clamp(1, tracks.len().max(1));
     let chosen: Vec<&Track> = tracks.iter().step_by(stride).collect();
     let most = (TRIAL_ROWS / chosen.len().max(1)).max(2000);
-    chosen
-        .into_iter()
-        .map(|track| {
-            let mut track = track.clone();
-            track.samples.truncate(most);
-            track.torque.truncate(most);
-            track.unjudged.truncate(most);
-            if let Some(ratios) = &mut track.period_ratio {
-                ratios.truncate(most);
-            }
-            track
-        })
-        .collect()
+    chosen.into_iter().map(|track| track.part(0..track.len().min(most))).collect()
 }

@@ -7,7 +7,7 @@
 //! any correlated series. Directions no row determines get an error as large as the numbers allow, and
 //! no infinity.
 
-use super::triangle::Reduced;
+use super::streaming_qr::Reduced;
 use nalgebra::{DMatrix, DVector};
 
 /// Singular values below this share of the largest are no information.

@@ -1,11 +1,14 @@
 //! Runs as the core sees them: unbroken tracks of samples.
 //!
 //! A track is one segment of a run (no gap inside), converted to the core's units, with its own
-//! sample period. The bristle state starts anew on each track. Where the log's spacing is even to
-//! `EVEN`, the period is one number and a model is built once; else each sample carries its own.
+//! sample period and the log's other covariates, one of which a model may follow
+//! ([`Track::following`]). The bristle state starts anew on each track. Where the log's spacing is even
+//! to `EVEN`, the period is one number and a model is built once; else each sample carries its own.
 
 use crate::data::{Dataset, Quantity, Run, contract, segments};
 use compensator_core::Sample;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Spacing that varies by less than this share of the median counts as even. A logger's clock
 /// rounds; a model need not be built anew for that.
@@ -26,11 +29,57 @@ pub struct Track {
     pub period_s: f64,
     /// Each sample's own period over the median one, where the spacing is uneven.
     pub period_ratio: Option<Vec<f64>>,
-    /// Rows that are simulated but not judged, `true` each; empty where all are.
-    pub unjudged: Vec<bool>,
+    /// Rows that are simulated but do not count in errors, `true` each; empty where all count.
+    pub excluded: Vec<bool>,
+    /// The log's extra covariates along the track, in the order of [`Dataset::covariates`].
+    pub covariates: Arc<[Vec<f64>]>,
 }
 
 impl Track {
+    /// A track of evenly spaced rows, all of which count.
+    pub fn even(samples: Vec<Sample<f64>>, torque: Vec<f64>, period_s: f64) -> Self {
+        Self {
+            run: 0,
+            first_row: 0,
+            samples,
+            torque,
+            period_s,
+            period_ratio: None,
+            excluded: Vec::new(),
+            covariates: Arc::default(),
+        }
+    }
+
+    /// Some of its rows.
+    #[must_use]
+    pub fn part(&self, rows: Range<usize>) -> Self {
+        Self {
+            run: self.run,
+            first_row: self.first_row + rows.start,
+            samples: self.samples[rows.clone()].to_vec(),
+            torque: self.torque[rows.clone()].to_vec(),
+            period_s: self.period_s,
+            period_ratio: self.period_ratio.as_ref().map(|ratios| ratios[rows.clone()].to_vec()),
+            excluded: self.excluded.iter().take(rows.end).skip(rows.start).copied().collect(),
+            covariates: self
+                .covariates
+                .iter()
+                .map(|column| column[rows.clone()].to_vec())
+                .collect(),
+        }
+    }
+
+    /// The same with one of its covariates as the auxiliary column, or without one.
+    #[must_use]
+    pub fn following(&self, covariate: Option<usize>) -> Self {
+        let column = covariate.and_then(|index| self.covariates.get(index));
+        let mut track = self.clone();
+        for (row, sample) in track.samples.iter_mut().enumerate() {
+            sample.auxiliary = column.map_or(0.0, |column| column[row]);
+        }
+        track
+    }
+
     /// Number of rows.
     pub fn len(&self) -> usize {
         self.torque.len()
@@ -38,14 +87,23 @@ impl Track {
 
     /// Whether a row counts in a fit and in its errors.
     #[inline]
-    pub fn is_judged(&self, row: usize) -> bool {
-        !self.unjudged.get(row).copied().unwrap_or(false)
+    pub fn is_included(&self, row: usize) -> bool {
+        !self.excluded.get(row).copied().unwrap_or(false)
     }
 
     /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.torque.is_empty()
     }
+}
+
+/// The rows a model is fitted on or judged by.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<'a> {
+    /// The tracks.
+    pub tracks: &'a [Track],
+    /// Keep one residual in this many, anti-aliased; 0 and 1 keep all.
+    pub decimate: usize,
 }
 
 /// Cuts every run into tracks. Segments of a single row tell nothing of a motion and are left out.
@@ -75,8 +133,8 @@ pub fn tracks_since(data: &Dataset, auxiliary: Option<&str>, campaign_start: f64
         let acceleration = run.acceleration_or_derived();
         for rows in segments(run) {
             if rows.len() > 1 {
-                let own = auxiliary.and_then(|at| run.extra.get(at)).map(Vec::as_slice);
-                tracks.push(track(run, index, rows, &acceleration, own, campaign_start));
+                let track = track(run, index, rows, &acceleration, campaign_start);
+                tracks.push(if auxiliary.is_some() { track.following(auxiliary) } else { track });
             }
         }
     }
@@ -86,9 +144,8 @@ pub fn tracks_since(data: &Dataset, auxiliary: Option<&str>, campaign_start: f64
 fn track(
     run: &Run,
     index: usize,
-    rows: std::ops::Range<usize>,
+    rows: Range<usize>,
     acceleration: &[f64],
-    auxiliary: Option<&[f64]>,
     campaign_start: f64,
 ) -> Track {
     let columns: Vec<(Quantity, &[f64])> = contract::optional()
@@ -109,7 +166,6 @@ fn track(
                 acceleration_rad_s2: acceleration[row],
                 radial_force_change_n: force.map_or(0.0, |force| force[row] - force[before]),
                 campaign_time_h: (run.time_s[row] - campaign_start) / 3600.0,
-                auxiliary: auxiliary.map_or(0.0, |column| column[row]),
                 ..sample
             }
         })
@@ -127,10 +183,11 @@ fn track(
         run: index,
         first_row: rows.start,
         samples,
-        torque: run.torque[rows].to_vec(),
+        torque: run.torque[rows.clone()].to_vec(),
         period_s,
         period_ratio,
-        unjudged: Vec::new(),
+        excluded: Vec::new(),
+        covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
     }
 }
 

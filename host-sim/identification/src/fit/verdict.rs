@@ -1,6 +1,7 @@
 //! What a fit means, in words.
 
-use super::outcome::{Outcome, Predicted, State};
+use super::outcome::{Outcome, State};
+use super::predict::Predicted;
 use super::track::Track;
 use ParameterId as Id;
 use compensator_core::{LawKind, ParameterId};

@@ -6,8 +6,8 @@
 //! the ratio of the two has the first alone. By the *calibrated* rule the parameter with the largest ratio is
 //! the one to be improved, and none is where no ratio stands out.
 
-use super::Settings;
 use super::certificate::{Certificate, is_unlimited};
+use super::settings::Settings;
 use super::study::{Residual, Study};
 use crate::fit::Track;
 use compensator_core::{ParameterId, Parameters};

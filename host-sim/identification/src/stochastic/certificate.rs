@@ -5,7 +5,8 @@
 //! class. A coefficient that nothing limits ends at [`CV_MOST`] and says "not determined", no more.
 
 use super::draw::{Reason, coefficient_of_variation, spread_at};
-use super::{Counts, Form, Levels, Settings};
+use super::levels::{Counts, Levels};
+use super::settings::{Form, Settings};
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters};
 use serde_json::{Map, Value, json};

@@ -95,15 +95,8 @@ mod tests {
             velocity_rad_s: if row < 20 { 0.0 } else { -speed },
             ..Sample::default()
         };
-        Track {
-            run,
-            first_row: 0,
-            samples: (0..100).map(sample).collect(),
-            torque: vec![0.0; 100],
-            period_s: 0.01,
-            period_ratio: None,
-            unjudged: Vec::new(),
-        }
+        let samples = (0..100).map(sample).collect();
+        Track { run, ..Track::even(samples, vec![0.0; 100], 0.01) }
     }
 
     #[test]

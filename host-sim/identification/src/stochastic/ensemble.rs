@@ -6,8 +6,9 @@
 //! ```
 //!
 //! The print sums from 0, calls `W` a set and a count, and calls `outside` by the name of the Stribeck
-//! curve. A step waits for the one before it, so eight trials go side by side: one joint's step takes 14 ns,
-//! each of eight 3.4 ns, and it is the same step of the core. Whether a vector violates more than `rho` is
+//! curve. Each step of a trial needs the result of the step before it, which leaves most of a processor idle;
+//! eight trials stepped in turn fill it: a step takes 14 ns alone and 3.4 ns among eight. It is the core's
+//! own step either way. Whether a vector violates more than `rho` is
 //! often settled long before the last trial; [`Ensemble::permits`] stops there, exactly.
 
 use super::range::Ranges;
@@ -29,19 +30,26 @@ type Lanes = [f32; LANES];
 /// Trials that go side by side.
 #[derive(Clone, Debug)]
 struct Group {
+    /// Sample period of all its trials, s.
     period_s: f64,
+    /// How many lanes hold a trial.
     trials: usize,
+    /// The block of each lane's trial.
     block: [usize; LANES],
+    /// The row of that block it begins at.
     first: [usize; LANES],
+    /// What the fitted model remembers there.
     state: [State<f32>; LANES],
-    /// Velocity of each row; the plain law needs nothing else,
+    /// Velocity of each row. The plain law reads no other column of a sample.
     velocity: Vec<Lanes>,
-    /// but where the spacing is uneven each row's period over the group's.
+    /// Period of each row over the group's. Empty where the rows of all trials are evenly spaced.
     period_ratio: Vec<Lanes>,
-    /// The data's range at each monitoring time; endless in lanes that hold no trial then.
+    /// Lower end of the data's range at each monitoring time. In a lane without a trial, and at a row that
+    /// does not count, the range is infinite, so that the lane is never outside.
     low: Vec<Lanes>,
+    /// Upper end, likewise.
     high: Vec<Lanes>,
-    /// Monitoring times of all lanes that count.
+    /// How many monitoring times have a finite range, over all lanes.
     watched: usize,
 }
 
@@ -300,14 +308,11 @@ mod tests {
             ..Sample::default()
         };
         let ratio = |row: usize| if row.is_multiple_of(3) { 1.4 } else { 0.8 };
+        let torque = (0..2500).map(|row| (row as f64 * 0.013).sin().signum()).collect();
         Track {
-            run: 0,
-            first_row: 0,
-            samples: (0..2500).map(sample).collect(),
-            torque: (0..2500).map(|row| (row as f64 * 0.013).sin().signum()).collect(),
-            period_s: 0.005,
             period_ratio: uneven.then(|| (0..2500).map(ratio).collect()),
-            unjudged: (0..2500).map(|row| row > 2300).collect(),
+            excluded: (0..2500).map(|row| row > 2300).collect(),
+            ..Track::even((0..2500).map(sample).collect(), torque, 0.005)
         }
     }
 

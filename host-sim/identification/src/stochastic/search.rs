@@ -134,15 +134,7 @@ mod tests {
     /// A joint that slides at 2 rad/s under Coulomb and viscous friction of 1 Nm each.
     fn sliding() -> (Parameters<f64>, Track) {
         let sample = Sample { velocity_rad_s: 2.0, ..Sample::default() };
-        let track = Track {
-            run: 0,
-            first_row: 0,
-            samples: vec![sample; 1000],
-            torque: vec![2.0; 1000],
-            period_s: 0.01,
-            period_ratio: None,
-            unjudged: Vec::new(),
-        };
+        let track = Track::even(vec![sample; 1000], vec![2.0; 1000], 0.01);
         let parameters = Parameters::new(LawKind::Lugre).with(Id::ViscousFriction, 0.5);
         (parameters, track)
     }

@@ -3,13 +3,13 @@
 //! The measured residual gives the certificate. White noise of the sensor's size in its place gives that of
 //! a world with nothing hidden, on the same inputs, trials and draws ([`super::calibrate`]).
 
-use super::Settings;
 use super::certificate::{CV_MOST, Certificate, Class, LeftOut};
 use super::classes::{SpeedClass, speed_classes};
 use super::draw::{Draws, certifiable, spread_at, varied};
 use super::ensemble::Ensemble;
 use super::range::Ranges;
 use super::search::Search;
+use super::settings::Settings;
 use super::trials::{Block, Trials};
 use crate::fit::Track;
 use compensator_core::{ParameterId, Parameters};
@@ -147,7 +147,7 @@ impl<'a> Study<'a> {
 }
 
 /// Noise of the torque, Nm, from its second differences: what a smooth torque would not have. The
-/// median keeps breakaways and reversals out. As [`crate::fit::start::Scales::noise`], of the blocks alone.
+/// median keeps breakaways and reversals out. As [`crate::fit::scales::Scales::noise`], of the blocks alone.
 fn noise(trials: &Trials) -> f64 {
     let torques = || trials.blocks.iter().map(|block| block.torque.as_slice());
     let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();

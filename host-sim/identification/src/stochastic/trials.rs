@@ -6,7 +6,7 @@
 //! steps of `f32` as a driver would, which is what sampled models are held against; trials begin at rows
 //! drawn evenly over the blocks, with what the fitted model remembers there.
 
-use crate::fit::rest::settle;
+use crate::fit::initial_state::initial_state;
 use crate::fit::simulate::simulate;
 use crate::fit::{Resolution, Track};
 use compensator_core::{Model, Parameters, Sample, State};
@@ -102,11 +102,12 @@ fn simulate_block(
     resolution: Resolution,
 ) -> (Block, Vec<State<f32>>) {
     let lead = lead_in.min(rows.start);
-    let piece = cut(track, rows.start - lead..rows.end);
+    let piece = track.part(rows.start - lead..rows.end);
     let model: Model<f32> =
         parameters.convert::<f32>().build_unchecked::<f32>(piece.period_s as f32);
     // A block within a track begins sliding, or on the way to what it will hold after the lead-in.
-    let rest = if rows.start == lead { settle(parameters, &piece, resolution) } else { None };
+    let rest =
+        if rows.start == lead { initial_state(parameters, &piece, resolution) } else { None };
     let held = rest.map(|rest| rest.held);
     let mut residual = Vec::with_capacity(rows.len());
     simulate(parameters, &piece, held, resolution, |row, torque, _| {
@@ -142,24 +143,12 @@ fn simulate_block(
         samples: samples[lead..].to_vec(),
         period_ratio: ratios.map(|ratios| ratios[lead..].to_vec()),
         period_s: piece.period_s,
-        judged: rows.clone().map(|row| track.is_judged(row)).collect(),
+        judged: rows.clone().map(|row| track.is_included(row)).collect(),
         residual,
         predicted,
         torque: piece.torque[lead..].to_vec(),
     };
     (block, states)
-}
-
-/// A part of a track, as a track.
-fn cut(track: &Track, rows: Range<usize>) -> Track {
-    Track {
-        samples: track.samples[rows.clone()].to_vec(),
-        torque: track.torque[rows.clone()].to_vec(),
-        period_ratio: track.period_ratio.as_ref().map(|ratios| ratios[rows.clone()].to_vec()),
-        unjudged: track.unjudged.iter().take(rows.end).skip(rows.start).copied().collect(),
-        first_row: track.first_row + rows.start,
-        ..*track
-    }
 }
 
 /// The bristle torque of a joint that slides where a piece begins, as in a fit.
@@ -276,15 +265,7 @@ mod tests {
     fn track(rows: usize) -> Track {
         let sample =
             |row: usize| Sample { velocity_rad_s: (row as f64 * 0.01).sin(), ..Sample::default() };
-        Track {
-            run: 0,
-            first_row: 0,
-            samples: (0..rows).map(sample).collect(),
-            torque: vec![0.5; rows],
-            period_s: 0.01,
-            period_ratio: None,
-            unjudged: Vec::new(),
-        }
+        Track::even((0..rows).map(sample).collect(), vec![0.5; rows], 0.01)
     }
 
     fn parameters() -> Parameters<f64> {

@@ -1,35 +1,12 @@
 //! What the paper's rule says of a log, and how to read it beside a diagnosis.
 //!
 //! The rule is "improve the parameter with the largest coefficient of variation". To hold it against a named
-//! cause it must point at some: [`literal_causes`] lists, generously, every cause that acts through the
-//! parameter. [`reading`] says where rule and diagnosis part, and why.
+//! cause it must point at some: it points, generously, at every cause that acts through the parameter.
+//! [`reading`] says where rule and diagnosis part, and why.
 
 use super::certificate::Certificate;
 use crate::number::significant;
-use ParameterId as Id;
 use compensator_core::ParameterId;
-
-/// The causes that act through a parameter, by their names in the catalogue.
-pub fn literal_causes(id: ParameterId) -> &'static [&'static str] {
-    match id {
-        Id::CoulombTorque
-        | Id::StaticTorque
-        | Id::CoulombTorqueNegative
-        | Id::StaticTorqueNegative => &[
-            "radial-force-coulomb",
-            "pressure-coulomb",
-            "load-torque-coulomb",
-            "position-ripple",
-            "direction-asymmetry",
-            "time-drift",
-            "dwell-time-static",
-        ],
-        Id::ViscousFriction => &["temperature-viscous", "quadratic-drag"],
-        Id::BristleStiffness | Id::BristleDamping => &["radial-force-rate", "backlash"],
-        Id::StribeckVelocity => &["stribeck-shape"],
-        _ => &[],
-    }
-}
 
 fn listed(names: &[&str]) -> String {
     match names {
@@ -42,11 +19,11 @@ fn listed(names: &[&str]) -> String {
 /// The paper's verdict beside a diagnosis', in words.
 ///
 /// `not_determined` are the parameters the data say nothing of; `causes` what the diagnosis named, the
-/// strongest first, each with the parameter it acts on, if it acts on one.
+/// strongest first, each with the parameters it acts through.
 pub fn reading(
     certificate: &Certificate,
     not_determined: &[ParameterId],
-    causes: &[(&str, Option<ParameterId>)],
+    causes: &[(&str, &[ParameterId])],
 ) -> String {
     let verdict = certificate.verdict;
     let Some(cv) = certificate.mean_cv(verdict) else {
@@ -75,8 +52,7 @@ pub fn reading(
         [] => "the diagnosis finds nothing systematic".to_owned(),
         names => format!("the diagnosis names {}", listed(names)),
     };
-    let acts = |id: ParameterId| causes.iter().any(|(_, on)| *on == Some(id));
-    let points_at = |name: &&str| literal_causes(verdict).contains(name);
+    let points_at_one = causes.iter().any(|(_, through)| through.contains(&verdict));
     if not_determined.contains(&verdict) {
         let name = verdict.name();
         return format!(
@@ -84,7 +60,7 @@ pub fn reading(
              is permitted whether its physics is right or wrong, and {named}."
         );
     }
-    if names.iter().any(points_at) || acts(verdict) {
+    if points_at_one {
         return format!("{rule} Here both agree: {named}, which acts on it.");
     }
     if names.is_empty() {
@@ -103,18 +79,7 @@ pub fn reading(
 mod tests {
     use super::*;
     use crate::stochastic::{Settings, certify};
-    use compensator_core::{LawKind, Parameters, TermKind};
-
-    #[test]
-    fn every_cause_pointed_at_is_a_term() {
-        for id in ParameterId::ALL {
-            for cause in literal_causes(*id) {
-                assert!(TermKind::parse(cause).is_some(), "{cause}");
-            }
-        }
-        assert!(literal_causes(Id::TorqueOffset).is_empty());
-        assert!(literal_causes(Id::ViscousFriction).contains(&"quadratic-drag"));
-    }
+    use compensator_core::{LawKind, ParameterId as Id, Parameters};
 
     #[test]
     fn a_reading_says_why_the_two_part() {
@@ -125,7 +90,7 @@ mod tests {
         certificate.cv = vec![vec![1.0], vec![0.08]];
         certificate.violation_at_fit = vec![0.0];
         certificate.verdict = Id::BristleStiffness;
-        let pressure = [("pressure-coulomb", Some(Id::CoulombTorque))];
+        let pressure = [("pressure-coulomb", [Id::CoulombTorque].as_slice())];
         let text = reading(&certificate, &[Id::BristleStiffness], &pressure);
         assert!(text.contains("does not determine bristle_stiffness"), "{text}");
         assert!(text.contains("names pressure-coulomb"), "{text}");

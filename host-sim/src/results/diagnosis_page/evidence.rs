@@ -1,9 +1,8 @@
 //! A residual against what a cause acts through.
 //!
-//! Each cause has a plane in which it shows: pressure raises the level, so what the base model misses
-//! *along the motion* rises with pressure; a ripple is a wave over the angle folded `n` times a turn; a
-//! delay follows the rate of the torque. There the base model's residual must have a shape and the
-//! extended model's none. A [`Plane`] says what the axes are; [`chart`] draws both residuals' means in it.
+//! Each cause has a plane in which it shows, and says which ([`evidence`]). There the base model's
+//! residual must have a shape and the extended model's none. A [`Plane`] holds what is drawn along the axes;
+//! [`chart`] draws both residuals' means in it.
 //! Where there are several findings, what the base model misses is all of them at once; a third line,
 //! the extended model with this one cause taken out, shows it alone.
 
@@ -12,10 +11,9 @@ use super::bins::{Bins, Mean, Spacing};
 use super::figures::{AFTER, fitting_range};
 use super::rows::{AT_REST, Rows, rate, rest_before, since_reversal};
 use crate::report::{Axis, Chart, Series, Style, rounded, thin_scatter};
-use ParameterId as Id;
-use compensator_core::{ParameterId, TermKind};
 use friction_identification::diagnose::Finding;
-use friction_identification::fit::outcome::predict;
+use friction_identification::diagnose::evidence::{self, Evidence, Over, Seen};
+use friction_identification::fit::predict::predict;
 use friction_identification::number::significant;
 use std::f64::consts::TAU;
 
@@ -83,6 +81,23 @@ impl Plane {
         }
     }
 
+    /// The residual over velocity, each row counting by the square of its speed.
+    fn per_velocity(scene: &Scene, rows: &Rows, title: &str, label: &str, x: Vec<f64>) -> Self {
+        // Slow rows say next to nothing of a viscous part, and would fill bins with noise.
+        let slow = 0.1 * rows.fastest;
+        let inverse = |v: &f64| if v.abs() < slow { 0.0 } else { 1.0 / v };
+        Self {
+            scale: rows.velocity.iter().map(inverse).collect(),
+            weight: Some(rows.velocity.iter().map(|v| v * v).collect()),
+            y_label: format!(
+                "viscous coefficient missed ({} s/{})",
+                scene.unit(),
+                scene.position_unit()
+            ),
+            ..Self::plain(scene, rows, title, label, x)
+        }
+    }
+
     /// Over one whole wave.
     fn folded(self) -> Self {
         Self { range: Some((0.0, 360.0)), ..self }
@@ -144,11 +159,11 @@ fn label(name: &str) -> String {
 
 /// The charts of a finding.
 pub(super) fn of(scene: &Scene, finding: &Finding) -> Vec<Chart> {
-    let without = without(scene, finding.kind);
-    match finding.kind {
-        TermKind::DirectionAsymmetry => directions(scene, without, false),
-        TermKind::TorqueOffset => directions(scene, without, true),
-        kind => plane(scene, finding, kind)
+    let without = without(scene, finding);
+    match &finding.evidence {
+        None => Vec::new(),
+        Some(Evidence::ByDirection { seen, says }) => directions(scene, without, *seen, says),
+        Some(Evidence::Plane(evidence)) => plane(scene, evidence)
             .and_then(|plane| chart(scene, &scene.all, &Plane { without, ..plane }, true))
             .into_iter()
             .collect(),
@@ -157,139 +172,96 @@ pub(super) fn of(scene: &Scene, finding: &Finding) -> Vec<Chart> {
 
 /// Residual of all rows by the extended model with one cause taken out and nothing fitted anew; where
 /// that is the only cause, the base model says it better.
-fn without(scene: &Scene, kind: TermKind) -> Option<Vec<f64>> {
+fn without(scene: &Scene, finding: &Finding) -> Option<Vec<f64>> {
     let found = scene.about.found;
+    let term = finding.cause.remedy().term()?;
     let mut parameters = found.extended.parameters.clone();
-    if found.findings.len() < 2 || !parameters.terms.contains(&kind) {
+    if found.findings.len() < 2 || !parameters.terms.contains(&term) {
         return None;
     }
-    parameters.terms.retain(|term| *term != kind);
+    parameters.terms.retain(|own| *own != term);
     let residuals = |rows| predict(&parameters, rows, found.extended.resolution).residuals.concat();
     Some([residuals(found.log.train_rows()), residuals(found.log.test_rows())].concat())
 }
 
-/// Where a cause shows.
-fn plane(scene: &Scene, finding: &Finding, kind: TermKind) -> Option<Plane> {
-    use TermKind as Kind;
-    let found = scene.about.found;
-    let (rows, log, data) = (&scene.all, &found.log, scene.about.data);
-    let parameter = |id: Id| found.extended.parameters.get(id);
-    let column = |name: &str| rows.named(log, data, name);
-    let along = |title: &str, name: &str, x| Plane::along(scene, rows, title, &label(name), x);
-    let plain = |title: &str, name: &str, x| Plane::plain(scene, rows, title, &label(name), x);
-    let velocity = log.velocity_name();
+/// The rows in the plane a cause shows in; none where its column is not there.
+fn plane(scene: &Scene, evidence: &evidence::Plane) -> Option<Plane> {
+    let rows = &scene.all;
+    let (label, x) = axis(scene, &evidence.over)?;
+    let title = &evidence.title;
+    let mut plane = match evidence.seen {
+        Seen::Plain => Plane::plain(scene, rows, title, &label, x),
+        Seen::Along => Plane::along(scene, rows, title, &label, x),
+        Seen::PerVelocity => Plane::per_velocity(scene, rows, title, &label, x),
+    };
+    if matches!(evidence.over, Over::Turn | Over::Folded(_)) {
+        plane = plane.folded();
+    }
+    if evidence.trimmed {
+        plane = plane.without_ends();
+    }
+    let spacing = match evidence.spacing {
+        evidence::Spacing::Even => Spacing::Even,
+        evidence::Spacing::NarrowAtZero => Spacing::NarrowAtZero,
+        evidence::Spacing::Logarithmic => Spacing::Log,
+        evidence::Spacing::Runs if scene.about.data.runs.len() > 1 => Spacing::Runs,
+        evidence::Spacing::Runs => Spacing::Even,
+    };
+    Some(plane.spaced(spacing).saying(&evidence.says))
+}
+
+/// What is drawn along an axis, and its label; none where a column is not there.
+fn axis(scene: &Scene, over: &Over) -> Option<(String, Vec<f64>)> {
+    let (rows, log, data) = (&scene.all, &scene.about.found.log, scene.about.data);
     let (turn, speed) = (scene.position_unit(), scene.velocity_unit());
-    Some(match kind {
-        Kind::RadialForceCoulomb => along("Friction and side load", "radial_force_n", column("radial_force_n")?)
-            .saying("Where side load presses the seal, what the base model misses rises with it, in both directions alike."),
-        Kind::PressureCoulomb => along("Friction and pressure", "pressure_diff_pa", column("pressure_diff_pa")?)
-            .saying("Where pressure presses the seal, what the base model misses rises with it, in both directions alike."),
-        Kind::LoadTorqueCoulomb => {
-            let load = column("load_torque_nm")?.iter().map(|load| load.abs()).collect();
-            along("Friction and transmitted torque", "size of the load torque (Nm)", load)
-                .saying("Where the load presses the gear, what the base model misses rises with its size, whatever its sign.")
+    let column = |name: &str| rows.named(log, data, name);
+    let folded = |order: f64| -> Option<Vec<f64>> {
+        let position = column(log.position_name())?;
+        Some(position.iter().map(|q| (order * q).rem_euclid(TAU).to_degrees()).collect())
+    };
+    Some(match over {
+        Over::Column(name) => (label(name), column(name)?),
+        Over::SizeOf(name) => {
+            let sizes = column(name)?.iter().map(|value| value.abs()).collect();
+            (format!("size of the {}", label(name)), sizes)
         }
-        Kind::RadialForceRate => {
-            let force = rows.column(|stretch| {
-                let force: Vec<f64> =
-                    stretch.track.samples.iter().map(|sample| sample.radial_force_n).collect();
-                rate(stretch.track, &force)
-            });
+        Over::ChangePerTravel(name) => {
+            let change = rows.rate_of(log, data, name)?;
             let rest = AT_REST * rows.fastest;
             let moving = |v: &f64| if v.abs() > rest { v.abs() } else { f64::NAN };
-            let x = force.iter().zip(&rows.velocity).map(|(rate, v)| rate / moving(v)).collect();
-            plain("The changing side load", &format!("change of side load per {turn} travelled (N/{turn})"), x)
-                .without_ends()
-                .spaced(Spacing::NarrowAtZero)
-                .saying("A side load that changes while the joint hardly moves bends the bristles: the torque is off in \
-                         proportion, whichever way it moves.")
+            let x = change.iter().zip(&rows.velocity).map(|(rate, v)| rate / moving(v)).collect();
+            let label = label(name);
+            let (quantity, unit) = label.split_once(" (").unwrap_or((&label, ")"));
+            let unit = unit.trim_end_matches(')');
+            (format!("change of {quantity} per {turn} travelled ({unit}/{turn})"), x)
         }
-        Kind::TemperatureViscous => {
-            let temperature = column("temperature_c")?;
-            let mut plane = plain("Viscous part and temperature", "temperature_c", temperature);
-            plane.y_label = format!("viscous coefficient missed ({} s/{turn})", scene.unit());
-            // Slow rows say next to nothing of a viscous part, and would fill bins with noise.
-            let slow = 0.1 * rows.fastest;
-            plane.scale = rows.velocity.iter().map(|v| if v.abs() < slow { 0.0 } else { 1.0 / v }).collect();
-            plane.weight = Some(rows.velocity.iter().map(|v| v * v).collect());
-            plane.saying("Residual over velocity, each row counting by the square of its speed. Where the film thins as \
-                          it warms, the coefficient that is missed falls with temperature.")
+        Over::Turn => ("position within the turn (°)".into(), folded(1.0)?),
+        Over::Folded(order) => {
+            let per = significant(*order, 4);
+            (format!("{per} × position, folded to one wave (°)"), folded(*order)?)
         }
-        Kind::PositionRipple => {
-            let order = finding.order.map_or_else(|| parameter(Id::RippleOrder), |(order, _)| order);
-            let phase = column(log.position_name())?;
-            let phase = phase.iter().map(|q| (order * q).rem_euclid(TAU).to_degrees()).collect();
-            let per = significant(order, 4);
-            along("The position, folded by the order", &format!("{per} × position, folded to one wave (°)"), phase)
-                .folded()
-                .saying(&format!(
-                    "The position times {per} per {turn}, all waves laid over each other. A ripple of that order is one \
-                     wave here, and anything of another order averages out."
-                ))
-        }
-        Kind::GravityImbalance => {
-            let angle = column(log.position_name())?;
-            let angle = angle.iter().map(|q| q.rem_euclid(TAU).to_degrees()).collect();
-            plain("The shaft's angle", "position within the turn (°)", angle)
-                .folded()
-                .saying("An imbalance is one wave over the turn, whichever way the joint moves.")
-        }
-        Kind::QuadraticDrag => {
+        Over::Speed => {
             let speeds = rows.velocity.iter().map(|v| v.abs()).collect();
-            along("Friction and speed", &format!("speed ({speed})"), speeds)
-                .saying("Drag of water grows with the square of the speed; what a base model without it misses bends upwards.")
+            (format!("speed ({speed})"), speeds)
         }
-        Kind::StribeckShape => {
-            let speeds = rows.velocity.iter().map(|v| v.abs()).collect();
-            along("Friction and speed, slow to fast", &format!("speed ({speed})"), speeds)
-                .spaced(Spacing::Log)
-                .saying("A Stribeck curve of the wrong exponent is above the log at some slow speeds and below it at others.")
-        }
-        Kind::DwellTimeStatic => {
-            let travel = parameter(Id::DwellTravel);
-            let x = rows.column(|stretch| rest_before(stretch.track, rows.fastest, travel));
-            along("Just after breaking away", "time at rest before (s)", x).spaced(Spacing::Log).saying(&format!(
-                "Rows within {} {turn} after the joint has left rest. Where contacts age, the longer it rested the more it resists.",
-                significant(travel, 2)
-            ))
-        }
-        Kind::Backlash => {
-            let most = 8.0 * parameter(Id::BacklashTravel);
-            let x = rows.column(|stretch| since_reversal(stretch.track, rows.fastest, most));
-            along("Just after a reversal", &format!("travel since the reversal ({turn})"), x)
-                .saying("Where there is play, the joint resists less than a bristle model until the play is crossed.")
-        }
-        Kind::TimeDrift => {
-            let x = rows.sampled(|sample| sample.campaign_time_h);
-            let runs = if data.runs.len() > 1 { Spacing::Runs } else { Spacing::Even };
-            along("Friction over the campaign", "campaign time (h)", x).spaced(runs).saying(
-                "One point for each run, or stretch of a single one. Where friction runs in or wears, they drift over the campaign.",
-            )
-        }
-        Kind::UnmodelledInertia => {
+        Over::Acceleration => {
             let acceleration = rows.sampled(|sample| sample.acceleration_rad_s2);
-            plain("Torque and acceleration", &format!("acceleration ({turn}/s²)"), acceleration)
-                .without_ends()
-                .saying("A torque in proportion to acceleration is a rigid body, not friction.")
+            (format!("acceleration ({turn}/s²)"), acceleration)
         }
-        Kind::ChannelDelay => {
+        Over::RestBefore(travel) => {
+            let rested = rows.column(|stretch| rest_before(stretch.track, rows.fastest, *travel));
+            ("time at rest before (s)".into(), rested)
+        }
+        Over::SinceReversal(most) => {
+            let gone = rows.column(|stretch| since_reversal(stretch.track, rows.fastest, *most));
+            (format!("travel since the reversal ({turn})"), gone)
+        }
+        Over::CampaignTime => {
+            ("campaign time (h)".into(), rows.sampled(|sample| sample.campaign_time_h))
+        }
+        Over::TorqueRate => {
             let slope = rows.column(|stretch| rate(stretch.track, stretch.before));
-            plain("The rate of the torque", &format!("rate of the simulated {} ({}/s)", scene.torque(), scene.unit()), slope)
-                .spaced(Spacing::NarrowAtZero)
-                .saying("Where the channels are logged at different times, the residual is the rate of the torque times the \
-                         delay: a line that falls.")
-        }
-        Kind::LoadGain => plain("The load", "load_torque_nm", column("load_torque_nm")?)
-            .saying("A part of the load in the reading is a line through zero, whichever way the joint moves."),
-        Kind::DirectionAsymmetry | Kind::TorqueOffset => return None,
-        Kind::LookupTable => {
-            let name = finding.columns.first()?;
-            let x = column(name)?;
-            let level = super::words::follows_level(found);
-            let title = format!("What follows {name}");
-            if level { along(&title, name, x) } else { plain(&title, name, x) }
-                .spaced(if name == velocity { Spacing::NarrowAtZero } else { Spacing::Even })
-                .saying("No named cause has this shape; the extension is a curve drawn through it.")
+            (format!("rate of the simulated {} ({}/s)", scene.torque(), scene.unit()), slope)
         }
     })
 }
@@ -376,14 +348,15 @@ fn off_zero(before: &[Mean], after: &[Mean]) -> String {
 }
 
 /// Two charts, before and after, each with a line per direction.
-fn directions(scene: &Scene, without: Option<Vec<f64>>, offset: bool) -> Vec<Chart> {
+fn directions(scene: &Scene, without: Option<Vec<f64>>, seen: Seen, says: &str) -> Vec<Chart> {
     let rows = &scene.all;
     let speeds: Vec<f64> = rows.velocity.iter().map(|v| v.abs()).collect();
     let direction = rows.direction();
     let named = format!("speed ({})", scene.velocity_unit());
-    let plane = match offset {
-        true => Plane::plain(scene, rows, "", &named, speeds),
-        false => Plane::along(scene, rows, "", &named, speeds),
+    let plane = match seen {
+        Seen::Along => Plane::along(scene, rows, "", &named, speeds),
+        Seen::Plain => Plane::plain(scene, rows, "", &named, speeds),
+        Seen::PerVelocity => Plane::per_velocity(scene, rows, "", &named, speeds),
     };
     let means = |residual: &[f64], sign: f64| {
         let mut x = plane.x.clone();
@@ -395,12 +368,6 @@ fn directions(scene: &Scene, without: Option<Vec<f64>>, offset: bool) -> Vec<Cha
     let (before, after) = (both(without.as_ref().unwrap_or(&rows.before)), both(&rows.after));
     let all: Vec<Mean> = before.iter().chain(&after).flatten().copied().collect();
     let range = fitting_range(&all, &[], false);
-    let says = match offset {
-        true => "A zero error of the reading lifts both directions alike, at every speed.",
-        false => {
-            "Where one direction rubs harder, the two lines part; a model that knows it brings them together."
-        }
-    };
     let chart = |title: &str, [forwards, backwards]: &[Vec<Mean>; 2], says: &str| Chart {
         title: title.to_owned(),
         caption: says.to_owned(),

@@ -6,7 +6,7 @@ use super::rows::Stretch;
 use super::rows::times;
 use crate::report::{Axis, Chart, Series, rounded, thin_scatter, thin_series};
 use crate::results::page::words::quantity;
-use friction_identification::diagnose::{Diagnosis, Hearing, Share};
+use friction_identification::diagnose::{CandidateScore, Diagnosis, Share};
 use friction_identification::number::significant;
 
 /// The base model in every legend.
@@ -126,7 +126,7 @@ fn close_up(scene: &Scene, stretch: &Stretch) -> std::ops::Range<usize> {
     let rows = stretch.track.len();
     let length = (rows / 12).max(160).min(rows);
     let gain = |row: usize| {
-        if !stretch.track.is_judged(row) {
+        if !stretch.track.is_included(row) {
             return 0.0;
         }
         let (logged, base, extended) =
@@ -350,11 +350,11 @@ pub(super) fn shares(scene: &Scene, title: &str, shares: &[Share], caption: &str
 }
 
 /// The candidates that explain most.
-pub(super) fn hearing(found: &Diagnosis) -> Chart {
+pub(super) fn scores(found: &Diagnosis) -> Chart {
     // Best first, so the first of a name is its best setting.
-    let mut shown: Vec<&Hearing> = Vec::new();
+    let mut shown: Vec<&CandidateScore> = Vec::new();
     let mut names: Vec<String> = Vec::new();
-    for heard in &found.hearing {
+    for heard in &found.scores {
         let name = super::tables::candidate(heard);
         if shown.len() < MOST_CANDIDATES && !names.contains(&name) {
             shown.push(heard);

@@ -6,10 +6,11 @@
 //! every row. So a column is made at the full rate, stretch by stretch, and thinned afterwards as the
 //! residual was ([`Rows::column`]).
 
+use compensator_core::Sample;
 use friction_identification::data::{Dataset, Part};
-use friction_identification::diagnose::Log;
+use friction_identification::diagnose::TrainTest;
 use friction_identification::fit::Track;
-use friction_identification::fit::outcome::Predicted;
+use friction_identification::fit::predict::Predicted;
 use std::ops::Range;
 
 /// Below this share of the fastest speed a joint rests.
@@ -87,7 +88,7 @@ impl<'a> Rows<'a> {
             begin = end;
         }
         let judged = |stretch: &Stretch| {
-            (0..stretch.track.len()).map(|row| f64::from(stretch.track.is_judged(row))).collect()
+            (0..stretch.track.len()).map(|row| f64::from(stretch.track.is_included(row))).collect()
         };
         rows.judged = rows.column(judged).into_iter().map(|judged| judged > 0.0).collect();
         rows.velocity = rows.sampled(|sample| sample.velocity_rad_s);
@@ -127,7 +128,7 @@ impl<'a> Rows<'a> {
     }
 
     /// A column of the samples.
-    pub fn sampled(&self, of: impl Fn(&compensator_core::Sample<f64>) -> f64) -> Vec<f64> {
+    pub fn sampled(&self, of: impl Fn(&Sample<f64>) -> f64) -> Vec<f64> {
         self.column(|stretch| stretch.track.samples.iter().map(&of).collect())
     }
 
@@ -144,24 +145,15 @@ impl<'a> Rows<'a> {
     }
 
     /// A column of the log by its name, where all rows have it.
-    pub fn named(&self, log: &Log, data: &Dataset, name: &str) -> Option<Vec<f64>> {
-        let at = |of: fn(&compensator_core::Sample<f64>) -> f64| Some(self.sampled(of));
-        match name {
-            "radial_force_n" => at(|sample| sample.radial_force_n),
-            "pressure_diff_pa" => at(|sample| sample.pressure_diff_mpa * 1e6),
-            "temperature_c" => at(|sample| sample.temperature_c),
-            "load_torque_nm" => at(|sample| sample.load_torque_nm),
-            "time_s" => at(|sample| sample.campaign_time_h * 3600.0),
-            _ if name == log.velocity_name() => Some(self.velocity.clone()),
-            _ if name == log.position_name() => at(|sample| sample.position_rad),
-            _ => {
-                let index = data.covariates.iter().position(|covariate| covariate == name)?;
-                Some(self.column(|stretch| {
-                    let rows = stretch.first_row..stretch.first_row + stretch.track.len();
-                    data.runs[stretch.run].extra[index][rows].to_vec()
-                }))
-            }
-        }
+    pub fn named(&self, log: &TrainTest, data: &Dataset, name: &str) -> Option<Vec<f64>> {
+        let values = values(log, data, name)?;
+        Some(self.column(|stretch| values(stretch)))
+    }
+
+    /// The rate of a column of the log, per second.
+    pub fn rate_of(&self, log: &TrainTest, data: &Dataset, name: &str) -> Option<Vec<f64>> {
+        let values = values(log, data, name)?;
+        Some(self.column(|stretch| rate(stretch.track, &values(stretch))))
     }
 
     /// Autocorrelation of a residual over lags in rows, up to `most`.
@@ -181,6 +173,32 @@ impl<'a> Rows<'a> {
         let period = self.stretches.first().map_or(1e-3, |stretch| stretch.track.period_s);
         period * self.decimate as f64
     }
+}
+
+/// Reads a column along a stretch at the full rate.
+type Read<'a> = Box<dyn Fn(&Stretch) -> Vec<f64> + 'a>;
+
+/// How a column of the log is read, by its name.
+fn values<'a>(log: &TrainTest, data: &'a Dataset, name: &str) -> Option<Read<'a>> {
+    let of_sample = |of: fn(&Sample<f64>) -> f64| -> Read<'a> {
+        Box::new(move |stretch| stretch.track.samples.iter().map(of).collect())
+    };
+    Some(match name {
+        "radial_force_n" => of_sample(|sample| sample.radial_force_n),
+        "pressure_diff_pa" => of_sample(|sample| sample.pressure_diff_mpa * 1e6),
+        "temperature_c" => of_sample(|sample| sample.temperature_c),
+        "load_torque_nm" => of_sample(|sample| sample.load_torque_nm),
+        "time_s" => of_sample(|sample| sample.campaign_time_h * 3600.0),
+        _ if name == log.velocity_name() => of_sample(|sample| sample.velocity_rad_s),
+        _ if name == log.position_name() => of_sample(|sample| sample.position_rad),
+        _ => {
+            let index = data.covariates.iter().position(|covariate| covariate == name)?;
+            Box::new(move |stretch| {
+                let rows = stretch.first_row..stretch.first_row + stretch.track.len();
+                data.runs[stretch.run].extra[index][rows].to_vec()
+            })
+        }
+    })
 }
 
 /// Seconds since the run began, row by row.

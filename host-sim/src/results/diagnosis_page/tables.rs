@@ -4,7 +4,7 @@ use super::Scene;
 use crate::report::{Cell, Table};
 use compensator_core::ParameterId;
 use friction_identification::data::Joint;
-use friction_identification::diagnose::{Diagnosis, Hearing, Share};
+use friction_identification::diagnose::{CandidateScore, Diagnosis, Share};
 use friction_identification::fit::{Estimate, Outcome, State};
 use friction_identification::number::significant;
 use friction_identification::params::unit;
@@ -64,12 +64,12 @@ pub(super) fn findings(scene: &Scene) -> Table {
         let [low, high] = finding.size.ci95;
         let unit = if finding.size.unit == "1" { "" } else { finding.size.unit.as_str() };
         let rivals: Vec<&str> =
-            finding.confusable_with.iter().map(|(kind, _)| kind.name()).collect();
+            finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
         let order = finding.order.map_or_else(String::new, |(order, error)| {
             format!(", order {} ± {}", significant(order, 4), significant(2.0 * error, 1))
         });
         vec![
-            finding.kind.name().into(),
+            finding.cause.name().into(),
             finding.columns.join(", ").into(),
             format!("{} {unit}{order}", unbroken(significant(finding.size.value, 4))).into(),
             format!("{} to {}", unbroken(significant(low, 3)), unbroken(significant(high, 3)))
@@ -98,8 +98,8 @@ pub(super) fn findings(scene: &Scene) -> Table {
 }
 
 /// What a candidate is called.
-pub(super) fn candidate(heard: &Hearing) -> String {
-    let mut name = heard.kind.name().to_owned();
+pub(super) fn candidate(heard: &CandidateScore) -> String {
+    let mut name = heard.cause.name().to_owned();
     if !heard.columns.is_empty() {
         name += &format!(" ({})", heard.columns.join(", "));
     }
@@ -113,19 +113,19 @@ pub(super) fn candidate(heard: &Hearing) -> String {
 }
 
 /// All candidates, best first.
-pub(super) fn hearing(found: &Diagnosis) -> Table {
-    let row = |heard: &Hearing| {
+pub(super) fn scores(found: &Diagnosis) -> Table {
+    let row = |heard: &CandidateScore| {
         vec![
             candidate(heard).into(),
             Cell::Digits(100.0 * heard.share, 3),
-            Cell::Text(probability(heard.trial.p_value)),
+            Cell::Text(probability(heard.fit.p_value)),
             if heard.passed { "passed".into() } else { "".into() },
         ]
     };
     Table {
         caption: "Each alone beside the base model, best first".into(),
         header: header(["candidate", "of the squared residual (%), rows left out", "p", ""]),
-        rows: found.hearing.iter().map(row).collect(),
+        rows: found.scores.iter().map(row).collect(),
         best: Vec::new(),
     }
 }

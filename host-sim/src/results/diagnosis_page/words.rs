@@ -2,7 +2,7 @@
 
 use super::Scene;
 use crate::results::page::words::{self as shared, counted, listed, quantity};
-use compensator_core::term::LOOKUP_LEVELS;
+use compensator_core::term::KNOTS;
 use friction_identification::diagnose::round::{MATERIAL, SIGNIFICANT};
 use friction_identification::diagnose::{Diagnosis, Finding};
 use friction_identification::number::significant;
@@ -37,7 +37,7 @@ pub(super) fn title(scene: &Scene) -> String {
     let on = listed(&files.iter().map(name).collect::<Vec<_>>(), 3);
     let of = if on.is_empty() { "Diagnosis".to_owned() } else { format!("Diagnosis of {on}") };
     let mut causes: Vec<&str> =
-        scene.about.found.findings.iter().map(|finding| finding.kind.name()).collect();
+        scene.about.found.findings.iter().map(|finding| finding.cause.name()).collect();
     causes.dedup();
     match causes.as_slice() {
         [] => format!("{of}: nothing systematic is left"),
@@ -106,15 +106,10 @@ pub(super) fn left_over(scene: &Scene) -> String {
     }
 }
 
-/// Whether the free curve scales the level of the friction.
-pub(super) fn follows_level(found: &Diagnosis) -> bool {
-    LOOKUP_LEVELS.iter().any(|id| found.extended.parameters.get(*id) != 0.0)
-}
-
 /// The findings, a sentence each.
 pub(super) fn findings(found: &Diagnosis) -> Vec<String> {
     let sentence = |finding: &Finding| {
-        format!("{}: {}.", finding.kind.name(), finding.in_words.trim_end_matches('.'))
+        format!("{}: {}.", finding.cause.name(), finding.in_words.trim_end_matches('.'))
     };
     let mut said: Vec<String> = found.findings.iter().map(sentence).collect();
     said.push(
@@ -144,7 +139,7 @@ pub(super) fn verdicts(scene: &Scene) -> Vec<String> {
 /// How the diagnosis was made.
 pub(super) fn methods(scene: &Scene) -> Vec<String> {
     let found = scene.about.found;
-    let (log, knots) = (&found.log, LOOKUP_LEVELS.len());
+    let log = &found.log;
     vec![
         "A model is simulated by the step that runs on the joint driver, here in double precision, driven by the logged \
          motion; its free parameters are fitted to the sum of squared residuals by Levenberg-Marquardt with exact \
@@ -154,8 +149,8 @@ pub(super) fn methods(scene: &Scene) -> Vec<String> {
         format!(
             "Candidates: every cause of the catalogue whose column is in the log and varies, as what it would change in the \
              torque row by row; ripples by their order, found in the spectrum over the position; and, with a handicap and \
-             after the named causes, a curve of {knots} knots over any column (\"unknown\"). {} were heard.",
-            found.hearing.len()
+             after the named causes, a curve of {KNOTS} knots over any column (\"unknown\"). {} were heard.",
+            found.scores.len()
         ),
         format!(
             "A candidate passes if its blocks of rows agree better than the best of all candidates does in this log with \

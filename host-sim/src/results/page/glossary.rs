@@ -2,7 +2,9 @@
 
 use super::View;
 use compensator_core::{LawKind, TermKind};
+use friction_identification::diagnose::cause;
 use friction_identification::fit::Resolution;
+use friction_identification::spec::rigid_body_effect;
 
 /// Definitions of the metrics.
 pub(in crate::results) fn metrics(view: &View) -> Vec<String> {
@@ -95,7 +97,12 @@ pub(in crate::results) fn models(view: &View) -> Vec<String> {
             .to_owned(),
     ];
     lines.extend(laws.into_iter().map(|kind| format!("{}: {}", kind.name(), law(kind))));
-    lines.extend(terms.into_iter().map(|kind| format!("+ {}: {}", kind.name(), term(kind))));
+    // A term is there for a cause, or for a part of the rigid body.
+    let effect = |kind: TermKind| {
+        cause::of_term(kind).map(|cause| cause.effect()).or_else(|| rigid_body_effect(kind))
+    };
+    let line = |kind: TermKind| format!("+ {}: {}", kind.name(), effect(kind).unwrap_or_default());
+    lines.extend(terms.into_iter().map(line));
     lines
 }
 
@@ -115,28 +122,5 @@ fn law(kind: LawKind) -> &'static str {
             "LuGre whose levels rise with side load and pressure, and whose bristles are bent by a \
              changing side load."
         }
-    }
-}
-
-fn term(kind: TermKind) -> &'static str {
-    match kind {
-        TermKind::RadialForceCoulomb => "levels rise with the side load.",
-        TermKind::RadialForceRate => "a changing side load bends the bristles.",
-        TermKind::PressureCoulomb => "levels rise with the pressure difference.",
-        TermKind::TemperatureViscous => "the viscous coefficient falls as the film warms.",
-        TermKind::PositionRipple => "levels follow the position, n periods per unit.",
-        TermKind::GravityImbalance => "sine and cosine of the position, whichever way it moves.",
-        TermKind::DirectionAsymmetry => "levels and viscous part differ by direction.",
-        TermKind::TorqueOffset => "a constant.",
-        TermKind::QuadraticDrag => "c v |v|, as of water.",
-        TermKind::DwellTimeStatic => "the static level grows with the time at rest.",
-        TermKind::TimeDrift => "levels change over the campaign: run-in and wear.",
-        TermKind::LoadTorqueCoulomb => "levels rise with the transmitted torque.",
-        TermKind::UnmodelledInertia => "inertia times acceleration.",
-        TermKind::Backlash => "little stiffness while a play is crossed.",
-        TermKind::StribeckShape => "another exponent than 2 in g(v).",
-        TermKind::ChannelDelay => "the velocity of a moment ago.",
-        TermKind::LoadGain => "a gain on the known load.",
-        TermKind::LookupTable => "a torque and a change of the levels drawn over one column.",
     }
 }

@@ -10,7 +10,7 @@
 //! decimated, so is it here.
 
 use super::Study;
-use friction_identification::fit::outcome::predict;
+use friction_identification::fit::predict::predict;
 use friction_identification::fit::statistics::autocorrelation_time;
 use friction_identification::fit::{Outcome, Track};
 use rayon::prelude::*;

@@ -9,6 +9,7 @@ use super::figures::neighbours;
 use super::words::{listed, quantity};
 use super::{View, fitted};
 use compensator_core::{ParameterId as Id, TermKind};
+use friction_identification::diagnose::cause;
 use friction_identification::fit::{Outcome, State};
 
 /// Errors on held-out rows within this factor of those on the training rows are the same.
@@ -184,21 +185,19 @@ fn times(view: &View) -> [f64; 2] {
 /// Terms that would use a logged column the best model does not use, with the column.
 fn untried(view: &View) -> Vec<String> {
     let (data, tried) = (view.study.data, &view.fit(view.best()).spec);
-    let columns = [
-        ("pressure_diff_pa", TermKind::PressureCoulomb),
-        ("radial_force_n", TermKind::RadialForceCoulomb),
-        ("temperature_c", TermKind::TemperatureViscous),
-        ("load_torque_nm", TermKind::LoadTorqueCoulomb),
-    ];
+    let columns = ["pressure_diff_pa", "radial_force_n", "temperature_c", "load_torque_nm"];
     let varies = |column: &str| {
         let values = || data.runs.iter().filter_map(|run| data.column(run, column)).flatten();
         values().next().is_some_and(|first| values().any(|value| value != first))
     };
-    let unused = |(column, term): &&(&str, TermKind)| {
-        !tried.law.includes(*term) && !tried.terms.contains(term) && varies(column)
-    };
-    let named = |(column, term): &(&str, TermKind)| format!("+{} ({column})", term.name());
-    columns.iter().filter(unused).map(named).collect()
+    let is_new = |term: &TermKind| !tried.law.includes(*term) && !tried.terms.contains(term);
+    let mut untried = Vec::new();
+    for column in columns.into_iter().filter(|column| varies(column)) {
+        let causes = cause::ALL.iter().filter(|cause| cause.covariate() == Some(column));
+        let terms = causes.filter_map(|cause| cause.remedy().term()).filter(is_new);
+        untried.extend(terms.map(|term| format!("+{} ({column})", term.name())));
+    }
+    untried
 }
 
 /// An experiment that would determine what is not.

@@ -23,7 +23,7 @@ const ITERATIONS: usize = 2;
 
 /// The start of a track that begins at rest.
 #[derive(Clone, Debug)]
-pub struct Rest {
+pub struct InitialState {
     /// Torque the bristles hold, Nm.
     pub held: f64,
     /// Derivative of the torque by it, for the rows from the first until it is forgotten.
@@ -32,7 +32,11 @@ pub struct Rest {
 
 /// Solves for the held torque of a track; `None` where the law has no bristles or the track begins
 /// sliding.
-pub fn settle(parameters: &Parameters<f64>, track: &Track, resolution: Resolution) -> Option<Rest> {
+pub fn initial_state(
+    parameters: &Parameters<f64>,
+    track: &Track,
+    resolution: Resolution,
+) -> Option<InitialState> {
     let fastest = track.samples.iter().map(|s| s.velocity_rad_s.abs()).fold(0.0, f64::max);
     let slides = track.samples[0].velocity_rad_s.abs() > AT_REST * fastest;
     if slides || !parameters.law.has_bristles() {
@@ -44,21 +48,21 @@ pub fn settle(parameters: &Parameters<f64>, track: &Track, resolution: Resolutio
         .max(parameters.get(ParameterId::CoulombTorque))
         .max(0.0);
     let dual = parameters.convert::<Dual<1>>();
-    let mut rest = Rest { held: track.torque[0].clamp(-level, level), memory: Vec::new() };
+    let mut start = InitialState { held: track.torque[0].clamp(-level, level), memory: Vec::new() };
     for _ in 0..ITERATIONS {
         let (mut products, mut squares) = (0.0, 0.0);
-        rest.memory.clear();
-        let held = Dual::parameter(rest.held, 0);
+        start.memory.clear();
+        let held = Dual::parameter(start.held, 0);
         simulate(&dual, track, Some(held), resolution, |row, torque, bristle| {
             let derivative = torque.gradient[0];
             products += derivative * (track.torque[row] - torque.value);
             squares += derivative * derivative;
-            rest.memory.push(derivative);
+            start.memory.push(derivative);
             bristle.gradient[0].abs() > FORGOTTEN
         });
         if squares > 0.0 && products.is_finite() {
-            rest.held = (rest.held + products / squares).clamp(-level, level);
+            start.held = (start.held + products / squares).clamp(-level, level);
         }
     }
-    Some(rest)
+    Some(start)
 }

@@ -23,7 +23,7 @@ fn product(a: &[f64; BLOCK], b: &[f64; BLOCK]) -> f64 {
 
 /// The triangular factor of the rows taken in so far; the last column is the residual.
 #[derive(Clone, Debug)]
-pub struct Triangle {
+pub struct StreamingQr {
     columns: usize,
     /// Upper triangle, row-major, `columns` by `columns`.
     factor: Vec<f64>,
@@ -33,7 +33,7 @@ pub struct Triangle {
     rows: usize,
 }
 
-impl Triangle {
+impl StreamingQr {
     /// No rows yet; `parameters` columns and the residual.
     pub fn new(parameters: usize) -> Self {
         let columns = parameters + 1;
@@ -77,7 +77,7 @@ impl Triangle {
         self.rows = 0;
     }
 
-    /// Takes in all that another triangle has.
+    /// Takes in all that another one has.
     #[must_use]
     pub fn merged(mut self, mut other: Self) -> Self {
         let rows = self.rows + other.rows;
@@ -182,7 +182,7 @@ mod tests {
             let x = i as f64 * 0.37;
             ([1.0, x.sin(), (2.0 * x).cos() * 1e-4], (0.3 * x).cos() + 0.1 * x.sin())
         };
-        let mut parts = [Triangle::new(3), Triangle::new(3)];
+        let mut parts = [StreamingQr::new(3), StreamingQr::new(3)];
         let mut products = [[0.0f64; 4]; 4];
         for i in 0..1000 {
             let (d, r) = row(i);

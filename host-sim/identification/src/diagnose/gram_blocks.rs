@@ -14,7 +14,7 @@
 //! random: whatever the noise is, it stays, and what hangs together over blocks is gone. The
 //! largest `T` among *all* candidates in such logs is what the `T` of a finding has to beat.
 
-use super::chance::{Chance, Scores, probability};
+use super::chance::{BlockScores, Chance, probability};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -42,7 +42,7 @@ pub struct Block {
 
 /// The columns of a base model, of candidates, and the residual, as products.
 #[derive(Clone, Debug)]
-pub struct Panel {
+pub struct GramBlocks {
     /// Columns of the base.
     pub base: Vec<usize>,
     /// Columns of each candidate.
@@ -58,9 +58,9 @@ pub struct Panel {
     folds: Vec<Vec<usize>>,
 }
 
-/// What the panel says of a candidate.
+/// What the linear fit of a candidate beside the base says.
 #[derive(Clone, Debug)]
-pub struct Trial {
+pub struct CandidateFit {
     /// Which.
     pub candidate: usize,
     /// Coefficients of its columns, in their own units.
@@ -73,7 +73,7 @@ pub struct Trial {
     pub p_alone: f64,
     /// The same for the best of all candidates, against logs with nothing hidden.
     pub p_value: f64,
-    /// Share of the resampled logs in which it has the largest gain; set by [`Panel::stability`].
+    /// Share of the resampled logs in which it has the largest gain; set by [`GramBlocks::stability`].
     pub stability: f64,
 }
 
@@ -114,7 +114,7 @@ fn error_on(products: &DMatrix<f64>, columns: &[usize], coefficients: &DVector<f
     sse
 }
 
-impl Panel {
+impl GramBlocks {
     /// Puts blocks together. The columns are `base` of the base, then `widths` of each candidate,
     /// then the residual.
     pub fn new(base: usize, widths: &[usize], mut blocks: Vec<Block>) -> Self {
@@ -178,8 +178,8 @@ impl Panel {
 
     /// Tries every candidate. `candidates[i]`'s significance is that of the family of all.
     ///
-    /// `looks[i]` is how many candidates the `i`-th was chosen from for its agreement with the residual.
-    pub fn try_all(&self, looks: &[f64], seed: u64) -> Vec<Trial> {
+    /// `comparisons[i]` is how many candidates the `i`-th was chosen from for its agreement with the residual.
+    pub fn try_all(&self, comparisons: &[f64], seed: u64) -> Vec<CandidateFit> {
         let base = self.sse();
         let base_unseen = self.unseen(&self.base);
         let scores: Vec<_> = (0..self.candidates.len()).map(|i| self.scores(i)).collect();
@@ -199,8 +199,8 @@ impl Panel {
                 let p_alone = found.as_ref().map_or(1.0, |found| {
                     self.probability_by_blocks(candidate, found, &scores[candidate])
                 });
-                let p_alone = (p_alone * looks[candidate]).min(1.0);
-                Trial {
+                let p_alone = (p_alone * comparisons[candidate]).min(1.0);
+                CandidateFit {
                     candidate,
                     coefficients,
                     gain: base - found.map_or(base, |f| f.sse),
@@ -288,7 +288,7 @@ impl Panel {
         wins
     }
 
-    fn scores(&self, candidate: usize) -> Scores {
+    fn scores(&self, candidate: usize) -> BlockScores {
         let error = self.total.nrows() - 1;
         let own: Vec<usize> = self.candidates[candidate].clone().collect();
         let (p, k) = (self.base.len(), own.len());
@@ -315,13 +315,13 @@ impl Panel {
                 DVector::from_fn(k, |j, _| left(own[j]) - shared.column(j).dot(&of_base))
             })
             .collect();
-        Scores::new(per_block, shared)
+        BlockScores::new(per_block, shared)
     }
 
     /// How surely the blocks say the candidate is there, their scatter taken from the residual that is
     /// left with the candidate in: an effect that shows in a few blocks only (the fast runs, say) must
     /// not count as scatter itself.
-    fn probability_by_blocks(&self, candidate: usize, found: &Fit, scores: &Scores) -> f64 {
+    fn probability_by_blocks(&self, candidate: usize, found: &Fit, scores: &BlockScores) -> f64 {
         let columns = self.with(candidate);
         let error = self.total.nrows() - 1;
         let own = &columns[self.base.len()..];
@@ -395,7 +395,7 @@ impl Panel {
         FisherSnedecor::new(k as f64, freedom).map_or(1.0, |f| f.sf(ratio))
     }
 
-    fn chance(&self, scores: &[Scores], seed: u64) -> Chance {
+    fn chance(&self, scores: &[BlockScores], seed: u64) -> Chance {
         let mut random = Pcg64::seed_from_u64(seed);
         let mut largest = Vec::with_capacity(FLIPS);
         for _ in 0..FLIPS {
@@ -443,7 +443,7 @@ mod tests {
     use super::*;
 
     /// A log of `blocks` blocks: base column 1, candidates a (true, in the residual) and b (noise).
-    fn panel(blocks: usize, size: f64, seed: u64) -> Panel {
+    fn gram(blocks: usize, size: f64, seed: u64) -> GramBlocks {
         let mut random = Pcg64::seed_from_u64(seed);
         let mut normal = move || (0..12).map(|_| random.random_range(-0.5..0.5f64)).sum::<f64>();
         let block = |run: usize| {
@@ -455,22 +455,22 @@ mod tests {
             }
             Block { run: run / 4, products, rows: 50 }
         };
-        Panel::new(1, &[1, 1], (0..blocks).map(block).collect())
+        GramBlocks::new(1, &[1, 1], (0..blocks).map(block).collect())
     }
 
     #[test]
     fn what_is_there_is_found_with_its_size() {
-        let trials = panel(60, 0.2, 1).try_all(&[1.0, 1.0], 0);
-        assert!((trials[0].coefficients[0] - 0.2).abs() < 0.06, "{:?}", trials[0]);
-        assert!(trials[0].p_value < 1e-3 && trials[0].gain_unseen > 0.0, "{:?}", trials[0]);
-        assert!(trials[1].p_value > 0.01, "{:?}", trials[1]);
+        let fits = gram(60, 0.2, 1).try_all(&[1.0, 1.0], 0);
+        assert!((fits[0].coefficients[0] - 0.2).abs() < 0.06, "{:?}", fits[0]);
+        assert!(fits[0].p_value < 1e-3 && fits[0].gain_unseen > 0.0, "{:?}", fits[0]);
+        assert!(fits[1].p_value > 0.01, "{:?}", fits[1]);
     }
 
     #[test]
     fn nothing_hidden_is_seldom_significant() {
         let false_alarms = (0..200)
             .filter(|seed| {
-                panel(60, 0.0, *seed).try_all(&[1.0, 1.0], *seed).iter().any(|t| t.p_value < 0.05)
+                gram(60, 0.0, *seed).try_all(&[1.0, 1.0], *seed).iter().any(|t| t.p_value < 0.05)
             })
             .count();
         assert!((1..=24).contains(&false_alarms), "{false_alarms} of 200 at 5 %");
@@ -478,15 +478,15 @@ mod tests {
 
     #[test]
     fn a_copy_of_a_column_is_confusable_and_another_is_not() {
-        let mut panel = panel(40, 0.5, 3);
-        assert!(panel.confusion(0, 1).0 < 0.1);
-        for block in panel.blocks.iter_mut().map(|b| &mut b.products).chain([&mut panel.total]) {
+        let mut gram = gram(40, 0.5, 3);
+        assert!(gram.confusion(0, 1).0 < 0.1);
+        for block in gram.blocks.iter_mut().map(|b| &mut b.products).chain([&mut gram.total]) {
             let column = block.column(1).into_owned();
             block.set_column(2, &column);
             let row = block.row(1).into_owned();
             block.set_row(2, &row);
             block[(2, 2)] = block[(1, 1)];
         }
-        assert!(panel.confusion(0, 1).0 > 0.999);
+        assert!(gram.confusion(0, 1).0 > 0.999);
     }
 }

@@ -9,7 +9,7 @@
 
 use crate::dual::Dual;
 use crate::fit::Track;
-use crate::fit::rest::settle;
+use crate::fit::initial_state::initial_state;
 use crate::fit::simulate::{Resolution, simulate};
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Real, TermKind};
@@ -30,7 +30,7 @@ const LEVELS: [Id; 9] = [
 
 /// A model and what it does on each track.
 #[derive(Clone, Debug)]
-pub struct Tangent {
+pub struct Sensitivities {
     /// The free parameters, a column each.
     pub free: Vec<ParameterId>,
     /// The model.
@@ -38,12 +38,12 @@ pub struct Tangent {
     /// How finely it was stepped.
     pub resolution: Resolution,
     /// The tracks, in order.
-    pub tracks: Vec<TrackTangent>,
+    pub tracks: Vec<TrackSensitivities>,
 }
 
 /// A model along one track, at the full rate.
 #[derive(Clone, Debug)]
-pub struct TrackTangent {
+pub struct TrackSensitivities {
     /// Simulated torque, Nm.
     pub torque: Vec<f64>,
     /// Measured minus simulated, Nm.
@@ -66,12 +66,12 @@ pub struct TrackTangent {
 }
 
 /// Follows a model along tracks.
-pub fn tangent(
+pub fn sensitivities(
     parameters: &Parameters<f64>,
     free: &[ParameterId],
     tracks: &[Track],
     resolution: Resolution,
-) -> Tangent {
+) -> Sensitivities {
     let mut parameters = parameters.clone();
     // As in the fit: the declared speed limits the step, and all that was measured is to be seen.
     parameters.envelope.velocity_max_rad_s = f32::MAX;
@@ -86,7 +86,7 @@ pub fn tangent(
         _ => along::<40>(&parameters, free, &columns, track, resolution),
     };
     let tracks = tracks.par_iter().map(follow).collect();
-    Tangent { free: free.to_vec(), parameters, resolution, tracks }
+    Sensitivities { free: free.to_vec(), parameters, resolution, tracks }
 }
 
 fn along<const N: usize>(
@@ -95,7 +95,7 @@ fn along<const N: usize>(
     columns: &[ParameterId],
     track: &Track,
     resolution: Resolution,
-) -> TrackTangent {
+) -> TrackSensitivities {
     let mut dual = parameters.convert::<Dual<N>>();
     for (index, id) in columns.iter().enumerate() {
         dual.set(*id, Dual::parameter(parameters.get(*id), index));
@@ -110,10 +110,10 @@ fn along<const N: usize>(
         LEVELS.iter().filter_map(|id| Some((column(*id)?, parameters.get(*id)))).collect();
     let viscous = column(Id::ViscousFriction);
     let coefficient = parameters.get(Id::ViscousFriction);
-    let rest = settle(parameters, track, resolution);
-    let held = rest.as_ref().map(|rest| rest.held);
+    let start = initial_state(parameters, track, resolution);
+    let held = start.as_ref().map(|start| start.held);
     let rows = track.len();
-    let mut out = TrackTangent {
+    let mut out = TrackSensitivities {
         torque: Vec::with_capacity(rows),
         residual: Vec::with_capacity(rows),
         bristle: Vec::with_capacity(rows),
@@ -122,7 +122,7 @@ fn along<const N: usize>(
         level: Vec::with_capacity(rows),
         viscous: Vec::with_capacity(rows),
         held,
-        memory: rest.map(|rest| rest.memory).unwrap_or_default(),
+        memory: start.map(|start| start.memory).unwrap_or_default(),
     };
     let level_now = parameters.get(Id::CoulombTorque).abs().max(f64::MIN_POSITIVE);
     let bristles = parameters.law.has_bristles();
@@ -130,7 +130,7 @@ fn along<const N: usize>(
     simulate(&dual, track, start, resolution, |row, torque: Dual<N>, bristle: Dual<N>| {
         let gradient = &torque.gradient;
         out.torque.push(torque.value);
-        let judged = f64::from(u8::from(track.is_judged(row)));
+        let judged = f64::from(u8::from(track.is_included(row)));
         out.residual.push(judged * (track.torque[row] - torque.value));
         out.bristle.push(if bristles { bristle.value / level_now } else { 0.0 });
         for (column, g) in out.jacobian.iter_mut().zip(gradient) {
@@ -158,8 +158,13 @@ pub struct Exact {
 }
 
 /// The column of an effect along one track, Nm per unit of its parameter.
-pub fn exact(tangent: &Tangent, track: &Track, at: &TrackTangent, effect: &Exact) -> Vec<f64> {
-    let mut parameters = tangent.parameters.clone();
+pub fn exact(
+    model: &Sensitivities,
+    track: &Track,
+    at: &TrackSensitivities,
+    effect: &Exact,
+) -> Vec<f64> {
+    let mut parameters = model.parameters.clone();
     if !parameters.add_term(effect.kind) {
         return vec![0.0; track.len()];
     }
@@ -172,12 +177,12 @@ pub fn exact(tangent: &Tangent, track: &Track, at: &TrackTangent, effect: &Exact
             let mut dual = parameters.convert::<Dual<1>>();
             dual.set(id, Dual::parameter(parameters.get(id), 0));
             let held = at.held.map(Dual::from_f64);
-            simulate(&dual, track, held, tangent.resolution, |_, torque, _| {
+            simulate(&dual, track, held, model.resolution, |_, torque, _| {
                 column.push(torque.gradient[0]);
                 true
             });
         }
-        None => simulate(&parameters, track, at.held, tangent.resolution, |row, torque, _| {
+        None => simulate(&parameters, track, at.held, model.resolution, |row, torque, _| {
             column.push(torque - at.torque[row]);
             true
         }),

@@ -6,8 +6,11 @@
 //! them is that they follow the torque from sample to sample, which pressure or temperature cannot.
 
 use crate::data::{Dataset, Run, Split};
+use crate::fit::scales::Scales;
 use crate::fit::{Rows, Track, track};
 use compensator_core::TermKind;
+use std::borrow::Cow;
+use std::sync::Arc;
 
 /// A column whose steps from sample to sample correlate with the torque's by more than this is
 /// taken for another reading of the torque.
@@ -31,13 +34,33 @@ const MOST_SEARCHED: usize = 150_000;
 /// Runs a search looks at at least.
 const FEWEST_RUNS: usize = 12;
 
-/// What is diagnosed.
+/// The column a cause that may follow any has followed, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Follows {
+    /// Name of the column.
+    pub column: String,
+    /// Whether it is one of the log's extra covariates.
+    pub extra: bool,
+    /// A share of the friction level; else a torque of its own.
+    pub level: bool,
+    /// A torque of its own, proportional to the column: a gain that is off.
+    pub proportional: bool,
+}
+
+impl Follows {
+    /// Whether it is a curve of any shape, which comes after named causes.
+    pub fn is_any_shape(&self) -> bool {
+        !self.proportional
+    }
+}
+
+/// What is diagnosed. A value: what is left out or followed makes another one.
 #[derive(Clone, Debug)]
-pub struct Log {
+pub struct TrainTest {
     /// Runs to fit on.
-    pub train: Dataset,
+    pub train: Arc<Dataset>,
     /// Runs no fit sees.
-    pub test: Dataset,
+    pub test: Arc<Dataset>,
     /// Tracks of `train`.
     pub train_tracks: Vec<Track>,
     /// Tracks of `test`.
@@ -50,94 +73,103 @@ pub struct Log {
     pub extras: Vec<usize>,
     /// Where the campaign's clock begins, s.
     pub campaign_start_s: f64,
-    /// Speed below which rows are not judged, if any.
-    pub slowest: Option<f64>,
-    /// One training run in this many is looked at.
-    pub stride: usize,
     /// What a careful reader should know, a sentence each.
     pub notes: Vec<String>,
 }
 
-impl Log {
+/// Rows at rest that do not count.
+#[derive(Clone, Debug)]
+pub struct AtRest {
+    /// Speed below which a joint rests, rad/s.
+    slowest: f64,
+    /// How many training rows that is.
+    rows: usize,
+}
+
+impl TrainTest {
     /// Cuts a data set as `split` says.
     pub fn new(data: &Dataset, split: &Split, decimate: usize, rigid_body: &[TermKind]) -> Self {
+        let (train, test) = (data.select(&split.train), data.select(&split.test));
+        let campaign_start_s = track::campaign_start(data);
+        let tracks = |data: &Dataset| track::tracks_since(data, None, campaign_start_s);
         let mut log = Self {
-            train: data.select(&split.train),
-            test: data.select(&split.test),
-            train_tracks: Vec::new(),
-            test_tracks: Vec::new(),
+            train_tracks: tracks(&train),
+            test_tracks: tracks(&test),
+            train: Arc::new(train),
+            test: Arc::new(test),
             decimate: decimate.max(1),
             rigid_body: rigid_body.to_vec(),
             extras: Vec::new(),
-            campaign_start_s: track::campaign_start(data),
-            slowest: None,
-            stride: 1,
+            campaign_start_s,
             notes: Vec::new(),
         };
-        log.follow(None);
-        log.choose_extras();
+        (log.extras, log.notes) = log.choose_extras();
         log
     }
 
-    /// Makes the tracks anew, with this covariate as the auxiliary column.
-    pub fn follow(&mut self, auxiliary: Option<&str>) {
-        let tracks = |data: &Dataset| track::tracks_since(data, auxiliary, self.campaign_start_s);
-        (self.train_tracks, self.test_tracks) = (tracks(&self.train), tracks(&self.test));
-        let stride = self.stride;
-        self.train_tracks.retain(|track| track.run.is_multiple_of(stride));
-        self.mark_rest();
+    /// The log as a model sees it: with the covariate that one of its terms follows, if it follows one, as
+    /// the auxiliary column.
+    pub fn following(&self, follows: Option<&Follows>) -> Cow<'_, Self> {
+        let Some(follows) = follows.filter(|follows| follows.extra) else {
+            return Cow::Borrowed(self);
+        };
+        let index = self.train.covariates.iter().position(|name| *name == follows.column);
+        let tracks = |tracks: &[Track]| tracks.iter().map(|track| track.following(index)).collect();
+        Cow::Owned(Self {
+            train: Arc::clone(&self.train),
+            test: Arc::clone(&self.test),
+            train_tracks: tracks(&self.train_tracks),
+            test_tracks: tracks(&self.test_tracks),
+            rigid_body: self.rigid_body.clone(),
+            extras: self.extras.clone(),
+            notes: self.notes.clone(),
+            ..*self
+        })
     }
 
-    /// Leaves the rows at rest out of all judgement, where a law without bristles does much worse there
-    /// than in motion: at rest the joint holds whatever it was left with, and such a law knows nothing
-    /// of it. `squares` gives the law's squared error on the judged training rows and their number.
-    /// Returns whether it did.
-    pub fn leave_out_rest(&mut self, squares: impl Fn(&Log) -> (f64, usize)) -> bool {
-        let speed = crate::fit::start::Scales::of(&self.train_tracks).speed;
-        self.slowest = Some(REST * speed);
-        self.mark_rest();
-        let (moving, count) = squares(self);
-        self.slowest = None;
-        self.mark_rest();
+    /// Rows at rest, where a law without bristles does much worse there than in motion: at rest the joint
+    /// holds whatever it was left with, and such a law knows nothing of it. `squares` gives the law's
+    /// squared error on the training rows that count and their number.
+    pub fn worse_at_rest(&self, squares: impl Fn(&Self) -> (f64, usize)) -> Option<AtRest> {
+        let slowest = REST * Scales::of(&self.train_tracks).speed;
+        let (moving, count) = squares(&self.clone().excluding(slowest));
         let (all, rows) = squares(self);
         let at_rest = (all - moving) / rows.saturating_sub(count).max(1) as f64;
-        if rows == count || at_rest < WORSE_AT_REST * moving / count.max(1) as f64 {
-            return false;
-        }
-        self.slowest = Some(REST * speed);
-        self.mark_rest();
-        self.notes.push(format!(
+        let as_good = rows == count || at_rest < WORSE_AT_REST * moving / count.max(1) as f64;
+        (!as_good).then(|| AtRest { slowest, rows: rows - count })
+    }
+
+    /// Leaves rows at rest out of all judgement, and says so.
+    #[must_use]
+    pub fn without(self, at_rest: &AtRest) -> Self {
+        let mut log = self.excluding(at_rest.slowest);
+        log.notes.push(format!(
             "{} rows at rest are not judged: a law without bristles says nothing of what a joint at rest holds",
-            rows - count
+            at_rest.rows
         ));
-        true
+        log
     }
 
-    fn mark_rest(&mut self) {
-        let slowest = self.slowest;
+    fn excluding(mut self, slowest: f64) -> Self {
         for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
-            track.unjudged = slowest.map_or(Vec::new(), |slowest| {
-                track.samples.iter().map(|s| s.velocity_rad_s.abs() < slowest).collect()
-            });
+            track.excluded =
+                track.samples.iter().map(|s| s.velocity_rad_s.abs() < slowest).collect();
         }
+        self
     }
 
-    /// Keeps only so many training runs, evenly spread, that a search through all causes stays short; what
-    /// is found is fitted on all of them ([`Log::take_all`]).
-    pub fn take_some(&mut self) {
+    /// Only so many training runs, evenly spread, that a search through all causes stays short; what is
+    /// found is fitted on all of them.
+    pub fn thinned(&self) -> Cow<'_, Self> {
         let rows: usize = self.train_tracks.iter().map(Track::len).sum();
         let most = self.train.runs.len() / FEWEST_RUNS;
-        self.stride = rows.div_ceil(MOST_SEARCHED).min(most).max(1);
-        if self.stride > 1 {
-            self.follow(None);
+        let stride = rows.div_ceil(MOST_SEARCHED).min(most).max(1);
+        if stride == 1 {
+            return Cow::Borrowed(self);
         }
-    }
-
-    /// All training runs again.
-    pub fn take_all(&mut self, auxiliary: Option<&str>) {
-        if std::mem::replace(&mut self.stride, 1) > 1 {
-            self.follow(auxiliary);
-        }
+        let mut log = self.clone();
+        log.train_tracks.retain(|track| track.run.is_multiple_of(stride));
+        Cow::Owned(log)
     }
 
     /// Rows to fit on.
@@ -181,11 +213,12 @@ impl Log {
         (ends.fold(f64::NEG_INFINITY, f64::max) - self.campaign_start_s).max(1e-9)
     }
 
-    fn choose_extras(&mut self) {
+    /// The covariates that may be blamed, and why others may not.
+    fn choose_extras(&self) -> (Vec<usize>, Vec<String>) {
         const KNOWN: [&str; 4] =
             ["radial_force_n", "pressure_diff_pa", "temperature_c", "load_torque_nm"];
         let runs = &self.train.runs;
-        let mut notes = Vec::new();
+        let (mut extras, mut notes) = (Vec::new(), Vec::new());
         for (index, name) in self.train.covariates.iter().enumerate() {
             let of = |run: &Run| run.extra[index].clone();
             let torque = |run: &Run| run.torque.clone();
@@ -210,14 +243,14 @@ impl Log {
                         > SAME_COLUMN
                 };
                 let own = [self.velocity_name(), self.position_name()];
-                if let Some(twin) = KNOWN.into_iter().chain(own).find(|other| copy(other)) {
-                    notes.push(format!("{name} is {twin} under another name and is left out"));
+                if let Some(known) = KNOWN.into_iter().chain(own).find(|other| copy(other)) {
+                    notes.push(format!("{name} is {known} under another name and is left out"));
                     continue;
                 }
-                self.extras.push(index);
+                extras.push(index);
             }
         }
-        self.notes.extend(notes);
+        (extras, notes)
     }
 }
 

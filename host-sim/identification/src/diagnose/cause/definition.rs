@@ -1,0 +1,136 @@
+//! What a cause is: its name, what it means, what is to be done, how it is found and what is told of it then.
+
+use crate::diagnose::candidate::{Beside, Candidate};
+use crate::diagnose::evidence::Evidence;
+use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
+use crate::diagnose::train_test::TrainTest;
+use compensator_core::{ParameterId, TermKind};
+use std::fmt;
+
+/// The friction levels of a law, in both directions.
+pub const LEVELS: &[ParameterId] = &[
+    ParameterId::CoulombTorque,
+    ParameterId::StaticTorque,
+    ParameterId::CoulombTorqueNegative,
+    ParameterId::StaticTorqueNegative,
+];
+
+/// What is to be done about a cause.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Remedy {
+    /// The driver's model takes this term: it is friction.
+    Term(TermKind),
+    /// A column of the log is to be corrected: it is the sensor or the logger. A term may stand in for the
+    /// correction until that is done.
+    CorrectColumn(Option<TermKind>),
+    /// The rigid body is to be known better: the term is a part of it, not friction.
+    RigidBody(TermKind),
+}
+
+impl Remedy {
+    /// The term that takes the cause into the model, if there is one.
+    pub fn term(self) -> Option<TermKind> {
+        match self {
+            Self::Term(term) | Self::RigidBody(term) => Some(term),
+            Self::CorrectColumn(term) => term,
+        }
+    }
+}
+
+/// One thing a residual can be blamed on.
+pub trait Cause: Sync {
+    /// The name used in files and findings.
+    fn name(&self) -> &'static str;
+
+    /// What it means, as the beginning of a sentence.
+    fn meaning(&self) -> &'static str;
+
+    /// What it does to a model, for a list of models.
+    fn effect(&self) -> &'static str;
+
+    /// What is to be done about it.
+    fn remedy(&self) -> Remedy;
+
+    /// The parameters of a law it acts through.
+    fn acts_on(&self) -> &'static [ParameterId] {
+        &[]
+    }
+
+    /// The covariate this cause is the first to be thought of for.
+    fn covariate(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Whether it has a name for what happens; one that has not comes when no other explains it.
+    fn is_named(&self) -> bool {
+        true
+    }
+
+    /// Whether it enters the model so nonlinearly that its column at size 0 may say too little.
+    fn is_nonlinear(&self) -> bool {
+        false
+    }
+
+    /// Whether it is worth a fit even where it did not pass, if structure is left.
+    fn is_underrated(&self) -> bool {
+        self.is_nonlinear()
+    }
+
+    /// The cause that is named instead where a log of sliding cannot tell the two apart.
+    fn yields_to(&self) -> Option<&'static dyn Cause> {
+        None
+    }
+
+    /// The ways it may explain what a fitted model leaves over; none where its columns are not in the log.
+    fn candidates(&self, _beside: &Beside) -> Vec<Candidate> {
+        Vec::new()
+    }
+
+    /// What is seen of it, where the log shows it without a model.
+    fn in_log(&self, _log: &TrainTest) -> Option<Observation> {
+        None
+    }
+
+    /// What is seen of it, where structure is left that no candidate explains.
+    fn in_rest(&self, _rest: &Unexplained) -> Option<Observation> {
+        None
+    }
+
+    /// How large it is in the extended model: the first parameter of its term, unless it knows better.
+    fn size(&self, extended: &Extended) -> Size {
+        let first = self.remedy().term().and_then(|term| term.parameters().first());
+        first.map_or_else(Size::default, |id| extended.size(*id))
+    }
+
+    /// Of a periodic cause, its order with a standard error.
+    fn order(&self, _extended: &Extended) -> Option<(f64, f64)> {
+        None
+    }
+
+    /// Meaning and size in a sentence.
+    fn in_words(&self, size: &Size, _extended: &Extended) -> String {
+        format!("{}: {}", self.meaning(), size.in_words())
+    }
+
+    /// Where it shows.
+    fn evidence(&self, _columns: &[String], _extended: &Extended) -> Option<Evidence> {
+        None
+    }
+
+    /// What to measure next where it was found, following these columns; nothing, where the model decides.
+    fn next_experiment(&self, _columns: &[String]) -> Option<String> {
+        None
+    }
+}
+
+impl PartialEq for dyn Cause {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name()
+    }
+}
+
+impl fmt::Debug for dyn Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}

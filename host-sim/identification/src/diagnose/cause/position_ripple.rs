@@ -1,0 +1,118 @@
+//! Friction follows the position: an eccentric seal, a gear mesh, a scratch. Its order is found blind.
+
+use super::definition::{Cause, LEVELS, Remedy};
+use crate::data::Joint;
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::extended::{Extended, Size};
+use crate::diagnose::order::{MOST_PRISMATIC, MOST_REVOLUTE, Point, peaks};
+use crate::number::{figure, significant};
+use crate::params::unit;
+use compensator_core::{ParameterId as Id, TermKind};
+
+/// Orders that are tried.
+const ORDERS: usize = 3;
+
+/// See the module.
+pub struct PositionRipple;
+
+impl Cause for PositionRipple {
+    fn name(&self) -> &'static str {
+        "position-ripple"
+    }
+
+    fn meaning(&self) -> &'static str {
+        "friction follows the shaft angle"
+    }
+
+    fn effect(&self) -> &'static str {
+        "levels follow the position, n periods per unit."
+    }
+
+    fn remedy(&self) -> Remedy {
+        Remedy::Term(TermKind::PositionRipple)
+    }
+
+    fn acts_on(&self) -> &'static [Id] {
+        LEVELS
+    }
+
+    /// An order a little off is a wave that runs out of step, and underrated.
+    fn is_underrated(&self) -> bool {
+        true
+    }
+
+    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
+        let log = beside.log;
+        let name = log.position_name();
+        if !log.varies(name) {
+            return Vec::new();
+        }
+        let points: Vec<Point> = log
+            .train_tracks
+            .iter()
+            .zip(&beside.at.tracks)
+            .flat_map(|(track, at)| {
+                track.samples.iter().zip(&at.level).zip(&at.residual).map(
+                    |((s, level), residual)| Point {
+                        position: s.position_rad,
+                        weighed: level * residual,
+                    },
+                )
+            })
+            .collect();
+        let is_revolute = log.train.joint == Joint::Revolute;
+        let most = if is_revolute { MOST_REVOLUTE } else { MOST_PRISMATIC };
+        let candidate = |peak: &crate::diagnose::order::Peak| {
+            let n = peak.order;
+            let by = vec![
+                row(move |r| r.level * (n * r.sample.position_rad).sin()),
+                row(move |r| r.level * (n * r.sample.position_rad).cos()),
+            ];
+            Candidate::new(TermKind::PositionRipple, &[name], by)
+                .starting_at(&[
+                    (Id::RippleOrder, InitialGuess::At(n)),
+                    (Id::RippleSine, InitialGuess::Times(0, 1.0)),
+                    (Id::RippleCosine, InitialGuess::Times(1, 1.0)),
+                ])
+                .of_order(n, peak.independent)
+        };
+        peaks(&points, most, ORDERS).iter().map(candidate).collect()
+    }
+
+    fn size(&self, extended: &Extended) -> Size {
+        extended.amplitude(Id::RippleSine, Id::RippleCosine)
+    }
+
+    fn order(&self, extended: &Extended) -> Option<(f64, f64)> {
+        Some((extended.value(Id::RippleOrder), extended.error(Id::RippleOrder)))
+    }
+
+    fn in_words(&self, size: &Size, extended: &Extended) -> String {
+        let (order, error) = (extended.value(Id::RippleOrder), extended.error(Id::RippleOrder));
+        format!(
+            "{}: {}, of order {} ± {} {}",
+            self.meaning(),
+            size.in_words(),
+            figure(order),
+            figure(2.0 * error),
+            unit(Id::RippleOrder.info(), extended.joint())
+        )
+    }
+
+    fn evidence(&self, _: &[String], extended: &Extended) -> Option<Evidence> {
+        let order = extended.value(Id::RippleOrder);
+        Plane::new(
+            "The position, folded by the order",
+            Over::Folded(order),
+            Seen::Along,
+            format!(
+                "The position times {} per {}, all waves laid over each other. A ripple of that order is one \
+                 wave here, and anything of another order averages out.",
+                significant(order, 4),
+                extended.joint().position_unit()
+            ),
+        )
+        .into()
+    }
+}

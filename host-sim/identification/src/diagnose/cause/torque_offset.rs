@@ -1,0 +1,49 @@
+//! The torque sensor's zero is off: a constant.
+
+use super::definition::{Cause, Remedy};
+use super::direction_asymmetry::DirectionAsymmetry;
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Seen};
+use crate::diagnose::extended::Extended;
+use compensator_core::{ParameterId as Id, TermKind};
+
+/// See the module.
+pub struct TorqueOffset;
+
+impl Cause for TorqueOffset {
+    fn name(&self) -> &'static str {
+        "torque-offset"
+    }
+
+    fn meaning(&self) -> &'static str {
+        "the torque reading has a zero error; this is calibration, not friction"
+    }
+
+    fn effect(&self) -> &'static str {
+        "a constant."
+    }
+
+    fn remedy(&self) -> Remedy {
+        Remedy::CorrectColumn(Some(TermKind::TorqueOffset))
+    }
+
+    /// In pure sliding a zero error and a difference between the directions are one and the same; the one
+    /// that is friction is named.
+    fn yields_to(&self) -> Option<&'static dyn Cause> {
+        Some(&DirectionAsymmetry)
+    }
+
+    fn candidates(&self, _: &Beside) -> Vec<Candidate> {
+        vec![
+            Candidate::new(TermKind::TorqueOffset, &[], vec![row(|_| 1.0)])
+                .starting_at(&[(Id::TorqueOffset, InitialGuess::Times(0, 1.0))]),
+        ]
+    }
+
+    fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
+        Some(Evidence::ByDirection {
+            seen: Seen::Plain,
+            says: "A zero error of the reading lifts both directions alike, at every speed.".into(),
+        })
+    }
+}

@@ -1,0 +1,347 @@
+//! What no named cause explains: a curve of any shape over any column, or structure without a column.
+//!
+//! The curve is a broken line, once as a torque of its own (a sensor's error, a load) and once as a share of
+//! the friction level. A straight line over a covariate, as of a sensor's gain that is off, is weighed
+//! as such too. Curves of any shape come after the named causes and with a handicap: six knots can be bent
+//! into most things. Structure that follows no column at all is told, and no term is offered.
+
+use super::definition::{Cause, Remedy};
+use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Row, row};
+use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
+use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
+use crate::diagnose::train_test::Follows;
+use crate::diagnose::train_test::TrainTest;
+use crate::fit::State;
+use crate::fit::predict::Predicted;
+use crate::number::figure;
+use compensator_core::term::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES};
+use compensator_core::{ParameterId as Id, TermKind};
+use rand::{RngExt, SeedableRng};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+/// A curve that may have any shape has to explain this much more than a named cause.
+const ANY_SHAPE_WEIGHT: f64 = 0.8;
+
+/// A gain error of a covariate is as simple as a cause, but no cause of friction.
+const GAIN_ERROR_WEIGHT: f64 = 0.9;
+
+/// Resampled logs the size of unexplained structure is counted over.
+const RESAMPLES: usize = 400;
+
+/// See the module.
+pub struct Unknown;
+
+impl Cause for Unknown {
+    fn name(&self) -> &'static str {
+        "unknown"
+    }
+
+    fn meaning(&self) -> &'static str {
+        "no named cause explains what is left"
+    }
+
+    fn effect(&self) -> &'static str {
+        "a torque and a change of the levels drawn over one column."
+    }
+
+    fn remedy(&self) -> Remedy {
+        Remedy::Term(TermKind::LookupTable)
+    }
+
+    fn is_named(&self) -> bool {
+        false
+    }
+
+    fn next_experiment(&self, columns: &[String]) -> Option<String> {
+        Some(if columns.is_empty() {
+            "Log more of what may act (temperature, side load, pressure, position) and repeat the run that is worst."
+                .into()
+        } else {
+            format!("Vary {} in steps with everything else held constant.", columns.join(" and "))
+        })
+    }
+
+    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
+        // With an offset in the model, the curve's constant would be a second one.
+        let offset = beside.has(TermKind::TorqueOffset);
+        let mut all = Vec::new();
+        for followed in columns(beside.log) {
+            // A sensor's gain error is a straight line over a covariate, and so simple that it is weighed as
+            // such too. (Over velocity it would be viscous friction; over angle or time it means nothing.)
+            let is_covariate = followed.number > 2.5;
+            let ways = [(false, false), (true, false), (false, true)];
+            for (level, proportional) in ways.into_iter().filter(|(_, line)| !line || is_covariate)
+            {
+                let way = Way { level, proportional, pins: level || offset };
+                all.extend(curve(beside.log, &followed, way));
+            }
+        }
+        all
+    }
+
+    fn in_rest(&self, rest: &Unexplained) -> Option<Observation> {
+        Some(unexplained(rest))
+    }
+
+    /// From the lowest to the highest knot.
+    fn size(&self, extended: &Extended) -> Size {
+        let knots = knots(extended.follows_level());
+        let value = |id: &Id| extended.value(*id);
+        let error = |id: &Id| extended.error(*id);
+        // A knot the log hardly visits may stand anywhere: it does not count. One that was pinned at 0 does.
+        let sure = |id: &&Id| {
+            extended.estimate(**id).is_some_and(|e| match e.std_error {
+                Some(_) => {
+                    e.state == State::Determined
+                        || e.value.abs() > 3.0 * error(id) && e.state != State::AtBound
+                }
+                None => e.value == 0.0,
+            })
+        };
+        let by = |a: &&Id, b: &&Id| value(a).total_cmp(&value(b));
+        let low = knots.iter().filter(sure).min_by(by).unwrap_or(&knots[0]);
+        let high = knots.iter().filter(sure).max_by(by).unwrap_or(&knots[0]);
+        let spread = error(low).hypot(error(high));
+        Size::new(value(high) - value(low), spread, extended.unit(knots[0]))
+    }
+
+    fn in_words(&self, size: &Size, extended: &Extended) -> String {
+        let Some(follows) = extended.follows else {
+            return format!("{}: {}", self.meaning(), size.in_words());
+        };
+        let (column, shape) = (&follows.column, shape(extended, follows.level));
+        let size = size.in_words();
+        if follows.level {
+            format!(
+                "friction follows {column}, {shape}, in a way no named cause describes: its level spans {size}"
+            )
+        } else {
+            format!(
+                "a torque follows {column}, {shape}, whichever way the joint moves: calibration or load, not friction; it spans {size}"
+            )
+        }
+    }
+
+    fn evidence(&self, columns: &[String], extended: &Extended) -> Option<Evidence> {
+        let name = columns.first()?;
+        // As the curve in the model is, whichever of its two it was fitted as.
+        let level = LOOKUP_LEVELS.iter().any(|id| extended.value(*id) != 0.0);
+        let is_velocity = name == extended.log.velocity_name();
+        Plane::new(
+            format!("What follows {name}"),
+            Over::Column(name.clone()),
+            if level { Seen::Along } else { Seen::Plain },
+            "No named cause has this shape; the extension is a curve drawn through it.",
+        )
+        .spaced(if is_velocity { Spacing::NarrowAtZero } else { Spacing::Even })
+        .into()
+    }
+}
+
+fn knots(level: bool) -> [Id; KNOTS] {
+    if level { LOOKUP_LEVELS } else { LOOKUP_TORQUES }
+}
+
+/// Reads a column in the core's unit.
+type Read = fn(&Row) -> f64;
+
+/// A column the curve may follow: its name, its number in the core, its unit's factor, how it is read.
+struct Followed {
+    name: String,
+    number: f64,
+    /// What a value in the core's unit is multiplied by for the file's unit.
+    factor: f64,
+    read: Read,
+    covariate: Option<usize>,
+}
+
+fn columns(log: &TrainTest) -> Vec<Followed> {
+    let contract: [(&str, f64, f64, Read); 7] = [
+        (log.velocity_name(), 0.0, 1.0, |r| r.sample.velocity_rad_s),
+        (log.position_name(), 1.0, 1.0, |r| r.sample.position_rad),
+        ("time_s", 2.0, 3600.0, |r| r.sample.campaign_time_h),
+        ("radial_force_n", 3.0, 1.0, |r| r.sample.radial_force_n),
+        ("pressure_diff_pa", 4.0, 1e6, |r| r.sample.pressure_diff_mpa),
+        ("temperature_c", 5.0, 1.0, |r| r.sample.temperature_c),
+        ("load_torque_nm", 6.0, 1.0, |r| r.sample.load_torque_nm),
+    ];
+    let varying = contract.into_iter().filter(|(name, ..)| log.varies(name));
+    let mut columns: Vec<Followed> = varying
+        .map(|(name, number, factor, read)| Followed {
+            name: name.to_owned(),
+            number,
+            factor,
+            read,
+            covariate: None,
+        })
+        .collect();
+    columns.extend(log.extras.iter().map(|index| Followed {
+        name: log.train.covariates[*index].clone(),
+        number: 7.0,
+        factor: 1.0,
+        read: |r| r.extra,
+        covariate: Some(*index),
+    }));
+    columns
+}
+
+/// How the curve follows a column.
+#[derive(Clone, Copy)]
+struct Way {
+    /// As a share of the friction level; else as a torque of its own.
+    level: bool,
+    /// As a straight line.
+    proportional: bool,
+    /// The knot nearest the median stays at 0: the constant is the base's.
+    pins: bool,
+}
+
+/// A curve over one column.
+fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
+    let Way { level, proportional, pins } = way;
+    let mut values: Vec<f64> = log
+        .train_tracks
+        .iter()
+        .flat_map(|track| {
+            track.samples.iter().enumerate().step_by(7).map(|(row, sample)| {
+                let extra = followed.covariate.map_or(0.0, |index| track.covariates[index][row]);
+                let row = Row { sample, added: 0.0, level: 0.0, viscous: 0.0, slope: 0.0, extra };
+                (followed.read)(&row)
+            })
+        })
+        .collect();
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| values.get(((values.len() - 1) as f64 * share) as usize).copied();
+    let (least, median, most) = (at(0.0)?, at(0.5)?, at(1.0)?);
+    if most <= least {
+        return None;
+    }
+    let width = (most - least) / (KNOTS - 1) as f64;
+    let pinned = (((median - least) / width).round() as usize).min(KNOTS - 1);
+    let (own, others) = (knots(level), knots(!level));
+    let read = followed.read;
+    let mut guesses = vec![
+        (Id::LookupColumn, InitialGuess::At(followed.number)),
+        (Id::LookupLower, InitialGuess::At(least * followed.factor)),
+        (Id::LookupUpper, InitialGuess::At(most * followed.factor)),
+    ];
+    if pins {
+        guesses.push((own[pinned], InitialGuess::At(0.0)));
+    }
+    let mut regressors = Vec::new();
+    for (knot, id) in own.iter().enumerate().filter(|(knot, _)| !pins || *knot != pinned) {
+        let centre = least + knot as f64 * width;
+        if proportional {
+            let from = if pins { least + pinned as f64 * width } else { 0.0 };
+            guesses.push((*id, InitialGuess::Times(0, centre - from)));
+            continue;
+        }
+        guesses.push((*id, InitialGuess::Times(regressors.len(), 1.0)));
+        regressors.push(row(move |r| {
+            let hat = (1.0 - ((read(r) - centre) / width).abs()).max(0.0);
+            if level { hat * r.level } else { hat }
+        }));
+    }
+    if proportional {
+        regressors.push(row(read));
+    }
+    let mut fixed = vec![Id::LookupColumn, Id::LookupLower, Id::LookupUpper];
+    fixed.extend(pins.then_some(own[pinned]));
+    fixed.extend(others);
+    guesses.extend(others.map(|id| (id, InitialGuess::At(0.0))));
+    let follows = Follows {
+        column: followed.name.clone(),
+        extra: followed.covariate.is_some(),
+        level,
+        proportional,
+    };
+    let weight = if proportional { GAIN_ERROR_WEIGHT } else { ANY_SHAPE_WEIGHT };
+    let name = followed.name.as_str();
+    Some(
+        Candidate::new(TermKind::LookupTable, &[name], regressors)
+            .starting_at(&guesses)
+            .keeping(&fixed)
+            .following(follows, followed.covariate)
+            .weighing(weight),
+    )
+}
+
+/// The shape of the curve in words.
+fn shape(extended: &Extended, level: bool) -> &'static str {
+    let values = knots(level).map(|id| extended.value(id));
+    let steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let span = values.iter().fold(f64::MIN, |a, b| a.max(*b))
+        - values.iter().fold(f64::MAX, |a, b| a.min(*b));
+    let small = 0.05 * span;
+    if steps.iter().all(|step| *step > -small) {
+        "rising"
+    } else if steps.iter().all(|step| *step < small) {
+        "falling"
+    } else {
+        let peak = values.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |p| p.0);
+        let dip = values.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |p| p.0);
+        match (peak, dip) {
+            (1..=4, 0 | 5) => "with a hump",
+            (0 | 5, 1..=4) => "with a dip",
+            _ => "up and down",
+        }
+    }
+}
+
+/// Structure that follows no column: how far the error is beyond the noise, its interval by resampled tracks.
+fn unexplained(rest: &Unexplained) -> Observation {
+    let Unexplained { after, noise_floor, .. } = *rest;
+    let rmse = after.metrics.rmse;
+    let beyond = |rmse: f64| (rmse * rmse - noise_floor * noise_floor).max(0.0).sqrt();
+    let per_track: Vec<(f64, f64)> = after
+        .residuals
+        .iter()
+        .map(|track| (track.iter().map(|r| r * r).sum(), track.len() as f64))
+        .collect();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(rest.seed);
+    let mut drawn: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            let (mut sum, mut rows) = (0.0, 0.0);
+            for _ in 0..per_track.len() {
+                let (own, count) = per_track[random.random_range(0..per_track.len())];
+                sum += own;
+                rows += count;
+            }
+            beyond((sum / f64::max(rows, 1.0)).sqrt())
+        })
+        .collect();
+    drawn.sort_by(f64::total_cmp);
+    let least = beyond(rest.times_floor * noise_floor);
+    let stability = drawn.iter().filter(|size| **size > least).count() as f64 / drawn.len() as f64;
+    let unit = rest.log.train.joint.torque_unit();
+    let size = Size {
+        value: beyond(rmse),
+        unit: unit.to_owned(),
+        ci95: [drawn[drawn.len() / 40], drawn[drawn.len() - 1 - drawn.len() / 40]],
+    };
+    Observation {
+        columns: Vec::new(),
+        in_words: format!(
+            "something smooth is left, {} {unit} RMS beyond the noise of {} {unit}, that follows none of the log's columns",
+            figure(size.value),
+            figure(noise_floor)
+        ),
+        size,
+        p_value: like_noise(after),
+        stability,
+        share_of_residual: (1.0 - (noise_floor / rmse).powi(2)).clamp(0.0, 1.0),
+        evidence: None,
+    }
+}
+
+/// Probability that white noise hangs together as this residual does from one row to the next.
+fn like_noise(after: &Predicted) -> f64 {
+    let (mut products, mut squares, mut rows) = (0.0, 0.0, 0.0);
+    for track in &after.residuals {
+        products += track.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
+        squares += track.iter().map(|r| r * r).sum::<f64>();
+        rows += track.len() as f64;
+    }
+    let surprise = products / f64::max(squares, f64::MIN_POSITIVE) * f64::sqrt(rows);
+    Normal::standard().sf(surprise)
+}

@@ -1,0 +1,65 @@
+//! A cause on its way through the search, until it is a finding.
+
+use super::cause::definition::Cause;
+use super::extended::Extended;
+use super::finding::{Finding, Rival};
+use super::gram_blocks::CandidateFit;
+use super::train_test::Follows;
+use super::train_test::TrainTest;
+use crate::fit::Outcome;
+use compensator_core::TermKind;
+
+/// A cause that has been found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The cause.
+    pub cause: &'static dyn Cause,
+    /// The term that takes it into the model.
+    pub term: TermKind,
+    /// Columns it needs.
+    pub columns: Vec<String>,
+    /// What it follows, for a cause that may follow any column.
+    pub follows: Option<Follows>,
+    /// What the last review said.
+    pub fit: CandidateFit,
+    /// Share of the residual it explains that nothing else does.
+    pub share: f64,
+    /// Other causes that would explain the same.
+    pub rivals: Vec<Rival>,
+}
+
+impl Found {
+    /// The finding, as the joint fit has it.
+    pub fn finding(&self, outcome: &Outcome, log: &TrainTest) -> Finding {
+        let extended = Extended { outcome, log, follows: self.follows.as_ref() };
+        let cause = self.cause;
+        let size = cause.size(&extended);
+        let mut in_words = cause.in_words(&size, &extended);
+        let rival = |rival: &Rival| {
+            let columns = &rival.columns;
+            let by = if columns.is_empty() {
+                String::new()
+            } else {
+                format!(" ({})", columns.join(", "))
+            };
+            let (name, percent) = (rival.cause.name(), 100.0 * rival.share);
+            format!("{name}{by}, which would explain {percent:.0} % of it")
+        };
+        let rivals: Vec<String> = self.rivals.iter().map(rival).collect();
+        if !rivals.is_empty() {
+            in_words += &format!("; this log cannot tell it from {}", rivals.join(", or "));
+        }
+        Finding {
+            cause,
+            columns: self.columns.clone(),
+            in_words,
+            size,
+            order: cause.order(&extended),
+            p_value: self.fit.p_value,
+            stability: self.fit.stability,
+            share_of_residual: self.share,
+            confusable_with: self.rivals.clone(),
+            evidence: cause.evidence(&self.columns, &extended),
+        }
+    }
+}

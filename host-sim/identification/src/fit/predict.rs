@@ -1,0 +1,66 @@
+//! What a model makes of rows it is not fitted on.
+
+use super::initial_state::initial_state;
+use super::metrics::Metrics;
+use super::simulate::{Resolution, simulate};
+use super::track::Rows;
+use crate::data::AntiAlias;
+use ParameterId as Id;
+use compensator_core::{ParameterId, Parameters};
+
+/// A simulation of rows beside what was measured.
+#[derive(Clone, Debug)]
+pub struct Predicted {
+    /// Simulated torque, track by track, at the full rate.
+    pub torque: Vec<Vec<f64>>,
+    /// Measured minus simulated, track by track, decimated as asked.
+    pub residuals: Vec<Vec<f64>>,
+    /// Errors over all rows.
+    pub metrics: Metrics,
+    /// Largest share of the level the bristle torque reached; 0 for a law without bristles.
+    pub saturation: f64,
+    /// Share of the rows in which the bristles were neither at rest nor fully slipping.
+    pub presliding: f64,
+}
+
+/// Simulates a model along rows.
+pub fn predict(parameters: &Parameters<f64>, rows: Rows, resolution: Resolution) -> Predicted {
+    let (mut torques, mut residuals, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut saturation, mut between, mut count) = (0.0f64, 0usize, 0usize);
+    let level = parameters.get(Id::CoulombTorque);
+    for track in rows.tracks {
+        let mut torque = Vec::with_capacity(track.len());
+        let held = initial_state(parameters, track, resolution).map(|start| start.held);
+        simulate(parameters, track, held, resolution, |_, simulated, bristle| {
+            torque.push(simulated);
+            let share = bristle.abs() / level;
+            saturation = saturation.max(share);
+            between += usize::from((0.02..0.95).contains(&share));
+            count += 1;
+            true
+        });
+        let error = |row: usize| {
+            if track.is_included(row) { track.torque[row] - torque[row] } else { 0.0 }
+        };
+        let mut residual: Vec<f64> = (0..track.len()).map(error).collect();
+        if rows.decimate > 1 {
+            let filter = AntiAlias::new(rows.decimate);
+            residual = filter.thin(residual);
+            let measured = filter.thin(track.torque.clone());
+            pairs.extend(measured.iter().zip(&residual).map(|(y, e)| (*y, y - e)));
+        } else {
+            let rows = (0..track.len()).filter(|row| track.is_included(*row));
+            pairs.extend(rows.map(|row| (track.torque[row], torque[row])));
+        }
+        residuals.push(residual);
+        torques.push(torque);
+    }
+    let bristles = parameters.law.has_bristles();
+    Predicted {
+        torque: torques,
+        residuals,
+        metrics: Metrics::of(pairs.into_iter()),
+        saturation: if bristles { saturation } else { 0.0 },
+        presliding: if bristles { between as f64 / count.max(1) as f64 } else { 0.0 },
+    }
+}
