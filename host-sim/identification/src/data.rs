@@ -30,7 +30,7 @@ mod trace_sink;
 
 pub use acceleration::{DERIVATIVE_WINDOW, derivative};
 pub use clean::{MAX_BAD_SHARE, MAX_RUNS};
-pub use compensator_core::quantity::{JointKind, JointKind as Joint, Quantity};
+pub use compensator_core::quantity::{JointKind, Quantity};
 pub use dataset::{Dataset, LeftOutColumn, Measured, Run};
 pub use decimate::AntiAlias;
 pub use error::{BadCell, BadRows, DataError};

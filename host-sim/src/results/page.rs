@@ -19,7 +19,7 @@ pub(super) mod words;
 
 use crate::report::{Block, Page};
 use compensator_core::LawKind;
-use friction_identification::data::{Dataset, Joint, Split};
+use friction_identification::data::{Dataset, JointKind, Split};
 use friction_identification::fit::{Outcome, Rows};
 use held_out::HeldOut;
 
@@ -90,8 +90,8 @@ impl<'a> View<'a> {
     /// What the joint works against: "torque" or "force".
     pub(super) fn torque(&self) -> &'static str {
         match self.study.data.joint {
-            Joint::Revolute => "torque",
-            Joint::Prismatic => "force",
+            JointKind::Revolute => "torque",
+            JointKind::Prismatic => "force",
         }
     }
 

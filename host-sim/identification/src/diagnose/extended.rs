@@ -3,7 +3,7 @@
 use super::evidence::Evidence;
 use super::train_test::Follows;
 use super::train_test::TrainTest;
-use crate::data::Joint;
+use crate::data::JointKind;
 use crate::fit::predict::Predicted;
 use crate::fit::{Estimate, Outcome};
 use crate::number::figure;
@@ -53,7 +53,7 @@ pub struct Extended<'a> {
 
 impl Extended<'_> {
     /// Whether the joint turns or slides.
-    pub fn joint(&self) -> Joint {
+    pub fn joint(&self) -> JointKind {
         self.log.train.joint
     }
 

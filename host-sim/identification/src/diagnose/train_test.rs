@@ -193,16 +193,16 @@ impl TrainTest {
     /// Name of the position column, for findings.
     pub fn position_name(&self) -> &'static str {
         match self.train.joint {
-            crate::data::Joint::Revolute => "position_rad",
-            crate::data::Joint::Prismatic => "position_m",
+            crate::data::JointKind::Revolute => "position_rad",
+            crate::data::JointKind::Prismatic => "position_m",
         }
     }
 
     /// Name of the velocity column, for findings.
     pub fn velocity_name(&self) -> &'static str {
         match self.train.joint {
-            crate::data::Joint::Revolute => "velocity_rad_s",
-            crate::data::Joint::Prismatic => "velocity_m_s",
+            crate::data::JointKind::Revolute => "velocity_rad_s",
+            crate::data::JointKind::Prismatic => "velocity_m_s",
         }
     }
 

@@ -4,7 +4,7 @@
 //! they typically move at and parted at the largest gaps. A gap counts from a ratio of `GAP` on;
 //! a log that sweeps all speeds in every run is one class, and that is right.
 
-use crate::data::Joint;
+use crate::data::JointKind;
 use crate::fit::Track;
 use crate::number::significant;
 use std::collections::BTreeMap;
@@ -48,15 +48,15 @@ fn median(values: &mut [f64]) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-fn name(speed: f64, joint: Joint) -> String {
+fn name(speed: f64, joint: JointKind) -> String {
     match joint {
-        Joint::Revolute => format!("{} rpm", significant(speed * 60.0 / TAU, 2)),
-        Joint::Prismatic => format!("{} m/s", significant(speed, 2)),
+        JointKind::Revolute => format!("{} rpm", significant(speed * 60.0 / TAU, 2)),
+        JointKind::Prismatic => format!("{} m/s", significant(speed, 2)),
     }
 }
 
 /// Sorts runs into at most `most` classes, the slowest first.
-pub fn speed_classes(tracks: &[Track], joint: Joint, most: usize) -> Vec<SpeedClass> {
+pub fn speed_classes(tracks: &[Track], joint: JointKind, most: usize) -> Vec<SpeedClass> {
     let mut runs: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (index, track) in tracks.iter().enumerate() {
         runs.entry(track.run).or_default().push(index);
@@ -107,7 +107,7 @@ mod tests {
             .enumerate()
             .map(|(run, speed)| track(run, rpm(*speed)))
             .collect();
-        let classes = speed_classes(&tracks, Joint::Revolute, 3);
+        let classes = speed_classes(&tracks, JointKind::Revolute, 3);
         let names: Vec<&str> = classes.iter().map(|class| class.name.as_str()).collect();
         assert_eq!(names, ["35 rpm", "71 rpm", "101 rpm"]);
         assert_eq!(classes[0].tracks, [1, 3, 6]);
@@ -116,18 +116,18 @@ mod tests {
     #[test]
     fn at_most_so_many_and_one_where_speeds_are_alike() {
         let tracks: Vec<Track> = (0..8).map(|run| track(run, 2f64.powi(run as i32))).collect();
-        assert_eq!(speed_classes(&tracks, Joint::Revolute, 3).len(), 3);
+        assert_eq!(speed_classes(&tracks, JointKind::Revolute, 3).len(), 3);
         let tracks: Vec<Track> = (0..8).map(|run| track(run, 0.12)).collect();
-        let classes = speed_classes(&tracks, Joint::Prismatic, 3);
+        let classes = speed_classes(&tracks, JointKind::Prismatic, 3);
         assert_eq!(classes.len(), 1);
         assert_eq!(classes[0].name, "0.12 m/s");
-        assert!(speed_classes(&[], Joint::Revolute, 3).is_empty());
+        assert!(speed_classes(&[], JointKind::Revolute, 3).is_empty());
     }
 
     #[test]
     fn segments_of_a_run_stay_together() {
         let tracks = [track(0, 1.0), track(1, 5.0), track(0, 1.1)];
-        let classes = speed_classes(&tracks, Joint::Revolute, 3);
+        let classes = speed_classes(&tracks, JointKind::Revolute, 3);
         assert_eq!(classes[0].tracks, [0, 2]);
     }
 }

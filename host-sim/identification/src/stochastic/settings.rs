@@ -1,7 +1,7 @@
 //! How a certificate is made.
 
 use super::levels::{Counts, Levels};
-use crate::data::Joint;
+use crate::data::JointKind;
 use crate::fit::Resolution;
 
 /// How a permitted variance is made a number without a unit.
@@ -43,7 +43,7 @@ pub struct Settings {
     /// Seed of everything drawn.
     pub seed: u64,
     /// What the joint does: the unit its speed classes are named in.
-    pub joint: Joint,
+    pub joint: JointKind,
     /// The most speed classes runs are sorted into.
     pub most_classes: usize,
 }
@@ -58,7 +58,7 @@ impl Default for Settings {
             monitoring_times: 50,
             resolution: Resolution { substeps: 2, extrapolated: true },
             seed: 0,
-            joint: Joint::Revolute,
+            joint: JointKind::Revolute,
             most_classes: 3,
         }
     }

@@ -3,7 +3,7 @@
 use super::Scene;
 use crate::report::{Cell, Table};
 use compensator_core::ParameterId;
-use friction_identification::data::Joint;
+use friction_identification::data::JointKind;
 use friction_identification::diagnose::{CandidateScore, Diagnosis, Share};
 use friction_identification::fit::{Estimate, Outcome, State};
 use friction_identification::number::significant;
@@ -157,7 +157,7 @@ pub(super) fn parameters(scene: &Scene) -> Table {
     Table { caption, header: names, rows: ids.iter().map(row).collect(), best: Vec::new() }
 }
 
-fn row(found: &Diagnosis, id: ParameterId, joint: Joint, extended: bool) -> Vec<Cell> {
+fn row(found: &Diagnosis, id: ParameterId, joint: JointKind, extended: bool) -> Vec<Cell> {
     let mut cells = vec![id.name().into(), unit(id.info(), joint).into()];
     let outcomes = [&found.baseline, &found.extended];
     for outcome in &outcomes[..if extended { 2 } else { 1 }] {

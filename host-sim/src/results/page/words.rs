@@ -1,7 +1,7 @@
 //! The page's title and the texts beside its charts and tables.
 
 use super::View;
-use friction_identification::data::{Joint, Part};
+use friction_identification::data::{JointKind, Part};
 use friction_identification::number::{count, significant};
 
 /// Above the parameter tables.
@@ -27,8 +27,8 @@ pub(in crate::results) fn title(view: &View) -> String {
 pub(in crate::results) fn subtitle(view: &View) -> String {
     let (data, split) = (view.study.data, view.study.split);
     let joint = match data.joint {
-        Joint::Revolute => "Revolute joint (torque in Nm",
-        Joint::Prismatic => "Prismatic joint (force in N",
+        JointKind::Revolute => "Revolute joint (torque in Nm",
+        JointKind::Prismatic => "Prismatic joint (force in N",
     };
     // A renamed column may be in any unit; whoever reads the page must know.
     let renamed = view.study.columns.iter().filter_map(|pair| pair.split_once('='));

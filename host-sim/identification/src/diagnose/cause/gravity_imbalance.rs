@@ -1,7 +1,7 @@
 //! An imbalance adds a torque of the angle, whichever way it turns.
 
 use super::definition::{Cause, Remedy};
-use crate::data::Joint;
+use crate::data::JointKind;
 use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::{Extended, Size};
@@ -29,7 +29,7 @@ impl Cause for GravityImbalance {
 
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         let name = beside.log.position_name();
-        if !beside.log.varies(name) || beside.log.train.joint != Joint::Revolute {
+        if !beside.log.varies(name) || beside.log.train.joint != JointKind::Revolute {
             return Vec::new();
         }
         let by = vec![row(|r| r.sample.position_rad.sin()), row(|r| r.sample.position_rad.cos())];

@@ -1,7 +1,7 @@
 //! Friction follows the position: an eccentric seal, a gear mesh, a scratch. Its order is found blind.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::data::Joint;
+use crate::data::JointKind;
 use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::{Extended, Size};
@@ -61,7 +61,7 @@ impl Cause for PositionRipple {
                 )
             })
             .collect();
-        let is_revolute = log.train.joint == Joint::Revolute;
+        let is_revolute = log.train.joint == JointKind::Revolute;
         let most = if is_revolute { MOST_REVOLUTE } else { MOST_PRISMATIC };
         let candidate = |peak: &crate::diagnose::order::Peak| {
             let n = peak.order;
