@@ -14,14 +14,14 @@
 mod covariates;
 mod parameters;
 
+pub use crate::configuration::CompensatorParameters;
 pub use crate::flags::Flags;
 pub use crate::quantity::{Inputs, Reading};
-pub use parameters::CompensatorParameters;
 
+use crate::configuration::Configuration;
 use crate::model::{Model, Sample, State};
 use crate::number::Real;
 use crate::parameters::ParameterError;
-use crate::record::Configuration;
 use covariates::Covariates;
 use parameters::Built;
 

@@ -30,6 +30,7 @@ mod lugre;
 mod lugre_asymmetric;
 pub mod steady;
 mod stribeck;
+mod written;
 
 pub use atan::Atan;
 pub use dahl::Dahl;
@@ -49,7 +50,7 @@ use crate::term::TermKind;
 use ParameterId as Id;
 use bristle::Bristles;
 use interface::{FrictionLaw, Step};
-pub(crate) use interface::{Range, Written};
+pub(crate) use written::{Range, Written};
 
 /// Choices about a law that are not numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

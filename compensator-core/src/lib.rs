@@ -24,6 +24,7 @@ mod fields;
 
 pub mod can;
 pub mod compensator;
+pub mod configuration;
 pub mod curve;
 pub mod effect;
 mod envelope;

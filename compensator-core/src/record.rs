@@ -23,7 +23,7 @@
 //! parameters as it holds, or more; those it lacks stand at their defaults. Version 1 always held 41
 //! values. Since version 2 their number follows from the length.
 
-use crate::compensator::CompensatorParameters;
+use crate::configuration::{CompensatorParameters, Configuration};
 use crate::parameters::table::COUNT;
 use crate::parameters::{Choices, Envelope, LawKind, ParameterError, ParameterId, Parameters};
 use crate::term::{MAX_TERMS, TermKind};
@@ -49,26 +49,6 @@ pub const LENGTH: usize = CRC_AT + 4;
 const LEAST_LENGTH: usize = VALUES_AT + 4;
 
 const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
-
-/// What a joint driver is configured with.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Configuration {
-    /// The friction model.
-    pub model: Parameters<f32>,
-    /// How it is used in the current loop.
-    pub compensator: CompensatorParameters,
-}
-
-impl Configuration {
-    /// Checks both parts.
-    ///
-    /// # Errors
-    /// The first refusal, as [`Parameters::validate`] and [`CompensatorParameters::validate`].
-    pub fn validate(&self) -> Result<(), ParameterError> {
-        self.model.validate()?;
-        self.compensator.validate()
-    }
-}
 
 /// Why a record was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]

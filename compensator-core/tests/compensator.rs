@@ -6,7 +6,7 @@
 //! stay together, with blending and without, and their flags must agree.
 
 use compensator_core::compensator::{CompensatorParameters, Reading};
-use compensator_core::record::Configuration;
+use compensator_core::configuration::Configuration;
 use compensator_core::{
     Compensator, Fixed, Flags, Inputs, LawKind, ParameterId as Id, Parameters, Real,
 };

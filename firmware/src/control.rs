@@ -59,7 +59,7 @@ pub struct StageSample {
     pub valid: Valid,
 }
 
-/// An encoder's reading of so many bits (1..=32) as a [`Sample::encoder`]; surplus high bits fall off.
+/// An encoder's reading of so many bits (1..=32) as a [`StageSample::encoder`]; surplus high bits fall off.
 #[inline(always)]
 pub const fn encoder_angle(counts: u32, bits: u32) -> u32 {
     if bits == 0 || bits > 32 { 0 } else { counts.wrapping_shl(32 - bits) }

@@ -7,7 +7,7 @@
 //! must agree to the last bit.
 
 use compensator_core::can::{Answer, Inbox, Message, Node, Status, Sync, SyncOutcome, Telemetry};
-use compensator_core::record::Configuration;
+use compensator_core::configuration::Configuration;
 use compensator_core::{Compensator, Fixed, Flags, ParameterError, Real};
 
 /// The number a joint computes with.

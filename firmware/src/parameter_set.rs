@@ -10,7 +10,8 @@ use crate::control::PERIOD_S;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
-use compensator_core::record::{self, Configuration, RecordError};
+use compensator_core::configuration::Configuration;
+use compensator_core::record::{self, RecordError};
 use compensator_core::{Compensator, LawKind, ParameterError, Parameters};
 use core::fmt;
 

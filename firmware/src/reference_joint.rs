@@ -4,7 +4,7 @@
 //! wrong bit: so side load, pressure, fading damping and viscous friction all act.
 
 use compensator_core::compensator::CompensatorParameters;
-use compensator_core::record::Configuration;
+use compensator_core::configuration::Configuration;
 use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 

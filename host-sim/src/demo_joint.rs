@@ -7,7 +7,7 @@
 
 use compensator_core::can::{Entry, Message, Motion, Node, Seal, Sync, Torque};
 use compensator_core::compensator::CompensatorParameters;
-use compensator_core::record::Configuration;
+use compensator_core::configuration::Configuration;
 use compensator_core::{LawKind, ParameterId, Parameters};
 use joint_bus::bus::{BitRates, Hub, Participant, Port};
 use joint_bus::canopen::Client;

@@ -11,7 +11,8 @@ use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
 use compensator_core::compensator::Compensator;
-use compensator_core::record::{self, Configuration};
+use compensator_core::configuration::Configuration;
+use compensator_core::record;
 use compensator_core::{LawKind, Model};
 use host_sim::driver_file;
 use parquet::data_type::DoubleType;

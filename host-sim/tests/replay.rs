@@ -1,7 +1,7 @@
 //! A trace replayed to a driver in this process: equal to the bit, and only where it is.
 
 use compensator_core::can::{Message, Motion, Node, Seal, Sync};
-use compensator_core::record::Configuration;
+use compensator_core::configuration::Configuration;
 use compensator_core::{LawKind, ParameterId, TermKind};
 use firmware::hil::Number;
 use firmware::parameter_set::ParameterSet;

@@ -1,43 +1,11 @@
-//! The compensator's own parameters, written and built.
+//! The compensator's own parameters, built for a sample period.
 
 use super::limit;
+use crate::configuration::CompensatorParameters;
 use crate::number::Real;
-use crate::parameters::{Bound, Envelope, ParameterError, check_ranges};
+use crate::parameters::{Bound, Envelope, ParameterError};
 
-crate::named_fields! {
-    /// How the model is used in the current loop, as a person writes it.
-    pub struct CompensatorParameters {
-        /// Share of the friction to cancel, 0..=1. Industry uses 0.7-0.9; above 1 joints oscillate.
-        scale: f32 = 0.9, 0.0..=1.0, "over-compensation makes the joint oscillate";
-        /// Largest compensation torque, Nm.
-        torque_limit_nm: f32 = 6.0, 0.0..=1000.0, "a torque limit is a size";
-        /// Fastest change of the compensation torque, Nm/s.
-        slew_limit_nm_per_s: f32 = 2000.0, 1e-3..=1e9, "at no slew nothing would ever be compensated";
-        /// Joint torque per motor current, Nm/A, gear included.
-        torque_constant_nm_per_a: f32 = 1.0, 1e-6..=1e6, "current is torque over this";
-        /// Largest current after the last addition, A.
-        current_limit_a: f32 = 26.0, 0.0..=1000.0, "a current limit is a size";
-        /// Below this speed the reference velocity takes over gradually, rad/s; 0 for never.
-        blend_velocity_rad_s: f32 = 0.05, 0.0..=1e3, "a speed";
-        /// A reading is good for this long, s.
-        hold_s: f32 = 0.1, 0.0..=1000.0, "a time";
-        /// After that it fades to neutral over this long, s.
-        fade_s: f32 = 0.4, 1e-4..=1000.0, "a reading fades, it does not jump";
-    }
-    /// For the joint of paper 0 (26 Nm; friction 2-3.5 Nm) with a 1 Nm/A drive.
-}
-
-impl CompensatorParameters {
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// Names the first field out of its range, its value, its bound and why.
-    pub fn validate(&self) -> Result<(), ParameterError> {
-        check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)
-    }
-}
-
-/// The same, built for a sample period, with what the guards need of the envelope.
+/// The compensator's parameters, built for a sample period, with what the guards need of the envelope.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Built<T> {
     pub scale: T,

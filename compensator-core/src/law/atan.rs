@@ -1,7 +1,8 @@
 //! With `f0 + fa atan(fb v)` besides (paper 2, eq. 6).
 
-use super::interface::{FrictionLaw, Range, Step, Written};
+use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
+use super::written::{Range, Written};
 use crate::effect::Effect;
 use crate::fits::product;
 use crate::number::Real;

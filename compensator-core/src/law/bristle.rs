@@ -23,7 +23,7 @@
 //! One path for every input: on a Cortex-M4F the plain step takes 55 instructions in `f32`, and
 //! the improved one 75 as a model (`tests/cost/table.md`).
 
-use super::interface::{Range, Step, Written, stribeck_axis};
+use super::written::{Range, Written, stribeck_axis};
 use crate::effect::Effect;
 use crate::fits::{coefficient, product};
 use crate::number::Real;
@@ -92,12 +92,6 @@ impl<T: Real> Bristles<T> {
     #[inline(always)]
     pub fn step<E: Effect<T>>(&self, bristle_torque: &mut T, velocity: T, effect: &E) -> T {
         self.step_between(bristle_torque, velocity, effect, self.coulomb, self.static_level)
-    }
-
-    /// To be stepped between the built levels.
-    #[inline(always)]
-    pub(super) fn as_step(&self) -> Step<'_, T> {
-        Step::Bristles(self, self.coulomb, self.static_level)
     }
 
     /// The same between other levels, Nm, than the built ones.

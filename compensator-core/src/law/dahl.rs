@@ -1,7 +1,8 @@
 //! Dahl (1968): bristles of one level, `F_S = F_C` and `sigma1 = 0`, and a viscous part.
 
 use super::bristle::{self, Bristles};
-use super::interface::{FrictionLaw, Range, Step, Written};
+use super::interface::{FrictionLaw, Step};
+use super::written::{Range, Written};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
@@ -45,7 +46,7 @@ impl<T: Real> FrictionLaw<T> for Dahl<T> {
 
     #[inline(always)]
     fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), _: T, _: &E) -> Step<'_, T> {
-        self.0.as_step()
+        Step::of(&self.0)
     }
 
     fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {

@@ -1,8 +1,9 @@
 //! With `f1 v |v| + f2 v^3` besides (paper 2, eq. 5), or as printed with the even `f1 v sgn v = f1 |v|`,
 //! which does not dissipate.
 
-use super::interface::{FrictionLaw, Range, Step, Written};
+use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
+use super::written::{Range, Written};
 use crate::effect::Effect;
 use crate::fits::product;
 use crate::number::Real;

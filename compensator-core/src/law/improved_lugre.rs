@@ -1,7 +1,8 @@
 //! LuGre under side load and pressure (paper 0, eq. 16).
 
 use super::bristle::{self, Bristles};
-use super::interface::{FrictionLaw, Range, Step, Written};
+use super::interface::{FrictionLaw, Step};
+use super::written::{Range, Written};
 use crate::effect::{Effect, Effects, SealEffect};
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
@@ -126,7 +127,7 @@ impl<T: Real> FrictionLaw<T> for ImprovedLugre<T> {
 
     #[inline(always)]
     fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), _: T, _: &E) -> Step<'_, T> {
-        self.bristles.as_step()
+        Step::of(&self.bristles)
     }
 
     #[inline(always)]

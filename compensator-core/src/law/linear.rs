@@ -1,7 +1,8 @@
 //! Coulomb and viscous friction (paper 2, eq. 2-4).
 
-use super::interface::{FrictionLaw, Range, Step, Written};
+use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
+use super::written::{Range, Written};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;

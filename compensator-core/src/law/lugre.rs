@@ -1,7 +1,8 @@
 //! LuGre: bristles with the Stribeck curve (paper 0, eq. 1; paper 1, eq. 12-13); see [`super::bristle`].
 
 use super::bristle::{self, Bristles};
-use super::interface::{FrictionLaw, Range, Step, Written};
+use super::interface::{FrictionLaw, Step};
+use super::written::{Range, Written};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
@@ -42,7 +43,7 @@ impl<T: Real> FrictionLaw<T> for Lugre<T> {
 
     #[inline(always)]
     fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), _: T, _: &E) -> Step<'_, T> {
-        self.0.as_step()
+        Step::of(&self.0)
     }
 
     fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {

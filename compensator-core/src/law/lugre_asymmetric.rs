@@ -5,7 +5,8 @@
 //! one sample's travel at most.
 
 use super::bristle::{self, Bristles};
-use super::interface::{FrictionLaw, Range, Step, Written};
+use super::interface::{FrictionLaw, Step};
+use super::written::{Range, Written};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;

@@ -5,7 +5,7 @@
 //! about standstill unless it is fed the reference velocity there
 //! ([`crate::compensator::CompensatorParameters::blend_velocity_rad_s`]).
 
-use super::interface::Written;
+use super::written::Written;
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;

@@ -1,7 +1,8 @@
 //! With `(F_S - F_C) exp(-(v/v_s)^2) sgn v` besides: what LuGre is in steady sliding.
 
-use super::interface::{FrictionLaw, Range, Step, Written, stribeck_axis};
+use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
+use super::written::{Range, Written, stribeck_axis};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;

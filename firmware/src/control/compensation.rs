@@ -7,7 +7,7 @@
 
 use super::space_vector::clamp;
 use compensator_core::compensator::Reading;
-use compensator_core::record::Configuration;
+use compensator_core::configuration::Configuration;
 use compensator_core::{Compensator, Flags, Inputs, Output, ParameterError, Real};
 
 /// What the loop needs of a compensator.

@@ -21,6 +21,7 @@ mod hidden_cause;
 mod hide;
 mod joint;
 mod kind;
+mod logger;
 mod motion;
 mod outside;
 mod sampler;

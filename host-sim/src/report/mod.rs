@@ -12,6 +12,7 @@
 //! Long measurements go through [`thin_series`] or [`thin_scatter`] first.
 
 mod chart;
+mod drawing;
 mod figure;
 mod page;
 mod palette;

@@ -13,7 +13,8 @@ use std::path::Path;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::chart::{Chart, Drawing};
+use super::chart::Chart;
+use super::drawing::Drawing;
 use super::table::Table;
 use super::write::write_atomically;
 

@@ -3,7 +3,8 @@
 #![no_main]
 
 use compensator_core::can::{Message, Motion, Node, Seal, Sync};
-use compensator_core::record::{self, Configuration};
+use compensator_core::configuration::Configuration;
+use compensator_core::record;
 use firmware::hil::{HilJoint, HilSetup, Number, Step};
 use firmware::parameter_set::ParameterSet;
 use firmware::node_settings::{NodeSettings, emit_block, parse_block};

@@ -1,6 +1,6 @@
 //! Objects of several values: each entry with its name, type and access, and the place of its value.
 //!
-//! [`record!`] makes of one list both what a tool sees, [`Entry`] by entry, and a struct that the driver
+//! The macro `record` makes of one list both what a tool sees, [`Entry`] by entry, and a struct that the driver
 //! fills by name and never by position. A new entry is a row here; the compiler then asks for its value.
 //! Entries that are written, or sent in process frames, have a constant for their sub-index as well.
 

@@ -6,11 +6,11 @@ use super::drawn_cause::DrawnCause;
 use super::hidden_cause::HiddenCause;
 use super::joint::Joint;
 use super::kind::Kind;
+use super::logger;
 use super::outside::Flavour;
 use super::sampler::Sampler;
-use super::sensors;
 use super::setting::{Options, Setting};
-use super::surroundings::Extra;
+use super::surroundings::{Condition, Extra, Signal};
 use super::truth::{Decoy, Hidden, ScenarioTruth};
 
 /// An effect's visible RMS over the noise.
@@ -96,7 +96,7 @@ impl Trial {
         let extras: Vec<Extra> = needed.into_iter().collect();
         let mut setting = Setting::draw(sampler.seed(), &effects, &extras, options);
         arrangement.impose(&mut sampler, &mut setting);
-        let flavour = flavour.map(|flavour| flavour.placed(&mut sampler, &setting));
+        let flavour = flavour.map(|flavour| placed(flavour, &mut sampler, &setting));
         if let Some(flavour) = &flavour {
             setting.log_column(flavour.column());
         }
@@ -180,7 +180,7 @@ impl Trial {
             missing_columns = columns.iter().copied().filter(|name| own.contains(name)).collect();
             columns.retain(|name| !own.contains(name));
         }
-        let log = sensors::log(&self.setting, &self.torques, self.noise_nm);
+        let log = logger::log(&self.setting, &self.torques, self.noise_nm);
         Scenario { log, truth: ScenarioTruth { missing_columns, ..self.truth(kind, seed) } }
     }
 
@@ -233,6 +233,35 @@ impl Trial {
             encoder: setting.sensors.encoder,
             description,
         }
+    }
+}
+
+/// A structure over the range its column really has in a campaign.
+fn placed(flavour: Flavour, sampler: &mut Sampler, setting: &Setting) -> Flavour {
+    let range = |signal: &dyn Fn(&Condition) -> Signal| {
+        let ends = setting.runs.iter().flat_map(|run| {
+            let signal = signal(&run.condition);
+            [signal.at(0.0), signal.at(setting.seconds)]
+        });
+        ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), x| (l.min(x), m.max(x)))
+    };
+    match flavour {
+        Flavour::Temperature { curve, .. } => {
+            let (least, most) = range(&|condition| condition.temperature);
+            Flavour::Temperature { from_c: least, range_k: (most - least).max(1.0), curve }
+        }
+        Flavour::Column { extra, curve, .. } => {
+            let (least, most) = range(&|condition| condition.extra(extra));
+            Flavour::Column { extra, from: least, range: (most - least).max(1e-3), curve }
+        }
+        Flavour::Band { .. } => {
+            // Above the Stribeck velocity, or the law would take the bump for its own curve.
+            let most = 0.7 * setting.top_rad_s;
+            let least = (4.0 * setting.seal.stribeck_rad_s).min(0.7 * most);
+            let speed = sampler.log_between(least, most);
+            Flavour::Band { speed, width: speed * sampler.between(0.15, 0.3) }
+        }
+        other => other,
     }
 }
 

@@ -11,9 +11,9 @@
 //! bristles are a thousand times faster than a step, as within presliding. A step in which the
 //! joint reverses is cut where it stands still. The core does none of this.
 
-use super::joint::{Around, Joint};
+use super::joint::Joint;
 use super::motion::Motion;
-use super::surroundings::Condition;
+use super::surroundings::{Around, Condition};
 
 /// The end of one step and the begin of the next.
 #[derive(Clone, Copy, Debug)]

@@ -11,9 +11,8 @@
 //! Each effect at its neutral size leaves the seal of `z' = v - k0 |v| z / g`, to the last bit.
 
 use super::outside::Outside;
-use super::surroundings::Condition;
+use super::surroundings::{Around, Condition};
 use crate::friction::Seal;
-use std::f64::consts::TAU;
 
 /// The viscous film thins as it warms.
 #[derive(Clone, Copy, Debug)]
@@ -92,18 +91,6 @@ pub(super) struct Joint {
     /// The torque of a row is of so much earlier, s.
     pub delay_s: f64,
     pub outside: Option<Outside>,
-}
-
-/// What surrounds the seal at an instant, as far as it acts.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Around {
-    pub force: f64,
-    pub force_rate: f64,
-    pub pressure: f64,
-    pub temperature: f64,
-    pub load: f64,
-    pub extra: f64,
-    pub campaign_s: f64,
 }
 
 /// Beyond this many Stribeck velocities the curve of exponent 2 is below 1e-16.
@@ -213,10 +200,4 @@ impl Joint {
         let order = self.ripple.map_or(0.0, |ripple| ripple.order);
         if order * peak_speed > 0.0 { PHASE_RAD / (order * peak_speed) } else { f64::INFINITY }
     }
-}
-
-/// The angle's distance from another on the shaft, -pi to pi.
-pub(super) fn on_the_shaft(angle: f64, from: f64) -> f64 {
-    let turned = (angle - from).rem_euclid(TAU);
-    if turned > 0.5 * TAU { turned - TAU } else { turned }
 }

@@ -1,9 +1,8 @@
 //! Structure that no cause of the catalogue has: the right answer to it is `unknown`.
 
-use super::joint::{Around, on_the_shaft};
 use super::sampler::Sampler;
-use super::setting::Setting;
-use super::surroundings::{Condition, Extra, Signal};
+use super::surroundings::{Around, Extra};
+use std::f64::consts::TAU;
 
 /// How a level follows a column: a curve from 0 to 1 over the column's range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,7 +57,7 @@ pub(super) struct Outside {
 }
 
 impl Flavour {
-    /// One at random, to be [placed](Self::placed) when the campaign is known.
+    /// One at random, to be placed when the campaign is known.
     pub fn draw(sampler: &mut Sampler) -> Self {
         let curve = sampler.pick(&[Curve::Straight, Curve::Square, Curve::Step]);
         let curve = curve.unwrap_or(Curve::Straight);
@@ -74,35 +73,6 @@ impl Flavour {
                 angle: sampler.between(-3.0, 3.0),
                 width: sampler.log_between(0.06, 0.3),
             },
-        }
-    }
-
-    /// Over the range its column really has in a campaign.
-    pub fn placed(self, sampler: &mut Sampler, setting: &Setting) -> Self {
-        let range = |signal: &dyn Fn(&Condition) -> Signal| {
-            let ends = setting.runs.iter().flat_map(|run| {
-                let signal = signal(&run.condition);
-                [signal.at(0.0), signal.at(setting.seconds)]
-            });
-            ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), x| (l.min(x), m.max(x)))
-        };
-        match self {
-            Flavour::Temperature { curve, .. } => {
-                let (least, most) = range(&|condition| condition.temperature);
-                Flavour::Temperature { from_c: least, range_k: (most - least).max(1.0), curve }
-            }
-            Flavour::Column { extra, curve, .. } => {
-                let (least, most) = range(&|condition| condition.extra(extra));
-                Flavour::Column { extra, from: least, range: (most - least).max(1e-3), curve }
-            }
-            Flavour::Band { .. } => {
-                // Above the Stribeck velocity, or the law would take the bump for its own curve.
-                let most = 0.7 * setting.top_rad_s;
-                let least = (4.0 * setting.seal.stribeck_rad_s).min(0.7 * most);
-                let speed = sampler.log_between(least, most);
-                Flavour::Band { speed, width: speed * sampler.between(0.15, 0.3) }
-            }
-            other => other,
         }
     }
 
@@ -204,4 +174,10 @@ impl Outside {
             _ => 0.0,
         }
     }
+}
+
+/// The angle's distance from another on the shaft, -pi to pi.
+fn on_the_shaft(angle: f64, from: f64) -> f64 {
+    let turned = (angle - from).rem_euclid(TAU);
+    if turned > 0.5 * TAU { turned - TAU } else { turned }
 }

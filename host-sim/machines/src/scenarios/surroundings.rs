@@ -5,6 +5,18 @@
 
 use std::f64::consts::TAU;
 
+/// What surrounds the seal at an instant, as far as it acts.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Around {
+    pub force: f64,
+    pub force_rate: f64,
+    pub pressure: f64,
+    pub temperature: f64,
+    pub load: f64,
+    pub extra: f64,
+    pub campaign_s: f64,
+}
+
 /// A quantity over the time of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Signal {
