@@ -43,6 +43,7 @@ pub use lookup_table::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES};
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId, Values};
+use crate::quantity::Quantity;
 use crate::refusal::ParameterError;
 use bounds::Bounds;
 use interface::Term;
@@ -118,6 +119,12 @@ macro_rules! define_kinds {
             #[inline(never)]
             pub const fn parameters(self) -> &'static [ParameterId] {
                 match self { $(TermKind::$kind => <$file::$kind<f64> as Term<f64>>::PARAMETERS),* }
+            }
+
+            /// The quantity it does nothing without; `None` where motion or time is all it needs, or what it
+            /// follows is a choice.
+            pub const fn reads(self) -> Option<Quantity> {
+                match self { $(TermKind::$kind => <$file::$kind<f64> as Term<f64>>::READS),* }
             }
 
             /// Whether it goes before all others, because they are to see what it does.

@@ -6,7 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
 /// Built for a sample period.
@@ -20,6 +20,8 @@ pub(crate) struct Backlash<T> {
 
 impl<T: Real> Term<T> for Backlash<T> {
     const PARAMETERS: &'static [Id] = &[Id::BacklashTravel, Id::BacklashStiffnessRatio];
+
+    const READS: Option<Quantity> = None;
 
     /// Position within the play, from its middle at 0 to its ends at -1 and 1.
     type Memory = T;

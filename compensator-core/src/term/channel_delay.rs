@@ -8,7 +8,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 
 /// Built for a sample period.
@@ -67,6 +67,8 @@ impl<T: Real> ChannelDelay<T> {
 
 impl<T: Real> Term<T> for ChannelDelay<T> {
     const PARAMETERS: &'static [Id] = &[Id::ChannelDelay];
+
+    const READS: Option<Quantity> = None;
 
     const ACTS_FIRST: bool = true;
 

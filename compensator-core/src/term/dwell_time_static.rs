@@ -9,7 +9,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
 /// Built for a sample period.
@@ -30,6 +30,8 @@ const CONTACT_AGE_MAX_S: f64 = 1000.0;
 
 impl<T: Real> Term<T> for DwellTimeStatic<T> {
     const PARAMETERS: &'static [Id] = &[Id::DwellGain, Id::DwellTime, Id::DwellTravel];
+
+    const READS: Option<Quantity> = None;
 
     /// How old the contact is, s: time at rest, forgotten with travel.
     type Memory = T;

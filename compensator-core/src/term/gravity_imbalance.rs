@@ -7,7 +7,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
 /// Built for a sample period.
@@ -21,6 +21,8 @@ pub(crate) struct GravityImbalance<T> {
 
 impl<T: Real> Term<T> for GravityImbalance<T> {
     const PARAMETERS: &'static [Id] = &[Id::GravitySine, Id::GravityCosine];
+
+    const READS: Option<Quantity> = Some(Quantity::Position);
 
     type Memory = ();
 

@@ -5,7 +5,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId, Values};
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
 /// Most coefficients a term is built of.
@@ -15,6 +15,10 @@ pub(crate) const COEFFICIENTS: usize = 4;
 pub(crate) trait Term<T: Real>: Copy + Default {
     /// The parameters that belong to it.
     const PARAMETERS: &'static [ParameterId];
+
+    /// The quantity it does nothing without, in the position of the angle's readings too; `None` where the
+    /// joint's motion or time is all it needs, or what it follows is a choice.
+    const READS: Option<Quantity>;
 
     /// Whether it goes before all others, because they are to see what it does.
     const ACTS_FIRST: bool = false;

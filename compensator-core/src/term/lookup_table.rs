@@ -10,8 +10,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Quantity;
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 
 /// Knots of each of the two lines.
@@ -97,6 +96,8 @@ impl<T: Real> Term<T> for LookupTable<T> {
         Id::LookupLevel5,
         Id::LookupLevel6,
     ];
+
+    const READS: Option<Quantity> = None;
 
     type Memory = ();
 

@@ -7,7 +7,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 
 /// Built for a sample period.
@@ -30,6 +30,8 @@ fn amplitude<S: Real>(values: &Values<S>) -> f64 {
 
 impl<T: Real> Term<T> for PositionRipple<T> {
     const PARAMETERS: &'static [Id] = &[Id::RippleSine, Id::RippleCosine, Id::RippleOrder];
+
+    const READS: Option<Quantity> = Some(Quantity::Position);
 
     type Memory = ();
 

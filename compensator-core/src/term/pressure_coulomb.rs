@@ -6,7 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
 /// Built for a sample period.
@@ -20,6 +20,8 @@ pub(crate) struct PressureCoulomb<T> {
 
 impl<T: Real> Term<T> for PressureCoulomb<T> {
     const PARAMETERS: &'static [Id] = &[Id::PressureCoulomb, Id::PressureStaticExcess];
+
+    const READS: Option<Quantity> = Some(Quantity::Pressure);
 
     type Memory = ();
 

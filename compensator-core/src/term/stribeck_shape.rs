@@ -6,7 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
 /// Built for a sample period.
@@ -18,6 +18,8 @@ pub(crate) struct StribeckShape<T> {
 
 impl<T: Real> Term<T> for StribeckShape<T> {
     const PARAMETERS: &'static [Id] = &[Id::StribeckExponent];
+
+    const READS: Option<Quantity> = None;
 
     type Memory = ();
 

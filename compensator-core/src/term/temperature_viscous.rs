@@ -6,8 +6,8 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Sample;
 use crate::quantity::TEMPERATURE_RANGE_C;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
 /// Built for a sample period.
@@ -21,6 +21,8 @@ pub(crate) struct TemperatureViscous<T> {
 
 impl<T: Real> Term<T> for TemperatureViscous<T> {
     const PARAMETERS: &'static [Id] = &[Id::TemperatureViscosity, Id::TemperatureReference];
+
+    const READS: Option<Quantity> = Some(Quantity::Temperature);
 
     type Memory = ();
 

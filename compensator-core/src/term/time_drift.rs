@@ -6,7 +6,7 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
 use crate::parameter::{ParameterId as Id, Values};
-use crate::quantity::Sample;
+use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 
 /// Built for a sample period.
@@ -33,6 +33,8 @@ fn range<S: Real>(values: &Values<S>, envelope: &Envelope) -> (f64, f64) {
 
 impl<T: Real> Term<T> for TimeDrift<T> {
     const PARAMETERS: &'static [Id] = &[Id::DriftAmplitude, Id::DriftTime, Id::DriftRate];
+
+    const READS: Option<Quantity> = None;
 
     type Memory = ();
 

@@ -28,6 +28,7 @@ pub mod start;
 pub mod statistics;
 pub mod streaming_qr;
 pub mod track;
+pub mod treatment;
 mod verdict;
 
 pub use identify::identify;

@@ -4,7 +4,7 @@
 //! beyond friction (`--rigid-body inertia,gravity,load,offset`) is not part of the name: it belongs to
 //! every model that is compared. In the core both are terms alike.
 
-use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
+use compensator_core::{LawKind, ParameterId, Parameters, Quantity, TermKind};
 use std::fmt;
 
 /// A part of the torque column that is not friction.
@@ -123,25 +123,16 @@ impl Spec {
         parts.fold(self.law.name().to_owned(), |name, term| name + "+" + term.name())
     }
 
-    /// Columns a fit of this model must have, by the parameters that act on them.
-    pub fn needs(&self) -> impl Iterator<Item = (ParameterId, &'static str)> + '_ {
-        use ParameterId as Id;
-        let column = |id| match id {
-            Id::RadialForceCoulomb | Id::RadialForceStaticExcess | Id::RadialForceRate => {
-                Some("radial_force_n")
-            }
-            Id::PressureCoulomb | Id::PressureStaticExcess => Some("pressure_diff_pa"),
-            Id::TemperatureViscosity => Some("temperature_c"),
-            Id::RippleSine | Id::RippleCosine | Id::RippleOrder => Some("position"),
-            Id::GravitySine | Id::GravityCosine => Some("position"),
-            Id::LoadCoulomb | Id::LoadGain => Some("load_torque_nm"),
-            // What the unknown term follows is a choice among the columns.
-            _ => None,
+    /// What a fit of this model must have measured, by the parameters that act on it: those of the terms
+    /// that read it, and the same parameters where a law has them in it.
+    pub fn needs(&self) -> impl Iterator<Item = (ParameterId, Quantity)> + '_ {
+        let read = |id: &ParameterId| {
+            let owner = TermKind::ALL.iter().find(|term| term.parameters().contains(id));
+            owner.and_then(|term| term.reads()).map(|quantity| (*id, quantity))
         };
         let own = self.law.parameters().iter();
         let terms = self.rigid_body.iter().chain(&self.terms);
-        own.chain(terms.flat_map(|term| term.parameters()))
-            .filter_map(move |id| column(*id).map(|name| (*id, name)))
+        own.chain(terms.flat_map(|term| term.parameters())).filter_map(read)
     }
 }
 

@@ -11,22 +11,10 @@ use crate::dual::Dual;
 use crate::fit::Track;
 use crate::fit::initial_state::initial_state;
 use crate::fit::simulate::{Resolution, simulate};
+use crate::fit::treatment;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Real, TermKind};
 use rayon::prelude::*;
-
-/// Parameters that are levels: the friction level is proportional to all of them together.
-const LEVELS: [Id; 9] = [
-    Id::CoulombTorque,
-    Id::StaticTorque,
-    Id::CoulombTorqueNegative,
-    Id::StaticTorqueNegative,
-    Id::RadialForceCoulomb,
-    Id::PressureCoulomb,
-    Id::LoadCoulomb,
-    Id::DwellGain,
-    Id::PressureStaticExcess,
-];
 
 /// A model and what it does on each track.
 #[derive(Clone, Debug)]
@@ -75,7 +63,7 @@ pub fn sensitivities(
     let mut parameters = parameters.clone();
     // As in the fit: the declared speed limits the step, and all that was measured is to be seen.
     parameters.envelope.velocity_max_rad_s = f32::MAX;
-    let levels = LEVELS.iter().copied().filter(|id| parameters.active().any(|own| own == *id));
+    let levels = parameters.active().filter(|id| treatment::of(*id).is_level);
     let mut columns = free.to_vec();
     columns.extend(levels.filter(|id| !free.contains(id)));
     let follow = |track: &Track| match columns.len() {
@@ -106,8 +94,12 @@ fn along<const N: usize>(
         .chain([Id::StaticTorque, Id::StaticTorqueNegative])
         .filter_map(column)
         .collect();
-    let levels: Vec<(usize, f64)> =
-        LEVELS.iter().filter_map(|id| Some((column(*id)?, parameters.get(*id)))).collect();
+    let is_level = |id: &ParameterId| treatment::of(*id).is_level;
+    let levels: Vec<(usize, f64)> = parameters
+        .active()
+        .filter(is_level)
+        .filter_map(|id| Some((column(id)?, parameters.get(id))))
+        .collect();
     let viscous = column(Id::ViscousFriction);
     let coefficient = parameters.get(Id::ViscousFriction);
     let start = initial_state(parameters, track, resolution);

@@ -11,7 +11,7 @@
 //! data do determine (an error of a percent, say) is moved by it by less than a hundredth of its error.
 
 use super::scales::Scales;
-use ParameterId as Id;
+use super::treatment::{self, Values};
 use compensator_core::{ParameterId, Parameters, Real};
 
 /// How one parameter is moved.
@@ -47,26 +47,16 @@ impl Coordinates {
     /// `scales` say how large a parameter that cannot be negative is expected to be, from where on
     /// its coordinate is proportional, and between which bounds a positive one is sought.
     pub fn new(base: &Parameters<f64>, free: &[ParameterId], scales: &Scales) -> Self {
-        let scale = |id| match id {
-            Id::CoulombTorque
-            | Id::CoulombTorqueNegative
-            | Id::StribeckVelocity
-            | Id::BristleStiffness
-            | Id::AtanSlope
-            | Id::DwellTime
-            | Id::DwellTravel
-            | Id::DriftTime
-            | Id::RippleOrder
-            | Id::StribeckExponent => {
-                let (least, most) = scales.bounds(id);
+        let scale = |id: ParameterId| match treatment::of(id).values {
+            Values::Any => Scale::Plain,
+            Values::Positive(range) => {
+                let (least, most) = treatment::bounds(id, range, scales);
                 Scale::Logarithmic(least.ln(), most.ln())
             }
-            Id::StaticTorque => Scale::NotBelow(Id::CoulombTorque),
-            Id::StaticTorqueNegative => Scale::NotBelow(Id::CoulombTorqueNegative),
-            Id::BristleDamping | Id::DwellGain | Id::BacklashTravel | Id::ChannelDelay => {
-                Scale::NotNegative(scales.typical(id).max(f64::MIN_POSITIVE))
+            Values::NotNegative(typical) => {
+                Scale::NotNegative(typical(scales).max(f64::MIN_POSITIVE))
             }
-            _ => Scale::Plain,
+            Values::NotBelow(other) => Scale::NotBelow(other),
         };
         let mut coordinates = Self {
             base: base.clone(),
@@ -188,6 +178,7 @@ impl Coordinates {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ParameterId as Id;
     use compensator_core::LawKind;
 
     const SCALES: Scales = Scales {

@@ -1,8 +1,6 @@
 //! How large things are in a data set: what starting values and bounds are made from.
 
 use super::track::Track;
-use ParameterId as Id;
-use compensator_core::ParameterId;
 
 /// The sizes of a data set that starting values are made from.
 #[derive(Clone, Copy, Debug)]
@@ -47,38 +45,6 @@ impl Scales {
             temperature_c: samples().map(|s| s.temperature_c).sum::<f64>() / rows,
             noise: noise(tracks).max(1e-6 * (squares / rows).sqrt()),
             period_s: tracks.first().map_or(1e-3, |t| t.period_s),
-        }
-    }
-
-    /// Between which values a positive parameter is sought, well inside its legal range: beyond
-    /// them it does on these rows what it does at the bound.
-    pub fn bounds(&self, id: ParameterId) -> (f64, f64) {
-        let (least, most) = match id {
-            Id::CoulombTorque | Id::CoulombTorqueNegative => {
-                (1e-4 * self.torque, 1e3 * self.torque)
-            }
-            Id::StribeckVelocity => (1e-3 * self.speed, 1e1 * self.speed),
-            // Presliding over a hundred times the travel, or a millionth of it.
-            Id::BristleStiffness => {
-                (0.01 * self.torque / self.travel, 1e6 * self.torque / self.travel)
-            }
-            Id::AtanSlope => (1e-2 / self.speed, 1e4 / self.speed),
-            Id::DriftTime => (1e-2 * self.campaign_s, 1e2 * self.campaign_s),
-            _ => (id.info().lower, id.info().upper),
-        };
-        // Of a torque or a motion of next to nothing there may be no such range: then it is a point.
-        let least = least.max(id.info().lower).min(id.info().upper);
-        (least, most.min(id.info().upper).max(least))
-    }
-
-    /// A size a parameter that cannot be negative may be expected to have.
-    pub fn typical(&self, id: ParameterId) -> f64 {
-        match id {
-            Id::BristleDamping => 0.1 * self.torque / self.speed,
-            Id::DwellGain => 0.1 * self.torque,
-            Id::BacklashTravel => 0.01 * self.travel,
-            Id::ChannelDelay => self.period_s,
-            _ => 1.0,
         }
     }
 }

@@ -14,8 +14,9 @@ use super::start;
 use super::statistics::{autocorrelation_time, step_in_standard_errors};
 use super::streaming_qr::Reduced;
 use super::track::{Rows, Track};
+use super::treatment;
 use crate::spec::Spec;
-use compensator_core::{ParameterId, Parameters};
+use compensator_core::{ParameterId, Parameters, Quantity};
 
 /// A finer simulation must not move a parameter by more than this many standard errors.
 const STEP_TOLERANCE: f64 = 0.1;
@@ -202,37 +203,18 @@ fn free_parameters(
     tracks: &[Track],
     options: &FitOptions,
 ) -> Vec<ParameterId> {
-    use ParameterId as Id;
-    let unseen: Vec<Id> = unseen(spec, tracks);
-    let optional = [
-        Id::RadialForceStaticExcess,
-        Id::PressureStaticExcess,
-        Id::TemperatureReference,
-        Id::DwellTravel,
-        Id::BacklashStiffnessRatio,
-        // Which column, and over which range, is chosen; what happens along it is fitted.
-        Id::LookupColumn,
-        Id::LookupLower,
-        Id::LookupUpper,
-    ];
+    let unseen = unseen(spec, tracks);
     base.active()
         .filter(|id| !options.fixed.contains(id) && !unseen.contains(id))
-        .filter(|id| !optional.contains(id) || options.freed.contains(id))
+        .filter(|id| !treatment::of(*id).kept || options.freed.contains(id))
         .collect()
 }
 
-/// Parameters that act on a column which is not there, or 0 throughout.
+/// Parameters that act on a quantity which is not there, or 0 throughout.
 pub fn unseen(spec: &Spec, tracks: &[Track]) -> Vec<ParameterId> {
-    let silent = |column: &str| {
-        tracks.iter().flat_map(|track| &track.samples).all(|sample| {
-            0.0 == match column {
-                "radial_force_n" => sample.radial_force_n,
-                "pressure_diff_pa" => sample.pressure_diff_mpa,
-                "temperature_c" => sample.temperature_c,
-                "load_torque_nm" => sample.load_torque_nm,
-                _ => sample.position_rad,
-            }
-        })
+    let silent = |quantity: Quantity| {
+        let mut samples = tracks.iter().flat_map(|track| &track.samples);
+        samples.all(|sample| quantity.of_sample(sample).is_none_or(|value| value == 0.0))
     };
-    spec.needs().filter(|(_, column)| silent(column)).map(|(id, _)| id).collect()
+    spec.needs().filter(|(_, quantity)| silent(*quantity)).map(|(id, _)| id).collect()
 }

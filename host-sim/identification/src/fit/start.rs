@@ -13,6 +13,7 @@ use super::minimise::minimise;
 use super::scales::Scales;
 use super::simulate::{Resolution, simulate};
 use super::track::{Rows, Track};
+use super::treatment;
 use crate::spec::Spec;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Sample, TermKind};
@@ -167,10 +168,16 @@ fn grid(
                     start.set(Id::BristleStiffness, *bristle_stiffness);
                     start.set(Id::AtanSlope, *atan_slope);
                     if free.contains(&Id::BristleDamping) {
-                        start.set(Id::BristleDamping, scales.typical(Id::BristleDamping));
+                        start.set(
+                            Id::BristleDamping,
+                            treatment::typical(Id::BristleDamping, scales),
+                        );
                     }
                     if free.contains(&Id::BacklashTravel) {
-                        start.set(Id::BacklashTravel, scales.typical(Id::BacklashTravel));
+                        start.set(
+                            Id::BacklashTravel,
+                            treatment::typical(Id::BacklashTravel, scales),
+                        );
                     }
                     grid.push(start);
                 }

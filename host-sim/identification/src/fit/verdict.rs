@@ -3,6 +3,7 @@
 use super::outcome::{Outcome, State};
 use super::predict::Predicted;
 use super::track::Track;
+use super::treatment;
 use ParameterId as Id;
 use compensator_core::{LawKind, ParameterId};
 
@@ -44,7 +45,9 @@ pub(super) fn verdicts(
             State::AtStart => {
                 said.push(format!("{name}: at its start: nothing measured depends on it"));
             }
-            State::AtBound => said.push(format!("{name}: at its bound: {}", bound(estimate.id))),
+            State::AtBound => {
+                said.push(format!("{name}: at its bound: {}", treatment::of(estimate.id).at_bound))
+            }
         }
     }
     said.extend(tied(outcome));
@@ -81,18 +84,6 @@ fn bristles(predicted: &Predicted, tracks: &[Track]) -> Option<String> {
          damping"
             .to_owned()
     })
-}
-
-fn bound(id: ParameterId) -> &'static str {
-    match id {
-        Id::StaticTorque => "F_S = F_C, no Stribeck effect is seen",
-        Id::StaticTorqueNegative => "F_S = F_C backwards, no Stribeck effect is seen",
-        Id::BristleDamping => "0 fits best",
-        Id::DwellGain | Id::BacklashTravel | Id::ChannelDelay => {
-            "0 fits best, the effect is not there"
-        }
-        _ => "the edge of its legal range",
-    }
 }
 
 fn tied(outcome: &Outcome) -> Vec<String> {
