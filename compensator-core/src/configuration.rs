@@ -25,7 +25,7 @@ crate::named_fields! {
         /// After that it fades to neutral over this long, s.
         fade_s: f32 = 0.4, 1e-4..=1000.0, "a reading fades, it does not jump";
     }
-    /// For the joint of paper 0 (26 Nm; friction 2-3.5 Nm) with a 1 Nm/A drive.
+    /// For the joint of Ding et al. (26 Nm; friction 2-3.5 Nm) with a 1 Nm/A drive.
 }
 
 impl CompensatorParameters {

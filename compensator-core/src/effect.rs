@@ -74,7 +74,7 @@ pub struct NoEffect;
 
 impl<T: Real> Effect<T> for NoEffect {}
 
-/// Side load and pressure on the seal (improved LuGre, paper 0 eq. 16).
+/// Side load and pressure on the seal (improved LuGre, Ding et al., eq. 16).
 #[derive(Clone, Copy, Debug)]
 pub struct SealEffect<T> {
     /// Added to the Coulomb level, Nm.

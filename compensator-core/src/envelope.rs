@@ -23,5 +23,5 @@ crate::named_fields! {
         /// Longest campaign, h.
         campaign_max_h: f32 = 2000.0;
     }
-    /// The joint of paper 0, with room: 100 rpm, 100 N, 0.3 MPa, 26 Nm.
+    /// The joint of Ding et al., with room: 100 rpm, 100 N, 0.3 MPa, 26 Nm.
 }

@@ -6,14 +6,14 @@
 //!
 //! | law | torque | source |
 //! |---|---|---|
-//! | linear | `F_C sgn v + sigma2 v` | paper 2, eq. 2-4 |
-//! | extended | `F_C sgn v + sigma2 v + f1 v abs(v) + f2 v^3` | paper 2, eq. 5 (printed `f1 v sgn v`: an option) |
-//! | atan | `f0 + F_C sgn v + sigma2 v + fa atan(fb v)` | paper 2, eq. 6 |
+//! | linear | `F_C sgn v + sigma2 v` | the manipulator paper, eq. 2-4 |
+//! | extended | `F_C sgn v + sigma2 v + f1 v abs(v) + f2 v^3` | the manipulator paper, eq. 5 (printed `f1 v sgn v`: an option) |
+//! | atan | `f0 + F_C sgn v + sigma2 v + fa atan(fb v)` | the manipulator paper, eq. 6 |
 //! | stribeck | `g(v) sgn v + sigma2 v` | steady LuGre |
 //! | dahl | bristles with `F_S = F_C`, `sigma1 = 0` | Dahl 1968 |
-//! | lugre | bristles | paper 0, eq. 1; paper 1, eq. 12-13 |
-//! | lugre-asymmetric | bristles, levels by the sign of the held torque | paper 1, eq. 4 |
-//! | improved-lugre | bristles under side load and pressure | paper 0, eq. 16 |
+//! | lugre | bristles | Ding et al., eq. 1; the damper paper, eq. 12-13 |
+//! | lugre-asymmetric | bristles, levels by the sign of the held torque | the damper paper, eq. 4 |
+//! | improved-lugre | bristles under side load and pressure | Ding et al., eq. 16 |
 //!
 //! Each law is one file, which answers the questions of `interface`: its parameters, what it is built of, what
 //! it remembers, its step, and the products a fixed-point number must hold. To add one: its file, its row in
@@ -58,7 +58,7 @@ pub struct Choices {
     /// Bristle damping fades along the Stribeck curve instead of staying constant; see
     /// [`ParameterId::BristleDamping`].
     pub damping_fades: bool,
-    /// Take the extended law as paper 2 prints it.
+    /// Take the extended law as the manipulator paper prints it.
     pub printed_extended: bool,
     /// Accept a law that can give out more energy than it takes in.
     pub allow_active: bool,

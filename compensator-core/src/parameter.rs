@@ -59,11 +59,11 @@ parameters! {
     StaticTorque = "static_torque", "Nm", "N", TINY, 1e6, 1.0;
     /// `v_s`.
     StribeckVelocity = "stribeck_velocity", "rad/s", "m/s", 1e-6, 1e3, 0.1;
-    /// `sigma0`, paper 0's `k0`.
+    /// `sigma0`, Ding et al.'s `k0`.
     BristleStiffness = "bristle_stiffness", "Nm/rad", "N/m", 1e-3, 1e9, 1e4;
-    /// `sigma1`, paper 0's `k1`. Constant, or with `damping_fades` times `exp(-(v/v_s)^2)`.
+    /// `sigma1`, Ding et al.'s `k1`. Constant, or with `damping_fades` times `exp(-(v/v_s)^2)`.
     BristleDamping = "bristle_damping", "Nm s/rad", "N s/m", 0.0, 1e7, 0.0;
-    /// `sigma2`, paper 0's `k2`.
+    /// `sigma2`, Ding et al.'s `k2`.
     ViscousFriction = "viscous_friction", "Nm s/rad", "N s/m", -1e6, 1e6, 0.0;
     /// `f1` of the extended law.
     QuadraticFriction = "quadratic_friction", "Nm s^2/rad^2", "N s^2/m^2", -ANY, ANY, 0.0;
@@ -77,12 +77,12 @@ parameters! {
     CoulombTorqueNegative = "coulomb_torque_negative", "Nm", "N", TINY, 1e6, 1.0;
     /// `F_S` of the negative side, asymmetric law.
     StaticTorqueNegative = "static_torque_negative", "Nm", "N", TINY, 1e6, 1.0;
-    /// Coulomb torque per side load, `k_C2` of paper 0 eq. 16.
+    /// Coulomb torque per side load, `k_C2` of Ding et al., eq. 16.
     RadialForceCoulomb = "radial_force_coulomb", "Nm/N", "N/N", -1e3, 1e3, 0.0;
-    /// What `F_S` gains per side load beyond what `F_C` gains. Paper 0 gives `F_S` nothing, and its
+    /// What `F_S` gains per side load beyond what `F_C` gains. Ding et al. give `F_S` nothing, and its
     /// curve inverts when the loaded `F_C` passes it; 0 keeps their difference.
     RadialForceStaticExcess = "radial_force_static_excess", "Nm/N", "N/N", -1e3, 1e3, 0.0;
-    /// Coulomb torque per pressure difference, `k_C1` of paper 0 eq. 16.
+    /// Coulomb torque per pressure difference, `k_C1` of Ding et al., eq. 16.
     PressureCoulomb = "pressure_coulomb", "Nm/Pa", "N/Pa", -1.0, 1.0, 0.0;
     /// As `RadialForceStaticExcess`, for pressure.
     PressureStaticExcess = "pressure_static_excess", "Nm/Pa", "N/Pa", -1.0, 1.0, 0.0;

@@ -1,4 +1,4 @@
-//! From the geometry of shaft and seal to `eta3`, a physical starting value (paper 0, eq. 11-15).
+//! From the geometry of shaft and seal to `eta3`, a physical starting value (Ding et al., eq. 11-15).
 //!
 //! A side load `F_L` at the shaft's end bends it at the seal by `z_L` (eq. 11). The seal, a ring of
 //! rubber, pushes back with `F_O`, which takes `z_o` off again: the seal restores, so

@@ -4,7 +4,7 @@
 //! current. The step is built so that it cannot leave the level whatever the stiffness, the period
 //! and the velocity are, and these tests look for the input that proves it wrong: any bit pattern of
 //! velocity, nine decades of everything else, side load and pressure jumping about the envelope,
-//! terms in random company. The largest level is worked out here, from design section 6, not asked
+//! terms in random company. The largest level is worked out here, from what each term means, not asked
 //! of the core.
 
 mod support;

@@ -2,7 +2,7 @@
 //!
 //! Two ways to get LuGre wrong are tried next to the core in one run. *Explicit Euler* is stable
 //! only while `sigma0 |v| dt < 2 g`: at 1 kHz, with 1e4 Nm/rad and 2 Nm, up to 3.8 rpm. And the law
-//! *as paper 0 prints it*, `z' = v - sigma0 v z / g` without the modulus, runs away for negative
+//! *as Ding et al. print it*, `z' = v - sigma0 v z / g` without the modulus, runs away for negative
 //! speed however finely it is integrated. A third test is about energy: the bristle may give back
 //! what bending it took and no more, in each single sample.
 
@@ -48,7 +48,7 @@ fn explicit_euler_diverges_above_3_8_rpm_where_the_core_stays_within_the_level()
     }
 }
 
-/// Paper 0's eq. 1 as printed, `z' = v - sigma0 v z / g`, by Runge-Kutta at 1 us: not a matter of
+/// Ding et al.'s eq. 1 as printed, `z' = v - sigma0 v z / g`, by Runge-Kutta at 1 us: not a matter of
 /// the step.
 fn printed(seal: &Seal, velocity: f64, duration: f64) -> f64 {
     let input = Input { velocity, ..Input::default() };

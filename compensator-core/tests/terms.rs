@@ -1,8 +1,7 @@
 //! Each term against its formula, and each term doing nothing.
 //!
-//! A term is what the diagnosis deploys: the cause it names must do to the torque what design
-//! section 6 says, in every number, and with its neutral parameters must not be there at all, to the
-//! bit. Terms that act on steady sliding are checked there, where the friction has a closed form,
+//! A term is what the diagnosis deploys: it must do to the torque what its cause means, in every number,
+//! and with its neutral parameters must not be there at all, to the bit. Terms that act on steady sliding are checked there, where the friction has a closed form,
 //! against that form; the four with a memory of their own have a test each. A list at the end makes
 //! sure no kind was forgotten.
 #![cfg(feature = "terms")]
@@ -106,7 +105,7 @@ fn settled<T: Real>(parameters: &Parameters<T::Setting>, sample: &Sample<f64>) -
     (0..20_000).map(|_| model.step(&mut state, &sample).value()).last().unwrap()
 }
 
-/// Friction in steady sliding at a velocity under one sample's covariates, from design section 6.
+/// Friction in steady sliding at a velocity under one sample's covariates, from what each term means.
 type Formula = fn(f64, &Sample<f64>) -> f64;
 
 /// A kind, its parameters and its formula.

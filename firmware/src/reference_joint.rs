@@ -1,4 +1,4 @@
-//! The joint all figures are taken for: paper 0's, with every part of the law at work.
+//! The joint all figures are taken for: Ding et al.'s, with every part of the law at work.
 //!
 //! A parameter left at 0 would cost the same instructions (the step has one path) but would hide a
 //! wrong bit: so side load, pressure, fading damping and viscous friction all act.

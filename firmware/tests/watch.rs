@@ -139,7 +139,7 @@ fn flagged_after(
 #[test]
 fn a_fifth_more_coulomb_friction_is_flagged_in_the_stated_time() {
     let mut watch = WatchParameters::default().build(1e-3).unwrap();
-    // 20 % of the 1.5 Nm of the joint of paper 0, less of it, and the seal run in. Where noise leaves
+    // 20 % of the 1.5 Nm of the joint of Ding et al., less of it, and the seal run in. Where noise leaves
     // the square little room, the level is what sees it, just in the stated time.
     for (change, noise, least) in [
         (0.3, 0.1, 0.25),

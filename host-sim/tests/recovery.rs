@@ -1,6 +1,6 @@
 //! Simulated joints with known parameters: are they found, and are the standard errors right?
 //!
-//! The joints are drawn from paper 0's ranges and simulated by [`simulated_machines`], which shares no code
+//! The joints are drawn from Ding et al.'s ranges and simulated by [`simulated_machines`], which shares no code
 //! with the core: own state, own integrator. A fit then has to find the parameters within two of its own
 //! standard errors in 95 % of the cases (95.4 % if errors are right, which a hundred seeds can tell to a
 //! percent or two). Too few would mean a bias or errors that are too small; too many,

@@ -38,7 +38,7 @@ const KINDS: [(f64, usize, usize); 8] = [
     (100.0, 1, 1),
 ];
 
-/// A seal of about the size paper 0 reports (2 to 3.5 Nm): 2.0 to 3.1 Nm in sliding over all kinds.
+/// A seal of about the size Ding et al. report (2 to 3.5 Nm): 2.0 to 3.1 Nm in sliding over all kinds.
 const SEAL: Seal = Seal {
     k0: 2500.0,
     k1: 8.0,

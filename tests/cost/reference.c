@@ -11,7 +11,7 @@ struct lugre {
     float force_coulomb, pressure_coulomb, eta3_per_period;
 };
 
-/* Paper 0, eq. 1. */
+/* Ding et al., eq. 1. */
 float lugre_step(const struct lugre *p, float *z, float v)
 {
     float u = v * p->inverse_stribeck;
@@ -25,7 +25,7 @@ struct sample {
     float velocity, force, force_change, pressure;
 };
 
-/* Paper 0, eq. 16: side load and pressure on the Coulomb level, the changing side load on the bristle. */
+/* Ding et al., eq. 16: side load and pressure on the Coulomb level, the changing side load on the bristle. */
 float improved_lugre_step(const struct lugre *p, float *z, const struct sample *sample)
 {
     float v = sample->velocity;

@@ -1,4 +1,4 @@
-//! With `f0 + fa atan(fb v)` besides (paper 2, eq. 6).
+//! With `f0 + fa atan(fb v)` besides (the manipulator paper, eq. 6).
 
 use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;

@@ -1,6 +1,6 @@
 //! LuGre: friction as bristles that bend and slip.
 //!
-//! With `y = sigma0 z` (Nm) as state, the LuGre law reads (paper 1, eq. 12-13; paper 0, eq. 1 with
+//! With `y = sigma0 z` (Nm) as state, the LuGre law reads (the damper paper, eq. 12-13; Ding et al., eq. 1 with
 //! the modulus its print lacks)
 //!
 //! ```text

@@ -1,4 +1,4 @@
-//! With `f1 v |v| + f2 v^3` besides (paper 2, eq. 5), or as printed with the even `f1 v sgn v = f1 |v|`,
+//! With `f1 v |v| + f2 v^3` besides (the manipulator paper, eq. 5), or as printed with the even `f1 v sgn v = f1 |v|`,
 //! which does not dissipate.
 
 use super::interface::{FrictionLaw, Step};

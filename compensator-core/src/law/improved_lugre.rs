@@ -1,4 +1,4 @@
-//! LuGre under side load and pressure (paper 0, eq. 16).
+//! LuGre under side load and pressure (Ding et al., eq. 16).
 
 use super::bristle::{self, Bristles};
 use super::interface::{FrictionLaw, Step};

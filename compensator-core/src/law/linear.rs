@@ -1,4 +1,4 @@
-//! Coulomb and viscous friction (paper 2, eq. 2-4).
+//! Coulomb and viscous friction (the manipulator paper, eq. 2-4).
 
 use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;

@@ -1,4 +1,4 @@
-//! LuGre: bristles with the Stribeck curve (paper 0, eq. 1; paper 1, eq. 12-13); see [`super::bristle`].
+//! LuGre: bristles with the Stribeck curve (Ding et al., eq. 1; the damper paper, eq. 12-13); see [`super::bristle`].
 
 use super::bristle::{self, Bristles};
 use super::interface::{FrictionLaw, Step};

@@ -1,4 +1,4 @@
-//! LuGre with levels that depend on the direction it is loaded in (paper 1, eq. 4).
+//! LuGre with levels that depend on the direction it is loaded in (the damper paper, eq. 4).
 //!
 //! The print lets `g` depend on the force it is about to give; here the sign of the held torque
 //! decides, which is known. A state can thus stand above the level of the side it crosses to by

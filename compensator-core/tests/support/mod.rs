@@ -14,7 +14,7 @@ pub mod schemes;
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters, Real};
 
-/// A seal, in the quantities of paper 0, eq. 1 and 16.
+/// A seal, in the quantities of Ding et al., eq. 1 and 16.
 #[derive(Clone, Copy, Debug)]
 pub struct Seal {
     pub coulomb: f64,
@@ -42,7 +42,7 @@ pub struct Input {
 }
 
 impl Seal {
-    /// A joint of paper 0's size: friction of 2 to 3.5 Nm under load.
+    /// A joint of Ding et al.'s size: friction of 2 to 3.5 Nm under load.
     pub const JOINT: Seal = Seal {
         coulomb: 1.5,
         static_level: 2.2,

@@ -1,4 +1,4 @@
-//! The stochastic extension of a model (paper 0, eq. 2-8): how far may each parameter vary before
+//! The stochastic extension of a model (Ding et al., eq. 2-8): how far may each parameter vary before
 //! the model leaves what was measured?
 //!
 //! ```text

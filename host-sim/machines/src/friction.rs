@@ -1,4 +1,4 @@
-//! The seal's friction as a differential equation (paper 0, eq. 16 with the corrections).
+//! The seal's friction as a differential equation (Ding et al., eq. 16 with the corrections).
 //!
 //! ```text
 //! z' = v - k0 |v| z / g(v) + eta3 dF_L/dt

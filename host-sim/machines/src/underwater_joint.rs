@@ -1,4 +1,4 @@
-//! The underwater joint of paper 0 on its test stand, simulated.
+//! The underwater joint of Ding et al. on its test stand, simulated.
 //!
 //! Ranges are the paper's: 35, 70 and 100 rpm; side load 25-35 or 45-55 N; pressure difference 0-0.05 or
 //! 0.25-0.30 MPa; friction 2 to 3.5 Nm. A seal is drawn at random from a seed; each run has its own speed

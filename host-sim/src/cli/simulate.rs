@@ -1,6 +1,6 @@
 //! `simulate`: a simulated machine's log and the truth behind it.
 //!
-//! Without `--hide` the log is of a joint whose load and pressure act as paper 0 says. With it, one
+//! Without `--hide` the log is of a joint whose load and pressure act as Ding et al. say. With it, one
 //! physical effect or two, or none, is hidden in an otherwise random campaign, for a diagnosis to find.
 
 use super::output::{OutputArguments, say};

@@ -2,8 +2,9 @@
 
 use super::sensitivities::Sensitivities;
 use super::train_test::TrainTest;
+use crate::data::contract;
 use crate::fit::Track;
-use compensator_core::Sample;
+use compensator_core::Quantity;
 
 /// Below this share of the largest speed a joint rests.
 const AT_REST: f64 = 1e-3;
@@ -164,22 +165,21 @@ pub fn shares<P>(
 /// by run: name of the column, its parts.
 pub fn by_column(log: &TrainTest, at: &Sensitivities) -> Vec<(String, Vec<Share>)> {
     type Read<'a> = Box<dyn Fn(usize, usize) -> f64 + 'a>;
-    type Of = fn(&Sample<f64>) -> f64;
     let tracks = &log.test_tracks;
     let sample = |track: usize, row: usize| &tracks[track].samples[row];
     let mut columns: Vec<(String, Read)> = vec![
         ("speed".into(), Box::new(|t, r| sample(t, r).velocity_rad_s.abs())),
         ("time_s".into(), Box::new(|t, r| 3600.0 * sample(t, r).campaign_time_h)),
     ];
-    let covariates: [(&str, Of); 5] = [
-        (log.position_name(), |s| s.position_rad),
-        ("radial_force_n", |s| s.radial_force_n),
-        ("pressure_diff_pa", |s| 1e6 * s.pressure_diff_mpa),
-        ("temperature_c", |s| s.temperature_c),
-        ("load_torque_nm", |s| s.load_torque_nm),
-    ];
-    for (name, read) in covariates.into_iter().filter(|(name, _)| log.varies(name)) {
-        columns.push((name.to_owned(), Box::new(move |t, r| read(sample(t, r)))));
+    for quantity in std::iter::once(Quantity::Position).chain(contract::covariates()) {
+        let name = quantity.name(log.train.joint);
+        if log.varies(name) {
+            let scale = quantity.info().outside_scale;
+            let read = move |t: usize, r: usize| {
+                scale * quantity.of_sample(sample(t, r)).unwrap_or_default()
+            };
+            columns.push((name.to_owned(), Box::new(read)));
+        }
     }
     for index in &log.extras {
         let read = move |t: usize, r: usize| tracks[t].covariates[*index][r];

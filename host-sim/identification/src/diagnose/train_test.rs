@@ -5,7 +5,7 @@
 //! units, and knows of every error the model makes. Such columns are kept out, and named. What tells
 //! them is that they follow the torque from sample to sample, which pressure or temperature cannot.
 
-use crate::data::{Dataset, Run, Split};
+use crate::data::{Dataset, Quantity, Run, Split, contract};
 use crate::fit::scales::Scales;
 use crate::fit::{Rows, Track, track};
 use compensator_core::TermKind;
@@ -192,18 +192,12 @@ impl TrainTest {
 
     /// Name of the position column, for findings.
     pub fn position_name(&self) -> &'static str {
-        match self.train.joint {
-            crate::data::JointKind::Revolute => "position_rad",
-            crate::data::JointKind::Prismatic => "position_m",
-        }
+        Quantity::Position.name(self.train.joint)
     }
 
     /// Name of the velocity column, for findings.
     pub fn velocity_name(&self) -> &'static str {
-        match self.train.joint {
-            crate::data::JointKind::Revolute => "velocity_rad_s",
-            crate::data::JointKind::Prismatic => "velocity_m_s",
-        }
+        Quantity::Velocity.name(self.train.joint)
     }
 
     /// Seconds from the first row of the campaign to its last.
@@ -215,8 +209,10 @@ impl TrainTest {
 
     /// The covariates that may be blamed, and why others may not.
     fn choose_extras(&self) -> (Vec<usize>, Vec<String>) {
-        const KNOWN: [&str; 4] =
-            ["radial_force_n", "pressure_diff_pa", "temperature_c", "load_torque_nm"];
+        let known: Vec<&str> = contract::covariates()
+            .chain([Quantity::Velocity, Quantity::Position])
+            .map(|quantity| quantity.name(self.train.joint))
+            .collect();
         let runs = &self.train.runs;
         let (mut extras, mut notes) = (Vec::new(), Vec::new());
         for (index, name) in self.train.covariates.iter().enumerate() {
@@ -242,8 +238,7 @@ impl TrainTest {
                     has && correlation(runs, of, |run| other(run).unwrap_or_default()).abs()
                         > SAME_COLUMN
                 };
-                let own = [self.velocity_name(), self.position_name()];
-                if let Some(known) = KNOWN.into_iter().chain(own).find(|other| copy(other)) {
+                if let Some(known) = known.iter().find(|other| copy(other)) {
                     notes.push(format!("{name} is {known} under another name and is left out"));
                     continue;
                 }

@@ -1,4 +1,4 @@
-//! Speed classes: runs of like speed are certified together (paper 0, Table II and III).
+//! Speed classes: runs of like speed are certified together (Ding et al., Table II and III).
 //!
 //! The paper set 35, 70 and 100 rpm. A log says no such thing, so its runs are sorted by the speed
 //! they typically move at and parted at the largest gaps. A gap counts from a ratio of `GAP` on;

@@ -1,4 +1,4 @@
-//! Parameter vectors around the fitted one (paper 0, eq. 4 and 9), in relative parameters.
+//! Parameter vectors around the fitted one (Ding et al., eq. 4 and 9), in relative parameters.
 //!
 //! ```text
 //! xi_i = mean_i exp(s_i z_i)        z normal, kept within its central 95 % as in the paper

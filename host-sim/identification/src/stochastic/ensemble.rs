@@ -1,4 +1,4 @@
-//! How often a parameter vector leaves the data (paper 0, eq. 2-3), fast.
+//! How often a parameter vector leaves the data (Ding et al., eq. 2-3), fast.
 //!
 //! ```text
 //! outside(w) = 1 where the model's torque at monitoring time w is outside the data's range, else 0

@@ -1,4 +1,4 @@
-//! Confidence, accuracy, and how many samples they take (paper 0, eq. 6-7).
+//! Confidence, accuracy, and how many samples they take (Ding et al., eq. 6-7).
 //!
 //! Four counts are easily mixed up and are kept apart here: `n` sampled *parameter vectors* and `m`
 //! *trials* ([`Counts`]); the paper's 8 *kinds* of experiment and its 50 *repeats* of each ([`Campaign`]).

@@ -1,4 +1,4 @@
-//! The data's range at a monitoring time (paper 0, eq. 2 and Fig. 2).
+//! The data's range at a monitoring time (Ding et al., eq. 2 and Fig. 2).
 //!
 //! The paper repeats one experiment `m` times and takes, at each monitoring time, the smallest and
 //! the largest torque that was measured. Repeats have the same inputs, so that is the same as

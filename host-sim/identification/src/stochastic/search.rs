@@ -1,4 +1,4 @@
-//! The largest permitted spreads (paper 0, eq. 4-5): one parameter alone, then all together.
+//! The largest permitted spreads (Ding et al., eq. 4-5): one parameter alone, then all together.
 //!
 //! `P0`, the (1 - alpha) quantile of the violation probability over `n` sampled vectors, is at most
 //! `rho` exactly if enough of the vectors are. *Alone*, a parameter is a line through the fitted vector:

@@ -4,7 +4,7 @@ use crate::scenarios::{self, Hidden, Options, ScenarioTruth};
 use crate::simulation::{Request, Simulated, Simulation};
 use crate::underwater_joint::{Recording, record};
 
-/// The joint of paper 0 on its test stand. Without anything to hide, load and pressure act as the paper
+/// The joint of Ding et al. on its test stand. Without anything to hide, load and pressure act as the paper
 /// says; else one physical effect or two, or none, is hidden in an otherwise random campaign.
 pub struct UnderwaterJoint;
 
@@ -14,7 +14,7 @@ impl Simulation for UnderwaterJoint {
     }
 
     fn about(&self) -> &'static str {
-        "The joint of paper 0 on its test stand: speeds, side loads and pressures"
+        "The joint of Ding et al. on its test stand: speeds, side loads and pressures"
     }
 
     fn simulate(&self, request: &Request) -> Result<Simulated, String> {

@@ -11,6 +11,7 @@ use super::bins::{Bins, Mean, Spacing};
 use super::figures::{AFTER, fitting_range};
 use super::rows::{AT_REST, Rows, rate, rest_before, since_reversal};
 use crate::report::{Axis, Chart, Series, Style, rounded, thin_scatter};
+use friction_identification::data::{Quantity, contract};
 use friction_identification::diagnose::Finding;
 use friction_identification::diagnose::evidence::{self, Evidence, Over, Seen};
 use friction_identification::fit::predict::predict;
@@ -143,18 +144,9 @@ impl Plane {
 
 /// A column's name for an axis.
 fn label(name: &str) -> String {
-    match name {
-        "radial_force_n" => "side load (N)".into(),
-        "pressure_diff_pa" => "pressure difference (Pa)".into(),
-        "temperature_c" => "temperature (°C)".into(),
-        "load_torque_nm" => "load torque (Nm)".into(),
-        "position_rad" => "position (rad)".into(),
-        "position_m" => "position (m)".into(),
-        "velocity_rad_s" => "velocity (rad/s)".into(),
-        "velocity_m_s" => "velocity (m/s)".into(),
-        "time_s" => "campaign time (s)".into(),
-        other => other.to_owned(),
-    }
+    let Some((quantity, of)) = Quantity::parse(name) else { return name.to_owned() };
+    let unit = quantity.unit(of.unwrap_or_default());
+    format!("{} ({unit})", quantity.info().label)
 }
 
 /// The charts of a finding.
@@ -409,16 +401,11 @@ pub(super) fn survey(scene: &Scene) -> (Vec<Chart>, Vec<Chart>) {
     let campaign = scene.all.sampled(|sample| sample.campaign_time_h);
     let runs = if scene.about.data.runs.len() > 2 { Spacing::Runs } else { Spacing::Even };
     look(Which::All, "Over the campaign", "campaign time (h)", runs, campaign);
-    let contract = [
-        log.position_name(),
-        "radial_force_n",
-        "pressure_diff_pa",
-        "temperature_c",
-        "load_torque_nm",
-    ];
-    let contract = contract.into_iter().filter(|name| log.varies(name)).map(str::to_owned);
+    let measured = std::iter::once(Quantity::Position).chain(contract::covariates());
+    let measured = measured.map(|quantity| quantity.name(log.train.joint));
+    let measured = measured.filter(|name| log.varies(name)).map(str::to_owned);
     let extras = log.extras.iter().map(|index| scene.about.data.covariates[*index].clone());
-    for name in contract.chain(extras) {
+    for name in measured.chain(extras) {
         if let Some(x) = held.named(log, scene.about.data, &name) {
             let title = label(&name);
             let quantity = title.split(" (").next().unwrap_or(&title);

@@ -6,7 +6,7 @@
 //! every row. So a column is made at the full rate, stretch by stretch, and thinned afterwards as the
 //! residual was ([`Rows::column`]).
 
-use compensator_core::Sample;
+use compensator_core::{Quantity, Sample};
 use friction_identification::data::{Dataset, Part};
 use friction_identification::diagnose::TrainTest;
 use friction_identification::fit::Track;
@@ -180,25 +180,17 @@ type Read<'a> = Box<dyn Fn(&Stretch) -> Vec<f64> + 'a>;
 
 /// How a column of the log is read, by its name.
 fn values<'a>(log: &TrainTest, data: &'a Dataset, name: &str) -> Option<Read<'a>> {
-    let of_sample = |of: fn(&Sample<f64>) -> f64| -> Read<'a> {
-        Box::new(move |stretch| stretch.track.samples.iter().map(of).collect())
-    };
-    Some(match name {
-        "radial_force_n" => of_sample(|sample| sample.radial_force_n),
-        "pressure_diff_pa" => of_sample(|sample| sample.pressure_diff_mpa * 1e6),
-        "temperature_c" => of_sample(|sample| sample.temperature_c),
-        "load_torque_nm" => of_sample(|sample| sample.load_torque_nm),
-        "time_s" => of_sample(|sample| sample.campaign_time_h * 3600.0),
-        _ if name == log.velocity_name() => of_sample(|sample| sample.velocity_rad_s),
-        _ if name == log.position_name() => of_sample(|sample| sample.position_rad),
-        _ => {
-            let index = data.covariates.iter().position(|covariate| covariate == name)?;
-            Box::new(move |stretch| {
-                let rows = stretch.first_row..stretch.first_row + stretch.track.len();
-                data.runs[stretch.run].extra[index][rows].to_vec()
-            })
-        }
-    })
+    let known = Quantity::parse(name).map(|(quantity, _)| quantity);
+    if let Some(quantity) = known.filter(|known| known.name(log.train.joint) == name) {
+        let scale = quantity.info().outside_scale;
+        let of = move |sample: &Sample<f64>| quantity.of_sample(sample).unwrap_or_default() * scale;
+        return Some(Box::new(move |stretch| stretch.track.samples.iter().map(of).collect()));
+    }
+    let index = data.covariates.iter().position(|covariate| covariate == name)?;
+    Some(Box::new(move |stretch| {
+        let rows = stretch.first_row..stretch.first_row + stretch.track.len();
+        data.runs[stretch.run].extra[index][rows].to_vec()
+    }))
 }
 
 /// Seconds since the run began, row by row.

@@ -9,6 +9,7 @@ use super::figures::neighbours;
 use super::words::{listed, quantity};
 use super::{View, fitted};
 use compensator_core::{ParameterId as Id, TermKind};
+use friction_identification::data::contract;
 use friction_identification::diagnose::cause;
 use friction_identification::fit::{Outcome, State};
 
@@ -185,14 +186,14 @@ fn times(view: &View) -> [f64; 2] {
 /// Terms that would use a logged column the best model does not use, with the column.
 fn untried(view: &View) -> Vec<String> {
     let (data, tried) = (view.study.data, &view.fit(view.best()).spec);
-    let columns = ["pressure_diff_pa", "radial_force_n", "temperature_c", "load_torque_nm"];
+    let columns = contract::covariates().map(|quantity| quantity.name(data.joint));
     let varies = |column: &str| {
         let values = || data.runs.iter().filter_map(|run| data.column(run, column)).flatten();
         values().next().is_some_and(|first| values().any(|value| value != first))
     };
     let is_new = |term: &TermKind| !tried.law.includes(*term) && !tried.terms.contains(term);
     let mut untried = Vec::new();
-    for column in columns.into_iter().filter(|column| varies(column)) {
+    for column in columns.filter(|column| varies(column)) {
         let causes = cause::ALL.iter().filter(|cause| cause.covariate() == Some(column));
         let terms = causes.filter_map(|cause| cause.remedy().term()).filter(is_new);
         untried.extend(terms.map(|term| format!("+{} ({column})", term.name())));

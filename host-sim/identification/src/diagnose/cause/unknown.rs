@@ -15,7 +15,7 @@ use crate::fit::State;
 use crate::fit::predict::Predicted;
 use crate::number::figure;
 use compensator_core::term::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES};
-use compensator_core::{ParameterId as Id, TermKind};
+use compensator_core::{ParameterId as Id, Quantity, TermKind};
 use rand::{RngExt, SeedableRng};
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -68,7 +68,7 @@ impl Cause for Unknown {
         for followed in columns(beside.log) {
             // A sensor's gain error is a straight line over a covariate, and so simple that it is weighed as
             // such too. (Over velocity it would be viscous friction; over angle or time it means nothing.)
-            let is_covariate = followed.number > 2.5;
+            let is_covariate = followed.is_covariate();
             let ways = [(false, false), (true, false), (false, true)];
             for (level, proportional) in ways.into_iter().filter(|(_, line)| !line || is_covariate)
             {
@@ -142,47 +142,48 @@ fn knots(level: bool) -> [Id; KNOTS] {
     if level { LOOKUP_LEVELS } else { LOOKUP_TORQUES }
 }
 
-/// Reads a column in the core's unit.
-type Read = fn(&Row) -> f64;
-
-/// A column the curve may follow: its name, its number in the core, its unit's factor, how it is read.
+/// A column the curve may follow.
 struct Followed {
     name: String,
-    number: f64,
-    /// What a value in the core's unit is multiplied by for the file's unit.
-    factor: f64,
-    read: Read,
+    /// What it measures; [`Quantity::Auxiliary`] for a covariate of the log's own.
+    quantity: Quantity,
     covariate: Option<usize>,
 }
 
+impl Followed {
+    /// Its value in a row, in the core's unit.
+    fn read(quantity: Quantity, row: &Row) -> f64 {
+        match quantity {
+            Quantity::Auxiliary => row.extra,
+            known => known.of_sample(row.sample).unwrap_or_default(),
+        }
+    }
+
+    /// Its number in the core.
+    fn number(&self) -> f64 {
+        self.quantity.info().column.map_or(0.0, f64::from)
+    }
+
+    /// Whether it is neither the joint's motion nor the time.
+    fn is_covariate(&self) -> bool {
+        use Quantity as Is;
+        ![Is::Velocity, Is::Position, Is::CampaignTime].contains(&self.quantity)
+    }
+}
+
 fn columns(log: &TrainTest) -> Vec<Followed> {
-    let contract: [(&str, f64, f64, Read); 7] = [
-        (log.velocity_name(), 0.0, 1.0, |r| r.sample.velocity_rad_s),
-        (log.position_name(), 1.0, 1.0, |r| r.sample.position_rad),
-        ("time_s", 2.0, 3600.0, |r| r.sample.campaign_time_h),
-        ("radial_force_n", 3.0, 1.0, |r| r.sample.radial_force_n),
-        ("pressure_diff_pa", 4.0, 1e6, |r| r.sample.pressure_diff_mpa),
-        ("temperature_c", 5.0, 1.0, |r| r.sample.temperature_c),
-        ("load_torque_nm", 6.0, 1.0, |r| r.sample.load_torque_nm),
-    ];
-    let varying = contract.into_iter().filter(|(name, ..)| log.varies(name));
-    let mut columns: Vec<Followed> = varying
-        .map(|(name, number, factor, read)| Followed {
-            name: name.to_owned(),
-            number,
-            factor,
-            read,
-            covariate: None,
-        })
-        .collect();
-    columns.extend(log.extras.iter().map(|index| Followed {
+    let followable = |of: &&Quantity| of.info().column.is_some() && **of != Quantity::Auxiliary;
+    let measured = Quantity::ALL.iter().filter(followable).map(|quantity| Followed {
+        name: quantity.name(log.train.joint).to_owned(),
+        quantity: *quantity,
+        covariate: None,
+    });
+    let own = log.extras.iter().map(|index| Followed {
         name: log.train.covariates[*index].clone(),
-        number: 7.0,
-        factor: 1.0,
-        read: |r| r.extra,
+        quantity: Quantity::Auxiliary,
         covariate: Some(*index),
-    }));
-    columns
+    });
+    measured.filter(|followed| log.varies(&followed.name)).chain(own).collect()
 }
 
 /// How the curve follows a column.
@@ -206,7 +207,7 @@ fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
             track.samples.iter().enumerate().step_by(7).map(|(row, sample)| {
                 let extra = followed.covariate.map_or(0.0, |index| track.covariates[index][row]);
                 let row = Row { sample, added: 0.0, level: 0.0, viscous: 0.0, slope: 0.0, extra };
-                (followed.read)(&row)
+                Followed::read(followed.quantity, &row)
             })
         })
         .collect();
@@ -219,11 +220,13 @@ fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
     let width = (most - least) / (KNOTS - 1) as f64;
     let pinned = (((median - least) / width).round() as usize).min(KNOTS - 1);
     let (own, others) = (knots(level), knots(!level));
-    let read = followed.read;
+    let quantity = followed.quantity;
+    let read = move |row: &Row| Followed::read(quantity, row);
+    let factor = quantity.info().outside_scale;
     let mut guesses = vec![
-        (Id::LookupColumn, InitialGuess::At(followed.number)),
-        (Id::LookupLower, InitialGuess::At(least * followed.factor)),
-        (Id::LookupUpper, InitialGuess::At(most * followed.factor)),
+        (Id::LookupColumn, InitialGuess::At(followed.number())),
+        (Id::LookupLower, InitialGuess::At(least * factor)),
+        (Id::LookupUpper, InitialGuess::At(most * factor)),
     ];
     if pins {
         guesses.push((own[pinned], InitialGuess::At(0.0)));
