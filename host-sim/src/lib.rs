@@ -7,9 +7,12 @@
 //! on a bus. The binary is a thin `main`.
 
 pub mod benchmark;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod demo_joint;
 pub mod driver_file;
+#[cfg(feature = "cli")]
 pub mod report;
+#[cfg(feature = "cli")]
 pub mod results;
 pub mod simulated;

@@ -13,5 +13,6 @@
 pub mod bus;
 pub mod canopen;
 pub mod joint;
+#[cfg(feature = "monitor")]
 pub mod monitor;
 pub mod replay;

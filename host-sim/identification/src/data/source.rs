@@ -8,6 +8,7 @@
 mod can_trace;
 mod csv_file;
 mod not_a_log;
+#[cfg(feature = "parquet")]
 mod parquet_file;
 
 use super::clean::FileData;
@@ -25,7 +26,12 @@ struct Source {
 }
 
 /// In the order they are asked. Text that is nothing else is a table.
-const SOURCES: [Source; 3] = [can_trace::SOURCE, parquet_file::SOURCE, csv_file::SOURCE];
+const SOURCES: &[Source] = &[
+    can_trace::SOURCE,
+    #[cfg(feature = "parquet")]
+    parquet_file::SOURCE,
+    csv_file::SOURCE,
+];
 
 /// Bytes of a file it is known by.
 const HEAD: u64 = 64 * 1024;
