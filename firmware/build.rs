@@ -1,8 +1,10 @@
 //! Hands the linker its script and the memory map of the board.
 //!
 //! All link arguments are here, so that nothing in the workspace says `-T` to a PC's linker.
-//! cortex-m-rt's `link.x` includes `memory.x`. Each board has its own beside its source, in
-//! `src/boards/NAME/` for the feature `board-NAME`; the one chosen is copied to where the linker looks.
+//! cortex-m-rt's `link.x` includes `memory.x`, which a linker looks for in its working directory (the
+//! top of the workspace) before the search path. That one includes `board.x`: each board has its map
+//! beside its source, in `src/boards/NAME/` for the feature `board-NAME`, and the one chosen is copied
+//! to where the linker looks; the copy of `memory.x` there serves whoever builds from elsewhere.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -17,7 +19,10 @@ fn main() {
     let on = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
     let map = format!("src/boards/{}/memory.x", board());
     println!("cargo::rerun-if-changed={map}");
-    fs::copy(&map, out.join("memory.x")).unwrap_or_else(|error| panic!("{map}: {error}"));
+    println!("cargo::rerun-if-changed=../memory.x");
+    for (from, to) in [(map.as_str(), "board.x"), ("../memory.x", "memory.x")] {
+        fs::copy(from, out.join(to)).unwrap_or_else(|error| panic!("{from}: {error}"));
+    }
     println!("cargo::rustc-link-search={}", out.display());
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
     println!("cargo::rustc-link-arg-bins=--nmagic");
