@@ -121,8 +121,8 @@ macro_rules! define_kinds {
                 match self { $(TermKind::$kind => <$file::$kind<f64> as Term<f64>>::PARAMETERS),* }
             }
 
-            /// The quantity it does nothing without; `None` where motion or time is all it needs, or what it
-            /// follows is a choice.
+            /// The quantity it does nothing without; `None` where velocity, acceleration or time, which every
+            /// log has, is all it needs, or where what it follows is a choice.
             pub const fn reads(self) -> Option<Quantity> {
                 match self { $(TermKind::$kind => <$file::$kind<f64> as Term<f64>>::READS),* }
             }

@@ -16,8 +16,8 @@ pub(crate) trait Term<T: Real>: Copy + Default {
     /// The parameters that belong to it.
     const PARAMETERS: &'static [ParameterId];
 
-    /// The quantity it does nothing without, in the position of the angle's readings too; `None` where the
-    /// joint's motion or time is all it needs, or what it follows is a choice.
+    /// The quantity it does nothing without; `None` where velocity, acceleration or time, which every log
+    /// has, is all it needs, or where what it follows is a choice.
     const READS: Option<Quantity>;
 
     /// Whether it goes before all others, because they are to see what it does.
