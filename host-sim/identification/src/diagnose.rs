@@ -5,9 +5,9 @@
 //!  -> base      the simplest law the log supports, fitted                                baseline
 //!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order
 //!  -> candidates     each cause as columns beside the model                              cause, candidate
-//!  -> products  of all columns by blocks: gains, chance, stability                       survey, gram_blocks, chance
-//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, review
-//!  -> judged    on runs no fit has seen                                                  judge, regime
+//!  -> products  of all columns by blocks: falls of the error on unseen rows              survey, gram_blocks, fall
+//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, standing, review
+//!  -> judged    fitted anew, every run left out once; what does not gain is taken back   offer, left_out, judge, regime
 //!  -> told      size, sentence, where it shows                                           extended, finding, evidence, story
 //! ```
 //!
@@ -18,14 +18,16 @@
 pub mod baseline;
 pub mod candidate;
 pub mod cause;
-pub mod chance;
 pub mod evidence;
 pub mod extended;
+pub mod fall;
 pub mod finding;
 pub mod found;
 pub mod gram_blocks;
 pub mod judge;
+pub mod left_out;
 pub mod model;
+pub mod offer;
 pub mod order;
 pub mod regime;
 pub mod review;
@@ -33,8 +35,10 @@ pub mod round;
 pub mod search;
 pub mod select;
 pub mod sensitivities;
+pub mod standing;
 pub mod story;
 pub mod survey;
+pub mod thresholds;
 pub mod train_test;
 
 pub use cause::{Cause, Remedy};
@@ -54,10 +58,12 @@ use crate::stochastic::{self, Certificate};
 use baseline::Baseline;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use extended::{Observation, Unexplained};
+use gram_blocks::LeftOut;
 use model::Fitted;
-use search::Search;
-use std::borrow::Cow;
+use offer::Offer;
+use search::{Extension, Search};
 use std::time::Instant;
+use thresholds::STRUCTURE;
 
 /// What is asked.
 #[derive(Clone, Debug, Default)]
@@ -105,6 +111,8 @@ pub struct Diagnosis {
     pub certificates: Certificates,
     /// Name of the covariate in the auxiliary column, if the extended model follows one.
     pub auxiliary: Option<String>,
+    /// What was left out of the fits that were judged there, where nothing is set apart.
+    pub left_out: Option<LeftOut>,
     /// Structure is left that no column explains: autocorrelation time in rows, 0 for none.
     pub left_over: f64,
     /// Time it took, s.
@@ -129,9 +137,8 @@ pub struct Certificates {
     pub reading: String,
 }
 
-/// A held-out error this many times the noise floor, with a memory of at least this many rows, is
-/// structure: what is left over is then `unknown`, not `none`.
-const STRUCTURE: (f64, f64) = (1.04, 1.3);
+/// A residual that remembers fewer rows than this does not hang together.
+const MEMORY: f64 = 1.3;
 
 /// Diagnoses a log.
 ///
@@ -145,43 +152,50 @@ pub fn diagnose(
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
     let whole = TrainTest::new(data, split, question.decimate, &question.rigid_body);
-    let mut some = whole.thinned();
+    let mut some = whole.thinned().into_owned();
     progress("fitting the baseline");
     let Baseline { model: base, at_rest } = base(&some, question)?;
     if let Some(at_rest) = &at_rest {
-        some = Cow::Owned(some.into_owned().without(at_rest));
+        some = some.without(at_rest);
     }
     let seed = question.seed;
-    let selection = select::select(&Search { log: &some, base: &base, seed, progress })?;
-    progress("judging on held-out runs");
-    drop(some);
+    let search = Search { log: &some, base: &base, seed, progress };
+    let selection = select::select(&search)?;
+    progress("judging on rows left out");
     let whole = match &at_rest {
         Some(at_rest) => whole.without(at_rest),
         None => whole,
     };
-    let follows = selection.extended.follows.as_ref().filter(|follows| follows.extra);
-    let log = whole.following(follows).into_owned();
-    let baseline = match &question.given {
+    let as_it_is = question
+        .given
+        .as_ref()
+        .map(|(_, parameters)| predict(parameters, whole.test_rows(), base.resolution));
+    let extension = Extension { model: selection.extended, found: selection.found };
+    let offer = offer::offer(&search, &whole, extension, as_it_is)?;
+    let Offer { extension, before, after, gain, left_out, notes } = offer;
+    let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
+    let mut log = whole.following(follows).into_owned();
+    log.notes.extend(selection.notes.into_iter().chain(notes));
+    let mut baseline = match &question.given {
         Some((spec, parameters)) => given(&log, spec, parameters)?,
         None => outcome(&log, &base)?,
     };
-    let extended = if selection.found.is_empty() {
+    baseline.test = before.metrics;
+    let mut extended = if extension.found.is_empty() {
         baseline.clone()
     } else {
-        outcome(&log, &selection.extended)?
+        outcome(&log, &extension.model)?
     };
-    let before = predict(&baseline.parameters, log.test_rows(), baseline.resolution);
-    let after = predict(&extended.parameters, log.test_rows(), extended.resolution);
+    extended.test = after.metrics;
     let at = sensitivities::sensitivities(
         &baseline.parameters,
         &[],
         &log.test_tracks,
         baseline.resolution,
     );
-    let found = selection.found.iter();
+    let found = extension.found.iter();
     let mut findings: Vec<Finding> = found.map(|found| found.finding(&extended, &log)).collect();
     let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
-    let gain = judge::gain(&before, &after, question.seed);
     let left_over = left_over(&after, noise_floor);
     let noise_floor = judge::lower_floor(noise_floor, &after);
     findings.extend(observed(|cause| cause.in_log(&log)));
@@ -189,7 +203,7 @@ pub fn diagnose(
         let rest = Unexplained {
             after: &after,
             noise_floor,
-            times_floor: STRUCTURE.0,
+            times_floor: STRUCTURE,
             log: &log,
             seed: question.seed,
         };
@@ -205,6 +219,7 @@ pub fn diagnose(
         scores: selection.scores,
         certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),
+        left_out,
         log,
         baseline,
         extended,
@@ -281,6 +296,5 @@ fn certificates(
 /// Memory of the residual in rows, where it is more than noise; else 0.
 fn left_over(after: &Predicted, noise_floor: f64) -> f64 {
     let memory = autocorrelation_time(after.residuals.iter().map(Vec::as_slice));
-    let (times, rows) = STRUCTURE;
-    if after.metrics.rmse > times * noise_floor && memory > rows { memory } else { 0.0 }
+    if after.metrics.rmse > STRUCTURE * noise_floor && memory > MEMORY { memory } else { 0.0 }
 }

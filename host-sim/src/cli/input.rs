@@ -18,7 +18,8 @@ pub struct DataArguments {
     /// Measured data: CSV or Parquet, one or more files
     #[arg(required = true, value_name = "DATA")]
     pub data: Vec<PathBuf>,
-    /// Held-out files; without them whole runs (or time blocks of a single run) are held out
+    /// Held-out files; without them whole runs (or time blocks of a single run) are held out: of `diagnose`
+    /// each run once
     #[arg(long, value_name = "DATA", num_args = 1..)]
     pub test: Vec<PathBuf>,
     /// Hold out the runs where COLUMN (constant within a run, or `run`) has one of the values
@@ -77,11 +78,11 @@ impl Input {
 }
 
 impl DataArguments {
-    /// Reads and splits.
+    /// Reads and splits, by a rule of the command's own where the user names none.
     ///
     /// # Errors
     /// One line for a person.
-    pub fn read(&self) -> Result<Input, String> {
+    pub fn read(&self, unless_asked: &SplitRule) -> Result<Input, String> {
         if self.threads > 0 {
             // A second call in one process (tests) keeps the first pool.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build_global();
@@ -100,8 +101,8 @@ impl DataArguments {
         })
         .map_err(|error| error.to_string())?;
         bar.finish_and_clear();
-        let split =
-            data::split(&data, &self.split_rule()?, self.seed).map_err(|e| e.to_string())?;
+        let split = data::split(&data, &self.split_rule(unless_asked)?, self.seed)
+            .map_err(|e| e.to_string())?;
         let start = campaign_start(&data);
         let of = |parts: &[data::Part]| tracks_since(&data.select(parts), None, start);
         let (train, test) = (of(&split.train), of(&split.test));
@@ -123,14 +124,14 @@ impl DataArguments {
         self.columns.iter().map(pair).collect()
     }
 
-    fn split_rule(&self) -> Result<SplitRule, String> {
+    fn split_rule(&self, unless_asked: &SplitRule) -> Result<SplitRule, String> {
         if !self.test.is_empty() {
             return Ok(SplitRule::Files(self.test.clone()));
         }
         if let Some(text) = &self.hold_out {
             return SplitRule::parse_hold_out(text).map_err(|error| error.to_string());
         }
-        Ok(self.tail.map_or_else(SplitRule::default, |share| SplitRule::Tail { share }))
+        Ok(self.tail.map_or_else(|| unless_asked.clone(), |share| SplitRule::Tail { share }))
     }
 }
 

@@ -119,7 +119,13 @@ pub fn candidates(
                 simulated.push(torque);
                 true
             });
-            Metrics::of(track.torque.iter().copied().zip(simulated)).sse
+            Metrics::of(
+                simulated
+                    .into_iter()
+                    .enumerate()
+                    .map(|(row, own)| (track.torque[row], own, track.weight(row))),
+            )
+            .sse
         });
         errors.sum()
     };

@@ -29,8 +29,9 @@ pub struct Track {
     pub period_s: f64,
     /// Each sample's own period over the median one, where the spacing is uneven.
     pub period_ratio: Option<Vec<f64>>,
-    /// Rows that are simulated but do not count in errors, `true` each; empty where all count.
-    pub excluded: Vec<bool>,
+    /// What each row counts for in squared errors, 0 to 1: one of weight 0 is simulated and not judged. Empty
+    /// where all count alike.
+    pub weights: Vec<f64>,
     /// The log's extra covariates along the track, in the order of [`Dataset::covariates`].
     pub covariates: Arc<[Vec<f64>]>,
 }
@@ -45,7 +46,7 @@ impl Track {
             torque,
             period_s,
             period_ratio: None,
-            excluded: Vec::new(),
+            weights: Vec::new(),
             covariates: Arc::default(),
         }
     }
@@ -60,7 +61,7 @@ impl Track {
             torque: self.torque[rows.clone()].to_vec(),
             period_s: self.period_s,
             period_ratio: self.period_ratio.as_ref().map(|ratios| ratios[rows.clone()].to_vec()),
-            excluded: self.excluded.iter().take(rows.end).skip(rows.start).copied().collect(),
+            weights: self.weights.iter().take(rows.end).skip(rows.start).copied().collect(),
             covariates: self
                 .covariates
                 .iter()
@@ -85,10 +86,21 @@ impl Track {
         self.torque.len()
     }
 
+    /// What a row counts for in squared errors.
+    #[inline]
+    pub fn weight(&self, row: usize) -> f64 {
+        self.weights.get(row).copied().unwrap_or(1.0)
+    }
+
     /// Whether a row counts in a fit and in its errors.
     #[inline]
     pub fn is_included(&self, row: usize) -> bool {
-        !self.excluded.get(row).copied().unwrap_or(false)
+        self.weight(row) > 0.0
+    }
+
+    /// Scales what each row counts for.
+    pub fn weigh(&mut self, by: impl Fn(usize) -> f64) {
+        self.weights = (0..self.len()).map(|row| self.weight(row) * by(row)).collect();
     }
 
     /// Whether there are no rows.
@@ -186,9 +198,14 @@ fn track(
         torque: run.torque[rows.clone()].to_vec(),
         period_s,
         period_ratio,
-        excluded: Vec::new(),
+        weights: Vec::new(),
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
     }
+}
+
+/// How many runs some tracks are of.
+pub fn runs(tracks: &[Track]) -> usize {
+    tracks.iter().map(|track| track.run).collect::<std::collections::BTreeSet<_>>().len()
 }
 
 fn median(values: &[f64]) -> f64 {
