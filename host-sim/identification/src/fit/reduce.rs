@@ -57,7 +57,8 @@ fn reduce_with<const N: usize>(
             if !track.is_included(row) {
                 return true;
             }
-            let derivative = torque.gradient.map(|g| -g);
+            let mut derivative = torque.gradient;
+            derivative.iter_mut().for_each(|g| *g = -*g);
             let residual = track.torque[row] - torque.value;
             match &mut beginning {
                 Some((first, memory)) if row < memory.len() => {
@@ -105,7 +106,7 @@ fn push_decimated<const N: usize>(
     let mut columns = vec![Vec::with_capacity(track.len()); count + 1];
     simulate(parameters, track, held, resolution, |row, torque, _| {
         let judged = f64::from(u8::from(track.is_included(row)));
-        for (column, g) in columns[..count].iter_mut().zip(torque.gradient) {
+        for (column, g) in columns[..count].iter_mut().zip(&torque.gradient) {
             column.push(-g * judged);
         }
         columns[count].push((track.torque[row] - torque.value) * judged);
