@@ -58,7 +58,8 @@ fn reduce_with<const N: usize>(
                 return true;
             }
             let root = track.weight(row).sqrt();
-            let derivative = torque.gradient.map(|g| -g * root);
+            let mut derivative = torque.gradient;
+            derivative.iter_mut().for_each(|g| *g *= -root);
             let residual = root * (track.torque[row] - torque.value);
             match &mut beginning {
                 Some((first, memory)) if row < memory.len() => {
@@ -106,7 +107,7 @@ fn push_decimated<const N: usize>(
     let mut columns = vec![Vec::with_capacity(track.len()); count + 1];
     simulate(parameters, track, held, resolution, |row, torque, _| {
         let judged = track.weight(row).sqrt();
-        for (column, g) in columns[..count].iter_mut().zip(torque.gradient) {
+        for (column, g) in columns[..count].iter_mut().zip(&torque.gradient) {
             column.push(-g * judged);
         }
         columns[count].push((track.torque[row] - torque.value) * judged);
