@@ -134,6 +134,10 @@ fn sliding() -> Vec<Sliding> {
             let thinned = (-0.02 * (s.temperature_c - 20.0)).exp();
             rubs(COULOMB, STATIC, v) + VISCOUS * v * (thinned - 1.0)
         }),
+        (TermKind::TemperatureCoulomb, vec![(Id::TemperatureCoulomb, 0.02)], |v, s| {
+            let stiffened = (-0.02 * (s.temperature_c - 20.0)).exp();
+            level(COULOMB, STATIC, v.abs()) * stiffened * v.signum() + VISCOUS * v
+        }),
         (
             TermKind::PositionRipple,
             vec![(Id::RippleSine, 0.125), (Id::RippleCosine, -0.0625), (Id::RippleOrder, 3.0)],
@@ -149,6 +153,26 @@ fn sliding() -> Vec<Sliding> {
             |v, s| {
                 let angle = s.position_rad;
                 rubs(COULOMB, STATIC, v) + 0.5 * angle.sin() + 0.25 * angle.cos()
+            },
+        ),
+        (
+            TermKind::TorqueRipple,
+            vec![
+                (Id::TorqueRippleOrder1, 7.0),
+                (Id::TorqueRippleSine1, 0.25),
+                (Id::TorqueRippleCosine1, -0.125),
+                (Id::TorqueRippleOrder2, 14.0),
+                (Id::TorqueRippleSine2, 0.0625),
+                (Id::TorqueRippleOrder4, 6.0),
+                (Id::TorqueRippleCosine4, 0.5),
+                // Of order 0: a place that is not taken adds nothing.
+                (Id::TorqueRippleCosine3, 0.5),
+            ],
+            |v, s| {
+                let q = s.position_rad;
+                let ripple = 0.25 * (7.0 * q).sin() - 0.125 * (7.0 * q).cos();
+                let ripple = ripple + 0.0625 * (14.0 * q).sin() + 0.5 * (6.0 * q).cos();
+                rubs(COULOMB, STATIC, v) + ripple
             },
         ),
         (
