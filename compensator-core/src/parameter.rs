@@ -195,6 +195,16 @@ parameters! {
     TorqueRippleCosine4 = "torque_ripple_cosine_4", "Nm", "N", -1e6, 1e6, 0.0;
     /// `b`, relative fall of the levels per kelvin.
     TemperatureCoulomb = "temperature_coulomb", "1/K", "1/K", -1.0, 1.0, 0.0;
+    /// By which formula the level follows the column of unknown cause: 0 none, 1 linear, 2 saturating,
+    /// 3 exponential.
+    LookupFormula = "unknown_formula", "1", "1", 0.0, 3.0, 0.0;
+    /// Relative change of the level by the formula from the first knot to the last.
+    LookupRise = "unknown_rise", "1", "1", -0.9, 10.0, 0.0;
+    /// How far from the first knot a saturating formula has risen by half of what it ever will.
+    LookupScale = "unknown_scale", "of the column", "of the column", 1e-12, 1e12, 1.0;
+    /// Where the play is crossed: 0 right after a reversal, the held torque staying what it is; 1 once the
+    /// drive has unwound and holds nothing.
+    BacklashUnloaded = "backlash_unloaded", "1", "1", 0.0, 1.0, 0.0;
 }
 
 /// A value of each parameter, in its unit.

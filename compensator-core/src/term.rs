@@ -40,7 +40,7 @@ mod unmodelled_inertia;
 mod list;
 
 pub(crate) use list::{Memory, Terms, check};
-pub use lookup_table::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES};
+pub use lookup_table::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
 pub use torque_ripple::{TORQUE_RIPPLE_PARAMETERS, TORQUE_RIPPLES};
 
 use crate::envelope::Envelope;
