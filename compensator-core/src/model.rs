@@ -82,7 +82,7 @@ impl<T: Real> Model<T> {
     fn step_with_terms(&self, state: &mut State<T>, sample: &Sample<T>) -> T {
         // Guarded before the terms see it: what is not a number must not enter their memory.
         let velocity = sample.velocity_rad_s.or_zero_if_nan().within(self.law.velocity_limit());
-        let mut effects = Effects::none(velocity);
+        let mut effects = Effects::none(velocity, state.bristle_torque_nm);
         self.law.load(sample, &mut effects);
         self.terms.act(sample, &mut state.terms, &mut effects);
         let (held, velocity) = (&mut state.bristle_torque_nm, effects.velocity);

@@ -134,6 +134,10 @@ fn sliding() -> Vec<Sliding> {
             let thinned = (-0.02 * (s.temperature_c - 20.0)).exp();
             rubs(COULOMB, STATIC, v) + VISCOUS * v * (thinned - 1.0)
         }),
+        (TermKind::TemperatureCoulomb, vec![(Id::TemperatureCoulomb, 0.02)], |v, s| {
+            let stiffened = (-0.02 * (s.temperature_c - 20.0)).exp();
+            level(COULOMB, STATIC, v.abs()) * stiffened * v.signum() + VISCOUS * v
+        }),
         (
             TermKind::PositionRipple,
             vec![(Id::RippleSine, 0.125), (Id::RippleCosine, -0.0625), (Id::RippleOrder, 3.0)],
@@ -149,6 +153,26 @@ fn sliding() -> Vec<Sliding> {
             |v, s| {
                 let angle = s.position_rad;
                 rubs(COULOMB, STATIC, v) + 0.5 * angle.sin() + 0.25 * angle.cos()
+            },
+        ),
+        (
+            TermKind::TorqueRipple,
+            vec![
+                (Id::TorqueRippleOrder1, 7.0),
+                (Id::TorqueRippleSine1, 0.25),
+                (Id::TorqueRippleCosine1, -0.125),
+                (Id::TorqueRippleOrder2, 14.0),
+                (Id::TorqueRippleSine2, 0.0625),
+                (Id::TorqueRippleOrder4, 6.0),
+                (Id::TorqueRippleCosine4, 0.5),
+                // Of order 0: a place that is not taken adds nothing.
+                (Id::TorqueRippleCosine3, 0.5),
+            ],
+            |v, s| {
+                let q = s.position_rad;
+                let ripple = 0.25 * (7.0 * q).sin() - 0.125 * (7.0 * q).cos();
+                let ripple = ripple + 0.0625 * (14.0 * q).sin() + 0.5 * (6.0 * q).cos();
+                rubs(COULOMB, STATIC, v) + ripple
             },
         ),
         (
@@ -308,6 +332,44 @@ fn unknown_cause_follows_every_column_within_and_beyond_its_range() {
 }
 
 #[test]
+fn a_formula_over_a_column_is_drawn_through_its_knots() {
+    let (lower, upper) = (20.0, 80.0);
+    for (number, rise, scale) in
+        [(1.0, 0.5, 1.0), (2.0, 1.25, 15.0), (3.0, 1.5, 1.0), (3.0, -0.5, 1.0)]
+    {
+        let values = [
+            (Id::LookupColumn, f64::from(Quantity::RadialForce.info().column.unwrap())),
+            (Id::LookupLower, lower),
+            (Id::LookupUpper, upper),
+            (Id::LookupFormula, number),
+            (Id::LookupRise, rise),
+            (Id::LookupScale, scale),
+        ];
+        for knot in 0..KNOTS {
+            let x = lower + (upper - lower) * knot as f64 / 5.0;
+            let u = knot as f64 / 5.0;
+            let change = match number {
+                1.0 => rise * u,
+                // Michaelis and Menten's, scaled to the rise at the end.
+                2.0 => {
+                    rise * (x - lower) / (x - lower + scale) * (upper - lower + scale)
+                        / (upper - lower)
+                }
+                _ => (1.0f64 + rise).powf(u) - 1.0,
+            };
+            let sample = Sample { velocity_rad_s: -1.0, radial_force_n: x, ..Sample::default() };
+            let expected = -level(COULOMB, STATIC, 1.0) * (1.0 + change) - VISCOUS;
+            let parameters = with_term(TermKind::LookupTable, &values);
+            let found = settled::<f64>(&parameters, &sample);
+            assert!(
+                (found - expected).abs() < 5e-5,
+                "{number} at {x}: {found}, formula {expected}"
+            );
+        }
+    }
+}
+
+#[test]
 fn changing_side_load_bends_the_bristles_by_stiffness_times_eta3() {
     const ETA3: f64 = 2e-6;
     let model = build::<f64>(&with_term(TermKind::RadialForceRate, &[(Id::RadialForceRate, ETA3)]));
@@ -396,6 +458,51 @@ fn backlash_softens_the_bristles_over_its_travel_after_a_reversal() {
     // Without the term the same travel would have turned the torque round.
     let stiff = COULOMB * (2.0 * (-STIFFNESS * TRAVEL / COULOMB).exp() - 1.0);
     assert!(closed_form(TRAVEL) - stiff > 1.0);
+}
+
+#[test]
+fn backlash_of_a_drive_that_unwinds_is_crossed_at_zero_torque() {
+    const TRAVEL: f64 = 2e-3;
+    const SPEED: f64 = 0.05;
+    let period = 50e-6;
+    fn reversed<T: Real>(period: f64) -> Vec<f64> {
+        let values = [
+            (Id::BacklashTravel, TRAVEL),
+            (Id::BacklashStiffnessRatio, 0.0),
+            (Id::BacklashUnloaded, 1.0),
+            (Id::StaticTorque, COULOMB),
+            (Id::BristleDamping, 0.0),
+        ];
+        let period = <T::Setting as Real>::from_f64(period);
+        let model: Model<T> = with_term(TermKind::Backlash, &values).build(period).expect("legal");
+        let mut state = State::default();
+        let mut bristle = |velocity| {
+            let velocity_rad_s = T::from_f64(velocity);
+            model.step(&mut state, &Sample { velocity_rad_s, ..Sample::default() });
+            state.bristle_torque_nm.value()
+        };
+        (0..8_000).for_each(|_| assert!(bristle(SPEED) <= COULOMB));
+        (0..3_200).map(|_| bristle(-SPEED)).collect()
+    }
+    // As far as ln 2 of g/sigma0 the bristles unwind: dy/dx = -sigma0 (1 + y/g) from y = g; then the play;
+    // then they wind up the other way.
+    let unwound = COULOMB / STIFFNESS * 2f64.ln();
+    let closed_form = |travel: f64| {
+        let bent = travel.min(unwound) + (travel - unwound - TRAVEL).max(0.0);
+        COULOMB * (2.0 * (-STIFFNESS * bent / COULOMB).exp() - 1.0)
+    };
+    for (found, tolerance) in [
+        (reversed::<f64>(period), 1e-2),
+        (reversed::<f32>(period), 1e-2),
+        (reversed::<Fixed>(period), 2e-2),
+    ] {
+        for (step, found) in found.into_iter().enumerate() {
+            let expected = closed_form((step + 1) as f64 * SPEED * period);
+            let error = (found - expected).abs();
+            assert!(error < tolerance, "{step}: {found}, closed form {expected}");
+        }
+    }
+    assert!(closed_form(unwound + 0.5 * TRAVEL).abs() < 1e-9 && closed_form(8e-3) < -1.3);
 }
 
 #[test]

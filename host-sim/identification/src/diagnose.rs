@@ -3,7 +3,7 @@
 //! ```text
 //! log           runs to learn from, runs to judge by, columns that may be blamed         train_test
 //!  -> base      the simplest law the log supports, fitted                                baseline
-//!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order
+//!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order, harmonics
 //!  -> candidates     each cause as columns beside the model                              cause, candidate
 //!  -> products  of all columns by blocks: falls of the error on unseen rows              survey, gram_blocks, fall
 //!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, standing, review
@@ -24,6 +24,7 @@ pub mod fall;
 pub mod finding;
 pub mod found;
 pub mod gram_blocks;
+pub mod harmonics;
 pub mod judge;
 pub mod left_out;
 pub mod model;

@@ -20,9 +20,11 @@ mod quadratic_drag;
 mod radial_force_coulomb;
 mod radial_force_rate;
 mod stribeck_shape;
+mod temperature_coulomb;
 mod temperature_viscous;
 mod time_drift;
 mod torque_offset;
+mod torque_ripple;
 mod unknown;
 mod unmodelled_inertia;
 
@@ -42,6 +44,7 @@ pub const ALL: &[&dyn Cause] = &[
     &pressure_coulomb::PressureCoulomb,
     &load_torque_coulomb::LoadTorqueCoulomb,
     &temperature_viscous::TemperatureViscous,
+    &temperature_coulomb::TemperatureCoulomb,
     &direction_asymmetry::DirectionAsymmetry,
     &torque_offset::TorqueOffset,
     &quadratic_drag::QuadraticDrag,
@@ -53,6 +56,7 @@ pub const ALL: &[&dyn Cause] = &[
     &backlash::Backlash,
     &gravity_imbalance::GravityImbalance,
     &position_ripple::PositionRipple,
+    &torque_ripple::TorqueRipple,
     &time_drift::TimeDrift,
     &unknown::Unknown,
 ];

@@ -237,6 +237,13 @@ impl TrainTest {
         Quantity::Velocity.name(self.train.joint)
     }
 
+    /// Mean temperature over the training rows, deg C.
+    pub fn mean_temperature_c(&self) -> f64 {
+        let samples = || self.train_tracks.iter().flat_map(|track| &track.samples);
+        let rows = samples().count().max(1) as f64;
+        samples().map(|sample| sample.temperature_c).sum::<f64>() / rows
+    }
+
     /// Seconds from the first row of the campaign to its last.
     pub fn campaign_s(&self) -> f64 {
         let runs = self.train.runs.iter().chain(&self.test.runs);

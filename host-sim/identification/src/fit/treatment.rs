@@ -88,7 +88,13 @@ pub fn of(id: ParameterId) -> Treatment {
         Id::RadialForceStaticExcess => KEPT,
         Id::PressureStaticExcess => Treatment { is_level: true, ..KEPT },
         Id::TemperatureReference | Id::BacklashStiffnessRatio => KEPT,
-        Id::RippleOrder | Id::StribeckExponent | Id::DwellTime => positive(LEGAL),
+        Id::RippleOrder
+        | Id::TorqueRippleOrder1
+        | Id::TorqueRippleOrder2
+        | Id::TorqueRippleOrder3
+        | Id::TorqueRippleOrder4
+        | Id::StribeckExponent
+        | Id::DwellTime => positive(LEGAL),
         Id::DwellTravel => Treatment { values: Values::Positive(LEGAL), ..KEPT },
         Id::DwellGain => {
             Treatment { is_level: true, ..not_negative(|scales| 0.1 * scales.torque, NOT_THERE) }

@@ -192,7 +192,7 @@ impl Trial {
                 columns: hidden.columns(),
                 size: hidden.size,
                 unit: hidden.unit(),
-                order: (hidden.effect == HiddenCause::PositionRipple).then_some(hidden.order),
+                order: hidden.is_periodic().then_some(hidden.order),
                 visible_rms_nm,
                 details: hidden.details(),
                 in_words: hidden.words(),

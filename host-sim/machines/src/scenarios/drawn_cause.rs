@@ -23,11 +23,16 @@ pub(super) struct DrawnCause {
     run_in_s: Option<f64>,
     campaign_s: f64,
     leak: f64,
+    /// Orders beside the first of a torque ripple: order and share of the first's amplitude, phase.
+    beside: Vec<Wave>,
     flavour: Option<Flavour>,
 }
 
 /// Highest and lowest order of a ripple, 1/rad.
 const ORDERS: (f64, f64) = (1.0, 250.0);
+
+/// Highest and lowest first order of a torque ripple, 1/rad: poles and slots, teeth.
+const COGGING_ORDERS: (f64, f64) = (4.0, 60.0);
 
 /// Most samples a channel is late, so that a driver's delay line can hold them.
 const LATEST_SAMPLES: f64 = 28.0;
@@ -40,8 +45,11 @@ impl DrawnCause {
         setting: &Setting,
         flavour: Option<Flavour>,
     ) -> Self {
-        let order = sampler.log_between(ORDERS.0, ORDERS.1);
+        let cogs = effect == HiddenCause::TorqueRipple;
+        let orders = if cogs { COGGING_ORDERS } else { ORDERS };
+        let order = sampler.log_between(orders.0, orders.1);
         let whole = sampler.chance(0.5);
+        let order = if whole { order.round() } else { order };
         let levels = setting.runs.iter().map(|run| run.condition.temperature.level);
         let (least_c, most_c) =
             levels.fold((f64::INFINITY, -f64::INFINITY), |(l, m), c| (l.min(c), m.max(c)));
@@ -50,7 +58,7 @@ impl DrawnCause {
         let mut hidden = Self {
             effect,
             size: 0.0,
-            order: if whole { order.round() } else { order },
+            order,
             phase: sampler.between(0.0, TAU),
             reference_c: sampler.between(least_c, most_c),
             onset_s: sampler.log_between(0.02, 0.5),
@@ -58,6 +66,7 @@ impl DrawnCause {
             run_in_s: run_in.then_some(time),
             campaign_s: setting.campaign_s,
             leak: 0.02,
+            beside: if cogs { beside(sampler, order) } else { Vec::new() },
             flavour,
         };
         let (least, most) = hidden.limits(setting);
@@ -68,6 +77,11 @@ impl DrawnCause {
             _ => sampler.log_between(least, most) * hidden.side(sampler),
         };
         hidden
+    }
+
+    /// Whether it has an order.
+    pub fn is_periodic(&self) -> bool {
+        matches!(self.effect, HiddenCause::PositionRipple | HiddenCause::TorqueRipple)
     }
 
     /// Makes a drift a straight one.
@@ -105,7 +119,8 @@ impl DrawnCause {
             HiddenCause::PressureCoulomb => (5e-8, 1e-5),
             HiddenCause::TemperatureViscous => (0.003, 0.09),
             HiddenCause::PositionRipple => (0.005, 0.5),
-            HiddenCause::GravityImbalance => (0.01, 1.2),
+            HiddenCause::GravityImbalance | HiddenCause::TorqueRipple => (0.01, 1.2),
+            HiddenCause::TemperatureCoulomb => (0.001, 0.05),
             HiddenCause::DirectionAsymmetry => (0.005, 0.4),
             HiddenCause::TorqueOffset => (0.01, 1.0),
             HiddenCause::QuadraticDrag => (1e-4, 0.03),
@@ -146,6 +161,14 @@ impl DrawnCause {
             }
             HiddenCause::GravityImbalance => {
                 joint.gravity = Some(Wave { size, order: 1.0, phase: self.phase });
+            }
+            HiddenCause::TorqueRipple => {
+                let first = Wave { size: 1.0, order: self.order, phase: self.phase };
+                let waves = std::iter::once(&first).chain(&self.beside);
+                joint.cogging = waves.map(|w| Wave { size: size * w.size, ..*w }).collect();
+            }
+            HiddenCause::TemperatureCoulomb => {
+                joint.softening = Some(Thinning { per_k: size, reference_c: self.reference_c });
             }
             HiddenCause::DirectionAsymmetry => joint.asymmetry = size,
             HiddenCause::TorqueOffset => joint.offset_nm = size,
@@ -199,7 +222,16 @@ impl DrawnCause {
         match self.effect {
             HiddenCause::PositionRipple => vec![("order", self.order), ("phase_rad", self.phase)],
             HiddenCause::GravityImbalance => vec![("phase_rad", self.phase)],
-            HiddenCause::TemperatureViscous => vec![("reference_c", self.reference_c)],
+            HiddenCause::TorqueRipple => {
+                let mut details = vec![("order", self.order), ("phase_rad", self.phase)];
+                for (wave, [order, share, phase]) in self.beside.iter().zip(BESIDE) {
+                    details.extend([(order, wave.order), (share, wave.size), (phase, wave.phase)]);
+                }
+                details
+            }
+            HiddenCause::TemperatureViscous | HiddenCause::TemperatureCoulomb => {
+                vec![("reference_c", self.reference_c)]
+            }
             HiddenCause::DwellTimeStatic => {
                 vec![("onset_s", self.onset_s), ("forgetting_travel_rad", self.forgetting_rad)]
             }
@@ -218,4 +250,23 @@ impl DrawnCause {
             (None, unit) => format!("{name} of {:.3e} {unit}", self.size),
         }
     }
+}
+
+/// Names of what is told of the orders beside the first.
+const BESIDE: [[&str; 3]; 2] = [
+    ["order_2", "share_of_first_2", "phase_2_rad"],
+    ["order_3", "share_of_first_3", "phase_3_rad"],
+];
+
+/// What goes with a first order, at unit amplitude of that: its double, and a neighbour where the machine
+/// is not quite round; each more often than not.
+fn beside(sampler: &mut Sampler, order: f64) -> Vec<Wave> {
+    let mut waves = Vec::new();
+    for (order, often) in [(2.0 * order, 0.8), (order - 1.0, 0.6)] {
+        let (size, phase) = (sampler.between(0.25, 0.7), sampler.between(0.0, TAU));
+        if sampler.chance(often) {
+            waves.push(Wave { size, order, phase });
+        }
+    }
+    waves
 }

@@ -35,6 +35,10 @@ pub enum HiddenCause {
     StribeckShape,
     /// Torque is logged later than velocity, s.
     ChannelDelay,
+    /// A torque of the angle in several orders; amplitude of the first, Nm.
+    TorqueRipple,
+    /// Both levels fall with temperature, 1/K.
+    TemperatureCoulomb,
     /// Structure that no cause of the catalogue has.
     OutsideCatalogue,
 }
@@ -61,7 +65,7 @@ const fn facts(
 
 impl HiddenCause {
     /// Every effect, those of the catalogue first.
-    pub const ALL: [HiddenCause; 17] = [
+    pub const ALL: [HiddenCause; 19] = [
         HiddenCause::RadialForceCoulomb,
         HiddenCause::RadialForceRate,
         HiddenCause::PressureCoulomb,
@@ -78,6 +82,8 @@ impl HiddenCause {
         HiddenCause::Backlash,
         HiddenCause::StribeckShape,
         HiddenCause::ChannelDelay,
+        HiddenCause::TorqueRipple,
+        HiddenCause::TemperatureCoulomb,
         HiddenCause::OutsideCatalogue,
     ];
 
@@ -116,6 +122,10 @@ impl HiddenCause {
             HiddenCause::Backlash => facts("backlash", "rad", velocity, 0.0, 0.1),
             HiddenCause::StribeckShape => facts("stribeck-shape", "1", velocity, 0.3, 8.0),
             HiddenCause::ChannelDelay => facts("channel-delay", "s", velocity, 0.0, 0.1),
+            HiddenCause::TorqueRipple => facts("torque-ripple", "Nm", position, 0.0, 10.0),
+            HiddenCause::TemperatureCoulomb => {
+                facts("temperature-coulomb", "1/K", Some("temperature_c"), 0.0, 0.2)
+            }
             HiddenCause::OutsideCatalogue => facts("unknown", "1", None, 0.0, 0.0),
         }
     }

@@ -5,7 +5,7 @@
 //! z' = s, or within the play of the drive next to nothing of it
 //! F  = k0 z + k1 s + k2 e(T) v + what adds to it
 //! |z| <= g / k0 at rest
-//! g  = (F_C + loads + (F_S - F_C + k ln(1 + age/t0)) exp(-|v/v_s|^delta)) x ripple x drift x side
+//! g  = (F_C + loads + (F_S - F_C + k ln(1 + age/t0)) exp(-|v/v_s|^delta)) x ripple x drift x cold x side
 //! ```
 //!
 //! Each effect at its neutral size leaves the seal of `z' = v - k0 |v| z / g`, to the last bit.
@@ -14,11 +14,17 @@ use super::outside::Outside;
 use super::surroundings::{Around, Condition};
 use crate::friction::Seal;
 
-/// The viscous film thins as it warms.
+/// A film or a seal gives way as it warms.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Thinning {
     pub per_k: f64,
     pub reference_c: f64,
+}
+
+impl Thinning {
+    fn factor(&self, temperature_c: f64) -> f64 {
+        (-self.per_k * (temperature_c - self.reference_c)).exp()
+    }
 }
 
 /// A sine of the angle.
@@ -80,6 +86,10 @@ pub(super) struct Joint {
     pub thinning: Option<Thinning>,
     pub ripple: Option<Wave>,
     pub gravity: Option<Wave>,
+    /// Magnets against slots, teeth against teeth.
+    pub cogging: Vec<Wave>,
+    /// The levels fall as the seal warms.
+    pub softening: Option<Thinning>,
     pub asymmetry: f64,
     pub offset_nm: f64,
     pub drag: f64,
@@ -105,6 +115,8 @@ impl Joint {
             thinning: None,
             ripple: None,
             gravity: None,
+            cogging: Vec::new(),
+            softening: None,
             asymmetry: 0.0,
             offset_nm: 0.0,
             drag: 0.0,
@@ -135,7 +147,8 @@ impl Joint {
             around.load = condition.load.at(t);
         }
         let outside = self.outside.as_ref();
-        if self.thinning.is_some() || outside.is_some_and(Outside::follows_temperature) {
+        let warmed = self.thinning.is_some() || self.softening.is_some();
+        if warmed || outside.is_some_and(Outside::follows_temperature) {
             around.temperature = condition.temperature.at(t);
         }
         if let Some(extra) = outside.and_then(|outside| outside.flavour.extra()) {
@@ -169,6 +182,9 @@ impl Joint {
         if let Some(drift) = self.drift {
             level *= drift.factor(now.campaign_s);
         }
+        if let Some(softening) = self.softening {
+            level *= softening.factor(now.temperature);
+        }
         if let Some(outside) = &self.outside {
             level = outside.level(level, speed, angle, now);
         }
@@ -178,9 +194,7 @@ impl Joint {
 
     /// Viscous torque, Nm.
     pub fn viscous(&self, velocity: f64, direction: f64, now: &Around) -> f64 {
-        let film = self.thinning.map_or(1.0, |thinning| {
-            (-thinning.per_k * (now.temperature - thinning.reference_c)).exp()
-        });
+        let film = self.thinning.map_or(1.0, |thinning| thinning.factor(now.temperature));
         self.seal.k2 * film * (1.0 + self.asymmetry * direction) * velocity
     }
 
@@ -188,6 +202,7 @@ impl Joint {
     pub fn added(&self, angle: f64, velocity: f64, acceleration: f64, now: &Around) -> f64 {
         self.offset_nm
             + self.gravity.map_or(0.0, |gravity| gravity.at(angle))
+            + self.cogging.iter().map(|wave| wave.at(angle)).sum::<f64>()
             + self.drag * velocity * velocity.abs()
             + self.inertia * acceleration
             + self.outside.as_ref().map_or(0.0, |outside| outside.added(now))
