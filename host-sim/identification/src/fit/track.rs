@@ -33,6 +33,9 @@ pub struct Track {
     pub excluded: Vec<bool>,
     /// The log's extra covariates along the track, in the order of [`Dataset::covariates`].
     pub covariates: Arc<[Vec<f64>]>,
+    /// Draws of the true velocity minus that of the samples, rad/s or m/s, a value per row
+    /// ([`Run::velocity_draws`]); empty where the motion is taken as exact.
+    pub velocity_draws: Vec<Vec<f64>>,
 }
 
 impl Track {
@@ -47,6 +50,7 @@ impl Track {
             period_ratio: None,
             excluded: Vec::new(),
             covariates: Arc::default(),
+            velocity_draws: Vec::new(),
         }
     }
 
@@ -66,6 +70,7 @@ impl Track {
                 .iter()
                 .map(|column| column[rows.clone()].to_vec())
                 .collect(),
+            velocity_draws: cut(&self.velocity_draws, &rows),
         }
     }
 
@@ -188,7 +193,13 @@ fn track(
         period_ratio,
         excluded: Vec::new(),
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
+        velocity_draws: cut(&run.velocity_draws, &rows),
     }
+}
+
+/// Some rows of each column.
+fn cut(columns: &[Vec<f64>], rows: &Range<usize>) -> Vec<Vec<f64>> {
+    columns.iter().map(|column| column[rows.clone()].to_vec()).collect()
 }
 
 fn median(values: &[f64]) -> f64 {
