@@ -49,6 +49,7 @@ use crate::data::{Dataset, Split};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Outcome, State};
 use crate::fit::{Predicted, identify, predict};
+use crate::log_check::LogFinding;
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use baseline::Baseline;
@@ -72,11 +73,15 @@ pub struct Question {
     pub rigid_body: Vec<TermKind>,
     /// For what is drawn at random.
     pub seed: u64,
+    /// What is wrong with the log itself ([`crate::log_check`]): handed through to the answer.
+    pub log_findings: Vec<LogFinding>,
 }
 
 /// The answer.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
+    /// What is wrong with the log itself.
+    pub log_findings: Vec<LogFinding>,
     /// The log as it was looked at, following what the extended model follows.
     pub log: TrainTest,
     /// Error the torque's noise alone would make on the held-out rows, Nm.
@@ -198,6 +203,7 @@ pub fn diagnose(
     progress("certifying");
     let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
     Ok(Diagnosis {
+        log_findings: question.log_findings.clone(),
         noise_floor,
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),

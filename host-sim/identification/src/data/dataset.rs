@@ -126,6 +126,12 @@ impl Run {
         part
     }
 
+    /// A copy in which every numeric column, time too, went through `f`, which treats all alike.
+    pub(crate) fn with_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
+        let time_s = f(&self.time_s);
+        Run { time_s, ..self.map_columns(f) }
+    }
+
     /// A copy in which every numeric column but time went through `f`; time is empty.
     pub(super) fn map_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
         Run {
