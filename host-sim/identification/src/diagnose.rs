@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! log           runs to learn from, runs to judge by, columns that may be blamed         train_test
-//!  -> base      the simplest law the log supports, fitted                                baseline
+//!  -> base      the simplest law the log supports, fitted; rows weighed                  baseline, uncertain_motion
 //!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order, harmonics
 //!  -> candidates     each cause as columns beside the model                              cause, candidate
 //!  -> products  of all columns by blocks: falls of the error on unseen rows              survey, gram_blocks, fall
@@ -41,6 +41,7 @@ pub mod story;
 pub mod survey;
 pub mod thresholds;
 pub mod train_test;
+pub mod uncertain_motion;
 
 pub use cause::{Cause, Remedy};
 pub use extended::Size;
@@ -54,6 +55,7 @@ use crate::data::{Dataset, Split};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Outcome, State};
 use crate::fit::{Predicted, identify, predict};
+use crate::log_check::LogFinding;
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use baseline::Baseline;
@@ -79,11 +81,15 @@ pub struct Question {
     pub rigid_body: Vec<TermKind>,
     /// For what is drawn at random.
     pub seed: u64,
+    /// What is wrong with the log itself ([`crate::log_check`]): handed through to the answer.
+    pub log_findings: Vec<LogFinding>,
 }
 
 /// The answer.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
+    /// What is wrong with the log itself.
+    pub log_findings: Vec<LogFinding>,
     /// The log as it was looked at, following what the extended model follows.
     pub log: TrainTest,
     /// Error the torque's noise alone would make on the held-out rows, Nm.
@@ -152,10 +158,17 @@ pub fn diagnose(
     progress: &dyn Fn(&str),
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
-    let whole = TrainTest::new(data, split, question.decimate, &question.rigid_body);
+    let mut whole = TrainTest::new(data, split, question.decimate, &question.rigid_body);
     let mut some = whole.thinned().into_owned();
     progress("fitting the baseline");
-    let Baseline { model: base, at_rest } = base(&some, question)?;
+    let mut chosen = base(&some, question)?;
+    if let Some(weighed) = uncertain_motion::weighed(&whole, &chosen.model) {
+        whole = weighed.with_floor();
+        some = whole.thinned().into_owned();
+        progress("fitting the baseline to rows weighed by their motion");
+        chosen = base(&some, question)?;
+    }
+    let Baseline { model: base, at_rest } = chosen;
     if let Some(at_rest) = &at_rest {
         some = some.without(at_rest);
     }
@@ -198,7 +211,7 @@ pub fn diagnose(
     let mut findings: Vec<Finding> = found.map(|found| found.finding(&extended, &log)).collect();
     let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
     let left_over = left_over(&after, noise_floor);
-    let noise_floor = judge::lower_floor(noise_floor, &after);
+    let noise_floor = judge::lower_floor(noise_floor, &log.test_tracks, &after);
     findings.extend(observed(|cause| cause.in_log(&log)));
     if findings.is_empty() && left_over > 0.0 {
         let rest = Unexplained {
@@ -213,6 +226,7 @@ pub fn diagnose(
     progress("certifying");
     let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
     Ok(Diagnosis {
+        log_findings: question.log_findings.clone(),
         noise_floor,
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),

@@ -46,6 +46,7 @@ fn fits(specs: Vec<Spec>, input: &Input) -> Result<Vec<Outcome>, String> {
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let specs = specs(arguments)?;
     let input = arguments.data.read(&SplitRule::default())?;
+    input.warn();
     let fits = fits(specs, &input)?;
     let document = document(&input.data, &input.split, &input.hashes, &fits);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";

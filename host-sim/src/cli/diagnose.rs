@@ -38,6 +38,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         decimate: arguments.data.decimate as usize,
         rigid_body: input.rigid_body.clone(),
         seed: arguments.data.seed,
+        log_findings: input.log_findings.clone(),
     };
     let bar = spinner("diagnosing".into());
     let progress = |what: &str| bar.set_message(what.to_owned());
@@ -68,6 +69,9 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         return say(&json);
     }
     let mut text = String::new();
+    for finding in &found.log_findings {
+        text += &format!("log: {}: {}\n", finding.kind.name(), finding.in_words);
+    }
     for (index, sentence) in document.story().iter().enumerate() {
         text += &format!("{}. {sentence}\n", index + 1);
     }

@@ -57,6 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let input_spec = Spec::parse(&arguments.model).map_err(|error| error.to_string())?;
     let (fixed, freed) = (ids("--keep", &arguments.keep)?, ids("--free", &arguments.free)?);
     let input = arguments.data.read(&SplitRule::default())?;
+    input.warn();
     let spec = input_spec.on(&input.rigid_body);
     let mut base = spec.parameters().map_err(|error| error.to_string())?;
     let start = match &arguments.start {

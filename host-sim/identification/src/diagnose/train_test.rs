@@ -122,6 +122,13 @@ impl TrainTest {
         log
     }
 
+    /// The log with its floor found anew, after rows have been weighed.
+    #[must_use]
+    pub fn with_floor(mut self) -> Self {
+        self.floor_nm = noise_floor(&self.train_tracks, self.decimate);
+        self
+    }
+
     /// How far a sum of squared errors on the training rows is above what the best possible model would leave, Nm^2.
     pub fn beyond_floor(&self, sse: f64) -> f64 {
         let weights = |track: &Track| (0..track.len()).map(|row| track.weight(row)).sum::<f64>();

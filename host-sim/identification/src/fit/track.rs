@@ -34,6 +34,11 @@ pub struct Track {
     pub weights: Vec<f64>,
     /// The log's extra covariates along the track, in the order of [`Dataset::covariates`].
     pub covariates: Arc<[Vec<f64>]>,
+    /// Draws of the true velocity minus that of the samples, rad/s or m/s, a value per row
+    /// ([`Run::velocity_draws`]); empty where the motion is taken as exact.
+    pub velocity_draws: Vec<Vec<f64>>,
+    /// Torque error that the uncertain motion makes in each row, Nm or N RMS; empty where it is taken as exact.
+    pub motion_error: Vec<f64>,
 }
 
 impl Track {
@@ -48,6 +53,8 @@ impl Track {
             period_ratio: None,
             weights: Vec::new(),
             covariates: Arc::default(),
+            velocity_draws: Vec::new(),
+            motion_error: Vec::new(),
         }
     }
 
@@ -66,6 +73,14 @@ impl Track {
                 .covariates
                 .iter()
                 .map(|column| column[rows.clone()].to_vec())
+                .collect(),
+            velocity_draws: cut(&self.velocity_draws, &rows),
+            motion_error: self
+                .motion_error
+                .iter()
+                .take(rows.end)
+                .skip(rows.start)
+                .copied()
                 .collect(),
         }
     }
@@ -200,12 +215,19 @@ fn track(
         period_ratio,
         weights: Vec::new(),
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
+        velocity_draws: cut(&run.velocity_draws, &rows),
+        motion_error: Vec::new(),
     }
 }
 
 /// How many runs some tracks are of.
 pub fn runs(tracks: &[Track]) -> usize {
     tracks.iter().map(|track| track.run).collect::<std::collections::BTreeSet<_>>().len()
+}
+
+/// Some rows of each column.
+fn cut(columns: &[Vec<f64>], rows: &Range<usize>) -> Vec<Vec<f64>> {
+    columns.iter().map(|column| column[rows.clone()].to_vec()).collect()
 }
 
 fn median(values: &[f64]) -> f64 {
