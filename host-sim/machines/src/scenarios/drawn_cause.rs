@@ -1,7 +1,7 @@
 //! An effect with its size and everything else that makes it the one it is.
 
 use super::hidden_cause::HiddenCause;
-use super::joint::{Drift, Dwell, Joint, Play, Thinning, Wave};
+use super::joint::{Drift, Dwell, Joint, Play, Thinning, WarmUp, Wave};
 use super::outside::{Flavour, Outside};
 use super::sampler::Sampler;
 use super::setting::Setting;
@@ -15,15 +15,19 @@ pub(super) struct DrawnCause {
     pub size: f64,
     /// Of a ripple, 1/rad.
     pub order: f64,
-    phase: f64,
-    reference_c: f64,
-    onset_s: f64,
-    forgetting_rad: f64,
+    pub phase: f64,
+    /// The other orders of a torque ripple, each as a share of the first.
+    pub harmonics: Vec<Wave>,
+    pub reference_c: f64,
+    pub onset_s: f64,
+    pub forgetting_rad: f64,
     /// Time constant of a run-in, s; a straight drift without one.
-    run_in_s: Option<f64>,
-    campaign_s: f64,
-    leak: f64,
-    flavour: Option<Flavour>,
+    pub run_in_s: Option<f64>,
+    pub campaign_s: f64,
+    pub leak: f64,
+    /// Heat after which a seal is warm, J, and the time in which it leaves, s.
+    pub warming: (f64, f64),
+    pub flavour: Option<Flavour>,
 }
 
 /// Highest and lowest order of a ripple, 1/rad.
@@ -52,12 +56,14 @@ impl DrawnCause {
             size: 0.0,
             order: if whole { order.round() } else { order },
             phase: sampler.between(0.0, TAU),
+            harmonics: Vec::new(),
             reference_c: sampler.between(least_c, most_c),
             onset_s: sampler.log_between(0.02, 0.5),
             forgetting_rad: sampler.log_between(5e-3, 2e-2),
             run_in_s: run_in.then_some(time),
             campaign_s: setting.campaign_s,
             leak: 0.02,
+            warming: (50.0, 300.0),
             flavour,
         };
         let (least, most) = hidden.limits(setting);
@@ -122,6 +128,9 @@ impl DrawnCause {
                 let most = (LATEST_SAMPLES / setting.rate_hz).min(0.03);
                 (most.min(0.002), most)
             }
+            HiddenCause::TorqueRipple => (0.005, 0.8),
+            HiddenCause::TemperatureCoulomb => (0.001, 0.06),
+            HiddenCause::WarmUp => (0.01, 0.6),
             HiddenCause::OutsideCatalogue => {
                 self.flavour.map_or((0.1, 0.1), |flavour| flavour.limits(seal.coulomb_nm))
             }
@@ -165,6 +174,19 @@ impl DrawnCause {
             }
             HiddenCause::StribeckShape => joint.stribeck_exponent = size,
             HiddenCause::ChannelDelay => joint.delay_s = size,
+            HiddenCause::TorqueRipple => {
+                let first = Wave { size, order: self.order, phase: self.phase };
+                let rest =
+                    self.harmonics.iter().map(|wave| Wave { size: wave.size * size, ..*wave });
+                joint.torque_ripple = std::iter::once(first).chain(rest).collect();
+            }
+            HiddenCause::TemperatureCoulomb => {
+                joint.stiffening = Some(Thinning { per_k: size, reference_c: self.reference_c });
+            }
+            HiddenCause::WarmUp => {
+                let (energy_j, cooling_s) = self.warming;
+                joint.warm_up = Some(WarmUp { share: size, energy_j, cooling_s });
+            }
             HiddenCause::OutsideCatalogue => {
                 joint.outside = self.flavour.map(|flavour| Outside { flavour, size });
             }
@@ -197,9 +219,16 @@ impl DrawnCause {
     /// What else there is to know of it, by name and value.
     pub fn details(&self) -> Vec<(&'static str, f64)> {
         match self.effect {
-            HiddenCause::PositionRipple => vec![("order", self.order), ("phase_rad", self.phase)],
+            HiddenCause::PositionRipple | HiddenCause::TorqueRipple => {
+                vec![("order", self.order), ("phase_rad", self.phase)]
+            }
             HiddenCause::GravityImbalance => vec![("phase_rad", self.phase)],
-            HiddenCause::TemperatureViscous => vec![("reference_c", self.reference_c)],
+            HiddenCause::WarmUp => {
+                vec![("energy_j", self.warming.0), ("cooling_s", self.warming.1)]
+            }
+            HiddenCause::TemperatureViscous | HiddenCause::TemperatureCoulomb => {
+                vec![("reference_c", self.reference_c)]
+            }
             HiddenCause::DwellTimeStatic => {
                 vec![("onset_s", self.onset_s), ("forgetting_travel_rad", self.forgetting_rad)]
             }

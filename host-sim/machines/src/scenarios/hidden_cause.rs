@@ -35,6 +35,12 @@ pub enum HiddenCause {
     StribeckShape,
     /// Torque is logged later than velocity, s.
     ChannelDelay,
+    /// An additive torque of the angle, several orders, Nm of the strongest.
+    TorqueRipple,
+    /// The level rises as it gets colder, 1/K.
+    TemperatureCoulomb,
+    /// The level falls with the heat that rubbing leaves; share of the level.
+    WarmUp,
     /// Structure that no cause of the catalogue has.
     OutsideCatalogue,
 }
@@ -116,6 +122,11 @@ impl HiddenCause {
             HiddenCause::Backlash => facts("backlash", "rad", velocity, 0.0, 0.1),
             HiddenCause::StribeckShape => facts("stribeck-shape", "1", velocity, 0.3, 8.0),
             HiddenCause::ChannelDelay => facts("channel-delay", "s", velocity, 0.0, 0.1),
+            HiddenCause::TorqueRipple => facts("torque-ripple", "Nm", position, 0.0, 10.0),
+            HiddenCause::TemperatureCoulomb => {
+                facts("temperature-coulomb", "1/K", Some("temperature_c"), 0.0, 0.2)
+            }
+            HiddenCause::WarmUp => facts("warm-up", "1", velocity, 0.0, 0.9),
             HiddenCause::OutsideCatalogue => facts("unknown", "1", None, 0.0, 0.0),
         }
     }
