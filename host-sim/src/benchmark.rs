@@ -4,6 +4,13 @@
 //! scenarios used to tune the diagnosis are drawn from [`TUNING`], those that grade it from [`GRADING`]: another
 //! seed is another machine, another campaign, other sensors, not the same with other noise.
 
+mod cause_columns;
+pub mod contest;
+pub mod measured;
+pub mod regression;
+pub mod score;
+mod stop_operator;
+
 use crate::simulated;
 use friction_identification::data::{SplitRule, split};
 use friction_identification::diagnose::{Diagnosis, Finding, Question, diagnose};

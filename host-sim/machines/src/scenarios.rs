@@ -29,6 +29,7 @@ mod sensors;
 mod setting;
 mod surroundings;
 mod truth;
+pub mod unkind;
 
 pub use hidden_cause::HiddenCause;
 pub use hide::{Hide, kind};

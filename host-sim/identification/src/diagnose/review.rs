@@ -88,9 +88,9 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
     Ok(lost_claims)
 }
 
-/// The strongest first, but a gain error of a column after the friction that follows the same column.
+/// The strongest first, by what each takes alone at the least, but a gain error of a column after the friction that follows the same column.
 fn order(found: &mut Vec<Found>) {
-    found.sort_by(|a, b| b.share.total_cmp(&a.share));
+    found.sort_by(|a, b| b.fit.unseen.at_least().total_cmp(&a.fit.unseen.at_least()));
     let is_gain_error = |f: &Found| f.follows.as_ref().is_some_and(|follows| !follows.level);
     for index in 0..found.len() {
         let friction = (index + 1..found.len()).find(|other| {

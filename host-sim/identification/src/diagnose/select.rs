@@ -17,7 +17,7 @@ use super::review::review;
 use super::round::{CandidateScore, Round};
 use super::search::{Extension, Search};
 use super::standing::{Better, Standing};
-use super::thresholds::SHORTLISTED;
+use super::thresholds::{CHANCE, SHORTLISTED};
 use crate::spec::SpecError;
 use compensator_core::ParameterId;
 
@@ -123,69 +123,90 @@ impl Turn<'_> {
         Ok(())
     }
 
-    /// Who is worth a fit: what promises about as much as the best, at most two settings of a cause, and what
-    /// the linear fit may underrate where the best leaves structure.
-    fn shortlist(&self, model: &Fitted, round: &Round) -> Vec<CandidateFit> {
-        let passed = round.passed();
-        let best = passed.first().map_or(0.0, |fit| round.promised(fit));
+    /// Who is worth a fit, the most promising first, at most two settings of a cause.
+    fn queue(&self, model: &Fitted, round: &Round) -> Vec<CandidateFit> {
         let mut variants: Vec<&'static dyn Cause> = Vec::new();
-        let mut shortlist: Vec<CandidateFit> = Vec::new();
-        for fit in passed {
+        let mut queue: Vec<CandidateFit> = Vec::new();
+        for fit in round.passed() {
             let cause = round.candidates[fit.candidate].cause;
-            let enough = if cause.is_nonlinear() { 0.25 * SHORTLISTED } else { SHORTLISTED };
-            let same = variants.iter().filter(|own| **own == cause).count();
-            if round.promised(fit) >= enough * best && same < 2 && shortlist.len() < MOST_FITTED {
+            if variants.iter().filter(|own| **own == cause).count() < 2 {
                 variants.push(cause);
-                shortlist.push(fit.clone());
+                queue.push(fit.clone());
             }
         }
         if !model.spec.law.has_bristles() {
-            yield_in_sliding(round, &mut shortlist);
+            yield_in_sliding(round, &mut queue);
         }
-        if best < SHORTLISTED * round.excess {
-            shortlist.extend(round.second_chances(&variants));
-        }
-        shortlist
+        queue
     }
 
-    /// Fits who is worth it and takes the one that explains most of rows it has not seen.
+    /// Fits who is worth it and takes the one that explains most of rows it has not seen. The queue goes on until
+    /// who is next promises much less than the best so far has shown; what the linear fit may underrate gets its
+    /// turn where that leaves structure.
     fn choose(
         &mut self,
         model: &Fitted,
         round: &Round,
     ) -> Result<Option<(CandidateFit, Fitted)>, SpecError> {
-        let Search { log, progress, .. } = *self.search;
-        let mut winner: Option<(f64, CandidateFit, Fitted)> = None;
-        for mut fit in self.shortlist(model, round) {
-            let candidate = &round.candidates[fit.candidate];
-            progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
-            let fitted = with_candidate(log, model, candidate, &fit)?;
-            let standing = Standing::of_model(log, &fitted, round.length);
-            let better = standing.better_than(&round.standing);
-            let all = round.candidates.len() as f64 * candidate.comparisons;
-            let probability = better.describes.probability(candidate.regressors.len(), all);
-            let against = at_bound(&fitted, candidate)
-                .map(|id| format!("its fit ends at the bound of {}", id.name()))
-                .or_else(|| round.against(fit.candidate, &better, probability));
-            if let Some(against) = against {
-                if round.promised(&fit) > 0.0 {
-                    self.notes.push(format!(
-                        "{} ({}) was weighed and not taken: {against}",
-                        candidate.cause.name(),
-                        candidate.columns.join(", ")
-                    ));
-                }
-                continue;
-            }
-            let merit = round.merit(fit.candidate, &better);
-            if winner.as_ref().is_none_or(|(best, ..)| merit > *best) {
-                (fit.unseen, fit.unseen_runs) = (better.describes, better.extrapolates);
-                fit.p_value = probability;
-                winner = Some((merit, fit, fitted));
+        let mut winner: Option<Winner> = None;
+        let shown = |winner: &Option<Winner>| winner.as_ref().map_or(0.0, |winner| winner.merit);
+        let mut tried: Vec<&'static dyn Cause> = Vec::new();
+        for fit in self.queue(model, round) {
+            let cause = round.candidates[fit.candidate].cause;
+            let enough = if cause.is_nonlinear() { 0.25 * SHORTLISTED } else { SHORTLISTED };
+            if tried.len() < MOST_FITTED && round.promised(&fit) >= enough * shown(&winner) {
+                tried.push(cause);
+                self.fit(model, round, fit, &mut winner)?;
             }
         }
-        Ok(winner.map(|(_, fit, fitted)| (fit, fitted)))
+        if shown(&winner) < SHORTLISTED * round.excess {
+            for fit in round.second_chances(&tried) {
+                self.fit(model, round, fit, &mut winner)?;
+            }
+        }
+        Ok(winner.map(|winner| (winner.fit, winner.fitted)))
     }
+
+    /// Fits one candidate with everything else and lets it win if nothing stands against it and it is the best.
+    fn fit(
+        &mut self,
+        model: &Fitted,
+        round: &Round,
+        mut fit: CandidateFit,
+        winner: &mut Option<Winner>,
+    ) -> Result<(), SpecError> {
+        let Search { log, progress, .. } = *self.search;
+        let candidate = &round.candidates[fit.candidate];
+        progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
+        let fitted = with_candidate(log, model, candidate, &fit)?;
+        let better = Standing::of_model(log, &fitted, round.length).better_than(&round.standing);
+        let all = round.candidates.len() as f64 * candidate.comparisons;
+        let probability = better.describes.probability(candidate.regressors.len(), all);
+        let against = at_bound(&fitted, candidate)
+            .map(|id| format!("its fit ends at the bound of {}", id.name()))
+            .or_else(|| round.against(fit.candidate, &better, probability));
+        if let Some(against) = against {
+            if fit.p_value < CHANCE {
+                let (cause, columns) = (candidate.cause.name(), candidate.columns.join(", "));
+                self.notes.push(format!("{cause} ({columns}) was weighed and not taken: {against}"));
+            }
+            return Ok(());
+        }
+        let merit = round.merit(fit.candidate, &better);
+        if winner.as_ref().is_none_or(|best| merit > best.merit) {
+            (fit.unseen, fit.unseen_runs) = (better.describes, better.extrapolates);
+            fit.p_value = probability;
+            *winner = Some(Winner { merit, fit, fitted });
+        }
+        Ok(())
+    }
+}
+
+/// The best of a round so far.
+struct Winner {
+    merit: f64,
+    fit: CandidateFit,
+    fitted: Fitted,
 }
 
 /// A parameter of the candidate's term that the fit drove to its bound: there the term stands in for something

@@ -1,7 +1,7 @@
 //! An effect with its size and everything else that makes it the one it is.
 
 use super::hidden_cause::HiddenCause;
-use super::joint::{Drift, Dwell, Joint, Play, Thinning, Wave};
+use super::joint::{Drift, Dwell, Joint, Play, Thinning, WarmUp, Wave};
 use super::outside::{Flavour, Outside};
 use super::sampler::Sampler;
 use super::setting::Setting;
@@ -15,17 +15,19 @@ pub(super) struct DrawnCause {
     pub size: f64,
     /// Of a ripple, 1/rad.
     pub order: f64,
-    phase: f64,
-    reference_c: f64,
-    onset_s: f64,
-    forgetting_rad: f64,
+    pub phase: f64,
+    /// The other orders of a torque ripple, each as a share of the first.
+    pub harmonics: Vec<Wave>,
+    pub reference_c: f64,
+    pub onset_s: f64,
+    pub forgetting_rad: f64,
     /// Time constant of a run-in, s; a straight drift without one.
-    run_in_s: Option<f64>,
-    campaign_s: f64,
-    leak: f64,
-    /// Orders beside the first of a torque ripple: order and share of the first's amplitude, phase.
-    beside: Vec<Wave>,
-    flavour: Option<Flavour>,
+    pub run_in_s: Option<f64>,
+    pub campaign_s: f64,
+    pub leak: f64,
+    /// Heat after which a seal is warm, J, and the time in which it leaves, s.
+    pub warming: (f64, f64),
+    pub flavour: Option<Flavour>,
 }
 
 /// Highest and lowest order of a ripple, 1/rad.
@@ -60,13 +62,14 @@ impl DrawnCause {
             size: 0.0,
             order,
             phase: sampler.between(0.0, TAU),
+            harmonics: if cogs { beside(sampler, order) } else { Vec::new() },
             reference_c: sampler.between(least_c, most_c),
             onset_s: sampler.log_between(0.02, 0.5),
             forgetting_rad: sampler.log_between(5e-3, 2e-2),
             run_in_s: run_in.then_some(time),
             campaign_s: setting.campaign_s,
             leak: 0.02,
-            beside: if cogs { beside(sampler, order) } else { Vec::new() },
+            warming: (50.0, 300.0),
             flavour,
         };
         let (least, most) = hidden.limits(setting);
@@ -137,6 +140,7 @@ impl DrawnCause {
                 let most = (LATEST_SAMPLES / setting.rate_hz).min(0.03);
                 (most.min(0.002), most)
             }
+            HiddenCause::WarmUp => (0.01, 0.6),
             HiddenCause::OutsideCatalogue => {
                 self.flavour.map_or((0.1, 0.1), |flavour| flavour.limits(seal.coulomb_nm))
             }
@@ -162,14 +166,6 @@ impl DrawnCause {
             HiddenCause::GravityImbalance => {
                 joint.gravity = Some(Wave { size, order: 1.0, phase: self.phase });
             }
-            HiddenCause::TorqueRipple => {
-                let first = Wave { size: 1.0, order: self.order, phase: self.phase };
-                let waves = std::iter::once(&first).chain(&self.beside);
-                joint.cogging = waves.map(|w| Wave { size: size * w.size, ..*w }).collect();
-            }
-            HiddenCause::TemperatureCoulomb => {
-                joint.softening = Some(Thinning { per_k: size, reference_c: self.reference_c });
-            }
             HiddenCause::DirectionAsymmetry => joint.asymmetry = size,
             HiddenCause::TorqueOffset => joint.offset_nm = size,
             HiddenCause::QuadraticDrag => joint.drag = size,
@@ -188,6 +184,19 @@ impl DrawnCause {
             }
             HiddenCause::StribeckShape => joint.stribeck_exponent = size,
             HiddenCause::ChannelDelay => joint.delay_s = size,
+            HiddenCause::TorqueRipple => {
+                let first = Wave { size, order: self.order, phase: self.phase };
+                let rest =
+                    self.harmonics.iter().map(|wave| Wave { size: wave.size * size, ..*wave });
+                joint.torque_ripple = std::iter::once(first).chain(rest).collect();
+            }
+            HiddenCause::TemperatureCoulomb => {
+                joint.stiffening = Some(Thinning { per_k: size, reference_c: self.reference_c });
+            }
+            HiddenCause::WarmUp => {
+                let (energy_j, cooling_s) = self.warming;
+                joint.warm_up = Some(WarmUp { share: size, energy_j, cooling_s });
+            }
             HiddenCause::OutsideCatalogue => {
                 joint.outside = self.flavour.map(|flavour| Outside { flavour, size });
             }
@@ -220,14 +229,16 @@ impl DrawnCause {
     /// What else there is to know of it, by name and value.
     pub fn details(&self) -> Vec<(&'static str, f64)> {
         match self.effect {
-            HiddenCause::PositionRipple => vec![("order", self.order), ("phase_rad", self.phase)],
-            HiddenCause::GravityImbalance => vec![("phase_rad", self.phase)],
-            HiddenCause::TorqueRipple => {
+            HiddenCause::PositionRipple | HiddenCause::TorqueRipple => {
                 let mut details = vec![("order", self.order), ("phase_rad", self.phase)];
-                for (wave, [order, share, phase]) in self.beside.iter().zip(BESIDE) {
+                for (wave, [order, share, phase]) in self.harmonics.iter().zip(BESIDE) {
                     details.extend([(order, wave.order), (share, wave.size), (phase, wave.phase)]);
                 }
                 details
+            }
+            HiddenCause::GravityImbalance => vec![("phase_rad", self.phase)],
+            HiddenCause::WarmUp => {
+                vec![("energy_j", self.warming.0), ("cooling_s", self.warming.1)]
             }
             HiddenCause::TemperatureViscous | HiddenCause::TemperatureCoulomb => {
                 vec![("reference_c", self.reference_c)]

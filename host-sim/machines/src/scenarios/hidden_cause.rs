@@ -35,10 +35,12 @@ pub enum HiddenCause {
     StribeckShape,
     /// Torque is logged later than velocity, s.
     ChannelDelay,
-    /// A torque of the angle in several orders; amplitude of the first, Nm.
+    /// An additive torque of the angle, several orders, Nm of the strongest.
     TorqueRipple,
-    /// Both levels fall with temperature, 1/K.
+    /// The level rises as it gets colder, 1/K.
     TemperatureCoulomb,
+    /// The level falls with the heat that rubbing leaves; share of the level.
+    WarmUp,
     /// Structure that no cause of the catalogue has.
     OutsideCatalogue,
 }
@@ -126,6 +128,7 @@ impl HiddenCause {
             HiddenCause::TemperatureCoulomb => {
                 facts("temperature-coulomb", "1/K", Some("temperature_c"), 0.0, 0.2)
             }
+            HiddenCause::WarmUp => facts("warm-up", "1", velocity, 0.0, 0.9),
             HiddenCause::OutsideCatalogue => facts("unknown", "1", None, 0.0, 0.0),
         }
     }

@@ -5,7 +5,7 @@
 //! z' = s, or within the play of the drive next to nothing of it
 //! F  = k0 z + k1 s + k2 e(T) v + what adds to it
 //! |z| <= g / k0 at rest
-//! g  = (F_C + loads + (F_S - F_C + k ln(1 + age/t0)) exp(-|v/v_s|^delta)) x ripple x drift x cold x side
+//! g  = (F_C + loads + (F_S - F_C + k ln(1 + age/t0)) exp(-|v/v_s|^delta)) x ripple x drift x side x cold x heat
 //! ```
 //!
 //! Each effect at its neutral size leaves the seal of `z' = v - k0 |v| z / g`, to the last bit.
@@ -14,7 +14,7 @@ use super::outside::Outside;
 use super::surroundings::{Around, Condition};
 use crate::friction::Seal;
 
-/// A film or a seal gives way as it warms.
+/// What falls as it warms: the viscous film, or the level of a seal that stiffens with cold.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Thinning {
     pub per_k: f64,
@@ -78,18 +78,31 @@ pub(super) struct Play {
     pub leak: f64,
 }
 
+/// The level falls with the heat that rubbing has left.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WarmUp {
+    /// Share of the level that is gone when all is warm.
+    pub share: f64,
+    /// Heat at which most of that is gone, J.
+    pub energy_j: f64,
+    /// Time in which heat leaves, s.
+    pub cooling_s: f64,
+}
+
 /// A joint: its seal and all effects, most of them neutral.
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
     pub seal: Seal,
     pub per_load: f64,
+    /// Gain on the transmitted torque where the torque column holds it.
+    pub load_gain: f64,
     pub thinning: Option<Thinning>,
     pub ripple: Option<Wave>,
     pub gravity: Option<Wave>,
-    /// Magnets against slots, teeth against teeth.
-    pub cogging: Vec<Wave>,
-    /// The levels fall as the seal warms.
-    pub softening: Option<Thinning>,
+    /// Additive torques of the angle, one of each order.
+    pub torque_ripple: Vec<Wave>,
+    pub stiffening: Option<Thinning>,
+    pub warm_up: Option<WarmUp>,
     pub asymmetry: f64,
     pub offset_nm: f64,
     pub drag: f64,
@@ -112,11 +125,13 @@ impl Joint {
         Self {
             seal,
             per_load: 0.0,
+            load_gain: 0.0,
             thinning: None,
             ripple: None,
             gravity: None,
-            cogging: Vec::new(),
-            softening: None,
+            torque_ripple: Vec::new(),
+            stiffening: None,
+            warm_up: None,
             asymmetry: 0.0,
             offset_nm: 0.0,
             drag: 0.0,
@@ -143,12 +158,12 @@ impl Joint {
         if self.seal.per_pressure != 0.0 {
             around.pressure = condition.pressure.at(t);
         }
-        if self.per_load != 0.0 {
+        if self.per_load != 0.0 || self.load_gain != 0.0 {
             around.load = condition.load.at(t);
         }
         let outside = self.outside.as_ref();
-        let warmed = self.thinning.is_some() || self.softening.is_some();
-        if warmed || outside.is_some_and(Outside::follows_temperature) {
+        let warms = self.thinning.is_some() || self.stiffening.is_some();
+        if warms || outside.is_some_and(Outside::follows_temperature) {
             around.temperature = condition.temperature.at(t);
         }
         if let Some(extra) = outside.and_then(|outside| outside.flavour.extra()) {
@@ -182,8 +197,11 @@ impl Joint {
         if let Some(drift) = self.drift {
             level *= drift.factor(now.campaign_s);
         }
-        if let Some(softening) = self.softening {
-            level *= softening.factor(now.temperature);
+        if let Some(stiffening) = self.stiffening {
+            level *= (-stiffening.per_k * (now.temperature - stiffening.reference_c)).exp();
+        }
+        if let Some(warm) = self.warm_up {
+            level *= 1.0 + warm.share * (-now.heat_j / warm.energy_j).exp_m1();
         }
         if let Some(outside) = &self.outside {
             level = outside.level(level, speed, angle, now);
@@ -202,9 +220,10 @@ impl Joint {
     pub fn added(&self, angle: f64, velocity: f64, acceleration: f64, now: &Around) -> f64 {
         self.offset_nm
             + self.gravity.map_or(0.0, |gravity| gravity.at(angle))
-            + self.cogging.iter().map(|wave| wave.at(angle)).sum::<f64>()
+            + self.torque_ripple.iter().map(|wave| wave.at(angle)).sum::<f64>()
             + self.drag * velocity * velocity.abs()
             + self.inertia * acceleration
+            + self.load_gain * now.load
             + self.outside.as_ref().map_or(0.0, |outside| outside.added(now))
     }
 

@@ -121,7 +121,7 @@ impl ScenarioTruth {
 }
 
 impl Hidden {
-    fn json(&self) -> Value {
+    pub(super) fn json(&self) -> Value {
         let mut object = Map::new();
         object.insert("cause".into(), json!(self.cause));
         object.insert("columns".into(), json!(self.columns));

@@ -1,0 +1,153 @@
+//! Both contestants, the diagnosis and the plain regression, on unkind worlds and on measured logs.
+//!
+//! ```text
+//! cargo run --release -p host-sim --example unkind -- --worlds 60 --seed 1          the table and the misses
+//! cargo run --release -p host-sim --example unkind -- --world SEED --out DIR        one world: data.csv, truth.json
+//! ```
+
+use clap::Parser;
+use host_sim::benchmark::contest::{Contest, contest};
+use host_sim::benchmark::{measured, score};
+use serde_json::Value;
+use simulated_machines::scenarios::unkind::{self, SensorKind};
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Grades the diagnosis and the plain regression.
+#[derive(Parser)]
+struct Arguments {
+    /// Number of worlds
+    #[arg(long, default_value_t = 60)]
+    worlds: usize,
+    /// Base of their seeds: 1 to tune with, others to grade
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Worlds of one kind of sensors alone: exact, encoder, velocity-noise, no-position, torque-filtered, held
+    #[arg(long, value_parser = sensor)]
+    only: Option<SensorKind>,
+    /// The regression alone
+    #[arg(long)]
+    rival_only: bool,
+    /// One world by its seed
+    #[arg(long)]
+    world: Option<u64>,
+    /// Writes data.csv and truth.json of that world
+    #[arg(long, requires = "world")]
+    out: Option<PathBuf>,
+    /// Measured logs in place of worlds
+    #[arg(long)]
+    measured: bool,
+    /// Of the measured logs, those whose file has this in its name
+    #[arg(long, default_value = "")]
+    file: String,
+    /// Writes every contest
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// Worlds at a time
+    #[arg(long, default_value_t = 2)]
+    threads: usize,
+}
+
+fn sensor(name: &str) -> Result<SensorKind, String> {
+    SensorKind::parse(name).ok_or_else(|| {
+        let known: Vec<&str> = SensorKind::ALL.iter().map(|kind| kind.name()).collect();
+        format!("expected one of {}", known.join(", "))
+    })
+}
+
+fn main() -> Result<(), String> {
+    let arguments = Arguments::parse();
+    if let (Some(seed), Some(folder)) = (arguments.world, &arguments.out) {
+        return write_world(seed, folder);
+    }
+    if arguments.measured {
+        return measured_logs(&arguments);
+    }
+    let seeds: Vec<u64> = match arguments.world {
+        Some(seed) => vec![seed],
+        None => {
+            let own = |seed: &u64| arguments.only.is_none_or(|k| k == unkind::sensor_kind(*seed));
+            unkind::seeds(arguments.seed).filter(own).take(arguments.worlds).collect()
+        }
+    };
+    let contests = all(&seeds, arguments.rival_only, arguments.threads);
+    if let Some(path) = &arguments.json {
+        let list: Vec<Value> = contests.iter().map(Contest::json).collect();
+        let text = serde_json::to_string_pretty(&list).map_err(|e| e.to_string())?;
+        std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    println!("{}", score::tables(&contests));
+    println!("{}", score::times(&contests));
+    println!("\nmissed:\n{}", score::misses(&contests));
+    if contests.len() < seeds.len() {
+        return Err(format!("{} worlds had no answer", seeds.len() - contests.len()));
+    }
+    Ok(())
+}
+
+/// All worlds, some at a time, each on a thread of its own; in the order of their seeds.
+fn all(seeds: &[u64], rival_only: bool, threads: usize) -> Vec<Contest> {
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..threads.max(1) {
+            scope.spawn(|| {
+                while let Some(&seed) = seeds.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    match contest(seed, rival_only) {
+                        Ok(found) => {
+                            eprintln!("{}", found.line());
+                            if let Ok(mut done) = done.lock() {
+                                done.push(found);
+                            }
+                        }
+                        Err(why) => eprintln!("FAILED {why}"),
+                    }
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().unwrap_or_default();
+    let place = |contest: &Contest| seeds.iter().position(|seed| *seed == contest.truth.seed);
+    done.sort_by_key(place);
+    done
+}
+
+fn measured_logs(arguments: &Arguments) -> Result<(), String> {
+    let folder = measured::folder().ok_or("no measured logs: set MEASURED_DATA to their folder")?;
+    println!("| file | rows | known | diagnosis | gain | s | regression | gain | s |");
+    println!("|---|---|---|---|---|---|---|---|---|");
+    let (mut all, mut right) = (0, [0, 0]);
+    for log in measured::LOGS.iter().filter(|log| log.file.contains(&arguments.file)) {
+        let Some((rows, ours, rival)) = log.contest(&folder, arguments.rival_only)? else {
+            println!("| {} | not there |", log.file);
+            continue;
+        };
+        all += 1;
+        let cells = [ours, Some(rival)].into_iter().enumerate().map(|(side, answer)| {
+            let Some(answer) = answer else { return "- | - | -".to_owned() };
+            let is_right = log.is_right(answer.first);
+            right[side] += usize::from(is_right);
+            let mark = if is_right { "" } else { "**not** " };
+            let named =
+                if answer.named.is_empty() { "none".into() } else { answer.named.join(", ") };
+            format!("{mark}{named} | {:.3} | {:.1}", answer.gain, answer.seconds)
+        });
+        let cells: Vec<String> = cells.collect();
+        println!("| {} | {rows} | {} | {} |", log.file, log.known(), cells.join(" | "));
+    }
+    println!("\nright: diagnosis {} of {all}, regression {} of {all}", right[0], right[1]);
+    Ok(())
+}
+
+fn write_world(seed: u64, folder: &std::path::Path) -> Result<(), String> {
+    let world = unkind::draw(seed);
+    let truth = serde_json::to_string_pretty(&world.truth.json()).map_err(|e| e.to_string())?;
+    std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    for (name, text) in [("data.csv", world.log.csv()), ("truth.json", truth + "\n")] {
+        let path = folder.join(name);
+        std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    println!("{}", world.truth.description);
+    Ok(())
+}

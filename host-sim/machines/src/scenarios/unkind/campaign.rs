@@ -1,0 +1,337 @@
+//! A campaign before anything is hidden in it: plant, sensors, runs, and what surrounds them.
+//!
+//! Drawn from a seed alone, and without asking whether a diagnosis could follow: 50 Hz to 2 kHz, 3 to 40 runs, a
+//! presliding travel from far below one row's to large, logs that begin and break off anywhere, covariates that
+//! move together (correlation up to 0.9), take few values, or rise with the order of the runs.
+
+use super::super::motion::Motion;
+use super::super::sampler::Sampler;
+use super::super::surroundings::{Condition, Extra, Signal};
+use super::motions::{Drive, STYLES, motion};
+use super::plant::{Element, Plant, Point, Way};
+use super::sensing::{Sensing, SensorKind};
+use crate::friction::Seal;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Rows of a log.
+const ROWS: (f64, f64) = (3_000.0, 20_000.0);
+/// Sample rate, Hz.
+const RATE_HZ: (f64, f64) = (50.0, 2000.0);
+/// Number of runs.
+const RUNS: (f64, f64) = (3.0, 40.9);
+/// Longest step of the integrators, s: while the contact slides, and near standstill.
+const STEP_S: (f64, f64) = (5e-4, 1e-4);
+
+/// One run before it is simulated.
+#[derive(Clone, Debug)]
+pub(super) struct RunPlan {
+    pub motion: Motion,
+    pub start_angle: f64,
+    pub condition: Condition,
+    /// When rows are taken, s from the start of the motion.
+    pub times: Vec<f64>,
+    /// Rows that are lost.
+    pub lost: Vec<Range<usize>>,
+    /// What the contact holds at the start, as a share of the Coulomb level.
+    pub held: f64,
+    pub seed: u64,
+}
+
+/// A campaign.
+#[derive(Clone, Debug)]
+pub(super) struct Campaign {
+    pub seal: Seal,
+    pub plant: Plant,
+    pub sensing: Sensing,
+    pub rate_hz: f64,
+    pub drive: Drive,
+    pub runs: Vec<RunPlan>,
+    /// Covariates and extra columns of the log.
+    pub columns: Vec<&'static str>,
+    pub extras: Vec<Extra>,
+    /// Rigid-body parts in the torque, by their names in `--rigid-body`.
+    pub rigid_body: Vec<&'static str>,
+    /// From the start of the first run to the end of the last, s.
+    pub campaign_s: f64,
+    /// Largest correlation covariates were drawn with.
+    pub correlation: f64,
+}
+
+/// The covariates of the contract, with the middle and half the width of their usual range.
+const COVARIATES: [(&str, f64, f64); 4] = [
+    ("radial_force_n", 40.0, 35.0),
+    ("pressure_diff_pa", 2e5, 1.8e5),
+    ("temperature_c", 22.0, 13.0),
+    ("load_torque_nm", 0.0, 1.0),
+];
+
+impl Campaign {
+    /// Draws a campaign with a kind of sensors and a plant.
+    pub fn draw(sampler: &mut Sampler, kind: SensorKind, slip_elements: bool) -> Self {
+        let rate_hz = sampler.log_between(RATE_HZ.0, RATE_HZ.1).round();
+        let rows = sampler.log_between(ROWS.0, ROWS.1);
+        let total_s = rows / rate_hz;
+        let count = sampler.log_between(RUNS.0, RUNS.1).min(total_s).max(RUNS.0) as usize;
+        let seconds = total_s / count as f64;
+
+        let coulomb_nm = sampler.log_between(0.05, 30.0);
+        let static_nm = coulomb_nm * sampler.between(1.0, 1.6);
+        let top_rad_s = sampler.log_between(0.3, 12.0);
+        let steepest_rad_s2 = sampler.log_between(2.0, 60.0);
+        let widest = (0.3 * top_rad_s * top_rad_s / steepest_rad_s2).clamp(3e-5, 0.05);
+        let travel_rad = sampler.log_between(1e-5, widest);
+        let stribeck_rad_s = sampler.log_between(0.01, 0.3) * top_rad_s.min(3.0);
+        // Velocity at which a contact is crossed from rest: damping adds at most half a level there.
+        let crossing_rad_s = (2.0 * steepest_rad_s2 * travel_rad).sqrt();
+        let seal = Seal {
+            k0: static_nm / travel_rad,
+            k1: coulomb_nm / crossing_rad_s * sampler.between(0.0, 0.5),
+            k2: coulomb_nm / top_rad_s * sampler.log_between(0.03, 1.0),
+            coulomb_nm,
+            static_nm,
+            stribeck_rad_s,
+            per_pressure: 0.0,
+            per_force: 0.0,
+            eta3: 0.0,
+        };
+        let drive = Drive { top_rad_s, steepest_rad_s2, stribeck_rad_s, travel_rad, seconds };
+        let sensing = Sensing::draw(sampler, kind, rate_hz, coulomb_nm);
+        let plant = if slip_elements { elements(sampler) } else { Plant::Bristles };
+
+        let extras = extras(sampler);
+        let (conditions, correlation) = conditions(sampler, count, seconds, coulomb_nm, &extras);
+        let campaign_s = conditions.last().map_or(0.0, |last| last.start_s + seconds);
+        let few = sampler.chance(0.25);
+        let styles: Vec<_> = if few { vec![STYLES[sampler.below(6)]] } else { STYLES.to_vec() };
+        let gaps = sampler.chance(0.35);
+        let jitter = if sampler.chance(0.4) { sampler.between(0.0, 0.15) } else { 0.0 };
+        let anywhere = sampler.chance(0.6);
+        let runs = conditions.into_iter().map(|condition| {
+            let style = sampler.pick(&styles).unwrap_or(STYLES[0]);
+            let begin_s = if anywhere { sampler.between(0.0, 0.5) * seconds } else { 0.0 };
+            let whole = Drive { seconds: seconds + begin_s, ..drive };
+            let motion = motion(sampler, &whole, style);
+            let count = ((seconds * rate_hz) as usize).max(50);
+            let times: Vec<f64> = (0..count)
+                .map(|row| {
+                    let shift =
+                        if jitter > 0.0 { jitter * sampler.between(-0.5, 0.5) } else { 0.0 };
+                    begin_s + (row as f64 + shift.max(-(row as f64))) / rate_hz
+                })
+                .collect();
+            let lost = if gaps { lost(sampler, count) } else { Vec::new() };
+            RunPlan {
+                motion,
+                start_angle: sampler.between(-TAU, TAU),
+                condition,
+                times,
+                lost,
+                held: sampler.between(-0.9, 0.9),
+                seed: sampler.seed(),
+            }
+        });
+        let runs = runs.collect();
+        let mut rigid_body = Vec::new();
+        if sampler.chance(0.35) {
+            for part in ["inertia", "gravity", "load", "offset"] {
+                let needs_angle = part == "gravity" && !sensing.has_position();
+                if sampler.chance(0.5) && !needs_angle {
+                    rigid_body.push(part);
+                }
+            }
+        }
+        let mut columns: Vec<&'static str> = Vec::new();
+        for (name, _, _) in COVARIATES {
+            if sampler.chance(0.7) || (name == "load_torque_nm" && rigid_body.contains(&"load")) {
+                columns.push(name);
+            }
+        }
+        if sampler.chance(0.15) {
+            columns.push("acceleration_rad_s2");
+        }
+        Self {
+            seal,
+            plant,
+            sensing,
+            rate_hz,
+            drive,
+            runs,
+            columns,
+            extras,
+            rigid_body,
+            campaign_s,
+            correlation,
+        }
+    }
+
+    /// The largest magnitude of a covariate in the campaign.
+    pub fn largest(&self, of: impl Fn(&Condition) -> Signal) -> f64 {
+        let largest = |run: &RunPlan| {
+            let signal = of(&run.condition);
+            let end = signal.level + signal.per_s * self.drive.seconds;
+            signal.level.abs().max(end.abs()) + signal.swing.abs()
+        };
+        self.runs.iter().map(largest).fold(0.0, f64::max)
+    }
+
+    /// Least and most of a covariate in the campaign.
+    pub fn range(&self, of: impl Fn(&Condition) -> Signal) -> (f64, f64) {
+        let ends = self.runs.iter().flat_map(|run| {
+            let signal = of(&run.condition);
+            [signal.at(0.0), signal.at(self.drive.seconds)]
+        });
+        ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), x| (l.min(x), m.max(x)))
+    }
+
+    /// The ways of all runs as they truly are.
+    pub fn ways(&self) -> Vec<Way> {
+        self.runs.iter().map(|run| self.way(run)).collect()
+    }
+
+    fn way(&self, run: &RunPlan) -> Way {
+        let mut way = Way::default();
+        let slow = 2.0 * self.drive.stribeck_rad_s;
+        let mut now = run.motion.at(0.0);
+        let (mut t, mut angle) = (0.0, run.start_angle);
+        way.points.push(Point { t, angle, velocity: now.velocity });
+        let row_s = 1.0 / self.rate_hz;
+        for &row in &run.times {
+            while row - t > 1e-9 {
+                let next = run.motion.at((t + row_s).min(row));
+                let near = now.velocity.abs().min(next.velocity.abs()) < slow
+                    || now.velocity * next.velocity <= 0.0;
+                let longest = if near { STEP_S.1 } else { STEP_S.0 }.min(0.25 * row_s);
+                let steps = ((row - t).min(row_s) / longest).ceil();
+                let (from, step) = (t, (row - t).min(row_s) / steps);
+                for index in 1..=steps as usize {
+                    t = from + index as f64 * step;
+                    now = run.motion.at(t);
+                    angle = run.start_angle + now.angle;
+                    way.points.push(Point { t, angle, velocity: now.velocity });
+                }
+            }
+            way.rows.push(way.points.len() - 1);
+            way.accelerations.push(now.acceleration);
+        }
+        way
+    }
+}
+
+/// Six to twelve elements whose travels spread over more than a decade.
+fn elements(sampler: &mut Sampler) -> Plant {
+    let count = 6 + sampler.below(7);
+    let narrowest = sampler.log_between(0.02, 0.3);
+    let drawn: Vec<(f64, f64)> = (0..count)
+        .map(|at| {
+            let along = at as f64 / (count - 1) as f64;
+            (sampler.between(0.3, 1.0), narrowest * (2.0 / narrowest).powf(along))
+        })
+        .collect();
+    let all: f64 = drawn.iter().map(|(share, _)| share).sum();
+    let element = |(share, travel): (f64, f64)| Element { share: share / all, travel };
+    Plant::SlipElements {
+        elements: drawn.into_iter().map(element).collect(),
+        lag_s: sampler.log_between(5e-4, 2e-2),
+    }
+}
+
+/// One or two stretches of rows, anywhere.
+fn lost(sampler: &mut Sampler, rows: usize) -> Vec<Range<usize>> {
+    if sampler.chance(0.5) {
+        return Vec::new();
+    }
+    (0..1 + sampler.below(2))
+        .map(|_| {
+            let length = (rows as f64 * sampler.log_between(0.005, 0.1)) as usize + 6;
+            let from = sampler.below(rows.saturating_sub(length).max(1));
+            from..(from + length).min(rows)
+        })
+        .collect()
+}
+
+fn extras(sampler: &mut Sampler) -> Vec<Extra> {
+    let all = [Extra::Humidity, Extra::SupplyVoltage, Extra::CableTension, Extra::LubricantAge];
+    all.into_iter().filter(|_| sampler.chance(0.15)).collect()
+}
+
+/// What surrounds each run, and how closely the closest pair was drawn to go together.
+fn conditions(
+    sampler: &mut Sampler,
+    runs: usize,
+    seconds: f64,
+    coulomb_nm: f64,
+    extras: &[Extra],
+) -> (Vec<Condition>, f64) {
+    let quantities = COVARIATES.len() + extras.len();
+    // Latent levels, -1 to 1: each quantity's own, then mixed with a leader's.
+    let steps = sampler.chance(0.3).then(|| 2 + sampler.below(5));
+    let rounded = |x: f64| match steps {
+        Some(steps) => ((x + 1.0) * 0.5 * steps as f64).round() / steps as f64 * 2.0 - 1.0,
+        None => x,
+    };
+    let mut levels: Vec<Vec<f64>> = (0..quantities)
+        .map(|_| (0..runs).map(|_| rounded(sampler.between(-1.0, 1.0))).collect())
+        .collect();
+    // Something rises with the order of the runs: mostly the temperature.
+    if sampler.chance(0.3) {
+        let which = if sampler.chance(0.6) { 2 } else { sampler.below(quantities) };
+        let share = sampler.between(0.5, 1.0);
+        for (at, level) in levels[which].iter_mut().enumerate() {
+            let rise = 2.0 * at as f64 / (runs.max(2) - 1) as f64 - 1.0;
+            *level = share * rise + (1.0 - share) * *level;
+        }
+    }
+    let lively: Vec<bool> = (0..quantities).map(|_| sampler.chance(0.6)).collect();
+    let mut shapes: Vec<Vec<(f64, f64)>> = (0..quantities)
+        .map(|_| {
+            (0..runs)
+                .map(|_| (sampler.log_between(0.5 / seconds, 5.0), sampler.between(0.0, TAU)))
+                .collect()
+        })
+        .collect();
+    let mut strongest: f64 = 0.0;
+    for _ in 0..2 {
+        let (leader, follower) = (sampler.below(quantities), sampler.below(quantities));
+        if leader == follower || sampler.chance(0.4) {
+            continue;
+        }
+        let correlation = sampler.between(0.3, 0.9);
+        strongest = strongest.max(correlation);
+        let own = (1.0f64 - correlation * correlation).sqrt();
+        for run in 0..runs {
+            levels[follower][run] = correlation * levels[leader][run] + own * levels[follower][run];
+            shapes[follower][run] = shapes[leader][run];
+        }
+    }
+    let few = sampler.log_between(1.0, 600.0);
+    let mut start_s = 0.0;
+    let load_nm = coulomb_nm * sampler.log_between(0.3, 10.0);
+    let of = (0..runs).map(|run| {
+        let mut signal = |at: usize, middle: f64, half: f64| {
+            let (hz, phase) = shapes[at][run];
+            let swing = if lively[at] { half * sampler.between(0.02, 0.35) } else { 0.0 };
+            let slow = at == 2 || at >= COVARIATES.len();
+            Signal {
+                level: middle + half * levels[at][run],
+                per_s: if lively[at] { half * sampler.between(-0.3, 0.3) / seconds } else { 0.0 },
+                swing: if slow { 0.1 * swing } else { swing },
+                hz: if slow { hz.min(0.1) } else { hz },
+                phase,
+            }
+        };
+        let [force, pressure, temperature, load] = [0, 1, 2, 3].map(|at| {
+            let (_, middle, half) = COVARIATES[at];
+            signal(at, middle, if at == 3 { load_nm } else { half })
+        });
+        let extras = extras.iter().enumerate().map(|(at, &extra)| {
+            let (least, most) = extra.range();
+            (extra, signal(COVARIATES.len() + at, 0.5 * (least + most), 0.5 * (most - least)))
+        });
+        let extras = extras.collect();
+        let condition = Condition { start_s, force, pressure, temperature, load, extras };
+        start_s += 1.5 * seconds + few;
+        condition
+    });
+    (of.collect(), strongest)
+}

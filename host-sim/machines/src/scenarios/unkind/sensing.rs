@@ -1,0 +1,299 @@
+//! What the sensors make of a run: each kind of log has one weakness, drawn in its size.
+//!
+//! | kind | what is wrong with it |
+//! |---|---|
+//! | exact | nothing but the torque's noise |
+//! | encoder | an angle of 12 to 21 bits, and its differences through a filter for a velocity |
+//! | velocity-noise | a velocity that flickers by 0.3 to 10 mrad/s, at rest as well |
+//! | no-position | no angle; the velocity flickers, or is differences of an angle nobody logged |
+//! | torque-filtered | the torque went through a low-pass of 5 to 200 Hz |
+//! | held | covariates refreshed at 0.2 to 20 Hz, at times torque or motion held over several rows |
+//!
+//! Filters run at the log's rate. A low-pass and held rows make a channel late: what says so is true of the log,
+//! whatever else is hidden ([`Sensing::true_of_the_log`]).
+
+use super::super::sampler::Sampler;
+use std::f64::consts::TAU;
+
+/// The kinds of log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum SensorKind {
+    /// Exact but for the torque's noise.
+    Exact,
+    /// Angle of an encoder, velocity from its differences.
+    Encoder,
+    /// A velocity with noise at rest as well.
+    VelocityNoise,
+    /// No angle.
+    NoPosition,
+    /// A torque behind a low-pass.
+    TorqueFiltered,
+    /// Channels held over several rows.
+    Held,
+}
+
+impl SensorKind {
+    /// All of them, in the order of tables.
+    pub const ALL: [SensorKind; 6] = [
+        SensorKind::Exact,
+        SensorKind::Encoder,
+        SensorKind::VelocityNoise,
+        SensorKind::NoPosition,
+        SensorKind::TorqueFiltered,
+        SensorKind::Held,
+    ];
+
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            SensorKind::Exact => "exact",
+            SensorKind::Encoder => "encoder",
+            SensorKind::VelocityNoise => "velocity-noise",
+            SensorKind::NoPosition => "no-position",
+            SensorKind::TorqueFiltered => "torque-filtered",
+            SensorKind::Held => "held",
+        }
+    }
+
+    /// The kind of a name.
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+/// How a velocity comes about.
+#[derive(Clone, Copy, Debug)]
+enum Velocity {
+    /// The true one with white noise, rad/s.
+    Noisy(f64),
+    /// Differences of the encoder's angle through a first-order low-pass, Hz.
+    LowPassed(f64),
+    /// Differences of the encoder's angle, the mean of so many.
+    Averaged(usize),
+}
+
+/// The sensors of a campaign.
+#[derive(Clone, Debug)]
+pub(super) struct Sensing {
+    pub kind: SensorKind,
+    velocity: Velocity,
+    /// Lines of the encoder in one radian; none where the angle is exact.
+    lines_per_rad: Option<f64>,
+    /// Standard deviation of the torque's noise, Nm.
+    pub noise_nm: f64,
+    /// Corner of the torque's low-pass, Hz.
+    torque_corner_hz: Option<f64>,
+    /// Whether the noise is in front of the low-pass, and so coloured.
+    noise_before: bool,
+    /// Rows over which torque is held; 1 for each its own.
+    torque_rows: usize,
+    /// Rows over which angle and velocity are held.
+    motion_rows: usize,
+    /// Rate at which covariates are refreshed, Hz.
+    covariate_hz: Option<f64>,
+}
+
+impl Sensing {
+    /// Sensors of a kind for a joint whose Coulomb torque is known.
+    pub fn draw(sampler: &mut Sampler, kind: SensorKind, rate_hz: f64, coulomb_nm: f64) -> Self {
+        let noise_nm = coulomb_nm * sampler.log_between(0.003, 0.06);
+        let mut own = Self {
+            kind,
+            velocity: Velocity::Noisy(0.0),
+            lines_per_rad: None,
+            noise_nm,
+            torque_corner_hz: None,
+            noise_before: false,
+            torque_rows: 1,
+            motion_rows: 1,
+            covariate_hz: None,
+        };
+        let lines = |sampler: &mut Sampler, least: usize| {
+            f64::from(1u32 << (least + sampler.below(22 - least))) / TAU
+        };
+        let flicker = sampler.log_between(3e-4, 1e-2);
+        let differences = if sampler.chance(0.5) {
+            Velocity::LowPassed(rate_hz * sampler.log_between(0.02, 0.3))
+        } else {
+            Velocity::Averaged(2 + sampler.below(15))
+        };
+        match kind {
+            SensorKind::Exact => {}
+            SensorKind::Encoder => {
+                own.lines_per_rad = Some(lines(sampler, 12));
+                own.velocity = differences;
+            }
+            SensorKind::VelocityNoise => {
+                own.velocity = Velocity::Noisy(flicker);
+                own.lines_per_rad = sampler.chance(0.6).then(|| lines(sampler, 15));
+            }
+            SensorKind::NoPosition => {
+                own.lines_per_rad = Some(lines(sampler, 14));
+                own.velocity =
+                    if sampler.chance(0.5) { Velocity::Noisy(flicker) } else { differences };
+            }
+            SensorKind::TorqueFiltered => {
+                let highest = (0.4 * rate_hz).clamp(6.0, 200.0);
+                own.torque_corner_hz = Some(sampler.log_between(5.0, highest));
+                own.noise_before = sampler.chance(0.5);
+                own.lines_per_rad = sampler.chance(0.5).then(|| lines(sampler, 17));
+            }
+            SensorKind::Held => {
+                own.covariate_hz = Some(sampler.log_between(0.2, (0.5 * rate_hz).min(20.0)));
+                match sampler.below(4) {
+                    0 => own.torque_rows = 2 + sampler.below(4),
+                    1 => own.motion_rows = 2 + sampler.below(4),
+                    _ => {}
+                }
+                own.velocity =
+                    if sampler.chance(0.5) { Velocity::Noisy(flicker) } else { own.velocity };
+            }
+        }
+        own
+    }
+
+    /// Whether the log has an angle.
+    pub fn has_position(&self) -> bool {
+        self.kind != SensorKind::NoPosition
+    }
+
+    /// Causes that are true of the log whatever is hidden: a channel that is late.
+    pub fn true_of_the_log(&self) -> Vec<&'static str> {
+        let late = self.torque_corner_hz.is_some()
+            || self.torque_rows > 1
+            || self.motion_rows > 1
+            || !matches!(self.velocity, Velocity::Noisy(_));
+        if late { vec!["channel-delay"] } else { Vec::new() }
+    }
+
+    /// The logged angle, rad, each row.
+    pub fn angles(&self, times: &[f64], angles: &[f64]) -> Vec<f64> {
+        let lines = |angle: f64| match self.lines_per_rad {
+            Some(lines) => (angle * lines).floor() / lines,
+            None => angle,
+        };
+        let read: Vec<f64> = angles.iter().copied().map(lines).collect();
+        debug_assert_eq!(times.len(), read.len());
+        held(&read, self.motion_rows)
+    }
+
+    /// The logged velocity, rad/s, each row.
+    pub fn velocities(
+        &self,
+        sampler: &mut Sampler,
+        times: &[f64],
+        angles: &[f64],
+        velocities: &[f64],
+    ) -> Vec<f64> {
+        if let Velocity::Noisy(noise) = self.velocity {
+            let noisy: Vec<f64> = velocities.iter().map(|v| v + noise * sampler.normal()).collect();
+            return held(&noisy, self.motion_rows);
+        }
+        let read = self.angles(times, angles);
+        let mut raw: Vec<f64> = (1..read.len())
+            .map(|at| (read[at] - read[at - 1]) / (times[at] - times[at - 1]).max(1e-9))
+            .collect();
+        raw.insert(0, velocities.first().copied().unwrap_or(0.0));
+        let filtered = match self.velocity {
+            Velocity::LowPassed(corner_hz) => low_pass(times, &raw, corner_hz),
+            Velocity::Averaged(count) => (0..raw.len())
+                .map(|at| {
+                    let from = (at + 1).saturating_sub(count);
+                    raw[from..=at].iter().sum::<f64>() / (at + 1 - from) as f64
+                })
+                .collect(),
+            Velocity::Noisy(_) => raw,
+        };
+        held(&filtered, self.motion_rows)
+    }
+
+    /// What the torque's sensor makes of a torque, noise apart, Nm.
+    pub fn torque_channel(&self, times: &[f64], torque: &[f64]) -> Vec<f64> {
+        let passed = match self.torque_corner_hz {
+            Some(corner_hz) => low_pass(times, torque, corner_hz),
+            None => torque.to_vec(),
+        };
+        held(&passed, self.torque_rows)
+    }
+
+    /// A torque that went through [`Sensing::torque_channel`], with the noise of its sensor, Nm.
+    pub fn with_noise(&self, sampler: &mut Sampler, times: &[f64], torque: &[f64]) -> Vec<f64> {
+        let mut noise: Vec<f64> = torque.iter().map(|_| self.noise_nm * sampler.normal()).collect();
+        if self.noise_before || self.torque_rows > 1 {
+            noise = self.torque_channel(times, &noise);
+        }
+        torque.iter().zip(&noise).map(|(t, n)| t + n).collect()
+    }
+
+    /// A covariate's readings at times of the run, each at most one refresh old.
+    pub fn covariate(&self, times: &[f64], at: &dyn Fn(f64) -> f64) -> Vec<f64> {
+        let refreshed = |t: f64| match self.covariate_hz {
+            Some(hz) => (t * hz).floor() / hz,
+            None => t,
+        };
+        times.iter().map(|&t| at(refreshed(t))).collect()
+    }
+
+    /// One sentence.
+    pub fn words(&self) -> String {
+        let mut parts = vec![format!("torque noise {:.2e} Nm", self.noise_nm)];
+        match self.velocity {
+            Velocity::Noisy(0.0) => {}
+            Velocity::Noisy(noise) => parts.push(format!("velocity noise {noise:.1e} rad/s")),
+            Velocity::LowPassed(hz) => parts.push(format!("differences through {hz:.1} Hz")),
+            Velocity::Averaged(n) => parts.push(format!("mean of {n} differences")),
+        }
+        if let Some(lines) = self.lines_per_rad {
+            parts.push(format!("encoder of {} bits", (lines * TAU).log2().round()));
+        }
+        if let Some(hz) = self.torque_corner_hz {
+            parts.push(format!("torque through {hz:.1} Hz"));
+        }
+        for (what, rows) in [("torque", self.torque_rows), ("motion", self.motion_rows)] {
+            if rows > 1 {
+                parts.push(format!("{what} held over {rows} rows"));
+            }
+        }
+        if let Some(hz) = self.covariate_hz {
+            parts.push(format!("covariates at {hz:.2} Hz"));
+        }
+        parts.join(", ")
+    }
+}
+
+/// A first-order low-pass over uneven times, from rest at the first value.
+fn low_pass(times: &[f64], values: &[f64], corner_hz: f64) -> Vec<f64> {
+    let mut passed = Vec::with_capacity(values.len());
+    let mut last = values.first().copied().unwrap_or(0.0);
+    for (at, value) in values.iter().enumerate() {
+        let seconds = if at == 0 { 0.0 } else { times[at] - times[at - 1] };
+        last -= (value - last) * (-TAU * corner_hz * seconds).exp_m1();
+        passed.push(last);
+    }
+    passed
+}
+
+/// Each value held over so many rows.
+fn held(values: &[f64], rows: usize) -> Vec<f64> {
+    (0..values.len()).map(|at| values[at - at % rows.max(1)]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_low_pass_settles_as_its_corner_says() {
+        let times: Vec<f64> = (0..1000).map(|at| f64::from(at) * 1e-3).collect();
+        let step: Vec<f64> = (0..1000).map(|at| f64::from(u8::from(at > 0))).collect();
+        let passed = low_pass(&times, &step, 5.0);
+        let expected = 1.0 - (-TAU * 5.0 * 0.05f64).exp();
+        assert!((passed[50] - expected).abs() < 1e-9, "{}", passed[50]);
+    }
+
+    #[test]
+    fn held_rows_are_the_first_of_them() {
+        assert_eq!(held(&[1.0, 2.0, 3.0, 4.0, 5.0], 2), [1.0, 1.0, 3.0, 3.0, 5.0]);
+        assert_eq!(held(&[1.0, 2.0], 1), [1.0, 2.0]);
+    }
+}

@@ -1,0 +1,183 @@
+//! The columns of each cause in the rival's regression: what an engineer would write down in an afternoon.
+
+use super::regression::{Base, Column, Rows};
+use friction_identification::data::Quantity;
+
+/// A cause and its columns.
+pub(super) struct CauseColumns {
+    pub name: &'static str,
+    pub columns: Vec<Column>,
+}
+
+/// Orders of a ripple that are tried, in one turn.
+const ORDERS: u32 = 60;
+/// Gaps of backlash that are tried, of the base's travel and of a run's span.
+const GAPS: ([f64; 3], [f64; 3]) = ([0.5, 1.0, 3.0], [2e-3, 1e-2, 5e-2]);
+/// Exponents of a Stribeck curve beside 2, and its velocities of the usual speed.
+const EXPONENTS: [f64; 3] = [0.5, 1.0, 4.0];
+const STRIBECK: [f64; 3] = [0.01, 0.05, 0.2];
+/// Times in which heat leaves, and heats at which a seal is warm, of the campaign's.
+const COOLING: [f64; 3] = [0.1, 0.5, f64::INFINITY];
+const WARM: [f64; 2] = [0.2, 1.0];
+/// Below this share of the usual speed a joint rests.
+const REST: f64 = 2e-3;
+
+fn product(a: &[f64], b: &[f64]) -> Column {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}
+
+fn centred(column: Column) -> Column {
+    let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
+    column.into_iter().map(|x| x - mean).collect()
+}
+
+fn varies(column: &[f64]) -> bool {
+    column.iter().any(|x| (x - column[0]).abs() > 1e-12 * column[0].abs())
+}
+
+/// All causes with their columns beside a base.
+pub(super) fn causes(rows: &Rows, base: &Base, rigid_body: &[&str]) -> Vec<CauseColumns> {
+    let sign = &base.sign;
+    let velocity = &rows.velocity;
+    let mut all = Vec::new();
+    let mut add = |name, columns: Vec<Column>| {
+        if columns.iter().all(|column| varies(column) || name == "torque-offset") {
+            all.push(CauseColumns { name, columns });
+        }
+    };
+    let base_has = |part: &str| rigid_body.contains(&part);
+
+    if let Some(pressure) = rows.quantity(Quantity::Pressure) {
+        add("pressure-coulomb", vec![product(sign, &pressure)]);
+        add("unknown", vec![centred(pressure)]);
+    }
+    if let Some(force) = rows.quantity(Quantity::RadialForce) {
+        let size: Column = force.iter().map(|f| f.abs()).collect();
+        add("radial-force-coulomb", vec![product(sign, &size)]);
+        add("radial-force-rate", vec![bent(rows, base, &force)]);
+        add("unknown", vec![centred(force)]);
+    }
+    if let Some(load) = rows.quantity(Quantity::LoadTorque) {
+        let size: Column = load.iter().map(|l| l.abs()).collect();
+        add("load-torque-coulomb", vec![product(sign, &size)]);
+        if !base_has("load") {
+            add("unknown", vec![centred(load)]);
+        }
+    }
+    if let Some(temperature) = rows.quantity(Quantity::Temperature) {
+        let warmer = centred(temperature);
+        add("temperature-coulomb", vec![product(sign, &warmer)]);
+        add("temperature-viscous", vec![product(velocity, &warmer)]);
+        add("unknown", vec![warmer]);
+    }
+    for at in 0..rows.data.covariates.len() {
+        let column: Column = rows.data.runs.iter().flat_map(|run| run.extra[at].clone()).collect();
+        let column = centred(column);
+        add("unknown", vec![product(sign, &column)]);
+        add("unknown", vec![column]);
+    }
+
+    let speed: Column = velocity.iter().map(|v| v.abs()).collect();
+    let size: Column = sign.iter().map(|s| s.abs()).collect();
+    add("direction-asymmetry", vec![size, speed.clone()]);
+    if !base_has("offset") {
+        add("torque-offset", vec![vec![1.0; velocity.len()]]);
+    }
+    add("quadratic-drag", vec![product(velocity, &speed)]);
+    if !base_has("inertia") {
+        add("unmodelled-inertia", vec![rows.acceleration()]);
+    }
+    add("channel-delay", vec![rows.derivative(sign), rows.derivative(velocity)]);
+    for peak in STRIBECK {
+        for exponent in EXPONENTS {
+            let curve =
+                |at: usize| sign[at] * (-(speed[at] / (peak * rows.speed)).powf(exponent)).exp();
+            add("stribeck-shape", vec![rows.map(curve)]);
+        }
+    }
+    for gap in GAPS.0.map(|g| g * base.travel).into_iter().chain(GAPS.1.map(|g| g * rows.span)) {
+        add("backlash", vec![rows.stop(base.travel, gap)]);
+    }
+    add("dwell-time-static", vec![dwell(rows, base)]);
+
+    if let Some(time) = rows.quantity(Quantity::CampaignTime) {
+        add("time-drift", vec![product(sign, &centred(time))]);
+    }
+    for heat in heats(rows, sign) {
+        add("warm-up", vec![product(sign, &heat)]);
+    }
+    if let Some(angle) = rows.quantity(Quantity::Position) {
+        for order in 1..=ORDERS {
+            let wave = |of: fn(f64) -> f64| -> Column {
+                angle.iter().map(|q| of(f64::from(order) * q)).collect()
+            };
+            let waves = vec![wave(f64::sin), wave(f64::cos)];
+            add("position-ripple", waves.iter().map(|wave| product(sign, wave)).collect());
+            match (order, base_has("gravity")) {
+                (1, false) => add("gravity-imbalance", waves),
+                (1, true) => {}
+                _ => add("torque-ripple", waves),
+            }
+        }
+    }
+    all
+}
+
+/// Deflection by a changing side load, forgotten with travel.
+fn bent(rows: &Rows, base: &Base, force: &[f64]) -> Column {
+    let mut column = vec![0.0; force.len()];
+    for run in &rows.runs {
+        let mut bent = 0.0;
+        for at in run.start + 1..run.end {
+            let forgotten = (-2.0 * rows.displacement[at].abs() / base.travel).exp();
+            bent = bent * forgotten + force[at] - force[at - 1];
+            column[at] = bent;
+        }
+    }
+    column
+}
+
+/// The sign times the logarithm of the rest before, forgotten with travel.
+fn dwell(rows: &Rows, base: &Base) -> Column {
+    let mut column = vec![0.0; rows.velocity.len()];
+    let forgetting = (3.0 * base.travel).max(1e-3 * rows.span);
+    for (run, range) in rows.data.runs.iter().zip(&rows.runs) {
+        let mut age = 0.0;
+        for at in 1..run.len() {
+            let row = range.start + at;
+            let seconds = run.time_s[at] - run.time_s[at - 1];
+            let rests = rows.velocity[row].abs() < REST * rows.speed;
+            age = if rests {
+                age + seconds
+            } else {
+                age * (-rows.displacement[row].abs() / forgetting).exp()
+            };
+            column[row] = base.sign[row] * f64::ln_1p(age / 0.1);
+        }
+    }
+    column
+}
+
+/// How warm the contact is, 0 to 1, for a few ways to warm and to cool.
+fn heats(rows: &Rows, sign: &[f64]) -> Vec<Column> {
+    let time = rows.quantity(Quantity::CampaignTime).unwrap_or_default();
+    let campaign =
+        time.last().zip(time.first()).map_or(1.0, |(end, begin)| (end - begin).max(1e-9));
+    let mut all = Vec::new();
+    for cooling in COOLING {
+        let mut heat: f64 = 0.0;
+        let heats: Column = rows.map(|at| {
+            if at > 0 {
+                let seconds = (time[at] - time[at - 1]).max(0.0);
+                heat *= (-seconds / (cooling * campaign)).exp();
+            }
+            heat += (sign[at] * rows.displacement[at]).abs();
+            heat
+        });
+        let most = heats.iter().copied().fold(1e-12, f64::max);
+        for warm in WARM {
+            all.push(heats.iter().map(|heat| -(-heat / (warm * most)).exp_m1()).collect());
+        }
+    }
+    all
+}

@@ -1,0 +1,252 @@
+//! The diagnosis and the rival on one unkind world, and what each is worth there.
+//!
+//! | world | right | abstained | wrong |
+//! |---|---|---|---|
+//! | nothing hidden | `none` | `unknown` | any other name |
+//! | an effect that could be seen | its name first, or within `confusable_with` of the first | `none`, `unknown` | any other name |
+//! | an effect nobody could see | `none`, `unknown`, or its name | - | any other name |
+//!
+//! Could be seen: a refit of the true structure gains three standard errors ([`UnkindTruth::detectable`]). A name that is
+//! true of the log whatever is hidden (a filtered torque *is* late) is struck out first. Processor time is that of one
+//! thread on which all is computed.
+
+use super::regression::regression;
+use crate::simulated;
+use friction_identification::data::{Dataset, Split, SplitRule, split};
+use friction_identification::diagnose::{Diagnosis, Question, diagnose};
+use friction_identification::spec::parse_rigid_body;
+use rustix::time::{ClockId, clock_gettime};
+use serde_json::{Value, json};
+use simulated_machines::scenarios::unkind::{self, UnkindTruth, UnkindWorld};
+
+/// What an answer is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// As good as can be.
+    Right,
+    /// Nothing was named where something could have been.
+    Abstained,
+    /// A cause that is not there.
+    Wrong,
+}
+
+impl Verdict {
+    /// One word.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Verdict::Right => "right",
+            Verdict::Abstained => "abstained",
+            Verdict::Wrong => "wrong",
+        }
+    }
+}
+
+/// What a contestant said of a world.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// The causes named, in order.
+    pub named: Vec<&'static str>,
+    /// Causes the first says it cannot be told from.
+    pub confusable: Vec<&'static str>,
+    /// What that is worth.
+    pub verdict: Verdict,
+    /// Share of the held-out error that is gone: 1 - RMSE after / RMSE before.
+    pub gain: f64,
+    /// Held-out RMSE of the extended model over the floor of the same rows.
+    pub error_over_floor: f64,
+    /// Whether the true size lies in the 95 % interval, where the true cause was named first.
+    pub size_inside: Option<bool>,
+    /// Processor time, s.
+    pub seconds: f64,
+    /// What stood against it, a line for whoever looks into a miss.
+    pub heard: String,
+}
+
+/// A world and the answers to it.
+#[derive(Clone, Debug)]
+pub struct Contest {
+    /// The truth, without its rows.
+    pub truth: UnkindTruth,
+    /// Rows of the log.
+    pub rows: usize,
+    /// The diagnosis, where it was asked.
+    pub ours: Option<Answer>,
+    /// The rival.
+    pub rival: Answer,
+}
+
+/// The verdict on causes named in order.
+pub fn verdict(
+    truth: &UnkindTruth,
+    named: &[&'static str],
+    confusable: &[&'static str],
+) -> Verdict {
+    let struck = |name: &&&'static str| !truth.true_of_the_log.contains(*name);
+    let first = named.iter().find(struck).copied().unwrap_or("none");
+    let is_first = named.first() == Some(&first);
+    let cause = truth.cause();
+    let open = first == "none" || first == "unknown";
+    if first == cause || (is_first && cause != "none" && confusable.contains(&cause)) {
+        return Verdict::Right;
+    }
+    match (open, truth.hidden.is_some() && !truth.detectable()) {
+        (true, true) => Verdict::Right,
+        (true, false) => Verdict::Abstained,
+        (false, _) => Verdict::Wrong,
+    }
+}
+
+/// Something computed on one thread, and the processor time it took, s.
+///
+/// # Errors
+/// If no thread can be had.
+pub fn timed<T: Send>(work: impl FnOnce() -> T + Send) -> Result<(T, f64), String> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| e.to_string())?;
+    let clock = || {
+        let now = clock_gettime(ClockId::ThreadCPUTime);
+        now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
+    };
+    Ok(pool.install(|| {
+        let begin = clock();
+        let found = work();
+        (found, clock() - begin)
+    }))
+}
+
+/// Both contestants, or the rival alone, on the world of a seed.
+///
+/// # Errors
+/// One line, where the log cannot be split or diagnosed: such a world must not drop out of the count.
+pub fn contest(seed: u64, rival_only: bool) -> Result<Contest, String> {
+    let UnkindWorld { log, truth } = unkind::draw(seed);
+    let data = simulated::dataset(&log);
+    let rival = rival(&data, &truth)?;
+    let ours = if rival_only { None } else { Some(ours(&data, &truth)?) };
+    let truth = UnkindTruth { floor_errors: Vec::new(), torque: Vec::new(), ..truth };
+    Ok(Contest { truth, rows: data.rows, ours, rival })
+}
+
+fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
+    let (found, seconds) = timed(|| regression(data, &truth.rigid_body))?;
+    Ok(Answer {
+        verdict: verdict(truth, &found.named, &[]),
+        named: found.named,
+        confusable: Vec::new(),
+        gain: found.gain,
+        error_over_floor: found.rmse / truth.floor_nm,
+        size_inside: None,
+        seconds,
+        heard: String::new(),
+    })
+}
+
+fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
+    let failed = |why: String| format!("seed {}: {why}", truth.seed);
+    let rigid_body =
+        parse_rigid_body(&truth.rigid_body.join(",")).map_err(|e| failed(e.to_string()))?;
+    let question = Question { rigid_body, ..Question::default() };
+    let parts = split(data, &SplitRule::default(), 0).map_err(|e| failed(e.to_string()))?;
+    let (found, seconds) = timed(|| diagnose(data, &parts, &question, &|_| {}))?;
+    let found = found.map_err(|e| failed(e.to_string()))?;
+    let named: Vec<&'static str> = found.findings.iter().map(|f| f.cause.name()).collect();
+    let first = found.findings.first();
+    let confusable: Vec<&'static str> = first.map_or(Vec::new(), |finding| {
+        finding.confusable_with.iter().map(|rival| rival.cause.name()).collect()
+    });
+    let hidden = truth.hidden.as_ref();
+    let named_first = first.zip(hidden).filter(|(finding, hidden)| {
+        finding.cause.name() == hidden.cause && hidden.cause != "unknown"
+    });
+    let heard = found.scores.iter().take(4).map(|score| {
+        format!("{}({}) {:.3}", score.cause.name(), score.columns.join(","), score.share)
+    });
+    Ok(Answer {
+        verdict: verdict(truth, &named, &confusable),
+        gain: found.gain.value,
+        error_over_floor: found.after.metrics.rmse / floor_of_held_out(&found, &parts, truth),
+        size_inside: named_first.map(|(finding, hidden)| {
+            let [low, high] = finding.size.ci95;
+            (low..=high).contains(&hidden.size)
+        }),
+        seconds,
+        heard: heard.collect::<Vec<_>>().join("; "),
+        named,
+        confusable,
+    })
+}
+
+/// The floor on the rows a diagnosis was judged on, Nm.
+fn floor_of_held_out(found: &Diagnosis, parts: &Split, truth: &UnkindTruth) -> f64 {
+    let (mut sum, mut rows) = (0.0, 0usize);
+    for track in &found.log.test_tracks {
+        let Some(part) = parts.test.get(track.run) else { continue };
+        let Some(errors) = truth.floor_errors.get(part.run) else { continue };
+        let from = part.rows.start + track.first_row;
+        for error in errors.iter().skip(from).take(track.torque.len()) {
+            sum += error * error;
+            rows += 1;
+        }
+    }
+    if rows > 0 { (sum / rows as f64).sqrt() } else { truth.floor_nm }
+}
+
+impl Answer {
+    fn json(&self) -> Value {
+        json!({
+            "named": self.named,
+            "confusable_with": self.confusable,
+            "verdict": self.verdict.name(),
+            "gain": self.gain,
+            "error_over_floor": self.error_over_floor,
+            "size_inside": self.size_inside,
+            "processor_seconds": self.seconds,
+            "heard": self.heard,
+        })
+    }
+
+    /// The names, for a line.
+    pub fn names(&self) -> String {
+        if self.named.is_empty() { "none".into() } else { self.named.join("+") }
+    }
+}
+
+impl Contest {
+    /// The contest for a machine to read.
+    pub fn json(&self) -> Value {
+        json!({
+            "truth": self.truth.json(),
+            "rows": self.rows,
+            "ours": self.ours.as_ref().map(Answer::json),
+            "rival": self.rival.json(),
+        })
+    }
+
+    /// The contest in one line.
+    pub fn line(&self) -> String {
+        let truth = &self.truth;
+        let ours = self.ours.as_ref().map_or("-".into(), |ours| {
+            format!(
+                "{} {} gain {:.2} error/floor {:.2} {:.1} s",
+                ours.verdict.name(),
+                ours.names(),
+                ours.gain,
+                ours.error_over_floor,
+                ours.seconds
+            )
+        });
+        format!(
+            "seed {} {} {} {} rows: {} (effect {:.3} floors, {:.1} errors) | ours {ours} | rival {} {} gain {:.2} {:.1} s",
+            truth.seed,
+            truth.sensor.name(),
+            truth.plant,
+            self.rows,
+            truth.cause(),
+            truth.effect_in_floors,
+            truth.gain_in_errors,
+            self.rival.verdict.name(),
+            self.rival.names(),
+            self.rival.gain,
+            self.rival.seconds
+        )
+    }
+}

@@ -1,0 +1,146 @@
+//! The score of a bench of unkind worlds: a table by sensors, curves over the effect's size, the misses.
+
+use super::contest::{Answer, Contest, Verdict};
+use simulated_machines::scenarios::unkind::SensorKind;
+use std::fmt::Write;
+
+/// Lower ends of the bins of an effect's size, in floors.
+const BINS: [f64; 7] = [0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
+/// A held-out error up to so many floors is as good as can be.
+const ERROR: f64 = 1.2;
+
+/// How often each verdict was given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Count {
+    /// Right.
+    pub right: usize,
+    /// Wrong names.
+    pub wrong: usize,
+    /// Nothing named.
+    pub abstained: usize,
+}
+
+impl Count {
+    /// Counts verdicts.
+    pub fn of<'a>(answers: impl Iterator<Item = &'a Answer>) -> Self {
+        let mut count = Self::default();
+        for answer in answers {
+            match answer.verdict {
+                Verdict::Right => count.right += 1,
+                Verdict::Wrong => count.wrong += 1,
+                Verdict::Abstained => count.abstained += 1,
+            }
+        }
+        count
+    }
+
+    fn cell(self) -> String {
+        format!("{} / {} / {}", self.right, self.wrong, self.abstained)
+    }
+}
+
+fn ours(contest: &Contest) -> Option<&Answer> {
+    contest.ours.as_ref()
+}
+
+fn rival(contest: &Contest) -> Option<&Answer> {
+    Some(&contest.rival)
+}
+
+type Side = fn(&Contest) -> Option<&Answer>;
+const SIDES: [Side; 2] = [ours, rival];
+
+fn row(text: &mut String, name: &str, contests: &[&Contest]) {
+    let [ours, rival] = SIDES.map(|side| Count::of(contests.iter().filter_map(|c| side(c))).cell());
+    let _ = writeln!(text, "| {name} | {} | {ours} | {rival} |", contests.len());
+}
+
+/// A share as a person reads it.
+fn share(good: usize, all: usize) -> String {
+    format!("{good} of {all} ({:.1} %)", 100.0 * good as f64 / all.max(1) as f64)
+}
+
+fn percentile(mut values: Vec<f64>, at: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let index = (at * (values.len().max(1) - 1) as f64).round() as usize;
+    values.get(index).copied().unwrap_or(f64::NAN)
+}
+
+/// Tables of a bench, without the misses and without what depends on the machine it ran on.
+pub fn tables(contests: &[Contest]) -> String {
+    let pick =
+        |of: &dyn Fn(&Contest) -> bool| contests.iter().filter(|c| of(c)).collect::<Vec<_>>();
+    let mut text = String::new();
+    let head = "| worlds | diagnosis: right / wrong / abstained | regression: right / wrong / abstained |\n|---|---|---|---|\n";
+    let _ = write!(text, "| sensors {head}");
+    for kind in SensorKind::ALL {
+        row(&mut text, kind.name(), &pick(&|c| c.truth.sensor == kind));
+    }
+    row(&mut text, "**all**", &pick(&|_| true));
+    let _ = write!(text, "\n| what is hidden {head}");
+    row(&mut text, "nothing", &pick(&|c| c.truth.hidden.is_none()));
+    let hides = |c: &Contest| c.truth.hidden.is_some();
+    row(&mut text, "what could be seen", &pick(&|c| hides(c) && c.truth.detectable()));
+    row(&mut text, "what nobody could see", &pick(&|c| hides(c) && !c.truth.detectable()));
+    for plant in ["bristles", "slip-elements"] {
+        row(&mut text, plant, &pick(&|c| c.truth.plant == plant));
+    }
+    let _ = write!(text, "\n| effect, in floors {head}");
+    for (at, from) in BINS.iter().enumerate() {
+        let to = BINS.get(at + 1).copied().unwrap_or(f64::INFINITY);
+        let inside = |c: &Contest| hides(c) && (*from..to).contains(&c.truth.effect_in_floors);
+        row(&mut text, &format!("{from} to {to}"), &pick(&inside));
+    }
+    let _ = write!(text, "\n| cause that could be seen {head}");
+    let mut causes: Vec<&str> = contests.iter().map(|c| c.truth.cause()).collect();
+    causes.sort_unstable();
+    causes.dedup();
+    for cause in causes {
+        let own = |c: &Contest| hides(c) && c.truth.detectable() && c.truth.cause() == cause;
+        row(&mut text, cause, &pick(&own));
+    }
+    text += "\n| | diagnosis | regression |\n|---|---|---|\n";
+    let both = |of: &dyn Fn(Vec<&Answer>) -> String| {
+        SIDES.map(|side| of(contests.iter().filter_map(side).collect()))
+    };
+    let mut line = |what: &str, of: &dyn Fn(Vec<&Answer>) -> String| {
+        let [ours, rival] = both(of);
+        let _ = writeln!(text, "| {what} | {ours} | {rival} |");
+    };
+    line("held-out error within 1.2 of the floor", &|answers| {
+        share(answers.iter().filter(|a| a.error_over_floor <= ERROR).count(), answers.len())
+    });
+    line("true size inside its 95 % interval", &|answers| {
+        let sized: Vec<bool> = answers.iter().filter_map(|a| a.size_inside).collect();
+        share(sized.iter().filter(|inside| **inside).count(), sized.len())
+    });
+    line("negative gains", &|answers| answers.iter().filter(|a| a.gain < 0.0).count().to_string());
+    text
+}
+
+/// Processor time: median, 95th percentile, most, s.
+pub fn times(contests: &[Contest]) -> String {
+    let of = |side: Side| {
+        let seconds: Vec<f64> = contests.iter().filter_map(side).map(|a| a.seconds).collect();
+        let at = |share| percentile(seconds.clone(), share);
+        format!("median {:.2} s, 95 % {:.2} s, most {:.2} s", at(0.5), at(0.95), at(1.0))
+    };
+    format!("processor time: diagnosis {}; regression {}", of(ours), of(rival))
+}
+
+/// A line for each world the diagnosis (or, where it was not asked, the rival) missed.
+pub fn misses(contests: &[Contest]) -> String {
+    let mut text = String::new();
+    for contest in contests {
+        let answer = contest.ours.as_ref().unwrap_or(&contest.rival);
+        if answer.verdict == Verdict::Right {
+            continue;
+        }
+        let _ = writeln!(text, "{}", contest.line());
+        let _ = writeln!(text, "    {}", contest.truth.description);
+        if !answer.heard.is_empty() {
+            let _ = writeln!(text, "    heard {}", answer.heard);
+        }
+    }
+    text
+}
