@@ -38,7 +38,7 @@ pub struct DataArguments {
     /// Judge every N-th sample of the residual, anti-aliased; the simulation runs at the full rate
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub decimate: u32,
-    /// Parts of the torque column that are not friction: inertia,gravity,load,offset
+    /// Parts of the torque column that are not friction: inertia,gravity,load,offset,delay,gain
     #[arg(long, value_name = "PARTS", default_value = "")]
     pub rigid_body: String,
     /// The motion as reconstructed from position and velocity, or the velocity column as it stands

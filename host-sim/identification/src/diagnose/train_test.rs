@@ -10,6 +10,7 @@ use crate::data::{Dataset, Quantity, Run, Split, contract};
 use crate::fit::scales::Scales;
 use crate::fit::{Rows, Track, track};
 use compensator_core::TermKind;
+use compensator_core::term::LookupFormula;
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -52,12 +53,14 @@ pub struct Follows {
     pub level: bool,
     /// A torque of its own, proportional to the column: a gain that is off.
     pub proportional: bool,
+    /// The level's formula over the column, if it follows one.
+    pub formula: LookupFormula,
 }
 
 impl Follows {
     /// Whether it is a curve of any shape, which comes after named causes.
     pub fn is_any_shape(&self) -> bool {
-        !self.proportional
+        !self.proportional && self.formula == LookupFormula::None
     }
 }
 

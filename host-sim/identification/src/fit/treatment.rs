@@ -87,7 +87,7 @@ pub fn of(id: ParameterId) -> Treatment {
         Id::RadialForceCoulomb | Id::PressureCoulomb | Id::LoadCoulomb => LEVEL,
         Id::RadialForceStaticExcess => KEPT,
         Id::PressureStaticExcess => Treatment { is_level: true, ..KEPT },
-        Id::TemperatureReference | Id::BacklashStiffnessRatio => KEPT,
+        Id::TemperatureReference | Id::BacklashStiffnessRatio | Id::BacklashUnloaded => KEPT,
         Id::RippleOrder
         | Id::TorqueRippleOrder1
         | Id::TorqueRippleOrder2
@@ -103,7 +103,8 @@ pub fn of(id: ParameterId) -> Treatment {
         Id::BacklashTravel => not_negative(|scales| 0.01 * scales.travel, NOT_THERE),
         Id::ChannelDelay => not_negative(|scales| scales.period_s, NOT_THERE),
         // Which column, and over which range, is chosen; what happens along it is fitted.
-        Id::LookupColumn | Id::LookupLower | Id::LookupUpper => KEPT,
+        Id::LookupColumn | Id::LookupLower | Id::LookupUpper | Id::LookupFormula => KEPT,
+        Id::LookupScale => positive(LEGAL),
         _ => FREE,
     }
 }
