@@ -130,6 +130,15 @@ impl Rows {
         of_sine * of_sine + of_cosine * of_cosine
     }
 
+    /// The whole order next to one that was found, if these rows cannot tell the two apart.
+    fn whole(&self, order: f64, fall: f64, apart: f64) -> f64 {
+        /// Of the fall.
+        const AS_WELL: f64 = 0.97;
+        let whole = order.round();
+        let near = whole >= 1.0 && (whole - order).abs() < 0.5 * apart;
+        if near && self.fall(whole) >= AS_WELL * fall { whole } else { order }
+    }
+
     /// The order within `reach` of a proposal at which the fall is largest, and that fall.
     fn sharpened(&self, order: f64, reach: f64) -> (f64, f64) {
         let golden = 0.5 * (5f64.sqrt() - 1.0);
@@ -152,13 +161,15 @@ impl Rows {
 }
 
 /// The strongest orders of what a fitted model leaves over, at most `count`, up to `most`; none near those
-/// in `taken`, which belong to another cause.
+/// in `taken`, which belong to another cause. `turns` says whether a whole turn of the joint is a whole number of
+/// periods of what is on its shaft: then a whole order that does as well is taken, and was chosen from fewer.
 pub fn strongest(
     log: &TrainTest,
     at: &Sensitivities,
     most: f64,
     count: usize,
     taken: &[f64],
+    turns: bool,
 ) -> Option<Orders> {
     let mut rows = Rows::of(log, at);
     let ends = |(low, high): (f64, f64), q: &f64| (low.min(*q), high.max(*q));
@@ -192,6 +203,7 @@ pub fn strongest(
             .max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((order, _)) = best else { break };
         let (order, fall) = rows.sharpened(order, 0.5 * apart);
+        let order = if turns { rows.whole(order, fall, apart) } else { order };
         if fall <= LEAST_OF_FIRST * first {
             break;
         }
@@ -200,6 +212,9 @@ pub fn strongest(
             rows.explain(column);
         }
         found.orders.push(order);
+    }
+    if turns && found.orders.iter().all(|order| order.fract() == 0.0) {
+        found.independent = found.independent.min(most);
     }
     (!found.orders.is_empty()).then_some(found)
 }

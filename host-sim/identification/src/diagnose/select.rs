@@ -188,7 +188,8 @@ impl Turn<'_> {
         if let Some(against) = against {
             if fit.p_value < CHANCE {
                 let (cause, columns) = (candidate.cause.name(), candidate.columns.join(", "));
-                self.notes.push(format!("{cause} ({columns}) was weighed and not taken: {against}"));
+                self.notes
+                    .push(format!("{cause} ({columns}) was weighed and not taken: {against}"));
             }
             return Ok(());
         }

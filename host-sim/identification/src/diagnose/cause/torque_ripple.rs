@@ -51,7 +51,8 @@ impl Cause for TorqueRipple {
         let is_revolute = log.train.joint == JointKind::Revolute;
         let most = if is_revolute { MOST_REVOLUTE } else { MOST_PRISMATIC };
         let once_a_turn: &[f64] = if is_revolute { &[1.0] } else { &[] };
-        let Some(found) = strongest(log, beside.at, most, TORQUE_RIPPLES, once_a_turn) else {
+        let Some(found) = strongest(log, beside.at, most, TORQUE_RIPPLES, once_a_turn, is_revolute)
+        else {
             return Vec::new();
         };
         // The strongest alone, and all of them.
@@ -133,6 +134,10 @@ fn candidate(position: &str, orders: &[f64], independent: f64) -> Candidate {
         regressors.push(row(move |r| (n * r.sample.position_rad).sin()));
         regressors.push(row(move |r| (n * r.sample.position_rad).cos()));
         let [order, sine, cosine] = ids;
+        if n.fract() == 0.0 {
+            // What is fixed to the shaft has a whole order: a fit would only move it by its noise, and out of step.
+            fixed.push(order);
+        }
         guesses.extend([
             (order, InitialGuess::At(n)),
             (sine, InitialGuess::Times(column, 1.0)),
