@@ -7,7 +7,7 @@
 
 use crate::data::{Dataset, Quantity, Run, Split, contract};
 use crate::fit::scales::Scales;
-use crate::fit::{Rows, Track, track};
+use crate::fit::{Rows, Track, track, warmth};
 use compensator_core::TermKind;
 use compensator_core::term::LookupFormula;
 use std::borrow::Cow;
@@ -106,6 +106,8 @@ impl TrainTest {
             campaign_start_s,
             notes: Vec::new(),
         };
+        // What the runs left out rubbed warms those that come after them.
+        warmth::remember(log.train_tracks.iter_mut().chain(&mut log.test_tracks));
         (log.extras, log.notes) = log.choose_extras();
         log
     }

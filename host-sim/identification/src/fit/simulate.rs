@@ -8,6 +8,7 @@
 //! core's step. [`crate::fit::solve`] chooses.
 
 use super::track::Track;
+use super::warmth::heat;
 use compensator_core::effect::NoEffect;
 use compensator_core::{Model, ParameterId, Parameters, Real, Sample, State, TermKind};
 
@@ -46,7 +47,8 @@ impl<T: Real<Setting = T>> Stepper<T> {
     fn new(parameters: &Parameters<T>, track: &Track, held: Option<T>, substeps: usize) -> Self {
         let period = T::from_f64(track.period_s / substeps as f64);
         let model: Model<T> = parameters.build_unchecked(period);
-        let state = State::holding(held.unwrap_or_else(|| sliding(&model, track)));
+        let held = held.unwrap_or_else(|| sliding(&model, track));
+        let state = State::holding(held).warmed(heat(parameters, track));
         Self { rescaled: model.clone(), model, ratio: 1.0, state, substeps }
     }
 

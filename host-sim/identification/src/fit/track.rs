@@ -5,6 +5,7 @@
 //! ([`Track::following`]). The bristle state starts anew on each track. Where the log's spacing is even
 //! to `EVEN`, the period is one number and a model is built once; else each sample carries its own.
 
+use super::warmth::{self, Earlier};
 use crate::data::{Dataset, Quantity, Run, contract, segments};
 use compensator_core::Sample;
 use std::ops::Range;
@@ -33,6 +34,8 @@ pub struct Track {
     pub excluded: Vec<bool>,
     /// The log's extra covariates along the track, in the order of [`Dataset::covariates`].
     pub covariates: Arc<[Vec<f64>]>,
+    /// What rubbed before the track; see [`super::warmth`].
+    pub earlier: Arc<[Earlier]>,
 }
 
 impl Track {
@@ -47,6 +50,7 @@ impl Track {
             period_ratio: None,
             excluded: Vec::new(),
             covariates: Arc::default(),
+            earlier: Arc::default(),
         }
     }
 
@@ -66,6 +70,7 @@ impl Track {
                 .iter()
                 .map(|column| column[rows.clone()].to_vec())
                 .collect(),
+            earlier: Arc::clone(&self.earlier),
         }
     }
 
@@ -138,6 +143,7 @@ pub fn tracks_since(data: &Dataset, auxiliary: Option<&str>, campaign_start: f64
             }
         }
     }
+    warmth::remember(tracks.iter_mut());
     tracks
 }
 
@@ -188,6 +194,7 @@ fn track(
         period_ratio,
         excluded: Vec::new(),
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
+        earlier: Arc::default(),
     }
 }
 

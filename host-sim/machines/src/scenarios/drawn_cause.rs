@@ -1,7 +1,7 @@
 //! An effect with its size and everything else that makes it the one it is.
 
 use super::hidden_cause::HiddenCause;
-use super::joint::{Drift, Dwell, Joint, Play, Thinning, Wave};
+use super::joint::{Drift, Dwell, Joint, Play, Thinning, Warming, Wave};
 use super::outside::{Flavour, Outside};
 use super::sampler::Sampler;
 use super::setting::Setting;
@@ -23,6 +23,9 @@ pub(super) struct DrawnCause {
     run_in_s: Option<f64>,
     campaign_s: f64,
     leak: f64,
+    /// Of a warming: energy, J, and time of cooling, s.
+    energy_j: f64,
+    cooling_s: f64,
     /// Orders beside the first of a torque ripple: order and share of the first's amplitude, phase.
     beside: Vec<Wave>,
     flavour: Option<Flavour>,
@@ -66,9 +69,15 @@ impl DrawnCause {
             run_in_s: run_in.then_some(time),
             campaign_s: setting.campaign_s,
             leak: 0.02,
+            energy_j: 50.0,
+            cooling_s: 300.0,
             beside: if cogs { beside(sampler, order) } else { Vec::new() },
             flavour,
         };
+        if effect == HiddenCause::WarmUp {
+            hidden.energy_j = sampler.log_between(20.0, 150.0);
+            hidden.cooling_s = sampler.log_between(60.0, 900.0);
+        }
         let (least, most) = hidden.limits(setting);
         // Scaled later until it shows as wanted; which sizes are usual must tell nothing.
         hidden.size = match effect {
@@ -121,6 +130,7 @@ impl DrawnCause {
             HiddenCause::PositionRipple => (0.005, 0.5),
             HiddenCause::GravityImbalance | HiddenCause::TorqueRipple => (0.01, 1.2),
             HiddenCause::TemperatureCoulomb => (0.001, 0.05),
+            HiddenCause::WarmUp => (0.02, 0.7),
             HiddenCause::DirectionAsymmetry => (0.005, 0.4),
             HiddenCause::TorqueOffset => (0.01, 1.0),
             HiddenCause::QuadraticDrag => (1e-4, 0.03),
@@ -169,6 +179,10 @@ impl DrawnCause {
             }
             HiddenCause::TemperatureCoulomb => {
                 joint.softening = Some(Thinning { per_k: size, reference_c: self.reference_c });
+            }
+            HiddenCause::WarmUp => {
+                let Self { energy_j, cooling_s, .. } = *self;
+                joint.warming = Some(Warming { fall: size, energy_j, cooling_s });
             }
             HiddenCause::DirectionAsymmetry => joint.asymmetry = size,
             HiddenCause::TorqueOffset => joint.offset_nm = size,
@@ -228,6 +242,9 @@ impl DrawnCause {
                     details.extend([(order, wave.order), (share, wave.size), (phase, wave.phase)]);
                 }
                 details
+            }
+            HiddenCause::WarmUp => {
+                vec![("energy_j", self.energy_j), ("cooling_s", self.cooling_s)]
             }
             HiddenCause::TemperatureViscous | HiddenCause::TemperatureCoulomb => {
                 vec![("reference_c", self.reference_c)]

@@ -39,6 +39,8 @@ pub enum HiddenCause {
     TorqueRipple,
     /// Both levels fall with temperature, 1/K.
     TemperatureCoulomb,
+    /// The level falls with the heat of what was rubbed; share of it that goes.
+    WarmUp,
     /// Structure that no cause of the catalogue has.
     OutsideCatalogue,
 }
@@ -65,7 +67,7 @@ const fn facts(
 
 impl HiddenCause {
     /// Every effect, those of the catalogue first.
-    pub const ALL: [HiddenCause; 19] = [
+    pub const ALL: [HiddenCause; 20] = [
         HiddenCause::RadialForceCoulomb,
         HiddenCause::RadialForceRate,
         HiddenCause::PressureCoulomb,
@@ -84,6 +86,7 @@ impl HiddenCause {
         HiddenCause::ChannelDelay,
         HiddenCause::TorqueRipple,
         HiddenCause::TemperatureCoulomb,
+        HiddenCause::WarmUp,
         HiddenCause::OutsideCatalogue,
     ];
 
@@ -126,6 +129,7 @@ impl HiddenCause {
             HiddenCause::TemperatureCoulomb => {
                 facts("temperature-coulomb", "1/K", Some("temperature_c"), 0.0, 0.2)
             }
+            HiddenCause::WarmUp => facts("warm-up", "1", velocity, 0.0, 0.9),
             HiddenCause::OutsideCatalogue => facts("unknown", "1", None, 0.0, 0.0),
         }
     }

@@ -5,7 +5,7 @@
 //! z' = s, or within the play of the drive next to nothing of it
 //! F  = k0 z + k1 s + k2 e(T) v + what adds to it
 //! |z| <= g / k0 at rest
-//! g  = (F_C + loads + (F_S - F_C + k ln(1 + age/t0)) exp(-|v/v_s|^delta)) x ripple x drift x cold x side
+//! g  = (F_C + loads + (F_S - F_C + k ln(1 + age/t0)) exp(-|v/v_s|^delta)) x ripple x drift x cold x warm x side
 //! ```
 //!
 //! Each effect at its neutral size leaves the seal of `z' = v - k0 |v| z / g`, to the last bit.
@@ -70,6 +70,23 @@ impl Drift {
     }
 }
 
+/// What was rubbed warms the seal, and the level falls.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Warming {
+    /// Share of the level that goes in the end.
+    pub fall: f64,
+    /// Heat at which all but a share of 1/e of that has gone, J.
+    pub energy_j: f64,
+    /// Time in which the heat is lost, s.
+    pub cooling_s: f64,
+}
+
+impl Warming {
+    fn factor(&self, heat_j: f64) -> f64 {
+        1.0 + self.fall * (-heat_j / self.energy_j).exp_m1()
+    }
+}
+
 /// Play in the drive: within it the bristles take up hardly any motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Play {
@@ -90,6 +107,7 @@ pub(super) struct Joint {
     pub cogging: Vec<Wave>,
     /// The levels fall as the seal warms.
     pub softening: Option<Thinning>,
+    pub warming: Option<Warming>,
     pub asymmetry: f64,
     pub offset_nm: f64,
     pub drag: f64,
@@ -117,6 +135,7 @@ impl Joint {
             gravity: None,
             cogging: Vec::new(),
             softening: None,
+            warming: None,
             asymmetry: 0.0,
             offset_nm: 0.0,
             drag: 0.0,
@@ -184,6 +203,9 @@ impl Joint {
         }
         if let Some(softening) = self.softening {
             level *= softening.factor(now.temperature);
+        }
+        if let Some(warming) = self.warming {
+            level *= warming.factor(now.heat_j);
         }
         if let Some(outside) = &self.outside {
             level = outside.level(level, speed, angle, now);

@@ -15,6 +15,8 @@ pub(super) struct Around {
     pub load: f64,
     pub extra: f64,
     pub campaign_s: f64,
+    /// Heat of what was rubbed, J.
+    pub heat_j: f64,
 }
 
 /// A quantity over the time of a run.
