@@ -30,6 +30,14 @@ impl<T: Real> State<T> {
     pub fn holding(bristle_torque_nm: T) -> Self {
         Self { bristle_torque_nm, ..Self::default() }
     }
+
+    /// The same, warm from what was dissipated before: `heat` is that energy, less what was lost since,
+    /// over the energy of the term `warm-up`.
+    #[must_use]
+    pub fn warmed(mut self, heat: T) -> Self {
+        self.terms.set_heat(heat);
+        self
+    }
 }
 
 /// A friction model built for a sample period; see [`crate::parameters::Parameters::build`].
@@ -87,6 +95,7 @@ impl<T: Real> Model<T> {
         self.terms.act(sample, &mut state.terms, &mut effects);
         let (held, velocity) = (&mut state.bristle_torque_nm, effects.velocity);
         let friction = self.law.step(held, &mut state.law, velocity, &effects);
+        state.terms.take_power(friction * velocity);
         friction + effects.torque
     }
 }

@@ -205,6 +205,12 @@ parameters! {
     /// Where the play is crossed: 0 right after a reversal, the held torque staying what it is; 1 once the
     /// drive has unwound and holds nothing.
     BacklashUnloaded = "backlash_unloaded", "1", "1", 0.0, 1.0, 0.0;
+    /// `a`, share of the level that goes with warming.
+    WarmUpFall = "warm_up_fall", "1", "1", -0.9, 0.9, 0.0;
+    /// `E0`, dissipated energy after which 63 % of that has gone.
+    WarmUpEnergy = "warm_up_energy", "J", "J", 1e-3, 1e9, 1e3;
+    /// `T`, time in which the heat is lost again.
+    WarmUpCooling = "warm_up_cooling", "s", "s", 5.0, 1e9, 600.0;
 }
 
 /// A value of each parameter, in its unit.
@@ -213,6 +219,8 @@ pub struct Values<S>([S; COUNT]);
 
 impl<S: Real> Values<S> {
     /// Every parameter at its default.
+    // Out of line: each place it is written out in is a store for each parameter.
+    #[inline(never)]
     pub fn new() -> Self {
         Self(TABLE.each_ref().map(|info| S::from_f64(info.default)))
     }

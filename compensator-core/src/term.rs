@@ -35,6 +35,7 @@ mod time_drift;
 mod torque_offset;
 mod torque_ripple;
 mod unmodelled_inertia;
+mod warm_up;
 
 #[cfg_attr(not(feature = "terms"), path = "term/no_list.rs")]
 mod list;
@@ -101,6 +102,8 @@ macro_rules! term_table {
             TorqueRipple = "torque-ripple" in torque_ripple,
             /// `g *= exp(-b (T - T0))`: the seal stiffens with cold.
             TemperatureCoulomb = "temperature-coulomb" in temperature_coulomb,
+            /// `g *= 1 - a (1 - exp(-E/E0))`, `E` dissipated, cooling: friction falls with its own heat.
+            WarmUp = "warm-up" in warm_up,
         }
     };
 }

@@ -527,9 +527,53 @@ fn delayed_channel_answers_the_velocity_of_d_ago() {
 }
 
 #[test]
+fn friction_falls_with_the_heat_it_leaves_and_comes_back_as_that_is_lost() {
+    let values = [(Id::WarmUpFall, 0.5), (Id::WarmUpEnergy, 500.0), (Id::WarmUpCooling, 40.0)];
+    fn run<T: Real>(values: &[(Id, f64)]) -> Vec<f64> {
+        let model = build::<T>(&with_term(TermKind::WarmUp, values));
+        let mut state = State::default();
+        let mut step = |v: f64| {
+            let sample = Sample { velocity_rad_s: T::from_f64(v), ..Sample::default() };
+            model.step(&mut state, &sample).value()
+        };
+        let mut seen: Vec<f64> = (0..30_000).map(|_| step(4.0)).collect();
+        // At rest for 10 s, then 0.2 s of sliding.
+        (0..10_000).for_each(|_| _ = step(0.0));
+        seen.extend((0..200).map(|_| step(4.0)));
+        seen
+    }
+    // The same by hand, one step of a millisecond at a time.
+    let (mut heat, mut expected) = (0.0f64, Vec::new());
+    let mut by_hand = |v: f64| {
+        let left = 1.0 - 0.5 * (1.0 - (-heat).exp());
+        let friction = if v > 0.0 { level(COULOMB, STATIC, v) * left + VISCOUS * v } else { 0.0 };
+        heat += PERIOD * (friction * v / 500.0 - heat / 40.0);
+        friction
+    };
+    expected.extend((0..30_000).map(|_| by_hand(4.0)));
+    (0..10_000).for_each(|_| _ = by_hand(0.0));
+    expected.extend((0..200).map(|_| by_hand(4.0)));
+    assert!(expected[29_999] < 0.92 * expected[0] && expected[30_199] > 1.01 * expected[29_999]);
+    for (found, tolerance) in
+        [(run::<f64>(&values), 1e-2), (run::<f32>(&values), 1e-2), (run::<Fixed>(&values), 2e-2)]
+    {
+        // The bristles bend for some milliseconds first.
+        for step in (20..30_000).chain(30_020..30_200) {
+            let (found, expected) = (found[step], expected[step]);
+            assert!((found - expected).abs() < tolerance, "{step}: {found}, by hand {expected}");
+        }
+    }
+}
+
+#[test]
 fn no_kind_is_left_untested() {
     let mut tested: Vec<TermKind> = sliding().into_iter().map(|(kind, ..)| kind).collect();
-    tested.extend([TermKind::RadialForceRate, TermKind::Backlash, TermKind::ChannelDelay]);
+    tested.extend([
+        TermKind::RadialForceRate,
+        TermKind::Backlash,
+        TermKind::ChannelDelay,
+        TermKind::WarmUp,
+    ]);
     tested.sort();
     assert_eq!(tested, TermKind::ALL);
 }

@@ -28,6 +28,7 @@ fn size(effect: HiddenCause) -> f64 {
         | HiddenCause::DwellTimeStatic => 0.15,
         HiddenCause::QuadraticDrag | HiddenCause::ChannelDelay => 5e-3,
         HiddenCause::TimeDrift => -0.15,
+        HiddenCause::WarmUp => 0.3,
         HiddenCause::LoadTorqueCoulomb | HiddenCause::UnmodelledInertia => 0.03,
         HiddenCause::Backlash => 1e-3,
         HiddenCause::StribeckShape => 0.8,

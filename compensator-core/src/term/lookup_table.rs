@@ -84,6 +84,7 @@ impl LookupFormula {
 }
 
 /// The change of the level at the knots, formula included.
+#[inline(never)]
 fn levels<S: Real>(values: &Values<S>) -> [S; KNOTS] {
     let formula = LookupFormula::of_number(values.value(Id::LookupFormula));
     let (rise, scale) = (values.get(Id::LookupRise), values.get(Id::LookupScale));

@@ -144,6 +144,9 @@ pub struct Certificates {
     pub reading: String,
 }
 
+/// The search begins anew after an offer was taken back until so many were.
+const MOST_TAKEN_BACK: usize = 4;
+
 /// A residual that remembers fewer rows than this does not hang together.
 const MEMORY: f64 = 1.3;
 
@@ -174,8 +177,6 @@ pub fn diagnose(
     }
     let seed = question.seed;
     let search = Search { log: &some, base: &base, seed, progress };
-    let selection = select::select(&search)?;
-    progress("judging on rows left out");
     let whole = match &at_rest {
         Some(at_rest) => whole.without(at_rest),
         None => whole,
@@ -184,12 +185,30 @@ pub fn diagnose(
         .given
         .as_ref()
         .map(|(_, parameters)| predict(parameters, whole.test_rows(), base.resolution));
-    let extension = Extension { model: selection.extended, found: selection.found };
-    let offer = offer::offer(&search, &whole, extension, as_it_is)?;
-    let Offer { extension, before, after, gain, left_out, notes } = offer;
+    let mut refuted = Vec::new();
+    let mut scores = Vec::new();
+    let mut said = Vec::new();
+    let offer = loop {
+        let selection = select::select(&search, &refuted)?;
+        progress("judging on rows left out");
+        let extension = Extension { model: selection.extended, found: selection.found };
+        let offer = offer::offer(&search, &whole, extension, as_it_is.clone())?;
+        if scores.is_empty() {
+            scores = selection.scores;
+        }
+        said.extend(selection.notes.into_iter().chain(offer.notes.clone()));
+        refuted.extend(offer.taken_back.iter().cloned());
+        // What was taken back may have stood in the way of another.
+        if offer.taken_back.is_empty() || refuted.len() > MOST_TAKEN_BACK {
+            break offer;
+        }
+    };
+    let Offer { extension, before, after, gain, left_out, .. } = offer;
     let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
     let mut log = whole.following(follows).into_owned();
-    log.notes.extend(selection.notes.into_iter().chain(notes));
+    said.sort_unstable();
+    said.dedup();
+    log.notes.extend(said);
     let mut baseline = match &question.given {
         Some((spec, parameters)) => given(&log, spec, parameters)?,
         None => outcome(&log, &base)?,
@@ -231,7 +250,7 @@ pub fn diagnose(
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),
         by_column: regime::by_column(&log, &at),
-        scores: selection.scores,
+        scores,
         certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),
         left_out,

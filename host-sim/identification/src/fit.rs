@@ -33,6 +33,7 @@ pub mod streaming_qr;
 pub mod track;
 pub mod treatment;
 mod verdict;
+pub mod warmth;
 
 pub use identify::identify;
 pub use metrics::Metrics;

@@ -28,6 +28,7 @@ mod torque_offset;
 mod torque_ripple;
 mod unknown;
 mod unmodelled_inertia;
+mod warm_up;
 
 pub mod definition;
 
@@ -59,6 +60,7 @@ pub const ALL: &[&dyn Cause] = &[
     &position_ripple::PositionRipple,
     &torque_ripple::TorqueRipple,
     &time_drift::TimeDrift,
+    &warm_up::WarmUp,
     &unknown::Unknown,
 ];
 

@@ -195,6 +195,16 @@ impl GramBlocks {
 
     /// Squared error of every block, the columns fitted on blocks that were not left out with it.
     fn unseen(&self, columns: &[usize], left_out: LeftOut) -> Vec<f64> {
+        self.unseen_from(columns, left_out, None)
+    }
+
+    /// The same with coefficients counted from `origin`.
+    fn unseen_from(
+        &self,
+        columns: &[usize],
+        left_out: LeftOut,
+        origin: Option<&DVector<f64>>,
+    ) -> Vec<f64> {
         let mut errors = vec![0.0; self.blocks.len()];
         let folds = match left_out {
             LeftOut::Stretches => &self.by_stretch,
@@ -202,7 +212,12 @@ impl GramBlocks {
         };
         for fold in folds {
             let without = |i: usize, j: usize| self.total[(i, j)] - fold.held[(i, j)];
-            let fit = fit_to(&without, self.total.nrows() - 1, columns);
+            let fit = fit_to(&without, self.total.nrows() - 1, columns).map(|mut fit| {
+                if let Some(origin) = origin {
+                    fit.coefficients -= origin;
+                }
+                fit
+            });
             for block in &fold.blocks {
                 let products = &self.blocks[*block].products;
                 let last = products.nrows() - 1;
@@ -220,10 +235,12 @@ impl GramBlocks {
         self.by_run.len()
     }
 
-    /// The base's squared error of every block, unseen. For a model that has been fitted, with its derivatives as
-    /// the base, this is its own error on rows left out, to first order in how far the fit without them lies off.
-    pub fn base_unseen(&self, left_out: LeftOut) -> Vec<f64> {
-        self.unseen(&self.base, left_out)
+    /// The squared error of every block of a model that has been fitted, its derivatives being the base: to first
+    /// order, how far would a fit without the block lie off? Where the model is not at its optimum, the step it
+    /// has not taken is not counted as taken.
+    pub fn model_unseen(&self, left_out: LeftOut) -> Vec<f64> {
+        let open = fit(&self.total, &self.base).map(|fit| fit.coefficients);
+        self.unseen_from(&self.base, left_out, open.as_ref())
     }
 
     /// Sums what blocks say over the runs they are of.
@@ -236,8 +253,8 @@ impl GramBlocks {
     /// residual; a probability pays for those and for all other candidates.
     pub fn try_all(&self, comparisons: &[f64]) -> Vec<CandidateFit> {
         let base = self.sse();
-        let stretches = self.base_unseen(LeftOut::Stretches);
-        let runs = self.base_unseen(LeftOut::Runs);
+        let stretches = self.unseen(&self.base, LeftOut::Stretches);
+        let runs = self.unseen(&self.base, LeftOut::Runs);
         let runs = (self.groups() >= 3).then(|| self.per_group(&runs));
         let all = self.candidates.len() as f64;
         (0..self.candidates.len())

@@ -29,7 +29,7 @@ const MULTIPLES: [f64; 3] = [2.0, 3.0, 4.0];
 
 /// An additional order takes off at least this share of the squares the first one took: less is not worth
 /// two parameters and two sines in every sample of a driver.
-const LEAST_OF_FIRST: f64 = 0.01;
+const LEAST_OF_FIRST: f64 = 0.02;
 
 /// A ripple is seen over so many of its periods at least; a slower one is a slope of the residual.
 const PERIODS: f64 = 2.0;
@@ -95,7 +95,7 @@ impl Rows {
             }
         }
         let length = dot(&column, &column).sqrt();
-        if !(length > DEPENDENT * before) {
+        if length.is_nan() || length <= DEPENDENT * before {
             return None;
         }
         column.iter_mut().for_each(|c| *c /= length);
@@ -171,7 +171,16 @@ pub fn strongest(
     taken: &[f64],
     turns: bool,
 ) -> Option<Orders> {
-    let mut rows = Rows::of(log, at);
+    strongest_of(Rows::of(log, at), most, count, taken, turns)
+}
+
+fn strongest_of(
+    mut rows: Rows,
+    most: f64,
+    count: usize,
+    taken: &[f64],
+    turns: bool,
+) -> Option<Orders> {
     let ends = |(low, high): (f64, f64), q: &f64| (low.min(*q), high.max(*q));
     let (low, high) = rows.position.iter().fold((f64::INFINITY, f64::NEG_INFINITY), ends);
     // Two orders closer than this make one wave over the range.
@@ -217,4 +226,59 @@ pub fn strongest(
         found.independent = found.independent.min(most);
     }
     (!found.orders.is_empty()).then_some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    /// A shaft that turns to and fro over thirteen turns, a torque of these orders and sizes, noise.
+    fn rows(waves: &[(f64, f64)]) -> Rows {
+        let mut random = Pcg64::seed_from_u64(3);
+        let mut rows = Rows { position: Vec::new(), residual: Vec::new(), basis: Vec::new() };
+        for at in 0..20_000 {
+            let q = 40.0 * (f64::from(at) * 1.1e-3).sin();
+            let noise: f64 = random.random_range(-0.5..0.5);
+            let torque: f64 = waves.iter().map(|(n, size)| size * (n * q + 0.4).sin()).sum();
+            rows.position.push(q);
+            rows.residual.push(torque + noise);
+        }
+        rows
+    }
+
+    #[test]
+    fn a_whole_order_of_the_shaft_is_found_whole() {
+        let found = strongest_of(rows(&[(7.0, 0.5), (14.0, 0.2)]), 300.0, 2, &[1.0], true);
+        assert_eq!(found.as_ref().map(|found| found.orders.clone()), Some(vec![7.0, 14.0]));
+        assert!(found.unwrap().independent <= 300.0);
+        let geared = strongest_of(rows(&[(7.4, 0.5)]), 300.0, 1, &[1.0], true).unwrap();
+        assert!((geared.orders[0] - 7.4).abs() < 0.01, "{geared:?}");
+    }
+
+    #[test]
+    fn a_fundamental_its_double_and_a_neighbour_are_found_in_that_order() {
+        let found =
+            strongest_of(rows(&[(7.0, 0.5), (14.0, 0.2), (6.0, 0.12)]), 300.0, 4, &[1.0], false);
+        let orders = found.unwrap().orders;
+        assert_eq!(orders.len(), 3, "{orders:?}");
+        for (found, hidden) in orders.iter().zip([7.0, 14.0, 6.0]) {
+            assert!((found - hidden).abs() < 2e-3, "{orders:?}");
+        }
+    }
+
+    #[test]
+    fn once_a_turn_is_left_to_gravity_and_noise_has_no_order() {
+        assert_eq!(strongest_of(rows(&[(1.0, 0.5)]), 300.0, 1, &[1.0], false), None);
+        assert_eq!(strongest_of(rows(&[]), 300.0, 4, &[1.0], false), None);
+    }
+
+    #[test]
+    fn what_the_base_explains_is_no_ripple() {
+        let mut rows = rows(&[(9.0, 0.5)]);
+        let wave = rows.wave(9.0);
+        wave.into_iter().for_each(|column| rows.explain(column));
+        assert_eq!(strongest_of(rows, 300.0, 4, &[], false), None);
+    }
 }

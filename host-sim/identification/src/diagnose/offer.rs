@@ -4,6 +4,7 @@
 //! left out once ([`super::left_out`]), or judged on the runs that were set apart. An extension that does not gain so
 //! loses its weakest cause, and what is left is judged again, until it gains or there is nothing left.
 
+use super::cause::Claim;
 use super::gram_blocks::LeftOut;
 use super::judge::{Gain, gain};
 use super::left_out::{predict_left_out, unit};
@@ -26,7 +27,9 @@ pub struct Offer {
     pub gain: Gain,
     /// What was left out at a time, where nothing is set apart.
     pub left_out: Option<LeftOut>,
-    /// What was taken back, a sentence each.
+    /// What was taken back.
+    pub taken_back: Vec<Claim>,
+    /// Why, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -42,7 +45,7 @@ pub fn offer(
     mut extension: Extension,
     given: Option<Predicted>,
 ) -> Result<Offer, SpecError> {
-    let mut notes = Vec::new();
+    let (mut taken_back, mut notes) = (Vec::new(), Vec::new());
     loop {
         let describes = extension.found.iter().any(|found| found.only_describes);
         let way = if describes { LeftOut::Stretches } else { unit(log) };
@@ -54,12 +57,13 @@ pub fn offer(
         let before = given.clone().unwrap_or_else(|| judged(search.base));
         let Some(weakest) = extension.found.len().checked_sub(1) else {
             let after = before.clone();
-            return Ok(Offer { extension, before, after, gain: Gain::default(), left_out, notes });
+            let gain = Gain::default();
+            return Ok(Offer { extension, before, after, gain, left_out, taken_back, notes });
         };
         let after = judged(&extension.model);
         let gain = gain(&before, &after, search.seed);
         if gain.ci95[0] > 0.0 {
-            return Ok(Offer { extension, before, after, gain, left_out, notes });
+            return Ok(Offer { extension, before, after, gain, left_out, taken_back, notes });
         }
         notes.push(format!(
             "{} passed beside the base model, but fitted anew it does not gain on rows left out ({:.1} %, 95 % interval \
@@ -70,6 +74,7 @@ pub fn offer(
             100.0 * gain.ci95[1]
         ));
         extension.model = extension.without(search, weakest)?;
-        extension.found.remove(weakest);
+        let gone = extension.found.remove(weakest);
+        taken_back.push(Claim::new(gone.cause, gone.follows.as_ref()));
     }
 }

@@ -43,14 +43,14 @@ pub struct Selection {
     pub notes: Vec<String>,
 }
 
-/// Searches for causes beside a base law.
+/// Searches for causes beside a base law; none of those that are `refuted` already.
 ///
 /// # Errors
 /// If the base already has as many terms as the core takes.
-pub fn select(search: &Search) -> Result<Selection, SpecError> {
+pub fn select(search: &Search, refuted: &[Claim]) -> Result<Selection, SpecError> {
     let mut extension = Extension { model: search.base.clone(), found: Vec::new() };
     let (mut scores, mut notes) = (Vec::new(), Vec::new());
-    let mut refuted: Vec<Claim> = Vec::new();
+    let mut refuted: Vec<Claim> = refuted.to_vec();
     // Named causes have their say first; a curve of any shape may then have what is left, and shows in
     // the review which of them only stood in for it.
     for allow_any_shape in [false, true] {

@@ -1,7 +1,8 @@
 //! How a fitted model stands on rows it has not seen, without fitting it again.
 //!
 //! At its optimum a model's residual and derivatives, block by block, say to first order where the optimum
-//! would lie without some of the blocks, and so how wrong it would be there ([`super::gram_blocks`]). One
+//! would lie without some of the blocks, and so how wrong it would be there ([`super::gram_blocks`]); a step that
+//! a fit has not taken is not credited to it. One
 //! simulation with derivatives gives the error on every row left out; two models are compared block by
 //! block. What is reported in the end is fitted anew ([`super::left_out`]).
 
@@ -33,9 +34,9 @@ pub struct Better {
 impl Standing {
     /// Of what a log's products have as their base.
     pub fn of(gram: &GramBlocks) -> Self {
-        let runs = || gram.per_group(&gram.base_unseen(LeftOut::Runs));
+        let runs = || gram.per_group(&gram.model_unseen(LeftOut::Runs));
         Self {
-            stretches: gram.base_unseen(LeftOut::Stretches),
+            stretches: gram.model_unseen(LeftOut::Stretches),
             runs: (gram.groups() >= 3).then(runs),
         }
     }

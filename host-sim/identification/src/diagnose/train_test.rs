@@ -8,7 +8,7 @@
 use super::judge::noise_floor;
 use crate::data::{Dataset, Quantity, Run, Split, contract};
 use crate::fit::scales::Scales;
-use crate::fit::{Rows, Track, track};
+use crate::fit::{Rows, Track, track, warmth};
 use compensator_core::TermKind;
 use compensator_core::term::LookupFormula;
 use std::borrow::Cow;
@@ -121,6 +121,8 @@ impl TrainTest {
             campaign_start_s,
             notes: Vec::new(),
         };
+        // What the runs left out rubbed warms those that come after them.
+        warmth::remember(log.train_tracks.iter_mut().chain(&mut log.test_tracks));
         (log.extras, log.notes) = log.choose_extras();
         log
     }
@@ -235,6 +237,17 @@ impl TrainTest {
         let mut values = self.train.runs.iter().flat_map(column).copied();
         let Some(first) = values.next() else { return false };
         values.any(|value| value != first)
+    }
+
+    /// Whether time goes on from run to run, as on a campaign's clock. Where every run begins at the same time
+    /// nothing is known of what came before which.
+    pub fn has_campaign_clock(&self) -> bool {
+        let ends = |run: &Run| Some((*run.time_s.first()?, *run.time_s.last()?));
+        let mut runs: Vec<(f64, f64)> =
+            self.train.runs.iter().chain(&self.test.runs).filter_map(ends).collect();
+        runs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        runs.dedup();
+        runs.windows(2).all(|pair| pair[0].1 <= pair[1].0)
     }
 
     /// Name of the position column, for findings.

@@ -1,6 +1,7 @@
 //! A model on its way along a track, some steps of the core to a row.
 
 use super::track::Track;
+use super::warmth::heat;
 use compensator_core::{Model, Parameters, Quantity, Real, Sample, State};
 
 /// The numbers of a sample that change along a track.
@@ -73,7 +74,8 @@ impl<'a, T: Real<Setting = T>> Stepper<'a, T> {
     ) -> Self {
         let period = T::from_f64(track.period_s / substeps as f64);
         let model: Model<T> = parameters.build_unchecked(period);
-        let state = State::holding(held.unwrap_or_else(|| sliding(&model, track)));
+        let held = held.unwrap_or_else(|| sliding(&model, track));
+        let state = State::holding(held).warmed(heat(parameters, track));
         let mut input = track.samples[0].map(T::from_f64);
         // A change within the sample is shared among its steps.
         input.radial_force_change_n =

@@ -5,6 +5,7 @@
 //! ([`Track::following`]). The bristle state starts anew on each track. Where the log's spacing is even
 //! to `EVEN`, the period is one number and a model is built once; else each sample carries its own.
 
+use super::warmth::{self, Earlier};
 use crate::data::{Dataset, Quantity, Run, contract, segments};
 use compensator_core::Sample;
 use std::ops::Range;
@@ -39,6 +40,8 @@ pub struct Track {
     pub velocity_draws: Vec<Vec<f64>>,
     /// Torque error that the uncertain motion makes in each row, Nm or N RMS; empty where it is taken as exact.
     pub motion_error: Vec<f64>,
+    /// What rubbed before the track; see [`super::warmth`].
+    pub earlier: Arc<[Earlier]>,
 }
 
 impl Track {
@@ -55,6 +58,7 @@ impl Track {
             covariates: Arc::default(),
             velocity_draws: Vec::new(),
             motion_error: Vec::new(),
+            earlier: Arc::default(),
         }
     }
 
@@ -82,6 +86,7 @@ impl Track {
                 .skip(rows.start)
                 .copied()
                 .collect(),
+            earlier: Arc::clone(&self.earlier),
         }
     }
 
@@ -165,6 +170,7 @@ pub fn tracks_since(data: &Dataset, auxiliary: Option<&str>, campaign_start: f64
             }
         }
     }
+    warmth::remember(tracks.iter_mut());
     tracks
 }
 
@@ -217,6 +223,7 @@ fn track(
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
         velocity_draws: cut(&run.velocity_draws, &rows),
         motion_error: Vec::new(),
+        earlier: Arc::default(),
     }
 }
 

@@ -105,6 +105,7 @@ pub fn of(id: ParameterId) -> Treatment {
         // Which column, and over which range, is chosen; what happens along it is fitted.
         Id::LookupColumn | Id::LookupLower | Id::LookupUpper | Id::LookupFormula => KEPT,
         Id::LookupScale => positive(LEGAL),
+        Id::WarmUpEnergy | Id::WarmUpCooling => positive(LEGAL),
         _ => FREE,
     }
 }

@@ -96,6 +96,10 @@ impl Trial {
         let extras: Vec<Extra> = needed.into_iter().collect();
         let mut setting = Setting::draw(sampler.seed(), &effects, &extras, options);
         arrangement.impose(&mut sampler, &mut setting);
+        if effects.contains(&HiddenCause::WarmUp) {
+            // Only where nobody measures it does anyone have to guess the heat.
+            setting.columns.retain(|column| *column != "temperature_c");
+        }
         let flavour = flavour.map(|flavour| placed(flavour, &mut sampler, &setting));
         if let Some(flavour) = &flavour {
             setting.log_column(flavour.column());

@@ -1,7 +1,7 @@
 //! An effect with its size and everything else that makes it the one it is.
 
 use super::hidden_cause::HiddenCause;
-use super::joint::{Drift, Dwell, Joint, Play, Thinning, WarmUp, Wave};
+use super::joint::{Drift, Dwell, Joint, Play, Thinning, Warming, Wave};
 use super::outside::{Flavour, Outside};
 use super::sampler::Sampler;
 use super::setting::Setting;
@@ -72,6 +72,9 @@ impl DrawnCause {
             warming: (50.0, 300.0),
             flavour,
         };
+        if effect == HiddenCause::WarmUp {
+            hidden.warming = (sampler.log_between(20.0, 150.0), sampler.log_between(60.0, 900.0));
+        }
         let (least, most) = hidden.limits(setting);
         // Scaled later until it shows as wanted; which sizes are usual must tell nothing.
         hidden.size = match effect {
@@ -124,6 +127,7 @@ impl DrawnCause {
             HiddenCause::PositionRipple => (0.005, 0.5),
             HiddenCause::GravityImbalance | HiddenCause::TorqueRipple => (0.01, 1.2),
             HiddenCause::TemperatureCoulomb => (0.001, 0.05),
+            HiddenCause::WarmUp => (0.02, 0.7),
             HiddenCause::DirectionAsymmetry => (0.005, 0.4),
             HiddenCause::TorqueOffset => (0.01, 1.0),
             HiddenCause::QuadraticDrag => (1e-4, 0.03),
@@ -140,7 +144,6 @@ impl DrawnCause {
                 let most = (LATEST_SAMPLES / setting.rate_hz).min(0.03);
                 (most.min(0.002), most)
             }
-            HiddenCause::WarmUp => (0.01, 0.6),
             HiddenCause::OutsideCatalogue => {
                 self.flavour.map_or((0.1, 0.1), |flavour| flavour.limits(seal.coulomb_nm))
             }
@@ -195,7 +198,7 @@ impl DrawnCause {
             }
             HiddenCause::WarmUp => {
                 let (energy_j, cooling_s) = self.warming;
-                joint.warm_up = Some(WarmUp { share: size, energy_j, cooling_s });
+                joint.warming = Some(Warming { fall: size, energy_j, cooling_s });
             }
             HiddenCause::OutsideCatalogue => {
                 joint.outside = self.flavour.map(|flavour| Outside { flavour, size });

@@ -67,7 +67,7 @@ const fn facts(
 
 impl HiddenCause {
     /// Every effect, those of the catalogue first.
-    pub const ALL: [HiddenCause; 19] = [
+    pub const ALL: [HiddenCause; 20] = [
         HiddenCause::RadialForceCoulomb,
         HiddenCause::RadialForceRate,
         HiddenCause::PressureCoulomb,
@@ -86,6 +86,7 @@ impl HiddenCause {
         HiddenCause::ChannelDelay,
         HiddenCause::TorqueRipple,
         HiddenCause::TemperatureCoulomb,
+        HiddenCause::WarmUp,
         HiddenCause::OutsideCatalogue,
     ];
 

@@ -195,7 +195,11 @@ fn columns(log: &TrainTest) -> Vec<Followed> {
         quantity: Quantity::Auxiliary,
         covariate: Some(*index),
     });
-    measured.filter(|followed| log.varies(&followed.name)).chain(own).collect()
+    let tells = |followed: &Followed| {
+        let is_time = followed.quantity == Quantity::CampaignTime;
+        log.varies(&followed.name) && (!is_time || log.has_campaign_clock())
+    };
+    measured.filter(tells).chain(own).collect()
 }
 
 /// How the curve follows a column.
