@@ -8,15 +8,19 @@ use super::column::Column;
 use super::{Kind, Log, LogFinding};
 use crate::data::segments;
 use crate::number::figure;
+use nalgebra::DMatrix;
 
 /// Correlation with the torque, at the best shift, from which a column is another reading of it.
 const FOLLOWS: f64 = 0.9;
 
-/// What is left of the column unexplained at the best shift, over what is left without a shift.
+/// What is left of the torque unexplained at the best shift, over what is left without a shift.
 const BETTER: f64 = 0.6;
 
 /// Longest shift looked for, s, and in rows.
 const LONGEST: (f64, usize) = (0.25, 300);
+
+/// Columns that are judged together, at most.
+const MOST: usize = 6;
 
 /// Shortest shift that is told, rows.
 const SHORTEST: usize = 2;
@@ -30,70 +34,105 @@ pub fn channel_lag(log: &Log) -> Vec<LogFinding> {
         return Vec::new();
     }
     let longest = ((LONGEST.0 / step_s) as usize).clamp(SHORTEST + 1, LONGEST.1);
+    let others = || log.columns.iter().filter(|column| column.quantity.is_none());
     let mut found = Vec::new();
-    for column in log.columns.iter().filter(|column| column.quantity.is_none()) {
-        let Some(shift) = shift(log, column, longest) else { continue };
+    let mut tell = |columns: &[&Column], shift: i64| {
+        let names: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
         let seconds = shift as f64 * step_s;
         let late = if shift > 0 { "late" } else { "early" };
+        let (are, them) = if names.len() > 1 {
+            ("together are", "They are taken as they stand")
+        } else {
+            ("is", "It is taken as it stands")
+        };
         found.push(LogFinding {
             kind: Kind::ChannelLag,
-            columns: vec![column.name.clone()],
             value: seconds,
             unit: "s".into(),
             corrected: false,
             in_words: format!(
-                "{} is another reading of the {} and is {} ms {late} against it. It is taken as it stands.",
-                column.name,
+                "{} {are} another reading of {}, {} ms {late} against it. {them}.",
+                names.join(" and "),
                 log.torque(),
                 figure(1e3 * seconds.abs())
             ),
+            columns: names,
         });
+    };
+    let alone: Vec<(&Column, i64)> =
+        others().filter_map(|column| Some((column, shift(log, &[column], longest)?))).collect();
+    alone.iter().for_each(|(column, shift)| tell(&[*column], *shift));
+    if alone.is_empty() {
+        // Two actuators on either side: neither follows the torque, their difference does.
+        let unit = log.data.joint.torque_unit();
+        let varies = |column: &&Column| column.pairs().any(|(before, now)| before != now);
+        let group: Vec<&Column> =
+            others().filter(|column| column.unit == unit).filter(varies).collect();
+        if let Some(shift) =
+            (2..=MOST).contains(&group.len()).then(|| shift(log, &group, longest)).flatten()
+        {
+            tell(&group, shift);
+        }
     }
     found
 }
 
-/// Rows by which the column is late, if it is.
-fn shift(log: &Log, column: &Column, longest: usize) -> Option<i64> {
+/// Rows by which columns are late, if they are another reading of the torque together.
+fn shift(log: &Log, columns: &[&Column], longest: usize) -> Option<i64> {
     let stride = log.data.rows.div_ceil(ROWS).max(1);
-    let mut pairs: Vec<(&[f64], &[f64])> = Vec::new();
-    for (run, values) in log.data.runs.iter().zip(&column.runs) {
+    let mut parts: Vec<Part> = Vec::new();
+    for (index, run) in log.data.runs.iter().enumerate() {
         let longest_rows = segments(run).into_iter().max_by_key(std::ops::Range::len)?;
         let length = (longest_rows.len() / stride).max(4 * longest).min(longest_rows.len());
         if length > 3 * longest {
             let rows = longest_rows.start..longest_rows.start + length;
-            pairs.push((&run.torque[rows.clone()], &values[rows]));
+            let mut cut: Vec<&[f64]> = Vec::new();
+            for column in columns {
+                cut.push(&column.runs[index][rows.clone()]);
+            }
+            parts.push(Part { torque: &run.torque[rows], columns: cut });
         }
     }
-    if pairs.is_empty() {
+    if parts.is_empty() {
         return None;
     }
-    let at = |shift: i64| correlation(&pairs, shift, longest).abs();
-    let plain = at(0);
+    let left = |shift: i64| left(&parts, shift, longest);
     let reach = longest as i64;
-    let (best, shift) =
-        (-reach..=reach).map(|shift| (at(shift), shift)).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let left = |of: f64| 1.0 - of * of;
-    let is_inside = shift.abs() < reach;
-    let tells = best > FOLLOWS && left(best) < BETTER * left(plain);
-    (tells && is_inside && shift.unsigned_abs() as usize >= SHORTEST).then_some(shift)
+    let (least, shift) =
+        (-reach..=reach).map(|shift| (left(shift), shift)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let follows = least < 1.0 - FOLLOWS * FOLLOWS && least < BETTER * left(0);
+    (follows && shift.abs() < reach && shift.unsigned_abs() as usize >= SHORTEST).then_some(shift)
 }
 
-/// Correlation of the torque with the column `shift` rows later.
-fn correlation(pairs: &[(&[f64], &[f64])], shift: i64, longest: usize) -> f64 {
-    let (mut n, mut sx, mut sy, mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for (torque, column) in pairs {
+/// A stretch of the torque and of the columns.
+struct Part<'a> {
+    torque: &'a [f64],
+    columns: Vec<&'a [f64]>,
+}
+
+/// What the columns, `shift` rows later, leave of the torque's variance, as a share.
+fn left(parts: &[Part], shift: i64, longest: usize) -> f64 {
+    let count = parts[0].columns.len();
+    let mut products = DMatrix::<f64>::zeros(count + 1, count + 1);
+    for part in parts {
         // The same torques for every shift, or the shifts could not be compared.
-        let rows = longest..torque.len() - longest;
+        let rows = longest..part.torque.len() - longest;
         let start = (rows.start as i64 + shift) as usize;
-        for (x, y) in torque[rows.clone()].iter().zip(&column[start..start + rows.len()]) {
-            n += 1.0;
-            sx += x;
-            sy += y;
-            xx += x * x;
-            yy += y * y;
-            xy += x * y;
+        let mut all: Vec<&[f64]> =
+            part.columns.iter().map(|column| &column[start..start + rows.len()]).collect();
+        all.push(&part.torque[rows]);
+        let means: Vec<f64> =
+            all.iter().map(|values| values.iter().sum::<f64>() / values.len() as f64).collect();
+        for i in 0..all.len() {
+            for j in 0..=i {
+                let (a, b) = (all[i].iter(), all[j].iter());
+                let sum: f64 = a.zip(b).map(|(a, b)| (a - means[i]) * (b - means[j])).sum();
+                products[(i, j)] += sum;
+            }
         }
     }
-    let variance = (xx - sx * sx / n) * (yy - sy * sy / n);
-    if variance > 0.0 { (xy - sx * sy / n) / variance.sqrt() } else { 0.0 }
+    // The last pivot of a Cholesky factor is the root of what the others leave of the last column.
+    let total = products[(count, count)];
+    products.fill_upper_triangle_with_lower_triangle();
+    products.cholesky().map_or(1.0, |factor| factor.l()[(count, count)].powi(2) / total)
 }

@@ -20,11 +20,15 @@ pub fn noise(log: &Log) -> Vec<LogFinding> {
     let rests = sensors.rows_at_rest >= FEWEST;
     let unit = log.data.joint.velocity_unit();
     let corrected = log.correct.motion;
-    let done = match (corrected, log.column(log.position()).is_some()) {
+    let from = (log.column(log.position()).is_some() && !sensors.from_velocity_alone)
+        .then_some(sensors.from_position_alone);
+    let done = match (corrected, from) {
         (false, _) => "it is taken as logged, as asked",
-        (true, true) => "the motion is reconstructed from position and velocity together",
-        (true, false) => {
-            "the motion is reconstructed from the velocity alone, as there is no position, and stays less certain"
+        (true, Some(true)) => "the motion is reconstructed from the position alone",
+        (true, Some(false)) => "the motion is reconstructed from position and velocity together",
+        (true, None) => {
+            "the motion is reconstructed from the velocity alone, as no position of its own is logged, and stays \
+             less certain"
         }
     };
     let (value, words) = if rests && sensors.noise_at_rest > AT_REST * sensors.speed {
@@ -53,10 +57,17 @@ pub fn lag(log: &Log) -> Vec<LogFinding> {
     let Some(agreement) = log.sensors.agreement.filter(|agreement| agreement.lags()) else {
         return Vec::new();
     };
+    let sensors = &log.sensors;
+    // A position that was integrated is late or early by how the sum was made.
+    if sensors.from_velocity_alone && !agreement.is_merely_late() {
+        return Vec::new();
+    }
     let lag_s = agreement.lag_rows * log.sensors.step_s;
     let corrected = log.correct.motion && log.sensors.from_position_alone;
     let done = if corrected {
         "the motion is reconstructed from the position alone"
+    } else if sensors.from_velocity_alone {
+        "the velocity is clean and keeps its clock, as the torque's clock is not known"
     } else {
         "it is taken as logged"
     };

@@ -15,14 +15,21 @@ const FEWEST: usize = 30;
 
 /// What the position's derivative leaves of the velocity, as a share of it, where the two are one motion; and
 /// the relative standard error of a gain that is known.
-const SCATTER: f64 = 0.3;
+const SCATTER: f64 = 0.1;
 const GAIN_ERROR: f64 = 0.01;
 
 /// A velocity later (or earlier) than the position's derivative by more than so many rows lags.
-const LAG_ROWS: f64 = 0.15;
+const LAG_ROWS: f64 = 0.35;
 
 /// Standard errors of a lag that is one.
 const LAG_ERRORS: f64 = 4.0;
+
+/// Rows by which a difference from row to row is late, and how near a lag must be to that to be it.
+const DIFFERENCE: (f64, f64) = (0.5, 0.1);
+
+/// What the shifted derivative leaves of a velocity that is merely late, as a share of it. A drive's own
+/// velocity, 1.1 rows late, leaves 0.001; a filtered difference of 16 bits 0.01.
+const MERELY: f64 = 3e-3;
 
 /// A velocity beside the derivative of its position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -39,6 +46,8 @@ pub struct Agreement {
     pub scatter: f64,
     /// RMS of the position's derivative, per median step.
     pub speed: f64,
+    /// Variance of the position's noise by itself, its rounding aside.
+    pub position_variance: f64,
 }
 
 impl Agreement {
@@ -52,6 +61,15 @@ impl Agreement {
     pub fn lags(&self) -> bool {
         let lag = self.lag_rows.abs();
         self.is_clear() && lag > LAG_ROWS && lag > LAG_ERRORS * self.lag_error_rows
+    }
+}
+
+impl Agreement {
+    /// Whether the velocity is as good as the position, and only its clock is another. Which of the two clocks
+    /// is the torque's the log does not say; a drive's velocity and torque come out of one loop.
+    pub fn is_merely_late(&self) -> bool {
+        let is_difference = (self.lag_rows - DIFFERENCE.0).abs() < DIFFERENCE.1;
+        self.lags() && !is_difference && self.scatter < MERELY * self.gain.abs() * self.speed
     }
 }
 
@@ -116,6 +134,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
             gain_error: (variance * aa / determinant).sqrt(),
             scatter: variance.sqrt(),
             speed: (vv / count).sqrt(),
+            position_variance: noise.position,
         };
         let mut sizes: Vec<f64> = table.iter().map(|row| left(row).abs()).collect();
         let at = sizes.len() * 19 / 20;

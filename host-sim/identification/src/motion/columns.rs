@@ -5,7 +5,7 @@
 //! position) it is handed back as it is, to the bit.
 
 use super::agreement::{Agreement, agreement};
-use super::filter::{Series, draw};
+use super::filter::{Noise, Series, draw};
 use super::levels::{Levels, adapt, likeliest, noise_alone};
 use super::quantum::{quantum, unstepped};
 use super::rest::at_rest;
@@ -17,6 +17,15 @@ pub const DRAWS: usize = 3;
 /// A velocity whose noise is below this share of the 95th percentile of speed is exact, if it is at rest
 /// where the joint is.
 const EXACT: f64 = 1e-4;
+
+/// Runs that begin alike, from which it is no chance.
+const FEWEST_ALIKE: usize = 3;
+
+/// Rows from which a stretch has a noise of its own.
+const LONG_ENOUGH: usize = 100;
+
+/// Variances of two stretches differ by no more than this: a median of zeros is not a noise of zero.
+const LOUDEST: f64 = 1e3;
 
 /// A quantile of the size of noise, and where it lies for a normal one of deviation 1.
 const NINETY: (f64, f64) = (0.9, 1.645);
@@ -66,6 +75,11 @@ pub struct Sensors {
     pub agreement: Option<Agreement>,
     /// Whether the velocity column was left out, because it lags the position.
     pub from_position_alone: bool,
+    /// Whether the position column was left out: it was integrated from the velocity, or runs by another
+    /// clock than a velocity that is as good.
+    pub from_velocity_alone: bool,
+    /// RMS of the velocity over the rows at rest; [`Sensors::noise_at_rest`] leaves the worst tenth out.
+    pub flicker_at_rest: f64,
     /// Whether the velocity was taken as it stands.
     pub exact: bool,
 }
@@ -105,11 +119,16 @@ impl Study {
         if has_position {
             let found = agreement(all);
             sensors.agreement = Some(found);
-            sensors.from_position_alone = found.lags();
+            let integrated = start_alike(stretches);
+            sensors.from_velocity_alone = integrated || found.is_merely_late();
+            sensors.from_position_alone = found.lags() && !sensors.from_velocity_alone;
         }
         let own_noise = noise_alone(all);
         if sensors.from_position_alone {
             all.iter_mut().for_each(|s| s.velocity = None);
+        }
+        if sensors.from_velocity_alone {
+            all.iter_mut().for_each(|s| (s.position, s.rounding) = (None, Vec::new()));
         }
         let step = sensors.position_quantum;
         let levels = likeliest(all);
@@ -117,8 +136,14 @@ impl Study {
             sensors.position_noise = (levels.noise.position + step * step / 12.0).sqrt();
         }
         sensors.velocity_noise = levels.noise.velocity.sqrt() / step_s;
+        // A velocity that is smooth and wrong leaves its error with the position; rest is judged by what the
+        // position does by itself.
+        let alone = sensors.agreement.map(|found| found.position_variance).filter(|v| *v > 0.0);
+        let position = levels.noise.position.min(alone.unwrap_or(f64::INFINITY));
+        let noise = Noise { position, ..levels.noise };
         for series in all.iter_mut() {
-            series.at_rest = at_rest(series, &levels.noise, step, sensors.speed * step_s);
+            series.loudness = loudness(series, own_noise);
+            series.at_rest = at_rest(series, &noise, step, sensors.speed * step_s);
         }
         let resting = all.iter().zip(stretches).flat_map(|(series, stretch)| {
             // Inside: a start may be a row off.
@@ -126,11 +151,13 @@ impl Study {
             inside.zip(&stretch.velocity[1..]).filter(|(rests, _)| *rests)
         });
         let speeds: Vec<f64> = resting.map(|(_, v)| v.abs()).collect();
+        let squares: f64 = speeds.iter().map(|v| v * v).sum();
+        sensors.flicker_at_rest = (squares / speeds.len().max(1) as f64).sqrt();
         sensors.rows_at_rest = speeds.len();
         sensors.noise_at_rest = quantile(speeds.into_iter(), NINETY.0) / NINETY.1;
         let nothing = EXACT * sensors.speed;
         sensors.exact = !sensors.from_position_alone
-            && own_noise / step_s < nothing
+            && (own_noise / step_s).min(sensors.velocity_noise) < nothing
             && sensors.noise_at_rest < nothing;
         *found = Some(levels);
     }
@@ -160,6 +187,28 @@ impl Study {
     }
 }
 
+/// Whether the position begins at one value in stretch after stretch, and ends elsewhere: it was integrated.
+fn start_alike(stretches: &[Stretch]) -> bool {
+    let ends: Vec<(f64, f64)> = stretches
+        .iter()
+        .filter_map(|s| s.position.and_then(|q| Some((*q.first()?, *q.last()?))))
+        .collect();
+    let Some((first, _)) = ends.first() else { return false };
+    let moved = ends.iter().filter(|(start, end)| start != end).count();
+    let alike = ends.iter().filter(|(start, _)| start == first).count();
+    ends.len() >= FEWEST_ALIKE && alike == ends.len() && 2 * moved > ends.len()
+}
+
+/// Variance of a stretch's velocity noise over that of the log: a sensor that is read at another speed, or another
+/// rate, is another sensor. 1 where the stretch is too short to say.
+fn loudness(series: &Series, own_noise: f64) -> f64 {
+    if series.len() < LONG_ENOUGH || own_noise <= 0.0 {
+        return 1.0;
+    }
+    let here = noise_alone(std::slice::from_ref(series));
+    (here / own_noise).powi(2).clamp(1.0 / LOUDEST, LOUDEST)
+}
+
 /// A stretch as the filter takes it.
 fn series(stretch: &Stretch, step_s: f64, quantum: f64) -> Series {
     let origin = stretch.position.and_then(|q| q.first()).copied().unwrap_or_default();
@@ -176,6 +225,7 @@ fn series(stretch: &Stretch, step_s: f64, quantum: f64) -> Series {
         steps: stretch.time_s.windows(2).map(|w| (w[1] - w[0]) / step_s).collect(),
         position,
         rounding,
+        loudness: 1.0,
         velocity: Some(stretch.velocity.iter().map(|v| v * step_s).collect()),
         at_rest: vec![false; stretch.time_s.len()],
     }
@@ -194,7 +244,9 @@ fn motion(
     let velocity: Vec<f64> =
         smoothed.states.iter().enumerate().map(|(row, x)| still(row, x[1] / step_s)).collect();
     let origin = stretch.position.and_then(|q| q.first()).copied().unwrap_or_default();
-    let position = stretch.position.map(|_| {
+    // A position that was left out stays as it is.
+    let as_logged = || stretch.position.map(<[f64]>::to_vec);
+    let position = series.position.as_ref().map(|_| {
         let mut held = 0.0;
         let each = smoothed.states.iter().enumerate().map(|(row, x)| {
             if row == 0 || !(series.at_rest[row] && series.at_rest[row - 1]) {
@@ -204,6 +256,7 @@ fn motion(
         });
         each.collect()
     });
+    let position = position.or_else(as_logged);
     let draws = (0..DRAWS)
         .map(|_| {
             let drawn = draw(series, &levels.noise, &jumps, normal);

@@ -31,6 +31,8 @@ pub struct Series {
     pub rounding: Vec<f64>,
     /// Measured velocity per median step, if it is to be believed.
     pub velocity: Option<Vec<f64>>,
+    /// Variance of the velocity's noise in this series over that in all.
+    pub loudness: f64,
     /// Rows at rest, `true` each.
     pub at_rest: Vec<bool>,
 }
@@ -46,6 +48,11 @@ impl Series {
         noise.position + self.rounding.get(row).copied().unwrap_or_default()
     }
 
+    /// Variance of its velocities.
+    pub fn velocity_variance(&self, noise: &Noise) -> f64 {
+        self.loudness * noise.velocity
+    }
+
     /// A step as the filter takes it.
     pub fn step(&self, row: usize) -> f64 {
         self.steps[row].max(SHORTEST_STEP)
@@ -59,6 +66,7 @@ impl Series {
             position: cut(&self.position),
             rounding: self.rounding.get(rows.clone()).unwrap_or_default().to_vec(),
             velocity: cut(&self.velocity),
+            loudness: self.loudness,
             at_rest: self.at_rest[rows.clone()].to_vec(),
         }
     }
@@ -127,9 +135,9 @@ fn measured(series: &Series, noise: &Noise, row: usize) -> [Option<(usize, f64, 
     let position =
         series.position.as_ref().map(|q| (0, q[row], series.position_variance(row, noise)));
     let velocity = if series.at_rest[row] {
-        Some((1, 0.0, AT_REST * noise.velocity))
+        Some((1, 0.0, AT_REST * series.velocity_variance(noise)))
     } else {
-        series.velocity.as_ref().map(|v| (1, v[row], noise.velocity))
+        series.velocity.as_ref().map(|v| (1, v[row], series.velocity_variance(noise)))
     };
     [position, velocity]
 }
@@ -290,6 +298,7 @@ pub fn draw(
     let mut drawn = Series {
         steps: series.steps.clone(),
         rounding: Vec::new(),
+        loudness: series.loudness,
         at_rest: vec![false; rows],
         position: series.position.as_ref().map(|_| Vec::with_capacity(rows)),
         velocity: Some(Vec::with_capacity(rows)),
@@ -303,7 +312,7 @@ pub fn draw(
             position.push(x[0] + series.position_variance(row, noise).sqrt() * normal());
         }
         if let Some(velocity) = &mut drawn.velocity {
-            velocity.push(x[1] + (told(row) * noise.velocity).sqrt() * normal());
+            velocity.push(x[1] + (told(row) * series.velocity_variance(noise)).sqrt() * normal());
         }
         if row + 1 < rows {
             x = forward(&x, series.step(row));

@@ -29,6 +29,10 @@ const TURN: f64 = 1.3;
 /// So many standard deviations from its level a row is not at rest.
 const OFF: f64 = 5.0;
 
+/// A window's own scatter, so many times, is its noise where that is less: that of a few rows may be half
+/// of what it should by chance.
+const QUIETER: f64 = 3.0;
+
 /// What is left of a rest must be so many rows.
 const SHORTEST: usize = 3;
 
@@ -42,7 +46,7 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
     let mut found = vec![false; rows];
     let by_position =
         series.position.as_ref().map(|q| (q, (noise.position + step * step / 12.0).sqrt()));
-    let by_velocity = series.velocity.as_ref().map(|v| (v, noise.velocity.sqrt()));
+    let by_velocity = series.velocity.as_ref().map(|v| (v, series.velocity_variance(noise).sqrt()));
     let window = match (by_position, by_velocity) {
         (Some((_, sigma)), _) => (WITHIN * 12f64.sqrt() * sigma / (SLOW * speed)).powf(2.0 / 3.0),
         (None, Some((_, sigma))) => (WITHIN * sigma / (SLOW * speed)).powi(2),
@@ -61,8 +65,14 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
         });
         let velocity = by_velocity.is_none_or(|(v, sigma)| {
             let shape = Shape::of(&v[from..from + window]);
-            let mean = shape.mean.abs() * (window as f64).sqrt() / sigma;
-            mean < WITHIN && shape.runs(sigma) < WITHIN && shape.scatter < SCATTER * sigma
+            if by_position.is_some() {
+                // The position decides; a velocity at rest may stand beside zero for a while.
+                return shape.mean.abs() < WITHIN * sigma;
+            }
+            // By its own scatter where that is less: a slow steady slide is not the noise of a fast one.
+            let mean =
+                shape.mean.abs() * (window as f64).sqrt() / sigma.min(QUIETER * shape.scatter);
+            !(mean >= WITHIN) && shape.runs(sigma) < WITHIN && shape.scatter < SCATTER * sigma
         });
         position && velocity
     };
@@ -91,7 +101,21 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
             found[start..end].fill(true);
         }
     }
+    if let (None, Some((v, _))) = (by_position, by_velocity)
+        && creeps(v, &found)
+    {
+        found.fill(false);
+    }
     found
+}
+
+/// Whether what was taken for rest goes one way on the whole: then it is a slow slide, window by window as
+/// quiet as rest.
+fn creeps(velocity: &[f64], at_rest: &[bool]) -> bool {
+    let resting = || velocity.iter().zip(at_rest).filter(|(_, rests)| **rests).map(|(v, _)| v);
+    let count = resting().count() as f64;
+    let (sum, squares) = resting().fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
+    count > 0.0 && sum * sum > WITHIN * WITHIN * squares
 }
 
 /// What a rest is seen through: columns with their noise, `true` for a position.
