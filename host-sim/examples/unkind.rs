@@ -41,6 +41,12 @@ struct Arguments {
     /// Of the measured logs, those whose file has this in its name
     #[arg(long, default_value = "")]
     file: String,
+    /// Tells what else each contestant heard on measured logs
+    #[arg(long)]
+    heard: bool,
+    /// Writes docs/diagnosis-benchmark.md
+    #[arg(long)]
+    update: bool,
     /// Writes every contest
     #[arg(long)]
     json: Option<PathBuf>,
@@ -77,7 +83,13 @@ fn main() -> Result<(), String> {
         let text = serde_json::to_string_pretty(&list).map_err(|e| e.to_string())?;
         std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))?;
     }
-    println!("{}", score::tables(&contests));
+    let tables = score::tables(&contests);
+    println!("{tables}");
+    if arguments.update {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/diagnosis-benchmark.md");
+        let text = score::document(&contests, arguments.seed, &tables);
+        std::fs::write(path, text).map_err(|e| format!("{path}: {e}"))?;
+    }
     println!("{}", score::times(&contests));
     println!("\nmissed:\n{}", score::misses(&contests));
     if contests.len() < seeds.len() {
@@ -126,6 +138,9 @@ fn measured_logs(arguments: &Arguments) -> Result<(), String> {
         all += 1;
         let cells = [ours, Some(rival)].into_iter().enumerate().map(|(side, answer)| {
             let Some(answer) = answer else { return "- | - | -".to_owned() };
+            if arguments.heard {
+                eprintln!("{} side {side}: {}", log.file, answer.heard);
+            }
             let is_right = log.is_right(answer.first);
             right[side] += usize::from(is_right);
             let mark = if is_right { "" } else { "**not** " };

@@ -1,7 +1,7 @@
 //! The columns of each cause in the rival's regression: what an engineer would write down in an afternoon.
 
 use super::regression::{Base, Column, Rows};
-use friction_identification::data::Quantity;
+use friction_identification::data::{JointKind, Quantity};
 
 /// A cause and its columns.
 pub(super) struct CauseColumns {
@@ -17,8 +17,10 @@ const GAPS: ([f64; 3], [f64; 3]) = ([0.5, 1.0, 3.0], [2e-3, 1e-2, 5e-2]);
 const EXPONENTS: [f64; 3] = [0.5, 1.0, 4.0];
 const STRIBECK: [f64; 3] = [0.01, 0.05, 0.2];
 /// Times in which heat leaves, and heats at which a seal is warm, of the campaign's.
-const COOLING: [f64; 3] = [0.1, 0.5, f64::INFINITY];
-const WARM: [f64; 2] = [0.2, 1.0];
+const COOLING: [f64; 2] = [0.3, f64::INFINITY];
+const WARM: [f64; 1] = [0.4];
+/// A covariate that goes with the torque more closely than this is the torque, in other units.
+const SAME: f64 = 0.98;
 /// Below this share of the usual speed a joint rests.
 const REST: f64 = 2e-3;
 
@@ -29,6 +31,13 @@ fn product(a: &[f64], b: &[f64]) -> Column {
 fn centred(column: Column) -> Column {
     let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
     column.into_iter().map(|x| x - mean).collect()
+}
+
+fn correlation(centred_column: &[f64], other: &[f64]) -> f64 {
+    let other = centred(other.to_vec());
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let size = (dot(centred_column, centred_column) * dot(&other, &other)).sqrt();
+    if size > 0.0 { dot(centred_column, &other) / size } else { 0.0 }
 }
 
 fn varies(column: &[f64]) -> bool {
@@ -48,7 +57,10 @@ pub(super) fn causes(rows: &Rows, base: &Base, rigid_body: &[&str]) -> Vec<Cause
     let base_has = |part: &str| rigid_body.contains(&part);
 
     if let Some(pressure) = rows.quantity(Quantity::Pressure) {
-        add("pressure-coulomb", vec![product(sign, &pressure)]);
+        let level = product(sign, &pressure);
+        // Beside a level, pressure over a wrong area adds a force that does not turn with the motion.
+        add("pressure-coulomb", vec![level.clone(), pressure.clone()]);
+        add("pressure-coulomb", vec![level]);
         add("unknown", vec![centred(pressure)]);
     }
     if let Some(force) = rows.quantity(Quantity::RadialForce) {
@@ -73,6 +85,9 @@ pub(super) fn causes(rows: &Rows, base: &Base, rigid_body: &[&str]) -> Vec<Cause
     for at in 0..rows.data.covariates.len() {
         let column: Column = rows.data.runs.iter().flat_map(|run| run.extra[at].clone()).collect();
         let column = centred(column);
+        if correlation(&column, &rows.torque).abs() > SAME {
+            continue;
+        }
         add("unknown", vec![product(sign, &column)]);
         add("unknown", vec![column]);
     }
@@ -106,18 +121,32 @@ pub(super) fn causes(rows: &Rows, base: &Base, rigid_body: &[&str]) -> Vec<Cause
     for heat in heats(rows, sign) {
         add("warm-up", vec![product(sign, &heat)]);
     }
-    if let Some(angle) = rows.quantity(Quantity::Position) {
-        for order in 1..=ORDERS {
-            let wave = |of: fn(f64) -> f64| -> Column {
-                angle.iter().map(|q| of(f64::from(order) * q)).collect()
-            };
-            let waves = vec![wave(f64::sin), wave(f64::cos)];
-            add("position-ripple", waves.iter().map(|wave| product(sign, wave)).collect());
-            match (order, base_has("gravity")) {
-                (1, false) => add("gravity-imbalance", waves),
-                (1, true) => {}
-                _ => add("torque-ripple", waves),
+    // A slide's position has no turns.
+    let turns = rows.data.joint == JointKind::Revolute;
+    if let Some(angle) = rows.quantity(Quantity::Position).filter(|_| turns) {
+        let waves: Vec<[Column; 2]> = (1..=ORDERS)
+            .map(|order| {
+                let wave = |of: fn(f64) -> f64| -> Column {
+                    angle.iter().map(|q| of(f64::from(order) * q)).collect()
+                };
+                [wave(f64::sin), wave(f64::cos)]
+            })
+            .collect();
+        for order in 1..=ORDERS as usize {
+            let of = |order: usize| waves.get(order - 1).into_iter().flatten().cloned();
+            let alone: Vec<Column> = of(order).collect();
+            let level = alone.iter().map(|wave| product(sign, wave)).collect();
+            add("position-ripple", level);
+            if order == 1 {
+                if !base_has("gravity") {
+                    add("gravity-imbalance", alone);
+                }
+                continue;
             }
+            // Cogging seldom comes alone: its neighbours and multiples.
+            let family = [order - 1, order, order + 1, 2 * order, 4 * order];
+            add("torque-ripple", family.into_iter().flat_map(of).collect());
+            add("torque-ripple", alone);
         }
     }
     all

@@ -129,6 +129,7 @@ pub fn contest(seed: u64, rival_only: bool) -> Result<Contest, String> {
 fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
     let (found, seconds) = timed(|| regression(data, &truth.rigid_body))?;
     Ok(Answer {
+        heard: found.words(),
         verdict: verdict(truth, &found.named, &[]),
         named: found.named,
         confusable: Vec::new(),
@@ -136,7 +137,6 @@ fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
         error_over_floor: found.rmse / truth.floor_nm,
         size_inside: None,
         seconds,
-        heard: String::new(),
     })
 }
 
@@ -157,9 +157,6 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
     let named_first = first.zip(hidden).filter(|(finding, hidden)| {
         finding.cause.name() == hidden.cause && hidden.cause != "unknown"
     });
-    let heard = found.scores.iter().take(4).map(|score| {
-        format!("{}({}) {:.3}", score.cause.name(), score.columns.join(","), score.share)
-    });
     Ok(Answer {
         verdict: verdict(truth, &named, &confusable),
         gain: found.gain.value,
@@ -169,10 +166,18 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
             (low..=high).contains(&hidden.size)
         }),
         seconds,
-        heard: heard.collect::<Vec<_>>().join("; "),
+        heard: heard(&found),
         named,
         confusable,
     })
+}
+
+/// The candidates that stood highest in a diagnosis, a line.
+pub(super) fn heard(found: &Diagnosis) -> String {
+    let scores = found.scores.iter().take(5).map(|score| {
+        format!("{}({}) {:.3}", score.cause.name(), score.columns.join(","), score.share)
+    });
+    scores.collect::<Vec<_>>().join("; ")
 }
 
 /// The floor on the rows a diagnosis was judged on, Nm.

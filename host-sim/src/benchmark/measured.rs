@@ -4,7 +4,7 @@
 //! from whom, is in their README; here is what an answer is held against. A log can hold more than one effect: each of
 //! them may be named first.
 
-use super::contest::timed;
+use super::contest::{self, timed};
 use super::regression::regression;
 use friction_identification::data::{ReadOptions, SplitRule, read, split};
 use friction_identification::diagnose::{Question, diagnose};
@@ -92,6 +92,8 @@ pub struct MeasuredAnswer {
     pub gain: f64,
     /// Processor time, s.
     pub seconds: f64,
+    /// What else was heard, a line.
+    pub heard: String,
 }
 
 impl MeasuredLog {
@@ -130,6 +132,7 @@ impl MeasuredLog {
             named: found.named.iter().map(|name| (*name).to_owned()).collect(),
             gain: found.gain,
             seconds,
+            heard: found.words(),
         };
         if rival_only {
             return Ok(Some((data.rows, None, rival)));
@@ -151,6 +154,7 @@ impl MeasuredLog {
             named: named.collect(),
             gain: found.gain.value,
             seconds,
+            heard: contest::heard(&found),
         };
         Ok(Some((data.rows, Some(ours), rival)))
     }

@@ -26,8 +26,22 @@ pub struct Regression {
     pub gain: f64,
     /// RMSE on rows left out with all of them, unit of the torque.
     pub rmse: f64,
-    /// Of the first: its gain as a share of the squared error, and that over its standard error.
-    pub first: Option<(f64, f64)>,
+    /// The base that was chosen, in words.
+    pub base: String,
+    /// The best of all causes beside the base alone: name, gain as a share of the squared error, and that
+    /// over its standard error.
+    pub heard: Vec<(&'static str, f64, f64)>,
+}
+
+impl Regression {
+    /// The base and the best causes beside it, a line.
+    pub fn words(&self) -> String {
+        let heard = self
+            .heard
+            .iter()
+            .map(|(name, share, errors)| format!("{name} {share:.3} ({errors:.1} errors)"));
+        format!("{}: {}", self.base, heard.collect::<Vec<_>>().join("; "))
+    }
 }
 
 /// Causes at most.
@@ -36,11 +50,13 @@ const MOST: usize = 3;
 const LEAST_SHARE: f64 = 0.03;
 /// And gains at least so many standard errors over the folds.
 const LEAST_ERRORS: f64 = 2.0;
+/// Candidates that are told of.
+const HEARD: usize = 5;
 /// Runs from which each is left out once; blocks where there are fewer.
 const RUNS: usize = 4;
 const BLOCKS: usize = 8;
 /// Travels of the elastic sign, of the middle run's span; the first is as good as a sign.
-const TRAVELS: [f64; 4] = [1e-6, 2e-3, 2e-2, 1e-1];
+const TRAVELS: [f64; 4] = [1e-6, 3e-3, 2e-2, 1e-1];
 /// Stribeck velocities, of the 95th percentile of speed; 0 for no peak.
 const PEAKS: [f64; 4] = [0.0, 0.01, 0.05, 0.2];
 
@@ -150,6 +166,7 @@ pub(super) struct Base {
     pub travel: f64,
     pub sign: Column,
     columns: Vec<Column>,
+    words: String,
 }
 
 fn base(rows: &Rows, rigid_body: &[&str], travel: f64, peak: f64) -> Base {
@@ -171,7 +188,12 @@ fn base(rows: &Rows, rigid_body: &[&str], travel: f64, peak: f64) -> Base {
             _ => columns.push(vec![1.0; rows.velocity.len()]),
         }
     }
-    Base { travel, sign, columns }
+    let words = format!(
+        "travel {:.1e} of the span, Stribeck {:.2e} of the speed",
+        travel / rows.span,
+        peak / rows.speed
+    );
+    Base { travel, sign, columns, words }
 }
 
 /// Products of all columns and the torque (the last) over the rows of each fold, and over all.
@@ -256,14 +278,27 @@ fn best_base(rows: &Rows, rigid_body: &[&str]) -> Base {
     best.map_or_else(|| base(rows, rigid_body, rows.span, 0.0), |(_, base)| base)
 }
 
-/// Gain of all folds over its standard error.
+/// Mean gain of the folds, each as a share of its own error, over its standard error: runs differ in size by far
+/// more than a gain does from run to run.
 fn errors_of(before: &[f64], after: &[f64]) -> f64 {
-    let gains: Vec<f64> = before.iter().zip(after).map(|(b, a)| b - a).collect();
-    let count = gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / count;
-    let variance = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-    let error = (count * variance).sqrt();
-    if error > 0.0 { count * mean / error } else { 0.0 }
+    let shares = before.iter().zip(after).filter(|(b, _)| **b > 0.0);
+    let shares: Vec<f64> = shares.map(|(b, a)| ((b - a) / b).max(-1.0)).collect();
+    let count = shares.len() as f64;
+    let mean = shares.iter().sum::<f64>() / count;
+    let variance = shares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+    let error = (variance / count).sqrt();
+    if error > 0.0 { mean / error } else { 0.0 }
+}
+
+/// A cause beside what was chosen before.
+struct Tried {
+    name: &'static str,
+    /// Gain on rows left out, of the squared error.
+    share: f64,
+    /// The same over its standard error.
+    errors: f64,
+    after: Vec<f64>,
+    columns: Vec<usize>,
 }
 
 /// Names what a log shows; `rigid_body` are the parts of the torque column that are not friction.
@@ -281,7 +316,7 @@ pub fn regression(data: &Dataset, rigid_body: &[&str]) -> Regression {
     let mut chosen: Vec<usize> = (0..base.columns.len()).collect();
     let mut errors = products.left_out(&chosen);
     let begin: f64 = errors.iter().sum();
-    let (mut named, mut first) = (Vec::new(), None);
+    let (mut named, mut heard) = (Vec::new(), Vec::new());
     while named.len() < MOST {
         let before: f64 = errors.iter().sum();
         let tried = causes.iter().zip(&places).filter(|(cause, _)| !named.contains(&cause.name));
@@ -289,23 +324,30 @@ pub fn regression(data: &Dataset, rigid_body: &[&str]) -> Regression {
             let with: Vec<usize> = chosen.iter().chain(own).copied().collect();
             (cause.name, products.left_out(&with), with)
         });
-        let best = tried
-            .min_by(|(_, a, _), (_, b, _)| a.iter().sum::<f64>().total_cmp(&b.iter().sum::<f64>()));
-        let Some((name, after, with)) = best else { break };
-        let share = 1.0 - after.iter().sum::<f64>() / before;
-        let over_error = errors_of(&errors, &after);
-        if share < LEAST_SHARE || over_error < LEAST_ERRORS {
-            break;
+        let mut tried: Vec<Tried> = tried
+            .map(|(name, after, columns)| Tried {
+                name,
+                share: 1.0 - after.iter().sum::<f64>() / before,
+                errors: errors_of(&errors, &after),
+                after,
+                columns,
+            })
+            .collect();
+        tried.sort_by(|a, b| b.share.total_cmp(&a.share));
+        if named.is_empty() {
+            heard = tried.iter().take(HEARD).map(|t| (t.name, t.share, t.errors)).collect();
         }
-        first = first.or(Some((share, over_error)));
-        named.push(name);
-        (errors, chosen) = (after, with);
+        let passes = |t: &Tried| t.share >= LEAST_SHARE && t.errors >= LEAST_ERRORS;
+        let Some(best) = tried.into_iter().find(passes) else { break };
+        named.push(best.name);
+        (errors, chosen) = (best.after, best.columns);
     }
     let left: f64 = errors.iter().sum();
     Regression {
         named,
         gain: if begin > 0.0 { 1.0 - (left / begin).sqrt() } else { 0.0 },
         rmse: (left / rows.velocity.len().max(1) as f64).sqrt(),
-        first,
+        base: base.words.clone(),
+        heard,
     }
 }

@@ -118,6 +118,17 @@ pub fn tables(contests: &[Contest]) -> String {
     text
 }
 
+/// The tables as they are kept in git.
+pub fn document(contests: &[Contest], seed: u64, tables: &str) -> String {
+    let worlds = contests.len();
+    format!(
+        "# The diagnosis on unkind worlds\n\n\
+         Simulated; {worlds} worlds of seed base {seed}, made by `cargo run --release -p host-sim --example unkind -- \
+         --worlds {worlds} --seed {seed} --update`. What an unkind world is: `host-sim/machines/src/scenarios/unkind.rs`; what \
+         counts as right: `host-sim/src/benchmark/contest.rs`; the regression: `host-sim/src/benchmark/regression.rs`.\n\n{tables}"
+    )
+}
+
 /// Processor time: median, 95th percentile, most, s.
 pub fn times(contests: &[Contest]) -> String {
     let of = |side: Side| {

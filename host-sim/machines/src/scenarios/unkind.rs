@@ -11,6 +11,7 @@
 //!                                                                 └─► visible (what a refit of the truth gains) ─► truth
 //! ```
 
+mod bristle_fit;
 mod campaign;
 mod effect;
 mod motions;
@@ -27,6 +28,7 @@ use super::hidden_cause::HiddenCause;
 use super::joint::Joint;
 use super::sampler::{Sampler, mixed};
 use super::truth::Hidden;
+use crate::friction::Seal;
 use crate::log::{Log, LoggedRun};
 use campaign::{Campaign, RunPlan};
 use plant::{Machine, Plant, Point, Way};
@@ -101,9 +103,8 @@ struct World {
 
 impl World {
     /// The torque each row would show if its sensor had no noise, Nm.
-    fn torques(&self, joint: &Joint, ways: &[Way]) -> Rows {
-        let Campaign { plant, sensing, runs, .. } = &self.campaign;
-        let machine = Machine { plant, joint };
+    fn torques(&self, machine: &Machine, ways: &[Way]) -> Rows {
+        let Campaign { sensing, runs, .. } = &self.campaign;
         let inputs = runs.iter().zip(ways).map(|(run, way)| (&run.condition, way, run.held));
         let torques = machine.torques(inputs);
         let read = torques
@@ -111,6 +112,11 @@ impl World {
             .zip(runs)
             .map(|(torque, run)| sensing.torque_channel(&run.times, torque));
         read.collect()
+    }
+
+    /// The plant as it truly is, with a joint.
+    fn truly<'a>(&'a self, joint: &'a Joint) -> Machine<'a> {
+        Machine { plant: &self.campaign.plant, joint, covariate_hz: None }
     }
 
     /// The true ways; the torque of a joint with a delay is of an earlier time.
@@ -128,7 +134,7 @@ impl World {
     /// Sizes the effect, simulates, measures how plainly it shows, and logs.
     fn made(self, hidden: Option<DrawnCause>, wanted_nm: f64) -> UnkindWorld {
         let ways = self.ways(0.0);
-        let without = self.torques(&self.plain, &ways);
+        let without = self.torques(&self.truly(&self.plain), &ways);
         let acting = |hidden: &DrawnCause| {
             let mut joint = self.plain.clone();
             hidden.act_on(&mut joint);
@@ -136,9 +142,9 @@ impl World {
         };
         let simulated = |joint: &Joint| {
             if joint.delay_s == 0.0 {
-                self.torques(joint, &ways)
+                self.torques(&self.truly(joint), &ways)
             } else {
-                self.torques(joint, &self.ways(joint.delay_s))
+                self.torques(&self.truly(joint), &self.ways(joint.delay_s))
             }
         };
         let (mut hidden, mut joint, mut torque) = (hidden, self.plain.clone(), without.clone());
@@ -168,19 +174,36 @@ impl World {
             .zip(&torque)
             .map(|((run, way), torque)| self.logged(run, way, torque))
             .collect();
+        // What a law with one state could do on slip elements: bristles fitted to them, effect included.
+        let seal = match self.campaign.plant {
+            Plant::Bristles => self.campaign.seal,
+            Plant::SlipElements { .. } => {
+                let late = self.ways(joint.delay_s);
+                bristle_fit::fitted(&self.campaign, &joint, &late, &torque)
+            }
+        };
+        let joint = Joint { seal: with_effect(seal, &joint.seal), ..joint };
+        let plain = Joint { seal, ..self.plain.clone() };
+        let bristles = |joint: &Joint, ways: &[Way]| self.torques(&Machine::bristles(joint), ways);
+        let effect = if joint.delay_s == 0.0 {
+            difference(&bristles(&joint, &ways), &bristles(&plain, &ways))
+        } else {
+            difference(&bristles(&joint, &self.ways(joint.delay_s)), &bristles(&plain, &ways))
+        };
+        let shown = difference(&torque, &without);
         let errors = self.floor(&joint, &ways, &logged);
-        let base = self.base_columns(&ways, &without);
+        let base = self.base_columns(&plain, &ways);
         let kept = |rows: &Rows| -> Rows {
             let run = |(rows, run): (&Vec<f64>, &RunPlan)| keep(rows, run);
             rows.iter().zip(&self.campaign.runs).map(run).collect()
         };
         let errors = kept(&errors);
         let floor_nm = rms(&errors);
-        let effect = kept(&difference(&torque, &without));
+        let (effect, shown) = (kept(&effect), kept(&shown));
         let base: Vec<Rows> = base.iter().map(&kept).collect();
         let seen = visible(&effect, &base, &errors);
         let log = self.log(&logged);
-        let truth = self.truth(hidden.as_ref(), &effect);
+        let truth = self.truth(hidden.as_ref(), &shown);
         UnkindWorld {
             log,
             truth: UnkindTruth {
@@ -195,13 +218,14 @@ impl World {
     }
 
     /// What a refit of the plant can do without the effect: its torque's derivatives, run by run.
-    fn base_columns(&self, ways: &[Way], without: &Rows) -> Vec<Rows> {
+    fn base_columns(&self, plain: &Joint, ways: &[Way]) -> Vec<Rows> {
         /// Relative change of a parameter for a difference quotient.
         const STEP: f64 = 0.02;
+        let without = self.torques(&Machine::bristles(plain), ways);
         let changed = |change: &dyn Fn(&mut Joint)| {
-            let mut joint = self.plain.clone();
+            let mut joint = plain.clone();
             change(&mut joint);
-            difference(&self.torques(&joint, ways), without)
+            difference(&self.torques(&Machine::bristles(&joint), ways), &without)
         };
         let mut columns = vec![
             changed(&|joint| joint.seal.coulomb_nm *= 1.0 + STEP),
@@ -209,12 +233,8 @@ impl World {
             changed(&|joint| joint.seal.stribeck_rad_s *= 1.0 + STEP),
             changed(&|joint| joint.seal.k0 *= 1.0 + STEP),
             changed(&|joint| joint.seal.k2 *= 1.0 + STEP),
+            changed(&|joint| joint.seal.k1 += STEP * (joint.seal.k1 + 1e-3 * joint.seal.k0)),
         ];
-        if matches!(self.campaign.plant, Plant::Bristles) {
-            columns.push(changed(&|joint| {
-                joint.seal.k1 += STEP * (joint.seal.k1 + 1e-3 * joint.seal.k0)
-            }));
-        }
         let level = self.campaign.seal.coulomb_nm;
         for part in &self.campaign.rigid_body {
             match *part {
@@ -232,27 +252,29 @@ impl World {
         columns
     }
 
-    /// Logged torque less that of the true plant, driven by the best of a few plain readings of the motion.
+    /// Logged torque less that of bristles with the effect, driven by the best of a few plain readings of the log.
     fn floor(&self, joint: &Joint, ways: &[Way], logged: &[Logged]) -> Rows {
+        let sensing = &self.campaign.sensing;
+        let machine = Machine { covariate_hz: sensing.covariate_hz, ..Machine::bristles(joint) };
         let errors = |ways: &[Way]| -> Rows {
-            let torque = self.torques(joint, ways);
             let run = |(torque, logged): (Vec<f64>, &Logged)| {
                 logged.torque.iter().zip(torque).map(|(read, model)| read - model).collect()
             };
-            torque.into_iter().zip(logged).map(run).collect()
+            self.torques(&machine, ways).into_iter().zip(logged).map(run).collect()
         };
-        if joint.delay_s != 0.0 || self.campaign.sensing.kind == SensorKind::Exact {
+        if joint.delay_s != 0.0 || sensing.kind == SensorKind::Exact {
             // Read from the true motion: nothing about it is uncertain.
             return errors(&self.ways(joint.delay_s));
         }
         let runs = || self.campaign.runs.iter().zip(ways).zip(logged);
-        let readings = [(true, 1), (true, 5), (false, 1), (false, 5)];
-        let possible =
-            readings.iter().filter(|(angle, _)| !angle || self.campaign.sensing.has_position());
-        let tried = possible.map(|&(angle, smooth)| {
-            let ways: Vec<Way> = runs()
-                .map(|((run, way), logged)| reading(run, way, logged, angle, smooth))
-                .collect();
+        let delay_s = sensing.velocity_delay_s(self.campaign.rate_hz);
+        let readings = [1, 5, 15]
+            .into_iter()
+            .flat_map(|smooth| [true, false].map(|angle| Reading { angle, smooth, delay_s }));
+        let possible = readings.filter(|reading| !reading.angle || sensing.has_position());
+        let tried = possible.map(|reading| {
+            let ways: Vec<Way> =
+                runs().map(|((run, way), logged)| reading.way(run, way, logged)).collect();
             errors(&ways)
         });
         tried.min_by(|a, b| rms(a).total_cmp(&rms(b))).unwrap_or_default()
@@ -393,46 +415,73 @@ fn times(values: Vec<f64>) -> Vec<f64> {
     values.into_iter().map(|t| (t * 1e6).round() / 1e6).collect()
 }
 
-/// The motion between rows as a plain method reads it: straight from angle to angle, or the logged velocity
-/// added up; smoothed over so many rows. Before the first row it is the true one, so that the state is known.
-fn reading(run: &RunPlan, way: &Way, logged: &Logged, angle: bool, smooth: usize) -> Way {
-    const PARTS: usize = 3;
-    let velocity = mean_over(&logged.velocity, smooth);
-    let start = way.points[way.rows[0]].angle;
-    let angles = if angle {
-        mean_over(&logged.position, smooth)
-    } else {
-        let mut at = start;
-        let sum = (0..velocity.len()).map(|row| {
+/// A plain method to read the motion between rows from a log.
+#[derive(Clone, Copy, Debug)]
+struct Reading {
+    /// Straight from angle to angle; else the logged velocity added up.
+    angle: bool,
+    /// Rows smoothed over.
+    smooth: usize,
+    /// How late the velocity is, s.
+    delay_s: f64,
+}
+
+impl Reading {
+    /// The way as it is read. Before the first row it is the true one, so that the state is known.
+    fn way(&self, run: &RunPlan, way: &Way, logged: &Logged) -> Way {
+        const PARTS: usize = 3;
+        let early = |at: usize| {
+            // The velocity logged a delay later is that of now.
+            let when = run.times[at] + self.delay_s;
+            let next = run.times.partition_point(|t| *t < when).min(run.times.len() - 1);
+            logged.velocity[next]
+        };
+        let velocity: Vec<f64> = (0..run.times.len()).map(early).collect();
+        let velocity = mean_over(&velocity, self.smooth);
+        let angles = if self.angle {
+            mean_over(&logged.position, self.smooth)
+        } else {
+            let mut at = way.points[way.rows[0]].angle;
+            let sum = (0..velocity.len()).map(|row| {
+                if row > 0 {
+                    let seconds = run.times[row] - run.times[row - 1];
+                    at += 0.5 * (velocity[row] + velocity[row - 1]) * seconds;
+                }
+                at
+            });
+            sum.collect()
+        };
+        let mut read = Way {
+            points: way.points[..way.rows[0]].to_vec(),
+            rows: Vec::with_capacity(way.rows.len()),
+            accelerations: way.accelerations.clone(),
+        };
+        for row in 0..angles.len() {
             if row > 0 {
-                at += 0.5
-                    * (velocity[row] + velocity[row - 1])
-                    * (run.times[row] - run.times[row - 1]);
+                for part in 1..PARTS {
+                    let share = part as f64 / PARTS as f64;
+                    let between = |of: &[f64]| of[row - 1] + share * (of[row] - of[row - 1]);
+                    let (t, angle, velocity) =
+                        (between(&run.times), between(&angles), between(&velocity));
+                    read.points.push(Point { t, angle, velocity });
+                }
             }
-            at
-        });
-        sum.collect()
-    };
-    let mut read = Way {
-        points: way.points[..way.rows[0]].to_vec(),
-        rows: Vec::with_capacity(way.rows.len()),
-        accelerations: way.accelerations.clone(),
-    };
-    for row in 0..angles.len() {
-        if row > 0 {
-            for part in 1..PARTS {
-                let share = part as f64 / PARTS as f64;
-                let between = |of: &[f64]| of[row - 1] + share * (of[row] - of[row - 1]);
-                let (t, angle, velocity) =
-                    (between(&run.times), between(&angles), between(&velocity));
-                read.points.push(Point { t, angle, velocity });
-            }
+            let point = Point { t: run.times[row], angle: angles[row], velocity: velocity[row] };
+            read.points.push(point);
+            read.rows.push(read.points.len() - 1);
         }
-        let point = Point { t: run.times[row], angle: angles[row], velocity: velocity[row] };
-        read.points.push(point);
-        read.rows.push(read.points.len() - 1);
+        read
     }
-    read
+}
+
+/// A seal with what is hidden in another.
+fn with_effect(seal: Seal, hidden: &Seal) -> Seal {
+    Seal {
+        per_pressure: hidden.per_pressure,
+        per_force: hidden.per_force,
+        eta3: hidden.eta3,
+        ..seal
+    }
 }
 
 /// The mean of so many rows about each.

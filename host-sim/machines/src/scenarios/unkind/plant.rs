@@ -55,6 +55,8 @@ pub(super) struct Way {
 pub(super) struct Machine<'a> {
     pub plant: &'a Plant,
     pub joint: &'a Joint,
+    /// Rate at which what surrounds it is refreshed, Hz; as it truly is without one.
+    pub covariate_hz: Option<f64>,
 }
 
 /// `(1 - exp(-x)) / x`.
@@ -74,7 +76,11 @@ struct State {
     heat_j: f64,
 }
 
-impl Machine<'_> {
+impl<'a> Machine<'a> {
+    /// Bristles, in true surroundings.
+    pub fn bristles(joint: &'a Joint) -> Self {
+        Self { plant: &Plant::Bristles, joint, covariate_hz: None }
+    }
     /// The torque of each row of each run without a sensor in between, Nm. `held` is what the joint holds at
     /// the start of each run as a share of the Coulomb level.
     pub fn torques<'r>(
@@ -127,7 +133,12 @@ impl Machine<'_> {
     }
 
     fn here(&self, condition: &Condition, point: Point, state: &State) -> Here {
-        let around = Around { heat_j: state.heat_j, ..self.joint.around(condition, point.t) };
+        let seen_s = self.covariate_hz.map_or(point.t, |hz| (point.t * hz).floor() / hz);
+        let around = Around {
+            heat_j: state.heat_j,
+            campaign_s: condition.start_s + point.t,
+            ..self.joint.around(condition, seen_s)
+        };
         let level = self.level(&point, &around, state);
         Here { point, around, level }
     }

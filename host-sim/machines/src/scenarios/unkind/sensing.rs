@@ -90,7 +90,7 @@ pub(super) struct Sensing {
     /// Rows over which angle and velocity are held.
     motion_rows: usize,
     /// Rate at which covariates are refreshed, Hz.
-    covariate_hz: Option<f64>,
+    pub covariate_hz: Option<f64>,
 }
 
 impl Sensing {
@@ -150,6 +150,16 @@ impl Sensing {
             }
         }
         own
+    }
+
+    /// How much later than the motion its velocity is logged, s: the group delay of the differences' filter.
+    pub fn velocity_delay_s(&self, rate_hz: f64) -> f64 {
+        let held = 0.5 * (self.motion_rows - 1) as f64 / rate_hz;
+        held + match self.velocity {
+            Velocity::Noisy(_) => 0.0,
+            Velocity::LowPassed(hz) => 0.5 / rate_hz + 1.0 / (TAU * hz),
+            Velocity::Averaged(count) => 0.5 * count as f64 / rate_hz,
+        }
     }
 
     /// Whether the log has an angle.

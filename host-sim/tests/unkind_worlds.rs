@@ -1,0 +1,89 @@
+//! The diagnosis and the plain regression on unkind worlds, a short form of the bench.
+//!
+//! The whole is `cargo run --release -p host-sim --example unkind`; its table is in `docs/diagnosis-benchmark.md`. Here are
+//! the shortest logs of the tuning seeds, so that it takes seconds; the limits are what is reached, to be
+//! tightened when more is.
+
+use host_sim::benchmark::contest::{Contest, contest};
+use host_sim::benchmark::score::Count;
+use rayon::prelude::*;
+use simulated_machines::scenarios::unkind::{self, SensorKind};
+
+/// Worlds that are graded.
+const WORLDS: usize = 20;
+/// Longest log among them, rows.
+const ROWS: usize = 4_500;
+/// Seeds looked through for such.
+const SEEDS: usize = 90;
+/// Least that is right, most that is wrong, of [`WORLDS`].
+const LEAST_RIGHT: usize = 8;
+const MOST_WRONG: usize = 8;
+
+fn short_worlds() -> Vec<u64> {
+    let seeds: Vec<u64> = unkind::seeds(1).take(SEEDS).collect();
+    let short = |seed: &u64| unkind::draw(*seed).log.rows() <= ROWS;
+    let mut found: Vec<u64> = seeds.into_par_iter().filter(short).collect();
+    found.truncate(WORLDS);
+    found
+}
+
+#[test]
+fn unkind_worlds_are_answered_no_worse_than_before() {
+    let seeds = short_worlds();
+    assert_eq!(seeds.len(), WORLDS);
+    let contests: Vec<Contest> =
+        seeds.into_par_iter().map(|seed| contest(seed, false).expect("an answer")).collect();
+    for contest in &contests {
+        println!("{}", contest.line());
+    }
+    let ours = Count::of(contests.iter().filter_map(|contest| contest.ours.as_ref()));
+    let rival = Count::of(contests.iter().map(|contest| &contest.rival));
+    println!("diagnosis {ours:?}, regression {rival:?}");
+    assert_eq!(ours.right + ours.wrong + ours.abstained, WORLDS);
+    assert!(ours.right >= LEAST_RIGHT, "{ours:?}");
+    assert!(ours.wrong <= MOST_WRONG, "{ours:?}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_world() {
+    for seed in unkind::seeds(3).take(3) {
+        let (one, other) = (unkind::draw(seed), unkind::draw(seed));
+        assert_eq!(one.log, other.log);
+        assert_eq!(one.truth.json(), other.truth.json());
+    }
+}
+
+#[test]
+fn worlds_are_as_varied_as_they_say() {
+    let worlds: Vec<_> =
+        unkind::seeds(5).take(48).collect::<Vec<u64>>().into_par_iter().map(unkind::draw).collect();
+    for kind in SensorKind::ALL {
+        assert!(worlds.iter().any(|w| w.truth.sensor == kind), "{}", kind.name());
+    }
+    for plant in ["bristles", "slip-elements"] {
+        assert!(worlds.iter().any(|w| w.truth.plant == plant), "{plant}");
+    }
+    let hidden = |w: &&unkind::UnkindWorld| w.truth.hidden.is_some();
+    assert!(worlds.iter().any(|w| !hidden(&w)));
+    assert!(worlds.iter().filter(hidden).any(|w| !w.truth.detectable()));
+    assert!(worlds.iter().filter(hidden).any(|w| w.truth.gain_in_errors > 30.0));
+    for world in &worlds {
+        let truth = &world.truth;
+        let seed = truth.seed;
+        assert!((1_500..=25_000).contains(&world.log.rows()), "{seed}: {} rows", world.log.rows());
+        assert!((3..=40).contains(&world.log.runs.len()), "{seed}");
+        assert!((49.0..=2001.0).contains(&truth.rate_hz), "{seed}");
+        assert!(truth.floor_nm.is_finite() && truth.floor_nm > 0.0, "{seed}");
+        let position = world.log.columns.iter().any(|name| name == "position_rad");
+        assert_eq!(position, truth.sensor != SensorKind::NoPosition, "{seed}");
+        for run in &world.log.runs {
+            assert!(run.columns.iter().flatten().all(|x| x.is_finite()), "{seed}");
+            assert!(run.columns[0].windows(2).all(|t| t[0] < t[1]), "{seed}: time stands still");
+        }
+        // An exact log leaves its noise and nothing else, where the plant is bristles.
+        if truth.sensor == SensorKind::Exact && truth.plant == "bristles" {
+            let ratio = truth.floor_nm / truth.noise_nm;
+            assert!((0.95..1.05).contains(&ratio), "{seed}: {ratio}");
+        }
+    }
+}
