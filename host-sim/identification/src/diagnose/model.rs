@@ -6,6 +6,7 @@ use super::train_test::Follows;
 use super::train_test::TrainTest;
 use crate::fit::predict::{Predicted, predict};
 use crate::fit::simulate::Resolution;
+use crate::fit::solve::ENOUGH_TO_COMPARE;
 use crate::fit::{FitOptions, Rows, fit};
 use crate::spec::{Spec, SpecError};
 use compensator_core::{ParameterId, Parameters, TermKind};
@@ -70,6 +71,7 @@ fn refit(log: &TrainTest, start: &Start) -> Fitted {
         fixed: start.fixed.clone(),
         resolution: Some(start.resolution),
         patience: PATIENCE,
+        enough: ENOUGH_TO_COMPARE,
         ..FitOptions::default()
     };
     let solution = fit(&start.spec, &start.parameters, log.train_rows(), &options);
@@ -92,6 +94,7 @@ pub fn again(rows: Rows, model: &Fitted) -> Fitted {
         fixed: model.fixed.clone(),
         resolution: Some(model.resolution),
         patience: PATIENCE,
+        enough: ENOUGH_TO_COMPARE,
         ..FitOptions::default()
     };
     let solution = fit(&model.spec, &model.parameters, rows, &options);

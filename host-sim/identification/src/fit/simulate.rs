@@ -171,7 +171,8 @@ mod tests {
             base.set(*id, 0.05 * (index as f64 * 1.7).sin());
         }
         let track = track();
-        let resolution = Resolution::PLAIN.finer();
+        // Steps of one size: how rows of one step and of many mix has no derivative here.
+        let resolution = Resolution { substeps: 2, extrapolated: false };
         let torques = |parameters: &Parameters<f64>| {
             let mut torques = Vec::new();
             simulate(parameters, &track, Some(0.0), resolution, |_, torque, _| {
