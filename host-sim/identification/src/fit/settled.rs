@@ -127,8 +127,7 @@ impl Pilot<'_> {
         if self.travel < self.settling {
             return 1.0;
         }
-        // Also where the error is not a number.
-        if !(error < 2.0 * TOLERANCE) {
+        if error >= 2.0 * TOLERANCE || error.is_nan() {
             return 1.0;
         }
         let over = (error / TOLERANCE - 1.0).max(0.0);
