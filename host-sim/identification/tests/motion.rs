@@ -155,7 +155,7 @@ fn a_noisy_velocity_alone_does_little_harm() {
     for (stiffness, rate) in [(1000.0, 250.0), (4000.0, 500.0)] {
         let world = world(stiffness, rate);
         let (before, after) = before_and_after(&world, &world.log(&world.noisy(), None));
-        assert!(before > 3.0 && after < 1.4, "{before} {after}");
+        assert!(before > 3.0 && after < 1.6, "{before} {after}");
     }
 }
 

@@ -102,7 +102,7 @@ impl Study {
             quantile(stretches.iter().flat_map(|s| s.velocity.iter().map(|v| v.abs())), 0.95);
         let sensors = Sensors { step_s, speed, exact: true, ..Sensors::default() };
         let mut study = Self { sensors, all: Vec::new(), levels: None };
-        if !(step_s > 0.0 && speed > 0.0) {
+        if step_s <= 0.0 || speed <= 0.0 {
             return study;
         }
         study.sensors.position_quantum = quantum(stretches.iter().filter_map(|s| s.position));

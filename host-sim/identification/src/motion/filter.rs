@@ -227,11 +227,11 @@ fn filter(series: &Series, noise: &Noise, jumps: &[f64], keep: bool) -> Filtered
         if keep {
             pass.measured.push(here);
         }
-        if row + 1 < rows {
+        if let Some(jump) = jumps.get(row) {
             let step = series.step(row);
             x = forward(&x, step);
             p = carried(&p, step, forward);
-            p[2][2] += jumps[row] * step;
+            p[2][2] += jump * step;
         }
     }
     pass
@@ -314,9 +314,9 @@ pub fn draw(
         if let Some(velocity) = &mut drawn.velocity {
             velocity.push(x[1] + (told(row) * series.velocity_variance(noise)).sqrt() * normal());
         }
-        if row + 1 < rows {
+        if let Some(jump) = jumps.get(row) {
             x = forward(&x, series.step(row));
-            x[2] += (jumps[row] * series.step(row)).sqrt() * normal();
+            x[2] += (jump * series.step(row)).sqrt() * normal();
         }
     }
     let smoothed = smooth_as(series, &drawn, noise, jumps);

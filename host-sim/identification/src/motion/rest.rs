@@ -72,7 +72,9 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
             // By its own scatter where that is less: a slow steady slide is not the noise of a fast one.
             let mean =
                 shape.mean.abs() * (window as f64).sqrt() / sigma.min(QUIETER * shape.scatter);
-            !(mean >= WITHIN) && shape.runs(sigma) < WITHIN && shape.scatter < SCATTER * sigma
+            (mean < WITHIN || mean.is_nan())
+                && shape.runs(sigma) < WITHIN
+                && shape.scatter < SCATTER * sigma
         });
         position && velocity
     };
