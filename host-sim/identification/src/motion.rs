@@ -61,7 +61,7 @@ pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
     let all: Vec<Stretch> =
         places.iter().map(|(run, rows)| stretch(&data.runs[*run], rows)).collect();
     let study = Study::new(&all);
-    if study.sensors.exact {
+    if study.sensors.is_as_logged() {
         return (data.clone(), study.sensors);
     }
     let motion = |(index, stretch): (usize, &Stretch)| {

@@ -18,6 +18,9 @@ pub const DRAWS: usize = 3;
 /// where the joint is.
 const EXACT: f64 = 1e-4;
 
+/// Standard deviations of the noise to either side of zero by which a joint turns.
+const TURNS: f64 = 5.0;
+
 /// Runs that begin alike, from which it is no chance.
 const FEWEST_ALIKE: usize = 3;
 
@@ -80,8 +83,18 @@ pub struct Sensors {
     pub from_velocity_alone: bool,
     /// RMS of the velocity over the rows at rest; [`Sensors::noise_at_rest`] leaves the worst tenth out.
     pub flicker_at_rest: f64,
-    /// Whether the velocity was taken as it stands.
+    /// Whether the velocity is exact, and taken as it stands.
     pub exact: bool,
+    /// Whether it is taken as it stands because there is no position and the joint neither rests nor turns: in
+    /// one-way sliding no bristle integrates the noise, and what looks like noise may be the motion.
+    pub steady: bool,
+}
+
+impl Sensors {
+    /// Whether the motion is the one that was logged.
+    pub fn is_as_logged(&self) -> bool {
+        self.exact || self.steady
+    }
 }
 
 /// What was found of all stretches together, and each of them ready to be smoothed.
@@ -159,6 +172,13 @@ impl Study {
         sensors.exact = !sensors.from_position_alone
             && (own_noise / step_s).min(sensors.velocity_noise) < nothing
             && sensors.noise_at_rest < nothing;
+        let sign = TURNS * sensors.velocity_noise;
+        let turns = stretches.iter().any(|stretch| {
+            let beyond = |side: f64| stretch.velocity.iter().any(|v| side * v > sign);
+            beyond(1.0) && beyond(-1.0)
+        });
+        let alone = !has_position || sensors.from_velocity_alone;
+        sensors.steady = alone && !turns && sensors.rows_at_rest == 0;
         *found = Some(levels);
     }
 
@@ -170,13 +190,13 @@ impl Study {
         normal: &mut dyn FnMut() -> f64,
     ) -> Motion {
         match (&self.levels, self.all.get(index)) {
-            (Some(levels), Some(series)) if !self.sensors.exact && series.len() > 2 => {
+            (Some(levels), Some(series)) if !self.sensors.is_as_logged() && series.len() > 2 => {
                 motion(series, stretch, levels, &self.sensors, normal)
             }
             _ => Motion {
                 position: stretch.position.map(<[f64]>::to_vec),
                 velocity: stretch.velocity.to_vec(),
-                draws: if self.sensors.exact {
+                draws: if self.sensors.is_as_logged() {
                     Vec::new()
                 } else {
                     vec![vec![0.0; stretch.velocity.len()]; DRAWS]
