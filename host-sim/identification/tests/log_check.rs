@@ -199,19 +199,24 @@ fn other_units_are_suspected() {
 }
 
 #[test]
-fn a_position_that_starts_anew_is_told() {
-    let spoil = |run: usize, columns: &mut Columns| {
-        // Runs that end elsewhere: a steady turning beside the swings.
-        let steady = 0.2 + 0.1 * run as f64;
-        let start = columns[3][0];
+fn a_position_that_was_integrated_is_told() {
+    let spoil = |_: usize, columns: &mut Columns| {
+        let mut sum = 0.0;
         for row in 0..ROWS {
-            columns[1][row] += steady;
-            columns[3][row] += steady * columns[0][row] - start;
+            // A steady turning beside the swings, so that runs end elsewhere.
+            columns[1][row] += 0.2;
+            sum += if row > 0 { STEP_S * columns[1][row] } else { 0.0 };
+            columns[3][row] = sum;
         }
     };
     let findings = found(spoil);
     let finding = findings.iter().find(|finding| finding.kind == Kind::UnitSuspect);
     assert!(finding.is_some_and(|f| f.columns == ["position_rad"]), "{findings:?}");
+    let set_to_zero = found(|_, c| {
+        let start = c[3][0];
+        c[3].iter_mut().for_each(|angle| *angle -= start);
+    });
+    assert_eq!(set_to_zero, []);
 }
 
 #[test]
