@@ -201,12 +201,14 @@ fn other_units_are_suspected() {
 #[test]
 fn a_position_that_was_integrated_is_told() {
     let spoil = |_: usize, columns: &mut Columns| {
-        let mut sum = 0.0;
-        for row in 0..ROWS {
+        let (mut sum, mut step) = (0.0, 0.0);
+        let [_, velocity, _, position, _] = columns;
+        for (velocity, position) in velocity.iter_mut().zip(position) {
             // A steady turning beside the swings, so that runs end elsewhere.
-            columns[1][row] += 0.2;
-            sum += if row > 0 { STEP_S * columns[1][row] } else { 0.0 };
-            columns[3][row] = sum;
+            *velocity += 0.2;
+            sum += step * *velocity;
+            *position = sum;
+            step = STEP_S;
         }
     };
     let findings = found(spoil);

@@ -43,6 +43,11 @@ impl Series {
         self.steps.len() + 1
     }
 
+    /// Whether there are no rows. Never so: a series without steps is one row.
+    pub fn is_empty(&self) -> bool {
+        self.at_rest.is_empty()
+    }
+
     /// Variance of a row's position, noise and rounding.
     pub fn position_variance(&self, row: usize, noise: &Noise) -> f64 {
         noise.position + self.rounding.get(row).copied().unwrap_or_default()

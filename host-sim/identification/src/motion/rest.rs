@@ -120,9 +120,12 @@ fn creeps(velocity: &[f64], at_rest: &[bool]) -> bool {
     count > 0.0 && sum * sum > WITHIN * WITHIN * squares
 }
 
+/// A column with the standard deviation of its noise, if there is one.
+type WithNoise<'a> = Option<(&'a Vec<f64>, f64)>;
+
 /// What a rest is seen through: columns with their noise, `true` for a position.
 struct Seen<'a> {
-    columns: [(Option<(&'a Vec<f64>, f64)>, bool); 2],
+    columns: [(WithNoise<'a>, bool); 2],
     rest: Range<usize>,
     window: usize,
 }
