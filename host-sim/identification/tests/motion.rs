@@ -155,7 +155,7 @@ fn a_noisy_velocity_alone_does_little_harm() {
     for (stiffness, rate) in [(1000.0, 250.0), (4000.0, 500.0)] {
         let world = world(stiffness, rate);
         let (before, after) = before_and_after(&world, &world.log(&world.noisy(), None));
-        assert!(before > 3.0 && after < 1.4, "{before} {after}");
+        assert!(before > 3.0 && after < 1.6, "{before} {after}");
     }
 }
 
@@ -188,9 +188,9 @@ fn velocity_integrates_to_the_position_and_rest_is_rest() {
     let run = &found.runs[0];
     let q = run.get(Quantity::Position).expect("a position");
     let mut angle = q[0];
-    for row in 1..q.len() {
+    for (row, q) in q.iter().enumerate().skip(1) {
         angle += 0.5 * world.period_s * (run.velocity[row] + run.velocity[row - 1]);
-        assert!((angle - q[row]).abs() < 1e-6, "{angle} {} at {row}", q[row]);
+        assert!((angle - q).abs() < 1e-6, "{angle} {q} at {row}");
     }
     assert!(sensors.rows_at_rest > 1000);
     // In the middle of a second of rest.

@@ -144,8 +144,8 @@ impl DataArguments {
 
     /// What is to be corrected.
     fn correct(&self) -> Result<Correct, String> {
-        let mut correct = Correct::default();
-        correct.motion = self.motion == MotionFrom::Smoothed;
+        let mut correct =
+            Correct { motion: self.motion == MotionFrom::Smoothed, ..Correct::default() };
         for name in &self.as_logged {
             match Kind::parse(name.trim()) {
                 Some(Kind::VelocityNoise | Kind::VelocityLag | Kind::Quantised) => {

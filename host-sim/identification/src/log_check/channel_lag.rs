@@ -123,10 +123,10 @@ fn left(parts: &[Part], shift: i64, longest: usize) -> f64 {
         all.push(&part.torque[rows]);
         let means: Vec<f64> =
             all.iter().map(|values| values.iter().sum::<f64>() / values.len() as f64).collect();
-        for i in 0..all.len() {
-            for j in 0..=i {
-                let (a, b) = (all[i].iter(), all[j].iter());
-                let sum: f64 = a.zip(b).map(|(a, b)| (a - means[i]) * (b - means[j])).sum();
+        for (i, (one, mean)) in all.iter().zip(&means).enumerate() {
+            for (j, (other, its_mean)) in all.iter().zip(&means).enumerate().take(i + 1) {
+                let both = one.iter().zip(*other);
+                let sum: f64 = both.map(|(a, b)| (a - mean) * (b - its_mean)).sum();
                 products[(i, j)] += sum;
             }
         }

@@ -70,7 +70,7 @@ fn failed(column: &Column) -> Option<(Vec<(usize, usize)>, f64)> {
     let mut all: Vec<f64> = column.values().collect();
     let middle = quantile(&mut all, 0.5);
     let span = quantile(&mut all, 0.99) - quantile(&mut all, 0.01);
-    if !(span > 0.0) {
+    if span <= 0.0 {
         return None;
     }
     let is_far = |value: f64| (value - middle).abs() > FAR * span;

@@ -18,7 +18,7 @@ pub fn sign(log: &Log) -> Vec<LogFinding> {
             size += (torque * velocity).abs();
         }
     }
-    if !(size > 0.0 && power / size < GIVES) {
+    if size <= 0.0 || power / size >= GIVES {
         return Vec::new();
     }
     vec![LogFinding {

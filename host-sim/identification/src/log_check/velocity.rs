@@ -19,10 +19,13 @@ pub fn noise(log: &Log) -> Vec<LogFinding> {
     }
     let rests = sensors.rows_at_rest >= FEWEST;
     let unit = log.data.joint.velocity_unit();
-    let corrected = log.correct.motion;
+    let corrected = log.correct.motion && !sensors.steady;
     let from = (log.column(log.position()).is_some() && !sensors.from_velocity_alone)
         .then_some(sensors.from_position_alone);
     let done = match (corrected, from) {
+        (false, _) if sensors.steady => {
+            "it is taken as logged, as the joint neither rests nor turns and no position tells it from motion"
+        }
         (false, _) => "it is taken as logged, as asked",
         (true, Some(true)) => "the motion is reconstructed from the position alone",
         (true, Some(false)) => "the motion is reconstructed from position and velocity together",

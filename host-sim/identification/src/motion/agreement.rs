@@ -93,11 +93,12 @@ pub fn agreement(all: &[Series]) -> Agreement {
     for (series, logged) in alone.iter().zip(&velocities) {
         let found = smooth(series, &noise, &vec![jump; series.len() - 1]);
         let ends = 4.min(series.len() / 4);
-        for row in ends..series.len() - ends {
+        let inner = logged.iter().enumerate().take(series.len() - ends).skip(ends);
+        for (row, logged) in inner {
             let state = found.states[row];
             // The polygon's acceleration belongs to the middle of the step after the row.
             let bend = 0.5 * (state[2] + found.states[row - 1][2]);
-            table.push([logged[row], state[1], bend]);
+            table.push([*logged, state[1], bend]);
         }
     }
     if table.len() < FEWEST {
@@ -119,7 +120,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
             count += 1.0;
         }
         let determinant = vv * aa - va * va;
-        if !(determinant > 1e-12 * vv * aa) {
+        if determinant.is_nan() || determinant <= 1e-12 * vv * aa {
             break;
         }
         let gain = (yv * aa - ya * va) / determinant;

@@ -18,6 +18,12 @@ pub const DRAWS: usize = 3;
 /// where the joint is.
 const EXACT: f64 = 1e-4;
 
+/// Standard deviations of the noise to either side of zero by which a joint turns.
+const TURNS: f64 = 5.0;
+
+/// What a sum leaves of the travel, over what the trapezoid leaves, where the position is such a sum.
+const SUM: f64 = 0.1;
+
 /// Runs that begin alike, from which it is no chance.
 const FEWEST_ALIKE: usize = 3;
 
@@ -78,10 +84,22 @@ pub struct Sensors {
     /// Whether the position column was left out: it was integrated from the velocity, or runs by another
     /// clock than a velocity that is as good.
     pub from_velocity_alone: bool,
+    /// Whether the position is a sum of the velocity that begins at the same value in each run.
+    pub position_integrated: bool,
     /// RMS of the velocity over the rows at rest; [`Sensors::noise_at_rest`] leaves the worst tenth out.
     pub flicker_at_rest: f64,
-    /// Whether the velocity was taken as it stands.
+    /// Whether the velocity is exact, and taken as it stands.
     pub exact: bool,
+    /// Whether it is taken as it stands because there is no position and the joint neither rests nor turns: in
+    /// one-way sliding no bristle integrates the noise, and what looks like noise may be the motion.
+    pub steady: bool,
+}
+
+impl Sensors {
+    /// Whether the motion is the one that was logged.
+    pub fn is_as_logged(&self) -> bool {
+        self.exact || self.steady
+    }
 }
 
 /// What was found of all stretches together, and each of them ready to be smoothed.
@@ -102,7 +120,7 @@ impl Study {
             quantile(stretches.iter().flat_map(|s| s.velocity.iter().map(|v| v.abs())), 0.95);
         let sensors = Sensors { step_s, speed, exact: true, ..Sensors::default() };
         let mut study = Self { sensors, all: Vec::new(), levels: None };
-        if !(step_s > 0.0 && speed > 0.0) {
+        if step_s <= 0.0 || speed <= 0.0 {
             return study;
         }
         study.sensors.position_quantum = quantum(stretches.iter().filter_map(|s| s.position));
@@ -119,8 +137,9 @@ impl Study {
         if has_position {
             let found = agreement(all);
             sensors.agreement = Some(found);
-            let integrated = start_alike(stretches);
-            sensors.from_velocity_alone = integrated || found.is_merely_late();
+            let unstepped = sensors.position_quantum == 0.0;
+            sensors.position_integrated = unstepped && start_alike(stretches) && is_sum(stretches);
+            sensors.from_velocity_alone = sensors.position_integrated || found.is_merely_late();
             sensors.from_position_alone = found.lags() && !sensors.from_velocity_alone;
         }
         let own_noise = noise_alone(all);
@@ -159,6 +178,13 @@ impl Study {
         sensors.exact = !sensors.from_position_alone
             && (own_noise / step_s).min(sensors.velocity_noise) < nothing
             && sensors.noise_at_rest < nothing;
+        let sign = TURNS * sensors.velocity_noise;
+        let turns = stretches.iter().any(|stretch| {
+            let beyond = |side: f64| stretch.velocity.iter().any(|v| side * v > sign);
+            beyond(1.0) && beyond(-1.0)
+        });
+        let alone = !has_position || sensors.from_velocity_alone;
+        sensors.steady = alone && !turns && sensors.rows_at_rest == 0;
         *found = Some(levels);
     }
 
@@ -170,13 +196,13 @@ impl Study {
         normal: &mut dyn FnMut() -> f64,
     ) -> Motion {
         match (&self.levels, self.all.get(index)) {
-            (Some(levels), Some(series)) if !self.sensors.exact && series.len() > 2 => {
+            (Some(levels), Some(series)) if !self.sensors.is_as_logged() && series.len() > 2 => {
                 motion(series, stretch, levels, &self.sensors, normal)
             }
             _ => Motion {
                 position: stretch.position.map(<[f64]>::to_vec),
                 velocity: stretch.velocity.to_vec(),
-                draws: if self.sensors.exact {
+                draws: if self.sensors.is_as_logged() {
                     Vec::new()
                 } else {
                     vec![vec![0.0; stretch.velocity.len()]; DRAWS]
@@ -197,6 +223,25 @@ fn start_alike(stretches: &[Stretch]) -> bool {
     let moved = ends.iter().filter(|(start, end)| start != end).count();
     let alike = ends.iter().filter(|(start, _)| start == first).count();
     ends.len() >= FEWEST_ALIKE && alike == ends.len() && 2 * moved > ends.len()
+}
+
+/// Whether the position is the sum of velocity times step, row by row, to the last digits: an exact position is not,
+/// as it knows what the velocity does between rows; an encoder's differences are, but come in steps.
+fn is_sum(stretches: &[Stretch]) -> bool {
+    let mut off: [Vec<f64>; 2] = Default::default();
+    for stretch in stretches {
+        let Some(q) = stretch.position else { return false };
+        for row in 1..q.len() {
+            let step = stretch.time_s[row] - stretch.time_s[row - 1];
+            let (before, now) = (stretch.velocity[row - 1], stretch.velocity[row]);
+            let travel = q[row] - q[row - 1];
+            let rectangle = (travel - step * now).abs().min((travel - step * before).abs());
+            off[0].push(rectangle);
+            off[1].push((travel - 0.5 * step * (now + before)).abs());
+        }
+    }
+    let [rectangle, trapezoid] = off.map(|off| quantile(off.into_iter(), 0.9));
+    rectangle < SUM * trapezoid
 }
 
 /// Variance of a stretch's velocity noise over that of the log: a sensor that is read at another speed, or another

@@ -43,6 +43,11 @@ impl Series {
         self.steps.len() + 1
     }
 
+    /// Whether there are no rows. Never so: a series without steps is one row.
+    pub fn is_empty(&self) -> bool {
+        self.at_rest.is_empty()
+    }
+
     /// Variance of a row's position, noise and rounding.
     pub fn position_variance(&self, row: usize, noise: &Noise) -> f64 {
         noise.position + self.rounding.get(row).copied().unwrap_or_default()
@@ -227,11 +232,11 @@ fn filter(series: &Series, noise: &Noise, jumps: &[f64], keep: bool) -> Filtered
         if keep {
             pass.measured.push(here);
         }
-        if row + 1 < rows {
+        if let Some(jump) = jumps.get(row) {
             let step = series.step(row);
             x = forward(&x, step);
             p = carried(&p, step, forward);
-            p[2][2] += jumps[row] * step;
+            p[2][2] += jump * step;
         }
     }
     pass
@@ -314,9 +319,9 @@ pub fn draw(
         if let Some(velocity) = &mut drawn.velocity {
             velocity.push(x[1] + (told(row) * series.velocity_variance(noise)).sqrt() * normal());
         }
-        if row + 1 < rows {
+        if let Some(jump) = jumps.get(row) {
             x = forward(&x, series.step(row));
-            x[2] += (jumps[row] * series.step(row)).sqrt() * normal();
+            x[2] += (jump * series.step(row)).sqrt() * normal();
         }
     }
     let smoothed = smooth_as(series, &drawn, noise, jumps);

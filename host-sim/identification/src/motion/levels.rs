@@ -35,8 +35,9 @@ const LEAST_USUAL: f64 = 1e-3;
 /// The acceleration at a start or a stop is this percentile of all.
 const HARDEST: usize = 99;
 
-/// Smallest share of its own mean square a variance may have: what a float's rounding leaves.
-const ROUNDING: f64 = 1e-20;
+/// Least variance of a noise, as a share of the mean square of a row's travel: a hundred-thousandth of the
+/// travel. A filter that is told less loses its last digits.
+const ROUNDING: f64 = 1e-10;
 
 /// What was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,13 +63,12 @@ pub fn likeliest(all: &[Series]) -> Levels {
         column.map(|values| differences(values, 4))
     };
     // The median of the squares of fourth differences: few turns are among them.
-    let position_scale = squares(&|s| s.position.clone()).max(f64::MIN_POSITIVE);
     let velocity_scale =
         squares(&|s| s.velocity.clone().or_else(|| s.position.as_ref().map(|q| differences(q, 1))))
             .max(f64::MIN_POSITIVE);
     let start = [
         (median_square(&judged, |s| fourth(s.position.as_ref())) / FOURTH)
-            .max(ROUNDING * position_scale),
+            .max(ROUNDING * velocity_scale),
         (median_square(&judged, |s| fourth(s.velocity.as_ref())) / FOURTH)
             .max(ROUNDING * velocity_scale),
         1e-6 * velocity_scale,
@@ -78,7 +78,7 @@ pub fn likeliest(all: &[Series]) -> Levels {
         judged.iter().any(|s| s.velocity.is_some()),
         true,
     ];
-    let floor = [ROUNDING * position_scale, ROUNDING * velocity_scale, f64::MIN_POSITIVE];
+    let floor = [ROUNDING * velocity_scale, ROUNDING * velocity_scale, f64::MIN_POSITIVE];
     let levels =
         |at: &[f64; 3]| Levels { noise: Noise { position: at[0], velocity: at[1] }, jump: at[2] };
     let likelihood = |at: &[f64; 3]| -> f64 {
@@ -102,7 +102,7 @@ pub fn likeliest(all: &[Series]) -> Levels {
                     let mut tried = at;
                     tried[index] = (at[index] * factor).max(floor[index]);
                     let value = likelihood(&tried);
-                    if !(value > best + 1e-3) {
+                    if value.is_nan() || value <= best + 1e-3 {
                         break;
                     }
                     (at, best, moved) = (tried, value, true);
@@ -178,12 +178,12 @@ pub fn adapt(series: &Series, levels: &Levels) -> (Vec<f64>, Smoothed) {
             sums[row + 1] = sums[row] + smoothed.jumps[row];
         }
         let (mut inverse, mut moving) = (0.0, 0.0);
-        for row in 0..rows - 1 {
+        for (row, jump) in jumps.iter_mut().enumerate() {
             let (from, to) = (row.saturating_sub(NEIGHBOURS), (row + NEIGHBOURS + 1).min(rows - 1));
             let squares = (sums[to] - sums[from]).max(0.0);
-            jumps[row] = (USUAL_WEIGHT * usual + squares) / (USUAL_WEIGHT + (to - from) as f64);
+            *jump = (USUAL_WEIGHT * usual + squares) / (USUAL_WEIGHT + (to - from) as f64);
             if !series.at_rest[row] {
-                inverse += 1.0 / jumps[row];
+                inverse += 1.0 / *jump;
                 moving += 1.0;
             }
         }

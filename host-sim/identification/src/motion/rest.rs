@@ -72,7 +72,9 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
             // By its own scatter where that is less: a slow steady slide is not the noise of a fast one.
             let mean =
                 shape.mean.abs() * (window as f64).sqrt() / sigma.min(QUIETER * shape.scatter);
-            !(mean >= WITHIN) && shape.runs(sigma) < WITHIN && shape.scatter < SCATTER * sigma
+            (mean < WITHIN || mean.is_nan())
+                && shape.runs(sigma) < WITHIN
+                && shape.scatter < SCATTER * sigma
         });
         position && velocity
     };
@@ -118,9 +120,12 @@ fn creeps(velocity: &[f64], at_rest: &[bool]) -> bool {
     count > 0.0 && sum * sum > WITHIN * WITHIN * squares
 }
 
+/// A column with the standard deviation of its noise, if there is one.
+type WithNoise<'a> = Option<(&'a Vec<f64>, f64)>;
+
 /// What a rest is seen through: columns with their noise, `true` for a position.
 struct Seen<'a> {
-    columns: [(Option<(&'a Vec<f64>, f64)>, bool); 2],
+    columns: [(WithNoise<'a>, bool); 2],
     rest: Range<usize>,
     window: usize,
 }
