@@ -30,6 +30,8 @@ struct Problem<'a> {
     stop: Stop,
     point: DVector<f64>,
     reduced: Reduced,
+    /// The best point so far: an optimiser that gives up on a trial step must not end there.
+    best: (DVector<f64>, Reduced),
     evaluations: usize,
 }
 
@@ -60,6 +62,10 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
         self.point.copy_from(point);
         self.reduced = reduce(self.coordinates, point.as_slice(), self.rows, self.resolution);
         self.evaluations += 1;
+        let lower = self.reduced.sum_of_squares() < self.best.1.sum_of_squares();
+        if lower && self.is_finite() {
+            self.best = (self.point.clone(), self.reduced.clone());
+        }
     }
 
     fn params(&self) -> OVector<f64, Dyn> {
@@ -122,17 +128,21 @@ pub fn minimise_from(
         return Minimum { point: Vec::new(), reduced, evaluations: 1, converged: true };
     }
     let point = DVector::from_column_slice(from);
-    let problem = Problem { coordinates, rows, resolution, stop, point, reduced, evaluations: 1 };
+    let best = (point.clone(), reduced.clone());
+    let problem =
+        Problem { coordinates, rows, resolution, stop, point, reduced, best, evaluations: 1 };
     let optimiser = LevenbergMarquardt::new()
         .with_patience(stop.patience)
         .with_ftol(problem.enough())
         .with_xtol(1e-7)
         .with_gtol(1e-10);
     let (problem, report) = optimiser.minimize(problem);
+    let converged = report.termination.was_successful() || problem.is_settled();
+    let (point, reduced) = problem.best;
     Minimum {
-        converged: report.termination.was_successful() || problem.is_settled(),
-        point: problem.point.as_slice().to_vec(),
-        reduced: problem.reduced,
+        converged,
+        point: point.as_slice().to_vec(),
+        reduced,
         evaluations: problem.evaluations,
     }
 }

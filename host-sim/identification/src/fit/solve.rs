@@ -109,17 +109,14 @@ impl Solution {
 /// If the model carries more terms than the core takes.
 pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions) -> Solution {
     let scales = Scales::of(rows.tracks);
-    // The declared speed limits the step; the fit is to see all that was measured.
-    let mut base = base.clone();
-    base.envelope.velocity_max_rad_s = f32::MAX;
-    let base = &base;
+    let base = &seeing_all(base.clone());
     let free = free_parameters(spec, base, rows.tracks, options);
     let given = options.substeps.is_some() || options.resolution.is_some();
     let refines = spec.law.has_bristles() && !given;
     let plain = Resolution { substeps: options.substeps.unwrap_or(1).max(1), extrapolated: false };
     let mut resolution = options.resolution.unwrap_or(plain);
     let candidates = match &options.start {
-        Some(start) => vec![start.clone()],
+        Some(start) => vec![seeing_all(start.clone())],
         None => start::candidates(spec, base, &free, rows, &scales, resolution, options.starts),
     };
     let (collinear, at_first) = match candidates.first() {
@@ -190,6 +187,12 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
     }
     best.evaluations = evaluations;
     best
+}
+
+/// The declared speed limits the step; a fit is to see all that was measured, wherever it begins.
+fn seeing_all(mut parameters: Parameters<f64>) -> Parameters<f64> {
+    parameters.envelope.velocity_max_rad_s = f32::MAX;
+    parameters
 }
 
 /// Free parameters whose effect is, to rounding, a combination of those before them: in sliding, a
