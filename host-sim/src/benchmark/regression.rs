@@ -11,7 +11,7 @@
 //! Everything is done on products of columns by fold (a Gram matrix each), so a choice costs no pass over the rows.
 //! What a diagnosis must do better than.
 
-use super::cause_columns::{CauseColumns, causes};
+use super::cause_columns::causes;
 use super::stop_operator::{displacements, stop};
 use friction_identification::data::{Dataset, Quantity, Run};
 use nalgebra::{DMatrix, DVector};
@@ -306,23 +306,21 @@ pub fn regression(data: &Dataset, rigid_body: &[&str]) -> Regression {
     let rows = Rows::new(data);
     let base = best_base(&rows, rigid_body);
     let causes = causes(&rows, &base, rigid_body);
-    let mut columns: Vec<&Column> = base.columns.iter().collect();
-    let mut places: Vec<Vec<usize>> = Vec::with_capacity(causes.len());
-    for CauseColumns { columns: own, .. } in &causes {
-        places.push((columns.len()..columns.len() + own.len()).collect());
-        columns.extend(own);
-    }
+    let own = base.columns.len();
+    let columns: Vec<&Column> = base.columns.iter().chain(&causes.columns).collect();
     let products = Products::new(&columns, &rows.torque, &rows.folds());
-    let mut chosen: Vec<usize> = (0..base.columns.len()).collect();
+    let mut chosen: Vec<usize> = (0..own).collect();
     let mut errors = products.left_out(&chosen);
     let begin: f64 = errors.iter().sum();
     let (mut named, mut heard) = (Vec::new(), Vec::new());
     while named.len() < MOST {
         let before: f64 = errors.iter().sum();
-        let tried = causes.iter().zip(&places).filter(|(cause, _)| !named.contains(&cause.name));
-        let tried = tried.map(|(cause, own)| {
-            let with: Vec<usize> = chosen.iter().chain(own).copied().collect();
-            (cause.name, products.left_out(&with), with)
+        let tried = causes.causes.iter().filter(|(name, _)| !named.contains(name));
+        let tried = tried.map(|(name, places)| {
+            let places = places.iter().map(|place| own + place);
+            let new = places.filter(|place| !chosen.contains(place));
+            let with: Vec<usize> = chosen.iter().copied().chain(new).collect();
+            (*name, products.left_out(&with), with)
         });
         let mut tried: Vec<Tried> = tried
             .map(|(name, after, columns)| Tried {
