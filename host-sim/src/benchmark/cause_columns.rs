@@ -29,8 +29,8 @@ impl CauseColumns {
 
 /// Orders of a ripple that are tried, in one turn.
 const ORDERS: u32 = 60;
-/// Gaps of backlash that are tried, of the base's travel and of a run's span.
-const GAPS: ([f64; 3], [f64; 3]) = ([0.5, 1.0, 3.0], [2e-3, 1e-2, 5e-2]);
+/// Gaps of backlash that are tried, of the base's travel; smaller ones only mend the elastic sign's shape.
+const GAPS: [f64; 3] = [1.0, 2.0, 5.0];
 /// Exponents of a Stribeck curve beside 2, and its velocities of the usual speed.
 const EXPONENTS: [f64; 3] = [0.5, 1.0, 4.0];
 const STRIBECK: [f64; 3] = [0.01, 0.05, 0.2];
@@ -123,8 +123,8 @@ pub(super) fn causes(rows: &Rows, base: &Base, rigid_body: &[&str]) -> CauseColu
             all.add("stribeck-shape", vec![rows.map(curve)]);
         }
     }
-    for gap in GAPS.0.map(|g| g * base.travel).into_iter().chain(GAPS.1.map(|g| g * rows.span)) {
-        all.add("backlash", vec![rows.stop(base.travel, gap)]);
+    for gap in GAPS {
+        all.add("backlash", vec![rows.stop(base.travel, gap * base.travel)]);
     }
     all.add("dwell-time-static", vec![dwell(rows, base)]);
 

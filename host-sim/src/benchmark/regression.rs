@@ -1,7 +1,7 @@
 //! The rival: an afternoon's regression, least squares on columns, without any friction law of the core's.
 //!
 //! ```text
-//! base     an elastic sign s (a stop: s <- clamp(s + dq / travel, -1, 1), one of four travels by its error), viscous,
+//! base     an elastic sign s (a stop: s <- clamp(s + dq / travel, -1, 1), one of ten travels by its error), viscous,
 //!          a Stribeck peak (s exp(-(v/v_s)^2), one of three v_s or none), the rigid-body parts
 //! causes   each a few columns beside that ([`super::cause_columns`])
 //! forward  the cause that gains most on rows left out, three at most; every run left out once, eight blocks where
@@ -55,8 +55,9 @@ const HEARD: usize = 5;
 /// Runs from which each is left out once; blocks where there are fewer.
 const RUNS: usize = 4;
 const BLOCKS: usize = 8;
-/// Travels of the elastic sign, of the middle run's span; the first is as good as a sign.
-const TRAVELS: [f64; 4] = [1e-6, 3e-3, 2e-2, 1e-1];
+/// Travels of the elastic sign, of the middle run's span; the first is as good as a sign. More than the four of
+/// an afternoon: with those, the shape they miss was called backlash in two worlds of three.
+const TRAVELS: [f64; 10] = [1e-6, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0];
 /// Stribeck velocities, of the 95th percentile of speed; 0 for no peak.
 const PEAKS: [f64; 4] = [0.0, 0.01, 0.05, 0.2];
 
