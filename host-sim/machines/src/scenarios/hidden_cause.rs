@@ -66,7 +66,8 @@ const fn facts(
 }
 
 impl HiddenCause {
-    /// Every effect, those of the catalogue first.
+    /// Every effect a scenario can hide, those of the catalogue first. Torque ripple, a level over temperature
+    /// and warm-up are hidden in unkind worlds ([`super::unkind`]) alone.
     pub const ALL: [HiddenCause; 17] = [
         HiddenCause::RadialForceCoulomb,
         HiddenCause::RadialForceRate,
