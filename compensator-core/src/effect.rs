@@ -125,12 +125,14 @@ pub struct Effects<T> {
     pub torque: T,
     /// The velocity the law is to see, rad/s.
     pub velocity: T,
+    /// What the bristles hold before this sample, Nm. Terms read it; nothing they write to it counts.
+    pub held: T,
 }
 
 impl<T: Real> Effects<T> {
-    /// Nothing acts yet on a law moving at `velocity`.
+    /// Nothing acts yet on a law moving at `velocity` whose bristles hold `held`.
     #[inline(always)]
-    pub fn none(velocity: T) -> Self {
+    pub fn none(velocity: T, held: T) -> Self {
         let (zero, one) = (T::zero(), T::one());
         Self {
             seal: SealEffect { coulomb: zero, static_level: zero, bristle_rate: zero },
@@ -142,6 +144,7 @@ impl<T: Real> Effects<T> {
             half_exponent: None,
             torque: zero,
             velocity,
+            held,
         }
     }
 }

@@ -30,6 +30,14 @@ impl<T: Real> State<T> {
     pub fn holding(bristle_torque_nm: T) -> Self {
         Self { bristle_torque_nm, ..Self::default() }
     }
+
+    /// The same, warm from what was dissipated before: `heat` is that energy, less what was lost since,
+    /// over the energy of the term `warm-up`.
+    #[must_use]
+    pub fn warmed(mut self, heat: T) -> Self {
+        self.terms.set_heat(heat);
+        self
+    }
 }
 
 /// A friction model built for a sample period; see [`crate::parameters::Parameters::build`].
@@ -82,11 +90,12 @@ impl<T: Real> Model<T> {
     fn step_with_terms(&self, state: &mut State<T>, sample: &Sample<T>) -> T {
         // Guarded before the terms see it: what is not a number must not enter their memory.
         let velocity = sample.velocity_rad_s.or_zero_if_nan().within(self.law.velocity_limit());
-        let mut effects = Effects::none(velocity);
+        let mut effects = Effects::none(velocity, state.bristle_torque_nm);
         self.law.load(sample, &mut effects);
         self.terms.act(sample, &mut state.terms, &mut effects);
         let (held, velocity) = (&mut state.bristle_torque_nm, effects.velocity);
         let friction = self.law.step(held, &mut state.law, velocity, &effects);
+        state.terms.take_power(friction * velocity);
         friction + effects.torque
     }
 }

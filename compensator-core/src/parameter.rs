@@ -91,7 +91,7 @@ parameters! {
     RadialForceRate = "radial_force_rate", "rad/N", "m/N", -1.0, 1.0, 0.0;
     /// `b`, relative fall of the viscous coefficient per kelvin.
     TemperatureViscosity = "temperature_viscosity", "1/K", "1/K", -1.0, 1.0, 0.0;
-    /// `T0`, where the viscous coefficient has its stated value.
+    /// `T0`, where viscous coefficient and levels have their stated values.
     TemperatureReference = "temperature_reference", "degC", "degC", -50.0, 150.0, 20.0;
     /// Relative ripple of the level with the sine of `n q`.
     RippleSine = "ripple_sine", "1", "1", -0.99, 0.99, 0.0;
@@ -169,6 +169,48 @@ parameters! {
     LookupLevel5 = "unknown_level_5", "1", "1", -0.9, 10.0, 0.0;
     /// Relative change of the level, of unknown cause, at its sixth knot.
     LookupLevel6 = "unknown_level_6", "1", "1", -0.9, 10.0, 0.0;
+    /// First angular order of a torque ripple: periods in one turn for a revolute joint; 0 is none.
+    TorqueRippleOrder1 = "torque_ripple_order_1", "1/rad", "rad/m", 0.0, 1e5, 1.0;
+    /// Torque with the sine of the first order's angle.
+    TorqueRippleSine1 = "torque_ripple_sine_1", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque with its cosine.
+    TorqueRippleCosine1 = "torque_ripple_cosine_1", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Second angular order of a torque ripple: periods in one turn for a revolute joint; 0 is none.
+    TorqueRippleOrder2 = "torque_ripple_order_2", "1/rad", "rad/m", 0.0, 1e5, 0.0;
+    /// Torque with the sine of the second order's angle.
+    TorqueRippleSine2 = "torque_ripple_sine_2", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque with its cosine.
+    TorqueRippleCosine2 = "torque_ripple_cosine_2", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Third angular order of a torque ripple: periods in one turn for a revolute joint; 0 is none.
+    TorqueRippleOrder3 = "torque_ripple_order_3", "1/rad", "rad/m", 0.0, 1e5, 0.0;
+    /// Torque with the sine of the third order's angle.
+    TorqueRippleSine3 = "torque_ripple_sine_3", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque with its cosine.
+    TorqueRippleCosine3 = "torque_ripple_cosine_3", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Fourth angular order of a torque ripple: periods in one turn for a revolute joint; 0 is none.
+    TorqueRippleOrder4 = "torque_ripple_order_4", "1/rad", "rad/m", 0.0, 1e5, 0.0;
+    /// Torque with the sine of the fourth order's angle.
+    TorqueRippleSine4 = "torque_ripple_sine_4", "Nm", "N", -1e6, 1e6, 0.0;
+    /// Torque with its cosine.
+    TorqueRippleCosine4 = "torque_ripple_cosine_4", "Nm", "N", -1e6, 1e6, 0.0;
+    /// `b`, relative fall of the levels per kelvin.
+    TemperatureCoulomb = "temperature_coulomb", "1/K", "1/K", -1.0, 1.0, 0.0;
+    /// By which formula the level follows the column of unknown cause: 0 none, 1 linear, 2 saturating,
+    /// 3 exponential.
+    LookupFormula = "unknown_formula", "1", "1", 0.0, 3.0, 0.0;
+    /// Relative change of the level by the formula from the first knot to the last.
+    LookupRise = "unknown_rise", "1", "1", -0.9, 10.0, 0.0;
+    /// How far from the first knot a saturating formula has risen by half of what it ever will.
+    LookupScale = "unknown_scale", "of the column", "of the column", 1e-12, 1e12, 1.0;
+    /// Where the play is crossed: 0 right after a reversal, the held torque staying what it is; 1 once the
+    /// drive has unwound and holds nothing.
+    BacklashUnloaded = "backlash_unloaded", "1", "1", 0.0, 1.0, 0.0;
+    /// `a`, share of the level that goes with warming.
+    WarmUpFall = "warm_up_fall", "1", "1", -0.9, 0.9, 0.0;
+    /// `E0`, dissipated energy after which 63 % of that has gone.
+    WarmUpEnergy = "warm_up_energy", "J", "J", 1e-3, 1e9, 1e3;
+    /// `T`, time in which the heat is lost again.
+    WarmUpCooling = "warm_up_cooling", "s", "s", 5.0, 1e9, 600.0;
 }
 
 /// A value of each parameter, in its unit.
@@ -177,6 +219,8 @@ pub struct Values<S>([S; COUNT]);
 
 impl<S: Real> Values<S> {
     /// Every parameter at its default.
+    // Out of line: each place it is written out in is a store for each parameter.
+    #[inline(never)]
     pub fn new() -> Self {
         Self(TABLE.each_ref().map(|info| S::from_f64(info.default)))
     }

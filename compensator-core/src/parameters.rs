@@ -16,7 +16,7 @@ pub use crate::envelope::Envelope;
 pub use crate::law::{Choices, LawKind};
 pub use crate::parameter as table;
 pub use crate::parameter::{Info, ParameterId};
-pub use crate::refusal::{Bound, ParameterError, check_ranges};
+pub use crate::refusal::{Bound, Digits, ParameterError, check_ranges};
 pub use build::WrongPeriod;
 
 use crate::number::Real;

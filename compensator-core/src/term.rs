@@ -29,16 +29,20 @@ mod quadratic_drag;
 mod radial_force_coulomb;
 mod radial_force_rate;
 mod stribeck_shape;
+mod temperature_coulomb;
 mod temperature_viscous;
 mod time_drift;
 mod torque_offset;
+mod torque_ripple;
 mod unmodelled_inertia;
+mod warm_up;
 
 #[cfg_attr(not(feature = "terms"), path = "term/no_list.rs")]
 mod list;
 
 pub(crate) use list::{Memory, Terms, check};
-pub use lookup_table::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES};
+pub use lookup_table::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
+pub use torque_ripple::{TORQUE_RIPPLE_PARAMETERS, TORQUE_RIPPLES};
 
 use crate::envelope::Envelope;
 use crate::number::Real;
@@ -94,6 +98,12 @@ macro_rules! term_table {
             /// `+ t(x)`, `g *= 1 + l(x)`, both broken lines over one column: structure no named cause
             /// explains, and calibration errors that follow a covariate.
             LookupTable = "unknown" in lookup_table,
+            /// `+ sum a_k sin(n_k q) + b_k cos(n_k q)`: cogging and gear mesh.
+            TorqueRipple = "torque-ripple" in torque_ripple,
+            /// `g *= exp(-b (T - T0))`: the seal stiffens with cold.
+            TemperatureCoulomb = "temperature-coulomb" in temperature_coulomb,
+            /// `g *= 1 - a (1 - exp(-E/E0))`, `E` dissipated, cooling: friction falls with its own heat.
+            WarmUp = "warm-up" in warm_up,
         }
     };
 }

@@ -20,7 +20,7 @@ use support::cases::{Case, FIXED, FLOAT, case, converted};
 fn largest_level(case: &Case, covariates: &[f64; 8]) -> f64 {
     let value = |id: Id| case.parameters::<f64>().get(id);
     let on = |kind| case.parameters::<f64>().terms.contains(&kind);
-    let [force, pressure, _, _, load_torque, time, ..] = *covariates;
+    let [force, pressure, _, temperature, load_torque, time, ..] = *covariates;
     let improved = case.law == LawKind::ImprovedLugre;
     let mut level = match case.law {
         LawKind::Dahl => value(Id::CoulombTorque),
@@ -43,6 +43,10 @@ fn largest_level(case: &Case, covariates: &[f64; 8]) -> f64 {
     }
     if on(TermKind::PositionRipple) {
         level *= 1.0 + value(Id::RippleSine).hypot(value(Id::RippleCosine));
+    }
+    if on(TermKind::TemperatureCoulomb) {
+        let kelvin = temperature * 200.0 - 50.0 - value(Id::TemperatureReference);
+        level *= (-value(Id::TemperatureCoulomb) * kelvin).exp();
     }
     if on(TermKind::TimeDrift) {
         let seconds = time * 2000.0 * 3600.0;

@@ -134,6 +134,10 @@ fn sliding() -> Vec<Sliding> {
             let thinned = (-0.02 * (s.temperature_c - 20.0)).exp();
             rubs(COULOMB, STATIC, v) + VISCOUS * v * (thinned - 1.0)
         }),
+        (TermKind::TemperatureCoulomb, vec![(Id::TemperatureCoulomb, 0.02)], |v, s| {
+            let stiffened = (-0.02 * (s.temperature_c - 20.0)).exp();
+            level(COULOMB, STATIC, v.abs()) * stiffened * v.signum() + VISCOUS * v
+        }),
         (
             TermKind::PositionRipple,
             vec![(Id::RippleSine, 0.125), (Id::RippleCosine, -0.0625), (Id::RippleOrder, 3.0)],
@@ -149,6 +153,26 @@ fn sliding() -> Vec<Sliding> {
             |v, s| {
                 let angle = s.position_rad;
                 rubs(COULOMB, STATIC, v) + 0.5 * angle.sin() + 0.25 * angle.cos()
+            },
+        ),
+        (
+            TermKind::TorqueRipple,
+            vec![
+                (Id::TorqueRippleOrder1, 7.0),
+                (Id::TorqueRippleSine1, 0.25),
+                (Id::TorqueRippleCosine1, -0.125),
+                (Id::TorqueRippleOrder2, 14.0),
+                (Id::TorqueRippleSine2, 0.0625),
+                (Id::TorqueRippleOrder4, 6.0),
+                (Id::TorqueRippleCosine4, 0.5),
+                // Of order 0: a place that is not taken adds nothing.
+                (Id::TorqueRippleCosine3, 0.5),
+            ],
+            |v, s| {
+                let q = s.position_rad;
+                let ripple = 0.25 * (7.0 * q).sin() - 0.125 * (7.0 * q).cos();
+                let ripple = ripple + 0.0625 * (14.0 * q).sin() + 0.5 * (6.0 * q).cos();
+                rubs(COULOMB, STATIC, v) + ripple
             },
         ),
         (
@@ -308,6 +332,44 @@ fn unknown_cause_follows_every_column_within_and_beyond_its_range() {
 }
 
 #[test]
+fn a_formula_over_a_column_is_drawn_through_its_knots() {
+    let (lower, upper) = (20.0, 80.0);
+    for (number, rise, scale) in
+        [(1.0, 0.5, 1.0), (2.0, 1.25, 15.0), (3.0, 1.5, 1.0), (3.0, -0.5, 1.0)]
+    {
+        let values = [
+            (Id::LookupColumn, f64::from(Quantity::RadialForce.info().column.unwrap())),
+            (Id::LookupLower, lower),
+            (Id::LookupUpper, upper),
+            (Id::LookupFormula, number),
+            (Id::LookupRise, rise),
+            (Id::LookupScale, scale),
+        ];
+        for knot in 0..KNOTS {
+            let x = lower + (upper - lower) * knot as f64 / 5.0;
+            let u = knot as f64 / 5.0;
+            let change = match number {
+                1.0 => rise * u,
+                // Michaelis and Menten's, scaled to the rise at the end.
+                2.0 => {
+                    rise * (x - lower) / (x - lower + scale) * (upper - lower + scale)
+                        / (upper - lower)
+                }
+                _ => (1.0f64 + rise).powf(u) - 1.0,
+            };
+            let sample = Sample { velocity_rad_s: -1.0, radial_force_n: x, ..Sample::default() };
+            let expected = -level(COULOMB, STATIC, 1.0) * (1.0 + change) - VISCOUS;
+            let parameters = with_term(TermKind::LookupTable, &values);
+            let found = settled::<f64>(&parameters, &sample);
+            assert!(
+                (found - expected).abs() < 5e-5,
+                "{number} at {x}: {found}, formula {expected}"
+            );
+        }
+    }
+}
+
+#[test]
 fn changing_side_load_bends_the_bristles_by_stiffness_times_eta3() {
     const ETA3: f64 = 2e-6;
     let model = build::<f64>(&with_term(TermKind::RadialForceRate, &[(Id::RadialForceRate, ETA3)]));
@@ -399,6 +461,51 @@ fn backlash_softens_the_bristles_over_its_travel_after_a_reversal() {
 }
 
 #[test]
+fn backlash_of_a_drive_that_unwinds_is_crossed_at_zero_torque() {
+    const TRAVEL: f64 = 2e-3;
+    const SPEED: f64 = 0.05;
+    let period = 50e-6;
+    fn reversed<T: Real>(period: f64) -> Vec<f64> {
+        let values = [
+            (Id::BacklashTravel, TRAVEL),
+            (Id::BacklashStiffnessRatio, 0.0),
+            (Id::BacklashUnloaded, 1.0),
+            (Id::StaticTorque, COULOMB),
+            (Id::BristleDamping, 0.0),
+        ];
+        let period = <T::Setting as Real>::from_f64(period);
+        let model: Model<T> = with_term(TermKind::Backlash, &values).build(period).expect("legal");
+        let mut state = State::default();
+        let mut bristle = |velocity| {
+            let velocity_rad_s = T::from_f64(velocity);
+            model.step(&mut state, &Sample { velocity_rad_s, ..Sample::default() });
+            state.bristle_torque_nm.value()
+        };
+        (0..8_000).for_each(|_| assert!(bristle(SPEED) <= COULOMB));
+        (0..3_200).map(|_| bristle(-SPEED)).collect()
+    }
+    // As far as ln 2 of g/sigma0 the bristles unwind: dy/dx = -sigma0 (1 + y/g) from y = g; then the play;
+    // then they wind up the other way.
+    let unwound = COULOMB / STIFFNESS * 2f64.ln();
+    let closed_form = |travel: f64| {
+        let bent = travel.min(unwound) + (travel - unwound - TRAVEL).max(0.0);
+        COULOMB * (2.0 * (-STIFFNESS * bent / COULOMB).exp() - 1.0)
+    };
+    for (found, tolerance) in [
+        (reversed::<f64>(period), 1e-2),
+        (reversed::<f32>(period), 1e-2),
+        (reversed::<Fixed>(period), 2e-2),
+    ] {
+        for (step, found) in found.into_iter().enumerate() {
+            let expected = closed_form((step + 1) as f64 * SPEED * period);
+            let error = (found - expected).abs();
+            assert!(error < tolerance, "{step}: {found}, closed form {expected}");
+        }
+    }
+    assert!(closed_form(unwound + 0.5 * TRAVEL).abs() < 1e-9 && closed_form(8e-3) < -1.3);
+}
+
+#[test]
 fn delayed_channel_answers_the_velocity_of_d_ago() {
     // Whole and broken numbers of samples, up to the end of the line.
     for samples in [1.0, 7.0, 2.5, 0.25, 30.75, 31.0] {
@@ -420,9 +527,53 @@ fn delayed_channel_answers_the_velocity_of_d_ago() {
 }
 
 #[test]
+fn friction_falls_with_the_heat_it_leaves_and_comes_back_as_that_is_lost() {
+    let values = [(Id::WarmUpFall, 0.5), (Id::WarmUpEnergy, 500.0), (Id::WarmUpCooling, 40.0)];
+    fn run<T: Real>(values: &[(Id, f64)]) -> Vec<f64> {
+        let model = build::<T>(&with_term(TermKind::WarmUp, values));
+        let mut state = State::default();
+        let mut step = |v: f64| {
+            let sample = Sample { velocity_rad_s: T::from_f64(v), ..Sample::default() };
+            model.step(&mut state, &sample).value()
+        };
+        let mut seen: Vec<f64> = (0..30_000).map(|_| step(4.0)).collect();
+        // At rest for 10 s, then 0.2 s of sliding.
+        (0..10_000).for_each(|_| _ = step(0.0));
+        seen.extend((0..200).map(|_| step(4.0)));
+        seen
+    }
+    // The same by hand, one step of a millisecond at a time.
+    let (mut heat, mut expected) = (0.0f64, Vec::new());
+    let mut by_hand = |v: f64| {
+        let left = 1.0 - 0.5 * (1.0 - (-heat).exp());
+        let friction = if v > 0.0 { level(COULOMB, STATIC, v) * left + VISCOUS * v } else { 0.0 };
+        heat += PERIOD * (friction * v / 500.0 - heat / 40.0);
+        friction
+    };
+    expected.extend((0..30_000).map(|_| by_hand(4.0)));
+    (0..10_000).for_each(|_| _ = by_hand(0.0));
+    expected.extend((0..200).map(|_| by_hand(4.0)));
+    assert!(expected[29_999] < 0.92 * expected[0] && expected[30_199] > 1.01 * expected[29_999]);
+    for (found, tolerance) in
+        [(run::<f64>(&values), 1e-2), (run::<f32>(&values), 1e-2), (run::<Fixed>(&values), 2e-2)]
+    {
+        // The bristles bend for some milliseconds first.
+        for step in (20..30_000).chain(30_020..30_200) {
+            let (found, expected) = (found[step], expected[step]);
+            assert!((found - expected).abs() < tolerance, "{step}: {found}, by hand {expected}");
+        }
+    }
+}
+
+#[test]
 fn no_kind_is_left_untested() {
     let mut tested: Vec<TermKind> = sliding().into_iter().map(|(kind, ..)| kind).collect();
-    tested.extend([TermKind::RadialForceRate, TermKind::Backlash, TermKind::ChannelDelay]);
+    tested.extend([
+        TermKind::RadialForceRate,
+        TermKind::Backlash,
+        TermKind::ChannelDelay,
+        TermKind::WarmUp,
+    ]);
     tested.sort();
     assert_eq!(tested, TermKind::ALL);
 }

@@ -133,7 +133,7 @@ pub fn examine(kind: Kind, seed: u64) -> Result<Grade, String> {
     let failed = |why: String| format!("{kind:?}, seed {seed}: {why}");
     let scenario = draw(kind, seed);
     let data = simulated::dataset(&scenario.log);
-    let parts = split(&data, &SplitRule::default(), 0).map_err(|e| failed(e.to_string()))?;
+    let parts = split(&data, &SplitRule::EachOut, 0).map_err(|e| failed(e.to_string()))?;
     let found = diagnose(&data, &parts, &Question::default(), &|_| {})
         .map_err(|e| failed(e.to_string()))?;
     Ok(grade(kind, seed, &scenario, &found))

@@ -27,7 +27,7 @@ struct Case {
 
 impl Case {
     fn new(data: Dataset) -> Self {
-        let split = split(&data, &SplitRule::default(), 0).unwrap();
+        let split = split(&data, &SplitRule::EachOut, 0).unwrap();
         let found = diagnose(&data, &split, &Question::default(), &|_| {}).unwrap();
         Self { data, split, found }
     }

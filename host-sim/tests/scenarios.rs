@@ -21,11 +21,14 @@ fn size(effect: HiddenCause) -> f64 {
         HiddenCause::PressureCoulomb => 1e-6,
         HiddenCause::TemperatureViscous => 0.03,
         HiddenCause::PositionRipple | HiddenCause::DirectionAsymmetry => 0.08,
+        HiddenCause::TemperatureCoulomb => 0.01,
         HiddenCause::GravityImbalance
+        | HiddenCause::TorqueRipple
         | HiddenCause::TorqueOffset
         | HiddenCause::DwellTimeStatic => 0.15,
         HiddenCause::QuadraticDrag | HiddenCause::ChannelDelay => 5e-3,
         HiddenCause::TimeDrift => -0.15,
+        HiddenCause::WarmUp => 0.3,
         HiddenCause::LoadTorqueCoulomb | HiddenCause::UnmodelledInertia => 0.03,
         HiddenCause::Backlash => 1e-3,
         HiddenCause::StribeckShape => 0.8,
@@ -186,6 +189,14 @@ fn what_adds_to_friction_is_what_the_formula_says() {
         let (_, phase) = scenario.truth.hidden[0].details[0];
         0.15 * (value(run, Quantity::Position, row) + phase).sin()
     });
+    assert_in_sliding(HiddenCause::TorqueRipple, 1e-3, |scenario, run, row| {
+        // Order and phase of the first; of those beside it also their share of the first.
+        let details = scenario.truth.hidden[0].details.iter().map(|(_, value)| *value);
+        let details: Vec<f64> = details.collect();
+        let angle = value(run, Quantity::Position, row);
+        let beside = details[2..].chunks(3).map(|wave| wave[1] * (wave[0] * angle + wave[2]).sin());
+        0.15 * ((details[0] * angle + details[1]).sin() + beside.sum::<f64>())
+    });
     let (scenario, difference) = shown(HiddenCause::UnmodelledInertia, 0.03, 5);
     let (mut products, mut squares) = (0.0, 0.0);
     for (run, difference) in scenario.data.runs.iter().zip(&difference) {
@@ -217,6 +228,11 @@ fn a_factor_on_the_level_is_one() {
         let (_, reference) = scenario.truth.hidden[0].details[0];
         let film = (-0.03 * (value(run, Quantity::Temperature, row) - reference)).exp();
         scenario.truth.seal.k2 * (film - 1.0) * run.velocity[row]
+    });
+    assert_in_sliding(HiddenCause::TemperatureCoulomb, 4e-3, |scenario, run, row| {
+        let (_, reference) = scenario.truth.hidden[0].details[0];
+        let grip = (-0.01 * (value(run, Quantity::Temperature, row) - reference)).exp();
+        scenario.truth.seal.coulomb_nm * (grip - 1.0) * run.velocity[row].signum()
     });
 }
 

@@ -31,7 +31,8 @@ macro_rules! define_list {
         }
 
         impl<T: Real> Terms<T> {
-            /// Builds the terms of a list for a sample period in s.
+            /// Builds the terms of a list for a sample period in s. Out of line: it is once in an image then.
+            #[inline(never)]
             pub(crate) fn build(
                 kinds: &Vec<TermKind, MAX_TERMS>,
                 values: &Values<T::Setting>,
@@ -96,6 +97,19 @@ macro_rules! define_list {
 }
 
 term_table!(define_list);
+
+impl<T: Real> Memory<T> {
+    /// Takes note of what the law dissipated in this sample, W.
+    #[inline(always)]
+    pub(crate) fn take_power(&mut self, power: T) {
+        self.warm_up.power = power;
+    }
+
+    /// Sets the heat of what has rubbed before; see [`Heat`](super::warm_up::Heat).
+    pub(crate) fn set_heat(&mut self, heat: T) {
+        self.warm_up.heat = heat;
+    }
+}
 
 impl<T: Real> Terms<T> {
     /// Lets the terms act on one sample.

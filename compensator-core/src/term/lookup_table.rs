@@ -3,6 +3,15 @@
 //! Where a diagnosis finds structure that no named cause explains, or a sensor whose error follows a
 //! covariate, the driver can still take it out: two broken lines, evenly spread over a range, the end
 //! values held outside. Evenly, because then finding the cell is one product.
+//!
+//! The change of the level may follow a formula a person can read instead of knots one by one: from nothing
+//! at the first knot to `a`, the rise, at the last, with `u` the share of the range between them,
+//!
+//! ```text
+//! linear a u      saturating a u (1 + s) / (u + s), s the scale over the range      exponential (1 + a)^u - 1
+//! ```
+//!
+//! It is drawn through the knots when the table is built, so that a sample costs the same.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
@@ -38,6 +47,53 @@ pub const LOOKUP_LEVELS: [Id; KNOTS] = [
     Id::LookupLevel5,
     Id::LookupLevel6,
 ];
+
+/// How the change of the level follows the column, beside its knots.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LookupFormula {
+    /// By the knots alone.
+    None,
+    /// `a u`.
+    Linear,
+    /// `a u (1 + s) / (u + s)`.
+    Saturating,
+    /// `(1 + a)^u - 1`.
+    Exponential,
+}
+
+impl LookupFormula {
+    /// Every formula, in the order of their numbers.
+    pub const ALL: [Self; 4] = [Self::None, Self::Linear, Self::Saturating, Self::Exponential];
+
+    /// The formula of a number; of an illegal one none.
+    pub fn of_number(number: f64) -> Self {
+        // A cast saturates.
+        Self::ALL.get(number as usize).copied().unwrap_or(Self::None)
+    }
+
+    /// The change of the level at a share of the range, 0..=1, for this rise; `scale` is that of the
+    /// saturating formula over the range.
+    pub fn at<S: Real>(self, share: S, rise: S, scale: S) -> S {
+        match self {
+            Self::None => S::zero(),
+            Self::Linear => rise * share,
+            Self::Saturating => rise * share * (S::one() + scale) / (share + scale),
+            Self::Exponential => ((S::one() + rise).ln() * share).exp() - S::one(),
+        }
+    }
+}
+
+/// The change of the level at the knots, formula included.
+#[inline(never)]
+fn levels<S: Real>(values: &Values<S>) -> [S; KNOTS] {
+    let formula = LookupFormula::of_number(values.value(Id::LookupFormula));
+    let (rise, scale) = (values.get(Id::LookupRise), values.get(Id::LookupScale));
+    let scale = scale / (values.get(Id::LookupUpper) - values.get(Id::LookupLower));
+    core::array::from_fn(|knot| {
+        let own = LOOKUP_LEVELS.get(knot).map_or(S::zero(), |id| values.get(*id));
+        own + formula.at(S::from_f64(knot as f64 / CELLS as f64), rise, scale)
+    })
+}
 
 /// The quantity of a column number; of an illegal one the nearest, of one that is not a number the first.
 fn column_of(number: f64) -> Quantity {
@@ -95,6 +151,9 @@ impl<T: Real> Term<T> for LookupTable<T> {
         Id::LookupLevel4,
         Id::LookupLevel5,
         Id::LookupLevel6,
+        Id::LookupFormula,
+        Id::LookupRise,
+        Id::LookupScale,
     ];
 
     const READS: Option<Quantity> = None;
@@ -113,7 +172,7 @@ impl<T: Real> Term<T> for LookupTable<T> {
             span: T::from_setting(span),
             cells_per_unit: T::from_setting(T::Setting::from_f64(CELLS as f64) / span),
             torque: LOOKUP_TORQUES.map(number),
-            level: LOOKUP_LEVELS.map(number),
+            level: levels(values).map(T::from_setting),
         }
     }
 
@@ -156,21 +215,35 @@ impl<T: Real> Term<T> for LookupTable<T> {
         bounds.torque +=
             LOOKUP_TORQUES.iter().map(|id| values.value(*id).abs()).fold(0.0, f64::max);
         // At a knot, or 1 where the column is not believed.
-        let factors = || LOOKUP_LEVELS.iter().map(|id| 1.0 + values.value(*id));
+        let levels = levels(values);
+        let factors = || levels.iter().map(|level| 1.0 + level.value());
         bounds.scale_level(factors().fold(1.0, f64::min), factors().fold(1.0, f64::max));
     }
 
     fn validate<S: Real>(values: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
-        // Its change of the level leaves at least a tenth: the range of each knot sees to that.
-        let column = values.value(Id::LookupColumn);
-        if column != libm::trunc(column) {
-            let why = "a column has a number";
-            return refuse(Id::LookupColumn.name(), column, Bound::Whole, why);
+        for (id, why) in [
+            (Id::LookupColumn, "a column has a number"),
+            (Id::LookupFormula, "a formula has a number"),
+        ] {
+            let number = values.value(id);
+            if number != libm::trunc(number) {
+                return refuse(id.name(), number, Bound::Whole, why);
+            }
         }
         let (lower, upper) = (values.value(Id::LookupLower), values.value(Id::LookupUpper));
         if upper <= lower {
             let why = "the knots are spread over a range";
             return refuse(Id::LookupUpper.name(), upper, Bound::MoreThan(lower), why);
+        }
+        // Knots alone and a formula alone leave a tenth by their ranges; together they may not.
+        let lowest = levels(values).into_iter().map(Real::value).fold(0.0, f64::min);
+        let least = Id::LookupRise.info().lower;
+        // An exponential of the lowest rise ends a rounding below it.
+        if lowest < least - 1e-6 {
+            let rise = values.value(Id::LookupRise);
+            let why = "knots and formula together must leave a tenth of the level";
+            let bound = Bound::AtLeast(rise + least - lowest);
+            return refuse(Id::LookupRise.name(), rise, bound, why);
         }
         Ok(())
     }

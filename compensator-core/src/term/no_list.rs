@@ -18,6 +18,13 @@ pub(crate) struct Terms<T>(PhantomData<T>);
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Memory<T>(PhantomData<T>);
 
+impl<T: Real> Memory<T> {
+    #[inline(always)]
+    pub(crate) fn take_power(&mut self, _: T) {}
+
+    pub(crate) fn set_heat(&mut self, _: T) {}
+}
+
 impl<T: Real> Terms<T> {
     pub(crate) fn build(
         _: &Vec<TermKind, MAX_TERMS>,

@@ -93,6 +93,10 @@ fn values(decades: Decades) -> impl Strategy<Value = Vec<(Id, f64)>> {
                 (Id::Inertia, positive[0] * size),
                 (Id::BacklashTravel, positive[1] * 0.1),
                 (Id::StribeckExponent, 0.3 + 5.0 * positive[3]),
+                (Id::TemperatureCoulomb, signed[6] * 0.02),
+                (Id::TorqueRippleOrder2, 20.0 * positive[0]),
+                (Id::TorqueRippleSine2, signed[4] * size),
+                (Id::TorqueRippleCosine2, signed[5] * size),
             ];
             values.extend(unknown);
             values

@@ -14,7 +14,7 @@ use crate::parameter_set::{DRIVE_LENGTH, ParameterSet};
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
-use compensator_core::parameters::{Choices, Envelope, LawKind};
+use compensator_core::parameters::{Choices, Digits, Envelope, LawKind};
 use compensator_core::record;
 use compensator_core::term::MAX_TERMS;
 use compensator_core::{ParameterId, TermKind};
@@ -215,17 +215,16 @@ impl Staging {
 
     fn check(&mut self, name: &str, number: f32, least: f64, most: f64) -> Result<(), Abort> {
         let wide = f64::from(number);
+        let text = Digits(wide);
         if !number.is_finite() {
-            return Err(
-                self.refuse(Abort::Value, format_args!("{name} = {number}: must be finite"))
-            );
+            return Err(self.refuse(Abort::Value, format_args!("{name} = {text}: must be finite")));
         }
         if wide < least {
-            let why = format_args!("{name} = {number}: must be at least {least}");
+            let why = format_args!("{name} = {text}: must be at least {}", Digits(least));
             return Err(self.refuse(Abort::TooLow, why));
         }
         if wide > most {
-            let why = format_args!("{name} = {number}: must be at most {most}");
+            let why = format_args!("{name} = {text}: must be at most {}", Digits(most));
             return Err(self.refuse(Abort::TooHigh, why));
         }
         Ok(())

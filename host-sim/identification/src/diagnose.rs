@@ -2,12 +2,12 @@
 //!
 //! ```text
 //! log           runs to learn from, runs to judge by, columns that may be blamed         train_test
-//!  -> base      the simplest law the log supports, fitted                                baseline
-//!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order
+//!  -> base      the simplest law the log supports, fitted; rows weighed                  baseline, uncertain_motion
+//!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order, harmonics
 //!  -> candidates     each cause as columns beside the model                              cause, candidate
-//!  -> products  of all columns by blocks: gains, chance, stability                       survey, gram_blocks, chance
-//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, review
-//!  -> judged    on runs no fit has seen                                                  judge, regime
+//!  -> products  of all columns by blocks: falls of the error on unseen rows              survey, gram_blocks, fall
+//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, standing, review
+//!  -> judged    fitted anew, every run left out once; what does not gain is taken back   offer, left_out, judge, regime
 //!  -> told      size, sentence, where it shows                                           extended, finding, evidence, story
 //! ```
 //!
@@ -18,14 +18,17 @@
 pub mod baseline;
 pub mod candidate;
 pub mod cause;
-pub mod chance;
 pub mod evidence;
 pub mod extended;
+pub mod fall;
 pub mod finding;
 pub mod found;
 pub mod gram_blocks;
+pub mod harmonics;
 pub mod judge;
+pub mod left_out;
 pub mod model;
+pub mod offer;
 pub mod order;
 pub mod regime;
 pub mod review;
@@ -33,9 +36,12 @@ pub mod round;
 pub mod search;
 pub mod select;
 pub mod sensitivities;
+pub mod standing;
 pub mod story;
 pub mod survey;
+pub mod thresholds;
 pub mod train_test;
+pub mod uncertain_motion;
 
 pub use cause::{Cause, Remedy};
 pub use extended::Size;
@@ -49,15 +55,18 @@ use crate::data::{Dataset, Split};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Outcome, State};
 use crate::fit::{Predicted, identify, predict};
+use crate::log_check::LogFinding;
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use baseline::Baseline;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use extended::{Observation, Unexplained};
+use gram_blocks::LeftOut;
 use model::Fitted;
-use search::Search;
-use std::borrow::Cow;
+use offer::Offer;
+use search::{Extension, Search};
 use std::time::Instant;
+use thresholds::STRUCTURE;
 
 /// What is asked.
 #[derive(Clone, Debug, Default)]
@@ -72,11 +81,15 @@ pub struct Question {
     pub rigid_body: Vec<TermKind>,
     /// For what is drawn at random.
     pub seed: u64,
+    /// What is wrong with the log itself ([`crate::log_check`]): handed through to the answer.
+    pub log_findings: Vec<LogFinding>,
 }
 
 /// The answer.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
+    /// What is wrong with the log itself.
+    pub log_findings: Vec<LogFinding>,
     /// The log as it was looked at, following what the extended model follows.
     pub log: TrainTest,
     /// Error the torque's noise alone would make on the held-out rows, Nm.
@@ -105,6 +118,8 @@ pub struct Diagnosis {
     pub certificates: Certificates,
     /// Name of the covariate in the auxiliary column, if the extended model follows one.
     pub auxiliary: Option<String>,
+    /// What was left out of the fits that were judged there, where nothing is set apart.
+    pub left_out: Option<LeftOut>,
     /// Structure is left that no column explains: autocorrelation time in rows, 0 for none.
     pub left_over: f64,
     /// Time it took, s.
@@ -129,9 +144,11 @@ pub struct Certificates {
     pub reading: String,
 }
 
-/// A held-out error this many times the noise floor, with a memory of at least this many rows, is
-/// structure: what is left over is then `unknown`, not `none`.
-const STRUCTURE: (f64, f64) = (1.04, 1.3);
+/// The search begins anew after an offer was taken back until so many were.
+const MOST_TAKEN_BACK: usize = 4;
+
+/// A residual that remembers fewer rows than this does not hang together.
+const MEMORY: f64 = 1.3;
 
 /// Diagnoses a log.
 ///
@@ -144,52 +161,82 @@ pub fn diagnose(
     progress: &dyn Fn(&str),
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
-    let whole = TrainTest::new(data, split, question.decimate, &question.rigid_body);
-    let mut some = whole.thinned();
+    let mut whole = TrainTest::new(data, split, question.decimate, &question.rigid_body);
+    let mut some = whole.thinned().into_owned();
     progress("fitting the baseline");
-    let Baseline { model: base, at_rest } = base(&some, question)?;
+    let mut chosen = base(&some, question)?;
+    if let Some(weighed) = uncertain_motion::weighed(&whole, &chosen.model) {
+        whole = weighed.with_floor();
+        some = whole.thinned().into_owned();
+        progress("fitting the baseline to rows weighed by their motion");
+        chosen = base(&some, question)?;
+    }
+    let Baseline { model: base, at_rest } = chosen;
     if let Some(at_rest) = &at_rest {
-        some = Cow::Owned(some.into_owned().without(at_rest));
+        some = some.without(at_rest);
     }
     let seed = question.seed;
-    let selection = select::select(&Search { log: &some, base: &base, seed, progress })?;
-    progress("judging on held-out runs");
-    drop(some);
+    let search = Search { log: &some, base: &base, seed, progress };
     let whole = match &at_rest {
         Some(at_rest) => whole.without(at_rest),
         None => whole,
     };
-    let follows = selection.extended.follows.as_ref().filter(|follows| follows.extra);
-    let log = whole.following(follows).into_owned();
-    let baseline = match &question.given {
+    let as_it_is = question
+        .given
+        .as_ref()
+        .map(|(_, parameters)| predict(parameters, whole.test_rows(), base.resolution));
+    let mut refuted = Vec::new();
+    let mut scores = Vec::new();
+    let mut said = Vec::new();
+    let offer = loop {
+        let selection = select::select(&search, &refuted)?;
+        progress("judging on rows left out");
+        let extension = Extension { model: selection.extended, found: selection.found };
+        let offer = offer::offer(&search, &whole, extension, as_it_is.clone())?;
+        if scores.is_empty() {
+            scores = selection.scores;
+        }
+        said.extend(selection.notes.into_iter().chain(offer.notes.clone()));
+        refuted.extend(offer.taken_back.iter().cloned());
+        // What was taken back may have stood in the way of another.
+        if offer.taken_back.is_empty() || refuted.len() > MOST_TAKEN_BACK {
+            break offer;
+        }
+    };
+    let Offer { extension, before, after, gain, left_out, .. } = offer;
+    let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
+    let mut log = whole.following(follows).into_owned();
+    said.sort_unstable();
+    said.dedup();
+    log.notes.extend(said);
+    let mut baseline = match &question.given {
         Some((spec, parameters)) => given(&log, spec, parameters)?,
         None => outcome(&log, &base)?,
     };
-    let extended = if selection.found.is_empty() {
+    baseline.test = before.metrics;
+    let mut extended = if extension.found.is_empty() {
         baseline.clone()
     } else {
-        outcome(&log, &selection.extended)?
+        outcome(&log, &extension.model)?
     };
-    let before = predict(&baseline.parameters, log.test_rows(), baseline.resolution);
-    let after = predict(&extended.parameters, log.test_rows(), extended.resolution);
+    extended.test = after.metrics;
     let at = sensitivities::sensitivities(
         &baseline.parameters,
         &[],
         &log.test_tracks,
         baseline.resolution,
     );
-    let found = selection.found.iter();
+    let found = extension.found.iter();
     let mut findings: Vec<Finding> = found.map(|found| found.finding(&extended, &log)).collect();
     let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
-    let gain = judge::gain(&before, &after, question.seed);
     let left_over = left_over(&after, noise_floor);
-    let noise_floor = judge::lower_floor(noise_floor, &after);
+    let noise_floor = judge::lower_floor(noise_floor, &log.test_tracks, &after);
     findings.extend(observed(|cause| cause.in_log(&log)));
     if findings.is_empty() && left_over > 0.0 {
         let rest = Unexplained {
             after: &after,
             noise_floor,
-            times_floor: STRUCTURE.0,
+            times_floor: STRUCTURE,
             log: &log,
             seed: question.seed,
         };
@@ -198,13 +245,15 @@ pub fn diagnose(
     progress("certifying");
     let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
     Ok(Diagnosis {
+        log_findings: question.log_findings.clone(),
         noise_floor,
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),
         by_column: regime::by_column(&log, &at),
-        scores: selection.scores,
+        scores,
         certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),
+        left_out,
         log,
         baseline,
         extended,
@@ -281,6 +330,5 @@ fn certificates(
 /// Memory of the residual in rows, where it is more than noise; else 0.
 fn left_over(after: &Predicted, noise_floor: f64) -> f64 {
     let memory = autocorrelation_time(after.residuals.iter().map(Vec::as_slice));
-    let (times, rows) = STRUCTURE;
-    if after.metrics.rmse > times * noise_floor && memory > rows { memory } else { 0.0 }
+    if after.metrics.rmse > STRUCTURE * noise_floor && memory > MEMORY { memory } else { 0.0 }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! Dataset -> tracks (unbroken stretches, as the core's samples)      track
-//!         -> core model stepped along each, with derivatives         simulate
+//!         -> core model stepped along each, with derivatives         simulate, stepper, settled, delayed
 //!            (what a track at rest holds is solved for on the way: initial_state)
 //!         -> residual and Jacobian, reduced to a small triangle      reduce, streaming_qr
 //!         -> bounded Levenberg-Marquardt from several starts         scales, coordinates, start, minimise, solve
@@ -14,6 +14,7 @@
 //! ([`crate::dual`]). Bounds are kept by coordinates that cannot leave them.
 
 pub mod coordinates;
+mod delayed;
 pub mod identify;
 pub mod initial_state;
 pub mod metrics;
@@ -22,14 +23,17 @@ pub mod outcome;
 pub mod predict;
 pub mod reduce;
 pub mod scales;
+mod settled;
 pub mod simulate;
 pub mod solve;
 pub mod start;
 pub mod statistics;
+mod stepper;
 pub mod streaming_qr;
 pub mod track;
 pub mod treatment;
 mod verdict;
+pub mod warmth;
 
 pub use identify::identify;
 pub use metrics::Metrics;

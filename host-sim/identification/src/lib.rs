@@ -4,7 +4,8 @@
 //! data -> fit (over compensator-core's own step) -> diagnose -> params
 //! ```
 //!
-//! [`data`] reads logs by the contract (CSV, Parquet, CAN traces) and splits them by whole runs; [`spec`] names
+//! [`data`] reads logs by the contract (CSV, Parquet, CAN traces) and splits them by whole runs; [`mod@motion`] finds
+//! the motion as it was behind what was logged of it; [`spec`] names
 //! a model, as `lugre+pressure-coulomb`; [`mod@fit`] fits it and says of each parameter whether the data
 //! determine it; [`mod@diagnose`] says what a model gets wrong, why ([`diagnose::cause`]), and what a better
 //! one gains on runs no fit has seen; [`stochastic`] sets the published method beside that; [`params`] writes
@@ -50,6 +51,8 @@ pub mod data;
 pub mod diagnose;
 pub mod dual;
 pub mod fit;
+pub mod log_check;
+pub mod motion;
 pub mod number;
 pub mod params;
 pub mod spec;

@@ -1,7 +1,7 @@
 //! Which model: a law, extension terms, and the rigid-body parts that belong to the base.
 //!
 //! A model is named `LAW+TERM+TERM`, as `lugre+pressure-coulomb`. What the torque column holds
-//! beyond friction (`--rigid-body inertia,gravity,load,offset`) is not part of the name: it belongs to
+//! beyond friction (`--rigid-body inertia,gravity,load,offset,delay,gain`) is not part of the name: it belongs to
 //! every model that is compared. In the core both are terms alike.
 
 use compensator_core::{LawKind, ParameterId, Parameters, Quantity, TermKind};
@@ -18,7 +18,7 @@ struct RigidBodyPart {
 }
 
 /// The parts. The known load is a part and no cause: how it enters the reading is fitted, not found.
-const RIGID_BODY: [RigidBodyPart; 4] = [
+const RIGID_BODY: [RigidBodyPart; 6] = [
     RigidBodyPart {
         name: "inertia",
         term: TermKind::UnmodelledInertia,
@@ -31,6 +31,14 @@ const RIGID_BODY: [RigidBodyPart; 4] = [
     },
     RigidBodyPart { name: "load", term: TermKind::LoadGain, effect: "a gain on the known load." },
     RigidBodyPart { name: "offset", term: TermKind::TorqueOffset, effect: "a constant." },
+    RigidBodyPart {
+        name: "delay",
+        term: TermKind::ChannelDelay,
+        effect: "the torque answers the motion of a moment ago, the same in all runs.",
+    },
+    // The scale of the torque shows against a load that is known in its own unit alone: everything else
+    // in the model is in the torque's scale.
+    RigidBodyPart { name: "gain", term: TermKind::LoadGain, effect: "a gain on the known load." },
 ];
 
 /// What a part of the rigid body adds to the torque, for a list of models; none for another term.
@@ -143,7 +151,7 @@ impl fmt::Display for Spec {
     }
 }
 
-/// Reads a list of rigid-body parts, `inertia,gravity,load,offset`.
+/// Reads a list of rigid-body parts, `inertia,gravity,load,offset,delay,gain`.
 ///
 /// # Errors
 /// Names the part that is unknown and those that are known.

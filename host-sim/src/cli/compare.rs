@@ -4,6 +4,7 @@ use super::input::{DataArguments, Input, spinner};
 use super::output::{OutputArguments, say};
 use crate::results::{Study, document, page, table};
 use compensator_core::LawKind;
+use friction_identification::data::SplitRule;
 use friction_identification::fit::{FitOptions, Outcome, identify};
 use friction_identification::spec::Spec;
 
@@ -44,7 +45,8 @@ fn fits(specs: Vec<Spec>, input: &Input) -> Result<Vec<Outcome>, String> {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let specs = specs(arguments)?;
-    let input = arguments.data.read()?;
+    let input = arguments.data.read(&SplitRule::default())?;
+    input.warn();
     let fits = fits(specs, &input)?;
     let document = document(&input.data, &input.split, &input.hashes, &fits);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";

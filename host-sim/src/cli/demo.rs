@@ -173,7 +173,7 @@ fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result<
 fn listen(file: &Path) -> Result<(Dataset, Split, String), String> {
     let files = [file.to_owned()];
     let data = read(&files, &ReadOptions::default(), &|_, _| {}).map_err(|e| e.to_string())?;
-    let parts = split(&data, &SplitRule::default(), 0).map_err(|e| e.to_string())?;
+    let parts = split(&data, &SplitRule::EachOut, 0).map_err(|e| e.to_string())?;
     Ok((data, parts, super::input::hash(file)?))
 }
 

@@ -5,6 +5,7 @@ use super::output::{OutputArguments, say};
 use crate::driver_file;
 use crate::results::diagnosis_page::{self, Diagnosed};
 use crate::results::{diagnosis, table};
+use friction_identification::data::SplitRule;
 use friction_identification::diagnose::{Question, diagnose};
 use friction_identification::params;
 use friction_identification::spec::Spec;
@@ -30,13 +31,14 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let model = arguments.model.as_deref().map(Spec::parse).transpose();
     let given = arguments.params.as_deref().map(driver_file::read).transpose();
     let (model, given) = (model.map_err(|e| e.to_string())?, given.map_err(|e| e.to_string())?);
-    let input = arguments.data.read()?;
+    let input = arguments.data.read(&SplitRule::EachOut)?;
     let question = Question {
         model,
         given: given.map(|file| (file.spec, file.parameters)),
         decimate: arguments.data.decimate as usize,
         rigid_body: input.rigid_body.clone(),
         seed: arguments.data.seed,
+        log_findings: input.log_findings.clone(),
     };
     let bar = spinner("diagnosing".into());
     let progress = |what: &str| bar.set_message(what.to_owned());
@@ -67,6 +69,9 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         return say(&json);
     }
     let mut text = String::new();
+    for finding in &found.log_findings {
+        text += &format!("log: {}: {}\n", finding.kind.name(), finding.in_words);
+    }
     for (index, sentence) in document.story().iter().enumerate() {
         text += &format!("{}. {sentence}\n", index + 1);
     }

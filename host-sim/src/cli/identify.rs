@@ -5,6 +5,7 @@ use super::output::{OutputArguments, say};
 use crate::driver_file;
 use crate::results::{Study, document, page, table};
 use compensator_core::{ParameterId, Parameters};
+use friction_identification::data::SplitRule;
 use friction_identification::fit::{FitOptions, identify};
 use friction_identification::params;
 use friction_identification::spec::Spec;
@@ -55,7 +56,8 @@ fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let input_spec = Spec::parse(&arguments.model).map_err(|error| error.to_string())?;
     let (fixed, freed) = (ids("--keep", &arguments.keep)?, ids("--free", &arguments.free)?);
-    let input = arguments.data.read()?;
+    let input = arguments.data.read(&SplitRule::default())?;
+    input.warn();
     let spec = input_spec.on(&input.rigid_body);
     let mut base = spec.parameters().map_err(|error| error.to_string())?;
     let start = match &arguments.start {

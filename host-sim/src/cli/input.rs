@@ -5,6 +5,7 @@ use compensator_core::TermKind;
 use friction_identification::data::{self, Dataset, ReadOptions, Split, SplitRule};
 use friction_identification::fit::track::{campaign_start, tracks_since};
 use friction_identification::fit::{Rows, Track};
+use friction_identification::log_check::{self, Checked, Correct, Kind, LogFinding};
 use friction_identification::spec::parse_rigid_body;
 use indicatif::{ProgressBar, ProgressStyle};
 use sha2::{Digest, Sha256};
@@ -18,7 +19,8 @@ pub struct DataArguments {
     /// Measured data: CSV or Parquet, one or more files
     #[arg(required = true, value_name = "DATA")]
     pub data: Vec<PathBuf>,
-    /// Held-out files; without them whole runs (or time blocks of a single run) are held out
+    /// Held-out files; without them whole runs (or time blocks of a single run) are held out: of `diagnose`
+    /// each run once
     #[arg(long, value_name = "DATA", num_args = 1..)]
     pub test: Vec<PathBuf>,
     /// Hold out the runs where COLUMN (constant within a run, or `run`) has one of the values
@@ -36,15 +38,31 @@ pub struct DataArguments {
     /// Judge every N-th sample of the residual, anti-aliased; the simulation runs at the full rate
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub decimate: u32,
-    /// Parts of the torque column that are not friction: inertia,gravity,load,offset
+    /// Parts of the torque column that are not friction: inertia,gravity,load,offset,delay,gain
     #[arg(long, value_name = "PARTS", default_value = "")]
     pub rigid_body: String,
+    /// The motion as reconstructed from position and velocity, or the velocity column as it stands
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = MotionFrom::Smoothed)]
+    pub motion: MotionFrom,
+    /// Findings about the log that are told but not corrected: velocity-noise, velocity-lag, quantised (the
+    /// motion is taken as logged) and outlier
+    #[arg(long, value_name = "KIND,..", value_delimiter = ',')]
+    pub as_logged: Vec<String>,
     /// Chooses which runs are held out; the same seed, the same result
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Threads; 0 for all cores
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub threads: usize,
+}
+
+/// Where the motion comes from.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotionFrom {
+    /// Reconstructed from all columns that speak of it.
+    Smoothed,
+    /// The velocity column as it stands.
+    Logged,
 }
 
 /// Data read and split.
@@ -61,6 +79,8 @@ pub struct Input {
     pub rigid_body: Vec<TermKind>,
     /// SHA-256 of each file.
     pub hashes: Vec<String>,
+    /// What is wrong with the log itself.
+    pub log_findings: Vec<LogFinding>,
     decimate: usize,
 }
 
@@ -70,6 +90,13 @@ impl Input {
         Rows { tracks: &self.train, decimate: self.decimate }
     }
 
+    /// Tells what is wrong with the log on standard error, which a result on standard output leaves alone.
+    pub fn warn(&self) {
+        for finding in &self.log_findings {
+            eprintln!("log: {}: {}", finding.kind.name(), finding.in_words);
+        }
+    }
+
     /// Rows to judge by.
     pub fn test_rows(&self) -> Rows<'_> {
         Rows { tracks: &self.test, decimate: self.decimate }
@@ -77,11 +104,11 @@ impl Input {
 }
 
 impl DataArguments {
-    /// Reads and splits.
+    /// Reads and splits, by a rule of the command's own where the user names none.
     ///
     /// # Errors
     /// One line for a person.
-    pub fn read(&self) -> Result<Input, String> {
+    pub fn read(&self, unless_asked: &SplitRule) -> Result<Input, String> {
         if self.threads > 0 {
             // A second call in one process (tests) keeps the first pool.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build_global();
@@ -92,6 +119,7 @@ impl DataArguments {
         if let Some(twice) = files.iter().find(|file| !seen.insert(*file)) {
             return Err(format!("{}: given twice", twice.display()));
         }
+        let correct = self.correct()?;
         let options = ReadOptions { columns: self.column_pairs()?, skip: self.skip };
         let bar = progress();
         let data = data::read(&files, &options, &|done, total| {
@@ -100,8 +128,9 @@ impl DataArguments {
         })
         .map_err(|error| error.to_string())?;
         bar.finish_and_clear();
-        let split =
-            data::split(&data, &self.split_rule()?, self.seed).map_err(|e| e.to_string())?;
+        let Checked { data, findings: log_findings, .. } = log_check::check(data, correct);
+        let split = data::split(&data, &self.split_rule(unless_asked)?, self.seed)
+            .map_err(|e| e.to_string())?;
         let start = campaign_start(&data);
         let of = |parts: &[data::Part]| tracks_since(&data.select(parts), None, start);
         let (train, test) = (of(&split.train), of(&split.test));
@@ -110,7 +139,24 @@ impl DataArguments {
         }
         let hashes = files.iter().map(|file| hash(file)).collect::<Result<_, _>>()?;
         let decimate = self.decimate as usize;
-        Ok(Input { data, split, train, test, rigid_body, hashes, decimate })
+        Ok(Input { data, split, train, test, rigid_body, hashes, log_findings, decimate })
+    }
+
+    /// What is to be corrected.
+    fn correct(&self) -> Result<Correct, String> {
+        let mut correct = Correct::default();
+        correct.motion = self.motion == MotionFrom::Smoothed;
+        for name in &self.as_logged {
+            match Kind::parse(name.trim()) {
+                Some(Kind::VelocityNoise | Kind::VelocityLag | Kind::Quantised) => {
+                    correct.motion = false;
+                }
+                Some(Kind::Outlier) => correct.outliers = false,
+                Some(_) => return Err(format!("--as-logged: {name} is never corrected")),
+                None => return Err(format!("--as-logged: unknown kind {name:?}")),
+            }
+        }
+        Ok(correct)
     }
 
     fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {
@@ -123,14 +169,14 @@ impl DataArguments {
         self.columns.iter().map(pair).collect()
     }
 
-    fn split_rule(&self) -> Result<SplitRule, String> {
+    fn split_rule(&self, unless_asked: &SplitRule) -> Result<SplitRule, String> {
         if !self.test.is_empty() {
             return Ok(SplitRule::Files(self.test.clone()));
         }
         if let Some(text) = &self.hold_out {
             return SplitRule::parse_hold_out(text).map_err(|error| error.to_string());
         }
-        Ok(self.tail.map_or_else(SplitRule::default, |share| SplitRule::Tail { share }))
+        Ok(self.tail.map_or_else(|| unless_asked.clone(), |share| SplitRule::Tail { share }))
     }
 }
 

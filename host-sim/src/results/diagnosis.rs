@@ -8,6 +8,7 @@ use friction_identification::data::{Dataset, Split};
 use friction_identification::diagnose::finding::Finding;
 use friction_identification::diagnose::{CandidateScore, Diagnosis, Share, story};
 use friction_identification::fit::Outcome;
+use friction_identification::log_check::LogFinding;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -93,6 +94,16 @@ fn heard(score: &CandidateScore) -> Value {
     })
 }
 
+fn log_finding(finding: &LogFinding) -> Value {
+    json!({
+        "kind": finding.kind.name(),
+        "columns": finding.columns,
+        "size": { "value": finite(finding.value), "unit": finding.unit },
+        "corrected": finding.corrected,
+        "in_words": finding.in_words,
+    })
+}
+
 /// Puts a diagnosis together.
 pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[String]) -> Document {
     let mut about = serde_json::to_value(sources(data, split, hashes)).unwrap_or_default();
@@ -106,6 +117,7 @@ pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[Stri
     Document(json!({
         "schema": 1,
         "data": about,
+        "log": found.log_findings.iter().map(log_finding).collect::<Vec<_>>(),
         "baseline": model(&found.baseline, data),
         "cause": found.cause(),
         "findings": found.findings.iter().map(finding).collect::<Vec<_>>(),

@@ -14,6 +14,7 @@
 mod bins;
 mod evidence;
 mod figures;
+mod log;
 mod rows;
 mod stochastic;
 mod tables;
@@ -128,6 +129,7 @@ pub fn page(about: &Diagnosed) -> Page {
     let mut page = Page::new(words::title(&scene), words::subtitle(&scene));
     page.push(Block::List(story::story(found)));
     let sections = [
+        log::log(&scene),
         gain(&scene),
         predictions(&scene),
         evidence(&scene),

@@ -6,6 +6,7 @@ use crate::node::sdo::Abort;
 use crate::node_settings::{BLOCK_LENGTH, NodeSettings, Source, emit_block};
 use crate::parameter_set::ParameterSet;
 use crate::supervisor::{self, Code, InUse};
+use compensator_core::parameters::Digits;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -38,7 +39,10 @@ impl<F: NorFlash> Device<F> {
             return Err(self.staging.refuse(Abort::State, why));
         }
         if !position_rad.is_finite() {
-            let why = format_args!("set_position_rad = {position_rad}: must be a finite number");
+            let why = format_args!(
+                "set_position_rad = {}: must be a finite number",
+                Digits(position_rad.into())
+            );
             return Err(self.staging.refuse(Abort::Value, why));
         }
         self.home = Home { position_rad, number: self.home.number.wrapping_add(1) };

@@ -67,6 +67,10 @@ pub struct Run {
     pub extra: Vec<Vec<f64>>,
     /// Text columns that hold one value throughout the run: (column, value).
     pub labels: Vec<(String, String)>,
+    /// How the motion may also have been: a few draws of the true velocity minus [`Run::velocity`], rad/s or
+    /// m/s, a value per row, from what is known of it ([`crate::motion`]). Empty where the velocity is taken
+    /// as it stands.
+    pub velocity_draws: Vec<Vec<f64>>,
 }
 
 /// Columns of a run by their quantity.
@@ -122,6 +126,12 @@ impl Run {
         part
     }
 
+    /// A copy in which every numeric column, time too, went through `f`, which treats all alike.
+    pub(crate) fn with_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
+        let time_s = f(&self.time_s);
+        Run { time_s, ..self.map_columns(f) }
+    }
+
     /// A copy in which every numeric column but time went through `f`; time is empty.
     pub(super) fn map_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
         Run {
@@ -133,6 +143,7 @@ impl Run {
             measured: Measured(self.measured.0.each_ref().map(|of| of.as_ref().map(&f))),
             extra: self.extra.iter().map(&f).collect(),
             labels: self.labels.clone(),
+            velocity_draws: self.velocity_draws.iter().map(&f).collect(),
         }
     }
 }

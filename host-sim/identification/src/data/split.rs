@@ -4,7 +4,8 @@
 //! training and a test set, and every test row has its twin in the training set: any model looks
 //! good, and the more it has memorised the better. So only whole stretches are held out here, and
 //! the longer the better: whole files, whole runs, all runs at one setting, the end of each run,
-//! or, where a single run is all there is, blocks of time.
+//! or, where a single run is all there is, blocks of time. Or nothing is set apart, and every run is judged by
+//! a fit of its own that has not seen it ([`SplitRule::EachOut`]).
 //!
 //! Held-out runs lie spread over the order of the files, since that order mostly is one of speed,
 //! load or date, and a test at one end of it would be a test of extrapolation. The seed shifts
@@ -31,6 +32,8 @@ pub enum SplitRule {
         /// The share to hold out.
         share: f64,
     },
+    /// Every run is fitted on, and every run is judged, by a fit on the others.
+    EachOut,
     /// The last share (0 to 1, both excluded) of the rows of each run.
     Tail {
         /// The share to hold out.
@@ -81,7 +84,7 @@ pub struct Part {
     pub rows: Range<usize>,
 }
 
-/// What to fit on and what to judge by; no row is in both.
+/// What to fit on and what to judge by; no row is in both, but where each run is left out once and all are.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Split {
     /// The parts to fit on, in the order of the data.
@@ -91,6 +94,11 @@ pub struct Split {
 }
 
 impl Split {
+    /// Whether nothing is set apart and every run is to be judged by a fit on the others.
+    pub fn leaves_each_out(&self) -> bool {
+        self.train == self.test
+    }
+
     /// Names of the runs that have rows to fit on.
     pub fn train_runs(&self, data: &Dataset) -> Vec<String> {
         names(data, &self.train)
@@ -138,6 +146,10 @@ pub fn split(data: &Dataset, rule: &SplitRule, seed: u64) -> Result<Split, DataE
         SplitRule::Spread { share } => {
             let held = spread(data.runs.len(), checked(*share)?, seed);
             whole_runs(data, |at, _| held.contains(&at))
+        }
+        SplitRule::EachOut => {
+            let all = whole_runs(data, |_, _| false).train;
+            Split { train: all.clone(), test: all }
         }
         SplitRule::Tail { share } => tail(data, checked(*share)?),
         SplitRule::HoldOut { column, values } => hold_out(data, column, values)?,
@@ -321,6 +333,15 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn where_each_is_left_out_all_are_on_both_sides() {
+        let data = data(3);
+        let each = split(&data, &SplitRule::EachOut, 0).unwrap();
+        assert!(each.leaves_each_out());
+        assert_eq!((each.train.len(), each.test_runs(&data).len()), (3, 3));
+        assert!(!split(&data, &SplitRule::default(), 0).unwrap().leaves_each_out());
     }
 
     #[test]

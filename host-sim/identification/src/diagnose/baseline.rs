@@ -6,6 +6,7 @@
 
 use super::model::Fitted;
 use super::train_test::{AtRest, TrainTest};
+use crate::fit::solve::ENOUGH_TO_COMPARE;
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, fit};
 use crate::spec::{Spec, SpecError};
@@ -16,6 +17,10 @@ const LADDER: [LawKind; 3] = [LawKind::Linear, LawKind::Stribeck, LawKind::Lugre
 
 /// Starting points of a baseline's fit that go all the way.
 const STARTS: usize = 2;
+
+/// Simulations per parameter of a baseline's fit. A law the log does not support crawls along a valley, and
+/// is not taken; what is reported is fitted to the end.
+const PATIENCE: usize = 8;
 
 /// Fits a law, from scratch or from given parameters.
 ///
@@ -30,7 +35,13 @@ fn fitted(
         Some(start) => start.clone(),
         None => spec.parameters()?,
     };
-    let options = FitOptions { starts: STARTS, start: start.cloned(), ..FitOptions::default() };
+    let options = FitOptions {
+        starts: STARTS,
+        start: start.cloned(),
+        patience: PATIENCE,
+        enough: ENOUGH_TO_COMPARE,
+        ..FitOptions::default()
+    };
     let solution = fit(spec, &base, log.train_rows(), &options);
     Ok(Fitted {
         spec: spec.clone(),

@@ -12,6 +12,7 @@ mod backlash;
 mod channel_delay;
 mod direction_asymmetry;
 mod dwell_time_static;
+mod formula;
 mod gravity_imbalance;
 mod load_torque_coulomb;
 mod position_ripple;
@@ -20,11 +21,14 @@ mod quadratic_drag;
 mod radial_force_coulomb;
 mod radial_force_rate;
 mod stribeck_shape;
+mod temperature_coulomb;
 mod temperature_viscous;
 mod time_drift;
 mod torque_offset;
+mod torque_ripple;
 mod unknown;
 mod unmodelled_inertia;
+mod warm_up;
 
 pub mod definition;
 
@@ -42,6 +46,7 @@ pub const ALL: &[&dyn Cause] = &[
     &pressure_coulomb::PressureCoulomb,
     &load_torque_coulomb::LoadTorqueCoulomb,
     &temperature_viscous::TemperatureViscous,
+    &temperature_coulomb::TemperatureCoulomb,
     &direction_asymmetry::DirectionAsymmetry,
     &torque_offset::TorqueOffset,
     &quadratic_drag::QuadraticDrag,
@@ -53,7 +58,9 @@ pub const ALL: &[&dyn Cause] = &[
     &backlash::Backlash,
     &gravity_imbalance::GravityImbalance,
     &position_ripple::PositionRipple,
+    &torque_ripple::TorqueRipple,
     &time_drift::TimeDrift,
+    &warm_up::WarmUp,
     &unknown::Unknown,
 ];
 

@@ -10,6 +10,7 @@ use crate::number::figure;
 use crate::params::unit;
 use ParameterId as Id;
 use compensator_core::ParameterId;
+use compensator_core::term::LookupFormula;
 
 /// Standard errors on either side that hold 95 %.
 const NINETY_FIVE: f64 = 1.96;
@@ -60,6 +61,11 @@ impl Extended<'_> {
     /// Whether the finding is a share of the friction level over a column.
     pub fn follows_level(&self) -> bool {
         self.follows.is_some_and(|follows| follows.level)
+    }
+
+    /// The level's formula over the column it follows.
+    pub fn formula(&self) -> LookupFormula {
+        self.follows.map_or(LookupFormula::None, |follows| follows.formula)
     }
 
     /// What the fit says of a parameter.

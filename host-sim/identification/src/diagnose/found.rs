@@ -26,6 +26,8 @@ pub struct Found {
     pub share: f64,
     /// Other causes that would explain the same.
     pub rivals: Vec<Rival>,
+    /// It describes the runs there are; for others it has been shown to fail, or could not be shown.
+    pub only_describes: bool,
 }
 
 impl Found {
@@ -48,6 +50,10 @@ impl Found {
         let rivals: Vec<String> = self.rivals.iter().map(rival).collect();
         if !rivals.is_empty() {
             in_words += &format!("; this log cannot tell it from {}", rivals.join(", or "));
+        }
+        if self.only_describes {
+            in_words += "; it describes these runs, and was not shown to hold for others: its column hardly \
+                         changes within a run, and there are few";
         }
         Finding {
             cause,

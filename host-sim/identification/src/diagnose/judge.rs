@@ -19,20 +19,37 @@ pub struct Gain {
     pub ci95: [f64; 2],
 }
 
-/// What the torque column's noise alone would cost, Nm: from second differences of the measured
-/// torque, which no smooth torque has. Their median keeps breakaways and reversals out. It is a floor
-/// for white noise; a logger that smooths shows less than its sensor makes.
+/// What the best possible model would leave, Nm RMS: the torque column's noise, and what the uncertain motion does to
+/// the law ([`super::uncertain_motion`]). The noise comes from second differences of the measured torque, which no
+/// smooth torque has. Their median keeps breakaways and reversals out. It is a floor for white noise; a logger
+/// that smooths shows less than its sensor makes.
 pub fn noise_floor(tracks: &[Track], decimate: usize) -> f64 {
+    with_motion(torque_noise(tracks, decimate), tracks)
+}
+
+fn torque_noise(tracks: &[Track], decimate: usize) -> f64 {
     let noise = Scales::of(tracks).noise;
     // The anti-alias filter passes 80 % of the band that is left.
     if decimate > 1 { noise * (0.8 / decimate as f64).sqrt() } else { noise }
 }
 
+/// The floor that a noise of the torque makes together with the uncertain motion, rows weighed as they are.
+fn with_motion(noise: f64, tracks: &[Track]) -> f64 {
+    let rows = tracks.iter().flat_map(|track| {
+        let error = |row: usize| track.motion_error.get(row).copied().unwrap_or_default();
+        (0..track.len()).map(move |row| (track.weight(row), error(row)))
+    });
+    let (weights, squares) = rows.fold((0.0, 0.0), |(weights, squares), (weight, error)| {
+        (weights + weight, squares + weight * (noise * noise + error * error))
+    });
+    if weights > 0.0 { (squares / weights).sqrt() } else { noise }
+}
+
 /// A slowly logged torque turns between two rows, and second differences take that for noise; those of
 /// the extended model's residual do not. The lower of the two.
-pub fn lower_floor(floor: f64, after: &Predicted) -> f64 {
+pub fn lower_floor(floor: f64, tracks: &[Track], after: &Predicted) -> f64 {
     let own = white_noise(after.residuals.iter().map(Vec::as_slice));
-    if own > 0.0 { floor.min(own) } else { floor }
+    if own > 0.0 { floor.min(with_motion(own, tracks)) } else { floor }
 }
 
 /// Squared errors of two models on the same blocks of rows.

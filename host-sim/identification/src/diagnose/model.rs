@@ -6,7 +6,8 @@ use super::train_test::Follows;
 use super::train_test::TrainTest;
 use crate::fit::predict::{Predicted, predict};
 use crate::fit::simulate::Resolution;
-use crate::fit::{FitOptions, fit};
+use crate::fit::solve::ENOUGH_TO_COMPARE;
+use crate::fit::{FitOptions, Rows, fit};
 use crate::spec::{Spec, SpecError};
 use compensator_core::{ParameterId, Parameters, TermKind};
 
@@ -70,6 +71,7 @@ fn refit(log: &TrainTest, start: &Start) -> Fitted {
         fixed: start.fixed.clone(),
         resolution: Some(start.resolution),
         patience: PATIENCE,
+        enough: ENOUGH_TO_COMPARE,
         ..FitOptions::default()
     };
     let solution = fit(&start.spec, &start.parameters, log.train_rows(), &options);
@@ -82,6 +84,22 @@ fn refit(log: &TrainTest, start: &Start) -> Fitted {
         sse: solution.reduced.sum_of_squares(),
         follows: start.follows.clone(),
     }
+}
+
+/// The same model fitted to other rows, from where it stands.
+pub fn again(rows: Rows, model: &Fitted) -> Fitted {
+    let options = FitOptions {
+        starts: 1,
+        start: Some(model.parameters.clone()),
+        fixed: model.fixed.clone(),
+        resolution: Some(model.resolution),
+        patience: PATIENCE,
+        enough: ENOUGH_TO_COMPARE,
+        ..FitOptions::default()
+    };
+    let solution = fit(&model.spec, &model.parameters, rows, &options);
+    let parameters = solution.parameters();
+    Fitted { parameters, sse: solution.reduced.sum_of_squares(), ..model.clone() }
 }
 
 /// Puts a candidate's term into a model and fits everything again.

@@ -53,6 +53,20 @@ pub struct Peak {
     pub independent: f64,
 }
 
+impl Peak {
+    /// The order, or the whole one next to it where the range of the angle cannot tell the two apart (what is on a
+    /// shaft has so many periods a turn), and from how many it was chosen. `most` is the highest order looked for.
+    pub fn whole(&self, most: f64) -> (f64, f64) {
+        let apart = (most - LEAST) / self.independent;
+        let whole = self.order.round();
+        if whole >= 1.0 && (whole - self.order).abs() < 0.5 * apart {
+            (whole, self.independent.min(most))
+        } else {
+            (self.order, self.independent)
+        }
+    }
+}
+
 /// The orders that stand out most, at most `count`, the most prominent first.
 pub fn peaks(points: &[Point], most: f64, count: usize) -> Vec<Peak> {
     let positions = || points.iter().map(|point| point.position);

@@ -1,27 +1,20 @@
 //! Every finding taken out once, and weighed again beside all others.
 //!
-//! What only correlated with a cause that was not yet in falls here. So does what held-out runs do not
-//! need, what whole runs do not agree on, and a curve that is the last bend of a named cause's own effect.
+//! What only correlated with a cause that was not yet in falls here: with all others in, it must still gain on
+//! rows left out, by the same rules it entered by. So does a curve that is the last bend of a named cause's
+//! own effect. And each finding that stays is told from what would explain the same.
 
 use super::cause::{Claim, Suspect};
 use super::finding::Rival;
 use super::found::Found;
 use super::gram_blocks::CandidateFit;
-use super::round::{MATERIAL, Round};
+use super::round::Round;
 use super::search::{Extension, Search};
+use super::select::{better, share};
+use super::standing::Standing;
+use super::thresholds::{ANY_SHAPE, MATERIAL};
 use super::train_test::Follows;
 use crate::spec::SpecError;
-
-/// Share of the base model's squared residual that a finding beside others must take alone.
-pub const MATERIAL_BESIDE: f64 = 0.01;
-
-/// The same for whole runs as observations, which a finding has to pass with all others in. There are
-/// few runs, and one candidate left.
-const SIGNIFICANT_BY_RUNS: f64 = 0.03;
-
-/// What a curve of any shape must add to what named causes explain, as a share of it: the last bend of
-/// their own effect is not another one.
-const ANY_SHAPE: f64 = 0.2;
 
 /// Resampled logs the stability is counted over.
 const RESAMPLES: usize = 60;
@@ -45,23 +38,25 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
         let Extension { model, found } = &mut *extension;
         let claim = Claim::new(found[index].cause, found[index].follows.as_ref());
         progress(&format!("hearing {} against all others", claim.cause.name()));
-        let round = Round::new(log, &rest, seed + 100 + index as u64);
+        let round = Round::new(log, &rest);
         let same = |candidate: &Suspect| candidate.claim() == claim;
         let own = round
             .fits
             .iter()
             .filter(|fit| same(&round.candidates[fit.candidate]))
-            .max_by(|a, b| a.gain_unseen.total_cmp(&b.gain_unseen))
+            .max_by(|a, b| a.unseen.value.total_cmp(&b.unseen.value))
             .cloned();
-        let unique = rest.sse - model.sse;
-        let helps = model.on_test(log).metrics.sse < rest.on_test(log).metrics.sse;
+        let better = better(search, model, &round);
+        let unique = better.describes;
+        let all = Standing::of_model(log, base, round.length);
         let lost = own.as_ref().is_none_or(|fit| {
-            let by_runs = round.gram.probability_by_runs(fit.candidate);
-            !helps
-                || by_runs > SIGNIFICANT_BY_RUNS
-                || (found.len() > 1 && unique < MATERIAL_BESIDE * base.sse)
-                || (is_any_shape(&found[index]) && unique < ANY_SHAPE * (base.sse - rest.sse))
-                || (found.len() > 1 && !round.passes(fit) && unique < 4.0 * MATERIAL * rest.sse)
+            let candidate = &round.candidates[fit.candidate];
+            // It is asked about by name here: no other candidate, only its own settings, are paid for.
+            let p = unique.probability(candidate.regressors.len(), candidate.comparisons);
+            let named = all.sse() - round.standing.sse();
+            round.against(fit.candidate, &better, p).is_some()
+                || unique.value < MATERIAL * log.beyond_floor(all.sse())
+                || (is_any_shape(&found[index]) && unique.value < ANY_SHAPE * named)
         });
         if lost {
             // It was in the place of another: gone, and the others are reviewed anew.
@@ -81,7 +76,11 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
             .map(|c| wins[c])
             .sum::<f64>()
             .min(1.0);
-        found[index].share = (unique / base.sse.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        (fit.unseen, fit.unseen_runs) = (better.describes, better.extrapolates);
+        fit.p_value = fit.p_value.min(found[index].fit.p_value);
+        found[index].share = share(&unique, &all);
+        found[index].only_describes = round.only_describes(fit.candidate)
+            && better.extrapolates.is_some_and(|runs| runs.value <= 0.0);
         found[index].rivals = rivals(&round, &fit);
         found[index].fit = fit;
     }
@@ -89,9 +88,9 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
     Ok(lost_claims)
 }
 
-/// The strongest first, but a gain error of a column after the friction that follows the same column.
+/// The strongest first, by what each takes alone at the least, but a gain error of a column after the friction that follows the same column.
 fn order(found: &mut Vec<Found>) {
-    found.sort_by(|a, b| b.share.total_cmp(&a.share));
+    found.sort_by(|a, b| b.fit.unseen.at_least().total_cmp(&a.fit.unseen.at_least()));
     let is_gain_error = |f: &Found| f.follows.as_ref().is_some_and(|follows| !follows.level);
     for index in 0..found.len() {
         let friction = (index + 1..found.len()).find(|other| {
@@ -106,11 +105,6 @@ fn order(found: &mut Vec<Found>) {
 
 /// Causes that would explain what a finding explains.
 fn rivals(round: &Round, fit: &CandidateFit) -> Vec<Rival> {
-    /// Nothing could tell two causes apart that share this much of their effect.
-    const THE_SAME: f64 = 0.995;
-    /// Nor, in practice, these, where the better one is not better by so many standard errors.
-    const ALIKE: f64 = 0.8;
-    const BETTER: f64 = 3.0;
     let own = &round.candidates[fit.candidate];
     let mut named: Vec<Rival> = Vec::new();
     for (other, candidate) in round.candidates.iter().enumerate() {
@@ -123,8 +117,7 @@ fn rivals(round: &Round, fit: &CandidateFit) -> Vec<Rival> {
         if flexible || another_setting || same_column || other == fit.candidate {
             continue;
         }
-        let (share, better) = round.gram.confusion(fit.candidate, other);
-        if share > THE_SAME || (share > ALIKE && better < BETTER) {
+        if let Some(share) = round.gram.alike(fit.candidate, other) {
             match named.iter_mut().find(|rival| rival.cause == candidate.cause) {
                 Some(known) => known.share = known.share.max(share),
                 None => named.push(Rival {

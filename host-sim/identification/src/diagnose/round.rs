@@ -5,14 +5,10 @@ use super::cause::{Cause, Suspect, suspects};
 use super::gram_blocks::{CandidateFit, GramBlocks};
 use super::model::Fitted;
 use super::sensitivities::sensitivities;
-use super::survey::survey;
+use super::standing::{Better, Standing};
+use super::survey::{block_length, survey};
+use super::thresholds::{CHANCE, EXTRAPOLATES, MATERIAL};
 use super::train_test::TrainTest;
-
-/// Probability under nothing hidden below which a candidate passes.
-pub const SIGNIFICANT: f64 = 0.005;
-
-/// Share of the squared residual a candidate must explain on rows left out of the fit.
-pub const MATERIAL: f64 = 0.004;
 
 /// What a candidate got in a round, for the report.
 #[derive(Clone, Debug)]
@@ -27,8 +23,12 @@ pub struct CandidateScore {
     pub order: Option<f64>,
     /// The linear fit.
     pub fit: CandidateFit,
-    /// Gain as a share of the residual's squares.
+    /// Fall of the squared error on unseen rows as a share of it.
     pub share: f64,
+    /// Standard error of that share.
+    pub share_error: f64,
+    /// What stood against it; empty where it passed.
+    pub against: String,
     /// Whether it passed.
     pub passed: bool,
 }
@@ -41,32 +41,70 @@ pub struct Round {
     pub gram: GramBlocks,
     /// How they did.
     pub fits: Vec<CandidateFit>,
-    /// Squared error of the model, Nm^2.
-    pub sse: f64,
+    /// The model on unseen rows.
+    pub standing: Standing,
+    /// Rows of a block.
+    pub length: usize,
+    /// Squared error beyond the floor, Nm^2.
+    pub excess: f64,
+    only_describe: Vec<bool>,
 }
 
 impl Round {
     /// Asks all candidates beside a model.
-    pub fn new(log: &TrainTest, model: &Fitted, seed: u64) -> Self {
+    pub fn new(log: &TrainTest, model: &Fitted) -> Self {
         let log = &*log.following(model.follows.as_ref());
         let at = sensitivities(&model.parameters, &model.free, &log.train_tracks, model.resolution);
         let candidates = suspects(&Beside { log, spec: &model.spec, at: &at });
-        let gram = survey(log, &at, &candidates);
+        let length = block_length(log, &at);
+        let gram = survey(log, &at, &candidates, length);
         let comparisons: Vec<f64> =
             candidates.iter().map(|candidate| candidate.comparisons).collect();
-        let fits = gram.try_all(&comparisons, seed);
-        let sse = gram.sse();
-        Self { candidates, gram, fits, sse }
+        let fits = gram.try_all(&comparisons);
+        let standing = Standing::of(&gram);
+        let excess = log.beyond_floor(standing.sse());
+        let only_describe = candidates.iter().map(|c| log.can_only_describe(&c.columns)).collect();
+        Self { candidates, gram, fits, standing, length, excess, only_describe }
     }
 
-    /// Whether chance and size let a candidate through.
-    pub fn passes(&self, fit: &CandidateFit) -> bool {
-        fit.p_value < SIGNIFICANT && fit.gain_unseen > MATERIAL * self.sse
+    /// What stands against a model with this candidate in it, that is so much better.
+    pub fn against(&self, candidate: usize, better: &Better, probability: f64) -> Option<String> {
+        let Better { describes, extrapolates } = better;
+        if describes.value <= 0.0 {
+            return Some("gains nothing on unseen rows".into());
+        }
+        if probability >= CHANCE {
+            return Some(format!("may be chance, p = {probability:.2}"));
+        }
+        if describes.value < MATERIAL * self.excess {
+            let share = 100.0 * describes.value / self.excess;
+            return Some(format!("a trifle, {share:.1} % of what is beyond the floor"));
+        }
+        let fails = |runs: &super::fall::Fall| runs.in_errors() < EXTRAPOLATES;
+        if !self.only_describe[candidate] && extrapolates.as_ref().is_some_and(fails) {
+            return Some("fails on runs left out".into());
+        }
+        None
     }
 
-    /// Gain on unseen rows times the candidate's weight.
-    pub fn merit(&self, fit: &CandidateFit) -> f64 {
-        fit.gain_unseen * self.candidates[fit.candidate].weight
+    fn stands_against(&self, fit: &CandidateFit) -> Option<String> {
+        let better = Better { describes: fit.unseen, extrapolates: fit.unseen_runs };
+        self.against(fit.candidate, &better, fit.p_value)
+    }
+
+    /// Whether a candidate's column changes too seldom to be judged by runs left out.
+    pub fn only_describes(&self, candidate: usize) -> bool {
+        self.only_describe[candidate]
+    }
+
+    /// What a fall counts for when candidates are compared.
+    pub fn merit(&self, candidate: usize, better: &Better) -> f64 {
+        better.describes.at_least() * self.candidates[candidate].weight
+    }
+
+    /// The same of the linear fit.
+    pub fn promised(&self, fit: &CandidateFit) -> f64 {
+        fit.unseen.at_least() * self.candidates[fit.candidate].weight
     }
 
     /// The best setting of each cause the linear fit may underrate and that is not among `tried`.
@@ -77,7 +115,8 @@ impl Round {
         for fit in order {
             let cause = self.candidates[fit.candidate].cause;
             let had = |t: &CandidateFit| self.candidates[t.candidate].cause == cause;
-            if cause.is_underrated() && !tried.contains(&cause) && !chances.iter().any(had) {
+            let may = cause.is_underrated() && fit.gain > MATERIAL * self.excess;
+            if may && !tried.contains(&cause) && !chances.iter().any(had) {
                 chances.push(fit.clone());
             }
         }
@@ -86,25 +125,30 @@ impl Round {
 
     /// Candidates that passed, the best first.
     pub fn passed(&self) -> Vec<&CandidateFit> {
-        let mut passed: Vec<&CandidateFit> = self.fits.iter().filter(|t| self.passes(t)).collect();
-        passed.sort_by(|a, b| self.merit(b).total_cmp(&self.merit(a)));
+        let passed = self.fits.iter().filter(|fit| self.stands_against(fit).is_none());
+        let mut passed: Vec<&CandidateFit> = passed.collect();
+        passed.sort_by(|a, b| self.promised(b).total_cmp(&self.promised(a)));
         passed
     }
 
     /// All of them for the report, the best first.
     pub fn scores(&self) -> Vec<CandidateScore> {
+        let sse = self.standing.sse().max(f64::MIN_POSITIVE);
         let mut scores: Vec<CandidateScore> = self
             .fits
             .iter()
             .map(|fit| {
                 let candidate = &self.candidates[fit.candidate];
+                let against = self.stands_against(fit);
                 CandidateScore {
                     cause: candidate.cause,
                     columns: candidate.columns.clone(),
                     level: candidate.follows.as_ref().is_some_and(|follows| follows.level),
                     order: candidate.order,
-                    share: fit.gain_unseen / self.sse.max(f64::MIN_POSITIVE),
-                    passed: self.passes(fit),
+                    share: fit.unseen.value / sse,
+                    share_error: fit.unseen.error / sse,
+                    passed: against.is_none(),
+                    against: against.unwrap_or_default(),
                     fit: fit.clone(),
                 }
             })

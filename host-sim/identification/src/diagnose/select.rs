@@ -1,39 +1,31 @@
 //! Which causes, one after the other.
 //!
 //! Each round asks all candidates at once ([`super::survey`]) and lets those that pass be fitted with
-//! everything else by the core's own simulation; the one that explains most stays. Then the next round
-//! looks at what is left. What only correlated with a cause that was not yet in falls when it is:
-//! in the end every finding is taken out once and has to win its place again, against all others.
+//! everything else by the core's own simulation; the one that explains most of rows it has not seen stays. Then
+//! the next round looks at what is left. What only correlated with a cause that was not yet in falls when it
+//! is: in the end every finding is taken out once and has to win its place again ([`super::review`]).
 //!
-//! A candidate passes if its blocks agree better than chance lets the best of all candidates agree
-//! ([`super::gram_blocks`]), it lowers the error on rows left out of the fit, and by a share that matters.
+//! The linear fit beside the model only says who is worth a fit, and where that begins. Whether a cause
+//! enters is decided by the fitted model, on the same yardstick ([`super::standing`]).
 
 use super::cause::{Cause, Claim, Suspect};
+use super::fall::Fall;
 use super::found::Found;
 use super::gram_blocks::CandidateFit;
-use super::judge::{noise_floor, paired};
 use super::model::{Fitted, with_candidate};
-use super::review::{MATERIAL_BESIDE, review};
-use super::round::{CandidateScore, MATERIAL, Round};
+use super::review::review;
+use super::round::{CandidateScore, Round};
 use super::search::{Extension, Search};
+use super::standing::{Better, Standing};
+use super::thresholds::{CHANCE, SHORTLISTED};
 use crate::spec::SpecError;
+use compensator_core::ParameterId;
 
 /// Most causes that are sought.
 const MOST_FINDINGS: usize = 5;
 
-/// Most candidates of a round that are fitted.
+/// Most candidates of a round that are fitted: what a diagnosis may take, not what decides.
 const MOST_FITTED: usize = 6;
-
-/// Share of the squared residual beyond the noise above which causes the linear fit may underrate are
-/// fitted too: where a cause bends the base model's own parameters, its column at size 0 says little.
-const STRUCTURE: f64 = 0.15;
-
-/// Unless one that passed explains this share of what is beyond the noise.
-const EXPLAINS: f64 = 0.5;
-
-/// What such a fit must take off the squared residual, and by how many standard errors of blocks.
-const SECOND_CHANCE: f64 = 0.05;
-const CLEARLY: f64 = 3.0;
 
 /// How often the search goes on after the review has taken out what does not hold.
 const SEARCHES: usize = 3;
@@ -47,23 +39,31 @@ pub struct Selection {
     pub found: Vec<Found>,
     /// All candidates beside the base law, best first.
     pub scores: Vec<CandidateScore>,
+    /// What was weighed and did not hold, a sentence each.
+    pub notes: Vec<String>,
 }
 
-/// Searches for causes beside a base law.
+/// Searches for causes beside a base law; none of those that are `refuted` already.
 ///
 /// # Errors
 /// If the base already has as many terms as the core takes.
-pub fn select(search: &Search) -> Result<Selection, SpecError> {
+pub fn select(search: &Search, refuted: &[Claim]) -> Result<Selection, SpecError> {
     let mut extension = Extension { model: search.base.clone(), found: Vec::new() };
-    let mut scores = Vec::new();
-    let mut refuted: Vec<Claim> = Vec::new();
+    let (mut scores, mut notes) = (Vec::new(), Vec::new());
+    let mut refuted: Vec<Claim> = refuted.to_vec();
     // Named causes have their say first; a curve of any shape may then have what is left, and shows in
     // the review which of them only stood in for it.
     for allow_any_shape in [false, true] {
         for _ in 0..SEARCHES {
             let before = extension.found.len();
-            let admitted = Admitted { refuted: &refuted, allow_any_shape };
-            extend(search, &admitted, &mut extension, &mut scores)?;
+            let mut turn = Turn {
+                search,
+                refuted: &refuted,
+                allow_any_shape,
+                scores: &mut scores,
+                notes: &mut notes,
+            };
+            turn.extend(&mut extension)?;
             if extension.found.len() == before {
                 break;
             }
@@ -74,117 +74,155 @@ pub fn select(search: &Search) -> Result<Selection, SpecError> {
             refuted.extend(lost);
         }
     }
-    Ok(Selection { extended: extension.model, found: extension.found, scores })
+    notes.dedup();
+    Ok(Selection { extended: extension.model, found: extension.found, scores, notes })
 }
 
-/// Which candidates a round considers.
-struct Admitted<'a> {
+/// A search with some claims out of it.
+struct Turn<'a> {
+    search: &'a Search<'a>,
     /// Not these: a review has taken them out.
     refuted: &'a [Claim],
     /// Curves of any shape.
     allow_any_shape: bool,
+    scores: &'a mut Vec<CandidateScore>,
+    notes: &'a mut Vec<String>,
 }
 
-impl Admitted<'_> {
-    fn has(&self, candidate: &Suspect) -> bool {
+impl Turn<'_> {
+    fn admits(&self, candidate: &Suspect) -> bool {
         let refuted = self.refuted.contains(&candidate.claim());
         !refuted && (self.allow_any_shape || !candidate.is_any_shape())
     }
-}
 
-/// Adds causes as long as there are any that pass. The first round's scores go into `scores`.
-fn extend(
-    search: &Search,
-    admitted: &Admitted,
-    extension: &mut Extension,
-    scores: &mut Vec<CandidateScore>,
-) -> Result<(), SpecError> {
-    while extension.found.len() < MOST_FINDINGS {
-        let Extension { model, found } = &mut *extension;
-        let turn = found.len();
-        (search.progress)(&format!("weighing all causes (round {})", turn + 1));
-        let mut round = Round::new(search.log, model, search.seed + turn as u64);
-        if scores.is_empty() {
-            *scores = round.scores();
+    /// Adds causes as long as there are any that pass. The first round's scores are kept.
+    fn extend(&mut self, extension: &mut Extension) -> Result<(), SpecError> {
+        while extension.found.len() < MOST_FINDINGS {
+            let Extension { model, found } = &mut *extension;
+            (self.search.progress)(&format!("weighing all causes (round {})", found.len() + 1));
+            let mut round = Round::new(self.search.log, model);
+            if self.scores.is_empty() {
+                *self.scores = round.scores();
+            }
+            let candidates = &round.candidates;
+            round.fits.retain(|fit| self.admits(&candidates[fit.candidate]));
+            let Some((chosen, fitted)) = self.choose(model, &round)? else { break };
+            let candidate = &round.candidates[chosen.candidate];
+            found.push(Found {
+                cause: candidate.cause,
+                term: candidate.term,
+                columns: candidate.columns.clone(),
+                follows: candidate.follows.clone(),
+                fit: chosen,
+                share: 0.0,
+                rivals: Vec::new(),
+                only_describes: false,
+            });
+            *model = fitted;
         }
-        let (fits, candidates) = (&mut round.fits, &round.candidates);
-        fits.retain(|fit| admitted.has(&candidates[fit.candidate]));
-        let least = if found.is_empty() { 0.0 } else { MATERIAL_BESIDE * search.base.sse };
-        let Some((chosen, fitted)) = choose(search, model, &round, least)? else { break };
-        let candidate = &round.candidates[chosen.candidate];
-        found.push(Found {
-            cause: candidate.cause,
-            term: candidate.term,
-            columns: candidate.columns.clone(),
-            follows: candidate.follows.clone(),
-            fit: chosen,
-            share: 0.0,
-            rivals: Vec::new(),
-        });
-        *model = fitted;
+        Ok(())
     }
-    Ok(())
-}
 
-/// Fits the candidates that passed and takes the one that explains most.
-fn choose(
-    search: &Search,
-    model: &Fitted,
-    round: &Round,
-    least: f64,
-) -> Result<Option<(CandidateFit, Fitted)>, SpecError> {
-    let Search { log, progress, .. } = *search;
-    let passed = round.passed();
-    let best = passed.first().map_or(0.0, |fit| round.merit(fit));
-    let mut variants: Vec<&'static dyn Cause> = Vec::new();
-    let mut shortlist: Vec<CandidateFit> = Vec::new();
-    for fit in passed {
-        let candidate = &round.candidates[fit.candidate];
-        let enough = if candidate.cause.is_nonlinear() { 0.2 } else { 0.5 };
-        let same = variants.iter().filter(|cause| **cause == candidate.cause).count();
-        if round.merit(fit) >= enough * best && same < 2 && shortlist.len() < MOST_FITTED {
-            variants.push(candidate.cause);
-            shortlist.push(fit.clone());
+    /// Who is worth a fit, the most promising first, at most two settings of a cause.
+    fn queue(&self, model: &Fitted, round: &Round) -> Vec<CandidateFit> {
+        let mut variants: Vec<&'static dyn Cause> = Vec::new();
+        let mut queue: Vec<CandidateFit> = Vec::new();
+        for fit in round.passed() {
+            let cause = round.candidates[fit.candidate].cause;
+            if variants.iter().filter(|own| **own == cause).count() < 2 {
+                variants.push(cause);
+                queue.push(fit.clone());
+            }
         }
+        if !model.spec.law.has_bristles() {
+            yield_in_sliding(round, &mut queue);
+        }
+        queue
     }
-    if shortlist.len() > 1 && round.merit(&shortlist[0]) > 50.0 * round.merit(&shortlist[1]) {
-        shortlist.truncate(1);
+
+    /// Fits who is worth it and takes the one that explains most of rows it has not seen. The queue goes on until
+    /// who is next promises much less than the best so far has shown; what the linear fit may underrate gets its
+    /// turn where that leaves structure.
+    fn choose(
+        &mut self,
+        model: &Fitted,
+        round: &Round,
+    ) -> Result<Option<(CandidateFit, Fitted)>, SpecError> {
+        let mut winner: Option<Winner> = None;
+        let shown = |winner: &Option<Winner>| winner.as_ref().map_or(0.0, |winner| winner.merit);
+        let mut tried: Vec<&'static dyn Cause> = Vec::new();
+        for fit in self.queue(model, round) {
+            let cause = round.candidates[fit.candidate].cause;
+            let enough = if cause.is_nonlinear() { 0.25 * SHORTLISTED } else { SHORTLISTED };
+            if tried.len() < MOST_FITTED && round.promised(&fit) >= enough * shown(&winner) {
+                tried.push(cause);
+                self.fit(model, round, fit, &mut winner)?;
+            }
+        }
+        if shown(&winner) < SHORTLISTED * round.excess {
+            for fit in round.second_chances(&tried) {
+                self.fit(model, round, fit, &mut winner)?;
+            }
+        }
+        Ok(winner.map(|winner| (winner.fit, winner.fitted)))
     }
-    if !model.spec.law.has_bristles() {
-        yield_in_sliding(round, &mut shortlist);
-    }
-    let straight = shortlist.len();
-    let noise = noise_floor(&log.train_tracks, log.decimate);
-    let excess = model.sse - noise * noise * round.gram.rows as f64;
-    if excess > STRUCTURE * model.sse && best < EXPLAINS * excess {
-        shortlist.extend(round.second_chances(&variants));
-    }
-    let mut winner: Option<(f64, CandidateFit, Fitted)> = None;
-    let mut before = None;
-    for (place, fit) in shortlist.into_iter().enumerate() {
+
+    /// Fits one candidate with everything else and lets it win if nothing stands against it and it is the best.
+    fn fit(
+        &mut self,
+        model: &Fitted,
+        round: &Round,
+        mut fit: CandidateFit,
+        winner: &mut Option<Winner>,
+    ) -> Result<(), SpecError> {
+        let Search { log, progress, .. } = *self.search;
         let candidate = &round.candidates[fit.candidate];
         progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
         let fitted = with_candidate(log, model, candidate, &fit)?;
-        // What rows left out cost the linear fit beside its fitted ones, the fit's own gain pays too.
-        let optimism = (fit.gain - fit.gain_unseen).max(0.0);
-        let merit = (model.sse - fitted.sse - optimism) * candidate.weight;
-        if place >= straight {
-            let model_now = before.get_or_insert_with(|| model.on_train(log));
-            let then = fitted.on_train(log);
-            let fall = model.sse - fitted.sse;
-            if fall < SECOND_CHANCE * model.sse || paired(model_now, &then) < CLEARLY {
-                continue;
+        let better = Standing::of_model(log, &fitted, round.length).better_than(&round.standing);
+        let all = round.candidates.len() as f64 * candidate.comparisons;
+        let probability = better.describes.probability(candidate.regressors.len(), all);
+        let against = at_bound(&fitted, candidate)
+            .map(|id| format!("its fit ends at the bound of {}", id.name()))
+            .or_else(|| round.against(fit.candidate, &better, probability));
+        if let Some(against) = against {
+            if fit.p_value < CHANCE {
+                let (cause, columns) = (candidate.cause.name(), candidate.columns.join(", "));
+                self.notes
+                    .push(format!("{cause} ({columns}) was weighed and not taken: {against}"));
             }
+            return Ok(());
         }
-        if winner.as_ref().is_none_or(|(best, ..)| merit > *best) {
-            winner = Some((merit, fit, fitted));
+        let merit = round.merit(fit.candidate, &better);
+        if winner.as_ref().is_none_or(|best| merit > best.merit) {
+            (fit.unseen, fit.unseen_runs) = (better.describes, better.extrapolates);
+            fit.p_value = probability;
+            *winner = Some(Winner { merit, fit, fitted });
         }
+        Ok(())
     }
-    let Some((merit, fit, fitted)) = winner else { return Ok(None) };
-    if merit < (MATERIAL * model.sse).max(least) {
-        return Ok(None);
-    }
-    Ok(Some((fit, fitted)))
+}
+
+/// The best of a round so far.
+struct Winner {
+    merit: f64,
+    fit: CandidateFit,
+    fitted: Fitted,
+}
+
+/// A parameter of the candidate's term that the fit drove to its bound: there the term stands in for something
+/// else.
+fn at_bound(fitted: &Fitted, candidate: &Suspect) -> Option<ParameterId> {
+    /// Of the bound.
+    const NEAR: f64 = 0.01;
+    let near = |value: f64, bound: f64| {
+        bound != 0.0 && bound.abs() < 1e6 && (value - bound).abs() <= NEAR * bound.abs()
+    };
+    let own = candidate.term.parameters().iter().copied();
+    own.filter(|id| fitted.free.contains(id)).find(|id| {
+        let (info, value) = (id.info(), fitted.parameters.get(*id));
+        near(value, info.lower) || near(value, info.upper)
+    })
 }
 
 /// In pure sliding two causes may be one and the same, as an offset of the sensor and a difference between
@@ -198,10 +236,18 @@ fn yield_in_sliding(round: &Round, shortlist: &mut Vec<CandidateFit>) {
         let Some(named) = cause.yields_to() else { continue };
         let Some(yielding) = place(shortlist, *cause) else { continue };
         let Some(named) = place(shortlist, named) else { continue };
-        let (share, better) =
-            round.gram.confusion(shortlist[yielding].candidate, shortlist[named].candidate);
-        if share > 0.95 && (better < 3.0 || share > 0.995) {
+        if round.gram.alike(shortlist[yielding].candidate, shortlist[named].candidate).is_some() {
             shortlist.remove(yielding);
         }
     }
+}
+
+/// By how much a model is better than without one of its causes.
+pub fn better(search: &Search, model: &Fitted, rest: &Round) -> Better {
+    Standing::of_model(search.log, model, rest.length).better_than(&rest.standing)
+}
+
+/// A fall as a share of another model's squared error on the same unseen rows.
+pub fn share(fall: &Fall, of: &Standing) -> f64 {
+    (fall.value / of.sse().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }

@@ -34,7 +34,7 @@ pub struct Sensitivities {
 pub struct TrackSensitivities {
     /// Simulated torque, Nm.
     pub torque: Vec<f64>,
-    /// Measured minus simulated, Nm.
+    /// Measured minus simulated, Nm, times the root of the row's weight.
     pub residual: Vec<f64>,
     /// Share of the level the bristles hold, signed; 0 for a law without bristles.
     pub bristle: Vec<f64>,
@@ -122,8 +122,7 @@ fn along<const N: usize>(
     simulate(&dual, track, start, resolution, |row, torque: Dual<N>, bristle: Dual<N>| {
         let gradient = &torque.gradient;
         out.torque.push(torque.value);
-        let judged = f64::from(u8::from(track.is_included(row)));
-        out.residual.push(judged * (track.torque[row] - torque.value));
+        out.residual.push(track.weight(row).sqrt() * (track.torque[row] - torque.value));
         out.bristle.push(if bristles { bristle.value / level_now } else { 0.0 });
         for (column, g) in out.jacobian.iter_mut().zip(gradient) {
             column.push(*g);

@@ -2,7 +2,7 @@
 
 use super::candidate::{Regressor, Row};
 use super::cause::Suspect;
-use super::gram_blocks::{Block, GramBlocks};
+use super::gram_blocks::{Block, GramBlocks, STRETCHES};
 use super::sensitivities::{Sensitivities, TrackSensitivities, exact};
 use super::train_test::TrainTest;
 use crate::data::AntiAlias;
@@ -17,13 +17,22 @@ const MEMORIES: f64 = 8.0;
 /// Fewest and most blocks a log is cut into, if its runs and the residual's memory allow.
 const BLOCKS: (usize, usize) = (40, 240);
 
-/// Walks along the log.
-pub fn survey(log: &TrainTest, model: &Sensitivities, candidates: &[Suspect]) -> GramBlocks {
+/// How many rows (thinned out, if they are) a block of this log has beside a model.
+pub fn block_length(log: &TrainTest, model: &Sensitivities) -> usize {
     let rows: usize = log.train_tracks.iter().map(Track::len).sum::<usize>() / log.decimate;
     let residuals = model.tracks.iter().map(|at| at.residual.as_slice());
     let memory = autocorrelation_time(residuals) / log.decimate as f64;
     let least = (rows / BLOCKS.1).max(4);
-    let length = ((MEMORIES * memory) as usize).clamp(least, (rows / BLOCKS.0).max(least));
+    ((MEMORIES * memory) as usize).clamp(least, (rows / BLOCKS.0).max(least))
+}
+
+/// Walks along the log, in blocks of `length` rows.
+pub fn survey(
+    log: &TrainTest,
+    model: &Sensitivities,
+    candidates: &[Suspect],
+    length: usize,
+) -> GramBlocks {
     let both: Vec<(&Track, &TrackSensitivities)> =
         log.train_tracks.iter().zip(&model.tracks).collect();
     let blocks: Vec<Vec<Block>> = both
@@ -65,11 +74,14 @@ fn blocks(
             });
         }
     }
-    columns.push(at.residual.clone());
-    for row in (0..track.len()).filter(|row| !track.is_included(*row)) {
-        columns.iter_mut().for_each(|column| column[row] = 0.0);
-    }
     let mut memory = at.memory.clone();
+    if !track.weights.is_empty() {
+        for column in columns.iter_mut().chain([&mut memory]) {
+            let weighed = column.iter_mut().zip(&track.weights);
+            weighed.for_each(|(value, weight)| *value *= weight.sqrt());
+        }
+    }
+    columns.push(at.residual.clone());
     if log.decimate > 1 {
         let filter = AntiAlias::new(log.decimate);
         memory.resize(track.len(), 0.0);
@@ -79,14 +91,17 @@ fn blocks(
     forget_start(&mut columns, &memory);
     let rows = columns[0].len();
     let count = (rows / length.max(1)).max(1);
+    let run_rows = log.train.runs[track.run].len().max(1);
     (0..count)
         .map(|block| {
             let (from, to) = (block * rows / count, (block + 1) * rows / count);
+            let middle = track.first_row + (from + to) / 2 * log.decimate;
+            let stretch = (middle * STRETCHES / run_rows).min(STRETCHES - 1);
             let part = DMatrix::from_fn(to - from, columns.len(), |row, column| {
                 let value = columns[column][from + row];
                 if value.is_finite() { value } else { 0.0 }
             });
-            Block { run: track.run, products: part.transpose() * &part, rows: to - from }
+            Block { run: track.run, stretch, products: part.transpose() * &part, rows: to - from }
         })
         .collect()
 }

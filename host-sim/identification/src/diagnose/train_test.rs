@@ -5,10 +5,12 @@
 //! units, and knows of every error the model makes. Such columns are kept out, and named. What tells
 //! them is that they follow the torque from sample to sample, which pressure or temperature cannot.
 
+use super::judge::noise_floor;
 use crate::data::{Dataset, Quantity, Run, Split, contract};
 use crate::fit::scales::Scales;
-use crate::fit::{Rows, Track, track};
+use crate::fit::{Rows, Track, track, warmth};
 use compensator_core::TermKind;
+use compensator_core::term::LookupFormula;
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -34,6 +36,12 @@ const MOST_SEARCHED: usize = 150_000;
 /// Runs a search looks at at least.
 const FEWEST_RUNS: usize = 12;
 
+/// A column with less than this share of its variance within runs is constant in each of them.
+const CONSTANT: f64 = 0.05;
+
+/// So many runs can show whether a column that is constant in each of them extrapolates.
+const MANY_RUNS: usize = 8;
+
 /// The column a cause that may follow any has followed, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Follows {
@@ -45,12 +53,14 @@ pub struct Follows {
     pub level: bool,
     /// A torque of its own, proportional to the column: a gain that is off.
     pub proportional: bool,
+    /// The level's formula over the column, if it follows one.
+    pub formula: LookupFormula,
 }
 
 impl Follows {
     /// Whether it is a curve of any shape, which comes after named causes.
     pub fn is_any_shape(&self) -> bool {
-        !self.proportional
+        !self.proportional && self.formula == LookupFormula::None
     }
 }
 
@@ -75,6 +85,10 @@ pub struct TrainTest {
     pub campaign_start_s: f64,
     /// What a careful reader should know, a sentence each.
     pub notes: Vec<String>,
+    /// Whether nothing is set apart, and each run is judged by a fit on the others.
+    pub leaves_each_out: bool,
+    /// Error the best possible model would make on the training rows, Nm RMS.
+    pub floor_nm: f64,
 }
 
 /// Rows at rest that do not count.
@@ -90,21 +104,54 @@ impl TrainTest {
     /// Cuts a data set as `split` says.
     pub fn new(data: &Dataset, split: &Split, decimate: usize, rigid_body: &[TermKind]) -> Self {
         let (train, test) = (data.select(&split.train), data.select(&split.test));
+        let decimate = decimate.max(1);
         let campaign_start_s = track::campaign_start(data);
         let tracks = |data: &Dataset| track::tracks_since(data, None, campaign_start_s);
+        let train_tracks = tracks(&train);
         let mut log = Self {
-            train_tracks: tracks(&train),
+            leaves_each_out: split.leaves_each_out(),
+            floor_nm: noise_floor(&train_tracks, decimate),
             test_tracks: tracks(&test),
+            train_tracks,
             train: Arc::new(train),
             test: Arc::new(test),
-            decimate: decimate.max(1),
+            decimate,
             rigid_body: rigid_body.to_vec(),
             extras: Vec::new(),
             campaign_start_s,
             notes: Vec::new(),
         };
+        // What the runs left out rubbed warms those that come after them.
+        warmth::remember(log.train_tracks.iter_mut().chain(&mut log.test_tracks));
         (log.extras, log.notes) = log.choose_extras();
         log
+    }
+
+    /// The log with its floor found anew, after rows have been weighed.
+    #[must_use]
+    pub fn with_floor(mut self) -> Self {
+        self.floor_nm = noise_floor(&self.train_tracks, self.decimate);
+        self
+    }
+
+    /// How far a sum of squared errors on the training rows is above what the best possible model would leave, Nm^2.
+    pub fn beyond_floor(&self, sse: f64) -> f64 {
+        let weights = |track: &Track| (0..track.len()).map(|row| track.weight(row)).sum::<f64>();
+        let rows = self.train_tracks.iter().map(weights).sum::<f64>() / self.decimate as f64;
+        // A floor is an estimate: what is left beside it is not counted as nothing.
+        (sse - rows * self.floor_nm * self.floor_nm).max(0.01 * sse)
+    }
+
+    /// Whether one of these columns hardly changes within a run, and there are few runs: then leaving runs out
+    /// asks what nobody can know.
+    pub fn can_only_describe(&self, columns: &[String]) -> bool {
+        let runs = &self.train.runs;
+        let between = |name: &String| {
+            let of = |run: &Run| self.train.column(run, name).map(<[f64]>::to_vec);
+            let columns: Option<Vec<Vec<f64>>> = runs.iter().map(of).collect();
+            columns.is_some_and(|columns| within_runs(&columns) < CONSTANT)
+        };
+        runs.len() < MANY_RUNS && columns.iter().any(between)
     }
 
     /// The log as a model sees it: with the covariate that one of its terms follows, if it follows one, as
@@ -123,6 +170,7 @@ impl TrainTest {
             rigid_body: self.rigid_body.clone(),
             extras: self.extras.clone(),
             notes: self.notes.clone(),
+            leaves_each_out: self.leaves_each_out,
             ..*self
         })
     }
@@ -152,8 +200,9 @@ impl TrainTest {
 
     fn excluding(mut self, slowest: f64) -> Self {
         for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
-            track.excluded =
-                track.samples.iter().map(|s| s.velocity_rad_s.abs() < slowest).collect();
+            let moves: Vec<bool> =
+                track.samples.iter().map(|s| s.velocity_rad_s.abs() >= slowest).collect();
+            track.weigh(|row| f64::from(u8::from(moves[row])));
         }
         self
     }
@@ -190,6 +239,17 @@ impl TrainTest {
         values.any(|value| value != first)
     }
 
+    /// Whether time goes on from run to run, as on a campaign's clock. Where every run begins at the same time
+    /// nothing is known of what came before which.
+    pub fn has_campaign_clock(&self) -> bool {
+        let ends = |run: &Run| Some((*run.time_s.first()?, *run.time_s.last()?));
+        let mut runs: Vec<(f64, f64)> =
+            self.train.runs.iter().chain(&self.test.runs).filter_map(ends).collect();
+        runs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        runs.dedup();
+        runs.windows(2).all(|pair| pair[0].1 <= pair[1].0)
+    }
+
     /// Name of the position column, for findings.
     pub fn position_name(&self) -> &'static str {
         Quantity::Position.name(self.train.joint)
@@ -198,6 +258,13 @@ impl TrainTest {
     /// Name of the velocity column, for findings.
     pub fn velocity_name(&self) -> &'static str {
         Quantity::Velocity.name(self.train.joint)
+    }
+
+    /// Mean temperature over the training rows, deg C.
+    pub fn mean_temperature_c(&self) -> f64 {
+        let samples = || self.train_tracks.iter().flat_map(|track| &track.samples);
+        let rows = samples().count().max(1) as f64;
+        samples().map(|sample| sample.temperature_c).sum::<f64>() / rows
     }
 
     /// Seconds from the first row of the campaign to its last.
@@ -247,6 +314,19 @@ impl TrainTest {
         }
         (extras, notes)
     }
+}
+
+/// Share of a column's variance that lies within runs.
+fn within_runs(runs: &[Vec<f64>]) -> f64 {
+    let (mut within, mut all) = (0.0, 0.0);
+    let rows: usize = runs.iter().map(Vec::len).sum();
+    let mean = runs.iter().flatten().sum::<f64>() / rows.max(1) as f64;
+    for run in runs {
+        let own = run.iter().sum::<f64>() / run.len().max(1) as f64;
+        within += run.iter().map(|value| (value - own).powi(2)).sum::<f64>();
+        all += run.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+    }
+    if all > 0.0 { within / all } else { 1.0 }
 }
 
 /// Correlation of two columns over all rows of all runs; 0 where one does not vary.

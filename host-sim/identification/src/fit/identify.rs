@@ -40,7 +40,7 @@ pub fn identify(
     let begin = Instant::now();
     let solution = fit(spec, base, train, options);
     let mut parameters = solution.parameters();
-    keep_legal(&mut parameters);
+    keep_legal(&mut parameters, solution.coordinates.ids());
     declare_envelope(&mut parameters, train.tracks, test.tracks);
     let predicted = predict(&parameters, train, solution.resolution);
     let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
@@ -70,11 +70,12 @@ pub fn identify(
     Ok(outcome)
 }
 
-/// Brings what a degenerate log drove to the end of its legal range a rounding of `f32` inside it.
-fn keep_legal(parameters: &mut Parameters<f64>) {
+/// Brings what a degenerate log drove to the end of its legal range a rounding of `f32` inside it. What was
+/// kept is as legal as it was given, and may be a choice with a number: the last column's, a rounding below,
+/// is the one before it.
+fn keep_legal(parameters: &mut Parameters<f64>, free: impl Iterator<Item = Id>) {
     const ROUNDING: f64 = 1e-6;
-    let active: Vec<Id> = parameters.active().collect();
-    for id in active {
+    for id in free {
         let info = id.info();
         let (least, most) =
             (info.lower + ROUNDING * info.lower.abs(), info.upper - ROUNDING * info.upper.abs());

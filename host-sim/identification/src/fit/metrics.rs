@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-/// Errors of a model on a set of rows. `e` is measured minus simulated, `y` measured.
+/// Errors of a model on a set of rows. `e` is measured minus simulated, `y` measured; sums and means are
+/// weighted as the rows are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Metrics {
     /// `sqrt(mean(e^2))`, Nm or N.
@@ -21,24 +22,25 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// Metrics of `(measured, simulated)` pairs. Of no pairs, all zero; a spread of 0 counts as
+    /// Metrics of rows `(measured, simulated, weight)`. Of no rows, all zero; a spread of 0 counts as
     /// the smallest number, so that the ratios stay finite.
-    pub fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Self {
-        let (mut rows, mut sse, mut sum, mut squares) = (0usize, 0.0, 0.0, 0.0);
+    pub fn of(weighed: impl Iterator<Item = (f64, f64, f64)>) -> Self {
+        let (mut rows, mut weights, mut sse, mut sum, mut squares) = (0usize, 0.0, 0.0, 0.0, 0.0);
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (measured, simulated) in pairs {
+        for (measured, simulated, weight) in weighed {
             let error = measured - simulated;
             rows += 1;
-            sse += error * error;
-            sum += measured;
-            squares += measured * measured;
+            weights += weight;
+            sse += weight * error * error;
+            sum += weight * measured;
+            squares += weight * measured * measured;
             least = least.min(measured);
             most = most.max(measured);
         }
         if rows == 0 {
             return Self::default();
         }
-        let n = rows as f64;
+        let n = f64::max(weights, f64::MIN_POSITIVE);
         let rmse = (sse / n).sqrt();
         let variance = (squares / n - (sum / n) * (sum / n)).max(0.0);
         let over = |size: f64| if rmse == 0.0 { 0.0 } else { rmse / size.max(f64::MIN_POSITIVE) };
@@ -59,7 +61,7 @@ mod tests {
 
     #[test]
     fn metrics_are_as_defined() {
-        let pairs = [(1.0, 0.0), (3.0, 3.0), (-2.0, -1.0), (2.0, 2.0)];
+        let pairs = [(1.0, 0.0, 1.0), (3.0, 3.0, 1.0), (-2.0, -1.0, 1.0), (2.0, 2.0, 1.0)];
         let metrics = Metrics::of(pairs.into_iter());
         assert_eq!(metrics.sse, 2.0);
         assert_eq!(metrics.rmse, 0.5f64.sqrt());
@@ -69,9 +71,17 @@ mod tests {
     }
 
     #[test]
+    fn a_row_of_half_the_weight_counts_half() {
+        let twice = Metrics::of([(1.0, 0.0, 1.0), (2.0, 2.0, 0.5)].into_iter());
+        assert!((twice.rmse - (1.0f64 / 1.5).sqrt()).abs() < 1e-12);
+        let unseen = Metrics::of([(1.0, 0.0, 1.0), (9.0, 2.0, 0.0)].into_iter());
+        assert_eq!(unseen.rmse, 1.0);
+    }
+
+    #[test]
     fn no_rows_and_constant_rows_stay_finite() {
         assert_eq!(Metrics::of(std::iter::empty()), Metrics::default());
-        let constant = Metrics::of([(1.0, 0.5), (1.0, 0.5)].into_iter());
+        let constant = Metrics::of([(1.0, 0.5, 1.0), (1.0, 0.5, 1.0)].into_iter());
         assert!(constant.nrmse_std.is_finite() && constant.nrmse_range.is_finite());
     }
 }

@@ -14,14 +14,20 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn, OMatrix, OVector};
 
-/// The optimiser stops when a step would lower the sum of squares by less than this share of one
-/// row's: parameters are then within a thirtieth of a standard error of the optimum.
-const ENOUGH: f64 = 1e-3;
+/// When the optimiser stops.
+#[derive(Clone, Copy, Debug)]
+pub struct Stop {
+    /// Simulations per parameter after which it gives up.
+    pub patience: usize,
+    /// Where a step would lower the sum of squares by less than this share of one row's.
+    pub enough: f64,
+}
 
 struct Problem<'a> {
     coordinates: &'a Coordinates,
     rows: Rows<'a>,
     resolution: Resolution,
+    stop: Stop,
     point: DVector<f64>,
     reduced: Reduced,
     evaluations: usize,
@@ -34,14 +40,14 @@ impl Problem<'_> {
     }
 
     /// Whether what is left of the residual is out of the parameters' reach: the whole step of Gauss
-    /// and Newton would not gain [`ENOUGH`], and need not be tried.
+    /// and Newton would not gain [`Stop::enough`], and need not be tried.
     fn is_settled(&self) -> bool {
         let reach: f64 = self.reduced.residual.iter().map(|r| r * r).sum();
         reach < self.enough() * self.reduced.sum_of_squares()
     }
 
     fn enough(&self) -> f64 {
-        ENOUGH / self.reduced.rows.max(1) as f64
+        self.stop.enough / self.reduced.rows.max(1) as f64
     }
 }
 
@@ -91,16 +97,16 @@ pub struct Minimum {
     pub converged: bool,
 }
 
-/// Runs the optimiser from a point. `patience` bounds the simulations, per parameter.
+/// Runs the optimiser from a point.
 pub fn minimise(
     coordinates: &Coordinates,
     from: &[f64],
     rows: Rows,
     resolution: Resolution,
-    patience: usize,
+    stop: Stop,
 ) -> Minimum {
     let reduced = reduce(coordinates, from, rows, resolution);
-    minimise_from(coordinates, from, reduced, rows, resolution, patience)
+    minimise_from(coordinates, from, reduced, rows, resolution, stop)
 }
 
 /// As [`minimise`], where the problem at `from` is known.
@@ -110,15 +116,15 @@ pub fn minimise_from(
     reduced: Reduced,
     rows: Rows,
     resolution: Resolution,
-    patience: usize,
+    stop: Stop,
 ) -> Minimum {
     if coordinates.is_empty() {
         return Minimum { point: Vec::new(), reduced, evaluations: 1, converged: true };
     }
     let point = DVector::from_column_slice(from);
-    let problem = Problem { coordinates, rows, resolution, point, reduced, evaluations: 1 };
+    let problem = Problem { coordinates, rows, resolution, stop, point, reduced, evaluations: 1 };
     let optimiser = LevenbergMarquardt::new()
-        .with_patience(patience)
+        .with_patience(stop.patience)
         .with_ftol(problem.enough())
         .with_xtol(1e-7)
         .with_gtol(1e-10);

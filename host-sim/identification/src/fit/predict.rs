@@ -13,7 +13,7 @@ use compensator_core::{ParameterId, Parameters};
 pub struct Predicted {
     /// Simulated torque, track by track, at the full rate.
     pub torque: Vec<Vec<f64>>,
-    /// Measured minus simulated, track by track, decimated as asked.
+    /// Measured minus simulated, track by track, decimated as asked; each times the root of the row's weight.
     pub residuals: Vec<Vec<f64>>,
     /// Errors over all rows.
     pub metrics: Metrics,
@@ -39,18 +39,16 @@ pub fn predict(parameters: &Parameters<f64>, rows: Rows, resolution: Resolution)
             count += 1;
             true
         });
-        let error = |row: usize| {
-            if track.is_included(row) { track.torque[row] - torque[row] } else { 0.0 }
-        };
+        let error = |row: usize| track.weight(row).sqrt() * (track.torque[row] - torque[row]);
         let mut residual: Vec<f64> = (0..track.len()).map(error).collect();
         if rows.decimate > 1 {
             let filter = AntiAlias::new(rows.decimate);
             residual = filter.thin(residual);
             let measured = filter.thin(track.torque.clone());
-            pairs.extend(measured.iter().zip(&residual).map(|(y, e)| (*y, y - e)));
+            pairs.extend(measured.iter().zip(&residual).map(|(y, e)| (*y, y - e, 1.0)));
         } else {
             let rows = (0..track.len()).filter(|row| track.is_included(*row));
-            pairs.extend(rows.map(|row| (track.torque[row], torque[row])));
+            pairs.extend(rows.map(|row| (track.torque[row], torque[row], track.weight(row))));
         }
         residuals.push(residual);
         torques.push(torque);

@@ -57,11 +57,13 @@ fn reduce_with<const N: usize>(
             if !track.is_included(row) {
                 return true;
             }
-            let derivative = torque.gradient.map(|g| -g);
-            let residual = track.torque[row] - torque.value;
+            let root = track.weight(row).sqrt();
+            let mut derivative = torque.gradient;
+            derivative.iter_mut().for_each(|g| *g *= -root);
+            let residual = root * (track.torque[row] - torque.value);
             match &mut beginning {
                 Some((first, memory)) if row < memory.len() => {
-                    first.push_with(-memory[row], &derivative[..count], residual);
+                    first.push_with(-memory[row] * root, &derivative[..count], residual);
                 }
                 _ => qr.push(&derivative[..count], residual),
             }
@@ -104,8 +106,8 @@ fn push_decimated<const N: usize>(
     let Along { parameters, track, held, resolution } = *along;
     let mut columns = vec![Vec::with_capacity(track.len()); count + 1];
     simulate(parameters, track, held, resolution, |row, torque, _| {
-        let judged = f64::from(u8::from(track.is_included(row)));
-        for (column, g) in columns[..count].iter_mut().zip(torque.gradient) {
+        let judged = track.weight(row).sqrt();
+        for (column, g) in columns[..count].iter_mut().zip(&torque.gradient) {
             column.push(-g * judged);
         }
         columns[count].push((track.torque[row] - torque.value) * judged);

@@ -6,17 +6,24 @@
 //! line between samples, and may be *extrapolated*: two simulations, one with twice the sub-steps of the
 //! other, go side by side, and `2 fine - coarse` has the first-order error gone (Richardson). Both are the
 //! core's step. [`crate::fit::solve`] chooses.
+//!
+//! Sub-steps are for bristles on the move. Most rows of most logs slide, or rest, where one step is as good;
+//! [`super::settled`] says where, so that an extrapolated simulation costs little more than a plain one.
 
+use super::delayed::undelayed;
+use super::settled::Pilot;
+use super::stepper::{Stepper, Varying};
 use super::track::Track;
 use compensator_core::effect::NoEffect;
-use compensator_core::{Model, ParameterId, Parameters, Real, Sample, State, TermKind};
+use compensator_core::{Parameters, Real};
 
 /// How finely a simulation steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resolution {
     /// Steps of the core per sample; at least 1. Of the coarser simulation, where there are two.
     pub substeps: usize,
-    /// Whether a second simulation with twice the sub-steps takes the first-order error off.
+    /// Whether a second simulation with twice the sub-steps takes the first-order error off, where the
+    /// bristles move.
     pub extrapolated: bool,
 }
 
@@ -29,48 +36,6 @@ impl Resolution {
     pub fn finer(self) -> Self {
         let substeps = if self.extrapolated { 2 * self.substeps } else { self.substeps };
         Self { substeps, extrapolated: true }
-    }
-}
-
-/// A model on its way along a track.
-struct Stepper<T: Real> {
-    model: Model<T>,
-    /// The model for the sample period at hand, where periods vary.
-    rescaled: Model<T>,
-    ratio: f64,
-    state: State<T>,
-    substeps: usize,
-}
-
-impl<T: Real<Setting = T>> Stepper<T> {
-    fn new(parameters: &Parameters<T>, track: &Track, held: Option<T>, substeps: usize) -> Self {
-        let period = T::from_f64(track.period_s / substeps as f64);
-        let model: Model<T> = parameters.build_unchecked(period);
-        let state = State::holding(held.unwrap_or_else(|| sliding(&model, track)));
-        Self { rescaled: model.clone(), model, ratio: 1.0, state, substeps }
-    }
-
-    fn row(
-        &mut self,
-        before: &Sample<f64>,
-        sample: &Sample<f64>,
-        delayed: Option<[T; 2]>,
-        ratio: f64,
-    ) -> T {
-        if ratio != self.ratio {
-            self.ratio = ratio;
-            self.rescaled.rescale_period(&self.model, T::from_f64(ratio));
-        }
-        let mut torque = T::zero();
-        for step in 1..=self.substeps {
-            let mut input = between(before, sample, step, self.substeps);
-            if let Some([from, to]) = delayed {
-                let share = T::from_f64(step as f64 / self.substeps as f64);
-                input.velocity_rad_s = from + (to - from) * share;
-            }
-            torque = self.rescaled.step(&mut self.state, &input);
-        }
-        torque
     }
 }
 
@@ -87,12 +52,13 @@ pub fn simulate<T: Real<Setting = T>>(
     mut sink: impl FnMut(usize, T, T) -> bool,
 ) {
     let (parameters, delayed) = &undelayed(parameters, track);
-    let mut coarse = Stepper::new(parameters, track, held, resolution.substeps);
+    let varying = &Varying::of::<T>(track);
+    let mut single = Stepper::new(parameters, track, varying, held, 1);
     let even = track.period_ratio.is_none();
-    if resolution == Resolution::PLAIN && even && coarse.model.is_plain() && delayed.is_none() {
+    if resolution == Resolution::PLAIN && even && single.model.is_plain() && delayed.is_none() {
         // The common case of plain bristles, with the law chosen once instead of at each sample.
-        if let Some(law) = coarse.model.law().plain_bristles() {
-            let bristle = &mut coarse.state.bristle_torque_nm;
+        if let Some(law) = single.model.law().plain_bristles() {
+            let bristle = &mut single.state.bristle_torque_nm;
             for (row, sample) in track.samples.iter().enumerate() {
                 let torque = law.step(bristle, T::from_f64(sample.velocity_rad_s), &NoEffect);
                 if !sink(row, torque, *bristle) {
@@ -102,100 +68,80 @@ pub fn simulate<T: Real<Setting = T>>(
             return;
         }
     }
-    let mut fine = resolution
-        .extrapolated
-        .then(|| Stepper::new(parameters, track, held, 2 * resolution.substeps));
-    let mut before = track.samples[0];
-    for (row, sample) in track.samples.iter().enumerate() {
-        let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
-        let velocities = delayed.as_ref().map(|v| [v[row.saturating_sub(1)], v[row]]);
-        let mut torque = coarse.row(&before, sample, velocities, ratio);
-        let mut bristle = coarse.state.bristle_torque_nm;
-        if let Some(fine) = &mut fine {
-            let finer = fine.row(&before, sample, velocities, ratio);
-            torque = finer + (finer - torque);
-            bristle = fine.state.bristle_torque_nm + (fine.state.bristle_torque_nm - bristle);
+    let delayed = |row: usize| delayed.as_ref().map(|v| [v[row.saturating_sub(1)], v[row]]);
+    let rows = || {
+        let before = track.samples.iter().take(1).chain(&track.samples);
+        before.zip(&track.samples).enumerate().map(|(row, (before, sample))| {
+            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+            (row, before, sample, ratio)
+        })
+    };
+    if !resolution.extrapolated {
+        let mut stepper = Stepper::new(parameters, track, varying, held, resolution.substeps);
+        for (row, before, sample, ratio) in rows() {
+            let torque = stepper.row(before, sample, delayed(row), ratio);
+            if !sink(row, torque, stepper.state.bristle_torque_nm) {
+                return;
+            }
         }
+        return;
+    }
+    let mut pilot = Pilot::new(parameters, track, held);
+    let mut coarse = Stepper::new(parameters, track, varying, held, resolution.substeps);
+    let mut fine = Stepper::new(parameters, track, varying, held, 2 * resolution.substeps);
+    // Whether the two were the last to step.
+    let mut both = true;
+    for (row, before, sample, ratio) in rows() {
+        let velocities = delayed(row);
+        let share = pilot.share_of_fine(before, sample, velocities, ratio);
+        if share > 0.0 && !both {
+            (coarse.state, fine.state) = (single.state, single.state);
+        }
+        if share < 1.0 && both {
+            single.state = fine.state;
+            single.state.bristle_torque_nm = extrapolated_bristle(&coarse, &fine);
+        }
+        let mut torque = T::zero();
+        if share > 0.0 {
+            let first = coarse.row(before, sample, velocities, ratio);
+            let second = fine.row(before, sample, velocities, ratio);
+            torque = second + (second - first);
+        }
+        if share < 1.0 {
+            let plain = single.row(before, sample, velocities, ratio);
+            if share > 0.0 {
+                let share = T::from_f64(share);
+                let bristle = extrapolated_bristle(&coarse, &fine);
+                let own = &mut single.state.bristle_torque_nm;
+                *own = *own + (bristle - *own) * share;
+                torque = plain + (torque - plain) * share;
+            } else {
+                torque = plain;
+            }
+        }
+        both = share >= 1.0;
+        let bristle = if both {
+            extrapolated_bristle(&coarse, &fine)
+        } else {
+            single.state.bristle_torque_nm
+        };
         if !sink(row, torque, bristle) {
             return;
         }
-        before = *sample;
     }
 }
 
-/// The model without its delay, and the delayed velocities, if it has one.
-///
-/// The driver's delay line counts its own steps. A log is stepped at another rate, and finer where that is
-/// needed, so here the delay is in time: the velocity `d` ago on the straight line between samples, the
-/// first one before the track began.
-fn undelayed<T: Real<Setting = T>>(
-    parameters: &Parameters<T>,
-    track: &Track,
-) -> (Parameters<T>, Option<Vec<T>>) {
-    if !parameters.terms.contains(&TermKind::ChannelDelay) {
-        return (parameters.clone(), None);
-    }
-    let mut plain = parameters.clone();
-    plain.terms.retain(|term| *term != TermKind::ChannelDelay);
-    let delay = parameters.get(ParameterId::ChannelDelay);
-    let ratio = |row: usize| track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
-    let mut time = 0.0;
-    let times: Vec<f64> = (0..track.len())
-        .map(|row| {
-            time += if row > 0 { track.period_s * ratio(row) } else { 0.0 };
-            time
-        })
-        .collect();
-    let velocity = |row: usize| T::from_f64(track.samples[row].velocity_rad_s);
-    let mut earlier = 0;
-    let delayed = times
-        .iter()
-        .map(|time| {
-            let then = time - delay.value();
-            while earlier + 1 < times.len() && times[earlier + 1] <= then {
-                earlier += 1;
-            }
-            if then <= 0.0 || earlier + 1 == times.len() {
-                return velocity(earlier);
-            }
-            let step = times[earlier + 1] - times[earlier];
-            let share = (T::from_f64(time - times[earlier]) - delay) * T::from_f64(1.0 / step);
-            velocity(earlier) + (velocity(earlier + 1) - velocity(earlier)) * share
-        })
-        .collect();
-    (plain, Some(delayed))
-}
-
-/// The bristle torque of a joint that slides where the track begins: the Coulomb level.
-fn sliding<T: Real<Setting = T>>(model: &Model<T>, track: &Track) -> T {
-    let coulomb = model.law().sliding_torque();
-    coulomb.copy_sign(T::from_f64(track.samples[0].velocity_rad_s))
-}
-
-/// The sample a share `step/steps` of the way from `before` to `now`, in the number of the model.
-#[inline(always)]
-fn between<T: Real>(
-    before: &Sample<f64>,
-    now: &Sample<f64>,
-    step: usize,
-    steps: usize,
-) -> Sample<T> {
-    let share = step as f64 / steps as f64;
-    let on_line = |from: f64, to: f64| {
-        T::from_f64(if step == steps { to } else { from + (to - from) * share })
-    };
-    Sample {
-        position_trust: T::from_f64(now.position_trust),
-        radial_force_change_n: T::from_f64(now.radial_force_change_n / steps as f64),
-        lookup_trust: T::from_f64(now.lookup_trust),
-        ..before.zip(now, on_line)
-    }
+/// What the bristles hold, the first-order error gone, Nm.
+fn extrapolated_bristle<T: Real<Setting = T>>(coarse: &Stepper<T>, fine: &Stepper<T>) -> T {
+    let (first, second) = (coarse.state.bristle_torque_nm, fine.state.bristle_torque_nm);
+    second + (second - first)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dual::Dual;
+    use compensator_core::Sample;
     use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
     use compensator_core::{LawKind, ParameterId as Id, TermKind};
 
@@ -225,7 +171,8 @@ mod tests {
             base.set(*id, 0.05 * (index as f64 * 1.7).sin());
         }
         let track = track();
-        let resolution = Resolution::PLAIN.finer();
+        // Steps of one size: how rows of one step and of many mix has no derivative here.
+        let resolution = Resolution { substeps: 2, extrapolated: false };
         let torques = |parameters: &Parameters<f64>| {
             let mut torques = Vec::new();
             simulate(parameters, &track, Some(0.0), resolution, |_, torque, _| {

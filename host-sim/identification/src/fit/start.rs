@@ -9,7 +9,7 @@
 use super::coordinates::Coordinates;
 use super::initial_state::initial_state;
 use super::metrics::Metrics;
-use super::minimise::minimise;
+use super::minimise::{Stop, minimise};
 use super::scales::Scales;
 use super::simulate::{Resolution, simulate};
 use super::track::{Rows, Track};
@@ -22,6 +22,9 @@ use rayon::prelude::*;
 
 /// Rows the grid is judged on.
 const TRIAL_ROWS: usize = 20_000;
+
+/// How far a trial goes: far enough to tell one valley from another.
+const TRIAL: Stop = Stop { patience: 3, enough: 1.0 };
 
 /// A parameter and what it multiplies.
 type LinearPart = (ParameterId, fn(&Sample<f64>) -> f64);
@@ -119,7 +122,13 @@ pub fn candidates(
                 simulated.push(torque);
                 true
             });
-            Metrics::of(track.torque.iter().copied().zip(simulated)).sse
+            Metrics::of(
+                simulated
+                    .into_iter()
+                    .enumerate()
+                    .map(|(row, own)| (track.torque[row], own, track.weight(row))),
+            )
+            .sse
         });
         errors.sum()
     };
@@ -131,7 +140,7 @@ pub fn candidates(
         .map(|(_, start)| {
             let coordinates = Coordinates::new(&start, free, scales);
             let from = coordinates.point(&start);
-            let minimum = minimise(&coordinates, &from, trial, resolution, 3);
+            let minimum = minimise(&coordinates, &from, trial, resolution, TRIAL);
             (minimum.reduced.sum_of_squares(), coordinates.parameters::<f64>(&minimum.point))
         })
         .collect();

@@ -32,15 +32,19 @@ pub fn inverse_information(reduced: &Reduced) -> DMatrix<f64> {
     DMatrix::from_fn(n, n, |i, j| covariance[(i, j)] * scale[i] * scale[j])
 }
 
-/// How far the optimum would move, in standard errors of the parameter that moves most, if the
-/// residual were that of `other` instead of `at`.
+/// How far the optimum would move, in standard errors of the parameter that moves most, if residual and
+/// derivatives at a point were those of `other` instead of `at`.
 pub fn step_in_standard_errors(at: &Reduced, other: &Reduced) -> f64 {
     let n = at.residual.len();
     if n == 0 || at.rows <= n {
         return 0.0;
     }
-    let factor = DMatrix::from_row_slice(n, n, &other.factor);
-    let gradient = factor.transpose() * DVector::from_column_slice(&other.residual);
+    let gradient = |of: &Reduced| {
+        let factor = DMatrix::from_row_slice(n, n, &of.factor);
+        factor.transpose() * DVector::from_column_slice(&of.residual)
+    };
+    // What is still to go to the optimum of `at` itself is no difference between the two.
+    let gradient = gradient(other) - gradient(at);
     let covariance = inverse_information(other);
     let variance = at.sum_of_squares() / (at.rows - n) as f64;
     let step = &covariance * gradient;

@@ -5,6 +5,7 @@
 //! ([`Track::following`]). The bristle state starts anew on each track. Where the log's spacing is even
 //! to `EVEN`, the period is one number and a model is built once; else each sample carries its own.
 
+use super::warmth::{self, Earlier};
 use crate::data::{Dataset, Quantity, Run, contract, segments};
 use compensator_core::Sample;
 use std::ops::Range;
@@ -29,10 +30,18 @@ pub struct Track {
     pub period_s: f64,
     /// Each sample's own period over the median one, where the spacing is uneven.
     pub period_ratio: Option<Vec<f64>>,
-    /// Rows that are simulated but do not count in errors, `true` each; empty where all count.
-    pub excluded: Vec<bool>,
+    /// What each row counts for in squared errors, 0 to 1: one of weight 0 is simulated and not judged. Empty
+    /// where all count alike.
+    pub weights: Vec<f64>,
     /// The log's extra covariates along the track, in the order of [`Dataset::covariates`].
     pub covariates: Arc<[Vec<f64>]>,
+    /// Draws of the true velocity minus that of the samples, rad/s or m/s, a value per row
+    /// ([`Run::velocity_draws`]); empty where the motion is taken as exact.
+    pub velocity_draws: Vec<Vec<f64>>,
+    /// Torque error that the uncertain motion makes in each row, Nm or N RMS; empty where it is taken as exact.
+    pub motion_error: Vec<f64>,
+    /// What rubbed before the track; see [`super::warmth`].
+    pub earlier: Arc<[Earlier]>,
 }
 
 impl Track {
@@ -45,8 +54,11 @@ impl Track {
             torque,
             period_s,
             period_ratio: None,
-            excluded: Vec::new(),
+            weights: Vec::new(),
             covariates: Arc::default(),
+            velocity_draws: Vec::new(),
+            motion_error: Vec::new(),
+            earlier: Arc::default(),
         }
     }
 
@@ -60,12 +72,21 @@ impl Track {
             torque: self.torque[rows.clone()].to_vec(),
             period_s: self.period_s,
             period_ratio: self.period_ratio.as_ref().map(|ratios| ratios[rows.clone()].to_vec()),
-            excluded: self.excluded.iter().take(rows.end).skip(rows.start).copied().collect(),
+            weights: self.weights.iter().take(rows.end).skip(rows.start).copied().collect(),
             covariates: self
                 .covariates
                 .iter()
                 .map(|column| column[rows.clone()].to_vec())
                 .collect(),
+            velocity_draws: cut(&self.velocity_draws, &rows),
+            motion_error: self
+                .motion_error
+                .iter()
+                .take(rows.end)
+                .skip(rows.start)
+                .copied()
+                .collect(),
+            earlier: Arc::clone(&self.earlier),
         }
     }
 
@@ -85,10 +106,21 @@ impl Track {
         self.torque.len()
     }
 
+    /// What a row counts for in squared errors.
+    #[inline]
+    pub fn weight(&self, row: usize) -> f64 {
+        self.weights.get(row).copied().unwrap_or(1.0)
+    }
+
     /// Whether a row counts in a fit and in its errors.
     #[inline]
     pub fn is_included(&self, row: usize) -> bool {
-        !self.excluded.get(row).copied().unwrap_or(false)
+        self.weight(row) > 0.0
+    }
+
+    /// Scales what each row counts for.
+    pub fn weigh(&mut self, by: impl Fn(usize) -> f64) {
+        self.weights = (0..self.len()).map(|row| self.weight(row) * by(row)).collect();
     }
 
     /// Whether there are no rows.
@@ -138,6 +170,7 @@ pub fn tracks_since(data: &Dataset, auxiliary: Option<&str>, campaign_start: f64
             }
         }
     }
+    warmth::remember(tracks.iter_mut());
     tracks
 }
 
@@ -186,9 +219,22 @@ fn track(
         torque: run.torque[rows.clone()].to_vec(),
         period_s,
         period_ratio,
-        excluded: Vec::new(),
+        weights: Vec::new(),
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
+        velocity_draws: cut(&run.velocity_draws, &rows),
+        motion_error: Vec::new(),
+        earlier: Arc::default(),
     }
+}
+
+/// How many runs some tracks are of.
+pub fn runs(tracks: &[Track]) -> usize {
+    tracks.iter().map(|track| track.run).collect::<std::collections::BTreeSet<_>>().len()
+}
+
+/// Some rows of each column.
+fn cut(columns: &[Vec<f64>], rows: &Range<usize>) -> Vec<Vec<f64>> {
+    columns.iter().map(|column| column[rows.clone()].to_vec()).collect()
 }
 
 fn median(values: &[f64]) -> f64 {

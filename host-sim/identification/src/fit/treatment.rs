@@ -87,8 +87,14 @@ pub fn of(id: ParameterId) -> Treatment {
         Id::RadialForceCoulomb | Id::PressureCoulomb | Id::LoadCoulomb => LEVEL,
         Id::RadialForceStaticExcess => KEPT,
         Id::PressureStaticExcess => Treatment { is_level: true, ..KEPT },
-        Id::TemperatureReference | Id::BacklashStiffnessRatio => KEPT,
-        Id::RippleOrder | Id::StribeckExponent | Id::DwellTime => positive(LEGAL),
+        Id::TemperatureReference | Id::BacklashStiffnessRatio | Id::BacklashUnloaded => KEPT,
+        Id::RippleOrder
+        | Id::TorqueRippleOrder1
+        | Id::TorqueRippleOrder2
+        | Id::TorqueRippleOrder3
+        | Id::TorqueRippleOrder4
+        | Id::StribeckExponent
+        | Id::DwellTime => positive(LEGAL),
         Id::DwellTravel => Treatment { values: Values::Positive(LEGAL), ..KEPT },
         Id::DwellGain => {
             Treatment { is_level: true, ..not_negative(|scales| 0.1 * scales.torque, NOT_THERE) }
@@ -97,7 +103,9 @@ pub fn of(id: ParameterId) -> Treatment {
         Id::BacklashTravel => not_negative(|scales| 0.01 * scales.travel, NOT_THERE),
         Id::ChannelDelay => not_negative(|scales| scales.period_s, NOT_THERE),
         // Which column, and over which range, is chosen; what happens along it is fitted.
-        Id::LookupColumn | Id::LookupLower | Id::LookupUpper => KEPT,
+        Id::LookupColumn | Id::LookupLower | Id::LookupUpper | Id::LookupFormula => KEPT,
+        Id::LookupScale => positive(LEGAL),
+        Id::WarmUpEnergy | Id::WarmUpCooling => positive(LEGAL),
         _ => FREE,
     }
 }

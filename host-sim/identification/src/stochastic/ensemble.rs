@@ -311,7 +311,7 @@ mod tests {
         let torque = (0..2500).map(|row| (row as f64 * 0.013).sin().signum()).collect();
         Track {
             period_ratio: uneven.then(|| (0..2500).map(ratio).collect()),
-            excluded: (0..2500).map(|row| row > 2300).collect(),
+            weights: (0..2500).map(|row| f64::from(u8::from(row <= 2300))).collect(),
             ..Track::even((0..2500).map(sample).collect(), torque, 0.005)
         }
     }

@@ -96,6 +96,10 @@ impl Trial {
         let extras: Vec<Extra> = needed.into_iter().collect();
         let mut setting = Setting::draw(sampler.seed(), &effects, &extras, options);
         arrangement.impose(&mut sampler, &mut setting);
+        if effects.contains(&HiddenCause::WarmUp) {
+            // Only where nobody measures it does anyone have to guess the heat.
+            setting.columns.retain(|column| *column != "temperature_c");
+        }
         let flavour = flavour.map(|flavour| placed(flavour, &mut sampler, &setting));
         if let Some(flavour) = &flavour {
             setting.log_column(flavour.column());
@@ -192,7 +196,7 @@ impl Trial {
                 columns: hidden.columns(),
                 size: hidden.size,
                 unit: hidden.unit(),
-                order: (hidden.effect == HiddenCause::PositionRipple).then_some(hidden.order),
+                order: hidden.is_periodic().then_some(hidden.order),
                 visible_rms_nm,
                 details: hidden.details(),
                 in_words: hidden.words(),

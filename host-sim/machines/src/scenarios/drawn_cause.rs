@@ -1,7 +1,7 @@
 //! An effect with its size and everything else that makes it the one it is.
 
 use super::hidden_cause::HiddenCause;
-use super::joint::{Drift, Dwell, Joint, Play, Thinning, WarmUp, Wave};
+use super::joint::{Drift, Dwell, Joint, Play, Thinning, Warming, Wave};
 use super::outside::{Flavour, Outside};
 use super::sampler::Sampler;
 use super::setting::Setting;
@@ -33,6 +33,9 @@ pub(super) struct DrawnCause {
 /// Highest and lowest order of a ripple, 1/rad.
 const ORDERS: (f64, f64) = (1.0, 250.0);
 
+/// Highest and lowest first order of a torque ripple, 1/rad: poles and slots, teeth.
+const COGGING_ORDERS: (f64, f64) = (4.0, 60.0);
+
 /// Most samples a channel is late, so that a driver's delay line can hold them.
 const LATEST_SAMPLES: f64 = 28.0;
 
@@ -44,8 +47,11 @@ impl DrawnCause {
         setting: &Setting,
         flavour: Option<Flavour>,
     ) -> Self {
-        let order = sampler.log_between(ORDERS.0, ORDERS.1);
+        let cogs = effect == HiddenCause::TorqueRipple;
+        let orders = if cogs { COGGING_ORDERS } else { ORDERS };
+        let order = sampler.log_between(orders.0, orders.1);
         let whole = sampler.chance(0.5);
+        let order = if whole { order.round() } else { order };
         let levels = setting.runs.iter().map(|run| run.condition.temperature.level);
         let (least_c, most_c) =
             levels.fold((f64::INFINITY, -f64::INFINITY), |(l, m), c| (l.min(c), m.max(c)));
@@ -54,9 +60,9 @@ impl DrawnCause {
         let mut hidden = Self {
             effect,
             size: 0.0,
-            order: if whole { order.round() } else { order },
+            order,
             phase: sampler.between(0.0, TAU),
-            harmonics: Vec::new(),
+            harmonics: if cogs { beside(sampler, order) } else { Vec::new() },
             reference_c: sampler.between(least_c, most_c),
             onset_s: sampler.log_between(0.02, 0.5),
             forgetting_rad: sampler.log_between(5e-3, 2e-2),
@@ -66,6 +72,9 @@ impl DrawnCause {
             warming: (50.0, 300.0),
             flavour,
         };
+        if effect == HiddenCause::WarmUp {
+            hidden.warming = (sampler.log_between(20.0, 150.0), sampler.log_between(60.0, 900.0));
+        }
         let (least, most) = hidden.limits(setting);
         // Scaled later until it shows as wanted; which sizes are usual must tell nothing.
         hidden.size = match effect {
@@ -74,6 +83,11 @@ impl DrawnCause {
             _ => sampler.log_between(least, most) * hidden.side(sampler),
         };
         hidden
+    }
+
+    /// Whether it has an order.
+    pub fn is_periodic(&self) -> bool {
+        matches!(self.effect, HiddenCause::PositionRipple | HiddenCause::TorqueRipple)
     }
 
     /// Makes a drift a straight one.
@@ -111,7 +125,9 @@ impl DrawnCause {
             HiddenCause::PressureCoulomb => (5e-8, 1e-5),
             HiddenCause::TemperatureViscous => (0.003, 0.09),
             HiddenCause::PositionRipple => (0.005, 0.5),
-            HiddenCause::GravityImbalance => (0.01, 1.2),
+            HiddenCause::GravityImbalance | HiddenCause::TorqueRipple => (0.01, 1.2),
+            HiddenCause::TemperatureCoulomb => (0.001, 0.05),
+            HiddenCause::WarmUp => (0.02, 0.7),
             HiddenCause::DirectionAsymmetry => (0.005, 0.4),
             HiddenCause::TorqueOffset => (0.01, 1.0),
             HiddenCause::QuadraticDrag => (1e-4, 0.03),
@@ -128,9 +144,6 @@ impl DrawnCause {
                 let most = (LATEST_SAMPLES / setting.rate_hz).min(0.03);
                 (most.min(0.002), most)
             }
-            HiddenCause::TorqueRipple => (0.005, 0.8),
-            HiddenCause::TemperatureCoulomb => (0.001, 0.06),
-            HiddenCause::WarmUp => (0.01, 0.6),
             HiddenCause::OutsideCatalogue => {
                 self.flavour.map_or((0.1, 0.1), |flavour| flavour.limits(seal.coulomb_nm))
             }
@@ -185,7 +198,7 @@ impl DrawnCause {
             }
             HiddenCause::WarmUp => {
                 let (energy_j, cooling_s) = self.warming;
-                joint.warm_up = Some(WarmUp { share: size, energy_j, cooling_s });
+                joint.warming = Some(Warming { fall: size, energy_j, cooling_s });
             }
             HiddenCause::OutsideCatalogue => {
                 joint.outside = self.flavour.map(|flavour| Outside { flavour, size });
@@ -220,7 +233,11 @@ impl DrawnCause {
     pub fn details(&self) -> Vec<(&'static str, f64)> {
         match self.effect {
             HiddenCause::PositionRipple | HiddenCause::TorqueRipple => {
-                vec![("order", self.order), ("phase_rad", self.phase)]
+                let mut details = vec![("order", self.order), ("phase_rad", self.phase)];
+                for (wave, [order, share, phase]) in self.harmonics.iter().zip(BESIDE) {
+                    details.extend([(order, wave.order), (share, wave.size), (phase, wave.phase)]);
+                }
+                details
             }
             HiddenCause::GravityImbalance => vec![("phase_rad", self.phase)],
             HiddenCause::WarmUp => {
@@ -247,4 +264,23 @@ impl DrawnCause {
             (None, unit) => format!("{name} of {:.3e} {unit}", self.size),
         }
     }
+}
+
+/// Names of what is told of the orders beside the first.
+const BESIDE: [[&str; 3]; 2] = [
+    ["order_2", "share_of_first_2", "phase_2_rad"],
+    ["order_3", "share_of_first_3", "phase_3_rad"],
+];
+
+/// What goes with a first order, at unit amplitude of that: its double, and a neighbour where the machine
+/// is not quite round; each more often than not.
+fn beside(sampler: &mut Sampler, order: f64) -> Vec<Wave> {
+    let mut waves = Vec::new();
+    for (order, often) in [(2.0 * order, 0.8), (order - 1.0, 0.6)] {
+        let (size, phase) = (sampler.between(0.25, 0.7), sampler.between(0.0, TAU));
+        if sampler.chance(often) {
+            waves.push(Wave { size, order, phase });
+        }
+    }
+    waves
 }

@@ -87,6 +87,8 @@ struct State {
     play: f64,
     /// Direction of the last motion, 1 or -1.
     direction: f64,
+    /// Heat of what was rubbed, J.
+    heat_j: f64,
 }
 
 /// The begin of the next step, so that nothing is computed twice.
@@ -105,10 +107,21 @@ fn mean_of_decay(x: f64) -> f64 {
 /// The torque of each row, Nm, without a sensor's noise. `held_rad` is the deflection the bristles
 /// begin with.
 pub(super) fn torque(joint: &Joint, condition: &Condition, path: &Path, held_rad: f64) -> Vec<f64> {
-    let Some(&first) = path.points.first() else { return Vec::new() };
+    torque_of_warm(joint, condition, path, held_rad, 0.0).0
+}
+
+/// The same of a joint that begins with the heat of what was rubbed before, J, and the heat it ends with.
+pub(super) fn torque_of_warm(
+    joint: &Joint,
+    condition: &Condition,
+    path: &Path,
+    held_rad: f64,
+    heat_j: f64,
+) -> (Vec<f64>, f64) {
+    let Some(&first) = path.points.first() else { return (Vec::new(), heat_j) };
     let play = joint.play.map_or(0.0, |play| 0.5 * play.travel_rad);
-    let mut walk =
-        Walk { joint, condition, state: State { z: held_rad, age_s: 0.0, play, direction: 1.0 } };
+    let state = State { z: held_rad, age_s: 0.0, play, direction: 1.0, heat_j };
+    let mut walk = Walk { joint, condition, state };
     let mut here = walk.here(first);
     let mut rows = path.rows.iter().zip(&path.accelerations);
     let mut next = rows.next();
@@ -122,7 +135,7 @@ pub(super) fn torque(joint: &Joint, condition: &Condition, path: &Path, held_rad
             next = rows.next();
         }
     }
-    torques
+    (torques, walk.state.heat_j)
 }
 
 /// A joint on its way through a run.
@@ -135,8 +148,8 @@ struct Walk<'a> {
 impl Walk<'_> {
     /// What is there at a point, seen in the direction of the last motion.
     fn here(&self, point: Point) -> Here {
-        let around = self.joint.around(self.condition, point.t);
-        let State { age_s, direction, .. } = self.state;
+        let State { age_s, direction, heat_j, .. } = self.state;
+        let around = Around { heat_j, ..self.joint.around(self.condition, point.t) };
         let level = self.joint.level(point.velocity.abs(), direction, point.angle, age_s, &around);
         Here { point, around, level }
     }
@@ -175,6 +188,12 @@ impl Walk<'_> {
             let forgotten = travel / dwell.travel_rad;
             self.state.age_s =
                 self.state.age_s * (-forgotten).exp() + seconds * mean_of_decay(forgotten);
+        }
+        if let Some(warming) = joint.warming {
+            // The level's work and the film's; what the bristles hold comes back.
+            let speed = 0.5 * sum.abs();
+            let work = (from.level + joint.seal.k2 * speed) * travel;
+            self.state.heat_j = self.state.heat_j * (-seconds / warming.cooling_s).exp() + work;
         }
         let here = self.here(to);
         let taken_up = self.taken_up(travel);

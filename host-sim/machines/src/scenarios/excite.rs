@@ -43,6 +43,7 @@ fn favoured(effect: HiddenCause) -> &'static [Style] {
         HiddenCause::RadialForceRate => &[Rests, Presliding, Slow],
         HiddenCause::TemperatureViscous | HiddenCause::QuadraticDrag => &[Fast, Stairs, OneWay],
         HiddenCause::PositionRipple | HiddenCause::GravityImbalance => &[Stairs, Fast, OneWay],
+        HiddenCause::TorqueRipple => &[Stairs, Slow, OneWay],
         HiddenCause::DwellTimeStatic => &[Rests],
         HiddenCause::Backlash => &[Triangle, Slow, Rests],
         HiddenCause::StribeckShape => &[Slow, Triangle, Rests],

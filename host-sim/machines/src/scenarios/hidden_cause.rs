@@ -66,9 +66,8 @@ const fn facts(
 }
 
 impl HiddenCause {
-    /// Every effect a scenario can hide, those of the catalogue first. Torque ripple, a level over temperature
-    /// and warm-up are hidden in unkind worlds ([`super::unkind`]) alone.
-    pub const ALL: [HiddenCause; 17] = [
+    /// Every effect, those of the catalogue first.
+    pub const ALL: [HiddenCause; 20] = [
         HiddenCause::RadialForceCoulomb,
         HiddenCause::RadialForceRate,
         HiddenCause::PressureCoulomb,
@@ -85,6 +84,9 @@ impl HiddenCause {
         HiddenCause::Backlash,
         HiddenCause::StribeckShape,
         HiddenCause::ChannelDelay,
+        HiddenCause::TorqueRipple,
+        HiddenCause::TemperatureCoulomb,
+        HiddenCause::WarmUp,
         HiddenCause::OutsideCatalogue,
     ];
 

@@ -21,6 +21,12 @@ pub(super) struct Thinning {
     pub reference_c: f64,
 }
 
+impl Thinning {
+    fn factor(&self, temperature_c: f64) -> f64 {
+        (-self.per_k * (temperature_c - self.reference_c)).exp()
+    }
+}
+
 /// A sine of the angle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wave {
@@ -64,23 +70,29 @@ impl Drift {
     }
 }
 
+/// What was rubbed warms the seal, and the level falls.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Warming {
+    /// Share of the level that goes in the end.
+    pub fall: f64,
+    /// Heat at which all but a share of 1/e of that has gone, J.
+    pub energy_j: f64,
+    /// Time in which the heat is lost, s.
+    pub cooling_s: f64,
+}
+
+impl Warming {
+    fn factor(&self, heat_j: f64) -> f64 {
+        1.0 + self.fall * (-heat_j / self.energy_j).exp_m1()
+    }
+}
+
 /// Play in the drive: within it the bristles take up hardly any motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Play {
     pub travel_rad: f64,
     /// Share of the motion that still reaches the bristles.
     pub leak: f64,
-}
-
-/// The level falls with the heat that rubbing has left.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct WarmUp {
-    /// Share of the level that is gone when all is warm.
-    pub share: f64,
-    /// Heat at which most of that is gone, J.
-    pub energy_j: f64,
-    /// Time in which heat leaves, s.
-    pub cooling_s: f64,
 }
 
 /// A joint: its seal and all effects, most of them neutral.
@@ -96,7 +108,7 @@ pub(super) struct Joint {
     /// Additive torques of the angle, one of each order.
     pub torque_ripple: Vec<Wave>,
     pub stiffening: Option<Thinning>,
-    pub warm_up: Option<WarmUp>,
+    pub warming: Option<Warming>,
     pub asymmetry: f64,
     pub offset_nm: f64,
     pub drag: f64,
@@ -125,7 +137,7 @@ impl Joint {
             gravity: None,
             torque_ripple: Vec::new(),
             stiffening: None,
-            warm_up: None,
+            warming: None,
             asymmetry: 0.0,
             offset_nm: 0.0,
             drag: 0.0,
@@ -194,8 +206,8 @@ impl Joint {
         if let Some(stiffening) = self.stiffening {
             level *= (-stiffening.per_k * (now.temperature - stiffening.reference_c)).exp();
         }
-        if let Some(warm) = self.warm_up {
-            level *= 1.0 + warm.share * (-now.heat_j / warm.energy_j).exp_m1();
+        if let Some(warming) = self.warming {
+            level *= warming.factor(now.heat_j);
         }
         if let Some(outside) = &self.outside {
             level = outside.level(level, speed, angle, now);
@@ -206,9 +218,7 @@ impl Joint {
 
     /// Viscous torque, Nm.
     pub fn viscous(&self, velocity: f64, direction: f64, now: &Around) -> f64 {
-        let film = self.thinning.map_or(1.0, |thinning| {
-            (-thinning.per_k * (now.temperature - thinning.reference_c)).exp()
-        });
+        let film = self.thinning.map_or(1.0, |thinning| thinning.factor(now.temperature));
         self.seal.k2 * film * (1.0 + self.asymmetry * direction) * velocity
     }
 

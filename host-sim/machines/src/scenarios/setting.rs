@@ -1,6 +1,6 @@
 //! Where a scenario's data come from, before anything is hidden: seal, campaign, sensors.
 
-use super::dynamics::{Path, torque};
+use super::dynamics::{Path, torque, torque_of_warm};
 use super::excite::{Drive, motions};
 use super::hidden_cause::HiddenCause;
 use super::joint::Joint;
@@ -365,6 +365,20 @@ impl Setting {
             let held_rad = run.held * joint.seal.coulomb_nm / joint.seal.k0;
             torque(joint, &run.condition, path, held_rad)
         };
-        self.runs.par_iter().zip(paths).map(torques).collect()
+        let Some(warming) = joint.warming else {
+            return self.runs.par_iter().zip(paths).map(torques).collect();
+        };
+        // Heat goes on from run to run, less what is lost in between.
+        let (mut heat_j, mut until_s) = (0.0, 0.0);
+        let warm = |(run, path): (&RunSetting, &Path)| {
+            let held_rad = run.held * joint.seal.coulomb_nm / joint.seal.k0;
+            let start_s = run.condition.start_s;
+            heat_j *= (-(start_s - until_s) / warming.cooling_s).exp();
+            until_s = start_s + self.seconds;
+            let (torques, left) = torque_of_warm(joint, &run.condition, path, held_rad, heat_j);
+            heat_j = left;
+            torques
+        };
+        self.runs.iter().zip(paths).map(warm).collect()
     }
 }

@@ -3,7 +3,7 @@
 use super::Scene;
 use crate::results::page::words::{self as shared, counted, listed, quantity};
 use compensator_core::term::KNOTS;
-use friction_identification::diagnose::round::{MATERIAL, SIGNIFICANT};
+use friction_identification::diagnose::thresholds::{CHANCE, MATERIAL};
 use friction_identification::diagnose::{Diagnosis, Finding};
 use friction_identification::number::significant;
 
@@ -153,16 +153,18 @@ pub(super) fn methods(scene: &Scene) -> Vec<String> {
             found.scores.len()
         ),
         format!(
-            "A candidate passes if its blocks of rows agree better than the best of all candidates does in this log with \
-             the residual's sign flipped block by block (p below {}), and if it takes more than {} % off the squared \
-             residual on rows left out of its fit. Those that pass are fitted together with everything else; the one that \
-             explains most stays, and the next round looks at what is left. Causes that bend the base model's own \
-             parameters get a fit even where this rates them low, if structure is left.",
-            significant(SIGNIFICANT, 1),
+            "A candidate passes if the squared error on rows left out of the fit falls by more than chance gives the best of \
+             all candidates (p below {}, blocks of rows as observations), by at least {} % of what is beyond the noise \
+             floor, and on whole runs left out too, where runs can show it. Those that pass are fitted together with \
+             everything else; the one that explains most of rows it has not seen stays, and the next round looks at what is \
+             left. Causes that bend the base model's own parameters get a fit even where this rates them low, if structure \
+             is left.",
+            significant(CHANCE, 1),
             significant(100.0 * MATERIAL, 1)
         ),
-        "At the end every finding is taken out once and has to win its place again: against all others, with whole runs as \
-         observations, and on the held-out rows. \"Not told apart from\" names what would explain the same."
+        "At the end every finding is taken out once and has to win its place again, by the same rules; then base and \
+         extension are fitted anew with every run left out once, and what does not gain is taken back. \"Not told apart \
+         from\" names what would explain the same."
             .into(),
         format!(
             "Noise floor ({}): from second differences of the logged {}, whose median keeps breakaways out. It is a floor \

@@ -1,14 +1,54 @@
 //! Play: after a reversal there is travel with little stiffness.
+//!
+//! Either right after the reversal, or where a drive that was wound up has unwound and its flanks part
+//! (`backlash_unloaded`); a log says which. How long a play is nobody says: it is sought in multiples of the
+//! travel the bristles take up their load over, and as a share of the log's own strokes, for a base law may have
+//! made a few millimetres of play into bristles of its own.
 
 use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
-use crate::diagnose::extended::Extended;
+use crate::diagnose::extended::{Extended, Size};
 use crate::diagnose::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
+/// Plays that are tried, over the travel of the bristles, where they are crossed right after a reversal.
+const PRESLIDING: [f64; 4] = [0.5, 2.0, 6.0, 20.0];
+
+/// And where they are crossed at zero torque: a law without the play takes part of it for bristles, which are
+/// then too soft by as much.
+const PRESLIDING_UNLOADED: [f64; 3] = [0.3, 1.0, 3.0];
+
+/// A play that is tried, over the way from one reversal to the next.
+const OF_STROKE: f64 = 0.08;
+
 /// See the module.
 pub struct Backlash;
+
+/// The way from one reversal to the next, rad: half of all way is in longer strokes; 0 without a reversal.
+fn stroke(beside: &Beside) -> f64 {
+    let mut strokes = Vec::new();
+    for track in &beside.log.train_tracks {
+        let mut way = 0.0f64;
+        for (row, sample) in track.samples.iter().enumerate() {
+            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+            let step = sample.velocity_rad_s * track.period_s * ratio;
+            if step * way < 0.0 {
+                strokes.push(way.abs());
+                way = 0.0;
+            }
+            way += step;
+        }
+    }
+    strokes.sort_by(f64::total_cmp);
+    let half = 0.5 * strokes.iter().sum::<f64>();
+    let mut shorter = 0.0;
+    let middle = strokes.into_iter().find(|stroke| {
+        shorter += stroke;
+        shorter >= half
+    });
+    middle.unwrap_or(0.0)
+}
 
 impl Cause for Backlash {
     fn name(&self) -> &'static str {
@@ -43,17 +83,34 @@ impl Cause for Backlash {
         let parameters = &beside.at.parameters;
         let presliding = parameters.get(Id::StaticTorque).max(parameters.get(Id::CoulombTorque))
             / parameters.get(Id::BristleStiffness).max(1e-9);
-        [0.5, 2.0, 6.0, 20.0]
-            .map(|times| {
-                let travel = times * presliding;
-                let settings = vec![(Id::BacklashTravel, travel)];
+        let stroke = OF_STROKE * stroke(beside);
+        let kept = PRESLIDING.map(|times| (times * presliding, 0.0));
+        let unloaded = PRESLIDING_UNLOADED.map(|times| (times * presliding, 1.0));
+        let by_stroke = [(stroke, 0.0), (stroke, 1.0)].into_iter().filter(|_| stroke > 0.0);
+        kept.into_iter()
+            .chain(unloaded)
+            .chain(by_stroke)
+            .map(|(travel, unloaded)| {
+                let settings = vec![(Id::BacklashTravel, travel), (Id::BacklashUnloaded, unloaded)];
                 let by = Exact { kind: TermKind::Backlash, settings, derivative: None };
                 let by = vec![Regressor::Exact(by)];
                 Candidate::new(TermKind::Backlash, &columns, by)
-                    .starting_at(&[(Id::BacklashTravel, InitialGuess::At(travel))])
-                    .keeping(&[Id::BacklashStiffnessRatio])
+                    .starting_at(&[
+                        (Id::BacklashTravel, InitialGuess::At(travel)),
+                        (Id::BacklashUnloaded, InitialGuess::At(unloaded)),
+                    ])
+                    .keeping(&[Id::BacklashStiffnessRatio, Id::BacklashUnloaded])
             })
-            .into()
+            .collect()
+    }
+
+    fn in_words(&self, size: &Size, extended: &Extended) -> String {
+        let where_crossed = if extended.value(Id::BacklashUnloaded) > 0.5 {
+            "where the drive has unwound and holds nothing"
+        } else {
+            "right after the reversal"
+        };
+        format!("{}: {}, {where_crossed}", self.meaning(), size.in_words())
     }
 
     fn evidence(&self, _: &[String], extended: &Extended) -> Option<Evidence> {

@@ -64,7 +64,8 @@ impl Cause for PositionRipple {
         let is_revolute = log.train.joint == JointKind::Revolute;
         let most = if is_revolute { MOST_REVOLUTE } else { MOST_PRISMATIC };
         let candidate = |peak: &crate::diagnose::order::Peak| {
-            let n = peak.order;
+            let (n, comparisons) =
+                if is_revolute { peak.whole(most) } else { (peak.order, peak.independent) };
             let by = vec![
                 row(move |r| r.level * (n * r.sample.position_rad).sin()),
                 row(move |r| r.level * (n * r.sample.position_rad).cos()),
@@ -75,7 +76,7 @@ impl Cause for PositionRipple {
                     (Id::RippleSine, InitialGuess::Times(0, 1.0)),
                     (Id::RippleCosine, InitialGuess::Times(1, 1.0)),
                 ])
-                .of_order(n, peak.independent)
+                .of_order(n, comparisons)
         };
         peaks(&points, most, ORDERS).iter().map(candidate).collect()
     }

@@ -40,9 +40,12 @@ impl Cause for TemperatureViscous {
         if !beside.log.varies(COLUMN) {
             return Vec::new();
         }
-        let samples = || beside.log.train_tracks.iter().flat_map(|track| &track.samples);
-        let rows = samples().count().max(1) as f64;
-        let mean = samples().map(|s| s.temperature_c).sum::<f64>() / rows;
+        // The level's fall has its reference already, and both terms share it.
+        let mean = if beside.has(TermKind::TemperatureCoulomb) {
+            beside.at.parameters.get(Id::TemperatureReference)
+        } else {
+            beside.log.mean_temperature_c()
+        };
         let by = vec![row(move |r| -r.viscous * (r.sample.temperature_c - mean))];
         vec![
             Candidate::new(TermKind::TemperatureViscous, &[COLUMN], by)

@@ -35,6 +35,9 @@ impl Cause for TimeDrift {
     }
 
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
+        if !beside.log.has_campaign_clock() {
+            return Vec::new();
+        }
         let candidate = |by| Candidate::new(TermKind::TimeDrift, &["time_s"], vec![by]);
         let mut all = vec![
             candidate(row(|r| r.level * r.sample.campaign_time_h))

@@ -6,6 +6,7 @@
 //! into most things. Structure that follows no column at all is told, and no term is offered.
 
 use super::definition::{Cause, Remedy};
+use super::formula;
 use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Row, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
 use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
@@ -14,7 +15,7 @@ use crate::diagnose::train_test::TrainTest;
 use crate::fit::State;
 use crate::fit::predict::Predicted;
 use crate::number::figure;
-use compensator_core::term::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES};
+use compensator_core::term::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
 use compensator_core::{ParameterId as Id, Quantity, TermKind};
 use rand::{RngExt, SeedableRng};
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -66,6 +67,8 @@ impl Cause for Unknown {
         let offset = beside.has(TermKind::TorqueOffset);
         let mut all = Vec::new();
         for followed in columns(beside.log) {
+            let values = values(beside.log, &followed);
+            all.extend(formula::candidates(&followed, &values));
             // A sensor's gain error is a straight line over a covariate, and so simple that it is weighed as
             // such too. (Over velocity it would be viscous friction; over angle or time it means nothing.)
             let is_covariate = followed.is_covariate();
@@ -73,7 +76,7 @@ impl Cause for Unknown {
             for (level, proportional) in ways.into_iter().filter(|(_, line)| !line || is_covariate)
             {
                 let way = Way { level, proportional, pins: level || offset };
-                all.extend(curve(beside.log, &followed, way));
+                all.extend(curve(&followed, &values, way));
             }
         }
         all
@@ -85,6 +88,9 @@ impl Cause for Unknown {
 
     /// From the lowest to the highest knot.
     fn size(&self, extended: &Extended) -> Size {
+        if extended.formula() != LookupFormula::None {
+            return extended.size(Id::LookupRise);
+        }
         let knots = knots(extended.follows_level());
         let value = |id: &Id| extended.value(*id);
         let error = |id: &Id| extended.error(*id);
@@ -109,6 +115,9 @@ impl Cause for Unknown {
         let Some(follows) = extended.follows else {
             return format!("{}: {}", self.meaning(), size.in_words());
         };
+        if follows.formula != LookupFormula::None {
+            return formula::in_words(follows.formula, size, extended, &follows.column);
+        }
         let (column, shape) = (&follows.column, shape(extended, follows.level));
         let size = size.in_words();
         if follows.level {
@@ -125,7 +134,8 @@ impl Cause for Unknown {
     fn evidence(&self, columns: &[String], extended: &Extended) -> Option<Evidence> {
         let name = columns.first()?;
         // As the curve in the model is, whichever of its two it was fitted as.
-        let level = LOOKUP_LEVELS.iter().any(|id| extended.value(*id) != 0.0);
+        let mut levels = LOOKUP_LEVELS.iter().chain([&Id::LookupRise]);
+        let level = levels.any(|id| extended.value(*id) != 0.0);
         let is_velocity = name == extended.log.velocity_name();
         Plane::new(
             format!("What follows {name}"),
@@ -143,16 +153,18 @@ fn knots(level: bool) -> [Id; KNOTS] {
 }
 
 /// A column the curve may follow.
-struct Followed {
-    name: String,
+pub struct Followed {
+    /// Its name in the log.
+    pub name: String,
     /// What it measures; [`Quantity::Auxiliary`] for a covariate of the log's own.
-    quantity: Quantity,
-    covariate: Option<usize>,
+    pub quantity: Quantity,
+    /// Its index among the log's own covariates, where it is one.
+    pub covariate: Option<usize>,
 }
 
 impl Followed {
     /// Its value in a row, in the core's unit.
-    fn read(quantity: Quantity, row: &Row) -> f64 {
+    pub fn read(quantity: Quantity, row: &Row) -> f64 {
         match quantity {
             Quantity::Auxiliary => row.extra,
             known => known.of_sample(row.sample).unwrap_or_default(),
@@ -160,12 +172,12 @@ impl Followed {
     }
 
     /// Its number in the core.
-    fn number(&self) -> f64 {
+    pub fn number(&self) -> f64 {
         self.quantity.info().column.map_or(0.0, f64::from)
     }
 
     /// Whether it is neither the joint's motion nor the time.
-    fn is_covariate(&self) -> bool {
+    pub fn is_covariate(&self) -> bool {
         use Quantity as Is;
         ![Is::Velocity, Is::Position, Is::CampaignTime].contains(&self.quantity)
     }
@@ -183,7 +195,11 @@ fn columns(log: &TrainTest) -> Vec<Followed> {
         quantity: Quantity::Auxiliary,
         covariate: Some(*index),
     });
-    measured.filter(|followed| log.varies(&followed.name)).chain(own).collect()
+    let tells = |followed: &Followed| {
+        let is_time = followed.quantity == Quantity::CampaignTime;
+        log.varies(&followed.name) && (!is_time || log.has_campaign_clock())
+    };
+    measured.filter(tells).chain(own).collect()
 }
 
 /// How the curve follows a column.
@@ -197,9 +213,8 @@ struct Way {
     pins: bool,
 }
 
-/// A curve over one column.
-fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
-    let Way { level, proportional, pins } = way;
+/// Some of a column's values, in the core's unit, sorted.
+fn values(log: &TrainTest, followed: &Followed) -> Vec<f64> {
     let mut values: Vec<f64> = log
         .train_tracks
         .iter()
@@ -212,7 +227,14 @@ fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
         })
         .collect();
     values.sort_by(f64::total_cmp);
-    let at = |share: f64| values.get(((values.len() - 1) as f64 * share) as usize).copied();
+    values
+}
+
+/// A curve over one column, of which some values are given, sorted.
+fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
+    let Way { level, proportional, pins } = way;
+    let last = values.len().checked_sub(1)?;
+    let at = |share: f64| values.get((last as f64 * share) as usize).copied();
     let (least, median, most) = (at(0.0)?, at(0.5)?, at(1.0)?);
     if most <= least {
         return None;
@@ -252,11 +274,18 @@ fn curve(log: &TrainTest, followed: &Followed, way: Way) -> Option<Candidate> {
     fixed.extend(pins.then_some(own[pinned]));
     fixed.extend(others);
     guesses.extend(others.map(|id| (id, InitialGuess::At(0.0))));
+    let by_knots = formula::number(LookupFormula::None);
+    guesses.extend([
+        (Id::LookupFormula, InitialGuess::At(by_knots)),
+        (Id::LookupRise, InitialGuess::At(0.0)),
+    ]);
+    fixed.extend([Id::LookupRise, Id::LookupScale]);
     let follows = Follows {
         column: followed.name.clone(),
         extra: followed.covariate.is_some(),
         level,
         proportional,
+        formula: LookupFormula::None,
     };
     let weight = if proportional { GAIN_ERROR_WEIGHT } else { ANY_SHAPE_WEIGHT };
     let name = followed.name.as_str();

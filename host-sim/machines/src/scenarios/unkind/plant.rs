@@ -89,7 +89,7 @@ impl<'a> Machine<'a> {
     ) -> Vec<Vec<f64>> {
         let (mut heat_j, mut end_s) = (0.0, f64::NEG_INFINITY);
         runs.map(|(condition, way, held)| {
-            if let (Some(warm), Some(first)) = (self.joint.warm_up, way.points.first()) {
+            if let (Some(warm), Some(first)) = (self.joint.warming, way.points.first()) {
                 let pause_s = (condition.start_s + first.t - end_s).max(0.0);
                 heat_j *= if pause_s.is_finite() { (-pause_s / warm.cooling_s).exp() } else { 0.0 };
             }
@@ -162,7 +162,7 @@ impl<'a> Machine<'a> {
             let forgotten = travel / dwell.travel_rad;
             state.age_s = state.age_s * (-forgotten).exp() + seconds * mean_of_decay(forgotten);
         }
-        if let Some(warm) = joint.warm_up {
+        if let Some(warm) = joint.warming {
             state.heat_j = state.heat_j * (-seconds / warm.cooling_s).exp() + begin_level * travel;
         }
         let here = self.here(condition, to, state);

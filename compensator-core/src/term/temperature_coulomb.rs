@@ -1,0 +1,79 @@
+//! `g *= exp(-b (T - T0))`: the seal stiffens with cold and grips harder.
+
+use super::bounds::{Bounds, LEAST_SHARE};
+use super::interface::{COEFFICIENTS, Term};
+use crate::effect::Effects;
+use crate::envelope::Envelope;
+use crate::number::Real;
+use crate::parameter::{ParameterId as Id, Values};
+use crate::quantity::TEMPERATURE_RANGE_C;
+use crate::quantity::{Quantity, Sample};
+use crate::refusal::{Bound, ParameterError, refuse};
+
+/// Built for a sample period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TemperatureCoulomb<T> {
+    /// `b`, 1/K.
+    rate: T,
+    /// `T0`, deg C.
+    reference: T,
+}
+
+/// The exponent at the coldest and the hottest seal that is believed.
+fn exponents<S: Real>(values: &Values<S>) -> [f64; 2] {
+    let rate = values.value(Id::TemperatureCoulomb);
+    let reference = values.value(Id::TemperatureReference);
+    TEMPERATURE_RANGE_C.map(|end| -rate * (end - reference))
+}
+
+impl<T: Real> Term<T> for TemperatureCoulomb<T> {
+    const PARAMETERS: &'static [Id] = &[Id::TemperatureCoulomb, Id::TemperatureReference];
+
+    const READS: Option<Quantity> = Some(Quantity::Temperature);
+
+    type Memory = ();
+
+    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+        Self {
+            rate: T::from_setting(values.get(Id::TemperatureCoulomb)),
+            reference: T::from_setting(values.get(Id::TemperatureReference)),
+        }
+    }
+
+    fn rescale_period(&self, _: T) -> Self {
+        *self
+    }
+
+    #[inline]
+    fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
+        let factor = (-(self.rate * (sample.temperature_c - self.reference))).exp();
+        effects.level_scale = effects.level_scale * factor;
+    }
+
+    fn coefficients(&self) -> [T; COEFFICIENTS] {
+        [self.rate, self.reference, T::zero(), T::zero()]
+    }
+
+    fn largest_product(&self, _: &Envelope) -> f64 {
+        // The exponent; what it makes of the level is checked with that level.
+        self.rate.value().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0])
+    }
+
+    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+        let [cold, hot] = exponents(values).map(libm::exp);
+        bounds.scale_level(cold.min(hot), cold.max(hot));
+    }
+
+    fn validate<S: Real>(values: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+        let steepest = exponents(values).into_iter().map(f64::abs).fold(0.0, f64::max);
+        let most = -libm::log(LEAST_SHARE);
+        if steepest > most {
+            let rate = values.value(Id::TemperatureCoulomb);
+            let why = "the level must stay positive, and sane, from -50 to 150 deg C";
+            let bound = rate * most / steepest;
+            let bound = if rate > 0.0 { Bound::AtMost(bound) } else { Bound::AtLeast(bound) };
+            return refuse(Id::TemperatureCoulomb.name(), rate, bound, why);
+        }
+        Ok(())
+    }
+}

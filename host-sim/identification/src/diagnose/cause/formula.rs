@@ -1,0 +1,124 @@
+//! The level's formulas over a column: what a person can read, before a curve of any shape.
+//!
+//! Most covariates act on a friction level in one of three ways: in proportion (a load that presses), less and
+//! less (a band that is tight already, a film that is full), or more and more by equal factors (a polymer that
+//! stiffens). Two numbers say it: the rise from the lowest value in the log to the highest, and for one that
+//! saturates how soon. The core draws the formula through the knots of its table ([`LookupFormula`]), so the
+//! driver pays no more for it than for any table.
+
+use super::unknown::Followed;
+use crate::diagnose::candidate::{Candidate, InitialGuess, Row, row};
+use crate::diagnose::extended::{Extended, Size};
+use crate::diagnose::train_test::Follows;
+use crate::number::{figure, significant};
+use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
+use compensator_core::{ParameterId as Id, Quantity, TermKind};
+
+/// A formula is as simple as a named cause, but says less: it comes after one that explains as much.
+const WEIGHT: f64 = 0.9;
+
+/// Scales of a saturating formula that are tried, over the range of the column.
+const SCALES: [f64; 2] = [0.1, 0.4];
+
+/// The curvature of an exponential that is tried: the factor on the level over the range, up or down. Its
+/// columns are those of a steep one, or it could not be told from a line before it is fitted.
+const FACTORS: [f64; 2] = [4.0, 0.25];
+
+/// A line needs so many different values of the column, a bent curve one more.
+const FEWEST_VALUES: usize = 3;
+
+/// The columns a named cause has a law for already: the line would be that cause in other words.
+fn has_named_line(quantity: Quantity) -> bool {
+    use Quantity as Is;
+    [Is::RadialForce, Is::Pressure, Is::LoadTorque, Is::Temperature].contains(&quantity)
+}
+
+/// Whether there are at least so many different values among some that are sorted.
+fn differ(sorted: &[f64], count: usize) -> bool {
+    1 + sorted.windows(2).filter(|pair| pair[0] != pair[1]).count() >= count
+}
+
+/// The formulas over one column; `values` are some of its values, sorted.
+pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
+    let (Some(least), Some(most)) = (values.first().copied(), values.last().copied()) else {
+        return Vec::new();
+    };
+    if !followed.is_covariate() || !differ(values, FEWEST_VALUES) {
+        return Vec::new();
+    }
+    let mut shapes: Vec<(LookupFormula, f64, f64)> = Vec::new();
+    if !has_named_line(followed.quantity) {
+        shapes.push((LookupFormula::Linear, 1.0, 1.0));
+    }
+    if differ(values, FEWEST_VALUES + 1) {
+        shapes.extend(SCALES.map(|scale| (LookupFormula::Saturating, 1.0, scale)));
+        if followed.quantity != Quantity::Temperature {
+            shapes.extend(FACTORS.map(|factor| (LookupFormula::Exponential, factor - 1.0, 1.0)));
+        }
+    }
+    let of = |(formula, rise, scale): (LookupFormula, f64, f64)| {
+        let quantity = followed.quantity;
+        let along = move |row: &Row| (Followed::read(quantity, row) - least) / (most - least);
+        // Per unit of the rise.
+        let by = row(move |r| r.level * formula.at(along(r), rise, scale) / rise);
+        let factor = quantity.info().outside_scale;
+        let mut guesses = vec![
+            (Id::LookupColumn, InitialGuess::At(followed.number())),
+            (Id::LookupLower, InitialGuess::At(least * factor)),
+            (Id::LookupUpper, InitialGuess::At(most * factor)),
+            (Id::LookupFormula, InitialGuess::At(number(formula))),
+            (Id::LookupRise, InitialGuess::Times(0, 1.0)),
+            (Id::LookupScale, InitialGuess::At(scale * (most - least) * factor)),
+        ];
+        let knots = LOOKUP_TORQUES.into_iter().chain(LOOKUP_LEVELS);
+        guesses.extend(knots.clone().map(|id| (id, InitialGuess::At(0.0))));
+        let mut fixed = vec![Id::LookupColumn, Id::LookupLower, Id::LookupUpper];
+        fixed.extend(knots);
+        if formula != LookupFormula::Saturating {
+            fixed.push(Id::LookupScale);
+        }
+        let follows = Follows {
+            column: followed.name.clone(),
+            extra: followed.covariate.is_some(),
+            level: true,
+            proportional: false,
+            formula,
+        };
+        Candidate::new(TermKind::LookupTable, &[followed.name.as_str()], vec![by])
+            .starting_at(&guesses)
+            .keeping(&fixed)
+            .following(follows, followed.covariate)
+            .weighing(WEIGHT)
+    };
+    shapes.into_iter().map(of).collect()
+}
+
+/// The number of a formula in the core.
+pub fn number(formula: LookupFormula) -> f64 {
+    LookupFormula::ALL.iter().position(|own| *own == formula).unwrap_or_default() as f64
+}
+
+/// The formula with its numbers.
+pub fn in_words(formula: LookupFormula, size: &Size, extended: &Extended, column: &str) -> String {
+    let value = |id: Id| extended.value(id);
+    let (lower, upper) = (value(Id::LookupLower), value(Id::LookupUpper));
+    let (rise, span) = (value(Id::LookupRise), upper - lower);
+    let (from, to) = (significant(lower, 4), significant(upper, 4));
+    let along = format!("({column} - {from})");
+    let (kind, law) = match formula {
+        LookupFormula::Saturating => {
+            let scale = value(Id::LookupScale);
+            let most = figure(rise * (span + scale) / span);
+            ("saturating", format!("1 + {most} {along} / ({along} + {})", significant(scale, 3)))
+        }
+        LookupFormula::Exponential => {
+            ("exponential", format!("exp({} {along})", figure((1.0 + rise).ln() / span)))
+        }
+        _ => ("linear", format!("1 + {} {along}", figure(rise / span))),
+    };
+    format!(
+        "the friction level follows {column}, {kind}: it is {law} times that at {from}; from {from} to {to} it \
+         changes by a share of {}",
+        size.in_words()
+    )
+}

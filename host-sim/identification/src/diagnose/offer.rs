@@ -1,0 +1,80 @@
+//! What is handed out: shown to gain on rows its fit has not seen, or taken back.
+//!
+//! The search judged models to first order beside one fit. Here base and extension are fitted anew, every run
+//! left out once ([`super::left_out`]), or judged on the runs that were set apart. An extension that does not gain so
+//! loses its weakest cause, and what is left is judged again, until it gains or there is nothing left.
+
+use super::cause::Claim;
+use super::gram_blocks::LeftOut;
+use super::judge::{Gain, gain};
+use super::left_out::{predict_left_out, unit};
+use super::model::Fitted;
+use super::search::{Extension, Search};
+use super::train_test::TrainTest;
+use crate::fit::Predicted;
+use crate::spec::SpecError;
+
+/// An extension that gains, with what it gains.
+#[derive(Clone, Debug)]
+pub struct Offer {
+    /// The model and its causes; none where nothing gains.
+    pub extension: Extension,
+    /// The base model on rows it has not seen.
+    pub before: Predicted,
+    /// The extended one.
+    pub after: Predicted,
+    /// The gain.
+    pub gain: Gain,
+    /// What was left out at a time, where nothing is set apart.
+    pub left_out: Option<LeftOut>,
+    /// What was taken back.
+    pub taken_back: Vec<Claim>,
+    /// Why, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Judges an extension on the whole log and takes back what does not gain.
+///
+/// `given` is what the base makes of the rows to judge by, where it is not to be fitted.
+///
+/// # Errors
+/// If there are more terms than the core takes.
+pub fn offer(
+    search: &Search,
+    log: &TrainTest,
+    mut extension: Extension,
+    given: Option<Predicted>,
+) -> Result<Offer, SpecError> {
+    let (mut taken_back, mut notes) = (Vec::new(), Vec::new());
+    loop {
+        let describes = extension.found.iter().any(|found| found.only_describes);
+        let way = if describes { LeftOut::Stretches } else { unit(log) };
+        let left_out = log.leaves_each_out.then_some(way);
+        let judged = |model: &Fitted| match left_out {
+            Some(way) => predict_left_out(log, model, way),
+            None => model.on_test(log),
+        };
+        let before = given.clone().unwrap_or_else(|| judged(search.base));
+        let Some(weakest) = extension.found.len().checked_sub(1) else {
+            let after = before.clone();
+            let gain = Gain::default();
+            return Ok(Offer { extension, before, after, gain, left_out, taken_back, notes });
+        };
+        let after = judged(&extension.model);
+        let gain = gain(&before, &after, search.seed);
+        if gain.ci95[0] > 0.0 {
+            return Ok(Offer { extension, before, after, gain, left_out, taken_back, notes });
+        }
+        notes.push(format!(
+            "{} passed beside the base model, but fitted anew it does not gain on rows left out ({:.1} %, 95 % interval \
+             {:.1} to {:.1} %): it is not offered",
+            extension.found[weakest].cause.name(),
+            100.0 * gain.value,
+            100.0 * gain.ci95[0],
+            100.0 * gain.ci95[1]
+        ));
+        extension.model = extension.without(search, weakest)?;
+        let gone = extension.found.remove(weakest);
+        taken_back.push(Claim::new(gone.cause, gone.follows.as_ref()));
+    }
+}

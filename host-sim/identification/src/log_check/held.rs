@@ -1,0 +1,120 @@
+//! A channel that is held over several rows: its sensor is read less often than the log is written.
+//!
+//! Equal values in a row are not it by themselves: a joint rests, a coarse column stays within a step, a
+//! smooth one may be printed with few digits. Held is a column that changes every so many rows, nearly always
+//! after the same number, and then by more than its smallest step. Nothing is done about it: a value in
+//! between was never measured. Where several are held, which of them is read last is told.
+
+use super::column::quantile;
+use super::{Kind, Log, LogFinding};
+use crate::motion::quantum::quantum;
+use crate::number::figure;
+
+/// Changes it takes to tell.
+const FEWEST: usize = 40;
+
+/// Share of the holds that last as long as usual, within a row or a quarter.
+const ALIKE: f64 = 0.75;
+
+/// Share of the changes that are larger than the column's smallest step.
+const LARGE: f64 = 0.6;
+
+/// Share of the changes that follow another column's at the same distance.
+const FOLLOWS: f64 = 0.7;
+
+/// A column that is held.
+struct Held {
+    column: usize,
+    rows: f64,
+    /// Where it changes: run and row.
+    changes: Vec<(usize, usize)>,
+}
+
+pub fn held(log: &Log) -> Vec<LogFinding> {
+    let found: Vec<Held> =
+        (0..log.columns.len()).filter_map(|index| held_column(log, index)).collect();
+    let told = found.iter().map(|held| {
+        let column = &log.columns[held.column];
+        let last = found
+            .iter()
+            .filter(|other| other.column != held.column)
+            .filter_map(|other| Some((other, after(held, other)?)))
+            .min_by_key(|(_, rows)| *rows);
+        let order = match last {
+            Some((other, rows)) => {
+                format!(", {rows} rows after {} is", log.columns[other.column].name)
+            }
+            None => String::new(),
+        };
+        LogFinding {
+            kind: Kind::HeldChannel,
+            columns: vec![column.name.clone()],
+            value: held.rows * log.sensors.step_s,
+            unit: "s".into(),
+            corrected: false,
+            in_words: format!(
+                "{} is held: it is read anew every {} rows only ({} s){order}. It is taken as it stands.",
+                column.name,
+                figure(held.rows),
+                figure(held.rows * log.sensors.step_s)
+            ),
+        }
+    });
+    told.collect()
+}
+
+fn held_column(log: &Log, index: usize) -> Option<Held> {
+    let column = &log.columns[index];
+    let still = 0.02 * log.sensors.speed;
+    let (mut lengths, mut changes) = (Vec::new(), Vec::new());
+    let (mut large, mut jumps) = (0usize, 0usize);
+    let step = quantum(column.runs.iter().copied());
+    for (place, (run, values)) in log.data.runs.iter().zip(&column.runs).enumerate() {
+        let mut last = 0;
+        for row in 1..values.len() {
+            if values[row] == values[row - 1] {
+                continue;
+            }
+            let rested = column.is_motion()
+                && run.velocity[last..row].iter().any(|velocity| velocity.abs() < still);
+            if last > 0 && !rested {
+                lengths.push((row - last) as f64);
+                changes.push((place, row));
+                jumps += 1;
+                large += usize::from((values[row] - values[row - 1]).abs() > 1.5 * step);
+            }
+            last = row;
+        }
+    }
+    if lengths.len() < FEWEST || (large as f64) < LARGE * jumps as f64 {
+        return None;
+    }
+    let usual = quantile(&mut lengths.clone(), 0.5);
+    let within = (0.25 * usual).max(if usual > 2.0 { 1.0 } else { 0.0 });
+    let alike = lengths.iter().filter(|length| (**length - usual).abs() <= within).count();
+    if usual < 2.0 || (alike as f64) < ALIKE * lengths.len() as f64 {
+        return None;
+    }
+    let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+    Some(Held { column: index, rows: if usual > 3.0 { mean } else { usual }, changes })
+}
+
+/// By how many rows `held` changes after `other`, if it does so regularly and less than half a hold later.
+fn after(held: &Held, other: &Held) -> Option<usize> {
+    if (held.rows - other.rows).abs() > 0.1 * other.rows {
+        return None;
+    }
+    let mut counts = vec![0usize; held.rows.ceil() as usize + 1];
+    for (run, row) in &held.changes {
+        let before = other.changes.partition_point(|place| *place <= (*run, *row));
+        if let Some((_, start)) =
+            before.checked_sub(1).map(|at| other.changes[at]).filter(|p| p.0 == *run)
+            && let Some(count) = counts.get_mut(row - start)
+        {
+            *count += 1;
+        }
+    }
+    let (rows, count) = counts.iter().enumerate().max_by_key(|(_, count)| **count)?;
+    let regular = *count as f64 >= FOLLOWS * held.changes.len() as f64;
+    (regular && rows > 0 && rows as f64 <= 0.5 * held.rows).then_some(rows)
+}

@@ -1,0 +1,95 @@
+//! Values that cannot be: a 9999 for a reading that failed, a bit that flipped.
+//!
+//! A value is one only beyond all doubt: far outside what 99 % of its column spans, alone with at most two
+//! neighbours of its kind, and off both of its neighbours by as much. Its row is left out.
+
+use super::column::{Column, all, quantile};
+use super::{Kind, LogFinding};
+use crate::data::{Dataset, Run};
+use crate::number::figure;
+use std::collections::BTreeSet;
+
+/// Distance from the median in spans of the middle 98 %. A shock is a few spans; a failed reading is tens.
+const FAR: f64 = 8.0;
+
+/// Rows next to each other that fail together, at most.
+const TOGETHER: usize = 3;
+
+/// A column with more such values than this share has two levels, not failures.
+const MOST: f64 = 0.01;
+
+/// Finds them, and leaves their rows out if `correct`.
+pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
+    let mut found = Vec::new();
+    let mut rows: BTreeSet<(usize, usize)> = BTreeSet::new();
+    for column in all(&data) {
+        let Some((places, farthest)) = failed(&column) else { continue };
+        let count = places.len();
+        let done = if correct { "their rows are left out" } else { "they are left in, as asked" };
+        found.push(LogFinding {
+            kind: Kind::Outlier,
+            columns: vec![column.name.clone()],
+            value: farthest,
+            unit: column.unit.clone(),
+            corrected: correct,
+            in_words: format!(
+                "{count} values of {} cannot be (the farthest is {}, alone between neighbours of another size): {done}.",
+                column.name,
+                figure(farthest)
+            ),
+        });
+        rows.extend(places);
+    }
+    if !correct || rows.is_empty() {
+        return (data, found);
+    }
+    let mut kept = data;
+    for (index, run) in kept.runs.iter_mut().enumerate() {
+        let bad: BTreeSet<usize> =
+            rows.range((index, 0)..(index + 1, 0)).map(|(_, row)| *row).collect();
+        if !bad.is_empty() {
+            *run = without(run, &bad);
+        }
+    }
+    kept.runs.retain(|run| !run.is_empty());
+    kept.rows = kept.runs.iter().map(Run::len).sum();
+    kept.bad_rows.count += rows.len();
+    (kept, found)
+}
+
+fn without(run: &Run, bad: &BTreeSet<usize>) -> Run {
+    let keep = |column: &Vec<f64>| -> Vec<f64> {
+        let rows = column.iter().enumerate().filter(|(row, _)| !bad.contains(row));
+        rows.map(|(_, value)| *value).collect()
+    };
+    run.with_columns(keep)
+}
+
+/// Rows with values that cannot be, as (run, row), and the farthest value.
+fn failed(column: &Column) -> Option<(Vec<(usize, usize)>, f64)> {
+    let mut all: Vec<f64> = column.values().collect();
+    let middle = quantile(&mut all, 0.5);
+    let span = quantile(&mut all, 0.99) - quantile(&mut all, 0.01);
+    if !(span > 0.0) {
+        return None;
+    }
+    let is_far = |value: f64| (value - middle).abs() > FAR * span;
+    let (mut places, mut farthest) = (Vec::new(), middle);
+    for (index, run) in column.runs.iter().enumerate() {
+        let mut row = 0;
+        while row < run.len() {
+            let end = (row..run.len()).find(|at| !is_far(run[*at])).unwrap_or(run.len());
+            if end > row && end - row <= TOGETHER {
+                places.extend((row..end).map(|row| (index, row)));
+                for value in &run[row..end] {
+                    if (value - middle).abs() > (farthest - middle).abs() {
+                        farthest = *value;
+                    }
+                }
+            }
+            row = end.max(row + 1);
+        }
+    }
+    let most = (MOST * all.len() as f64).max(1.0);
+    (!places.is_empty() && places.len() as f64 <= most).then_some((places, farthest))
+}

@@ -1,0 +1,358 @@
+//! A Kalman filter forward, its smoother backward, and draws of what both leave open.
+//!
+//! The state is position, velocity and acceleration, and the motion is what a simulation makes of a log: a
+//! polygon of the velocity, a straight line from row to row. So position is *exactly* the trapezoid sum
+//! of velocity, and a bristle driven by the smoothed velocity is driven by the smoothed displacement:
+//!
+//! ```text
+//! q' = q + v dt + a dt^2/2      v' = v + a dt      a' = a + w,  w ~ N(0, lambda)
+//! ```
+//!
+//! Backward goes the smoother of Bryson and Frazier (de Jong's form), which inverts no matrix and gives the
+//! smoothed `w` with its variance besides. Time is counted in median steps, velocity and acceleration per such
+//! step, so that all three are of one size.
+
+/// Position, velocity, acceleration; per median step.
+pub type State = [f64; 3];
+
+type Matrix = [[f64; 3]; 3];
+
+/// Steps shorter than this share of the median are a coarse clock's repeated stamps; as long as this.
+const SHORTEST_STEP: f64 = 0.01;
+
+/// One unbroken stretch of measurements.
+#[derive(Clone, Debug, Default)]
+pub struct Series {
+    /// Steps between rows over the median one, one fewer than rows.
+    pub steps: Vec<f64>,
+    /// Measured position, if there is one, from the first.
+    pub position: Option<Vec<f64>>,
+    /// Variance a rounding leaves each measured position with; empty where positions are not rounded.
+    pub rounding: Vec<f64>,
+    /// Measured velocity per median step, if it is to be believed.
+    pub velocity: Option<Vec<f64>>,
+    /// Variance of the velocity's noise in this series over that in all.
+    pub loudness: f64,
+    /// Rows at rest, `true` each.
+    pub at_rest: Vec<bool>,
+}
+
+impl Series {
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.steps.len() + 1
+    }
+
+    /// Variance of a row's position, noise and rounding.
+    pub fn position_variance(&self, row: usize, noise: &Noise) -> f64 {
+        noise.position + self.rounding.get(row).copied().unwrap_or_default()
+    }
+
+    /// Variance of its velocities.
+    pub fn velocity_variance(&self, noise: &Noise) -> f64 {
+        self.loudness * noise.velocity
+    }
+
+    /// A step as the filter takes it.
+    pub fn step(&self, row: usize) -> f64 {
+        self.steps[row].max(SHORTEST_STEP)
+    }
+
+    /// Some of its rows.
+    pub fn part(&self, rows: std::ops::Range<usize>) -> Self {
+        let cut = |column: &Option<Vec<f64>>| column.as_ref().map(|all| all[rows.clone()].to_vec());
+        Self {
+            steps: self.steps[rows.start..rows.end - 1].to_vec(),
+            position: cut(&self.position),
+            rounding: self.rounding.get(rows.clone()).unwrap_or_default().to_vec(),
+            velocity: cut(&self.velocity),
+            loudness: self.loudness,
+            at_rest: self.at_rest[rows.clone()].to_vec(),
+        }
+    }
+}
+
+/// Variances of the measurements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Of the position, its rounding aside.
+    pub position: f64,
+    /// Of the velocity, per median step.
+    pub velocity: f64,
+}
+
+/// What the smoother makes of a series.
+#[derive(Clone, Debug, Default)]
+pub struct Smoothed {
+    /// Means, row by row.
+    pub states: Vec<State>,
+    /// Variances of position and velocity, row by row.
+    pub variances: Vec<[f64; 2]>,
+    /// Expected squares of the jumps `w` after each row, over the step; one fewer than rows.
+    pub jumps: Vec<f64>,
+}
+
+/// One scalar measurement: which entry of the state, value, variance.
+#[derive(Clone, Copy, Default)]
+struct Measured {
+    entry: usize,
+    error: f64,
+    variance: f64,
+    gain: State,
+    /// What of a deviation of the measured entry is left: `1 - gain[entry]`, without that difference.
+    left: f64,
+}
+
+impl Measured {
+    /// `(I - gain e') P`, row by row.
+    fn less(&self, p: &Matrix) -> Matrix {
+        let of = p[self.entry];
+        let row = |i: usize| {
+            if i == self.entry {
+                of.map(|value| self.left * value)
+            } else {
+                [0, 1, 2].map(|j| p[i][j] - self.gain[i] * of[j])
+            }
+        };
+        [row(0), row(1), row(2)]
+    }
+
+    /// `(I - gain e')' r`.
+    fn back(&self, r: &State) -> State {
+        let others: f64 = (0..3).filter(|i| *i != self.entry).map(|i| self.gain[i] * r[i]).sum();
+        let mut back = *r;
+        back[self.entry] = self.left * r[self.entry] - others;
+        back
+    }
+}
+
+fn transposed(p: &Matrix) -> Matrix {
+    [0, 1, 2].map(|i| [p[0][i], p[1][i], p[2][i]])
+}
+
+/// The measurements of a row, of which there are at most two; at rest the velocity is known to be zero.
+fn measured(series: &Series, noise: &Noise, row: usize) -> [Option<(usize, f64, f64)>; 2] {
+    let position =
+        series.position.as_ref().map(|q| (0, q[row], series.position_variance(row, noise)));
+    let velocity = if series.at_rest[row] {
+        Some((1, 0.0, AT_REST * series.velocity_variance(noise)))
+    } else {
+        series.velocity.as_ref().map(|v| (1, v[row], series.velocity_variance(noise)))
+    };
+    [position, velocity]
+}
+
+/// Variance of the velocity at rest over that of a measured one: as good as known, and still a number a
+/// filter can divide by.
+const AT_REST: f64 = 1e-8;
+
+/// What the first row's state may be, before anything is measured.
+fn wide(series: &Series) -> State {
+    let spread = |column: &Option<Vec<f64>>| {
+        let largest = column.iter().flatten().fold(0.0f64, |most, v| most.max(v.abs()));
+        largest * largest + f64::MIN_POSITIVE
+    };
+    let q = spread(&series.position);
+    let v = if series.velocity.is_some() { spread(&series.velocity) } else { q };
+    [q.max(v), v, v]
+}
+
+fn diagonal(of: State) -> Matrix {
+    let mut matrix = [[0.0; 3]; 3];
+    (0..3).for_each(|i| matrix[i][i] = of[i]);
+    matrix
+}
+
+/// `F x`
+fn forward(x: &State, step: f64) -> State {
+    [x[0] + step * x[1] + 0.5 * step * step * x[2], x[1] + step * x[2], x[2]]
+}
+
+/// `F' x`
+fn backward(x: &State, step: f64) -> State {
+    [x[0], x[1] + step * x[0], x[2] + step * x[1] + 0.5 * step * step * x[0]]
+}
+
+/// `F P F'`, or `F' N F` where `by` is [`backward`].
+fn carried(p: &Matrix, step: f64, by: fn(&State, f64) -> State) -> Matrix {
+    transposed(&p.map(|row| by(&row, step))).map(|row| by(&row, step))
+}
+
+fn times(p: &Matrix, r: &State) -> State {
+    p.map(|row| row[0] * r[0] + row[1] * r[1] + row[2] * r[2])
+}
+
+/// A pass of the filter: predictions and what each measurement did to them.
+struct Filtered {
+    predicted: Vec<(State, Matrix)>,
+    measured: Vec<[Option<Measured>; 2]>,
+    log_likelihood: f64,
+}
+
+fn filter(series: &Series, noise: &Noise, jumps: &[f64], keep: bool) -> Filtered {
+    let rows = series.len();
+    let room = if keep { rows } else { 0 };
+    let mut pass = Filtered {
+        predicted: Vec::with_capacity(room),
+        measured: Vec::with_capacity(room),
+        log_likelihood: 0.0,
+    };
+    let (mut x, mut p) = ([0.0; 3], diagonal(wide(series)));
+    let mut seen = 0;
+    for row in 0..rows {
+        if keep {
+            pass.predicted.push((x, p));
+        }
+        let mut here = [None; 2];
+        for (slot, given) in here.iter_mut().zip(measured(series, noise, row)) {
+            let Some((entry, value, variance)) = given else { continue };
+            let total = p[entry][entry] + variance;
+            if total <= 0.0 {
+                continue;
+            }
+            let error = value - x[entry];
+            let gain = p[entry].map(|of| of / total);
+            let here = Measured { entry, error, variance: total, gain, left: variance / total };
+            (0..3).for_each(|i| x[i] += gain[i] * error);
+            // Joseph's form, which stays positive where a measurement is as good as exact.
+            p = here.less(&transposed(&here.less(&p)));
+            (0..3).for_each(|i| (0..3).for_each(|j| p[i][j] += variance * gain[i] * gain[j]));
+            // The first few only say where the motion begins.
+            seen += 1;
+            if seen > 3 && !series.at_rest[row] {
+                pass.log_likelihood -= 0.5 * (total.ln() + error * error / total);
+            }
+            *slot = Some(here);
+        }
+        if keep {
+            pass.measured.push(here);
+        }
+        if row + 1 < rows {
+            let step = series.step(row);
+            x = forward(&x, step);
+            p = carried(&p, step, forward);
+            p[2][2] += jumps[row] * step;
+        }
+    }
+    pass
+}
+
+/// Logarithm of the likelihood of what was measured, rows at rest aside. `jumps` holds the variance of `w`
+/// after each row, per median step.
+pub fn log_likelihood(series: &Series, noise: &Noise, jumps: &[f64]) -> f64 {
+    filter(series, noise, jumps, false).log_likelihood
+}
+
+/// The motion given all that was measured.
+pub fn smooth(series: &Series, noise: &Noise, jumps: &[f64]) -> Smoothed {
+    let pass = filter(series, noise, jumps, true);
+    let rows = series.len();
+    let mut out = Smoothed {
+        states: vec![[0.0; 3]; rows],
+        variances: vec![[0.0; 2]; rows],
+        jumps: vec![0.0; rows.saturating_sub(1)],
+    };
+    let (mut r, mut n) = ([0.0; 3], [[0.0; 3]; 3]);
+    for row in (0..rows).rev() {
+        if row + 1 < rows {
+            let step = series.step(row);
+            let variance = jumps[row] * step;
+            let (mean, left) = (variance * r[2], variance - variance * variance * n[2][2]);
+            out.jumps[row] = (mean * mean + left.max(0.0)) / step;
+            r = backward(&r, step);
+            n = carried(&n, step, backward);
+        }
+        for given in pass.measured[row].iter().rev().flatten() {
+            r = given.back(&r);
+            r[given.entry] += given.error / given.variance;
+            let half = transposed(&n.map(|row| given.back(&row)));
+            n = half.map(|row| given.back(&row));
+            n[given.entry][given.entry] += 1.0 / given.variance;
+        }
+        let (x, p) = &pass.predicted[row];
+        let moved = times(p, &r);
+        out.states[row] = [x[0] + moved[0], x[1] + moved[1], x[2] + moved[2]];
+        out.variances[row] = [0, 1].map(|i| {
+            let known = times(&n, &p[i]);
+            let less = p[i][0] * known[0] + p[i][1] * known[1] + p[i][2] * known[2];
+            (p[i][i] - less).max(0.0)
+        });
+    }
+    out
+}
+
+/// One draw of the true velocity minus the smoothed one, per median step, row by row.
+///
+/// A motion is drawn from the model with the measurements it would give, and smoothed as the log is: how
+/// far that misses is a draw of how far the log's smoother misses (Durbin and Koopman). `normal` gives
+/// independent standard normal numbers.
+pub fn draw(
+    series: &Series,
+    noise: &Noise,
+    jumps: &[f64],
+    normal: &mut dyn FnMut() -> f64,
+) -> Vec<f64> {
+    // Where it begins does not matter to how far it is missed.
+    let mut x: State = [0.0; 3];
+    let rows = series.len();
+    let mut drawn = Series {
+        steps: series.steps.clone(),
+        rounding: Vec::new(),
+        loudness: series.loudness,
+        at_rest: vec![false; rows],
+        position: series.position.as_ref().map(|_| Vec::with_capacity(rows)),
+        velocity: Some(Vec::with_capacity(rows)),
+    };
+    let mut truth = Vec::with_capacity(rows);
+    // Where the log is at rest the drawn motion is told its own velocity, which is not zero.
+    let told = |row: usize| if series.at_rest[row] { AT_REST } else { 1.0 };
+    for row in 0..rows {
+        truth.push(x[1]);
+        if let Some(position) = &mut drawn.position {
+            position.push(x[0] + series.position_variance(row, noise).sqrt() * normal());
+        }
+        if let Some(velocity) = &mut drawn.velocity {
+            velocity.push(x[1] + (told(row) * series.velocity_variance(noise)).sqrt() * normal());
+        }
+        if row + 1 < rows {
+            x = forward(&x, series.step(row));
+            x[2] += (jumps[row] * series.step(row)).sqrt() * normal();
+        }
+    }
+    let smoothed = smooth_as(series, &drawn, noise, jumps);
+    truth.iter().zip(smoothed).map(|(truth, found)| truth - found).collect()
+}
+
+/// The smoothed velocities of `drawn`, with the gains of `series`: the filter is linear, and its gains do
+/// not ask what was measured.
+fn smooth_as(series: &Series, drawn: &Series, noise: &Noise, jumps: &[f64]) -> Vec<f64> {
+    let rows = series.len();
+    let (position, velocity) = (drawn.position.as_deref(), drawn.velocity.as_deref());
+    let mut pass = filter(series, noise, jumps, true);
+    let mut x = [0.0; 3];
+    for row in 0..rows {
+        pass.predicted[row].0 = x;
+        for given in pass.measured[row].iter_mut().flatten() {
+            let column = if given.entry == 0 { position } else { velocity };
+            given.error = column.map_or(0.0, |column| column[row]) - x[given.entry];
+            (0..3).for_each(|i| x[i] += given.gain[i] * given.error);
+        }
+        if row + 1 < rows {
+            x = forward(&x, series.step(row));
+        }
+    }
+    let mut out = vec![0.0; rows];
+    let mut r = [0.0; 3];
+    for row in (0..rows).rev() {
+        if row + 1 < rows {
+            r = backward(&r, series.step(row));
+        }
+        for given in pass.measured[row].iter().rev().flatten() {
+            r = given.back(&r);
+            r[given.entry] += given.error / given.variance;
+        }
+        let (x, p) = &pass.predicted[row];
+        out[row] = x[1] + times(p, &r)[1];
+    }
+    out
+}

@@ -1,0 +1,249 @@
+//! Each fault hidden in an exact log must be found, with its size; the exact log must list nothing.
+
+use friction_identification::data::Dataset;
+use friction_identification::log_check::{Correct, Kind, LogFinding, check};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+const STEP_S: f64 = 0.002;
+const ROWS: usize = 5000;
+const RUNS: usize = 4;
+
+/// Columns of a run: time, velocity, torque, position, and one that follows the torque.
+type Columns = [Vec<f64>; 5];
+
+const NAMES: [&str; 5] =
+    ["time_s", "velocity_rad_s", "torque_nm", "position_rad", "gauge_torque_nm"];
+
+/// A joint swung to and fro with rests, run by run harder: bristles of 2 mrad, a sensor noise of 0.02 Nm.
+fn exact(run: usize) -> Columns {
+    let mut random = Pcg64::seed_from_u64(run as u64);
+    let mut noise = move || -> f64 { (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0 };
+    let mut columns: Columns = Default::default();
+    let (mut angle, mut bristle, mut before) = (0.3 * run as f64, 0.0, 0.0);
+    for row in 0..ROWS {
+        let time = STEP_S * row as f64;
+        // Swings of one second, of different size and hardness, and every fifth second a rest.
+        let (second, share) = (time.floor() as usize, time.fract());
+        let size = [0.2, 1.0, 0.05, 2.0, 0.0][(second + run) % 5];
+        let swing =
+            (std::f64::consts::TAU * share).sin() * (std::f64::consts::PI * share).sin().abs();
+        let velocity = size * swing;
+        for step in 1..=20 {
+            let now = before + (velocity - before) * f64::from(step) / 20.0;
+            let time = STEP_S / 20.0;
+            bristle = (bristle + now * time) / (1.0 + 500.0 * now.abs() * time);
+        }
+        angle += 0.5 * STEP_S * (velocity + before);
+        before = velocity;
+        let torque = 750.0 * bristle + 0.3 * velocity;
+        let values = [time, velocity, torque + 0.02 * noise(), angle, torque + 0.02 * noise()];
+        columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+    }
+    columns
+}
+
+fn log(spoil: impl Fn(usize, &mut Columns)) -> Dataset {
+    let names = NAMES.map(str::to_owned);
+    let runs = (0..RUNS).map(|run| {
+        let mut columns = exact(run);
+        spoil(run, &mut columns);
+        (run.to_string(), columns.to_vec())
+    });
+    Dataset::of_columns(&names, runs).expect("the columns of a log")
+}
+
+fn found(spoil: impl Fn(usize, &mut Columns)) -> Vec<LogFinding> {
+    check(log(spoil), Correct::default()).findings
+}
+
+/// The finding of a kind; nothing else may be among them, but what is `beside`.
+fn only(findings: &[LogFinding], kind: Kind, beside: &[Kind]) -> LogFinding {
+    for finding in findings {
+        let expected = finding.kind == kind || beside.contains(&finding.kind);
+        assert!(expected, "not in this log: {finding:?}");
+    }
+    let of_kind = findings.iter().find(|finding| finding.kind == kind);
+    of_kind.unwrap_or_else(|| panic!("{} not found in {findings:?}", kind.name())).clone()
+}
+
+fn near(value: f64, expected: f64, within: f64) {
+    assert!((value - expected).abs() < within, "{value}, expected {expected}");
+}
+
+/// Values of some rows earlier.
+fn late(values: &[f64], rows: usize) -> Vec<f64> {
+    (0..values.len()).map(|row| values[row.saturating_sub(rows)]).collect()
+}
+
+#[test]
+fn an_exact_log_lists_nothing_and_is_handed_back_to_the_bit() {
+    let checked = check(log(|_, _| ()), Correct::default());
+    assert_eq!(checked.findings, []);
+    assert!(checked.sensors.exact);
+    for (run, before) in checked.data.runs.iter().zip(&log(|_, _| ()).runs) {
+        assert_eq!(run, before);
+    }
+}
+
+#[test]
+fn a_velocity_that_flickers_is_found_and_reconstructed() {
+    let spoil = |run: usize, columns: &mut Columns| {
+        let mut random = Pcg64::seed_from_u64(99 + run as u64);
+        for value in &mut columns[1] {
+            let noise: f64 = (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+            *value += 5e-3 * noise;
+        }
+    };
+    let finding = only(&found(spoil), Kind::VelocityNoise, &[]);
+    near(finding.value, 5e-3, 1e-3);
+    assert!(finding.corrected);
+    let as_logged = check(log(spoil), Correct { motion: false, outliers: true });
+    assert!(!only(&as_logged.findings, Kind::VelocityNoise, &[]).corrected);
+    assert_eq!(as_logged.data.runs, log(spoil).runs);
+}
+
+#[test]
+fn a_late_velocity_is_found() {
+    let finding = only(&found(|_, c| c[1] = late(&c[1], 3)), Kind::VelocityLag, &[]);
+    near(finding.value, 3.0 * STEP_S, 0.2 * STEP_S);
+}
+
+#[test]
+fn a_filtered_torque_is_found() {
+    let spoil = |_: usize, columns: &mut Columns| {
+        let (mut held, share) = (0.0, 1.0 - (-STEP_S / 0.016f64).exp());
+        for value in columns[2].iter_mut() {
+            held += share * (*value - held);
+            *value = held;
+        }
+        // The gauge is the torque's own, or it would be early.
+        columns[4] = columns[2].clone();
+    };
+    let finding = only(&found(spoil), Kind::TorqueLag, &[]);
+    near(finding.value, 0.016, 0.008);
+}
+
+#[test]
+fn a_late_channel_is_found() {
+    let finding = only(&found(|_, c| c[4] = late(&c[4], 20)), Kind::ChannelLag, &[]);
+    near(finding.value, 20.0 * STEP_S, 1.5 * STEP_S);
+    assert_eq!(finding.columns, ["gauge_torque_nm"]);
+}
+
+#[test]
+fn a_held_channel_is_found() {
+    let spoil = |_: usize, columns: &mut Columns| {
+        let all = columns[4].clone();
+        columns[4] = (0..all.len()).map(|row| all[row - row % 4]).collect();
+    };
+    let finding = only(&found(spoil), Kind::HeldChannel, &[]);
+    near(finding.value, 4.0 * STEP_S, 1e-9);
+}
+
+#[test]
+fn a_coarse_encoder_is_found() {
+    let step = std::f64::consts::TAU / 4096.0;
+    let spoil = |_: usize, columns: &mut Columns| {
+        columns[3].iter_mut().for_each(|value| *value = (*value / step).floor() * step);
+    };
+    let finding = only(&found(spoil), Kind::Quantised, &[]);
+    near(finding.value, step, 1e-3 * step);
+}
+
+#[test]
+fn a_clipped_torque_is_found() {
+    let spoil = |_: usize, columns: &mut Columns| {
+        columns[2].iter_mut().for_each(|value| *value = value.clamp(-1.45, 1.45));
+    };
+    let finding = only(&found(spoil), Kind::Saturated, &[]);
+    near(finding.value.abs(), 1.45, 1e-12);
+}
+
+#[test]
+fn a_coarse_clock_and_a_gap_are_found() {
+    let repeated = found(|_, c| {
+        c[0].iter_mut().for_each(|time| *time = (*time / 0.005).floor() * 0.005);
+    });
+    let repeated = repeated.iter().find(|finding| finding.kind == Kind::TimeJump);
+    assert!(repeated.is_some_and(|finding| finding.unit == "rows"));
+    let gap = found(|run, c| {
+        if run == 1 {
+            c[0].iter_mut().skip(2000).for_each(|time| *time += 0.5);
+        }
+    });
+    near(only(&gap, Kind::TimeJump, &[]).value, 0.502, 1e-6);
+}
+
+#[test]
+fn lost_rows_are_found_though_the_clock_runs_on() {
+    let spoil = |run: usize, columns: &mut Columns| {
+        if run == 1 {
+            // Somewhere in a fast swing, a twentieth of a second.
+            for column in columns.iter_mut().skip(1) {
+                column.drain(1100..1125);
+            }
+            columns[0].truncate(ROWS - 25);
+        }
+    };
+    let finding = only(&found(spoil), Kind::TimeJump, &[]);
+    assert_eq!(finding.columns, ["position_rad", "time_s"]);
+}
+
+#[test]
+fn other_units_are_suspected() {
+    for (factor, word) in [(60.0 / std::f64::consts::TAU, "rpm"), (57.295_779_513, "degrees")] {
+        let findings = found(|_, c| c[1].iter_mut().for_each(|velocity| *velocity *= factor));
+        let finding = only(&findings, Kind::UnitSuspect, &[]);
+        near(finding.value, factor, 0.01 * factor);
+        assert!(finding.in_words.contains(word), "{}", finding.in_words);
+    }
+    let micro = found(|_, c| c[0].iter_mut().for_each(|time| *time *= 1e6));
+    assert!(micro.iter().any(|f| f.kind == Kind::UnitSuspect && f.columns == ["time_s"]));
+}
+
+#[test]
+fn a_position_that_starts_anew_is_told() {
+    let spoil = |run: usize, columns: &mut Columns| {
+        // Runs that end elsewhere: a steady turning beside the swings.
+        let steady = 0.2 + 0.1 * run as f64;
+        let start = columns[3][0];
+        for row in 0..ROWS {
+            columns[1][row] += steady;
+            columns[3][row] += steady * columns[0][row] - start;
+        }
+    };
+    let findings = found(spoil);
+    let finding = findings.iter().find(|finding| finding.kind == Kind::UnitSuspect);
+    assert!(finding.is_some_and(|f| f.columns == ["position_rad"]), "{findings:?}");
+}
+
+#[test]
+fn a_torque_of_the_other_sign_is_suspected() {
+    let findings = found(|_, c| c[2].iter_mut().for_each(|torque| *torque = -*torque));
+    only(&findings, Kind::SignSuspect, &[]);
+}
+
+#[test]
+fn values_that_cannot_be_are_left_out() {
+    let spoil = |run: usize, columns: &mut Columns| {
+        if run == 2 {
+            columns[2][700] = 9999.0;
+            columns[2][2700] = -9999.0;
+        }
+    };
+    let checked = check(log(spoil), Correct::default());
+    let finding = only(&checked.findings, Kind::Outlier, &[]);
+    near(finding.value.abs(), 9999.0, 1e-9);
+    assert!(finding.corrected);
+    assert_eq!(checked.data.rows, RUNS * ROWS - 2);
+    let kept = check(log(spoil), Correct { motion: true, outliers: false });
+    assert_eq!(kept.data.rows, RUNS * ROWS);
+    assert!(!only(&kept.findings, Kind::Outlier, &[]).corrected);
+}
+
+#[test]
+fn thirty_rows_are_too_little() {
+    let few = found(|_, c| c.iter_mut().for_each(|column| column.truncate(30)));
+    near(only(&few, Kind::TooLittle, &[Kind::Quantised]).value, 120.0, 1e-9);
+}
