@@ -3,16 +3,34 @@
 use super::regression::{Base, Column, Rows};
 use friction_identification::data::{JointKind, Quantity};
 
-/// A cause and its columns.
+/// Columns, and the causes that are made of some of them each.
+#[derive(Default)]
 pub(super) struct CauseColumns {
-    pub name: &'static str,
     pub columns: Vec<Column>,
+    /// Name and places in `columns`.
+    pub causes: Vec<(&'static str, Vec<usize>)>,
+}
+
+impl CauseColumns {
+    /// A cause of columns of its own, where all of them vary; an offset is what does not.
+    fn add(&mut self, name: &'static str, columns: Vec<Column>) {
+        if columns.iter().all(|column| varies(column) || name == "torque-offset") {
+            let places = self.keep(columns);
+            self.causes.push((name, places));
+        }
+    }
+
+    fn keep(&mut self, columns: impl IntoIterator<Item = Column>) -> Vec<usize> {
+        let first = self.columns.len();
+        self.columns.extend(columns);
+        (first..self.columns.len()).collect()
+    }
 }
 
 /// Orders of a ripple that are tried, in one turn.
 const ORDERS: u32 = 60;
-/// Gaps of backlash that are tried, of the base's travel and of a run's span.
-const GAPS: ([f64; 3], [f64; 3]) = ([0.5, 1.0, 3.0], [2e-3, 1e-2, 5e-2]);
+/// Gaps of backlash that are tried, of the base's travel; smaller ones only mend the elastic sign's shape.
+const GAPS: [f64; 3] = [1.0, 2.0, 5.0];
 /// Exponents of a Stribeck curve beside 2, and its velocities of the usual speed.
 const EXPONENTS: [f64; 3] = [0.5, 1.0, 4.0];
 const STRIBECK: [f64; 3] = [0.01, 0.05, 0.2];
@@ -45,42 +63,37 @@ fn varies(column: &[f64]) -> bool {
 }
 
 /// All causes with their columns beside a base.
-pub(super) fn causes(rows: &Rows, base: &Base, rigid_body: &[&str]) -> Vec<CauseColumns> {
+pub(super) fn causes(rows: &Rows, base: &Base, rigid_body: &[&str]) -> CauseColumns {
     let sign = &base.sign;
     let velocity = &rows.velocity;
-    let mut all = Vec::new();
-    let mut add = |name, columns: Vec<Column>| {
-        if columns.iter().all(|column| varies(column) || name == "torque-offset") {
-            all.push(CauseColumns { name, columns });
-        }
-    };
+    let mut all = CauseColumns::default();
     let base_has = |part: &str| rigid_body.contains(&part);
 
     if let Some(pressure) = rows.quantity(Quantity::Pressure) {
         let level = product(sign, &pressure);
         // Beside a level, pressure over a wrong area adds a force that does not turn with the motion.
-        add("pressure-coulomb", vec![level.clone(), pressure.clone()]);
-        add("pressure-coulomb", vec![level]);
-        add("unknown", vec![centred(pressure)]);
+        all.add("pressure-coulomb", vec![level.clone(), pressure.clone()]);
+        all.add("pressure-coulomb", vec![level]);
+        all.add("unknown", vec![centred(pressure)]);
     }
     if let Some(force) = rows.quantity(Quantity::RadialForce) {
         let size: Column = force.iter().map(|f| f.abs()).collect();
-        add("radial-force-coulomb", vec![product(sign, &size)]);
-        add("radial-force-rate", vec![bent(rows, base, &force)]);
-        add("unknown", vec![centred(force)]);
+        all.add("radial-force-coulomb", vec![product(sign, &size)]);
+        all.add("radial-force-rate", vec![bent(rows, base, &force)]);
+        all.add("unknown", vec![centred(force)]);
     }
     if let Some(load) = rows.quantity(Quantity::LoadTorque) {
         let size: Column = load.iter().map(|l| l.abs()).collect();
-        add("load-torque-coulomb", vec![product(sign, &size)]);
+        all.add("load-torque-coulomb", vec![product(sign, &size)]);
         if !base_has("load") {
-            add("unknown", vec![centred(load)]);
+            all.add("unknown", vec![centred(load)]);
         }
     }
     if let Some(temperature) = rows.quantity(Quantity::Temperature) {
         let warmer = centred(temperature);
-        add("temperature-coulomb", vec![product(sign, &warmer)]);
-        add("temperature-viscous", vec![product(velocity, &warmer)]);
-        add("unknown", vec![warmer]);
+        all.add("temperature-coulomb", vec![product(sign, &warmer)]);
+        all.add("temperature-viscous", vec![product(velocity, &warmer)]);
+        all.add("unknown", vec![warmer]);
     }
     for at in 0..rows.data.covariates.len() {
         let column: Column = rows.data.runs.iter().flat_map(|run| run.extra[at].clone()).collect();
@@ -88,65 +101,61 @@ pub(super) fn causes(rows: &Rows, base: &Base, rigid_body: &[&str]) -> Vec<Cause
         if correlation(&column, &rows.torque).abs() > SAME {
             continue;
         }
-        add("unknown", vec![product(sign, &column)]);
-        add("unknown", vec![column]);
+        all.add("unknown", vec![product(sign, &column)]);
+        all.add("unknown", vec![column]);
     }
 
     let speed: Column = velocity.iter().map(|v| v.abs()).collect();
     let size: Column = sign.iter().map(|s| s.abs()).collect();
-    add("direction-asymmetry", vec![size, speed.clone()]);
+    all.add("direction-asymmetry", vec![size, speed.clone()]);
     if !base_has("offset") {
-        add("torque-offset", vec![vec![1.0; velocity.len()]]);
+        all.add("torque-offset", vec![vec![1.0; velocity.len()]]);
     }
-    add("quadratic-drag", vec![product(velocity, &speed)]);
+    all.add("quadratic-drag", vec![product(velocity, &speed)]);
     if !base_has("inertia") {
-        add("unmodelled-inertia", vec![rows.acceleration()]);
+        all.add("unmodelled-inertia", vec![rows.acceleration()]);
     }
-    add("channel-delay", vec![rows.derivative(sign), rows.derivative(velocity)]);
+    all.add("channel-delay", vec![rows.derivative(sign), rows.derivative(velocity)]);
     for peak in STRIBECK {
         for exponent in EXPONENTS {
             let curve =
                 |at: usize| sign[at] * (-(speed[at] / (peak * rows.speed)).powf(exponent)).exp();
-            add("stribeck-shape", vec![rows.map(curve)]);
+            all.add("stribeck-shape", vec![rows.map(curve)]);
         }
     }
-    for gap in GAPS.0.map(|g| g * base.travel).into_iter().chain(GAPS.1.map(|g| g * rows.span)) {
-        add("backlash", vec![rows.stop(base.travel, gap)]);
+    for gap in GAPS {
+        all.add("backlash", vec![rows.stop(base.travel, gap * base.travel)]);
     }
-    add("dwell-time-static", vec![dwell(rows, base)]);
+    all.add("dwell-time-static", vec![dwell(rows, base)]);
 
     if let Some(time) = rows.quantity(Quantity::CampaignTime) {
-        add("time-drift", vec![product(sign, &centred(time))]);
+        all.add("time-drift", vec![product(sign, &centred(time))]);
     }
     for heat in heats(rows, sign) {
-        add("warm-up", vec![product(sign, &heat)]);
+        all.add("warm-up", vec![product(sign, &heat)]);
     }
     // A slide's position has no turns.
     let turns = rows.data.joint == JointKind::Revolute;
     if let Some(angle) = rows.quantity(Quantity::Position).filter(|_| turns) {
-        let waves: Vec<[Column; 2]> = (1..=ORDERS)
-            .map(|order| {
-                let wave = |of: fn(f64) -> f64| -> Column {
-                    angle.iter().map(|q| of(f64::from(order) * q)).collect()
-                };
-                [wave(f64::sin), wave(f64::cos)]
-            })
+        let wave = |of: fn(f64) -> f64, order: u32| -> Column {
+            angle.iter().map(|q| of(f64::from(order) * q)).collect()
+        };
+        let waves: Vec<Vec<usize>> = (1..=ORDERS)
+            .map(|order| all.keep([wave(f64::sin, order), wave(f64::cos, order)]))
             .collect();
         for order in 1..=ORDERS as usize {
-            let of = |order: usize| waves.get(order - 1).into_iter().flatten().cloned();
-            let alone: Vec<Column> = of(order).collect();
-            let level = alone.iter().map(|wave| product(sign, wave)).collect();
-            add("position-ripple", level);
-            if order == 1 {
-                if !base_has("gravity") {
-                    add("gravity-imbalance", alone);
-                }
-                continue;
+            let level = waves[order - 1].iter().map(|wave| product(sign, &all.columns[*wave]));
+            let level: Vec<Column> = level.collect();
+            all.add("position-ripple", level);
+            let of = |order: usize| waves.get(order - 1).into_iter().flatten().copied();
+            if order > 1 {
+                // Cogging seldom comes alone: its neighbours and multiples.
+                let family = [order - 1, order, order + 1, 2 * order, 4 * order];
+                all.causes.push(("torque-ripple", of(order).collect()));
+                all.causes.push(("torque-ripple", family.into_iter().flat_map(of).collect()));
+            } else if !base_has("gravity") {
+                all.causes.push(("gravity-imbalance", of(1).collect()));
             }
-            // Cogging seldom comes alone: its neighbours and multiples.
-            let family = [order - 1, order, order + 1, 2 * order, 4 * order];
-            add("torque-ripple", family.into_iter().flat_map(of).collect());
-            add("torque-ripple", alone);
         }
     }
     all

@@ -68,8 +68,9 @@ pub const LOGS: &[MeasuredLog] = &[
         ..LOG
     },
     MeasuredLog { file: "screw-antibacklash.csv", rigid_body: "offset", known: RIPPLES, ..LOG },
-    MeasuredLog { file: "damper-1-actuators.csv", known: &["backlash"], ..LOG },
-    MeasuredLog { file: "damper-1.csv", known: &["backlash"], ..LOG },
+    // The level over the preset tension, a column of no cause's own, is what `unknown` can say of it.
+    MeasuredLog { file: "damper-1-actuators.csv", known: &["backlash", "unknown"], ..LOG },
+    MeasuredLog { file: "damper-1.csv", known: &["backlash", "unknown"], ..LOG },
     MeasuredLog { file: "damper-2.csv", known: &["backlash", "direction-asymmetry"], ..LOG },
     MeasuredLog { file: "damper-quakes.csv", known: &["backlash", "direction-asymmetry"], ..LOG },
     MeasuredLog { file: "robot-axis1.csv", known: RIPPLES, ..ROBOT },

@@ -1,7 +1,7 @@
 //! The rival: an afternoon's regression, least squares on columns, without any friction law of the core's.
 //!
 //! ```text
-//! base     an elastic sign s (a stop: s <- clamp(s + dq / travel, -1, 1), one of four travels by its error), viscous,
+//! base     an elastic sign s (a stop: s <- clamp(s + dq / travel, -1, 1), one of ten travels by its error), viscous,
 //!          a Stribeck peak (s exp(-(v/v_s)^2), one of three v_s or none), the rigid-body parts
 //! causes   each a few columns beside that ([`super::cause_columns`])
 //! forward  the cause that gains most on rows left out, three at most; every run left out once, eight blocks where
@@ -11,7 +11,7 @@
 //! Everything is done on products of columns by fold (a Gram matrix each), so a choice costs no pass over the rows.
 //! What a diagnosis must do better than.
 
-use super::cause_columns::{CauseColumns, causes};
+use super::cause_columns::causes;
 use super::stop_operator::{displacements, stop};
 use friction_identification::data::{Dataset, Quantity, Run};
 use nalgebra::{DMatrix, DVector};
@@ -55,8 +55,9 @@ const HEARD: usize = 5;
 /// Runs from which each is left out once; blocks where there are fewer.
 const RUNS: usize = 4;
 const BLOCKS: usize = 8;
-/// Travels of the elastic sign, of the middle run's span; the first is as good as a sign.
-const TRAVELS: [f64; 4] = [1e-6, 3e-3, 2e-2, 1e-1];
+/// Travels of the elastic sign, of the middle run's span; the first is as good as a sign. More than the four of
+/// an afternoon: with those, the shape they miss was called backlash in two worlds of three.
+const TRAVELS: [f64; 10] = [1e-6, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0];
 /// Stribeck velocities, of the 95th percentile of speed; 0 for no peak.
 const PEAKS: [f64; 4] = [0.0, 0.01, 0.05, 0.2];
 
@@ -306,23 +307,21 @@ pub fn regression(data: &Dataset, rigid_body: &[&str]) -> Regression {
     let rows = Rows::new(data);
     let base = best_base(&rows, rigid_body);
     let causes = causes(&rows, &base, rigid_body);
-    let mut columns: Vec<&Column> = base.columns.iter().collect();
-    let mut places: Vec<Vec<usize>> = Vec::with_capacity(causes.len());
-    for CauseColumns { columns: own, .. } in &causes {
-        places.push((columns.len()..columns.len() + own.len()).collect());
-        columns.extend(own);
-    }
+    let own = base.columns.len();
+    let columns: Vec<&Column> = base.columns.iter().chain(&causes.columns).collect();
     let products = Products::new(&columns, &rows.torque, &rows.folds());
-    let mut chosen: Vec<usize> = (0..base.columns.len()).collect();
+    let mut chosen: Vec<usize> = (0..own).collect();
     let mut errors = products.left_out(&chosen);
     let begin: f64 = errors.iter().sum();
     let (mut named, mut heard) = (Vec::new(), Vec::new());
     while named.len() < MOST {
         let before: f64 = errors.iter().sum();
-        let tried = causes.iter().zip(&places).filter(|(cause, _)| !named.contains(&cause.name));
-        let tried = tried.map(|(cause, own)| {
-            let with: Vec<usize> = chosen.iter().chain(own).copied().collect();
-            (cause.name, products.left_out(&with), with)
+        let tried = causes.causes.iter().filter(|(name, _)| !named.contains(name));
+        let tried = tried.map(|(name, places)| {
+            let places = places.iter().map(|place| own + place);
+            let new = places.filter(|place| !chosen.contains(place));
+            let with: Vec<usize> = chosen.iter().copied().chain(new).collect();
+            (*name, products.left_out(&with), with)
         });
         let mut tried: Vec<Tried> = tried
             .map(|(name, after, columns)| Tried {

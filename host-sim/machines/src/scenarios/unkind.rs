@@ -48,7 +48,7 @@ const CLEAN: f64 = 0.2;
 /// Share of worlds whose contact is slip elements.
 const SLIP_ELEMENTS: f64 = 0.4;
 /// RMS an effect is scaled to, over the torque's noise: from far below to far above.
-const OVER_NOISE: (f64, f64) = (0.03, 10.0);
+const OVER_NOISE: (f64, f64) = (0.05, 30.0);
 
 /// The seeds of so many worlds; another base gives other worlds throughout.
 pub fn seeds(base: u64) -> impl Iterator<Item = u64> {

@@ -87,8 +87,8 @@ pub(super) fn fitted(campaign: &Campaign, joint: &Joint, ways: &[Way], torque: &
 
 /// The step of a damped normal equation (its right side is the last column), by Gauss with pivots on the diagonal.
 fn solved(mut normal: [[f64; PARAMETERS + 1]; PARAMETERS], damping: f64) -> [f64; PARAMETERS] {
-    for row in 0..PARAMETERS {
-        normal[row][row] = normal[row][row] * (1.0 + damping) + f64::MIN_POSITIVE;
+    for (at, row) in normal.iter_mut().enumerate() {
+        row[at] = row[at] * (1.0 + damping) + f64::MIN_POSITIVE;
     }
     for pivot in 0..PARAMETERS {
         let own = normal[pivot];
