@@ -12,8 +12,9 @@ pub mod score;
 mod stop_operator;
 
 use crate::simulated;
-use friction_identification::data::{SplitRule, split};
+use friction_identification::data::{Dataset, Split, SplitRule, split};
 use friction_identification::diagnose::{Diagnosis, Finding, Question, diagnose};
+use friction_identification::log_check::{self, Correct};
 use rayon::prelude::*;
 use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
 
@@ -125,6 +126,18 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
     }
 }
 
+/// The diagnosis as a user gets it: the log checked, its motion reconstructed, every run left out once.
+///
+/// # Errors
+/// One line, where the log cannot be split or diagnosed.
+pub fn ask(data: Dataset, question: &Question) -> Result<(Diagnosis, Split), String> {
+    let checked = log_check::check(data, Correct::default());
+    let parts = split(&checked.data, &SplitRule::EachOut, 0).map_err(|e| e.to_string())?;
+    let question = Question { log_findings: checked.findings, ..question.clone() };
+    let found = diagnose(&checked.data, &parts, &question, &|_| {}).map_err(|e| e.to_string())?;
+    Ok((found, parts))
+}
+
 /// Draws a scenario, diagnoses it, grades the diagnosis.
 ///
 /// # Errors
@@ -133,9 +146,7 @@ pub fn examine(kind: Kind, seed: u64) -> Result<Grade, String> {
     let failed = |why: String| format!("{kind:?}, seed {seed}: {why}");
     let scenario = draw(kind, seed);
     let data = simulated::dataset(&scenario.log);
-    let parts = split(&data, &SplitRule::EachOut, 0).map_err(|e| failed(e.to_string()))?;
-    let found = diagnose(&data, &parts, &Question::default(), &|_| {})
-        .map_err(|e| failed(e.to_string()))?;
+    let (found, _) = ask(data, &Question::default()).map_err(failed)?;
     Ok(grade(kind, seed, &scenario, &found))
 }
 

@@ -10,10 +10,11 @@
 //! true of the log whatever is hidden (a filtered torque *is* late) is struck out first. Processor time is that of one
 //! thread on which all is computed.
 
+use super::ask;
 use super::regression::regression;
 use crate::simulated;
-use friction_identification::data::{Dataset, Split, SplitRule, split};
-use friction_identification::diagnose::{Diagnosis, Question, diagnose};
+use friction_identification::data::{Dataset, Split};
+use friction_identification::diagnose::{Diagnosis, Question};
 use friction_identification::spec::parse_rigid_body;
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
@@ -145,9 +146,8 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
     let rigid_body =
         parse_rigid_body(&truth.rigid_body.join(",")).map_err(|e| failed(e.to_string()))?;
     let question = Question { rigid_body, ..Question::default() };
-    let parts = split(data, &SplitRule::default(), 0).map_err(|e| failed(e.to_string()))?;
-    let (found, seconds) = timed(|| diagnose(data, &parts, &question, &|_| {}))?;
-    let found = found.map_err(|e| failed(e.to_string()))?;
+    let (answer, seconds) = timed(|| ask(data.clone(), &question))?;
+    let (found, parts) = answer.map_err(failed)?;
     let named: Vec<&'static str> = found.findings.iter().map(|f| f.cause.name()).collect();
     let first = found.findings.first();
     let confusable: Vec<&'static str> = first.map_or(Vec::new(), |finding| {

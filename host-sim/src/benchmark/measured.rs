@@ -4,10 +4,11 @@
 //! from whom, is in their README; here is what an answer is held against. A log can hold more than one effect: each of
 //! them may be named first.
 
+use super::ask;
 use super::contest::{self, timed};
 use super::regression::regression;
-use friction_identification::data::{ReadOptions, SplitRule, read, split};
-use friction_identification::diagnose::{Question, diagnose};
+use friction_identification::data::{ReadOptions, read};
+use friction_identification::diagnose::Question;
 use friction_identification::spec::parse_rigid_body;
 use std::path::{Path, PathBuf};
 
@@ -140,11 +141,9 @@ impl MeasuredLog {
         }
         let rigid_body = parse_rigid_body(self.rigid_body).map_err(|e| failed(e.to_string()))?;
         let question = Question { decimate: self.decimate, rigid_body, ..Question::default() };
-        let (found, seconds) = timed(|| {
-            let parts = split(&data, &SplitRule::default(), 0).map_err(|e| e.to_string())?;
-            diagnose(&data, &parts, &question, &|_| {}).map_err(|e| e.to_string())
-        })?;
-        let found = found.map_err(failed)?;
+        let rows = data.rows;
+        let (answer, seconds) = timed(|| ask(data, &question))?;
+        let (found, _) = answer.map_err(failed)?;
         let named = found.findings.iter().map(|finding| {
             let order =
                 finding.order.map_or(String::new(), |(order, _)| format!(" order {order:.1}"));
@@ -157,7 +156,7 @@ impl MeasuredLog {
             seconds,
             heard: contest::heard(&found),
         };
-        Ok(Some((data.rows, Some(ours), rival)))
+        Ok(Some((rows, Some(ours), rival)))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::candidate::Beside;
 use super::cause::{Cause, Suspect, suspects};
+use super::fall::Fall;
 use super::gram_blocks::{CandidateFit, GramBlocks};
 use super::model::Fitted;
 use super::sensitivities::sensitivities;
@@ -9,6 +10,9 @@ use super::standing::{Better, Standing};
 use super::survey::{block_length, survey};
 use super::thresholds::{CHANCE, EXTRAPOLATES, MATERIAL};
 use super::train_test::TrainTest;
+
+/// Runs from which on their scatter is an error.
+const MANY: usize = 5;
 
 /// What a candidate got in a round, for the report.
 #[derive(Clone, Debug)]
@@ -80,7 +84,9 @@ impl Round {
             let share = 100.0 * describes.value / self.excess;
             return Some(format!("a trifle, {share:.1} % of what is beyond the floor"));
         }
-        let fails = |runs: &super::fall::Fall| runs.in_errors() < EXTRAPOLATES;
+        // The scatter of three or four runs says nothing of itself.
+        let enough = |runs: &Fall| if runs.observations < MANY { 0.0 } else { EXTRAPOLATES };
+        let fails = |runs: &Fall| runs.value <= 0.0 || runs.in_errors() < enough(runs);
         if !self.only_describe[candidate] && extrapolates.as_ref().is_some_and(fails) {
             return Some("fails on runs left out".into());
         }

@@ -67,8 +67,9 @@ impl Cause for WarmUp {
     }
 
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        // A temperature that was measured knows better.
-        if beside.log.varies("temperature_c") {
+        // A temperature that was measured knows better, and where every run begins at the same time nobody knows
+        // how warm it began.
+        if beside.log.varies("temperature_c") || !beside.log.has_campaign_clock() {
             return Vec::new();
         }
         let Some((length_s, power)) = typical(&beside.log.train_tracks) else { return Vec::new() };
