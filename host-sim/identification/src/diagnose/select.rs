@@ -180,7 +180,24 @@ impl Turn<'_> {
         progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
         let fitted = with_candidate(log, model, candidate, &fit)?;
         let better = Standing::of_model(log, &fitted, round.length).better_than(&round.standing);
-        if std::env::var_os("DEBUG_FIT").is_some() { eprintln!("{} sse {:.4} -> {:.4}; linear gain {:.4} unseen {:.4}; standing {:.4} -> {:.4} {:?}; {:?}", candidate.cause.name(), model.sse, fitted.sse, fit.gain, fit.unseen.value, round.standing.sse(), round.standing.sse()-better.describes.value, better, fitted.parameters.active().map(|id| format!("{}={:.4}", id.name(), fitted.parameters.get(id))).collect::<Vec<_>>()); }
+        if std::env::var_os("DEBUG_FIT").is_some() {
+            eprintln!(
+                "{} sse {:.4} -> {:.4}; linear gain {:.4} unseen {:.4}; standing {:.4} -> {:.4} {:?}; {:?}",
+                candidate.cause.name(),
+                model.sse,
+                fitted.sse,
+                fit.gain,
+                fit.unseen.value,
+                round.standing.sse(),
+                round.standing.sse() - better.describes.value,
+                better,
+                fitted
+                    .parameters
+                    .active()
+                    .map(|id| format!("{}={:.4}", id.name(), fitted.parameters.get(id)))
+                    .collect::<Vec<_>>()
+            );
+        }
         let all = round.candidates.len() as f64 * candidate.comparisons;
         let probability = better.describes.probability(candidate.regressors.len(), all);
         let against = at_bound(&fitted, candidate)
