@@ -147,6 +147,10 @@ pub struct Certificates {
 /// The search begins anew after an offer was taken back until so many were.
 const MOST_TAKEN_BACK: usize = 4;
 
+/// So far above the floor there is structure, whatever the residual remembers: an oscillation takes its memory
+/// back half a period later.
+const FAR_ABOVE: f64 = 1.5;
+
 /// A residual that remembers fewer rows than this does not hang together.
 const MEMORY: f64 = 1.3;
 
@@ -330,5 +334,7 @@ fn certificates(
 /// Memory of the residual in rows, where it is more than noise; else 0.
 fn left_over(after: &Predicted, noise_floor: f64) -> f64 {
     let memory = autocorrelation_time(after.residuals.iter().map(Vec::as_slice));
-    if after.metrics.rmse > STRUCTURE * noise_floor && memory > MEMORY { memory } else { 0.0 }
+    let times = after.metrics.rmse / noise_floor.max(f64::MIN_POSITIVE);
+    let hangs_together = memory > MEMORY || times > FAR_ABOVE;
+    if times > STRUCTURE && hangs_together { memory } else { 0.0 }
 }
