@@ -7,7 +7,7 @@ use super::json::{parameter, sources};
 use super::ranking::{against, left_out};
 use friction_identification::data::{Dataset, Split};
 use friction_identification::diagnose::finding::Finding;
-use friction_identification::diagnose::{CandidateScore, Diagnosis, Share, story};
+use friction_identification::diagnose::{Diagnosis, Share, story};
 use friction_identification::fit::Outcome;
 use friction_identification::log_check::LogFinding;
 use serde::Serialize;
@@ -83,7 +83,8 @@ fn share(share: &Share) -> Value {
     })
 }
 
-fn heard(found: &Diagnosis, score: &CandidateScore) -> Value {
+fn heard(found: &Diagnosis, index: usize) -> Value {
+    let score = &found.scores[index];
     json!({
         "cause": score.cause.name(),
         "columns": score.columns,
@@ -93,7 +94,7 @@ fn heard(found: &Diagnosis, score: &CandidateScore) -> Value {
         "gain_std_error": finite(score.share_error),
         "p_value": finite(score.fit.p_value),
         "passed": score.passed,
-        "against": against(found, score),
+        "against": against(found, index),
     })
 }
 
@@ -142,7 +143,7 @@ pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[Stri
                 .map(|(name, parts)| (name.clone(), parts.iter().map(share).collect::<Vec<_>>().into()))
                 .collect::<Map<String, Value>>(),
         },
-        "heard": found.scores.iter().map(|score| heard(found, score)).collect::<Vec<_>>(),
+        "heard": (0..found.scores.len()).map(|index| heard(found, index)).collect::<Vec<_>>(),
         "notes": found.log.notes,
         "seconds": finite(found.seconds),
     }))

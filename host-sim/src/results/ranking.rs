@@ -38,27 +38,33 @@ fn name(heard: &CandidateScore) -> String {
 
 /// Each candidate in its best setting, best first.
 pub(super) fn ranking(found: &Diagnosis) -> Vec<Ranked<'_>> {
+    let named = named(found);
     let mut ranking: Vec<Ranked> = Vec::new();
-    for score in &found.scores {
-        let name = name(score);
-        if !ranking.iter().any(|ranked| ranked.name == name) {
-            ranking.push(Ranked { name, score, named: false, against: against(found, score) });
-        }
-    }
-    for finding in &found.findings {
-        let is_of = |ranked: &&mut Ranked| is_of(finding, ranked.score);
-        let distance = |ranked: &Ranked| match (finding.order, ranked.score.order) {
-            (Some((found, _)), Some(order)) => (order - found).abs(),
-            _ => 0.0,
-        };
-        // Of equals the first, which is the best.
-        let own = ranking.iter_mut().filter(is_of);
-        if let Some(own) = own.min_by(|a, b| distance(a).total_cmp(&distance(b))) {
-            own.named = true;
-            own.against.clear();
+    for (index, score) in found.scores.iter().enumerate() {
+        let (name, named) = (name(score), named.contains(&index));
+        let own = Ranked { name, score, named, against: against(found, index) };
+        match ranking.iter_mut().find(|ranked| ranked.name == own.name) {
+            None => ranking.push(own),
+            // Of two orders that look alike in print, the one in the answer.
+            Some(ranked) if own.named => *ranked = own,
+            Some(_) => {}
         }
     }
     ranking
+}
+
+/// Which of the scores are in the answer: of each finding the best setting, of a periodic one that of its order.
+fn named(found: &Diagnosis) -> Vec<usize> {
+    let own = |finding: &Finding| {
+        let distance = |index: &usize| match (finding.order, found.scores[*index].order) {
+            (Some((own, _)), Some(order)) => (order - own).abs(),
+            _ => 0.0,
+        };
+        let settings =
+            (0..found.scores.len()).filter(|index| is_of(finding, &found.scores[*index]));
+        settings.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    };
+    found.findings.iter().filter_map(own).collect()
 }
 
 /// Whether a finding may have come from a candidate.
@@ -66,8 +72,12 @@ fn is_of(finding: &Finding, score: &CandidateScore) -> bool {
     finding.cause == score.cause && finding.columns == score.columns
 }
 
-/// What stood against a candidate that is not in the answer.
-pub(super) fn against(found: &Diagnosis, score: &CandidateScore) -> String {
+/// What stood against the score of this index; empty where it is in the answer.
+pub(super) fn against(found: &Diagnosis, index: usize) -> String {
+    let score = &found.scores[index];
+    if named(found).contains(&index) {
+        return String::new();
+    }
     if !score.passed {
         return score.against.clone();
     }
@@ -81,6 +91,13 @@ pub(super) fn against(found: &Diagnosis, score: &CandidateScore) -> String {
         if note.starts_with(&taken_back) {
             return "passed alone; fitted anew it does not gain on rows left out".into();
         }
+    }
+    let rivals = |finding: &&Finding| {
+        let mut rivals = finding.confusable_with.iter();
+        rivals.any(|rival| rival.cause == score.cause && rival.columns == score.columns)
+    };
+    if let Some(finding) = found.findings.iter().find(rivals) {
+        return format!("passed alone; not told apart from {}", finding.cause.name());
     }
     if found.findings.iter().any(|finding| is_of(finding, score)) {
         return "another setting of it is in the answer".into();

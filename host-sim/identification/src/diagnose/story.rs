@@ -4,7 +4,7 @@ use super::finding::Finding;
 use super::gram_blocks::LeftOut;
 use super::{Diagnosis, Share};
 use crate::fit::State;
-use crate::number::figure;
+use crate::number::{figure, significant};
 
 /// What to measure next.
 pub fn next_experiment(diagnosis: &Diagnosis) -> String {
@@ -112,10 +112,10 @@ fn closest(diagnosis: &Diagnosis) -> String {
     let against =
         if best.passed { "it did not hold when all were heard again" } else { &best.against };
     format!(
-        " Closest came {}{of}, {:.1} ± {:.1} % of the squared error; against it: {against}.",
+        " Closest came {}{of}, {} ± {} % of the squared error; against it: {against}.",
         best.cause.name(),
-        100.0 * best.share,
-        200.0 * best.share_error
+        significant(100.0 * best.share, 2),
+        significant(200.0 * best.share_error, 2)
     )
 }
 
@@ -127,7 +127,10 @@ pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
     let before = diagnosis.before.metrics.rmse;
     let seen = match diagnosis.left_out {
         Some(LeftOut::Runs) => {
-            format!("each of {} by a fit on the others", runs(diagnosis.log.train.runs.len(), "run"))
+            format!(
+                "each of {} by a fit on the others",
+                runs(diagnosis.log.train.runs.len(), "run")
+            )
         }
         Some(LeftOut::Stretches) => format!(
             "each stretch of {} by a fit without it",
@@ -148,7 +151,7 @@ pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
     );
     let place = place(diagnosis);
     let why = match diagnosis.findings.as_slice() {
-        [] => format!("Nothing was found that describes what is left: no cause is named.{}", closest(diagnosis)),
+        [] => format!("No cause passed, so none is named.{}", closest(diagnosis)),
         [first, others @ ..] => {
             let mut text = format!("The cause is {}: {}", first.cause.name(), first.in_words);
             for other in others {

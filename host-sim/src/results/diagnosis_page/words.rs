@@ -35,7 +35,11 @@ pub(super) fn reversals(found: &Diagnosis, unit: &str) -> String {
         |name: &str| found.by_regime.iter().find(|share| share.name == name && share.of_rows > 0.0);
     let (reversal, sliding) = (regime("reversal"), regime("sliding"));
     let Some(reversal) = reversal else {
-        return "Inside reversal windows: no row of this log is one.".into();
+        let why = match found.baseline.spec.law.has_bristles() {
+            true => "the joint never turns round within a run",
+            false => "the base law has no bristles, whose travel would set one",
+        };
+        return format!("There are no reversal windows: {why}.");
     };
     let beside = sliding.map_or_else(String::new, |sliding| {
         format!(", against {} in plain sliding", quantity(sliding.rmse, unit))
