@@ -4,6 +4,7 @@ pub mod diagnosis;
 pub mod diagnosis_page;
 pub mod json;
 pub mod page;
+mod ranking;
 pub mod table;
 
 pub use json::{Document, document};

@@ -111,6 +111,9 @@ fn the_page_tells_the_story_and_shows_its_evidence() {
     for title in ["Over velocity", "Over pressure difference", "Over the campaign"] {
         assert_eq!(titled(title), 2, "{title}: along the motion, and as it is");
     }
+    let places = values(&charts, "Candidates beside the base model, each alone", "in the answer");
+    assert_eq!(places.len(), 1, "one cause is in the answer, at {places:?}");
+    assert!(own.contains("what stood against it") && own.contains("Every run was left out once"));
     for title in
         ["Close up", "By direction", "What the extension adds, against what the base model misses"]
     {
@@ -125,10 +128,14 @@ fn a_page_of_nothing_found_says_so() {
     let own = own_part(&case.html());
     assert!(own.contains("nothing systematic is left</h1>"));
     assert!(own.contains("No cause passed"));
+    assert!(own.contains("What was tried, and how far each got"));
     let charts = charts(&own);
     let names = charts.iter().flat_map(|(_, chart)| chart["data"].as_array().unwrap());
     assert!(names.clone().any(|trace| trace["name"] == "base model"));
-    assert!(!names.clone().any(|trace| trace["name"] == "after"), "there is no extended model");
+    for absent in ["after", "in the answer"] {
+        assert!(!names.clone().any(|trace| trace["name"] == absent), "there is no extended model");
+    }
+    assert!(names.clone().any(|trace| trace["name"] == "did not pass"), "what was tried is shown");
 }
 
 #[test]

@@ -128,7 +128,7 @@ fn trace(series: &Series, look: &Look, chart: &Chart) -> Value {
         }
         Style::Band { upper } => {
             let (x, y) = outline(&series.x, &series.y, upper);
-            let line = Line::new().color(look.colour).width(0.0).dash(DashType::Solid);
+            let line = Line::new().color(look.colour).width(0.7).dash(DashType::Solid);
             let band = Scatter::new(x, y).mode(Mode::Lines).name(name).line(line);
             let band = band.fill(Fill::ToSelf).fill_color(faint(look.colour));
             json!(band.hover_info(HoverInfo::Skip))

@@ -4,9 +4,10 @@
 //! by regime and direction, the hash of each file. All errors are in the unit of the torque column.
 
 use super::json::{parameter, sources};
+use super::ranking::{against, left_out};
 use friction_identification::data::{Dataset, Split};
 use friction_identification::diagnose::finding::Finding;
-use friction_identification::diagnose::{CandidateScore, Diagnosis, Share, story};
+use friction_identification::diagnose::{Diagnosis, Share, story};
 use friction_identification::fit::Outcome;
 use friction_identification::log_check::LogFinding;
 use serde::Serialize;
@@ -82,15 +83,18 @@ fn share(share: &Share) -> Value {
     })
 }
 
-fn heard(score: &CandidateScore) -> Value {
+fn heard(found: &Diagnosis, index: usize) -> Value {
+    let score = &found.scores[index];
     json!({
         "cause": score.cause.name(),
         "columns": score.columns,
         "order": score.order,
         "as_share_of_level": score.level,
         "gain_on_unseen_rows": finite(score.share),
+        "gain_std_error": finite(score.share_error),
         "p_value": finite(score.fit.p_value),
         "passed": score.passed,
+        "against": against(found, index),
     })
 }
 
@@ -108,6 +112,7 @@ fn log_finding(finding: &LogFinding) -> Value {
 pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[String]) -> Document {
     let mut about = serde_json::to_value(sources(data, split, hashes)).unwrap_or_default();
     about["noise_floor"] = json!(finite(found.noise_floor));
+    about["left_out"] = json!(left_out(found));
     let mut extended = model(&found.extended, data);
     extended.insert("gain".into(), json!(finite(found.gain.value)));
     extended.insert("gain_ci95".into(), json!(found.gain.ci95.map(finite)));
@@ -138,7 +143,7 @@ pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[Stri
                 .map(|(name, parts)| (name.clone(), parts.iter().map(share).collect::<Vec<_>>().into()))
                 .collect::<Map<String, Value>>(),
         },
-        "heard": found.scores.iter().map(heard).collect::<Vec<_>>(),
+        "heard": (0..found.scores.len()).map(|index| heard(found, index)).collect::<Vec<_>>(),
         "notes": found.log.notes,
         "seconds": finite(found.seconds),
     }))

@@ -1,9 +1,10 @@
 //! `report.html` of `diagnose`: what the model gets wrong, why, and what the extension gains, for a
 //! person who was not there.
 //!
-//! The five sentences come first; all below is what they rest on, in the order a doubter asks: what do
-//! the models predict, what is left over and where, does it follow the cause that is named, what else
-//! was heard, which numbers came out, how was it done, on what. *Before* is the base model and *after*
+//! The five sentences come first; all below is what they rest on, in the order a doubter asks: is the log
+//! what it says, how wrong is the model, who was weighed and what stood against the rest, what do the models
+//! predict, does the residual follow the cause that is named, what is left over and where, which numbers came
+//! out, how was it done, on what. *Before* is the base model and *after*
 //! the extended one, in the same two colours throughout; a residual is logged minus simulated.
 //!
 //! The way of a page: `rows` (judged rows as columns, with both residuals) -> `bins` (means with honest
@@ -15,6 +16,7 @@ mod bins;
 mod evidence;
 mod figures;
 mod log;
+mod over_time;
 mod rows;
 mod stochastic;
 mod tables;
@@ -23,6 +25,7 @@ mod words;
 pub use stochastic::stochastic_section;
 
 use super::page::{Study, View, glossary, in_rows, tables as shared};
+use super::ranking::{Ranked, left_out_in_words, ranking};
 use crate::report::{Block, Page};
 use friction_identification::data::{Dataset, Split};
 use friction_identification::diagnose::{Diagnosis, story};
@@ -30,6 +33,10 @@ use friction_identification::fit::predict::{Predicted, predict};
 use friction_identification::fit::statistics::autocorrelation_time;
 use rows::Rows;
 use serde_json::Value;
+
+/// Most candidates drawn, and most in the open table below.
+const MOST_DRAWN: usize = 20;
+const MOST_OPEN: usize = 12;
 
 /// All that a page is made from.
 #[derive(Clone, Copy)]
@@ -55,7 +62,7 @@ struct Scene<'a> {
     about: Diagnosed<'a>,
     /// Both models as `compare` looks at them: before, after.
     view: View<'a>,
-    /// The held-out rows.
+    /// Rows no fit has seen that they are judged by.
     held: Rows<'a>,
     /// All rows.
     all: Rows<'a>,
@@ -110,19 +117,23 @@ pub fn page(about: &Diagnosed) -> Page {
         skip: about.skip,
         fits,
     };
-    let on_train = [&found.baseline, &found.extended]
-        .map(|fit| predict(&fit.parameters, log.train_rows(), fit.resolution));
+    // Where every run is left out once, all rows are unseen ones.
+    let on_train = (!log.leaves_each_out).then(|| {
+        [&found.baseline, &found.extended]
+            .map(|fit| predict(&fit.parameters, log.train_rows(), fit.resolution))
+    });
     let held = || {
         let both = [&found.before, &found.after];
         Rows::new(data, &split.test, &log.test_tracks, both, log.decimate)
     };
-    let [before, after] = &on_train;
-    let trained = Rows::new(data, &split.train, &log.train_tracks, [before, after], log.decimate);
+    let trained = on_train.as_ref().map(|[before, after]| {
+        Rows::new(data, &split.train, &log.train_tracks, [before, after], log.decimate)
+    });
     let scene = Scene {
         about: *about,
         view: View::new(&study),
         held: held(),
-        all: trained.joined(held()),
+        all: trained.map_or_else(held, |trained| trained.joined(held())),
         memory: memory(&found.after),
     };
 
@@ -131,11 +142,11 @@ pub fn page(about: &Diagnosed) -> Page {
     let sections = [
         log::log(&scene),
         gain(&scene),
+        candidates(&scene),
         predictions(&scene),
         evidence(&scene),
         left_over(&scene),
         where_in_motion(&scene),
-        findings(&scene),
         parameters(&scene),
         stochastic(&scene),
         methods(&scene),
@@ -152,7 +163,8 @@ fn memory(predicted: &Predicted) -> f64 {
 
 fn gain(scene: &Scene) -> Vec<Block> {
     vec![
-        Block::Heading("How well the runs that no fit has seen are predicted".into()),
+        Block::Heading("How well rows that no fit has seen are predicted".into()),
+        Block::Paragraph(left_out_in_words(scene.about.found).into()),
         Block::Chart(figures::errors(scene)),
     ]
 }
@@ -173,7 +185,7 @@ fn evidence(scene: &Scene) -> Vec<Block> {
     let mut blocks = vec![Block::Heading("The evidence".into())];
     let findings = &scene.about.found.findings;
     let Some((first, others)) = findings.split_first() else {
-        blocks.push(Block::Paragraph(words::NOTHING_FOUND.into()));
+        blocks.push(Block::Paragraph(words::nothing_found(scene)));
         blocks.push(Block::Chart(figures::autocorrelation(scene)));
         return blocks;
     };
@@ -197,7 +209,7 @@ fn left_over(scene: &Scene) -> Vec<Block> {
     let mut blocks = vec![
         Block::Heading("What is left over, and what it follows".into()),
         Block::Paragraph(words::left_over(scene)),
-        Block::Chart(figures::over_held_out_time(scene)),
+        Block::Chart(over_time::over_time(scene)),
     ];
     let (along, plain) = evidence::survey(scene);
     blocks.extend(in_rows(along));
@@ -219,23 +231,38 @@ fn where_in_motion(scene: &Scene) -> Vec<Block> {
             figures::shares(scene, "By what the joint is doing", &found.by_regime, words::REGIMES),
             figures::shares(scene, "By direction", &found.by_direction, words::DIRECTIONS),
         ]),
+        Block::Paragraph(words::reversals(found, scene.unit())),
         Block::Table(tables::shares(scene)),
     ]
 }
 
-fn findings(scene: &Scene) -> Vec<Block> {
+fn candidates(scene: &Scene) -> Vec<Block> {
     let found = scene.about.found;
-    let mut blocks = vec![Block::Heading("Findings, and what else was heard".into())];
+    let heading = match scene.is_extended() {
+        true => "What was found, and what stood against the rest",
+        false => "What was tried, and how far each got",
+    };
+    let mut blocks = vec![Block::Heading(heading.into())];
     if !found.findings.is_empty() {
         blocks.push(Block::Table(tables::findings(scene)));
         blocks.push(Block::List(words::findings(found)));
     }
-    if !found.scores.is_empty() {
-        blocks.push(Block::Chart(figures::scores(found)));
-        let count = found.scores.len();
+    let ranking = ranking(found);
+    // What is in the answer is drawn wherever it stood alone.
+    let drawn = ranking.iter().enumerate().filter(|(place, own)| *place < MOST_DRAWN || own.named);
+    let drawn: Vec<&Ranked> = drawn.map(|(_, own)| own).collect();
+    if drawn.is_empty() {
+        blocks.push(Block::Paragraph("No column of this log can be blamed for anything.".into()));
+        return blocks;
+    }
+    blocks.push(Block::Chart(figures::ranking(&drawn)));
+    let open = &ranking[..ranking.len().min(MOST_OPEN)];
+    blocks
+        .push(Block::Table(tables::ranking("Each alone beside the base model, best first", open)));
+    if ranking.len() > MOST_OPEN {
         blocks.push(Block::Details {
-            summary: format!("All {count} candidates that were heard beside the base model"),
-            blocks: vec![Block::Table(tables::scores(found))],
+            summary: format!("All {} candidates", ranking.len()),
+            blocks: vec![Block::Table(tables::ranking("Each in its best setting", &ranking))],
         });
     }
     blocks

@@ -1,11 +1,15 @@
 //! The same results on a terminal.
 
+use super::ranking::{gain, left_out_in_words, ranking};
 use comfy_table::{CellAlignment, Table, presets};
 use friction_identification::data::Dataset;
 use friction_identification::diagnose::Diagnosis;
 use friction_identification::fit::Outcome;
 use friction_identification::number::figure;
 use friction_identification::params::unit;
+
+/// How many candidates are told where nothing was found.
+const CLOSEST: usize = 3;
 
 fn table(header: &[&str], numbers_from: usize) -> Table {
     let mut table = Table::new();
@@ -109,5 +113,12 @@ pub fn findings(found: &Diagnosis) -> String {
     if found.findings.is_empty() {
         table.add_row(["none"]);
     }
-    table.to_string()
+    let mut text = format!("{table}\n{}", left_out_in_words(found));
+    if found.findings.is_empty() {
+        text += "\nWho came closest, % of the squared error on rows left out of the fit:";
+        for ranked in ranking(found).iter().take(CLOSEST) {
+            text += &format!("\n  {}: {}; {}", ranked.name, gain(ranked.score), ranked.against);
+        }
+    }
+    text
 }

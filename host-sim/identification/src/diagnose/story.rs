@@ -1,9 +1,10 @@
 //! The five sentences: what is wrong, where, why, what the extension gains, what to do next.
 
 use super::finding::Finding;
+use super::gram_blocks::LeftOut;
 use super::{Diagnosis, Share};
 use crate::fit::State;
-use crate::number::figure;
+use crate::number::{figure, significant};
 
 /// What to measure next.
 pub fn next_experiment(diagnosis: &Diagnosis) -> String {
@@ -100,23 +101,57 @@ fn place(diagnosis: &Diagnosis) -> String {
     })
 }
 
+/// Who came closest where nothing was found, and what stood against it.
+fn closest(diagnosis: &Diagnosis) -> String {
+    let Some(best) = diagnosis.scores.first() else { return String::new() };
+    let of = if best.columns.is_empty() {
+        String::new()
+    } else {
+        format!(" ({})", best.columns.join(", "))
+    };
+    let against =
+        if best.passed { "it did not hold when all were heard again" } else { &best.against };
+    format!(
+        " Closest came {}{of}, {} ± {} % of the squared error; against it: {against}.",
+        best.cause.name(),
+        significant(100.0 * best.share, 2),
+        significant(200.0 * best.share_error, 2)
+    )
+}
+
 /// The five sentences.
 pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
     let unit = diagnosis.log.train.joint.torque_unit();
     let runs =
         |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
     let before = diagnosis.before.metrics.rmse;
+    let seen = match diagnosis.left_out {
+        Some(LeftOut::Runs) => {
+            format!(
+                "each of {} by a fit on the others",
+                runs(diagnosis.log.train.runs.len(), "run")
+            )
+        }
+        Some(LeftOut::Stretches) => format!(
+            "each stretch of {} by a fit without it",
+            runs(diagnosis.log.train.runs.len(), "run")
+        ),
+        None => format!(
+            "{} by a fit on {}",
+            runs(diagnosis.log.test.runs.len(), "run"),
+            runs(diagnosis.log.train.runs.len(), "run")
+        ),
+    };
     let wrong = format!(
-        "A {} model, fitted on {}, misses the torque on {} it has not seen by {} {unit} RMS; the noise alone would be {} {unit}.",
+        "A {} model misses the torque on rows it has not seen ({seen}) by {} {unit} RMS; the floor, what the best possible \
+         model would leave, is {} {unit}.",
         diagnosis.baseline.spec,
-        runs(diagnosis.log.train.runs.len(), "run"),
-        runs(diagnosis.log.test.runs.len(), "run"),
         figure(before),
         figure(diagnosis.noise_floor)
     );
     let place = place(diagnosis);
     let why = match diagnosis.findings.as_slice() {
-        [] => "Nothing systematic is left above the noise: no cause is named.".to_owned(),
+        [] => format!("No cause passed, so none is named.{}", closest(diagnosis)),
         [first, others @ ..] => {
             let mut text = format!("The cause is {}: {}", first.cause.name(), first.in_words);
             for other in others {
@@ -130,7 +165,7 @@ pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
         "No extension is offered, so none is gained.".to_owned()
     } else {
         format!(
-            "With {} the error on unseen runs falls to {} {unit}, by {:.1} % (95 % interval {:.1} to {:.1} %).",
+            "With {} the error on unseen rows falls to {} {unit}, by {:.1} % (95 % interval {:.1} to {:.1} %).",
             diagnosis.extended.spec,
             figure(diagnosis.after.metrics.rmse),
             100.0 * gain.value,

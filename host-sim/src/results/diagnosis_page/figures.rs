@@ -6,7 +6,8 @@ use super::rows::Stretch;
 use super::rows::times;
 use crate::report::{Axis, Chart, Series, rounded, thin_scatter, thin_series};
 use crate::results::page::words::quantity;
-use friction_identification::diagnose::{CandidateScore, Diagnosis, Share};
+use crate::results::ranking::Ranked;
+use friction_identification::diagnose::Share;
 use friction_identification::number::significant;
 
 /// The base model in every legend.
@@ -19,14 +20,11 @@ pub(super) const AFTER: &str = "after";
 const LOGGED: &str = "as logged";
 
 /// Corners of a curve, points of a cloud.
-const CORNERS: usize = 2500;
+pub(super) const CORNERS: usize = 2500;
 const CLOUD: usize = 1200;
 
 /// Most runs whose errors are drawn one by one.
 const MOST_RUNS: usize = 16;
-
-/// Most candidates drawn.
-const MOST_CANDIDATES: usize = 12;
 
 /// The axis that shows these means with their errors, and the quarter lines if asked.
 pub(super) fn fitting_range(before: &[Mean], after: &[Mean], quarters: bool) -> Option<(f64, f64)> {
@@ -44,7 +42,7 @@ pub(super) fn fitting_range(before: &[Mean], after: &[Mean], quarters: bool) -> 
     (high > low).then_some((low - margin, high + margin))
 }
 
-/// The errors on held-out runs, with the noise floor.
+/// The errors on rows left out, with the floor.
 pub(super) fn errors(scene: &Scene) -> Chart {
     let found = scene.about.found;
     let held = &scene.held;
@@ -52,14 +50,16 @@ pub(super) fn errors(scene: &Scene) -> Chart {
     runs.dedup();
     let rmse = |residual: &[f64], run: usize| {
         let own = held.stretches.iter().filter(|stretch| stretch.run == run);
-        let own = own.flat_map(|stretch| stretch.rows.clone()).filter(|row| held.judged[*row]);
-        let own: Vec<f64> = own.map(|row| residual[row]).collect();
-        (own.iter().map(|r| r * r).sum::<f64>() / own.len().max(1) as f64).sqrt()
+        let rows = own.flat_map(|stretch| stretch.rows.clone());
+        let (squares, weights) = rows.fold((0.0, 0.0), |(squares, weights), row| {
+            (squares + held.weight[row] * residual[row].powi(2), weights + held.weight[row])
+        });
+        if weights > 0.0 { (squares / weights).sqrt() } else { 0.0 }
     };
     let all = runs.len();
     runs.sort_by(|a, b| rmse(&held.before, *b).total_cmp(&rmse(&held.before, *a)));
     runs.truncate(if all > 1 { MOST_RUNS } else { 0 });
-    let mut names = vec!["all held-out rows".to_owned()];
+    let mut names = vec!["all unseen rows".to_owned()];
     names.extend(runs.iter().map(|run| format!("run {}", scene.about.data.runs[*run].name)));
     let places: Vec<f64> = (0..names.len()).map(|place| place as f64).collect();
     let bars = |total: f64, residual: &[f64]| {
@@ -77,7 +77,7 @@ pub(super) fn errors(scene: &Scene) -> Chart {
         series.push(Series::bars(AFTER, after, places.clone()).with_error(error));
     }
     let ends = vec![-0.5, places.len() as f64 - 0.5];
-    series.push(Series::line("noise floor", vec![found.noise_floor; 2], ends).muted());
+    series.push(Series::line("floor", vec![found.noise_floor; 2], ends).muted());
     let shown = match all.saturating_sub(MOST_RUNS) {
         0 => String::new(),
         more => format!(
@@ -86,11 +86,11 @@ pub(super) fn errors(scene: &Scene) -> Chart {
     };
     Chart {
         title: format!(
-            "Error on held-out runs, {}",
+            "Error on rows left out of the fit, {}",
             if scene.is_extended() { "before and after" } else { "base model" }
         ),
         caption: format!(
-            "Shorter is better; the grey line is what the noise of the reading alone would cost ({}).{}{shown}",
+            "Shorter is better; the grey line is the floor, what the best possible model would leave ({}).{}{shown}",
             quantity(found.noise_floor, scene.unit()),
             if scene.is_extended() {
                 " The error bar is the 95 % interval of the gain."
@@ -104,7 +104,7 @@ pub(super) fn errors(scene: &Scene) -> Chart {
     }
 }
 
-/// The held-out stretch that tells most: where the extension gains most, or else where the base model
+/// The unseen stretch that tells most: where the extension gains most, or else where the base model
 /// is most wrong.
 fn telling<'a>(scene: &'a Scene) -> Option<&'a Stretch<'a>> {
     let held = &scene.held;
@@ -181,7 +181,7 @@ pub(super) fn predictions(scene: &Scene) -> Option<[Chart; 3]> {
     };
     Some([
         Chart {
-            title: format!("{whole}, held out"),
+            title: format!("{whole}, left out of the fit"),
             caption: "Models are driven by the logged motion alone. Thinned curves keep the lowest and the highest value of \
                       every few rows."
                 .into(),
@@ -210,55 +210,6 @@ pub(super) fn predictions(scene: &Scene) -> Option<[Chart; 3]> {
     ])
 }
 
-/// Both residuals over the held-out time, pauses cut: means of short stretches over the single rows.
-pub(super) fn over_held_out_time(scene: &Scene) -> Chart {
-    /// Stretches all held-out time is cut into.
-    const STRETCHES: usize = 300;
-    let held_out = &scene.view.held_out;
-    let time = held_out.at_judged(&held_out.time);
-    let length = (time.len() / STRETCHES).max(1);
-    // Rows that are not judged are holes, as the pauses between runs are.
-    let mut judged = scene.held.judged.iter();
-    let is_shown: Vec<Option<bool>> =
-        held_out.judged.iter().map(|row| row.map(|_| judged.next() == Some(&true))).collect();
-    let shown = |residual: &[f64]| -> Vec<f64> {
-        let value = |(value, shown): (&f64, &Option<bool>)| {
-            if *shown == Some(true) { *value } else { f64::NAN }
-        };
-        residual.iter().zip(&is_shown).map(value).collect()
-    };
-    let means = |values: &[f64]| -> Vec<f64> {
-        let mean = |(part, shown): (&[f64], &[Option<bool>])| {
-            // Over a pause no line is drawn.
-            if shown.contains(&None) {
-                return f64::NAN;
-            }
-            let finite = part.iter().filter(|value| value.is_finite());
-            finite.clone().sum::<f64>() / finite.count() as f64
-        };
-        values.chunks(length).zip(is_shown.chunks(length)).map(mean).collect()
-    };
-    let at = rounded(&means(&time));
-    let single = held_out.simulated.last().map_or(&[][..], |model| &model.residual);
-    let (x, y) = thin_series(&time, &shown(single), CORNERS);
-    let mut series = vec![Series::line("single rows", rounded(&x), rounded(&y)).muted()];
-    let simulated = held_out.simulated.iter().zip([scene.base(), AFTER]);
-    series.extend(simulated.map(|(model, name)| {
-        Series::line(name, at.clone(), rounded(&means(&shown(&model.residual))))
-    }));
-    Chart {
-        title: "Over the time of all held-out runs".into(),
-        caption: format!(
-            "Means of {length} rows each, over the single rows of the {} model; runs stand one after another. Noise is a band \
-             of even height around zero; whatever has a shape is something the model lacks.",
-            if scene.is_extended() { "extended" } else { "base" }
-        ),
-        x: Axis::new("held-out time, pauses cut (s)"),
-        y: Axis::new(format!("logged − simulated ({})", scene.unit())),
-        series,
-    }
-}
-
 /// The range these means lie in, and zero.
 fn with_zero(means: &[Mean]) -> Option<(f64, f64)> {
     let low = means.iter().fold(0.0f64, |low, mean| low.min(mean.x));
@@ -267,7 +218,7 @@ fn with_zero(means: &[Mean]) -> Option<(f64, f64)> {
     (high > low).then_some((low - margin, high + margin))
 }
 
-/// What the extension adds against what the base model misses, on held-out rows.
+/// What the extension adds against what the base model misses, on unseen rows.
 pub(super) fn added(scene: &Scene) -> Chart {
     let held = &scene.held;
     let added = |row: usize| match held.judged[row] {
@@ -284,7 +235,7 @@ pub(super) fn added(scene: &Scene) -> Chart {
     let line = Series::line(BEFORE, column(&|m| m.x), column(&|m| m.y));
     Chart {
         title: "What the extension adds, against what the base model misses".into(),
-        caption: "Held-out rows, which no fit has seen. An extension that is right lies on the diagonal: where it adds \
+        caption: "Rows left out of the fit. An extension that is right lies on the diagonal: where it adds \
                   something, just that was missing. A flat line would be an extension that only follows noise."
             .into(),
         x: Axis { range: with_zero(&means), ..Axis::new(format!("extended − base model ({})", scene.unit())) },
@@ -317,7 +268,7 @@ pub(super) fn autocorrelation(scene: &Scene) -> Chart {
     }
     Chart {
         title: "How long the residual remembers".into(),
-        caption: "Correlation of the residual with itself a while later, held-out rows. Noise falls from 1 to 0 within a row; \
+        caption: "Correlation of the residual with itself a while later, rows left out of the fit. Noise falls from 1 to 0 within a row; \
                   what stays above 0 is structure that hangs together over time."
             .into(),
         x: Axis::new("later by (s)"),
@@ -349,30 +300,30 @@ pub(super) fn shares(scene: &Scene, title: &str, shares: &[Share], caption: &str
     }
 }
 
-/// The candidates that explain most.
-pub(super) fn scores(found: &Diagnosis) -> Chart {
-    // Best first, so the first of a name is its best setting.
-    let mut shown: Vec<&CandidateScore> = Vec::new();
-    let mut names: Vec<String> = Vec::new();
-    for heard in &found.scores {
-        let name = super::tables::candidate(heard);
-        if shown.len() < MOST_CANDIDATES && !names.contains(&name) {
-            shown.push(heard);
-            names.push(name);
+/// Candidates, with what each gains.
+pub(super) fn ranking(shown: &[&Ranked]) -> Chart {
+    let bars = |name: &str, own: &dyn Fn(&Ranked) -> bool| {
+        let (mut x, mut y, mut error) = (Vec::new(), Vec::new(), Vec::new());
+        for (place, ranked) in shown.iter().enumerate().filter(|(_, ranked)| own(ranked)) {
+            x.push(100.0 * ranked.score.share);
+            y.push(place as f64);
+            error.push(200.0 * ranked.score.share_error);
         }
-    }
-    let bars = |name: &str, passed: bool| {
-        let own = shown.iter().enumerate().filter(|(_, heard)| heard.passed == passed);
-        let (x, y) = own.map(|(place, heard)| (100.0 * heard.share, place as f64)).unzip();
-        Series::bars(name, x, y)
+        Series::bars(name, x, y).with_error(error)
     };
+    let series = [
+        bars("in the answer", &|ranked| ranked.named).coloured_as(AFTER),
+        bars("passed alone", &|ranked| !ranked.named && ranked.score.passed),
+        bars("did not pass", &|ranked| !ranked.named && !ranked.score.passed).muted(),
+    ];
     Chart {
         title: "Candidates beside the base model, each alone".into(),
-        caption: "How much of the squared residual each, in its best setting, would take off rows left out of its fit, before \
-                  any is chosen. What only goes along with the cause falls away once the cause is in; then all are heard again."
+        caption: "How much of the squared error on rows left out of the fit each would take, in its best setting, before any is \
+                  chosen; bars are two standard errors over blocks of rows. What only goes along with a cause falls away once \
+                  that cause is in, when all are heard again."
             .into(),
-        x: Axis::new("of the squared residual explained (%)"),
-        y: Axis::of_names("", names),
-        series: vec![bars("passed", true), bars("not passed", false).muted()],
+        x: Axis::new("gain on unseen rows (% of the squared error)"),
+        y: Axis::of_names("", shown.iter().map(|ranked| ranked.name.clone())),
+        series: series.into_iter().filter(|series| !series.x.is_empty()).collect(),
     }
 }

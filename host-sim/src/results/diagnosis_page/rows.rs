@@ -44,6 +44,8 @@ pub(super) struct Rows<'a> {
     pub after: Vec<f64>,
     /// Whether a row counts in the errors.
     pub judged: Vec<bool>,
+    /// What it counts for.
+    pub weight: Vec<f64>,
     /// Velocity.
     pub velocity: Vec<f64>,
     /// Fastest speed.
@@ -66,6 +68,7 @@ impl<'a> Rows<'a> {
             before: before.residuals.concat(),
             after: after.residuals.concat(),
             judged: Vec::new(),
+            weight: Vec::new(),
             velocity: Vec::new(),
             fastest: 0.0,
             decimate: decimate.max(1),
@@ -87,10 +90,11 @@ impl<'a> Rows<'a> {
             });
             begin = end;
         }
-        let judged = |stretch: &Stretch| {
-            (0..stretch.track.len()).map(|row| f64::from(stretch.track.is_included(row))).collect()
+        let weight = |stretch: &Stretch| {
+            (0..stretch.track.len()).map(|row| stretch.track.weight(row)).collect()
         };
-        rows.judged = rows.column(judged).into_iter().map(|judged| judged > 0.0).collect();
+        rows.weight = rows.column(weight);
+        rows.judged = rows.weight.iter().map(|weight| *weight > 0.0).collect();
         rows.velocity = rows.sampled(|sample| sample.velocity_rad_s);
         rows.fastest = rows.velocity.iter().fold(0.0, |fastest, v| v.abs().max(fastest));
         rows
@@ -106,6 +110,7 @@ impl<'a> Rows<'a> {
         self.before.append(&mut other.before);
         self.after.append(&mut other.after);
         self.judged.append(&mut other.judged);
+        self.weight.append(&mut other.weight);
         self.velocity.append(&mut other.velocity);
         self.fastest = self.fastest.max(other.fastest);
         self

@@ -2,9 +2,10 @@
 
 use super::Scene;
 use crate::report::{Cell, Table};
+use crate::results::ranking::{Ranked, gain};
 use compensator_core::ParameterId;
 use friction_identification::data::JointKind;
-use friction_identification::diagnose::{CandidateScore, Diagnosis, Share};
+use friction_identification::diagnose::{Diagnosis, Share};
 use friction_identification::fit::{Estimate, Outcome, State};
 use friction_identification::number::significant;
 use friction_identification::params::unit;
@@ -50,7 +51,10 @@ pub(super) fn shares(scene: &Scene) -> Table {
     header.push(format!("RMSE there ({unit})"));
     header.push(format!("mean error there ({unit})"));
     Table {
-        caption: "The base model on held-out rows".into(),
+        caption: match found.log.leaves_each_out {
+            true => "The base model, fitted to all runs".into(),
+            false => "The base model on the rows set apart".into(),
+        },
         header,
         rows: found.by_regime.iter().chain(&found.by_direction).map(row).collect(),
         best: Vec::new(),
@@ -97,35 +101,26 @@ pub(super) fn findings(scene: &Scene) -> Table {
     }
 }
 
-/// What a candidate is called.
-pub(super) fn candidate(heard: &CandidateScore) -> String {
-    let mut name = heard.cause.name().to_owned();
-    if !heard.columns.is_empty() {
-        name += &format!(" ({})", heard.columns.join(", "));
-    }
-    if let Some(order) = heard.order {
-        name += &format!(", order {}", significant(order, 4));
-    }
-    if heard.level {
-        name += ", of the level";
-    }
-    name
-}
-
-/// All candidates, best first.
-pub(super) fn scores(found: &Diagnosis) -> Table {
-    let row = |heard: &CandidateScore| {
+/// Candidates, best first, and what stood against each.
+pub(super) fn ranking(caption: impl Into<String>, ranking: &[Ranked]) -> Table {
+    let row = |ranked: &Ranked| {
+        let verdict = if ranked.named { "in the answer" } else { ranked.against.as_str() };
         vec![
-            candidate(heard).into(),
-            Cell::Digits(100.0 * heard.share, 3),
-            Cell::Text(probability(heard.fit.p_value)),
-            if heard.passed { "passed".into() } else { "".into() },
+            ranked.name.as_str().into(),
+            Cell::Text(unbroken(gain(ranked.score))),
+            Cell::Text(probability(ranked.score.fit.p_value)),
+            verdict.into(),
         ]
     };
     Table {
-        caption: "Each alone beside the base model, best first".into(),
-        header: header(["candidate", "of the squared residual (%), rows left out", "p", ""]),
-        rows: found.scores.iter().map(row).collect(),
+        caption: caption.into(),
+        header: header([
+            "candidate",
+            "gain on unseen rows (% of the squared error, ± 2 standard errors)",
+            "p",
+            "what stood against it",
+        ]),
+        rows: ranking.iter().map(row).collect(),
         best: Vec::new(),
     }
 }

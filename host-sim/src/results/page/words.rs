@@ -23,9 +23,9 @@ pub(in crate::results) fn title(view: &View) -> String {
     if on.is_empty() { of } else { format!("{of} on {on}") }
 }
 
-/// What was logged, how much of it, and what was held out.
-pub(in crate::results) fn subtitle(view: &View) -> String {
-    let (data, split) = (view.study.data, view.study.split);
+/// What was logged, and how much of it.
+pub(in crate::results) fn logged(view: &View) -> String {
+    let data = view.study.data;
     let joint = match data.joint {
         JointKind::Revolute => "Revolute joint (torque in Nm",
         JointKind::Prismatic => "Prismatic joint (force in N",
@@ -35,6 +35,16 @@ pub(in crate::results) fn subtitle(view: &View) -> String {
     let mut renamed = renamed.map(|(ours, theirs)| (ours.trim(), theirs.trim()));
     let target = renamed.rfind(|(ours, _)| ["torque_nm", "force_n"].contains(ours));
     let source = target.map_or("as logged".to_owned(), |(_, theirs)| format!("logged as {theirs}"));
+    format!(
+        "{joint}, {source}). {} rows in {}.",
+        count(data.rows as u64),
+        counted(data.runs.len(), "run")
+    )
+}
+
+/// The same, and what was held out.
+pub(in crate::results) fn subtitle(view: &View) -> String {
+    let (data, split) = (view.study.data, view.study.split);
     let held: usize = split.test.iter().map(|part| part.rows.len()).sum();
     let (fitted, held_runs) = (split.train_runs(data), split.test_runs(data));
     let is_tail = |part: &Part| part.rows.start > 0 && part.rows.end == data.runs[part.run].len();
@@ -44,9 +54,8 @@ pub(in crate::results) fn subtitle(view: &View) -> String {
         false => "",
     };
     format!(
-        "{joint}, {source}). {} rows in {}. Held out, {} rows: {what}{} {}.",
-        count(data.rows as u64),
-        counted(data.runs.len(), "run"),
+        "{} Held out, {} rows: {what}{} {}.",
+        logged(view),
         count(held as u64),
         if held_runs.len() == 1 { "run" } else { "runs" },
         listed(&held_runs, fitting(&held_runs))
