@@ -1,11 +1,11 @@
-//! What the bristles hold where a track begins at rest.
+//! What the bristles hold where a track begins.
 //!
-//! A joint at rest holds any torque between plus and minus the static level: what its past left there.
+//! A joint at rest, or just leaving it, holds any torque between plus and minus the static level: what its past left there.
 //! The log does not say; its first torque does, with a sensor's noise, and an error there lasts as long as
 //! the joint stays in presliding, which may be the whole run. So the held torque of each such track is one
 //! more unknown, and one that is of no interest. It is solved for given the parameters (the output is all but
 //! linear in it), and its derivative column is projected out of the Jacobian, so that the standard errors
-//! know it was not known.
+//! know it was not known. A track that begins sliding forgets its start within a few rows, and so does this.
 
 use super::simulate::{Resolution, simulate};
 use super::track::Track;
@@ -21,7 +21,7 @@ const FORGOTTEN: f64 = 1e-6;
 /// Solutions for the held torque; the second one corrects for what is not linear.
 const ITERATIONS: usize = 2;
 
-/// The start of a track that begins at rest.
+/// The start of a track.
 #[derive(Clone, Debug)]
 pub struct InitialState {
     /// Torque the bristles hold, Nm.
@@ -30,8 +30,7 @@ pub struct InitialState {
     pub memory: Vec<f64>,
 }
 
-/// Solves for the held torque of a track; `None` where the law has no bristles or the track begins
-/// sliding.
+/// Solves for the held torque of a track; `None` where the law has no bristles.
 pub fn initial_state(
     parameters: &Parameters<f64>,
     track: &Track,
@@ -39,7 +38,7 @@ pub fn initial_state(
 ) -> Option<InitialState> {
     let fastest = track.samples.iter().map(|s| s.velocity_rad_s.abs()).fold(0.0, f64::max);
     let slides = track.samples[0].velocity_rad_s.abs() > AT_REST * fastest;
-    if slides || !parameters.law.has_bristles() {
+    if !parameters.law.has_bristles() {
         return None;
     }
     // `max` with 0 also takes a NaN that a wild step of the fit brought.
@@ -48,15 +47,22 @@ pub fn initial_state(
         .max(parameters.get(ParameterId::CoulombTorque))
         .max(0.0);
     let dual = parameters.convert::<Dual<1>>();
-    let mut start = InitialState { held: track.torque[0].clamp(-level, level), memory: Vec::new() };
+    let held = if slides {
+        let coulomb = parameters.get(ParameterId::CoulombTorque).max(0.0);
+        coulomb.copysign(track.samples[0].velocity_rad_s)
+    } else {
+        track.torque[0].clamp(-level, level)
+    };
+    let mut start = InitialState { held, memory: Vec::new() };
     for _ in 0..ITERATIONS {
         let (mut products, mut squares) = (0.0, 0.0);
         start.memory.clear();
         let held = Dual::parameter(start.held, 0);
         simulate(&dual, track, Some(held), resolution, |row, torque, bristle| {
             let derivative = torque.gradient[0];
-            products += derivative * (track.torque[row] - torque.value);
-            squares += derivative * derivative;
+            let weighed = track.weight(row) * derivative;
+            products += weighed * (track.torque[row] - torque.value);
+            squares += weighed * derivative;
             start.memory.push(derivative);
             bristle.gradient[0].abs() > FORGOTTEN
         });

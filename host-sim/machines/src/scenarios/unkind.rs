@@ -16,6 +16,7 @@ mod campaign;
 mod effect;
 mod motions;
 mod plant;
+mod reading;
 mod sensing;
 mod truth;
 mod visible;
@@ -32,6 +33,7 @@ use crate::friction::Seal;
 use crate::log::{Log, LoggedRun};
 use campaign::{Campaign, RunPlan};
 use plant::{Machine, Plant, Point, Way};
+use reading::{Logged, Reading, begun};
 use visible::{Rows, difference, rms, visible};
 
 /// A log and the truth behind it.
@@ -257,10 +259,21 @@ impl World {
         let sensing = &self.campaign.sensing;
         let machine = Machine { covariate_hz: sensing.covariate_hz, ..Machine::bristles(joint) };
         let errors = |ways: &[Way]| -> Rows {
-            let run = |(torque, logged): (Vec<f64>, &Logged)| {
-                logged.torque.iter().zip(torque).map(|(read, model)| read - model).collect()
+            let Campaign { runs, .. } = &self.campaign;
+            let begun: Vec<(Way, f64)> = runs
+                .iter()
+                .zip(ways)
+                .zip(logged)
+                .map(|((run, way), logged)| begun(&machine, run, way, logged.torque[0]))
+                .collect();
+            let inputs =
+                runs.iter().zip(&begun).map(|(run, (way, held))| (&run.condition, way, *held));
+            let torques = machine.torques(inputs);
+            let run = |((torque, run), logged): ((Vec<f64>, &RunPlan), &Logged)| {
+                let read = sensing.torque_channel(&run.times, &torque);
+                logged.torque.iter().zip(read).map(|(logged, model)| logged - model).collect()
             };
-            self.torques(&machine, ways).into_iter().zip(logged).map(run).collect()
+            torques.into_iter().zip(runs).zip(logged).map(run).collect()
         };
         if joint.delay_s != 0.0 || sensing.kind == SensorKind::Exact {
             // Read from the true motion: nothing about it is uncertain.
@@ -388,13 +401,6 @@ impl World {
     }
 }
 
-/// The channels of a run that are not covariates, every row, lost ones included.
-struct Logged {
-    position: Vec<f64>,
-    velocity: Vec<f64>,
-    torque: Vec<f64>,
-}
-
 /// The rows of a run that were not lost.
 fn keep(rows: &[f64], run: &RunPlan) -> Vec<f64> {
     let there = |at: &usize| !run.lost.iter().any(|lost| lost.contains(at));
@@ -415,65 +421,6 @@ fn times(values: Vec<f64>) -> Vec<f64> {
     values.into_iter().map(|t| (t * 1e6).round() / 1e6).collect()
 }
 
-/// A plain method to read the motion between rows from a log.
-#[derive(Clone, Copy, Debug)]
-struct Reading {
-    /// Straight from angle to angle; else the logged velocity added up.
-    angle: bool,
-    /// Rows smoothed over.
-    smooth: usize,
-    /// How late the velocity is, s.
-    delay_s: f64,
-}
-
-impl Reading {
-    /// The way as it is read. Before the first row it is the true one, so that the state is known.
-    fn way(&self, run: &RunPlan, way: &Way, logged: &Logged) -> Way {
-        const PARTS: usize = 3;
-        let early = |at: usize| {
-            // The velocity logged a delay later is that of now.
-            let when = run.times[at] + self.delay_s;
-            let next = run.times.partition_point(|t| *t < when).min(run.times.len() - 1);
-            logged.velocity[next]
-        };
-        let velocity: Vec<f64> = (0..run.times.len()).map(early).collect();
-        let velocity = mean_over(&velocity, self.smooth);
-        let angles = if self.angle {
-            mean_over(&logged.position, self.smooth)
-        } else {
-            let mut at = way.points[way.rows[0]].angle;
-            let sum = (0..velocity.len()).map(|row| {
-                if row > 0 {
-                    let seconds = run.times[row] - run.times[row - 1];
-                    at += 0.5 * (velocity[row] + velocity[row - 1]) * seconds;
-                }
-                at
-            });
-            sum.collect()
-        };
-        let mut read = Way {
-            points: way.points[..way.rows[0]].to_vec(),
-            rows: Vec::with_capacity(way.rows.len()),
-            accelerations: way.accelerations.clone(),
-        };
-        for row in 0..angles.len() {
-            if row > 0 {
-                for part in 1..PARTS {
-                    let share = part as f64 / PARTS as f64;
-                    let between = |of: &[f64]| of[row - 1] + share * (of[row] - of[row - 1]);
-                    let (t, angle, velocity) =
-                        (between(&run.times), between(&angles), between(&velocity));
-                    read.points.push(Point { t, angle, velocity });
-                }
-            }
-            let point = Point { t: run.times[row], angle: angles[row], velocity: velocity[row] };
-            read.points.push(point);
-            read.rows.push(read.points.len() - 1);
-        }
-        read
-    }
-}
-
 /// A seal with what is hidden in another.
 fn with_effect(seal: Seal, hidden: &Seal) -> Seal {
     Seal {
@@ -482,16 +429,4 @@ fn with_effect(seal: Seal, hidden: &Seal) -> Seal {
         eta3: hidden.eta3,
         ..seal
     }
-}
-
-/// The mean of so many rows about each.
-fn mean_over(values: &[f64], rows: usize) -> Vec<f64> {
-    let half = rows / 2;
-    (0..values.len())
-        .map(|at| {
-            let about = at.saturating_sub(half)..(at + half + 1).min(values.len());
-            let count = about.len() as f64;
-            values[about].iter().sum::<f64>() / count
-        })
-        .collect()
 }
