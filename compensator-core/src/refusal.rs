@@ -41,7 +41,7 @@ impl fmt::Display for Digits {
             exponent += 1;
         }
         let mut count = DIGITS;
-        while digits % 10 == 0 {
+        while digits.is_multiple_of(10) {
             digits /= 10;
             count -= 1;
         }

@@ -32,9 +32,7 @@ fn size(effect: HiddenCause) -> f64 {
         HiddenCause::LoadTorqueCoulomb | HiddenCause::UnmodelledInertia => 0.03,
         HiddenCause::Backlash => 1e-3,
         HiddenCause::StribeckShape => 0.8,
-        HiddenCause::TorqueRipple => 0.15,
-        HiddenCause::TemperatureCoulomb => 0.01,
-        HiddenCause::WarmUp | HiddenCause::OutsideCatalogue => 0.2,
+        HiddenCause::OutsideCatalogue => 0.2,
     }
 }
 

@@ -1,10 +1,15 @@
 //! The diagnosis of real machines: what is known to be in their logs is named, and what it gains.
 //!
+//! Asked as the program asks: the log checked, its motion reconstructed, every run left out once unless a published
+//! figure was made with another split. Whatever a log holds, the extension offered may not be worse on unseen
+//! rows than the base ([`examine`]).
+//!
 //! The logs lie beside the project, not in it; see `measured_figures.rs`. Where there are none the test
 //! says that it was skipped.
 
 use friction_identification::data::{ReadOptions, SplitRule, read, split};
 use friction_identification::diagnose::{Diagnosis, Question, diagnose};
+use friction_identification::log_check::{self, Correct};
 use friction_identification::spec::parse_rigid_body;
 use std::path::{Path, PathBuf};
 
@@ -33,7 +38,7 @@ const CASE: Case = Case {
     rigid_body: "",
     skip: 0,
     decimate: 1,
-    rule: |_| SplitRule::default(),
+    rule: |_| SplitRule::EachOut,
 };
 
 fn examine(folder: &Path, case: &Case) -> Diagnosis {
@@ -41,10 +46,20 @@ fn examine(folder: &Path, case: &Case) -> Diagnosis {
     let pair = |(ours, theirs): &(&str, &str)| ((*ours).to_owned(), (*theirs).to_owned());
     let options = ReadOptions { columns: case.columns.iter().map(pair).collect(), skip: case.skip };
     let data = read(&files, &options, &|_, _| {}).expect("a log by the contract");
-    let parts = split(&data, &(case.rule)(&files), 0).expect("a split");
-    let rigid_body = parse_rigid_body(case.rigid_body).expect("known parts");
-    let question = Question { decimate: case.decimate, rigid_body, ..Question::default() };
-    diagnose(&data, &parts, &question, &|_| {}).expect("a diagnosis")
+    let checked = log_check::check(data, Correct::default());
+    let parts = split(&checked.data, &(case.rule)(&files), 0).expect("a split");
+    let question = Question {
+        decimate: case.decimate,
+        rigid_body: parse_rigid_body(case.rigid_body).expect("known parts"),
+        log_findings: checked.findings,
+        ..Question::default()
+    };
+    let found = diagnose(&checked.data, &parts, &question, &|_| {}).expect("a diagnosis");
+    let gain = found.gain.value;
+    println!("{:?}: {:?}, gain {gain:.3}, {:.0} s", case.files, names(&found), found.seconds);
+    assert!(gain >= 0.0, "{:?}: {:?} gains {gain}", case.files, names(&found));
+    assert!(gain == 0.0 || found.cause() != "none", "{:?}: a gain of nothing", case.files);
+    found
 }
 
 fn names(found: &Diagnosis) -> Vec<&'static str> {
@@ -104,6 +119,62 @@ fn asymmetry_is_named_on_the_positioning_system() {
 }
 
 #[test]
+fn pressure_is_named_on_both_seals_where_a_pressure_is_left_out() {
+    let Some(folder) = folder() else { return };
+    // A run is a pressure, so each is judged by a law of the others.
+    for files in [&["seal-oring.csv"], &["seal-kdn.csv"]] {
+        let found = examine(&folder, &Case { files, ..CASE });
+        assert_eq!(found.cause(), "pressure-coulomb", "{files:?}: {:?}", names(&found));
+        held_out(&found);
+    }
+}
+
+#[test]
+fn a_ripple_of_seven_a_turn_is_named_on_the_cogging_motor() {
+    let Some(folder) = folder() else { return };
+    let found = examine(
+        &folder,
+        &Case { files: &["bldc-cogging.csv"], rigid_body: "inertia,offset", ..CASE },
+    );
+    assert_eq!(found.cause(), "torque-ripple", "{:?}", names(&found));
+    let order = found.findings[0].order.map(|(order, _)| order).unwrap_or_default();
+    assert!((order - 7.0).abs() < 0.05, "order {order}");
+    // The README's 0.129 A has 7 and its multiples; without them 0.570 A is left.
+    assert!((0.05..0.29).contains(&held_out(&found)));
+}
+
+#[test]
+fn backlash_is_among_the_findings_on_the_damper() {
+    let Some(folder) = folder() else { return };
+    let found = examine(&folder, &Case { files: &["damper-2.csv"], ..CASE });
+    assert!(names(&found).contains(&"backlash"), "{:?}", names(&found));
+    assert!(found.gain.value >= 0.35, "gain {}", found.gain.value);
+    held_out(&found);
+}
+
+#[test]
+fn the_balancer_of_the_robot_is_never_nothing() {
+    let Some(folder) = folder() else { return };
+    let axis = Case { files: &["robot-axis2.csv"], rigid_body: "inertia,load,offset", ..CASE };
+    assert_ne!(examine(&folder, &axis).cause(), "none");
+}
+
+#[test]
+fn no_other_log_is_offered_what_is_worse_than_nothing() {
+    let Some(folder) = folder() else { return };
+    for (files, rigid_body) in [
+        (&["screw-antibacklash.csv"], "offset"),
+        (&["damper-1-actuators.csv"], ""),
+        (&["damper-1.csv"], ""),
+        (&["damper-quakes.csv"], ""),
+        (&["robot-axis1.csv"], "inertia,load,offset"),
+        (&["robot-axis3.csv"], "inertia,load,offset"),
+    ] {
+        examine(&folder, &Case { files, rigid_body, ..CASE });
+    }
+}
+
+#[test]
 fn asymmetry_is_named_on_the_worm_drive() {
     let Some(folder) = folder() else { return };
     let found = examine(&folder, &Case { files: &["worm-drive.csv"], ..CASE });
@@ -112,20 +183,21 @@ fn asymmetry_is_named_on_the_worm_drive() {
 }
 
 #[test]
-fn load_is_named_on_the_servo_and_temperature_is_not() {
+fn load_is_named_first_on_the_servo_and_temperature_is_not() {
     let Some(folder) = folder() else { return };
-    let found = examine(
-        &folder,
-        &Case {
-            files: &["servo-pendulum.csv"],
-            columns: &[("torque_nm", "drive_voltage_v")],
-            rigid_body: "load,offset",
-            rule: |_| SplitRule::parse_hold_out("kp=400").expect("a rule"),
-            ..CASE
-        },
-    );
-    assert!(names(&found).contains(&"load-torque-coulomb"), "{:?}", names(&found));
-    let blamed = found.findings.iter().flat_map(|finding| &finding.columns);
-    assert!(!blamed.clone().any(|column| column == "temperature_c"), "{:?}", names(&found));
-    assert!((0.4..0.6).contains(&held_out(&found)));
+    let servo = Case {
+        files: &["servo-pendulum.csv"],
+        columns: &[("torque_nm", "drive_voltage_v")],
+        rigid_body: "load,offset",
+        ..CASE
+    };
+    // The README's 0.537 V is of the gain 400 held out.
+    let gain_400 = |_: &[PathBuf]| SplitRule::parse_hold_out("kp=400").expect("a rule");
+    for rule in [servo.rule, gain_400] {
+        let found = examine(&folder, &Case { rule, ..servo });
+        assert_eq!(found.cause(), "load-torque-coulomb", "{:?}", names(&found));
+        let mut blamed = found.findings.iter().flat_map(|finding| &finding.columns);
+        assert!(!blamed.any(|column| column == "temperature_c"), "{:?}", names(&found));
+        assert!((0.4..0.6).contains(&held_out(&found)));
+    }
 }
