@@ -88,9 +88,14 @@ pub(super) fn begun(machine: &Machine, run: &RunPlan, way: &Way, torque_nm: f64)
         accelerations: begun.accelerations[..1].to_vec(),
     };
     let seal = &machine.joint.seal;
-    let slack = machine.torques(std::iter::once((&run.condition, &start, 0.0)));
-    let held_nm = torque_nm - slack.first().and_then(|torque| torque.first()).unwrap_or(&0.0);
-    (begun, held_nm.clamp(-seal.static_nm, seal.static_nm) / seal.coulomb_nm)
+    // The torque is linear in what the contact holds.
+    let [slack, coulomb] = [0.0, 1.0].map(|held| {
+        let torques = machine.torques(std::iter::once((&run.condition, &start, held)));
+        torques.into_iter().flatten().next().unwrap_or(0.0)
+    });
+    let held = if coulomb == slack { 0.0 } else { (torque_nm - slack) / (coulomb - slack) };
+    let most = seal.static_nm / seal.coulomb_nm;
+    (begun, held.clamp(-most, most))
 }
 
 /// The mean of so many rows about each.
