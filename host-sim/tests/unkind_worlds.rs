@@ -16,8 +16,8 @@ const SEEDS: [u64; 20] = [
     740646060, 595735654, 2974031141, 3947094250,
 ];
 /// Least that is right, and most that is wrong, of those.
-const LEAST_RIGHT: usize = 8;
-const MOST_WRONG: usize = 8;
+const LEAST_RIGHT: usize = 11;
+const MOST_WRONG: usize = 1;
 
 #[test]
 fn unkind_worlds_are_answered_no_worse_than_before() {
@@ -70,10 +70,10 @@ fn worlds_are_as_varied_as_they_say() {
             assert!(run.columns.iter().flatten().all(|x| x.is_finite()), "{seed}");
             assert!(run.columns[0].windows(2).all(|t| t[0] < t[1]), "{seed}: time stands still");
         }
-        // An exact log leaves its noise and nothing else, where the plant is bristles.
+        // An exact log leaves its noise, where the plant is bristles, and in presliding that of the torque it began with.
         if truth.sensor == SensorKind::Exact && truth.plant == "bristles" {
             let ratio = truth.floor_nm / truth.noise_nm;
-            assert!((0.95..1.05).contains(&ratio), "{seed}: {ratio}");
+            assert!((0.95..1.5).contains(&ratio), "{seed}: {ratio}");
         }
     }
 }

@@ -11,9 +11,10 @@ use super::survey::block_length;
 use super::train_test::{AtRest, TrainTest};
 use crate::fit::solve::ENOUGH_TO_COMPARE;
 use crate::fit::statistics::autocorrelation_time;
-use crate::fit::{FitOptions, fit};
+use crate::fit::{FitOptions, Track, fit};
 use crate::spec::{Spec, SpecError};
-use compensator_core::{LawKind, Parameters};
+use ParameterId as Id;
+use compensator_core::{LawKind, ParameterId, Parameters};
 
 /// The laws, the simplest first.
 const LADDER: [LawKind; 3] = [LawKind::Linear, LawKind::Stribeck, LawKind::Lugre];
@@ -138,7 +139,29 @@ fn climb(log: &TrainTest, ladder: &[LawKind]) -> Result<Fitted, SpecError> {
     best.map_or_else(|| fitted(log, &Spec::law(LawKind::Linear), None), Ok)
 }
 
+/// Whether the bristles of a law would have to be bent further than the joint ever goes: then they are a spring that
+/// stands for something else, and no friction.
+fn never_slips(log: &TrainTest, model: &Fitted) -> bool {
+    let parameters = &model.parameters;
+    let level = parameters.get(Id::StaticTorque).max(parameters.get(Id::CoulombTorque));
+    let travel = level / parameters.get(Id::BristleStiffness).max(f64::MIN_POSITIVE);
+    let stroke = |track: &Track| {
+        let (mut at, mut low, mut high) = (0.0f64, 0.0f64, 0.0f64);
+        for (row, sample) in track.samples.iter().enumerate() {
+            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+            at += sample.velocity_rad_s * track.period_s * ratio;
+            (low, high) = (low.min(at), high.max(at));
+        }
+        high - low
+    };
+    model.spec.law.has_bristles()
+        && travel > log.train_tracks.iter().map(stroke).fold(0.0, f64::max)
+}
+
 fn is_worth_it(log: &TrainTest, simple: &Fitted, rich: &Fitted) -> bool {
+    if never_slips(log, rich) {
+        return false;
+    }
     let predicted = rich.on_train(log);
     let memory = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
     let rows = predicted.metrics.rows as f64 / memory;

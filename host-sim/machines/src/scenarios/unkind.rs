@@ -264,7 +264,11 @@ impl World {
                 .iter()
                 .zip(ways)
                 .zip(logged)
-                .map(|((run, way), logged)| begun(&machine, run, way, logged.torque[0]))
+                .map(|((run, way), logged)| {
+                    begun(&machine, run, way, logged, |torque| {
+                        sensing.torque_channel(&run.times[..torque.len()], torque)
+                    })
+                })
                 .collect();
             let inputs =
                 runs.iter().zip(&begun).map(|(run, (way, held))| (&run.condition, way, *held));

@@ -73,24 +73,52 @@ impl Reading {
     }
 }
 
-/// A way from its first row on, and what the contact holds there by the first torque: nobody who has the log alone
-/// knows what was before.
-pub(super) fn begun(machine: &Machine, run: &RunPlan, way: &Way, torque_nm: f64) -> (Way, f64) {
+/// Rows by which what the contact holds at the first of them is found.
+const FIRST_ROWS: usize = 30;
+/// Shares of the static level that are tried, to either side.
+const TRIED: i32 = 8;
+
+/// A way from its first row on, and what the contact holds there, found by the first rows' torque: nobody who has the
+/// log alone knows what was before.
+pub(super) fn begun(
+    machine: &Machine,
+    run: &RunPlan,
+    way: &Way,
+    logged: &Logged,
+    channel: impl Fn(&[f64]) -> Vec<f64>,
+) -> (Way, f64) {
     let first = way.rows[0];
     let begun = Way {
         points: way.points[first..].to_vec(),
         rows: way.rows.iter().map(|row| row - first).collect(),
         accelerations: way.accelerations.clone(),
     };
+    let rows = FIRST_ROWS.min(begun.rows.len());
     let start = Way {
-        points: begun.points[..1].to_vec(),
-        rows: vec![0],
-        accelerations: begun.accelerations[..1].to_vec(),
+        points: begun.points[..=begun.rows[rows - 1]].to_vec(),
+        rows: begun.rows[..rows].to_vec(),
+        accelerations: begun.accelerations[..rows].to_vec(),
     };
     let seal = &machine.joint.seal;
-    let slack = machine.torques(std::iter::once((&run.condition, &start, 0.0)));
-    let held_nm = torque_nm - slack.first().and_then(|torque| torque.first()).unwrap_or(&0.0);
-    (begun, held_nm.clamp(-seal.static_nm, seal.static_nm) / seal.coulomb_nm)
+    let error = |held: f64| -> f64 {
+        let torques = machine.torques(std::iter::once((&run.condition, &start, held)));
+        let torque: Vec<f64> = torques.into_iter().flatten().collect();
+        channel(&torque).iter().zip(&logged.torque).map(|(m, t)| (m - t) * (m - t)).sum()
+    };
+    let most = seal.static_nm / seal.coulomb_nm;
+    let tried = (-TRIED..=TRIED).map(|share| most * f64::from(share) / f64::from(TRIED));
+    // Errors are a parabola of what is held, as long as nothing slips: its bottom lies near the best of the tried.
+    let tried: Vec<(f64, f64)> = tried.map(|held| (error(held), held)).collect();
+    let best = (0..tried.len()).min_by(|a, b| tried[*a].0.total_cmp(&tried[*b].0)).unwrap_or(0);
+    let mut found = tried[best];
+    if let [before, here, after] = tried[best.saturating_sub(1)..(best + 2).min(tried.len())] {
+        let bend = before.0 - 2.0 * here.0 + after.0;
+        let held = here.1 + 0.5 * (after.1 - here.1) * (before.0 - after.0) / bend;
+        if held.is_finite() && held.abs() <= most && error(held) < found.0 {
+            found.1 = held;
+        }
+    }
+    (begun, found.1)
 }
 
 /// The mean of so many rows about each.
