@@ -236,7 +236,11 @@ mod tests {
 
     /// A shaft that turns to and fro over thirteen turns, a torque of these orders and sizes, noise.
     fn rows(waves: &[(f64, f64)]) -> Rows {
-        let mut random = Pcg64::seed_from_u64(3);
+        rows_of(waves, 3)
+    }
+
+    fn rows_of(waves: &[(f64, f64)], seed: u64) -> Rows {
+        let mut random = Pcg64::seed_from_u64(seed);
         let mut rows = Rows { position: Vec::new(), residual: Vec::new(), basis: Vec::new() };
         for at in 0..20_000 {
             let q = 40.0 * (f64::from(at) * 1.1e-3).sin();
@@ -271,7 +275,12 @@ mod tests {
     #[test]
     fn once_a_turn_is_left_to_gravity_and_noise_has_no_order() {
         assert_eq!(strongest_of(rows(&[(1.0, 0.5)]), 300.0, 1, &[1.0], false), None);
-        assert_eq!(strongest_of(rows(&[]), 300.0, 4, &[1.0], false), None);
+        // One spectrum in a hundred has so high a peak by its own word.
+        let alarms = (0..30).filter(|seed| {
+            strongest_of(rows_of(&[], *seed), 300.0, 4, &[1.0], false).is_some()
+        });
+        let alarms = alarms.count();
+        assert!(alarms <= 3, "{alarms} of 30 at 1 %");
     }
 
     #[test]
