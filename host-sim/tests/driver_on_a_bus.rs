@@ -137,7 +137,7 @@ fn params_gets_sets_and_refuses_by_name() {
     for (what, why) in [
         ("coulomb_torque=5", "static_torque = 1: must be at least 5"),
         ("compensator.scale=2", "scale = 2: must be at most 1"),
-        ("scale=1", "scale: no such parameter; is it compensator.scale?"),
+        ("scale=1", "scale: no such parameter; is it unknown_scale or compensator.scale?"),
         ("static_torque=much", "static_torque: found \"much\", expected a number"),
         ("nowhere.toml", "nowhere.toml: No such file"),
     ] {

@@ -276,9 +276,8 @@ mod tests {
     fn once_a_turn_is_left_to_gravity_and_noise_has_no_order() {
         assert_eq!(strongest_of(rows(&[(1.0, 0.5)]), 300.0, 1, &[1.0], false), None);
         // One spectrum in a hundred has so high a peak by its own word.
-        let alarms = (0..30).filter(|seed| {
-            strongest_of(rows_of(&[], *seed), 300.0, 4, &[1.0], false).is_some()
-        });
+        let alarms = (0..30)
+            .filter(|seed| strongest_of(rows_of(&[], *seed), 300.0, 4, &[1.0], false).is_some());
         let alarms = alarms.count();
         assert!(alarms <= 3, "{alarms} of 30 at 1 %");
     }

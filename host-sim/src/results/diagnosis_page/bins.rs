@@ -156,6 +156,7 @@ mod tests {
             before: vec![0.0; count],
             after: vec![0.0; count],
             judged: vec![true; count],
+            weight: vec![1.0; count],
             velocity: vec![1.0; count],
             fastest: 1.0,
             decimate: 1,
