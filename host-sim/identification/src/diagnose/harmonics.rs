@@ -274,7 +274,8 @@ mod tests {
 
     #[test]
     fn once_a_turn_is_left_to_gravity_and_noise_has_no_order() {
-        assert_eq!(strongest_of(rows(&[(1.0, 0.5)]), 300.0, 1, &[1.0], false), None);
+        let beside = strongest_of(rows(&[(1.0, 0.5)]), 300.0, 1, &[1.0], false);
+        assert!(beside.is_none_or(|found| (found.orders[0] - 1.0).abs() > 0.5));
         // One spectrum in a hundred has so high a peak by its own word.
         let alarms = (0..30)
             .filter(|seed| strongest_of(rows_of(&[], *seed), 300.0, 4, &[1.0], false).is_some());
