@@ -5,9 +5,6 @@
 //! rows. A log of steady sliding gets no bristles, and no cause that only bristles could show.
 
 use super::model::Fitted;
-use super::sensitivities::sensitivities;
-use super::standing::Standing;
-use super::survey::block_length;
 use super::train_test::{AtRest, TrainTest};
 use crate::fit::solve::ENOUGH_TO_COMPARE;
 use crate::fit::statistics::autocorrelation_time;
@@ -73,16 +70,6 @@ pub struct Baseline {
 /// If the rigid-body parts alone are more terms than the core takes.
 pub fn choose(log: &TrainTest) -> Result<Baseline, SpecError> {
     let best = climb(log, &LADDER)?;
-    if best.spec.law.has_bristles() {
-        // What a joint holds at rest can bend bristles out of all proportion, above all where the motion is too
-        // coarse to show them: a law with bristles has to be as good in motion as one without, on runs left out.
-        let at_rest = log.at_rest();
-        let moving = log.clone().without(&at_rest);
-        let plain = climb(&moving, &LADDER[..2])?;
-        if in_motion(&moving, &plain) < in_motion(&moving, &best) {
-            return Ok(Baseline { model: plain, at_rest: Some(at_rest) });
-        }
-    }
     // Where rows at rest are left out, a law with bristles has just been found no better: what is left are
     // the others.
     judged(log, best, |log| climb(log, &LADDER[..2]))
@@ -98,13 +85,6 @@ pub fn asked_for(
     start: Option<&Parameters<f64>>,
 ) -> Result<Baseline, SpecError> {
     judged(log, fitted(log, spec, start)?, |log| fitted(log, spec, start))
-}
-
-/// Squared error of a model on rows left out, whole runs at a time where that can be.
-fn in_motion(moving: &TrainTest, model: &Fitted) -> f64 {
-    let at = sensitivities(&model.parameters, &[], &moving.train_tracks, model.resolution);
-    let standing = Standing::of_model(moving, model, block_length(moving, &at));
-    standing.runs.map_or_else(|| standing.stretches.iter().sum(), |runs| runs.iter().sum())
 }
 
 /// The model, or another one without the rows at rest, where it has nothing to say of them. A law with

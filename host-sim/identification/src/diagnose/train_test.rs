@@ -175,14 +175,6 @@ impl TrainTest {
         })
     }
 
-    /// Rows at rest.
-    pub fn at_rest(&self) -> AtRest {
-        let slowest = REST * Scales::of(&self.train_tracks).speed;
-        let samples = self.train_tracks.iter().flat_map(|track| &track.samples);
-        let rows = samples.filter(|sample| sample.velocity_rad_s.abs() < slowest).count();
-        AtRest { slowest, rows }
-    }
-
     /// Rows at rest, where a law without bristles does much worse there than in motion: at rest the joint
     /// holds whatever it was left with, and such a law knows nothing of it. `squares` gives the law's
     /// squared error on the training rows that count and their number.
