@@ -7,7 +7,7 @@
 //! per experiment. Three rules hold everywhere after that: nothing that has a memory (a
 //! derivative, a filter, a bristle state) ever crosses the border of a run or a gap inside it
 //! ([`segments`]); thinning out is anti-aliased ([`AntiAlias`]); and training and test data
-//! are whole stretches of time, never shuffled rows ([`split`]).
+//! are whole stretches of time, never shuffled rows ([`split()`]).
 //!
 //! The way of a row: `source` (one of the formats) -> `header` (which column is what) ->
 //! `clean` (may this row stay?) -> `columns` (which optional columns may stay?) -> `read`

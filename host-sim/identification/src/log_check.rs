@@ -2,7 +2,7 @@
 //!
 //! A model explains what is in its columns, and so it explains a logger's faults as friction: a torque that
 //! is late looks like backlash, a velocity that flickers at rest like a bristle. Each file here looks for one
-//! family of faults and says how large it is, in the log's own units; [`CHECKS`] is the list. Two things
+//! family of faults and says how large it is, in the log's own units; `CHECKS` is the list. Two things
 //! are corrected and nothing else: rows with a value that cannot be are left out, and the motion is
 //! reconstructed ([`crate::motion`]). Both can be switched off ([`Correct`]), and either way the finding says so.
 //! Everything else is only told, because a correction would need what the log does not hold: a held channel

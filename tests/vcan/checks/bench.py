@@ -99,6 +99,10 @@ class Program:
             self.process.kill()
             raise
 
+    def sleeps(self):
+        """Whether it waits for something, as a reader does that has read all there is."""
+        return pathlib.Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "S"
+
     def cpu_s(self):
         """Processor time it has taken so far, s."""
         fields = pathlib.Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()

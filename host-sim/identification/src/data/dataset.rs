@@ -150,7 +150,7 @@ impl Run {
 
 impl Dataset {
     /// A data set that was never in a file: each run with a column of equal length for each of the names,
-    /// which are those of the contract ([`super::read`]); any other name is a covariate.
+    /// which are those of the contract ([`super::read()`]); any other name is a covariate.
     ///
     /// # Errors
     /// One line: a required column is missing, or a run's columns differ in number or length. Values are

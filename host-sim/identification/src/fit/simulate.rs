@@ -8,7 +8,7 @@
 //! core's step. [`crate::fit::solve`] chooses.
 //!
 //! Sub-steps are for bristles on the move. Most rows of most logs slide, or rest, where one step is as good;
-//! [`super::settled`] says where, so that an extrapolated simulation costs little more than a plain one.
+//! `settled` says where, so that an extrapolated simulation costs little more than a plain one.
 
 use super::delayed::undelayed;
 use super::settled::Pilot;
