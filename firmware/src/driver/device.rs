@@ -18,7 +18,8 @@ use crate::store::{LoadError, Store};
 use crate::supervisor::{self, CanState, Code, InUse, Observation, ResetCause, State, Supervisor};
 use crate::watch::{Watch, WatchParameters};
 use compensator_core::can::{
-    Answer, Entry, Frame, JointKind, Message, Motion, Node, Status, Sync, Telemetry, Torque,
+    Answer, Command, Entry, Frame, JointKind, Message, Motion, Node, Seal, Status, Surroundings,
+    Sync, Telemetry, Torque,
 };
 use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
@@ -228,12 +229,14 @@ impl<F: NorFlash> Device<F> {
     /// Takes in a process frame, where it is for this node.
     pub(super) fn take(&mut self, message: &Message, frame: &Frame, node: Node, now_us: u64) {
         let inputs = &mut self.inputs;
+        // One on its own sensors says these itself; it is told neither.
+        let told = self.settings.source == Source::Bus;
         let places = match message {
             Message::Sync(sync) => return self.sync(*sync, node),
-            Message::Motion(of, _) if *of == node => {
+            Message::Motion(of, _) if *of == node && told => {
                 [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
             }
-            Message::Torque(of, _) if *of == node => {
+            Message::Torque(of, _) if *of == node && told => {
                 [&mut inputs.torque_nm, &mut inputs.load_torque_nm]
             }
             Message::Seal(of, _) if *of == node => {
@@ -250,6 +253,34 @@ impl<F: NorFlash> Device<F> {
         for (place, word) in places.into_iter().zip(frame.data().as_chunks::<4>().0) {
             *place = u32::from_le_bytes(*word);
         }
+        self.hear(message, now_us);
+    }
+
+    /// Takes in an input that was written as an object: as its frame would have brought it.
+    pub(super) fn input(&mut self, sub_index: u8, word: u32) {
+        let Some(words) = self.inputs.set(sub_index, word) else { return };
+        let node = self.settings.node;
+        let [first, second] = words.map(f32::from_bits);
+        let message = match sub_index {
+            Inputs::VELOCITY | Inputs::POSITION => {
+                Message::Motion(node, Motion { velocity_rad_s: first, position_rad: second })
+            }
+            Inputs::TORQUE | Inputs::LOAD_TORQUE => {
+                Message::Torque(node, Torque { torque_nm: first, load_torque_nm: second })
+            }
+            Inputs::RADIAL_FORCE | Inputs::PRESSURE_DIFF => {
+                Message::Seal(node, Seal { radial_force_n: first, pressure_diff_pa: second })
+            }
+            Inputs::TEMPERATURE | Inputs::AUXILIARY => Message::Surroundings(
+                node,
+                Surroundings { temperature_c: first, auxiliary: second },
+            ),
+            _ => Message::Command(node, Command::from_words(words)),
+        };
+        self.hear(&message, self.now_us);
+    }
+
+    fn hear(&mut self, message: &Message, now_us: u64) {
         self.hil.take(message);
         match self.live.take(message, now_us) {
             Some(CommandSequence::New { lost }) => {
@@ -276,7 +307,7 @@ impl<F: NorFlash> Device<F> {
         count(&mut self.counters.sync_lost, u32::from(lost));
         if self.settings.source == Source::Sensors {
             self.reply = self.measured_reply();
-            // What the joint measured goes where a joint in HIL is given it: a log of a joint is a trace.
+            // What the joint measured it says as a joint in HIL is given it: a log of a joint is a trace.
             self.send(Message::Motion(
                 node,
                 Motion {
@@ -284,9 +315,10 @@ impl<F: NorFlash> Device<F> {
                     position_rad: self.report.position_rad,
                 },
             ));
+            let load_torque_nm = f32::from_bits(self.inputs.load_torque_nm);
             self.send(Message::Torque(
                 node,
-                Torque { torque_nm: self.report.motor_torque_nm, load_torque_nm: f32::NAN },
+                Torque { torque_nm: self.report.motor_torque_nm, load_torque_nm },
             ));
         }
         let reply = self.reply;

@@ -2,7 +2,9 @@
 
 use super::device::Device;
 use crate::hil::Number;
-use crate::node::dictionary::records::{self, Commit, Inputs, Operation, Outputs, State, Trace};
+use crate::node::dictionary::records::{
+    self, Commit, Inputs, Measured, Operation, Outputs, State, Trace,
+};
 use crate::node::dictionary::{self, Access, ERRORS_KEPT, LOAD, Object, SAVE, index};
 use crate::node::sdo::{Abort, Objects, Value};
 use crate::node_settings::{SettingError, Source};
@@ -14,7 +16,7 @@ use embedded_storage::nor_flash::NorFlash;
 impl<F: NorFlash> Objects for Device<F> {
     fn may_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
         let entry = dictionary::find(at.index, at.subindex)?;
-        if !matches!(entry.access, Access::ReadWrite | Access::WriteOnly) {
+        if !matches!(entry.access, Access::ReadWrite | Access::WriteOnly | Access::Input) {
             return Err(Abort::ReadOnly);
         }
         if let (Some(found), Some(expected)) = (length, entry.data.length()) {
@@ -25,10 +27,10 @@ impl<F: NorFlash> Objects for Device<F> {
                 return Err(Abort::TooShort);
             }
         }
-        // A request to disarm, and what a trace says of itself, are always heard.
+        // A request to disarm, what a trace says of itself, and what else comes in frames, are always heard.
         let always = matches!(
             (at.index, at.subindex),
-            (index::STATE, State::REQUEST) | (index::TRACE | index::ERROR_FIELD, _)
+            (index::STATE, State::REQUEST) | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
         );
         if !always && self.is_armed() {
             let why = "the joint is armed, and nothing is written then: disarm first";
@@ -65,6 +67,10 @@ impl<F: NorFlash> Objects for Device<F> {
                 self.write_setting(at, number)
             }
             index::TRACE => self.write_trace(at.subindex, number),
+            index::INPUTS => {
+                self.input(at.subindex, number);
+                Ok(())
+            }
             index::STATE => match at.subindex {
                 State::REQUEST => self.request(number as u8),
                 _ => self.set_position(f32::from_bits(number)),
@@ -154,6 +160,9 @@ const fn mapped(index: u16, sub_indices: [u8; 2]) -> [u32; 2] {
 const SYNCHRONOUS: u32 = 1;
 const EVENT_DRIVEN: u32 = 0xFF;
 
+/// Bit of a PDO's identifier that says it is not used.
+const PDO_UNUSED: u32 = 1 << 31;
+
 impl<F: NorFlash> Device<F> {
     /// What a number reads as, a float as its bits.
     fn number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
@@ -164,6 +173,12 @@ impl<F: NorFlash> Device<F> {
         let at = |base: u16| u32::from(base) + node;
         let pdo = |base, transmission_type| {
             list(&records::Pdo { cob_id: at(base), transmission_type }.words())
+        };
+        // A joint says what it measures; one in HIL is told it, on the same identifier.
+        let measured = |base, by: Source| {
+            let unused = if settings.source == by { 0 } else { PDO_UNUSED };
+            let pdo = records::Pdo { cob_id: at(base) | unused, transmission_type: SYNCHRONOUS };
+            list(&pdo.words())
         };
         let inputs = |sub_indices| list(&mapped(index::INPUTS, sub_indices));
         let outputs = |sub_indices| list(&mapped(index::OUTPUTS, sub_indices));
@@ -189,24 +204,36 @@ impl<F: NorFlash> Device<F> {
                 }
                 .words(),
             ),
-            index::RECEIVE_MOTION => pdo(cob_id::RPDO_1, SYNCHRONOUS),
-            index::RECEIVE_TORQUE => pdo(cob_id::RPDO_2, SYNCHRONOUS),
+            index::RECEIVE_COMMAND => pdo(cob_id::RPDO_2, EVENT_DRIVEN),
             index::RECEIVE_SEAL => pdo(cob_id::RPDO_3, SYNCHRONOUS),
             index::RECEIVE_SURROUNDINGS => pdo(cob_id::RPDO_4, SYNCHRONOUS),
-            index::RECEIVE_COMMAND => pdo(cob_id::RPDO_5, EVENT_DRIVEN),
+            index::RECEIVE_MOTION => measured(cob_id::TPDO_4, Source::Bus),
+            index::RECEIVE_TORQUE => measured(cob_id::TPDO_5, Source::Bus),
             index::TRANSMIT_ANSWER => pdo(cob_id::TPDO_1, SYNCHRONOUS),
             index::TRANSMIT_STATUS => pdo(cob_id::TPDO_2, SYNCHRONOUS),
             index::TRANSMIT_TELEMETRY => pdo(cob_id::TPDO_3, SYNCHRONOUS),
-            index::MAPPING_MOTION => inputs([Inputs::VELOCITY, Inputs::POSITION]),
-            index::MAPPING_TORQUE => inputs([Inputs::TORQUE, Inputs::LOAD_TORQUE]),
-            index::MAPPING_SEAL => inputs([Inputs::RADIAL_FORCE, Inputs::PRESSURE_DIFF]),
-            index::MAPPING_SURROUNDINGS => inputs([Inputs::TEMPERATURE, Inputs::AUXILIARY]),
-            index::MAPPING_COMMAND => inputs([Inputs::COMMAND_CURRENT, Inputs::COMMAND_REST]),
+            index::TRANSMIT_MOTION => measured(cob_id::TPDO_4, Source::Sensors),
+            index::TRANSMIT_TORQUE => measured(cob_id::TPDO_5, Source::Sensors),
+            index::MAPPING_RECEIVED_COMMAND => {
+                inputs([Inputs::COMMAND_CURRENT, Inputs::COMMAND_REST])
+            }
+            index::MAPPING_RECEIVED_SEAL => inputs([Inputs::RADIAL_FORCE, Inputs::PRESSURE_DIFF]),
+            index::MAPPING_RECEIVED_SURROUNDINGS => {
+                inputs([Inputs::TEMPERATURE, Inputs::AUXILIARY])
+            }
+            index::MAPPING_RECEIVED_MOTION => inputs([Inputs::VELOCITY, Inputs::POSITION]),
+            index::MAPPING_RECEIVED_TORQUE => inputs([Inputs::TORQUE, Inputs::LOAD_TORQUE]),
             index::MAPPING_ANSWER => {
                 outputs([Outputs::FRICTION_TORQUE, Outputs::FEED_FORWARD_CURRENT])
             }
             index::MAPPING_STATUS => outputs([Outputs::FLAGS, Outputs::SEQUENCE]),
             index::MAPPING_TELEMETRY => outputs([Outputs::CURRENT, Outputs::RESIDUAL_TORQUE]),
+            index::MAPPING_MOTION => {
+                list(&mapped(index::MEASURED, [Measured::VELOCITY, Measured::POSITION]))
+            }
+            index::MAPPING_TORQUE => {
+                list(&mapped(index::MEASURED, [Measured::TORQUE, Measured::LOAD_TORQUE]))
+            }
             index::TRACE => {
                 let joint_kind = self.joint_kind as u32;
                 let (run, sequence) = (self.run, self.sequence());
@@ -227,6 +254,7 @@ impl<F: NorFlash> Device<F> {
             index::FRAME_COUNTERS => list(&self.all_counters().words()),
             index::INPUTS => list(&self.last_inputs().words()),
             index::OUTPUTS => list(&self.last_outputs().words()),
+            index::MEASURED => list(&self.measured().words()),
             index::CODE_COUNTERS => self.code_count(nth).ok_or(Abort::NoSubIndex),
             index::WATCH => list(&self.watch_state().words()),
             index::COMMIT => {

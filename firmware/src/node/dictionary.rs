@@ -19,7 +19,8 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    Commit, Identity, Inputs, Operation, Outputs, Pdo, SdoServer, State, Trace, WatchState, entry,
+    Commit, Identity, Inputs, Measured, Operation, Outputs, Pdo, SdoServer, State, Trace,
+    WatchState, entry,
 };
 
 /// What stands at an index.
@@ -123,22 +124,26 @@ objects! {
     0x1018 IDENTITY record("identity", Identity::ENTRIES);
     0x1019 SYNC_OVERFLOW variable("sync_counter_overflow", Unsigned8, Const);
     0x1200 SDO_SERVER record("sdo_server", SdoServer::ENTRIES);
-    0x1400 RECEIVE_MOTION record("receive_pdo_motion", Pdo::ENTRIES);
-    0x1401 RECEIVE_TORQUE record("receive_pdo_torque", Pdo::ENTRIES);
+    0x1401 RECEIVE_COMMAND record("receive_pdo_command", Pdo::ENTRIES);
     0x1402 RECEIVE_SEAL record("receive_pdo_seal", Pdo::ENTRIES);
     0x1403 RECEIVE_SURROUNDINGS record("receive_pdo_surroundings", Pdo::ENTRIES);
-    0x1404 RECEIVE_COMMAND record("receive_pdo_command", Pdo::ENTRIES);
-    0x1600 MAPPING_MOTION mapping("mapping_motion");
-    0x1601 MAPPING_TORQUE mapping("mapping_torque");
-    0x1602 MAPPING_SEAL mapping("mapping_seal");
-    0x1603 MAPPING_SURROUNDINGS mapping("mapping_surroundings");
-    0x1604 MAPPING_COMMAND mapping("mapping_command");
+    0x1404 RECEIVE_MOTION record("receive_pdo_motion", Pdo::ENTRIES);
+    0x1405 RECEIVE_TORQUE record("receive_pdo_torque", Pdo::ENTRIES);
+    0x1601 MAPPING_RECEIVED_COMMAND mapping("mapping_received_command");
+    0x1602 MAPPING_RECEIVED_SEAL mapping("mapping_received_seal");
+    0x1603 MAPPING_RECEIVED_SURROUNDINGS mapping("mapping_received_surroundings");
+    0x1604 MAPPING_RECEIVED_MOTION mapping("mapping_received_motion");
+    0x1605 MAPPING_RECEIVED_TORQUE mapping("mapping_received_torque");
     0x1800 TRANSMIT_ANSWER record("transmit_pdo_answer", Pdo::ENTRIES);
     0x1801 TRANSMIT_STATUS record("transmit_pdo_status", Pdo::ENTRIES);
     0x1802 TRANSMIT_TELEMETRY record("transmit_pdo_telemetry", Pdo::ENTRIES);
+    0x1803 TRANSMIT_MOTION record("transmit_pdo_motion", Pdo::ENTRIES);
+    0x1804 TRANSMIT_TORQUE record("transmit_pdo_torque", Pdo::ENTRIES);
     0x1A00 MAPPING_ANSWER mapping("mapping_answer");
     0x1A01 MAPPING_STATUS mapping("mapping_status");
     0x1A02 MAPPING_TELEMETRY mapping("mapping_telemetry");
+    0x1A03 MAPPING_MOTION mapping("mapping_motion");
+    0x1A04 MAPPING_TORQUE mapping("mapping_torque");
     0x2000 TRACE record("trace", Trace::ENTRIES);
     0x2001 OPERATION record("operation", Operation::ENTRIES);
     0x2002 STATE record("state", State::ENTRIES);
@@ -149,6 +154,7 @@ objects! {
     0x2006 CODE_COUNTERS array("code_counters", "code_counter", ReadOnly, CODES);
     0x2007 WATCH record("watch", WatchState::ENTRIES);
     0x2008 LAST_PANIC variable("last_panic", VisibleString, ReadOnly);
+    0x2009 MEASURED record("measured", Measured::ENTRIES);
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);

@@ -17,6 +17,7 @@ fn access(entry: &Entry) -> &'static str {
         Access::Const => "const",
         Access::ReadOnly => "ro",
         Access::ReadWrite => "rw",
+        Access::Input => "rww",
         Access::WriteOnly => "wo",
     }
 }
@@ -31,15 +32,13 @@ fn by_node(object: u16, sub_index: u8) -> bool {
 
 /// What a fresh driver answers, in the words of the format; `None` where it changes by itself.
 fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> Option<String> {
-    let changes = entry.access == Access::ReadOnly
+    let changes = matches!(entry.access, Access::ReadOnly | Access::Input)
         || object.index == index::LAST_PANIC
         || object.index == index::REFUSAL
         || entry.data == DataType::Domain
         // The board's own.
         || matches!(object.index, index::HARDWARE_VERSION)
-        || object.index == index::IDENTITY && sub_index == 4
-        // A joint is fed by its sensors; this one is on a bench.
-        || object.index == index::OPERATION && sub_index == 1;
+        || object.index == index::IDENTITY && sub_index == 4;
     if changes {
         return None;
     }
@@ -49,8 +48,9 @@ fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> 
     }
     let number = value.iter().rev().fold(0u32, |number, byte| number << 8 | u32::from(*byte));
     Some(match entry.data {
-        DataType::Real32 => format!("{:?}", f32::from_bits(number)),
         _ if by_node(object.index, sub_index) => format!("$NODEID+0x{:X}", number - 1),
+        // A float is its bits: a decimal number is none to Lely's tools.
+        DataType::Real32 => format!("0x{number:08X}"),
         _ => format!("0x{number:X}"),
     })
 }
@@ -63,7 +63,8 @@ fn list(text: &mut String, name: &str, objects: &[&Object]) {
 }
 
 fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) {
-    let mapped = u8::from(matches!(object.index, index::INPUTS | index::OUTPUTS) && sub_index > 0);
+    let frames = [index::INPUTS, index::OUTPUTS, index::MEASURED];
+    let mapped = u8::from(frames.contains(&object.index) && sub_index > 0);
     let _ = write!(
         text,
         "ObjectType=0x7\nDataType=0x{:04X}\nAccessType={}\n",
@@ -77,7 +78,7 @@ fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, e
 }
 
 fn eds() -> String {
-    let mut bench = Bench::hil();
+    let mut bench = Bench::on_sensors();
     let mut text = String::from(
         "[FileInfo]\n\
          FileName=joint.eds\n\
@@ -106,7 +107,7 @@ fn eds() -> String {
          DynamicChannelsSupported=0\n\
          GroupMessaging=0\n\
          NrOfRXPDO=5\n\
-         NrOfTXPDO=3\n\
+         NrOfTXPDO=5\n\
          LSS_Supported=0\n\
          \n\
          [DummyUsage]\n\
@@ -169,7 +170,7 @@ fn the_file_is_the_dictionary() {
 #[test]
 fn mapped_objects_are_as_long_as_their_frames() {
     let mut bench = Bench::hil();
-    let words = [(index::MAPPING_MOTION, 5u16), (index::MAPPING_ANSWER, 3)];
+    let words = [(index::MAPPING_RECEIVED_COMMAND, 5u16), (index::MAPPING_ANSWER, 5)];
     for (first, count) in words {
         for object in first..first + count {
             let bits: u32 = (1..=2).map(|place| bench.number(object, place) & 0xFF).sum();

@@ -4,6 +4,7 @@ use super::bench::{Bench, NODE, frame};
 use compensator_core::can::{Command, Message, Sync};
 use firmware::driver::LoopReport;
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::Inputs;
 use firmware::supervisor::{Code, State};
 
 fn measured() -> LoopReport {
@@ -145,6 +146,71 @@ fn what_it_measures_goes_out_as_a_trace() {
     };
     assert_eq!((motion.velocity_rad_s, motion.position_rad), (1.5, 0.25));
     assert_eq!(torque.torque_nm, 2.0);
+}
+
+/// Two senders on one identifier end in bus-off: what a master sends and what a joint sends have none in common, and
+/// Motion and Torque have one sender each, as their PDOs say.
+#[test]
+fn what_a_joint_sends_no_master_does() {
+    const UNUSED: u32 = 1 << 31;
+    for (mut bench, says) in [(armed(), true), (Bench::hil(), false)] {
+        let pdos = |bench: &mut Bench, from: u16| -> Vec<u32> {
+            (from..from + 16)
+                .filter_map(|object| {
+                    let value = bench.read(object, 1).ok()?;
+                    Some(u32::from_le_bytes(value.try_into().unwrap()))
+                })
+                .collect()
+        };
+        let (hears, sends) = (pdos(&mut bench, 0x1400), pdos(&mut bench, 0x1800));
+        let used = |all: &[u32]| -> Vec<u32> {
+            all.iter().copied().filter(|identifier| identifier & UNUSED == 0).collect()
+        };
+        assert!(used(&hears).iter().all(|identifier| !used(&sends).contains(identifier)));
+        assert_eq!(used(&sends).contains(&0x481), says);
+        assert_eq!(used(&hears).contains(&0x481), !says);
+        assert_eq!(used(&sends).contains(&0x681), says);
+        // Those of a master in the predefined connection set are none of the joint's.
+        for master in [0x201, 0x301, 0x401, 0x501] {
+            assert!(!sends.contains(&master) && !sends.contains(&(master | UNUSED)));
+        }
+    }
+    let mut bench = armed();
+    bench.give(Message::Sync(Sync { counter: 1 }));
+    let sent: Vec<u16> = bench.sent().iter().map(|frame| frame.identifier()).collect();
+    assert_eq!(sent, [0x481, 0x681, 0x181, 0x281, 0x381]);
+    // What it says itself it does not take from others.
+    let before = bench.driver.counters().foreign;
+    bench.driver.receive(&frame(0x481, &[0; 8]), bench.now_us);
+    assert_eq!(bench.driver.counters().foreign, before + 1);
+}
+
+#[test]
+fn an_input_written_as_an_object_counts_as_its_frame() {
+    let mut bench = armed();
+    let inputs = index::INPUTS;
+    bench.write(inputs, Inputs::LOAD_TORQUE, &2.5f32.to_le_bytes()).unwrap();
+    pass(&mut bench, 3);
+    let covariates = bench.driver.orders(bench.now_us).covariates;
+    assert_eq!(covariates.load_torque_nm.value, 2.5);
+    assert!((covariates.load_torque_nm.age_s - 0.003).abs() < 1.1e-3);
+    // A command by its words, and its counter counts: the same again is none.
+    let fresh = |bench: &mut Bench| {
+        bench.sent();
+        bench.write(inputs, Inputs::COMMAND_CURRENT, &4.0f32.to_le_bytes()).unwrap();
+        bench.write(inputs, Inputs::COMMAND_REST, &(20u32 << 24).to_le_bytes()).unwrap();
+        bench.driver.orders(bench.now_us).setpoint
+    };
+    assert_eq!(fresh(&mut bench).current_a, 4.0);
+    let repeated = bench.driver.counters().command_duplicate;
+    fresh(&mut bench);
+    assert!(bench.driver.counters().command_duplicate > repeated);
+    // It is what is sent on, too.
+    bench.give(Message::Sync(Sync { counter: 1 }));
+    let messages = bench.messages();
+    let said =
+        |message: &Message| matches!(message, Message::Torque(_, of) if of.load_torque_nm == 2.5);
+    assert!(messages.iter().any(said), "{messages:?}");
 }
 
 #[test]

@@ -101,7 +101,7 @@ impl World {
             match base {
                 0x080 | 0x580 => assert_eq!(length, 8),
                 0x700 => assert_eq!(length, 1),
-                0x180 | 0x280 | 0x380 | 0x200 | 0x300 => self.process(&frame),
+                0x180 | 0x280 | 0x380 | 0x480 | 0x680 => self.process(&frame),
                 _ => panic!("{identifier:03X} from node {node}"),
             }
         }
@@ -185,7 +185,7 @@ fn step(world: &mut World, which: u8, bytes: &mut Bytes) {
     match which % 16 {
         // What it listens to.
         0..=2 => {
-            const OWN: [u16; 8] = [0x200, 0x300, 0x400, 0x480, 0x500, 0x600, 0x080, 0x000];
+            const OWN: [u16; 8] = [0x480, 0x680, 0x400, 0x300, 0x500, 0x600, 0x080, 0x000];
             let kind = usize::from(bytes.byte() % 8);
             let identifier = OWN[kind] + if kind < 6 { node } else { 0 };
             let numbers = [bytes.number(), bytes.number()];
@@ -207,7 +207,7 @@ fn step(world: &mut World, which: u8, bytes: &mut Bytes) {
             let mut data = [0; 8];
             data[..4].copy_from_slice(&velocity.to_le_bytes());
             data[4..].copy_from_slice(&bytes.number().to_le_bytes());
-            world.frame(0x200 + node, &data);
+            world.frame(0x480 + node, &data);
             world.frame(0x080, &[counter]);
         }
         // Anything at all.

@@ -43,6 +43,8 @@ pub enum Access {
     ReadOnly,
     /// A tool may write it.
     ReadWrite,
+    /// A tool may write it, and a process frame does: what a receive PDO is mapped to must be writable.
+    Input,
     /// A tool may write it; there is nothing to read.
     WriteOnly,
 }
@@ -169,18 +171,35 @@ record! {
 }
 
 record! {
-    /// What last came in process frames.
+    /// What last came in process frames. Written as an object it counts as if it had come in its frame.
     Inputs {
-        velocity_rad_s: Real32, ReadOnly, VELOCITY;
-        position_rad: Real32, ReadOnly, POSITION;
-        torque_nm: Real32, ReadOnly, TORQUE;
-        load_torque_nm: Real32, ReadOnly, LOAD_TORQUE;
-        radial_force_n: Real32, ReadOnly, RADIAL_FORCE;
-        pressure_diff_pa: Real32, ReadOnly, PRESSURE_DIFF;
-        temperature_c: Real32, ReadOnly, TEMPERATURE;
-        auxiliary: Real32, ReadOnly, AUXILIARY;
-        command_current_a: Real32, ReadOnly, COMMAND_CURRENT;
-        command_velocity_and_counter: Unsigned32, ReadOnly, COMMAND_REST;
+        velocity_rad_s: Real32, Input, VELOCITY;
+        position_rad: Real32, Input, POSITION;
+        torque_nm: Real32, Input, TORQUE;
+        load_torque_nm: Real32, Input, LOAD_TORQUE;
+        radial_force_n: Real32, Input, RADIAL_FORCE;
+        pressure_diff_pa: Real32, Input, PRESSURE_DIFF;
+        temperature_c: Real32, Input, TEMPERATURE;
+        auxiliary: Real32, Input, AUXILIARY;
+        command_current_a: Real32, Input, COMMAND_CURRENT;
+        command_velocity_and_counter: Unsigned32, Input, COMMAND_REST;
+    }
+}
+
+impl Inputs {
+    /// Sets the entry at a sub-index; gives both words of its frame, which is every two entries.
+    pub fn set(&mut self, sub_index: u8, word: u32) -> Option<[u32; 2]> {
+        let pairs = [
+            [&mut self.velocity_rad_s, &mut self.position_rad],
+            [&mut self.torque_nm, &mut self.load_torque_nm],
+            [&mut self.radial_force_n, &mut self.pressure_diff_pa],
+            [&mut self.temperature_c, &mut self.auxiliary],
+            [&mut self.command_current_a, &mut self.command_velocity_and_counter],
+        ];
+        let place = usize::from(sub_index.checked_sub(1)?);
+        let [first, second] = pairs.into_iter().nth(place / 2)?;
+        *(if place % 2 == 0 { &mut *first } else { &mut *second }) = word;
+        Some([*first, *second])
     }
 }
 
@@ -193,6 +212,16 @@ record! {
         sequence: Unsigned32, ReadOnly, SEQUENCE;
         current_a: Real32, ReadOnly, CURRENT;
         residual_torque_nm: Real32, ReadOnly, RESIDUAL_TORQUE;
+    }
+}
+
+record! {
+    /// What the joint last measured of itself; one in HIL, what it was told.
+    Measured {
+        velocity_rad_s: Real32, ReadOnly, VELOCITY;
+        position_rad: Real32, ReadOnly, POSITION;
+        torque_nm: Real32, ReadOnly, TORQUE;
+        load_torque_nm: Real32, ReadOnly, LOAD_TORQUE;
     }
 }
 
