@@ -42,6 +42,8 @@ pub struct NodeSettings {
     pub period_s: f32,
     /// Age of the campaign when a run begins, h.
     pub campaign_h: f32,
+    /// The wiring somebody confirmed, as [`ParameterSet::wiring_crc`]; 0 for none.
+    pub commissioned: u32,
 }
 
 impl Default for NodeSettings {
@@ -55,14 +57,15 @@ impl Default for NodeSettings {
             telemetry_every: 1,
             period_s: 1e-3,
             campaign_h: 0.0,
+            commissioned: 0,
         }
     }
 }
 
 impl NodeSettings {
     /// Length in bytes of the settings in a block.
-    pub const LENGTH: usize = 24;
-    const VERSION: u8 = 1;
+    pub const LENGTH: usize = 28;
+    const VERSION: u8 = 2;
 
     /// What a joint in HIL is built for.
     pub fn hil_setup(&self) -> HilSetup {
@@ -87,6 +90,7 @@ impl NodeSettings {
             (12, u32::from(self.telemetry_every)),
             (16, self.period_s.to_bits()),
             (20, self.campaign_h.to_bits()),
+            (24, self.commissioned),
         ];
         for (at, word) in words {
             if let Some(place) = bytes.get_mut(at..at + 4) {
@@ -117,6 +121,7 @@ impl NodeSettings {
             telemetry_every: u8::try_from(word(12)?).ok()?,
             period_s: f32::from_bits(word(16)?),
             campaign_h: f32::from_bits(word(20)?),
+            commissioned: word(24)?,
         };
         (version == Self::VERSION && settings.validate().is_ok()).then_some(settings)
     }
@@ -221,6 +226,7 @@ mod tests {
             telemetry_every: 7,
             period_s: 2.5e-4,
             campaign_h: 12.5,
+            commissioned: 0x1234_5678,
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));

@@ -151,6 +151,7 @@ impl<F: NorFlash> Device<F> {
                 stack_overflowed: boot.stack_overflowed,
                 store: store.health(),
                 parameters,
+                commissioned: settings.commissioned == set.wiring_crc(),
                 self_test_passed: boot.self_test_passed,
             },
         );

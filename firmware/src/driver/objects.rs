@@ -3,7 +3,7 @@
 use super::device::Device;
 use crate::hil::Number;
 use crate::node::dictionary::records::{
-    self, Commit, Inputs, Measured, Operation, Outputs, State, Trace,
+    self, Commissioning, Commit, Inputs, Measured, Operation, Outputs, State, Trace,
 };
 use crate::node::dictionary::{self, Access, ERRORS_KEPT, LOAD, Object, SAVE, index};
 use crate::node::sdo::{Abort, Objects, Value};
@@ -71,6 +71,7 @@ impl<F: NorFlash> Objects for Device<F> {
                 self.input(at.subindex, number);
                 Ok(())
             }
+            index::COMMISSIONING => self.commission(number),
             index::STATE => match at.subindex {
                 State::REQUEST => self.request(number as u8),
                 _ => self.set_position(f32::from_bits(number)),
@@ -254,6 +255,14 @@ impl<F: NorFlash> Device<F> {
             index::FRAME_COUNTERS => list(&self.all_counters().words()),
             index::INPUTS => list(&self.last_inputs().words()),
             index::OUTPUTS => list(&self.last_outputs().words()),
+            index::COMMISSIONING => list(
+                &Commissioning {
+                    commissioned: self.is_commissioned().into(),
+                    wiring_crc: self.staging.active().wiring_crc(),
+                    ..Default::default()
+                }
+                .words(),
+            ),
             index::MEASURED => list(&self.measured().words()),
             index::CODE_COUNTERS => self.code_count(nth).ok_or(Abort::NoSubIndex),
             index::WATCH => list(&self.watch_state().words()),

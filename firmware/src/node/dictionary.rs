@@ -19,8 +19,8 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    Commit, Identity, Inputs, Measured, Operation, Outputs, Pdo, SdoServer, State, Trace,
-    WatchState, entry,
+    Commissioning, Commit, Identity, Inputs, Measured, Operation, Outputs, Pdo, SdoServer, State,
+    Trace, WatchState, entry,
 };
 
 /// What stands at an index.
@@ -155,6 +155,7 @@ objects! {
     0x2007 WATCH record("watch", WatchState::ENTRIES);
     0x2008 LAST_PANIC variable("last_panic", VisibleString, ReadOnly);
     0x2009 MEASURED record("measured", Measured::ENTRIES);
+    0x200A COMMISSIONING record("commissioning", Commissioning::ENTRIES);
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);

@@ -102,6 +102,7 @@ pub(super) fn look(supervisor: &Supervisor, code: Code, seen: &Observation, now_
         | Code::PanicBeforeReset
         | Code::ParametersDefault
         | Code::ParametersRefused
+        | Code::NotCommissioned
         | Code::StoreReduced => Reported,
         Code::LoopLate => Sight::bad_if(supervisor.overrun_since_observed),
         Code::VelocityInvalid => Sight::bad_if(

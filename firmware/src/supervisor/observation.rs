@@ -45,6 +45,8 @@ pub struct Boot {
     pub store: Health,
     /// Which parameters are in use.
     pub parameters: InUse,
+    /// Somebody confirmed that the joint is wired as its parameters say.
+    pub commissioned: bool,
     /// How the self-test ended.
     pub self_test_passed: bool,
 }
@@ -58,6 +60,7 @@ impl Default for Boot {
             stack_overflowed: false,
             store: Health::Sound,
             parameters: InUse::Set,
+            commissioned: true,
             self_test_passed: true,
         }
     }

@@ -104,6 +104,8 @@ impl Joint {
         // An angle is believed after 0.1 s.
         joint.pass_ms(150);
         joint.give(0, &[1, NODE.number()]);
+        let wiring = joint.background.driver().set().wiring_crc();
+        joint.write(index::COMMISSIONING, 3, wiring.to_le_bytes(), 4);
         joint.pass_ms(1);
         joint
     }

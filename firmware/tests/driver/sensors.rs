@@ -2,9 +2,11 @@
 
 use super::bench::{Bench, NODE, frame};
 use compensator_core::can::{Command, Message, Sync};
-use firmware::driver::LoopReport;
+use firmware::control::MotorParameters;
+use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::Inputs;
+use firmware::node_settings::Source;
 use firmware::supervisor::{Code, State};
 
 fn measured() -> LoopReport {
@@ -32,6 +34,7 @@ fn armed() -> Bench {
     // The parameters are the driver's own: said so, or compensation is held back.
     let staged = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+    bench.commission();
     for counter in 0..20 {
         bench.driver.report(&measured());
         command(&mut bench, counter);
@@ -57,8 +60,72 @@ fn nothing_is_armed_without_measurements_and_a_set_point() {
     bench.pass_ms(5);
     assert_eq!(bench.write(index::STATE, 1, &[1]), Err(0x0800_0022));
     let reason = bench.text(index::REFUSAL);
-    assert!(reason.contains("command-timeout") && reason.contains("unmeasured"), "{reason}");
+    for why in ["command-timeout", "unmeasured", "not-commissioned"] {
+        assert!(reason.contains(why), "{reason}");
+    }
     assert!(!bench.driver.orders(bench.now_us).bridge);
+}
+
+/// Default numbers are some motor's, and this one's encoder may lie anywhere: 26 A into it may run it away.
+#[test]
+fn a_blank_joint_does_not_arm_and_no_friction_parameter_makes_it() {
+    let mut bench = Bench::on_sensors();
+    bench.start();
+    let tries = |bench: &mut Bench, counter: u8| {
+        for step in 0..10 {
+            bench.driver.report(&measured());
+            command(bench, counter + step);
+            bench.pass_ms(1);
+        }
+        let armed = bench.write(index::STATE, 1, &[1]).is_ok();
+        assert_eq!(bench.driver.orders(bench.now_us).bridge, armed);
+        bench.write(index::STATE, 1, &[0]).unwrap();
+        armed
+    };
+    let commit = |bench: &mut Bench| {
+        let staged = bench.number(index::COMMIT, 2);
+        bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+    };
+    assert!(!tries(&mut bench, 0));
+    assert!(bench.text(index::REFUSAL).contains("not-commissioned"));
+    // Friction is no matter of wiring.
+    bench.write(index::PARAMETERS, 1, &0.5f32.to_le_bytes()).unwrap();
+    commit(&mut bench);
+    assert!(!tries(&mut bench, 10));
+    // Only what is in use can be confirmed.
+    let wiring = bench.number(index::COMMISSIONING, 2);
+    let wrong = bench.write(index::COMMISSIONING, 3, &(wiring ^ 1).to_le_bytes());
+    assert_eq!(wrong, Err(0x0609_0030));
+    assert!(bench.text(index::REFUSAL).contains(&format!("{wiring:08x}")));
+    assert!(!tries(&mut bench, 20));
+    bench.commission();
+    assert_eq!(bench.number(index::COMMISSIONING, 1), 1);
+    assert!(tries(&mut bench, 30));
+    // A limit may change and it stays commissioned; a direction may not. As it was, it counts again.
+    let place =
+        |name| MotorParameters::NAMES.iter().position(|known| *known == name).unwrap() as u8 + 1;
+    let change = |bench: &mut Bench, name, to: f32| {
+        bench.write(index::MOTOR, place(name), &to.to_le_bytes()).unwrap();
+        commit(bench);
+    };
+    change(&mut bench, "current_limit_a", 10.0);
+    assert!(tries(&mut bench, 40));
+    change(&mut bench, "encoder_direction", -1.0);
+    assert!(!tries(&mut bench, 50));
+    assert_eq!(bench.number(index::COMMISSIONING, 1), 0);
+    change(&mut bench, "encoder_direction", 1.0);
+    assert!(tries(&mut bench, 60));
+    // It is kept over a reset where it was saved, and a restored driver has forgotten it.
+    bench.write(index::STORE, 1, b"save").unwrap();
+    let flash = bench.driver.into_flash();
+    let mut bench = Bench::boot(Source::Sensors, flash, &Boot::default());
+    bench.start();
+    assert!(tries(&mut bench, 70));
+    bench.write(index::RESTORE, 1, b"load").unwrap();
+    let flash = bench.driver.into_flash();
+    let mut bench = Bench::boot(Source::Sensors, flash, &Boot::default());
+    bench.start();
+    assert!(!tries(&mut bench, 80));
 }
 
 #[test]

@@ -116,6 +116,7 @@ impl Bench {
                 self.supervisor.store(if bad { Health::Damaged } else { Health::Sound });
             }
             Code::SelfTestFailed => self.supervisor.self_test(!bad),
+            Code::NotCommissioned => self.supervisor.commissioned(!bad),
             Code::StackOverflow => seen.stack_intact = !bad,
             Code::Internal => seen.loop_flags = loop_flag(LoopFlags::NOT_FINITE),
             Code::WatchdogReset | Code::PanicBeforeReset => return None,

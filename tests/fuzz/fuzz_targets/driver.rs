@@ -227,7 +227,11 @@ fn step(world: &mut World, which: u8, bytes: &mut Bytes) {
         8 => world.write(index::STATE, 1, &[bytes.byte() % 4]),
         9 => {
             let crc = world.driver.set().crc();
-            match bytes.byte() % 6 {
+            match bytes.byte() % 7 {
+                5 => {
+                    let wiring = world.driver.set().wiring_crc();
+                    world.write(index::COMMISSIONING, 3, &wiring.to_le_bytes());
+                }
                 0 => world.write(index::STORE, 1, &SAVE.to_le_bytes()),
                 1 => world.write(index::RESTORE, 1, &LOAD.to_le_bytes()),
                 2 => world.write(index::COMMIT, 4, &[1]),

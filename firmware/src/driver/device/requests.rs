@@ -88,8 +88,32 @@ impl<F: NorFlash> Device<F> {
         self.watch = watch(&set.watch, &self.settings);
         self.staging.activate(set);
         self.supervisor.parameters(InUse::Set);
+        self.see_to_commissioned();
         self.set_number = self.set_number.wrapping_add(1);
         Ok(())
+    }
+
+    /// Somebody has seen that the joint is wired as its parameters say: those of this CRC, and no others.
+    pub(in crate::driver) fn commission(&mut self, seen: u32) -> Result<(), Abort> {
+        let wiring = self.staging.active().wiring_crc();
+        if seen != wiring {
+            let why = format_args!(
+                "confirm = {seen:08x}: the wiring in use has the crc {wiring:08x}, and only that can be confirmed"
+            );
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        self.settings.commissioned = seen;
+        self.see_to_commissioned();
+        Ok(())
+    }
+
+    pub(in crate::driver) fn is_commissioned(&self) -> bool {
+        self.settings.commissioned == self.staging.active().wiring_crc()
+    }
+
+    fn see_to_commissioned(&mut self) {
+        let confirmed = self.is_commissioned();
+        self.supervisor.commissioned(confirmed);
     }
 
     /// Takes other settings; the node's number counts from the next start.

@@ -248,6 +248,15 @@ record! {
     }
 }
 
+record! {
+    /// Whether the joint is wired as its parameters say: confirmed by writing back the CRC of the wiring in use.
+    Commissioning {
+        commissioned: Unsigned8, ReadOnly;
+        wiring_crc: Unsigned32, ReadOnly, WIRING_CRC;
+        confirm: Unsigned32, WriteOnly, CONFIRM;
+    }
+}
+
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
         /// What came in and could not be used, and what was lost.
