@@ -49,7 +49,7 @@ impl Bench {
     fn run_taking(&mut self, start: u32, end: u32) -> Bridge {
         self.at = self.at.wrapping_add(PERIOD);
         let at = self.at;
-        let bridge = self.task.period(&self.sample, false, at, at.wrapping_add(start));
+        let bridge = self.task.period(&self.sample, None, at, at.wrapping_add(start));
         self.task.end(at.wrapping_add(end));
         bridge
     }
@@ -138,7 +138,7 @@ fn a_bridge_the_hardware_opened_is_told_and_held() {
     let mut bench = Bench::new();
     bench.task.order(drive(1.0));
     bench.at += PERIOD;
-    let bridge = bench.task.period(&healthy(), true, bench.at, bench.at + 100);
+    let bridge = bench.task.period(&healthy(), Some(Broke::GateDriver), bench.at, bench.at + 100);
     assert_eq!(bridge, Bridge::Off);
     // The hardware has forgotten it by now; the loop has not.
     assert!(!bench.is_driving());
@@ -155,7 +155,7 @@ fn a_bridge_the_hardware_opened_is_told_and_held() {
 fn a_gate_driver_that_complains_with_the_bridge_off_is_told() {
     let mut bench = Bench::new();
     bench.at += PERIOD;
-    bench.task.period(&healthy(), true, bench.at, bench.at + 100);
+    bench.task.period(&healthy(), Some(Broke::GateDriver), bench.at, bench.at + 100);
     assert!(bench.next_report().gate_driver_fault);
     assert!(!bench.next_report().gate_driver_fault);
     bench.task.order(drive(1.0));

@@ -106,6 +106,7 @@ pub struct Device<F> {
     can: CanState,
     blocking: u32,
     set_number: u32,
+    gate_resets: u8,
     home: Home,
     now_us: u64,
 }
@@ -185,6 +186,7 @@ impl<F: NorFlash> Device<F> {
             can: CanState::Active,
             blocking: 0,
             set_number: 0,
+            gate_resets: 0,
             home: Home::default(),
             now_us,
         };
@@ -386,6 +388,7 @@ impl<F: NorFlash> Device<F> {
                 motor_temperature_c: report.motor_temperature_c,
                 sample_age_us: report.sample_age_us,
                 gate_driver_fault: report.gate_driver_fault,
+                system_break: report.system_break,
                 stack_intact: report.stack_intact,
                 can: self.can,
                 heartbeat_lost,
@@ -447,6 +450,7 @@ impl<F: NorFlash> Device<F> {
             compensation: drives && self.supervisor.compensation_allowed(),
             current_share: self.supervisor.current_share(),
             set_number: self.set_number,
+            gate_resets: self.gate_resets,
             home: self.home,
         }
     }

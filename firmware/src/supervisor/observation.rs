@@ -100,6 +100,8 @@ pub struct Observation {
     pub sample_age_us: Option<u32>,
     /// The gate driver reports a fault.
     pub gate_driver_fault: bool,
+    /// The chip opened the bridge by itself.
+    pub system_break: bool,
     /// The guard below the stack is as it was painted.
     pub stack_intact: bool,
     /// The CAN controller.
@@ -127,6 +129,7 @@ impl Default for Observation {
             motor_temperature_c: None,
             sample_age_us: None,
             gate_driver_fault: false,
+            system_break: false,
             stack_intact: true,
             can: CanState::Active,
             heartbeat_lost: false,

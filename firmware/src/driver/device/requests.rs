@@ -20,6 +20,12 @@ impl<F: NorFlash> Device<F> {
             1 => self.arm(),
             2 => self.supervisor.clear_faults().map_err(|left| {
                 self.blocking = left.fault_bits();
+                if left.contains(Code::GateDriverFault) {
+                    // It may hold its fault until it has slept, and the bridge is off: asked again, it is gone.
+                    self.gate_resets = self.gate_resets.wrapping_add(1);
+                    let why = format_args!("{} (its driver was reset: ask again)", Still(left));
+                    return self.staging.refuse(Abort::State, why);
+                }
                 self.staging.refuse(Abort::State, Still(left))
             }),
             _ => Err(self.staging.refuse(
