@@ -181,6 +181,11 @@ impl<F: NorFlash> Driver<F> {
         self.network.node()
     }
 
+    /// The bit rate it is to have, kbit/s.
+    pub fn bit_rate_kbit(&self) -> u16 {
+        self.device.settings().bit_rate_kbit
+    }
+
     /// Where its inputs come from.
     pub fn source(&self) -> Source {
         self.device.settings().source

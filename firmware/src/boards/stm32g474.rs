@@ -131,14 +131,14 @@ mod app {
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
         let driver = Driver::boot(NodeSettings::default(), store, identity, &boot, now_us);
-        let task = LoopTask::new(Parts::first(driver.set()), scales::LIMITS);
-        let controller = Controller::start(wired.can, driver.node());
+        let task = LoopTask::new(Parts::first(driver.set(), scales::STAGE), scales::LIMITS);
+        let controller = Controller::start(wired.can, driver.node(), driver.bit_rate_kbit());
         let slow = SlowSensors::new(wired.slow, wired.pressure);
         let stage = MotorStage { stage, encoder, shunts };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();
-        let (port, link) = context.local.queues.split(now_us);
+        let (port, link) = context.local.queues.split(scales::STAGE, now_us);
         let background = Background::new(driver, now_us);
         let board = JointBoard { controller, slow, frames, link };
         (Shared {}, Local { task, stage, port, frames_out, background, board })

@@ -248,6 +248,7 @@ impl<F: NorFlash> Device<F> {
                     campaign_h: settings.campaign_h.to_bits(),
                     telemetry_every: settings.telemetry_every.into(),
                     node,
+                    bit_rate_kbit: settings.bit_rate_kbit.into(),
                 }
                 .words(),
             ),
@@ -298,10 +299,11 @@ impl<F: NorFlash> Device<F> {
             (_, Operation::PERIOD_S) => changed.period_s = f32::from_bits(number),
             (_, Operation::CAMPAIGN_H) => changed.campaign_h = f32::from_bits(number),
             (_, Operation::TELEMETRY_EVERY) => changed.telemetry_every = byte,
-            _ => {
+            (_, Operation::NODE) => {
                 changed.node =
                     Node::new(byte).ok_or_else(|| self.refuse_setting("node", "1 to 127"))?;
             }
+            _ => changed.bit_rate_kbit = number as u16,
         }
         changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.set_settings(changed)

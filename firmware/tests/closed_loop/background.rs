@@ -8,7 +8,7 @@ use firmware::control::Broke;
 use firmware::deadline::Limits;
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-use firmware::loop_parts::Parts;
+use firmware::loop_parts::{Parts, StageTraits};
 use firmware::loop_task::LoopTask;
 use firmware::node::dictionary::index;
 use firmware::node_settings::NodeSettings;
@@ -85,9 +85,11 @@ impl Joint {
             &Boot::default(),
             0,
         );
-        let task =
-            LoopTask::new(Parts::first(driver.set()), Limits::of_period(PERIOD_CYCLES, 2000));
-        let (port, link) = Box::leak(Box::new(LoopQueues::new())).split(0);
+        let task = LoopTask::new(
+            Parts::first(driver.set(), StageTraits::NONE),
+            Limits::of_period(PERIOD_CYCLES, 2000),
+        );
+        let (port, link) = Box::leak(Box::new(LoopQueues::new())).split(StageTraits::NONE, 0);
         let wires = Wires {
             now_us: 0,
             received: VecDeque::new(),

@@ -154,7 +154,8 @@ record! {
         period_s: Real32, ReadWrite, PERIOD_S;
         campaign_h: Real32, ReadWrite, CAMPAIGN_H;
         telemetry_every: Unsigned8, ReadWrite, TELEMETRY_EVERY;
-        node: Unsigned8, ReadWrite;
+        node: Unsigned8, ReadWrite, NODE;
+        bit_rate_kbit: Unsigned16, ReadWrite;
     }
 }
 
