@@ -1,10 +1,15 @@
 //! The device behind the bus: what the objects stand for.
 
+mod drive;
+mod pdos;
 mod requests;
 mod values;
 
+pub(super) use pdos::PDO_UNUSED;
+
 use super::counters::{Counters, count};
 use super::live::{CommandSequence, Home, Live, LoopOrders, LoopReport};
+use super::profile::Profile;
 use super::staging::Staging;
 use crate::hil::{HilJoint, Reply, Step};
 use crate::log::log;
@@ -23,6 +28,7 @@ use compensator_core::can::{
 };
 use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
+use pdos::TRANSMIT_PDOS;
 
 /// Time between two reports of the current loop, s.
 pub const REPORT_PERIOD_S: f32 = 1e-3;
@@ -108,6 +114,11 @@ pub struct Device<F> {
     set_number: u32,
     gate_resets: u8,
     home: Home,
+    pub(super) profile: Profile,
+    /// Counts the commands that come of the profile.
+    drive_counter: u8,
+    /// Identifiers of transmit PDOs that a master has given; they last as long as the communication does.
+    identifiers: [Option<u32>; TRANSMIT_PDOS],
     now_us: u64,
 }
 
@@ -188,6 +199,9 @@ impl<F: NorFlash> Device<F> {
             set_number: 0,
             gate_resets: 0,
             home: Home::default(),
+            profile: Profile::default(),
+            drive_counter: 0,
+            identifiers: [None; TRANSMIT_PDOS],
             now_us,
         };
         if let Some(error) = why {
@@ -235,7 +249,10 @@ impl<F: NorFlash> Device<F> {
         // One on its own sensors says these itself; it is told neither.
         let told = self.settings.source == Source::Bus;
         let places = match message {
-            Message::Sync(sync) => return self.sync(*sync, node),
+            Message::Sync(sync) => {
+                self.sign_of_life(now_us);
+                return self.sync(*sync, node);
+            }
             Message::Motion(of, _) if *of == node && told => {
                 [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
             }
@@ -248,7 +265,7 @@ impl<F: NorFlash> Device<F> {
             Message::Surroundings(of, _) if *of == node => {
                 [&mut inputs.temperature_c, &mut inputs.auxiliary]
             }
-            Message::Command(of, _) if *of == node => {
+            Message::Command(of, _) if *of == node && !self.profile.is_on() => {
                 [&mut inputs.command_current_a, &mut inputs.command_velocity_and_counter]
             }
             _ => return self.counters.count_foreign(),
@@ -331,6 +348,7 @@ impl<F: NorFlash> Device<F> {
         if every > 0 && reply.status.sequence.is_multiple_of(every) {
             self.send(Message::Telemetry(node, reply.telemetry));
         }
+        self.send_drive_frame();
         if self.settings.source == Source::Bus
             && let Some(watch) = &mut self.watch
         {
@@ -355,10 +373,6 @@ impl<F: NorFlash> Device<F> {
                 residual_torque_nm: self.report.residual_torque_nm,
             },
         }
-    }
-
-    fn send(&mut self, message: Message) {
-        self.outbox.push(message.emit());
     }
 
     /// What a trace says of the samples that follow.
@@ -407,6 +421,8 @@ impl<F: NorFlash> Device<F> {
             }
         };
         self.supervisor.observe(&observation, now_us);
+        let (fault, armed) = (self.supervisor.state() == State::Fault, self.is_armed());
+        self.profile.follow(fault, armed);
         self.report_seen = true;
         if self.hil_armed && !self.in_the_way().is_empty() {
             // Not armed itself, the supervisor would only remember it.

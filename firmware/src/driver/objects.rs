@@ -1,6 +1,7 @@
 //! What each object of the dictionary reads as, and what writing it does.
 
-use super::device::Device;
+use super::device::{Device, PDO_UNUSED};
+use super::profile;
 use crate::hil::Number;
 use crate::node::dictionary::records::{
     self, Commissioning, Commit, Inputs, Measured, Operation, Outputs, State, Trace,
@@ -30,7 +31,9 @@ impl<F: NorFlash> Objects for Device<F> {
         // A request to disarm, what a trace says of itself, and what else comes in frames, are always heard.
         let always = matches!(
             (at.index, at.subindex),
-            (index::STATE, State::REQUEST) | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
+            (index::STATE, State::REQUEST)
+                | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
+                | (index::CONTROLWORD | index::TARGET_TORQUE, _)
         );
         if !always && self.is_armed() {
             let why = "the joint is armed, and nothing is written then: disarm first";
@@ -72,6 +75,19 @@ impl<F: NorFlash> Objects for Device<F> {
                 Ok(())
             }
             index::COMMISSIONING => self.commission(number),
+            index::CONTROLWORD => self.set_controlword(number as u16),
+            index::TARGET_TORQUE => {
+                self.set_target(number as i16);
+                Ok(())
+            }
+            index::MODE => self.set_mode(number as i8),
+            index::MAX_TORQUE => {
+                self.profile.max_permille = number as u16;
+                Ok(())
+            }
+            index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE => {
+                self.set_identifier(usize::from(at.index - index::TRANSMIT_ANSWER), number)
+            }
             index::STATE => match at.subindex {
                 State::REQUEST => self.request(number as u8),
                 _ => self.set_position(f32::from_bits(number)),
@@ -161,8 +177,10 @@ const fn mapped(index: u16, sub_indices: [u8; 2]) -> [u32; 2] {
 const SYNCHRONOUS: u32 = 1;
 const EVENT_DRIVEN: u32 = 0xFF;
 
-/// Bit of a PDO's identifier that says it is not used.
-const PDO_UNUSED: u32 = 1 << 31;
+/// An object of the profile in a process frame.
+const fn of_profile(index: u16, bits: u32) -> u32 {
+    (index as u32) << 16 | bits
+}
 
 impl<F: NorFlash> Device<F> {
     /// What a number reads as, a float as its bits.
@@ -176,16 +194,15 @@ impl<F: NorFlash> Device<F> {
             list(&records::Pdo { cob_id: at(base), transmission_type }.words())
         };
         // A joint says what it measures; one in HIL is told it, on the same identifier.
-        let measured = |base, by: Source| {
-            let unused = if settings.source == by { 0 } else { PDO_UNUSED };
+        let told = |base| {
+            let unused = if settings.source == Source::Bus { 0 } else { PDO_UNUSED };
             let pdo = records::Pdo { cob_id: at(base) | unused, transmission_type: SYNCHRONOUS };
             list(&pdo.words())
         };
         let inputs = |sub_indices| list(&mapped(index::INPUTS, sub_indices));
         let outputs = |sub_indices| list(&mapped(index::OUTPUTS, sub_indices));
         match at_index {
-            // No device profile.
-            index::DEVICE_TYPE => Ok(0),
+            index::DEVICE_TYPE => Ok(profile::DEVICE_TYPE),
             index::ERROR_REGISTER => Ok(u32::from(self.error_register())),
             index::ERROR_FIELD => {
                 self.errors.iter().rev().nth(nth).copied().ok_or(Abort::NoSubIndex)
@@ -208,13 +225,33 @@ impl<F: NorFlash> Device<F> {
             index::RECEIVE_COMMAND => pdo(cob_id::RPDO_2, EVENT_DRIVEN),
             index::RECEIVE_SEAL => pdo(cob_id::RPDO_3, SYNCHRONOUS),
             index::RECEIVE_SURROUNDINGS => pdo(cob_id::RPDO_4, SYNCHRONOUS),
-            index::RECEIVE_MOTION => measured(cob_id::TPDO_4, Source::Bus),
-            index::RECEIVE_TORQUE => measured(cob_id::TPDO_5, Source::Bus),
-            index::TRANSMIT_ANSWER => pdo(cob_id::TPDO_1, SYNCHRONOUS),
-            index::TRANSMIT_STATUS => pdo(cob_id::TPDO_2, SYNCHRONOUS),
-            index::TRANSMIT_TELEMETRY => pdo(cob_id::TPDO_3, SYNCHRONOUS),
-            index::TRANSMIT_MOTION => measured(cob_id::TPDO_4, Source::Sensors),
-            index::TRANSMIT_TORQUE => measured(cob_id::TPDO_5, Source::Sensors),
+            index::RECEIVE_MOTION => told(cob_id::TPDO_4),
+            index::RECEIVE_TORQUE => told(cob_id::TPDO_5),
+            index::RECEIVE_DRIVE => pdo(cob_id::RPDO_1, EVENT_DRIVEN),
+            index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE => {
+                let cob_id = self.identifier(usize::from(at_index - index::TRANSMIT_ANSWER));
+                list(&records::TransmitPdo { cob_id, transmission_type: SYNCHRONOUS }.words())
+            }
+            index::MAPPING_RECEIVED_DRIVE => {
+                list(&[of_profile(index::CONTROLWORD, 16), of_profile(index::TARGET_TORQUE, 16)])
+            }
+            index::MAPPING_DRIVE => list(&[
+                of_profile(index::STATUSWORD, 16),
+                of_profile(index::ACTUAL_TORQUE, 16),
+                of_profile(index::ACTUAL_POSITION, 32),
+            ]),
+            index::ERROR_CODE => Ok(self.error_code().into()),
+            index::CONTROLWORD => Ok(self.profile.controlword.into()),
+            index::STATUSWORD => Ok(self.statusword().into()),
+            index::MODE | index::MODE_DISPLAY => Ok(self.profile.mode as u32),
+            index::ACTUAL_POSITION => Ok(self.actual_position() as u32),
+            index::ACTUAL_VELOCITY => Ok(self.actual_velocity() as u32),
+            index::TARGET_TORQUE => Ok(self.profile.target_permille as u32),
+            index::MAX_TORQUE => Ok(self.profile.max_permille.into()),
+            index::RATED_CURRENT => Ok(self.ratings()[0]),
+            index::RATED_TORQUE => Ok(self.ratings()[1]),
+            index::ACTUAL_TORQUE => Ok(self.actual_permille() as u32),
+            index::SUPPORTED_MODES => Ok(profile::SUPPORTED_MODES),
             index::MAPPING_RECEIVED_COMMAND => {
                 inputs([Inputs::COMMAND_CURRENT, Inputs::COMMAND_REST])
             }

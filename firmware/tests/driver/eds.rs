@@ -64,7 +64,8 @@ fn list(text: &mut String, name: &str, objects: &[&Object]) {
 
 fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) {
     let frames = [index::INPUTS, index::OUTPUTS, index::MEASURED];
-    let mapped = u8::from(frames.contains(&object.index) && sub_index > 0);
+    let of_profile = [0x6040, 0x6041, 0x6064, 0x606C, 0x6071, 0x6077].contains(&object.index);
+    let mapped = u8::from(frames.contains(&object.index) && sub_index > 0 || of_profile);
     let _ = write!(
         text,
         "ObjectType=0x7\nDataType=0x{:04X}\nAccessType={}\n",
@@ -106,8 +107,8 @@ fn eds() -> String {
          Granularity=0\n\
          DynamicChannelsSupported=0\n\
          GroupMessaging=0\n\
-         NrOfRXPDO=5\n\
-         NrOfTXPDO=5\n\
+         NrOfRXPDO=6\n\
+         NrOfTXPDO=6\n\
          LSS_Supported=0\n\
          \n\
          [DummyUsage]\n\
@@ -126,9 +127,9 @@ fn eds() -> String {
     list(
         &mut text,
         "OptionalObjects",
-        &all(&|index| index < 0x2000 && !MANDATORY.contains(&index)),
+        &all(&|index| !(0x2000..0x6000).contains(&index) && !MANDATORY.contains(&index)),
     );
-    list(&mut text, "ManufacturerObjects", &all(&|index| index >= 0x2000));
+    list(&mut text, "ManufacturerObjects", &all(&|index| (0x2000..0x6000).contains(&index)));
     for object in OBJECTS {
         let _ = write!(text, "\n[{:04X}]\nParameterName={}\n", object.index, object.name);
         if let Shape::Variable(entry) = object.shape {

@@ -174,7 +174,7 @@ OF_SOURCE = {(0x2001, 1), (0x1404, 1), (0x1405, 1), (0x1803, 1), (0x1804, 1)}
 @test
 def identity_and_state_are_those_of_the_eds():
     with Joint("--seconds", "60") as node:
-        equal(node.sdo["device_type"].raw, 0)
+        equal(node.sdo["device_type"].raw, 0x00020192)
         identity = node.sdo["identity"]
         for name in ("vendor_id", "product_code", "revision_number"):
             equal(identity[name].raw, node.object_dictionary["identity"][name].default, name)

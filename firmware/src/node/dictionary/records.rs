@@ -8,6 +8,12 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum DataType {
+    /// Eight bits with a sign.
+    Integer8 = 0x02,
+    /// Sixteen bits with a sign.
+    Integer16 = 0x03,
+    /// Thirty-two bits with a sign.
+    Integer32 = 0x04,
     /// Eight bits.
     Unsigned8 = 0x05,
     /// Sixteen bits.
@@ -26,9 +32,9 @@ impl DataType {
     /// Length in bytes; `None` where it varies.
     pub const fn length(self) -> Option<usize> {
         match self {
-            Self::Unsigned8 => Some(1),
-            Self::Unsigned16 => Some(2),
-            Self::Unsigned32 | Self::Real32 => Some(4),
+            Self::Unsigned8 | Self::Integer8 => Some(1),
+            Self::Unsigned16 | Self::Integer16 => Some(2),
+            Self::Unsigned32 | Self::Integer32 | Self::Real32 => Some(4),
             Self::VisibleString | Self::Domain => None,
         }
     }
@@ -133,6 +139,14 @@ record! {
     /// Identifier of a PDO, and how it travels.
     Pdo {
         cob_id: Unsigned32, Const;
+        transmission_type: Unsigned8, Const;
+    }
+}
+
+record! {
+    /// Identifier of a transmit PDO, which a master may change, and how it travels.
+    TransmitPdo {
+        cob_id: Unsigned32, ReadWrite;
         transmission_type: Unsigned8, Const;
     }
 }
