@@ -135,7 +135,7 @@ def a_joint_fed_by_canplayer_gives_the_bits_of_the_core():
 def objects_are_read_by_hand():
     with Node(), Candump(filters=["581:7FF"]) as seen:
         for request, answer in [
-            ("4000100000000000", "4300100000000000"),  # device type: none
+            ("4000100000000000", "4300100092010200"),  # device type: servo drive of CiA 402
             ("4018100200000000", "4318100243495246"),  # product code, "FRIC"
             ("4017100000000000", "4B171000E8030000"),  # heartbeat every 1000 ms
             ("40FF2F0000000000", "80FF2F0000000206"),  # no such object
