@@ -9,11 +9,12 @@ import threading
 import time
 
 import canopen
-from bench import INTERFACE, REPO, Node, equal, host_sim, passed, test, until
+from bench import INTERFACE, REPO, Node, equal, passed, test, until
 from canopen.profiles.p402 import BaseNode402
 
 EDS = str(REPO / "firmware" / "joint.eds")
 RATED_A = 26.0
+SAFE, ARMED = 0, 1
 
 
 class Master:
@@ -71,7 +72,7 @@ def a_master_brings_the_joint_up_through_cst_to_a_stop():
         equal(drive.op_mode, "CYCLIC SYNCHRONOUS TORQUE")
         until(lambda: drive.state == "SWITCH ON DISABLED", "the first state")
         drive.state = "OPERATION ENABLED"
-        assert "armed" in host_sim("params", "status")
+        equal(drive.sdo["state"]["state"].raw, ARMED)
         # A tenth of the rated torque, in the frame that also holds the controlword.
         drive.rpdo[1]["controlword"].raw = 0x0F
         drive.rpdo[1]["target_torque"].raw = -100
@@ -82,7 +83,7 @@ def a_master_brings_the_joint_up_through_cst_to_a_stop():
         time.sleep(0.5)
         equal(drive.state, "OPERATION ENABLED")
         drive.state = "SWITCH ON DISABLED"
-        assert "safe" in host_sim("params", "status")
+        equal(drive.sdo["state"]["state"].raw, SAFE)
 
 
 passed("drive_402")
