@@ -214,7 +214,8 @@ def a_monitor_beside_a_replay_sees_what_goes_on():
         with Program(watcher, FOLDER / "monitor.out") as monitor:
             until(lambda: "{" in monitor.text(), "the monitor's first second", 20)
             holds(replay())
-            # It tells once a second: of the two of the replay one is whole.
+            # It tells once a second: of the two of the replay one is whole. On a busy machine it tells it late.
+            until(lambda: '"state":"armed"' in monitor.text(), "the replay's second", 20)
             until(lambda: '"state":"safe"' in monitor.text().splitlines()[-1], "the end of the replay", 20)
         told = [json.loads(line) for line in monitor.text().splitlines() if line.endswith("}")]
     busy = max(told, key=lambda one: one["samples_per_s"])
