@@ -245,15 +245,23 @@ fn more_than_five_percent_of_bad_rows_is_an_error() {
 }
 
 #[test]
-fn a_hole_in_a_covariate_makes_the_row_bad() {
-    let good: String = (0..40).map(|i| format!("{i},1,2,{i},x\n")).collect();
-    let head = "time_s,velocity_rad_s,torque_nm,temperature_c,note\n";
-    let data = text(format!("{head}{good}40,1,2,,x\n41,1,2,41,x\n"));
-    assert_eq!((data.rows, data.bad_rows.count), (41, 1));
-    assert_eq!(first_bad(&data), (42, "temperature_c", "an empty cell", "a finite number"));
+fn a_hole_in_a_covariate_is_filled_and_told() {
+    let good: String = (0..40).map(|i| format!("{i},1,2,{i},x,7\n")).collect();
+    let head = "time_s,velocity_rad_s,torque_nm,temperature_c,note,kp\n";
+    let data = text(format!("{head}{good}40,1,2,,x,8\n41,1,2,43,x,\n42,1,2,off,x,8\n"));
+    assert_eq!((data.rows, data.bad_rows.count), (43, 0));
     let run = &data.runs[0];
-    assert_eq!(run.time_s[40], 41.0);
-    assert_eq!(run.get(Quantity::Temperature).unwrap()[40], 41.0);
+    assert_eq!(run.get(Quantity::Temperature).unwrap()[39..], [39.0, 41.0, 43.0, 43.0]);
+    assert_eq!(run.extra[0][39..], [7.0, 8.0, 8.0, 8.0], "a setting is held");
+    let told = |words: &str| data.notes.iter().any(|note| note.ends_with(words));
+    assert!(
+        told(
+            "temperature_c is in 41 of 43 rows and is interpolated in time between its values; row 44 holds \"off\""
+        ),
+        "{:?}",
+        data.notes
+    );
+    assert!(told("kp is in 42 of 43 rows and is held from each of its values to the next"));
 }
 
 #[test]
@@ -285,7 +293,9 @@ fn a_header_problem_is_an_error_of_row_one() {
     ));
     assert!(refused("time_s,a,a\n").contains("found the name twice"));
     assert!(refused("0,1,2\n3,4,5\n").contains("found numbers, expected the columns' names"));
-    assert!(refused("t,v,f\n0,1,2\n").contains("--columns time_s=NAME,velocity_rad_s=NAME"));
+    assert!(
+        refused("t,v,f\n0,1,2\n").contains("--columns time_s=t,velocity_rad_s=v,torque_nm=NAME")
+    );
 }
 
 #[test]

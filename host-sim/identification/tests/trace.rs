@@ -46,6 +46,7 @@ fn measured() -> Dataset {
         covariates: vec!["flow".into(), "gap".into()],
         left_out_columns: vec![],
         notes: vec![],
+        sources: vec![],
     }
 }
 

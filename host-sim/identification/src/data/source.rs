@@ -13,6 +13,7 @@ mod parquet_file;
 
 use super::clean::FileData;
 use super::error::DataError;
+use super::read::ReadOptions;
 use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -45,17 +46,17 @@ struct Input<'a> {
     head: &'a [u8],
     /// Its length in bytes.
     size: u64,
-    /// Pairs of contract name and foreign name.
-    mapping: &'a [(String, String)],
+    /// How it is to be read.
+    options: &'a ReadOptions,
     /// Is told the bytes done so far.
     progress: &'a dyn Fn(u64),
 }
 
-/// Reads a file of `size` bytes, whatever its format; `mapping` holds (contract name, foreign name).
+/// Reads a file of `size` bytes, whatever its format.
 pub(super) fn read_file(
     path: &Path,
     size: u64,
-    mapping: &[(String, String)],
+    options: &ReadOptions,
     progress: &dyn Fn(u64),
 ) -> Result<FileData, DataError> {
     let io = |source| DataError::Io { file: path.into(), source };
@@ -71,5 +72,5 @@ pub(super) fn read_file(
         });
     }
     let source = SOURCES.iter().find(|source| (source.is_it)(&head)).unwrap_or(&csv_file::SOURCE);
-    (source.read)(Input { path, file, head: &head, size, mapping, progress })
+    (source.read)(Input { path, file, head: &head, size, options, progress })
 }

@@ -85,7 +85,7 @@ struct Overview {
 }
 
 fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, mut file, size, mapping, progress, .. } = input;
+    let Input { path, mut file, size, options, progress, .. } = input;
     let overview = look(path, &mut file, &|bytes| progress(bytes / 2))?;
     let kind = overview.summary.kind;
     let name = |column: &Column| match column {
@@ -95,7 +95,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     };
     let columns = &overview.columns;
     let names = columns.iter().map(|column| name(column).to_owned()).collect();
-    let mut cleaner = Cleaner::new(path, layout(path, names, mapping)?);
+    let mut cleaner = Cleaner::new(path, layout(path, names, options)?);
     for bad in &overview.bad.first {
         cleaner.leave_out(bad.row, None, bad.found.clone(), &bad.expected);
     }

@@ -89,7 +89,7 @@ fn separator(text: &[u8]) -> u8 {
 }
 
 fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, mut file, head, size, mapping, progress } = input;
+    let Input { path, mut file, head, size, options, progress } = input;
     let start = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let separator = separator(&head[start..]);
     let failed = |error: csv::Error| {
@@ -121,7 +121,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
         }
     }
     let width = names.len();
-    let mut cleaner = Cleaner::new(path, layout(path, names, mapping)?);
+    let mut cleaner = Cleaner::new(path, layout(path, names, options)?);
 
     let comma_was_point = Cell::new(false);
     let mut records: u64 = 0;
