@@ -121,11 +121,53 @@ fn how_the_text_is_written_does_not_matter() {
         "\n\r\n time_s , velocity_rad_s,torque_nm \n\n 0.0 , 1.0,2.0\n\n\n0.1,1.5,+2.5e0\n,,\n\n";
     let no_last_end = PLAIN.trim_end();
     let marked = format!("\u{feff}{PLAIN}");
-    for other in [&crlf, &semicolons, &tabs, quoted, blanks, no_last_end, &marked] {
+    let remarks = format!("# made by a logger\n// kp 3\n{PLAIN}# the end\n");
+    let in_remark = format!("# {PLAIN}");
+    let units = PLAIN.replacen('\n', "\n s,(rad/s),N·m\n", 1);
+    for other in [
+        &crlf,
+        &semicolons,
+        &tabs,
+        quoted,
+        blanks,
+        no_last_end,
+        &marked,
+        &remarks,
+        &in_remark,
+        &units,
+    ] {
         let data = text(other);
         assert_eq!(data.runs, plain.runs, "{other:?}");
         assert_eq!(data.bad_rows.count, 0);
     }
+}
+
+#[test]
+fn utf_16_is_read_as_utf_8_is() {
+    let plain = text(PLAIN);
+    for mark in ["\u{feff}", ""] {
+        let units: Vec<u16> = format!("{mark}{PLAIN}").encode_utf16().collect();
+        let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+        let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+        assert_eq!(text(little).runs, plain.runs);
+        assert_eq!(text(big).runs, plain.runs);
+    }
+}
+
+#[test]
+fn rows_below_remarks_have_the_numbers_of_an_editor() {
+    let rows = after_100_rows("x,1,2\n");
+    let data = text(format!("# one\n\n# two\n{rows}"));
+    assert_eq!(first_bad(&data).0, 102 + 3);
+}
+
+#[test]
+fn a_row_of_units_is_taken_at_its_word() {
+    let data = text("time_s,velocity_rad_s,torque_nm,flow\nms,rpm,mNm,l/min\n0,60,1500,3\n");
+    let run = &data.runs[0];
+    assert!((run.velocity[0] - std::f64::consts::TAU).abs() < 1e-12);
+    assert_eq!((run.torque[0], run.extra[0][0], data.bad_rows.count), (1.5, 3.0, 0));
+    assert!(data.notes[0].contains("taken for units"));
 }
 
 #[test]
@@ -142,7 +184,7 @@ fn files_that_are_no_table_are_told_apart() {
         refused("time_s,velocity_rad_s,torque_nm\r\n\r\n"),
         "log.csv: found a header and no rows, expected a row per sample"
     );
-    assert!(refused(b"\xff\xfet\0i\0m\0").contains("found text in UTF-16"));
+    assert!(refused(b"\xff\xfet\0i\0m\0").contains("found only the columns tim"));
     assert!(refused(b"\x1f\x8b\x08rest").contains("found a gzip archive"));
     assert!(refused(b"PAR1nonsensePAR1").contains("expected a Parquet file"));
     let folder = Folder::new();

@@ -301,6 +301,12 @@ impl Cleaner<'_> {
         let numeric = || fates.iter().enumerate().filter(|(_, fate)| **fate == Fate::Numeric);
         let mut optional: Vec<Vec<f64>> =
             numeric().map(|(at, _)| part(&mut run.optional[at].values)).collect();
+        let there = |values: &Vec<f64>| {
+            let first = values.iter().position(|value| !value.is_nan()).unwrap_or(values.len());
+            let last = values.iter().rposition(|value| !value.is_nan()).unwrap_or_default();
+            first..last + 1
+        };
+        let moving = there(&required[1]);
         let mut passed = 0;
         let mut keep = vec![true; rows.len()];
         for (row, keep) in keep.iter_mut().enumerate() {
@@ -310,7 +316,8 @@ impl Cleaner<'_> {
             let is_others = match channels {
                 Channels::One => false,
                 Channels::Beside => no_velocity && no_torque,
-                Channels::Merged => no_torque,
+                // Before the first velocity and behind the last there is nothing to interpolate.
+                Channels::Merged => no_torque || !moving.contains(&row),
             };
             if is_others {
                 passed += 1;

@@ -64,6 +64,8 @@ pub(super) struct Layout {
     pub required: [Reading; 3],
     /// Whether the velocity must be derived from the position.
     pub is_position: bool,
+    /// The kind of joint the velocity (or position) is in the units of: mostly that of the target.
+    velocity_kind: JointKind,
     pub optional: Vec<OptionalColumn>,
     pub only: Vec<Only>,
     pub joint_names: Vec<NameColumn>,
@@ -80,6 +82,38 @@ impl Layout {
         let optional = self.optional.iter().map(|column| column.reading.index);
         let names = self.joint_names.iter().map(|column| column.index);
         required.chain(optional).chain(names).chain(self.only.iter().map(|only| only.index))
+    }
+
+    /// Takes the first row for units, if it is one of units and not of values: at least two of time, velocity and
+    /// torque have a unit of theirs there, and no cell is a number. What `--columns` says goes before.
+    pub fn take_units(&mut self, cells: &[&[u8]]) -> bool {
+        let text = |reading: &Reading| {
+            let cell =
+                String::from_utf8_lossy(cells.get(reading.index).copied().unwrap_or_default());
+            cell.trim_matches(['[', ']', '(', ')', '"', ' ']).to_owned()
+        };
+        if cells.iter().any(|cell| fast_float2::parse::<f64, _>(cell).is_ok()) {
+            return false;
+        }
+        let kind = if self.is_position { Quantity::Position } else { Quantity::Velocity };
+        let names = [TIME, kind.name(self.velocity_kind), Quantity::Torque.name(self.joint)];
+        let units = |name: &str, reading: &Reading| conversion(name, &text(reading)).ok();
+        let required = self.required.iter().zip(names);
+        if required.filter(|(reading, name)| units(name, reading).is_some()).count() < 2 {
+            return false;
+        }
+        let required = self.required.iter_mut().zip(names);
+        let optional = self.optional.iter_mut().map(|column| (&mut column.reading, &*column.name));
+        for (reading, name) in required.chain(optional) {
+            if let (None, Some(conversion)) = (reading.conversion, units(name, reading)) {
+                let unit = text(reading);
+                reading.conversion = Some(conversion);
+                let source = self.sources.iter_mut().find(|source| source.name == name);
+                source.into_iter().for_each(|source| source.unit = Some(unit.clone()));
+            }
+        }
+        self.notes.push("the row below the header is taken for units".into());
+        true
     }
 }
 
@@ -192,6 +226,7 @@ pub(super) fn layout(
         run,
         required,
         is_position,
+        velocity_kind: velocity.kind,
         optional,
         only,
         joint_names,

@@ -10,6 +10,8 @@ mod csv_file;
 mod not_a_log;
 #[cfg(feature = "parquet")]
 mod parquet_file;
+mod preamble;
+mod utf16;
 
 use super::clean::FileData;
 use super::error::DataError;

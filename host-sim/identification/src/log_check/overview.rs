@@ -41,6 +41,11 @@ pub struct ColumnOverview {
 /// A median step by which two runs' rates are different.
 const DIFFERENT: f64 = 1.1;
 
+/// A number in four digits: rounded first, or 99.9999 were 100.00 and 100 were 100.0.
+fn rounded(value: f64) -> String {
+    figure(format!("{value:.3e}").parse().unwrap_or(value))
+}
+
 /// Looks at a log as it was read.
 pub fn overview(data: &Dataset) -> Overview {
     let source = |name: &str| data.sources.iter().find(|source| source.name == name).cloned();
@@ -81,19 +86,19 @@ pub fn overview(data: &Dataset) -> Overview {
 impl Overview {
     /// In lines for a terminal, with what else the reading told.
     pub fn lines(&self, data: &Dataset) -> Vec<String> {
-        let [slowest, fastest] = self.rate_hz.map(figure);
+        let [slowest, fastest] = self.rate_hz.map(rounded);
         let rate = match self.rate_hz {
             [_, 0.0] => "no rate".into(),
             [least, most] if most > DIFFERENT * least => format!("{slowest} to {fastest} Hz"),
             _ => format!("{fastest} Hz"),
         };
         let plural = if self.runs == 1 { "run" } else { "runs" };
-        let seconds = figure(self.seconds);
+        let seconds = rounded(self.seconds);
         let mut lines =
             vec![format!("{} {plural}, {} rows, {rate}, {seconds} s in all", self.runs, self.rows)];
         let width = self.columns.iter().map(|column| column.name.chars().count()).max();
         for ColumnOverview { name, unit, range, source } in &self.columns {
-            let [least, most] = range.map(figure);
+            let [least, most] = range.map(rounded);
             let from = match source {
                 Some(SourceColumn { header, unit: Some(unit), .. }) => {
                     format!("   from {header} in {unit}")
@@ -134,7 +139,7 @@ mod tests {
             [
                 "2 runs, 202 rows, 50.00 to 100.0 Hz, 3.000 s in all",
                 "  time_s          0 to 2.000 s",
-                "  velocity_rad_s  0 to 0.9996 rad/s",
+                "  velocity_rad_s  0 to 1.000 rad/s",
                 "  torque_nm       2.000 to 2.000 Nm",
                 "  flow            -3.000 to -3.000 as logged",
             ]
