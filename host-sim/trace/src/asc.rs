@@ -29,9 +29,10 @@ pub(crate) struct State {
 /// Whether a file that begins so is one.
 pub(crate) fn is_it(head: &[u8]) -> bool {
     let mut lines = head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
-    lines.by_ref().take(8).any(|line| {
-        line.starts_with(b"base hex") || line.starts_with(b"base dec")
-    })
+    lines
+        .by_ref()
+        .take(8)
+        .any(|line| line.starts_with(b"base hex") || line.starts_with(b"base dec"))
 }
 
 /// Reads a line.

@@ -232,15 +232,22 @@ mod tests {
         assert_eq!(found[4], Frames::Line(example()));
         assert!(matches!(
             found[5],
-            Frames::Line(Line { frame: CanFrame::Data { identifier: 0x18FF_1234, extended: true, .. }, .. })
+            Frames::Line(Line {
+                frame: CanFrame::Data { identifier: 0x18FF_1234, extended: true, .. },
+                ..
+            })
         ));
         assert!(matches!(found[6], Frames::Line(Line { frame: CanFrame::Error { .. }, .. })));
-        assert!(matches!(found[7], Frames::Line(Line { frame: CanFrame::Remote { length: 8, .. }, .. })));
+        assert!(matches!(
+            found[7],
+            Frames::Line(Line { frame: CanFrame::Remote { length: 8, .. }, .. })
+        ));
         assert_eq!(found[8], Frames::Bad(LineError::Data));
         for other in [0, 1, 2, 3, 9, 10] {
             assert_eq!(found[other], Frames::None, "{other}");
         }
-        let relative = "base dec timestamps relative\n0.001 1 513 Rx d 2 128 63\n0.000234 1 513 Rx d 2 128 63";
+        let relative =
+            "base dec timestamps relative\n0.001 1 513 Rx d 2 128 63\n0.000234 1 513 Rx d 2 128 63";
         assert_eq!(frames(TextFormat::Asc, relative)[2], Frames::Line(example()));
     }
 

@@ -117,8 +117,8 @@ impl Cleaner<'_> {
         if self.rows > 0 {
             return Ok(());
         }
-        let chosen = self.layout.only.iter().zip(&self.chosen_by);
-        if let Some((only, texts)) = chosen.last().filter(|_| self.elsewhere > 0) {
+        let mut chosen = self.layout.only.iter().zip(&self.chosen_by);
+        if let Some((only, texts)) = chosen.next_back().filter(|_| self.elsewhere > 0) {
             let column = &self.layout.names[only.index];
             let asked = format!("{column}={}", only.values.join(","));
             return Err(DataError::Request {

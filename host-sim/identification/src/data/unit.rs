@@ -255,7 +255,7 @@ mod tests {
             ("force_n", "kN", 2.0, 2000.0),
             ("pressure_diff_pa", "bar", 3.0, 3e5),
             ("pressure_diff_pa", "MPa", 3.0, 3e6),
-            ("pressure_diff_pa", "psi", 1.0, 6894.757_293_168_361),
+            ("pressure_diff_pa", "psi", 1.0, 6_894.757_293_168_361),
             ("temperature_c", "K", 300.0, 26.850_000_000_000_023),
             ("temperature_c", "degF", 212.0, 100.0),
         ] {
