@@ -34,6 +34,7 @@ mod source;
 mod split;
 mod trace_sink;
 mod unit;
+mod velocity;
 
 pub use acceleration::{DERIVATIVE_WINDOW, derivative};
 pub use clean::{MAX_BAD_SHARE, MAX_RUNS};

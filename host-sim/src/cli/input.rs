@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Data and how to read and split it.
 #[derive(Args, Clone, Debug)]
 pub struct DataArguments {
-    /// Measured data: CSV or Parquet, one or more files
+    /// Measured data: CSV, Parquet, MCAP or CAN traces, one or more files
     #[arg(required = true, value_name = "DATA")]
     pub data: Vec<PathBuf>,
     /// Held-out files; without them whole runs (or time blocks of a single run) are held out: of `diagnose`

@@ -15,7 +15,7 @@
 //! before. CAN FD events and all others (statistics, markers, environment variables) are passed over.
 
 use crate::candump::{CanFrame, Direction, Fraction, Line};
-use crate::text::{Frames, data_frame, fraction_digits, nanoseconds, words};
+use crate::text::{Frames, LATEST_NS, data_frame, fraction_digits, nanoseconds, words};
 use std::io::Write;
 
 /// What the lines above say of those below.
@@ -47,7 +47,11 @@ pub(crate) fn parse<'a>(line: &'a [u8], state: &mut State) -> Frames<'a> {
     let (Some(time_ns), Some(channel)) = (nanoseconds(first, 1_000_000_000), words.next()) else {
         return Frames::None;
     };
-    let time_ns = if state.is_relative { state.time_ns.saturating_add(time_ns) } else { time_ns };
+    let time_ns = if state.is_relative {
+        state.time_ns.saturating_add(time_ns).min(LATEST_NS)
+    } else {
+        time_ns
+    };
     state.time_ns = time_ns;
     if !channel.iter().all(u8::is_ascii_digit) {
         return Frames::None;

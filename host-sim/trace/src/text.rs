@@ -128,6 +128,9 @@ pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
+/// Latest stamp, ns, as candump's.
+pub(crate) const LATEST_NS: u64 = 17_999_999_999_999_999_999;
+
 /// A decimal number of units of `unit_ns`, in ns.
 pub(crate) fn nanoseconds(text: &[u8], unit_ns: u64) -> Option<u64> {
     let text = std::str::from_utf8(text).ok()?;
@@ -142,7 +145,7 @@ pub(crate) fn nanoseconds(text: &[u8], unit_ns: u64) -> Option<u64> {
         place /= 10;
         time = time.checked_add(u64::from(digit - b'0') * place)?;
     }
-    Some(time)
+    (time <= LATEST_NS).then_some(time)
 }
 
 /// Digits of the fraction of a second, and the fraction in them.

@@ -93,7 +93,7 @@ fn frame<'a>(line: &'a [u8], state: &State) -> Result<Frames<'a>, LineError> {
             }
             b'L' | b'l' => {
                 let text = std::str::from_utf8(word).map_err(|_| LineError::Data)?;
-                length = text.parse().map_err(|_| LineError::Data)?;
+                length = text.parse().ok().filter(|of| *of <= 8).ok_or(LineError::Data)?;
             }
             _ => {}
         }

@@ -16,11 +16,12 @@ use super::clock;
 use super::columns::{FINITE, Fate};
 use super::contract::RUN;
 use super::dataset::LeftOutColumn;
-use super::error::{DataError, NAMED_BAD_ROWS};
+use super::error::{DataError, NAMED_BAD_ROWS, listed};
 use super::fill::{Fill, fill};
 use super::header::Layout;
 use super::order::{PAUSE, order, starts};
-use super::segment::{GAP_FACTOR, median_step, segments_of};
+use super::segment::{GAP_FACTOR, median_step};
+use super::velocity::differences;
 
 /// A velocity or torque in a smaller share of the rows is a channel with stamps of its own.
 const OF_ANOTHER: f64 = 0.6;
@@ -139,11 +140,11 @@ impl Cleaner<'_> {
             let several = !texts.many && texts.seen.len() > 1 && (column.is_sure || texts.changes);
             if several {
                 let name = &self.layout.names[column.index];
-                let first = String::from_utf8_lossy(&texts.seen[0]);
-                let (count, listed) = (texts.seen.len(), texts.listed());
+                let first = listed(&[String::from_utf8_lossy(&texts.seen[0])]);
+                let (count, joints) = (texts.seen.len(), texts.listed());
                 return Err(DataError::File {
                     file: self.file.into(),
-                    found: format!("{count} joints in column {name} ({listed})"),
+                    found: format!("{count} joints in column {name} ({joints})"),
                     expected: format!("one: --where {name}={first}"),
                 });
             }
@@ -486,33 +487,4 @@ fn fill_velocity(runs: &mut [OpenRun], all: &[Start]) {
 fn retain<T>(column: &mut Vec<T>, keep: &[bool]) {
     let mut keep = keep.iter();
     column.retain(|_| *keep.next().unwrap_or(&false));
-}
-
-/// A position's differences from row to row over each unbroken stretch, its first row as its second: the velocity of
-/// an encoder that logs none. It is late by half a row, which the reconstruction of the motion knows to tell.
-fn differences(time: &[f64], position: &[f64]) -> Vec<f64> {
-    let mut velocity = vec![0.0; time.len()];
-    for rows in segments_of(time) {
-        for row in rows.start + 1..rows.end {
-            let step = time[row] - time[row - 1];
-            let travel = position[row] - position[row - 1];
-            velocity[row] = if step > 0.0 { travel / step } else { velocity[row - 1] };
-        }
-        if rows.len() > 1 {
-            velocity[rows.start] = velocity[rows.start + 1];
-        }
-    }
-    velocity
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_difference_crosses_a_gap_or_divides_by_nothing() {
-        let time = [0.0, 1.0, 2.0, 3.0, 3.0, 100.0, 101.0];
-        let position = [0.0, 2.0, 4.0, 6.0, 6.0, 500.0, 501.0];
-        assert_eq!(differences(&time, &position), [2.0, 2.0, 2.0, 2.0, 2.0, 1.0, 1.0]);
-    }
 }

@@ -19,6 +19,9 @@ const WORDS: [(&str, &[&str]); 3] = [
     ("torque", &["torque", "tau", "effort", "moment", "force", "trq", "drehmoment", "kraft"]),
 ];
 
+/// A longer name is not repeated, bytes.
+const LONGEST: usize = 60;
+
 /// A column for that name of the contract, with the unit to be said, where exactly one is likely.
 pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
@@ -30,6 +33,10 @@ pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     };
     let mut likely = columns.iter().filter(|name| is_alike(name));
     let name = likely.next().filter(|_| likely.next().is_none())?;
+    // What cannot be typed is no help; a file that is no table may hold anything.
+    if name.len() > LONGEST || name.contains(char::is_control) {
+        return None;
+    }
     Some(match unit::in_name(contract_name, name).filter(|_| *name != "%time") {
         Some(unit) => format!("{name}:{unit}"),
         None => (*name).to_owned(),

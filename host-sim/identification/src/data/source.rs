@@ -6,7 +6,11 @@
 //! came from. What is known to be no log is told by its name instead of as a hundred bad rows.
 
 mod can_trace;
+#[cfg(feature = "mcap")]
+mod cdr;
 mod csv_file;
+#[cfg(feature = "mcap")]
+mod mcap_file;
 mod not_a_log;
 #[cfg(feature = "parquet")]
 mod parquet_file;
@@ -31,6 +35,8 @@ struct Source {
 /// In the order they are asked. Text that is nothing else is a table.
 const SOURCES: &[Source] = &[
     can_trace::SOURCE,
+    #[cfg(feature = "mcap")]
+    mcap_file::SOURCE,
     #[cfg(feature = "parquet")]
     parquet_file::SOURCE,
     csv_file::SOURCE,
