@@ -22,6 +22,16 @@ impl OutputArguments {
     /// # Errors
     /// One line that names the file.
     pub fn write(&self, files: &[(&str, &str)]) -> Result<(), String> {
+        let bytes: Vec<(&str, &[u8])> =
+            files.iter().map(|(name, text)| (*name, text.as_bytes())).collect();
+        self.write_bytes(&bytes)
+    }
+
+    /// The same for files that are no text.
+    ///
+    /// # Errors
+    /// As [`OutputArguments::write`].
+    pub fn write_bytes(&self, files: &[(&str, &[u8])]) -> Result<(), String> {
         let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
         std::fs::create_dir_all(&self.out).map_err(|error| failed(&self.out, error))?;
         let taken = files.iter().map(|(name, _)| self.out.join(name)).find(|path| path.is_dir());
@@ -30,7 +40,7 @@ impl OutputArguments {
         }
         for (name, content) in files {
             let path = self.out.join(name);
-            crate::report::write_atomically(&path, content.as_bytes())
+            crate::report::write_atomically(&path, content)
                 .map_err(|error| failed(&path, error))?;
         }
         Ok(())
