@@ -17,6 +17,7 @@ mod output;
 mod parameters;
 mod replay;
 mod simulate;
+mod terminal;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};

@@ -1,7 +1,9 @@
 //! Where results go.
 
+use super::terminal;
 use clap::Args;
-use std::io::{ErrorKind, Write};
+use rustix::termios::tcgetwinsize;
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 /// Where results go.
@@ -45,6 +47,20 @@ impl OutputArguments {
         }
         Ok(())
     }
+}
+
+/// Prints what a person reads: on a terminal in its width and with colour (unless `NO_COLOR` is set), else as it is.
+///
+/// # Errors
+/// As [`say`].
+pub fn tell(text: &str) -> Result<(), String> {
+    let out = std::io::stdout();
+    if !out.is_terminal() {
+        return say(text);
+    }
+    let width = tcgetwinsize(&out).map_or(80, |size| usize::from(size.ws_col));
+    let colour = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    say(&terminal::laid_out(text, width.clamp(40, 120), colour))
 }
 
 /// Prints on standard output. A reader that has seen enough (`| head`) is no error: the files are
