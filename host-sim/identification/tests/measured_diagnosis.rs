@@ -44,7 +44,11 @@ const CASE: Case = Case {
 fn examine(folder: &Path, case: &Case) -> Diagnosis {
     let files: Vec<PathBuf> = case.files.iter().map(|name| folder.join(name)).collect();
     let pair = |(ours, theirs): &(&str, &str)| ((*ours).to_owned(), (*theirs).to_owned());
-    let options = ReadOptions { columns: case.columns.iter().map(pair).collect(), skip: case.skip };
+    let options = ReadOptions {
+        columns: case.columns.iter().map(pair).collect(),
+        skip: case.skip,
+        ..ReadOptions::default()
+    };
     let data = read(&files, &options, &|_, _| {}).expect("a log by the contract");
     let checked = log_check::check(data, Correct::default());
     let parts = split(&checked.data, &(case.rule)(&files), 0).expect("a split");

@@ -11,7 +11,7 @@ use friction_identification::data::{
     Dataset, EmitOptions, JointKind, Measured, Quantity, ReadOptions, Run, contract, emit, read,
 };
 use friction_identification::fit::{tracks, tracks_with};
-use joint_trace::{Assembler, Fraction, TraceSample, Writer, candump};
+use joint_trace::{Assembler, Fraction, TextFormat, TraceSample, Writer, candump};
 use std::path::PathBuf;
 
 /// Two runs that overlap in time, with every column and a covariate.
@@ -46,6 +46,7 @@ fn measured() -> Dataset {
         covariates: vec!["flow".into(), "gap".into()],
         left_out_columns: vec![],
         notes: vec![],
+        sources: vec![],
     }
 }
 
@@ -113,6 +114,22 @@ fn a_data_set_comes_back_from_its_log() {
     let carried = tracks_with(&back, Some("auxiliary"));
     assert_eq!(carried[0].samples[30].auxiliary, back.runs[0].extra[0][30]);
     assert_eq!(tracks(&back)[0].samples[30].auxiliary, 0.0);
+}
+
+#[test]
+fn a_data_set_comes_back_the_same_from_every_format() {
+    let data = measured();
+    let back = |format| {
+        let log = log_of(&data, &EmitOptions { format, ..gap() });
+        assert_eq!(TextFormat::of(&log), Some(format));
+        Log::new(&log).read().unwrap()
+    };
+    let candump = back(TextFormat::Candump);
+    for format in [TextFormat::Asc, TextFormat::Trc] {
+        let other = back(format);
+        assert_eq!(other.runs, candump.runs, "{format:?}");
+        assert_eq!((other.bad_rows.count, &other.notes), (0, &candump.notes));
+    }
 }
 
 #[test]

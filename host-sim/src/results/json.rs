@@ -6,7 +6,9 @@
 
 use friction_identification::data::{Dataset, Split};
 use friction_identification::fit::{Estimate, Metrics, Outcome};
+use friction_identification::log_check::{ColumnOverview, overview};
 use friction_identification::params::unit;
+use friction_identification::spec::Spec;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -16,6 +18,16 @@ pub struct Document {
     schema: u32,
     data: Data,
     models: Vec<Model>,
+    /// The model of `params.toml`, where there is more than one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    chosen: Option<String>,
+}
+
+impl Document {
+    /// Says which of its models is the one to take.
+    pub fn choose(&mut self, model: &Spec) {
+        self.chosen = Some(model.to_string());
+    }
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -28,6 +40,8 @@ pub(super) struct Data {
     test_runs: Vec<String>,
     files: Vec<String>,
     sha256: Vec<String>,
+    columns: Vec<Value>,
+    notes: Vec<String>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -93,7 +107,22 @@ pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcom
         schema: 1,
         data: sources(data, split, hashes),
         models: fits.iter().map(model).collect(),
+        chosen: None,
     }
+}
+
+/// A column as it is used, and where it comes from.
+fn column(of: &ColumnOverview) -> Value {
+    let source = of.source.as_ref();
+    json!({
+        "name": of.name,
+        "unit": of.unit,
+        "range": of.range,
+        "from": source.map(|source| &source.header),
+        "from_unit": source.and_then(|source| source.unit.as_ref()),
+        "filled": source.map_or(0, |source| source.filled),
+        "fill": source.and_then(|source| source.fill),
+    })
 }
 
 /// What was read, and how it was divided.
@@ -107,5 +136,7 @@ pub(super) fn sources(data: &Dataset, split: &Split, hashes: &[String]) -> Data 
         test_runs: split.test_runs(data),
         files: data.files.iter().map(|file| file.display().to_string()).collect(),
         sha256: hashes.to_vec(),
+        columns: overview(data).columns.iter().map(column).collect(),
+        notes: data.notes.clone(),
     }
 }

@@ -3,7 +3,8 @@
 //! For the one question a reader has where a log lacks what was looked for: what is in it, then? Nothing is counted
 //! while a log is read as it should be; this walks the file again.
 
-use super::candump::{self, CanFrame};
+use super::candump::CanFrame;
+use super::text::{Frames, TextFormat, TextReader};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, BufRead, Read};
@@ -21,18 +22,20 @@ pub struct Census {
 }
 
 impl Census {
-    /// Counts the frames of a log; what is none of candump's lines is passed over.
+    /// Counts the frames of a log in any of the text formats; what is no frame is passed over.
     ///
     /// # Errors
     /// As the reader.
     pub fn of(mut log: impl BufRead) -> io::Result<Self> {
         let (mut census, mut line) = (Self::default(), Vec::new());
+        let format = TextFormat::of(log.fill_buf()?).unwrap_or_default();
+        let mut reader = TextReader::new(format);
         loop {
             line.clear();
             if log.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)? == 0 {
                 return Ok(census);
             }
-            if let Ok(found) = candump::parse(&line)
+            if let Frames::Line(found) = reader.read(&line)
                 && let CanFrame::Data { identifier, .. } = found.frame
             {
                 *census.counts.entry(identifier).or_default() += 1;

@@ -2,14 +2,13 @@
 //!
 //! The inputs of one joint and the SYNCs are, in the log's order and times; whatever number the joint had,
 //! the frames go to the one that is tested. What the joint answered when it was recorded is kept beside
-//! for comparison. Everything else that candump writes (other nodes, CAN FD, remote requests, error
+//! for comparison. Everything else that a log holds (other nodes, CAN FD, remote requests, error
 //! frames) is counted and passed over. Bad lines are counted; more than one in twenty is an error.
 
 use compensator_core::can::{
     Answer, Entry, Frame, FrameError, Inbox, Message, Node, Status, SyncOutcome,
 };
-use joint_trace::Census;
-use joint_trace::candump::{self, CanFrame};
+use joint_trace::{CanFrame, Census, Frames, LineError, TextFormat, TextReader};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -45,7 +44,7 @@ pub struct PassedOver {
     pub error: u64,
     /// Frames stamped before the one that stands before them; played with it.
     pub backwards: u64,
-    /// Lines that are none of candump's.
+    /// Lines that are no frames, where each should be one.
     pub bad_lines: u64,
 }
 
@@ -90,9 +89,9 @@ pub enum PlanError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// Too many lines are none of candump's.
+    /// Too many lines are no frames.
     #[error(
-        "{file}: {bad} of {lines} lines are no candump log, the first is line {first}: expected {expected}"
+        "{file}: {bad} of {lines} lines are no frames of a CAN log, the first is line {first}: expected {expected}"
     )]
     Bad {
         /// The file.
@@ -131,7 +130,8 @@ impl Plan {
         let file = path.display().to_string();
         let failed = |source| PlanError::Read { file: file.clone(), source };
         let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?);
-        let mut builder = Builder::new(node);
+        let format = TextFormat::of(reader.fill_buf().map_err(failed)?);
+        let mut builder = Builder::new(node, format);
         let mut line = Vec::new();
         let mut hash = Sha256::new();
         loop {
@@ -151,7 +151,7 @@ impl Plan {
     /// # Errors
     /// As [`Plan::read`].
     pub fn parse(log: &[u8], node: Node) -> Result<Self, PlanError> {
-        let mut builder = Builder::new(node);
+        let mut builder = Builder::new(node, TextFormat::of(log));
         log.split_inclusive(|byte| *byte == b'\n').for_each(|line| builder.line(line));
         let sha256 = Sha256::digest(log).iter().map(|byte| format!("{byte:02x}")).collect();
         builder.finish("log", sha256, || Census::of(log))
@@ -160,6 +160,9 @@ impl Plan {
 
 struct Builder {
     node: Node,
+    reader: TextReader,
+    /// Whether every line must be a frame, as candump's are.
+    is_candump: bool,
     /// The joint that is followed: its interface and number; the first whose inputs are seen.
     joint: Option<(Vec<u8>, Node)>,
     /// Counts the samples as the joint does, once the log has said where they count from.
@@ -177,7 +180,8 @@ struct Builder {
 }
 
 impl Builder {
-    fn new(node: Node) -> Self {
+    fn new(node: Node, format: Option<TextFormat>) -> Self {
+        let format = format.unwrap_or_default();
         let plan = Plan {
             frames: Vec::new(),
             samples: 0,
@@ -190,6 +194,8 @@ impl Builder {
         };
         Self {
             node,
+            reader: TextReader::new(format),
+            is_candump: format == TextFormat::Candump,
             joint: None,
             inbox: Inbox::new(node),
             counts: false,
@@ -209,9 +215,11 @@ impl Builder {
         }
         self.plan.lines += 1;
         let over = &mut self.plan.passed_over;
-        let line = match candump::parse(text) {
-            Ok(line) => line,
-            Err(error) => {
+        let line = match self.reader.read(text) {
+            Frames::Line(line) => line,
+            Frames::None if !self.is_candump => return,
+            found => {
+                let error = if let Frames::Bad(error) = found { error } else { LineError::Time };
                 over.bad_lines += 1;
                 self.plan.first_bad.get_or_insert((self.plan.lines, error.expected()));
                 return;
@@ -405,7 +413,10 @@ mod tests {
     fn what_cannot_be_played_is_refused_in_one_line() {
         let node = Node::FIRST;
         let error = Plan::parse(b"time_s,velocity_rad_s\n0,1\n", node).unwrap_err().to_string();
-        assert!(error.contains("2 of 2 lines are no candump log, the first is line 1"), "{error}");
+        assert!(
+            error.contains("2 of 2 lines are no frames of a CAN log, the first is line 1"),
+            "{error}"
+        );
         // Two SYNCs and commands, but nobody says how the joint moves.
         let log = b"(1.0) can0 301#0000000000000000\n(1.0) can0 080#01\n(1.1) can0 080#02\n";
         let error = Plan::parse(log, node).unwrap_err().to_string();
