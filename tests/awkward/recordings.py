@@ -155,8 +155,8 @@ End TriggerBlock
 error(
     "a Vector trace of something else",
     {"log.asc": ASC},
-    "log.asc: found 2 frames and no joint's velocity and torque, expected frames 200 and 300 + node and the SYNC 080, as "
-    "joint.dbc says",
+    "log.asc: found frames 244 (2) and no joint's velocity and torque, expected Motion (480 + node), Torque (680 + node) and "
+    "the SYNC (080) of joint.dbc",
 )
 TRC = """;$FILEVERSION=2.1
 ;$COLUMNS=N,O,T,B,I,d,R,L,D

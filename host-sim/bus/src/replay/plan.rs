@@ -8,10 +8,10 @@
 use compensator_core::can::{
     Answer, Entry, Frame, FrameError, Inbox, Message, Node, Status, SyncOutcome,
 };
-use joint_trace::{CanFrame, Frames, LineError, TextFormat, TextReader};
+use joint_trace::{CanFrame, Census, Frames, LineError, TextFormat, TextReader};
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
 /// Samples an answer may come late by, at most.
@@ -107,15 +107,17 @@ pub enum PlanError {
     },
     /// No joint was fed in it.
     #[error(
-        "{file}: {samples} SYNCs and {inputs} inputs of a joint, expected at least 2 and 1; is it a log of a joint (joint.dbc)?"
+        "{file}: {samples} SYNCs (080) and {motions} Motion frames (480 + node) of a joint, expected at least 2 and 1; found {census}"
     )]
     Empty {
         /// The file.
         file: String,
         /// SYNCs there are.
         samples: u64,
-        /// Inputs there are.
-        inputs: u64,
+        /// Motion frames there are.
+        motions: u64,
+        /// What is in it.
+        census: Census,
     },
 }
 
@@ -141,7 +143,7 @@ impl Plan {
             builder.line(&line);
         }
         let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-        builder.finish(&file, sha256)
+        builder.finish(&file, sha256, || Census::of(BufReader::new(File::open(path)?)))
     }
 
     /// A plan of a log in memory.
@@ -152,7 +154,7 @@ impl Plan {
         let mut builder = Builder::new(node, TextFormat::of(log));
         log.split_inclusive(|byte| *byte == b'\n').for_each(|line| builder.line(line));
         let sha256 = Sha256::digest(log).iter().map(|byte| format!("{byte:02x}")).collect();
-        builder.finish("log", sha256)
+        builder.finish("log", sha256, || Census::of(log))
     }
 }
 
@@ -171,7 +173,7 @@ struct Builder {
     plan: Plan,
     first_ns: Option<u64>,
     last_ns: u64,
-    inputs: u64,
+    motions: u64,
     /// Times of SYNCs, ns.
     syncs: Vec<u64>,
     answer: Option<Answer>,
@@ -201,7 +203,7 @@ impl Builder {
             plan,
             first_ns: None,
             last_ns: 0,
-            inputs: 0,
+            motions: 0,
             syncs: Vec::new(),
             answer: None,
         }
@@ -295,7 +297,8 @@ impl Builder {
             }
             Message::Entry(_, Entry::JointKind(_)) => {}
             Message::Entry(_, Entry::Run(_) | Entry::Sequence(_)) => self.counts = true,
-            _ => self.inputs += 1,
+            Message::Motion(..) => self.motions += 1,
+            _ => {}
         }
         self.plan.frames.push(Planned { due_ns, message });
     }
@@ -316,7 +319,13 @@ impl Builder {
         }
     }
 
-    fn finish(mut self, file: &str, sha256: String) -> Result<Plan, PlanError> {
+    /// `census` says what is in the log, where that has to be said.
+    fn finish(
+        mut self,
+        file: &str,
+        sha256: String,
+        census: impl FnOnce() -> io::Result<Census>,
+    ) -> Result<Plan, PlanError> {
         let plan = &mut self.plan;
         let (bad, lines) = (plan.passed_over.bad_lines, plan.lines);
         if let Some((first, expected)) = plan.first_bad
@@ -324,9 +333,13 @@ impl Builder {
         {
             return Err(PlanError::Bad { file: file.into(), bad, lines, first, expected });
         }
-        if plan.samples < 2 || self.inputs == 0 {
-            let (samples, inputs) = (plan.samples, self.inputs);
-            return Err(PlanError::Empty { file: file.into(), samples, inputs });
+        if plan.samples < 2 || self.motions == 0 {
+            let (samples, motions) = (plan.samples, self.motions);
+            let file = file.to_owned();
+            return Err(match census() {
+                Ok(census) => PlanError::Empty { file, samples, motions, census },
+                Err(source) => PlanError::Read { file, source },
+            });
         }
         let mut steps: Vec<u64> =
             self.syncs.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0).collect();
@@ -349,18 +362,18 @@ mod tests {
     use super::*;
 
     const LOG: &str = "\
-(10.000000) can0 207#0000803F0000C07F\n\
+(10.000000) can0 487#0000803F0000C07F\n\
 (10.000000) can0 080#01\n\
 (10.000100) can0 187#0000803F00000000\n\
 (10.000110) can0 287#0000000000000000\n\
-(10.001000) can0 207#0000003F0000C07F\n\
+(10.001000) can0 487#0000003F0000C07F\n\
 (10.001000) can1 080#09\n\
 (10.001000) can0 080#02\n\
-(10.002000) can0 208#0000003F0000C07F\n\
+(10.002000) can0 488#0000003F0000C07F\n\
 (10.002000) can0 123##011\n\
 (10.002000) can0 123#R\n\
 (10.002000) can0 20000004#0000000000000000\n\
-(10.001900) can0 207#00\n\
+(10.001900) can0 487#00\n\
 (10.001900) can0 080#03\n";
 
     #[test]
@@ -369,7 +382,7 @@ mod tests {
         let sent: Vec<_> =
             plan.frames.iter().map(|planned| (planned.due_ns, planned.message.emit())).collect();
         let identifiers: Vec<u16> = sent.iter().map(|(_, frame)| frame.identifier()).collect();
-        assert_eq!(identifiers, [0x203, 0x80, 0x203, 0x80, 0x80]);
+        assert_eq!(identifiers, [0x483, 0x80, 0x483, 0x80, 0x80]);
         let times: Vec<u64> = sent.iter().map(|(due_ns, _)| *due_ns / 1000).collect();
         assert_eq!(times, [0, 0, 1000, 1000, 1900]);
         assert_eq!(plan.samples, 3);
@@ -384,7 +397,7 @@ mod tests {
 
     #[test]
     fn a_recorded_answer_belongs_to_the_sample_of_its_number() {
-        let log = "(1.000) can0 601#2300200107000000\n(1.000) can0 201#0000803F0000C07F\n\
+        let log = "(1.000) can0 601#2300200107000000\n(1.000) can0 481#0000803F0000C07F\n\
             (1.000) can0 080#01\n(1.001) can0 080#02\n(1.002) can0 080#02\n(1.003) can0 080#03\n\
             (1.004) can0 181#0000803F00000000\n(1.004) can0 281#0000000000000000\n\
             (1.004) can0 181#0000004000000000\n(1.004) can0 281#0000000002000000\n\
@@ -404,7 +417,13 @@ mod tests {
             error.contains("2 of 2 lines are no frames of a CAN log, the first is line 1"),
             "{error}"
         );
-        let error = Plan::parse(b"(1.0) can0 123#00\n", node).unwrap_err().to_string();
-        assert!(error.contains("0 SYNCs and 0 inputs"), "{error}");
+        // Two SYNCs and commands, but nobody says how the joint moves.
+        let log = b"(1.0) can0 301#0000000000000000\n(1.0) can0 080#01\n(1.1) can0 080#02\n";
+        let error = Plan::parse(log, node).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "log: 2 SYNCs (080) and 0 Motion frames (480 + node) of a joint, expected at least 2 and \
+             1; found frames 080 (2), 301 (1)"
+        );
     }
 }

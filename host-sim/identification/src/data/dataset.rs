@@ -88,6 +88,9 @@ pub struct Run {
     /// m/s, a value per row, from what is known of it ([`crate::motion`]). Empty where the velocity is taken
     /// as it stands.
     pub velocity_draws: Vec<Vec<f64>>,
+    /// Whether [`Run::velocity`] is free of noise to speak of: exact as logged, or smoothed already
+    /// ([`crate::motion`]). Its slope may then be taken from row to row.
+    pub velocity_is_smooth: bool,
 }
 
 /// Columns of a run by their quantity.
@@ -161,6 +164,7 @@ impl Run {
             extra: self.extra.iter().map(&f).collect(),
             labels: self.labels.clone(),
             velocity_draws: self.velocity_draws.iter().map(&f).collect(),
+            velocity_is_smooth: self.velocity_is_smooth,
         }
     }
 }

@@ -16,7 +16,9 @@ use crate::data::dataset::LeftOutColumn;
 use crate::data::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
 use crate::data::header::layout;
 use compensator_core::quantity::Quantity;
-use joint_trace::{Assembler, Frames, LineError, Summary, TextFormat, TextReader, TraceSample};
+use joint_trace::{
+    Assembler, Census, Frames, LineError, Summary, TextFormat, TextReader, TraceSample,
+};
 
 /// Lines between two calls of the progress function.
 const PROGRESS_LINES: u64 = 64 * 1024;
@@ -185,8 +187,11 @@ fn look(
     let is_seen = |quantity: Quantity| seen[quantity as usize];
     let complete = is_seen(Quantity::Velocity) && is_seen(Quantity::Torque);
     let Some(origin_ns) = origin_ns.filter(|_| complete) else {
-        let found = format!("{} frames and no joint's velocity and torque", summary.frames);
-        let expected = "frames 200 and 300 + node and the SYNC 080, as joint.dbc says";
+        let io = |source| DataError::Io { file: path.into(), source };
+        file.seek(SeekFrom::Start(0)).map_err(io)?;
+        let census = Census::of(BufReader::new(&*file)).map_err(io)?;
+        let found = format!("{census} and no joint's velocity and torque");
+        let expected = "Motion (480 + node), Torque (680 + node) and the SYNC (080) of joint.dbc";
         return wrong(found, expected);
     };
     let quantities = Quantity::ALL.iter().copied().filter(|of| is_seen(*of)).map(Column::Measured);
