@@ -64,6 +64,21 @@ pub struct Choices {
     pub allow_active: bool,
 }
 
+impl Choices {
+    /// Their names in files, in the order of [`Choices::to_array`].
+    pub const NAMES: [&str; 3] = ["damping_fades", "printed_extended", "allow_active"];
+
+    /// The choices in the order of their names.
+    pub const fn to_array(self) -> [bool; 3] {
+        [self.damping_fades, self.printed_extended, self.allow_active]
+    }
+
+    /// The choices of [`Choices::to_array`].
+    pub const fn from_array([damping_fades, printed_extended, allow_active]: [bool; 3]) -> Self {
+        Self { damping_fades, printed_extended, allow_active }
+    }
+}
+
 macro_rules! define_laws {
     ($($(#[$doc:meta])* $kind:ident = $number:literal, $name:literal in $file:ident $(, $tuned:ident)?;)*) => {
         /// The friction laws.

@@ -8,6 +8,7 @@ mod bus;
 mod compare;
 mod demo;
 mod diagnose;
+mod export;
 mod identify;
 mod input;
 mod monitor;
@@ -16,6 +17,7 @@ mod output;
 mod parameters;
 mod replay;
 mod simulate;
+mod terminal;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
@@ -38,6 +40,8 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// The whole story in a minute: a joint, a hidden effect, its CAN trace, the diagnosis, the truth
     Demo(demo::Arguments),
+    /// A fitted model for other hands: a record for flash, Rust, C, MuJoCo, URDF
+    Export(export::Arguments),
     /// A live view of a joint: velocity, friction, current, flags, model in band
     Monitor(monitor::Arguments),
     /// Be a joint driver, on the bus, on this PC
@@ -62,6 +66,7 @@ pub fn run() -> ExitCode {
         Command::Compare(arguments) => done(compare::run(&arguments)),
         Command::Diagnose(arguments) => done(diagnose::run(&arguments)),
         Command::Demo(arguments) => done(demo::run(&arguments)),
+        Command::Export(arguments) => done(export::run(&arguments)),
         Command::Monitor(arguments) => done(monitor::run(&arguments)),
         Command::Node(arguments) => done(node::run(&arguments)),
         Command::Params(arguments) => parameters::run(&arguments),

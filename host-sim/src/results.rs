@@ -4,8 +4,9 @@ pub mod diagnosis;
 pub mod diagnosis_page;
 pub mod json;
 pub mod page;
+pub mod provenance;
 mod ranking;
 pub mod table;
 
 pub use json::{Document, document};
-pub use page::{Study, page};
+pub use page::{Judged, Study, judged, page};

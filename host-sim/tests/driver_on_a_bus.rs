@@ -103,50 +103,119 @@ fn a_reset_over_the_bus_restarts_it() {
     assert_eq!(client.read_float(Address::new(index::COMPENSATOR, 1)).unwrap(), 0.9);
 }
 
+/// `params` on a driver in its own process, gone with it.
+fn params(arguments: &[&str]) -> Output {
+    host_sim(&[&["params", "--bus", "loop"], arguments].concat())
+}
+
 #[test]
 fn params_prints_a_file_that_is_no_different() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("joint.toml");
     let name = path.to_str().unwrap();
-    let got = host_sim(&["params", "get"]);
+    let got = params(&["get"]);
     assert!(got.status.success());
     std::fs::write(&path, &got.stdout).unwrap();
-    let same = host_sim(&["params", "diff", name]);
+    let same = params(&["diff", name]);
     assert_eq!(same.status.code(), Some(0), "{}", text(&same.stdout));
     let changed = text(&got.stdout).replace("gear_ratio = 51.0", "gear_ratio = 20.0");
-    std::fs::write(&path, changed).unwrap();
-    let other = host_sim(&["params", "diff", name]);
+    std::fs::write(&path, changed.replace("damping_fades = false", "damping_fades = true"))
+        .unwrap();
+    let other = params(&["diff", name]);
     assert_eq!(other.status.code(), Some(1));
-    assert_eq!(text(&other.stdout), "motor.gear_ratio: driver 51.0, file 20.0\n");
+    assert_eq!(
+        text(&other.stdout),
+        "choices.damping_fades: driver false, file true\nmotor.gear_ratio: driver 51.0, file 20.0\n"
+    );
     // The torque constant of the compensator goes with the gear: the whole set is looked at.
-    let refused = host_sim(&["params", "set", name]);
+    let refused = params(&["set", name]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(
         text(&refused.stderr).starts_with("error: torque_constant"),
         "{}",
         text(&refused.stderr)
     );
+    // N and m are not Nm and rad.
+    let slides = text(&got.stdout).replace("revolute", "prismatic");
+    let slides =
+        slides.replace("Nm/rad", "N/m").replace("Nm s/rad", "N s/m").replace("\"Nm\"", "\"N\"");
+    std::fs::write(&path, slides.replace("rad/s\"", "m/s\"")).unwrap();
+    for action in ["set", "diff"] {
+        let refused = params(&[action, name]);
+        let error = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{error}");
+        assert!(
+            error.ends_with("is of a joint that slides (N), the driver's turns (Nm)\n"),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn params_wants_to_know_which_joint() {
+    for action in [&["save"][..], &["arm"], &["set", "static_torque=2"], &["get"]] {
+        let refused = host_sim(&[&["params"], action].concat());
+        let error = text(&refused.stderr);
+        assert_eq!(
+            (refused.status.code(), text(&refused.stdout).as_str()),
+            (Some(2), ""),
+            "{action:?}"
+        );
+        assert!(error.contains("--bus is missing") && error.lines().count() == 1, "{error}");
+    }
+}
+
+#[test]
+fn params_says_what_it_did() {
+    for (action, said) in [
+        (&["save"][..], "node 1 on loop: parameters and settings saved, kept over a reset\n"),
+        (&["restore"], "node 1 on loop: starts with its defaults from the next reset on\n"),
+        (&["disarm"], "node 1 on loop: safe\n"),
+        (&["clear"], "node 1 on loop: faults cleared, safe\n"),
+        (&["reset"], "node 1 on loop: told to restart\n"),
+    ] {
+        let done = params(action);
+        assert_eq!(
+            (done.status.code(), text(&done.stdout).as_str()),
+            (Some(0), said),
+            "{action:?}"
+        );
+    }
+    let set = text(&params(&["set", "static_torque=2.5", "choices.damping_fades=true"]).stdout);
+    let said =
+        "node 1 on loop: choices.damping_fades false -> true, static_torque 1.0 -> 2.5 (crc ";
+    assert!(set.starts_with(said) && set.ends_with(", until a reset, unless saved)\n"), "{set}");
+    let active =
+        params(&["set", "static_torque=2.5", "bristle_damping=100", "choices.allow_active=true"]);
+    assert_eq!(active.status.code(), Some(0));
+    let warning = text(&active.stderr);
+    assert!(
+        warning.starts_with("warning: allow_active: ") && warning.lines().count() == 1,
+        "{warning}"
+    );
 }
 
 #[test]
 fn params_gets_sets_and_refuses_by_name() {
-    let got = host_sim(&["params", "get", "compensator.scale", "static_torque"]);
-    assert_eq!(text(&got.stdout), "compensator.scale = 0.9\nstatic_torque = 1.0\n");
-    let set = host_sim(&["params", "set", "model=improved-lugre", "static_torque=2.5", "--save"]);
+    let got = params(&["get", "compensator.scale", "static_torque", "choices.allow_active"]);
+    let printed = "compensator.scale = 0.9\nstatic_torque = 1.0\nchoices.allow_active = false\n";
+    assert_eq!(text(&got.stdout), printed);
+    let set = params(&["set", "model=improved-lugre", "static_torque=2.5", "--save"]);
     assert_eq!(set.status.code(), Some(0), "{}", text(&set.stderr));
     for (what, why) in [
         ("coulomb_torque=5", "static_torque = 1: must be at least 5"),
         ("compensator.scale=2", "scale = 2: must be at most 1"),
         ("scale=1", "scale: no such parameter; is it unknown_scale or compensator.scale?"),
         ("static_torque=much", "static_torque: found \"much\", expected a number"),
+        ("choices.passive=true", "choices.passive: no such choice, expected of damping_fades"),
         ("nowhere.toml", "nowhere.toml: No such file"),
     ] {
-        let refused = host_sim(&["params", "set", what]);
+        let refused = params(&["set", what]);
         let error = text(&refused.stderr);
         assert_eq!(refused.status.code(), Some(2), "{what}");
         assert!(error.contains(why) && error.lines().count() == 1, "{what}: {error}");
     }
-    let status = text(&host_sim(&["params", "status"]).stdout);
+    let status = text(&params(&["status"]).stdout);
     assert!(
         status.contains("state       safe") && status.contains("parameters-default"),
         "{status}"

@@ -199,6 +199,45 @@ fn time_a_signal_and_control_c_give_the_terminal_back() {
     assert_eq!(monitor.assert_restored(), Some(0));
 }
 
+#[test]
+fn a_terminal_that_goes_ends_it() {
+    // Not the child's too: it would hold its own terminal open.
+    let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+    let master = openpt(flags).expect("a terminal");
+    grantpt(&master).and_then(|()| unlockpt(&master)).expect("a terminal");
+    let path = ptsname(&master, Vec::new()).expect("its name").into_string().expect("UTF-8");
+    let size = Winsize { ws_row: 40, ws_col: 120, ws_xpixel: 0, ws_ypixel: 0 };
+    tcsetwinsize(&master, size).expect("a size");
+    let open = || OpenOptions::new().read(true).write(true).open(&path).expect("its other end");
+    let mut child = Command::new(PROGRAM)
+        .arg("monitor")
+        .stdin(open())
+        .stdout(open())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let mut screen = File::from(master);
+    let (mut seen, mut bytes) = (String::new(), [0; 4096]);
+    while !seen.contains("velocity") {
+        let length = screen.read(&mut bytes).expect("a picture");
+        seen += &String::from_utf8_lossy(&bytes[..length]);
+    }
+    // Nobody sends a signal: the window is closed, and that is all.
+    drop(screen);
+    let start = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().expect("a child") {
+            break status;
+        }
+        if start.elapsed() > Duration::from_secs(10) {
+            child.kill().expect("ended");
+            panic!("goes on without a terminal");
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    assert_eq!(status.code(), Some(0));
+}
+
 /// Run by the test below, on a terminal of its own.
 #[test]
 #[ignore = "takes the terminal and panics"]

@@ -116,6 +116,12 @@ impl BitRate {
         if number <= 8 { Some(Self(number)) } else { None }
     }
 
+    /// The rate of so many bit/s; `None` where there is none.
+    pub fn from_bits_per_second(bits_per_second: u32) -> Option<Self> {
+        let at = Self::BITS_PER_SECOND.iter().position(|rate| *rate == bits_per_second)?;
+        u8::try_from(at).ok().map(Self)
+    }
+
     /// bit/s.
     pub fn bits_per_second(self) -> u32 {
         Self::BITS_PER_SECOND.get(usize::from(self.0)).copied().unwrap_or(1_000_000)

@@ -26,6 +26,7 @@ use joint_trace::CanFrame;
 use joint_view::JointView;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event as Input};
+use screen::Keyboard;
 use sdo_poller::SdoPoller;
 use std::time::{Duration, Instant};
 use view::Setting;
@@ -58,6 +59,11 @@ impl Session {
     pub fn new(node: Node, listen: bool, start_ns: u64) -> Self {
         let (joint, sdo_poller) = (JointView::new(node, start_ns), SdoPoller::new(node, listen));
         Self { joint, sdo_poller, start_ns, now_ns: start_ns }
+    }
+
+    /// The bit rate of the bus, bit/s, that its load is a share of; 1 Mbit/s unless it is given.
+    pub fn set_bit_rate(&mut self, bit_rate: u32) {
+        self.joint.set_bit_rate(bit_rate);
     }
 
     /// Takes in what comes within a moment, and asks what is to be asked.
@@ -170,6 +176,7 @@ pub fn run_screen(
     let mut drawn: Option<Instant> = None;
     let failed = |error: std::io::Error| screen::failed(&error);
     let mut begun = (Instant::now(), session.now_ns);
+    let keyboard = Keyboard::open();
     while !is_over(session.elapsed_s()) {
         let mut wait = Duration::ZERO;
         match &mut bus {
@@ -203,7 +210,11 @@ pub fn run_screen(
         }
         setting.asks_later = session.sdo_poller.is_held(session.now_ns);
         let mut pressed = false;
-        while event::poll(std::mem::take(&mut wait)).map_err(failed)? {
+        // Who reads the keys would try for ever where there are none to come.
+        if keyboard.has_gone_within(wait) {
+            return Ok(());
+        }
+        while event::poll(Duration::ZERO).map_err(failed)? {
             pressed = true;
             let Input::Key(key) = event::read().map_err(failed)? else { continue };
             match controls.press(&key) {
@@ -228,7 +239,14 @@ pub fn run_screen(
             let view = session.joint.view(session.now_ns, &lens(&controls));
             controls.scroll = controls.scroll.min(view.events.len().saturating_sub(1));
             let draw = |frame: &mut ratatui::Frame| view::draw(frame, &view, &controls, &setting);
-            terminal.draw(draw).map_err(failed)?;
+            if let Err(error) = terminal.draw(draw) {
+                // Gone between two looks.
+                return if keyboard.has_gone_within(Duration::ZERO) {
+                    Ok(())
+                } else {
+                    Err(failed(error))
+                };
+            }
             drawn = Some(Instant::now());
         }
     }

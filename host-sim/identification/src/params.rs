@@ -79,6 +79,11 @@ pub fn unit(info: &Info, joint: JointKind) -> &'static str {
     }
 }
 
+/// The unit for a reader: nothing where there is none.
+pub fn unit_in_words(unit: &str) -> &str {
+    if unit == "1" { "" } else { unit }
+}
+
 /// The file of a fit.
 pub fn emit(outcome: &Outcome, joint: JointKind) -> String {
     let parameters = &outcome.parameters;

@@ -1,6 +1,6 @@
 //! Each fault hidden in an exact log must be found, with its size; the exact log must list nothing.
 
-use friction_identification::data::Dataset;
+use friction_identification::data::{Dataset, Run};
 use friction_identification::log_check::{Correct, Kind, LogFinding, check};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

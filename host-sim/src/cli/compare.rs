@@ -1,11 +1,15 @@
 //! `compare`: all families on equal terms.
 
+use super::identify::choices;
 use super::input::{DataArguments, Input, spinner};
-use super::output::{OutputArguments, say};
-use crate::results::{Study, document, page, table};
+use super::output::{OutputArguments, say, tell};
+use crate::results::provenance::Provenance;
+use crate::results::{Judged, Study, document, judged, table};
 use compensator_core::LawKind;
+use compensator_core::parameters::Choices;
 use friction_identification::data::SplitRule;
 use friction_identification::fit::{FitOptions, Outcome, identify};
+use friction_identification::params;
 use friction_identification::spec::Spec;
 
 /// Arguments of `compare`.
@@ -18,6 +22,9 @@ pub struct Arguments {
     /// Only these models instead of all laws; terms as in `lugre+pressure-coulomb`
     #[arg(long, value_name = "MODEL,..", value_delimiter = ',')]
     models: Vec<String>,
+    /// Choices about the laws: damping_fades, printed_extended, allow_active (also laws that can give out energy)
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    choices: Vec<String>,
 }
 
 fn specs(arguments: &Arguments) -> Result<Vec<Spec>, String> {
@@ -28,13 +35,14 @@ fn specs(arguments: &Arguments) -> Result<Vec<Spec>, String> {
     arguments.models.iter().map(parse).collect()
 }
 
-fn fits(specs: Vec<Spec>, input: &Input) -> Result<Vec<Outcome>, String> {
-    let options = FitOptions::default();
+fn fits(specs: Vec<Spec>, input: &Input, chosen: Choices) -> Result<Vec<Outcome>, String> {
+    let options = FitOptions { passive: true, ..FitOptions::default() };
     let mut fits = Vec::new();
     for spec in specs {
         let spec = spec.on(&input.rigid_body);
         let bar = spinner(format!("fitting {spec} to {} rows", input.data.rows));
-        let base = spec.parameters().map_err(|error| error.to_string())?;
+        let mut base = spec.parameters().map_err(|error| error.to_string())?;
+        base.choices = chosen;
         let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options);
         fits.push(fit.map_err(|error| error.to_string())?);
         bar.finish_and_clear();
@@ -45,11 +53,11 @@ fn fits(specs: Vec<Spec>, input: &Input) -> Result<Vec<Outcome>, String> {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let specs = specs(arguments)?;
+    let chosen = choices(Choices::default(), &arguments.choices)?;
     let input = arguments.data.read(&SplitRule::default())?;
     input.warn();
-    let fits = fits(specs, &input)?;
-    let document = document(&input.data, &input.split, &input.hashes, &fits);
-    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
+    let fits = fits(specs, &input, chosen)?;
+    let mut document = document(&input.data, &input.split, &input.hashes, &fits);
     let study = Study {
         data: &input.data,
         split: &input.split,
@@ -59,16 +67,32 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         skip: arguments.data.skip,
         fits: &fits,
     };
-    let html = page(&study).render();
-    arguments.output.write(&[("compare.json", &json), ("compare.html", &html)])?;
+    let Judged { page, summary, chosen } = judged(&study);
+    let best = &fits[chosen];
+    document.choose(&best.spec);
+    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
+    let html = page.render();
+    let from = Provenance {
+        command: "compare",
+        data: &input.data,
+        hashes: &input.hashes,
+        log_findings: &input.log_findings,
+        verdicts: &best.verdicts,
+    };
+    let toml = from.comments() + &params::emit(best, input.data.joint);
+    let files = [("compare.json", json.as_str()), ("params.toml", &toml), ("compare.html", &html)];
+    arguments.output.write(&files)?;
     if arguments.output.json {
         return say(&json);
     }
     let mut text = table::models(&fits, &input.data) + "\n";
-    for fit in &fits {
-        fit.verdicts.iter().for_each(|verdict| text += &format!("{}: {verdict}\n", fit.spec));
+    summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
+    text += &format!("\nparams.toml is {}:\n", best.spec);
+    best.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
+    if fits.len() > 1 {
+        text += "What is to be said of the others is in compare.html.\n";
     }
     let out = arguments.output.out.display();
-    text += &format!("written: {out}/compare.html, {out}/compare.json\n");
-    say(&text)
+    text += &format!("written: {out}/compare.html, {out}/compare.json, {out}/params.toml\n");
+    tell(&text)
 }

@@ -1,9 +1,10 @@
 //! `diagnose`: what the model gets wrong, why, the extension, the gain.
 
 use super::input::{DataArguments, spinner};
-use super::output::{OutputArguments, say};
+use super::output::{OutputArguments, say, tell};
 use crate::driver_file;
 use crate::results::diagnosis_page::{self, Diagnosed};
+use crate::results::provenance::Provenance;
 use crate::results::{diagnosis, table};
 use friction_identification::data::SplitRule;
 use friction_identification::diagnose::{Question, diagnose};
@@ -48,7 +49,14 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
 
     let document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
-    let toml = params::emit(&found.extended, input.data.joint);
+    let from = Provenance {
+        command: "diagnose",
+        data: &input.data,
+        hashes: &input.hashes,
+        log_findings: &found.log_findings,
+        verdicts: &found.extended.verdicts,
+    };
+    let toml = from.comments() + &params::emit(&found.extended, input.data.joint);
     let about = Diagnosed {
         found: &found,
         data: &input.data,
@@ -78,5 +86,5 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     text += &format!("\n{}\n", table::findings(&found));
     let out = arguments.output.out.display();
     text += &format!("written: {out}/report.html, {out}/diagnosis.json, {out}/params.toml\n");
-    say(&text)
+    tell(&text)
 }

@@ -1,9 +1,11 @@
 //! `identify`: one model, fitted.
 
 use super::input::{DataArguments, spinner};
-use super::output::{OutputArguments, say};
+use super::output::{OutputArguments, say, tell};
 use crate::driver_file;
+use crate::results::provenance::Provenance;
 use crate::results::{Study, document, page, table};
+use compensator_core::parameters::Choices;
 use compensator_core::{ParameterId, Parameters};
 use friction_identification::data::SplitRule;
 use friction_identification::fit::{FitOptions, identify};
@@ -31,6 +33,9 @@ pub struct Arguments {
     /// Parameters to fit that are otherwise kept (static excesses, references)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     free: Vec<String>,
+    /// Choices about the law: damping_fades, printed_extended, allow_active (also a law that can give out energy)
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    choices: Vec<String>,
     /// Starting points that go all the way
     #[arg(long, value_name = "N", default_value_t = 3)]
     starts: usize,
@@ -46,9 +51,24 @@ fn ids(option: &str, names: &[String]) -> Result<Vec<ParameterId>, String> {
     names.iter().map(id).collect()
 }
 
+/// Choices, and those that are asked for by name.
+pub(super) fn choices(given: Choices, names: &[String]) -> Result<Choices, String> {
+    let mut choices = given.to_array();
+    for name in names {
+        let place = Choices::NAMES.iter().position(|known| known == name);
+        let place = place.ok_or_else(|| {
+            format!("--choices: unknown choice {name:?}, expected of {}", Choices::NAMES.join(", "))
+        })?;
+        choices[place] = true;
+    }
+    Ok(Choices::from_array(choices))
+}
+
 /// The model's parameters, with those another set has too taken from it.
 fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
     let shared = base.active().filter(|id| other.active().any(|theirs| theirs == *id));
+    let mut base = base.clone();
+    base.choices = other.choices;
     shared.fold(base.clone(), |merged, id| merged.with(id, other.get(id)))
 }
 
@@ -70,12 +90,15 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     if let Some(start) = &start {
         base = start.clone();
     }
+    base.choices = choices(base.choices, &arguments.choices)?;
+    let start = start.map(|_| base.clone());
     let options = FitOptions {
         substeps: arguments.substeps,
         starts: arguments.starts.max(1),
         start,
         fixed,
         freed,
+        passive: true,
         ..FitOptions::default()
     };
     let bar = spinner(format!("fitting {spec} to {} rows", input.data.rows));
@@ -85,7 +108,14 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
 
     let document = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(&fit));
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
-    let toml = params::emit(&fit, input.data.joint);
+    let from = Provenance {
+        command: "identify",
+        data: &input.data,
+        hashes: &input.hashes,
+        log_findings: &input.log_findings,
+        verdicts: &fit.verdicts,
+    };
+    let toml = from.comments() + &params::emit(&fit, input.data.joint);
     let study = Study {
         data: &input.data,
         split: &input.split,
@@ -106,5 +136,5 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
     let out = arguments.output.out.display();
     text += &format!("written: {out}/params.toml, {out}/fit.json, {out}/fit.html\n");
-    say(&text)
+    tell(&text)
 }

@@ -5,13 +5,10 @@
 
 use super::bus::BusArguments;
 use crate::demo_joint;
-use joint_bus::bus::slcan::{Options, Slcan};
-use joint_bus::bus::{Bus, BusName, Hub, Recorder};
+use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::monitor::view::Setting;
 use joint_bus::monitor::{Session, run_lines, run_screen, screen};
-use joint_trace::Fraction;
-use std::fs::File;
-use std::io::{BufWriter, ErrorKind, IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `monitor`.
@@ -47,12 +44,18 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let is_demo = arguments.bus.bus == BusName::Loop;
     let bus = if is_demo { open_demo(arguments)? } else { open(arguments)? };
     // SIGTERM and SIGHUP too: the terminal is given back, a record is written out.
-    ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed))
-        .map_err(|error| format!("Ctrl-C: {error}"))?;
+    // Asked a second time, it ends whatever it is in the middle of.
+    let stop = || {
+        if STOPPED.swap(true, Ordering::Relaxed) {
+            std::process::exit(1);
+        }
+    };
+    ctrlc::set_handler(stop).map_err(|error| format!("Ctrl-C: {error}"))?;
     let is_over = |elapsed_s: f64| {
         STOPPED.load(Ordering::Relaxed) || arguments.seconds.is_some_and(|most| elapsed_s >= most)
     };
     let mut session = Session::new(arguments.bus.node_id, arguments.listen, bus.now_ns());
+    session.set_bit_rate(arguments.bus.bit_rate.bits_per_second());
     let name = arguments.bus.bus.to_string();
     if lines {
         let name = if is_demo { "loop (demo: a simulated joint in this process)" } else { &name };
@@ -77,27 +80,12 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
 
 /// The bus that was asked for.
 fn open(arguments: &Arguments) -> Result<Box<dyn Bus>, String> {
-    match &arguments.bus.bus {
-        BusName::Slcan(address) if arguments.listen => {
-            let options = Options { listen: true, ..Options::default() };
-            let bus = Slcan::open(address, options).map_err(|error| error.to_string())?;
-            recorded(arguments, Box::new(bus))
-        }
-        _ => arguments.bus.open(&Hub::new()),
-    }
+    arguments.bus.open_with(&Hub::new(), arguments.listen)
 }
 
 fn open_demo(arguments: &Arguments) -> Result<Box<dyn Bus>, String> {
     let (_, port) = demo_joint::start(arguments.bus.node_id)?;
-    recorded(arguments, Box::new(port))
-}
-
-/// The bus, written down where that was asked for.
-fn recorded(arguments: &Arguments, bus: Box<dyn Bus>) -> Result<Box<dyn Bus>, String> {
-    let Some(path) = &arguments.bus.record else { return Ok(bus) };
-    let file = File::create(path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let interface = arguments.bus.bus.interface();
-    Ok(Box::new(Recorder::new(bus, BufWriter::new(file), interface, Fraction::Microseconds)))
+    arguments.bus.recorded(Box::new(port))
 }
 
 /// Prints a line; a reader that has seen enough ends it.

@@ -1,7 +1,9 @@
 //! Where results go.
 
+use super::terminal;
 use clap::Args;
-use std::io::{ErrorKind, Write};
+use rustix::termios::tcgetwinsize;
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 /// Where results go.
@@ -22,6 +24,16 @@ impl OutputArguments {
     /// # Errors
     /// One line that names the file.
     pub fn write(&self, files: &[(&str, &str)]) -> Result<(), String> {
+        let bytes: Vec<(&str, &[u8])> =
+            files.iter().map(|(name, text)| (*name, text.as_bytes())).collect();
+        self.write_bytes(&bytes)
+    }
+
+    /// The same for files that are no text.
+    ///
+    /// # Errors
+    /// As [`OutputArguments::write`].
+    pub fn write_bytes(&self, files: &[(&str, &[u8])]) -> Result<(), String> {
         let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
         std::fs::create_dir_all(&self.out).map_err(|error| failed(&self.out, error))?;
         let taken = files.iter().map(|(name, _)| self.out.join(name)).find(|path| path.is_dir());
@@ -30,11 +42,25 @@ impl OutputArguments {
         }
         for (name, content) in files {
             let path = self.out.join(name);
-            crate::report::write_atomically(&path, content.as_bytes())
+            crate::report::write_atomically(&path, content)
                 .map_err(|error| failed(&path, error))?;
         }
         Ok(())
     }
+}
+
+/// Prints what a person reads: on a terminal in its width and with colour (unless `NO_COLOR` is set), else as it is.
+///
+/// # Errors
+/// As [`say`].
+pub fn tell(text: &str) -> Result<(), String> {
+    let out = std::io::stdout();
+    if !out.is_terminal() {
+        return say(text);
+    }
+    let width = tcgetwinsize(&out).map_or(80, |size| usize::from(size.ws_col));
+    let colour = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    say(&terminal::laid_out(text, width.clamp(40, 120), colour))
 }
 
 /// Prints on standard output. A reader that has seen enough (`| head`) is no error: the files are

@@ -5,24 +5,25 @@
 //! to it. Nothing is changed half: values are staged in the driver and committed together, by the CRC of what
 //! was meant; `save` makes them outlive a reset.
 
+mod names;
+
 use super::bus::BusArguments;
 use super::output::say;
 use crate::driver_file;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
-use compensator_core::compensator::CompensatorParameters;
-use compensator_core::parameters::Envelope;
-use compensator_core::{ParameterId, record};
-use firmware::control::MotorParameters;
-use firmware::node::dictionary::records::Commissioning;
+use compensator_core::can::slcan::BitRate;
+use compensator_core::{ParameterError, record};
+use firmware::node::dictionary::records::{Commissioning, Trace};
 use firmware::node::dictionary::{FRAME_COUNTERS, LOAD, SAVE, index};
 use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
-use firmware::supervisor::{Code, Thresholds};
-use firmware::watch::WatchParameters;
+use firmware::supervisor::Code;
 use friction_identification::data::JointKind;
+use friction_identification::params::ParameterFile;
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::joint::JointNode;
+use names::{choices, differences, numbers, put, unknown};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -42,12 +43,16 @@ pub struct Arguments {
 /// The bus, given before or after the action.
 #[derive(clap::Args)]
 struct GlobalBus {
-    /// The bus: loop (a driver in this process), an interface as vcan0, slcan:PATH or slcan:HOST:PORT
-    #[arg(long, value_name = "BUS", default_value = "loop", global = true)]
-    bus: BusName,
+    /// The bus: an interface as can0, slcan:PATH or slcan:HOST:PORT; loop is a driver in this process, gone
+    /// with it
+    #[arg(long, value_name = "BUS", global = true)]
+    bus: Option<BusName>,
     /// Number of the joint driver on the bus
     #[arg(long, value_name = "N", default_value_t = 1, global = true, value_parser = clap::value_parser!(u8).range(1..=127))]
     node_id: u8,
+    /// Bit rate an slcan adapter is opened with, bit/s
+    #[arg(long, value_name = "BIT/S", default_value = "1000000", global = true, value_parser = super::bus::bit_rate)]
+    bit_rate: BitRate,
 }
 
 #[derive(Subcommand)]
@@ -105,33 +110,68 @@ enum Action {
 pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
     let node = compensator_core::can::Node::new(arguments.bus.node_id)
         .ok_or_else(|| "--node-id: expected 1 to 127".to_owned())?;
-    let bus = BusArguments { bus: arguments.bus.bus.clone(), node_id: node, record: None };
+    let bus = arguments.bus.bus.clone().ok_or_else(|| {
+        "which joint? --bus is missing: an interface as can0, slcan:PATH, slcan:HOST:PORT, or loop (a driver \
+         in this process, gone with it)"
+            .to_owned()
+    })?;
+    let name = format!("node {} on {bus}", arguments.bus.node_id);
+    let bus = BusArguments { bus, node_id: node, bit_rate: arguments.bus.bit_rate, record: None };
     let hub = Hub::new();
     if bus.bus == BusName::Loop {
         hub.attach(JointNode::start(node, None).map_err(|error| error.to_string())?);
     }
     let mut driver = Driver { client: Client::new(bus.open(&hub)?, node) };
-    let done = |outcome: Result<(), String>| outcome.map(|()| ExitCode::SUCCESS);
-    match &arguments.action {
-        Action::Get { names } => done(driver.get(names, arguments.json)),
-        Action::Set { what, save } => done(driver.set(what, *save)),
-        Action::Diff { file } => driver.diff(file, arguments.json),
-        Action::Save => done(driver.store(index::STORE, SAVE)),
-        Action::Restore => done(driver.store(index::RESTORE, LOAD)),
-        Action::Status => done(driver.status(arguments.json)),
-        Action::Arm => done(driver.request(1)),
-        Action::Disarm => done(driver.request(0)),
-        Action::Clear => done(driver.request(2)),
+    // What was done, in one line; what only reads has printed it.
+    let done = match &arguments.action {
+        Action::Get { names } => {
+            return driver.get(names, arguments.json).map(|()| ExitCode::SUCCESS);
+        }
+        Action::Diff { file } => return driver.diff(file, arguments.json),
+        Action::Status => return driver.status(arguments.json).map(|()| ExitCode::SUCCESS),
+        Action::Set { what, save } => driver.set(what, *save)?,
+        Action::Save => {
+            driver.store(index::STORE, SAVE)?;
+            "parameters and settings saved, kept over a reset".to_owned()
+        }
+        Action::Restore => {
+            driver.store(index::RESTORE, LOAD)?;
+            "starts with its defaults from the next reset on".to_owned()
+        }
+        Action::Arm => driver.request(1)?,
+        Action::Disarm => driver.request(0)?,
+        Action::Clear => "faults cleared, ".to_owned() + &driver.request(2)?,
         Action::Home { position_rad } => {
             let at = Address::new(index::STATE, 6);
-            done(driver.client.write(at, &position_rad.to_le_bytes()).map_err(words))
+            driver.client.write(at, &position_rad.to_le_bytes()).map_err(words)?;
+            format!("its position is {position_rad} rad now")
         }
-        Action::Commission { confirm } => done(driver.commission(*confirm, arguments.json)),
+        Action::Commission { confirm } => {
+            let done = driver.commission(*confirm, arguments.json);
+            return done.map(|()| ExitCode::SUCCESS);
+        }
         Action::Reset => {
             let sent = driver.client.command(NmtCommand::ResetNode);
-            done(sent.map_err(|error| error.to_string()))
+            sent.map_err(|error| error.to_string())?;
+            "told to restart".to_owned()
         }
-    }
+    };
+    let text = if arguments.json {
+        json!({"node": arguments.bus.node_id, "bus": bus.bus.to_string(), "done": done}).to_string()
+    } else {
+        format!("{name}: {done}")
+    };
+    say(&(text + "\n")).map(|()| ExitCode::SUCCESS)
+}
+
+/// So many changes are named one by one.
+const CHANGES_NAMED: usize = 6;
+
+/// Why the law of a set is not passive, where it is not and is allowed to be.
+fn is_active(set: &ParameterSet) -> Option<ParameterError> {
+    let mut model = set.friction.model.clone();
+    model.choices.allow_active = false;
+    model.validate().err()
 }
 
 struct Driver {
@@ -168,44 +208,79 @@ impl Driver {
     fn get(&mut self, names: &[String], json: bool) -> Result<(), String> {
         let set = self.read_set()?;
         if names.is_empty() && !json {
-            return say(&driver_file::emit(&set, JointKind::Revolute));
+            return say(&driver_file::emit(&set, self.joint_kind()?));
         }
-        let all = numbers(&set);
-        let chosen: Vec<&(String, f32)> = if names.is_empty() {
+        let numbers = numbers(&set)
+            .into_iter()
+            .map(|(name, value)| (name, json!(value), format!("{value:?}")));
+        let choices = choices(&set).into_iter().map(|(name, on)| (name, json!(on), on.to_string()));
+        let all: Vec<(String, serde_json::Value, String)> = choices.chain(numbers).collect();
+        let chosen: Vec<_> = if names.is_empty() {
             all.iter().collect()
         } else {
             let found = names.iter().map(|name| {
-                all.iter().find(|(known, _)| known == name).ok_or_else(|| unknown(name, &all))
+                let known = || all.iter().map(|entry| entry.0.clone()).collect::<Vec<_>>();
+                all.iter().find(|entry| entry.0 == *name).ok_or_else(|| unknown(name, &known()))
             });
             found.collect::<Result<_, _>>()?
         };
         let mut text = String::new();
         if json {
             let object: serde_json::Map<_, _> =
-                chosen.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
+                chosen.iter().map(|(name, value, _)| (name.clone(), value.clone())).collect();
             text = serde_json::to_string_pretty(&object).map_err(|e| e.to_string())? + "\n";
         } else {
-            for (name, value) in chosen {
-                text += &format!("{name} = {value:?}\n");
+            for (name, _, value) in chosen {
+                text += &format!("{name} = {value}\n");
             }
         }
         say(&text)
     }
 
-    fn set(&mut self, what: &[String], save: bool) -> Result<(), String> {
-        let mut set = self.read_set()?;
+    /// Whether the joint turns or slides: it turns, unless it was fed a log of one that slides.
+    fn joint_kind(&mut self) -> Result<JointKind, String> {
+        let kind = self.number(index::TRACE, Trace::JOINT_KIND)?;
+        Ok(if kind == 0 { JointKind::Revolute } else { JointKind::Prismatic })
+    }
+
+    /// The file of a joint of this kind.
+    fn read_file(&mut self, path: &Path) -> Result<ParameterFile, String> {
+        let file = driver_file::read(path).map_err(|error| error.to_string())?;
+        let driver = self.joint_kind()?;
+        if file.joint == driver {
+            return Ok(file);
+        }
+        let moves = |kind| if kind == JointKind::Revolute { "turns" } else { "slides" };
+        Err(format!(
+            "{}: is of a joint that {} ({}), the driver's {} ({})",
+            path.display(),
+            moves(file.joint),
+            file.joint.torque_unit(),
+            moves(driver),
+            driver.torque_unit()
+        ))
+    }
+
+    /// Sets what was given; says what changed.
+    fn set(&mut self, what: &[String], save: bool) -> Result<String, String> {
+        let before = self.read_set()?;
+        let mut set = before.clone();
         for item in what {
             match item.split_once('=') {
                 Some((name, value)) => put(&mut set, name.trim(), value.trim())?,
                 None => {
-                    let file =
-                        driver_file::read(Path::new(item)).map_err(|error| error.to_string())?;
+                    let file = self.read_file(Path::new(item))?;
                     driver_file::apply(&file, &mut set);
                 }
             }
         }
         // Said here already what the driver would say: in the file's words, and before it is touched.
         set.validate().map_err(|error| error.to_string())?;
+        if let Some(error) = is_active(&set) {
+            eprintln!(
+                "warning: allow_active: the law can give out energy and so keep the joint moving: {error}"
+            );
+        }
         let at = Address::new;
         let commit = |client: &mut Client<Box<dyn Bus>>| {
             client.write(at(index::COMMIT, 5), &record::emit(&set.friction))?;
@@ -221,35 +296,27 @@ impl Driver {
         if active != set.crc() {
             return Err(format!("the driver runs on {active:08x}, meant was {:08x}", set.crc()));
         }
-        if save { self.store(index::STORE, SAVE) } else { Ok(()) }
+        if save {
+            self.store(index::STORE, SAVE)?;
+        }
+        let changed: Vec<String> = differences(&before, &set)
+            .into_iter()
+            .map(|(name, from, to)| format!("{name} {from} -> {to}"))
+            .collect();
+        let changed = match changed.len() {
+            0 => "nothing changed".to_owned(),
+            1..=CHANGES_NAMED => changed.join(", "),
+            count => format!("{count} values changed"),
+        };
+        let kept = if save { "saved" } else { "until a reset, unless saved" };
+        Ok(format!("{changed} (crc {active:08x}, {kept})"))
     }
 
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode, String> {
         let has = self.read_set()?;
-        let file = driver_file::read(path).map_err(|error| error.to_string())?;
         let mut wants = has.clone();
-        driver_file::apply(&file, &mut wants);
-        let mut lines: Vec<(String, String, String)> = Vec::new();
-        let (model, meant) = (&has.friction.model, &wants.friction.model);
-        let name = |model: &compensator_core::Parameters<f32>| {
-            let terms = model.terms.iter().map(|term| term.name());
-            terms.fold(model.law.name().to_owned(), |name, term| name + "+" + term)
-        };
-        if name(model) != name(meant) {
-            lines.push(("model".to_owned(), name(model), name(meant)));
-        }
-        if model.choices != meant.choices {
-            let word = |choices| format!("{choices:?}");
-            lines.push(("choices".to_owned(), word(model.choices), word(meant.choices)));
-        }
-        // Only what one of the two models uses makes a difference.
-        let used: Vec<&str> = model.active().chain(meant.active()).map(ParameterId::name).collect();
-        for ((name, has), (_, wants)) in numbers(&has).into_iter().zip(numbers(&wants)) {
-            let counts = name.contains('.') || used.contains(&name.as_str());
-            if counts && has.to_bits() != wants.to_bits() {
-                lines.push((name, format!("{has:?}"), format!("{wants:?}")));
-            }
-        }
+        driver_file::apply(&self.read_file(path)?, &mut wants);
+        let lines = differences(&has, &wants);
         let text = if json {
             let rows: Vec<_> = lines
                 .iter()
@@ -271,8 +338,19 @@ impl Driver {
         self.client.write(Address::new(at_index, 1), &word.to_le_bytes()).map_err(words)
     }
 
-    fn request(&mut self, request: u8) -> Result<(), String> {
-        self.client.write(Address::new(index::STATE, 1), &[request]).map_err(words)
+    /// Asks the driver for a state; says the one it is in then.
+    fn request(&mut self, request: u8) -> Result<String, String> {
+        self.client.write(Address::new(index::STATE, 1), &[request]).map_err(words)?;
+        self.state().map(str::to_owned)
+    }
+
+    fn state(&mut self) -> Result<&'static str, String> {
+        Ok(match self.number(index::STATE, 2)? {
+            0 => "safe",
+            1 => "armed",
+            2 => "fault",
+            _ => "unknown",
+        })
     }
 
     /// The wiring in use, by name, and whether somebody confirmed it; confirms it where that is asked.
@@ -324,12 +402,7 @@ impl Driver {
         let name = text(&mut self.client, index::DEVICE_NAME)?;
         let hardware = text(&mut self.client, index::HARDWARE_VERSION)?;
         let software = text(&mut self.client, index::SOFTWARE_VERSION)?;
-        let state = match self.number(index::STATE, 2)? {
-            0 => "safe",
-            1 => "armed",
-            2 => "fault",
-            _ => "unknown",
-        };
+        let state = self.state()?;
         let faults = codes(self.number(index::STATE, 3)?, 1);
         let limits = codes(self.number(index::STATE, 4)?, 33);
         let source = if self.number(index::OPERATION, 1)? == 0 { "sensors" } else { "bus" };
@@ -398,122 +471,4 @@ impl Driver {
 fn codes(bits: u32, first: u8) -> Vec<&'static str> {
     let set = (0..32u8).filter(|bit| bits >> bit & 1 != 0);
     set.filter_map(|bit| Code::from_number(first + bit)).map(|code| code.info().name).collect()
-}
-
-/// Every number of a set, by name.
-fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
-    let model = &set.friction.model;
-    let own = ParameterId::ALL.iter().map(|id| (id.name().to_owned(), model.get(*id)));
-    let mut all: Vec<(String, f32)> = own.collect();
-    let mut section = |name: &str, names: &[&str], values: &[f32]| {
-        all.extend(
-            names.iter().zip(values).map(|(field, value)| (format!("{name}.{field}"), *value)),
-        );
-    };
-    section("envelope", &Envelope::NAMES, &model.envelope.to_array());
-    let compensator = set.friction.compensator.to_array();
-    section("compensator", &CompensatorParameters::NAMES, &compensator);
-    section("motor", &MotorParameters::NAMES, &set.motor.to_array());
-    section("thresholds", &Thresholds::NAMES, &set.thresholds.to_array());
-    section("watch", &WatchParameters::NAMES, &set.watch.to_array());
-    all
-}
-
-fn unknown(name: &str, all: &[(String, f32)]) -> String {
-    // The nearest names: those that share the most with what was asked for.
-    let last = name.rsplit('.').next().unwrap_or(name);
-    let near: Vec<&str> = all
-        .iter()
-        .map(|(known, _)| known.as_str())
-        .filter(|known| known.contains(last) || last.contains(*known))
-        .take(5)
-        .collect();
-    if near.is_empty() {
-        format!("{name}: no such parameter; `params get` lists them")
-    } else {
-        format!("{name}: no such parameter; is it {}?", near.join(" or "))
-    }
-}
-
-/// Sets one number of a set, or its model, from text.
-fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String> {
-    if name == "model" {
-        let spec =
-            friction_identification::spec::Spec::parse(value).map_err(|error| error.to_string())?;
-        let mut model = spec.parameters().map_err(|error| error.to_string())?.convert::<f32>();
-        for id in ParameterId::ALL {
-            model.set(*id, set.friction.model.get(*id));
-        }
-        model.envelope = set.friction.model.envelope;
-        model.choices = set.friction.model.choices;
-        set.friction.model = model;
-        return Ok(());
-    }
-    let all = numbers(set);
-    if !all.iter().any(|(known, _)| known == name) {
-        return Err(unknown(name, &all));
-    }
-    let number: f32 =
-        value.parse().map_err(|_| format!("{name}: found {value:?}, expected a number"))?;
-    fn change<const N: usize>(fields: [f32; N], names: &[&str], field: &str, to: f32) -> [f32; N] {
-        let mut fields = fields;
-        for (place, name) in fields.iter_mut().zip(names) {
-            if *name == field {
-                *place = to;
-            }
-        }
-        fields
-    }
-    match name.split_once('.') {
-        None => {
-            if let Some(id) = ParameterId::parse(name) {
-                set.friction.model.set(id, number);
-            }
-        }
-        Some(("envelope", field)) => {
-            let fields = set.friction.model.envelope.to_array();
-            let fields = change(fields, &Envelope::NAMES, field, number);
-            set.friction.model.envelope = Envelope::from_array(fields);
-        }
-        Some(("compensator", field)) => {
-            let fields = set.friction.compensator.to_array();
-            let fields = change(fields, &CompensatorParameters::NAMES, field, number);
-            set.friction.compensator = CompensatorParameters::from_array(fields);
-        }
-        Some(("motor", field)) => {
-            let fields = change(set.motor.to_array(), &MotorParameters::NAMES, field, number);
-            set.motor = MotorParameters::from_array(fields);
-        }
-        Some(("thresholds", field)) => {
-            let fields = change(set.thresholds.to_array(), &Thresholds::NAMES, field, number);
-            set.thresholds = Thresholds::from_array(fields);
-        }
-        Some((_, field)) => {
-            let fields = change(set.watch.to_array(), &WatchParameters::NAMES, field, number);
-            set.watch = WatchParameters::from_array(fields);
-        }
-    }
-    Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_name_that_is_printed_can_be_set() {
-        let mut set = ParameterSet::default();
-        for (name, value) in numbers(&set) {
-            put(&mut set, &name, &format!("{}", value + 0.5)).unwrap();
-        }
-        let changed = numbers(&set);
-        for ((name, before), (_, after)) in numbers(&ParameterSet::default()).iter().zip(&changed) {
-            // Times in us and counts are whole numbers.
-            assert!((after - before).abs() > 0.0 || name.starts_with("thresholds."), "{name}");
-        }
-        assert!(put(&mut set, "static_tork", "1").is_err());
-        let error = put(&mut set, "scale", "1").unwrap_err();
-        assert!(error.contains("compensator.scale"), "{error}");
-        assert!(put(&mut set, "compensator.scale", "much").is_err());
-    }
 }

@@ -142,6 +142,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
         raised_priority,
         period_s: setup.period_s,
         rate: arguments.rate,
+        is_virtual: arguments.bus.bus == BusName::Loop,
+        bit_rate: arguments.bus.bit_rate.bits_per_second(),
     };
     let report = Report::new(&about, &plan, played);
     let json = serde_json::to_string_pretty(&report).map_err(|error| error.to_string())? + "\n";

@@ -37,6 +37,16 @@ pub enum Block {
     Table(Table),
     /// A chart over the whole width.
     Chart(Chart),
+    /// What a reader takes along if they read no further: facts by name, and a picture beside them; on narrow
+    /// screens below them.
+    Lead {
+        /// Name and text.
+        facts: Vec<(String, String)>,
+        /// The picture.
+        chart: Chart,
+    },
+    /// The headings of the page, to jump to.
+    Contents,
     /// Charts side by side; on narrow screens below each other.
     Row(Vec<Chart>),
     /// Blocks behind one line that opens them; printing opens all.
@@ -95,7 +105,10 @@ impl Page {
                         @if has_chart {
                             noscript { p.no-data { "The charts of this page need JavaScript." } }
                         }
-                        @for block in &self.blocks { (block.render(&mut drawing, false)) }
+                        @for block in &self.blocks {
+                            @if *block == Block::Contents { (self.contents()) }
+                            @else { (block.render(&mut drawing, false)) }
+                        }
                     }
                     @if has_chart {
                         (PreEscaped(plotly_script()))
@@ -105,6 +118,19 @@ impl Page {
             }
         }
         .into_string()
+    }
+
+    /// Links to the headings.
+    fn contents(&self) -> Markup {
+        let headings = self.blocks.iter().filter_map(|block| match block {
+            Block::Heading(text) => Some(text),
+            _ => None,
+        });
+        html! {
+            nav.contents aria-label="Contents" {
+                @for text in headings { a href={ "#" (anchor(text)) } { (text) } " " }
+            }
+        }
     }
 
     /// Writes the page as the whole content of `file`, whose folder must be there.
@@ -121,11 +147,17 @@ impl Block {
         html! {
             @match self {
                 Block::Heading(text) if nested => h3 { (text) },
-                Block::Heading(text) => h2 { (text) },
+                Block::Heading(text) => h2 id=(anchor(text)) { (text) },
                 Block::Paragraph(text) => p { (text) },
                 Block::List(entries) => ul { @for entry in entries { li { (entry) } } },
                 Block::Table(table) => (table.render()),
                 Block::Chart(chart) => (chart.render(drawing, 1)),
+                Block::Lead { facts, chart } => div.lead {
+                    dl { @for (name, text) in facts { dt { (name) } dd { (text) } } }
+                    (chart.render(drawing, 2))
+                },
+                // Laid out by the page, which knows its headings.
+                Block::Contents => "",
                 Block::Row(charts) => div.row {
                     @for chart in charts { (chart.render(drawing, charts.len())) }
                 },
@@ -140,11 +172,24 @@ impl Block {
 
 fn has_chart(block: &Block) -> bool {
     match block {
-        Block::Chart(_) => true,
+        Block::Chart(_) | Block::Lead { .. } => true,
         Block::Row(charts) => !charts.is_empty(),
         Block::Details { blocks, .. } => blocks.iter().any(has_chart),
-        Block::Heading(_) | Block::Paragraph(_) | Block::List(_) | Block::Table(_) => false,
+        Block::Heading(_)
+        | Block::Paragraph(_)
+        | Block::List(_)
+        | Block::Table(_)
+        | Block::Contents => false,
     }
+}
+
+/// What a heading is found by: its letters and digits.
+fn anchor(heading: &str) -> String {
+    let letters = heading.chars().map(|letter| match letter {
+        letter if letter.is_alphanumeric() => letter.to_ascii_lowercase(),
+        _ => '-',
+    });
+    letters.collect()
 }
 
 /// Plotly.js in its script element. The crate hands out MathJax behind it, two megabytes to set

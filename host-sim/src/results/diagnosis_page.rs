@@ -1,7 +1,7 @@
 //! `report.html` of `diagnose`: what the model gets wrong, why, and what the extension gains, for a
 //! person who was not there.
 //!
-//! The five sentences come first; all below is what they rest on, in the order a doubter asks: is the log
+//! The first screen is the whole answer: cause, size, gain, what next, and a picture. The five sentences follow; all below is what they rest on, in the order a doubter asks: is the log
 //! what it says, how wrong is the model, who was weighed and what stood against the rest, what do the models
 //! predict, does the residual follow the cause that is named, what is left over and where, which numbers came
 //! out, how was it done, on what. *Before* is the base model and *after*
@@ -15,6 +15,7 @@
 mod bins;
 mod evidence;
 mod figures;
+mod lead;
 mod log;
 mod over_time;
 mod rows;
@@ -138,6 +139,9 @@ pub fn page(about: &Diagnosed) -> Page {
     };
 
     let mut page = Page::new(words::title(&scene), words::subtitle(&scene));
+    page.push(Block::Lead { facts: lead::facts(&scene), chart: lead::above_the_floor(&scene) });
+    page.push(Block::Contents);
+    page.push(Block::Heading("In five sentences".into()));
     page.push(Block::List(story::story(found)));
     let sections = [
         log::log(&scene),

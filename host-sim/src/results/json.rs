@@ -8,6 +8,7 @@ use friction_identification::data::{Dataset, Split};
 use friction_identification::fit::{Estimate, Metrics, Outcome};
 use friction_identification::log_check::{ColumnOverview, overview};
 use friction_identification::params::unit;
+use friction_identification::spec::Spec;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -17,6 +18,16 @@ pub struct Document {
     schema: u32,
     data: Data,
     models: Vec<Model>,
+    /// The model of `params.toml`, where there is more than one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    chosen: Option<String>,
+}
+
+impl Document {
+    /// Says which of its models is the one to take.
+    pub fn choose(&mut self, model: &Spec) {
+        self.chosen = Some(model.to_string());
+    }
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -96,6 +107,7 @@ pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcom
         schema: 1,
         data: sources(data, split, hashes),
         models: fits.iter().map(model).collect(),
+        chosen: None,
     }
 }
 

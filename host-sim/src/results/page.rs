@@ -70,6 +70,20 @@ impl<'a> View<'a> {
         self.ranking[0]
     }
 
+    /// The models whose error the best one's may be below by chance.
+    fn equals(&self) -> Vec<usize> {
+        let best = self.best();
+        let others = self.ranking[1..].iter().copied();
+        others.filter(|&other| self.held_out.gain(best, other).ci95[0] <= 0.0).collect()
+    }
+
+    /// The model to take: the best, or one with fewer parameters that it is not clearly ahead of.
+    fn chosen(&self) -> usize {
+        let size = |fit: usize| fitted(self.fit(fit)).count();
+        let smaller = self.equals().into_iter().filter(|&fit| size(fit) < size(self.best()));
+        smaller.min_by_key(|&fit| size(fit)).unwrap_or(self.best())
+    }
+
     fn fit(&self, index: usize) -> &'a Outcome {
         &self.study.fits[index]
     }
@@ -106,14 +120,33 @@ fn fitted(fit: &Outcome) -> impl Iterator<Item = &friction_identification::fit::
     fit.estimates.iter().filter(|estimate| estimate.std_error.is_some())
 }
 
+/// Some fits on the same data, judged.
+pub struct Judged {
+    /// The page.
+    pub page: Page,
+    /// Five sentences: which model, whether it carries over, its parameters, its residual, what next.
+    pub summary: [String; 5],
+    /// The fit to take: the best on held-out rows, or a smaller one it is not clearly ahead of.
+    pub chosen: usize,
+}
+
 /// The page of some fits on the same data.
 ///
 /// # Panics
 /// If there is no fit.
 pub fn page(study: &Study) -> Page {
+    judged(study).page
+}
+
+/// Some fits on the same data, judged.
+///
+/// # Panics
+/// If there is no fit.
+pub fn judged(study: &Study) -> Judged {
     let view = View::new(study);
     let mut page = Page::new(words::title(&view), words::subtitle(&view));
-    let [answer, doubts @ ..] = summary::summary(&view);
+    let summary = summary::summary(&view);
+    let [answer, doubts @ ..] = summary.clone();
     page.push(Block::Paragraph(answer)).push(Block::List(doubts.to_vec()));
     let sections = [
         predictions(&view),
@@ -124,7 +157,7 @@ pub fn page(study: &Study) -> Page {
         data(&view),
     ];
     page.blocks.extend(sections.into_iter().flatten());
-    page
+    Judged { page, summary, chosen: view.chosen() }
 }
 
 fn predictions(view: &View) -> Vec<Block> {

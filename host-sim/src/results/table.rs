@@ -4,9 +4,9 @@ use super::ranking::{gain, left_out_in_words, ranking};
 use comfy_table::{CellAlignment, Table, presets};
 use friction_identification::data::Dataset;
 use friction_identification::diagnose::Diagnosis;
-use friction_identification::fit::Outcome;
-use friction_identification::number::figure;
-use friction_identification::params::unit;
+use friction_identification::fit::{Outcome, State};
+use friction_identification::number::{figure, significant};
+use friction_identification::params::{unit, unit_in_words};
 
 /// How many candidates are told where nothing was found.
 const CLOSEST: usize = 3;
@@ -22,24 +22,19 @@ fn table(header: &[&str], numbers_from: usize) -> Table {
     table
 }
 
-/// One row a model, best on the held-out rows first.
+/// The table without lines between its rows, of which a screen then holds twice as many.
+fn printed(table: &Table) -> String {
+    let text = table.to_string();
+    let is_rule = |line: &&str| !line.is_empty() && line.chars().all(|letter| letter == '─');
+    text.lines().filter(|line| !is_rule(line)).collect::<Vec<_>>().join("\n")
+}
+
+/// One row a model, best on the held-out rows first; 80 columns hold it.
 pub fn models(fits: &[Outcome], data: &Dataset) -> String {
     let torque = data.joint.torque_unit();
-    let rmse = format!("test RMSE, {torque}");
-    let mut table = table(
-        &[
-            "model",
-            &rmse,
-            "of std",
-            "of range",
-            "relative",
-            "train RMSE",
-            "relative",
-            "BIC",
-            "time, s",
-        ],
-        1,
-    );
+    let (test, train) = (format!("held out, {torque}"), format!("fitted, {torque}"));
+    let header = ["model", &test, "of std", "relative", &train, "BIC", "time"];
+    let mut table = table(&header, 1);
     let mut order: Vec<&Outcome> = fits.iter().collect();
     order.sort_by(|a, b| a.test.rmse.total_cmp(&b.test.rmse));
     for fit in order {
@@ -47,15 +42,13 @@ pub fn models(fits: &[Outcome], data: &Dataset) -> String {
             fit.spec.to_string(),
             figure(fit.test.rmse),
             format!("{:.1} %", 100.0 * fit.test.nrmse_std),
-            format!("{:.1} %", 100.0 * fit.test.nrmse_range),
-            format!("{:.4} %", fit.test.relative_error_percent),
+            format!("{:.1} %", fit.test.relative_error_percent),
             figure(fit.train.rmse),
-            format!("{:.4} %", fit.train.relative_error_percent),
             format!("{:.0}", fit.bic),
-            format!("{:.2}", fit.seconds),
+            format!("{:.1} s", fit.seconds),
         ]);
     }
-    table.to_string()
+    printed(&table)
 }
 
 /// One row a parameter.
@@ -69,56 +62,46 @@ pub fn parameters(fit: &Outcome, data: &Dataset) -> String {
     for estimate in &fit.estimates {
         let (error, state) = match estimate.std_error {
             Some(error) => (figure(error), estimate.state.name()),
-            None => ("-".to_owned(), "kept"),
+            None if estimate.state == State::AtStart => ("-".to_owned(), "kept"),
+            None => ("-".to_owned(), estimate.state.name()),
         };
         table.add_row(vec![
             estimate.id.name().to_owned(),
             figure(estimate.value),
             error,
-            unit(estimate.id.info(), data.joint).to_owned(),
+            unit_in_words(unit(estimate.id.info(), data.joint)).to_owned(),
             state.to_owned(),
         ]);
     }
-    table.to_string()
+    printed(&table)
 }
 
-/// One row a finding, the strongest first; where there is none, the candidates that came closest.
+/// Each finding, the strongest first; where there is none, the candidates that came closest.
 pub fn findings(found: &Diagnosis) -> String {
-    let header = [
-        "cause",
-        "follows",
-        "size",
-        "95 % interval",
-        "of the error",
-        "stability",
-        "p",
-        "not told from",
-    ];
-    let mut table = table(&header, 2);
+    let mut text = String::new();
     for finding in &found.findings {
-        let [low, high] = finding.size.ci95;
+        let follows = match finding.columns.join(", ") {
+            none if none.is_empty() => none,
+            columns => format!(" ({columns})"),
+        };
+        text += &format!("{}{follows}: {}\n", finding.cause.name(), finding.size.in_words());
+        text += &format!(
+            "  takes {} % of the squared error, seen in {} % of resampled logs, p = {}\n",
+            significant(100.0 * finding.share_of_residual, 3),
+            significant(100.0 * finding.stability, 3),
+            significant(finding.p_value, 1),
+        );
         let rivals: Vec<&str> =
             finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
-        table.add_row([
-            finding.cause.name().to_owned(),
-            finding.columns.join(", "),
-            format!("{} {}", figure(finding.size.value), finding.size.unit),
-            format!("{} .. {}", figure(low), figure(high)),
-            format!("{:.1} %", 100.0 * finding.share_of_residual),
-            format!("{:.2}", finding.stability),
-            format!("{:.0e}", finding.p_value),
-            rivals.join(", "),
-        ]);
-    }
-    if found.findings.is_empty() {
-        table.add_row(["none"]);
-    }
-    let mut text = format!("{table}\n{}", left_out_in_words(found));
-    if found.findings.is_empty() {
-        text += "\nWho came closest, % of the squared error on rows left out of the fit:";
-        for ranked in ranking(found).iter().take(CLOSEST) {
-            text += &format!("\n  {}: {}; {}", ranked.name, gain(ranked.score), ranked.against);
+        if !rivals.is_empty() {
+            text += &format!("  not told apart from {}\n", rivals.join(", "));
         }
     }
-    text
+    if found.findings.is_empty() {
+        text += "Who came closest, % of the squared error on rows left out of the fit:\n";
+        for ranked in ranking(found).iter().take(CLOSEST) {
+            text += &format!("- {}: {}; {}\n", ranked.name, gain(ranked.score), ranked.against);
+        }
+    }
+    text + &left_out_in_words(found)
 }

@@ -22,19 +22,20 @@ pub struct Census {
 }
 
 impl Census {
-    /// Counts the frames of a log, in whatever format; what is no frame is passed over.
+    /// Counts the frames of a log in any of the text formats; what is no frame is passed over.
     ///
     /// # Errors
     /// As the reader.
     pub fn of(mut log: impl BufRead) -> io::Result<Self> {
-        let mut lines = TextReader::new(TextFormat::of(log.fill_buf()?).unwrap_or_default());
         let (mut census, mut line) = (Self::default(), Vec::new());
+        let format = TextFormat::of(log.fill_buf()?).unwrap_or_default();
+        let mut reader = TextReader::new(format);
         loop {
             line.clear();
             if log.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)? == 0 {
                 return Ok(census);
             }
-            if let Frames::Line(found) = lines.read(&line)
+            if let Frames::Line(found) = reader.read(&line)
                 && let CanFrame::Data { identifier, .. } = found.frame
             {
                 *census.counts.entry(identifier).or_default() += 1;

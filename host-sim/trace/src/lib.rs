@@ -4,8 +4,8 @@
 //! CSV file of the contract holds, in `f32`: time is the stamp of the SYNC that ends a sample, a run
 //! begins where an SDO download gives its number, a gap in time is a gap. With the driver's answers in it,
 //! it also says what a replay must give, bit by bit. The way of a line: [`text`] (which format; [`candump`] and the
-//! others, text to frame) -> [`samples`] (frames to samples); [`writer`] goes the other way; [`census`] says what frames there
-//! are. What else is on the bus may be in the log, and is passed over and counted.
+//! others, text to frame) -> [`samples`] (frames to samples); [`writer`] goes the other way; [`census`] says what frames
+//! there are. What else is on the bus may be in the log, and is passed over and counted.
 
 mod asc;
 pub mod candump;

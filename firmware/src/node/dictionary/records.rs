@@ -156,7 +156,7 @@ record! {
     Trace {
         run: Unsigned32, ReadWrite, RUN;
         sequence: Unsigned32, ReadWrite, SEQUENCE;
-        joint_kind: Unsigned32, ReadWrite;
+        joint_kind: Unsigned32, ReadWrite, JOINT_KIND;
     }
 }
 

@@ -6,7 +6,7 @@
 //! ([`Inbox`]). Faults and limits come from emergencies at once, and from objects for those that were
 //! there before.
 
-use super::rates::Rates;
+use super::rates::{PerSecond, Rates};
 use super::sdo_poller::{Request, SdoReply};
 use super::series::Series;
 use super::view_data::{
@@ -56,6 +56,8 @@ pub struct JointView {
     heard_ns: Option<u64>,
     silent: bool,
     flags: Option<(u64, Flags)>,
+    /// Time on the wire over that at 1 Mbit/s.
+    load_scale: f64,
     /// Values of the objects that are read, by index and sub-index.
     objects: BTreeMap<(u16, u8), (u64, u32)>,
     /// Numbers of the codes that are there.
@@ -85,6 +87,7 @@ impl JointView {
             heard_ns: None,
             silent: false,
             flags: None,
+            load_scale: 1.0,
             objects: BTreeMap::new(),
             codes: BTreeSet::new(),
             emergencies: 0,
@@ -339,6 +342,11 @@ impl JointView {
         self.series.each_mut().map(Series::take_line_range)
     }
 
+    /// The bit rate that the load is a share of, bit/s; above 0.
+    pub fn set_bit_rate(&mut self, bit_rate: u32) {
+        self.load_scale = f64::from(BitRates::FASTEST.nominal) / f64::from(bit_rate.max(1));
+    }
+
     /// Lines ever put into the log.
     pub const fn events_ever(&self) -> u64 {
         self.events_ever
@@ -395,7 +403,11 @@ impl JointView {
                 largest_in_bands: object(index::WATCH, 5).map(f32::from_bits),
             }),
             readings: Quantity::ALL.map(|quantity| self.reading(quantity, now_ns, lens)),
-            rates: self.rates.per_second(now_ns),
+            rates: {
+                let rates = self.rates.per_second(now_ns);
+                PerSecond { load: rates.load * self.load_scale, ..rates }
+            },
+            bit_rate: (f64::from(BitRates::FASTEST.nominal) / self.load_scale).round() as u32,
             syncs: self.syncs,
             sync_age_s: self.last_sync_ns.map(|at_ns| age_s(at_ns, now_ns)),
             emergencies: self.emergencies,

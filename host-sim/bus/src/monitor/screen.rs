@@ -5,7 +5,11 @@
 //! Signals are the command line's: they end the loop, and the loop ends here.
 
 use ratatui::DefaultTerminal;
-use std::io;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use std::fs::File;
+use std::io::{self, IsTerminal};
+use std::os::fd::AsFd;
+use std::time::Duration;
 
 /// Gives the terminal back when it goes.
 struct Taken;
@@ -30,6 +34,30 @@ pub fn with_terminal<T>(
     let outcome = run(&mut terminal);
     drop(guard);
     outcome
+}
+
+/// Where keys come from.
+pub struct Keyboard(Option<File>);
+
+impl Keyboard {
+    /// The terminal on standard input; where that is something else, the one the process was started from.
+    pub fn open() -> Self {
+        let elsewhere = !io::stdin().is_terminal();
+        Self(elsewhere.then(|| File::open("/dev/tty").ok()).flatten())
+    }
+
+    /// Waits so long, or until a key is pressed; says whether the terminal has gone (its window was closed, its
+    /// connection lost).
+    pub fn has_gone_within(&self, wait: Duration) -> bool {
+        let stdin = io::stdin();
+        let source = self.0.as_ref().map_or(stdin.as_fd(), |file| file.as_fd());
+        let mut sources = [PollFd::from_borrowed_fd(source, PollFlags::IN)];
+        let wait =
+            Timespec { tv_sec: wait.as_secs() as i64, tv_nsec: i64::from(wait.subsec_nanos()) };
+        // Interrupted by a signal, as by a change of its size: asked again soon.
+        let heard = poll(&mut sources, Some(&wait)).is_ok();
+        heard && sources[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
+    }
 }
 
 /// A terminal that does not do what it was asked to, in one line.

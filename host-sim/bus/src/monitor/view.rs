@@ -224,7 +224,7 @@ const HELP: [&str; 11] = [
     "up, down, PgUp, PgDn, End   scroll the log",
     "",
     "Grey is old: its age stands beside it. Min and max are since r.",
-    "Loads are of a bus of 1 Mbit/s. ? or Esc closes this.",
+    "Loads are of 1 Mbit/s, or of --bit-rate. ? or Esc closes this.",
 ];
 
 fn draw_help(frame: &mut Frame, area: Rect) {

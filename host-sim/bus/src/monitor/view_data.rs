@@ -198,6 +198,8 @@ pub struct View {
     pub readings: [Reading; Quantity::ALL.len()],
     /// Traffic.
     pub rates: PerSecond,
+    /// Bit rate the load is a share of, bit/s.
+    pub bit_rate: u32,
     /// SYNCs that did not come as they should.
     pub syncs: SyncCounts,
     /// Age of the last SYNC, s; `None` until one was heard.
@@ -275,6 +277,7 @@ impl View {
             "answers_per_s": self.rates.answers,
             "frames_per_s": self.rates.frames,
             "bus_load": self.rates.load,
+            "bit_rate": self.bit_rate,
             "sync_age_s": self.sync_age_s,
             "sync_lost": self.syncs.lost,
             "sync_duplicate": self.syncs.duplicate,

@@ -11,6 +11,7 @@ use super::check::{Check, Tally};
 use super::plan::Plan;
 use crate::bus::{Bus, BusError, Received};
 use joint_trace::CanFrame;
+use std::time::Instant;
 
 /// How fast a plan is played.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +60,8 @@ pub struct Played {
     pub jitter_ns: Vec<u64>,
     /// From the first frame to the last, ns of the bus's clock.
     pub duration_ns: u64,
+    /// The same as this PC's clock has it, ns: a virtual clock may stand still.
+    pub elapsed_ns: u64,
     /// Time frames would take on a wire of 1 Mbit/s, sent and received, ns.
     pub wire_ns: u64,
     /// Frames sent.
@@ -87,6 +90,7 @@ pub fn play(
     tell: &mut dyn FnMut(Progress),
 ) -> Result<Played, BusError> {
     let start_ns = bus.now_ns();
+    let begin = Instant::now();
     let mut player = Player {
         plan,
         played: Played {
@@ -95,6 +99,7 @@ pub fn play(
             lateness_ns: Vec::new(),
             jitter_ns: Vec::new(),
             duration_ns: 0,
+            elapsed_ns: 0,
             wire_ns: 0,
             frames: 0,
             bursts: 0,
@@ -144,6 +149,7 @@ pub fn play(
     }
     let mut until_ns = bus.now_ns() + LINGER_NS;
     player.played.duration_ns = bus.now_ns() - start_ns;
+    player.played.elapsed_ns = begin.elapsed().as_nanos() as u64;
     while check.waiting() > 0 {
         let Some(received) = bus.receive(until_ns)? else { break };
         let waited = check.waiting();

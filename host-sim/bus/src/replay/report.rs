@@ -3,6 +3,7 @@
 use super::Tally;
 use super::plan::Plan;
 use super::play::{Played, Rate};
+use crate::bus::BitRates;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -75,8 +76,15 @@ pub struct Report {
     pub round_trip_us: Option<Quantiles>,
     /// SYNCs sent within a fifth of the planned step after the one before.
     pub bursts: u64,
-    /// Share of the time the frames would take on a wire of 1 Mbit/s; above 1 they would not fit.
-    pub bus_load: f64,
+    /// How long it took, s of this PC's clock.
+    pub elapsed_seconds: f64,
+    /// Bit rate of the bus, bit/s.
+    pub bit_rate: u32,
+    /// Time the frames take on a wire of that rate, s.
+    pub wire_seconds: f64,
+    /// Share of the time they take; above 1 they would not fit. None as fast as the driver answers on a virtual
+    /// clock, where no time passes.
+    pub bus_load: Option<f64>,
     /// Lines of the log passed over: other nodes', damaged, CAN FD, remote, error, no log at all.
     pub passed_over: [u64; 6],
 }
@@ -99,6 +107,10 @@ pub struct About<'a> {
     pub period_s: f32,
     /// How fast it was played.
     pub rate: Rate,
+    /// Whether the bus's clock is virtual: it tells nothing of how long anything takes.
+    pub is_virtual: bool,
+    /// Bit rate of the bus, bit/s; above 0.
+    pub bit_rate: u32,
 }
 
 impl Report {
@@ -106,6 +118,12 @@ impl Report {
     pub fn new(about: &About, plan: &Plan, played: Played) -> Self {
         let over = plan.passed_over;
         let seconds = played.duration_ns as f64 * 1e-9;
+        let at_fastest = f64::from(BitRates::FASTEST.nominal);
+        let wire_seconds =
+            played.wire_ns as f64 * 1e-9 * at_fastest / f64::from(about.bit_rate.max(1));
+        let stands_still = about.is_virtual && about.rate == Rate::Max;
+        // On a virtual clock every answer comes at once.
+        let measured = |times: &[u64]| Quantiles::of(times).filter(|_| !about.is_virtual);
         Self {
             schema: 1,
             trace: about.trace.to_owned(),
@@ -124,11 +142,14 @@ impl Report {
             samples_in_log: plan.samples,
             frames: played.frames,
             seconds,
-            lateness_us: Quantiles::of(&played.lateness_ns),
-            jitter_us: Quantiles::of(&played.jitter_ns),
-            round_trip_us: Quantiles::of(&played.round_trips_ns),
+            lateness_us: measured(&played.lateness_ns),
+            jitter_us: measured(&played.jitter_ns),
+            round_trip_us: measured(&played.round_trips_ns),
             bursts: played.bursts,
-            bus_load: if seconds > 0.0 { played.wire_ns as f64 * 1e-9 / seconds } else { 0.0 },
+            elapsed_seconds: played.elapsed_ns as f64 * 1e-9,
+            bit_rate: about.bit_rate,
+            wire_seconds,
+            bus_load: (seconds > 0.0 && !stands_still).then(|| wire_seconds / seconds),
             passed_over: [
                 over.foreign,
                 over.damaged,
@@ -187,15 +208,22 @@ impl Report {
             Some(rate) => format!("{rate}x"),
             None => "max".to_owned(),
         };
+        let bus = format!("{} kbit/s", self.bit_rate / 1000);
+        let load = match self.bus_load {
+            Some(load) if load > 1.0 => {
+                format!("{:.1} times what a bus of {bus} carries", load)
+            }
+            Some(load) => format!("load of a bus of {bus} {:.1} %", 100.0 * load),
+            None => format!("{:.3} s on a bus of {bus}, at least", self.wire_seconds),
+        };
+        let took = if self.bus_load.is_some() { self.seconds } else { self.elapsed_seconds };
         let _ = writeln!(
             text,
-            "  {} frames in {:.3} s ({rate}, clock: {}{}), {:.0} samples/s, load of a 1 Mbit/s bus {:.1} %",
+            "  {} frames in {took:.3} s ({rate}, clock: {}{}), {:.0} samples/s, {load}",
             self.frames,
-            self.seconds,
-            self.clock,
+            if self.bus_load.is_some() { self.clock } else { "this PC's" },
             if self.raised_priority { ", raised priority" } else { "" },
-            if self.seconds > 0.0 { tally.samples as f64 / self.seconds } else { 0.0 },
-            100.0 * self.bus_load
+            if took > 0.0 { tally.samples as f64 / took } else { 0.0 },
         );
         let rows = [
             ("lateness", self.lateness_us),

@@ -119,6 +119,11 @@ fn closest(diagnosis: &Diagnosis) -> String {
     )
 }
 
+/// The part of an RMS error that a better model could take away, of a floor that is independent of it.
+pub fn above_floor(rmse: f64, floor: f64) -> f64 {
+    (rmse * rmse - floor * floor).max(0.0).sqrt()
+}
+
 /// The five sentences.
 pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
     let unit = diagnosis.log.train.joint.torque_unit();
@@ -164,8 +169,19 @@ pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
     let better = if diagnosis.extended.spec == diagnosis.baseline.spec {
         "No extension is offered, so none is gained.".to_owned()
     } else {
+        let [before, after] = [before, diagnosis.after.metrics.rmse]
+            .map(|rmse| above_floor(rmse, diagnosis.noise_floor));
+        let above = match before > 0.0 {
+            true => format!(
+                "; above the floor it falls from {} to {} {unit}, by {} %",
+                figure(before),
+                figure(after),
+                significant(100.0 * (1.0 - after / before), 2)
+            ),
+            false => String::new(),
+        };
         format!(
-            "With {} the error on unseen rows falls to {} {unit}, by {:.1} % (95 % interval {:.1} to {:.1} %).",
+            "With {} the error on unseen rows falls to {} {unit}, by {:.1} % (95 % interval {:.1} to {:.1} %){above}.",
             diagnosis.extended.spec,
             figure(diagnosis.after.metrics.rmse),
             100.0 * gain.value,

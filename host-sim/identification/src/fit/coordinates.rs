@@ -171,7 +171,10 @@ impl Coordinates {
             }
             Scale::Plain => false,
         };
-        coordinate || value <= info.lower || value >= info.upper
+        // Legal ones are brought a rounding inside.
+        let rounding = |bound: f64| 2e-6 * bound.abs();
+        let (least, most) = (info.lower + rounding(info.lower), info.upper - rounding(info.upper));
+        coordinate || value <= least || value >= most
     }
 }
 

@@ -8,6 +8,7 @@ use super::statistics::{autocorrelation_time, inverse_information};
 use super::track::{Rows, Track};
 use super::verdict::verdicts;
 use crate::dual::Dual;
+use crate::number::significant;
 use crate::spec::{Spec, SpecError};
 use ParameterId as Id;
 use compensator_core::parameters::Envelope;
@@ -38,10 +39,23 @@ pub fn identify(
     options: &FitOptions,
 ) -> Result<Outcome, SpecError> {
     let begin = Instant::now();
-    let solution = fit(spec, base, train, options);
-    let mut parameters = solution.parameters();
-    keep_legal(&mut parameters, solution.coordinates.ids());
-    declare_envelope(&mut parameters, train.tracks, test.tracks);
+    let mut made_passive = Vec::new();
+    let (mut solution, mut parameters) = fitted(spec, base, train, test, options);
+    if options.passive {
+        let mut steps = 0;
+        let mut options = FitOptions { starts: 1, ..options.clone() };
+        while let Some(step) = towards_passivity(&mut parameters, &mut options, steps) {
+            // What the rows would have is told once.
+            if made_passive.iter().all(|earlier: &Passive| earlier.id != step.id) {
+                made_passive.push(step);
+            }
+            steps += 1;
+            options.start = Some(parameters.clone());
+            let evaluations = solution.evaluations;
+            (solution, parameters) = fitted(spec, &parameters, train, test, &options);
+            solution.evaluations += evaluations;
+        }
+    }
     let predicted = predict(&parameters, train, solution.resolution);
     let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
     let unseen = unseen(spec, train.tracks);
@@ -66,8 +80,85 @@ pub fn identify(
         parameters,
     };
     outcome.verdicts = verdicts(&outcome, &unseen, &predicted, train.tracks);
+    for Passive { id, says } in made_passive {
+        // Where the rows would have it and the law may not: its own words in place of "kept".
+        if let Some(estimate) = outcome.estimates.iter_mut().find(|e| Some(e.id) == id) {
+            estimate.state = State::AtBound;
+        }
+        outcome.verdicts.push(says);
+    }
     accept_what_was_fitted(&mut outcome);
     Ok(outcome)
+}
+
+/// A fit, its parameters legal and their envelope declared.
+fn fitted(
+    spec: &Spec,
+    base: &Parameters<f64>,
+    train: Rows,
+    test: Rows,
+    options: &FitOptions,
+) -> (Solution, Parameters<f64>) {
+    let solution = fit(spec, base, train, options);
+    let mut parameters = solution.parameters();
+    keep_legal(&mut parameters, solution.coordinates.ids());
+    declare_envelope(&mut parameters, train.tracks, test.tracks);
+    (solution, parameters)
+}
+
+/// What was done to a law so that it gives out no energy.
+struct Passive {
+    /// The parameter that was brought to its bound, if one was.
+    id: Option<Id>,
+    /// In words.
+    says: String,
+}
+
+/// Brings a law that can give out energy one step nearer to one that cannot, for the rest to be fitted anew; `None`
+/// where it is passive, or nothing helps. First the damping fades with speed, as a film takes over from the
+/// asperities: that leaves its size to the rows, and is passive for all but the largest. Then what is too large goes
+/// to its bound.
+fn towards_passivity(
+    parameters: &mut Parameters<f64>,
+    options: &mut FitOptions,
+    steps: usize,
+) -> Option<Passive> {
+    // The bound falls as the other parameters follow: each time it is taken with more room.
+    const INSIDE: [f64; 5] = [0.95, 0.95, 0.8, 0.5, 0.2];
+    if parameters.choices.allow_active {
+        return None;
+    }
+    let inside = INSIDE.get(steps)?;
+    let viscous = parameters.get(Id::ViscousFriction);
+    if parameters.law.has_bristles() && viscous < 0.0 {
+        parameters.set(Id::ViscousFriction, 0.0);
+        options.fixed.push(Id::ViscousFriction);
+        let says = format!(
+            "viscous_friction: at its bound, 0: these rows would have it {}, and below 0 it drives instead of braking",
+            significant(viscous, 3)
+        );
+        return Some(Passive { id: Some(Id::ViscousFriction), says });
+    }
+    let largest = parameters.active_damping()?;
+    let damping = significant(parameters.get(Id::BristleDamping), 3);
+    if !parameters.choices.damping_fades && !options.fixed.contains(&Id::BristleDamping) {
+        parameters.choices.damping_fades = true;
+        let says = format!(
+            "the bristle damping fades with speed (damping_fades): a constant one, {damping} on these rows, could give \
+             out energy, of which {} is the most that cannot",
+            significant(largest, 3)
+        );
+        return Some(Passive { id: None, says });
+    }
+    parameters.set(Id::BristleDamping, inside * largest);
+    if !options.fixed.contains(&Id::BristleDamping) {
+        options.fixed.push(Id::BristleDamping);
+    }
+    let says = format!(
+        "bristle_damping: at its bound: these rows would have it {damping}, and more than {} can give out energy",
+        significant(largest, 3)
+    );
+    Some(Passive { id: Some(Id::BristleDamping), says })
 }
 
 /// Brings what a degenerate log drove to the end of its legal range a rounding of `f32` inside it. What was
@@ -124,8 +215,8 @@ fn accept_what_was_fitted(outcome: &mut Outcome) {
     outcome.parameters.choices.allow_active = true;
     match refusal(&outcome.parameters) {
         None => outcome.verdicts.push(format!(
-            "the law can give out energy ({error}): params.toml says allow_active, and a driver should not run it \
-             so; damping_fades makes most laws passive"
+            "the law can give out energy and so keep a joint moving ({error}); params.toml says allow_active, and a \
+             driver that runs it warns. `identify` without --choices allow_active fits one that cannot"
         )),
         Some(error) => outcome.verdicts.push(format!("the core refuses these parameters: {error}")),
     }
@@ -174,7 +265,9 @@ fn estimates(
         } else if positive {
             error > LOOSE * value.abs()
         } else {
-            2.0 * error * effect > LOOSE_EFFECT * torque && value.abs() < 3.0 * error
+            // Not told from nothing, or free to do much.
+            value.abs() < 2.0 * error
+                || 2.0 * error * effect > LOOSE_EFFECT * torque && value.abs() < 3.0 * error
         };
         if loose || !error.is_finite() { State::NotDetermined } else { State::Determined }
     };

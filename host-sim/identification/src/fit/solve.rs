@@ -54,6 +54,8 @@ pub struct FitOptions {
     pub fixed: Vec<ParameterId>,
     /// Optional parameters to fit too (the static excesses of the improved law).
     pub freed: Vec<ParameterId>,
+    /// Fit a law that cannot give out energy, as a joint driver asks for; else the law as the rows want it.
+    pub passive: bool,
     /// Simulations per parameter after which the optimiser gives up.
     pub patience: usize,
     /// Where a step would lower the sum of squares by less than this share of one row's, the fit ends.
@@ -69,6 +71,7 @@ impl Default for FitOptions {
             start: None,
             fixed: Vec::new(),
             freed: Vec::new(),
+            passive: false,
             patience: PATIENCE,
             enough: ENOUGH,
         }

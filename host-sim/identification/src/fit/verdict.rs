@@ -1,6 +1,6 @@
 //! What a fit means, in words.
 
-use super::outcome::{Outcome, State};
+use super::outcome::{Estimate, Outcome, State};
 use super::predict::Predicted;
 use super::track::Track;
 use super::treatment;
@@ -38,8 +38,11 @@ pub(super) fn verdicts(
                     "{name}: not determined: on these rows it does nothing that other parameters do not"
                 ));
             }
-            State::NotDetermined => {
+            State::NotDetermined if is_positive(estimate.id) || told_from_nothing(estimate) => {
                 said.push(format!("{name}: not determined by this data"));
+            }
+            State::NotDetermined => {
+                said.push(format!("{name}: not determined by this data: not told from 0"));
             }
             State::AtStart if estimate.std_error.is_none() => {}
             State::AtStart => {
@@ -69,6 +72,16 @@ pub(super) fn verdicts(
     said
 }
 
+/// Whether it cannot be 0.
+fn is_positive(id: ParameterId) -> bool {
+    id.info().lower > 0.0
+}
+
+/// Whether a value is two standard errors away from 0.
+fn told_from_nothing(estimate: &Estimate) -> bool {
+    estimate.std_error.is_none_or(|error| estimate.value.abs() >= 2.0 * error)
+}
+
 fn bristles(predicted: &Predicted, tracks: &[Track]) -> Option<String> {
     let rows: usize = tracks.iter().map(Track::len).sum();
     let sliding_rows = predicted.presliding * rows as f64;
@@ -88,19 +101,39 @@ fn bristles(predicted: &Predicted, tracks: &[Track]) -> Option<String> {
 
 fn tied(outcome: &Outcome) -> Vec<String> {
     let fitted: Vec<_> = outcome.estimates.iter().filter(|e| e.std_error.is_some()).collect();
-    let mut said = Vec::new();
+    // Who is tied to whom, as groups: of seven pairs a reader learns less than of one group.
+    let mut groups: Vec<(Vec<usize>, f64)> = Vec::new();
     for (i, first) in fitted.iter().enumerate() {
         for (j, second) in fitted.iter().enumerate().skip(i + 1) {
             let correlation = outcome.correlation[(i, j)];
             let both = [first.state, second.state].contains(&State::AtStart);
-            if correlation.abs() > TIED && !both {
-                said.push(format!(
-                    "{} and {} are known only together (correlation {correlation:.3})",
-                    first.id.name(),
-                    second.id.name()
-                ));
+            if correlation.abs() <= TIED || both {
+                continue;
             }
+            let (mut group, mut least) = (vec![i, j], correlation.abs());
+            // Groups that share a member are one.
+            groups.retain(|(others, weakest)| {
+                let shares = others.iter().any(|other| group.contains(other));
+                if shares {
+                    group.extend(others);
+                    least = least.min(*weakest);
+                }
+                !shares
+            });
+            group.sort_unstable();
+            group.dedup();
+            groups.push((group, least));
         }
     }
-    said
+    let said = groups.iter().map(|(group, least)| {
+        let names: Vec<&str> = group.iter().map(|at| fitted[*at].id.name()).collect();
+        let (last, others) = names.split_last().unwrap_or((&"", &[]));
+        format!(
+            "{} and {last} are known only together (correlation {least:.3}{}): some combination of them is determined, \
+             each by itself is not",
+            others.join(", "),
+            if group.len() > 2 { " or more" } else { "" }
+        )
+    });
+    said.collect()
 }

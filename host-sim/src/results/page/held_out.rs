@@ -10,9 +10,10 @@
 //! decimated, so is it here.
 
 use super::Study;
-use friction_identification::fit::predict::predict;
+use friction_identification::diagnose::{Gain, judge};
+use friction_identification::fit::predict::{Predicted, predict};
 use friction_identification::fit::statistics::autocorrelation_time;
-use friction_identification::fit::{Outcome, Track};
+use friction_identification::fit::{Metrics, Outcome, Track};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -86,19 +87,21 @@ impl HeldOut {
         autocorrelation_time(tracks.iter().copied())
     }
 
-    /// Whether one fit (by its index) is better than another by more than twice what chance would
-    /// make of it. The squared residuals are compared row by row, and neighbouring rows counted as
-    /// one observation as far as their differences hang together.
-    pub fn clearly_better(&self, better: usize, worse: usize) -> bool {
-        let pairs = self.simulated[better].residual.iter().zip(&self.simulated[worse].residual);
-        let gain: Vec<f64> = pairs.map(|(a, b)| b * b - a * a).collect();
-        let rows = gain.iter().filter(|gain| gain.is_finite()).count() as f64;
-        let mean = gain.iter().filter(|gain| gain.is_finite()).sum::<f64>() / rows;
-        let centred: Vec<f64> = gain.iter().map(|gain| gain - mean).collect();
-        let tracks: Vec<&[f64]> = centred.split(|gain| gain.is_nan()).collect();
-        let spread = centred.iter().filter(|gain| gain.is_finite()).map(|g| g * g).sum::<f64>();
-        let observations = rows / autocorrelation_time(tracks.iter().copied());
-        mean > 2.0 * (spread / rows / observations).sqrt()
+    /// What one fit (by its index) gains over another, with its interval: the yardstick by which the diagnosis
+    /// offers an extension. The lead is clear where the interval's lower end is above 0.
+    pub fn gain(&self, better: usize, worse: usize) -> Gain {
+        let predicted = |fit: usize| Predicted {
+            torque: Vec::new(),
+            residuals: self.simulated[fit]
+                .residual
+                .split(|residual| residual.is_nan())
+                .map(<[f64]>::to_vec)
+                .collect(),
+            metrics: Metrics::default(),
+            saturation: 0.0,
+            presliding: 0.0,
+        };
+        judge::gain(&predicted(worse), &predicted(better), 0)
     }
 
     /// One motion there and back, as rows: of all the held-out ones that of median length. `None`

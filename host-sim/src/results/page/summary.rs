@@ -12,6 +12,7 @@ use compensator_core::{ParameterId as Id, TermKind};
 use friction_identification::data::contract;
 use friction_identification::diagnose::cause;
 use friction_identification::fit::{Outcome, State};
+use friction_identification::number::significant;
 
 /// Errors on held-out rows within this factor of those on the training rows are the same.
 const AS_WELL: f64 = 1.25;
@@ -59,28 +60,34 @@ fn which(view: &View) -> String {
             view.name(simplest)
         )
     };
-    let equals: Vec<usize> = view.ranking[1..]
-        .iter()
-        .copied()
-        .filter(|&other| !view.held_out.clearly_better(best, other))
-        .collect();
+    let gain = |other: usize| {
+        let gain = view.held_out.gain(best, other);
+        let percent = |share: f64| significant(100.0 * share, 2);
+        format!(
+            "by {}\u{a0}% (95\u{a0}% interval {} to {}\u{a0}%)",
+            percent(gain.value),
+            percent(gain.ci95[0]),
+            percent(gain.ci95[1])
+        )
+    };
+    let equals = view.equals();
     if equals.is_empty() {
-        return format!("{against}; the next, {}, has {}.", view.name(second), error(second));
+        return format!(
+            "{against}; it is ahead of the next, {}, {}.",
+            view.name(second),
+            gain(second)
+        );
     }
     let each: Vec<String> =
-        equals.iter().map(|&fit| format!("{} ({})", view.name(fit), error(fit))).collect();
-    let size = |fit: usize| fitted(view.fit(fit)).count();
-    let smallest = equals.iter().copied().min_by_key(|&fit| size(fit));
-    let that = match smallest.filter(|&fit| size(fit) < size(best)) {
-        Some(smallest) => {
-            format!("so these rows do not show that more than {} is needed", view.name(smallest))
-        }
-        None => "so these rows do not tell them apart".to_owned(),
+        equals.iter().map(|&fit| format!("{} {}", view.name(fit), gain(fit))).collect();
+    let chosen = view.chosen();
+    let that = if chosen == best {
+        "so these rows do not tell them apart".to_owned()
+    } else {
+        format!("so these rows do not show that more than {} is needed", view.name(chosen))
     };
-    format!(
-        "{against}; its lead over {} is no larger than chance could make it, {that}.",
-        listed(&each, 8)
-    )
+    let may = if equals.len() == 1 { "a lead" } else { "leads" };
+    format!("{against}; it is ahead of {}, {may} that may be chance, {that}.", listed(&each, 8))
 }
 
 /// How much larger the error is on rows it has not seen.
@@ -244,8 +251,7 @@ fn next(view: &View) -> String {
     }
     if best.parameters.choices.allow_active {
         things.push(
-            "run it in a driver with damping_fades only, since its bristle damping as fitted can \
-             give out energy"
+            "fit it without `--choices allow_active` before a driver runs it, since as it is it can give out energy"
                 .to_owned(),
         );
     }

@@ -3,7 +3,7 @@
 use super::{View, fitted};
 use crate::report::{Best, Block, Cell, Table};
 use friction_identification::fit::{Estimate, Metrics, Outcome, State};
-use friction_identification::params::unit;
+use friction_identification::params::{unit, unit_in_words};
 use std::ops::Range;
 
 /// More runs than this are only counted.
@@ -100,9 +100,10 @@ fn values(view: &View, index: usize) -> Table {
             }
             // Neither fitted nor of any effect the data could show.
             None if *state == State::NotDetermined => (Cell::Empty, "not determined, not fitted"),
+            None if *state == State::AtBound => (Cell::Number(*value), state.name()),
             None => (Cell::Number(*value), "kept"),
         };
-        let unit = unit(id.info(), view.study.data.joint);
+        let unit = unit_in_words(unit(id.info(), view.study.data.joint));
         vec![id.name().into(), value, unit.into(), state.replace('-', " ").into()]
     };
     Table {

@@ -26,6 +26,11 @@ fn color(quantity: Quantity) -> Color {
 /// All charts, one below the other, as high as there is room for.
 pub fn draw(frame: &mut Frame, view: &View, area: Rect) {
     let count = view.readings.len() as u16;
+    // Under charts of two rows each there is room for their common time.
+    let has_axis = area.height >= 3 * count + 1 && area.width > AXIS + 24;
+    let [area, axis] =
+        Layout::vertical([Constraint::Min(0), Constraint::Length(u16::from(has_axis))]).areas(area);
+    time_axis(frame, view.window_s, axis);
     let (each, rest) = (area.height / count, area.height % count);
     let heights = (0..count).map(|place| Constraint::Length(each + u16::from(place < rest)));
     let places = Layout::vertical(heights).split(area);
@@ -38,6 +43,21 @@ pub fn draw(frame: &mut Frame, view: &View, area: Rect) {
         frame.render_widget(Paragraph::new(heading(reading, head.width)), head);
         course(frame, reading, body);
     }
+}
+
+/// How long ago what is above was: at both ends and in the middle.
+fn time_axis(frame: &mut Frame, window_s: f64, area: Rect) {
+    let room = usize::from(area.width.saturating_sub(AXIS));
+    let ago = |seconds: f64| match seconds {
+        s if s >= 120.0 => format!("{} min", s / 60.0),
+        s => format!("{s} s"),
+    };
+    let (first, half) = (format!("-{}", ago(window_s)), format!("-{}", ago(0.5 * window_s)));
+    let left = (room / 2).saturating_sub(first.len() + half.len() / 2);
+    let right = room.saturating_sub(first.len() + left + half.len());
+    let axis = usize::from(AXIS);
+    let line = format!("{:axis$}{first}{:left$}{half}{:>right$}", "", "", "now");
+    frame.render_widget(Paragraph::new(Line::styled(line, DIM)), area);
 }
 
 /// Name, value, unit, age where it is old, least and most.

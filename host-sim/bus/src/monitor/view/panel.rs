@@ -107,6 +107,24 @@ fn state(lines: &mut Lines, view: &View, controls: &Controls, setting: &Setting)
     lines.put("network", vec![Span::styled(view.nmt.unwrap_or("not heard yet"), nmt_style)]);
 }
 
+/// What the compensator says by a flag, for a person.
+fn flag_in_words(name: &str) -> String {
+    let spaced = |stem: &str| stem.replace('-', " ");
+    match name {
+        "disabled" => "compensator off".to_owned(),
+        "reference-invalid" => "no reference velocity".to_owned(),
+        "model-not-finite" => "model gave no number".to_owned(),
+        "command-invalid" => "command was no number".to_owned(),
+        _ => {
+            let endings =
+                [("-invalid", "not usable"), ("-stale", "too old"), ("-limited", "at its limit")];
+            let found =
+                endings.iter().find_map(|(end, words)| Some((name.strip_suffix(end)?, *words)));
+            found.map_or_else(|| spaced(name), |(stem, words)| format!("{} {words}", spaced(stem)))
+        }
+    }
+}
+
 fn model(lines: &mut Lines, view: &View) {
     match &view.flags {
         None => lines.put("flags", vec![Span::styled("not heard yet", DIM)]),
@@ -116,7 +134,10 @@ fn model(lines: &mut Lines, view: &View) {
         Some((names, ..)) if names.is_empty() => {
             lines.put("flags", vec![Span::styled("none", GOOD)]);
         }
-        Some((names, ..)) => lines.names("flags", names, WARN),
+        Some((names, ..)) => {
+            let words: Vec<String> = names.iter().map(|name| flag_in_words(name)).collect();
+            lines.names("flags", &words, WARN);
+        }
     }
     let old = view.objects_stale;
     let parts = match &view.band {
@@ -159,7 +180,10 @@ fn traffic(lines: &mut Lines, view: &View) {
     lines.names("", &told, if clean { DIM } else { WARN });
     let load = format!("{:.1} %", 100.0 * rates.load);
     let style = if rates.load > 0.8 { BAD } else { Style::new() };
-    let frames = format!(", {:.0} frames/s", rates.frames);
+    let frames = match view.bit_rate {
+        1_000_000 => format!(", {:.0} frames/s", rates.frames),
+        other => format!(" of {} kbit/s, {:.0} frames/s", other / 1000, rates.frames),
+    };
     lines.put("bus load", vec![Span::styled(load, style), Span::styled(frames, DIM)]);
     if view.error_frames > 0 {
         let text = format!("{} since the start", view.error_frames);

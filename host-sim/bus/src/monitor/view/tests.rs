@@ -91,7 +91,7 @@ const VITAL: [&str; 18] = [
     "operational",
     "bus-overvoltage",
     "parameters-default",
-    "pressure-stale",
+    "pressure too old",
     "1 lost, 0 twice, 0 late",
     "1000/s, answers 1000/s",
     "? help",
@@ -105,7 +105,7 @@ fn all_that_matters_is_seen_on_a_narrow_and_a_wide_screen() {
     for size in [(80, 24), (120, 40), (200, 60)] {
         let screen = screen(&model, 4999, size);
         assert_shows(&screen, &VITAL);
-        assert_shows(&screen, &["1000/s", "none given", "2 emergencies", "slew-limited"]);
+        assert_shows(&screen, &["1000/s", "none given", "2 emergencies", "slew at its limit"]);
         assert!(!screen.contains("OLD") && !screen.contains("SILENT"), "{screen}");
         assert!(!screen.contains("more lines"), "{screen}");
         let dots = screen.chars().filter(|sign| ('\u{2801}'..='\u{28FF}').contains(sign)).count();

@@ -1,0 +1,74 @@
+//! Friction model `improved-lugre`, written by `host-sim export params.toml --to rust`.
+//!
+//! `Compensator::<f32>::build(&configuration(), period_s)` validates and builds it; the numbers are
+//! exact in `f32`, so it gives the bits of the file it came from.
+
+use compensator_core::compensator::CompensatorParameters;
+use compensator_core::configuration::Configuration;
+use compensator_core::parameters::{Choices, Envelope};
+use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
+
+/// The law.
+pub const LAW: LawKind = LawKind::ImprovedLugre;
+
+/// Its terms, in the order they act.
+pub const TERMS: [TermKind; 0] = [];
+
+/// Its parameters, in the unit beside each.
+pub const VALUES: [(ParameterId, f32); 11] = [
+    (ParameterId::CoulombTorque, 1.07), // Nm
+    (ParameterId::StaticTorque, 1.62), // Nm
+    (ParameterId::StribeckVelocity, 0.052), // rad/s
+    (ParameterId::BristleStiffness, 4200.0), // Nm/rad
+    (ParameterId::BristleDamping, 0.35), // Nm s/rad
+    (ParameterId::ViscousFriction, 0.41), // Nm s/rad
+    (ParameterId::RadialForceCoulomb, 0.0042), // Nm/N
+    (ParameterId::RadialForceStaticExcess, 0.0), // Nm/N
+    (ParameterId::PressureCoulomb, 2.4e-6), // Nm/Pa
+    (ParameterId::PressureStaticExcess, 0.0), // Nm/Pa
+    (ParameterId::RadialForceRate, 1.1e-6), // rad/N
+];
+
+/// What is not a number.
+pub const CHOICES: Choices = Choices {
+    damping_fades: true,
+    printed_extended: false,
+    allow_active: false,
+};
+
+/// What the model may meet.
+pub const ENVELOPE: Envelope = Envelope {
+    velocity_max_rad_s: 12.0,
+    radial_force_max_n: 100.0,
+    pressure_diff_max_pa: 300000.0,
+    load_torque_max_nm: 26.0,
+    position_max_rad: 1000.0,
+    acceleration_max_rad_s2: 1000.0,
+    campaign_max_h: 2000.0,
+};
+
+/// How it is used.
+pub const COMPENSATOR: CompensatorParameters = CompensatorParameters {
+    scale: 0.8,
+    torque_limit_nm: 6.0,
+    slew_limit_nm_per_s: 2000.0,
+    torque_constant_nm_per_a: 0.9,
+    current_limit_a: 26.0,
+    blend_velocity_rad_s: 0.05,
+    hold_s: 0.1,
+    fade_s: 0.4,
+};
+
+/// All of it together, to build a compensator of.
+pub fn configuration() -> Configuration {
+    let mut model = Parameters::new(LAW);
+    for term in TERMS {
+        model.add_term(term);
+    }
+    for (id, value) in VALUES {
+        model.set(id, value);
+    }
+    model.choices = CHOICES;
+    model.envelope = ENVELOPE;
+    Configuration { model, compensator: COMPENSATOR }
+}

@@ -1,0 +1,182 @@
+//! What `params` calls everything a driver is configured with: `static_torque`, `choices.damping_fades`,
+//! `compensator.scale`, `motor.gear_ratio`, `model`.
+
+use compensator_core::compensator::CompensatorParameters;
+use compensator_core::parameters::{Choices, Envelope};
+use compensator_core::{ParameterId, Parameters};
+use firmware::control::MotorParameters;
+use firmware::parameter_set::ParameterSet;
+use firmware::supervisor::Thresholds;
+use firmware::watch::WatchParameters;
+
+/// Every choice of a set, by name.
+pub(super) fn choices(set: &ParameterSet) -> Vec<(String, bool)> {
+    let choices = set.friction.model.choices.to_array();
+    Choices::NAMES.iter().zip(choices).map(|(name, on)| (format!("choices.{name}"), on)).collect()
+}
+
+/// The model's name.
+pub(super) fn model_name(model: &Parameters<f32>) -> String {
+    let terms = model.terms.iter().map(|term| term.name());
+    terms.fold(model.law.name().to_owned(), |name, term| name + "+" + term)
+}
+
+/// Everything of a set that counts for its model, by name, as text.
+fn entries(set: &ParameterSet, used: &[ParameterId]) -> Vec<(String, String)> {
+    let counts = |name: &str| name.contains('.') || used.iter().any(|id| id.name() == name);
+    let mut all = vec![("model".to_owned(), model_name(&set.friction.model))];
+    all.extend(choices(set).into_iter().map(|(name, on)| (name, on.to_string())));
+    let numbers = numbers(set).into_iter().filter(|(name, _)| counts(name));
+    // To the bit: the shortest text that reads back as this number is another for another number.
+    all.extend(numbers.map(|(name, value)| (name, format!("{value:?}"))));
+    all
+}
+
+/// Where two sets differ in what one of their models uses: name, first and second.
+pub(super) fn differences(
+    first: &ParameterSet,
+    second: &ParameterSet,
+) -> Vec<(String, String, String)> {
+    let models = [&first.friction.model, &second.friction.model];
+    let used: Vec<ParameterId> = models.iter().flat_map(|model| model.active()).collect();
+    let both = entries(first, &used).into_iter().zip(entries(second, &used));
+    let differ = both.filter(|((_, first), (_, second))| first != second);
+    differ.map(|((name, first), (_, second))| (name, first, second)).collect()
+}
+
+/// Every number of a set, by name.
+pub(super) fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
+    let model = &set.friction.model;
+    let own = ParameterId::ALL.iter().map(|id| (id.name().to_owned(), model.get(*id)));
+    let mut all: Vec<(String, f32)> = own.collect();
+    let mut section = |name: &str, names: &[&str], values: &[f32]| {
+        all.extend(
+            names.iter().zip(values).map(|(field, value)| (format!("{name}.{field}"), *value)),
+        );
+    };
+    section("envelope", &Envelope::NAMES, &model.envelope.to_array());
+    let compensator = set.friction.compensator.to_array();
+    section("compensator", &CompensatorParameters::NAMES, &compensator);
+    section("motor", &MotorParameters::NAMES, &set.motor.to_array());
+    section("thresholds", &Thresholds::NAMES, &set.thresholds.to_array());
+    section("watch", &WatchParameters::NAMES, &set.watch.to_array());
+    all
+}
+
+pub(super) fn unknown(name: &str, all: &[String]) -> String {
+    // The nearest names: those that share the most with what was asked for.
+    let last = name.rsplit('.').next().unwrap_or(name);
+    let near: Vec<&str> = all
+        .iter()
+        .map(String::as_str)
+        .filter(|known| known.contains(last) || last.contains(*known))
+        .take(5)
+        .collect();
+    if near.is_empty() {
+        format!("{name}: no such parameter; `params get` lists them")
+    } else {
+        format!("{name}: no such parameter; is it {}?", near.join(" or "))
+    }
+}
+
+/// Sets one number of a set, or its model, from text.
+pub(super) fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String> {
+    if name == "model" {
+        let spec =
+            friction_identification::spec::Spec::parse(value).map_err(|error| error.to_string())?;
+        let mut model = spec.parameters().map_err(|error| error.to_string())?.convert::<f32>();
+        for id in ParameterId::ALL {
+            model.set(*id, set.friction.model.get(*id));
+        }
+        model.envelope = set.friction.model.envelope;
+        model.choices = set.friction.model.choices;
+        set.friction.model = model;
+        return Ok(());
+    }
+    if let Some(choice) = name.strip_prefix("choices.") {
+        let place = Choices::NAMES.iter().position(|known| *known == choice);
+        let place = place.ok_or_else(|| {
+            format!("{name}: no such choice, expected of {}", Choices::NAMES.join(", "))
+        })?;
+        let mut choices = set.friction.model.choices.to_array();
+        choices[place] = value
+            .parse()
+            .map_err(|_| format!("{name}: found {value:?}, expected true or false"))?;
+        set.friction.model.choices = Choices::from_array(choices);
+        return Ok(());
+    }
+    let all: Vec<String> = numbers(set).into_iter().map(|(known, _)| known).collect();
+    if !all.iter().any(|known| known == name) {
+        return Err(unknown(name, &all));
+    }
+    let number: f32 =
+        value.parse().map_err(|_| format!("{name}: found {value:?}, expected a number"))?;
+    fn change<const N: usize>(fields: [f32; N], names: &[&str], field: &str, to: f32) -> [f32; N] {
+        let mut fields = fields;
+        for (place, name) in fields.iter_mut().zip(names) {
+            if *name == field {
+                *place = to;
+            }
+        }
+        fields
+    }
+    match name.split_once('.') {
+        None => {
+            if let Some(id) = ParameterId::parse(name) {
+                set.friction.model.set(id, number);
+            }
+        }
+        Some(("envelope", field)) => {
+            let fields = set.friction.model.envelope.to_array();
+            let fields = change(fields, &Envelope::NAMES, field, number);
+            set.friction.model.envelope = Envelope::from_array(fields);
+        }
+        Some(("compensator", field)) => {
+            let fields = set.friction.compensator.to_array();
+            let fields = change(fields, &CompensatorParameters::NAMES, field, number);
+            set.friction.compensator = CompensatorParameters::from_array(fields);
+        }
+        Some(("motor", field)) => {
+            let fields = change(set.motor.to_array(), &MotorParameters::NAMES, field, number);
+            set.motor = MotorParameters::from_array(fields);
+        }
+        Some(("thresholds", field)) => {
+            let fields = change(set.thresholds.to_array(), &Thresholds::NAMES, field, number);
+            set.thresholds = Thresholds::from_array(fields);
+        }
+        Some((_, field)) => {
+            let fields = change(set.watch.to_array(), &WatchParameters::NAMES, field, number);
+            set.watch = WatchParameters::from_array(fields);
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_that_is_printed_can_be_set() {
+        let mut set = ParameterSet::default();
+        for (name, value) in numbers(&set) {
+            put(&mut set, &name, &format!("{}", value + 0.5)).unwrap();
+        }
+        let changed = numbers(&set);
+        for ((name, before), (_, after)) in numbers(&ParameterSet::default()).iter().zip(&changed) {
+            // Times in us and counts are whole numbers.
+            assert!((after - before).abs() > 0.0 || name.starts_with("thresholds."), "{name}");
+        }
+        assert!(put(&mut set, "static_tork", "1").is_err());
+        let error = put(&mut set, "scale", "1").unwrap_err();
+        assert!(error.contains("compensator.scale"), "{error}");
+        assert!(put(&mut set, "compensator.scale", "much").is_err());
+        for (name, on) in choices(&set) {
+            put(&mut set, &name, &(!on).to_string()).unwrap();
+        }
+        assert!(choices(&set).iter().all(|(_, on)| *on));
+        assert!(
+            put(&mut set, "choices.allow_active", "yes").unwrap_err().contains("true or false")
+        );
+    }
+}
