@@ -142,7 +142,7 @@ case(
 error(
     "an MCAP file that was cut off",
     {"log.mcap": recording()[:40]},
-    "log.mcap: found Unexpected end of file, expected an intact MCAP file, its chunks packed by zstd or not at all",
+    "log.mcap: found MCAP file ended in the middle of a record, expected an intact MCAP file, its chunks packed by zstd or not at all",
 )
 
 ASC = """date Wed May 1 12:00:00.000 pm 2024
@@ -155,8 +155,8 @@ End TriggerBlock
 error(
     "a Vector trace of something else",
     {"log.asc": ASC},
-    "log.asc: found 2 frames and no joint's velocity and torque, expected frames 200 and 300 + node and the SYNC 080, as "
-    "joint.dbc says",
+    "log.asc: found frames 244 (2) and no joint's velocity and torque, expected Motion (480 + node), Torque (680 + node) and "
+    "the SYNC (080) of joint.dbc",
 )
 TRC = """;$FILEVERSION=2.1
 ;$COLUMNS=N,O,T,B,I,d,R,L,D
@@ -166,7 +166,7 @@ TRC = """;$FILEVERSION=2.1
 error(
     "a PEAK trace with a line cut off",
     {"log.trc": TRC},
-    'log.trc: row 4, column (all): found "2         2.234 DT 1      0244 Rx -  8 ..", expected hexadecimal data after the '
+    'log.trc: row 4, column (all): found "2         2.234 DT 1      0244 Rx -  8  ..", expected hexadecimal data after the '
     "identifier, two digits a byte (1 of 2 rows are bad, this is the first; at most 5 % may be)",
 )
 

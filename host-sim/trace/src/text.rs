@@ -1,6 +1,6 @@
 //! CAN logs as text, whoever wrote them: which of the formats a file is in, and its lines as frames.
 //!
-//! [`candump`](crate::candump) says all there is in each line. Vector's and PEAK's formats say above what the numbers
+//! [`candump`] says all there is in each line. Vector's and PEAK's formats say above what the numbers
 //! below mean, so their lines are read by a [`TextReader`], which remembers it.
 
 use crate::candump::{self, CanFrame, Fraction, Line, LineError};

@@ -13,10 +13,10 @@ use std::ops::Range;
 
 use super::clean::{CleanRun, Cleaner, FileData, MAX_BAD_SHARE, OpenRun};
 use super::clock;
-use super::columns::{FINITE, Fate};
+use super::columns::{FINITE, Fate, is_nothing};
 use super::contract::RUN;
 use super::dataset::LeftOutColumn;
-use super::error::{DataError, NAMED_BAD_ROWS, listed};
+use super::error::{BadCell, DataError, NAMED_BAD_ROWS, listed};
 use super::fill::{Fill, fill};
 use super::header::Layout;
 use super::order::{PAUSE, order, starts};
@@ -401,7 +401,12 @@ impl Cleaner<'_> {
             if let Some((_, how)) = filled[at] {
                 let (numbers, rows) = (tally.numbers, self.rows);
                 let words = how.words();
-                let text = match tally.first_bad.first().filter(|_| tally.texts > 0) {
+                // Texts stand in quotes there, and so do the words for nothing.
+                let is_text = |cell: &&BadCell| {
+                    cell.found.starts_with('"')
+                        && !is_nothing(cell.found.trim_matches('"').as_bytes())
+                };
+                let text = match tally.first_bad.iter().find(is_text) {
                     Some(cell) => format!("; row {} holds {}", cell.row, cell.found),
                     None => String::new(),
                 };
