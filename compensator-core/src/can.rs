@@ -2,22 +2,24 @@
 //!
 //! Classic CAN with 11-bit identifiers, those of CANopen's predefined connection set (CiA 301). What a
 //! driver is told comes as receive PDOs, which count from the next SYNC on; what it says leaves as
-//! transmit PDOs after that SYNC. Numbers are `f32` as they are, little-endian, so that a log replayed
-//! on a PC gives the very bits the driver gave. A quantity nobody measures is NaN; a frame none of
-//! whose quantities is measured need not be sent. The SYNC counts 1 to 240; where it says 1, an SDO
-//! download says the number of the sample in full, so that no loss goes unseen. Another one begins a run.
+//! transmit PDOs after that SYNC. What a joint measures of itself it says, and a joint in HIL is told it in
+//! the very frames, so that a log of a joint can be played to one. Numbers are `f32` as they are,
+//! little-endian, so that a log replayed on a PC gives the very bits the driver gave. A quantity nobody
+//! measures is NaN; a frame none of whose quantities is measured need not be sent. The SYNC counts 1 to 240;
+//! where it says 1, an SDO download says the number of the sample in full, so that no loss goes unseen.
+//! Another one begins a run.
 //!
 //! | frame | identifier | length | content, by byte |
 //! |---|---|---|---|
-//! | [`Motion`], RPDO 1 | 0x200 + node | 8 | 0 velocity rad/s, 4 position rad |
-//! | [`Torque`], RPDO 2 | 0x300 + node | 8 | 0 measured torque Nm, 4 load torque Nm |
+//! | [`Motion`], TPDO 4 | 0x480 + node | 8 | 0 velocity rad/s, 4 position rad |
+//! | [`Torque`], TPDO 5 | 0x680 + node | 8 | 0 measured torque Nm, 4 load torque Nm |
 //! | [`Seal`], RPDO 3 | 0x400 + node | 8 | 0 radial force N, 4 pressure difference Pa |
 //! | [`Surroundings`], RPDO 4 | 0x500 + node | 8 | 0 temperature degC, 4 auxiliary covariate |
 //! | [`Sync`] | 0x080 | 1 | 0 counter, 1..=240: ends a sample |
 //! | [`Answer`], TPDO 1 | 0x180 + node | 8 | 0 friction torque Nm, 4 feed-forward current A |
 //! | [`Status`], TPDO 2 | 0x280 + node | 8 | 0 flags, 4 number of the sample in its run |
 //! | [`Telemetry`], TPDO 3 | 0x380 + node | 8 | 0 current A, 4 residual torque Nm |
-//! | [`Command`], RPDO 5 | 0x480 + node | 8 | 0 current A, 4 velocity reference 1e-4 rad/s (24 bits), 7 counter |
+//! | [`Command`], RPDO 2 | 0x300 + node | 8 | 0 current A, 4 velocity reference 1e-4 rad/s (24 bits), 7 counter |
 //! | [`Entry`], SDO download | 0x600 + node | 8 | 0 0x23, 1 0x2000, 3 sub-index, 4 value |
 //!
 //! Of a prismatic joint read m for rad and N for Nm. The same in the words of CAN tools: `joint.dbc`.

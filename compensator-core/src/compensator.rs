@@ -129,10 +129,11 @@ impl<T: Real> Compensator<T> {
         })
     }
 
-    /// Switches the compensator on or off. Switching on starts from rest and zero torque, so the
+    /// Switches the compensator on or off. Switched on it starts from rest and zero torque, so the
     /// slew limit brings the compensation in.
     pub fn set_enabled(&mut self, enabled: bool) {
-        if enabled && !self.enabled {
+        // Cleared when it goes off: a sample that is off costs next to nothing, so the dearest one is not dearer for it.
+        if self.enabled && !enabled {
             self.state = State::default();
             self.compensation_torque_nm = T::zero();
         }

@@ -10,7 +10,7 @@
 //!   Dependencies of a board are optional, behind its feature and `cfg(target_os = "none")`.
 //! - `main.rs` only takes this module in. A board's own file defines its entry point (`#[entry]` or an RTIC
 //!   app) and its one `defmt` global logger: stm32g474 `defmt-rtt`, qemu `defmt-semihosting`.
-//! - A panic or a hard fault leaves its text in RAM that outlives a reset ([`firmware::panic`]) and resets, which
+//! - A panic or a hard fault opens the bridge (`open_bridge` of the board) and leaves its text in RAM that outlives a reset ([`firmware::panic`]) and resets, which
 //!   opens the bridge; the next start hands the text to the driver in `Boot::panic` (`panic::take`).
 //! - [`firmware::stack_guard`] paints words below the stack; `is_intact` goes into `LoopReport::stack_intact`,
 //!   and `take_overflow`, asked before `paint`, into `Boot::stack_overflowed`.
@@ -21,6 +21,18 @@ mod qemu;
 #[cfg(feature = "board-stm32g474")]
 mod stm32g474;
 
+#[cfg(feature = "board-qemu")]
+use qemu::open_bridge;
+#[cfg(feature = "board-stm32g474")]
+use stm32g474::open_bridge;
+
+/// Ends this life: the bridge is opened *first*, for writing a note takes its time and may itself fail; then the note,
+/// then a reset.
+pub(crate) fn stop(what: &dyn core::fmt::Display) -> ! {
+    open_bridge();
+    firmware::panic::keep_and_reset(what)
+}
+
 /// What a hard fault does: the same as a panic, which see.
 ///
 /// # Safety
@@ -28,5 +40,6 @@ mod stm32g474;
 #[allow(unsafe_code)]
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
-    firmware::panic::keep_and_reset(&format_args!("hard fault at {:#010x}", frame.pc()))
+    open_bridge();
+    stop(&format_args!("hard fault at {:#010x}", frame.pc()))
 }

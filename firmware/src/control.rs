@@ -74,13 +74,25 @@ pub enum Bridge {
     Drive([f32; 3]),
 }
 
+/// For whom the hardware opened the bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Broke {
+    /// The gate driver.
+    GateDriver,
+    /// The chip itself: its supply, clock, memory or processor.
+    System,
+}
+
 /// A three-phase bridge with its sensors and the motor's encoder: what a board gives the current loop.
 pub trait PowerStage {
     /// What was measured for this period.
     fn sample(&mut self) -> StageSample;
 
-    /// Whether the hardware has opened the bridge by itself, or would.
-    fn broke(&mut self) -> bool;
+    /// Whether the hardware has opened the bridge by itself, or would, and for whom.
+    fn broke(&mut self) -> Option<Broke>;
+
+    /// Wakes the gate driver, or puts it to sleep: the second way to open all switches.
+    fn wake(&mut self, awake: bool);
 
     /// Sets the duties of the next period, each 0..=1.
     fn drive(&mut self, duty: [f32; 3]);

@@ -16,6 +16,7 @@ mod counters;
 mod device;
 pub mod live;
 mod objects;
+pub mod profile;
 pub mod staging;
 
 pub use counters::Counters;
@@ -79,9 +80,18 @@ impl<F: NorFlash> Driver<F> {
             return;
         }
         if self.network.on_heartbeat(frame, self.device.settings().awaited_heartbeat, now_us) {
+            self.device.sign_of_life(now_us);
             return;
         }
         let node = self.network.node();
+        if frame.identifier() == cob_id::RPDO_1 + u16::from(node.number()) {
+            if self.network.is_operational() {
+                self.device.take_drive_frame(frame, now_us);
+            } else {
+                self.device.counters.count_passed_over();
+            }
+            return;
+        }
         if frame.identifier() == cob_id::SDO_REQUEST + u16::from(node.number()) {
             self.serve(frame, node, now_us);
             self.publish_events();
@@ -112,6 +122,7 @@ impl<F: NorFlash> Driver<F> {
             NmtAction::ResetCommunication => {
                 self.device.disarm();
                 self.sdo = SdoServer::new();
+                self.device.forget_identifiers();
                 let node = self.device.settings().node;
                 self.network = Network::boot(node, now_us, self.device.outbox());
             }
@@ -179,6 +190,16 @@ impl<F: NorFlash> Driver<F> {
     /// Its number on the bus, of this life.
     pub const fn node(&self) -> Node {
         self.network.node()
+    }
+
+    /// Whether its frames have the identifiers of `joint.dbc`: no master gave them others.
+    pub fn has_own_identifiers(&self) -> bool {
+        self.device.has_own_identifiers()
+    }
+
+    /// The bit rate it is to have, kbit/s.
+    pub fn bit_rate_kbit(&self) -> u16 {
+        self.device.settings().bit_rate_kbit
     }
 
     /// Where its inputs come from.

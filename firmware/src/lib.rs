@@ -14,6 +14,7 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod background;
+pub mod bridge_guard;
 pub mod control;
 pub mod deadline;
 pub mod driver;

@@ -7,7 +7,7 @@
 
 use crate::control::PERIOD_S;
 use crate::driver::{LoopOrders, LoopReport};
-use crate::loop_parts::Parts;
+use crate::loop_parts::{Parts, StageTraits};
 use crate::parameter_set::ParameterSet;
 use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -28,15 +28,15 @@ impl LoopQueues {
         Self { orders: Queue::new(), parts: Queue::new(), reports: Queue::new() }
     }
 
-    /// Both ends, for a loop that starts now.
-    pub fn split(&mut self, now_us: u64) -> (LoopPort<'_>, LoopLink<'_>) {
+    /// Both ends, for a loop on this stage that starts now.
+    pub fn split(&mut self, stage: StageTraits, now_us: u64) -> (LoopPort<'_>, LoopLink<'_>) {
         let (orders_out, orders_in) = self.orders.split();
         let (parts_out, parts_in) = self.parts.split();
         let (reports_out, reports_in) = self.reports.split();
         let port = LoopPort { orders: orders_in, parts: parts_in, reports: reports_out };
         let last = LoopReport::default();
         let (orders, parts, reports) = (orders_out, parts_out, reports_in);
-        (port, LoopLink { orders, parts, reports, last, reported_us: now_us, set_number: 0 })
+        (port, LoopLink { orders, parts, reports, last, reported_us: now_us, set_number: 0, stage })
     }
 }
 
@@ -56,6 +56,7 @@ pub struct LoopLink<'q> {
     reported_us: u64,
     /// The parameter set the loop has parts of.
     set_number: u32,
+    stage: StageTraits,
 }
 
 impl LoopLink<'_> {
@@ -96,7 +97,7 @@ impl LoopLink<'_> {
         }
         if orders.set_number != self.set_number {
             self.set_number = orders.set_number;
-            match Parts::build(set, PERIOD_S) {
+            match Parts::build(set, self.stage, PERIOD_S) {
                 Ok(parts) => drop(self.parts.enqueue(parts)),
                 Err(refused) => panic!("committed parameters: {refused}"),
             }

@@ -3,7 +3,7 @@
 //! Building divides, validates and takes milliseconds, so it is done outside the interrupt; the interrupt
 //! swaps motor and friction model between two periods ([`crate::loop_task::LoopTask::swap`]).
 
-use crate::control::{Compensate, JointCompensator, Motor, PERIOD_S};
+use crate::control::{Compensate, JointCompensator, Motor, MotorParameters, PERIOD_S};
 use crate::log::log;
 use crate::parameter_set::ParameterSet;
 use compensator_core::{Flags, Inputs, Output, ParameterError};
@@ -57,6 +57,28 @@ impl Compensate for Model {
     }
 }
 
+/// What a power stage imposes on the loop, whatever its parameters say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StageTraits {
+    /// How old the encoder's angle is by the way it is read, s; the sensor's own delay is the parameter
+    /// `encoder_delay_s`, which this is added to.
+    pub encoder_age_s: f32,
+    /// Largest modulation that leaves the shunts time to settle; `modulation_max` is held to it.
+    pub modulation_max: f32,
+}
+
+impl StageTraits {
+    /// A stage whose encoder is read with the currents, and whose current sensors lie in the phases.
+    pub const NONE: Self = Self { encoder_age_s: 0.0, modulation_max: 1.0 };
+
+    /// Largest modulation for low-side shunts, s: before the top, where they are sampled, every low side conducts for
+    /// half of `(1 - duty) T` less the dead time, and that has to be the amplifiers' settling time; a modulation `m`
+    /// has its largest duty at `(1 + m) / 2`.
+    pub const fn modulation_for(period_s: f32, dead_time_s: f32, settle_s: f32) -> f32 {
+        1.0 - 4.0 * (dead_time_s + settle_s) / period_s
+    }
+}
+
 /// What a current loop is made of: built outside the interrupt, handed over whole.
 #[derive(Clone, Debug)]
 pub struct Parts {
@@ -66,12 +88,23 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Builds the parts for a period in s.
+    /// Builds the parts for a period in s, and a stage.
     ///
     /// # Errors
     /// What of motor or friction model stands against it.
-    pub fn build(set: &ParameterSet, period_s: f32) -> Result<Self, ParameterError> {
-        let motor = set.motor.build(period_s)?;
+    pub fn build(
+        set: &ParameterSet,
+        stage: StageTraits,
+        period_s: f32,
+    ) -> Result<Self, ParameterError> {
+        // Legal by themselves first: a refusal names what was written.
+        set.motor.validate()?;
+        let motor = MotorParameters {
+            encoder_delay_s: set.motor.encoder_delay_s + stage.encoder_age_s,
+            modulation_max: set.motor.modulation_max.min(stage.modulation_max),
+            ..set.motor
+        }
+        .build(period_s)?;
         let inner = JointCompensator::build(&set.friction, period_s)?;
         let most_a = set.motor.current_limit_a.min(set.friction.compensator.current_limit_a);
         let model = Model { inner, most_a, limit_a: Cell::new(most_a) };
@@ -82,10 +115,10 @@ impl Parts {
     ///
     /// # Panics
     /// Where not even the default set can be built, which the tests rule out.
-    pub fn first(set: &ParameterSet) -> Self {
-        Self::build(set, PERIOD_S).unwrap_or_else(|_refused| {
+    pub fn first(set: &ParameterSet, stage: StageTraits) -> Self {
+        Self::build(set, stage, PERIOD_S).unwrap_or_else(|_refused| {
             log!(error, "stored parameters cannot be built: {=str}", _refused.field);
-            match Self::build(&ParameterSet::default(), PERIOD_S) {
+            match Self::build(&ParameterSet::default(), stage, PERIOD_S) {
                 Ok(parts) => parts.measuring_only(),
                 Err(refused) => panic!("default parameters: {refused}"),
             }

@@ -13,8 +13,10 @@
 //! off. So the interrupt never closes it again before the supervisor has seen why. Until then every report
 //! repeats the fault, so that a late supervisor does not miss it.
 
+use crate::bridge_guard::BridgeGuard;
 use crate::control::{
-    Bridge, Covariates, CurrentLoop, Cycle, LoopFlags, PowerStage, Setpoint, StageSample, Valid,
+    Bridge, Broke, Covariates, CurrentLoop, Cycle, LoopFlags, PowerStage, Setpoint, StageSample,
+    Valid,
 };
 use crate::deadline::{Deadline, Limits};
 use crate::driver::{Home, LoopOrders, LoopReport, REPORT_PERIOD_S};
@@ -34,8 +36,14 @@ pub struct LoopTask {
     tripped: LoopFlags,
     /// The hardware opened the bridge while it was ordered on: held off in the same way.
     broken: bool,
-    /// The hardware said so at any time since the last report.
+    /// The hardware said so at any time since the last report, for the gate driver and for the chip.
     gate_fault: bool,
+    system_break: bool,
+    /// For whom it is held off.
+    broken_by_system: bool,
+    guard: BridgeGuard,
+    /// The guard wants something done before the bridge may close.
+    waiting: bool,
     report: LoopReport,
     period_s: f32,
     /// Periods since the last report, and from one to the next.
@@ -59,6 +67,7 @@ const NO_ORDERS: LoopOrders = LoopOrders {
     current_share: 1.0,
     set_number: 0,
     home: Home { position_rad: 0.0, number: 0 },
+    gate_resets: 0,
 };
 const MISSING: Reading<f32> = Reading { value: 0.0, age_s: -1.0 };
 
@@ -74,6 +83,10 @@ impl LoopTask {
             tripped: LoopFlags::empty(),
             broken: false,
             gate_fault: false,
+            system_break: false,
+            broken_by_system: false,
+            guard: BridgeGuard::default(),
+            waiting: false,
             report: LoopReport::default(),
             period_s,
             since_report: 0,
@@ -89,6 +102,7 @@ impl LoopTask {
         if !orders.bridge {
             self.tripped = LoopFlags::empty();
             self.broken = false;
+            self.broken_by_system = false;
         }
         if orders.home.number != self.orders.home.number {
             self.current_loop.set_position(orders.home.position_rad);
@@ -115,7 +129,7 @@ impl LoopTask {
         triggered: u32,
         now: u32,
     ) {
-        let sample = stage.sample();
+        let mut sample = stage.sample();
         // Parts first: orders to drive come after those they are for.
         if let Some(parts) = port.parts.dequeue() {
             self.swap(parts);
@@ -123,8 +137,15 @@ impl LoopTask {
         while let Some(orders) = port.orders.dequeue() {
             self.order(orders);
         }
-        let broke = stage.broke();
+        let stopped = !self.tripped.is_empty() || self.broken;
+        let ordered = self.orders.bridge && self.may_drive;
+        let permission = self.guard.step(&mut sample, ordered, stopped, self.orders.gate_resets);
+        self.waiting = !permission.may_close;
+        // What a gate driver says in its sleep is no fault.
+        let said = |by: &Broke| permission.settled || *by == Broke::System;
+        let broke = stage.broke().filter(said);
         stage.apply(self.period(&sample, broke, triggered, now));
+        stage.wake(permission.awake);
         self.end(stage.cycles());
         if let Some(report) = self.report()
             && port.reports.enqueue(report).is_ok()
@@ -139,14 +160,20 @@ impl LoopTask {
     pub fn period(
         &mut self,
         sample: &StageSample,
-        bridge_broke: bool,
+        broke: Option<Broke>,
         triggered: u32,
         now: u32,
     ) -> Bridge {
         let in_time = self.deadline.begin(triggered, now);
-        self.gate_fault |= bridge_broke;
-        self.broken |= bridge_broke && self.orders.bridge;
-        let held = !self.tripped.is_empty() || self.broken || !self.may_drive;
+        if let Some(by) = broke {
+            self.gate_fault |= by == Broke::GateDriver;
+            self.system_break |= by == Broke::System;
+            if self.orders.bridge {
+                self.broken = true;
+                self.broken_by_system |= by == Broke::System;
+            }
+        }
+        let held = !self.tripped.is_empty() || self.broken || !self.may_drive || self.waiting;
         let driving = self.orders.bridge && !held;
         self.current_loop.set_driving(driving);
         self.current_loop.set_compensating(self.orders.compensation && in_time);
@@ -183,7 +210,8 @@ impl LoopTask {
             // The supervisor knows this one as the firmware's own mistake, and does not arm.
             report.loop_flags |= LoopFlags::NOT_FINITE;
         }
-        report.gate_driver_fault = self.gate_fault || self.broken;
+        report.gate_driver_fault = self.gate_fault || self.broken && !self.broken_by_system;
+        report.system_break = self.system_break || self.broken_by_system;
         report.overruns_in_a_row = self.deadline.longest_row();
         Some(report)
     }
@@ -193,6 +221,7 @@ impl LoopTask {
         self.clear_report();
         self.deadline.forget();
         self.gate_fault = false;
+        self.system_break = false;
         self.since_report = 0;
     }
 

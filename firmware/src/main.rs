@@ -9,7 +9,7 @@ mod boards;
 #[cfg(target_os = "none")]
 #[panic_handler]
 fn panic(info: &core::panic::PanicInfo) -> ! {
-    firmware::panic::keep_and_reset(info)
+    boards::stop(info)
 }
 
 #[cfg(not(target_os = "none"))]

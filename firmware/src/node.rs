@@ -9,6 +9,7 @@
 //! others looked at, `zencan-node` 0.0.5 keeps its objects in statics made by a macro, so two joints in
 //! one process cannot be. The SDO server is our own; see [`sdo`] for why.
 
+pub mod bit_timing;
 pub mod dictionary;
 pub mod sdo;
 

@@ -5,6 +5,7 @@
 //! when it is written, not when it is used.
 
 use crate::hil::{HilSetup, Number};
+use crate::node::bit_timing::RATES_KBIT;
 use crate::parameter_set::{ParameterSet, SET_LENGTH, SetError};
 use compensator_core::can::Node;
 use core::fmt;
@@ -27,6 +28,8 @@ pub const PERIOD_RANGE_S: (f32, f32) = (1e-5, 1.0);
 pub struct NodeSettings {
     /// Number of the joint on its bus.
     pub node: Node,
+    /// Bit rate of the bus, kbit/s: one of [`RATES_KBIT`]. It counts from the next start, as the number does.
+    pub bit_rate_kbit: u16,
     /// Time between heartbeats, ms; 0 for none.
     pub heartbeat_ms: u16,
     /// Whose heartbeat is awaited (bits 16 to 22) and for how long, ms (bits 0 to 15), as CiA 301
@@ -42,12 +45,15 @@ pub struct NodeSettings {
     pub period_s: f32,
     /// Age of the campaign when a run begins, h.
     pub campaign_h: f32,
+    /// The wiring somebody confirmed, as [`ParameterSet::wiring_crc`]; 0 for none.
+    pub commissioned: u32,
 }
 
 impl Default for NodeSettings {
     fn default() -> Self {
         Self {
             node: Node::FIRST,
+            bit_rate_kbit: 1000,
             heartbeat_ms: 1000,
             awaited_heartbeat: 0,
             source: Source::default(),
@@ -55,14 +61,15 @@ impl Default for NodeSettings {
             telemetry_every: 1,
             period_s: 1e-3,
             campaign_h: 0.0,
+            commissioned: 0,
         }
     }
 }
 
 impl NodeSettings {
     /// Length in bytes of the settings in a block.
-    pub const LENGTH: usize = 24;
-    const VERSION: u8 = 1;
+    pub const LENGTH: usize = 28;
+    const VERSION: u8 = 2;
 
     /// What a joint in HIL is built for.
     pub fn hil_setup(&self) -> HilSetup {
@@ -82,11 +89,12 @@ impl NodeSettings {
                     self.number as u8,
                 ]),
             ),
-            (4, u32::from(self.heartbeat_ms)),
+            (4, u32::from(self.heartbeat_ms) | u32::from(self.bit_rate_kbit) << 16),
             (8, self.awaited_heartbeat),
             (12, u32::from(self.telemetry_every)),
             (16, self.period_s.to_bits()),
             (20, self.campaign_h.to_bits()),
+            (24, self.commissioned),
         ];
         for (at, word) in words {
             if let Some(place) = bytes.get_mut(at..at + 4) {
@@ -102,7 +110,8 @@ impl NodeSettings {
         let [version, node, source, number] = word(0)?.to_le_bytes();
         let settings = Self {
             node: Node::new(node)?,
-            heartbeat_ms: u16::try_from(word(4)?).ok()?,
+            bit_rate_kbit: (word(4)? >> 16) as u16,
+            heartbeat_ms: word(4)? as u16,
             awaited_heartbeat: word(8)?,
             source: match source {
                 0 => Source::Sensors,
@@ -117,6 +126,7 @@ impl NodeSettings {
             telemetry_every: u8::try_from(word(12)?).ok()?,
             period_s: f32::from_bits(word(16)?),
             campaign_h: f32::from_bits(word(20)?),
+            commissioned: word(24)?,
         };
         (version == Self::VERSION && settings.validate().is_ok()).then_some(settings)
     }
@@ -128,6 +138,7 @@ impl NodeSettings {
     pub fn validate(&self) -> Result<(), SettingError> {
         let (least, most) = PERIOD_RANGE_S;
         let checks = [
+            (RATES_KBIT.contains(&self.bit_rate_kbit), "bit_rate_kbit", "1000, 500, 250 or 125"),
             ((least..=most).contains(&self.period_s), "period_s", "1e-5 to 1"),
             ((0.0..=1e6).contains(&self.campaign_h), "campaign_h", "0 to 1e6"),
             (
@@ -214,6 +225,7 @@ mod tests {
     fn a_block_is_read_as_it_was_written() {
         let settings = NodeSettings {
             node: Node::new(17).unwrap(),
+            bit_rate_kbit: 250,
             heartbeat_ms: 250,
             awaited_heartbeat: 3 << 16 | 500,
             source: Source::Bus,
@@ -221,6 +233,7 @@ mod tests {
             telemetry_every: 7,
             period_s: 2.5e-4,
             campaign_h: 12.5,
+            commissioned: 0x1234_5678,
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));

@@ -79,6 +79,20 @@ impl fmt::Display for SetError {
 impl core::error::Error for SetError {}
 
 impl ParameterSet {
+    /// What commissioning finds out about a joint, of [`MotorParameters::NAMES`]: how motor, encoder and gear are wired.
+    pub const WIRING: [&str; 10] = [
+        "pole_pairs",
+        "gear_ratio",
+        "joint_direction",
+        "resistance_ohm",
+        "inductance_d_h",
+        "inductance_q_h",
+        "torque_constant_nm_per_a",
+        "encoder_offset_rad",
+        "encoder_direction",
+        "encoder_delay_s",
+    ];
+
     /// Checks all parts, and the motor against the compensator.
     ///
     /// # Errors
@@ -108,6 +122,17 @@ impl ParameterSet {
     pub fn builds(&self) -> Result<(), ParameterError> {
         Compensator::<f32>::build(&self.friction, PERIOD_S)?;
         self.motor.build(PERIOD_S).map(|_| ())
+    }
+
+    /// CRC of the numbers of [`Self::WIRING`]: any other may change and the joint stays commissioned. It is never 0.
+    pub fn wiring_crc(&self) -> u32 {
+        let mut digest = CRC.digest();
+        for (name, number) in MotorParameters::NAMES.iter().zip(self.motor.to_array()) {
+            if Self::WIRING.contains(name) {
+                digest.update(&number.to_le_bytes());
+            }
+        }
+        digest.finalize().max(1)
     }
 
     /// The set in bytes.

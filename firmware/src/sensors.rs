@@ -12,6 +12,7 @@
 
 pub mod as504x;
 pub mod ms5837;
+pub mod quiet;
 pub mod shunt;
 pub mod strain_gauge;
 pub mod thermistor;

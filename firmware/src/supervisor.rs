@@ -143,6 +143,7 @@ impl Supervisor {
         }
         supervisor.self_test(boot.self_test_passed);
         supervisor.store(boot.store);
+        supervisor.commissioned(boot.commissioned);
         supervisor.parameters(if sound { boot.parameters } else { InUse::DefaultRefused });
         supervisor
     }
@@ -343,6 +344,11 @@ impl Supervisor {
     pub fn parameters(&mut self, in_use: InUse) {
         self.set_present(Code::ParametersDefault, in_use == InUse::Default);
         self.set_present(Code::ParametersRefused, in_use == InUse::DefaultRefused);
+    }
+
+    /// Whether somebody confirmed that the joint is wired as its parameters say.
+    pub fn commissioned(&mut self, confirmed: bool) {
+        self.set_present(Code::NotCommissioned, !confirmed);
     }
 
     /// How the self-test ended, at start or repeated.

@@ -11,7 +11,7 @@ import subprocess
 
 EVERY = 10
 # Identifiers of node 1 (joint.dbc).
-MOTION, TORQUE, SEAL, SURROUNDINGS, SYNC, ENTRY = b"201#", b"301#", b"401#", b"501#", b"080#", b"601#"
+MOTION, TORQUE, SEAL, SURROUNDINGS, SYNC, ENTRY = b"481#", b"681#", b"401#", b"501#", b"080#", b"601#"
 
 PARAMETERS = """schema = 1
 joint = "revolute"

@@ -10,7 +10,7 @@ const DOWNLOAD_4_BYTES: u8 = 0x23;
 /// The object that says what is being logged or replayed: the first of the manufacturer's own.
 const TRACE_OBJECT: u16 = 0x2000;
 
-/// RPDO 1: how the joint moves.
+/// TPDO 4: how the joint moves; a joint in HIL is told it in the same frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// Velocity, rad/s.
@@ -19,7 +19,7 @@ pub struct Motion {
     pub position_rad: f32,
 }
 
-/// RPDO 2: what drives it.
+/// TPDO 5: what drives it; a joint in HIL is told it in the same frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Torque {
     /// Measured torque, Nm. No model reads it: it is what a model explains.
@@ -97,7 +97,7 @@ pub struct Telemetry {
     pub residual_torque_nm: f32,
 }
 
-/// RPDO 5: what the joint is to do.
+/// RPDO 2: what the joint is to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
     /// Torque-making current, A, before the compensation is added.
@@ -126,6 +126,16 @@ impl Command {
         Self { current_a, velocity_steps, counter }
     }
 
+    /// A command from the two words of its frame.
+    pub fn from_words([first, second]: [u32; 2]) -> Self {
+        Self {
+            current_a: f32::from_bits(first),
+            // The sign of 24 bits is carried up by shifting them to the top and back.
+            velocity_steps: (second << 8) as i32 >> 8,
+            counter: (second >> 24) as u8,
+        }
+    }
+
     /// The velocity reference, rad/s; NaN where there is none.
     pub fn velocity_reference_rad_s(&self) -> f32 {
         if self.velocity_steps < -Self::LAST_STEP {
@@ -150,9 +160,9 @@ pub enum Entry {
 /// A frame, understood.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Message {
-    /// RPDO 1.
+    /// TPDO 4.
     Motion(Node, Motion),
-    /// RPDO 2.
+    /// TPDO 5.
     Torque(Node, Torque),
     /// RPDO 3.
     Seal(Node, Seal),
@@ -166,7 +176,7 @@ pub enum Message {
     Status(Node, Status),
     /// TPDO 3.
     Telemetry(Node, Telemetry),
-    /// RPDO 5.
+    /// RPDO 2.
     Command(Node, Command),
     /// SDO download to the trace object.
     Entry(Node, Entry),
@@ -229,10 +239,10 @@ impl Message {
     pub fn emit(&self) -> Frame {
         match *self {
             Self::Motion(node, of) => {
-                frame(cob_id::RPDO_1, node, pair(of.velocity_rad_s, of.position_rad))
+                frame(cob_id::TPDO_4, node, pair(of.velocity_rad_s, of.position_rad))
             }
             Self::Torque(node, of) => {
-                frame(cob_id::RPDO_2, node, pair(of.torque_nm, of.load_torque_nm))
+                frame(cob_id::TPDO_5, node, pair(of.torque_nm, of.load_torque_nm))
             }
             Self::Seal(node, of) => {
                 frame(cob_id::RPDO_3, node, pair(of.radial_force_n, of.pressure_diff_pa))
@@ -254,7 +264,7 @@ impl Message {
             }
             Self::Command(node, of) => {
                 let rest = of.velocity_steps as u32 & 0x00FF_FFFF | u32::from(of.counter) << 24;
-                frame(cob_id::RPDO_5, node, words(of.current_a.to_bits(), rest))
+                frame(cob_id::RPDO_2, node, words(of.current_a.to_bits(), rest))
             }
             Self::Entry(node, entry) => {
                 let (sub_index, value) = match entry {
@@ -296,8 +306,8 @@ impl Message {
         let [first, second] = split(frame.bytes);
         let (a, b) = (f32::from_bits(first), f32::from_bits(second));
         let message = match identifier & !cob_id::NODE {
-            cob_id::RPDO_1 => Self::Motion(node, Motion { velocity_rad_s: a, position_rad: b }),
-            cob_id::RPDO_2 => Self::Torque(node, Torque { torque_nm: a, load_torque_nm: b }),
+            cob_id::TPDO_4 => Self::Motion(node, Motion { velocity_rad_s: a, position_rad: b }),
+            cob_id::TPDO_5 => Self::Torque(node, Torque { torque_nm: a, load_torque_nm: b }),
             cob_id::RPDO_3 => Self::Seal(node, Seal { radial_force_n: a, pressure_diff_pa: b }),
             cob_id::RPDO_4 => {
                 Self::Surroundings(node, Surroundings { temperature_c: a, auxiliary: b })
@@ -312,12 +322,7 @@ impl Message {
             cob_id::TPDO_3 => {
                 Self::Telemetry(node, Telemetry { current_a: a, residual_torque_nm: b })
             }
-            cob_id::RPDO_5 => {
-                // The sign of 24 bits is carried up by shifting them to the top and back.
-                let velocity_steps = (second << 8) as i32 >> 8;
-                let counter = (second >> 24) as u8;
-                Self::Command(node, Command { current_a: a, velocity_steps, counter })
-            }
+            cob_id::RPDO_2 => Self::Command(node, Command::from_words([first, second])),
             cob_id::SDO_REQUEST => {
                 // Any other download is for another object, and legal.
                 let [command, low, high, sub_index] = first.to_le_bytes();
@@ -385,7 +390,7 @@ mod tests {
     fn identifiers_and_bytes_are_as_documented() {
         let motion = Motion { velocity_rad_s: 1.0, position_rad: -2.0 };
         let frame = Message::Motion(node(4), motion).emit();
-        assert_eq!(frame.identifier(), 0x204);
+        assert_eq!(frame.identifier(), 0x484);
         assert_eq!(frame.data(), [0, 0, 0x80, 0x3F, 0, 0, 0, 0xC0]);
         let frame = Message::Sync(Sync::of(239)).emit();
         assert_eq!((frame.identifier(), frame.data()), (0x080, &[240][..]));
@@ -405,12 +410,12 @@ mod tests {
             |identifier, data: &[u8]| Message::parse(&Frame::new(identifier, data).unwrap());
         let length =
             |identifier, found, expected| Err(FrameError::Length { identifier, found, expected });
-        assert_eq!(parse(0x201, &[0; 7]), length(0x201, 7, 8));
+        assert_eq!(parse(0x481, &[0; 7]), length(0x481, 7, 8));
         assert_eq!(parse(0x080, &[]), length(0x080, 0, 1));
         assert_eq!(parse(0x080, &[0]), Err(FrameError::Counter(0)));
         assert_eq!(parse(0x080, &[241]), Err(FrameError::Counter(241)));
-        // Node 0, an emergency, a heartbeat, an SDO answer, a download to another object.
-        for foreign in [0x200, 0x081, 0x701, 0x581] {
+        // Node 0, a frame of CiA 402, an emergency, a heartbeat, an SDO answer.
+        for foreign in [0x480, 0x201, 0x081, 0x701, 0x581] {
             assert_eq!(parse(foreign, &[0; 8]), Err(FrameError::Foreign(foreign)));
         }
         let other = parse(0x601, &[0x23, 0x01, 0x20, 1, 7, 0, 0, 0]);

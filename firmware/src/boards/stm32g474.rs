@@ -25,18 +25,30 @@ mod start;
 mod watchdog;
 
 use defmt_rtt as _;
+use embassy_stm32::pac;
 
 defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
 
-/// Raised by flash whose check bits do not fit, and by nothing else that is in use here.
+pub use power_stage::open_bridge;
+
+/// Raised by flash or RAM whose check bits do not fit, and by a crystal that stops. The timer has opened the bridge.
 ///
 /// # Safety
 /// Called by the processor alone.
 #[cortex_m_rt::exception]
 unsafe fn NonMaskableInt() {
-    if !flash::ecc_error() {
-        firmware::panic::keep_and_reset(&"flash: check bits do not fit in the image");
+    if flash::ecc_error() {
+        power_stage::forget_system_break();
+        return;
     }
+    let why = if pac::RCC.cifr().read().cssf() {
+        "clock: the crystal has stopped"
+    } else if pac::SYSCFG.cfgr2().read().spf() {
+        "RAM: parity does not fit"
+    } else {
+        "flash: check bits do not fit in the image"
+    };
+    crate::boards::stop(&why);
 }
 
 /// An interrupt nobody waits for is a mistake of the firmware's own.
@@ -45,14 +57,14 @@ unsafe fn NonMaskableInt() {
 /// Called by the processor alone.
 #[cortex_m_rt::exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    firmware::panic::keep_and_reset(&format_args!("interrupt {number} is nobody's"))
+    crate::boards::stop(&format_args!("interrupt {number} is nobody's"))
 }
 
 #[rtic::app(device = embassy_stm32, peripherals = false)]
 mod app {
     use super::can::{self, Controller};
     use super::flash::StoreFlash;
-    use super::motor_stage::{MotorStage, encoder, find_offsets};
+    use super::motor_stage::{MotorStage, encoder, encoder_clock_is_right, find_offsets};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{pins, scales, start, watchdog};
@@ -109,21 +121,24 @@ mod app {
         let mut stage = Stage::new(wired.bridge, wired.currents);
         let duties_in_time = stage.start();
         let shunts = find_offsets(&mut stage);
-        let self_test_passed = duties_in_time && shunts.iter().all(Option::is_some);
+        let encoder = encoder(wired.encoder);
+        let self_test_passed =
+            duties_in_time && encoder_clock_is_right() && shunts.iter().all(Option::is_some);
+        start::tell_brown_out_level();
 
         let now_us = Instant::now().as_micros();
         let identity = Identity { hardware: "STM32G474 joint driver", serial: start::serial() };
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
         let driver = Driver::boot(NodeSettings::default(), store, identity, &boot, now_us);
-        let task = LoopTask::new(Parts::first(driver.set()), scales::LIMITS);
-        let controller = Controller::start(wired.can, driver.node());
+        let task = LoopTask::new(Parts::first(driver.set(), scales::STAGE), scales::LIMITS);
+        let controller = Controller::start(wired.can, driver.node(), driver.bit_rate_kbit());
         let slow = SlowSensors::new(wired.slow, wired.pressure);
-        let stage = MotorStage { stage, encoder: encoder(wired.encoder), shunts };
+        let stage = MotorStage { stage, encoder, shunts };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();
-        let (port, link) = context.local.queues.split(now_us);
+        let (port, link) = context.local.queues.split(scales::STAGE, now_us);
         let background = Background::new(driver, now_us);
         let board = JointBoard { controller, slow, frames, link };
         (Shared {}, Local { task, stage, port, frames_out, background, board })

@@ -1,10 +1,15 @@
 //! The device behind the bus: what the objects stand for.
 
+mod drive;
+mod pdos;
 mod requests;
 mod values;
 
+pub(super) use pdos::PDO_UNUSED;
+
 use super::counters::{Counters, count};
 use super::live::{CommandSequence, Home, Live, LoopOrders, LoopReport};
+use super::profile::Profile;
 use super::staging::Staging;
 use crate::hil::{HilJoint, Reply, Step};
 use crate::log::log;
@@ -18,10 +23,12 @@ use crate::store::{LoadError, Store};
 use crate::supervisor::{self, CanState, Code, InUse, Observation, ResetCause, State, Supervisor};
 use crate::watch::{Watch, WatchParameters};
 use compensator_core::can::{
-    Answer, Entry, Frame, JointKind, Message, Motion, Node, Status, Sync, Telemetry, Torque,
+    Answer, Command, Entry, Frame, JointKind, Message, Motion, Node, Seal, Status, Surroundings,
+    Sync, Telemetry, Torque,
 };
 use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
+use pdos::TRANSMIT_PDOS;
 
 /// Time between two reports of the current loop, s.
 pub const REPORT_PERIOD_S: f32 = 1e-3;
@@ -105,7 +112,13 @@ pub struct Device<F> {
     can: CanState,
     blocking: u32,
     set_number: u32,
+    gate_resets: u8,
     home: Home,
+    pub(super) profile: Profile,
+    /// Counts the commands that come of the profile.
+    drive_counter: u8,
+    /// Identifiers of transmit PDOs that a master has given; they last as long as the communication does.
+    identifiers: [Option<u32>; TRANSMIT_PDOS],
     now_us: u64,
 }
 
@@ -150,6 +163,7 @@ impl<F: NorFlash> Device<F> {
                 stack_overflowed: boot.stack_overflowed,
                 store: store.health(),
                 parameters,
+                commissioned: settings.commissioned == set.wiring_crc(),
                 self_test_passed: boot.self_test_passed,
             },
         );
@@ -183,7 +197,11 @@ impl<F: NorFlash> Device<F> {
             can: CanState::Active,
             blocking: 0,
             set_number: 0,
+            gate_resets: 0,
             home: Home::default(),
+            profile: Profile::default(),
+            drive_counter: 0,
+            identifiers: [None; TRANSMIT_PDOS],
             now_us,
         };
         if let Some(error) = why {
@@ -228,12 +246,17 @@ impl<F: NorFlash> Device<F> {
     /// Takes in a process frame, where it is for this node.
     pub(super) fn take(&mut self, message: &Message, frame: &Frame, node: Node, now_us: u64) {
         let inputs = &mut self.inputs;
+        // One on its own sensors says these itself; it is told neither.
+        let told = self.settings.source == Source::Bus;
         let places = match message {
-            Message::Sync(sync) => return self.sync(*sync, node),
-            Message::Motion(of, _) if *of == node => {
+            Message::Sync(sync) => {
+                self.sign_of_life(now_us);
+                return self.sync(*sync, node);
+            }
+            Message::Motion(of, _) if *of == node && told => {
                 [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
             }
-            Message::Torque(of, _) if *of == node => {
+            Message::Torque(of, _) if *of == node && told => {
                 [&mut inputs.torque_nm, &mut inputs.load_torque_nm]
             }
             Message::Seal(of, _) if *of == node => {
@@ -242,7 +265,7 @@ impl<F: NorFlash> Device<F> {
             Message::Surroundings(of, _) if *of == node => {
                 [&mut inputs.temperature_c, &mut inputs.auxiliary]
             }
-            Message::Command(of, _) if *of == node => {
+            Message::Command(of, _) if *of == node && !self.profile.is_on() => {
                 [&mut inputs.command_current_a, &mut inputs.command_velocity_and_counter]
             }
             _ => return self.counters.count_foreign(),
@@ -250,6 +273,34 @@ impl<F: NorFlash> Device<F> {
         for (place, word) in places.into_iter().zip(frame.data().as_chunks::<4>().0) {
             *place = u32::from_le_bytes(*word);
         }
+        self.hear(message, now_us);
+    }
+
+    /// Takes in an input that was written as an object: as its frame would have brought it.
+    pub(super) fn input(&mut self, sub_index: u8, word: u32) {
+        let Some(words) = self.inputs.set(sub_index, word) else { return };
+        let node = self.settings.node;
+        let [first, second] = words.map(f32::from_bits);
+        let message = match sub_index {
+            Inputs::VELOCITY | Inputs::POSITION => {
+                Message::Motion(node, Motion { velocity_rad_s: first, position_rad: second })
+            }
+            Inputs::TORQUE | Inputs::LOAD_TORQUE => {
+                Message::Torque(node, Torque { torque_nm: first, load_torque_nm: second })
+            }
+            Inputs::RADIAL_FORCE | Inputs::PRESSURE_DIFF => {
+                Message::Seal(node, Seal { radial_force_n: first, pressure_diff_pa: second })
+            }
+            Inputs::TEMPERATURE | Inputs::AUXILIARY => Message::Surroundings(
+                node,
+                Surroundings { temperature_c: first, auxiliary: second },
+            ),
+            _ => Message::Command(node, Command::from_words(words)),
+        };
+        self.hear(&message, self.now_us);
+    }
+
+    fn hear(&mut self, message: &Message, now_us: u64) {
         self.hil.take(message);
         match self.live.take(message, now_us) {
             Some(CommandSequence::New { lost }) => {
@@ -276,7 +327,7 @@ impl<F: NorFlash> Device<F> {
         count(&mut self.counters.sync_lost, u32::from(lost));
         if self.settings.source == Source::Sensors {
             self.reply = self.measured_reply();
-            // What the joint measured goes where a joint in HIL is given it: a log of a joint is a trace.
+            // What the joint measured it says as a joint in HIL is given it: a log of a joint is a trace.
             self.send(Message::Motion(
                 node,
                 Motion {
@@ -284,9 +335,10 @@ impl<F: NorFlash> Device<F> {
                     position_rad: self.report.position_rad,
                 },
             ));
+            let load_torque_nm = f32::from_bits(self.inputs.load_torque_nm);
             self.send(Message::Torque(
                 node,
-                Torque { torque_nm: self.report.motor_torque_nm, load_torque_nm: f32::NAN },
+                Torque { torque_nm: self.report.motor_torque_nm, load_torque_nm },
             ));
         }
         let reply = self.reply;
@@ -296,6 +348,7 @@ impl<F: NorFlash> Device<F> {
         if every > 0 && reply.status.sequence.is_multiple_of(every) {
             self.send(Message::Telemetry(node, reply.telemetry));
         }
+        self.send_drive_frame();
         if self.settings.source == Source::Bus
             && let Some(watch) = &mut self.watch
         {
@@ -320,10 +373,6 @@ impl<F: NorFlash> Device<F> {
                 residual_torque_nm: self.report.residual_torque_nm,
             },
         }
-    }
-
-    fn send(&mut self, message: Message) {
-        self.outbox.push(message.emit());
     }
 
     /// What a trace says of the samples that follow.
@@ -353,6 +402,7 @@ impl<F: NorFlash> Device<F> {
                 motor_temperature_c: report.motor_temperature_c,
                 sample_age_us: report.sample_age_us,
                 gate_driver_fault: report.gate_driver_fault,
+                system_break: report.system_break,
                 stack_intact: report.stack_intact,
                 can: self.can,
                 heartbeat_lost,
@@ -371,6 +421,8 @@ impl<F: NorFlash> Device<F> {
             }
         };
         self.supervisor.observe(&observation, now_us);
+        let (fault, armed) = (self.supervisor.state() == State::Fault, self.is_armed());
+        self.profile.follow(fault, armed);
         self.report_seen = true;
         if self.hil_armed && !self.in_the_way().is_empty() {
             // Not armed itself, the supervisor would only remember it.
@@ -414,6 +466,7 @@ impl<F: NorFlash> Device<F> {
             compensation: drives && self.supervisor.compensation_allowed(),
             current_share: self.supervisor.current_share(),
             set_number: self.set_number,
+            gate_resets: self.gate_resets,
             home: self.home,
         }
     }

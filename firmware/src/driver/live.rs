@@ -22,6 +22,8 @@ pub struct LoopOrders {
     pub compensation: bool,
     /// Share of the current limit that temperature leaves, 0..=1.
     pub current_share: f32,
+    /// Counts the times the gate driver is to be put to sleep, which clears a fault it holds.
+    pub gate_resets: u8,
     /// Counts parameter sets: where it changes, the loop is to be given the new one.
     pub set_number: u32,
     /// Where the joint was last said to be.
@@ -73,6 +75,8 @@ pub struct LoopReport {
     pub sample_age_us: Option<u32>,
     /// The gate driver reports a fault.
     pub gate_driver_fault: bool,
+    /// The chip opened the bridge by itself: supply, clock, memory or processor.
+    pub system_break: bool,
     /// The guard below the stack is whole.
     pub stack_intact: bool,
     /// Periods the loop did not end in since the last report: the longest row of them.
@@ -99,6 +103,7 @@ impl Default for LoopReport {
             motor_temperature_c: None,
             sample_age_us: None,
             gate_driver_fault: false,
+            system_break: false,
             stack_intact: true,
             overruns_in_a_row: 0,
         }

@@ -1,8 +1,11 @@
 //! What each object of the dictionary reads as, and what writing it does.
 
-use super::device::Device;
+use super::device::{Device, PDO_UNUSED};
+use super::profile;
 use crate::hil::Number;
-use crate::node::dictionary::records::{self, Commit, Inputs, Operation, Outputs, State, Trace};
+use crate::node::dictionary::records::{
+    self, Commissioning, Commit, Inputs, Measured, Operation, Outputs, State, Trace,
+};
 use crate::node::dictionary::{self, Access, ERRORS_KEPT, LOAD, Object, SAVE, index};
 use crate::node::sdo::{Abort, Objects, Value};
 use crate::node_settings::{SettingError, Source};
@@ -14,7 +17,7 @@ use embedded_storage::nor_flash::NorFlash;
 impl<F: NorFlash> Objects for Device<F> {
     fn may_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
         let entry = dictionary::find(at.index, at.subindex)?;
-        if !matches!(entry.access, Access::ReadWrite | Access::WriteOnly) {
+        if !matches!(entry.access, Access::ReadWrite | Access::WriteOnly | Access::Input) {
             return Err(Abort::ReadOnly);
         }
         if let (Some(found), Some(expected)) = (length, entry.data.length()) {
@@ -25,10 +28,12 @@ impl<F: NorFlash> Objects for Device<F> {
                 return Err(Abort::TooShort);
             }
         }
-        // A request to disarm, and what a trace says of itself, are always heard.
+        // A request to disarm, what a trace says of itself, and what else comes in frames, are always heard.
         let always = matches!(
             (at.index, at.subindex),
-            (index::STATE, State::REQUEST) | (index::TRACE | index::ERROR_FIELD, _)
+            (index::STATE, State::REQUEST)
+                | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
+                | (index::CONTROLWORD | index::TARGET_TORQUE, _)
         );
         if !always && self.is_armed() {
             let why = "the joint is armed, and nothing is written then: disarm first";
@@ -65,6 +70,24 @@ impl<F: NorFlash> Objects for Device<F> {
                 self.write_setting(at, number)
             }
             index::TRACE => self.write_trace(at.subindex, number),
+            index::INPUTS => {
+                self.input(at.subindex, number);
+                Ok(())
+            }
+            index::COMMISSIONING => self.commission(number),
+            index::CONTROLWORD => self.set_controlword(number as u16),
+            index::TARGET_TORQUE => {
+                self.set_target(number as i16);
+                Ok(())
+            }
+            index::MODE => self.set_mode(number as i8),
+            index::MAX_TORQUE => {
+                self.profile.max_permille = number as u16;
+                Ok(())
+            }
+            index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE => {
+                self.set_identifier(usize::from(at.index - index::TRANSMIT_ANSWER), number)
+            }
             index::STATE => match at.subindex {
                 State::REQUEST => self.request(number as u8),
                 _ => self.set_position(f32::from_bits(number)),
@@ -154,6 +177,11 @@ const fn mapped(index: u16, sub_indices: [u8; 2]) -> [u32; 2] {
 const SYNCHRONOUS: u32 = 1;
 const EVENT_DRIVEN: u32 = 0xFF;
 
+/// An object of the profile in a process frame.
+const fn of_profile(index: u16, bits: u32) -> u32 {
+    (index as u32) << 16 | bits
+}
+
 impl<F: NorFlash> Device<F> {
     /// What a number reads as, a float as its bits.
     fn number(&self, at_index: u16, place: u8) -> Result<u32, Abort> {
@@ -165,11 +193,16 @@ impl<F: NorFlash> Device<F> {
         let pdo = |base, transmission_type| {
             list(&records::Pdo { cob_id: at(base), transmission_type }.words())
         };
+        // A joint says what it measures; one in HIL is told it, on the same identifier.
+        let told = |base| {
+            let unused = if settings.source == Source::Bus { 0 } else { PDO_UNUSED };
+            let pdo = records::Pdo { cob_id: at(base) | unused, transmission_type: SYNCHRONOUS };
+            list(&pdo.words())
+        };
         let inputs = |sub_indices| list(&mapped(index::INPUTS, sub_indices));
         let outputs = |sub_indices| list(&mapped(index::OUTPUTS, sub_indices));
         match at_index {
-            // No device profile.
-            index::DEVICE_TYPE => Ok(0),
+            index::DEVICE_TYPE => Ok(profile::DEVICE_TYPE),
             index::ERROR_REGISTER => Ok(u32::from(self.error_register())),
             index::ERROR_FIELD => {
                 self.errors.iter().rev().nth(nth).copied().ok_or(Abort::NoSubIndex)
@@ -189,24 +222,56 @@ impl<F: NorFlash> Device<F> {
                 }
                 .words(),
             ),
-            index::RECEIVE_MOTION => pdo(cob_id::RPDO_1, SYNCHRONOUS),
-            index::RECEIVE_TORQUE => pdo(cob_id::RPDO_2, SYNCHRONOUS),
+            index::RECEIVE_COMMAND => pdo(cob_id::RPDO_2, EVENT_DRIVEN),
             index::RECEIVE_SEAL => pdo(cob_id::RPDO_3, SYNCHRONOUS),
             index::RECEIVE_SURROUNDINGS => pdo(cob_id::RPDO_4, SYNCHRONOUS),
-            index::RECEIVE_COMMAND => pdo(cob_id::RPDO_5, EVENT_DRIVEN),
-            index::TRANSMIT_ANSWER => pdo(cob_id::TPDO_1, SYNCHRONOUS),
-            index::TRANSMIT_STATUS => pdo(cob_id::TPDO_2, SYNCHRONOUS),
-            index::TRANSMIT_TELEMETRY => pdo(cob_id::TPDO_3, SYNCHRONOUS),
-            index::MAPPING_MOTION => inputs([Inputs::VELOCITY, Inputs::POSITION]),
-            index::MAPPING_TORQUE => inputs([Inputs::TORQUE, Inputs::LOAD_TORQUE]),
-            index::MAPPING_SEAL => inputs([Inputs::RADIAL_FORCE, Inputs::PRESSURE_DIFF]),
-            index::MAPPING_SURROUNDINGS => inputs([Inputs::TEMPERATURE, Inputs::AUXILIARY]),
-            index::MAPPING_COMMAND => inputs([Inputs::COMMAND_CURRENT, Inputs::COMMAND_REST]),
+            index::RECEIVE_MOTION => told(cob_id::TPDO_4),
+            index::RECEIVE_TORQUE => told(cob_id::TPDO_5),
+            index::RECEIVE_DRIVE => pdo(cob_id::RPDO_1, EVENT_DRIVEN),
+            index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE => {
+                let cob_id = self.identifier(usize::from(at_index - index::TRANSMIT_ANSWER));
+                list(&records::TransmitPdo { cob_id, transmission_type: SYNCHRONOUS }.words())
+            }
+            index::MAPPING_RECEIVED_DRIVE => {
+                list(&[of_profile(index::CONTROLWORD, 16), of_profile(index::TARGET_TORQUE, 16)])
+            }
+            index::MAPPING_DRIVE => list(&[
+                of_profile(index::STATUSWORD, 16),
+                of_profile(index::ACTUAL_TORQUE, 16),
+                of_profile(index::ACTUAL_POSITION, 32),
+            ]),
+            index::ERROR_CODE => Ok(self.error_code().into()),
+            index::CONTROLWORD => Ok(self.profile.controlword.into()),
+            index::STATUSWORD => Ok(self.statusword().into()),
+            index::MODE | index::MODE_DISPLAY => Ok(self.profile.mode as u32),
+            index::ACTUAL_POSITION => Ok(self.actual_position() as u32),
+            index::ACTUAL_VELOCITY => Ok(self.actual_velocity() as u32),
+            index::TARGET_TORQUE => Ok(self.profile.target_permille as u32),
+            index::MAX_TORQUE => Ok(self.profile.max_permille.into()),
+            index::RATED_CURRENT => Ok(self.ratings()[0]),
+            index::RATED_TORQUE => Ok(self.ratings()[1]),
+            index::ACTUAL_TORQUE => Ok(self.actual_permille() as u32),
+            index::SUPPORTED_MODES => Ok(profile::SUPPORTED_MODES),
+            index::MAPPING_RECEIVED_COMMAND => {
+                inputs([Inputs::COMMAND_CURRENT, Inputs::COMMAND_REST])
+            }
+            index::MAPPING_RECEIVED_SEAL => inputs([Inputs::RADIAL_FORCE, Inputs::PRESSURE_DIFF]),
+            index::MAPPING_RECEIVED_SURROUNDINGS => {
+                inputs([Inputs::TEMPERATURE, Inputs::AUXILIARY])
+            }
+            index::MAPPING_RECEIVED_MOTION => inputs([Inputs::VELOCITY, Inputs::POSITION]),
+            index::MAPPING_RECEIVED_TORQUE => inputs([Inputs::TORQUE, Inputs::LOAD_TORQUE]),
             index::MAPPING_ANSWER => {
                 outputs([Outputs::FRICTION_TORQUE, Outputs::FEED_FORWARD_CURRENT])
             }
             index::MAPPING_STATUS => outputs([Outputs::FLAGS, Outputs::SEQUENCE]),
             index::MAPPING_TELEMETRY => outputs([Outputs::CURRENT, Outputs::RESIDUAL_TORQUE]),
+            index::MAPPING_MOTION => {
+                list(&mapped(index::MEASURED, [Measured::VELOCITY, Measured::POSITION]))
+            }
+            index::MAPPING_TORQUE => {
+                list(&mapped(index::MEASURED, [Measured::TORQUE, Measured::LOAD_TORQUE]))
+            }
             index::TRACE => {
                 let joint_kind = self.joint_kind as u32;
                 let (run, sequence) = (self.run, self.sequence());
@@ -220,6 +285,7 @@ impl<F: NorFlash> Device<F> {
                     campaign_h: settings.campaign_h.to_bits(),
                     telemetry_every: settings.telemetry_every.into(),
                     node,
+                    bit_rate_kbit: settings.bit_rate_kbit.into(),
                 }
                 .words(),
             ),
@@ -227,6 +293,15 @@ impl<F: NorFlash> Device<F> {
             index::FRAME_COUNTERS => list(&self.all_counters().words()),
             index::INPUTS => list(&self.last_inputs().words()),
             index::OUTPUTS => list(&self.last_outputs().words()),
+            index::COMMISSIONING => list(
+                &Commissioning {
+                    commissioned: self.is_commissioned().into(),
+                    wiring_crc: self.staging.active().wiring_crc(),
+                    ..Default::default()
+                }
+                .words(),
+            ),
+            index::MEASURED => list(&self.measured().words()),
             index::CODE_COUNTERS => self.code_count(nth).ok_or(Abort::NoSubIndex),
             index::WATCH => list(&self.watch_state().words()),
             index::COMMIT => {
@@ -261,10 +336,11 @@ impl<F: NorFlash> Device<F> {
             (_, Operation::PERIOD_S) => changed.period_s = f32::from_bits(number),
             (_, Operation::CAMPAIGN_H) => changed.campaign_h = f32::from_bits(number),
             (_, Operation::TELEMETRY_EVERY) => changed.telemetry_every = byte,
-            _ => {
+            (_, Operation::NODE) => {
                 changed.node =
                     Node::new(byte).ok_or_else(|| self.refuse_setting("node", "1 to 127"))?;
             }
+            _ => changed.bit_rate_kbit = number as u16,
         }
         changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.set_settings(changed)

@@ -3,7 +3,7 @@
 //! One list, [`OBJECTS`], with the entries of records in [`records`]. The SDO server looks in it whether an
 //! object is there and may be written; `joint.eds` is made from it and a test holds the two together;
 //! `host-sim params` takes names from it. Objects from
-//! 1000h are those of CiA 301, from 2000h the joint's own. Parameters are not listed again: their names
+//! 1000h are those of CiA 301, from 2000h the joint's own, from 6000h those of CiA 402. Parameters are not listed again: their names
 //! come from the core's own tables, a sub-index is a parameter's number in them plus one.
 
 pub mod records;
@@ -19,7 +19,8 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    Commit, Identity, Inputs, Operation, Outputs, Pdo, SdoServer, State, Trace, WatchState, entry,
+    Commissioning, Commit, Identity, Inputs, Measured, Operation, Outputs, Pdo, SdoServer, State,
+    Trace, TransmitPdo, WatchState, entry,
 };
 
 /// What stands at an index.
@@ -53,8 +54,10 @@ pub const SAVE: u32 = u32::from_le_bytes(*b"save");
 /// Word that is written to [`index::RESTORE`]: "load".
 pub const LOAD: u32 = u32::from_le_bytes(*b"load");
 
-use Access::{Const, ReadOnly, ReadWrite};
-use DataType::{Real32, Unsigned8, Unsigned16, Unsigned32, VisibleString};
+use Access::{Const, Input, ReadOnly, ReadWrite};
+use DataType::{
+    Integer8, Integer16, Integer32, Real32, Unsigned8, Unsigned16, Unsigned32, VisibleString,
+};
 
 const fn variable(name: &'static str, data: DataType, access: Access) -> (&'static str, Shape) {
     (name, Shape::Variable(entry(name, data, access)))
@@ -123,22 +126,30 @@ objects! {
     0x1018 IDENTITY record("identity", Identity::ENTRIES);
     0x1019 SYNC_OVERFLOW variable("sync_counter_overflow", Unsigned8, Const);
     0x1200 SDO_SERVER record("sdo_server", SdoServer::ENTRIES);
-    0x1400 RECEIVE_MOTION record("receive_pdo_motion", Pdo::ENTRIES);
-    0x1401 RECEIVE_TORQUE record("receive_pdo_torque", Pdo::ENTRIES);
+    0x1400 RECEIVE_DRIVE record("receive_pdo_drive", Pdo::ENTRIES);
+    0x1401 RECEIVE_COMMAND record("receive_pdo_command", Pdo::ENTRIES);
     0x1402 RECEIVE_SEAL record("receive_pdo_seal", Pdo::ENTRIES);
     0x1403 RECEIVE_SURROUNDINGS record("receive_pdo_surroundings", Pdo::ENTRIES);
-    0x1404 RECEIVE_COMMAND record("receive_pdo_command", Pdo::ENTRIES);
-    0x1600 MAPPING_MOTION mapping("mapping_motion");
-    0x1601 MAPPING_TORQUE mapping("mapping_torque");
-    0x1602 MAPPING_SEAL mapping("mapping_seal");
-    0x1603 MAPPING_SURROUNDINGS mapping("mapping_surroundings");
-    0x1604 MAPPING_COMMAND mapping("mapping_command");
-    0x1800 TRANSMIT_ANSWER record("transmit_pdo_answer", Pdo::ENTRIES);
-    0x1801 TRANSMIT_STATUS record("transmit_pdo_status", Pdo::ENTRIES);
-    0x1802 TRANSMIT_TELEMETRY record("transmit_pdo_telemetry", Pdo::ENTRIES);
+    0x1404 RECEIVE_MOTION record("receive_pdo_motion", Pdo::ENTRIES);
+    0x1405 RECEIVE_TORQUE record("receive_pdo_torque", Pdo::ENTRIES);
+    0x1600 MAPPING_RECEIVED_DRIVE mapping("mapping_received_drive");
+    0x1601 MAPPING_RECEIVED_COMMAND mapping("mapping_received_command");
+    0x1602 MAPPING_RECEIVED_SEAL mapping("mapping_received_seal");
+    0x1603 MAPPING_RECEIVED_SURROUNDINGS mapping("mapping_received_surroundings");
+    0x1604 MAPPING_RECEIVED_MOTION mapping("mapping_received_motion");
+    0x1605 MAPPING_RECEIVED_TORQUE mapping("mapping_received_torque");
+    0x1800 TRANSMIT_ANSWER record("transmit_pdo_answer", TransmitPdo::ENTRIES);
+    0x1801 TRANSMIT_STATUS record("transmit_pdo_status", TransmitPdo::ENTRIES);
+    0x1802 TRANSMIT_TELEMETRY record("transmit_pdo_telemetry", TransmitPdo::ENTRIES);
+    0x1803 TRANSMIT_MOTION record("transmit_pdo_motion", TransmitPdo::ENTRIES);
+    0x1804 TRANSMIT_TORQUE record("transmit_pdo_torque", TransmitPdo::ENTRIES);
+    0x1805 TRANSMIT_DRIVE record("transmit_pdo_drive", TransmitPdo::ENTRIES);
     0x1A00 MAPPING_ANSWER mapping("mapping_answer");
     0x1A01 MAPPING_STATUS mapping("mapping_status");
     0x1A02 MAPPING_TELEMETRY mapping("mapping_telemetry");
+    0x1A03 MAPPING_MOTION mapping("mapping_motion");
+    0x1A04 MAPPING_TORQUE mapping("mapping_torque");
+    0x1A05 MAPPING_DRIVE array("mapping_drive", "mapped_object", Const, 3);
     0x2000 TRACE record("trace", Trace::ENTRIES);
     0x2001 OPERATION record("operation", Operation::ENTRIES);
     0x2002 STATE record("state", State::ENTRIES);
@@ -149,6 +160,8 @@ objects! {
     0x2006 CODE_COUNTERS array("code_counters", "code_counter", ReadOnly, CODES);
     0x2007 WATCH record("watch", WatchState::ENTRIES);
     0x2008 LAST_PANIC variable("last_panic", VisibleString, ReadOnly);
+    0x2009 MEASURED record("measured", Measured::ENTRIES);
+    0x200A COMMISSIONING record("commissioning", Commissioning::ENTRIES);
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);
@@ -163,6 +176,19 @@ objects! {
     0x2026 WATCH_PARAMETERS numbers("watch_parameters", &WatchParameters::NAMES);
     0x2027 COMMIT record("commit", Commit::ENTRIES);
     0x2028 REFUSAL variable("last_refusal", VisibleString, ReadOnly);
+    0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
+    0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);
+    0x6041 STATUSWORD variable("statusword", Unsigned16, ReadOnly);
+    0x6060 MODE variable("modes_of_operation", Integer8, ReadWrite);
+    0x6061 MODE_DISPLAY variable("modes_of_operation_display", Integer8, ReadOnly);
+    0x6064 ACTUAL_POSITION variable("position_actual_value", Integer32, ReadOnly);
+    0x606C ACTUAL_VELOCITY variable("velocity_actual_value", Integer32, ReadOnly);
+    0x6071 TARGET_TORQUE variable("target_torque", Integer16, Input);
+    0x6072 MAX_TORQUE variable("max_torque", Unsigned16, ReadWrite);
+    0x6075 RATED_CURRENT variable("motor_rated_current", Unsigned32, ReadOnly);
+    0x6076 RATED_TORQUE variable("motor_rated_torque", Unsigned32, ReadOnly);
+    0x6077 ACTUAL_TORQUE variable("torque_actual_value", Integer16, ReadOnly);
+    0x6502 SUPPORTED_MODES variable("supported_drive_modes", Unsigned32, Const);
 }
 
 impl Object {

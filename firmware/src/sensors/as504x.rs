@@ -13,6 +13,23 @@ use embedded_hal::spi::{Operation, SpiDevice};
 /// Bits of an angle.
 pub const ANGLE_BITS: u32 = 14;
 
+/// Fastest clock it stands, Hz (data sheet: t_clk 100 ns at least).
+pub const CLOCK_MAX_HZ: u32 = 10_000_000;
+
+/// The least divider of an SPI's clock source, of 2 to 256 in powers of two, that keeps to [`CLOCK_MAX_HZ`]. Asking a
+/// driver for a frequency will not do: they round, and 170 MHz by 16 is 10.6 MHz.
+///
+/// # Panics
+/// Where even 256 is not enough; in a constant, that does not compile.
+pub const fn clock_divider(source_hz: u32) -> u32 {
+    let mut divider = 2;
+    while source_hz > divider * CLOCK_MAX_HZ {
+        divider *= 2;
+    }
+    assert!(divider <= 256, "no divider is large enough");
+    divider
+}
+
 /// Command to read the angle; at this address both kinds have it.
 const READ_ANGLE: u16 = command(0x3FFF);
 /// Command to read the errors, which clears them.
@@ -174,6 +191,19 @@ mod tests {
 
     fn encoder() -> As504x<Chip> {
         As504x::new(Chip { angle: 0x1234, answer: 0, errors: 0, flips: 0, asked: Vec::new() })
+    }
+
+    #[test]
+    fn the_clock_is_the_fastest_that_it_stands() {
+        let clock = |source_hz: u32| source_hz / clock_divider(source_hz);
+        // The STM32G474's: by 16 it would be 10.6 MHz.
+        assert_eq!((clock_divider(170_000_000), clock(170_000_000)), (32, 5_312_500));
+        assert_eq!(clock_divider(160_000_000), 16);
+        for source_hz in (1_000_000..=600_000_000).step_by(777_777) {
+            let (divider, clock) = (clock_divider(source_hz), clock(source_hz));
+            assert!(divider.is_power_of_two() && clock <= CLOCK_MAX_HZ, "{source_hz}");
+            assert!(divider == 2 || 2 * clock + 2 > CLOCK_MAX_HZ, "{source_hz}");
+        }
     }
 
     #[test]

@@ -288,6 +288,12 @@ codes! {
     24 Internal "internal" 0x6100 [MANUFACTURER] Stops Always 0 100
         "the firmware caught itself: a number of the loop not finite, a clock that runs backwards",
         "an observation without it";
+    25 NotCommissioned "not-commissioned" 0xFF15 [PROFILE] Stops Armed 0 0
+        "nobody has confirmed that motor, encoder and gear are wired as the parameters say, or they were changed since",
+        "it is confirmed (200Ah:3)";
+    26 SystemBreak "system-break" 0x5000 [MANUFACTURER] Stops Always 0 100
+        "the chip opened the bridge: supply below 2.8 V, a clock that stopped, memory whose check bits do not fit",
+        "an observation without it";
 
     33 LoopLate "loop-late" 0xFF01 [MANUFACTURER] DropsCompensation Always 0 100
         "one period was too short for the loop", "periods that are not";

@@ -72,6 +72,7 @@ pub(super) fn look(supervisor: &Supervisor, code: Code, seen: &Observation, now_
             above(-voltage, -thresholds.bus_undervoltage_v, -thresholds.bus_undervoltage_clear_v)
         }),
         Code::GateDriverFault => Sight::bad_if(seen.gate_driver_fault),
+        Code::SystemBreak => Sight::bad_if(seen.system_break),
         Code::BridgeOvertemperature => {
             temperature(seen.bridge_temperature_c, thresholds.bridge_trip_c)
         }
@@ -102,6 +103,7 @@ pub(super) fn look(supervisor: &Supervisor, code: Code, seen: &Observation, now_
         | Code::PanicBeforeReset
         | Code::ParametersDefault
         | Code::ParametersRefused
+        | Code::NotCommissioned
         | Code::StoreReduced => Reported,
         Code::LoopLate => Sight::bad_if(supervisor.overrun_since_observed),
         Code::VelocityInvalid => Sight::bad_if(

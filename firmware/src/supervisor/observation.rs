@@ -45,6 +45,8 @@ pub struct Boot {
     pub store: Health,
     /// Which parameters are in use.
     pub parameters: InUse,
+    /// Somebody confirmed that the joint is wired as its parameters say.
+    pub commissioned: bool,
     /// How the self-test ended.
     pub self_test_passed: bool,
 }
@@ -58,6 +60,7 @@ impl Default for Boot {
             stack_overflowed: false,
             store: Health::Sound,
             parameters: InUse::Set,
+            commissioned: true,
             self_test_passed: true,
         }
     }
@@ -97,6 +100,8 @@ pub struct Observation {
     pub sample_age_us: Option<u32>,
     /// The gate driver reports a fault.
     pub gate_driver_fault: bool,
+    /// The chip opened the bridge by itself.
+    pub system_break: bool,
     /// The guard below the stack is as it was painted.
     pub stack_intact: bool,
     /// The CAN controller.
@@ -124,6 +129,7 @@ impl Default for Observation {
             motor_temperature_c: None,
             sample_age_us: None,
             gate_driver_fault: false,
+            system_break: false,
             stack_intact: true,
             can: CanState::Active,
             heartbeat_lost: false,

@@ -4,10 +4,11 @@ use crate::plant::Machine;
 use crate::rig::{PERIOD_CYCLES, Stage};
 use compensator_core::can::{Command, Frame, Message, Node};
 use firmware::background::{Background, Board, BoardState, Next, TICK_US};
+use firmware::control::Broke;
 use firmware::deadline::Limits;
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-use firmware::loop_parts::Parts;
+use firmware::loop_parts::{Parts, StageTraits};
 use firmware::loop_task::LoopTask;
 use firmware::node::dictionary::index;
 use firmware::node_settings::NodeSettings;
@@ -84,9 +85,11 @@ impl Joint {
             &Boot::default(),
             0,
         );
-        let task =
-            LoopTask::new(Parts::first(driver.set()), Limits::of_period(PERIOD_CYCLES, 2000));
-        let (port, link) = Box::leak(Box::new(LoopQueues::new())).split(0);
+        let task = LoopTask::new(
+            Parts::first(driver.set(), StageTraits::NONE),
+            Limits::of_period(PERIOD_CYCLES, 2000),
+        );
+        let (port, link) = Box::leak(Box::new(LoopQueues::new())).split(StageTraits::NONE, 0);
         let wires = Wires {
             now_us: 0,
             received: VecDeque::new(),
@@ -104,6 +107,8 @@ impl Joint {
         // An angle is believed after 0.1 s.
         joint.pass_ms(150);
         joint.give(0, &[1, NODE.number()]);
+        let wiring = joint.background.driver().set().wiring_crc();
+        joint.write(index::COMMISSIONING, 3, wiring.to_le_bytes(), 4);
         joint.pass_ms(1);
         joint
     }
@@ -264,4 +269,74 @@ fn a_restart_comes_after_the_last_frames_or_after_its_time() {
     let began_us = joint.wires.now_us;
     assert_eq!(joint.background.round(&mut joint.wires), Next::Restart);
     assert!(joint.wires.now_us - began_us < 10);
+}
+
+/// Amplifiers warm up after the start: what they show with the bridge open is taken off anew at each arming.
+#[test]
+fn a_drift_of_a_shunt_is_gone_at_the_next_arming() {
+    let torque_error = |drift: [f64; 3], warm_before_arming: bool| {
+        let mut joint = Joint::started();
+        if warm_before_arming {
+            joint.stage.drift = drift;
+        }
+        joint.drive_ms(0.0, 5);
+        joint.request(1);
+        joint.drive_ms(0.0, 20);
+        joint.stage.drift = drift;
+        joint.drive_ms(0.0, 50);
+        assert!(joint.background.driver().is_armed() && joint.stage.is_on());
+        // What really flows while the loop believes that it holds 0 A.
+        joint.stage.plant.phases().into_iter().fold(0.0, |most, of| f64::max(most, of.abs()))
+    };
+    let drift = [0.3, -0.26, 0.0];
+    let (left, right) = (torque_error(drift, false), torque_error(drift, true));
+    assert!((0.15..0.6).contains(&left), "drift after arming is current: {left} A");
+    assert!(right < 0.08, "drift before arming is none: {right} A");
+}
+
+/// A gate driver keeps its fault until its enable was low: over CAN that is "clear", and once more when it has gone.
+#[test]
+fn a_fault_the_gate_driver_holds_is_cleared_over_can() {
+    let mut joint = Joint::started();
+    joint.drive_ms(1.0, 5);
+    joint.request(1);
+    joint.drive_ms(1.0, 30);
+    assert!(joint.stage.is_on());
+    (joint.stage.broke, joint.stage.latched_fault) = (Some(Broke::GateDriver), true);
+    joint.drive_ms(1.0, 1);
+    assert!(!joint.stage.is_on() && !joint.stage.awake, "off both ways");
+    let has = |joint: &Joint, code| joint.background.driver().supervisor().faults().contains(code);
+    joint.drive_ms(1.0, 50);
+    assert!(has(&joint, Code::GateDriverFault) && joint.stage.awake && !joint.stage.latched_fault);
+    assert!(!has(&joint, Code::CurrentSensorInvalid), "amplifiers asleep are no fault of theirs");
+    joint.request(2);
+    joint.drive_ms(1.0, 2);
+    assert!(!has(&joint, Code::GateDriverFault));
+    // With the bridge off nothing trips, and "clear" itself is what lets it sleep.
+    (joint.stage.broke, joint.stage.latched_fault) = (Some(Broke::GateDriver), true);
+    joint.drive_ms(1.0, 50);
+    assert!(has(&joint, Code::GateDriverFault) && joint.stage.latched_fault);
+    joint.request(2);
+    joint.drive_ms(1.0, 30);
+    assert!(has(&joint, Code::GateDriverFault) && !joint.stage.latched_fault);
+    joint.request(2);
+    joint.drive_ms(1.0, 2);
+    assert!(!has(&joint, Code::GateDriverFault));
+    joint.request(1);
+    joint.drive_ms(1.0, 30);
+    assert!(joint.stage.is_on());
+}
+
+#[test]
+fn a_break_of_the_chip_itself_is_told_apart_from_the_gate_drivers() {
+    let mut joint = Joint::started();
+    joint.drive_ms(1.0, 5);
+    joint.request(1);
+    joint.drive_ms(1.0, 30);
+    joint.stage.broke = Some(Broke::System);
+    joint.drive_ms(1.0, 3);
+    assert!(!joint.stage.is_on());
+    let supervisor = joint.background.driver().supervisor();
+    assert!(supervisor.faults().contains(Code::SystemBreak));
+    assert!(!supervisor.faults().contains(Code::GateDriverFault));
 }

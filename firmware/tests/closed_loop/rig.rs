@@ -3,7 +3,7 @@
 use crate::plant::{Machine, Plant};
 use compensator_core::LawKind;
 use firmware::control::{
-    Bridge, Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags,
+    Bridge, Broke, Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags,
     MotorParameters, NoCompensation, PowerStage, Setpoint, StageSample, Valid, encoder_angle,
 };
 use std::f64::consts::TAU;
@@ -27,6 +27,15 @@ pub struct Stage {
     /// Put in the place of a sample, to see what the loop makes of it.
     pub forged: Option<StageSample>,
     pub offs: usize,
+    /// What the hardware says of the bridge.
+    pub broke: Option<Broke>,
+    /// The gate driver holds its fault until it has slept.
+    pub latched_fault: bool,
+    pub awake: bool,
+    /// Periods the gate driver slept.
+    pub sleeps: usize,
+    /// Added to what the shunts of phases a and b show, A.
+    pub drift: [f64; 3],
     /// The processor's cycle counter at the start of the period.
     pub cycles: u32,
 }
@@ -49,6 +58,11 @@ impl Stage {
             encoder_age: 0.0,
             forged: None,
             offs: 0,
+            broke: None,
+            latched_fault: false,
+            awake: true,
+            sleeps: 0,
+            drift: [0.0; 3],
             cycles: 0,
         }
     }
@@ -60,7 +74,9 @@ impl Stage {
         let since = self.plant.velocity() * motor.gear * self.encoder_age;
         let turns = (self.plant.motor_angle() - since) / TAU;
         StageSample {
-            currents_a: self.plant.phases().map(quantised),
+            currents_a: std::array::from_fn(|phase| {
+                quantised(self.plant.phases()[phase] + self.drift[phase])
+            }),
             bus_v: ((self.plant.machine.bus / 0.02).round() * 0.02) as f32,
             encoder: encoder_angle(((turns - turns.floor()) * 16384.0) as u32, 14),
             valid: self.valid,
@@ -84,11 +100,21 @@ impl PowerStage for Stage {
     fn sample(&mut self) -> StageSample {
         self.forged.take().unwrap_or_else(|| self.measured())
     }
-    fn broke(&mut self) -> bool {
-        false
+    fn broke(&mut self) -> Option<Broke> {
+        self.broke
+    }
+    fn wake(&mut self, awake: bool) {
+        if !awake {
+            self.sleeps += 1;
+        }
+        self.awake = awake;
+        if self.latched_fault && !awake {
+            (self.latched_fault, self.broke) = (false, None);
+        }
     }
     fn drive(&mut self, duty: [f32; 3]) {
-        self.pending = Some(duty.map(f64::from));
+        // A gate driver that sleeps switches nothing.
+        self.pending = self.awake.then(|| duty.map(f64::from));
     }
     fn off(&mut self) {
         self.offs += 1;

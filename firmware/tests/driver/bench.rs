@@ -7,6 +7,7 @@ use canopen_rs::sdo::{
 };
 use compensator_core::can::{Frame, Message, Node};
 use firmware::driver::{Boot, Driver, Identity};
+use firmware::node::dictionary::index;
 use firmware::node_settings::{NodeSettings, Source};
 use firmware::store::memory::MemoryFlash;
 
@@ -65,6 +66,12 @@ impl Bench {
     /// Makes it operational.
     pub fn start(&mut self) {
         self.driver.receive(&frame(0, &[1, NODE.number()]), self.now_us);
+    }
+
+    /// Confirms that the joint is wired as its parameters say.
+    pub fn commission(&mut self) {
+        let wiring = self.number(index::COMMISSIONING, 2);
+        self.write(index::COMMISSIONING, 3, &wiring.to_le_bytes()).expect("it is in use");
     }
 
     fn exchange(&mut self, request: [u8; 8]) -> Result<[u8; 8], u32> {

@@ -17,6 +17,7 @@ fn access(entry: &Entry) -> &'static str {
         Access::Const => "const",
         Access::ReadOnly => "ro",
         Access::ReadWrite => "rw",
+        Access::Input => "rww",
         Access::WriteOnly => "wo",
     }
 }
@@ -31,15 +32,13 @@ fn by_node(object: u16, sub_index: u8) -> bool {
 
 /// What a fresh driver answers, in the words of the format; `None` where it changes by itself.
 fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> Option<String> {
-    let changes = entry.access == Access::ReadOnly
+    let changes = matches!(entry.access, Access::ReadOnly | Access::Input)
         || object.index == index::LAST_PANIC
         || object.index == index::REFUSAL
         || entry.data == DataType::Domain
         // The board's own.
         || matches!(object.index, index::HARDWARE_VERSION)
-        || object.index == index::IDENTITY && sub_index == 4
-        // A joint is fed by its sensors; this one is on a bench.
-        || object.index == index::OPERATION && sub_index == 1;
+        || object.index == index::IDENTITY && sub_index == 4;
     if changes {
         return None;
     }
@@ -49,8 +48,9 @@ fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> 
     }
     let number = value.iter().rev().fold(0u32, |number, byte| number << 8 | u32::from(*byte));
     Some(match entry.data {
-        DataType::Real32 => format!("{:?}", f32::from_bits(number)),
         _ if by_node(object.index, sub_index) => format!("$NODEID+0x{:X}", number - 1),
+        // A float is its bits: a decimal number is none to Lely's tools.
+        DataType::Real32 => format!("0x{number:08X}"),
         _ => format!("0x{number:X}"),
     })
 }
@@ -63,7 +63,9 @@ fn list(text: &mut String, name: &str, objects: &[&Object]) {
 }
 
 fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) {
-    let mapped = u8::from(matches!(object.index, index::INPUTS | index::OUTPUTS) && sub_index > 0);
+    let frames = [index::INPUTS, index::OUTPUTS, index::MEASURED];
+    let of_profile = [0x6040, 0x6041, 0x6064, 0x606C, 0x6071, 0x6077].contains(&object.index);
+    let mapped = u8::from(frames.contains(&object.index) && sub_index > 0 || of_profile);
     let _ = write!(
         text,
         "ObjectType=0x7\nDataType=0x{:04X}\nAccessType={}\n",
@@ -77,7 +79,7 @@ fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, e
 }
 
 fn eds() -> String {
-    let mut bench = Bench::hil();
+    let mut bench = Bench::on_sensors();
     let mut text = String::from(
         "[FileInfo]\n\
          FileName=joint.eds\n\
@@ -105,8 +107,8 @@ fn eds() -> String {
          Granularity=0\n\
          DynamicChannelsSupported=0\n\
          GroupMessaging=0\n\
-         NrOfRXPDO=5\n\
-         NrOfTXPDO=3\n\
+         NrOfRXPDO=6\n\
+         NrOfTXPDO=6\n\
          LSS_Supported=0\n\
          \n\
          [DummyUsage]\n\
@@ -125,9 +127,9 @@ fn eds() -> String {
     list(
         &mut text,
         "OptionalObjects",
-        &all(&|index| index < 0x2000 && !MANDATORY.contains(&index)),
+        &all(&|index| !(0x2000..0x6000).contains(&index) && !MANDATORY.contains(&index)),
     );
-    list(&mut text, "ManufacturerObjects", &all(&|index| index >= 0x2000));
+    list(&mut text, "ManufacturerObjects", &all(&|index| (0x2000..0x6000).contains(&index)));
     for object in OBJECTS {
         let _ = write!(text, "\n[{:04X}]\nParameterName={}\n", object.index, object.name);
         if let Shape::Variable(entry) = object.shape {
@@ -169,7 +171,7 @@ fn the_file_is_the_dictionary() {
 #[test]
 fn mapped_objects_are_as_long_as_their_frames() {
     let mut bench = Bench::hil();
-    let words = [(index::MAPPING_MOTION, 5u16), (index::MAPPING_ANSWER, 3)];
+    let words = [(index::MAPPING_RECEIVED_COMMAND, 5u16), (index::MAPPING_ANSWER, 5)];
     for (first, count) in words {
         for object in first..first + count {
             let bits: u32 = (1..=2).map(|place| bench.number(object, place) & 0xFF).sum();

@@ -2,8 +2,11 @@
 
 use super::bench::{Bench, NODE, frame};
 use compensator_core::can::{Command, Message, Sync};
-use firmware::driver::LoopReport;
+use firmware::control::MotorParameters;
+use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::Inputs;
+use firmware::node_settings::Source;
 use firmware::supervisor::{Code, State};
 
 fn measured() -> LoopReport {
@@ -31,6 +34,7 @@ fn armed() -> Bench {
     // The parameters are the driver's own: said so, or compensation is held back.
     let staged = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+    bench.commission();
     for counter in 0..20 {
         bench.driver.report(&measured());
         command(&mut bench, counter);
@@ -56,8 +60,72 @@ fn nothing_is_armed_without_measurements_and_a_set_point() {
     bench.pass_ms(5);
     assert_eq!(bench.write(index::STATE, 1, &[1]), Err(0x0800_0022));
     let reason = bench.text(index::REFUSAL);
-    assert!(reason.contains("command-timeout") && reason.contains("unmeasured"), "{reason}");
+    for why in ["command-timeout", "unmeasured", "not-commissioned"] {
+        assert!(reason.contains(why), "{reason}");
+    }
     assert!(!bench.driver.orders(bench.now_us).bridge);
+}
+
+/// Default numbers are some motor's, and this one's encoder may lie anywhere: 26 A into it may run it away.
+#[test]
+fn a_blank_joint_does_not_arm_and_no_friction_parameter_makes_it() {
+    let mut bench = Bench::on_sensors();
+    bench.start();
+    let tries = |bench: &mut Bench, counter: u8| {
+        for step in 0..10 {
+            bench.driver.report(&measured());
+            command(bench, counter + step);
+            bench.pass_ms(1);
+        }
+        let armed = bench.write(index::STATE, 1, &[1]).is_ok();
+        assert_eq!(bench.driver.orders(bench.now_us).bridge, armed);
+        bench.write(index::STATE, 1, &[0]).unwrap();
+        armed
+    };
+    let commit = |bench: &mut Bench| {
+        let staged = bench.number(index::COMMIT, 2);
+        bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+    };
+    assert!(!tries(&mut bench, 0));
+    assert!(bench.text(index::REFUSAL).contains("not-commissioned"));
+    // Friction is no matter of wiring.
+    bench.write(index::PARAMETERS, 1, &0.5f32.to_le_bytes()).unwrap();
+    commit(&mut bench);
+    assert!(!tries(&mut bench, 10));
+    // Only what is in use can be confirmed.
+    let wiring = bench.number(index::COMMISSIONING, 2);
+    let wrong = bench.write(index::COMMISSIONING, 3, &(wiring ^ 1).to_le_bytes());
+    assert_eq!(wrong, Err(0x0609_0030));
+    assert!(bench.text(index::REFUSAL).contains(&format!("{wiring:08x}")));
+    assert!(!tries(&mut bench, 20));
+    bench.commission();
+    assert_eq!(bench.number(index::COMMISSIONING, 1), 1);
+    assert!(tries(&mut bench, 30));
+    // A limit may change and it stays commissioned; a direction may not. As it was, it counts again.
+    let place =
+        |name| MotorParameters::NAMES.iter().position(|known| *known == name).unwrap() as u8 + 1;
+    let change = |bench: &mut Bench, name, to: f32| {
+        bench.write(index::MOTOR, place(name), &to.to_le_bytes()).unwrap();
+        commit(bench);
+    };
+    change(&mut bench, "current_limit_a", 10.0);
+    assert!(tries(&mut bench, 40));
+    change(&mut bench, "encoder_direction", -1.0);
+    assert!(!tries(&mut bench, 50));
+    assert_eq!(bench.number(index::COMMISSIONING, 1), 0);
+    change(&mut bench, "encoder_direction", 1.0);
+    assert!(tries(&mut bench, 60));
+    // It is kept over a reset where it was saved, and a restored driver has forgotten it.
+    bench.write(index::STORE, 1, b"save").unwrap();
+    let flash = bench.driver.into_flash();
+    let mut bench = Bench::boot(Source::Sensors, flash, &Boot::default());
+    bench.start();
+    assert!(tries(&mut bench, 70));
+    bench.write(index::RESTORE, 1, b"load").unwrap();
+    let flash = bench.driver.into_flash();
+    let mut bench = Bench::boot(Source::Sensors, flash, &Boot::default());
+    bench.start();
+    assert!(!tries(&mut bench, 80));
 }
 
 #[test]
@@ -145,6 +213,71 @@ fn what_it_measures_goes_out_as_a_trace() {
     };
     assert_eq!((motion.velocity_rad_s, motion.position_rad), (1.5, 0.25));
     assert_eq!(torque.torque_nm, 2.0);
+}
+
+/// Two senders on one identifier end in bus-off: what a master sends and what a joint sends have none in common, and
+/// Motion and Torque have one sender each, as their PDOs say.
+#[test]
+fn what_a_joint_sends_no_master_does() {
+    const UNUSED: u32 = 1 << 31;
+    for (mut bench, says) in [(armed(), true), (Bench::hil(), false)] {
+        let pdos = |bench: &mut Bench, from: u16| -> Vec<u32> {
+            (from..from + 16)
+                .filter_map(|object| {
+                    let value = bench.read(object, 1).ok()?;
+                    Some(u32::from_le_bytes(value.try_into().unwrap()))
+                })
+                .collect()
+        };
+        let (hears, sends) = (pdos(&mut bench, 0x1400), pdos(&mut bench, 0x1800));
+        let used = |all: &[u32]| -> Vec<u32> {
+            all.iter().copied().filter(|identifier| identifier & UNUSED == 0).collect()
+        };
+        assert!(used(&hears).iter().all(|identifier| !used(&sends).contains(identifier)));
+        assert_eq!(used(&sends).contains(&0x481), says);
+        assert_eq!(used(&hears).contains(&0x481), !says);
+        assert_eq!(used(&sends).contains(&0x681), says);
+        // Those of a master in the predefined connection set are none of the joint's.
+        for master in [0x201, 0x301, 0x401, 0x501] {
+            assert!(!sends.contains(&master) && !sends.contains(&(master | UNUSED)));
+        }
+    }
+    let mut bench = armed();
+    bench.give(Message::Sync(Sync { counter: 1 }));
+    let sent: Vec<u16> = bench.sent().iter().map(|frame| frame.identifier()).collect();
+    assert_eq!(sent, [0x481, 0x681, 0x181, 0x281, 0x381]);
+    // What it says itself it does not take from others.
+    let before = bench.driver.counters().foreign;
+    bench.driver.receive(&frame(0x481, &[0; 8]), bench.now_us);
+    assert_eq!(bench.driver.counters().foreign, before + 1);
+}
+
+#[test]
+fn an_input_written_as_an_object_counts_as_its_frame() {
+    let mut bench = armed();
+    let inputs = index::INPUTS;
+    bench.write(inputs, Inputs::LOAD_TORQUE, &2.5f32.to_le_bytes()).unwrap();
+    pass(&mut bench, 3);
+    let covariates = bench.driver.orders(bench.now_us).covariates;
+    assert_eq!(covariates.load_torque_nm.value, 2.5);
+    assert!((covariates.load_torque_nm.age_s - 0.003).abs() < 1.1e-3);
+    // A command by its words, and its counter counts: the same again is none.
+    let fresh = |bench: &mut Bench| {
+        bench.sent();
+        bench.write(inputs, Inputs::COMMAND_CURRENT, &4.0f32.to_le_bytes()).unwrap();
+        bench.write(inputs, Inputs::COMMAND_REST, &(20u32 << 24).to_le_bytes()).unwrap();
+        bench.driver.orders(bench.now_us).setpoint
+    };
+    assert_eq!(fresh(&mut bench).current_a, 4.0);
+    let repeated = bench.driver.counters().command_duplicate;
+    fresh(&mut bench);
+    assert!(bench.driver.counters().command_duplicate > repeated);
+    // It is what is sent on, too.
+    bench.give(Message::Sync(Sync { counter: 1 }));
+    let messages = bench.messages();
+    let said =
+        |message: &Message| matches!(message, Message::Torque(_, of) if of.load_torque_nm == 2.5);
+    assert!(messages.iter().any(said), "{messages:?}");
 }
 
 #[test]

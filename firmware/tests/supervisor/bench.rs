@@ -104,6 +104,7 @@ impl Bench {
             Code::BusOvervoltage => seen.bus_voltage_v = Some(choose(60.0, 56.0)),
             Code::BusUndervoltage => seen.bus_voltage_v = Some(choose(36.0, 40.0)),
             Code::GateDriverFault => seen.gate_driver_fault = bad,
+            Code::SystemBreak => seen.system_break = bad,
             Code::BridgeOvertemperature => seen.bridge_temperature_c = Some(choose(100.0, 95.0)),
             Code::MotorOvertemperature => seen.motor_temperature_c = Some(choose(120.0, 115.0)),
             Code::EncoderLost => seen.loop_flags = loop_flag(LoopFlags::ENCODER_LOST),
@@ -116,6 +117,7 @@ impl Bench {
                 self.supervisor.store(if bad { Health::Damaged } else { Health::Sound });
             }
             Code::SelfTestFailed => self.supervisor.self_test(!bad),
+            Code::NotCommissioned => self.supervisor.commissioned(!bad),
             Code::StackOverflow => seen.stack_intact = !bad,
             Code::Internal => seen.loop_flags = loop_flag(LoopFlags::NOT_FINITE),
             Code::WatchdogReset | Code::PanicBeforeReset => return None,

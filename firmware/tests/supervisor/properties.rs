@@ -37,7 +37,12 @@ fn observation() -> impl Strategy<Value = Observation> {
         proptest::option::of(0_u32..2000),
     );
     let flags = (quiet.clone(), quiet, 0_u8..3, proptest::option::of(any::<bool>()));
-    let bits = (prop::bool::weighted(0.05), prop::bool::weighted(0.95), prop::bool::weighted(0.05));
+    let bits = (
+        prop::bool::weighted(0.05),
+        prop::bool::weighted(0.95),
+        prop::bool::weighted(0.05),
+        prop::bool::weighted(0.05),
+    );
     (measured, flags, bits, any::<bool>()).prop_map(|(measured, flags, bits, mostly_well)| {
         let (voltage, currents, [a, b, c, d, e], age) = measured;
         let (loop_bits, core_bits, can, in_band) = flags;
@@ -54,6 +59,7 @@ fn observation() -> impl Strategy<Value = Observation> {
             motor_temperature_c: Some(e),
             sample_age_us: age,
             gate_driver_fault: bits.0,
+            system_break: bits.3,
             stack_intact: bits.1,
             can: [CanState::Active, CanState::Passive, CanState::Off][usize::from(can)],
             heartbeat_lost: bits.2,

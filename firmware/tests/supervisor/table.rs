@@ -73,7 +73,8 @@ fn every_fault_is_raised_held_and_cleared() {
             assert_eq!(refusal.to_string(), format!("not armed: {}", code.info().name));
             // Gone is gone after its delay, and not before.
             bench.spoil(code, false);
-            let told = matches!(code, Code::StoreDamaged | Code::SelfTestFailed);
+            let told =
+                matches!(code, Code::StoreDamaged | Code::SelfTestFailed | Code::NotCommissioned);
             let delay_us = u64::from(code.info().clear_after_us);
             if delay_us > 0 {
                 bench.run(delay_us);

@@ -9,29 +9,37 @@
 //! ([`segments`]); thinning out is anti-aliased ([`AntiAlias`]); and training and test data
 //! are whole stretches of time, never shuffled rows ([`split()`]).
 //!
-//! The way of a row: `source` (one of the formats) -> `header` (which column is what) ->
-//! `clean` (may this row stay?) -> `columns` (which optional columns may stay?) -> `read`
+//! The way of a row: `source` (one of the formats) -> `header` (which column is what, in which unit) ->
+//! `clean` (may this row stay?) -> `close` (what do holes mean, where does a start begin?) -> `read`
 //! (several files become one [`Dataset`]).
 
 mod acceleration;
 mod clean;
+mod clock;
+mod close;
 mod columns;
 pub mod contract;
 mod dataset;
 mod decimate;
 mod error;
+mod fill;
+mod guess;
 mod header;
 mod naming;
+mod order;
 mod read;
+mod reading;
 mod segment;
 mod source;
 mod split;
 mod trace_sink;
+mod unit;
+mod velocity;
 
 pub use acceleration::{DERIVATIVE_WINDOW, derivative};
 pub use clean::{MAX_BAD_SHARE, MAX_RUNS};
 pub use compensator_core::quantity::{JointKind, Quantity};
-pub use dataset::{Dataset, LeftOutColumn, Measured, Run};
+pub use dataset::{Dataset, LeftOutColumn, Measured, Run, SourceColumn};
 pub use decimate::AntiAlias;
 pub use error::{BadCell, BadRows, DataError};
 pub use read::{ReadOptions, read};

@@ -3,6 +3,7 @@
 //! ```text
 //! log           runs to learn from, runs to judge by, columns that may be blamed         train_test
 //!  -> base      the simplest law the log supports, fitted; rows weighed                  baseline, uncertain_motion
+//!  -> zero      runs shifted to one phase, where the position's zero is not the shaft's        unknown_zero
 //!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order, harmonics
 //!  -> candidates     each cause as columns beside the model                              cause, candidate
 //!  -> products  of all columns by blocks: falls of the error on unseen rows              survey, gram_blocks, fall
@@ -42,6 +43,7 @@ pub mod survey;
 pub mod thresholds;
 pub mod train_test;
 pub mod uncertain_motion;
+pub mod unknown_zero;
 
 pub use cause::{Cause, Remedy};
 pub use extended::Size;
@@ -176,6 +178,10 @@ pub fn diagnose(
         chosen = base(&some, question)?;
     }
     let Baseline { model: base, at_rest } = chosen;
+    if let Some(aligned) = unknown_zero::aligned(&whole, &base) {
+        whole = aligned;
+        some = whole.thinned().into_owned();
+    }
     if let Some(at_rest) = &at_rest {
         some = some.without(at_rest);
     }

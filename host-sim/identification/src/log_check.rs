@@ -16,6 +16,7 @@ mod column;
 mod held;
 mod independence;
 mod outlier;
+mod overview;
 mod position_zero;
 mod quantised;
 mod saturated;
@@ -24,6 +25,8 @@ mod time;
 mod torque_lag;
 mod unit;
 mod velocity;
+
+pub use overview::{ColumnOverview, Overview, overview};
 
 use crate::data::Dataset;
 use crate::motion::{self, Sensors};

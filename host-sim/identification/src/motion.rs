@@ -9,7 +9,9 @@
 //! ([`Run::velocity_draws`](crate::data::Run)): a fit can ask what the open part of the motion does to its law.
 //!
 //! Each unbroken stretch of a run is smoothed for itself; the levels are the log's. An exact velocity is handed back
-//! as it is, to the bit. Position is replaced with velocity; a measured acceleration stays as it is.
+//! as it is, to the bit. Position is replaced with velocity; a measured acceleration stays as it is. Where a velocity is
+//! clean and merely late, as a drive's own is, the position is moved to its clock: a ripple of the angle must not run
+//! ahead of the torque.
 
 pub mod agreement;
 pub mod columns;
@@ -61,15 +63,23 @@ pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
     let all: Vec<Stretch> =
         places.iter().map(|(run, rows)| stretch(&data.runs[*run], rows)).collect();
     let study = Study::new(&all);
+    let mut found = data.clone();
+    if let Some(late_s) = study.sensors.velocity_late_s() {
+        for (index, rows) in &places {
+            put_by_the_velocitys_clock(&mut found.runs[*index], rows.clone(), late_s);
+        }
+    }
+    for run in &mut found.runs {
+        run.velocity_is_smooth = !study.sensors.is_as_logged() || study.sensors.exact;
+    }
     if study.sensors.is_as_logged() {
-        return (data.clone(), study.sensors);
+        return (found, study.sensors);
     }
     let motion = |(index, stretch): (usize, &Stretch)| {
         let mut random = Pcg64::seed_from_u64(SEED + index as u64);
         study.motion(index, stretch, &mut || StandardNormal.sample(&mut random))
     };
     let motions: Vec<_> = all.par_iter().enumerate().map(motion).collect();
-    let mut found = data.clone();
     for run in &mut found.runs {
         run.velocity_draws = vec![vec![0.0; run.len()]; DRAWS];
     }
@@ -86,4 +96,23 @@ pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
         }
     }
     (found, study.sensors)
+}
+
+/// Reads the position of a stretch where it stood `late_s` before each stamp, by straight lines between rows.
+fn put_by_the_velocitys_clock(run: &mut Run, rows: Range<usize>, late_s: f64) {
+    let Some(logged) = run.get(Quantity::Position).map(<[f64]>::to_vec) else { return };
+    let (time, position) = (&run.time_s[rows.clone()], &logged[rows.clone()]);
+    let last = time.len() - 1;
+    let mut moved = logged.clone();
+    for (at, moved) in moved[rows].iter_mut().enumerate().filter(|_| last > 0) {
+        let then = time[at] - late_s;
+        // Beyond the ends the outermost line goes on.
+        let from = time.partition_point(|t| *t <= then).saturating_sub(1).min(last - 1);
+        let step = time[from + 1] - time[from];
+        if step > 0.0 {
+            *moved =
+                position[from] + (position[from + 1] - position[from]) * (then - time[from]) / step;
+        }
+    }
+    run.set(Quantity::Position, moved);
 }

@@ -21,7 +21,7 @@ impl Random {
 
 /// Reads the file in every way there is, and uses what comes out.
 fn must_survive(path: &Path, random: &mut Random) {
-    let options = ReadOptions { columns: vec![], skip: random.next(3) };
+    let options = ReadOptions { columns: vec![], skip: random.next(3), ..ReadOptions::default() };
     match read(&[path.to_path_buf()], &options, &|_, _| {}) {
         Err(error) => {
             let said = error.to_string();

@@ -24,7 +24,7 @@ fn measured(names: &[&str]) -> Option<Vec<PathBuf>> {
 
 fn load(files: &[PathBuf], columns: &[(&str, &str)]) -> Dataset {
     let columns = columns.iter().map(|(a, b)| (a.to_string(), b.to_string())).collect();
-    read(files, &ReadOptions { columns, skip: 0 }, &|_, _| {}).unwrap()
+    read(files, &ReadOptions { columns, skip: 0, ..ReadOptions::default() }, &|_, _| {}).unwrap()
 }
 
 #[test]

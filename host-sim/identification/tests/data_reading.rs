@@ -121,11 +121,53 @@ fn how_the_text_is_written_does_not_matter() {
         "\n\r\n time_s , velocity_rad_s,torque_nm \n\n 0.0 , 1.0,2.0\n\n\n0.1,1.5,+2.5e0\n,,\n\n";
     let no_last_end = PLAIN.trim_end();
     let marked = format!("\u{feff}{PLAIN}");
-    for other in [&crlf, &semicolons, &tabs, quoted, blanks, no_last_end, &marked] {
+    let remarks = format!("# made by a logger\n// kp 3\n{PLAIN}# the end\n");
+    let in_remark = format!("# {PLAIN}");
+    let units = PLAIN.replacen('\n', "\n s,(rad/s),N·m\n", 1);
+    for other in [
+        &crlf,
+        &semicolons,
+        &tabs,
+        quoted,
+        blanks,
+        no_last_end,
+        &marked,
+        &remarks,
+        &in_remark,
+        &units,
+    ] {
         let data = text(other);
         assert_eq!(data.runs, plain.runs, "{other:?}");
         assert_eq!(data.bad_rows.count, 0);
     }
+}
+
+#[test]
+fn utf_16_is_read_as_utf_8_is() {
+    let plain = text(PLAIN);
+    for mark in ["\u{feff}", ""] {
+        let units: Vec<u16> = format!("{mark}{PLAIN}").encode_utf16().collect();
+        let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+        let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+        assert_eq!(text(little).runs, plain.runs);
+        assert_eq!(text(big).runs, plain.runs);
+    }
+}
+
+#[test]
+fn rows_below_remarks_have_the_numbers_of_an_editor() {
+    let rows = after_100_rows("x,1,2\n");
+    let data = text(format!("# one\n\n# two\n{rows}"));
+    assert_eq!(first_bad(&data).0, 102 + 3);
+}
+
+#[test]
+fn a_row_of_units_is_taken_at_its_word() {
+    let data = text("time_s,velocity_rad_s,torque_nm,flow\nms,rpm,mNm,l/min\n0,60,1500,3\n");
+    let run = &data.runs[0];
+    assert!((run.velocity[0] - std::f64::consts::TAU).abs() < 1e-12);
+    assert_eq!((run.torque[0], run.extra[0][0], data.bad_rows.count), (1.5, 3.0, 0));
+    assert!(data.notes[0].contains("taken for units"));
 }
 
 #[test]
@@ -142,7 +184,7 @@ fn files_that_are_no_table_are_told_apart() {
         refused("time_s,velocity_rad_s,torque_nm\r\n\r\n"),
         "log.csv: found a header and no rows, expected a row per sample"
     );
-    assert!(refused(b"\xff\xfet\0i\0m\0").contains("found text in UTF-16"));
+    assert!(refused(b"\xff\xfet\0i\0m\0").contains("found only the columns tim"));
     assert!(refused(b"\x1f\x8b\x08rest").contains("found a gzip archive"));
     assert!(refused(b"PAR1nonsensePAR1").contains("expected a Parquet file"));
     let folder = Folder::new();
@@ -245,15 +287,23 @@ fn more_than_five_percent_of_bad_rows_is_an_error() {
 }
 
 #[test]
-fn a_hole_in_a_covariate_makes_the_row_bad() {
-    let good: String = (0..40).map(|i| format!("{i},1,2,{i},x\n")).collect();
-    let head = "time_s,velocity_rad_s,torque_nm,temperature_c,note\n";
-    let data = text(format!("{head}{good}40,1,2,,x\n41,1,2,41,x\n"));
-    assert_eq!((data.rows, data.bad_rows.count), (41, 1));
-    assert_eq!(first_bad(&data), (42, "temperature_c", "an empty cell", "a finite number"));
+fn a_hole_in_a_covariate_is_filled_and_told() {
+    let good: String = (0..40).map(|i| format!("{i},1,2,{i},x,7\n")).collect();
+    let head = "time_s,velocity_rad_s,torque_nm,temperature_c,note,kp\n";
+    let data = text(format!("{head}{good}40,1,2,,x,8\n41,1,2,43,x,\n42,1,2,off,x,8\n"));
+    assert_eq!((data.rows, data.bad_rows.count), (43, 0));
     let run = &data.runs[0];
-    assert_eq!(run.time_s[40], 41.0);
-    assert_eq!(run.get(Quantity::Temperature).unwrap()[40], 41.0);
+    assert_eq!(run.get(Quantity::Temperature).unwrap()[39..], [39.0, 41.0, 43.0, 43.0]);
+    assert_eq!(run.extra[0][39..], [7.0, 8.0, 8.0, 8.0], "a setting is held");
+    let told = |words: &str| data.notes.iter().any(|note| note.ends_with(words));
+    assert!(
+        told(
+            "temperature_c is in 41 of 43 rows and is interpolated in time between its values; row 44 holds \"off\""
+        ),
+        "{:?}",
+        data.notes
+    );
+    assert!(told("kp is in 42 of 43 rows and is held from each of its values to the next"));
 }
 
 #[test]
@@ -285,7 +335,9 @@ fn a_header_problem_is_an_error_of_row_one() {
     ));
     assert!(refused("time_s,a,a\n").contains("found the name twice"));
     assert!(refused("0,1,2\n3,4,5\n").contains("found numbers, expected the columns' names"));
-    assert!(refused("t,v,f\n0,1,2\n").contains("--columns time_s=NAME,velocity_rad_s=NAME"));
+    assert!(
+        refused("t,v,f\n0,1,2\n").contains("--columns time_s=t,velocity_rad_s=v,torque_nm=NAME")
+    );
 }
 
 #[test]

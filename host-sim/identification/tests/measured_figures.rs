@@ -265,7 +265,7 @@ fn load(case: &Case, folder: &Path) -> (Vec<Track>, Vec<Track>) {
     let files: Vec<PathBuf> = case.files.iter().map(|name| folder.join(name)).collect();
     let pairs = case.columns.split(',').filter_map(|pair| pair.split_once('='));
     let columns = pairs.map(|(ours, theirs)| (ours.to_owned(), theirs.to_owned())).collect();
-    let options = ReadOptions { columns, skip: case.skip };
+    let options = ReadOptions { columns, skip: case.skip, ..ReadOptions::default() };
     let mut data = read(&files, &options, &|_, _| {}).expect("readable");
     if case.take == Take::CommandedSpeed {
         for run in &mut data.runs {

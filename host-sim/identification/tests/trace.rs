@@ -11,7 +11,7 @@ use friction_identification::data::{
     Dataset, EmitOptions, JointKind, Measured, Quantity, ReadOptions, Run, contract, emit, read,
 };
 use friction_identification::fit::{tracks, tracks_with};
-use joint_trace::{Assembler, Fraction, TraceSample, Writer, candump};
+use joint_trace::{Assembler, Fraction, TextFormat, TraceSample, Writer, candump};
 use std::path::PathBuf;
 
 /// Two runs that overlap in time, with every column and a covariate.
@@ -46,6 +46,7 @@ fn measured() -> Dataset {
         covariates: vec!["flow".into(), "gap".into()],
         left_out_columns: vec![],
         notes: vec![],
+        sources: vec![],
     }
 }
 
@@ -113,6 +114,22 @@ fn a_data_set_comes_back_from_its_log() {
     let carried = tracks_with(&back, Some("auxiliary"));
     assert_eq!(carried[0].samples[30].auxiliary, back.runs[0].extra[0][30]);
     assert_eq!(tracks(&back)[0].samples[30].auxiliary, 0.0);
+}
+
+#[test]
+fn a_data_set_comes_back_the_same_from_every_format() {
+    let data = measured();
+    let back = |format| {
+        let log = log_of(&data, &EmitOptions { format, ..gap() });
+        assert_eq!(TextFormat::of(&log), Some(format));
+        Log::new(&log).read().unwrap()
+    };
+    let candump = back(TextFormat::Candump);
+    for format in [TextFormat::Asc, TextFormat::Trc] {
+        let other = back(format);
+        assert_eq!(other.runs, candump.runs, "{format:?}");
+        assert_eq!((other.bad_rows.count, &other.notes), (0, &candump.notes));
+    }
 }
 
 #[test]
@@ -217,12 +234,12 @@ fn what_is_wrong_is_said_with_file_and_line() {
     // Lines 1 to 3 are the joint's kind, the run and its first sample's motion.
     let first_row = lines.iter().position(|line| line.contains(" 080#02")).unwrap();
     let motion = first_row - 4;
-    assert!(lines[motion].contains(" 201#"));
+    assert!(lines[motion].contains(" 481#"));
     for (at, line, bad_row, found, expected) in [
-        (motion, "(0.001000) vcan0 201#00", first_row, "201 with 1 bytes, expected 8", "finite"),
+        (motion, "(0.001000) vcan0 481#00", first_row, "481 with 1 bytes, expected 8", "finite"),
         (motion, "", first_row, "no frame of it", "a finite number"),
         (motion, "(0.001) vcan0 20#00", motion, "(0.001) vcan0 20#00", "three or eight"),
-        (motion, "(0.001000) vcan0 201#0000C07F00000000", first_row, "no frame of it", "finite"),
+        (motion, "(0.001000) vcan0 481#0000C07F00000000", first_row, "no frame of it", "finite"),
         (
             motion + 2,
             "(0.001000) vcan0 401#00",
@@ -248,7 +265,7 @@ fn what_is_wrong_is_said_with_file_and_line() {
         notes.contains("1 lines are no frames") && notes.contains("1 samples are missing"),
         "{notes}"
     );
-    let other = with(motion, "(0.001000) vcan0 202#0000803F0000803F").unwrap_err();
+    let other = with(motion, "(0.001000) vcan0 482#0000803F0000803F").unwrap_err();
     assert!(
         other.contains("trace.log: found inputs of the joints 1 on vcan0, 2 on vcan0"),
         "{other}"
@@ -256,8 +273,8 @@ fn what_is_wrong_is_said_with_file_and_line() {
     for (log, message) in [
         (
             "(1.5) can0 123#00\n(1.6) can0 080#01\n",
-            "trace.log: found 2 frames and no joint's velocity and torque, expected frames 200 and \
-             300 + node and the SYNC 080, as joint.dbc says",
+            "trace.log: found frames 080 (1), 123 (1) and no joint's velocity and torque, expected \
+             Motion (480 + node), Torque (680 + node) and the SYNC (080) of joint.dbc",
         ),
         (
             "(1.5) can0 123\n",

@@ -124,8 +124,11 @@ impl MeasuredLog {
         }
         let failed = |why: String| format!("{}: {why}", self.file);
         let pair = |(ours, theirs): &(&str, &str)| ((*ours).to_owned(), (*theirs).to_owned());
-        let options =
-            ReadOptions { columns: self.columns.iter().map(pair).collect(), skip: self.skip };
+        let options = ReadOptions {
+            columns: self.columns.iter().map(pair).collect(),
+            skip: self.skip,
+            ..ReadOptions::default()
+        };
         let data = read(&[path], &options, &|_, _| {}).map_err(|e| failed(e.to_string()))?;
         let parts: Vec<&str> = self.rigid_body.split(',').filter(|p| !p.is_empty()).collect();
         let (found, seconds) = timed(|| regression(&data, &parts))?;

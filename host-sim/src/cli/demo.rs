@@ -81,9 +81,8 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
 
     let (data, parts, hash) = listen(&out.join("trace.log"))?;
     teller.step(&format!(
-        "Read {} rows back from the recording. From here on that is all there is to go by; {} of {} runs are put aside to judge by.",
+        "Read {} rows back from the recording. From here on that is all there is to go by; each of its {} runs is judged by fits that have not seen it.",
         data.rows,
-        parts.test_runs(&data).len(),
         data.runs.len()
     ))?;
     let bar = spinner("diagnosing".into());
@@ -183,7 +182,7 @@ fn extension(found: &Diagnosis) -> String {
         return ", of which none passed".to_owned();
     }
     format!(
-        "; extended to {}, the error on the runs put aside falls by {:.1} %",
+        "; extended to {}, the error on runs left out falls by {:.1} %",
         found.extended.spec,
         100.0 * found.gain.value
     )

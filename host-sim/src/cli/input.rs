@@ -5,7 +5,7 @@ use compensator_core::TermKind;
 use friction_identification::data::{self, Dataset, ReadOptions, Split, SplitRule};
 use friction_identification::fit::track::{campaign_start, tracks_since};
 use friction_identification::fit::{Rows, Track};
-use friction_identification::log_check::{self, Checked, Correct, Kind, LogFinding};
+use friction_identification::log_check::{self, Checked, Correct, Kind, LogFinding, overview};
 use friction_identification::spec::parse_rigid_body;
 use indicatif::{ProgressBar, ProgressStyle};
 use sha2::{Digest, Sha256};
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Data and how to read and split it.
 #[derive(Args, Clone, Debug)]
 pub struct DataArguments {
-    /// Measured data: CSV or Parquet, one or more files
+    /// Measured data: CSV, Parquet, MCAP or CAN traces, one or more files
     #[arg(required = true, value_name = "DATA")]
     pub data: Vec<PathBuf>,
     /// Held-out files; without them whole runs (or time blocks of a single run) are held out: of `diagnose`
@@ -29,9 +29,13 @@ pub struct DataArguments {
     /// Hold out the last share of each run, 0 to 1
     #[arg(long, value_name = "SHARE", conflicts_with = "test")]
     pub tail: Option<f64>,
-    /// Names of foreign columns: `torque_nm=tau_3,velocity_rad_s=dq_3`
-    #[arg(long, value_name = "a=b,c=d", value_delimiter = ',')]
+    /// Foreign columns, with their units: `torque_nm=tau_3:mNm,velocity_rad_s=dq_3:rpm,time_s=t:ms`; `:-Nm` turns
+    /// the sign, `velocity[2]` is an element where cells hold lists
+    #[arg(long, value_name = "a=b:unit,..", value_delimiter = ',')]
     pub columns: Vec<String>,
+    /// Only the rows where COLUMN is one of the values: one joint of several. May be given again
+    #[arg(long = "where", value_name = "COLUMN=VALUE,..")]
+    pub only: Vec<String>,
     /// Drop the first N samples of each run
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub skip: usize,
@@ -120,7 +124,8 @@ impl DataArguments {
             return Err(format!("{}: given twice", twice.display()));
         }
         let correct = self.correct()?;
-        let options = ReadOptions { columns: self.column_pairs()?, skip: self.skip };
+        let options =
+            ReadOptions { columns: self.column_pairs()?, only: self.chosen()?, skip: self.skip };
         let bar = progress();
         let data = data::read(&files, &options, &|done, total| {
             bar.set_length(total);
@@ -128,6 +133,7 @@ impl DataArguments {
         })
         .map_err(|error| error.to_string())?;
         bar.finish_and_clear();
+        let told = overview(&data).lines(&data);
         let Checked { data, findings: log_findings, .. } = log_check::check(data, correct);
         let split = data::split(&data, &self.split_rule(unless_asked)?, self.seed)
             .map_err(|e| e.to_string())?;
@@ -139,6 +145,8 @@ impl DataArguments {
         }
         let hashes = files.iter().map(|file| hash(file)).collect::<Result<_, _>>()?;
         let decimate = self.decimate as usize;
+        // Behind the last refusal, which is to be the one line there is.
+        told.iter().for_each(|line| eprintln!("log: {line}"));
         Ok(Input { data, split, train, test, rigid_body, hashes, log_findings, decimate })
     }
 
@@ -164,9 +172,25 @@ impl DataArguments {
             Some((ours, theirs)) if !ours.is_empty() && !theirs.is_empty() => {
                 Ok((ours.trim().to_owned(), theirs.trim().to_owned()))
             }
-            _ => Err(format!("--columns: found {text:?}, expected NAME=COLUMN")),
+            _ => {
+                Err(format!("--columns: found {text:?}, expected NAME=COLUMN or NAME=COLUMN:UNIT"))
+            }
         };
         self.columns.iter().map(pair).collect()
+    }
+
+    /// What `--where` asks for.
+    fn chosen(&self) -> Result<Vec<(String, Vec<String>)>, String> {
+        let choice = |text: &String| {
+            let parts = text.split_once('=').map(|(column, values)| {
+                let values: Vec<String> = values.split(',').map(|v| v.trim().to_owned()).collect();
+                (column.trim().to_owned(), values)
+            });
+            parts
+                .filter(|(column, _)| !column.is_empty())
+                .ok_or_else(|| format!("--where: found {text:?}, expected COLUMN=VALUE"))
+        };
+        self.only.iter().map(choice).collect()
     }
 
     fn split_rule(&self, unless_asked: &SplitRule) -> Result<SplitRule, String> {

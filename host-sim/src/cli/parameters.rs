@@ -14,7 +14,7 @@ use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
 use compensator_core::can::slcan::BitRate;
 use compensator_core::{ParameterError, record};
-use firmware::node::dictionary::records::Trace;
+use firmware::node::dictionary::records::{Commissioning, Trace};
 use firmware::node::dictionary::{FRAME_COUNTERS, LOAD, SAVE, index};
 use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
 use firmware::supervisor::Code;
@@ -96,6 +96,12 @@ enum Action {
         #[arg(value_name = "RAD", default_value_t = 0.0, allow_negative_numbers = true)]
         position_rad: f32,
     },
+    /// Show how motor, encoder and gear are said to be wired, and whether that was confirmed: before, the joint does not arm
+    Commission {
+        /// Confirm it: on this joint, at low current, it was seen to be so
+        #[arg(long)]
+        confirm: bool,
+    },
     /// Restart the driver
     Reset,
 }
@@ -139,6 +145,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
             let at = Address::new(index::STATE, 6);
             driver.client.write(at, &position_rad.to_le_bytes()).map_err(words)?;
             format!("its position is {position_rad} rad now")
+        }
+        Action::Commission { confirm } => {
+            let done = driver.commission(*confirm, arguments.json);
+            return done.map(|()| ExitCode::SUCCESS);
         }
         Action::Reset => {
             let sent = driver.client.command(NmtCommand::ResetNode);
@@ -343,6 +353,48 @@ impl Driver {
         })
     }
 
+    /// The wiring in use, by name, and whether somebody confirmed it; confirms it where that is asked.
+    fn commission(&mut self, confirm: bool, json: bool) -> Result<(), String> {
+        let set = self.read_set()?;
+        let wiring = self.number(index::COMMISSIONING, Commissioning::WIRING_CRC)?;
+        if wiring != set.wiring_crc() {
+            let meant = set.wiring_crc();
+            return Err(format!(
+                "the driver's wiring has the crc {wiring:08x}, its numbers {meant:08x}: is it of another version?"
+            ));
+        }
+        if confirm {
+            let at = Address::new(index::COMMISSIONING, Commissioning::CONFIRM);
+            self.client.write(at, &wiring.to_le_bytes()).map_err(words)?;
+        }
+        let commissioned = self.number(index::COMMISSIONING, 1)? != 0;
+        let wired: Vec<(String, f32)> = numbers(&set)
+            .into_iter()
+            .filter(|(name, _)| {
+                name.strip_prefix("motor.")
+                    .is_some_and(|field| ParameterSet::WIRING.contains(&field))
+            })
+            .collect();
+        if json {
+            let wired: serde_json::Map<_, _> =
+                wired.into_iter().map(|(name, value)| (name, json!(value))).collect();
+            let result = json!({"commissioned": commissioned, "wiring_crc": format!("{wiring:08x}"), "wiring": wired});
+            let text = serde_json::to_string_pretty(&result).map_err(|e| e.to_string())?;
+            return say(&(text + "\n"));
+        }
+        let mut out = String::new();
+        for (name, value) in wired {
+            out += &format!("{name:<32} {value:?}\n");
+        }
+        out += if commissioned {
+            "commissioned: the joint may be armed; `params save` keeps that over a reset\n"
+        } else {
+            "NOT commissioned: the joint does not arm. Find each number above at low current (docs/bring-up.md), set it,\n\
+             then `params commission --confirm`\n"
+        };
+        say(&out)
+    }
+
     fn status(&mut self, json: bool) -> Result<(), String> {
         let text = |client: &mut Client<Box<dyn Bus>>, at_index| {
             client.read_text(Address::new(at_index, 0)).map_err(words)
@@ -356,6 +408,7 @@ impl Driver {
         let source = if self.number(index::OPERATION, 1)? == 0 { "sensors" } else { "bus" };
         let number = if self.number(index::OPERATION, 2)? == 0 { "f32" } else { "fixed" };
         let crc = self.number(index::COMMIT, 1)?;
+        let commissioned = self.number(index::COMMISSIONING, 1)? != 0;
         let in_band = match self.number(index::WATCH, 1)? {
             0 => Some(false),
             1 => Some(true),
@@ -375,7 +428,7 @@ impl Driver {
             let status = json!({
                 "name": name, "hardware": hardware, "software": software, "state": state,
                 "faults": faults, "limits": limits, "source": source, "number": number,
-                "parameters_crc": format!("{crc:08x}"), "model_in_band": in_band,
+                "parameters_crc": format!("{crc:08x}"), "commissioned": commissioned, "model_in_band": in_band,
                 "windows_out_of_band": out_of_band, "last_panic": panic,
                 "last_refusal": refusal, "counters": counters,
             });
@@ -387,10 +440,15 @@ impl Driver {
         };
         let mut out = format!(
             "{name}, {hardware}, {software}\nstate       {state}\nfaults      {}\nlimits      {}\n\
-             fed by      {source}, computes in {number}\nparameters  crc {crc:08x}\n\
+             fed by      {source}, computes in {number}\nparameters  crc {crc:08x}, {}\n\
              model       {}, {out_of_band} windows out of band\n",
             list(&faults),
             list(&limits),
+            if commissioned {
+                "commissioned"
+            } else {
+                "NOT commissioned: does not arm on its sensors"
+            },
             match in_band {
                 None => "nothing to judge yet",
                 Some(true) => "in band",

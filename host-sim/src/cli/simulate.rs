@@ -7,6 +7,7 @@ use super::output::{OutputArguments, say};
 use crate::simulated;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use friction_identification::data::{Dataset, EmitOptions, emit};
+use joint_trace::TextFormat;
 use simulated_machines::scenarios::Hide;
 use simulated_machines::{Request, SIMULATIONS, Simulated, Simulation};
 
@@ -43,6 +44,30 @@ pub struct Arguments {
     /// Steady sliding only
     #[arg(long)]
     steady: bool,
+    /// The CAN trace as candump, Vector or PEAK write it: trace.log, trace.asc, trace.trc
+    #[arg(long, value_name = "FORMAT", value_enum, default_value_t = TraceFormat::Candump)]
+    format: TraceFormat,
+}
+
+/// Formats of a CAN trace.
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+enum TraceFormat {
+    /// `candump -L`.
+    Candump,
+    /// Vector's ASC.
+    Asc,
+    /// PEAK's TRC 2.1.
+    Trc,
+}
+
+impl From<TraceFormat> for TextFormat {
+    fn from(format: TraceFormat) -> Self {
+        match format {
+            TraceFormat::Candump => Self::Candump,
+            TraceFormat::Asc => Self::Asc,
+            TraceFormat::Trc => Self::Trc,
+        }
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -76,8 +101,10 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let data = simulated::dataset(&log);
     let json = serde_json::to_string_pretty(&truth).map_err(|e| e.to_string())? + "\n";
     let mut files = vec![("data.csv", csv.as_str()), ("truth.json", json.as_str())];
-    let trace = trace(&data)?;
-    files.extend(trace.as_ref().map(|trace| ("trace.log", trace.as_str())));
+    let format = TextFormat::from(arguments.format);
+    let name = format!("trace.{}", format.ending());
+    let trace = trace(&data, format).map_err(|error| format!("{name}: {error}"))?;
+    files.extend(trace.as_ref().map(|trace| (name.as_str(), trace.as_str())));
     arguments.output.write(&files)?;
     if arguments.output.json {
         return say(&json);
@@ -93,14 +120,14 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
 /// Rows from which on no trace is written: six frames each would be a gigabyte.
 const MOST_TRACED: usize = 2_000_000;
 
-/// The log as `candump -L` would have written it on the joint's bus.
-fn trace(data: &Dataset) -> Result<Option<String>, String> {
+/// The log as it would have been traced on the joint's bus.
+fn trace(data: &Dataset, format: TextFormat) -> Result<Option<String>, String> {
     if data.rows > MOST_TRACED {
         return Ok(None);
     }
-    let options =
-        EmitOptions { auxiliary: data.covariates.first().cloned(), ..EmitOptions::default() };
+    let auxiliary = data.covariates.first().cloned();
+    let options = EmitOptions { auxiliary, format, ..EmitOptions::default() };
     let mut trace = Vec::new();
-    emit(data, &options, &mut trace).map_err(|error| format!("trace.log: {error}"))?;
-    String::from_utf8(trace).map(Some).map_err(|error| format!("trace.log: {error}"))
+    emit(data, &options, &mut trace).map_err(|error| error.to_string())?;
+    String::from_utf8(trace).map(Some).map_err(|error| error.to_string())
 }

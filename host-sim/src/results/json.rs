@@ -6,6 +6,7 @@
 
 use friction_identification::data::{Dataset, Split};
 use friction_identification::fit::{Estimate, Metrics, Outcome};
+use friction_identification::log_check::{ColumnOverview, overview};
 use friction_identification::params::unit;
 use friction_identification::spec::Spec;
 use serde::Serialize;
@@ -39,6 +40,8 @@ pub(super) struct Data {
     test_runs: Vec<String>,
     files: Vec<String>,
     sha256: Vec<String>,
+    columns: Vec<Value>,
+    notes: Vec<String>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -108,6 +111,20 @@ pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcom
     }
 }
 
+/// A column as it is used, and where it comes from.
+fn column(of: &ColumnOverview) -> Value {
+    let source = of.source.as_ref();
+    json!({
+        "name": of.name,
+        "unit": of.unit,
+        "range": of.range,
+        "from": source.map(|source| &source.header),
+        "from_unit": source.and_then(|source| source.unit.as_ref()),
+        "filled": source.map_or(0, |source| source.filled),
+        "fill": source.and_then(|source| source.fill),
+    })
+}
+
 /// What was read, and how it was divided.
 pub(super) fn sources(data: &Dataset, split: &Split, hashes: &[String]) -> Data {
     Data {
@@ -119,5 +136,7 @@ pub(super) fn sources(data: &Dataset, split: &Split, hashes: &[String]) -> Data 
         test_runs: split.test_runs(data),
         files: data.files.iter().map(|file| file.display().to_string()).collect(),
         sha256: hashes.to_vec(),
+        columns: overview(data).columns.iter().map(column).collect(),
+        notes: data.notes.clone(),
     }
 }

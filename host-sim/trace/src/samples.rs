@@ -387,14 +387,14 @@ mod tests {
     fn a_sync_ends_a_sample_and_answers_follow_it() {
         let (samples, summary) = assemble(&format!(
             "(1.000000) can0 601#2300200105000000
-             (1.001000) can0 201#{ONE_TWO}
-             (1.001000) can0 301#{ONE_TWO}
+             (1.001000) can0 481#{ONE_TWO}
+             (1.001000) can0 681#{ONE_TWO}
              (1.001000) can0 401#{ONE_TWO}
              (1.002000) can0 080#01
              (1.003000) can0 181#{ONE_TWO}
              (1.003000) can0 281#0000020000000000
-             (1.004000) can0 201#{ONE_TWO}
-             (1.004000) can0 301#{ONE_TWO}
+             (1.004000) can0 481#{ONE_TWO}
+             (1.004000) can0 681#{ONE_TWO}
              (1.005000) can0 080#02"
         ));
         assert_eq!(samples.len(), 2);
@@ -415,14 +415,14 @@ mod tests {
 
     #[test]
     fn what_is_lost_is_counted_and_what_is_damaged_spoils_one_sample() {
-        let pair = format!("(1.0) can0 201#{ONE_TWO}\n(1.0) can0 301#{ONE_TWO}\n");
+        let pair = format!("(1.0) can0 481#{ONE_TWO}\n(1.0) can0 681#{ONE_TWO}\n");
         let (samples, summary) = assemble(&format!(
             "{pair}(1.0) can0 080#EF
              {pair}(1.0) can0 080#02
-             (1.0) can0 201#00112233
-             (1.0) can0 301#{ONE_TWO}
+             (1.0) can0 481#00112233
+             (1.0) can0 681#{ONE_TWO}
              (1.0) can0 080#03
-             (1.0) can0 201#{ONE_TWO}
+             (1.0) can0 481#{ONE_TWO}
              (1.0) can0 080#04
              (1.0) can0 080#05
              (1.0) can0 601#23002002F1010000
@@ -431,7 +431,7 @@ mod tests {
         let sequences: Vec<u32> = samples.iter().map(|sample| sample.sequence).collect();
         assert_eq!(sequences, [238, 241, 242, 243, 497]);
         assert_eq!(summary.lost, 2 + 252);
-        let length = FrameError::Length { identifier: 0x201, found: 4, expected: 8 };
+        let length = FrameError::Length { identifier: 0x481, found: 4, expected: 8 };
         assert_eq!(samples[2].fault, Some(length));
         assert!(samples[2].motion.velocity_rad_s.is_nan() && samples[3].fault.is_none());
         assert!(samples[3].torque.torque_nm.is_nan(), "a fast PDO that is missing is missing");
@@ -444,11 +444,11 @@ mod tests {
             "(1.0) can0 080#01
              (1.0) can0 000#0102
              (1.0) can0 20000004#000C000000000000
-             (1.0) can0 00000201#{ONE_TWO}
-             (1.0) can0 201##0{ONE_TWO}
-             (1.0) can0 202#{ONE_TWO}
-             (1.0) can0 203#{ONE_TWO}
-             (1.0) can1 202#{ONE_TWO}
+             (1.0) can0 00000481#{ONE_TWO}
+             (1.0) can0 481##0{ONE_TWO}
+             (1.0) can0 482#{ONE_TWO}
+             (1.0) can0 483#{ONE_TWO}
+             (1.0) can1 482#{ONE_TWO}
              (1.0) can1 080#01
              (1.0) can0 181#{ONE_TWO}
              (1.0) can0 302#{ONE_TWO}

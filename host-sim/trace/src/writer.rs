@@ -4,8 +4,9 @@
 //! stamp: RPDOs for what is measured, then the SYNC, then the driver's answer where there is one. A run
 //! begins with its number.
 
-use crate::candump::{self, CanFrame, Fraction, Line};
+use crate::candump::{CanFrame, Fraction, Line};
 use crate::samples::TraceSample;
+use crate::text::{TextFormat, TextWriter};
 use compensator_core::can::{Entry, Message, Node, Sync};
 use std::io::{self, Write};
 
@@ -16,6 +17,7 @@ pub struct Writer<'a, W> {
     interface: &'a [u8],
     node: Node,
     fraction: Fraction,
+    lines: TextWriter,
     text: Vec<u8>,
     run: Option<u32>,
 }
@@ -24,7 +26,15 @@ impl<'a, W: Write> Writer<'a, W> {
     /// A writer for a joint on an interface.
     pub fn new(out: W, interface: &'a str, node: Node, fraction: Fraction) -> Self {
         let interface = interface.as_bytes();
-        Self { out, interface, node, fraction, text: Vec::new(), run: None }
+        let lines = TextWriter::default();
+        Self { out, interface, node, fraction, lines, text: Vec::new(), run: None }
+    }
+
+    /// The same in another format than candump's.
+    #[must_use]
+    pub fn in_format(mut self, format: TextFormat) -> Self {
+        self.lines = TextWriter::new(format);
+        self
     }
 
     /// Puts a message at the end of the log.
@@ -75,14 +85,16 @@ impl<'a, W: Write> Writer<'a, W> {
     fn append(&mut self, time_ns: u64, message: &Message) {
         let frame = CanFrame::from(message.emit());
         let line = Line { time_ns, interface: self.interface, frame, direction: None };
-        candump::emit(&line, self.fraction, &mut self.text);
+        self.lines.emit(&line, self.fraction, &mut self.text);
     }
 
-    /// Hands what was written on to where it goes.
+    /// Ends the log, and hands what was written on to where it goes.
     ///
     /// # Errors
     /// As the writer below.
-    pub fn flush(&mut self) -> io::Result<()> {
+    pub fn finish(mut self) -> io::Result<()> {
+        self.lines.end(&mut self.text);
+        self.flush_text()?;
         self.out.flush()
     }
 

@@ -1,4 +1,4 @@
-//! Any text as a candump log: lines that are read are written and read as the same; whole logs are planned.
+//! Any text as a CAN log, of whatever format it looks like: lines that are read are written and read as the same; whole logs are planned.
 
 #![no_main]
 
@@ -6,12 +6,14 @@ use compensator_core::can::Node;
 use joint_bus::replay::Plan;
 use joint_trace::Assembler;
 use joint_trace::candump::{self, CanFrame, Fraction};
+use joint_trace::{Frames, TextFormat, TextReader};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {
     let (mut assembler, mut good, mut stamps) = (Assembler::default(), 0, Vec::new());
+    let mut lines = TextReader::new(TextFormat::of(data).unwrap_or_default());
     for text in data.split(|byte| *byte == b'\n') {
-        let Ok(line) = candump::parse(text) else { continue };
+        let Frames::Line(line) = lines.read(text) else { continue };
         good += 1;
         stamps.push(line.time_ns);
         if let CanFrame::Data { length, .. } = line.frame {

@@ -16,7 +16,7 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
 
 fuzz_target!(|data: &[u8]| {
     std::fs::write(&*FILE, data).expect("the file can be written");
-    let options = ReadOptions { columns: vec![], skip: data.len() % 3 };
+    let options = ReadOptions { columns: vec![], skip: data.len() % 3, ..ReadOptions::default() };
     let outcome = read(&[FILE.clone()], &options, &|_, _| {});
     let _ = std::fs::remove_file(&*FILE);
     let data = match outcome {

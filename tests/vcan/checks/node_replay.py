@@ -84,7 +84,7 @@ def a_joint_of_any_number_takes_the_log_of_another():
         holds(replay("--node-id", "17", "--rate", "max"))
         log = seen.log()
         equal(len(frames(log, "191")), 2000)
-        equal(len(frames(log, "181", "201")), 0)
+        equal(len(frames(log, "181", "481")), 0)
         assert "does not answer" in host_sim("replay", trace(), code=2)
 
 
@@ -100,7 +100,7 @@ def damaged_frames_do_not_pass():
 
 def disturbed(disturb):
     """A replay that somebody steps into half a second after it began to feed; gives its report."""
-    with Node(), Candump(filters=["201:7FF"]) as seen:
+    with Node(), Candump(filters=["481:7FF"]) as seen:
         out = FOLDER / "disturbed"
         # Without the objects a trace writes on its way: somebody else is to use the server meanwhile.
         lines = trace().read_text().splitlines(keepends=True)
@@ -109,7 +109,7 @@ def disturbed(disturb):
         # Slowly enough that a guest gets it done meanwhile.
         command = [HOST_SIM, "replay", log, "--out", out, "--bus", INTERFACE, "--rate", "0.4"]
         player = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        until(lambda: "201#" in seen.text(), "the replay has begun")
+        until(lambda: "481#" in seen.text(), "the replay has begun")
         time.sleep(0.5)
         disturb()
         said = player.communicate(timeout=30)[1].decode()
@@ -131,7 +131,7 @@ def another_parameter_in_the_driver_is_found():
 @test
 def a_foreign_input_is_found():
     # A command, once, from somebody else; the trace has none, so it stays.
-    found = disturbed(lambda: cansend("481#0000803F00000001"))
+    found = disturbed(lambda: cansend("301#0000803F00000001"))
     assert 200 < found["mismatches"] and found["lost"] == 0, found
     assert found["shown"][0]["what"] in ("flags", "feed-forward current, A", "friction torque, Nm", "current, A"), found
 

@@ -167,10 +167,14 @@ def a_joint_is_fed_and_understood_with_the_database():
         equal(str(answers()["Status"]["VelocityInvalid"]), "yes")
 
 
+# What is another for a joint on its sensors, which is the EDS's, and for one in HIL: the source, and who says Motion and Torque.
+OF_SOURCE = {(0x2001, 1), (0x1404, 1), (0x1405, 1), (0x1803, 1), (0x1804, 1)}
+
+
 @test
 def identity_and_state_are_those_of_the_eds():
     with Joint("--seconds", "60") as node:
-        equal(node.sdo["device_type"].raw, 0)
+        equal(node.sdo["device_type"].raw, 0x00020192)
         identity = node.sdo["identity"]
         for name in ("vendor_id", "product_code", "revision_number"):
             equal(identity[name].raw, node.object_dictionary["identity"][name].default, name)
@@ -178,20 +182,26 @@ def identity_and_state_are_those_of_the_eds():
         equal(node.sdo["device_name"].raw, "friction-compensated joint driver")
         equal(node.sdo["software_version"].raw, node.object_dictionary["software_version"].default)
         # Every object of the file is there, and its default is what a fresh driver says.
-        read = 0
+        read = floats = 0
         for object in node.object_dictionary.values():
             variables = [object] if isinstance(object, canopen.objectdictionary.ODVariable) else object.values()
             for variable in variables:
-                if variable.default is None or not variable.readable or variable.index == 0x1003:
+                if not variable.readable or variable.index == 0x1003:
+                    continue
+                if (variable.index, variable.subindex) in OF_SOURCE:
+                    continue
+                if variable.data_type == canopen.objectdictionary.datatypes.REAL32 and hasattr(variable, "default_raw"):
+                    # A float is its bits there, as Lely's tools want it; python-canopen takes decimal numbers alone.
+                    bits = int.from_bytes(node.sdo.upload(variable.index, variable.subindex), "little")
+                    equal(bits, int(variable.default_raw, 16), variable.name)
+                    floats += 1
+                    continue
+                if variable.default is None:
                     continue
                 value = node.sdo.upload(variable.index, variable.subindex)
-                found = variable.decode_raw(value)
-                if isinstance(found, float):
-                    assert same(found, float32(variable.default)), (variable.name, found)
-                else:
-                    equal(found, variable.default, variable.name)
+                equal(variable.decode_raw(value), variable.default, variable.name)
                 read += 1
-        assert read > 150, read
+        assert read > 50 and floats > 100, (read, floats)
 
 
 @test

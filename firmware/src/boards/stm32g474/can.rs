@@ -10,15 +10,17 @@
 
 use super::{pins, scales};
 use compensator_core::can::{Frame, Node};
+use core::num::{NonZeroU8, NonZeroU16};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::can::config::{
-    FrameTransmissionConfig, GlobalFilter, NonMatchingFilter, TxBufferMode,
+    FrameTransmissionConfig, GlobalFilter, NominalBitTiming, NonMatchingFilter, TxBufferMode,
 };
 use embassy_stm32::can::filter::{Action, FilterType, StandardFilter, StandardFilterSlot};
 use embassy_stm32::can::{Can, CanConfigurator, IT0InterruptHandler, IT1InterruptHandler};
 use embassy_stm32::interrupt::typelevel::{Binding, FDCAN1_IT0, FDCAN1_IT1};
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::FDCAN1;
+use firmware::node::bit_timing::BitTiming;
 use firmware::supervisor::CanState;
 
 const CONTROLLER: pac::can::Fdcan = pac::FDCAN1;
@@ -58,10 +60,13 @@ pub struct Controller {
 
 impl Controller {
     /// Goes on the bus as this node.
-    pub fn start(can: pins::Can, node: Node) -> Self {
+    pub fn start(can: pins::Can, node: Node, bit_rate_kbit: u16) -> Self {
         let mut setup = CanConfigurator::new(can.controller, can.receive, can.transmit, Taken);
-        setup.set_bitrate(scales::CAN_BITS_PER_S);
         let mut config = setup.config();
+        // Every rate that settings may hold has a timing, as scales.rs makes sure of.
+        if let Some(timing) = timing(bit_rate_kbit) {
+            config.nbtr = timing;
+        }
         config.frame_transmit = FrameTransmissionConfig::ClassicCanOnly;
         config.tx_buffer_mode = TxBufferMode::Fifo;
         // Recovery is asked for below, where it is also counted.
@@ -144,6 +149,17 @@ impl Controller {
         cortex_m::asm::dmb();
         CONTROLLER.txbar().write(|w| w.set_ar(place, true));
     }
+}
+
+/// A bit rate as the controller wants it.
+fn timing(bit_rate_kbit: u16) -> Option<NominalBitTiming> {
+    let timing = BitTiming::of(scales::CAN_HZ, u32::from(bit_rate_kbit) * 1000)?;
+    Some(NominalBitTiming {
+        prescaler: NonZeroU16::new(timing.prescaler)?,
+        seg1: NonZeroU8::new(timing.seg1)?,
+        seg2: NonZeroU8::new(timing.seg2)?,
+        sync_jump_width: NonZeroU8::new(timing.seg2)?,
+    })
 }
 
 /// In the interrupt: gives every frame received to `take`.

@@ -9,11 +9,13 @@ use super::{pins, scales};
 use cortex_m::peripheral::DWT;
 use embassy_stm32::gpio::{Level, Output, Pull, Speed};
 use embassy_stm32::mode::Blocking;
+use embassy_stm32::peripherals::SPI1;
 use embassy_stm32::spi::mode::Master;
 use embassy_stm32::spi::{self, Spi};
+use embassy_stm32::{pac, rcc};
 use embedded_hal::delay::DelayNs;
 use embedded_hal_bus::spi::ExclusiveDevice;
-use firmware::control::{PowerStage, StageSample, Valid, encoder_angle};
+use firmware::control::{Broke, PowerStage, StageSample, Valid, encoder_angle};
 use firmware::sensors::as504x::{ANGLE_BITS, As504x};
 use firmware::sensors::shunt::{OFFSET_SAMPLES, OffsetFinder, Shunt};
 
@@ -49,8 +51,13 @@ impl PowerStage for MotorStage {
     }
 
     #[inline(always)]
-    fn broke(&mut self) -> bool {
+    fn broke(&mut self) -> Option<Broke> {
         self.stage.broke()
+    }
+
+    #[inline(always)]
+    fn wake(&mut self, awake: bool) {
+        self.stage.wake(awake);
     }
 
     #[inline(always)]
@@ -103,6 +110,12 @@ pub fn find_offsets(stage: &mut Stage) -> [Option<Shunt>; 2] {
     // The fault a gate driver shows while it wakes is forgotten.
     stage.off();
     finders.map(|finder| finder.shunt(scales::AMPERES_PER_COUNT))
+}
+
+/// Whether the encoder's clock is what was meant: the divider in the register, of the clock there is.
+pub fn encoder_clock_is_right() -> bool {
+    let divider = 2 << pac::SPI1.cr1().read().br().to_bits();
+    divider == scales::ENCODER_DIVIDER && rcc::frequency::<SPI1>().0 == scales::CORE_HZ
 }
 
 /// Sets the encoder's bus up.

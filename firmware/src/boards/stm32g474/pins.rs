@@ -1,10 +1,13 @@
 //! What is wired to what: the one table to change for another board with this chip.
 //!
 //! Types check it: a pin that cannot be what it is used for does not compile (embassy knows every pin's
-//! functions), and a peripheral named twice is moved twice, which does not compile either. The break input
-//! alone is set by number, in `power_stage`.
+//! functions), and a peripheral named twice is moved twice, which does not compile either. The break input,
+//! in `power_stage`, and the gate driver's enable for a firmware that is dying are set by number.
 
-use embassy_stm32::{Peri, Peripherals, peripherals};
+use embassy_stm32::{Peri, Peripherals, pac, peripherals};
+
+/// The gate driver's enable again, by port and number: a panic has no pins of its own.
+pub const GATE_ENABLE: (pac::gpio::Gpio, usize) = (pac::GPIOC, 6);
 
 macro_rules! wiring {
     ($(

@@ -8,6 +8,10 @@
 //! *Off* is the main output enable (MOE) off: all six outputs go to their idle level, low, driven. The break
 //! input does the same by hardware within nanoseconds; software then finds the break flag and tells. MOE is
 //! never set by hardware (no automatic re-enable), and dead time, idle levels and break are locked at the start.
+//!
+//! The chip itself breaks too: a crystal that stops (CSS), a processor that locks up, flash or RAM whose check bits do
+//! not fit, a supply below 2.8 V (PVD). Those are wired to the timer's break in SYSCFG before the break is locked, and
+//! there they stay until the next reset, whatever the firmware does. The gate driver's enable is a second way off.
 
 use super::pins;
 use super::scales::{DEAD_TIME, PWM_TOP};
@@ -19,10 +23,15 @@ use embassy_stm32::timer::complementary_pwm::ComplementaryPwmPin;
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::triggers::TIM1_TRGO2;
 use embassy_stm32::{Peri, pac, rcc};
+use firmware::control::Broke;
 
 /// Alternate function of the break input.
 const BREAK_FUNCTION: u8 = 12;
 const TIMER: pac::timer::TimAdv = pac::TIM1;
+
+/// Level of the supply that opens the bridge: 2.8 V (PWR_CR2, PLS), 0.1 V above the highest brown-out level and 15 %
+/// below the nominal 3.3 V, to which a regulator holds it.
+const SUPPLY_LEVEL: u8 = 0b101;
 
 /// Raw counts of a period.
 #[derive(Clone, Copy)]
@@ -116,25 +125,27 @@ impl Stage {
     /// Cycles since the last top: since the sample.
     #[inline(always)]
     pub fn since_trigger(&self) -> u32 {
-        let (top, count) = (u32::from(PWM_TOP), u32::from(TIMER.cnt().read().cnt()));
-        if TIMER.cr1().read().dir() == vals::Dir::DOWN {
-            top.saturating_sub(count)
-        } else {
-            top + count
-        }
+        since_top()
     }
 
-    /// Whether the break input has opened the bridge, or would.
+    /// Whether the break input or the chip has opened the bridge, or would.
     #[inline(always)]
-    pub fn broke(&self) -> bool {
-        TIMER.sr().read().bif(0)
+    pub fn broke(&self) -> Option<Broke> {
+        let flags = TIMER.sr().read();
+        if flags.sbif() { Some(Broke::System) } else { flags.bif(0).then_some(Broke::GateDriver) }
+    }
+
+    /// Wakes the gate driver, or puts it to sleep.
+    #[inline(always)]
+    pub fn wake(&mut self, awake: bool) {
+        self.enable.set_level(awake.into());
     }
 
     /// Sets the duties of the next period; closes the bridge where it is open and nothing broke it.
     #[inline(always)]
     pub fn drive(&mut self, duty: [f32; 3]) {
         set_duties(duty);
-        if !self.broke() && !TIMER.bdtr().read().moe() {
+        if self.broke().is_none() && !TIMER.bdtr().read().moe() {
             TIMER.bdtr().modify(|w| w.set_moe(true));
         }
     }
@@ -148,7 +159,34 @@ impl Stage {
         TIMER.sr().write(|w| {
             w.0 = u32::MAX;
             w.set_bif(0, false);
+            w.set_sbif(false);
         });
+    }
+}
+
+/// Opens all switches both ways at once: for whoever is about to end this life, and has nothing but registers.
+pub fn open_bridge() {
+    TIMER.bdtr().modify(|w| w.set_moe(false));
+    let (port, pin) = pins::GATE_ENABLE;
+    port.bsrr().write(|w| w.set_br(pin, true));
+}
+
+/// A break that was the store's own, a read of a double word torn by a loss of power, is none of the bridge's.
+pub fn forget_system_break() {
+    TIMER.sr().write(|w| {
+        w.0 = u32::MAX;
+        w.set_sbif(false);
+    });
+}
+
+/// Cycles since the last top of the PWM: since the currents were sampled.
+#[inline(always)]
+pub fn since_top() -> u32 {
+    let (top, count) = (u32::from(PWM_TOP), u32::from(TIMER.cnt().read().cnt()));
+    if TIMER.cr1().read().dir() == vals::Dir::DOWN {
+        top.saturating_sub(count)
+    } else {
+        top + count
     }
 }
 
@@ -161,7 +199,24 @@ fn set_duties(duty: [f32; 3]) {
     }
 }
 
+/// What of the chip itself opens the bridge. Each of these bits can be set once and cleared by a reset alone.
+fn wire_chip_faults_to_break() {
+    pac::PWR.cr2().write(|w| {
+        w.set_pls(SUPPLY_LEVEL);
+        w.set_pvde(true);
+    });
+    // A crystal that stops: the timer breaks, the core goes on with its own oscillator, NMI tells.
+    pac::RCC.cr().modify(|w| w.set_csson(true));
+    pac::SYSCFG.cfgr2().modify(|w| {
+        w.set_cll(true);
+        w.set_spl(true);
+        w.set_pvdl(true);
+        w.set_eccl(true);
+    });
+}
+
 fn set_up_timer() {
+    wire_chip_faults_to_break();
     // A halt in the debugger opens the bridge, or the last duties would stand.
     pac::DBGMCU.apb2fzr().modify(|w| w.set_tim1(true));
     TIMER.cr1().write(|w| {

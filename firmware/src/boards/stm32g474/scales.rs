@@ -3,6 +3,10 @@
 use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
 use firmware::deadline::Limits;
+use firmware::loop_parts::StageTraits;
+use firmware::node::bit_timing::{BitTiming, RATES_KBIT};
+use firmware::sensors::as504x::{CLOCK_MAX_HZ, clock_divider};
+use firmware::sensors::quiet::QuietWindow;
 use firmware::sensors::shunt::RANGE;
 use firmware::sensors::strain_gauge::StrainGauge;
 use firmware::sensors::thermistor::Thermistor;
@@ -42,10 +46,52 @@ pub const HAS_STRAIN_GAUGE: bool = true;
 /// Pressure inside the housing, Pa: closed at the surface.
 pub const INSIDE_PA: f32 = 101_325.0;
 
-/// Bit rate of the bus.
-pub const CAN_BITS_PER_S: u32 = 1_000_000;
-/// The encoder's clock, at most; it stands 10 MHz.
-pub const ENCODER_CLOCK: Hertz = Hertz(8_000_000);
+/// Clock of the CAN controller: the core's. Every bit rate a driver can be set to divides it.
+pub const CAN_HZ: u32 = CORE_HZ;
+const _: () = {
+    let mut place = 0;
+    while place < RATES_KBIT.len() {
+        assert!(
+            BitTiming::of(CAN_HZ, RATES_KBIT[place] as u32 * 1000).is_some(),
+            "a rate without a timing"
+        );
+        place += 1;
+    }
+};
+
+/// Time a shunt's amplifier has to settle once its low side conducts, s: 1.5 us for 0.5 % at a gain of 20.
+const SETTLE_S: f32 = 1.5e-6;
+/// What the loop has to know of the stage.
+pub const STAGE: StageTraits = StageTraits {
+    // The angle read is that of the frame before; a frame begins 2 us after the top.
+    encoder_age_s: PERIOD_S + 2e-6,
+    modulation_max: StageTraits::modulation_for(
+        PERIOD_S,
+        DEAD_TIME as f32 / CORE_HZ as f32,
+        SETTLE_S,
+    ),
+};
+/// Divider of the encoder's clock: 5.3 MHz of the core's 170 MHz. The next less would be 10.6 MHz, and it stands 10.
+pub const ENCODER_DIVIDER: u32 = clock_divider(CORE_HZ);
+/// The encoder's clock, to be asked for exactly: embassy rounds to the nearest divider, up as well as down.
+pub const ENCODER_CLOCK: Hertz = Hertz(CORE_HZ / ENCODER_DIVIDER);
+const _: () = assert!(CORE_HZ <= ENCODER_DIVIDER * CLOCK_MAX_HZ, "the encoder's clock is too fast");
+const _: () =
+    assert!(CORE_HZ >= ENCODER_DIVIDER * 2_500_000, "a frame would take a tenth of the period");
+
+/// Cycles of the core in one of the converters'.
+const CONVERTER: u32 = 4;
+/// When a slow conversion may begin. The currents and the bus take 12.5 + 12.5 and 24.5 + 12.5 of the converters'
+/// cycles from the top on, a slow one 247.5 + 12.5; the margin, 1 us, is for what is between asking and beginning.
+pub const QUIET: QuietWindow = match QuietWindow::of(
+    CORE_HZ / LOOP_HZ,
+    62 * CONVERTER,
+    260 * CONVERTER,
+    CORE_HZ / 1_000_000,
+) {
+    Some(window) => window,
+    None => panic!("the period leaves no time for a slow conversion"),
+};
 /// The pressure sensor's clock; it stands 400 kHz.
 pub const PRESSURE_CLOCK: Hertz = Hertz(400_000);
 /// How long the firmware may be silent before it is reset, us. A page of flash is erased in 25 ms at most.

@@ -1,5 +1,8 @@
 //! What changes slowly: temperatures, side load, pressure.
+//!
+//! Converted twice, away from the top of the PWM; see `sensors::quiet` for why.
 
+use super::power_stage::since_top;
 use super::{pins, scales};
 use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime};
@@ -9,6 +12,7 @@ use embassy_stm32::peripherals::{ADC3, ADC4, PB0, PB1, PB12};
 use embassy_time::Duration;
 use firmware::sensors::Local;
 use firmware::sensors::ms5837::Ms5837;
+use firmware::sensors::quiet::convert_twice;
 use firmware::sensors::shunt::RANGE;
 
 /// Long enough for a divider of 10 k: 6 us.
@@ -49,8 +53,12 @@ impl SlowSensors {
 
     /// Temperatures of bridge and motor, deg C; NaN where a sensor is broken.
     pub fn temperatures_c(&mut self) -> [f32; 2] {
-        let bridge = share(self.temperatures.blocking_read(&mut self.bridge, SETTLE));
-        let motor = share(self.temperatures.blocking_read(&mut self.motor, SETTLE));
+        let bridge = share(convert_twice(wait_for_quiet, || {
+            self.temperatures.blocking_read(&mut self.bridge, SETTLE)
+        }));
+        let motor = share(convert_twice(wait_for_quiet, || {
+            self.temperatures.blocking_read(&mut self.motor, SETTLE)
+        }));
         [
             scales::BRIDGE_THERMISTOR.temperature_c(bridge),
             scales::MOTOR_THERMISTOR.temperature_c(motor),
@@ -61,7 +69,9 @@ impl SlowSensors {
     pub fn poll(&mut self, now_us: u64) -> Local {
         let local = &mut self.last;
         if scales::HAS_STRAIN_GAUGE {
-            let at = share(self.forces.blocking_read(&mut self.force, SETTLE));
+            let at = share(convert_twice(wait_for_quiet, || {
+                self.forces.blocking_read(&mut self.force, SETTLE)
+            }));
             if let Some(force_n) = scales::STRAIN_GAUGE.force_n(at) {
                 local.radial_force(force_n, now_us);
             }
@@ -73,6 +83,11 @@ impl SlowSensors {
         }
         *local
     }
+}
+
+/// Returns in the part of a period that is free: within one, for the timer runs on.
+fn wait_for_quiet() {
+    while !scales::QUIET.contains(since_top()) {}
 }
 
 fn share(counts: u16) -> f32 {

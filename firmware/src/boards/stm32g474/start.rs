@@ -59,6 +59,22 @@ fn cause(flags: Csr) -> ResetCause {
     }
 }
 
+/// Highest brown-out level: the chip is held in reset below 2.8 V (option byte BOR_LEV), where flash and converters
+/// are still within their data sheet. As delivered it is the lowest, 1.7 V.
+const BROWN_OUT_LEVEL: u8 = 4;
+
+/// Says where the option bytes hold another brown-out level than docs/bring-up.md has set.
+pub fn tell_brown_out_level() {
+    let level = pac::FLASH.optr().read().bor_lev();
+    if level != BROWN_OUT_LEVEL {
+        defmt::warn!(
+            "brown-out level {=u8}, meant is {=u8}: see docs/bring-up.md",
+            level,
+            BROWN_OUT_LEVEL
+        );
+    }
+}
+
 /// A number of this very chip: its 96-bit identity, folded by a CRC.
 pub fn serial() -> u32 {
     crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC).checksum(&embassy_stm32::uid::uid())

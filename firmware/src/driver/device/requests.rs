@@ -20,6 +20,12 @@ impl<F: NorFlash> Device<F> {
             1 => self.arm(),
             2 => self.supervisor.clear_faults().map_err(|left| {
                 self.blocking = left.fault_bits();
+                if left.contains(Code::GateDriverFault) {
+                    // It may hold its fault until it has slept, and the bridge is off: asked again, it is gone.
+                    self.gate_resets = self.gate_resets.wrapping_add(1);
+                    let why = format_args!("{} (its driver was reset: ask again)", Still(left));
+                    return self.staging.refuse(Abort::State, why);
+                }
                 self.staging.refuse(Abort::State, Still(left))
             }),
             _ => Err(self.staging.refuse(
@@ -88,8 +94,32 @@ impl<F: NorFlash> Device<F> {
         self.watch = watch(&set.watch, &self.settings);
         self.staging.activate(set);
         self.supervisor.parameters(InUse::Set);
+        self.see_to_commissioned();
         self.set_number = self.set_number.wrapping_add(1);
         Ok(())
+    }
+
+    /// Somebody has seen that the joint is wired as its parameters say: those of this CRC, and no others.
+    pub(in crate::driver) fn commission(&mut self, seen: u32) -> Result<(), Abort> {
+        let wiring = self.staging.active().wiring_crc();
+        if seen != wiring {
+            let why = format_args!(
+                "confirm = {seen:08x}: the wiring in use has the crc {wiring:08x}, and only that can be confirmed"
+            );
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        self.settings.commissioned = seen;
+        self.see_to_commissioned();
+        Ok(())
+    }
+
+    pub(in crate::driver) fn is_commissioned(&self) -> bool {
+        self.settings.commissioned == self.staging.active().wiring_crc()
+    }
+
+    fn see_to_commissioned(&mut self) {
+        let confirmed = self.is_commissioned();
+        self.supervisor.commissioned(confirmed);
     }
 
     /// Takes other settings; the node's number counts from the next start.

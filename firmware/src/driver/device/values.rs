@@ -1,7 +1,8 @@
 //! What the objects read as: the device's state, value by value.
 
 use super::{Counters, Device, Reply, State};
-use crate::node::dictionary::records::{self, Inputs, Outputs, WatchState};
+use crate::node::dictionary::records::{self, Inputs, Measured, Outputs, WatchState};
+use crate::node_settings::Source;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -35,6 +36,24 @@ impl<F: NorFlash> Device<F> {
 
     pub(in crate::driver) const fn last_inputs(&self) -> Inputs {
         self.inputs
+    }
+
+    pub(in crate::driver) fn measured(&self) -> Measured {
+        let told = &self.inputs;
+        match self.settings.source {
+            Source::Bus => Measured {
+                velocity_rad_s: told.velocity_rad_s,
+                position_rad: told.position_rad,
+                torque_nm: told.torque_nm,
+                load_torque_nm: told.load_torque_nm,
+            },
+            Source::Sensors => Measured {
+                velocity_rad_s: self.report.velocity_rad_s.to_bits(),
+                position_rad: self.report.position_rad.to_bits(),
+                torque_nm: self.report.motor_torque_nm.to_bits(),
+                load_torque_nm: told.load_torque_nm,
+            },
+        }
     }
 
     pub(in crate::driver) fn last_outputs(&self) -> Outputs {

@@ -8,6 +8,12 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum DataType {
+    /// Eight bits with a sign.
+    Integer8 = 0x02,
+    /// Sixteen bits with a sign.
+    Integer16 = 0x03,
+    /// Thirty-two bits with a sign.
+    Integer32 = 0x04,
     /// Eight bits.
     Unsigned8 = 0x05,
     /// Sixteen bits.
@@ -26,9 +32,9 @@ impl DataType {
     /// Length in bytes; `None` where it varies.
     pub const fn length(self) -> Option<usize> {
         match self {
-            Self::Unsigned8 => Some(1),
-            Self::Unsigned16 => Some(2),
-            Self::Unsigned32 | Self::Real32 => Some(4),
+            Self::Unsigned8 | Self::Integer8 => Some(1),
+            Self::Unsigned16 | Self::Integer16 => Some(2),
+            Self::Unsigned32 | Self::Integer32 | Self::Real32 => Some(4),
             Self::VisibleString | Self::Domain => None,
         }
     }
@@ -43,6 +49,8 @@ pub enum Access {
     ReadOnly,
     /// A tool may write it.
     ReadWrite,
+    /// A tool may write it, and a process frame does: what a receive PDO is mapped to must be writable.
+    Input,
     /// A tool may write it; there is nothing to read.
     WriteOnly,
 }
@@ -136,6 +144,14 @@ record! {
 }
 
 record! {
+    /// Identifier of a transmit PDO, which a master may change, and how it travels.
+    TransmitPdo {
+        cob_id: Unsigned32, ReadWrite;
+        transmission_type: Unsigned8, Const;
+    }
+}
+
+record! {
     /// What a trace says of the samples that follow.
     Trace {
         run: Unsigned32, ReadWrite, RUN;
@@ -152,7 +168,8 @@ record! {
         period_s: Real32, ReadWrite, PERIOD_S;
         campaign_h: Real32, ReadWrite, CAMPAIGN_H;
         telemetry_every: Unsigned8, ReadWrite, TELEMETRY_EVERY;
-        node: Unsigned8, ReadWrite;
+        node: Unsigned8, ReadWrite, NODE;
+        bit_rate_kbit: Unsigned16, ReadWrite;
     }
 }
 
@@ -169,18 +186,35 @@ record! {
 }
 
 record! {
-    /// What last came in process frames.
+    /// What last came in process frames. Written as an object it counts as if it had come in its frame.
     Inputs {
-        velocity_rad_s: Real32, ReadOnly, VELOCITY;
-        position_rad: Real32, ReadOnly, POSITION;
-        torque_nm: Real32, ReadOnly, TORQUE;
-        load_torque_nm: Real32, ReadOnly, LOAD_TORQUE;
-        radial_force_n: Real32, ReadOnly, RADIAL_FORCE;
-        pressure_diff_pa: Real32, ReadOnly, PRESSURE_DIFF;
-        temperature_c: Real32, ReadOnly, TEMPERATURE;
-        auxiliary: Real32, ReadOnly, AUXILIARY;
-        command_current_a: Real32, ReadOnly, COMMAND_CURRENT;
-        command_velocity_and_counter: Unsigned32, ReadOnly, COMMAND_REST;
+        velocity_rad_s: Real32, Input, VELOCITY;
+        position_rad: Real32, Input, POSITION;
+        torque_nm: Real32, Input, TORQUE;
+        load_torque_nm: Real32, Input, LOAD_TORQUE;
+        radial_force_n: Real32, Input, RADIAL_FORCE;
+        pressure_diff_pa: Real32, Input, PRESSURE_DIFF;
+        temperature_c: Real32, Input, TEMPERATURE;
+        auxiliary: Real32, Input, AUXILIARY;
+        command_current_a: Real32, Input, COMMAND_CURRENT;
+        command_velocity_and_counter: Unsigned32, Input, COMMAND_REST;
+    }
+}
+
+impl Inputs {
+    /// Sets the entry at a sub-index; gives both words of its frame, which is every two entries.
+    pub fn set(&mut self, sub_index: u8, word: u32) -> Option<[u32; 2]> {
+        let pairs = [
+            [&mut self.velocity_rad_s, &mut self.position_rad],
+            [&mut self.torque_nm, &mut self.load_torque_nm],
+            [&mut self.radial_force_n, &mut self.pressure_diff_pa],
+            [&mut self.temperature_c, &mut self.auxiliary],
+            [&mut self.command_current_a, &mut self.command_velocity_and_counter],
+        ];
+        let place = usize::from(sub_index.checked_sub(1)?);
+        let [first, second] = pairs.into_iter().nth(place / 2)?;
+        *(if place % 2 == 0 { &mut *first } else { &mut *second }) = word;
+        Some([*first, *second])
     }
 }
 
@@ -193,6 +227,16 @@ record! {
         sequence: Unsigned32, ReadOnly, SEQUENCE;
         current_a: Real32, ReadOnly, CURRENT;
         residual_torque_nm: Real32, ReadOnly, RESIDUAL_TORQUE;
+    }
+}
+
+record! {
+    /// What the joint last measured of itself; one in HIL, what it was told.
+    Measured {
+        velocity_rad_s: Real32, ReadOnly, VELOCITY;
+        position_rad: Real32, ReadOnly, POSITION;
+        torque_nm: Real32, ReadOnly, TORQUE;
+        load_torque_nm: Real32, ReadOnly, LOAD_TORQUE;
     }
 }
 
@@ -216,6 +260,15 @@ record! {
         discard: Unsigned8, WriteOnly, DISCARD;
         friction_record: Domain, ReadWrite, FRICTION_RECORD;
         drive_record: Domain, ReadWrite, DRIVE_RECORD;
+    }
+}
+
+record! {
+    /// Whether the joint is wired as its parameters say: confirmed by writing back the CRC of the wiring in use.
+    Commissioning {
+        commissioned: Unsigned8, ReadOnly;
+        wiring_crc: Unsigned32, ReadOnly, WIRING_CRC;
+        confirm: Unsigned32, WriteOnly, CONFIRM;
     }
 }
 

@@ -2,16 +2,16 @@
 //!
 //! The inputs of one joint and the SYNCs are, in the log's order and times; whatever number the joint had,
 //! the frames go to the one that is tested. What the joint answered when it was recorded is kept beside
-//! for comparison. Everything else that candump writes (other nodes, CAN FD, remote requests, error
+//! for comparison. Everything else that a log holds (other nodes, CAN FD, remote requests, error
 //! frames) is counted and passed over. Bad lines are counted; more than one in twenty is an error.
 
 use compensator_core::can::{
     Answer, Entry, Frame, FrameError, Inbox, Message, Node, Status, SyncOutcome,
 };
-use joint_trace::candump::{self, CanFrame};
+use joint_trace::{CanFrame, Census, Frames, LineError, TextFormat, TextReader};
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
 /// Samples an answer may come late by, at most.
@@ -44,7 +44,7 @@ pub struct PassedOver {
     pub error: u64,
     /// Frames stamped before the one that stands before them; played with it.
     pub backwards: u64,
-    /// Lines that are none of candump's.
+    /// Lines that are no frames, where each should be one.
     pub bad_lines: u64,
 }
 
@@ -89,9 +89,9 @@ pub enum PlanError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// Too many lines are none of candump's.
+    /// Too many lines are no frames.
     #[error(
-        "{file}: {bad} of {lines} lines are no candump log, the first is line {first}: expected {expected}"
+        "{file}: {bad} of {lines} lines are no frames of a CAN log, the first is line {first}: expected {expected}"
     )]
     Bad {
         /// The file.
@@ -107,15 +107,17 @@ pub enum PlanError {
     },
     /// No joint was fed in it.
     #[error(
-        "{file}: {samples} SYNCs and {inputs} inputs of a joint, expected at least 2 and 1; is it a log of a joint (joint.dbc)?"
+        "{file}: {samples} SYNCs (080) and {motions} Motion frames (480 + node) of a joint, expected at least 2 and 1; found {census}"
     )]
     Empty {
         /// The file.
         file: String,
         /// SYNCs there are.
         samples: u64,
-        /// Inputs there are.
-        inputs: u64,
+        /// Motion frames there are.
+        motions: u64,
+        /// What is in it.
+        census: Census,
     },
 }
 
@@ -128,7 +130,8 @@ impl Plan {
         let file = path.display().to_string();
         let failed = |source| PlanError::Read { file: file.clone(), source };
         let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?);
-        let mut builder = Builder::new(node);
+        let format = TextFormat::of(reader.fill_buf().map_err(failed)?);
+        let mut builder = Builder::new(node, format);
         let mut line = Vec::new();
         let mut hash = Sha256::new();
         loop {
@@ -140,7 +143,7 @@ impl Plan {
             builder.line(&line);
         }
         let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-        builder.finish(&file, sha256)
+        builder.finish(&file, sha256, || Census::of(BufReader::new(File::open(path)?)))
     }
 
     /// A plan of a log in memory.
@@ -148,15 +151,18 @@ impl Plan {
     /// # Errors
     /// As [`Plan::read`].
     pub fn parse(log: &[u8], node: Node) -> Result<Self, PlanError> {
-        let mut builder = Builder::new(node);
+        let mut builder = Builder::new(node, TextFormat::of(log));
         log.split_inclusive(|byte| *byte == b'\n').for_each(|line| builder.line(line));
         let sha256 = Sha256::digest(log).iter().map(|byte| format!("{byte:02x}")).collect();
-        builder.finish("log", sha256)
+        builder.finish("log", sha256, || Census::of(log))
     }
 }
 
 struct Builder {
     node: Node,
+    reader: TextReader,
+    /// Whether every line must be a frame, as candump's are.
+    is_candump: bool,
     /// The joint that is followed: its interface and number; the first whose inputs are seen.
     joint: Option<(Vec<u8>, Node)>,
     /// Counts the samples as the joint does, once the log has said where they count from.
@@ -167,14 +173,15 @@ struct Builder {
     plan: Plan,
     first_ns: Option<u64>,
     last_ns: u64,
-    inputs: u64,
+    motions: u64,
     /// Times of SYNCs, ns.
     syncs: Vec<u64>,
     answer: Option<Answer>,
 }
 
 impl Builder {
-    fn new(node: Node) -> Self {
+    fn new(node: Node, format: Option<TextFormat>) -> Self {
+        let format = format.unwrap_or_default();
         let plan = Plan {
             frames: Vec::new(),
             samples: 0,
@@ -187,6 +194,8 @@ impl Builder {
         };
         Self {
             node,
+            reader: TextReader::new(format),
+            is_candump: format == TextFormat::Candump,
             joint: None,
             inbox: Inbox::new(node),
             counts: false,
@@ -194,7 +203,7 @@ impl Builder {
             plan,
             first_ns: None,
             last_ns: 0,
-            inputs: 0,
+            motions: 0,
             syncs: Vec::new(),
             answer: None,
         }
@@ -206,9 +215,11 @@ impl Builder {
         }
         self.plan.lines += 1;
         let over = &mut self.plan.passed_over;
-        let line = match candump::parse(text) {
-            Ok(line) => line,
-            Err(error) => {
+        let line = match self.reader.read(text) {
+            Frames::Line(line) => line,
+            Frames::None if !self.is_candump => return,
+            found => {
+                let error = if let Frames::Bad(error) = found { error } else { LineError::Time };
                 over.bad_lines += 1;
                 self.plan.first_bad.get_or_insert((self.plan.lines, error.expected()));
                 return;
@@ -286,7 +297,8 @@ impl Builder {
             }
             Message::Entry(_, Entry::JointKind(_)) => {}
             Message::Entry(_, Entry::Run(_) | Entry::Sequence(_)) => self.counts = true,
-            _ => self.inputs += 1,
+            Message::Motion(..) => self.motions += 1,
+            _ => {}
         }
         self.plan.frames.push(Planned { due_ns, message });
     }
@@ -307,7 +319,13 @@ impl Builder {
         }
     }
 
-    fn finish(mut self, file: &str, sha256: String) -> Result<Plan, PlanError> {
+    /// `census` says what is in the log, where that has to be said.
+    fn finish(
+        mut self,
+        file: &str,
+        sha256: String,
+        census: impl FnOnce() -> io::Result<Census>,
+    ) -> Result<Plan, PlanError> {
         let plan = &mut self.plan;
         let (bad, lines) = (plan.passed_over.bad_lines, plan.lines);
         if let Some((first, expected)) = plan.first_bad
@@ -315,9 +333,13 @@ impl Builder {
         {
             return Err(PlanError::Bad { file: file.into(), bad, lines, first, expected });
         }
-        if plan.samples < 2 || self.inputs == 0 {
-            let (samples, inputs) = (plan.samples, self.inputs);
-            return Err(PlanError::Empty { file: file.into(), samples, inputs });
+        if plan.samples < 2 || self.motions == 0 {
+            let (samples, motions) = (plan.samples, self.motions);
+            let file = file.to_owned();
+            return Err(match census() {
+                Ok(census) => PlanError::Empty { file, samples, motions, census },
+                Err(source) => PlanError::Read { file, source },
+            });
         }
         let mut steps: Vec<u64> =
             self.syncs.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0).collect();
@@ -340,18 +362,18 @@ mod tests {
     use super::*;
 
     const LOG: &str = "\
-(10.000000) can0 207#0000803F0000C07F\n\
+(10.000000) can0 487#0000803F0000C07F\n\
 (10.000000) can0 080#01\n\
 (10.000100) can0 187#0000803F00000000\n\
 (10.000110) can0 287#0000000000000000\n\
-(10.001000) can0 207#0000003F0000C07F\n\
+(10.001000) can0 487#0000003F0000C07F\n\
 (10.001000) can1 080#09\n\
 (10.001000) can0 080#02\n\
-(10.002000) can0 208#0000003F0000C07F\n\
+(10.002000) can0 488#0000003F0000C07F\n\
 (10.002000) can0 123##011\n\
 (10.002000) can0 123#R\n\
 (10.002000) can0 20000004#0000000000000000\n\
-(10.001900) can0 207#00\n\
+(10.001900) can0 487#00\n\
 (10.001900) can0 080#03\n";
 
     #[test]
@@ -360,7 +382,7 @@ mod tests {
         let sent: Vec<_> =
             plan.frames.iter().map(|planned| (planned.due_ns, planned.message.emit())).collect();
         let identifiers: Vec<u16> = sent.iter().map(|(_, frame)| frame.identifier()).collect();
-        assert_eq!(identifiers, [0x203, 0x80, 0x203, 0x80, 0x80]);
+        assert_eq!(identifiers, [0x483, 0x80, 0x483, 0x80, 0x80]);
         let times: Vec<u64> = sent.iter().map(|(due_ns, _)| *due_ns / 1000).collect();
         assert_eq!(times, [0, 0, 1000, 1000, 1900]);
         assert_eq!(plan.samples, 3);
@@ -375,7 +397,7 @@ mod tests {
 
     #[test]
     fn a_recorded_answer_belongs_to_the_sample_of_its_number() {
-        let log = "(1.000) can0 601#2300200107000000\n(1.000) can0 201#0000803F0000C07F\n\
+        let log = "(1.000) can0 601#2300200107000000\n(1.000) can0 481#0000803F0000C07F\n\
             (1.000) can0 080#01\n(1.001) can0 080#02\n(1.002) can0 080#02\n(1.003) can0 080#03\n\
             (1.004) can0 181#0000803F00000000\n(1.004) can0 281#0000000000000000\n\
             (1.004) can0 181#0000004000000000\n(1.004) can0 281#0000000002000000\n\
@@ -391,8 +413,17 @@ mod tests {
     fn what_cannot_be_played_is_refused_in_one_line() {
         let node = Node::FIRST;
         let error = Plan::parse(b"time_s,velocity_rad_s\n0,1\n", node).unwrap_err().to_string();
-        assert!(error.contains("2 of 2 lines are no candump log, the first is line 1"), "{error}");
-        let error = Plan::parse(b"(1.0) can0 123#00\n", node).unwrap_err().to_string();
-        assert!(error.contains("0 SYNCs and 0 inputs"), "{error}");
+        assert!(
+            error.contains("2 of 2 lines are no frames of a CAN log, the first is line 1"),
+            "{error}"
+        );
+        // Two SYNCs and commands, but nobody says how the joint moves.
+        let log = b"(1.0) can0 301#0000000000000000\n(1.0) can0 080#01\n(1.1) can0 080#02\n";
+        let error = Plan::parse(log, node).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "log: 2 SYNCs (080) and 0 Motion frames (480 + node) of a joint, expected at least 2 and \
+             1; found frames 080 (2), 301 (1)"
+        );
     }
 }

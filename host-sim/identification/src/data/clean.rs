@@ -1,22 +1,25 @@
 //! May this row stay?
 //!
-//! Both file formats end here, row by row, so that a log means the same in either. A row must
-//! have its run, a finite time, velocity and torque, and a time that is not before the row kept
-//! last in the same run; otherwise it is left out, counted and (the first few) named. Time stamps
-//! may *repeat*: a logger faster than its clock writes such rows, and all of them are measurements.
-//! Runs may be interleaved row by row; each has its own clock.
+//! All file formats end here, row by row, so that a log means the same in each. A row must have its
+//! run, a finite time, velocity and torque, and a time that is not before the row kept last in the same
+//! run; otherwise it is left out, counted and (the first few) named. Time stamps may *repeat*: a logger faster
+//! than its clock writes such rows, and all of them are measurements. Runs may be interleaved row by row; each has its
+//! own clock.
 //!
-//! A row that lacks an optional value is decided about when the file is over (see `columns`), so
-//! until then its columns hold NaN; [`Cleaner::finish`] takes those rows out.
+//! What only the whole file can show is decided when it is over (`close`): a velocity that is empty in every other row
+//! is a channel of its own in a merged log, in one row of a hundred it is a bad row. Until then holes are NaN.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::columns::{Column, FINITE, Fate, Label, Tally};
-use super::dataset::LeftOutColumn;
-use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, quoted};
+use super::clock::Clock;
+use super::columns::{Column, FINITE, Label, Tally, is_nothing};
+use super::dataset::{LeftOutColumn, SourceColumn};
+use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
 use super::header::{Layout, OptionalColumn};
+use super::reading::is_list;
+use super::split::same;
 use compensator_core::quantity::JointKind;
 
 /// More than this share of bad rows in a file is an error: such a file is misread, not noisy.
@@ -38,6 +41,15 @@ fn complaint(cell: Option<f64>, counts: bool) -> Option<&'static str> {
     }
 }
 
+/// The same, with what helps where the cell is a list.
+fn expected(complaint: &'static str, cell: &[u8]) -> &'static str {
+    if is_list(cell) {
+        "a number; of a list, --columns NAME=COLUMN[0] takes the first"
+    } else {
+        complaint
+    }
+}
+
 /// One row of a file, whatever its format.
 pub(super) trait Row {
     /// The cell as a number; may be NaN or infinite; `None` where it is none.
@@ -55,6 +67,11 @@ pub(super) struct FileData {
     pub optional: Vec<OptionalColumn>,
     pub left_out: Vec<LeftOutColumn>,
     pub notes: Vec<String>,
+    pub sources: Vec<SourceColumn>,
+    /// What the times count from, ns since 1970, where the file says it.
+    pub origin_ns: Option<i128>,
+    /// Whether the runs' names are the file's own.
+    pub has_runs: bool,
     pub rows: usize,
     pub bad: BadRows,
 }
@@ -62,7 +79,7 @@ pub(super) struct FileData {
 /// One run of a file.
 #[derive(Debug)]
 pub(super) struct CleanRun {
-    /// `None` if the file has no run column.
+    /// `None` if the file has no run column and is one start.
     pub name: Option<String>,
     /// Time, velocity, torque.
     pub required: [Vec<f64>; 3],
@@ -71,94 +88,199 @@ pub(super) struct CleanRun {
     pub labels: Vec<(String, String)>,
 }
 
-/// A run while it is read.
+/// A run while it is read. Holes are NaN.
 #[derive(Debug)]
-struct OpenRun {
-    name: Box<[u8]>,
-    required: [Vec<f64>; 3],
-    optional: Vec<Column>,
-    labels: Vec<Label>,
-    /// The row of the file that was kept last.
-    last_row: u64,
+pub(super) struct OpenRun {
+    pub name: Box<[u8]>,
+    /// Time, velocity (or position), torque.
+    pub required: [Vec<f64>; 3],
+    pub optional: Vec<Column>,
+    pub labels: Vec<Label>,
+    /// Rows of the file, as an editor counts them.
+    pub lines: Vec<u64>,
+    /// Rows that were taken.
+    pub taken: usize,
+}
+
+/// The texts a column holds.
+#[derive(Debug, Default)]
+pub(super) struct Texts {
+    pub seen: Vec<Box<[u8]>>,
+    /// Whether there are more than are kept.
+    pub many: bool,
+    last: usize,
+    /// Whether it changes inside a run.
+    pub changes: bool,
+}
+
+impl Texts {
+    /// Kept at most: more values do not name joints.
+    const MOST: usize = 32;
+
+    fn see(&mut self, text: &[u8]) {
+        if self.seen.get(self.last).is_some_and(|last| **last == *text) {
+            return;
+        }
+        match self.seen.iter().position(|seen| **seen == *text) {
+            Some(at) => self.last = at,
+            None if self.seen.len() < Self::MOST => {
+                self.last = self.seen.len();
+                self.seen.push(text.into());
+            }
+            None => self.many = true,
+        }
+    }
+
+    /// For a message.
+    pub fn listed(&self) -> String {
+        let texts: Vec<String> =
+            self.seen.iter().map(|text| String::from_utf8_lossy(text).into_owned()).collect();
+        if self.many { format!("{} ..", listed(&texts)) } else { listed(&texts) }
+    }
 }
 
 /// Takes rows and keeps the good ones.
 pub(super) struct Cleaner<'a> {
-    file: &'a Path,
-    layout: Layout,
-    runs: Vec<OpenRun>,
+    pub(super) file: &'a Path,
+    pub(super) layout: Layout,
+    pub(super) clock: Clock,
+    pub(super) runs: Vec<OpenRun>,
     by_name: HashMap<Box<[u8]>, usize>,
     /// The run of the row before: mostly that of the next one, too.
     current: usize,
-    tallies: Vec<Tally>,
-    rows: usize,
-    bad: BadRows,
-    repeated_stamps: usize,
+    /// The run of the row taken last.
+    previous: Option<usize>,
+    /// Of the optional columns.
+    pub(super) tallies: Vec<Tally>,
+    /// Of velocity and torque.
+    pub(super) holes: [Tally; 2],
+    /// Rows with neither.
+    pub(super) apart: usize,
+    /// Of the columns that may name joints, and of those rows are chosen by.
+    pub(super) joint_names: Vec<Texts>,
+    pub(super) chosen_by: Vec<Texts>,
+    /// Rows that were not chosen.
+    pub(super) elsewhere: usize,
+    pub(super) rows: usize,
+    pub(super) bad: BadRows,
 }
 
 impl<'a> Cleaner<'a> {
     pub fn new(file: &'a Path, layout: Layout) -> Self {
         let tallies = layout.optional.iter().map(|_| Tally::default()).collect();
+        let texts = |count| std::iter::repeat_with(Texts::default).take(count).collect();
         Cleaner {
             file,
-            layout,
+            clock: Clock::new(layout.required[0]),
             runs: Vec::new(),
             by_name: HashMap::new(),
             current: 0,
+            previous: None,
             tallies,
+            holes: Default::default(),
+            apart: 0,
+            joint_names: texts(layout.joint_names.len()),
+            chosen_by: texts(layout.only.len()),
+            elsewhere: 0,
             rows: 0,
             bad: BadRows::default(),
-            repeated_stamps: 0,
+            layout,
         }
     }
 
     /// Takes one row, counted as [`BadCell::row`] says. Fails only if there are too many runs.
     pub fn take(&mut self, number: u64, row: &impl Row) -> Result<(), DataError> {
+        if !self.is_chosen(row) {
+            self.elsewhere += 1;
+            return Ok(());
+        }
         self.rows += 1;
-        let mut values = [0.0; 3];
-        for (at, (value, &column)) in values.iter_mut().zip(&self.layout.required).enumerate() {
-            let cell = row.number(column);
-            if let Some(expected) = complaint(cell, at == 0) {
-                let found = quoted(&row.text(column));
-                self.leave_out(number, Some(column), found, expected);
-                return Ok(());
+        let time = self.clock.time_s(row);
+        if let Some(complaint) = complaint(time, true) {
+            self.leave_out_cell(number, row, 0, complaint);
+            return Ok(());
+        }
+        let mut values = [time.unwrap_or_default(), f64::NAN, f64::NAN];
+        for (at, value) in values.iter_mut().enumerate().skip(1) {
+            let cell = self.layout.required[at].value(row);
+            match complaint(cell, false) {
+                None => *value = cell.unwrap_or_default(),
+                Some(complaint) if cell.is_none_or(f64::is_nan) => {
+                    let column = self.layout.required[at].index;
+                    let text = row.text(column);
+                    if !is_nothing(&text) {
+                        self.leave_out_cell(number, row, at, complaint);
+                        return Ok(());
+                    }
+                    let name = &self.layout.names[column];
+                    self.holes[at - 1].no_number(self.file, number, name, &text, FINITE);
+                }
+                Some(complaint) => {
+                    self.leave_out_cell(number, row, at, complaint);
+                    return Ok(());
+                }
             }
-            *value = cell.unwrap_or_default();
         }
         let Some(run) = self.run_of(number, row)? else { return Ok(()) };
+        let is_apart = values[1].is_nan() && values[2].is_nan();
+        self.apart += usize::from(is_apart);
         let open = &mut self.runs[run];
         let at = open.required[0].len();
-        if let Some(&last) = open.required[0].last() {
-            if values[0] < last {
-                let expected = format!("a time not before {last} of row {}", open.last_row);
-                let column = self.layout.required[0];
-                self.leave_out(number, Some(column), values[0].to_string(), &expected);
-                return Ok(());
-            }
-            self.repeated_stamps += usize::from(values[0] == last);
-        }
         for (kept, value) in open.required.iter_mut().zip(values) {
             kept.push(value);
         }
-        open.last_row = number;
+        for (tally, value) in self.holes.iter_mut().zip(&values[1..]) {
+            tally.numbers += usize::from(!value.is_nan());
+        }
+        open.lines.push(number);
+        open.taken += 1;
         let optional = self.layout.optional.iter().zip(&mut self.tallies);
         for ((column, tally), (kept, label)) in
             optional.zip(open.optional.iter_mut().zip(&mut open.labels))
         {
-            let cell = row.number(column.index);
+            let cell = column.reading.value(row);
             match complaint(cell, column.quantity.is_none()) {
                 None => {
                     tally.number();
+                    tally.apart += usize::from(is_apart);
                     kept.put(at, cell.unwrap_or_default());
                 }
-                Some(expected) => {
-                    let (name, text) = (&self.layout.names[column.index], row.text(column.index));
+                Some(complaint) => {
+                    let index = column.reading.index;
+                    let (name, text) = (&self.layout.names[index], row.text(index));
+                    let expected = expected(complaint, &text);
                     tally.no_number(self.file, number, name, &text, expected);
                     label.see(&text);
                 }
             }
         }
+        for (texts, column) in self.joint_names.iter_mut().zip(&self.layout.joint_names) {
+            let before = texts.last;
+            texts.see(&row.text(column.index));
+            texts.changes |= before != texts.last && self.previous == Some(run);
+        }
+        self.previous = Some(run);
         Ok(())
+    }
+
+    /// Whether `--where` takes the row.
+    fn is_chosen(&mut self, row: &impl Row) -> bool {
+        let mut is_chosen = true;
+        for (only, texts) in self.layout.only.iter().zip(&mut self.chosen_by) {
+            let text = row.text(only.index);
+            texts.see(&text);
+            let text = String::from_utf8_lossy(&text);
+            is_chosen &= only.values.iter().any(|value| same(&text, value));
+        }
+        is_chosen
+    }
+
+    /// Leaves a row out for one of its required cells: of time, velocity, torque.
+    fn leave_out_cell(&mut self, number: u64, row: &impl Row, at: usize, complaint: &'static str) {
+        let column = self.layout.required[at].index;
+        let text = row.text(column);
+        let expected = expected(complaint, &text);
+        self.leave_out(number, Some(column), quoted(&text), expected);
     }
 
     /// Counts a row that is left out; `column` is `None` where no single cell is to blame.
@@ -215,95 +337,9 @@ impl<'a> Cleaner<'a> {
             required: Default::default(),
             optional: std::iter::repeat_with(Column::default).take(columns).collect(),
             labels: std::iter::repeat_with(Label::default).take(columns).collect(),
-            last_row: number,
+            lines: Vec::new(),
+            taken: 0,
         });
         Ok(Some(self.current))
     }
-
-    /// Judges the optional columns, takes the rows out that lack one, and closes the file.
-    pub fn finish(mut self) -> Result<FileData, DataError> {
-        let file = self.file;
-        if self.rows == 0 {
-            return Err(DataError::File {
-                file: file.into(),
-                found: "a header and no rows".into(),
-                expected: "a row per sample".into(),
-            });
-        }
-        let fates: Vec<Fate> = self.tallies.iter().map(Tally::fate).collect();
-        for (tally, _) in
-            self.tallies.iter().zip(&fates).filter(|(_, fate)| **fate == Fate::Numeric)
-        {
-            self.bad.first.extend(tally.first_bad.iter().cloned());
-        }
-        let mut runs = Vec::with_capacity(self.runs.len());
-        for open in self.runs.drain(..) {
-            let (run, lost) = close(open, &self.layout, &fates);
-            self.bad.count += lost;
-            if !run.required[0].is_empty() {
-                runs.push(run);
-            }
-        }
-        self.bad.first.sort_by_key(|cell| cell.row);
-        self.bad.first.dedup_by_key(|cell| cell.row);
-        self.bad.first.truncate(NAMED_BAD_ROWS);
-        if self.bad.count as f64 > MAX_BAD_SHARE * self.rows as f64 {
-            let first = self.bad.first[0].clone();
-            return Err(DataError::TooManyBad { first, bad: self.bad.count, rows: self.rows });
-        }
-
-        let Layout { joint, optional, mut left_out, mut notes, names, .. } = self.layout;
-        for (column, fate) in optional.iter().zip(&fates) {
-            let is_label =
-                runs.iter().all(|run| run.labels.iter().any(|(name, _)| *name == column.name));
-            let why = match fate {
-                Fate::Numeric => continue,
-                Fate::Empty => "it holds no value",
-                Fate::Text if is_label => "it is text (kept as a label of each run)",
-                Fate::Text => "it is text that changes inside a run",
-            };
-            left_out.push(LeftOutColumn { name: names[column.index].clone(), why: why.into() });
-        }
-        if self.repeated_stamps > 0 {
-            let (file, rows) = (file.display(), self.repeated_stamps);
-            notes.push(format!(
-                "{file}: {rows} rows repeat the time stamp before them and are kept"
-            ));
-        }
-        let stays = |at: usize| fates[at] == Fate::Numeric;
-        let optional = optional.into_iter().enumerate().filter(|(at, _)| stays(*at));
-        let optional = optional.map(|(_, column)| column).collect();
-        Ok(FileData { joint, runs, optional, left_out, notes, rows: self.rows, bad: self.bad })
-    }
-}
-
-/// Closes a run: drops the optional columns that do not stay, and then the rows that lack a value
-/// in one that does. Returns how many rows those were.
-fn close(open: OpenRun, layout: &Layout, fates: &[Fate]) -> (CleanRun, usize) {
-    let rows = open.required[0].len();
-    let mut required = open.required;
-    let mut optional = Vec::new();
-    let mut labels = Vec::new();
-    for (at, (column, label)) in open.optional.into_iter().zip(open.labels).enumerate() {
-        match fates[at] {
-            Fate::Numeric => optional.push(column.close(rows)),
-            Fate::Text => {
-                let name = &layout.optional[at].name;
-                labels.extend(label.close(rows).map(|text| (name.clone(), text)));
-            }
-            Fate::Empty => {}
-        }
-    }
-    let keep: Vec<bool> =
-        (0..rows).map(|row| optional.iter().all(|column| !column[row].is_nan())).collect();
-    let lost = keep.iter().filter(|keep| !**keep).count();
-    for column in required.iter_mut().chain(&mut optional) {
-        if lost > 0 {
-            let mut keep = keep.iter();
-            column.retain(|_| *keep.next().unwrap_or(&false));
-        }
-        column.shrink_to_fit();
-    }
-    let name = layout.run.map(|_| String::from_utf8_lossy(&open.name).into_owned());
-    (CleanRun { name, required, optional, labels }, lost)
 }

@@ -4,8 +4,8 @@
 //! once. So every optional column is read as numbers, NaN standing for what is none, and judged
 //! when the file is over: a column without a single number is text or empty and is left out (text
 //! that is the same throughout each run lives on as a label of the run); a column with numbers
-//! stays, and then the rows in which it has none are bad rows. Memory for a column is taken only
-//! once its first number has been seen.
+//! stays, and the rows in which it has none are filled (`fill`): a thermometer that is read once a second is
+//! no reason to lose the other rows. Memory for a column is taken only once its first number has been seen.
 
 use std::path::Path;
 
@@ -14,8 +14,10 @@ use super::error::{BadCell, NAMED_BAD_ROWS, quoted};
 /// What has been seen of one optional column.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
-    numbers: usize,
-    texts: usize,
+    pub numbers: usize,
+    /// Numbers in rows that hold neither velocity nor torque.
+    pub apart: usize,
+    pub texts: usize,
     empties: usize,
     /// The first cells that are no numbers.
     pub first_bad: Vec<BadCell>,
@@ -24,7 +26,7 @@ pub(super) struct Tally {
 /// What becomes of an optional column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Fate {
-    /// It is a covariate; rows in which it is no number are bad.
+    /// It is a covariate.
     Numeric,
     /// It is text.
     Text,
@@ -73,7 +75,7 @@ impl Tally {
 pub(super) const FINITE: &str = "a finite number";
 
 /// Whether the cell says that there is no value, in one of the usual ways.
-fn is_nothing(cell: &[u8]) -> bool {
+pub(super) fn is_nothing(cell: &[u8]) -> bool {
     let cell = cell.trim_ascii();
     ["", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf"]
         .iter()
@@ -83,7 +85,7 @@ fn is_nothing(cell: &[u8]) -> bool {
 /// Numbers of one optional column of one run, aligned with the run's rows once it is closed.
 #[derive(Debug, Default)]
 pub(super) struct Column {
-    values: Vec<f64>,
+    pub values: Vec<f64>,
 }
 
 impl Column {
@@ -93,12 +95,6 @@ impl Column {
             self.values.resize(row, f64::NAN);
         }
         self.values.push(value);
-    }
-
-    /// All `rows` values.
-    pub fn close(mut self, rows: usize) -> Vec<f64> {
-        self.values.resize(rows, f64::NAN);
-        self.values
     }
 }
 
@@ -126,9 +122,9 @@ impl Label {
     }
 
     /// The text, if every one of `rows` rows holds it.
-    pub fn close(self, rows: usize) -> Option<String> {
-        let text = self.text.filter(|text| self.rows == rows && !is_nothing(text))?;
-        Some(String::from_utf8_lossy(&text).into_owned())
+    pub fn text(&self, rows: usize) -> Option<String> {
+        let text = self.text.as_ref().filter(|text| self.rows == rows && !is_nothing(text))?;
+        Some(String::from_utf8_lossy(text).into_owned())
     }
 }
 
@@ -153,7 +149,7 @@ mod tests {
         assert_eq!(fate(&["sine", "step"]), Fate::Text);
         assert_eq!(fate(&["7", "7b", "c"]), Fate::Text);
         assert_eq!(fate(&["", "NaN", "inf", "null"]), Fate::Empty);
-        assert_eq!(fate(&["", "", "", "1"]), Fate::Numeric, "then three rows are bad");
+        assert_eq!(fate(&["", "", "", "1"]), Fate::Numeric, "then three rows are filled");
         assert_eq!(fate(&[]), Fate::Empty);
     }
 
@@ -161,9 +157,8 @@ mod tests {
     fn a_column_is_filled_up_with_nan() {
         let mut column = Column::default();
         column.put(2, 5.0);
-        let values = column.close(4);
-        assert!(values[0].is_nan() && values[1].is_nan() && values[3].is_nan());
-        assert_eq!(values[2], 5.0);
+        assert!(column.values[0].is_nan() && column.values[1].is_nan());
+        assert_eq!(column.values[2..], [5.0]);
     }
 
     #[test]
@@ -171,7 +166,7 @@ mod tests {
         let close = |cells: &[&str], rows| {
             let mut label = Label::default();
             cells.iter().for_each(|cell| label.see(cell.as_bytes()));
-            label.close(rows)
+            label.text(rows)
         };
         assert_eq!(close(&["a", "a"], 2).as_deref(), Some("a"));
         assert_eq!(close(&["a", "b", "a"], 3), None);

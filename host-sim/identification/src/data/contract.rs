@@ -19,6 +19,9 @@ pub(super) const TARGETS: [(&str, JointKind); 2] = both_kinds(Quantity::Torque);
 /// Columns of the velocity, likewise.
 pub(super) const VELOCITIES: [(&str, JointKind); 2] = both_kinds(Quantity::Velocity);
 
+/// Columns of the position, likewise.
+pub(super) const POSITIONS: [(&str, JointKind); 2] = both_kinds(Quantity::Position);
+
 const fn both_kinds(quantity: Quantity) -> [(&'static str, JointKind); 2] {
     let (turns, slides) = (JointKind::Revolute, JointKind::Prismatic);
     [(quantity.name(turns), turns), (quantity.name(slides), slides)]

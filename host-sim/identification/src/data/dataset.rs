@@ -37,6 +37,23 @@ pub struct Dataset {
     pub left_out_columns: Vec<LeftOutColumn>,
     /// What else a careful reader should know, a sentence each.
     pub notes: Vec<String>,
+    /// Where each column comes from, `time_s` first; empty of what was never in a file.
+    pub sources: Vec<SourceColumn>,
+}
+
+/// Where a column of the data comes from.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SourceColumn {
+    /// Its name in the contract, or its own.
+    pub name: String,
+    /// Its name in the (first) file.
+    pub header: String,
+    /// The unit it is in there, where `--columns` says it.
+    pub unit: Option<String>,
+    /// Rows that held no value of it and were filled, in all files.
+    pub filled: usize,
+    /// How they were, as the end of a sentence.
+    pub fill: Option<&'static str>,
 }
 
 /// A column that is in a file but not in the data.
@@ -71,6 +88,9 @@ pub struct Run {
     /// m/s, a value per row, from what is known of it ([`crate::motion`]). Empty where the velocity is taken
     /// as it stands.
     pub velocity_draws: Vec<Vec<f64>>,
+    /// Whether [`Run::velocity`] is free of noise to speak of: exact as logged, or smoothed already
+    /// ([`crate::motion`]). Its slope may then be taken from row to row.
+    pub velocity_is_smooth: bool,
 }
 
 /// Columns of a run by their quantity.
@@ -144,6 +164,7 @@ impl Run {
             extra: self.extra.iter().map(&f).collect(),
             labels: self.labels.clone(),
             velocity_draws: self.velocity_draws.iter().map(&f).collect(),
+            velocity_is_smooth: self.velocity_is_smooth,
         }
     }
 }
@@ -181,6 +202,7 @@ impl Dataset {
             covariates: names.iter().filter(|name| place(name).is_none()).cloned().collect(),
             left_out_columns: Vec::new(),
             notes: Vec::new(),
+            sources: Vec::new(),
         };
         for quantity in required {
             let name = quantity.name(joint);
@@ -281,6 +303,7 @@ mod tests {
             covariates: vec!["kp".into()],
             left_out_columns: vec![],
             notes: vec![],
+            sources: vec![],
         };
         assert_eq!(data.constant(&data.runs[0], "kp").as_deref(), Some("7"));
         assert_eq!(data.constant(&data.runs[0], "velocity_rad_s"), None);

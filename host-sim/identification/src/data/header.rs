@@ -13,20 +13,43 @@ use std::path::Path;
 
 use compensator_core::quantity::{JointKind, Quantity};
 
-use super::contract::{RUN, TARGETS, TIME, VELOCITIES, parse_optional};
-use super::dataset::LeftOutColumn;
-use super::error::{DataError, at_header};
+use super::contract::{POSITIONS, RUN, TARGETS, TIME, VELOCITIES, parse_optional};
+use super::dataset::{LeftOutColumn, SourceColumn};
+use super::error::{DataError, at_header, listed};
 use super::naming::Naming;
+use super::read::ReadOptions;
+use super::reading::Reading;
+use super::unit::conversion;
 
 /// A column beside time, velocity and torque.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct OptionalColumn {
     /// What it measures; `None` of an extra covariate.
     pub quantity: Option<Quantity>,
     /// Its name in the contract, or its own.
     pub name: String,
     /// Where it is in the file.
+    pub reading: Reading,
+    /// Whether `--columns` asks for it.
+    pub mapped: bool,
+}
+
+/// Rows to be taken: those in which a column is one of some values.
+#[derive(Debug, Clone)]
+pub(super) struct Only {
+    /// The column in the file.
     pub index: usize,
+    /// As `--where` gives them.
+    pub values: Vec<String>,
+}
+
+/// A column whose values may name several joints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct NameColumn {
+    /// Where it is in the file.
+    pub index: usize,
+    /// Whether it names joints whatever it holds; else only if it changes inside a run.
+    pub is_sure: bool,
 }
 
 /// The header, understood.
@@ -37,28 +60,108 @@ pub(super) struct Layout {
     pub names: Vec<String>,
     /// Where the run's name is.
     pub run: Option<usize>,
-    /// Where time, velocity and torque are.
-    pub required: [usize; 3],
+    /// Where time, velocity and torque are; in place of the velocity, the position where there is no velocity.
+    pub required: [Reading; 3],
+    /// Whether the velocity must be derived from the position.
+    pub is_position: bool,
+    /// The kind of joint the velocity (or position) is in the units of: mostly that of the target.
+    velocity_kind: JointKind,
     pub optional: Vec<OptionalColumn>,
+    pub only: Vec<Only>,
+    pub joint_names: Vec<NameColumn>,
     pub left_out: Vec<LeftOutColumn>,
     pub notes: Vec<String>,
+    /// Where each column of the data comes from.
+    pub sources: Vec<SourceColumn>,
 }
 
-/// Understands a header; `mapping` holds (contract name, foreign name).
+impl Layout {
+    /// Columns of the file that must be read.
+    pub fn needed(&self) -> impl Iterator<Item = usize> {
+        let required = self.required.iter().map(|reading| reading.index).chain(self.run);
+        let optional = self.optional.iter().map(|column| column.reading.index);
+        let names = self.joint_names.iter().map(|column| column.index);
+        required.chain(optional).chain(names).chain(self.only.iter().map(|only| only.index))
+    }
+
+    /// Takes the first row for units, if it is one of units and not of values: at least two of time, velocity and
+    /// torque have a unit of theirs there, and no cell is a number. What `--columns` says goes before.
+    pub fn take_units(&mut self, cells: &[&[u8]]) -> bool {
+        let text = |reading: &Reading| {
+            let cell =
+                String::from_utf8_lossy(cells.get(reading.index).copied().unwrap_or_default());
+            cell.trim_matches(['[', ']', '(', ')', '"', ' ']).to_owned()
+        };
+        if cells.iter().any(|cell| fast_float2::parse::<f64, _>(cell).is_ok()) {
+            return false;
+        }
+        let kind = if self.is_position { Quantity::Position } else { Quantity::Velocity };
+        let names = [TIME, kind.name(self.velocity_kind), Quantity::Torque.name(self.joint)];
+        let units = |name: &str, reading: &Reading| conversion(name, &text(reading)).ok();
+        let required = self.required.iter().zip(names);
+        if required.filter(|(reading, name)| units(name, reading).is_some()).count() < 2 {
+            return false;
+        }
+        let required = self.required.iter_mut().zip(names);
+        let optional = self.optional.iter_mut().map(|column| (&mut column.reading, &*column.name));
+        for (reading, name) in required.chain(optional) {
+            if let (None, Some(conversion)) = (reading.conversion, units(name, reading)) {
+                let unit = text(reading);
+                reading.conversion = Some(conversion);
+                let source = self.sources.iter_mut().find(|source| source.name == name);
+                source.into_iter().for_each(|source| source.unit = Some(unit.clone()));
+            }
+        }
+        self.notes.push("the row below the header is taken for units".into());
+        true
+    }
+}
+
+/// Columns that say which of several joints a row is of, in logs as they are met. `name` is mostly the name of
+/// something else.
+const JOINT_NAMES: [&str; 14] = [
+    "joint",
+    "joint_name",
+    "joint_id",
+    "joint_index",
+    "axis",
+    "axis_name",
+    "axis_id",
+    "motor",
+    "motor_id",
+    "motor_name",
+    "actuator",
+    "actuator_id",
+    "drive",
+    "node_id",
+];
+
+/// Understands a header.
 pub(super) fn layout(
     file: &Path,
     names: Vec<String>,
-    mapping: &[(String, String)],
+    options: &ReadOptions,
 ) -> Result<Layout, DataError> {
-    let naming = Naming::new(file, &names, mapping)?;
-    let time = naming.find(TIME);
+    let naming = Naming::new(file, &names, &options.columns)?;
+    let ros_time = || {
+        let reading = naming.find("%time")?;
+        Some(Reading { conversion: conversion(TIME, "ns").ok(), ..reading })
+    };
+    let time = naming.find(TIME).or_else(ros_time);
     let target = target(file, &naming)?;
-    let velocity = velocity(&naming, target.map(|target| target.kind));
-    let (Some(time), Some(velocity), Some(target)) = (time, velocity, target) else {
+    let kind = target.map(|target| target.kind);
+    let velocity = motion(&naming, &VELOCITIES, kind);
+    let position = motion(&naming, &POSITIONS, kind);
+    let is_position = velocity.is_none();
+    let (Some(time), Some(velocity), Some(target)) = (time, velocity.or(position), target) else {
         let missing = [
-            (time.is_none(), TIME, "time_s=NAME"),
-            (velocity.is_none(), "velocity_rad_s (or velocity_m_s)", "velocity_rad_s=NAME"),
-            (target.is_none(), "torque_nm (or force_n)", "torque_nm=NAME"),
+            (time.is_none(), TIME, TIME),
+            (
+                velocity.or(position).is_none(),
+                "velocity_rad_s (or velocity_m_s)",
+                VELOCITIES[usize::from(kind == Some(JointKind::Prismatic))].0,
+            ),
+            (target.is_none(), "torque_nm (or force_n)", TARGETS[0].0),
         ];
         return Err(naming.missing(file, &missing));
     };
@@ -75,18 +178,37 @@ pub(super) fn layout(
             "{target} is read with {velocity}, as --columns says: units are those of {target}"
         ));
     }
-    let run = naming.find(RUN);
+    let run = naming.find(RUN).map(|reading| reading.index);
+    let only = only(file, &naming, &names, options)?;
+    let used = [time.index, velocity.reading.index, target.reading.index];
+    let source = |name: &str, reading: Reading| SourceColumn {
+        name: name.into(),
+        header: names[reading.index].clone(),
+        unit: naming.unit(name).map(str::to_owned),
+        ..SourceColumn::default()
+    };
+    let velocity_name = Quantity::Velocity.name(velocity.kind);
+    let mut sources = vec![source(TIME, time)];
+    if !is_position {
+        sources.push(source(velocity_name, velocity.reading));
+    }
+    sources.push(source(target.name, target.reading));
     let mut optional = Vec::new();
     let mut left_out = naming.replaced();
-    for (index, name) in naming.columns() {
-        if [time, velocity.index, target.index].contains(&index) || run == Some(index) {
+    for (reading, name) in naming.columns() {
+        let index = reading.index;
+        let is_used = used.contains(&index) && !naming.is_mapped(name) || run == Some(index);
+        let is_required = [TIME, velocity_name, target.name].contains(&name);
+        if (is_used || is_required) && !(is_position && name == velocity.name) {
             continue;
         }
         match no_covariate(name) {
             None => {
                 // In the unit of another joint kind, position is a quantity of its own.
                 let quantity = parse_optional(name, velocity.kind);
-                optional.push(OptionalColumn { quantity, name: name.into(), index });
+                let mapped = naming.is_mapped(name);
+                sources.push(source(name, reading));
+                optional.push(OptionalColumn { quantity, name: name.into(), reading, mapped });
             }
             Some(why) => {
                 let nameless = || format!("number {}", index + 1);
@@ -95,22 +217,70 @@ pub(super) fn layout(
             }
         }
     }
-    let required = [time, velocity.index, target.index];
-    Ok(Layout { joint: target.kind, run, required, optional, left_out, notes, names })
+    notes.extend(naming.hints());
+    let joint_names = joint_names(&names, &only, run);
+    let required = [time, velocity.reading, target.reading];
+    let joint = target.kind;
+    Ok(Layout {
+        joint,
+        run,
+        required,
+        is_position,
+        velocity_kind: velocity.kind,
+        optional,
+        only,
+        joint_names,
+        left_out,
+        notes,
+        sources,
+        names,
+    })
+}
+
+/// The columns `--where` goes by: by the name they answer to, else by their own.
+fn only(
+    file: &Path,
+    naming: &Naming,
+    names: &[String],
+    options: &ReadOptions,
+) -> Result<Vec<Only>, DataError> {
+    let find = |(column, values): &(String, Vec<String>)| {
+        let own = || names.iter().position(|name| name == column);
+        let index = naming.find(column).map(|reading| reading.index).or_else(own);
+        index.map(|index| Only { index, values: values.clone() }).ok_or_else(|| {
+            DataError::Request {
+                what: format!("{}: --where {column}={}", file.display(), values.join(",")),
+                found: format!("no column {column}"),
+                expected: format!("one of {}", listed(names)),
+            }
+        })
+    };
+    options.only.iter().map(find).collect()
+}
+
+/// Columns that may name several joints, but for those that choose a row or its run.
+fn joint_names(names: &[String], only: &[Only], run: Option<usize>) -> Vec<NameColumn> {
+    let suspect = |(index, name): (usize, &String)| {
+        let name = name.trim_start_matches('#').trim().to_lowercase();
+        let is_sure = JOINT_NAMES.contains(&name.as_str());
+        let is_free = run != Some(index) && only.iter().all(|only| only.index != index);
+        (is_free && (is_sure || name == "name")).then_some(NameColumn { index, is_sure })
+    };
+    names.iter().enumerate().filter_map(suspect).collect()
 }
 
 /// A column that tells the joint kind.
 #[derive(Debug, Clone, Copy)]
 struct KindColumn {
-    index: usize,
+    reading: Reading,
     name: &'static str,
     kind: JointKind,
 }
 
 /// The target column, which decides the joint kind; of two, the one `--columns` gives.
 fn target(file: &Path, naming: &Naming) -> Result<Option<KindColumn>, DataError> {
-    let found =
-        TARGETS.map(|(name, kind)| naming.find(name).map(|index| KindColumn { index, name, kind }));
+    let found = TARGETS
+        .map(|(name, kind)| naming.find(name).map(|reading| KindColumn { reading, name, kind }));
     match found {
         [Some(torque), Some(force)] => {
             match (naming.is_mapped(torque.name), naming.is_mapped(force.name)) {
@@ -126,12 +296,14 @@ fn target(file: &Path, naming: &Naming) -> Result<Option<KindColumn>, DataError>
     }
 }
 
-/// The velocity column; of two, the one of the target's kind.
-fn velocity(naming: &Naming, kind: Option<JointKind>) -> Option<KindColumn> {
-    VELOCITIES
-        .iter()
-        .filter_map(|&(name, kind)| naming.find(name).map(|index| KindColumn { index, name, kind }))
-        .min_by_key(|velocity| Some(velocity.kind) != kind)
+/// The column of a motion, by its names; of two, the one of the target's kind.
+fn motion(
+    naming: &Naming,
+    names: &[(&'static str, JointKind); 2],
+    kind: Option<JointKind>,
+) -> Option<KindColumn> {
+    let find = |&(name, kind)| naming.find(name).map(|reading| KindColumn { reading, name, kind });
+    names.iter().filter_map(find).min_by_key(|of| Some(of.kind) != kind)
 }
 
 /// Why a column cannot be a covariate, or `None` if it can.
@@ -153,21 +325,26 @@ mod tests {
 
     fn understand(header: &str, columns: &str) -> Result<Layout, String> {
         let names = header.split(',').map(str::to_string).collect();
-        let mapping: Vec<(String, String)> = columns
+        let columns: Vec<(String, String)> = columns
             .split(',')
             .filter_map(|pair| pair.split_once('='))
             .map(|(a, b)| (a.to_string(), b.to_string()))
             .collect();
-        layout(Path::new("f.csv"), names, &mapping).map_err(|error| error.to_string())
+        let options = ReadOptions { columns, ..ReadOptions::default() };
+        layout(Path::new("f.csv"), names, &options).map_err(|error| error.to_string())
+    }
+
+    fn places(layout: &Layout) -> [usize; 3] {
+        layout.required.map(|reading| reading.index)
     }
 
     #[test]
     fn both_kinds_of_joint_are_known_by_their_target() {
         let turns = understand("time_s,velocity_rad_s,torque_nm,position_rad", "").unwrap();
-        assert_eq!((turns.joint, turns.required), (JointKind::Revolute, [0, 1, 2]));
+        assert_eq!((turns.joint, places(&turns)), (JointKind::Revolute, [0, 1, 2]));
         assert_eq!(turns.optional[0].quantity, Some(Quantity::Position));
         let slides = understand("run,force_n,velocity_m_s,time_s,position_m", "").unwrap();
-        assert_eq!((slides.joint, slides.required), (JointKind::Prismatic, [3, 2, 1]));
+        assert_eq!((slides.joint, places(&slides)), (JointKind::Prismatic, [3, 2, 1]));
         assert_eq!(slides.run, Some(0));
         assert_eq!(slides.optional[0].quantity, Some(Quantity::Position));
     }
@@ -186,7 +363,7 @@ mod tests {
             understand("time_s,dq,tau", "").unwrap_err(),
             "f.csv: found only the columns time_s, dq, tau, expected velocity_rad_s (or \
              velocity_m_s) and torque_nm (or force_n) in the header, or --columns \
-             velocity_rad_s=NAME,torque_nm=NAME"
+             velocity_rad_s=dq,torque_nm=tau"
         );
     }
 
@@ -194,7 +371,7 @@ mod tests {
     fn foreign_names_are_translated_and_win() {
         let found =
             understand("t,dq,torque_nm,u", "time_s=t,velocity_rad_s=dq,torque_nm=u").unwrap();
-        assert_eq!(found.required, [0, 1, 3]);
+        assert_eq!(places(&found), [0, 1, 3]);
         assert!(found.optional.is_empty());
         assert_eq!(found.left_out[0].name, "torque_nm");
         assert_eq!(found.left_out[0].why, "--columns reads torque_nm from u");
@@ -207,9 +384,9 @@ mod tests {
             "torque_nm=load_torque_nm,load_torque_nm=torque_nm",
         )
         .unwrap();
-        assert_eq!(found.required, [0, 1, 3]);
+        assert_eq!(places(&found), [0, 1, 3]);
         assert_eq!(
-            (found.optional[0].quantity, found.optional[0].index),
+            (found.optional[0].quantity, found.optional[0].reading.index),
             (Some(Quantity::LoadTorque), 2)
         );
         assert!(found.left_out.is_empty());

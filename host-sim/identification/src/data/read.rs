@@ -3,7 +3,8 @@
 //! Each file is cleaned for itself, so that what is told about a row is told in terms of its own
 //! file. Then the files must fit together: one joint kind, distinct run names, and the same
 //! columns, because a regressor that exists in some runs only would explain the difference between
-//! files. Last, `skip` drops the start of each run (the logger's own filters were still settling).
+//! files. Clocks that say when they count from are set to the earliest, so that a campaign keeps its own. Last, `skip`
+//! drops the start of each run (the logger's own filters were still settling).
 
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -11,15 +12,18 @@ use std::path::PathBuf;
 use compensator_core::quantity::Quantity;
 
 use super::clean::{CleanRun, FileData};
-use super::dataset::{Dataset, LeftOutColumn, Run};
+use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::error::{BadRows, DataError};
 use super::source::read_file;
 
 /// How files are to be read.
 #[derive(Debug, Clone, Default)]
 pub struct ReadOptions {
-    /// Pairs of contract name and foreign name.
+    /// Pairs of contract name and foreign name, the latter with its unit where that is not the contract's
+    /// (`dq_3:deg/s`), and an element where its cells are lists (`velocity[2]`).
     pub columns: Vec<(String, String)>,
+    /// Only rows in which each of these columns is one of its values.
+    pub only: Vec<(String, Vec<String>)>,
     /// How many samples to drop at the start of each run.
     pub skip: usize,
 }
@@ -40,7 +44,7 @@ pub fn read(
     progress(0, total);
     for (path, size) in files.iter().zip(sizes) {
         let so_far = |bytes: u64| progress(done + bytes.min(size), total);
-        parts.push(read_file(path, size, &options.columns, &so_far)?);
+        parts.push(read_file(path, size, options, &so_far)?);
         done += size;
         progress(done, total);
     }
@@ -105,6 +109,7 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
         covariates: Vec::new(),
         left_out_columns: Vec::new(),
         notes: Vec::new(),
+        sources: Vec::new(),
     };
     let shared = shared_columns(files, &parts, &mut data.notes);
     for (quantity, name) in &shared {
@@ -113,7 +118,14 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
         }
     }
     let stems = distinct_stems(files);
+    let origins: Option<Vec<i128>> = parts.iter().map(|part| part.origin_ns).collect();
+    let earliest = origins.and_then(|origins| origins.into_iter().min());
     for (at, part) in parts.into_iter().enumerate() {
+        let later_s = match (part.origin_ns, earliest) {
+            (Some(origin), Some(earliest)) => (origin - earliest) as f64 / 1e9,
+            _ => 0.0,
+        };
+        join_sources(&mut data.sources, part.sources, &shared);
         data.rows_read += part.rows;
         data.bad_rows.count += part.bad.count;
         data.bad_rows.first.extend(part.bad.first);
@@ -129,9 +141,12 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
             .iter()
             .map(|column| shared.iter().position(|s| s.0 == column.quantity && s.1 == column.name))
             .collect();
-        for clean in part.runs {
+        for mut clean in part.runs {
+            if later_s > 0.0 {
+                clean.required[0].iter_mut().for_each(|time| *time += later_s);
+            }
             let name = match (&clean.name, files.len()) {
-                (Some(run), 1) => run.clone(),
+                (Some(run), 1) if part.has_runs => run.clone(),
                 (Some(run), _) => format!("{}:{run}", stems[at]),
                 (None, _) => stems[at].clone(),
             };
@@ -139,6 +154,23 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
         }
     }
     Ok(data)
+}
+
+/// Adds where a file's columns come from; only those that all files share.
+fn join_sources(sources: &mut Vec<SourceColumn>, of_file: Vec<SourceColumn>, shared: &[Place]) {
+    for (at, source) in of_file.into_iter().enumerate() {
+        match sources.iter_mut().find(|known| known.name == source.name) {
+            Some(known) => {
+                known.filled += source.filled;
+                known.fill = known.fill.or(source.fill);
+            }
+            // Time, velocity and torque come first.
+            None if at < 3 || shared.iter().any(|(_, name)| *name == source.name) => {
+                sources.push(source);
+            }
+            None => {}
+        }
+    }
 }
 
 /// The optional columns all files have, in the order of the first; the others get a note.

@@ -17,7 +17,11 @@ pub const GAP_FACTOR: f64 = 5.0;
 
 /// The unbroken stretches of a run, as row ranges in order; together they are all its rows.
 pub fn segments(run: &Run) -> Vec<Range<usize>> {
-    let time = &run.time_s;
+    segments_of(&run.time_s)
+}
+
+/// As [`segments`], by the times alone.
+pub(super) fn segments_of(time: &[f64]) -> Vec<Range<usize>> {
     if time.is_empty() {
         return Vec::new();
     }

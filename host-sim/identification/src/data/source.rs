@@ -6,13 +6,20 @@
 //! came from. What is known to be no log is told by its name instead of as a hundred bad rows.
 
 mod can_trace;
+#[cfg(feature = "mcap")]
+mod cdr;
 mod csv_file;
+#[cfg(feature = "mcap")]
+mod mcap_file;
 mod not_a_log;
 #[cfg(feature = "parquet")]
 mod parquet_file;
+mod preamble;
+mod utf16;
 
 use super::clean::FileData;
 use super::error::DataError;
+use super::read::ReadOptions;
 use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -28,6 +35,8 @@ struct Source {
 /// In the order they are asked. Text that is nothing else is a table.
 const SOURCES: &[Source] = &[
     can_trace::SOURCE,
+    #[cfg(feature = "mcap")]
+    mcap_file::SOURCE,
     #[cfg(feature = "parquet")]
     parquet_file::SOURCE,
     csv_file::SOURCE,
@@ -45,17 +54,17 @@ struct Input<'a> {
     head: &'a [u8],
     /// Its length in bytes.
     size: u64,
-    /// Pairs of contract name and foreign name.
-    mapping: &'a [(String, String)],
+    /// How it is to be read.
+    options: &'a ReadOptions,
     /// Is told the bytes done so far.
     progress: &'a dyn Fn(u64),
 }
 
-/// Reads a file of `size` bytes, whatever its format; `mapping` holds (contract name, foreign name).
+/// Reads a file of `size` bytes, whatever its format.
 pub(super) fn read_file(
     path: &Path,
     size: u64,
-    mapping: &[(String, String)],
+    options: &ReadOptions,
     progress: &dyn Fn(u64),
 ) -> Result<FileData, DataError> {
     let io = |source| DataError::Io { file: path.into(), source };
@@ -71,5 +80,5 @@ pub(super) fn read_file(
         });
     }
     let source = SOURCES.iter().find(|source| (source.is_it)(&head)).unwrap_or(&csv_file::SOURCE);
-    (source.read)(Input { path, file, head: &head, size, mapping, progress })
+    (source.read)(Input { path, file, head: &head, size, options, progress })
 }

@@ -133,6 +133,7 @@ impl Dataset {
             covariates: self.covariates.clone(),
             left_out_columns: self.left_out_columns.clone(),
             notes: self.notes.clone(),
+            sources: self.sources.clone(),
         }
     }
 }
@@ -259,7 +260,7 @@ fn hold_out(data: &Dataset, column: &str, values: &[String]) -> Result<Split, Da
 }
 
 /// Equal as text, or as numbers: `400` is `400.0`.
-fn same(setting: &str, value: &str) -> bool {
+pub(super) fn same(setting: &str, value: &str) -> bool {
     setting == value
         || matches!((setting.parse::<f64>(), value.parse::<f64>()), (Ok(a), Ok(b)) if a == b)
 }
@@ -292,6 +293,7 @@ mod tests {
             covariates: vec!["kp".into()],
             left_out_columns: vec![],
             notes: vec![],
+            sources: vec![],
         }
     }
 

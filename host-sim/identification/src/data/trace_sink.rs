@@ -7,7 +7,7 @@
 
 use super::{Dataset, Quantity, Run, contract};
 use compensator_core::can::{Entry, Message, Node};
-use joint_trace::{Fraction, TraceSample, Writer};
+use joint_trace::{Fraction, TextFormat, TraceSample, Writer};
 use std::collections::HashSet;
 use std::io::{self, Write};
 
@@ -25,11 +25,19 @@ pub struct EmitOptions {
     pub start_s: u32,
     /// The covariate of the data set that travels as the auxiliary one.
     pub auxiliary: Option<String>,
+    /// The format; in another than candump's the interface has no name.
+    pub format: TextFormat,
 }
 
 impl Default for EmitOptions {
     fn default() -> Self {
-        Self { interface: "vcan0".into(), node: Node::FIRST, start_s: 0, auxiliary: None }
+        Self {
+            interface: "vcan0".into(),
+            node: Node::FIRST,
+            start_s: 0,
+            auxiliary: None,
+            format: TextFormat::Candump,
+        }
     }
 }
 
@@ -78,7 +86,7 @@ pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<()
     let stamps = stamps(data, options.start_s)?;
     let whole = stamps.iter().flatten().all(|stamp| stamp % 1000 == 0);
     let fraction = if whole { Fraction::Microseconds } else { Fraction::Nanoseconds };
-    let mut writer = Writer::new(out, interface, options.node, fraction);
+    let mut writer = Writer::new(out, interface, options.node, fraction).in_format(options.format);
     let first = stamps.iter().flatten().next().copied().unwrap_or_default();
     writer.message(first, &Message::Entry(options.node, Entry::JointKind(data.joint)))?;
     for ((run, number), stamps) in data.runs.iter().zip(run_numbers(data)).zip(&stamps) {
@@ -92,8 +100,7 @@ pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<()
             })?;
         }
     }
-    writer.flush()?;
-    Ok(())
+    Ok(writer.finish()?)
 }
 
 /// A row, in the numbers of the bus.

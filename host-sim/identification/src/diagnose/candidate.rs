@@ -71,6 +71,8 @@ pub struct Candidate {
     pub weight: f64,
     /// Index of the extra covariate it reads.
     pub extra: Option<usize>,
+    /// Whether it is only there to be held against its own cause: what would look alike without it, and is never named.
+    pub is_foil: bool,
 }
 
 impl Candidate {
@@ -87,7 +89,15 @@ impl Candidate {
             comparisons: 1.0,
             weight: 1.0,
             extra: None,
+            is_foil: false,
         }
+    }
+
+    /// Held against its own cause, see [`Candidate::is_foil`].
+    #[must_use]
+    pub fn as_foil(mut self) -> Self {
+        (self.is_foil, self.weight) = (true, 0.0);
+        self
     }
 
     /// Where a fit with it begins.

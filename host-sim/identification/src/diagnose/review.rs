@@ -8,11 +8,12 @@ use super::cause::{Claim, Suspect};
 use super::finding::Rival;
 use super::found::Found;
 use super::gram_blocks::CandidateFit;
+use super::model::{Fitted, with_candidate};
 use super::round::Round;
 use super::search::{Extension, Search};
 use super::select::{better, share};
 use super::standing::Standing;
-use super::thresholds::{ANY_SHAPE, MATERIAL};
+use super::thresholds::{ALIKE, ANY_SHAPE, BETTER, MATERIAL, SHORTLISTED};
 use super::train_test::Follows;
 use crate::spec::SpecError;
 
@@ -81,7 +82,10 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
         found[index].share = share(&unique, &all);
         found[index].only_describes = round.only_describes(fit.candidate)
             && better.extrapolates.is_some_and(|runs| runs.value <= 0.0);
-        found[index].rivals = rivals(&round, &fit);
+        let mut named = rivals(&round, &fit);
+        named.extend(fitted_rivals(search, model, &rest, &round, &fit, &named)?);
+        named.sort_by(|a, b| b.share.total_cmp(&a.share));
+        found[index].rivals = named;
         found[index].fit = fit;
     }
     order(&mut extension.found);
@@ -114,7 +118,8 @@ fn rivals(round: &Round, fit: &CandidateFit) -> Vec<Rival> {
         let flexible = follows_any && own.follows.is_none() && candidate.extra.is_none();
         let another_setting = candidate.cause == own.cause && !follows_any;
         let same_column = follows_any && candidate.columns == own.columns;
-        if flexible || another_setting || same_column || other == fit.candidate {
+        if flexible || another_setting || same_column || candidate.is_foil || other == fit.candidate
+        {
             continue;
         }
         if let Some(share) = round.gram.alike(fit.candidate, other) {
@@ -128,6 +133,42 @@ fn rivals(round: &Round, fit: &CandidateFit) -> Vec<Rival> {
             }
         }
     }
-    named.sort_by(|a, b| b.share.total_cmp(&a.share));
     named
+}
+
+/// Causes whose settings the linear fit knows too little of to say whether they explain the same: fitted in the
+/// finding's place, and held against it on unseen rows.
+fn fitted_rivals(
+    search: &Search,
+    model: &Fitted,
+    rest: &Fitted,
+    round: &Round,
+    fit: &CandidateFit,
+    known: &[Rival],
+) -> Result<Vec<Rival>, SpecError> {
+    let own = round.candidates[fit.candidate].cause;
+    let mut found: Vec<Rival> = Vec::new();
+    for cause in super::cause::ALL.iter().copied().filter(|c| c.is_nonlinear() && *c != own) {
+        let settings = round.fits.iter().filter(|f| round.candidates[f.candidate].cause == cause);
+        let best = settings.max_by(|a, b| a.unseen.value.total_cmp(&b.unseen.value));
+        let Some(best) = best.filter(|_| known.iter().all(|rival| rival.cause != cause)) else {
+            continue;
+        };
+        // What changes the same parameters over the same rows is asked however little its columns promise.
+        let is_kin = !own.acts_on().is_empty() && cause.acts_on() == own.acts_on();
+        if !is_kin && round.gram.confusion(fit.candidate, best.candidate).0 < SHORTLISTED {
+            continue;
+        }
+        let candidate = &round.candidates[best.candidate];
+        let fitted = with_candidate(search.log, rest, candidate, best)?;
+        let standing = Standing::of_model(search.log, &fitted, round.length);
+        let own = Standing::of_model(search.log, model, round.length);
+        let all = own.better_than(&round.standing).describes.value;
+        let share = standing.better_than(&round.standing).describes.value / all;
+        if share > ALIKE && own.better_than(&standing).describes.in_errors() < BETTER {
+            let columns = candidate.columns.clone();
+            found.push(Rival { cause, columns, share: share.min(1.0) });
+        }
+    }
+    Ok(found)
 }

@@ -45,6 +45,8 @@ pub struct Round {
     pub gram: GramBlocks,
     /// How they did.
     pub fits: Vec<CandidateFit>,
+    /// How those did that are only there to be held against their own cause.
+    foils: Vec<CandidateFit>,
     /// The model on unseen rows.
     pub standing: Standing,
     /// Rows of a block.
@@ -64,11 +66,12 @@ impl Round {
         let gram = survey(log, &at, &candidates, length);
         let comparisons: Vec<f64> =
             candidates.iter().map(|candidate| candidate.comparisons).collect();
-        let fits = gram.try_all(&comparisons);
+        let all = gram.try_all(&comparisons).into_iter();
+        let (foils, fits) = all.partition(|fit| candidates[fit.candidate].is_foil);
         let standing = Standing::of(&gram);
         let excess = log.beyond_floor(standing.sse());
         let only_describe = candidates.iter().map(|c| log.can_only_describe(&c.columns)).collect();
-        Self { candidates, gram, fits, standing, length, excess, only_describe }
+        Self { candidates, gram, fits, foils, standing, length, excess, only_describe }
     }
 
     /// What stands against a model with this candidate in it, that is so much better.
@@ -96,6 +99,19 @@ impl Round {
     fn stands_against(&self, fit: &CandidateFit) -> Option<String> {
         let better = Better { describes: fit.unseen, extrapolates: fit.unseen_runs };
         self.against(fit.candidate, &better, fit.p_value)
+    }
+
+    /// What would look like this candidate without its cause, and does as well; a sentence's end.
+    pub fn foiled(&self, candidate: usize) -> Option<String> {
+        let cause = self.candidates[candidate].cause;
+        let is_own = |fit: &&CandidateFit| self.candidates[fit.candidate].cause == cause;
+        let own = self.fits.iter().filter(is_own).map(|fit| fit.unseen.at_least());
+        let own = own.fold(f64::NEG_INFINITY, f64::max);
+        let as_good = |foil: &&CandidateFit| {
+            foil.unseen.at_least() >= own || self.gram.alike(candidate, foil.candidate).is_some()
+        };
+        let foil = self.foils.iter().filter(is_own).find(as_good);
+        foil.map(|_| "bristles of several stiffnesses explain as much".into())
     }
 
     /// Whether a candidate's column changes too seldom to be judged by runs left out.

@@ -184,7 +184,8 @@ impl Turn<'_> {
         let probability = better.describes.probability(candidate.regressors.len(), all);
         let against = at_bound(&fitted, candidate)
             .map(|id| format!("its fit ends at the bound of {}", id.name()))
-            .or_else(|| round.against(fit.candidate, &better, probability));
+            .or_else(|| round.against(fit.candidate, &better, probability))
+            .or_else(|| round.foiled(fit.candidate));
         if let Some(against) = against {
             if fit.p_value < CHANCE {
                 let (cause, columns) = (candidate.cause.name(), candidate.columns.join(", "));

@@ -89,6 +89,8 @@ pub struct TrainTest {
     pub leaves_each_out: bool,
     /// Error the best possible model would make on the training rows, Nm RMS.
     pub floor_nm: f64,
+    /// Where runs were shifted to a common phase of a ripple, its order ([`super::unknown_zero`]).
+    pub aligned_order: Option<u32>,
 }
 
 /// Rows at rest that do not count.
@@ -120,6 +122,7 @@ impl TrainTest {
             extras: Vec::new(),
             campaign_start_s,
             notes: Vec::new(),
+            aligned_order: None,
         };
         // What the runs left out rubbed warms those that come after them.
         warmth::remember(log.train_tracks.iter_mut().chain(&mut log.test_tracks));

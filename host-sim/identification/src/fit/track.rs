@@ -267,6 +267,7 @@ mod tests {
             covariates: vec!["kp".into(), "gap".into()],
             left_out_columns: vec![],
             notes: vec![],
+            sources: vec![],
         };
         let carried = |name| -> Vec<f64> {
             tracks_with(&data, name)[0].samples.iter().map(|sample| sample.auxiliary).collect()

@@ -24,8 +24,15 @@ pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let mut rows: BTreeSet<(usize, usize)> = BTreeSet::new();
     for column in all(&data) {
         let Some((places, farthest)) = failed(&column) else { continue };
-        let count = places.len();
-        let done = if correct { "their rows are left out" } else { "they are left in, as asked" };
+        let (count, (index, row)) = (places.len(), farthest);
+        let farthest = column.runs[index][row];
+        let (run, time_s) = (&data.runs[index].name, figure(data.runs[index].time_s[row]));
+        let values = if count == 1 { "1 value".into() } else { format!("{count} values") };
+        let done = match (correct, count) {
+            (false, _) => "left in, as asked",
+            (true, 1) => "the row is left out",
+            (true, _) => "their rows are left out",
+        };
         found.push(LogFinding {
             kind: Kind::Outlier,
             columns: vec![column.name.clone()],
@@ -33,7 +40,8 @@ pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
             unit: column.unit.clone(),
             corrected: correct,
             in_words: format!(
-                "{count} values of {} cannot be (the farthest is {}, alone between neighbours of another size): {done}.",
+                "{values} of {} cannot be (the farthest is {}, in run {run} at {time_s} s, alone between neighbours of \
+                 another size): {done}.",
                 column.name,
                 figure(farthest)
             ),
@@ -65,8 +73,11 @@ fn without(run: &Run, bad: &BTreeSet<usize>) -> Run {
     run.with_columns(keep)
 }
 
-/// Rows with values that cannot be, as (run, row), and the farthest value.
-fn failed(column: &Column) -> Option<(Vec<(usize, usize)>, f64)> {
+/// A row, as (run, row).
+type Place = (usize, usize);
+
+/// Rows with values that cannot be, and that of the farthest.
+fn failed(column: &Column) -> Option<(Vec<Place>, Place)> {
     let mut all: Vec<f64> = column.values().collect();
     let middle = quantile(&mut all, 0.5);
     let span = quantile(&mut all, 0.99) - quantile(&mut all, 0.01);
@@ -74,16 +85,17 @@ fn failed(column: &Column) -> Option<(Vec<(usize, usize)>, f64)> {
         return None;
     }
     let is_far = |value: f64| (value - middle).abs() > FAR * span;
-    let (mut places, mut farthest) = (Vec::new(), middle);
+    let (mut places, mut farthest) = (Vec::new(), (0.0, (0, 0)));
     for (index, run) in column.runs.iter().enumerate() {
         let mut row = 0;
         while row < run.len() {
             let end = (row..run.len()).find(|at| !is_far(run[*at])).unwrap_or(run.len());
             if end > row && end - row <= TOGETHER {
                 places.extend((row..end).map(|row| (index, row)));
-                for value in &run[row..end] {
-                    if (value - middle).abs() > (farthest - middle).abs() {
-                        farthest = *value;
+                for at in row..end {
+                    let distance = (run[at] - middle).abs();
+                    if distance > farthest.0 {
+                        farthest = (distance, (index, at));
                     }
                 }
             }
@@ -91,5 +103,5 @@ fn failed(column: &Column) -> Option<(Vec<(usize, usize)>, f64)> {
         }
     }
     let most = (MOST * all.len() as f64).max(1.0);
-    (!places.is_empty() && places.len() as f64 <= most).then_some((places, farthest))
+    (!places.is_empty() && places.len() as f64 <= most).then_some((places, farthest.1))
 }

@@ -22,7 +22,9 @@ pub fn saturated(log: &Log) -> Vec<LogFinding> {
             column.values().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], value| {
                 [least.min(value), most.max(value)]
             });
-        if ends[0] == ends[1] {
+        // Behind its last value a filled column stands.
+        let filled = log.data.sources.iter().any(|of| of.name == column.name && of.filled > 0);
+        if ends[0] == ends[1] || filled {
             continue;
         }
         let (mut repeats, mut inside) = (0usize, 0usize);

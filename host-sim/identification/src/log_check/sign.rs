@@ -21,6 +21,7 @@ pub fn sign(log: &Log) -> Vec<LogFinding> {
     if size <= 0.0 || power / size >= GIVES {
         return Vec::new();
     }
+    let torque = log.torque();
     vec![LogFinding {
         kind: Kind::SignSuspect,
         columns: vec![log.torque().into(), log.velocity().into()],
@@ -29,8 +30,9 @@ pub fn sign(log: &Log) -> Vec<LogFinding> {
         corrected: false,
         in_words: format!(
             "The torque pushes along the motion ({:.0} % of the power comes out of the joint): the torque or the \
-             velocity may have the other sign. Nothing is changed.",
-            -100.0 * power / size
+             velocity may have the other sign (--columns {torque}=NAME:-{} turns it). Nothing is changed.",
+            -100.0 * power / size,
+            log.data.joint.torque_unit()
         ),
     }]
 }

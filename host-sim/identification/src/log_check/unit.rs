@@ -5,6 +5,7 @@
 
 use super::{Kind, Log, LogFinding};
 use crate::number::figure;
+use compensator_core::quantity::{JointKind, Quantity};
 
 /// What a velocity over the derivative of its position says.
 const GAINS: [(f64, &str); 8] = [
@@ -30,11 +31,24 @@ const NEAR: f64 = 0.03;
 /// A gain off by more than this is told, whatever it is.
 const OFF: f64 = 0.05;
 
-/// Rates at which no one logs a joint, Hz: a clock in other units.
-const RATES_HZ: (f64, f64) = (0.02, 2e5);
+/// Rates at which no one logs friction, Hz: a clock in other units. The slowest of the measured logs at hand, steady
+/// speeds of a worm drive, has 4 Hz.
+const RATES_HZ: (f64, f64) = (2.5, 2e5);
 
-/// Speeds no joint has, rad/s or m/s.
-const FASTEST: f64 = 1e5;
+/// Rates that a clock in other units is likely to have in truth, Hz.
+const LIKELY_HZ: (f64, f64) = (10.0, 1e5);
+
+/// Units of time a clock may be in, as parts of a second.
+const CLOCKS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
+
+/// Speeds no joint has, rad/s (10,500 rpm) and m/s.
+const FASTEST: [f64; 2] = [1.1e3, 30.0];
+
+/// A pressure difference that never exceeds this, Pa, is a hand's breadth of water, which bends no seal.
+const LEAST_PRESSURE: f64 = 1e3;
+
+/// Seals burn above, °C.
+const HOTTEST: f64 = 200.0;
 
 pub fn units(log: &Log) -> Vec<LogFinding> {
     let mut found = Vec::new();
@@ -75,18 +89,49 @@ pub fn units(log: &Log) -> Vec<LogFinding> {
     }
     let rate = 1.0 / sensors.step_s;
     if sensors.step_s > 0.0 && !(RATES_HZ.0..RATES_HZ.1).contains(&rate) {
+        let likely = |(part, _): &&(f64, &str)| (LIKELY_HZ.0..LIKELY_HZ.1).contains(&(rate * part));
+        let hint = match CLOCKS.iter().find(likely) {
+            Some((_, unit)) => format!("may be in {unit} (--columns time_s=NAME:{unit})"),
+            None => "may not be in seconds".into(),
+        };
+        let rate_in_words = figure(rate);
         let words = format!(
-            "By its stamps the log has {} rows a second: the time may not be in seconds. Nothing is changed.",
-            figure(rate)
+            "By its stamps the log has {rate_in_words} rows a second: the time {hint}. Nothing is changed."
         );
         tell(&["time_s"], rate, "Hz", words);
     }
-    if sensors.speed > FASTEST {
+    let (velocity, unit) = (log.velocity(), log.data.joint.velocity_unit());
+    let (fastest, other) = match log.data.joint {
+        JointKind::Revolute => (FASTEST[0], "rpm"),
+        JointKind::Prismatic => (FASTEST[1], "mm/s"),
+    };
+    if sensors.speed > fastest {
+        let speed = figure(sensors.speed);
         let words = format!(
-            "The velocity reaches {} by its column's unit, which no joint does. Nothing is changed.",
-            figure(sensors.speed)
+            "The velocity reaches {speed} {unit} by its column's unit, which no joint does: it may be in {other} \
+             (--columns {velocity}=NAME:{other}). Nothing is changed."
         );
-        tell(&[log.velocity()], sensors.speed, log.data.joint.velocity_unit(), words);
+        tell(&[velocity], sensors.speed, unit, words);
+    }
+    for column in &log.columns {
+        let largest = column.values().map(f64::abs).fold(0.0, f64::max);
+        let (name, figure) = (&column.name, figure(largest));
+        match column.quantity {
+            Some(Quantity::Pressure) if largest > 0.0 && largest < LEAST_PRESSURE => {
+                let words = format!(
+                    "{name} never exceeds {figure} Pa: it may be in bar or MPa (--columns {name}=NAME:bar). Nothing is \
+                     changed."
+                );
+                tell(&[name], largest, "Pa", words);
+            }
+            Some(Quantity::Temperature) if largest > HOTTEST => {
+                let words = format!(
+                    "{name} reaches {figure} °C: it may be in kelvin (--columns {name}=NAME:K). Nothing is changed."
+                );
+                tell(&[name], largest, "°C", words);
+            }
+            _ => {}
+        }
     }
     found
 }

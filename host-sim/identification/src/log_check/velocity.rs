@@ -61,16 +61,22 @@ pub fn lag(log: &Log) -> Vec<LogFinding> {
         return Vec::new();
     };
     let sensors = &log.sensors;
+    // A velocity that is the position's difference is late by half a row, and nobody logged it.
+    let sources = &log.data.sources;
+    if !sources.is_empty() && sources.iter().all(|source| source.name != log.velocity()) {
+        return Vec::new();
+    }
     // A position that was integrated is late or early by how the sum was made.
     if sensors.from_velocity_alone && !agreement.is_merely_late() {
         return Vec::new();
     }
     let lag_s = agreement.lag_rows * log.sensors.step_s;
-    let corrected = log.correct.motion && log.sensors.from_position_alone;
-    let done = if corrected {
+    let moved = sensors.velocity_late_s().is_some();
+    let corrected = log.correct.motion && (sensors.from_position_alone || moved);
+    let done = if corrected && moved {
+        "the velocity is clean and taken to share the torque's clock, and the position is moved to it"
+    } else if corrected {
         "the motion is reconstructed from the position alone"
-    } else if sensors.from_velocity_alone {
-        "the velocity is clean and keeps its clock, as the torque's clock is not known"
     } else {
         "it is taken as logged"
     };

@@ -31,6 +31,14 @@ const DIFFERENCE: (f64, f64) = (0.5, 0.1);
 /// velocity, 1.1 rows late, leaves 0.001; a filtered difference of 16 bits 0.01.
 const MERELY: f64 = 3e-3;
 
+/// What a filtered velocity leaves hangs together from row to row: a lag-one correlation above this. White noise
+/// leaves 0; a difference through a low-pass of 2 Hz, logged at 73 Hz, 0.9.
+const COLOURED: f64 = 0.5;
+
+/// What is left is the velocity's own, and not the position's, from so many standard deviations on that the position
+/// alone leaves open. Those are a model's, hence not 2.
+const OWN: f64 = 4.0;
+
 /// A velocity beside the derivative of its position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Agreement {
@@ -48,6 +56,10 @@ pub struct Agreement {
     pub speed: f64,
     /// Variance of the position's noise by itself, its rounding aside.
     pub position_variance: f64,
+    /// Correlation of what is left from one row to the next.
+    pub left_correlation: f64,
+    /// Standard deviation of the velocity as the position alone leaves it, per median step.
+    pub open: f64,
 }
 
 impl Agreement {
@@ -65,6 +77,12 @@ impl Agreement {
 }
 
 impl Agreement {
+    /// Whether the velocity was low-passed, so that what it is off by lasts: no white noise, and to be averaged with
+    /// nothing. The position alone then knows the motion better.
+    pub fn is_filtered(&self) -> bool {
+        self.left_correlation > COLOURED && self.scatter > OWN * self.open
+    }
+
     /// Whether the velocity is as good as the position, and only its clock is another. Which of the two clocks
     /// is the torque's the log does not say; a drive's velocity and torque come out of one loop.
     pub fn is_merely_late(&self) -> bool {
@@ -90,15 +108,19 @@ pub fn agreement(all: &[Series]) -> Agreement {
     let Levels { noise, jump } = likeliest(&alone);
     // Weighted sums of the normal equations, robust by leaving the worst tail out in a second round.
     let mut table: Vec<[f64; 3]> = Vec::new();
+    let (mut starts, mut open, mut opened) = (Vec::new(), 0.0, 0.0);
     for (series, logged) in alone.iter().zip(&velocities) {
         let found = smooth(series, &noise, &vec![jump; series.len() - 1]);
         let ends = 4.min(series.len() / 4);
+        starts.push(table.len());
         let inner = logged.iter().enumerate().take(series.len() - ends).skip(ends);
         for (row, logged) in inner {
             let state = found.states[row];
             // The polygon's acceleration belongs to the middle of the step after the row.
             let bend = 0.5 * (state[2] + found.states[row - 1][2]);
             table.push([*logged, state[1], bend]);
+            open += found.variances[row][1];
+            opened += 1.0;
         }
     }
     if table.len() < FEWEST {
@@ -136,6 +158,8 @@ pub fn agreement(all: &[Series]) -> Agreement {
             scatter: variance.sqrt(),
             speed: (vv / count).sqrt(),
             position_variance: noise.position,
+            left_correlation: correlation(&table, &starts, &left),
+            open: f64::sqrt(open / f64::max(opened, 1.0)),
         };
         let mut sizes: Vec<f64> = table.iter().map(|row| left(row).abs()).collect();
         let at = sizes.len() * 19 / 20;
@@ -143,4 +167,16 @@ pub fn agreement(all: &[Series]) -> Agreement {
         limit = 2.0 * *sizes.select_nth_unstable_by(at, f64::total_cmp).1;
     }
     result
+}
+
+/// Lag-one correlation of what is left, never from one series to the next.
+fn correlation(table: &[[f64; 3]], starts: &[usize], left: &impl Fn(&[f64; 3]) -> f64) -> f64 {
+    let (mut products, mut squares) = (0.0, 0.0);
+    for (at, row) in table.iter().enumerate() {
+        squares += left(row).powi(2);
+        if at > 0 && !starts.contains(&at) {
+            products += left(row) * left(&table[at - 1]);
+        }
+    }
+    products / f64::max(squares, f64::MIN_POSITIVE)
 }

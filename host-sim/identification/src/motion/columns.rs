@@ -79,7 +79,7 @@ pub struct Sensors {
     pub rows_at_rest: usize,
     /// The velocity beside the position's derivative, where there is a position.
     pub agreement: Option<Agreement>,
-    /// Whether the velocity column was left out, because it lags the position.
+    /// Whether the velocity column was left out, because it lags the position or was low-passed.
     pub from_position_alone: bool,
     /// Whether the position column was left out: it was integrated from the velocity, or runs by another
     /// clock than a velocity that is as good.
@@ -96,6 +96,14 @@ pub struct Sensors {
 }
 
 impl Sensors {
+    /// By how much a clean velocity is late (early: negative) against the position, s, where it keeps its clock and
+    /// the position is moved to it.
+    pub fn velocity_late_s(&self) -> Option<f64> {
+        let late =
+            self.agreement.filter(|found| self.from_velocity_alone && found.is_merely_late())?;
+        Some(late.lag_rows * self.step_s)
+    }
+
     /// Whether the motion is the one that was logged.
     pub fn is_as_logged(&self) -> bool {
         self.exact || self.steady
@@ -140,7 +148,8 @@ impl Study {
             let unstepped = sensors.position_quantum == 0.0;
             sensors.position_integrated = unstepped && start_alike(stretches) && is_sum(stretches);
             sensors.from_velocity_alone = sensors.position_integrated || found.is_merely_late();
-            sensors.from_position_alone = found.lags() && !sensors.from_velocity_alone;
+            let is_worse = found.lags() || found.is_filtered();
+            sensors.from_position_alone = is_worse && !sensors.from_velocity_alone;
         }
         let own_noise = noise_alone(all);
         if sensors.from_position_alone {

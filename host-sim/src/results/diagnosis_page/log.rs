@@ -2,12 +2,17 @@
 
 use super::Scene;
 use crate::report::{Block, Cell, Table};
-use friction_identification::log_check::LogFinding;
+use friction_identification::log_check::{ColumnOverview, LogFinding, overview};
+use friction_identification::number::figure;
 
 /// The section.
 pub(super) fn log(scene: &Scene) -> Vec<Block> {
     let found = &scene.about.found.log_findings;
-    let mut blocks = vec![Block::Heading("The log itself".into())];
+    let mut blocks = vec![Block::Heading("The log itself".into()), columns(scene)];
+    let notes = &scene.about.data.notes;
+    if !notes.is_empty() {
+        blocks.push(Block::List(notes.clone()));
+    }
     if found.is_empty() {
         blocks.push(Block::Paragraph(
             "Held channels, late ones, noise, steps, clipping, units, signs, clock: nothing was found.".into(),
@@ -32,4 +37,27 @@ pub(super) fn log(scene: &Scene) -> Vec<Block> {
     }));
     blocks.push(Block::List(found.iter().map(|finding| finding.in_words.clone()).collect()));
     blocks
+}
+
+/// What was read: each column with its range, and where it comes from.
+fn columns(scene: &Scene) -> Block {
+    let data = scene.about.data;
+    let read = overview(data);
+    let row = |column: &ColumnOverview| {
+        let from = column.source.as_ref().map_or_else(String::new, |source| match &source.unit {
+            Some(unit) => format!("{} in {unit}", source.header),
+            None => source.header.clone(),
+        });
+        let [least, most] = column.range.map(|limit| Cell::Digits(limit, 4));
+        vec![column.name.as_str().into(), least, most, column.unit.as_str().into(), from.into()]
+    };
+    let header = ["column", "least", "largest", "unit", "from"];
+    let [slowest, fastest] = read.rate_hz.map(figure);
+    let rate = if slowest == fastest { fastest } else { format!("{slowest} to {fastest}") };
+    Block::Table(Table {
+        caption: format!("{} rows in {} runs, {rate} Hz; as used", read.rows, read.runs),
+        header: header.map(str::to_owned).to_vec(),
+        rows: read.columns.iter().map(row).collect(),
+        best: Vec::new(),
+    })
 }

@@ -142,8 +142,7 @@ pub(in crate::results) fn sources(view: &View) -> Vec<String> {
     }
     if !study.columns.is_empty() {
         said.push(format!(
-            "Columns were renamed ({}); units are those of the names on the left, whatever the file \
-             holds.",
+            "Columns are read as --columns says ({}); values are in the units of the names on the left.",
             study.columns.join(", ")
         ));
     }

@@ -157,7 +157,7 @@ fn garbage_and_odd_times_do_no_harm() {
     for _ in 0..50_000 {
         state = state.wrapping_mul(0x5851_F42D_4C95_7F2D).wrapping_add(0x1405_7B7E_F767_814F);
         let length = (state >> 60).min(8) as usize;
-        let bases = [0, 0x80, 0x180, 0x200, 0x280, 0x380, 0x580, 0x600, 0x700];
+        let bases = [0, 0x80, 0x180, 0x280, 0x300, 0x380, 0x480, 0x580, 0x600, 0x680, 0x700];
         let identifier = bases[(state >> 50) as usize % bases.len()] + (state >> 40 & 1) as u16;
         let data = state.to_le_bytes();
         let frame = Frame::new(identifier, &data[..length]).unwrap();

@@ -16,7 +16,9 @@ use crate::data::dataset::LeftOutColumn;
 use crate::data::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
 use crate::data::header::layout;
 use compensator_core::quantity::Quantity;
-use joint_trace::{Assembler, LineError, Summary, TraceSample, candump};
+use joint_trace::{
+    Assembler, Census, Frames, LineError, Summary, TextFormat, TextReader, TraceSample,
+};
 
 /// Lines between two calls of the progress function.
 const PROGRESS_LINES: u64 = 64 * 1024;
@@ -24,15 +26,12 @@ const PROGRESS_LINES: u64 = 64 * 1024;
 /// Longer than any line of such a log.
 const LONGEST_LINE: u64 = 4096;
 
-/// What `candump -L` writes.
+/// What `candump -L`, Vector's and PEAK's tools write.
 pub(super) const SOURCE: Source = Source { is_it: is_trace, read };
 
-/// Whether a file that begins so is a candump log: its first line with anything in it is one of a frame.
+/// Whether a file that begins so is a CAN log.
 fn is_trace(head: &[u8]) -> bool {
-    let mut lines = head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
-    let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
-    // A line that is cut off by the end of the head has its stamp at least.
-    first.is_some_and(|line| !matches!(candump::parse(line), Err(LineError::Time)))
+    TextFormat::of(head).is_some()
 }
 
 /// A column of the table a log is made into.
@@ -85,8 +84,9 @@ struct Overview {
 }
 
 fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, mut file, size, mapping, progress, .. } = input;
-    let overview = look(path, &mut file, &|bytes| progress(bytes / 2))?;
+    let Input { path, mut file, head, size, options, progress } = input;
+    let format = TextFormat::of(head).unwrap_or_default();
+    let overview = look(path, &mut file, format, &|bytes| progress(bytes / 2))?;
     let kind = overview.summary.kind;
     let name = |column: &Column| match column {
         Column::Run => "run",
@@ -95,7 +95,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     };
     let columns = &overview.columns;
     let names = columns.iter().map(|column| name(column).to_owned()).collect();
-    let mut cleaner = Cleaner::new(path, layout(path, names, mapping)?);
+    let mut cleaner = Cleaner::new(path, layout(path, names, options)?);
     for bad in &overview.bad.first {
         cleaner.leave_out(bad.row, None, bad.found.clone(), &bad.expected);
     }
@@ -103,6 +103,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     each_sample(
         path,
         &mut file,
+        format,
         &second_half,
         |_| {},
         |sample| {
@@ -141,7 +142,12 @@ fn tell(path: &Path, overview: &Overview, data: &mut FileData) {
 }
 
 /// The first reading.
-fn look(path: &Path, file: &mut File, progress: &dyn Fn(u64)) -> Result<Overview, DataError> {
+fn look(
+    path: &Path,
+    file: &mut File,
+    format: TextFormat,
+    progress: &dyn Fn(u64),
+) -> Result<Overview, DataError> {
     let (mut bad, mut remarks) = (BadRows::default(), 0);
     let mut seen = [false; Quantity::ALL.len()];
     let (mut has_runs, mut origin_ns) = (false, None);
@@ -156,7 +162,7 @@ fn look(path: &Path, file: &mut File, progress: &dyn Fn(u64)) -> Result<Overview
             }
         }
     };
-    let summary = each_sample(path, file, progress, aside, |sample| {
+    let summary = each_sample(path, file, format, progress, aside, |sample| {
         for (seen, quantity) in seen.iter_mut().zip(Quantity::ALL) {
             *seen |= !sample.get(*quantity).is_nan();
         }
@@ -181,8 +187,11 @@ fn look(path: &Path, file: &mut File, progress: &dyn Fn(u64)) -> Result<Overview
     let is_seen = |quantity: Quantity| seen[quantity as usize];
     let complete = is_seen(Quantity::Velocity) && is_seen(Quantity::Torque);
     let Some(origin_ns) = origin_ns.filter(|_| complete) else {
-        let found = format!("{} frames and no joint's velocity and torque", summary.frames);
-        let expected = "frames 200 and 300 + node and the SYNC 080, as joint.dbc says";
+        let io = |source| DataError::Io { file: path.into(), source };
+        file.seek(SeekFrom::Start(0)).map_err(io)?;
+        let census = Census::of(BufReader::new(&*file)).map_err(io)?;
+        let found = format!("{census} and no joint's velocity and torque");
+        let expected = "Motion (480 + node), Torque (680 + node) and the SYNC (080) of joint.dbc";
         return wrong(found, expected);
     };
     let quantities = Quantity::ALL.iter().copied().filter(|of| is_seen(*of)).map(Column::Measured);
@@ -203,6 +212,7 @@ enum Aside<'a> {
 fn each_sample(
     path: &Path,
     file: &mut File,
+    format: TextFormat,
     progress: &dyn Fn(u64),
     mut aside: impl FnMut(Aside),
     mut sink: impl FnMut(&TraceSample) -> Result<(), DataError>,
@@ -211,6 +221,7 @@ fn each_sample(
     file.seek(SeekFrom::Start(0)).map_err(io)?;
     let mut reader = BufReader::with_capacity(1 << 20, file);
     let mut assembler = Assembler::default();
+    let mut lines = TextReader::new(format);
     let mut line = Vec::with_capacity(256);
     let (mut row, mut bytes) = (0u64, 0u64);
     loop {
@@ -229,20 +240,18 @@ fn each_sample(
         if row.is_multiple_of(PROGRESS_LINES) {
             progress(bytes);
         }
-        match candump::parse(&line) {
-            Ok(frame) => {
+        match lines.read(&line) {
+            Frames::Line(frame) => {
                 if let Some(sample) = assembler.take(row, &frame) {
                     sink(&sample)?;
                 }
             }
-            Err(error) => {
-                let text = line.trim_ascii();
-                if text.starts_with(b"(") {
-                    aside(Aside::Bad { row, line: text, error });
-                } else if !text.is_empty() {
-                    aside(Aside::Remark);
-                }
+            Frames::Bad(error) => aside(Aside::Bad { row, line: line.trim_ascii(), error }),
+            // Vector's and PEAK's tools write much beside frames, and head their files.
+            Frames::None if format == TextFormat::Candump && !line.trim_ascii().is_empty() => {
+                aside(Aside::Remark);
             }
+            Frames::None => {}
         }
     }
     let (last, summary) = assembler.finish();

@@ -13,13 +13,16 @@
 use std::borrow::Cow;
 use std::cell::Cell;
 use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
 
 use csv::{ByteRecord, ReaderBuilder, Terminator};
 
-use super::{Input, Source};
+use super::preamble::{Preamble, preamble};
+use super::{HEAD, Input, Source, utf16};
 use crate::data::clean::{Cleaner, FileData, Row};
 use crate::data::error::DataError;
 use crate::data::header::layout;
+use crate::data::read::ReadOptions;
 
 /// Rows between two calls of the progress function.
 const PROGRESS_ROWS: u64 = 16 * 1024;
@@ -72,9 +75,9 @@ pub(super) const SOURCE: Source = Source { is_it: |_| true, read };
 /// Before the text of some programs.
 const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
 
-/// The separator that occurs most often in the first line, outside quotes.
-fn separator(text: &[u8]) -> u8 {
-    let header = text.trim_ascii_start();
+/// The separator that occurs most often in a line, outside quotes.
+pub(super) fn separator(line: &[u8]) -> u8 {
+    let header = line.trim_ascii_start();
     // A leading tab may be an empty first name, but then others follow it.
     let mut counts = [(b',', 0), (b';', 0), (b'\t', 0)];
     let mut is_quoted = false;
@@ -89,83 +92,132 @@ fn separator(text: &[u8]) -> u8 {
 }
 
 fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, mut file, head, size, mapping, progress } = input;
-    let start = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
-    let separator = separator(&head[start..]);
-    let failed = |error: csv::Error| {
-        let said = error.to_string();
-        let source = match error.into_kind() {
-            csv::ErrorKind::Io(source) => source,
-            _ => std::io::Error::other(said),
-        };
-        DataError::Io { file: path.into(), source }
-    };
+    let Input { path, mut file, head, size, options, progress } = input;
     let io = |source| DataError::Io { file: path.into(), source };
-    file.seek(SeekFrom::Start(start as u64)).map_err(io)?;
-    // With the line end that is appended.
-    let bytes = size.saturating_sub(start as u64) + 1;
-    let mut reader = ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .delimiter(separator)
-        .terminator(Terminator::Any(b'\n'))
-        .buffer_capacity(256 * 1024)
-        .from_reader(file.chain(&b"\n"[..]));
-    let mut record = ByteRecord::new();
-
-    let mut names = Vec::new();
-    while names.is_empty() && reader.read_byte_record(&mut record).map_err(failed)? {
-        if !is_blank(&record) {
-            let name = |cell: &[u8]| String::from_utf8_lossy(cell.trim_ascii()).into_owned();
-            names = record.iter().map(name).collect();
-        }
+    if let Some(order) = utf16::order(head) {
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).map_err(io)?;
+        let text = utf16::decode(&bytes, order);
+        drop(bytes);
+        let head = &text.as_bytes()[..text.len().min(HEAD as usize)];
+        let before = preamble(head);
+        let rest = &text.as_bytes()[before.start..];
+        let table = Table { path, head, before, size: text.len() as u64 };
+        return table.read(rest, options, &|bytes| progress(bytes.min(size)));
     }
-    let width = names.len();
-    let mut cleaner = Cleaner::new(path, layout(path, names, mapping)?);
+    let mark = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+    let mut before = preamble(&head[mark..]);
+    before.start += mark;
+    before.header = before.header.map(|range| range.start + mark..range.end + mark);
+    file.seek(SeekFrom::Start(before.start as u64)).map_err(io)?;
+    Table { path, head, before, size }.read(file, options, progress)
+}
 
-    let comma_was_point = Cell::new(false);
-    let mut records: u64 = 0;
-    let mut line_before = reader.position().line();
-    while reader.read_byte_record(&mut record).map_err(failed)? {
-        let line_after = reader.position().line();
-        let ends_in_line_end = record.as_slice().last() == Some(&b'\n');
-        let inside = if line_after - line_before > 1 || ends_in_line_end {
-            record.as_slice().iter().filter(|&&byte| byte == b'\n').count() as u64
-        } else {
-            0
-        };
-        line_before = line_after;
-        // Only a quote that is never closed runs into the end of the file without a line end.
-        let is_open = ends_in_line_end && reader.position().byte() == bytes;
-        let line = line_after.saturating_sub(inside + u64::from(!is_open));
-        records += 1;
-        if records.is_multiple_of(PROGRESS_ROWS) {
-            progress(reader.position().byte());
-        }
-        if is_blank(&record) {
-            continue;
-        }
-        if is_open || record.len() != width {
-            let found = match inside {
-                _ if is_open => "a quote that is never closed".into(),
-                0 => format!("{} cells", record.len()),
-                _ => format!("a quoted cell that ends {inside} lines further down"),
+/// A table, and where it begins.
+struct Table<'a> {
+    path: &'a Path,
+    head: &'a [u8],
+    before: Preamble,
+    size: u64,
+}
+
+impl Table<'_> {
+    /// Reads it; `text` is what follows the preamble.
+    fn read(
+        self,
+        text: impl Read,
+        options: &ReadOptions,
+        progress: &dyn Fn(u64),
+    ) -> Result<FileData, DataError> {
+        let Self { path, head, before, size } = self;
+        let commented = before.header.clone().map(|range| &head[range]);
+        let separator = separator(commented.unwrap_or(&head[before.start.min(head.len())..]));
+        let failed = |error: csv::Error| {
+            let said = error.to_string();
+            let source = match error.into_kind() {
+                csv::ErrorKind::Io(source) => source,
+                _ => std::io::Error::other(said),
             };
-            cleaner.leave_out_ragged(line, found);
-            continue;
-        }
-        let row = CsvRow {
-            record: &record,
-            comma_may_be_point: separator != b',',
-            comma_was_point: &comma_was_point,
+            DataError::Io { file: path.into(), source }
         };
-        cleaner.take(line, &row)?;
+        // With the line end that is appended.
+        let bytes = size.saturating_sub(before.start as u64) + 1;
+        let mut builder = ReaderBuilder::new();
+        builder.has_headers(false).flexible(true).delimiter(separator);
+        builder.terminator(Terminator::Any(b'\n')).comment(Some(b'#'));
+        let mut reader = builder.buffer_capacity(256 * 1024).from_reader(text.chain(&b"\n"[..]));
+        let mut record = ByteRecord::new();
+
+        let name = |cell: &[u8]| String::from_utf8_lossy(cell.trim_ascii()).into_owned();
+        let mut names = Vec::new();
+        if let Some(line) = commented {
+            let mut header = builder.from_reader(line);
+            if header.read_byte_record(&mut record).map_err(failed)? {
+                names = record.iter().map(name).collect();
+            }
+        }
+        while names.is_empty() && reader.read_byte_record(&mut record).map_err(failed)? {
+            if !is_blank(&record) {
+                names = record.iter().map(name).collect();
+            }
+        }
+        let width = names.len();
+        let mut layout = layout(path, names, options)?;
+
+        let comma_was_point = Cell::new(false);
+        let mut records: u64 = 0;
+        let mut line_before = reader.position().line();
+        let mut is_there = reader.read_byte_record(&mut record).map_err(failed)?;
+        if is_there && record.len() == width {
+            let cells: Vec<&[u8]> = record.iter().map(<[u8]>::trim_ascii).collect();
+            if layout.take_units(&cells) {
+                line_before = reader.position().line();
+                is_there = reader.read_byte_record(&mut record).map_err(failed)?;
+            }
+        }
+        let mut cleaner = Cleaner::new(path, layout);
+        while is_there {
+            let line_after = reader.position().line();
+            let ends_in_line_end = record.as_slice().last() == Some(&b'\n');
+            let inside = if line_after - line_before > 1 || ends_in_line_end {
+                record.as_slice().iter().filter(|&&byte| byte == b'\n').count() as u64
+            } else {
+                0
+            };
+            line_before = line_after;
+            // Only a quote that is never closed runs into the end of the file without a line end.
+            let is_open = ends_in_line_end && reader.position().byte() == bytes;
+            let line = before.lines + line_after.saturating_sub(inside + u64::from(!is_open));
+            records += 1;
+            if records.is_multiple_of(PROGRESS_ROWS) {
+                progress(reader.position().byte());
+            }
+            if is_blank(&record) {
+                // An empty line.
+            } else if is_open || record.len() != width {
+                let found = match inside {
+                    _ if is_open => "a quote that is never closed".into(),
+                    0 => format!("{} cells", record.len()),
+                    _ => format!("a quoted cell that ends {inside} lines further down"),
+                };
+                cleaner.leave_out_ragged(line, found);
+            } else {
+                let row = CsvRow {
+                    record: &record,
+                    comma_may_be_point: separator != b',',
+                    comma_was_point: &comma_was_point,
+                };
+                cleaner.take(line, &row)?;
+            }
+            is_there = reader.read_byte_record(&mut record).map_err(failed)?;
+        }
+        let mut data = cleaner.finish()?;
+        if comma_was_point.get() {
+            let file = path.display();
+            data.notes.push(format!("{file}: commas inside numbers are decimal points"));
+        }
+        Ok(data)
     }
-    let mut data = cleaner.finish()?;
-    if comma_was_point.get() {
-        data.notes.push(format!("{}: commas inside numbers are decimal points", path.display()));
-    }
-    Ok(data)
 }
 
 /// Whether the row is an empty line, or the row of separators a spreadsheet makes of one.

@@ -4,13 +4,11 @@
 pub(super) fn recognise(head: &[u8]) -> Option<(&'static str, &'static str)> {
     const TABLE: &str = "a CSV or Parquet file";
     const UNPACKED: &str = "a CSV or Parquet file; unpack it first";
-    const UTF8: &str = "CSV in UTF-8";
     let known = match head {
         [0x1f, 0x8b, ..] => ("a gzip archive", UNPACKED),
         [0x28, 0xb5, 0x2f, 0xfd, ..] => ("a zstd archive", UNPACKED),
         [b'P', b'K', 3, 4, ..] => ("a zip archive or a spreadsheet", TABLE),
         [0x89, b'H', b'D', b'F', ..] => ("an HDF5 file", TABLE),
-        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => ("text in UTF-16", UTF8),
         _ => {
             let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head);
             if text.trim_ascii().is_empty() {
@@ -36,7 +34,6 @@ mod tests {
         for (head, name) in [
             (&b""[..], "an empty file"),
             (b"\xef\xbb\xbf \r\n", "an empty file"),
-            (b"\xff\xfea\0", "text in UTF-16"),
             (b"\x1f\x8b\x08", "a gzip archive"),
             (b"PK\x03\x04", "a zip archive or a spreadsheet"),
             (b"a,b\r1,2\r", "lines that end in CR alone"),

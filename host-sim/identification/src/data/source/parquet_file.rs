@@ -26,6 +26,7 @@ use crate::data::clean::{Cleaner, FileData, Row};
 use crate::data::dataset::LeftOutColumn;
 use crate::data::error::{BadCell, DataError, one_line};
 use crate::data::header::layout;
+use crate::data::read::ReadOptions;
 
 /// Rows unpacked at a time.
 const BATCH: usize = 8 * 1024;
@@ -87,9 +88,9 @@ pub(super) const SOURCE: Source = Source { is_it: |head| head.starts_with(b"PAR1
 /// refers to a dictionary which is not there) with a panic. A user's file must not look like a
 /// bug of this program, so that too becomes an error.
 fn read(input: Input) -> Result<FileData, DataError> {
-    let Input { path, file, size, mapping, progress, .. } = input;
+    let Input { path, file, size, options, progress, .. } = input;
     let share = |share: f64| progress((share * size as f64) as u64);
-    let reading = AssertUnwindSafe(|| read_undamaged(path, file, mapping, &share));
+    let reading = AssertUnwindSafe(|| read_undamaged(path, file, options, &share));
     catch_unwind(reading).unwrap_or_else(|_| {
         Err(DataError::File {
             file: path.into(),
@@ -102,7 +103,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
 fn read_undamaged(
     path: &Path,
     file: File,
-    mapping: &[(String, String)],
+    options: &ReadOptions,
     progress: &dyn Fn(f64),
 ) -> Result<FileData, DataError> {
     let failed = |error: ParquetError| DataError::File {
@@ -117,8 +118,9 @@ fn read_undamaged(
     let kinds: Vec<Result<Kind, &str>> =
         schema.columns().iter().map(|column| kind(column)).collect();
 
-    let mut layout = layout(path, names, mapping)?;
-    for &at in layout.required.iter().chain(&layout.run) {
+    let mut layout = layout(path, names, options)?;
+    let required = layout.required.iter().map(|reading| reading.index);
+    for at in required.chain(layout.run) {
         if let Err(why) = kinds[at] {
             return Err(DataError::Cell(BadCell {
                 file: path.into(),
@@ -129,19 +131,16 @@ fn read_undamaged(
             }));
         }
     }
-    layout.optional.retain(|column| match kinds[column.index] {
+    layout.optional.retain(|column| match kinds[column.reading.index] {
         Ok(_) => true,
         Err(why) => {
-            let name = layout.names[column.index].clone();
+            let name = layout.names[column.reading.index].clone();
             layout.left_out.push(LeftOutColumn { name, why: format!("it is {why}") });
             false
         }
     });
     let mut needed = vec![false; kinds.len()];
-    let optional = layout.optional.iter().map(|column| column.index);
-    for at in layout.required.into_iter().chain(layout.run).chain(optional) {
-        needed[at] = true;
-    }
+    layout.needed().for_each(|at| needed[at] = true);
 
     let total = reader.metadata().file_metadata().num_rows().max(1) as f64;
     let mut cleaner = Cleaner::new(path, layout);

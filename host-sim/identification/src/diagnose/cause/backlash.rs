@@ -22,8 +22,22 @@ const PRESLIDING_UNLOADED: [f64; 3] = [0.3, 1.0, 3.0];
 /// A play that is tried, over the way from one reversal to the next.
 const OF_STROKE: f64 = 0.08;
 
+/// Bristles that are so much stiffer, and so much softer, stand beside the model's own as a foil.
+const OTHER_STIFFNESS: f64 = 4.0;
+
 /// See the module.
 pub struct Backlash;
+
+/// Friction whose bristles are not all of one stiffness, as of every real seal, gives way after a reversal in a way
+/// that a play can be bent into. It is no play.
+fn several_stiffnesses(columns: &[&str], stiffness: f64) -> Candidate {
+    let bristles = |times: f64| {
+        let settings = vec![(Id::BacklashTravel, 0.0), (Id::BristleStiffness, times * stiffness)];
+        Regressor::Exact(Exact { kind: TermKind::Backlash, settings, derivative: None })
+    };
+    let both = vec![bristles(OTHER_STIFFNESS), bristles(1.0 / OTHER_STIFFNESS)];
+    Candidate::new(TermKind::Backlash, columns, both).as_foil()
+}
 
 /// The way from one reversal to the next, rad: half of all way is in longer strokes; 0 without a reversal.
 fn stroke(beside: &Beside) -> f64 {
@@ -101,6 +115,7 @@ impl Cause for Backlash {
                     ])
                     .keeping(&[Id::BacklashStiffnessRatio, Id::BacklashUnloaded])
             })
+            .chain([several_stiffnesses(&columns, parameters.get(Id::BristleStiffness))])
             .collect()
     }
 

@@ -50,7 +50,8 @@ impl Cause for TorqueRipple {
         }
         let is_revolute = log.train.joint == JointKind::Revolute;
         let most = if is_revolute { MOST_REVOLUTE } else { MOST_PRISMATIC };
-        let once_a_turn: &[f64] = if is_revolute { &[1.0] } else { &[] };
+        let is_gravitys = is_revolute && log.aligned_order.is_none();
+        let once_a_turn: &[f64] = if is_gravitys { &[1.0] } else { &[] };
         let Some(found) = strongest(log, beside.at, most, TORQUE_RIPPLES, once_a_turn, is_revolute)
         else {
             return Vec::new();

@@ -9,35 +9,12 @@ use super::super::surroundings::Signal;
 use super::campaign::Campaign;
 use std::f64::consts::TAU;
 
-/// Everything that can be hidden.
-const ALL: [HiddenCause; 20] = [
-    HiddenCause::RadialForceCoulomb,
-    HiddenCause::RadialForceRate,
-    HiddenCause::PressureCoulomb,
-    HiddenCause::TemperatureViscous,
-    HiddenCause::PositionRipple,
-    HiddenCause::GravityImbalance,
-    HiddenCause::DirectionAsymmetry,
-    HiddenCause::TorqueOffset,
-    HiddenCause::QuadraticDrag,
-    HiddenCause::DwellTimeStatic,
-    HiddenCause::TimeDrift,
-    HiddenCause::LoadTorqueCoulomb,
-    HiddenCause::UnmodelledInertia,
-    HiddenCause::Backlash,
-    HiddenCause::StribeckShape,
-    HiddenCause::ChannelDelay,
-    HiddenCause::TorqueRipple,
-    HiddenCause::TemperatureCoulomb,
-    HiddenCause::WarmUp,
-    HiddenCause::OutsideCatalogue,
-];
-
 /// The causes a campaign can hide: its log has the column, and its base does not have the part already.
 pub(super) fn possible(campaign: &Campaign) -> Vec<HiddenCause> {
     let has = |part: &str| campaign.rigid_body.contains(&part);
     let late = !campaign.sensing.true_of_the_log().is_empty();
-    ALL.into_iter()
+    HiddenCause::ALL
+        .into_iter()
         .filter(|cause| match cause {
             HiddenCause::PositionRipple | HiddenCause::TorqueRipple => {
                 campaign.sensing.has_position()

@@ -1,0 +1,200 @@
+//! MCAP, as ROS 2 and Foxglove record it: messages of several topics, made into rows.
+//!
+//! Each message is a row of its own that holds its numbers and no others; what that means is decided where merged
+//! channels are (`close`). A column is called by its topic and its field, `/joint_states.velocity[1]`, and by the joint's
+//! name where the message lists names beside (`/joint_states.velocity[elbow]`); a field that has a name of the contract
+//! needs none else. The time is the header's stamp where there is one, else when the message was logged.
+//! Read are ROS 2's own encoding (CDR) and JSON. Of the columns, only those are kept that the contract or `--columns` names: a
+//! robot's log has hundreds.
+
+use super::cdr::Definition;
+use super::{Input, Source};
+use crate::data::clean::{Cleaner, FileData, Row};
+use crate::data::contract;
+use crate::data::error::{DataError, one_line};
+use crate::data::header::layout;
+use mcap::{McapError, Message, MessageStream};
+use serde_json::Value;
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::io::Read;
+
+/// MCAP.
+pub(super) const SOURCE: Source =
+    Source { is_it: |head| head.starts_with(&[0x89, b'M', b'C', b'A', b'P', b'0']), read };
+
+/// Name of the column of times, which ROS gives its own: nanoseconds.
+const TIME: &str = "%time";
+
+/// Deeper fields are none of a joint.
+const DEEPEST: usize = 16;
+
+/// A message's numbers.
+struct MessageRow {
+    time_ns: i128,
+    values: Vec<(usize, f64)>,
+}
+
+impl Row for MessageRow {
+    fn number(&self, column: usize) -> Option<f64> {
+        if column == 0 {
+            return Some(self.time_ns as f64);
+        }
+        self.values.iter().find(|(of, _)| *of == column).map(|(_, value)| *value)
+    }
+
+    fn text(&self, column: usize) -> Cow<'_, [u8]> {
+        match (column, self.number(column)) {
+            (0, _) => self.time_ns.to_string().into_bytes().into(),
+            (_, Some(value)) => value.to_string().into_bytes().into(),
+            (_, None) => Cow::Borrowed(&[]),
+        }
+    }
+}
+
+/// The messages of a file so far.
+#[derive(Default)]
+struct Table {
+    names: Vec<String>,
+    by_name: HashMap<String, usize>,
+    rows: Vec<MessageRow>,
+    definitions: HashMap<u16, Definition>,
+    /// Messages in an encoding that is not read, and those that are damaged.
+    passed: usize,
+}
+
+fn read(input: Input) -> Result<FileData, DataError> {
+    let Input { path, mut file, options, progress, size, .. } = input;
+    let io = |source| DataError::Io { file: path.into(), source };
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(io)?;
+    let failed = |error: McapError| DataError::File {
+        file: path.into(),
+        found: one_line(&error.to_string()),
+        expected: "an intact MCAP file, its chunks packed by zstd or not at all".into(),
+    };
+    let mut table = Table { names: vec![TIME.into()], ..Table::default() };
+    for message in MessageStream::new(&bytes).map_err(failed)? {
+        table.take(&message.map_err(failed)?);
+    }
+    drop(bytes);
+    progress(size);
+    let Table { names, mut rows, passed, .. } = table;
+    rows.sort_by_key(|row| row.time_ns);
+    let all = names.len() - 1;
+    let mut layout = layout(path, names, options)?;
+    layout.optional.retain(|column| column.mapped || column.quantity.is_some());
+    let kept: Vec<String> = layout.optional.iter().map(|column| column.name.clone()).collect();
+    layout.sources.retain(|source| {
+        contract::names().any(|name| name == source.name) || kept.contains(&source.name)
+    });
+    let used = layout.needed().count() - 1;
+    let file = path.display();
+    layout.notes.retain(|note| !note.contains("is taken as a column of its own"));
+    layout.notes.push(format!(
+        "{file}: {used} of {all} columns are read, those that have a name of the contract"
+    ));
+    if passed > 0 {
+        layout.notes.push(format!("{file}: {passed} messages are passed over, as they are neither CDR nor JSON, or damaged"));
+    }
+    let mut needed = vec![false; layout.names.len()];
+    layout.needed().for_each(|at| needed[at] = true);
+    let mut cleaner = Cleaner::new(path, layout);
+    for (number, mut row) in rows.into_iter().enumerate() {
+        row.values.retain(|(column, _)| needed[*column]);
+        // A message of another topic is no row.
+        if !row.values.is_empty() {
+            cleaner.take(number as u64 + 1, &row)?;
+        }
+    }
+    cleaner.finish()
+}
+
+impl Table {
+    fn take(&mut self, message: &Message) {
+        let channel = &message.channel;
+        let value = match channel.message_encoding.as_str() {
+            "json" => serde_json::from_slice(&message.data).ok(),
+            "cdr" => channel.schema.as_ref().and_then(|schema| {
+                let definition = self
+                    .definitions
+                    .entry(schema.id)
+                    .or_insert_with(|| Definition::parse(&String::from_utf8_lossy(&schema.data)));
+                definition.decode(&message.data)
+            }),
+            _ => None,
+        };
+        let Some(value) = value else {
+            self.passed += 1;
+            return;
+        };
+        let time_ns = stamp(&value).unwrap_or_else(|| i128::from(message.log_time));
+        let mut row = MessageRow { time_ns, values: Vec::new() };
+        self.flatten(&channel.topic, "", &value, &mut row, 0);
+        self.rows.push(row);
+    }
+
+    /// Puts the numbers of a value into the row, each under its path.
+    fn flatten(
+        &mut self,
+        topic: &str,
+        path: &str,
+        value: &Value,
+        row: &mut MessageRow,
+        depth: usize,
+    ) {
+        match value {
+            _ if depth > DEEPEST => {}
+            Value::Number(number) => {
+                row.values.extend(number.as_f64().map(|value| (self.column(topic, path), value)));
+            }
+            Value::Object(fields) => {
+                let names: Vec<&str> = fields
+                    .get("name")
+                    .and_then(Value::as_array)
+                    .map(|names| names.iter().filter_map(Value::as_str).collect())
+                    .unwrap_or_default();
+                for (field, value) in fields {
+                    let path =
+                        if path.is_empty() { field.clone() } else { format!("{path}.{field}") };
+                    match value {
+                        Value::Array(list) => {
+                            for (at, value) in list.iter().enumerate() {
+                                let named = names.get(at).filter(|_| names.len() == list.len());
+                                let path = match named {
+                                    Some(name) => format!("{path}[{name}]"),
+                                    None => format!("{path}[{at}]"),
+                                };
+                                self.flatten(topic, &path, value, row, depth + 1);
+                            }
+                        }
+                        value => self.flatten(topic, &path, value, row, depth + 1),
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The column of a field, new if it is.
+    fn column(&mut self, topic: &str, path: &str) -> usize {
+        let is_contract = contract::names().any(|name| name == path && name != contract::TIME);
+        let name = if is_contract { path.to_owned() } else { format!("{topic}.{path}") };
+        if let Some(at) = self.by_name.get(&name) {
+            return *at;
+        }
+        let at = self.names.len();
+        self.names.push(name.clone());
+        self.by_name.insert(name, at);
+        at
+    }
+}
+
+/// The stamp in a message's header, ns, where it is set.
+fn stamp(value: &Value) -> Option<i128> {
+    let stamp = value.pointer("/header/stamp")?;
+    let seconds = stamp.get("sec").or_else(|| stamp.get("secs"))?.as_i64()?;
+    let rest = ["nanosec", "nsec", "nsecs"].iter().find_map(|name| stamp.get(name))?.as_i64()?;
+    let stamp = i128::from(seconds) * 1_000_000_000 + i128::from(rest);
+    (stamp > 0).then_some(stamp)
+}

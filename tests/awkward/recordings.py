@@ -1,0 +1,173 @@
+"""Logs that are no tables: MCAP recordings of ROS 2, and CAN traces of other tools that hold no joint."""
+
+import json
+import struct
+
+from cases import CASES, EPOCH_NS, case, error
+from joint import ROWS, RUNS, on_one_clock, rows
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+def text(value):
+    data = value.encode()
+    return struct.pack("<I", len(data)) + data
+
+
+def record(kind, content):
+    return struct.pack("<BQ", kind, len(content)) + content
+
+
+def mcap(channels, messages):
+    """A file without chunks: channels as (topic, encoding, schema's name, encoding, text), messages as
+    (channel, time in ns, bytes)."""
+    out = MAGIC + record(1, text("ros2") + text("awkward"))
+    for number, (topic, encoding, name, schema_encoding, schema) in enumerate(channels, 1):
+        out += record(3, struct.pack("<H", number) + text(name) + text(schema_encoding) + text(schema))
+        out += record(4, struct.pack("<HH", number, number) + text(topic) + text(encoding) + text(""))
+    for sequence, (channel, time_ns, data) in enumerate(messages):
+        out += record(5, struct.pack("<HIQQ", channel, sequence, time_ns, time_ns) + data)
+    return out + record(15, bytes(4)) + record(2, bytes(20)) + MAGIC
+
+
+JOINT_STATE = """# This is a message that holds data to describe the state of a set of torque controlled joints.
+std_msgs/Header header
+
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+# Standard metadata.
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+
+TEMPERATURE = """float64 temperature
+float64 variance
+"""
+
+
+class Cdr:
+    """Little-endian CDR."""
+
+    def __init__(self):
+        self.data = b""
+
+    def number(self, form, value):
+        size = struct.calcsize(form)
+        self.data += bytes(-len(self.data) % size) + struct.pack("<" + form, value)
+        return self
+
+    def string(self, value):
+        data = value.encode() + b"\0"
+        self.number("I", len(data))
+        self.data += data
+        return self
+
+    def numbers(self, values):
+        self.number("I", len(values))
+        for value in values:
+            self.number("d", value)
+        return self
+
+    def message(self):
+        return b"\x00\x01\x00\x00" + self.data
+
+
+def joint_state(row):
+    stamp = EPOCH_NS + round(1e9 * on_one_clock(row))
+    cdr = Cdr().number("i", stamp // 10**9).number("I", stamp % 10**9).string("base")
+    cdr.number("I", 2).string("shoulder").string("elbow")
+    cdr.numbers([0.0, row["q"]]).numbers([9.0, row["v"]]).numbers([9.0, row["tau"]])
+    # Logged a jittering while after it was measured.
+    return stamp + 3_000_000 + row["i"] * 7919 % 1_000_000, cdr.message()
+
+
+def recording():
+    messages = []
+    for row in rows():
+        time_ns, data = joint_state(row)
+        messages.append((1, time_ns, data))
+        if row["i"] % 20 == 0:
+            warm = Cdr().number("d", 20 + row["i"] / ROWS).number("d", 0.0).message()
+            messages.append((2, time_ns + 1_000_000, warm))
+    return mcap(
+        [
+            ("/joint_states", "cdr", "sensor_msgs/msg/JointState", "ros2msg", JOINT_STATE),
+            ("/oil", "cdr", "demo/msg/Temperature", "ros2msg", TEMPERATURE),
+        ],
+        messages,
+    )
+
+
+STATES = "velocity_rad_s=/joint_states.velocity[elbow],torque_nm=/joint_states.effort[elbow]"
+case(
+    "joint states of ROS 2, and a thermometer beside",
+    {"log.mcap": recording()},
+    f"--columns {STATES},position_rad=/joint_states.position[elbow],temperature_c=/oil.temperature",
+    told=[
+        "times count from 2024-05-01 12:00:00 UTC",
+        "temperature_c is in 60 of 1260 rows and is interpolated in time between its values",
+        "60 rows hold neither velocity nor torque, only columns with stamps of their own",
+    ],
+    data={"runs": RUNS, "rows": RUNS * ROWS, "rows_left_out": 0},
+    ranges={"position_rad": [-1, 1], "velocity_rad_s": [-2.9999, 3.0], "time_s": [0, 21.99]},
+)
+error(
+    "joint states of ROS 2 without a word which",
+    {"log.mcap": mcap([("/js", "cdr", "JointState", "ros2msg", JOINT_STATE)], [(1, *joint_state(rows(2, 1)[0]))])},
+    "log.mcap: found only the columns %time, /js.header.stamp.sec, /js.header.stamp.nanosec, /js.position[shoulder], "
+    "/js.position[elbow], /js.velocity[shoulder], /js.velocity[elbow], /js.effort[shoulder], /js.effort[elbow], expected "
+    "velocity_rad_s (or velocity_m_s) and torque_nm (or force_n) in the header, or --columns "
+    "velocity_rad_s=NAME,torque_nm=NAME",
+)
+
+
+def as_json(row):
+    fields = {"velocity_rad_s": row["v"], "torque_nm": row["tau"], "run": row["run"]}
+    return 1, round(1e9 * on_one_clock(row)), json.dumps(fields).encode()
+
+
+case(
+    "JSON with the names of the contract in MCAP",
+    {"log.mcap": mcap([("/joint", "json", "joint", "jsonschema", "{}")], [as_json(row) for row in rows()])},
+    data={"runs": RUNS, "rows": RUNS * ROWS},
+)
+error(
+    "an MCAP file that was cut off",
+    {"log.mcap": recording()[:40]},
+    "log.mcap: found Unexpected end of file, expected an intact MCAP file, its chunks packed by zstd or not at all",
+)
+
+ASC = """date Wed May 1 12:00:00.000 pm 2024
+base hex  timestamps absolute
+Begin Triggerblock
+   0.001234 1  244             Rx   d 8 00 00 80 3F 00 00 00 40
+   0.002234 1  244             Rx   d 8 00 00 80 3F 00 00 00 40
+End TriggerBlock
+"""
+error(
+    "a Vector trace of something else",
+    {"log.asc": ASC},
+    "log.asc: found 2 frames and no joint's velocity and torque, expected frames 200 and 300 + node and the SYNC 080, as "
+    "joint.dbc says",
+)
+TRC = """;$FILEVERSION=2.1
+;$COLUMNS=N,O,T,B,I,d,R,L,D
+      1         1.234 DT 1      0244 Rx -  8    00 00 80 3F 00 00 00 40
+      2         2.234 DT 1      0244 Rx -  8    00 00 80 3F 00 00
+"""
+error(
+    "a PEAK trace with a line cut off",
+    {"log.trc": TRC},
+    'log.trc: row 4, column (all): found "2         2.234 DT 1      0244 Rx -  8 ..", expected hexadecimal data after the '
+    "identifier, two digits a byte (1 of 2 rows are bad, this is the first; at most 5 % may be)",
+)
+
+__all__ = ["CASES"]
