@@ -64,7 +64,7 @@ fn which(view: &View) -> String {
         let gain = view.held_out.gain(best, other);
         // A hundredth of a percent is as good as nothing.
         let percent = |share: f64| match 100.0 * share {
-            small if small.abs() < 0.1 => format!("{:.2}", small + 0.0).replace('-', "−"),
+            small if small.abs() < 0.1 => format!("{small:.2}").replace('-', "−"),
             other => significant(other, 2),
         };
         format!(
