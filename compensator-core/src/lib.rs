@@ -51,3 +51,8 @@ pub use number::{Fixed, Real};
 pub use parameters::{LawKind, ParameterError, ParameterId, Parameters};
 pub use quantity::{Inputs, Quantity, Reading, Sample};
 pub use term::TermKind;
+
+/// What the README shows compiles as it stands.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

@@ -90,6 +90,13 @@ impl fmt::Display for RecordError {
 
 impl core::error::Error for RecordError {}
 
+/// A record that is read and then not built is refused as one whose parameters are: one error for both.
+impl From<ParameterError> for RecordError {
+    fn from(error: ParameterError) -> Self {
+        Self::Refused(error)
+    }
+}
+
 /// Writes `source` at `at`; the layout's constants keep it within the record.
 fn put(bytes: &mut [u8; LENGTH], at: usize, source: &[u8]) {
     if let Some(place) = bytes.get_mut(at..at + source.len()) {

@@ -111,7 +111,7 @@ fn the_page_names_the_best_model_and_what_speaks_for_it() {
             "below the",
             "of linear, the simplest model here",
             // The joint is the same in both directions: the larger model has no clear lead.
-            "is no larger than chance could make it, so these rows do not show that more than lugre is",
+            "a lead that may be chance, so these rows do not show that more than lugre is needed.",
             "On held-out rows it does as well as on those it was fitted to",
             "fitted parameters of lugre-asymmetric are determined by these data",
             "looks like noise",

@@ -211,7 +211,7 @@ impl Report {
         let bus = format!("{} kbit/s", self.bit_rate / 1000);
         let load = match self.bus_load {
             Some(load) if load > 1.0 => {
-                format!("{:.1} times what a bus of {bus} carries", load)
+                format!("{load:.1} times what a bus of {bus} carries")
             }
             Some(load) => format!("load of a bus of {bus} {:.1} %", 100.0 * load),
             None => format!("{:.3} s on a bus of {bus}, at least", self.wire_seconds),

@@ -8,6 +8,7 @@ use super::Scene;
 use super::figures::{AFTER, BEFORE};
 use crate::report::{Axis, Chart, Series};
 use crate::results::page::words::quantity;
+use compensator_core::Quantity;
 use friction_identification::diagnose::story::above_floor;
 use friction_identification::diagnose::{Finding, story};
 use friction_identification::number::significant;
@@ -47,7 +48,8 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     facts.push(("Gain, on rows no fit has seen", gain));
     if scene.is_extended() {
         let how = format!(
-            "`host-sim params set params.toml --bus ...` gives a driver {}.",
+            "Load params.toml, the model {}, into the driver (host-sim params set params.toml --bus can0) or take it \
+             to another program (host-sim export params.toml --to c).",
             found.extended.spec
         );
         facts.push(("What to do", how));
@@ -76,15 +78,19 @@ fn size(scene: &Scene, finding: &Finding) -> String {
     let range = finding.columns.first().and_then(|column| range(scene, column));
     let (Some(per), Some([least, most])) = (per, range) else { return size.in_words() };
     let over = |of: f64| significant(of * (most - least), 3);
+    let column = &finding.columns[0];
+    let label = Quantity::parse(column).map(|(known, _)| known.info().label);
+    // What a gauge says.
+    let (shown, scale) = if per == "Pa" { ("bar", 1e-5) } else { (per, 1.0) };
     format!(
-        "{}\u{a0}{unit} (95\u{a0}% interval {} to {}) from the lowest to the highest {} of this log ({} to {}\u{a0}{per}), which is {}",
+        "{}\u{a0}{unit} (95\u{a0}% interval {} to {}) from the lowest to the highest {} of this log, {} to \
+         {}\u{a0}{shown}",
         over(size.value),
         over(size.ci95[0]),
         over(size.ci95[1]),
-        finding.columns[0],
-        significant(least, 3),
-        significant(most, 3),
-        size.in_words()
+        label.unwrap_or(column),
+        significant(scale * least, 3),
+        significant(scale * most, 3),
     )
 }
 

@@ -62,7 +62,11 @@ fn which(view: &View) -> String {
     };
     let gain = |other: usize| {
         let gain = view.held_out.gain(best, other);
-        let percent = |share: f64| significant(100.0 * share, 2);
+        // A hundredth of a percent is as good as nothing.
+        let percent = |share: f64| match 100.0 * share {
+            small if small.abs() < 0.1 => format!("{small:.2}").replace('-', "−"),
+            other => significant(other, 2),
+        };
         format!(
             "by {}\u{a0}% (95\u{a0}% interval {} to {}\u{a0}%)",
             percent(gain.value),

@@ -1,0 +1,49 @@
+//! What a loop does with the compensator.
+
+use crate::friction;
+use compensator_core::{Compensator, Inputs, ParameterError, Reading};
+
+/// A loop at 20 kHz.
+const PERIOD_S: f32 = 50e-6;
+
+/// Steps of one second.
+const STEPS: u32 = 20_000;
+
+/// Commanded by the motion controller, A.
+const COMMAND_A: f32 = 0.5;
+
+/// Runs the loop for a second; returns the largest current it gave, A.
+///
+/// # Errors
+/// The model is refused: which parameter, and why.
+pub fn largest_current_a() -> Result<f32, ParameterError> {
+    let mut compensator = Compensator::<f32>::build(&friction::configuration(), PERIOD_S)?;
+    compensator.set_enabled(true);
+    let mut largest_a = 0.0f32;
+    for step in 0..STEPS {
+        // Up to 1 rad/s and back.
+        let share = step as f32 / STEPS as f32;
+        let velocity_rad_s = if share < 0.5 { 2.0 * share } else { 2.0 - 2.0 * share };
+        let inputs = Inputs {
+            // Internal unit MPa: 1 bar, read just now.
+            pressure_diff_mpa: Reading::fresh(0.1),
+            ..Inputs::velocity(velocity_rad_s)
+        };
+        let output = compensator.step(&inputs);
+        let (current_a, _flags) = compensator.sum(COMMAND_A, &output);
+        largest_a = largest_a.max(current_a);
+    }
+    Ok(largest_a)
+}
+
+#[cfg(test)]
+mod tests {
+    /// Coulomb, pressure and viscous torque at 1 rad/s, and what `scale` and the torque constant make of them.
+    #[test]
+    fn the_loop_adds_the_friction_to_the_command() {
+        let friction_nm = 1.07 + 2.4e-6 * 1e5 + 0.41;
+        let expected_a = super::COMMAND_A + 0.8 * friction_nm / 0.9;
+        let found_a = super::largest_current_a().unwrap();
+        assert!((found_a - expected_a).abs() < 0.02 * expected_a, "{found_a} {expected_a}");
+    }
+}

@@ -1,0 +1,47 @@
+//! The compensator in a loop of one's own: no driver, no RTIC, no bus.
+//!
+//! The model lies in `friction.rs`, which `host-sim export params.toml --to rust --out src` wrote. A loop builds the
+//! compensator once, outside its interrupt, and calls `step` and `sum` in it. Here a `for` stands for the timer and a
+//! triangle for the encoder; on the emulated board the largest current is printed:
+//!
+//! ```sh
+//! cargo run -p bare-loop --profile firmware --target thumbv7em-none-eabihf
+//! ```
+//!
+//! On a PC the same loop runs as a program, so that it can be tested.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+mod current_loop;
+#[rustfmt::skip]
+mod friction;
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    println!("largest current {:?}", current_loop::largest_current_a());
+}
+
+#[cfg(target_os = "none")]
+mod image {
+    use cortex_m_semihosting::{debug, hprintln};
+
+    #[panic_handler]
+    fn panic(_: &core::panic::PanicInfo) -> ! {
+        cortex_m::interrupt::disable();
+        loop {
+            cortex_m::asm::nop();
+        }
+    }
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        match super::current_loop::largest_current_a() {
+            // As a whole number: printing a float takes more flash than the compensator.
+            Ok(current_a) => hprintln!("largest current {} mA", (current_a * 1000.0) as i32),
+            Err(refusal) => hprintln!("the model is refused: {}", refusal.field),
+        }
+        debug::exit(debug::EXIT_SUCCESS);
+        loop {
+            cortex_m::asm::nop();
+        }
+    }
+}
