@@ -103,5 +103,5 @@ pub fn findings(found: &Diagnosis) -> String {
             text += &format!("- {}: {}; {}\n", ranked.name, gain(ranked.score), ranked.against);
         }
     }
-    text + &left_out_in_words(found)
+    text + left_out_in_words(found)
 }

@@ -27,7 +27,7 @@ fn color(quantity: Quantity) -> Color {
 pub fn draw(frame: &mut Frame, view: &View, area: Rect) {
     let count = view.readings.len() as u16;
     // Under charts of two rows each there is room for their common time.
-    let has_axis = area.height >= 3 * count + 1 && area.width > AXIS + 24;
+    let has_axis = area.height > 3 * count && area.width > AXIS + 24;
     let [area, axis] =
         Layout::vertical([Constraint::Min(0), Constraint::Length(u16::from(has_axis))]).areas(area);
     time_axis(frame, view.window_s, axis);
