@@ -16,8 +16,8 @@ const SEEDS: [u64; 20] = [
     740646060, 595735654, 2974031141, 3947094250,
 ];
 /// Least that is right, and most that is wrong, of those.
-const LEAST_RIGHT: usize = 8;
-const MOST_WRONG: usize = 6;
+const LEAST_RIGHT: usize = 10;
+const MOST_WRONG: usize = 5;
 
 #[test]
 fn unkind_worlds_are_answered_no_worse_than_before() {

@@ -208,8 +208,8 @@ mod tests {
         let mut bytes = vec![0, 1, 0, 0];
         bytes.extend((-7i32).to_le_bytes());
         bytes.extend(500_000_000u32.to_le_bytes());
-        bytes.extend([3, 0, 0, 0, b'a', b'b', 0]);
-        bytes.extend([0; 1]); // to a multiple of 4
+        bytes.extend([6, 0, 0, 0, b'a', b'b', b'c', b'd', b'e', 0]);
+        bytes.extend([0; 2]); // to a multiple of 4
         bytes.extend([1, 0, 0, 0, 2, 0, 0, 0, b'q', 0]);
         bytes.extend([0; 2]);
         bytes.extend([2, 0, 0, 0]); // at 32; the numbers at 40
@@ -220,7 +220,7 @@ mod tests {
         bytes.extend(4i16.to_le_bytes());
         let definition = Definition::parse(STATE);
         let expected = json!({
-            "header": {"stamp": {"sec": -7, "nanosec": 500_000_000}, "frame_id": "ab"},
+            "header": {"stamp": {"sec": -7, "nanosec": 500_000_000}, "frame_id": "abcde"},
             "name": ["q"], "velocity": [1.5, -2.0], "pair": [-3, 4],
         });
         let at = |length: usize| definition.decode(&bytes[..length]);
