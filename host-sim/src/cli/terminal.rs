@@ -108,7 +108,11 @@ mod tests {
             let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
             assert_eq!(words(&laid_out), words(TEXT));
         }
-        assert!(laid_out(TEXT, 60, false).contains("\n   the logged"), "{}", laid_out(TEXT, 60, false));
+        assert!(
+            laid_out(TEXT, 60, false).contains("\n   the logged"),
+            "{}",
+            laid_out(TEXT, 60, false)
+        );
         let row =
             " lugre            0.3410     16.3 %      15.9 %     0.1602     -219690     1.1 s ";
         assert_eq!(laid_out(row, 60, true), format!("{row}\n"));
