@@ -85,6 +85,11 @@ pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
     }
     for ((run, rows), motion) in places.iter().zip(motions) {
         let run = &mut found.runs[*run];
+        // A stretch whose smoothing ends in no number keeps its motion as logged.
+        if !motion.is_finite() {
+            run.velocity_is_smooth = false;
+            continue;
+        }
         run.velocity[rows.clone()].copy_from_slice(&motion.velocity);
         for (kept, draw) in run.velocity_draws.iter_mut().zip(&motion.draws) {
             kept[rows.clone()].copy_from_slice(draw);

@@ -69,6 +69,10 @@ fn set_linear_parts(
                 continue;
             }
             let row = DVector::from_iterator(count, parts.iter().map(|(_, part)| part(sample)));
+            // A start is a guess: what is no number has no part in it.
+            if !row.iter().all(|value| value.is_finite()) {
+                continue;
+            }
             products.ger(1.0, &row, &row, 1.0);
             right.axpy(*torque, &row, 1.0);
         }

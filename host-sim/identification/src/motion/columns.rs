@@ -60,6 +60,14 @@ pub struct Motion {
     pub at_rest: Vec<bool>,
 }
 
+impl Motion {
+    /// Whether every number of it is one.
+    pub fn is_finite(&self) -> bool {
+        let mut all = self.position.iter().chain([&self.velocity]).chain(&self.draws).flatten();
+        all.all(|value| value.is_finite())
+    }
+}
+
 /// What was found about the sensors.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sensors {
