@@ -61,6 +61,7 @@ use crate::log_check::LogFinding;
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use baseline::Baseline;
+use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use extended::{Observation, Unexplained};
 use gram_blocks::LeftOut;
@@ -132,6 +133,29 @@ impl Diagnosis {
     /// The name of the first cause, or `none`.
     pub fn cause(&self) -> &'static str {
         self.findings.first().map_or("none", |finding| finding.cause.name())
+    }
+
+    /// The extended model as it may be run elsewhere. Where each run's position was shifted to a phase of its own
+    /// ([`unknown_zero`]) nobody knows the phase on the next log, and a ripple at a wrong one is worse than none: its
+    /// amplitudes are 0, and a verdict says so.
+    pub fn handed_out(&self) -> Outcome {
+        let mut outcome = self.extended.clone();
+        if self.log.aligned_order.is_none() {
+            return outcome;
+        }
+        let waves = TORQUE_RIPPLE_PARAMETERS.iter().flat_map(|[_, sine, cosine]| [*sine, *cosine]);
+        let amplitudes: Vec<ParameterId> =
+            waves.chain([ParameterId::RippleSine, ParameterId::RippleCosine]).collect();
+        for estimate in outcome.estimates.iter_mut().filter(|e| amplitudes.contains(&e.id)) {
+            outcome.parameters.set(estimate.id, 0.0);
+            (estimate.value, estimate.std_error) = (0.0, None);
+        }
+        outcome.verdicts.push(
+            "the ripple's amplitudes are 0 here: its phase differs from run to run, and is not known before the \
+             joint has a homed zero"
+                .into(),
+        );
+        outcome
     }
 }
 

@@ -7,6 +7,7 @@
 //! The logs lie beside the project, not in it; see `measured_figures.rs`. Where there are none the test
 //! says that it was skipped.
 
+use compensator_core::ParameterId;
 use friction_identification::data::{ReadOptions, SplitRule, read, split};
 use friction_identification::diagnose::{Diagnosis, Question, diagnose};
 use friction_identification::log_check::{self, Correct};
@@ -177,6 +178,12 @@ fn a_ripple_once_a_turn_is_named_on_the_screw_whose_zero_differs_from_run_to_run
     // The README of the data reaches 0.492 mNm.
     assert!((3e-4..4.92e-4).contains(&held_out(&found)));
     assert!(found.log.notes.iter().any(|note| note.contains("not the shaft's")));
+    // A phase that nobody knows on the next log is not handed out.
+    let (fitted, given) = (&found.extended.parameters, &found.handed_out().parameters);
+    for id in [ParameterId::TorqueRippleSine1, ParameterId::TorqueRippleCosine1] {
+        assert_eq!(given.get(id), 0.0);
+    }
+    assert!(fitted.get(ParameterId::TorqueRippleSine1) != 0.0);
 }
 
 #[test]

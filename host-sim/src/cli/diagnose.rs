@@ -49,14 +49,15 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
 
     let document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
+    let handed_out = found.handed_out();
     let from = Provenance {
         command: "diagnose",
         data: &input.data,
         hashes: &input.hashes,
         log_findings: &found.log_findings,
-        verdicts: &found.extended.verdicts,
+        verdicts: &handed_out.verdicts,
     };
-    let toml = from.comments() + &params::emit(&found.extended, input.data.joint);
+    let toml = from.comments() + &params::emit(&handed_out, input.data.joint);
     let about = Diagnosed {
         found: &found,
         data: &input.data,

@@ -43,8 +43,8 @@ impl Run {
 /// The time derivative of `values` without noise over one unbroken stretch: the slope of the natural cubic spline
 /// through them. Stamps that repeat give their rows one slope.
 ///
-/// A motion of six rows a period keeps 99 % of its acceleration; of the parabola's window it keeps nothing, and
-/// the inertia is sought in vain.
+/// A motion of six even rows a period keeps 99 % of its acceleration; a parabola over
+/// fifteen rows is two and a half periods long there, and loses it.
 pub fn spline_derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
     let knots: Vec<usize> =
         (0..time.len()).filter(|&at| at == 0 || time[at] > time[at - 1]).collect();

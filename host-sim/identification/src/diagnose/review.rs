@@ -147,6 +147,7 @@ fn fitted_rivals(
     known: &[Rival],
 ) -> Result<Vec<Rival>, SpecError> {
     let own = round.candidates[fit.candidate].cause;
+    let own_standing = Standing::of_model(search.log, model, round.length);
     let mut found: Vec<Rival> = Vec::new();
     for cause in super::cause::ALL.iter().copied().filter(|c| c.is_nonlinear() && *c != own) {
         let settings = round.fits.iter().filter(|f| round.candidates[f.candidate].cause == cause);
@@ -162,10 +163,9 @@ fn fitted_rivals(
         let candidate = &round.candidates[best.candidate];
         let fitted = with_candidate(search.log, rest, candidate, best)?;
         let standing = Standing::of_model(search.log, &fitted, round.length);
-        let own = Standing::of_model(search.log, model, round.length);
-        let all = own.better_than(&round.standing).describes.value;
+        let all = own_standing.better_than(&round.standing).describes.value;
         let share = standing.better_than(&round.standing).describes.value / all;
-        if share > ALIKE && own.better_than(&standing).describes.in_errors() < BETTER {
+        if share > ALIKE && own_standing.better_than(&standing).describes.in_errors() < BETTER {
             let columns = candidate.columns.clone();
             found.push(Rival { cause, columns, share: share.min(1.0) });
         }

@@ -30,6 +30,6 @@ pub const ALIKE: f64 = 0.8;
 pub const BETTER: f64 = 3.0;
 
 /// An error on unseen rows of so many times the floor, that hangs together from row to row, is structure: what is
-/// left over is then `unknown`, not `none`. No joint is the law it is fitted with: up to a fifth above the floor, which is
-/// two fifths of its square, is what fits of the true law leave where rows are few for the motion between them.
+/// left over is then `unknown`, not `none`. No joint is the law it is fitted with; a fifth above the floor is the error the
+/// bench itself calls as good as can be.
 pub const STRUCTURE: f64 = 1.2;

@@ -38,6 +38,11 @@ type Rows = Vec<(f64, f64)>;
 /// The log with each run's position shifted to a common phase, if a ripple shows whose phase differs between runs.
 pub fn aligned(log: &TrainTest, model: &Fitted) -> Option<TrainTest> {
     let runs = &log.train.runs;
+    // What is set apart has a zero of its own, and no residual is asked of it: only where every run is left out once are
+    // the runs that judge those that were shifted.
+    if !log.leaves_each_out {
+        return None;
+    }
     let gravity = log.rigid_body.contains(&TermKind::GravityImbalance);
     let is_revolute = log.train.joint == JointKind::Revolute;
     if !is_revolute || gravity || runs.len() < FEWEST_RUNS || !begin_alike(runs) {
@@ -64,11 +69,6 @@ pub fn aligned(log: &TrainTest, model: &Fitted) -> Option<TrainTest> {
     for track in &mut shifted.train_tracks {
         let shift = shifts[track.run];
         track.samples.iter_mut().for_each(|sample| sample.position_rad += shift);
-    }
-    // What is set apart has a zero of its own, and no residual was asked of it: it is judged only where every run
-    // is left out once, and then it is the training runs.
-    if !log.leaves_each_out {
-        return None;
     }
     shifted.test = Arc::clone(&shifted.train);
     shifted.test_tracks = shifted.train_tracks.clone();
