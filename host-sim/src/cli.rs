@@ -14,6 +14,7 @@ mod input;
 mod monitor;
 mod node;
 mod output;
+mod paper;
 mod parameters;
 mod replay;
 mod simulate;
@@ -46,6 +47,8 @@ enum Command {
     Monitor(monitor::Arguments),
     /// Be a joint driver, on the bus, on this PC
     Node(node::Arguments),
+    /// A paper's tables and plots anew, ours beside the printed
+    Paper(paper::Arguments),
     /// Read and write a joint driver's parameters
     Params(parameters::Arguments),
     /// Play a trace to a joint driver and hold every answer against the core, bit for bit
@@ -69,6 +72,7 @@ pub fn run() -> ExitCode {
         Command::Export(arguments) => done(export::run(&arguments)),
         Command::Monitor(arguments) => done(monitor::run(&arguments)),
         Command::Node(arguments) => done(node::run(&arguments)),
+        Command::Paper(arguments) => done(paper::run(&arguments)),
         Command::Params(arguments) => parameters::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Simulate(arguments) => done(simulate::run(&arguments)),

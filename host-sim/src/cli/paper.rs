@@ -1,0 +1,76 @@
+//! `paper`: a paper's tables and plots anew, ours beside the printed.
+
+use super::input::spinner;
+use super::output::{OutputArguments, say, tell};
+use crate::papers::{PAPERS, Paper, Request, lines, tables};
+use crate::report::{Block, Page};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Arguments of `paper`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The paper
+    #[arg(value_parser = papers())]
+    paper: &'static dyn Paper,
+    #[command(flatten)]
+    output: OutputArguments,
+    /// The short form: fewer repeats and fewer conditions, about a minute
+    #[arg(long)]
+    quick: bool,
+    /// Draws what is drawn; the same seed, the same numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Folder of the measured logs; what needs one that is not there is left out, and said
+    #[arg(long, value_name = "DIR", default_value = "../shared/data")]
+    data: PathBuf,
+}
+
+/// The names of the papers, each with what it is.
+fn papers() -> impl TypedValueParser<Value = &'static dyn Paper> {
+    let values = PAPERS.iter().map(|of| PossibleValue::new(of.name()).help(of.about()));
+    PossibleValuesParser::new(values)
+        .try_map(|name| PAPERS.iter().copied().find(|of| of.name() == name).ok_or("no such paper"))
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<(), String> {
+    let paper = arguments.paper;
+    let bar = spinner(format!("{}: beginning", paper.name()));
+    let progress = |words: &str| bar.set_message(format!("{}: {words}", paper.name()));
+    let request = Request {
+        quick: arguments.quick,
+        seed: arguments.seed,
+        data: arguments.data.clone(),
+        progress: &progress,
+    };
+    let outcome = paper.run(&request)?;
+    bar.finish_and_clear();
+    if let Some(row) = outcome.rows.iter().find(|row| !row.ours.is_finite()) {
+        return Err(format!("{}: {}, {} is no number", row.table, row.row, row.column));
+    }
+    let document = json!({
+        "schema": 1, "paper": paper.name(), "quick": arguments.quick, "seed": arguments.seed,
+        "summary": outcome.summary, "rows": outcome.rows,
+    });
+    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
+    let form = if arguments.quick { "short form, " } else { "" };
+    let mut page = Page::new(paper.title(), format!("{form}seed {}", arguments.seed));
+    page.push(Block::List(outcome.summary.clone())).push(Block::Contents);
+    page.blocks.extend(outcome.blocks);
+    page.push(Block::Heading("All numbers, ours beside the printed".into()));
+    page.blocks.extend(tables(&outcome.rows));
+    let html = page.render();
+    let mut files = vec![("paper.json", json.as_bytes()), ("report.html", html.as_bytes())];
+    files.extend(outcome.files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())));
+    arguments.output.write_bytes(&files)?;
+    if arguments.output.json {
+        return say(&json);
+    }
+    let mut text = lines(&outcome.rows);
+    outcome.summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
+    let out = arguments.output.out.display();
+    let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
+    tell(&format!("{text}written: {}\n", written.join(", ")))
+}

@@ -1,0 +1,64 @@
+//! Published experiments made anew: one list, which `host-sim paper` offers.
+//!
+//! A paper's tables are repeated with the shipped code, and each number stands beside the printed one. A [`Row`]
+//! is one such number: in which table, row and column it stands, in what unit, ours with its spread, the printed
+//! one where there is one, and whether ours was simulated or measured. The rows make `paper.json`, and with text and
+//! charts around them `report.html`. A goal that is missed is a row like any other, and the summary says so.
+//!
+//! A new paper is a file here with a [`Paper`] and its line in the list.
+
+mod report;
+mod row;
+
+pub(crate) use report::lines;
+pub use report::tables;
+pub use row::Row;
+
+use crate::report::Block;
+use std::path::PathBuf;
+
+/// Every paper there is.
+pub const PAPERS: &[&dyn Paper] = &[];
+
+/// What is asked of a paper.
+pub struct Request<'a> {
+    /// The short form: fewer repeats, seconds instead of minutes.
+    pub quick: bool,
+    /// The same seed, the same numbers.
+    pub seed: u64,
+    /// Folder of the measured logs.
+    pub data: PathBuf,
+    /// Told what is being done, a few words each time.
+    pub progress: &'a (dyn Fn(&str) + Sync),
+}
+
+/// What became of it.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Every number, in the order of its table.
+    pub rows: Vec<Row>,
+    /// What came out, a sentence each, most important first: also what falls short and what was left out.
+    pub summary: Vec<String>,
+    /// The page below the summary.
+    pub blocks: Vec<Block>,
+    /// Further files by name.
+    pub files: Vec<(String, Vec<u8>)>,
+}
+
+/// A paper whose experiments can be made anew.
+pub trait Paper: Sync {
+    /// Its name on the command line and in `paper.json`.
+    fn name(&self) -> &'static str;
+
+    /// What it is, in a sentence without its end.
+    fn about(&self) -> &'static str;
+
+    /// Title of the page.
+    fn title(&self) -> &'static str;
+
+    /// Makes its experiments anew.
+    ///
+    /// # Errors
+    /// One line: what could not be done.
+    fn run(&self, request: &Request) -> Result<Outcome, String>;
+}
