@@ -8,6 +8,7 @@
 
 pub mod friction;
 pub mod log;
+pub mod manipulator;
 pub mod motion;
 pub mod scenarios;
 pub mod simulation;
