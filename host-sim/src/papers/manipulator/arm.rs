@@ -1,0 +1,344 @@
+//! The arm with a friction model in its joints, run through a log's pressures: angles from pressures.
+//!
+//! What an experimenter knows of the arm is written here a second time, as Lagrange's closed form, over the core's
+//! number: the machine's recursion of Newton and Euler is other code, and a test holds the two together. In a
+//! dual number the whole trajectory carries its exact derivatives by the friction's parameters.
+//!
+//! The step is the symplectic one of Euler: speeds from the torques of now, then angles from the new speeds. A law that
+//! jumps at rest (all but the bristle laws) would chatter there, and its derivatives with it; here it holds: a
+//! joint whose speed would change its sign stops, and stays while the torque it has to bear lies between the law's
+//! torques just below and just above rest (Moreau's time stepping). In a joint that holds, no parameter moves the speed.
+
+use compensator_core::{Model, Parameters, Real, Sample, State};
+use simulated_machines::manipulator::muscle::Pair;
+use simulated_machines::manipulator::rigid_body::{GRAVITY_M_S2, Links};
+use std::f64::consts::FRAC_PI_2;
+
+/// Number of joints.
+pub const JOINTS: usize = 3;
+
+/// What is known of the arm.
+#[derive(Clone, Copy, Debug)]
+pub struct Arm {
+    /// Its rigid bodies.
+    pub links: Links,
+    /// Its muscles.
+    pub pairs: [Pair; JOINTS],
+}
+
+/// What drove it: gauge pressures of each joint's muscles (left, right), Pa, a value per row.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    /// Time from row to row, s.
+    pub period_s: f64,
+    /// Pressures.
+    pub pressures_pa: [[Vec<f64>; 2]; JOINTS],
+    /// Angles at the first row, rad.
+    pub start_rad: [f64; JOINTS],
+}
+
+/// The arm's inertia and what acts on it besides muscles and friction.
+pub struct Dynamics<T> {
+    /// Mass matrix, kg m^2: (1,1), (2,2), (2,3), (3,3); joint 1 is coupled to no other by it.
+    pub mass: [T; 4],
+    /// Torque that gravity and the other joints' motion ask for, Nm.
+    pub bias: [T; JOINTS],
+}
+
+impl Arm {
+    /// Inertia and bias at these angles (rad) and speeds (rad/s).
+    pub fn dynamics<T: Real>(&self, q: [T; JOINTS], v: [T; JOINTS]) -> Dynamics<T> {
+        let number = T::from_f64;
+        let cosine = |x: T| (x + number(FRAC_PI_2)).sin();
+        let Links { length_2_m: length, centre_3_m: beyond, mass_3_kg: mass, .. } = self.links;
+        let on = q[1] + q[2];
+        let (s2, c2, s3, c3) = (q[1].sin(), cosine(q[1]), on.sin(), cosine(on));
+        let (sine_elbow, cosine_elbow) = (q[2].sin(), cosine(q[2]));
+        let [x2, y2, z2] = self.links.inertia_2_kg_m2;
+        let [x3, y3, z3] = self.links.inertia_3_kg_m2;
+        let about_2 = self.links.mass_2_kg * self.links.centre_2_m * self.links.centre_2_m;
+        let reach = number(length) * s2 + number(beyond) * s3;
+        let upright = number(y2) * c2 * c2
+            + number(z2 + about_2) * s2 * s2
+            + number(y3) * c3 * c3
+            + number(z3) * s3 * s3;
+        let m11 = number(self.links.inertia_1_kg_m2) + upright + number(mass) * reach * reach;
+        let elbow = number(mass * length * beyond) * cosine_elbow;
+        let m33 = number(x3 + mass * beyond * beyond);
+        let m23 = m33 + elbow;
+        let m22 = number(x2 + about_2 + mass * length * length) + m33 + elbow + elbow;
+        // Half the slopes of m11.
+        let two = number(2.0);
+        let by_third = number(z3 - y3) * s3 * c3 + number(mass * beyond) * reach * c3;
+        let by_second =
+            number(z2 + about_2 - y2) * s2 * c2 + number(mass * length) * reach * c2 + by_third;
+        let bend = number(mass * length * beyond) * sine_elbow;
+        let weight_3 = number(GRAVITY_M_S2 * mass * beyond) * s3;
+        let second = self.links.mass_2_kg * self.links.centre_2_m + mass * length;
+        let weight_2 = number(GRAVITY_M_S2 * second) * s2 + weight_3;
+        let bias = [
+            two * (by_second * v[1] + by_third * v[2]) * v[0],
+            weight_2 - bend * v[2] * (two * v[1] + v[2]) - by_second * v[0] * v[0],
+            weight_3 + bend * v[1] * v[1] - by_third * v[0] * v[0],
+        ];
+        Dynamics { mass: [m11, m22, m23, m33], bias }
+    }
+
+    /// Torque of a joint's muscles, Nm.
+    fn muscles<T: Real>(&self, joint: usize, pressures_pa: [f64; 2], angle: T) -> T {
+        let pair = &self.pairs[joint];
+        let (sine, tangent) = (pair.thread_rad.sin(), pair.thread_rad.tan());
+        let area = std::f64::consts::PI * pair.radius_m * pair.radius_m * pair.pulley_m;
+        let pull = |pressure: f64, direction: f64| {
+            let left = T::from_f64(1.0 - pair.contraction)
+                - T::from_f64(direction * pair.pulley_m / pair.length_m) * angle;
+            let shape = T::from_f64(3.0 / (tangent * tangent)) * left * left
+                - T::from_f64(1.0 / (sine * sine));
+            (T::from_f64(area * pressure) * shape).at_least(T::zero())
+        };
+        pull(pressures_pa[1], 1.0) - pull(pressures_pa[0], -1.0)
+    }
+}
+
+impl<T: Real> Dynamics<T> {
+    /// Torque beside the bias that gives these accelerations, Nm.
+    pub fn torque(&self, a: [T; JOINTS]) -> [T; JOINTS] {
+        let [m11, m22, m23, m33] = self.mass;
+        [m11 * a[0], m22 * a[1] + m23 * a[2], m23 * a[1] + m33 * a[2]]
+    }
+
+    /// Accelerations under a torque of what is free; the others' are given.
+    fn accelerations(&self, torque: [T; JOINTS], held: [Option<T>; JOINTS]) -> [T; JOINTS] {
+        let [m11, m22, m23, m33] = self.mass;
+        let first = held[0].unwrap_or_else(|| torque[0].ratio(m11));
+        let (second, third) = match (held[1], held[2]) {
+            (Some(second), Some(third)) => (second, third),
+            (Some(second), None) => (second, (torque[2] - m23 * second).ratio(m33)),
+            (None, Some(third)) => ((torque[1] - m23 * third).ratio(m22), third),
+            (None, None) => {
+                let inverse = T::one().ratio(m22 * m33 - m23 * m23);
+                let second = (m33 * torque[1] - m23 * torque[2]) * inverse;
+                (second, (m22 * torque[2] - m23 * torque[1]) * inverse)
+            }
+        };
+        [first, second, third]
+    }
+}
+
+/// A speed at which a law is beyond its jump and nothing else of it has begun, rad/s.
+const BESIDE_REST_RAD_S: f64 = 1e-12;
+
+/// Speed at which a trajectory has run away, rad/s.
+const RUN_AWAY_RAD_S: f64 = 1e3;
+
+/// Most changes of mind about which joints hold in a step; three joints seldom need three.
+const MOST_ROUNDS: usize = 8;
+
+/// A trajectory on its way.
+struct Motion<'a, T: Real> {
+    arm: &'a Arm,
+    models: [Model<T>; JOINTS],
+    states: [State<T>; JOINTS],
+    inputs: [Sample<T>; JOINTS],
+    jumps: bool,
+    dt: T,
+    q: [T; JOINTS],
+    v: [T; JOINTS],
+}
+
+impl<T: Real<Setting = T>> Motion<'_, T> {
+    fn friction(&mut self, joint: usize, velocity: T) -> T {
+        self.inputs[joint].velocity_rad_s = velocity;
+        self.models[joint].step(&mut self.states[joint], &self.inputs[joint])
+    }
+
+    fn step(&mut self, pressures_pa: [[f64; 2]; JOINTS]) {
+        let dynamics = self.arm.dynamics(self.q, self.v);
+        let drive: [T; JOINTS] = std::array::from_fn(|i| {
+            self.arm.muscles(i, pressures_pa[i], self.q[i]) - dynamics.bias[i]
+        });
+        let a = if self.jumps {
+            self.with_holding(&dynamics, drive)
+        } else {
+            let torque = std::array::from_fn(|i| drive[i] - self.friction(i, self.v[i]));
+            dynamics.accelerations(torque, [None; JOINTS])
+        };
+        for i in 0..JOINTS {
+            self.v[i] = self.v[i] + self.dt * a[i];
+            self.q[i] = self.q[i] + self.dt * self.v[i];
+        }
+    }
+
+    /// Accelerations where a joint may hold.
+    fn with_holding(&mut self, dynamics: &Dynamics<T>, drive: [T; JOINTS]) -> [T; JOINTS] {
+        // What slides by friction of its own; what holds has none to be told beforehand.
+        let mut sliding: [Option<T>; JOINTS] = std::array::from_fn(|i| {
+            (self.v[i].value() != 0.0).then(|| self.friction(i, self.v[i]))
+        });
+        let mut released = [0.0; JOINTS];
+        let mut a = [T::zero(); JOINTS];
+        for _ in 0..MOST_ROUNDS {
+            let stops: [Option<T>; JOINTS] = std::array::from_fn(|i| {
+                sliding[i].is_none().then(|| {
+                    if self.v[i].value() == 0.0 { T::zero() } else { -(self.v[i].ratio(self.dt)) }
+                })
+            });
+            let torque = std::array::from_fn(|i| drive[i] - sliding[i].unwrap_or_default());
+            a = dynamics.accelerations(torque, stops);
+            let borne = dynamics.torque(a);
+            let mut settled = true;
+            for i in 0..JOINTS {
+                let next = (self.v[i] + self.dt * a[i]).value();
+                if sliding[i].is_some() {
+                    let from = if released[i] == 0.0 { self.v[i].value() } else { released[i] };
+                    if next * from < 0.0 && released[i] == 0.0 {
+                        sliding[i] = None;
+                        settled = false;
+                    }
+                    continue;
+                }
+                let load = drive[i] - borne[i];
+                for direction in [1.0, -1.0] {
+                    let limit = self.friction(i, T::from_f64(direction * BESIDE_REST_RAD_S));
+                    if released[i] == 0.0 && direction * (load.value() - limit.value()) > 0.0 {
+                        sliding[i] = Some(limit);
+                        released[i] = direction;
+                        settled = false;
+                    }
+                }
+            }
+            if settled {
+                break;
+            }
+        }
+        // A held joint's speed is 0 exactly.
+        for i in 0..JOINTS {
+            if sliding[i].is_none() {
+                self.v[i] = T::zero();
+                a[i] = T::zero();
+            }
+        }
+        a
+    }
+}
+
+impl Arm {
+    /// Runs the arm through a log with one model per joint, whose bristles hold `held` (Nm) at first, a step
+    /// to every `stride` rows; `each` is told every such row, its angles (rad) and what the bristles hold (Nm),
+    /// and says whether to go on. `false` where the trajectory ran away.
+    pub fn run<T: Real<Setting = T>>(
+        &self,
+        drive: &Drive,
+        parameters: &[Parameters<T>; JOINTS],
+        held: [T; JOINTS],
+        stride: usize,
+        mut each: impl FnMut(usize, &[T; JOINTS], [T; JOINTS]),
+    ) -> bool {
+        let dt = T::from_f64(drive.period_s * stride as f64);
+        let mut motion = Motion {
+            arm: self,
+            models: parameters.each_ref().map(|of| of.build_unchecked(dt)),
+            states: held.map(State::holding),
+            inputs: std::array::from_fn(|_| Sample::default()),
+            jumps: !parameters[0].law.has_bristles(),
+            dt,
+            q: drive.start_rad.map(T::from_f64),
+            v: [T::zero(); JOINTS],
+        };
+        let rows = drive.pressures_pa[0][0].len();
+        for row in (0..rows).step_by(stride) {
+            let holding = motion.states.each_ref().map(|state| state.bristle_torque_nm);
+            each(row, &motion.q, holding);
+            // The pressure half-way to the next step, as nearly as rows tell.
+            let at = (row + stride / 2).min(rows - 1);
+            let pressures = std::array::from_fn(|joint| {
+                std::array::from_fn(|side| drive.pressures_pa[joint][side][at])
+            });
+            motion.step(pressures);
+            let wild = |v: &T| v.value().is_nan() || v.value().abs() > RUN_AWAY_RAD_S;
+            if motion.v.iter().any(wild) {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use compensator_core::{LawKind, ParameterId as Id};
+    use simulated_machines::manipulator::muscle::PAIRS;
+    use simulated_machines::manipulator::rigid_body::TABLE_2;
+
+    const ARM: Arm = Arm { links: TABLE_2, pairs: PAIRS };
+
+    #[test]
+    fn lagranges_closed_form_is_the_machines_recursion() {
+        for (q, v, a) in [
+            ([0.3, 0.7, -0.4], [1.0, -0.6, 2.0], [3.0, -2.0, 1.0]),
+            ([-1.0, 0.1, 1.3], [-2.0, 1.5, 0.3], [0.0, 4.0, -5.0]),
+        ] {
+            let dynamics = ARM.dynamics(q, v);
+            let inertial = dynamics.torque(a);
+            let expected = TABLE_2.inverse_dynamics(q, v, a, GRAVITY_M_S2);
+            for i in 0..JOINTS {
+                let ours = inertial[i] + dynamics.bias[i];
+                assert!((ours - expected[i]).abs() < 1e-12, "{i} {ours} {expected:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_muscles_are_the_machines() {
+        for joint in 0..JOINTS {
+            let ours = ARM.muscles(joint, [300e3, 520e3], 0.2);
+            let theirs = PAIRS[joint].torque_nm([300e3, 520e3], 0.2);
+            assert!((ours - theirs).abs() < 1e-12);
+        }
+    }
+
+    /// Equal pressures, and a pull to one side on joint 1 from half a second on.
+    fn drive() -> Drive {
+        let steady = || vec![550e3; 2000];
+        let mut pressures_pa: [[Vec<f64>; 2]; 3] = std::array::from_fn(|_| [steady(), steady()]);
+        pressures_pa[0][1][500..].fill(500e3);
+        Drive { period_s: 1e-3, pressures_pa, start_rad: [0.0; 3] }
+    }
+
+    fn last_angle(parameters: &[Parameters<f64>; 3], stride: usize) -> [f64; 3] {
+        let mut last = [0.0; 3];
+        assert!(ARM.run(&drive(), parameters, [0.0; 3], stride, |_, q, _| last = *q));
+        last
+    }
+
+    #[test]
+    fn a_joint_holds_below_its_level_and_gives_way_above() {
+        let with = |level: f64| {
+            let joint = |level: f64| {
+                Parameters::new(LawKind::Linear)
+                    .with(Id::CoulombTorque, level)
+                    .with(Id::ViscousFriction, 1.0)
+            };
+            [joint(level), joint(1.0), joint(0.1)]
+        };
+        let torque = PAIRS[0].torque_nm([550e3, 500e3], 0.0).abs();
+        assert_eq!(last_angle(&with(1.01 * torque), 1), [0.0; 3]);
+        let free = last_angle(&with(0.5 * torque), 1)[0];
+        // It comes to rest short of where the muscles would hold it, by what friction bears.
+        let left = PAIRS[0].torque_nm([550e3, 500e3], free).abs();
+        assert!(free < -0.01 && (left / torque - 0.5).abs() < 0.05, "{free} {left} {torque}");
+    }
+
+    #[test]
+    fn a_longer_step_ends_where_a_shorter_one_does() {
+        let bristles = Parameters::new(LawKind::Lugre)
+            .with(Id::CoulombTorque, 0.3)
+            .with(Id::StaticTorque, 0.4)
+            .with(Id::BristleStiffness, 100.0)
+            .with(Id::ViscousFriction, 1.0);
+        let parameters = [bristles.clone(), bristles.clone(), bristles];
+        let (fine, coarse) = (last_angle(&parameters, 1)[0], last_angle(&parameters, 4)[0]);
+        assert!((fine - coarse).abs() < 1e-3 * fine.abs(), "{fine} {coarse}");
+    }
+}
