@@ -20,8 +20,7 @@ fn of(rows: &[Row], table: &str) -> Table {
     let mut fields: Vec<(&str, bool)> = Vec::new();
     for column in &columns {
         let here = || rows.iter().filter(|row| row.column == *column);
-        let unit = here().map(|row| row.unit.as_str()).find(|unit| !unit.is_empty());
-        let unit = unit.map_or(String::new(), |unit| format!(" ({unit})"));
+        let unit = one_unit(here().copied()).map_or(String::new(), |unit| format!(" ({unit})"));
         header.push(format!("{column}{unit}"));
         fields.push((column, false));
         if here().any(|row| row.printed.is_some()) {
@@ -34,6 +33,13 @@ fn of(rows: &[Row], table: &str) -> Table {
             let found = rows.iter().find(|row| row.row == name && row.column == *column);
             found.map_or(Cell::Empty, |row| if *printed { row.printed.into() } else { ours(row) })
         };
+        // Where a column's units differ, a row's own stands with its name: a table of coefficients.
+        let mixed = columns.iter().any(|column| {
+            one_unit(rows.iter().copied().filter(|row| row.column == *column)).is_none()
+        });
+        let unit = one_unit(rows.iter().copied().filter(|row| row.row == name));
+        let unit = unit.filter(|unit| mixed && !unit.is_empty());
+        let name = unit.map_or(name.to_owned(), |unit| format!("{name} ({unit})"));
         std::iter::once(Cell::from(name)).chain(fields.iter().map(cell)).collect()
     });
     let origin = match rows.iter().filter(|row| row.simulated).count() {
@@ -45,6 +51,13 @@ fn of(rows: &[Row], table: &str) -> Table {
     let name = if numbered { format!("Table {table}") } else { table.to_owned() };
     let caption = format!("{name} ({origin})");
     Table { caption, header, rows: body.collect(), best: Vec::new() }
+}
+
+/// The unit some rows share; none where they share none or have none.
+fn one_unit<'a>(rows: impl Iterator<Item = &'a Row>) -> Option<&'a str> {
+    let mut units = rows.map(|row| row.unit.as_str());
+    let first = units.next()?;
+    (!first.is_empty() && units.all(|unit| unit == first)).then_some(first)
 }
 
 fn ours(row: &Row) -> Cell {

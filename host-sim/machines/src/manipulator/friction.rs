@@ -41,34 +41,34 @@ const SHARPNESS: i32 = 2;
 /// The three joints.
 pub const JOINTS: [Friction; 3] = [
     Friction {
-        coulomb_nm: 0.35,
-        static_nm: 0.55,
+        coulomb_nm: 0.10,
+        static_nm: 0.15,
         stribeck_rad_s: 0.06,
         viscous: 1.5,
         thinning_rad_s: 1.5,
         asymmetry: 0.06,
         by_pull: 0.4,
-        stiffness: [120.0, 30.0, 8.0],
+        stiffness: [60.0, 15.0, 4.0],
     },
     Friction {
-        coulomb_nm: 1.6,
-        static_nm: 2.3,
+        coulomb_nm: 0.35,
+        static_nm: 0.50,
         stribeck_rad_s: 0.05,
         viscous: 3.2,
         thinning_rad_s: 1.0,
         asymmetry: 0.05,
         by_pull: 0.4,
-        stiffness: [900.0, 220.0, 60.0],
+        stiffness: [300.0, 80.0, 20.0],
     },
     Friction {
-        coulomb_nm: 0.12,
-        static_nm: 0.19,
+        coulomb_nm: 0.06,
+        static_nm: 0.09,
         stribeck_rad_s: 0.08,
         viscous: 0.16,
         thinning_rad_s: 1.5,
         asymmetry: 0.08,
         by_pull: 0.4,
-        stiffness: [60.0, 15.0, 4.0],
+        stiffness: [40.0, 10.0, 3.0],
     },
 ];
 
@@ -116,7 +116,7 @@ mod tests {
     fn steady_sliding_holds_the_level_and_falls_with_speed() {
         let viscous = |v: f64| 3.2 * v / (1.0 + v * v).powf(0.25);
         let level = |v: f64| {
-            (1.6 + 0.7 * (-v.abs() / 0.05_f64).exp()) * (1.0 + 0.05 * v.signum()) * v.signum()
+            (0.35 + 0.15 * (-v.abs() / 0.05_f64).exp()) * (1.0 + 0.05 * v.signum()) * v.signum()
         };
         for velocity in [-0.5, -0.02, 0.02, 0.5] {
             let expected = level(velocity) + viscous(velocity);

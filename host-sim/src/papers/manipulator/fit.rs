@@ -31,6 +31,8 @@ pub enum Axis {
     Plain(f64),
     /// By its logarithm.
     Logarithmic,
+    /// As a multiple of the same joint's Coulomb torque: a static torque that cannot fall below it.
+    TimesCoulomb,
 }
 
 /// One value of one joint.
@@ -51,6 +53,7 @@ impl Free {
         match self.axis {
             Axis::Plain(size) => value / size,
             Axis::Logarithmic => value.ln(),
+            Axis::TimesCoulomb => value,
         }
     }
 
@@ -59,6 +62,7 @@ impl Free {
         match self.axis {
             Axis::Plain(size) => (along * size, size),
             Axis::Logarithmic => (along.exp(), along.exp()),
+            Axis::TimesCoulomb => (along, 1.0),
         }
     }
 }
@@ -117,7 +121,11 @@ pub const PRINTED_START: f64 = 0.1;
 
 /// What the paper's protocol frees, as it stands between the printed bounds.
 pub fn printed_free(law: LawKind) -> Vec<Free> {
-    let free = |joint, id| Free { joint, id, axis: Axis::Plain(1.0), bounds: PRINTED_BOUNDS };
+    let free = |joint, id: Option<Id>| {
+        // The deflections it prints lie below the bound it prints: they cannot have had that bound.
+        let bounds = if id.is_some() { PRINTED_BOUNDS } else { (0.0, PRINTED_BOUNDS.1) };
+        Free { joint, id, axis: Axis::Plain(1.0), bounds }
+    };
     each(law, free)
 }
 
@@ -130,6 +138,9 @@ fn each(law: LawKind, free: impl Fn(usize, Option<Id>) -> Free) -> Vec<Free> {
         .collect()
 }
 
+/// A static torque is seldom three times the Coulomb torque.
+const MOST_STATIC: f64 = 3.0;
+
 /// What a proper fit frees. Bounds are of the thing: a level up to what the muscles could ever drive, a stiffness
 /// up to what this step can follow, an offset or a curvature either way.
 pub fn proper_free(law: LawKind) -> Vec<Free> {
@@ -137,7 +148,10 @@ pub fn proper_free(law: LawKind) -> Vec<Free> {
         let plain = |size: f64, bounds| Free { joint, id, axis: Axis::Plain(size), bounds };
         let positive = |bounds| Free { joint, id, axis: Axis::Logarithmic, bounds };
         match id {
-            Some(Id::CoulombTorque | Id::StaticTorque) => positive((1e-4, 30.0)),
+            Some(Id::CoulombTorque) => positive((1e-4, 30.0)),
+            Some(Id::StaticTorque) => {
+                Free { joint, id, axis: Axis::TimesCoulomb, bounds: (1.0, MOST_STATIC) }
+            }
             Some(Id::StribeckVelocity) => positive((1e-3, 10.0)),
             Some(Id::BristleStiffness) => positive((1.0, 3e3)),
             Some(Id::BristleDamping) => positive((1e-4, 10.0)),
@@ -158,6 +172,10 @@ impl Problem<'_> {
         let (mut parameters, mut deflection) = (self.base.clone(), [0.0; JOINTS]);
         for (free, value) in self.free.iter().zip(values) {
             match free.id {
+                Some(id) if free.axis == Axis::TimesCoulomb => {
+                    let coulomb = parameters[free.joint].get(Id::CoulombTorque);
+                    parameters[free.joint].set(id, *value * coulomb);
+                }
                 Some(id) => parameters[free.joint].set(id, *value),
                 None => deflection[free.joint] = *value,
             }
@@ -174,6 +192,11 @@ impl Problem<'_> {
             let mut number = Dual::parameter(value, index);
             number.gradient[index] = slope;
             match free.id {
+                // The Coulomb torque comes before it in every law.
+                Some(id) if free.axis == Axis::TimesCoulomb => {
+                    let coulomb = parameters[free.joint].get(Id::CoulombTorque);
+                    parameters[free.joint].set(id, number * coulomb);
+                }
                 Some(id) => parameters[free.joint].set(id, number),
                 None => deflection[free.joint] = number,
             }
