@@ -8,6 +8,7 @@ mod bus;
 mod compare;
 mod demo;
 mod diagnose;
+mod each_joint;
 mod export;
 mod identify;
 mod input;

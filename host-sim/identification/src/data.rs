@@ -25,6 +25,7 @@ mod error;
 mod fill;
 mod guess;
 mod header;
+mod joints;
 mod naming;
 mod order;
 mod read;

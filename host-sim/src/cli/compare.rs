@@ -1,8 +1,9 @@
 //! `compare`: all families on equal terms.
 
+use super::each_joint::{Told, each_joint};
 use super::identify::choices;
 use super::input::{DataArguments, Input, spinner};
-use super::output::{OutputArguments, say, tell};
+use super::output::OutputArguments;
 use crate::results::provenance::Provenance;
 use crate::results::{Judged, Study, document, judged, table};
 use compensator_core::LawKind;
@@ -54,9 +55,20 @@ fn fits(specs: Vec<Spec>, input: &Input, chosen: Choices) -> Result<Vec<Outcome>
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let specs = specs(arguments)?;
     let chosen = choices(Choices::default(), &arguments.choices)?;
-    let input = arguments.data.read(&SplitRule::default())?;
+    each_joint(&arguments.data, &arguments.output, &SplitRule::default(), |input| {
+        compare(arguments, input, specs.clone(), chosen)
+    })
+}
+
+/// The models on one joint.
+fn compare(
+    arguments: &Arguments,
+    input: &Input,
+    specs: Vec<Spec>,
+    chosen: Choices,
+) -> Result<Told, String> {
     input.warn();
-    let fits = fits(specs, &input, chosen)?;
+    let fits = fits(specs, input, chosen)?;
     let mut document = document(&input.data, &input.split, &input.hashes, &fits);
     let study = Study {
         data: &input.data,
@@ -80,11 +92,6 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         verdicts: &best.verdicts,
     };
     let toml = from.comments() + &params::emit(best, input.data.joint);
-    let files = [("compare.json", json.as_str()), ("params.toml", &toml), ("compare.html", &html)];
-    arguments.output.write(&files)?;
-    if arguments.output.json {
-        return say(&json);
-    }
     let mut text = table::models(&fits, &input.data) + "\n";
     summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
     text += &format!("\nparams.toml is {}:\n", best.spec);
@@ -92,7 +99,6 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     if fits.len() > 1 {
         text += "What is to be said of the others is in compare.html.\n";
     }
-    let out = arguments.output.out.display();
-    text += &format!("written: {out}/compare.html, {out}/compare.json, {out}/params.toml\n");
-    tell(&text)
+    let files = vec![("compare.html", html), ("params.toml", toml)];
+    Ok(Told { document: ("compare.json", json), files, text })
 }

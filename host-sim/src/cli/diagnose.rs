@@ -1,11 +1,13 @@
 //! `diagnose`: what the model gets wrong, why, the extension, the gain.
 
-use super::input::{DataArguments, spinner};
-use super::output::{OutputArguments, say, tell};
+use super::each_joint::{Told, each_joint};
+use super::input::{DataArguments, Input, spinner};
+use super::output::OutputArguments;
 use crate::driver_file;
 use crate::results::diagnosis_page::{self, Diagnosed};
 use crate::results::provenance::Provenance;
 use crate::results::{diagnosis, table};
+use compensator_core::Parameters;
 use friction_identification::data::SplitRule;
 use friction_identification::diagnose::{Question, diagnose};
 use friction_identification::params;
@@ -32,10 +34,22 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let model = arguments.model.as_deref().map(Spec::parse).transpose();
     let given = arguments.params.as_deref().map(driver_file::read).transpose();
     let (model, given) = (model.map_err(|e| e.to_string())?, given.map_err(|e| e.to_string())?);
-    let input = arguments.data.read(&SplitRule::EachOut)?;
+    let given = given.map(|file| (file.spec, file.parameters));
+    each_joint(&arguments.data, &arguments.output, &SplitRule::EachOut, |input| {
+        diagnosed(arguments, input, model.clone(), given.clone())
+    })
+}
+
+/// The diagnosis of one joint.
+fn diagnosed(
+    arguments: &Arguments,
+    input: &Input,
+    model: Option<Spec>,
+    given: Option<(Spec, Parameters<f64>)>,
+) -> Result<Told, String> {
     let question = Question {
         model,
-        given: given.map(|file| (file.spec, file.parameters)),
+        given,
         decimate: arguments.data.decimate as usize,
         rigid_body: input.rigid_body.clone(),
         seed: arguments.data.seed,
@@ -68,15 +82,6 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         seed: arguments.data.seed,
     };
     let html = diagnosis_page::page(&about).render();
-    let files = [
-        ("diagnosis.json", json.as_str()),
-        ("params.toml", toml.as_str()),
-        ("report.html", html.as_str()),
-    ];
-    arguments.output.write(&files)?;
-    if arguments.output.json {
-        return say(&json);
-    }
     let mut text = String::new();
     for finding in &found.log_findings {
         text += &format!("log: {}: {}\n", finding.kind.name(), finding.in_words);
@@ -85,7 +90,6 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         text += &format!("{}. {sentence}\n", index + 1);
     }
     text += &format!("\n{}\n", table::findings(&found));
-    let out = arguments.output.out.display();
-    text += &format!("written: {out}/report.html, {out}/diagnosis.json, {out}/params.toml\n");
-    tell(&text)
+    let files = vec![("report.html", html), ("params.toml", toml)];
+    Ok(Told { document: ("diagnosis.json", json), files, text })
 }

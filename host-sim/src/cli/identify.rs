@@ -1,7 +1,8 @@
 //! `identify`: one model, fitted.
 
-use super::input::{DataArguments, spinner};
-use super::output::{OutputArguments, say, tell};
+use super::each_joint::{Told, each_joint};
+use super::input::{DataArguments, Input, spinner};
+use super::output::OutputArguments;
 use crate::driver_file;
 use crate::results::provenance::Provenance;
 use crate::results::{Study, document, page, table};
@@ -76,7 +77,19 @@ fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let input_spec = Spec::parse(&arguments.model).map_err(|error| error.to_string())?;
     let (fixed, freed) = (ids("--keep", &arguments.keep)?, ids("--free", &arguments.free)?);
-    let input = arguments.data.read(&SplitRule::default())?;
+    each_joint(&arguments.data, &arguments.output, &SplitRule::default(), |input| {
+        fitted(arguments, input, input_spec.clone(), fixed.clone(), freed.clone())
+    })
+}
+
+/// The model on one joint.
+fn fitted(
+    arguments: &Arguments,
+    input: &Input,
+    input_spec: Spec,
+    fixed: Vec<ParameterId>,
+    freed: Vec<ParameterId>,
+) -> Result<Told, String> {
     input.warn();
     let spec = input_spec.on(&input.rigid_body);
     let mut base = spec.parameters().map_err(|error| error.to_string())?;
@@ -126,15 +139,9 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         fits: std::slice::from_ref(&fit),
     };
     let html = page(&study).render();
-    let files = [("fit.json", json.as_str()), ("params.toml", &toml), ("fit.html", &html)];
-    arguments.output.write(&files)?;
-    if arguments.output.json {
-        return say(&json);
-    }
     let models = table::models(std::slice::from_ref(&fit), &input.data);
     let mut text = format!("{}\n{models}\n", table::parameters(&fit, &input.data));
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
-    let out = arguments.output.out.display();
-    text += &format!("written: {out}/params.toml, {out}/fit.json, {out}/fit.html\n");
-    tell(&text)
+    let files = vec![("params.toml", toml), ("fit.html", html)];
+    Ok(Told { document: ("fit.json", json), files, text })
 }

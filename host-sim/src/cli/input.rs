@@ -2,7 +2,7 @@
 
 use clap::Args;
 use compensator_core::TermKind;
-use friction_identification::data::{self, Dataset, ReadOptions, Split, SplitRule};
+use friction_identification::data::{self, DataError, Dataset, ReadOptions, Split, SplitRule};
 use friction_identification::fit::track::{campaign_start, tracks_since};
 use friction_identification::fit::{Rows, Track};
 use friction_identification::log_check::{self, Checked, Correct, Kind, LogFinding, overview};
@@ -33,7 +33,8 @@ pub struct DataArguments {
     /// the sign, `velocity[2]` is an element where cells hold lists
     #[arg(long, value_name = "a=b:unit,..", value_delimiter = ',')]
     pub columns: Vec<String>,
-    /// Only the rows where COLUMN is one of the values: one joint of several. May be given again
+    /// Only the rows where COLUMN is one of the values: one joint of several (`joint=2` also where joints stand
+    /// side by side as `torque_nm_1`, `torque_nm_2`); without it all are taken, one by one. May be given again
     #[arg(long = "where", value_name = "COLUMN=VALUE,..")]
     pub only: Vec<String>,
     /// Drop the first N samples of each run
@@ -107,12 +108,69 @@ impl Input {
     }
 }
 
+/// What was read.
+pub enum Inputs {
+    /// The log of one joint.
+    One(Box<Input>),
+    /// Of several, each with its name.
+    Several(Vec<(String, Input)>),
+}
+
+/// Why a log was not read.
+enum Unread {
+    /// It holds several joints.
+    Several { column: String, joints: Vec<String> },
+    /// One line for a person.
+    Other(String),
+}
+
+impl From<String> for Unread {
+    fn from(line: String) -> Self {
+        Self::Other(line)
+    }
+}
+
+impl From<DataError> for Unread {
+    fn from(error: DataError) -> Self {
+        match error {
+            DataError::SeveralJoints { column, joints, .. } => Self::Several { column, joints },
+            other => Self::Other(other.to_string()),
+        }
+    }
+}
+
 impl DataArguments {
-    /// Reads and splits, by a rule of the command's own where the user names none.
+    /// Reads and splits, by a rule of the command's own where the user names none: the log of one joint, or of
+    /// each joint where there are several, with their names.
     ///
     /// # Errors
     /// One line for a person.
-    pub fn read(&self, unless_asked: &SplitRule) -> Result<Input, String> {
+    pub fn read(&self, unless_asked: &SplitRule) -> Result<Inputs, String> {
+        let (column, joints) = match self.read_one(unless_asked) {
+            Ok(input) => return Ok(Inputs::One(Box::new(input))),
+            Err(Unread::Other(line)) => return Err(line),
+            Err(Unread::Several { column, joints }) => (column, joints),
+        };
+        let each = joints.into_iter().map(|joint| {
+            let mut alone = self.clone();
+            alone
+                .only
+                .retain(|text| text.split_once('=').is_none_or(|(own, _)| own.trim() != column));
+            alone.only.push(format!("{column}={joint}"));
+            match alone.read_one(unless_asked) {
+                Ok(input) => Ok((joint, input)),
+                Err(Unread::Other(line)) => Err(format!("joint {joint}: {line}")),
+                Err(Unread::Several { column, joints }) => {
+                    let names = joints.join(", ");
+                    Err(format!("joint {joint}: found several in {column} ({names}), expected one"))
+                }
+            }
+        });
+        each.collect::<Result<_, _>>().map(Inputs::Several)
+    }
+
+    /// The log of one joint.
+    fn read_one(&self, unless_asked: &SplitRule) -> Result<Input, Unread> {
         if self.threads > 0 {
             // A second call in one process (tests) keeps the first pool.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build_global();
@@ -121,7 +179,7 @@ impl DataArguments {
         let files: Vec<PathBuf> = self.data.iter().chain(&self.test).cloned().collect();
         let mut seen = HashSet::new();
         if let Some(twice) = files.iter().find(|file| !seen.insert(*file)) {
-            return Err(format!("{}: given twice", twice.display()));
+            return Err(format!("{}: given twice", twice.display()).into());
         }
         let correct = self.correct()?;
         let options =
@@ -131,19 +189,19 @@ impl DataArguments {
             bar.set_length(total);
             bar.set_position(done);
         })
-        .map_err(|error| error.to_string())?;
+        .map_err(Unread::from)?;
         bar.finish_and_clear();
         let told = overview(&data).lines(&data);
         let Checked { data, findings: log_findings, .. } = log_check::check(data, correct);
-        let split = data::split(&data, &self.split_rule(unless_asked)?, self.seed)
-            .map_err(|e| e.to_string())?;
+        let split = data::split(&data, &self.split_rule(unless_asked)?, self.seed)?;
         let start = campaign_start(&data);
         let of = |parts: &[data::Part]| tracks_since(&data.select(parts), None, start);
         let (train, test) = (of(&split.train), of(&split.test));
         if train.is_empty() || test.is_empty() {
-            return Err("no unbroken stretch of two rows or more to fit on and to judge by".into());
+            let line = "no unbroken stretch of two rows or more to fit on and to judge by";
+            return Err(line.to_owned().into());
         }
-        let hashes = files.iter().map(|file| hash(file)).collect::<Result<_, _>>()?;
+        let hashes = files.iter().map(|file| hash(file)).collect::<Result<_, String>>()?;
         let decimate = self.decimate as usize;
         // Behind the last refusal, which is to be the one line there is.
         told.iter().for_each(|line| eprintln!("log: {line}"));

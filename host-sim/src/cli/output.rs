@@ -42,6 +42,8 @@ impl OutputArguments {
         }
         for (name, content) in files {
             let path = self.out.join(name);
+            let folder = path.parent().unwrap_or(&self.out);
+            std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
             crate::report::write_atomically(&path, content)
                 .map_err(|error| failed(&path, error))?;
         }

@@ -6,10 +6,10 @@
 use super::output::{OutputArguments, say};
 use crate::simulated;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use friction_identification::data::{Dataset, EmitOptions, emit};
+use friction_identification::data::{EmitOptions, emit};
 use joint_trace::TextFormat;
 use simulated_machines::scenarios::Hide;
-use simulated_machines::{Request, SIMULATIONS, Simulated, Simulation};
+use simulated_machines::{Log, Request, SIMULATIONS, Simulated, Simulation};
 
 /// Arguments of `simulate`.
 #[derive(clap::Args)]
@@ -98,12 +98,11 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         hide: arguments.hide.clone(),
     };
     let Simulated { log, csv, truth, hidden } = arguments.scenario.simulate(&request)?;
-    let data = simulated::dataset(&log);
     let json = serde_json::to_string_pretty(&truth).map_err(|e| e.to_string())? + "\n";
     let mut files = vec![("data.csv", csv.as_str()), ("truth.json", json.as_str())];
     let format = TextFormat::from(arguments.format);
     let name = format!("trace.{}", format.ending());
-    let trace = trace(&data, format).map_err(|error| format!("{name}: {error}"))?;
+    let trace = trace(&log, format).map_err(|error| format!("{name}: {error}"))?;
     files.extend(trace.as_ref().map(|trace| (name.as_str(), trace.as_str())));
     arguments.output.write(&files)?;
     if arguments.output.json {
@@ -111,7 +110,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     }
     let out = arguments.output.out.display();
     let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
-    let (runs, rows, seed) = (data.runs.len(), data.rows, arguments.seed);
+    let (runs, rows, seed) = (log.runs.len(), log.rows(), arguments.seed);
     let hidden: String = hidden.iter().map(|line| format!("{line}\n")).collect();
     let written = written.join(", ");
     say(&format!("simulated: {runs} runs, {rows} rows, seed {seed}\n{hidden}written: {written}\n"))
@@ -120,11 +119,14 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
 /// Rows from which on no trace is written: six frames each would be a gigabyte.
 const MOST_TRACED: usize = 2_000_000;
 
-/// The log as it would have been traced on the joint's bus.
-fn trace(data: &Dataset, format: TextFormat) -> Result<Option<String>, String> {
-    if data.rows > MOST_TRACED {
+/// The log as it would have been traced on the joint's bus; none of a log of several joints, whose drivers would each
+/// have a bus's share of frames.
+fn trace(log: &Log, format: TextFormat) -> Result<Option<String>, String> {
+    let is_one_joint = log.columns.iter().any(|name| ["torque_nm", "force_n"].contains(&&**name));
+    if log.rows() > MOST_TRACED || !is_one_joint {
         return Ok(None);
     }
+    let data = &simulated::dataset(log);
     let auxiliary = data.covariates.first().cloned();
     let options = EmitOptions { auxiliary, format, ..EmitOptions::default() };
     let mut trace = Vec::new();

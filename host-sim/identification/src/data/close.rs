@@ -139,13 +139,12 @@ impl Cleaner<'_> {
         for (column, texts) in self.layout.joint_names.iter().zip(&self.joint_names) {
             let several = !texts.many && texts.seen.len() > 1 && (column.is_sure || texts.changes);
             if several {
-                let name = &self.layout.names[column.index];
-                let first = listed(&[String::from_utf8_lossy(&texts.seen[0])]);
-                let (count, joints) = (texts.seen.len(), texts.listed());
-                return Err(DataError::File {
+                let (names, column) = (texts.seen.iter(), self.layout.names[column.index].clone());
+                return Err(DataError::SeveralJoints {
                     file: self.file.into(),
-                    found: format!("{count} joints in column {name} ({joints})"),
-                    expected: format!("one: --where {name}={first}"),
+                    place: format!("in column {column}"),
+                    column,
+                    joints: names.map(|name| String::from_utf8_lossy(name).into_owned()).collect(),
                 });
             }
         }

@@ -82,6 +82,18 @@ pub enum DataError {
         /// What was expected.
         expected: String,
     },
+    /// A log of several joints, of which one is to be taken at a time.
+    #[error("{}: found {} joints {place} ({}), expected one: --where {column}={}", file.display(), joints.len(), listed(joints), first(joints))]
+    SeveralJoints {
+        /// The file, as it was named by the caller.
+        file: PathBuf,
+        /// Where they are, as the end of a sentence.
+        place: String,
+        /// What [`ReadOptions::only`](super::ReadOptions::only) is to name.
+        column: String,
+        /// The joints, in the order of the file.
+        joints: Vec<String>,
+    },
     /// The caller asked for something these data cannot give: an unknown name in `--columns`, a
     /// hold-out that holds nothing out.
     #[error("{what}: found {found}, expected {expected}")]
@@ -93,6 +105,11 @@ pub enum DataError {
         /// What was expected.
         expected: String,
     },
+}
+
+/// The first of some names, fit to be typed.
+fn first(names: &[String]) -> String {
+    names.first().map(|name| listed(std::slice::from_ref(name))).unwrap_or_default()
 }
 
 /// An error in the header row.

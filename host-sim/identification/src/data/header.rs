@@ -6,7 +6,7 @@
 //! translated by pairs of contract name and foreign name (`--columns torque_nm=tau_3`), which win
 //! over what a column calls itself: whoever writes them has looked into the file.
 //!
-//! Anything ambiguous is an error rather than a guess: two columns of one name, two targets, a
+//! Several joints side by side are taken one at a time (`joints`). Anything ambiguous is an error rather than a guess: two columns of one name, two targets, a
 //! linear velocity with a torque (unless the pairs say so).
 
 use std::path::Path;
@@ -16,6 +16,7 @@ use compensator_core::quantity::{JointKind, Quantity};
 use super::contract::{POSITIONS, RUN, TARGETS, TIME, VELOCITIES, parse_optional};
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{DataError, at_header, listed};
+use super::joints::{JOINT, one_joint};
 use super::naming::Naming;
 use super::read::ReadOptions;
 use super::reading::Reading;
@@ -142,7 +143,8 @@ pub(super) fn layout(
     names: Vec<String>,
     options: &ReadOptions,
 ) -> Result<Layout, DataError> {
-    let naming = Naming::new(file, &names, &options.columns)?;
+    let one = one_joint(file, &names, options)?;
+    let naming = Naming::new(file, &one.names, &options.columns)?;
     let ros_time = || {
         let reading = naming.find("%time")?;
         Some(Reading { conversion: conversion(TIME, "ns").ok(), ..reading })
@@ -179,7 +181,7 @@ pub(super) fn layout(
         ));
     }
     let run = naming.find(RUN).map(|reading| reading.index);
-    let only = only(file, &naming, &names, options)?;
+    let only = only(file, &naming, &names, options, one.is_chosen)?;
     let used = [time.index, velocity.reading.index, target.reading.index];
     let source = |name: &str, reading: Reading| SourceColumn {
         name: name.into(),
@@ -195,10 +197,14 @@ pub(super) fn layout(
     sources.push(source(target.name, target.reading));
     let mut optional = Vec::new();
     let mut left_out = naming.replaced();
+    left_out.extend(one.left_out);
     for (reading, name) in naming.columns() {
         let index = reading.index;
         let is_used = used.contains(&index) && !naming.is_mapped(name) || run == Some(index);
         let is_required = [TIME, velocity_name, target.name].contains(&name);
+        if one.others.contains(&index) {
+            continue;
+        }
         if (is_used || is_required) && !(is_position && name == velocity.name) {
             continue;
         }
@@ -243,6 +249,7 @@ fn only(
     naming: &Naming,
     names: &[String],
     options: &ReadOptions,
+    joint_is_chosen: bool,
 ) -> Result<Vec<Only>, DataError> {
     let find = |(column, values): &(String, Vec<String>)| {
         let own = || names.iter().position(|name| name == column);
@@ -255,7 +262,8 @@ fn only(
             }
         })
     };
-    options.only.iter().map(find).collect()
+    let by_row = options.only.iter().filter(|(column, _)| !(joint_is_chosen && column == JOINT));
+    by_row.map(find).collect()
 }
 
 /// Columns that may name several joints, but for those that choose a row or its run.

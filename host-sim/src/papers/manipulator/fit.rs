@@ -141,10 +141,11 @@ fn each(law: LawKind, free: impl Fn(usize, Option<Id>) -> Free) -> Vec<Free> {
 /// A static torque is seldom three times the Coulomb torque.
 const MOST_STATIC: f64 = 3.0;
 
-/// What a proper fit frees. Bounds are of the thing: a level up to what the muscles could ever drive, a stiffness
+/// What a proper fit frees: the law, and an offset in every joint (the arm's zero and its valves' are not known better than
+/// that, and only the atan law would have one of its own). Bounds are of the thing: a level up to what the muscles could ever drive, a stiffness
 /// up to what this step can follow, an offset or a curvature either way.
 pub fn proper_free(law: LawKind) -> Vec<Free> {
-    each(law, |joint, id| {
+    let of = |joint, id: Option<Id>| {
         let plain = |size: f64, bounds| Free { joint, id, axis: Axis::Plain(size), bounds };
         let positive = |bounds| Free { joint, id, axis: Axis::Logarithmic, bounds };
         match id {
@@ -161,7 +162,10 @@ pub fn proper_free(law: LawKind) -> Vec<Free> {
             Some(_) => plain(1.0, (-50.0, 50.0)),
             None => plain(0.01, (-0.2, 0.2)),
         }
-    })
+    };
+    let own = law.parameters().contains(&Id::TorqueOffset);
+    let offsets = (0..JOINTS).filter(|_| !own).map(|joint| of(joint, Some(Id::TorqueOffset)));
+    each(law, of).into_iter().chain(offsets).collect()
 }
 
 /// What a derivative of degrees is made of.
@@ -242,9 +246,11 @@ impl Problem<'_> {
             from.iter().zip(&bounds).map(|(x, (least, most))| x.clamp(*least, *most)).collect();
         let End { point, normal, evaluations, converged } = match self.free.len() {
             6 => search(&from, &bounds, how, |point| self.normal::<6>(point)),
+            9 => search(&from, &bounds, how, |point| self.normal::<9>(point)),
             12 => search(&from, &bounds, how, |point| self.normal::<12>(point)),
             15 => search(&from, &bounds, how, |point| self.normal::<15>(point)),
             21 => search(&from, &bounds, how, |point| self.normal::<21>(point)),
+            24 => search(&from, &bounds, how, |point| self.normal::<24>(point)),
             other => unreachable!("no law of these has {other} values in three joints"),
         };
         let values: Vec<f64> =

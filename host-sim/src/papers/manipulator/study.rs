@@ -6,7 +6,7 @@ use super::fit::{self, Course, Fitted, Judged, Problem, judge};
 use super::printed::{MODELS, Model};
 use super::torques::{Joint, OnTorques};
 use ParameterId as Id;
-use compensator_core::{LawKind, ParameterId, Parameters};
+use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use friction_identification::data::Dataset;
 use friction_identification::fit::Outcome;
 use rayon::prelude::*;
@@ -203,7 +203,9 @@ const STARTS: [(f64, f64); 8] = [
 ];
 
 fn properly(model: &Model, courses: &[Course], torques: &[TorqueStudy], extent: &Extent) -> Fitted {
-    let fine = problem(courses, base(model.law), fit::proper_free(model.law), extent.stride);
+    let mut with_offset = base(model.law);
+    with_offset.add_term(TermKind::TorqueOffset);
+    let fine = problem(courses, with_offset, fit::proper_free(model.law), extent.stride);
     let trial = Problem { stride: TRIAL_STRIDE, ..fine.clone() };
     let guess = |joint: usize, id: Option<Id>, share: f64, travel: f64| match id {
         Some(Id::CoulombTorque) => share * LEVELS_NM[joint],

@@ -67,6 +67,18 @@ fn coefficients(study: &Study) -> Vec<Row> {
                 rows.push(if way == "as printed" { row.printed(of.values[joint]) } else { row });
             }
         }
+        let own = model.coefficients.iter().any(|of| of.id == Some(Id::TorqueOffset));
+        if !own {
+            let offset = study.proper.fitted.parameters[joint].get(Id::TorqueOffset);
+            let name = format!("f_0, joint {}", joint + 1);
+            rows.push(Row::simulated(
+                &table,
+                &name,
+                "properly",
+                Id::TorqueOffset.info().unit,
+                offset,
+            ));
+        }
     }
     rows
 }

@@ -183,7 +183,7 @@ fn of_fits(studies: &[Study], courses: &[Course]) -> Vec<String> {
             let whose = format!("{}, ours fitted {way}", study.model.name);
             let symbol = |id: Option<Id>| {
                 let own = study.model.coefficients.iter().find(|of| of.id == id);
-                own.map_or("", |of| of.symbol)
+                own.map_or("f_0", |of| of.symbol)
             };
             let fitted = &judgement.fitted;
             // A proper fit begins at several places: only bounds are told of it.
