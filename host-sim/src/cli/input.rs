@@ -86,6 +86,8 @@ pub struct Input {
     pub hashes: Vec<String>,
     /// What is wrong with the log itself.
     pub log_findings: Vec<LogFinding>,
+    /// Which joint of several, as the beginning of a line; empty where there is one.
+    joint: String,
     decimate: usize,
 }
 
@@ -98,7 +100,7 @@ impl Input {
     /// Tells what is wrong with the log on standard error, which a result on standard output leaves alone.
     pub fn warn(&self) {
         for finding in &self.log_findings {
-            eprintln!("log: {}: {}", finding.kind.name(), finding.in_words);
+            eprintln!("log: {}{}: {}", self.joint, finding.kind.name(), finding.in_words);
         }
     }
 
@@ -146,7 +148,7 @@ impl DataArguments {
     /// # Errors
     /// One line for a person.
     pub fn read(&self, unless_asked: &SplitRule) -> Result<Inputs, String> {
-        let (column, joints) = match self.read_one(unless_asked) {
+        let (column, joints) = match self.read_one(unless_asked, String::new()) {
             Ok(input) => return Ok(Inputs::One(Box::new(input))),
             Err(Unread::Other(line)) => return Err(line),
             Err(Unread::Several { column, joints }) => (column, joints),
@@ -157,7 +159,7 @@ impl DataArguments {
                 .only
                 .retain(|text| text.split_once('=').is_none_or(|(own, _)| own.trim() != column));
             alone.only.push(format!("{column}={joint}"));
-            match alone.read_one(unless_asked) {
+            match alone.read_one(unless_asked, format!("joint {joint}: ")) {
                 Ok(input) => Ok((joint, input)),
                 Err(Unread::Other(line)) => Err(format!("joint {joint}: {line}")),
                 Err(Unread::Several { column, joints }) => {
@@ -169,8 +171,8 @@ impl DataArguments {
         each.collect::<Result<_, _>>().map(Inputs::Several)
     }
 
-    /// The log of one joint.
-    fn read_one(&self, unless_asked: &SplitRule) -> Result<Input, Unread> {
+    /// The log of one joint; `joint` stands before what is told of it.
+    fn read_one(&self, unless_asked: &SplitRule, joint: String) -> Result<Input, Unread> {
         if self.threads > 0 {
             // A second call in one process (tests) keeps the first pool.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build_global();
@@ -204,8 +206,8 @@ impl DataArguments {
         let hashes = files.iter().map(|file| hash(file)).collect::<Result<_, String>>()?;
         let decimate = self.decimate as usize;
         // Behind the last refusal, which is to be the one line there is.
-        told.iter().for_each(|line| eprintln!("log: {line}"));
-        Ok(Input { data, split, train, test, rigid_body, hashes, log_findings, decimate })
+        told.iter().for_each(|line| eprintln!("log: {joint}{line}"));
+        Ok(Input { joint, data, split, train, test, rigid_body, hashes, log_findings, decimate })
     }
 
     /// What is to be corrected.

@@ -20,6 +20,7 @@ mod torques;
 mod words;
 
 use super::{Outcome, Paper, Request};
+use crate::report::Block;
 use rayon::prelude::*;
 use simulated_machines::manipulator::{Recording, campaign};
 use study::Extent;
@@ -61,7 +62,9 @@ impl Paper for Manipulator {
         rows.extend(measured.iter().flatten().flat_map(tables::of_axis));
         let mut summary = words::summary(&studies, &courses, &on_torques);
         summary.extend(words::of_measured(&measured));
-        let blocks = page::blocks(&studies, &courses);
+        let mut blocks = page::blocks(&studies, &courses);
+        blocks.push(Block::Heading("What our fits say of themselves".into()));
+        blocks.push(Block::List(words::of_fits(&studies, &courses)));
         Ok(Outcome { rows, summary, blocks, files: Vec::new() })
     }
 }

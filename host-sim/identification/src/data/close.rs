@@ -16,7 +16,7 @@ use super::clock;
 use super::columns::{FINITE, Fate, is_nothing};
 use super::contract::RUN;
 use super::dataset::LeftOutColumn;
-use super::error::{BadCell, DataError, NAMED_BAD_ROWS, listed};
+use super::error::{BadCell, DataError, NAMED_BAD_ROWS};
 use super::fill::{Fill, fill};
 use super::header::Layout;
 use super::order::{PAUSE, order, starts};

@@ -167,7 +167,7 @@ pub(super) fn layout(
         ];
         return Err(naming.missing(file, &missing));
     };
-    let mut notes = Vec::new();
+    let mut notes: Vec<String> = one.note.into_iter().collect();
     if velocity.kind != target.kind {
         let (velocity, target) = (velocity.name, target.name);
         if !naming.is_mapped(velocity) && !naming.is_mapped(target) {
@@ -197,7 +197,6 @@ pub(super) fn layout(
     sources.push(source(target.name, target.reading));
     let mut optional = Vec::new();
     let mut left_out = naming.replaced();
-    left_out.extend(one.left_out);
     for (reading, name) in naming.columns() {
         let index = reading.index;
         let is_used = used.contains(&index) && !naming.is_mapped(name) || run == Some(index);

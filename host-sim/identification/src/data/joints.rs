@@ -8,7 +8,6 @@
 use std::path::Path;
 
 use super::contract::{self, POSITIONS, TARGETS, VELOCITIES};
-use super::dataset::LeftOutColumn;
 use super::error::{DataError, listed};
 use super::read::ReadOptions;
 use compensator_core::quantity::JointKind;
@@ -23,8 +22,8 @@ pub(super) struct OneJoint {
     pub names: Vec<String>,
     /// Columns of other joints, by their place in the file.
     pub others: Vec<usize>,
-    /// The same for a reader.
-    pub left_out: Vec<LeftOutColumn>,
+    /// The same for a reader, in a line.
+    pub note: Option<String>,
     /// Whether the header holds joints side by side at all.
     pub is_chosen: bool,
 }
@@ -109,15 +108,18 @@ pub(super) fn one_joint(
         });
         match of_joint {
             Some((head, number)) if number == joint => taken.names.push(head.to_owned()),
-            Some((_, number)) => {
+            Some(_) => {
                 taken.names.push(name.clone());
                 taken.others.push(index);
-                let why = format!("it is of joint {number}");
-                taken.left_out.push(LeftOutColumn { name: name.clone(), why });
             }
             None => taken.names.push(name.clone()),
         }
     }
+    let others: Vec<&String> = joints.iter().filter(|number| *number != joint).collect();
+    taken.note = (!others.is_empty()).then(|| {
+        let count = taken.others.len();
+        format!("{}: {count} columns are of other joints ({})", file.display(), listed(&others))
+    });
     Ok(taken)
 }
 
@@ -138,8 +140,7 @@ mod tests {
     #[test]
     fn a_joint_has_its_own_columns_and_those_of_all() {
         let second = take(ARM, Some("2")).unwrap();
-        let left: Vec<&str> = second.left_out.iter().map(|column| column.name.as_str()).collect();
-        assert_eq!(left, ["torque_nm_1", "velocity_rad_s_1", "tension_1"]);
+        assert_eq!(second.note.unwrap(), "arm.csv: 3 columns are of other joints (1)");
         assert_eq!(second.names[4..], ["torque_nm", "velocity_rad_s", "tension", "cell_1"]);
         assert_eq!(second.others, [1, 2, 3]);
     }

@@ -68,6 +68,8 @@ pub struct Study {
     pub printed: Judgement,
     /// Properly.
     pub proper: Judgement,
+    /// With what the joints' torques gave, nothing of it fitted to an angle.
+    pub by_torques: Judgement,
 }
 
 /// A model on the torques of a joint, both ways.
@@ -151,6 +153,25 @@ pub fn study(
         model,
         printed: judgement(as_printed(model, &courses[..1], extent)),
         proper: judgement(properly(model, &courses[..1], torques, extent)),
+        by_torques: judgement(by_torques(torques)),
+    }
+}
+
+/// What the torques gave, as if it had been fitted to angles.
+fn by_torques(torques: &[TorqueStudy]) -> Fitted {
+    let of = |joint: usize| {
+        let mut parameters = torques[joint].proper.parameters.clone();
+        parameters.envelope.velocity_max_rad_s = f32::MAX;
+        parameters
+    };
+    Fitted {
+        parameters: std::array::from_fn(of),
+        deflection_rad: [0.0; JOINTS],
+        values: Vec::new(),
+        start: Vec::new(),
+        sum: 0.0,
+        evaluations: 0,
+        converged: true,
     }
 }
 
@@ -234,9 +255,21 @@ fn properly(model: &Model, courses: &[Course], torques: &[TorqueStudy], extent: 
     let starts = guessed.chain([fine.free.iter().map(by_torques).collect()]);
     let trials: Vec<Fitted> = starts.map(|start| trial.fit(&start, TRIAL_SEARCH)).collect();
     let tried: usize = trials.iter().map(|trial| trial.evaluations).sum();
-    let best = trials.iter().min_by(|a, b| a.sum.total_cmp(&b.sum));
-    let best = best.unwrap_or_else(|| unreachable!("the start from torques is one"));
-    let mut fitted = fine.fit(&best.values, PROPER_SEARCH);
-    fitted.evaluations += tried;
+    // The joints hang together loosely: the best of each, put together, is one more start.
+    let errors: Vec<[f64; JOINTS]> = trials
+        .iter()
+        .map(|trial| judge(&ARM, &courses[0], &trial.parameters, trial.deflection_rad).sse_deg2)
+        .collect();
+    let best_on = |joint: usize| {
+        let order =
+            (0..trials.len()).min_by(|a, b| errors[*a][joint].total_cmp(&errors[*b][joint]));
+        &trials[order.unwrap_or(0)]
+    };
+    let together: Vec<f64> =
+        fine.free.iter().enumerate().map(|(at, free)| best_on(free.joint).values[at]).collect();
+    let together = trial.fit(&together, TRIAL_SEARCH);
+    let best = trials.iter().chain([&together]).min_by(|a, b| a.sum.total_cmp(&b.sum));
+    let mut fitted = fine.fit(&best.unwrap_or(&together).values, PROPER_SEARCH);
+    fitted.evaluations += tried + together.evaluations;
     fitted
 }

@@ -23,13 +23,18 @@ fn ways(study: &Study) -> [(&'static str, &Judgement); 2] {
     [("as printed", &study.printed), ("properly", &study.proper)]
 }
 
+/// The same, and what the joints' torques gave.
+fn all_ways(study: &Study) -> impl Iterator<Item = (&'static str, &Judgement)> {
+    ways(study).into_iter().chain([("by torques", &study.by_torques)])
+}
+
 fn errors(study: &Study, courses: &[Course]) -> Vec<Row> {
     let model = study.model;
     let table = format!("{}, {}", model.table, model.name);
     let mut rows = Vec::new();
     for joint in 0..JOINTS {
         let name = format!("joint {}", joint + 1);
-        for (way, of) in ways(study) {
+        for (way, of) in all_ways(study) {
             for (index, judged) in of.judged.iter().enumerate() {
                 let on =
                     if index == 0 { String::new() } else { format!(", {}", courses[index].name) };

@@ -2,11 +2,11 @@
 
 use super::arm::JOINTS;
 use super::fit::{Axis as Moved, Course, PRINTED_BOUNDS, PRINTED_START, printed_free, proper_free};
-use super::measured::Axis;
+use super::measured::{Axis, HELD_OUT};
 use super::printed::{MODELS, SAMPLES};
 use super::sayings;
 use super::study::{ARM, Judgement, Study, TorqueStudy, printed_base};
-use compensator_core::ParameterId as Id;
+use compensator_core::{ParameterId as Id, Parameters};
 use friction_identification::number::significant;
 
 /// Models from the best to the worst by some errors.
@@ -16,11 +16,13 @@ fn order(errors: &[f64]) -> Vec<usize> {
     order
 }
 
-fn named(order: &[usize]) -> String {
-    order.iter().map(|model| MODELS[*model].name).collect::<Vec<_>>().join(" < ")
+/// The order with its errors.
+fn ranked(errors: &[f64]) -> String {
+    let one = |model: &usize| format!("{} {}", MODELS[*model].name, significant(errors[*model], 3));
+    order(errors).iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// Pairs of models that stand the same way round in both lists of errors.
+/// Pairs of models that stand the same way round in both lists of errors, and pairs in all.
 fn pairs_alike(ours: &[f64], theirs: &[f64]) -> [usize; 2] {
     let all = (0..ours.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
     all.fold([0, 0], |[alike, of], (i, j)| {
@@ -28,152 +30,165 @@ fn pairs_alike(ours: &[f64], theirs: &[f64]) -> [usize; 2] {
     })
 }
 
-fn rmse(studies: &[Study], way: fn(&Study) -> &Judgement, course: usize, joint: usize) -> Vec<f64> {
+type Way = fn(&Study) -> &Judgement;
+
+const PRINTED: Way = |study| &study.printed;
+const PROPER: Way = |study| &study.proper;
+const BY_TORQUES: Way = |study| &study.by_torques;
+
+fn errors(studies: &[Study], way: Way, course: usize, joint: usize) -> Vec<f64> {
     studies.iter().map(|study| way(study).judged[course].rmse_deg[joint]).collect()
 }
 
-fn printed(study: &Study) -> &Judgement {
-    &study.printed
+/// Root mean square over the courses no fit has seen.
+fn unseen(studies: &[Study], way: Way, joint: usize) -> Vec<f64> {
+    let each = studies.iter().map(|study| {
+        let others = &way(study).judged[1..];
+        let squares: f64 = others.iter().map(|judged| judged.rmse_deg[joint].powi(2)).sum();
+        (squares / others.len() as f64).sqrt()
+    });
+    each.collect()
 }
 
-fn proper(study: &Study) -> &Judgement {
-    &study.proper
+/// Joint by joint, in one sentence.
+fn by_joint(of: impl Fn(usize) -> String) -> String {
+    let joints = (0..JOINTS).map(|joint| format!("joint {}: {}", joint + 1, of(joint)));
+    joints.collect::<Vec<_>>().join("; ")
 }
 
-/// Everything there is to say of the simulated arm.
+/// What is to be read first.
 pub fn summary(studies: &[Study], courses: &[Course], torques: &[Vec<TorqueStudy>]) -> Vec<String> {
-    let mut said = vec![
-        "simulated: nobody has the paper's data; the arm is of its Table 2, its muscles and its friction are chosen here".to_owned(),
-    ];
-    said.extend(orders(studies));
-    said.extend(held_out(studies, courses));
+    let mut said = vec![orders(studies), protocol(studies, courses)];
     said.extend(of_lugre(studies, courses, torques));
-    said.extend(of_fits(studies, courses));
     said.extend(of_print(courses));
+    said.push(
+        "simulated: nobody has the paper's data; the arm is that of its Table 2, and its muscles and the friction in \
+         its joints, which is none of the four models, are chosen by us"
+            .to_owned(),
+    );
     said
 }
 
-/// The printed order beside ours, joint by joint.
-fn orders(studies: &[Study]) -> Vec<String> {
-    let mut said = Vec::new();
+/// The printed order beside ours.
+fn orders(studies: &[Study]) -> String {
+    let theirs =
+        |joint: usize| MODELS.iter().map(|model| model.rmse_deg[joint]).collect::<Vec<_>>();
     let mut sum = [0, 0];
+    let joints = by_joint(|joint| {
+        let ours = errors(studies, PRINTED, 0, joint);
+        format!("{} deg (printed {})", ranked(&ours), ranked(&theirs(joint)))
+    });
     for joint in 0..JOINTS {
-        let theirs: Vec<f64> = MODELS.iter().map(|model| model.rmse_deg[joint]).collect();
-        let ours = rmse(studies, printed, 0, joint);
-        let [alike, of] = pairs_alike(&ours, &theirs);
+        let [alike, of] = pairs_alike(&errors(studies, PRINTED, 0, joint), &theirs(joint));
         sum = [sum[0] + alike, sum[1] + of];
-        said.push(format!(
-            "joint {}, with the printed start and bounds, from the best: {} (printed: {}); {alike} of {of} pairs of models \
-             stand as in print; worst of ours {} ({} deg), of print {}",
-            joint + 1,
-            named(&order(&ours)),
-            named(&order(&theirs)),
-            MODELS[order(&ours)[3]].name,
-            significant(ours[order(&ours)[3]], 3),
-            MODELS[order(&theirs)[3]].name,
-        ));
     }
     let [alike, of] = sum;
     let verdict = if alike == of {
-        "the printed order comes out"
+        "comes out".to_owned()
     } else {
-        "the printed order does not come out in full"
+        format!(
+            "does not come out in full: {alike} of {of} pairs of models stand as in print, chance gives {}",
+            of / 2
+        )
     };
-    said.push(format!(
-        "{verdict}: {alike} of {of} pairs in all; a toss of a coin would give {}",
-        of / 2
-    ));
-    said
+    let same_worst: Vec<String> = (0..JOINTS)
+        .filter(|joint| {
+            order(&errors(studies, PRINTED, 0, *joint)).last() == order(&theirs(*joint)).last()
+        })
+        .map(|joint| (joint + 1).to_string())
+        .collect();
+    let worst = match same_worst.len() {
+        0 => "on no joint the printed one".to_owned(),
+        _ => format!("the printed one on joint {}", same_worst.join(" and ")),
+    };
+    format!(
+        "with the printed start and bounds the printed order {verdict}; the worst model is {worst}. From the best: {joints}"
+    )
 }
 
 /// What a run of other commands makes of the fits.
-fn held_out(studies: &[Study], courses: &[Course]) -> Vec<String> {
-    let mut said = vec![format!(
-        "print fits and judges on the same {SAMPLES} samples; here each fit is judged on {} it has not seen as well",
-        match courses.len() - 1 {
-            1 => "a course".to_owned(),
-            count => format!("{count} courses"),
-        }
-    )];
-    for (way, of) in [("as printed", printed as fn(&Study) -> &Judgement), ("properly", proper)] {
-        for joint in 0..JOINTS {
-            let unseen: Vec<f64> = studies
-                .iter()
-                .map(|study| {
-                    let squares: f64 = (1..courses.len())
-                        .map(|c| of(study).judged[c].rmse_deg[joint].powi(2))
-                        .sum();
-                    (squares / (courses.len() - 1) as f64).sqrt()
-                })
-                .collect();
-            let seen = rmse(studies, of, 0, joint);
-            let grown = |model: &usize| unseen[*model] / seen[*model];
-            let worst =
-                (0..studies.len()).max_by(|a, b| grown(a).total_cmp(&grown(b))).unwrap_or(0);
-            said.push(format!(
-                "joint {}, fitted {way}, held out, from the best: {} ({}); the error of {} grows most, {} times",
-                joint + 1,
-                named(&order(&unseen)),
-                order(&unseen).iter().map(|m| significant(unseen[*m], 3)).collect::<Vec<_>>().join(", ") + " deg",
-                MODELS[worst].name,
-                significant(grown(&worst), 2),
-            ));
-        }
-    }
-    said
+fn protocol(studies: &[Study], courses: &[Course]) -> String {
+    let grown = |way: Way, joint: usize| {
+        let (seen, unseen) = (errors(studies, way, 0, joint), unseen(studies, way, joint));
+        let worst = (0..seen.len())
+            .max_by(|a, b| (unseen[*a] / seen[*a]).total_cmp(&(unseen[*b] / seen[*b])));
+        let worst = worst.unwrap_or(0);
+        format!("{} {} times", MODELS[worst].name, significant(unseen[worst] / seen[worst], 2))
+    };
+    format!(
+        "fitted and judged on the same data: print has one run of {SAMPLES} samples for both. On {} of other commands the error \
+         of the printed protocol grows most for {}",
+        if courses.len() == 2 {
+            "a course".to_owned()
+        } else {
+            format!("{} courses", courses.len() - 1)
+        },
+        by_joint(|joint| grown(PRINTED, joint))
+    )
 }
 
-/// Where LuGre is last though done properly, why.
+/// Whether LuGre is last though done properly, and why.
 fn of_lugre(studies: &[Study], courses: &[Course], torques: &[Vec<TorqueStudy>]) -> Vec<String> {
-    let bristles = studies.iter().position(|study| study.model.law.has_bristles());
-    let Some(lugre) = bristles else { return Vec::new() };
-    let mut said = Vec::new();
-    let mut last = Vec::new();
+    let Some(lugre) = studies.iter().position(|study| study.model.law.has_bristles()) else {
+        return Vec::new();
+    };
+    let held_out = by_joint(|joint| format!("{} deg", ranked(&unseen(studies, PROPER, joint))));
+    let mut said = vec![format!(
+        "done properly (scaled, several starts, an offset in each), on unseen courses: {held_out}"
+    )];
+    let mut is_last = false;
     for joint in 0..JOINTS {
-        let mut places = Vec::new();
-        for (index, course) in courses.iter().enumerate() {
-            let errors = rmse(studies, proper, index, joint);
-            if order(&errors).last() == Some(&lugre) {
-                places.push(format!(
-                    "the {} ({} deg, the best has {})",
-                    course.name,
-                    significant(errors[lugre], 3),
-                    significant(errors[order(&errors)[0]], 3)
-                ));
-            }
-        }
-        if places.is_empty() {
+        let last_on: Vec<String> = (0..courses.len())
+            .filter(|course| order(&errors(studies, PROPER, *course, joint)).last() == Some(&lugre))
+            .map(|course| {
+                let all = errors(studies, PROPER, course, joint);
+                format!(
+                    "the {} ({} deg; {} {})",
+                    courses[course].name,
+                    significant(all[lugre], 3),
+                    MODELS[order(&all)[0]].name,
+                    significant(all[order(&all)[0]], 3)
+                )
+            })
+            .collect();
+        if last_on.is_empty() {
             continue;
         }
+        is_last = true;
         let by_torque: Vec<f64> =
             torques.iter().map(|joints| joints[joint].proper.test.rmse).collect();
-        let rank = order(&by_torque).iter().position(|model| *model == lugre).unwrap_or(0) + 1;
-        let found = &studies[lugre].proper.fitted.parameters[joint];
-        let measured = &torques[lugre][joint].proper.parameters;
-        last.push(joint);
+        let stiffness =
+            |parameters: &Parameters<f64>| significant(parameters.get(Id::BristleStiffness), 3);
+        let lugre_error = |way: Way| significant(unseen(studies, way, joint)[lugre], 3);
         said.push(format!(
-            "joint {}: LuGre done properly is last on {}. Its torques place it {rank} of {} on unseen runs, with a stiffness of {} Nm/rad; \
-             the angles took {}",
+            "joint {}: LuGre done properly is last on {}: one course of angles leaves its bristle open. The fit took {} Nm/rad, the \
+             joint's torques say {} and rank LuGre {} of {} on unseen runs ({}). With the torques' values the arm is {} deg off on \
+             unseen courses instead of {}",
             joint + 1,
-            places.join(" and "),
+            last_on.join(" and "),
+            stiffness(&studies[lugre].proper.fitted.parameters[joint]),
+            stiffness(&torques[lugre][joint].proper.parameters),
+            order(&by_torque).iter().position(|model| *model == lugre).map_or(0, |place| place + 1),
             studies.len(),
-            significant(measured.get(Id::BristleStiffness), 3),
-            significant(found.get(Id::BristleStiffness), 3),
+            ranked(&by_torque) + " Nm",
+            lugre_error(BY_TORQUES),
+            lugre_error(PROPER),
         ));
     }
-    if last.is_empty() {
+    if !is_last {
         said.push("done properly, LuGre is last on no joint, on no course".into());
     }
     said
 }
 
+/// How far a joint turns in all on a course, rad.
+fn travel(course: &Course, joint: usize) -> f64 {
+    let angles = course.angles_rad[joint].iter().copied();
+    angles.clone().fold(f64::MIN, f64::max) - angles.fold(f64::MAX, f64::min)
+}
+
 /// What our fits say of their own values.
-fn of_fits(studies: &[Study], courses: &[Course]) -> Vec<String> {
-    let travel = |joint: usize| {
-        let angles = &courses[0].angles_rad[joint];
-        angles.iter().copied().fold(f64::MIN, f64::max)
-            - angles.iter().copied().fold(f64::MAX, f64::min)
-    };
+pub fn of_fits(studies: &[Study], courses: &[Course]) -> Vec<String> {
     let mut said = Vec::new();
     for study in studies {
         for (way, judgement, free) in [
@@ -203,7 +218,12 @@ fn of_fits(studies: &[Study], courses: &[Course]) -> Vec<String> {
                 let whose = format!("{whose}, joint {}", joint + 1);
                 if study.model.law.has_bristles() {
                     let held = judgement.judged[0].largest_held_nm[joint];
-                    said.extend(sayings::of_bristles(&whose, parameters, held, travel(joint)));
+                    said.extend(sayings::of_bristles(
+                        &whose,
+                        parameters,
+                        held,
+                        travel(&courses[0], joint),
+                    ));
                 } else {
                     said.extend(driving(&whose, parameters));
                 }
@@ -213,41 +233,40 @@ fn of_fits(studies: &[Study], courses: &[Course]) -> Vec<String> {
     said
 }
 
-fn driving(whose: &str, parameters: &compensator_core::Parameters<f64>) -> Option<String> {
+fn driving(whose: &str, parameters: &Parameters<f64>) -> Option<String> {
     sayings::drives(parameters).map(|(speed, power)| {
+        let [speed, power] = [speed, power].map(|number| significant(number, 2));
         format!(
-            "{whose}: the law drives instead of braking: it gives out {} W at {} rad/s",
-            significant(power, 2),
-            significant(speed, 2)
+            "{whose}: the law drives instead of braking: it gives out {power} W at {speed} rad/s"
         )
     })
 }
 
 /// What the printed tables say of themselves.
 fn of_print(courses: &[Course]) -> Vec<String> {
-    let mut said = Vec::new();
+    let (mut bristles, mut values, mut units, mut drive) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for model in &MODELS {
-        said.extend(sayings::of_printed(model));
-        said.extend(sayings::of_units(model, true));
+        values.extend(sayings::of_printed(model));
+        units.extend(sayings::of_units(model, true));
         for joint in 0..JOINTS {
             let whose = format!("{} as printed, joint {}", model.name, joint + 1);
             let parameters = sayings::printed_parameters(model, joint, &printed_base(model.law));
             if model.law.has_bristles() {
-                // As far as the joint ever turns: what a bristle could have been bent to at most.
-                let angles = &courses[0].angles_rad[joint];
-                let travel = angles.iter().copied().fold(f64::MIN, f64::max)
-                    - angles.iter().copied().fold(f64::MAX, f64::min);
+                // As far as our joint ever turns: what the bristle could have been bent to at most.
+                let travel = travel(&courses[0], joint);
                 let most = parameters.get(Id::BristleStiffness) * travel;
-                said.extend(sayings::of_bristles(&whose, &parameters, most, travel));
+                bristles.extend(sayings::of_bristles(&whose, &parameters, most, travel));
             } else {
-                said.extend(driving(&whose, &parameters));
+                drive.extend(driving(&whose, &parameters));
             }
         }
     }
-    said.extend(sayings::of_bodies(&ARM.links));
     let (least, most) = PRINTED_BOUNDS;
-    said.push(format!("one start ({PRINTED_START}) and one pair of bounds ({least} to {most}) serve torques, stiffnesses and speeds alike in print"));
-    said
+    let alike = format!(
+        "one start ({PRINTED_START}) and one pair of bounds ({least} to {most}) serve torques, stiffnesses and speeds alike in print"
+    );
+    [bristles, values, vec![alike], units, drive, sayings::of_bodies(&ARM.links)].concat()
 }
 
 /// What the measured arm says.
@@ -261,20 +280,27 @@ pub fn of_measured(axes: &[Option<Axis>]) -> Vec<String> {
             ));
             continue;
         };
-        let line = |way: &str, errors: Vec<f64>| {
-            let order = order(&errors);
-            let numbers: Vec<String> =
-                order.iter().map(|model| significant(errors[*model], 4)).collect();
-            format!("{way}: {} ({} Nm)", named(&order), numbers.join(", "))
-        };
         let of =
             |error: fn(&TorqueStudy) -> f64| axis.models.iter().map(error).collect::<Vec<f64>>();
+        let at_bound: Vec<String> = axis
+            .models
+            .iter()
+            .zip(&MODELS)
+            .flat_map(|(study, model)| {
+                let parameters = &study.printed.parameters;
+                let values = model.law.parameters().iter().map(|id| {
+                    (id.name().to_owned(), parameters.get(*id), PRINTED_START, PRINTED_BOUNDS)
+                });
+                sayings::of_values(model.name, values)
+            })
+            .collect();
         said.push(format!(
-            "measured, industrial arm, axis {}, run {} held out, from the best: {}; {}",
+            "measured, industrial arm, axis {}, run {HELD_OUT} held out, from the best: properly {} Nm; with the printed start and \
+             bounds {} Nm ({})",
             axis.number,
-            super::measured::HELD_OUT,
-            line("with the printed start and bounds", of(|study| study.printed.test.rmse)),
-            line("properly", of(|study| study.proper.test.rmse)),
+            ranked(&of(|study| study.proper.test.rmse)),
+            ranked(&of(|study| study.printed.test.rmse)),
+            if at_bound.is_empty() { "no value at a bound".to_owned() } else { at_bound.join("; ") },
         ));
     }
     said
