@@ -29,6 +29,8 @@ class Case:
     told: list = field(default_factory=list)
     # Whether its answer is the joint's two numbers.
     answers: bool = True
+    # Of a log of several joints: their names, in the order of the file, and how much larger each one's torque is.
+    joints: dict = field(default_factory=dict)
     # Of the result's `data`: what it must hold.
     data: dict = field(default_factory=dict)
     # Ranges of columns, [least, most], within a thousandth.
@@ -272,20 +274,33 @@ def two_joints(name="joint", labels=("elbow", "wrist"), factors=(1, 5)):
     ), of=doubled)
 
 
+case("two joints, row by row", two_joints(), joints={"elbow": 1, "wrist": 5}, data={"rows": RUNS * ROWS})
+case("two joints by number", two_joints("motor_id", (1, 2)), joints={"1": 1, "2": 5})
+case("two joints by a column called name", two_joints("name"), joints={"elbow": 1, "wrist": 5})
+
+
+def side_by_side(*numbers):
+    """Joints in the columns of one row, the second with five times the torque."""
+    factors = dict(zip(numbers, (1, 5)))
+    columns = {
+        f"{what}{number}": (name + f"_{number}", value)
+        for number, factor in factors.items()
+        for what, name, value in [
+            ("v", "velocity_rad_s", lambda r: r["v"]),
+            ("tau", "torque_nm", lambda r, factor=factor: factor * r["tau"]),
+        ]
+    }
+    return table(joint(velocity=None, torque=None, **columns))
+
+
+case("two joints side by side", side_by_side(1, 2), joints={"1": 1, "2": 5}, told=["2 columns are of other joints (2)"])
+case("one of two joints side by side", side_by_side(1, 2), "--where joint=1", data={"rows": RUNS * ROWS})
+case("a single joint with a number", side_by_side(4))
 error(
-    "two joints, row by row",
-    two_joints(),
-    "log.csv: found 2 joints in column joint (elbow, wrist), expected one: --where joint=elbow",
-)
-error(
-    "two joints by number",
-    two_joints("motor_id", (1, 2)),
-    "log.csv: found 2 joints in column motor_id (1, 2), expected one: --where motor_id=1",
-)
-error(
-    "two joints by a column called name",
-    two_joints("name"),
-    "log.csv: found 2 joints in column name (elbow, wrist), expected one: --where name=elbow",
+    "a joint that is not side by side",
+    side_by_side(1, 2),
+    "log.csv: --where joint=3: found no joint 3, expected of 1, 2",
+    "--where joint=3",
 )
 case(
     "one of two joints",

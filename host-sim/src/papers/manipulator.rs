@@ -22,11 +22,14 @@ mod words;
 use super::{Outcome, Paper, Request};
 use crate::report::Block;
 use rayon::prelude::*;
-use simulated_machines::manipulator::{Recording, campaign};
+use simulated_machines::manipulator::{Recording, campaign as record};
 use study::Extent;
 
 /// The paper.
 pub struct Manipulator;
+
+/// Between the seeds of campaigns that repeat the printed protocol.
+const AGAIN: u64 = 7919;
 
 impl Paper for Manipulator {
     fn name(&self) -> &'static str {
@@ -45,7 +48,7 @@ impl Paper for Manipulator {
         let extent = if request.quick { Extent::QUICK } else { Extent::FULL };
         (request.progress)("recording the arm");
         let how = Recording { repeats: extent.repeats, ..Recording::default() };
-        let campaign = campaign(request.seed, extent.others, &how);
+        let campaign = record(request.seed, extent.others, &how);
         (request.progress)("fitting torques");
         let on_torques = study::torques(&campaign, extent.torque_stride)?;
         (request.progress)("fitting angles");
@@ -55,12 +58,21 @@ impl Paper for Manipulator {
             .zip(&on_torques)
             .map(|(model, torques)| study::study(model, &courses, torques, &extent))
             .collect();
+        (request.progress)("repeating the printed protocol");
+        let again: Vec<Vec<[f64; 3]>> = (1..=extent.again)
+            .map(|index| {
+                let campaign = record(request.seed.wrapping_add(AGAIN * index), 0, &how);
+                let courses = study::courses(&campaign, &how);
+                let each = printed::MODELS.par_iter();
+                each.map(|model| study::printed_again(model, &courses, &extent)).collect()
+            })
+            .collect();
         (request.progress)("fitting the industrial arm");
         let measured = measured::axes(&request.data)?;
-        let mut rows = tables::of_angles(&studies, &courses);
+        let mut rows = tables::of_angles(&studies, &courses, &again);
         rows.extend(tables::of_torques(&on_torques));
         rows.extend(measured.iter().flatten().flat_map(tables::of_axis));
-        let mut summary = words::summary(&studies, &courses, &on_torques);
+        let mut summary = words::summary(&studies, &courses, &on_torques, &again);
         summary.extend(words::of_measured(&measured));
         let mut blocks = page::blocks(&studies, &courses);
         blocks.push(Block::Heading("What our fits say of themselves".into()));

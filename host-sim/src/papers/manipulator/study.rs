@@ -41,15 +41,19 @@ pub struct Extent {
     pub stride: usize,
     /// Starts of a proper fit besides the one from torques.
     pub starts: usize,
+    /// Campaigns the printed protocol is repeated on: the same arm on other days.
+    pub again: u64,
     /// Every how many rows a torque is fitted.
     pub torque_stride: usize,
 }
 
 impl Extent {
     /// The short form.
-    pub const QUICK: Self = Self { repeats: 3, others: 1, stride: 5, starts: 2, torque_stride: 10 };
+    pub const QUICK: Self =
+        Self { repeats: 3, others: 1, stride: 5, starts: 2, again: 1, torque_stride: 10 };
     /// The paper's ten repeats.
-    pub const FULL: Self = Self { repeats: 10, others: 2, stride: 2, starts: 8, torque_stride: 5 };
+    pub const FULL: Self =
+        Self { repeats: 10, others: 2, stride: 2, starts: 8, again: 3, torque_stride: 5 };
 }
 
 /// A model fitted one way, and how it does on every course, the one of the fit first.
@@ -155,6 +159,12 @@ pub fn study(
         proper: judgement(properly(model, &courses[..1], torques, extent)),
         by_torques: judgement(by_torques(torques)),
     }
+}
+
+/// Errors, deg, of a model fitted and judged by the printed protocol on another campaign.
+pub fn printed_again(model: &Model, courses: &[Course], extent: &Extent) -> [f64; JOINTS] {
+    let fitted = as_printed(model, courses, extent);
+    judge(&ARM, &courses[0], &fitted.parameters, fitted.deflection_rad).rmse_deg
 }
 
 /// What the torques gave, as if it had been fitted to angles.

@@ -9,10 +9,11 @@ use crate::papers::Row;
 use compensator_core::ParameterId as Id;
 
 /// Tables of angles: errors of each model and joint, then its coefficients.
-pub fn of_angles(studies: &[Study], courses: &[Course]) -> Vec<Row> {
+pub fn of_angles(studies: &[Study], courses: &[Course], again: &[Vec<[f64; JOINTS]>]) -> Vec<Row> {
     let mut rows = Vec::new();
-    for study in studies {
-        rows.extend(errors(study, courses));
+    for (index, study) in studies.iter().enumerate() {
+        let own: Vec<[f64; JOINTS]> = again.iter().map(|campaign| campaign[index]).collect();
+        rows.extend(errors(study, courses, &own));
         rows.extend(coefficients(study));
     }
     rows
@@ -28,7 +29,15 @@ fn all_ways(study: &Study) -> impl Iterator<Item = (&'static str, &Judgement)> {
     ways(study).into_iter().chain([("by torques", &study.by_torques)])
 }
 
-fn errors(study: &Study, courses: &[Course]) -> Vec<Row> {
+/// Standard deviation of some numbers.
+fn spread(numbers: &[f64]) -> f64 {
+    let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
+    let squares: f64 = numbers.iter().map(|number| (number - mean).powi(2)).sum();
+    (squares / (numbers.len() as f64 - 1.0).max(1.0)).sqrt()
+}
+
+/// `again` are the errors of the printed protocol on other campaigns.
+fn errors(study: &Study, courses: &[Course], again: &[[f64; JOINTS]]) -> Vec<Row> {
     let model = study.model;
     let table = format!("{}, {}", model.table, model.name);
     let mut rows = Vec::new();
@@ -43,7 +52,13 @@ fn errors(study: &Study, courses: &[Course]) -> Vec<Row> {
                         Row::simulated(&table, &name, &format!("{what} {way}{on}"), unit, ours);
                     if index == 0 && way == "as printed" { row.printed(printed) } else { row }
                 };
-                rows.push(put("RMSE", "deg", judged.rmse_deg[joint], model.rmse_deg[joint]));
+                let mut rmse = put("RMSE", "deg", judged.rmse_deg[joint], model.rmse_deg[joint]);
+                if index == 0 && way == "as printed" && !again.is_empty() {
+                    let all: Vec<f64> =
+                        again.iter().map(|of| of[joint]).chain([rmse.ours]).collect();
+                    rmse = rmse.spread(spread(&all));
+                }
+                rows.push(rmse);
                 rows.push(put("SSE", "deg^2", judged.sse_deg2[joint], model.sse[joint]));
             }
         }

@@ -57,8 +57,15 @@ fn by_joint(of: impl Fn(usize) -> String) -> String {
 }
 
 /// What is to be read first.
-pub fn summary(studies: &[Study], courses: &[Course], torques: &[Vec<TorqueStudy>]) -> Vec<String> {
-    let mut said = vec![orders(studies), protocol(studies, courses)];
+pub fn summary(
+    studies: &[Study],
+    courses: &[Course],
+    torques: &[Vec<TorqueStudy>],
+    again: &[Vec<[f64; JOINTS]>],
+) -> Vec<String> {
+    let mut said = vec![orders(studies)];
+    said.extend(repeated(studies, again));
+    said.push(protocol(studies, courses));
     said.extend(of_lugre(studies, courses, torques));
     said.extend(of_print(courses));
     said.push(
@@ -104,6 +111,32 @@ fn orders(studies: &[Study]) -> String {
     format!(
         "with the printed start and bounds the printed order {verdict}; the worst model is {worst}. From the best: {joints}"
     )
+}
+
+/// Whether the order of the printed protocol is the arm's, or the day's.
+fn repeated(studies: &[Study], again: &[Vec<[f64; JOINTS]>]) -> Option<String> {
+    let mut sum = [0, 0];
+    for joint in 0..JOINTS {
+        let first = errors(studies, PRINTED, 0, joint);
+        for campaign in again {
+            let theirs: Vec<f64> = campaign.iter().map(|of| of[joint]).collect();
+            let [alike, of] = pairs_alike(&first, &theirs);
+            sum = [sum[0] + alike, sum[1] + of];
+        }
+    }
+    let [alike, of] = sum;
+    let meaning = if alike == of {
+        "the order is the arm's"
+    } else {
+        "the order is of the day as well as of the models"
+    };
+    (of > 0).then(|| {
+        format!(
+            "the same arm on {} further campaigns (other noise, valves and levels within some percent), by the printed protocol: \
+             {alike} of {of} pairs of models stand as on the first; {meaning}",
+            again.len()
+        )
+    })
 }
 
 /// What a run of other commands makes of the fits.
