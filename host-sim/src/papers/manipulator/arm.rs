@@ -163,8 +163,8 @@ impl<T: Real<Setting = T>> Motion<'_, T> {
             let torque = std::array::from_fn(|i| drive[i] - self.friction(i, self.v[i]));
             dynamics.accelerations(torque, [None; JOINTS])
         };
-        for i in 0..JOINTS {
-            self.v[i] = self.v[i] + self.dt * a[i];
+        for (i, a) in a.into_iter().enumerate() {
+            self.v[i] = self.v[i] + self.dt * a;
             self.q[i] = self.q[i] + self.dt * self.v[i];
         }
     }
@@ -212,11 +212,10 @@ impl<T: Real<Setting = T>> Motion<'_, T> {
             }
         }
         // A held joint's speed is 0 exactly.
-        for i in 0..JOINTS {
-            if sliding[i].is_none() {
-                self.v[i] = T::zero();
-                a[i] = T::zero();
-            }
+        for ((v, a), _) in
+            self.v.iter_mut().zip(&mut a).zip(&sliding).filter(|(_, sliding)| sliding.is_none())
+        {
+            (*v, *a) = (T::zero(), T::zero());
         }
         a
     }
@@ -291,9 +290,9 @@ mod tests {
 
     #[test]
     fn the_muscles_are_the_machines() {
-        for joint in 0..JOINTS {
+        for (joint, pair) in PAIRS.iter().enumerate() {
             let ours = ARM.muscles(joint, [300e3, 520e3], 0.2);
-            let theirs = PAIRS[joint].torque_nm([300e3, 520e3], 0.2);
+            let theirs = pair.torque_nm([300e3, 520e3], 0.2);
             assert!((ours - theirs).abs() < 1e-12);
         }
     }

@@ -20,6 +20,40 @@ pub struct Normal {
     pub matrix: DMatrix<f64>,
 }
 
+/// A problem's sums while its rows come in.
+#[derive(Clone, Debug)]
+pub struct Sums<const N: usize> {
+    sum: f64,
+    slope: [f64; N],
+    matrix: [[f64; N]; N],
+}
+
+impl<const N: usize> Sums<N> {
+    /// No rows yet.
+    pub fn new() -> Self {
+        Self { sum: 0.0, slope: [0.0; N], matrix: [[0.0; N]; N] }
+    }
+
+    /// Takes in a residual with its derivatives, of this weight.
+    pub fn push(&mut self, residual: f64, derivatives: &[f64; N], weight: f64) {
+        self.sum += weight * residual * residual;
+        for ((slope, row), own) in self.slope.iter_mut().zip(&mut self.matrix).zip(derivatives) {
+            let own = weight * own;
+            *slope += own * residual;
+            row.iter_mut().zip(derivatives).for_each(|(sum, other)| *sum += own * other);
+        }
+    }
+
+    /// The problem; not finite where the simulation was `cut` short.
+    pub fn normal(&self, cut: bool) -> Normal {
+        Normal {
+            sum: if cut || !self.sum.is_finite() { f64::INFINITY } else { self.sum },
+            slope: DVector::from_column_slice(&self.slope),
+            matrix: DMatrix::from_fn(N, N, |i, j| self.matrix[i][j]),
+        }
+    }
+}
+
 /// How a search is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Search {

@@ -7,11 +7,10 @@
 //! trajectory.
 
 use super::arm::{Arm, Drive, JOINTS};
-use super::bounded::{End, Normal, Search, search};
+use super::bounded::{End, Normal, Search, Sums, search};
 use ParameterId as Id;
 use compensator_core::{LawKind, ParameterId, Parameters};
 use friction_identification::dual::Dual;
-use nalgebra::{DMatrix, DVector};
 
 /// A log to fit on or to judge by.
 #[derive(Clone, Debug)]
@@ -206,29 +205,16 @@ impl Problem<'_> {
             }
         }
         let held = std::array::from_fn(|i| parameters[i].get(Id::BristleStiffness) * deflection[i]);
-        let mut sums = [[0.0; N]; N];
-        let (mut slope, mut sum, mut finite) = ([0.0; N], 0.0, true);
+        let (mut sums, mut cut) = (Sums::<N>::new(), false);
         for course in self.courses {
-            finite &= self.arm.run(&course.drive, &parameters, held, self.stride, |row, q, _| {
+            cut |= !self.arm.run(&course.drive, &parameters, held, self.stride, |row, q, _| {
                 for (angle, measured) in q.iter().zip(&course.angles_rad) {
                     let residual = DEGREES * (angle.value - measured[row]);
-                    sum += residual * residual;
-                    for i in 0..N {
-                        let by = DEGREES * angle.gradient[i];
-                        slope[i] += by * residual;
-                        for j in 0..N {
-                            sums[i][j] += by * DEGREES * angle.gradient[j];
-                        }
-                    }
+                    sums.push(residual, &angle.gradient.map(|slope| DEGREES * slope), 1.0);
                 }
             });
         }
-        let finite = finite && sum.is_finite();
-        Normal {
-            sum: if finite { sum } else { f64::INFINITY },
-            slope: DVector::from_column_slice(&slope),
-            matrix: DMatrix::from_fn(N, N, |i, j| sums[i][j]),
-        }
+        sums.normal(cut)
     }
 
     /// Searches from some values.

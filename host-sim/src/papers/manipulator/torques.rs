@@ -4,7 +4,7 @@
 //! motion. That is how every other fit of this program is made, and the only way open for a measured machine whose
 //! rigid body nobody publishes.
 
-use super::bounded::{Normal, Search, search};
+use super::bounded::{Normal, Search, Sums, search};
 use super::fit::{PRINTED_BOUNDS, PRINTED_START};
 use compensator_core::TermKind;
 use compensator_core::{LawKind, Parameters};
@@ -17,7 +17,6 @@ use friction_identification::fit::{
 };
 use friction_identification::log_check::{Correct, check};
 use friction_identification::spec::Spec;
-use nalgebra::{DMatrix, DVector};
 
 /// A joint's log in two: what is fitted on, and what is judged by.
 pub struct Joint {
@@ -119,27 +118,15 @@ impl Joint {
         for (index, (id, value)) in law.parameters().iter().zip(point).enumerate() {
             parameters.set(*id, Dual::parameter(*value, index));
         }
-        let (mut sum, mut slope, mut matrix) = (0.0, [0.0; N], [[0.0; N]; N]);
+        let mut sums = Sums::<N>::new();
         for track in &self.train {
             // The bristles begin unbent, as nothing is told of them.
             let held = Some(Dual::default());
             simulate(&parameters, track, held, Resolution::PLAIN, |row, torque, _| {
-                let residual = torque.value - track.torque[row];
-                let weight = track.weight(row);
-                sum += weight * residual * residual;
-                for i in 0..N {
-                    slope[i] += weight * torque.gradient[i] * residual;
-                    for j in 0..N {
-                        matrix[i][j] += weight * torque.gradient[i] * torque.gradient[j];
-                    }
-                }
+                sums.push(torque.value - track.torque[row], &torque.gradient, track.weight(row));
                 true
             });
         }
-        Normal {
-            sum,
-            slope: DVector::from_column_slice(&slope),
-            matrix: DMatrix::from_fn(N, N, |i, j| matrix[i][j]),
-        }
+        sums.normal(false)
     }
 }
