@@ -132,7 +132,7 @@ fn repeated(studies: &[Study], again: &[Vec<[f64; JOINTS]>]) -> Option<String> {
     };
     (of > 0).then(|| {
         format!(
-            "the same arm on {} further campaigns (other noise, valves and levels within some percent), by the printed protocol: \
+            "the same arm on {} more campaign(s) (other noise, valves and levels within some percent), by the printed protocol: \
              {alike} of {of} pairs of models stand as on the first; {meaning}",
             again.len()
         )
@@ -193,8 +193,14 @@ fn of_lugre(studies: &[Study], courses: &[Course], torques: &[Vec<TorqueStudy>])
         let stiffness =
             |parameters: &Parameters<f64>| significant(parameters.get(Id::BristleStiffness), 3);
         let lugre_error = |way: Way| significant(unseen(studies, way, joint)[lugre], 3);
+        let [own, torques_own] = [PROPER, BY_TORQUES].map(|way| unseen(studies, way, joint)[lugre]);
+        let why = if torques_own < own {
+            "one course of angles leaves its bristle open"
+        } else {
+            "no values of it follow this joint's angles, though they follow its torque"
+        };
         said.push(format!(
-            "joint {}: LuGre done properly is last on {}: one course of angles leaves its bristle open. The fit took {} Nm/rad, the \
+            "joint {}: LuGre done properly is last on {}: {why}. The fit took {} Nm/rad, the \
              joint's torques say {} and rank LuGre {} of {} on unseen runs ({}). With the torques' values the arm is {} deg off on \
              unseen courses instead of {}",
             joint + 1,
