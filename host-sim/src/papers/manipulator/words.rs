@@ -197,7 +197,7 @@ fn of_lugre(studies: &[Study], courses: &[Course], torques: &[Vec<TorqueStudy>])
         let why = if torques_own < own {
             "one course of angles leaves its bristle open"
         } else {
-            "no values of it follow this joint's angles, though they follow its torque"
+            "neither the angles' values nor the torques' follow it on unseen courses"
         };
         said.push(format!(
             "joint {}: LuGre done properly is last on {}: {why}. The fit took {} Nm/rad, the \
