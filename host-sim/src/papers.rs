@@ -9,6 +9,7 @@
 
 mod report;
 mod row;
+mod underwater_joint;
 
 pub(crate) use report::lines;
 pub use report::tables;
@@ -18,7 +19,7 @@ use crate::report::Block;
 use std::path::PathBuf;
 
 /// Every paper there is.
-pub const PAPERS: &[&dyn Paper] = &[];
+pub const PAPERS: &[&dyn Paper] = &[&underwater_joint::UnderwaterJoint];
 
 /// What is asked of a paper.
 pub struct Request<'a> {

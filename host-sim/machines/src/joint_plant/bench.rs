@@ -18,6 +18,9 @@ use std::f64::consts::TAU;
 const RATE_HZ: f64 = 250.0;
 const STEPS: usize = 160;
 
+/// Length of a run of the eight kinds, s.
+const KIND_S: f64 = 2.0;
+
 /// Time between two runs, s: the joint cools.
 const PAUSE_S: f64 = 60.0;
 
@@ -105,6 +108,32 @@ struct Plan {
     seed: u64,
 }
 
+/// How much is measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Amount {
+    /// Length of unloaded runs and of those of the factorial, s.
+    pub seconds: f64,
+    /// A fast and a slow motion in each cell of the factorial; else one of them, drawn.
+    pub both_motions: bool,
+    /// Repeats of each of the eight kinds to learn from.
+    pub learned: usize,
+    /// Further repeats, to judge by.
+    pub held_out: usize,
+}
+
+/// What was measured of one machine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Campaigns {
+    /// Without side load and pressure.
+    pub unloaded: Log,
+    /// The full factorial.
+    pub factorial: Log,
+    /// The eight kinds, to learn from.
+    pub learned: Log,
+    /// The eight kinds, to judge by.
+    pub held_out: Log,
+}
+
 /// The stand with one machine on it.
 #[derive(Clone, Copy, Debug)]
 pub struct Bench {
@@ -117,8 +146,31 @@ pub struct Bench {
 }
 
 impl Bench {
+    /// Makes all campaigns of one machine, in random order: what drifts over the campaign goes with none of them.
+    pub fn measure(&self, amount: &Amount) -> Campaigns {
+        let groups = [
+            self.unloaded(amount.seconds),
+            self.factorial(amount.seconds, amount.both_motions),
+            self.kinds(0, amount.learned),
+            self.kinds(amount.learned, amount.held_out),
+        ];
+        let mut slots: Vec<usize> = (0..groups.iter().map(Vec::len).sum()).collect();
+        let mut random = Pcg64::seed_from_u64(self.seed ^ 0x44);
+        for last in (1..slots.len()).rev() {
+            slots.swap(last, random.random_range(0..=last));
+        }
+        let length = amount.seconds.max(KIND_S) + PAUSE_S;
+        let mut slots = slots.into_iter().map(|slot| slot as f64 * length);
+        let [unloaded, factorial, learned, held_out] = groups.map(|plans| {
+            let starts: Vec<f64> = slots.by_ref().take(plans.len()).collect();
+            let runs = plans.par_iter().zip(starts).map(|(plan, start)| self.run(plan, start));
+            Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() }
+        });
+        Campaigns { unloaded, factorial, learned, held_out }
+    }
+
     /// Without side load and pressure, as the paper fitted the plain law: static and dynamic tests.
-    pub fn unloaded(&self, seconds: f64) -> Log {
+    fn unloaded(&self, seconds: f64) -> Vec<Plan> {
         let motions = [
             Motion::Stairs,
             Motion::Presliding(2e-3),
@@ -130,7 +182,7 @@ impl Bench {
             Motion::Sine(10.5, 5.0),
         ];
         let mut random = Pcg64::seed_from_u64(self.seed ^ 0x11);
-        let plans = motions.into_iter().enumerate().map(|(index, motion)| Plan {
+        let plan = |(index, motion): (usize, Motion)| Plan {
             name: format!("u{index}"),
             motion,
             seconds,
@@ -140,14 +192,14 @@ impl Bench {
             brake_nm: 0.0,
             start_rad: random.random_range(0.0..TAU),
             seed: random.random(),
-        });
-        self.log(&plans.collect::<Vec<_>>(), 0.0)
+        };
+        motions.into_iter().enumerate().map(plan).collect()
     }
 
-    /// The eight kinds, so many repeats each from repeat `first` on, forwards and backwards in turn; two seconds each.
-    pub fn kinds(&self, first: usize, repeats: usize) -> Log {
+    /// The eight kinds, so many repeats each from repeat `first` on, forwards and backwards in turn.
+    fn kinds(&self, first: usize, repeats: usize) -> Vec<Plan> {
         let each = |kind: usize| (first..first + repeats).map(move |repeat| (kind, repeat));
-        let plans = (0..KINDS.len()).flat_map(each).map(|(kind, repeat)| {
+        let plan = |(kind, repeat): (usize, usize)| {
             let (rpm, force, pressure) = KINDS[kind];
             let index = (kind * 1000 + repeat) as u64;
             let mut random = Pcg64::seed_from_u64(self.seed ^ (0x22_0000 + index));
@@ -159,7 +211,7 @@ impl Bench {
             Plan {
                 name: format!("k{}.{repeat}", kind + 1),
                 motion: Motion::Start(way * rpm * TAU / 60.0),
-                seconds: 2.0,
+                seconds: KIND_S,
                 force_n,
                 swing,
                 pressure_pa,
@@ -167,12 +219,12 @@ impl Bench {
                 start_rad,
                 seed: random.random(),
             }
-        });
-        self.log(&plans.collect::<Vec<_>>(), 1e5)
+        };
+        (0..KINDS.len()).flat_map(each).map(plan).collect()
     }
 
     /// Every combination of three speeds, low and high side load, pressure and brake, each in two motions or one.
-    pub fn factorial(&self, seconds: f64, both_motions: bool) -> Log {
+    fn factorial(&self, seconds: f64, both_motions: bool) -> Vec<Plan> {
         let mut random = Pcg64::seed_from_u64(self.seed ^ 0x33);
         let mut plans = Vec::new();
         for index in 0..24usize {
@@ -187,7 +239,7 @@ impl Bench {
             };
             let motions = if both_motions {
                 vec![fast, slow]
-            } else if index.is_multiple_of(2) {
+            } else if random.random_bool(0.5) {
                 vec![fast]
             } else {
                 vec![slow]
@@ -207,18 +259,7 @@ impl Bench {
                 });
             }
         }
-        self.log(&plans, 2e5)
-    }
-
-    fn log(&self, plans: &[Plan], start_s: f64) -> Log {
-        let starts = plans.iter().scan(start_s, |now, plan| {
-            let start = *now;
-            *now += plan.seconds + PAUSE_S;
-            Some(start)
-        });
-        let starts: Vec<f64> = starts.collect();
-        let runs = plans.par_iter().zip(starts).map(|(plan, start)| self.run(plan, start));
-        Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() }
+        plans
     }
 
     fn run(&self, plan: &Plan, start_s: f64) -> LoggedRun {
@@ -279,13 +320,20 @@ mod tests {
     #[test]
     fn campaigns_have_their_runs_and_the_same_seed_gives_the_same_bits() {
         let bench = Bench { parameters: Parameters::default(), phase_rad: [1.0, 2.0], seed: 3 };
-        let kinds = bench.kinds(0, 2);
-        assert_eq!(kinds.runs.len(), 16);
-        assert_eq!(kinds, bench.kinds(0, 2));
-        assert_ne!(kinds, Bench { seed: 4, ..bench }.kinds(0, 2));
-        // Repeats are others than those of another half.
-        assert!(bench.kinds(2, 1).runs.iter().all(|run| !kinds.runs.contains(run)));
-        assert_eq!(bench.factorial(1.0, false).runs.len(), 24);
-        assert_eq!(bench.unloaded(1.0).runs.len(), 8);
+        let amount = Amount { seconds: 1.0, both_motions: false, learned: 2, held_out: 1 };
+        let measured = bench.measure(&amount);
+        let runs = |log: &Log| log.runs.len();
+        assert_eq!((runs(&measured.unloaded), runs(&measured.factorial)), (8, 24));
+        assert_eq!((runs(&measured.learned), runs(&measured.held_out)), (16, 8));
+        assert_eq!(measured, bench.measure(&amount));
+        assert_ne!(measured, Bench { seed: 4, ..bench }.measure(&amount));
+        // No two runs at one time, and the unloaded ones not all first.
+        let starts = |log: &Log| log.runs.iter().map(|run| run.columns[0][0]).collect::<Vec<_>>();
+        let unloaded = starts(&measured.unloaded);
+        let others =
+            [&measured.factorial, &measured.learned, &measured.held_out].map(starts).concat();
+        assert!(others.iter().all(|start| !unloaded.contains(start)));
+        let first = others.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(unloaded.iter().any(|start| *start > first));
     }
 }

@@ -63,6 +63,8 @@ pub struct JointPlant {
     admittance: f64,
     /// Share of its own friction that an ideal actuator gives back: the perfect model.
     cancelled: f64,
+    /// A stand holds the output.
+    held: bool,
     random: Pcg64,
 }
 
@@ -105,6 +107,7 @@ impl JointPlant {
             kept: 0.0,
             admittance: 0.0,
             cancelled: 0.0,
+            held: false,
             random: Pcg64::seed_from_u64(seed ^ 0x5eed),
         }
     }
@@ -118,6 +121,11 @@ impl JointPlant {
     /// Lets an ideal actuator give back this share of the friction, a sub-step late: what no model can beat.
     pub fn cancel_friction(&mut self, share: f64) {
         self.cancelled = share;
+    }
+
+    /// A stand holds the output, or lets go of it.
+    pub fn hold(&mut self, held: bool) {
+        self.held = held;
     }
 
     /// Pressure from now on, Pa.
@@ -241,6 +249,9 @@ impl JointPlant {
     }
 
     fn move_on(&mut self, motor_nm: f64, dt: f64) {
+        if self.held {
+            return;
+        }
         self.acting = self.load.act(&self.p, self.position, self.velocity, dt);
         self.around.radial_force_n = self.acting.radial_force_n;
         self.around.load_torque_nm = self.acting.torque_nm;
