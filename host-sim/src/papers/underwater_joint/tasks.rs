@@ -3,11 +3,12 @@
 //! The loops above the driver run at 1 kHz, as on a robot's own computer, on the velocity and position that the driver
 //! sends. They are the same for every arm, and laid out by rule, before anything was measured: the velocity loop crosses at
 //! [`VELOCITY_HZ`] for the nominal inertia and integrates slowly ([`INTEGRAL_S`]), so that a compensation that is
-//! wrong is seen and not hidden; the position loop lies a factor [`POSITION_SHARE`] below.
+//! wrong is seen and not hidden; the position loop lies a factor [`POSITION_SHARE`] below. What a robot's computer knows of the
+//! rigid body (inertia, weight) is fed forward: without it even a perfect friction model is judged by the lag of the loop.
 
 use super::arms::Arm;
 use crate::joint_rig::{Faults, JointRig, with_joint};
-use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
+use simulated_machines::joint_plant::{JointPlant, Load, Parameters, load};
 use std::f64::consts::TAU;
 
 /// Crossover of the velocity loop, Hz.
@@ -68,6 +69,24 @@ const HOLD_S: f64 = 0.5;
 const SPIN_UP_S: f64 = 1.5;
 
 impl Task {
+    /// What it is, as a heading.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::VelocityTracking => "Velocity tracking, 65 to 95 rpm",
+            Self::LowSpeed => "Lifting 2 kg at 6.6 rpm",
+            Self::Impact => "Jump with impact",
+        }
+    }
+
+    /// The paper's figure.
+    pub fn figure(self) -> &'static str {
+        match self {
+            Self::VelocityTracking => "Fig. 9",
+            Self::LowSpeed => "Fig. 10",
+            Self::Impact => "Fig. 11",
+        }
+    }
+
     /// Length, s.
     pub fn seconds(self) -> f64 {
         match self {
@@ -91,37 +110,81 @@ impl Task {
         }
     }
 
-    /// Velocity (rad/s) and position (rad, from the start) wanted at a time from the start.
-    fn wanted(self, t: f64) -> (f64, f64) {
+    /// What is wanted at a time from the start.
+    fn wanted(self, t: f64) -> Wanted {
         match self {
             Self::VelocityTracking => {
-                let sine = (80.0 + 15.0 * (TAU * t.max(0.0) / 5.0).sin()) * RPM;
-                let share = ((t + SPIN_UP_S) / 1.0).clamp(0.0, 1.0);
-                (sine * share, 0.0)
+                let w = TAU / 5.0;
+                let now = t.max(0.0);
+                let (sine, cosine) = (w * now).sin_cos();
+                let share = (t + SPIN_UP_S).clamp(0.0, 1.0);
+                let velocity = (80.0 + 15.0 * sine) * RPM * share;
+                let spinning = if share < 1.0 { 80.0 * RPM } else { 0.0 };
+                let swinging = if t > 0.0 { 15.0 * RPM * w * cosine } else { 0.0 };
+                Wanted { velocity, way: 0.0, acceleration: spinning + swinging }
             }
             Self::LowSpeed => {
-                let share = (t / 0.1).clamp(0.0, 1.0);
-                (LOW_SPEED_RAD_S * share, LOW_SPEED_RAD_S * (t - 0.05).max(0.0))
+                const RAMP_S: f64 = 0.1;
+                let share = (t / RAMP_S).clamp(0.0, 1.0);
+                let rising = share > 0.0 && share < 1.0;
+                Wanted {
+                    velocity: LOW_SPEED_RAD_S * share,
+                    way: if rising {
+                        LOW_SPEED_RAD_S * 0.5 * t * share
+                    } else {
+                        LOW_SPEED_RAD_S * (t - 0.5 * RAMP_S).max(0.0)
+                    },
+                    acceleration: if rising { LOW_SPEED_RAD_S / RAMP_S } else { 0.0 },
+                }
             }
+            Self::Impact => trapezoid(t, TARGET_RAD - load::JUMP_FROM_RAD),
+        }
+    }
+
+    /// What the master knows of the load, Nm: inertia and weight; nothing of friction, water and motor.
+    fn rigid_body_nm(self, p: &Parameters, inertia: f64, wanted: &Wanted, position: f64) -> f64 {
+        let own = inertia * wanted.acceleration;
+        let arm = p.leg_length_m * position.cos();
+        match self {
+            Self::VelocityTracking => own,
+            Self::LowSpeed => own + p.leg_weight_n * arm,
+            // The foot only pushes.
             Self::Impact => {
-                trapezoid(t, TARGET_RAD - Load::Jump { height_m: 0.0, speed_m_s: 0.0 }.start_rad())
+                let push = p.platform_mass_kg * arm * wanted.acceleration + p.platform_weight_n;
+                own + push.max(0.0) * arm
             }
         }
     }
 }
 
-/// Velocity and position on the way by so much, at the jump's largest speed and acceleration.
-fn trapezoid(t: f64, way: f64) -> (f64, f64) {
+/// What the joint is to do at an instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Wanted {
+    /// rad/s.
+    velocity: f64,
+    /// From the start, rad.
+    way: f64,
+    /// rad/s^2.
+    acceleration: f64,
+}
+
+/// On the way by so much, at the jump's largest speed and acceleration.
+fn trapezoid(t: f64, way: f64) -> Wanted {
     let rise = JUMP_RAD_S / JUMP_RAD_S2;
     let cruise = (way - JUMP_RAD_S * rise) / JUMP_RAD_S;
     let t = t.clamp(0.0, 2.0 * rise + cruise);
     let left = 2.0 * rise + cruise - t;
-    if t < rise {
-        (JUMP_RAD_S2 * t, 0.5 * JUMP_RAD_S2 * t * t)
+    if t <= 0.0 || left <= 0.0 {
+        Wanted { velocity: 0.0, way: if t <= 0.0 { 0.0 } else { way }, acceleration: 0.0 }
+    } else if t < rise {
+        let gone = 0.5 * JUMP_RAD_S2 * t * t;
+        Wanted { velocity: JUMP_RAD_S2 * t, way: gone, acceleration: JUMP_RAD_S2 }
     } else if left < rise {
-        (JUMP_RAD_S2 * left, way - 0.5 * JUMP_RAD_S2 * left * left)
+        let missing = 0.5 * JUMP_RAD_S2 * left * left;
+        Wanted { velocity: JUMP_RAD_S2 * left, way: way - missing, acceleration: -JUMP_RAD_S2 }
     } else {
-        (JUMP_RAD_S, 0.5 * JUMP_RAD_S * rise + JUMP_RAD_S * (t - rise))
+        let gone = 0.5 * JUMP_RAD_S * rise + JUMP_RAD_S * (t - rise);
+        Wanted { velocity: JUMP_RAD_S, way: gone, acceleration: 0.0 }
     }
 }
 
@@ -132,8 +195,8 @@ struct VelocityLoop {
 }
 
 impl VelocityLoop {
-    fn current_a(&mut self, error_rad_s: f64) -> f64 {
-        let wanted = self.gain * error_rad_s + self.integral_a;
+    fn current_a(&mut self, error_rad_s: f64, known_a: f64) -> f64 {
+        let wanted = known_a + self.gain * error_rad_s + self.integral_a;
         if wanted.abs() < MOST_A {
             self.integral_a += self.gain * error_rad_s * PERIOD_S / INTEGRAL_S;
         }
@@ -172,8 +235,8 @@ pub fn run(task: Task, arm: &Arm, conditions: &Conditions) -> Result<Course, Str
         plant.cancel_friction(share);
     }
     plant.hold(true);
-    let gain = nominal_inertia(task) * TAU * VELOCITY_HZ;
-    with_joint(&arm.set, plant, conditions.faults, |rig| master(rig, task, gain))
+    let inertia = nominal_inertia(task);
+    with_joint(&arm.set, plant, conditions.faults, |rig| master(rig, task, inertia))
 }
 
 /// What whoever lays out the loops takes for the inertia: the machine's own table.
@@ -182,9 +245,9 @@ fn nominal_inertia(task: Task) -> f64 {
     JointPlant::with_phase(&p, task.load(&p), [0.0; 2], 0).inertia_kg_m2()
 }
 
-fn master(rig: &mut JointRig, task: Task, gain: f64) -> Course {
-    // The static load is known; at 1 Nm/A.
-    let mut velocity_loop = VelocityLoop { gain, integral_a: rig.plant().around().load_torque_nm };
+fn master(rig: &mut JointRig, task: Task, inertia: f64) -> Course {
+    let p = Parameters::default();
+    let mut velocity_loop = VelocityLoop { gain: inertia * TAU * VELOCITY_HZ, integral_a: 0.0 };
     let start = rig.plant().position_rad();
     let mut course = Course::default();
     let lead_in = (task.lead_in_s() / PERIOD_S).round() as i64;
@@ -192,23 +255,26 @@ fn master(rig: &mut JointRig, task: Task, gain: f64) -> Course {
     rig.plant_mut().hold(false);
     for row in -lead_in..rows {
         let t = row as f64 * PERIOD_S;
-        let (wanted, way) = task.wanted(t);
+        let wanted = task.wanted(t);
         let heard = *rig.heard();
         let follow = match task {
-            Task::VelocityTracking => wanted,
-            Task::LowSpeed if t > 0.0 => wanted,
+            Task::VelocityTracking => wanted.velocity,
+            // Once it moves, the lifting task is one of velocity alone.
+            Task::LowSpeed if t > 0.0 => wanted.velocity,
             Task::LowSpeed | Task::Impact => {
-                let behind = start + way - f64::from(heard.position_rad);
-                wanted + TAU * VELOCITY_HZ * POSITION_SHARE * behind
+                let behind = start + wanted.way - f64::from(heard.position_rad);
+                wanted.velocity + TAU * VELOCITY_HZ * POSITION_SHARE * behind
             }
         };
+        // 1 Nm/A.
+        let known = task.rigid_body_nm(&p, inertia, &wanted, f64::from(heard.position_rad));
         let error = follow - f64::from(heard.velocity_rad_s);
-        let current = velocity_loop.current_a(error);
-        rig.millisecond(current as f32, wanted as f32);
+        let current = velocity_loop.current_a(error, known);
+        rig.millisecond(current as f32, wanted.velocity as f32);
         if row >= 0 {
             course.time_s.push(t);
-            course.wanted_rad_s.push(wanted);
-            course.wanted_rad.push(start + way);
+            course.wanted_rad_s.push(wanted.velocity);
+            course.wanted_rad.push(start + wanted.way);
             course.velocity_rad_s.push(rig.plant().velocity_rad_s());
             course.position_rad.push(rig.plant().position_rad());
             course.current_a.push(f64::from(rig.heard().current_a));
