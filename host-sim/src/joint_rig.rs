@@ -70,6 +70,8 @@ pub struct JointRig<'q> {
     stage: Stage,
     faults: Faults,
     line: Line,
+    /// What a sensor said before it stuck: side load, N, and pressure, Pa.
+    stuck: Option<[f64; 2]>,
     now_us: u64,
     milliseconds: u32,
     commands: u8,
@@ -109,6 +111,7 @@ pub fn with_joint<R>(
         stage: Stage::new(plant, &faults),
         faults,
         line,
+        stuck: None,
         now_us: 0,
         milliseconds: 0,
         commands: 0,
@@ -146,7 +149,7 @@ impl JointRig<'_> {
         let command = Command::new(current_a, velocity_reference_rad_s, self.commands);
         self.line.send(Message::Command(NODE, command).emit());
         let shown = self.stage.plant.show();
-        if let Some(seal) = self.faults.seal(self.milliseconds, &shown) {
+        if let Some(seal) = self.faults.seal(self.milliseconds, &shown, &mut self.stuck) {
             let seal = Seal {
                 radial_force_n: seal.radial_force_n as f32,
                 pressure_diff_pa: seal.pressure_diff_pa as f32,

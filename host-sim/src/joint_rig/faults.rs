@@ -39,7 +39,6 @@ pub struct Faults {
     pub delay_ms: usize,
     /// Draws what is lost.
     pub seed: u64,
-    stuck: Option<[f64; 2]>,
 }
 
 impl Faults {
@@ -48,8 +47,13 @@ impl Faults {
         Self { seal, ..Self::default() }
     }
 
-    /// What the sensors send in a millisecond, or nothing.
-    pub(super) fn seal(&mut self, milliseconds: u32, shown: &Shown) -> Option<Shown> {
+    /// What the sensors send in a millisecond, or nothing; `stuck` is what they said last before they failed.
+    pub(super) fn seal(
+        &self,
+        milliseconds: u32,
+        shown: &Shown,
+        stuck: &mut Option<[f64; 2]>,
+    ) -> Option<Shown> {
         let failed = milliseconds >= FAILS_AT;
         match self.seal {
             SealSensor::Sound => Some(*shown),
@@ -57,10 +61,10 @@ impl Faults {
             SealSensor::Stale => (!failed).then_some(*shown),
             SealSensor::Stuck => {
                 if !failed {
-                    self.stuck = Some([shown.radial_force_n, shown.pressure_diff_pa]);
+                    *stuck = Some([shown.radial_force_n, shown.pressure_diff_pa]);
                 }
                 let [radial_force_n, pressure_diff_pa] =
-                    self.stuck.unwrap_or([shown.radial_force_n, shown.pressure_diff_pa]);
+                    stuck.unwrap_or([shown.radial_force_n, shown.pressure_diff_pa]);
                 Some(Shown { radial_force_n, pressure_diff_pa, ..*shown })
             }
             SealSensor::Dropped => {

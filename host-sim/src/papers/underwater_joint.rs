@@ -14,6 +14,7 @@ mod campaign;
 mod estimation;
 mod experiments;
 mod goals;
+mod harm;
 mod measures;
 mod page;
 mod rows;
@@ -40,15 +41,23 @@ pub struct UnderwaterJoint;
 struct Extent {
     amount: Amount,
     seeds: u64,
+    /// The watch is asked once in so many days of wear.
+    wear_days: u32,
+    /// Days without wear on which it must say nothing.
+    sound_days: u64,
 }
 
 const QUICK: Extent = Extent {
-    amount: Amount { seconds: 6.0, both_motions: false, learned: 2, held_out: 8 },
+    amount: Amount { seconds: 4.0, both_motions: false, learned: 2, held_out: 8 },
     seeds: 3,
+    wear_days: 10,
+    sound_days: 2,
 };
 const FULL: Extent = Extent {
     amount: Amount { seconds: 8.0, both_motions: true, learned: 10, held_out: 40 },
     seeds: 20,
+    wear_days: 2,
+    sound_days: 40,
 };
 
 /// Everything that came out.
@@ -65,6 +74,8 @@ struct Study {
     /// Certificates of the published, the improved and the diagnosed model.
     certificates: Vec<(&'static str, Certificate)>,
     tasks: Vec<(Task, Vec<experiments::Result>)>,
+    harm: Vec<harm::Circumstance>,
+    wear: harm::Wear,
 }
 
 impl Paper for UnderwaterJoint {
@@ -92,7 +103,7 @@ impl Paper for UnderwaterJoint {
 }
 
 fn study(request: &Request) -> Result<Study, String> {
-    let Extent { amount, seeds } = if request.quick { QUICK } else { FULL };
+    let Extent { amount, seeds, wear_days, sound_days } = if request.quick { QUICK } else { FULL };
     let parameters = Parameters::default();
     (request.progress)("bench runs");
     let bench = Bench { parameters, phase_rad: PHASE_RAD, seed: request.seed };
@@ -137,7 +148,27 @@ fn study(request: &Request) -> Result<Study, String> {
             Ok((task, experiments::experiment(task, &arms, &joint, seeds)?))
         })
         .collect::<Result<_, String>>()?;
-    Ok(Study { amount, seeds, parameters, arms, diagnosis, errors, curves, certificates, tasks })
+    (request.progress)("harm");
+    let by_name = |name: &str| arms.iter().find(|arm| arm.name == name);
+    let (Some(ours), Some(none)) = (by_name(arms::DIAGNOSED), by_name(arms::NONE)) else {
+        return Err("an arm is missing".into());
+    };
+    let harm = harm::map(ours, none, &joint);
+    (request.progress)("wear and watch");
+    let wear = harm::wear(ours, &joint, wear_days, sound_days)?;
+    Ok(Study {
+        amount,
+        seeds,
+        parameters,
+        arms,
+        diagnosis,
+        errors,
+        curves,
+        certificates,
+        tasks,
+        harm,
+        wear,
+    })
 }
 
 impl Study {

@@ -13,6 +13,8 @@ pub struct Campaign {
     pub unloaded: Dataset,
     /// All that is learned from: the unloaded runs, the factorial, some repeats of the eight kinds.
     pub all: Dataset,
+    /// What the diagnosis looks at: unloaded runs and factorial, in which everything moves.
+    pub diagnosed: Dataset,
     /// Other repeats of the eight kinds: no fit has seen them.
     pub held_out: Dataset,
 }
@@ -23,10 +25,12 @@ impl Campaign {
         let measured = bench.measure(amount);
         let mut all: Log = measured.unloaded.clone();
         all.runs.extend(measured.factorial.runs);
+        let diagnosed = dataset(&all);
         all.runs.extend(measured.learned.runs);
         Self {
             unloaded: dataset(&measured.unloaded),
             all: dataset(&all),
+            diagnosed,
             held_out: dataset(&measured.held_out),
         }
     }

@@ -39,6 +39,7 @@ pub const fn measures(task: Task) -> &'static [Measure] {
             },
             Measure { column: "times stuck", unit: "", of: measures::sticks },
         ],
+        Task::Hold => &[Measure { column: "swing", unit: "rad", of: measures::hold_swing_rad }],
         Task::Impact => &[
             Measure { column: "time to target", unit: "s", of: measures::time_to_target_s },
             Measure { column: "overshoot", unit: "%", of: measures::overshoot_percent },

@@ -163,6 +163,27 @@ pub fn summary(study: &Study, goals: &[Goal]) -> Vec<String> {
         significant(study.diagnosis.extended.test.rmse, 3),
         significant(study.diagnosis.noise_floor, 3),
     ));
+    let harmful: Vec<&str> =
+        study.harm.iter().filter(|of| !of.harmless()).map(|of| of.name.as_str()).collect();
+    let refused = study.harm.iter().filter(|of| of.worse.is_none()).count();
+    lines.push(format!(
+        "Harm: of {} circumstances {} break a demand (tracking at most 5 % worse than without compensation, no limit cycle while \
+         holding, current within its limit){}{}; {refused} sets were refused by the driver.",
+        study.harm.len(),
+        harmful.len(),
+        if harmful.is_empty() { "" } else { ": " },
+        harmful.join(", ")
+    ));
+    let wear = &study.wear;
+    let flagged = wear.flagged_day.map_or_else(
+        || format!("says nothing in {} days", wear.last_day),
+        |day| format!("says \"model out of band\" on day {day} of those looked at"),
+    );
+    lines.push(format!(
+        "The watch, friction worn by 1 % a day: {flagged}; {} false alarms on {} sound days of 25 s of sliding (what one alarm a \
+         year needs is beyond a simulation of minutes).",
+        wear.false_alarms, wear.sound_days
+    ));
     let stopped: usize =
         study.tasks.iter().flat_map(|(_, results)| results).map(|result| result.stopped).sum();
     if stopped > 0 {

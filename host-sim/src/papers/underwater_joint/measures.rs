@@ -77,6 +77,15 @@ pub fn velocity_rmse_rad_s(course: &Course) -> f64 {
     mean(rows(course).map(|row| (row.1 - row.2).powi(2))).sqrt()
 }
 
+/// How far the position swings in the last second, rad from end to end.
+pub fn hold_swing_rad(course: &Course) -> f64 {
+    let end = course.time_s.last().copied().unwrap_or_default();
+    let late = course.time_s.iter().zip(&course.position_rad).filter(|(t, _)| **t > end - 1.0);
+    let (least, most) =
+        late.fold((f64::MAX, f64::MIN), |(least, most), (_, q)| (least.min(*q), most.max(*q)));
+    most - least
+}
+
 /// Time, velocity, velocity wanted.
 fn rows(course: &Course) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
     let velocities = course.velocity_rad_s.iter().zip(&course.wanted_rad_s);

@@ -6,6 +6,7 @@ use super::estimation::SPEEDS_RPM;
 use super::goals::{Goal, percent};
 use super::tasks::{RPM, Task};
 use crate::report::{Axis, Block, Cell, Chart, Series, Table, thin_series};
+use friction_identification::number::significant;
 
 /// Points of a curve on the page.
 const POINTS: usize = 800;
@@ -18,6 +19,7 @@ pub fn blocks(study: &Study, goals: &[Goal]) -> Vec<Block> {
     let mut blocks = vec![Block::Heading("Goals".into()), goal_table(goals)];
     blocks.push(Block::Heading("How it was made".into()));
     blocks.push(Block::List(how(study)));
+    blocks.push(models(study));
     blocks.push(Block::Heading("Estimation (Fig. 4 and 6)".into()));
     blocks.push(Block::Chart(errors(study)));
     blocks.push(Block::Row(mean_curves(study)));
@@ -28,6 +30,9 @@ pub fn blocks(study: &Study, goals: &[Goal]) -> Vec<Block> {
     blocks.push(Block::Heading("What the diagnosis found".into()));
     let found = study.diagnosis.findings.iter().map(|finding| finding.in_words.clone());
     blocks.push(Block::List(found.chain(study.diagnosis.log.notes.iter().cloned()).collect()));
+    blocks.push(Block::Heading("Harm".into()));
+    blocks.push(Block::Chart(harm_chart(study)));
+    blocks.push(harm_table(study));
     blocks.push(Block::Heading("The plant".into()));
     blocks.push(Block::Details {
         summary: "Every constant of the simulated joint, with its source".into(),
@@ -58,6 +63,33 @@ fn how(study: &Study) -> Vec<String> {
          less friction, the ceiling shows it."
             .into(),
     ]
+}
+
+/// What each arm's fit found.
+fn models(study: &Study) -> Block {
+    let rows = study.arms.iter().filter_map(|arm| {
+        let fit = arm.fit.as_ref()?;
+        let values = fit.estimates.iter().map(|of| {
+            format!("{} {} {}", of.id.info().name, significant(of.value, 3), of.id.info().unit)
+        });
+        Some(vec![
+            Cell::from(arm.name),
+            Cell::from(fit.spec.to_string()),
+            Cell::Number(fit.train.rmse),
+            Cell::from(values.collect::<Vec<_>>().join(", ")),
+        ])
+    });
+    Block::Details {
+        summary: "The models, as identified".into(),
+        blocks: vec![Block::Table(Table {
+            caption: "Fitted on the bench runs of the simulated joint".into(),
+            header: ["arm", "model", "error on its own rows (Nm)", "parameters"]
+                .map(str::to_owned)
+                .to_vec(),
+            rows: rows.collect(),
+            best: Vec::new(),
+        })],
+    }
 }
 
 fn goal_table(goals: &[Goal]) -> Block {
@@ -181,6 +213,51 @@ fn courses(study: &Study, task: Task) -> Vec<Chart> {
         }
     };
     vec![velocity, second]
+}
+
+fn harm_chart(study: &Study) -> Chart {
+    let known: Vec<_> = study.harm.iter().filter_map(|of| Some((of, of.worse?))).collect();
+    let places: Vec<f64> = (0..known.len()).map(|at| at as f64).collect();
+    let ratios = known.iter().map(|(_, worse)| *worse).collect();
+    Chart {
+        title: "Tracking error with the diagnosed model over that without compensation (simulated)".into(),
+        caption: "Lifting 2 kg at 6.6 rpm, each circumstance met by both. Beyond 1.05 the compensation does harm.".into(),
+        x: Axis::new("error over that without compensation"),
+        y: Axis::of_names("", known.iter().map(|(of, _)| of.name.clone())),
+        series: vec![Series::bars("diagnosed over none", ratios, places)],
+    }
+}
+
+fn harm_table(study: &Study) -> Block {
+    let rows = study.harm.iter().map(|of| {
+        vec![
+            Cell::from(of.name.clone()),
+            of.worse.into(),
+            Cell::Number(1e3 * of.swing_rad),
+            Cell::Number(1e3 * of.swing_without_rad),
+            Cell::Number(of.largest_a),
+            Cell::from(match (of.worse, of.harmless()) {
+                (None, _) => "refused by the driver",
+                (_, false) => "breaks a demand",
+                _ if of.stopped => "harmless; the driver stopped",
+                _ => "harmless",
+            }),
+        ]
+    });
+    let header = [
+        "circumstance",
+        "error over that without",
+        "swing while holding (mrad)",
+        "without compensation (mrad)",
+        "largest current (A)",
+        "",
+    ];
+    Block::Table(Table {
+        caption: "The map of harm (simulated)".into(),
+        header: header.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+        best: Vec::new(),
+    })
 }
 
 fn plant(study: &Study) -> Block {

@@ -83,5 +83,23 @@ pub fn rows(study: &Study) -> Vec<Row> {
             }
         }
     }
+    for of in &study.harm {
+        let table = "harm, diagnosed model";
+        if let Some(worse) = of.worse {
+            let column = "tracking error over that without";
+            rows.push(Row::simulated(table, &of.name, column, "", worse));
+            let swing = "swing while holding";
+            rows.push(Row::simulated(table, &of.name, swing, "mrad", 1e3 * of.swing_rad));
+        }
+    }
+    let wear = &study.wear;
+    let watch = |column: &str, unit: &str, value: f64| {
+        Row::simulated("watch", "diagnosed", column, unit, value)
+    };
+    if let Some(day) = wear.flagged_day {
+        rows.push(watch("first day out of band", "d", f64::from(day)));
+    }
+    rows.push(watch("false alarms", "", wear.false_alarms as f64));
+    rows.push(watch("sound days", "d", wear.sound_days as f64));
     rows
 }

@@ -55,6 +55,8 @@ pub enum Task {
     LowSpeed,
     /// A jump to a target position.
     Impact,
+    /// Holding 2 kg after a small move: not of the paper, for limit cycles.
+    Hold,
 }
 
 /// Speed of the low-speed task, rad/s.
@@ -75,6 +77,7 @@ impl Task {
             Self::VelocityTracking => "Velocity tracking, 65 to 95 rpm",
             Self::LowSpeed => "Lifting 2 kg at 6.6 rpm",
             Self::Impact => "Jump with impact",
+            Self::Hold => "Holding 2 kg",
         }
     }
 
@@ -84,6 +87,7 @@ impl Task {
             Self::VelocityTracking => "Fig. 9",
             Self::LowSpeed => "Fig. 10",
             Self::Impact => "Fig. 11",
+            Self::Hold => "holding",
         }
     }
 
@@ -93,6 +97,7 @@ impl Task {
             Self::VelocityTracking => 25.0,
             Self::LowSpeed => 3.6,
             Self::Impact => 1.5,
+            Self::Hold => 3.0,
         }
     }
 
@@ -105,7 +110,7 @@ impl Task {
     pub fn load(self, p: &Parameters) -> Load {
         match self {
             Self::VelocityTracking => Load::Propeller,
-            Self::LowSpeed => Load::Leg,
+            Self::LowSpeed | Self::Hold => Load::Leg,
             Self::Impact => Load::jump(p),
         }
     }
@@ -137,6 +142,11 @@ impl Task {
                     acceleration: if rising { LOW_SPEED_RAD_S / RAMP_S } else { 0.0 },
                 }
             }
+            // A twentieth of a radian in a tenth of a second.
+            Self::Hold if (0.0..0.1).contains(&t) => {
+                Wanted { velocity: 0.5, way: 0.5 * t, acceleration: 0.0 }
+            }
+            Self::Hold => Wanted { way: if t < 0.0 { 0.0 } else { 0.05 }, ..Wanted::default() },
             Self::Impact => trapezoid(t, TARGET_RAD - load::JUMP_FROM_RAD),
         }
     }
@@ -147,7 +157,7 @@ impl Task {
         let arm = p.leg_length_m * position.cos();
         match self {
             Self::VelocityTracking => own,
-            Self::LowSpeed => own + p.leg_weight_n * arm,
+            Self::LowSpeed | Self::Hold => own + p.leg_weight_n * arm,
             // The foot only pushes.
             Self::Impact => {
                 let push = p.platform_mass_kg * arm * wanted.acceleration + p.platform_weight_n;
@@ -261,7 +271,7 @@ fn master(rig: &mut JointRig, task: Task, inertia: f64) -> Course {
             Task::VelocityTracking => wanted.velocity,
             // Once it moves, the lifting task is one of velocity alone.
             Task::LowSpeed if t > 0.0 => wanted.velocity,
-            Task::LowSpeed | Task::Impact => {
+            Task::LowSpeed | Task::Impact | Task::Hold => {
                 let behind = start + wanted.way - f64::from(heard.position_rad);
                 wanted.velocity + TAU * VELOCITY_HZ * POSITION_SHARE * behind
             }
