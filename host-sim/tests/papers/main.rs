@@ -3,6 +3,8 @@
 //! What a paper's numbers have to be is in a file of its own beside this one.
 #![cfg(feature = "cli")]
 
+mod underwater_joint;
+
 use host_sim::papers::{Outcome, PAPERS, Request};
 
 /// The short form of a paper, on the measured logs beside the checkout where they are.

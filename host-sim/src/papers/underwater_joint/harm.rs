@@ -64,6 +64,16 @@ pub fn map(arm: &Arm, none: &Arm, joint: &Conditions) -> Vec<Circumstance> {
             cases.push((format!("{} {sign}30 %", id.info().name), changed, *joint));
         }
     }
+    // Both levels: too much friction given back, and too little.
+    for factor in [1.0 - CHANGED, 1.0 + CHANGED] {
+        let mut changed = arm.clone();
+        let model = &mut changed.set.friction.model;
+        for id in [Id::CoulombTorque, Id::StaticTorque] {
+            model.set(id, model.get(id) * factor);
+        }
+        let sign = if factor > 1.0 { '+' } else { '−' };
+        cases.push((format!("both levels {sign}30 %"), changed, *joint));
+    }
     let mut full = arm.clone();
     full.set.friction.compensator.scale = 1.0;
     cases.push((format!("share 1 in place of {SHARE}"), full, *joint));
