@@ -1,4 +1,4 @@
-//! Friction falls with the heat it leaves, where no temperature tells it.
+//! Friction falls with the heat it leaves, where no temperature is logged.
 //!
 //! The heat is a state of the joint that no column shows; what fills it, the work of the friction, the model
 //! knows itself. How much of it counts (`E0`) and how soon it is lost (`T`) is not linear: a coarse grid of both,
@@ -13,17 +13,11 @@ use crate::fit::Track;
 use crate::number::significant;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// Times of cooling that are tried, over the length of a run; and one that is a share of the campaign.
+/// Times of cooling that are tried, over the length of a run.
 const COOLING: [f64; 3] = [0.5, 5.0, 100.0];
-const OF_CAMPAIGN: f64 = 0.5;
 
-/// Energies that are tried, over what is held: of the work of a run in its end, or of a campaign's while it goes on,
-/// whichever is more.
+/// Energies that are tried, over what is held of the work of a run after so long a time.
 const ENERGIES: [f64; 2] = [0.5, 2.0];
-
-/// What the gain counts for where a temperature is logged: that of the seal would know better; one of the water or the
-/// housing does not know.
-const BESIDE_TEMPERATURE: f64 = 0.9;
 
 /// See the module.
 pub struct WarmUp;
@@ -73,23 +67,16 @@ impl Cause for WarmUp {
     }
 
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        // Where every run begins at the same time nobody knows how warm it began.
-        if !beside.log.has_campaign_clock() {
+        // A temperature that was measured knows better, and where every run begins at the same time nobody knows
+        // how warm it began.
+        if beside.log.varies("temperature_c") || !beside.log.has_campaign_clock() {
             return Vec::new();
         }
-        let weight = if beside.log.varies("temperature_c") { BESIDE_TEMPERATURE } else { 1.0 };
         let Some((length_s, power)) = typical(&beside.log.train_tracks) else { return Vec::new() };
         let columns = [beside.log.velocity_name()];
-        let campaign_s = beside.log.campaign_s();
-        let tracks = &beside.log.train_tracks;
-        let rubbing_s: f64 = tracks.iter().map(|track| track.len() as f64 * track.period_s).sum();
-        let long = OF_CAMPAIGN * campaign_s / length_s;
-        let coolings = COOLING.into_iter().chain((long > 2.0 * COOLING[2]).then_some(long));
-        let settings = coolings.flat_map(|cooling| {
-            // What is held in the end of a steady power over one run, and of the mean power of the campaign.
-            let of_run = power * length_s * cooling * (1.0 - (-1.0 / cooling).exp());
-            let of_campaign = power * (rubbing_s / campaign_s).min(1.0) * cooling * length_s;
-            let held = f64::max(of_run, of_campaign);
+        let settings = COOLING.into_iter().flat_map(|cooling| {
+            // What is held in the end of a steady power over one run.
+            let held = power * length_s * cooling * (1.0 - (-1.0 / cooling).exp());
             ENERGIES.map(|share| (share * held, cooling * length_s))
         });
         let legal = |id: Id, value: f64| value.clamp(id.info().lower, id.info().upper);
@@ -100,13 +87,13 @@ impl Cause for WarmUp {
                 let settings = vec![(Id::WarmUpEnergy, energy), (Id::WarmUpCooling, cooling)];
                 let derivative = Some(Id::WarmUpFall);
                 let by = Exact { kind: TermKind::WarmUp, settings, derivative };
-                Candidate::new(TermKind::WarmUp, &columns, vec![Regressor::Exact(by)])
-                    .starting_at(&[
+                Candidate::new(TermKind::WarmUp, &columns, vec![Regressor::Exact(by)]).starting_at(
+                    &[
                         (Id::WarmUpFall, InitialGuess::Times(0, 1.0)),
                         (Id::WarmUpEnergy, InitialGuess::At(energy)),
                         (Id::WarmUpCooling, InitialGuess::At(cooling)),
-                    ])
-                    .weighing(weight)
+                    ],
+                )
             })
             .collect()
     }
