@@ -93,7 +93,7 @@ impl Simulation for LowSpeed {
         let velocity = |t: f64| {
             let speed = 6.6 * TAU / 60.0;
             let stroke = -2.0 * LIFT_FROM_RAD / speed;
-            if (t / stroke) as u64 % 2 == 0 { speed } else { -speed }
+            if ((t / stroke) as u64).is_multiple_of(2) { speed } else { -speed }
         };
         let load = |_: &Parameters| Load::Leg;
         Test { scenario: self.name(), load, seconds: 15.0, velocity }.simulate(request)

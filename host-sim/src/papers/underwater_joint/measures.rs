@@ -120,7 +120,7 @@ mod tests {
         let expected = 100.0 * (0.5 * 700.0 + 0.1 * 2900.0) / 3600.0;
         assert!((error_rate_percent(&steady) - expected).abs() < 1e-9);
         assert_eq!(sticks(&steady), 0.0);
-        let sticking = course(|t| if (t * 4.0) as usize % 2 == 0 { v } else { 0.0 }, v);
+        let sticking = course(|t| if ((t * 4.0) as usize).is_multiple_of(2) { v } else { 0.0 }, v);
         assert_eq!(sticks(&sticking), 3.0);
         assert!((velocity_error_rpm(&course(|_| 2.0 * RPM, 5.0 * RPM)) - 3.0).abs() < 1e-9);
         // 1.1 (1 - exp(-10 t)) = 1 - 0.0175.
