@@ -5,7 +5,7 @@
 //!           machine            seal, shaft            load
 //! ```
 //! Its seal is not LuGre ([`seal`]). Every constant is in one table with its source ([`parameters`]), fixed before
-//! anything was measured. [`bench`] drives the same seal by hand, as a test stand does; [`machine`] is
+//! anything was measured. [`mod@bench`] drives the same seal by hand, as a test stand does; [`machine`] is
 //! what a current loop is connected to, with noise and steps in what it measures. All of it is simulated, in
 //! double precision, by its own equations: nothing here can see the law that is judged.
 
