@@ -10,6 +10,7 @@
 mod manipulator;
 mod report;
 mod row;
+mod underwater_joint;
 
 pub(crate) use report::lines;
 pub use report::tables;
@@ -19,7 +20,7 @@ use crate::report::Block;
 use std::path::PathBuf;
 
 /// Every paper there is.
-pub const PAPERS: &[&dyn Paper] = &[&manipulator::Manipulator];
+pub const PAPERS: &[&dyn Paper] = &[&underwater_joint::UnderwaterJoint, &manipulator::Manipulator];
 
 /// What is asked of a paper.
 pub struct Request<'a> {

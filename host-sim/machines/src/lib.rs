@@ -7,6 +7,7 @@
 //! are the same code.
 
 pub mod friction;
+pub mod joint_plant;
 pub mod log;
 pub mod manipulator;
 pub mod motion;

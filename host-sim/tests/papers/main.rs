@@ -4,6 +4,7 @@
 #![cfg(feature = "cli")]
 
 mod manipulator;
+mod underwater_joint;
 
 use host_sim::papers::{Outcome, PAPERS, Request};
 

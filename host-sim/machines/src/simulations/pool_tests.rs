@@ -1,0 +1,297 @@
+//! The paper's pool tests as logs: velocity tracking, low speed, impact, and the bench runs before them.
+//!
+//! The same plant as in `host-sim paper underwater-joint` ([`crate::joint_plant`]), under a simple loop of its own: no
+//! friction is compensated, the current loop is ideal, a velocity loop at 1 kHz knows inertia and weight. Each run is another
+//! day: depth and temperature differ. Of the pool tests `torque_nm` is the whole drive torque by the measured current, so
+//! `--rigid-body inertia,load` belongs to them; of the bench it is friction alone.
+
+use crate::joint_plant::bench::{Amount, COLUMNS as BENCH_COLUMNS, Campaigns};
+use crate::joint_plant::load::{JUMP_FROM_RAD, LIFT_FROM_RAD};
+use crate::joint_plant::{Bench, JointPlant, Load, Parameters};
+use crate::log::{Log, LoggedRun};
+use crate::simulation::{Request, Simulated, Simulation};
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+use serde_json::json;
+use std::f64::consts::TAU;
+
+/// Period of the velocity loop, s, and of the plant in it.
+const LOOP_S: f64 = 1e-3;
+const PERIOD_S: f64 = 50e-6;
+/// Crossover of the velocity loop, Hz, and its integral time, s.
+const VELOCITY_HZ: f64 = 4.0;
+const INTEGRAL_S: f64 = 0.5;
+/// Largest current, A.
+const MOST_A: f64 = 26.0;
+/// Angles of eccentricity and out-of-roundness of the joint, rad.
+const PHASE_RAD: [f64; 2] = [0.7, 2.1];
+/// Pause between two runs on the campaign's clock, s.
+const PAUSE_S: f64 = 60.0;
+/// Most rows of all runs.
+const MOST_ROWS: f64 = 2e7;
+
+/// Columns of a pool test's log.
+const COLUMNS: [&str; 8] = [
+    "time_s",
+    "velocity_rad_s",
+    "torque_nm",
+    "position_rad",
+    "radial_force_n",
+    "pressure_diff_pa",
+    "temperature_c",
+    "load_torque_nm",
+];
+
+/// 65 to 95 rpm against a propeller.
+pub struct VelocityTracking;
+/// 6.6 rpm, lifting 2 kg and letting it down again.
+pub struct LowSpeed;
+/// A platform that jumps and lands.
+pub struct Impact;
+/// The bench runs of the same joint.
+pub struct JointBench;
+
+/// What a test wants of the joint.
+struct Test {
+    scenario: &'static str,
+    load: fn(&Parameters) -> Load,
+    seconds: f64,
+    /// Velocity wanted at a time, rad/s.
+    velocity: fn(f64) -> f64,
+}
+
+impl Simulation for VelocityTracking {
+    fn name(&self) -> &'static str {
+        "velocity-tracking"
+    }
+
+    fn about(&self) -> &'static str {
+        "Pool test: 65 to 95 rpm against a propeller, the whole drive torque"
+    }
+
+    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+        let velocity = |t: f64| {
+            let rpm = 80.0 + 15.0 * (TAU * t / 5.0).sin();
+            rpm * TAU / 60.0 * (t / 0.5).min(1.0)
+        };
+        let load = |_: &Parameters| Load::Propeller;
+        Test { scenario: self.name(), load, seconds: 25.0, velocity }.simulate(request)
+    }
+}
+
+impl Simulation for LowSpeed {
+    fn name(&self) -> &'static str {
+        "low-speed"
+    }
+
+    fn about(&self) -> &'static str {
+        "Pool test: 6.6 rpm, lifting 2 kg and letting it down, the whole drive torque"
+    }
+
+    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+        let velocity = |t: f64| {
+            let speed = 6.6 * TAU / 60.0;
+            let stroke = -2.0 * LIFT_FROM_RAD / speed;
+            if ((t / stroke) as u64).is_multiple_of(2) { speed } else { -speed }
+        };
+        let load = |_: &Parameters| Load::Leg;
+        Test { scenario: self.name(), load, seconds: 15.0, velocity }.simulate(request)
+    }
+}
+
+impl Simulation for Impact {
+    fn name(&self) -> &'static str {
+        "impact"
+    }
+
+    fn about(&self) -> &'static str {
+        "Pool test: a leg that jumps with its platform and lands, the whole drive torque"
+    }
+
+    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+        // Up by 1.2 rad in 0.3 s, down again slowly; a jump every two seconds.
+        let velocity = |t: f64| {
+            let now = t % 2.0;
+            let way = 1.0 - JUMP_FROM_RAD;
+            match now {
+                now if now < 0.3 => way / 0.3 * (1.0 - (TAU * now / 0.3).cos()),
+                now if (0.8..1.8).contains(&now) => -way * (1.0 - (TAU * (now - 0.8)).cos()),
+                _ => 0.0,
+            }
+        };
+        Test { scenario: self.name(), load: Load::jump, seconds: 10.0, velocity }.simulate(request)
+    }
+}
+
+impl Test {
+    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+        refuse(request)?;
+        let rate_hz = request.rate_hz.unwrap_or(500.0);
+        let every = (1.0 / (rate_hz * LOOP_S)).round();
+        if !(every >= 1.0 && (every * rate_hz * LOOP_S - 1.0).abs() < 1e-6) {
+            return Err(format!("--rate {rate_hz}: expected 1000 Hz or a whole part of it"));
+        }
+        let (runs, seconds) = (request.runs.unwrap_or(6), request.seconds.unwrap_or(self.seconds));
+        if runs as f64 * seconds * rate_hz > MOST_ROWS {
+            return Err(format!("--runs x --seconds x --rate: more than {MOST_ROWS} rows"));
+        }
+        let p = Parameters::default();
+        let noise_a = request.noise_nm.unwrap_or(p.current_noise_a);
+        let runs = (0..runs).map(|run| {
+            let seed = request.seed.wrapping_mul(1000).wrapping_add(run as u64);
+            let start_s = run as f64 * (seconds + PAUSE_S);
+            let columns = self.run(&p, seed, start_s, seconds, every as usize, noise_a);
+            LoggedRun { name: run.to_string(), columns }
+        });
+        let log = Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() };
+        Ok(simulated(self.scenario, request.seed, log, &p))
+    }
+
+    /// Columns of a run, a row every so many milliseconds.
+    fn run(
+        &self,
+        p: &Parameters,
+        seed: u64,
+        start_s: f64,
+        seconds: f64,
+        every: usize,
+        noise_a: f64,
+    ) -> Vec<Vec<f64>> {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let mut plant = JointPlant::with_phase(p, (self.load)(p), PHASE_RAD, seed);
+        // From the surface to the 25 m that the rated depth leaves room for.
+        plant.set_pressure(random.random_range(0.0..0.25e6));
+        plant.seal_mut().set_temperature(random.random_range(10.0..26.0));
+        let inertia = plant.inertia_kg_m2();
+        let gain = inertia * TAU * VELOCITY_HZ;
+        let mut integral = 0.0;
+        let mut columns = vec![Vec::new(); COLUMNS.len()];
+        for step in 0..(seconds / LOOP_S) as usize {
+            let t = step as f64 * LOOP_S;
+            let wanted = (self.velocity)(t);
+            let ahead = ((self.velocity)(t + LOOP_S) - wanted) / LOOP_S;
+            let error = wanted - plant.velocity_rad_s();
+            let known = inertia * ahead.clamp(-80.0, 80.0) + plant.around().load_torque_nm;
+            let current = known + gain * error + integral;
+            if current.abs() < MOST_A {
+                integral += gain * error * LOOP_S / INTEGRAL_S;
+            }
+            let current = current.clamp(-MOST_A, MOST_A);
+            if step.is_multiple_of(every) {
+                let shown = plant.show();
+                let noise: f64 = StandardNormal.sample(&mut random);
+                let nominal = p.motor_torque_constant_nm_per_a * p.gear_ratio;
+                let values = [
+                    start_s + t,
+                    plant.velocity_rad_s(),
+                    nominal * (current + noise_a * noise),
+                    plant.position_rad(),
+                    shown.radial_force_n,
+                    shown.pressure_diff_pa,
+                    shown.temperature_c,
+                    shown.load_torque_nm,
+                ];
+                columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+            }
+            let periods = (LOOP_S / PERIOD_S).round() as usize;
+            (0..periods).for_each(|_| plant.period_at_current(PERIOD_S, current));
+        }
+        columns
+    }
+}
+
+impl Simulation for JointBench {
+    fn name(&self) -> &'static str {
+        "joint-bench"
+    }
+
+    fn about(&self) -> &'static str {
+        "Bench runs of the joint of the pool tests: unloaded, factorial, and the paper's eight kinds"
+    }
+
+    fn simulate(&self, request: &Request) -> Result<Simulated, String> {
+        refuse(request)?;
+        if request.runs.is_some() || request.rate_hz.is_some() {
+            return Err("--runs, --rate: the bench has its own runs at 250 Hz".into());
+        }
+        let seconds = request.seconds.unwrap_or(6.0);
+        if !(0.5..=60.0).contains(&seconds) {
+            return Err(format!("--seconds {seconds}: expected 0.5 to 60"));
+        }
+        let mut parameters = Parameters::default();
+        parameters.torque_noise_nm = request.noise_nm.unwrap_or(parameters.torque_noise_nm);
+        let bench = Bench { parameters, phase_rad: PHASE_RAD, seed: request.seed };
+        let amount = Amount { seconds, both_motions: false, learned: 2, held_out: 0 };
+        let Campaigns { mut unloaded, factorial, learned, .. } = bench.measure(&amount);
+        debug_assert_eq!(unloaded.columns, BENCH_COLUMNS);
+        unloaded.runs.extend(factorial.runs);
+        unloaded.runs.extend(learned.runs);
+        Ok(simulated(self.name(), request.seed, unloaded, &parameters))
+    }
+}
+
+/// What these tests cannot do.
+fn refuse(request: &Request) -> Result<(), String> {
+    if !request.hide.is_empty() {
+        return Err("--hide: this machine has its own effects; hide in `underwater-joint`".into());
+    }
+    if request.unloaded || request.steady {
+        return Err("--unloaded, --steady: only of `underwater-joint`".into());
+    }
+    Ok(())
+}
+
+fn simulated(scenario: &str, seed: u64, log: Log, p: &Parameters) -> Simulated {
+    let constants = p.table().into_iter().map(|entry| {
+        let about = json!({"value": entry.value, "unit": entry.unit, "source": entry.source});
+        (entry.name.to_owned(), about)
+    });
+    let truth = json!({
+        "schema": 1,
+        "origin": "simulated",
+        "scenario": scenario,
+        "seed": seed,
+        "hidden": [],
+        "parameters": serde_json::Map::from_iter(constants),
+    });
+    Simulated { csv: log.csv(), log, truth, hidden: Vec::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn column<'a>(log: &'a Log, run: usize, name: &str) -> &'a [f64] {
+        log.column(&log.runs[run], name).expect("a column of that name")
+    }
+
+    #[test]
+    fn the_tests_do_what_their_names_say() {
+        let request = Request { runs: Some(1), ..Request::default() };
+        let of = |test: &dyn Simulation| test.simulate(&request).expect("a log").log;
+        let tracking = of(&VelocityTracking);
+        let late = &column(&tracking, 0, "velocity_rad_s")[1000..];
+        let rpm = TAU / 60.0;
+        let (least, most) =
+            late.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+        assert!((least / rpm - 65.0).abs() < 2.0 && (most / rpm - 95.0).abs() < 2.0);
+        let low = of(&LowSpeed);
+        let torque = column(&low, 0, "torque_nm");
+        assert!(torque.iter().copied().fold(f64::MIN, f64::max) > 7.0, "it lifts 5.9 Nm and rubs");
+        let jump = of(&Impact);
+        let force = column(&jump, 0, "radial_force_n");
+        assert!(force.iter().any(|f| *f < 1.0) && force.iter().any(|f| *f > 60.0), "it flies");
+        assert_eq!(of(&LowSpeed), low, "the same seed, the same bits");
+    }
+
+    #[test]
+    fn what_they_cannot_do_is_said() {
+        let rate = Request { rate_hz: Some(300.0), ..Request::default() };
+        assert!(Impact.simulate(&rate).unwrap_err().contains("1000 Hz"));
+        let unloaded = Request { unloaded: true, ..Request::default() };
+        assert!(JointBench.simulate(&unloaded).unwrap_err().contains("--unloaded"));
+        let runs = Request { runs: Some(3), ..Request::default() };
+        assert!(JointBench.simulate(&runs).unwrap_err().contains("250 Hz"));
+    }
+}
