@@ -7,6 +7,7 @@
 //!
 //! A new paper is a file here with a [`Paper`] and its line in the list.
 
+mod damper;
 mod report;
 mod row;
 
@@ -18,7 +19,7 @@ use crate::report::Block;
 use std::path::PathBuf;
 
 /// Every paper there is.
-pub const PAPERS: &[&dyn Paper] = &[];
+pub const PAPERS: &[&dyn Paper] = &[&damper::Damper];
 
 /// What is asked of a paper.
 pub struct Request<'a> {
