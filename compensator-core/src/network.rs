@@ -19,6 +19,7 @@ mod factors;
 mod input_range;
 mod lstm;
 mod readout;
+mod stroke;
 
 pub use activation::{sigmoid, squash, squash_slope};
 pub use augmented::AugmentedLugre;
@@ -26,6 +27,7 @@ pub use factors::{FACTORS, FactorBounds, Factors};
 pub use input_range::InputRange;
 pub use lstm::{Activations, CELL_LIMIT, GATES, Gate, Hidden, Lstm};
 pub use readout::Readout;
+pub use stroke::{Stroke, StrokeRange};
 
 use crate::number::Real;
 use crate::refusal::{Bound, ParameterError, refuse};
@@ -97,7 +99,19 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
     /// Takes one evaluation: inputs in their units, which may be any bit pattern, factors out.
     #[inline]
     pub fn evaluate(&self, state: &mut NetworkState<T, CELLS>, inputs: &[T; INPUTS]) -> Factors<T> {
-        self.evaluate_traced(state, inputs);
+        self.evaluate_where(state, inputs, true)
+    }
+
+    /// The same, where the caller knows besides whether this is a motion it was trained on ([`Stroke`]): one that is
+    /// not counts as outside.
+    #[inline]
+    pub fn evaluate_where(
+        &self,
+        state: &mut NetworkState<T, CELLS>,
+        inputs: &[T; INPUTS],
+        is_known: bool,
+    ) -> Factors<T> {
+        self.evaluate_traced(state, inputs, is_known);
         state.factors
     }
 
@@ -107,8 +121,10 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
         &self,
         state: &mut NetworkState<T, CELLS>,
         inputs: &[T; INPUTS],
+        is_known: bool,
     ) -> Trace<T, INPUTS, CELLS> {
-        let (scaled, is_outside) = self.scaled(inputs);
+        let (scaled, beyond_range) = self.scaled(inputs);
+        let is_outside = beyond_range || !is_known;
         state.is_outside = is_outside;
         state.outside_count = state.outside_count.saturating_add(u32::from(is_outside));
         let change = if is_outside { -self.fade } else { self.fade };

@@ -4,7 +4,7 @@
 //! base law (fitted before, by crate::fit) + inputs of a track        input
 //!   -> forwards: the core's network, the core's LuGre step           adjoint, predict
 //!   -> backwards: exact gradient by every weight                     adjoint
-//!   -> Adam, run by run; best weights on runs set apart              train
+//!   -> Adam, run by run, stopped by runs held out                     train
 //! ```
 //!
 //! Gradients go through time and through the LuGre equations, as the paper has it for `sigma0`; here for all three

@@ -10,14 +10,18 @@
 
 mod arm;
 mod campaign;
+mod earthquakes;
+mod pages;
 mod printed;
 mod score;
+mod supplied;
 
 use super::{Outcome, Paper, Request, Row};
-use arm::{Arm, COULOMB_VISCOUS, LUGRE, NAMED, NAMED_WITH_TENSION};
+use arm::{COULOMB_VISCOUS, LUGRE, NAMED, NAMED_WITH_TENSION, held_out};
 use campaign::Campaign;
-use printed::{of_test, spelled};
+use printed::{SECOND_CAMPAIGN_LUGRE, of_test, spelled};
 use score::Score;
+use supplied::{Fed, options};
 
 /// The paper of the rotary friction damper.
 pub struct Damper;
@@ -28,8 +32,24 @@ const FIRST: &str = "damper-1-actuators.csv";
 /// The second campaign.
 const SECOND: &str = "damper-2.csv";
 
-/// So many folds in the short form: every third test is held out together.
-const FOLDS_IN_SHORT: usize = 3;
+/// The earthquakes.
+const QUAKES: &str = "damper-quakes.csv";
+
+/// How much is done.
+struct Form {
+    /// Into how many folds the tests are parted; `None` for each test by itself.
+    folds: Option<usize>,
+    /// Passes of training, first and second campaign.
+    epochs: [usize; 2],
+    /// Groups that say when to stop.
+    groups: usize,
+}
+
+/// Every test by itself; on two cores some ten minutes.
+const LONG: Form = Form { folds: None, epochs: [200, 100], groups: 3 };
+
+/// Every third test together; on two cores about a minute.
+const SHORT: Form = Form { folds: Some(3), epochs: [60, 30], groups: 2 };
 
 impl Paper for Damper {
     fn name(&self) -> &'static str {
@@ -45,77 +65,126 @@ impl Paper for Damper {
     }
 
     fn run(&self, request: &Request) -> Result<Outcome, String> {
+        let form = if request.quick { SHORT } else { LONG };
         let mut outcome = Outcome::default();
-        let folds = request.quick.then_some(FOLDS_IN_SHORT);
         match Campaign::read(&request.data, FIRST)? {
-            Some(tests) => characterisation(request, &tests, folds, &mut outcome),
+            Some(mut tests) => {
+                tests.actuators_in_step();
+                characterisation(request, &form, &tests, &mut outcome);
+            }
             None => outcome.summary.push(left_out(request, FIRST)),
         }
         match Campaign::read(&request.data, SECOND)? {
-            Some(tests) => second_campaign(request, &tests, folds, &mut outcome),
+            Some(tests) => {
+                let quakes = Campaign::read(&request.data, QUAKES)?;
+                second_campaign(request, &form, &tests, quakes, &mut outcome);
+            }
             None => outcome.summary.push(left_out(request, SECOND)),
         }
+        outcome.summary.push(pages::WHAT_IT_MAY_CLAIM.into());
+        outcome.blocks.insert(0, pages::definitions());
         Ok(outcome)
     }
 }
 
 fn left_out(request: &Request, file: &str) -> String {
-    format!(
-        "{} is not there: what it is needed for is left out.",
-        request.data.join(file).display()
-    )
+    let path = request.data.join(file);
+    format!("{} is not there: what it is needed for is left out.", path.display())
 }
 
-fn characterisation(
-    request: &Request,
-    tests: &Campaign,
-    folds: Option<usize>,
-    outcome: &mut Outcome,
-) {
+/// A model's name and how it did.
+type Judged = (&'static str, Score);
+
+fn characterisation(request: &Request, form: &Form, tests: &Campaign, outcome: &mut Outcome) {
     (request.progress)("LuGre fitted to each test");
     let each = LUGRE.fitted_to_each(tests);
-    for (test, name) in tests.names.iter().enumerate() {
-        let row = Row::measured(
-            "2",
-            "LuGre, fitted to each test",
-            &spelled(name),
-            "%",
-            each.percent_of_range(test),
-        );
-        outcome.rows.push(match of_test(name) {
-            Some((printed, _)) => row.printed(printed),
-            None => row,
-        });
+    of_print(outcome, "2", "LuGre, fitted to each test", tests, &each, |(lugre, _)| lugre);
+    let folds = tests.folds(form.folds);
+    let bases = LUGRE.fits(tests, &folds, request.progress);
+    let mut judged: Vec<Judged> = vec![(LUGRE.name, held_out(tests, &folds, &bases))];
+    for arm in [COULOMB_VISCOUS, NAMED_WITH_TENSION] {
+        let fits = arm.fits(tests, &folds, request.progress);
+        judged.push((arm.name, held_out(tests, &folds, &fits)));
     }
-    let folds = tests.folds(folds);
-    for arm in [COULOMB_VISCOUS, LUGRE, NAMED_WITH_TENSION] {
-        let score = arm.held_out(tests, &folds, request.progress);
-        held_out_rows("Characterisation, held out", &arm, tests, &score, outcome);
+    let training = options(request.seed, form.epochs[0], form.groups);
+    for fed in [Fed::Tension, Fed::Motion, Fed::Actuators] {
+        let score = fed.held_out(tests, &folds, &bases, &training, request.progress);
+        judged.push((fed.name(), score));
     }
+    let base = LUGRE.fit(&tests.tracks);
+    let (_, seen) = Fed::Actuators.learnt_from_all(tests, &base, &training, request.progress);
+    let name = "lugre-lstm (actuators' forces), all tests seen";
+    of_print(outcome, "3", name, tests, &seen, |(_, lstm)| lstm);
+    for (name, score) in &judged {
+        held_out_rows(outcome, "Characterisation, each test held out", name, tests, score);
+    }
+    pages::characterisation(tests, &each, &seen, &judged, outcome);
 }
 
 fn second_campaign(
     request: &Request,
+    form: &Form,
     tests: &Campaign,
-    folds: Option<usize>,
+    quakes: Option<Campaign>,
     outcome: &mut Outcome,
 ) {
-    let folds = tests.folds(folds);
-    for arm in [COULOMB_VISCOUS, LUGRE, NAMED] {
-        let score = arm.held_out(tests, &folds, request.progress);
-        held_out_rows("Second campaign, held out", &arm, tests, &score, outcome);
+    let folds = tests.folds(form.folds);
+    let bases = LUGRE.fits(tests, &folds, request.progress);
+    let mut judged: Vec<Judged> = vec![(LUGRE.name, held_out(tests, &folds, &bases))];
+    for arm in [COULOMB_VISCOUS, NAMED] {
+        let fits = arm.fits(tests, &folds, request.progress);
+        judged.push((arm.name, held_out(tests, &folds, &fits)));
+    }
+    let training = options(request.seed, form.epochs[1], form.groups);
+    let motion = Fed::Motion.held_out(tests, &folds, &bases, &training, request.progress);
+    judged.push((Fed::Motion.name(), motion));
+    let table = "Second campaign, each test held out";
+    for (name, score) in &judged {
+        held_out_rows(outcome, table, name, tests, score);
+    }
+    let published = "published LuGre, its authors' predictions, in sample";
+    let row = Row::measured(table, published, "pooled RMSE / std", "", SECOND_CAMPAIGN_LUGRE);
+    outcome.rows.push(row);
+    pages::second_campaign(tests, &judged, outcome);
+    let Some(mut quakes) = quakes else {
+        outcome.summary.push(left_out(request, QUAKES));
+        return;
+    };
+    quakes.halved();
+    let base = LUGRE.fit(&tests.tracks);
+    let named = NAMED.fit(&tests.tracks);
+    let learn = || Fed::Motion.learnt_from_all(tests, &base, &training, request.progress).0;
+    let (free, mut guarded) = (learn(), learn());
+    guarded.watch_strokes(&tests.tracks);
+    earthquakes::judge(&quakes, &named, &base, &free, &guarded, tests, outcome);
+}
+
+/// The rows of one of the paper's tables.
+fn of_print(
+    outcome: &mut Outcome,
+    table: &str,
+    name: &str,
+    tests: &Campaign,
+    score: &Score,
+    which: fn((f64, f64)) -> f64,
+) {
+    for (test, of) in tests.names.iter().enumerate() {
+        let row = Row::measured(table, name, &spelled(of), "%", score.percent_of_range(test));
+        outcome.rows.push(match of_test(of) {
+            Some(printed) => row.printed(which(printed)),
+            None => row,
+        });
     }
 }
 
-fn held_out_rows(table: &str, arm: &Arm, tests: &Campaign, score: &Score, outcome: &mut Outcome) {
-    let deviation = tests.deviation();
-    let row = |column: &str, unit: &str, ours| Row::measured(table, arm.name, column, unit, ours);
+fn held_out_rows(outcome: &mut Outcome, table: &str, name: &str, tests: &Campaign, score: &Score) {
+    let row = |column: &str, unit: &str, ours| Row::measured(table, name, column, unit, ours);
     outcome.rows.extend([
         row("mean over tests, of range", "%", score.mean_percent_of_range()),
         row("pooled RMSE", "N", score.pooled_rmse()),
-        row("pooled RMSE / std", "", score.pooled_rmse() / deviation),
+        row("pooled RMSE / std", "", score.pooled_rmse() / tests.deviation()),
     ]);
-    for (test, name) in tests.names.iter().enumerate() {
-        outcome.rows.push(row(&spelled(name), "%", score.percent_of_range(test)));
+    for (test, of) in tests.names.iter().enumerate() {
+        outcome.rows.push(row(&spelled(of), "%", score.percent_of_range(test)));
     }
 }

@@ -99,7 +99,7 @@ fn evaluate<const INPUTS: usize>(
 ) -> Evaluation<INPUTS> {
     let network = &supplied.network;
     let (before, from) = (state.hidden, state.factors.to_array());
-    let Trace { scaled, activations, sums, targets } = network.evaluate_traced(state, inputs);
+    let Trace { scaled, activations, sums, targets } = network.evaluate_traced(state, inputs, true);
     let [coulomb, static_level, _] = targets.to_array();
     let far = |factor: usize| (targets.to_array()[factor] - from[factor]).abs() > network.slew;
     Evaluation {

@@ -2,7 +2,7 @@
 
 use crate::fit::Track;
 use compensator_core::Parameters;
-use compensator_core::network::{AugmentedLugre, Network};
+use compensator_core::network::{AugmentedLugre, Network, Stroke, StrokeRange};
 use compensator_core::{Model, Real};
 
 /// Cells of the recurrent layer.
@@ -30,6 +30,13 @@ impl Input {
     }
 }
 
+/// Way back that makes a reversal, m or rad: ten times what the damper's velocity noise adds up to in a second at rest.
+const REVERSAL: f64 = 5e-4;
+
+/// Share of the time at either end of the strokes that does not count as trained on: a test that fades in has been at
+/// every stroke once.
+const STROKES_LEFT_OUT: f64 = 0.05;
+
 /// A law and the network that supplies it: what is trained, and what is run.
 #[derive(Clone, Debug)]
 pub struct Supplied<const INPUTS: usize> {
@@ -39,6 +46,8 @@ pub struct Supplied<const INPUTS: usize> {
     pub inputs: [Input; INPUTS],
     /// The network.
     pub network: Network<f64, INPUTS, CELLS>,
+    /// The strokes it was trained on ([`Supplied::watch_strokes`]); none while it is trained.
+    pub strokes: Option<StrokeRange<f64>>,
     /// Rows from one evaluation to the next.
     pub every: usize,
     /// Steps of the law in a row.
@@ -62,6 +71,26 @@ impl<const INPUTS: usize> Supplied<INPUTS> {
     pub(super) fn held_at_start(&self, track: &Track) -> f64 {
         let level = self.law::<f64>(track).largest_held_nm(1.0);
         track.torque[0].clamp(-level, level)
+    }
+
+    /// Takes the strokes of these tracks for those it knows: all but the shortest and the longest twentieth by time.
+    pub fn watch_strokes(&mut self, tracks: &[Track]) {
+        let Some(first) = tracks.first() else { return };
+        let period_s = first.period_s * self.every as f64;
+        let any = StrokeRange { least: 0.0, most: f64::MAX, reversal: REVERSAL, period_s };
+        let mut lengths = Vec::new();
+        for track in tracks {
+            let mut stroke = Stroke::default();
+            for row in (0..track.len()).step_by(self.every) {
+                stroke.is_known(track.samples[row].velocity_rad_s, &any);
+                lengths.push(stroke.length());
+            }
+        }
+        lengths.sort_by(f64::total_cmp);
+        let at = |share: f64| lengths[((lengths.len() - 1) as f64 * share) as usize];
+        let (least, most) = (at(STROKES_LEFT_OUT), at(1.0 - STROKES_LEFT_OUT));
+        // The longest are as good as those next to them; beyond a tenth more nothing is known.
+        self.strokes = Some(StrokeRange { least, most: 1.1 * most, ..any });
     }
 
     /// The velocity in a sub-step of a row, on a straight line from the row before.

@@ -2,7 +2,7 @@
 
 use super::input::Supplied;
 use crate::fit::Track;
-use compensator_core::network::{Factors, NetworkState};
+use compensator_core::network::{Factors, NetworkState, Stroke};
 
 /// A supplied law on its way along a track, row by row.
 #[derive(Clone, Debug, Default)]
@@ -23,9 +23,14 @@ pub fn predict<const INPUTS: usize>(supplied: &Supplied<INPUTS>, track: &Track) 
     let mut held = supplied.held_at_start(track);
     let mut state = NetworkState::default();
     let mut run = Run::default();
+    let mut stroke = Stroke::default();
     for row in 0..track.len() {
         if row % supplied.every == 0 {
-            supplied.network.evaluate(&mut state, &supplied.read(track, row, held));
+            let velocity = track.samples[row].velocity_rad_s;
+            let is_known =
+                supplied.strokes.as_ref().is_none_or(|range| stroke.is_known(velocity, range));
+            let inputs = supplied.read(track, row, held);
+            supplied.network.evaluate_where(&mut state, &inputs, is_known);
         }
         let mut torque = 0.0;
         for step in 0..supplied.substeps {

@@ -128,27 +128,19 @@ impl Arm {
         vec![with_gap(0.0), with_gap(1.0)]
     }
 
-    /// The forces of all tests, each simulated by a fit that has not seen it.
-    pub fn held_out(
+    /// A fit for each fold, which has not seen it.
+    pub fn fits(
         &self,
         tests: &Campaign,
         folds: &[Vec<usize>],
         done: &(dyn Fn(&str) + Sync),
-    ) -> Score {
-        let mut force = vec![Vec::new(); tests.tracks.len()];
-        let by_fold: Vec<Vec<(usize, Vec<f64>)>> = folds
-            .par_iter()
-            .map(|fold| {
-                let parameters = self.fit(&tests.others(fold));
-                done(self.name);
-                let of = |test: &usize| (*test, simulated(&parameters, &tests.tracks[*test]));
-                fold.iter().map(of).collect()
-            })
-            .collect();
-        for (test, simulated) in by_fold.into_iter().flatten() {
-            force[test] = simulated;
-        }
-        Score::of(&tests.tracks, force)
+    ) -> Vec<Parameters<f64>> {
+        let fitted = |fold: &Vec<usize>| {
+            let parameters = self.fit(&tests.others(fold));
+            done(self.name);
+            parameters
+        };
+        folds.par_iter().map(fitted).collect()
     }
 
     /// The forces of all tests, each simulated by a fit to that test alone: what the paper's Table 2 does.
@@ -156,6 +148,17 @@ impl Arm {
         let of = |track: &Track| simulated(&self.fit(std::slice::from_ref(track)), track);
         Score::of(&tests.tracks, tests.tracks.par_iter().map(of).collect())
     }
+}
+
+/// The forces of all tests, each simulated by the fit of its fold.
+pub(super) fn held_out(tests: &Campaign, folds: &[Vec<usize>], fits: &[Parameters<f64>]) -> Score {
+    let mut force = vec![Vec::new(); tests.tracks.len()];
+    for (fold, parameters) in folds.iter().zip(fits) {
+        for test in fold {
+            force[*test] = simulated(parameters, &tests.tracks[*test]);
+        }
+    }
+    Score::of(&tests.tracks, force)
 }
 
 /// The force of a model along a test, N.

@@ -10,6 +10,13 @@ use std::path::Path;
 /// The covariate that says how tight the bands were set.
 pub(super) const TENSION: &str = "tension_n";
 
+/// The forces of the two actuators.
+pub(super) const ACTUATORS: [&str; 2] = ["actuator1_force_n", "actuator2_force_n"];
+
+/// The actuators' channels are logged this much late against the force, s: 46 rows of the first campaign's 1024 Hz, in
+/// all its tests.
+const ACTUATORS_LATE_S: f64 = 46.0 / 1024.0;
+
 /// A log, one track a test.
 pub(super) struct Campaign {
     /// Names of the tests, in the order of the tracks.
@@ -41,6 +48,35 @@ impl Campaign {
         Self { names, tracks, covariates: data.covariates.clone() }
     }
 
+    /// Puts the actuators' channels back into step with the force.
+    pub fn actuators_in_step(&mut self) {
+        for track in &mut self.tracks {
+            let late = ACTUATORS_LATE_S / track.period_s;
+            let columns = self.covariates.iter().zip(track.covariates.iter());
+            let moved: Vec<Vec<f64>> = columns
+                .map(|(name, column)| {
+                    if ACTUATORS.contains(&name.as_str()) {
+                        earlier(column, late)
+                    } else {
+                        column.clone()
+                    }
+                })
+                .collect();
+            track.covariates = moved.into();
+        }
+    }
+
+    /// Every second row: a log of 512 Hz at the rate of the others.
+    pub fn halved(&mut self) {
+        for track in &mut self.tracks {
+            let every_second = |column: &[f64]| column.iter().copied().step_by(2).collect();
+            track.samples = track.samples.iter().copied().step_by(2).collect();
+            track.torque = every_second(&track.torque);
+            track.covariates = track.covariates.iter().map(|column| every_second(column)).collect();
+            track.period_s *= 2.0;
+        }
+    }
+
     /// Which tests are held out together: one after the other, or every `of`-th.
     pub fn folds(&self, of: Option<usize>) -> Vec<Vec<usize>> {
         let count = self.tracks.len();
@@ -67,9 +103,27 @@ impl Campaign {
     }
 }
 
+/// A column as it was logged `rows` later, on a straight line between them; the last value is held.
+fn earlier(column: &[f64], rows: f64) -> Vec<f64> {
+    let last = column.len().saturating_sub(1);
+    let at = |row: usize| {
+        let place = (row as f64 + rows).min(last as f64);
+        let (below, share) = (place as usize, place.fract());
+        column[below] + (column[(below + 1).min(last)] - column[below]) * share
+    };
+    (0..column.len()).map(at).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_late_channel_is_put_back_into_step() {
+        let late: Vec<f64> = (0..10).map(f64::from).collect();
+        assert_eq!(earlier(&late, 2.5)[..3], [2.5, 3.5, 4.5]);
+        assert_eq!(earlier(&late, 2.5)[7..], [9.0, 9.0, 9.0]);
+    }
 
     fn campaign(tests: usize) -> Campaign {
         let track = |test| Track::even(Vec::new(), vec![test as f64], 0.01);
