@@ -25,7 +25,7 @@ pub use activation::{sigmoid, squash, squash_slope};
 pub use augmented::AugmentedLugre;
 pub use factors::{FACTORS, FactorBounds, Factors};
 pub use input_range::InputRange;
-pub use lstm::{Activations, CELL_LIMIT, GATES, Gate, Hidden, Lstm};
+pub use lstm::{Activations, CELL_LIMIT, Cell, GATES, Hidden, Lstm};
 pub use readout::Readout;
 pub use stroke::{Stroke, StrokeRange};
 
@@ -94,7 +94,7 @@ const LARGEST_SUM: f64 = 1000.0;
 
 impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS> {
     /// How many weights there are: those of the gates, then those of the readout.
-    pub const WEIGHTS: usize = CELLS * GATES * (1 + INPUTS + CELLS) + FACTORS * (1 + CELLS);
+    pub const WEIGHTS: usize = CELLS * Cell::<T, INPUTS, CELLS>::WEIGHTS + FACTORS * (1 + CELLS);
 
     /// Takes one evaluation: inputs in their units, which may be any bit pattern, factors out.
     #[inline]

@@ -18,22 +18,22 @@ pub const GATES: usize = 4;
 /// The largest magnitude of a cell's state.
 pub const CELL_LIMIT: f64 = 8.0;
 
-/// Weights of one gate of one cell.
+/// Weights of one cell, the four gates side by side: a step reads each input once for all of them.
 #[derive(Clone, Copy, Debug)]
-pub struct Gate<T, const INPUTS: usize, const CELLS: usize> {
-    /// `b`.
-    pub bias: T,
-    /// Its row of `W`.
-    pub input: [T; INPUTS],
-    /// Its row of `U`.
-    pub recurrent: [T; CELLS],
+pub struct Cell<T, const INPUTS: usize, const CELLS: usize> {
+    /// `b` of the forget, input, output and candidate gate.
+    pub bias: [T; GATES],
+    /// Their rows of `W`, by input.
+    pub input: [[T; GATES]; INPUTS],
+    /// Their rows of `U`, by cell.
+    pub recurrent: [[T; GATES]; CELLS],
 }
 
-/// A layer: by cell, its gates.
+/// A layer.
 #[derive(Clone, Debug)]
 pub struct Lstm<T, const INPUTS: usize, const CELLS: usize> {
-    /// Forget, input, output and candidate gate of each cell.
-    pub cells: [[Gate<T, INPUTS, CELLS>; GATES]; CELLS],
+    /// Its cells.
+    pub cells: [Cell<T, INPUTS, CELLS>; CELLS],
 }
 
 /// What a layer remembers.
@@ -54,44 +54,69 @@ impl<T: Real, const CELLS: usize> Default for Hidden<T, CELLS> {
 /// What a step computed on its way, for whoever goes back along it.
 #[derive(Clone, Copy, Debug)]
 pub struct Activations<T, const CELLS: usize> {
-    /// What each gate summed up, before it was squashed.
+    /// What each gate of each cell summed up, before it was squashed.
     pub sums: [[T; GATES]; CELLS],
     /// `f c + i c~`, before it was limited.
     pub cell: [T; CELLS],
 }
 
-impl<T: Real, const INPUTS: usize, const CELLS: usize> Gate<T, INPUTS, CELLS> {
+/// `sums` and a number times each gate's weight of it.
+#[inline(always)]
+fn plus<T: Real>(sums: [T; GATES], weights: &[T; GATES], number: T) -> [T; GATES] {
+    let [forget, input, output, candidate] = sums;
+    let [of_forget, of_input, of_output, of_candidate] = *weights;
+    [
+        forget.plus_product(of_forget, number),
+        input.plus_product(of_input, number),
+        output.plus_product(of_output, number),
+        candidate.plus_product(of_candidate, number),
+    ]
+}
+
+impl<T: Real, const INPUTS: usize, const CELLS: usize> Cell<T, INPUTS, CELLS> {
+    /// How many weights a cell has.
+    pub const WEIGHTS: usize = GATES * (1 + INPUTS + CELLS);
+
     #[inline(always)]
-    fn sum(&self, inputs: &[T; INPUTS], output: &[T; CELLS]) -> T {
-        let mut sum = self.bias;
-        for (weight, input) in self.input.iter().zip(inputs) {
-            sum = sum.plus_product(*weight, *input);
+    fn sums(&self, inputs: &[T; INPUTS], output: &[T; CELLS]) -> [T; GATES] {
+        let mut sums = self.bias;
+        for (weights, input) in self.input.iter().zip(inputs) {
+            sums = plus(sums, weights, *input);
         }
-        for (weight, output) in self.recurrent.iter().zip(output) {
-            sum = sum.plus_product(*weight, *output);
+        for (weights, output) in self.recurrent.iter().zip(output) {
+            sums = plus(sums, weights, *output);
         }
-        sum
+        sums
     }
 
-    fn map<R: Real>(&self, f: impl Fn(T) -> R) -> Gate<R, INPUTS, CELLS> {
-        Gate { bias: f(self.bias), input: self.input.map(&f), recurrent: self.recurrent.map(&f) }
+    fn map<R: Real>(&self, f: impl Fn(T) -> R) -> Cell<R, INPUTS, CELLS> {
+        Cell {
+            bias: self.bias.map(&f),
+            input: self.input.map(|row| row.map(&f)),
+            recurrent: self.recurrent.map(|row| row.map(&f)),
+        }
     }
 
-    fn weights(&self) -> impl Iterator<Item = T> + '_ {
-        core::iter::once(self.bias).chain(self.input).chain(self.recurrent)
+    /// Its weights by fours, one for each gate: bias, inputs, cells.
+    fn rows(&self) -> impl Iterator<Item = &[T; GATES]> {
+        core::iter::once(&self.bias).chain(&self.input).chain(&self.recurrent)
+    }
+
+    fn rows_mut(&mut self) -> impl Iterator<Item = &mut [T; GATES]> {
+        core::iter::once(&mut self.bias).chain(&mut self.input).chain(&mut self.recurrent)
     }
 }
 
 impl<T: Real, const INPUTS: usize, const CELLS: usize> Lstm<T, INPUTS, CELLS> {
     /// A layer of nothing but zeros.
     pub fn zero() -> Self {
-        let gate =
-            Gate { bias: T::zero(), input: [T::zero(); INPUTS], recurrent: [T::zero(); CELLS] };
-        Self { cells: [[gate; GATES]; CELLS] }
+        let zeros = [T::zero(); GATES];
+        let cell = Cell { bias: zeros, input: [zeros; INPUTS], recurrent: [zeros; CELLS] };
+        Self { cells: [cell; CELLS] }
     }
 
-    /// One step. The inputs are within -1..=1.
-    #[inline]
+    /// One step. The inputs are within -1..=1. In place, so that what only training wants is not written elsewhere.
+    #[inline(always)]
     pub fn step(
         &self,
         hidden: &mut Hidden<T, CELLS>,
@@ -103,10 +128,8 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Lstm<T, INPUTS, CELLS> {
         let limit = T::from_f64(CELL_LIMIT);
         let each = self.cells.iter().zip(&mut taken.sums).zip(&mut taken.cell);
         let states = hidden.output.iter_mut().zip(&mut hidden.cell);
-        for (((gates, sums), limitless), (output, cell)) in each.zip(states) {
-            for (sum, gate) in sums.iter_mut().zip(gates) {
-                *sum = gate.sum(inputs, &before);
-            }
+        for (((weights, sums), limitless), (output, cell)) in each.zip(states) {
+            *sums = weights.sums(inputs, &before);
             let [forget, input, out, candidate] = *sums;
             *limitless = sigmoid(forget) * *cell + sigmoid(input) * squash(candidate);
             *cell = limitless.within(limit);
@@ -117,28 +140,24 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Lstm<T, INPUTS, CELLS> {
 
     /// The same in another number.
     pub fn map<R: Real>(&self, f: impl Fn(T) -> R) -> Lstm<R, INPUTS, CELLS> {
-        Lstm { cells: self.cells.each_ref().map(|gates| gates.each_ref().map(|gate| gate.map(&f))) }
-    }
-
-    fn gates(&self) -> impl Iterator<Item = &Gate<T, INPUTS, CELLS>> {
-        self.cells.iter().flatten()
+        Lstm { cells: self.cells.each_ref().map(|cell| cell.map(&f)) }
     }
 
     /// The largest sum of the magnitudes of a gate's weights.
     pub(super) fn largest_sum(&self) -> f64 {
-        largest(self.gates().map(|gate| gate.weights().map(|weight| weight.value().abs()).sum()))
+        let of_gate = |cell: &Cell<T, INPUTS, CELLS>, gate: usize| -> f64 {
+            cell.rows().flat_map(|row| row.get(gate)).map(|weight| weight.value().abs()).sum()
+        };
+        largest(self.cells.iter().flat_map(|cell| (0..GATES).map(move |gate| of_gate(cell, gate))))
     }
 
     pub(super) fn for_each(&self, sink: &mut impl FnMut(T)) {
-        self.gates().flat_map(Gate::weights).for_each(sink);
+        self.cells.iter().flat_map(Cell::rows).flatten().copied().for_each(sink);
     }
 
     pub(super) fn set(&mut self, next: &mut impl FnMut() -> Option<T>) -> Option<()> {
-        for gate in self.cells.iter_mut().flatten() {
-            gate.bias = next()?;
-            for weight in gate.input.iter_mut().chain(&mut gate.recurrent) {
-                *weight = next()?;
-            }
+        for weight in self.cells.iter_mut().flat_map(Cell::rows_mut).flatten() {
+            *weight = next()?;
         }
         Some(())
     }

@@ -173,7 +173,7 @@ fn what_is_no_network_is_refused() {
         change(&mut network);
         network.validate().unwrap_err().field
     };
-    assert_eq!(refused(&|n| n.lstm.cells[3][1].recurrent[2] = f64::NAN), "network_weights");
+    assert_eq!(refused(&|n| n.lstm.cells[3].recurrent[2][1] = f64::NAN), "network_weights");
     assert_eq!(refused(&|n| n.readout.bias[2] = 2000.0), "network_weights");
     assert_eq!(refused(&|n| n.inputs[0].per_unit = 0.0), "network_input_per_unit");
     assert_eq!(refused(&|n| n.inputs[0].middle = f64::NAN), "network_input_middle");

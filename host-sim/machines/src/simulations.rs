@@ -2,10 +2,12 @@
 //!
 //! A new machine, or a new experiment on one, is a file here with a [`Simulation`] and its line in the list.
 
+mod damper;
 mod underwater_joint;
 
 use crate::simulation::Simulation;
+use damper::Damper;
 use underwater_joint::UnderwaterJoint;
 
 /// Every simulation there is.
-pub const SIMULATIONS: &[&dyn Simulation] = &[&UnderwaterJoint];
+pub const SIMULATIONS: &[&dyn Simulation] = &[&UnderwaterJoint, &Damper];

@@ -153,8 +153,8 @@ fn second_campaign(
     quakes.halved();
     let base = LUGRE.fit(&tests.tracks);
     let named = NAMED.fit(&tests.tracks);
-    let learn = || Fed::Motion.learnt_from_all(tests, &base, &training, request.progress).0;
-    let (free, mut guarded) = (learn(), learn());
+    let (free, _) = Fed::Motion.learnt_from_all(tests, &base, &training, request.progress);
+    let mut guarded = free.clone();
     guarded.watch_strokes(&tests.tracks);
     earthquakes::judge(&quakes, &named, &base, &free, &guarded, tests, outcome);
 }

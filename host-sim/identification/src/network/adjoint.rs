@@ -198,7 +198,7 @@ fn back_through_lstm<const INPUTS: usize>(
 ) -> [f64; INPUTS] {
     let mut by_inputs = [0.0; INPUTS];
     let mut by_output_before = [0.0; CELLS];
-    let mut gates = gradient.chunks_exact_mut(1 + INPUTS + CELLS);
+    let mut cells = gradient.chunks_exact_mut(GATES * (1 + INPUTS + CELLS));
     for cell in 0..CELLS {
         let [forget, input, output, candidate] = at.activations.sums[cell];
         let (after, before) = (at.after.cell[cell], at.before.cell[cell]);
@@ -213,16 +213,18 @@ fn back_through_lstm<const INPUTS: usize>(
             by * squash(after) * sigmoid_slope(output),
             by_state * sigmoid(input) * squash_slope(candidate),
         ];
-        for (weights, by_gate) in supplied.network.lstm.cells[cell].iter().zip(by_gates) {
-            let Some(gradient) = gates.next() else { continue };
-            gradient[0] += by_gate;
+        let weights = &supplied.network.lstm.cells[cell];
+        let Some(gradient) = cells.next() else { continue };
+        let (own, others) = gradient.split_at_mut(GATES * (1 + INPUTS));
+        for gate in 0..GATES {
+            own[gate] += by_gates[gate];
             for index in 0..INPUTS {
-                gradient[1 + index] += by_gate * at.scaled[index];
-                by_inputs[index] += by_gate * weights.input[index];
+                own[GATES * (1 + index) + gate] += by_gates[gate] * at.scaled[index];
+                by_inputs[index] += by_gates[gate] * weights.input[index][gate];
             }
             for other in 0..CELLS {
-                gradient[1 + INPUTS + other] += by_gate * at.before.output[other];
-                by_output_before[other] += by_gate * weights.recurrent[other];
+                others[GATES * other + gate] += by_gates[gate] * at.before.output[other];
+                by_output_before[other] += by_gates[gate] * weights.recurrent[other][gate];
             }
         }
     }

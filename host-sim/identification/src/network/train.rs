@@ -11,7 +11,7 @@ use super::input::{CELLS, Input, Supplied};
 use super::predict::predict;
 use crate::fit::Track;
 use compensator_core::Parameters;
-use compensator_core::network::{FactorBounds, GATES, InputRange, Lstm, Network, Readout, sigmoid};
+use compensator_core::network::{FactorBounds, InputRange, Lstm, Network, Readout, sigmoid};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -213,10 +213,10 @@ pub(super) fn untrained<const INPUTS: usize>(
     supplied.network.inputs = inputs.map(|input| range(&supplied, input, tracks));
     let mut random = Pcg64Mcg::seed_from_u64(options.seed);
     let size = 1.0 / ((INPUTS + CELLS) as f64).sqrt();
-    for (index, gate) in supplied.network.lstm.cells.iter_mut().flatten().enumerate() {
+    for cell in &mut supplied.network.lstm.cells {
         // A forget gate that begins open: the memory a gap needs is some ten evaluations.
-        gate.bias = if index % GATES == 0 { 1.0 } else { 0.0 };
-        for weight in gate.input.iter_mut().chain(&mut gate.recurrent) {
+        cell.bias[0] = 1.0;
+        for weight in cell.input.iter_mut().chain(&mut cell.recurrent).flatten() {
             *weight = size * random.random_range(-1.0..1.0);
         }
     }

@@ -123,6 +123,7 @@ impl Places {
 }
 
 /// A trained network, by how many inputs it has.
+#[derive(Clone)]
 pub(super) enum Learnt {
     One(Supplied<1>),
     Two(Supplied<2>),
