@@ -10,6 +10,7 @@ mod demo;
 mod diagnose;
 mod export;
 mod identify;
+mod identify_network;
 mod input;
 mod monitor;
 mod node;

@@ -14,6 +14,7 @@ mod earthquakes;
 mod pages;
 mod printed;
 mod score;
+mod simulated;
 mod supplied;
 
 use super::{Outcome, Paper, Request, Row};
@@ -81,6 +82,7 @@ impl Paper for Damper {
             }
             None => outcome.summary.push(left_out(request, SECOND)),
         }
+        simulated::what_is_not_public(request, &mut outcome)?;
         outcome.summary.push(pages::WHAT_IT_MAY_CLAIM.into());
         outcome.blocks.insert(0, pages::definitions());
         Ok(outcome)
