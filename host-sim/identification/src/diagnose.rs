@@ -65,7 +65,7 @@ use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use extended::{Observation, Unexplained};
 use gram_blocks::LeftOut;
-use model::Fitted;
+use model::{Fits, Fitted};
 use offer::Offer;
 use search::{Extension, Search};
 use std::time::Instant;
@@ -210,7 +210,8 @@ pub fn diagnose(
         some = some.without(at_rest);
     }
     let seed = question.seed;
-    let search = Search { log: &some, base: &base, seed, progress };
+    let fits = Fits::new(&some);
+    let search = Search { log: &some, fits: &fits, base: &base, seed, progress };
     let whole = match &at_rest {
         Some(at_rest) => whole.without(at_rest),
         None => whole,

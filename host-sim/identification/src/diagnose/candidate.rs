@@ -73,6 +73,8 @@ pub struct Candidate {
     pub extra: Option<usize>,
     /// Whether it is only there to be held against its own cause: what would look alike without it, and is never named.
     pub is_foil: bool,
+    /// Whether it is only there to be named beside another cause that explains the same, and never for itself.
+    pub is_only_rival: bool,
 }
 
 impl Candidate {
@@ -90,6 +92,7 @@ impl Candidate {
             weight: 1.0,
             extra: None,
             is_foil: false,
+            is_only_rival: false,
         }
     }
 
@@ -97,6 +100,13 @@ impl Candidate {
     #[must_use]
     pub fn as_foil(mut self) -> Self {
         (self.is_foil, self.weight) = (true, 0.0);
+        self
+    }
+
+    /// Named beside others alone, see [`Candidate::is_only_rival`].
+    #[must_use]
+    pub fn as_rival(mut self) -> Self {
+        (self.is_only_rival, self.weight) = (true, 0.0);
         self
     }
 

@@ -1,4 +1,7 @@
 //! A model on its way: fitted, extended by a candidate, shortened by a term.
+//!
+//! A search asks for the same fit again and again: after a claim has fallen it begins anew, and comes by the models
+//! it has seen. [`Fits`] keeps what was fitted on its log, by where each fit began.
 
 use super::candidate::{Candidate, InitialGuess};
 use super::gram_blocks::CandidateFit;
@@ -10,15 +13,19 @@ use crate::fit::solve::ENOUGH_TO_COMPARE;
 use crate::fit::{FitOptions, Rows, fit};
 use crate::spec::{Spec, SpecError};
 use compensator_core::{ParameterId, Parameters, TermKind};
+use std::cell::RefCell;
 
 /// Simulations per parameter of a fit that only has to tell causes apart; what is reported is fitted to
 /// the end.
 const PATIENCE: usize = 3;
 
-/// A fit goes on, so many times, while it gains less than this share of what the linear fit promised.
+/// A fit goes on, so many times, while it gains less than this share of what the linear fit promised,
 const MORE_FITS: usize = 4;
 
 const PROMISED: f64 = 0.95;
+
+/// and gets so much nearer to it each time: what a bend of the law takes back from the promise no more fits bring.
+const NEARER: f64 = 0.1;
 
 /// A model on its way.
 #[derive(Clone, Debug)]
@@ -54,6 +61,7 @@ impl Fitted {
 }
 
 /// Where a fit begins, and what it keeps.
+#[derive(Clone, Debug, PartialEq)]
 struct Start {
     spec: Spec,
     parameters: Parameters<f64>,
@@ -61,6 +69,30 @@ struct Start {
     /// The column one of the terms follows, if that may follow any.
     follows: Option<Follows>,
     resolution: Resolution,
+}
+
+/// What was fitted on a log.
+pub struct Fits<'a> {
+    log: &'a TrainTest,
+    made: RefCell<Vec<(Start, Fitted)>>,
+}
+
+impl<'a> Fits<'a> {
+    /// None yet.
+    pub fn new(log: &'a TrainTest) -> Self {
+        Self { log, made: RefCell::default() }
+    }
+
+    /// The fit from a start, made once.
+    fn from(&self, start: &Start) -> Fitted {
+        let known =
+            self.made.borrow().iter().find(|(own, _)| own == start).map(|(_, fit)| fit.clone());
+        known.unwrap_or_else(|| {
+            let fitted = refit(&self.log.following(start.follows.as_ref()), start);
+            self.made.borrow_mut().push((start.clone(), fitted.clone()));
+            fitted
+        })
+    }
 }
 
 /// Fits a model from a start, at a resolution known to do. The log follows what the model follows.
@@ -107,7 +139,7 @@ pub fn again(rows: Rows, model: &Fitted) -> Fitted {
 /// # Errors
 /// If there are more terms than the core takes.
 pub fn with_candidate(
-    log: &TrainTest,
+    fits: &Fits,
     model: &Fitted,
     candidate: &Candidate,
     linear: &CandidateFit,
@@ -130,18 +162,18 @@ pub fn with_candidate(
     let mut fixed = model.fixed.clone();
     fixed.extend(&candidate.fixed);
     let follows = candidate.follows.clone().or_else(|| model.follows.clone());
-    let log = log.following(follows.as_ref());
     let mut start = Start { spec, parameters, fixed, follows, resolution: model.resolution };
-    let mut fitted = refit(&log, &start);
+    let mut fitted = fits.from(&start);
     // A short fit may stop on its way: what the linear fit promised should at least be kept.
     for _ in 0..MORE_FITS {
-        if model.sse - fitted.sse > PROMISED * linear.gain {
+        let missing = PROMISED * linear.gain - (model.sse - fitted.sse);
+        if missing <= 0.0 {
             break;
         }
         let before = fitted.sse;
         start.parameters = fitted.parameters;
-        fitted = refit(&log, &start);
-        if fitted.sse > 0.999 * before {
+        fitted = fits.from(&start);
+        if before - fitted.sse < f64::max(NEARER * missing, 0.001 * before) {
             break;
         }
     }
@@ -154,7 +186,7 @@ pub fn with_candidate(
 /// # Errors
 /// If there are more terms than the core takes.
 pub fn without(
-    log: &TrainTest,
+    fits: &Fits,
     model: &Fitted,
     term: TermKind,
     follows: Option<&Follows>,
@@ -174,5 +206,5 @@ pub fn without(
         .collect();
     let (follows, resolution) = (follows.cloned(), model.resolution);
     let start = Start { spec, parameters, fixed, follows, resolution };
-    Ok(refit(&log.following(start.follows.as_ref()), &start))
+    Ok(fits.from(&start))
 }

@@ -30,7 +30,7 @@ fn is_any_shape(found: &Found) -> bool {
 /// # Errors
 /// If there are more terms than the core takes.
 pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, SpecError> {
-    let Search { log, base, seed, progress } = *search;
+    let Search { log, base, seed, progress, .. } = *search;
     let mut lost_claims = Vec::new();
     let mut left = extension.found.len();
     while left > 0 {
@@ -156,12 +156,12 @@ fn fitted_rivals(
             continue;
         };
         // What changes the same parameters over the same rows is asked however little its columns promise.
-        let is_kin = !own.acts_on().is_empty() && cause.acts_on() == own.acts_on();
+        let is_kin = own.is_nonlinear() && cause.acts_on() == own.acts_on();
         if !is_kin && round.gram.confusion(fit.candidate, best.candidate).0 < SHORTLISTED {
             continue;
         }
         let candidate = &round.candidates[best.candidate];
-        let fitted = with_candidate(search.log, rest, candidate, best)?;
+        let fitted = with_candidate(search.fits, rest, candidate, best)?;
         let standing = Standing::of_model(search.log, &fitted, round.length);
         let all = own_standing.better_than(&round.standing).describes.value;
         let share = standing.better_than(&round.standing).describes.value / all;

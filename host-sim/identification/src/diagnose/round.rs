@@ -67,6 +67,7 @@ impl Round {
         let comparisons: Vec<f64> =
             candidates.iter().map(|candidate| candidate.comparisons).collect();
         let all = gram.try_all(&comparisons).into_iter();
+        let all = all.filter(|fit| !candidates[fit.candidate].is_only_rival);
         let (foils, fits) = all.partition(|fit| candidates[fit.candidate].is_foil);
         let standing = Standing::of(&gram);
         let excess = log.beyond_floor(standing.sse());

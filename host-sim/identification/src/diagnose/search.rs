@@ -1,7 +1,7 @@
 //! What a search for causes works on, and what it has come to so far.
 
 use super::found::Found;
-use super::model::{Fitted, without};
+use super::model::{Fits, Fitted, without};
 use super::train_test::TrainTest;
 use crate::spec::SpecError;
 
@@ -10,6 +10,8 @@ use crate::spec::SpecError;
 pub struct Search<'a> {
     /// The log.
     pub log: &'a TrainTest,
+    /// What was fitted on it.
+    pub fits: &'a Fits<'a>,
     /// The base law fitted.
     pub base: &'a Fitted,
     /// For what is drawn at random.
@@ -38,6 +40,6 @@ impl Extension {
         }
         let gone = &self.found[index];
         let follows = self.model.follows.as_ref().filter(|_| gone.follows.is_none());
-        without(search.log, &self.model, gone.term, follows)
+        without(search.fits, &self.model, gone.term, follows)
     }
 }

@@ -175,10 +175,10 @@ impl Turn<'_> {
         mut fit: CandidateFit,
         winner: &mut Option<Winner>,
     ) -> Result<(), SpecError> {
-        let Search { log, progress, .. } = *self.search;
+        let Search { log, fits, progress, .. } = *self.search;
         let candidate = &round.candidates[fit.candidate];
         progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
-        let fitted = with_candidate(log, model, candidate, &fit)?;
+        let fitted = with_candidate(fits, model, candidate, &fit)?;
         let better = Standing::of_model(log, &fitted, round.length).better_than(&round.standing);
         let all = round.candidates.len() as f64 * candidate.comparisons;
         let probability = better.describes.probability(candidate.regressors.len(), all);

@@ -124,8 +124,11 @@ impl TrainTest {
             notes: Vec::new(),
             aligned_order: None,
         };
-        // What the runs left out rubbed warms those that come after them.
-        warmth::remember(log.train_tracks.iter_mut().chain(&mut log.test_tracks));
+        // What the runs left out rubbed warms those that come after them. Where each run is left out once, both are all
+        // runs, and know it of themselves; together each would lie over itself, and no clock would be common.
+        if !log.leaves_each_out {
+            warmth::remember(log.train_tracks.iter_mut().chain(&mut log.test_tracks));
+        }
         (log.extras, log.notes) = log.choose_extras();
         log
     }
@@ -357,4 +360,48 @@ pub fn correlation(
     let covariance = product / n - sum[0] / n * (sum[1] / n);
     let spread = (variance(0) * variance(1)).sqrt();
     if n > 0.0 && spread > 0.0 { covariance / spread } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::{BadRows, JointKind, Part};
+
+    /// Runs of ten seconds, a minute apart, on one clock.
+    fn campaign(runs: usize) -> Dataset {
+        let run = |index: usize| Run {
+            name: index.to_string(),
+            time_s: (0..1000).map(|row| 60.0 * index as f64 + 0.01 * f64::from(row)).collect(),
+            velocity: vec![2.0; 1000],
+            torque: vec![1.5; 1000],
+            ..Run::default()
+        };
+        Dataset {
+            joint: JointKind::Revolute,
+            runs: (0..runs).map(run).collect(),
+            files: vec![],
+            rows: 1000 * runs,
+            rows_read: 1000 * runs,
+            bad_rows: BadRows::default(),
+            covariates: vec![],
+            left_out_columns: vec![],
+            notes: vec![],
+            sources: vec![],
+        }
+    }
+
+    #[test]
+    fn runs_remember_what_rubbed_before_them_whichever_way_they_are_judged() {
+        let data = campaign(4);
+        let part = |run: usize| Part { run, rows: 0..1000 };
+        let all: Vec<Part> = (0..4).map(part).collect();
+        let each_once = Split { train: all.clone(), test: all };
+        let apart = Split { train: vec![part(0), part(1), part(3)], test: vec![part(2)] };
+        let before = |split: &Split| -> Vec<usize> {
+            let log = TrainTest::new(&data, split, 1, &[]);
+            log.train_tracks.iter().map(|track| track.earlier.len()).collect()
+        };
+        assert_eq!(before(&each_once), [0, 1, 2, 3]);
+        assert_eq!(before(&apart), [0, 1, 3]);
+    }
 }

@@ -1,4 +1,4 @@
-//! Friction falls with the heat it leaves, where no temperature tells it.
+//! Friction falls with the heat it leaves, where no temperature is logged.
 //!
 //! The heat is a state of the joint that no column shows; what fills it, the work of the friction, the model
 //! knows itself. How much of it counts (`E0`) and how soon it is lost (`T`) is not linear: a coarse grid of both,
@@ -13,17 +13,15 @@ use crate::fit::Track;
 use crate::number::significant;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// Times of cooling that are tried, over the length of a run; and one that is a share of the campaign.
+/// Times of cooling that are tried, over the length of a run.
 const COOLING: [f64; 3] = [0.5, 5.0, 100.0];
-const OF_CAMPAIGN: f64 = 0.5;
 
-/// Energies that are tried, over what is held: of the work of a run in its end, or of a campaign's while it goes on,
-/// whichever is more.
+/// Energies that are tried, over what is held of the work of a run after so long a time.
 const ENERGIES: [f64; 2] = [0.5, 2.0];
 
-/// What the gain counts for where a temperature is logged: that of the seal would know better; one of the water or the
-/// housing does not know.
-const BESIDE_TEMPERATURE: f64 = 0.9;
+/// Heat that stays is a change over the campaign, which no rest brings back: to be named beside that one. It is lost in so
+/// many campaigns.
+const HELD_OVER_CAMPAIGNS: f64 = 10.0;
 
 /// See the module.
 pub struct WarmUp;
@@ -45,6 +43,21 @@ fn typical(tracks: &[Track]) -> Option<(f64, f64)> {
     };
     let mean = tracks.iter().map(power).sum::<f64>() / rows.max(1) as f64;
     (mean > 0.0 && middle > 0.0).then_some((middle, mean))
+}
+
+/// One that takes this energy, J, and loses it in this time, s.
+fn candidate(beside: &Beside, energy_j: f64, cooling_s: f64) -> Candidate {
+    let legal = |id: Id, value: f64| value.clamp(id.info().lower, id.info().upper);
+    let energy = legal(Id::WarmUpEnergy, energy_j);
+    let cooling = legal(Id::WarmUpCooling, cooling_s);
+    let settings = vec![(Id::WarmUpEnergy, energy), (Id::WarmUpCooling, cooling)];
+    let by = Exact { kind: TermKind::WarmUp, settings, derivative: Some(Id::WarmUpFall) };
+    let columns = [beside.log.velocity_name()];
+    Candidate::new(TermKind::WarmUp, &columns, vec![Regressor::Exact(by)]).starting_at(&[
+        (Id::WarmUpFall, InitialGuess::Times(0, 1.0)),
+        (Id::WarmUpEnergy, InitialGuess::At(energy)),
+        (Id::WarmUpCooling, InitialGuess::At(cooling)),
+    ])
 }
 
 impl Cause for WarmUp {
@@ -77,38 +90,27 @@ impl Cause for WarmUp {
         if !beside.log.has_campaign_clock() {
             return Vec::new();
         }
-        let weight = if beside.log.varies("temperature_c") { BESIDE_TEMPERATURE } else { 1.0 };
         let Some((length_s, power)) = typical(&beside.log.train_tracks) else { return Vec::new() };
-        let columns = [beside.log.velocity_name()];
-        let campaign_s = beside.log.campaign_s();
         let tracks = &beside.log.train_tracks;
         let rubbing_s: f64 = tracks.iter().map(|track| track.len() as f64 * track.period_s).sum();
-        let long = OF_CAMPAIGN * campaign_s / length_s;
-        let coolings = COOLING.into_iter().chain((long > 2.0 * COOLING[2]).then_some(long));
-        let settings = coolings.flat_map(|cooling| {
-            // What is held in the end of a steady power over one run, and of the mean power of the campaign.
-            let of_run = power * length_s * cooling * (1.0 - (-1.0 / cooling).exp());
-            let of_campaign = power * (rubbing_s / campaign_s).min(1.0) * cooling * length_s;
-            let held = f64::max(of_run, of_campaign);
+        let within_runs = COOLING.into_iter().flat_map(|cooling| {
+            // What is held in the end of a steady power over one run.
+            let held = power * length_s * cooling * (1.0 - (-1.0 / cooling).exp());
             ENERGIES.map(|share| (share * held, cooling * length_s))
         });
-        let legal = |id: Id, value: f64| value.clamp(id.info().lower, id.info().upper);
-        settings
-            .map(|(energy, cooling)| {
-                let energy = legal(Id::WarmUpEnergy, energy);
-                let cooling = legal(Id::WarmUpCooling, cooling);
-                let settings = vec![(Id::WarmUpEnergy, energy), (Id::WarmUpCooling, cooling)];
-                let derivative = Some(Id::WarmUpFall);
-                let by = Exact { kind: TermKind::WarmUp, settings, derivative };
-                Candidate::new(TermKind::WarmUp, &columns, vec![Regressor::Exact(by)])
-                    .starting_at(&[
-                        (Id::WarmUpFall, InitialGuess::Times(0, 1.0)),
-                        (Id::WarmUpEnergy, InitialGuess::At(energy)),
-                        (Id::WarmUpCooling, InitialGuess::At(cooling)),
-                    ])
-                    .weighing(weight)
-            })
-            .collect()
+        let of_campaign = ENERGIES.map(|share| {
+            (share * power * rubbing_s, HELD_OVER_CAMPAIGNS * beside.log.campaign_s())
+        });
+        // A temperature that was measured knows better.
+        let is_told = beside.log.varies("temperature_c");
+        let own = within_runs.map(|(energy, cooling)| {
+            let candidate = candidate(beside, energy, cooling);
+            if is_told { candidate.as_rival() } else { candidate }
+        });
+        own.chain(
+            of_campaign.map(|(energy, cooling)| candidate(beside, energy, cooling).as_rival()),
+        )
+        .collect()
     }
 
     fn in_words(&self, size: &crate::diagnose::Size, extended: &Extended) -> String {
