@@ -188,14 +188,13 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
             bounds.validate()?;
         }
         let sum = lstm::largest([self.lstm.largest_sum(), self.readout.largest_sum()].into_iter());
-        // Not `sum > LARGEST_SUM`: what is not a number is no weight either.
-        if !(sum <= LARGEST_SUM) {
+        if sum.is_nan() || sum > LARGEST_SUM {
             let why = "their sum must stay within the range of fixed point";
             refuse("network_weights", sum, Bound::AtMost(LARGEST_SUM), why)?;
         }
         for (field, value) in [("network_slew", self.slew), ("network_fade", self.fade)] {
             let value = value.value();
-            if !(value > 0.0) {
+            if value.is_nan() || value <= 0.0 {
                 refuse(field, value, Bound::MoreThan(0.0), "factors must be able to move")?;
             }
             if value > 1.0 {

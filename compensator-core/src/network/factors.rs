@@ -52,16 +52,16 @@ impl<T: Real> FactorBounds<T> {
     pub(super) fn validate(&self) -> Result<(), ParameterError> {
         let (least, most) = (self.least.value(), self.most.value());
         let why = "the constants, a factor of 1, are among them";
-        if !(least > 0.0) {
+        if least.is_nan() || least <= 0.0 {
             refuse("network_factor_least", least, Bound::MoreThan(0.0), "bristles hold something")?;
         }
-        if !(least <= 1.0) {
+        if least > 1.0 {
             refuse("network_factor_least", least, Bound::AtMost(1.0), why)?;
         }
-        if !(most >= 1.0) {
+        if most.is_nan() || most < 1.0 {
             refuse("network_factor_most", most, Bound::AtLeast(1.0), why)?;
         }
-        if !(most <= LARGEST_FACTOR) {
+        if most > LARGEST_FACTOR {
             let why = "more than that the law was not fitted for";
             refuse("network_factor_most", most, Bound::AtMost(LARGEST_FACTOR), why)?;
         }

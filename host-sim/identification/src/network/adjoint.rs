@@ -282,16 +282,17 @@ mod tests {
         let plain = super::super::predict(&supplied, &track).torque;
         let squares: f64 = plain.iter().zip(&track.torque).map(|(s, m)| (s - m).powi(2)).sum();
         assert!((value - 0.5 * squares / 400.0 / 25.0).abs() < 1e-12 * value);
+        let count = gradient.len();
         let mut moved = |index: usize, by: f64| {
             let mut weights = weights.clone();
             weights[index] += by;
             supplied.network.set_weights(weights.into_iter());
-            loss(&supplied, &track, 5.0, &mut vec![0.0; gradient.len()])
+            loss(&supplied, &track, 5.0, &mut vec![0.0; count])
         };
         let mut wrong = 0;
-        for index in 0..gradient.len() {
+        for (index, derivative) in gradient.iter().enumerate() {
             let slope = (moved(index, 1e-6) - moved(index, -1e-6)) / 2e-6;
-            let apart = (slope - gradient[index]).abs();
+            let apart = (slope - derivative).abs();
             wrong += usize::from(apart > 1e-6 + 1e-4 * slope.abs());
         }
         let largest = gradient.iter().fold(0.0f64, |most, g| most.max(g.abs()));

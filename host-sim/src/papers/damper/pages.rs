@@ -122,7 +122,6 @@ fn loops(tests: &Campaign, test: usize, judged: &[Judged], names: &[&'static str
         x: Axis::new("travel (mm)"),
         y: Axis::new("force (kN)"),
         series,
-        ..Chart::default()
     })
 }
 

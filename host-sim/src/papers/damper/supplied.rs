@@ -125,9 +125,9 @@ impl Places {
 /// A trained network, by how many inputs it has.
 #[derive(Clone)]
 pub(super) enum Learnt {
-    One(Supplied<1>),
-    Two(Supplied<2>),
-    Three(Supplied<3>),
+    One(Box<Supplied<1>>),
+    Two(Box<Supplied<2>>),
+    Three(Box<Supplied<3>>),
 }
 
 impl Learnt {
@@ -156,8 +156,8 @@ fn trained<const INPUTS: usize>(
     tracks: &[Track],
     options: &TrainOptions,
     progress: &(dyn Fn(Progress) + Sync),
-) -> Supplied<INPUTS> {
-    train(base, inputs, tracks, options, progress).supplied
+) -> Box<Supplied<INPUTS>> {
+    Box::new(train(base, inputs, tracks, options, progress).supplied)
 }
 
 /// Training of a campaign: passes in the long or the short form.
@@ -168,7 +168,7 @@ pub(super) fn options(seed: u64, epochs: usize, groups: usize) -> TrainOptions {
 
 fn say(fed: Fed, at: Progress, options: &TrainOptions, done: &(dyn Fn(&str) + Sync)) {
     const EVERY: usize = 10;
-    if at.epoch % EVERY == 0 {
+    if at.epoch.is_multiple_of(EVERY) {
         let (name, epochs) = (fed.name(), options.epochs);
         done(&format!("{name}: pass {} of {epochs}, loss {:.4}", at.epoch, at.loss));
     }
