@@ -6,7 +6,7 @@
 //!
 //! Reading order: [`law`] (what rubs), [`effect`] and [`term`] (what changes how hard),
 //! [`parameters`] (written, validated, built), [`model`] (one sample in, one torque out),
-//! [`compensator`] (the model made safe for a current loop), [`record`] (parameters in flash), [`can`]
+//! [`compensator`] (the model made safe for a current loop), [`network`] (parameters a network supplies), [`record`] (parameters in flash), [`can`]
 //! (samples and answers on the bus). [`quantity`] is the table of what a joint measures.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -33,6 +33,7 @@ mod flags;
 mod joint_kind;
 pub mod law;
 pub mod model;
+pub mod network;
 pub mod number;
 pub mod parameter;
 pub mod parameters;

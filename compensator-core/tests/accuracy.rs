@@ -15,6 +15,7 @@ use compensator_core::{Fixed, LawKind, Parameters};
 use std::fmt::Write as _;
 use support::Seal;
 use support::motion::{self, Motion, RECORD_PERIOD, SUBSTEPS};
+use support::network;
 use support::schemes::{self, Scheme, Step};
 
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/accuracy/steps.md");
@@ -86,10 +87,11 @@ fn runs(motion: &Motion, stride: usize) -> [Run; 5] {
 /// A row of the table: its section, motion and rate, and its numbers.
 type Row = (usize, String, Vec<Option<f64>>);
 
-const SECTIONS: [(&str, &[&str]); 3] = [
+const SECTIONS: [(&str, &[&str]); 4] = [
     ("RMS error against the reference, % of F_S", &SCHEMES),
     ("Largest error against the reference, % of F_S", &SCHEMES),
     ("Largest distance from the core's f64 step, % of F_S", &["core f32", "core Fixed"]),
+    ("Largest distance of a network's factors from f64, % of 1", &["core f32", "core Fixed"]),
 ];
 
 fn measured() -> Vec<Row> {
@@ -103,6 +105,13 @@ fn measured() -> Vec<Row> {
             rows.push((2, name, runs[1..3].iter().map(|run| run.apart(&runs[0])).collect()));
         }
     }
+    let exact = network::factors::<f64>();
+    let apart = |factors: Vec<[f64; 3]>| {
+        let pairs = factors.iter().flatten().zip(exact.iter().flatten());
+        pairs.map(|(a, b)| 100.0 * (a - b).abs()).reduce(f64::max)
+    };
+    let numbers = vec![apart(network::factors::<f32>()), apart(network::factors::<Fixed>())];
+    rows.push((3, "8 cells, 10,000 evaluations".into(), numbers));
     rows
 }
 

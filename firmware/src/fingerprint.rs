@@ -9,8 +9,10 @@
 
 use crate::control::PERIOD_S;
 use crate::reference_joint::configuration;
+use crate::reference_network;
 use compensator_core::compensator::Reading;
 use compensator_core::model::{Sample, State};
+use compensator_core::network::NetworkState;
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
 
 /// Samples in a run.
@@ -46,6 +48,8 @@ pub fn all() -> impl Iterator<Item = (&'static str, u32)> {
         ("improved-lugre + unknown f32", || run::<f32>(LawKind::ImprovedLugre, UNKNOWN)),
         #[cfg(feature = "terms")]
         ("improved-lugre + unknown Fixed", || run::<Fixed>(LawKind::ImprovedLugre, UNKNOWN)),
+        ("lugre-lstm f32", run_network::<f32>),
+        ("lugre-lstm Fixed", run_network::<Fixed>),
     ];
     runs.into_iter().map(|(name, run)| (name, run()))
 }
@@ -96,6 +100,35 @@ fn run<T: Bits>(law: LawKind, terms: &[TermKind]) -> u32 {
         ] {
             digest.update(&word.to_le_bytes());
         }
+    }
+    digest.finalize()
+}
+
+/// Steps of the law from one evaluation of the network to the next.
+const STEPS_AN_EVALUATION: usize = 4;
+
+/// Runs a network and the law it supplies over the samples; 0 where the law is refused.
+fn run_network<T: Bits>() -> u32 {
+    let network = reference_network::network::<T>();
+    let Some(law) = reference_network::law::<T>(PERIOD_S) else {
+        return 0;
+    };
+    let mut state = NetworkState::default();
+    let mut held = T::zero();
+    let mut digest = CRC.digest();
+    let mut samples = Samples::new();
+    for step in 0..STEPS {
+        let inputs = samples.inputs::<T>();
+        let velocity = inputs.velocity_rad_s.value;
+        if step % STEPS_AN_EVALUATION == 0 {
+            network.evaluate(&mut state, &[inputs.auxiliary.value, velocity, held]);
+            for factor in state.factors.to_array() {
+                digest.update(&factor.bits().to_le_bytes());
+            }
+            digest.update(&state.outside_count.to_le_bytes());
+        }
+        let torque = law.step(&mut held, velocity, &state.factors);
+        digest.update(&torque.bits().to_le_bytes());
     }
     digest.finalize()
 }

@@ -11,6 +11,7 @@ mod diagnose;
 mod each_joint;
 mod export;
 mod identify;
+mod identify_network;
 mod input;
 mod monitor;
 mod node;

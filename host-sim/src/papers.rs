@@ -7,6 +7,7 @@
 //!
 //! A new paper is a file here with a [`Paper`] and its line in the list.
 
+mod damper;
 mod manipulator;
 mod report;
 mod row;
@@ -20,7 +21,8 @@ use crate::report::Block;
 use std::path::PathBuf;
 
 /// Every paper there is.
-pub const PAPERS: &[&dyn Paper] = &[&underwater_joint::UnderwaterJoint, &manipulator::Manipulator];
+pub const PAPERS: &[&dyn Paper] =
+    &[&underwater_joint::UnderwaterJoint, &damper::Damper, &manipulator::Manipulator];
 
 /// What is asked of a paper.
 pub struct Request<'a> {

@@ -23,6 +23,14 @@ pub struct LugreAsymmetric<T> {
     pub static_level_negative: T,
 }
 
+impl<T: Real> LugreAsymmetric<T> {
+    /// Advances the held torque (Nm) by one sample under an effect and returns the friction torque, Nm.
+    #[inline(always)]
+    pub fn step_under<E: Effect<T>>(&self, held: &mut T, velocity: T, effect: &E) -> T {
+        self.step(held, &mut (), velocity, effect).finish(held, velocity, effect)
+    }
+}
+
 impl<T: Real> FrictionLaw<T> for LugreAsymmetric<T> {
     const PARAMETERS: &'static [Id] = &[
         Id::CoulombTorque,

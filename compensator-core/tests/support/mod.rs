@@ -10,6 +10,7 @@
 
 pub mod cases;
 pub mod motion;
+pub mod network;
 pub mod schemes;
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters, Real};

@@ -53,6 +53,7 @@ pub mod dual;
 pub mod fit;
 pub mod log_check;
 pub mod motion;
+pub mod network;
 pub mod number;
 pub mod params;
 pub mod spec;

@@ -6,6 +6,7 @@
 //! another scheme, a table, and a step as long as the sample. Where the two agree it is not because they
 //! are the same code.
 
+mod banded_damper;
 pub mod friction;
 pub mod joint_plant;
 pub mod log;

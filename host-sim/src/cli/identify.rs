@@ -1,6 +1,7 @@
 //! `identify`: one model, fitted.
 
 use super::each_joint::{Told, each_joint};
+use super::identify_network;
 use super::input::{DataArguments, Input, spinner};
 use super::output::OutputArguments;
 use crate::driver_file;
@@ -18,11 +19,11 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
-    data: DataArguments,
+    pub(super) data: DataArguments,
     #[command(flatten)]
-    output: OutputArguments,
+    pub(super) output: OutputArguments,
     /// The model: linear, extended, atan, stribeck, dahl, lugre, lugre-asymmetric, improved-lugre,
-    /// with terms as in `lugre+pressure-coulomb`
+    /// with terms as in `lugre+pressure-coulomb`; or lugre-lstm, whose levels and stiffness a network supplies
     #[arg(long, value_name = "MODEL")]
     model: String,
     /// Start from these parameters, and from nowhere else
@@ -39,10 +40,17 @@ pub struct Arguments {
     choices: Vec<String>,
     /// Starting points that go all the way
     #[arg(long, value_name = "N", default_value_t = 3)]
-    starts: usize,
+    pub(super) starts: usize,
     /// Simulation steps per sample; chosen by the fit unless given
     #[arg(long, value_name = "N")]
     substeps: Option<usize>,
+    /// What the network of lugre-lstm is fed with: `velocity`, `held` (the torque its bristles hold), covariates by
+    /// name; without it, every covariate
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    pub(super) inputs: Vec<String>,
+    /// Most passes over the runs when lugre-lstm is trained
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    pub(super) epochs: usize,
 }
 
 fn ids(option: &str, names: &[String]) -> Result<Vec<ParameterId>, String> {
@@ -75,6 +83,11 @@ fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), String> {
+    if arguments.model == identify_network::MODEL {
+        return each_joint(&arguments.data, &arguments.output, &SplitRule::default(), |input| {
+            identify_network::run(arguments, input)
+        });
+    }
     let input_spec = Spec::parse(&arguments.model).map_err(|error| error.to_string())?;
     let (fixed, freed) = (ids("--keep", &arguments.keep)?, ids("--free", &arguments.free)?);
     each_joint(&arguments.data, &arguments.output, &SplitRule::default(), |input| {

@@ -16,9 +16,11 @@ use compensator_core::compensator::Reading;
 use compensator_core::effect::NoEffect;
 use compensator_core::law::bristle::Bristles;
 use compensator_core::model::{Law, Model, Sample, State};
+use compensator_core::network::{AugmentedLugre, Factors, Network, NetworkState};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
 use firmware::control::PERIOD_S;
 use firmware::reference_joint::configuration;
+use firmware::reference_network::{self, CELLS, INPUTS};
 
 /// Velocities that visit every class; NaN and infinity become 0 and the limit in fixed point.
 const VELOCITIES: [f32; 24] = [
@@ -288,6 +290,63 @@ fn joint<T: Real<Setting = f32>>(law: LawKind, terms: &[TermKind]) -> Compensato
     }
 }
 
+extern "C" fn network_f32(
+    network: &Reference<f32>,
+    state: &mut NetworkState<f32, CELLS>,
+    inputs: &[f32; INPUTS],
+) -> f32 {
+    network.evaluate(state, inputs).stiffness
+}
+
+extern "C" fn network_fixed(
+    network: &Reference<Fixed>,
+    state: &mut NetworkState<Fixed, CELLS>,
+    inputs: &[Fixed; INPUTS],
+) -> i32 {
+    network.evaluate(state, inputs).stiffness.to_bits()
+}
+
+extern "C" fn supplied_f32(
+    law: &AugmentedLugre<f32>,
+    held: &mut f32,
+    factors: &Factors<f32>,
+    velocity: f32,
+) -> f32 {
+    law.step(held, velocity, factors)
+}
+
+type Reference<T> = Network<T, INPUTS, CELLS>;
+
+/// The network outside the loop, and the law it supplies in it.
+fn measure_network(clock: &mut Clock) {
+    let network = reference_network::network::<f32>();
+    let readings = || velocities().map(|v| [v, 0.5 * v, 2.0 * v]);
+    let function = network_f32 as *const ();
+    let fresh = NetworkState::<f32, CELLS>::default();
+    measure(clock, "network of 8 cells, f32", function, fresh, readings(), |state, inputs| {
+        let words = [address(&network), address(state), address(inputs)];
+        Arguments { words, float: 0.0 }
+    });
+    let fixed = reference_network::network::<Fixed>();
+    let readings = readings().map(|inputs| inputs.map(|input| Fixed::from_f64(input.into())));
+    let function = network_fixed as *const ();
+    let fresh = NetworkState::<Fixed, CELLS>::default();
+    measure(clock, "network of 8 cells, Fixed", function, fresh, readings, |state, inputs| {
+        let words = [address(&fixed), address(state), address(inputs)];
+        Arguments { words, float: 0.0 }
+    });
+    let Some(law) = reference_network::law::<f32>(PERIOD_S) else {
+        panic!("the reference law is legal")
+    };
+    let factors = Factors { coulomb: 0.9f32, static_level: 1.1, stiffness: 0.5 };
+    let function = supplied_f32 as *const ();
+    measure(clock, "lugre-lstm, its law, f32", function, 0.0f32, velocities(), |held, v| {
+        Arguments { words: [address(&law), address(held), address(&factors)], float: *v }
+    });
+    print_line!("ram | Network<f32>, 8 cells | {}", size_of::<Reference<f32>>());
+    print_line!("ram | NetworkState<f32>, 8 cells | {}", size_of::<NetworkState<f32, CELLS>>());
+}
+
 /// Prints every line of the table this binary knows.
 pub fn print_all(clock: &mut Clock) {
     #[cfg(feature = "c-reference")]
@@ -295,6 +354,7 @@ pub fn print_all(clock: &mut Clock) {
     measure_f32(clock);
     measure_fixed(clock);
     current_loop::measure_loops(clock);
+    measure_network(clock);
     print_line!("ram | Compensator<f32> | {}", size_of::<Compensator<f32>>());
     print_line!("ram | Compensator<Fixed> | {}", size_of::<Compensator<Fixed>>());
     print_line!("ram | Model<f32> | {}", size_of::<Model<f32>>());

@@ -1,0 +1,303 @@
+//! The squared error along a track and its exact derivative by every weight.
+//!
+//! Forwards as in [`super::predict()`], keeping what the way back needs; backwards from the last row to the first.
+//! An input that is the law's own state closes a loop, which the way back follows too. Where an evaluation lies
+//! outside the network's ranges the derivative takes it as inside: tracks to train on lie inside.
+
+use super::input::{CELLS, Input, Supplied};
+use crate::dual::Dual;
+use crate::fit::Track;
+use compensator_core::Real;
+use compensator_core::network::{
+    Activations, CELL_LIMIT, FACTORS, Factors, GATES, Hidden, NetworkState, Trace, sigmoid, squash,
+    squash_slope,
+};
+
+/// What the law's step depends on: the held torque and the factors.
+const BY: usize = 1 + FACTORS;
+
+/// A step of the law: derivatives of the held torque after it, and of the torque.
+struct LawStep {
+    held: [f64; BY],
+    torque: [f64; BY],
+}
+
+/// An evaluation of the network.
+struct Evaluation<const INPUTS: usize> {
+    scaled: [f64; INPUTS],
+    /// Whether each input was held at an end of its range.
+    is_limited: [bool; INPUTS],
+    before: Hidden<f64, CELLS>,
+    after: Hidden<f64, CELLS>,
+    activations: Activations<f64, CELLS>,
+    sums: [f64; FACTORS],
+    /// Whether the static factor was raised to the Coulomb one.
+    is_raised: bool,
+    /// Whether each factor moved by all it may.
+    is_slewed: [bool; FACTORS],
+}
+
+/// Half the mean squared error of a track, each row in units of `scale` (Nm or N), and its derivative by every weight,
+/// added to `gradient`.
+pub(super) fn loss<const INPUTS: usize>(
+    supplied: &Supplied<INPUTS>,
+    track: &Track,
+    scale: f64,
+    gradient: &mut [f64],
+) -> f64 {
+    let (steps, evaluations, errors) = forwards(supplied, track, scale);
+    backwards(supplied, &steps, &evaluations, &errors, gradient);
+    let rows = track.len().max(1) as f64;
+    // Each of the errors is the derivative of the loss by its row's torque.
+    errors.iter().map(|error| 0.5 * error * error).sum::<f64>() * scale * scale * rows
+}
+
+type Tape<const INPUTS: usize> = (Vec<LawStep>, Vec<Evaluation<INPUTS>>, Vec<f64>);
+
+fn forwards<const INPUTS: usize>(
+    supplied: &Supplied<INPUTS>,
+    track: &Track,
+    scale: f64,
+) -> Tape<INPUTS> {
+    let law = supplied.law::<Dual<BY>>(track);
+    let mut held = supplied.held_at_start(track);
+    let mut state = NetworkState::<f64, CELLS>::default();
+    let (mut steps, mut evaluations, mut errors) = (Vec::new(), Vec::new(), Vec::new());
+    let per_row = 1.0 / (scale * scale * track.len().max(1) as f64);
+    let mut factors = dual_factors(&state.factors);
+    for row in 0..track.len() {
+        if row % supplied.every == 0 {
+            evaluations.push(evaluate(supplied, &mut state, &supplied.read(track, row, held)));
+            factors = dual_factors(&state.factors);
+        }
+        let mut torque = Dual::default();
+        for step in 0..supplied.substeps {
+            let mut bristle = Dual::parameter(held, 0);
+            let velocity = Dual::from_f64(supplied.velocity(track, row, step));
+            torque = law.step(&mut bristle, velocity, &factors);
+            steps.push(LawStep { held: bristle.gradient, torque: torque.gradient });
+            held = bristle.value;
+        }
+        errors.push((torque.value - track.torque[row]) * per_row);
+    }
+    (steps, evaluations, errors)
+}
+
+fn dual_factors(factors: &Factors<f64>) -> Factors<Dual<BY>> {
+    Factors {
+        coulomb: Dual::parameter(factors.coulomb, 1),
+        static_level: Dual::parameter(factors.static_level, 2),
+        stiffness: Dual::parameter(factors.stiffness, 3),
+    }
+}
+
+/// An evaluation by the core's network, with what it did on its way.
+fn evaluate<const INPUTS: usize>(
+    supplied: &Supplied<INPUTS>,
+    state: &mut NetworkState<f64, CELLS>,
+    inputs: &[f64; INPUTS],
+) -> Evaluation<INPUTS> {
+    let network = &supplied.network;
+    let (before, from) = (state.hidden, state.factors.to_array());
+    let Trace { scaled, activations, sums, targets } = network.evaluate_traced(state, inputs, true);
+    let [coulomb, static_level, _] = targets.to_array();
+    let far = |factor: usize| (targets.to_array()[factor] - from[factor]).abs() > network.slew;
+    Evaluation {
+        scaled,
+        is_limited: scaled.map(|value| value.abs() >= 1.0),
+        before,
+        after: state.hidden,
+        activations,
+        sums,
+        is_raised: static_level <= coulomb,
+        is_slewed: std::array::from_fn(far),
+    }
+}
+
+fn backwards<const INPUTS: usize>(
+    supplied: &Supplied<INPUTS>,
+    steps: &[LawStep],
+    evaluations: &[Evaluation<INPUTS>],
+    errors: &[f64],
+    gradient: &mut [f64],
+) {
+    let mut by_held = 0.0;
+    let mut by_factors = [0.0; FACTORS];
+    let mut by_output = [0.0; CELLS];
+    let mut by_cell = [0.0; CELLS];
+    for row in (0..errors.len()).rev() {
+        for step in (0..supplied.substeps).rev() {
+            let at = &steps[row * supplied.substeps + step];
+            let error = if step + 1 == supplied.substeps { errors[row] } else { 0.0 };
+            for (factor, by) in by_factors.iter_mut().enumerate() {
+                *by += error * at.torque[1 + factor] + by_held * at.held[1 + factor];
+            }
+            by_held = error * at.torque[0] + by_held * at.held[0];
+        }
+        if row % supplied.every == 0 {
+            let at = &evaluations[row / supplied.every];
+            let by_sums = back_through_factors(supplied, at, &mut by_factors);
+            back_through_readout(supplied, at, &by_sums, &mut by_output, gradient);
+            let by_inputs = back_through_lstm(supplied, at, &mut by_output, &mut by_cell, gradient);
+            for (index, input) in supplied.inputs.iter().enumerate() {
+                if *input == Input::Held && !at.is_limited[index] {
+                    by_held += by_inputs[index] * supplied.network.inputs[index].per_unit;
+                }
+            }
+        }
+    }
+}
+
+/// From the factors in force to the readout's sums; what is left is for the factors before.
+fn back_through_factors<const INPUTS: usize>(
+    supplied: &Supplied<INPUTS>,
+    at: &Evaluation<INPUTS>,
+    by_factors: &mut [f64; FACTORS],
+) -> [f64; FACTORS] {
+    let mut by_targets = [0.0; FACTORS];
+    for factor in 0..FACTORS {
+        if !at.is_slewed[factor] {
+            by_targets[factor] = std::mem::take(&mut by_factors[factor]);
+        }
+    }
+    if at.is_raised {
+        by_targets[0] += std::mem::take(&mut by_targets[1]);
+    }
+    std::array::from_fn(|factor| {
+        let bounds = &supplied.network.bounds[factor];
+        by_targets[factor] * (bounds.most - bounds.least) * sigmoid_slope(at.sums[factor])
+    })
+}
+
+fn back_through_readout<const INPUTS: usize>(
+    supplied: &Supplied<INPUTS>,
+    at: &Evaluation<INPUTS>,
+    by_sums: &[f64; FACTORS],
+    by_output: &mut [f64; CELLS],
+    gradient: &mut [f64],
+) {
+    let begin = CELLS * GATES * (1 + INPUTS + CELLS);
+    let rows = gradient[begin..].chunks_exact_mut(1 + CELLS);
+    let weights = &supplied.network.readout.weights;
+    for ((row, by_sum), weights) in rows.zip(by_sums).zip(weights) {
+        row[0] += by_sum;
+        for cell in 0..CELLS {
+            row[1 + cell] += by_sum * at.after.output[cell];
+            by_output[cell] += by_sum * weights[cell];
+        }
+    }
+}
+
+/// From outputs and cells after an evaluation to those before it; returns the derivative by the scaled inputs.
+fn back_through_lstm<const INPUTS: usize>(
+    supplied: &Supplied<INPUTS>,
+    at: &Evaluation<INPUTS>,
+    by_output: &mut [f64; CELLS],
+    by_cell: &mut [f64; CELLS],
+    gradient: &mut [f64],
+) -> [f64; INPUTS] {
+    let mut by_inputs = [0.0; INPUTS];
+    let mut by_output_before = [0.0; CELLS];
+    let mut cells = gradient.chunks_exact_mut(GATES * (1 + INPUTS + CELLS));
+    for cell in 0..CELLS {
+        let [forget, input, output, candidate] = at.activations.sums[cell];
+        let (after, before) = (at.after.cell[cell], at.before.cell[cell]);
+        let by = by_output[cell];
+        let by_limited = by_cell[cell] + by * sigmoid(output) * squash_slope(after);
+        let inside = at.activations.cell[cell].abs() <= CELL_LIMIT;
+        let by_state = if inside { by_limited } else { 0.0 };
+        by_cell[cell] = by_state * sigmoid(forget);
+        let by_gates = [
+            by_state * before * sigmoid_slope(forget),
+            by_state * squash(candidate) * sigmoid_slope(input),
+            by * squash(after) * sigmoid_slope(output),
+            by_state * sigmoid(input) * squash_slope(candidate),
+        ];
+        let weights = &supplied.network.lstm.cells[cell];
+        let Some(gradient) = cells.next() else { continue };
+        let (own, others) = gradient.split_at_mut(GATES * (1 + INPUTS));
+        for gate in 0..GATES {
+            own[gate] += by_gates[gate];
+            for index in 0..INPUTS {
+                own[GATES * (1 + index) + gate] += by_gates[gate] * at.scaled[index];
+                by_inputs[index] += by_gates[gate] * weights.input[index][gate];
+            }
+            for other in 0..CELLS {
+                others[GATES * other + gate] += by_gates[gate] * at.before.output[other];
+                by_output_before[other] += by_gates[gate] * weights.recurrent[other][gate];
+            }
+        }
+    }
+    *by_output = by_output_before;
+    by_inputs
+}
+
+fn sigmoid_slope(x: f64) -> f64 {
+    0.25 * squash_slope(0.5 * x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::train::{TrainOptions, untrained};
+    use super::*;
+    use compensator_core::{LawKind, ParameterId as Id, Parameters, Sample};
+
+    fn track() -> Track {
+        let at = |row: usize| row as f64 / 128.0;
+        let velocity = |row| 0.1 * (3.0 * at(row)).sin() + 0.03 * (11.0 * at(row)).cos();
+        let samples = |row| Sample { velocity_rad_s: velocity(row), ..Sample::default() };
+        let mut track = Track::even(
+            (0..400).map(samples).collect(),
+            (0..400)
+                .map(|row| 9.0 * velocity(row - row.min(9)).signum() + (row % 7) as f64)
+                .collect(),
+            1.0 / 128.0,
+        );
+        track.covariates = vec![(0..400).map(|row| (row as f64 / 60.0).sin()).collect()].into();
+        track
+    }
+
+    #[test]
+    fn the_derivative_is_that_of_differences() {
+        let base = Parameters::new(LawKind::LugreAsymmetric)
+            .with(Id::CoulombTorque, 9.0)
+            .with(Id::StaticTorque, 10.0)
+            .with(Id::CoulombTorqueNegative, 7.0)
+            .with(Id::StaticTorqueNegative, 9.0)
+            .with(Id::StribeckVelocity, 0.04)
+            .with(Id::BristleStiffness, 2000.0)
+            .with(Id::BristleDamping, 4.0)
+            .with(Id::ViscousFriction, 2.0);
+        let track = track();
+        let options = TrainOptions { seed: 3, ..TrainOptions::default() };
+        let inputs = [Input::Covariate(0), Input::Velocity, Input::Held];
+        let mut supplied = untrained(&base, inputs, std::slice::from_ref(&track), &options);
+        let mut weights = Vec::new();
+        supplied.network.for_each_weight(|weight| weights.push(weight));
+        // Away from the small weights training starts at, so that every path carries something.
+        weights.iter_mut().enumerate().for_each(|(i, w)| *w += 0.4 * (i as f64 * 1.7).sin());
+        assert!(supplied.network.set_weights(weights.iter().copied()));
+        let mut gradient = vec![0.0; weights.len()];
+        let value = loss(&supplied, &track, 5.0, &mut gradient);
+        let plain = super::super::predict(&supplied, &track).torque;
+        let squares: f64 = plain.iter().zip(&track.torque).map(|(s, m)| (s - m).powi(2)).sum();
+        assert!((value - 0.5 * squares / 400.0 / 25.0).abs() < 1e-12 * value);
+        let count = gradient.len();
+        let mut moved = |index: usize, by: f64| {
+            let mut weights = weights.clone();
+            weights[index] += by;
+            supplied.network.set_weights(weights.into_iter());
+            loss(&supplied, &track, 5.0, &mut vec![0.0; count])
+        };
+        let mut wrong = 0;
+        for (index, derivative) in gradient.iter().enumerate() {
+            let slope = (moved(index, 1e-6) - moved(index, -1e-6)) / 2e-6;
+            let apart = (slope - derivative).abs();
+            wrong += usize::from(apart > 1e-6 + 1e-4 * slope.abs());
+        }
+        let largest = gradient.iter().fold(0.0f64, |most, g| most.max(g.abs()));
+        assert!(largest > 1e-2, "a gradient of nothing: {largest}");
+        // A kink (a slew limit just reached) within the difference's step may spoil one.
+        assert!(wrong <= 2, "{wrong} of {} wrong", gradient.len());
+    }
+}
