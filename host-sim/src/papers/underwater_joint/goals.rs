@@ -169,6 +169,8 @@ pub fn summary(study: &Study, goals: &[Goal]) -> Vec<String> {
             worse.join(", ")
         ));
     }
+    lines.extend(overshoot(study));
+    lines.extend(certificates(study));
     let found = &study.diagnosis.findings;
     let causes: Vec<&str> = found.iter().map(|finding| finding.cause.name()).collect();
     lines.push(format!(
@@ -206,4 +208,38 @@ pub fn summary(study: &Study, goals: &[Goal]) -> Vec<String> {
         lines.push(format!("The driver stopped by itself in {stopped} runs."));
     }
     lines
+}
+
+/// What the time to the target of a jump costs.
+fn overshoot(study: &Study) -> Option<String> {
+    let of = |arm| study.measured(Task::Impact, arm, 1).map(|spread| significant(spread.mean, 3));
+    Some(format!(
+        "The jump overshoots its target by {} % with the diagnosed model, {} % as published, {} % with the perfect model and {} % \
+         without compensation; the paper shows no large overshoot.",
+        of(DIAGNOSED)?,
+        of(PUBLISHED)?,
+        of(PERFECT)?,
+        of(NONE)?
+    ))
+}
+
+/// Whether the sums of CV fall from the published to the improved model as the paper's do.
+fn certificates(study: &Study) -> Option<String> {
+    let sums = |arm| {
+        let of = study.certificates.iter().find(|(own, _)| *own == arm);
+        of.map(|(_, certificate)| certificate.sum_cv_by_class.as_slice())
+    };
+    let (published, improved) = (sums(PUBLISHED)?, sums(IMPROVED)?);
+    let list = |sums: &[f64]| {
+        let all: Vec<String> = sums.iter().map(|sum| significant(*sum, 3)).collect();
+        all.join(" / ")
+    };
+    let fallen = published.iter().zip(improved).filter(|(before, after)| after < before).count();
+    Some(format!(
+        "Sums of CV (standard deviation over mean) of the published model {}, of the improved one {}: smaller in {fallen} of {} \
+         classes, where the paper's (variance over mean) fall in all, from 19.82 / 30.19 / 48.28 to 9.52 / 16.55 / 33.54.",
+        list(published),
+        list(improved),
+        published.len()
+    ))
 }
