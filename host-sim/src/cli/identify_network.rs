@@ -3,7 +3,7 @@
 //! First `lugre-asymmetric` is fitted as any law: its parameters are the constants the network's factors multiply, and
 //! what remains where the network is asked what it was not trained on. Then the network is trained on the runs to learn
 //! from. `params.toml` holds the constants, `network.json` the network: inputs with their trained ranges, bounds, rates,
-//! and weights in the order of `Network::set_weights`.
+//! and weights in the order of `Network::set_weights`. A network that gains nothing on the rows held out is not written.
 
 use super::each_joint::Told;
 use super::identify::Arguments;
@@ -190,8 +190,10 @@ fn told(data: &Data, fit: &Outcome, learnt: &Learnt, names: &[String]) -> Result
     model["model"] = json!(MODEL);
     model["base"] = json!({"model": BASE, "train": fit.train, "test": fit.test});
     (model["train"], model["test"]) = (json!(learnt.train), json!(learnt.test));
+    // What does not gain on rows it has not seen is not handed out.
+    let gains = learnt.test.rmse < fit.test.rmse;
     model["network"] = json!({
-        "file": "network.json", "inputs": names, "passes": learnt.epochs,
+        "file": gains.then_some("network.json"), "inputs": names, "passes": learnt.epochs,
         "share_of_test_rows_outside": learnt.outside,
     });
     let fit_json = serde_json::to_string_pretty(&document).map_err(failed)? + "\n";
@@ -224,7 +226,14 @@ fn told(data: &Data, fit: &Outcome, learnt: &Learnt, names: &[String]) -> Result
     text +=
         "- a network has no parameters with errors; passivity does not hold, |y| <= max g does\n";
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {BASE}: {verdict}\n"));
-    let files = vec![("params.toml", toml), ("network.json", network_json)];
+    let mut files = vec![("params.toml", toml)];
+    if gains {
+        files.push(("network.json", network_json));
+    } else {
+        text += &format!(
+            "- on the rows held out the network is no better than {BASE}: no network.json is written\n"
+        );
+    }
     Ok(Told { document: ("fit.json", fit_json), files, text })
 }
 
