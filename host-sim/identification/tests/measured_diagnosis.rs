@@ -161,6 +161,17 @@ fn the_damper_gains_on_runs_left_out() {
 }
 
 #[test]
+fn tension_and_play_are_found_on_the_damper() {
+    let Some(folder) = folder() else { return };
+    let found = examine(&folder, &Case { files: &["damper-1.csv"], ..CASE });
+    // The README of the data reaches 1595 N with both. The tension is no cause of the catalogue: `unknown` names it.
+    let columns = found.findings.iter().flat_map(|finding| &finding.columns);
+    assert!(columns.clone().any(|column| column == "tension_n"), "{:?}", names(&found));
+    assert!(names(&found).contains(&"backlash"), "{:?}", names(&found));
+    assert!((1200.0..1595.0).contains(&held_out(&found)));
+}
+
+#[test]
 fn the_balancer_of_the_robot_is_never_nothing() {
     let Some(folder) = folder() else { return };
     let axis = Case { files: &["robot-axis2.csv"], rigid_body: "inertia,load,offset", ..CASE };
@@ -201,7 +212,6 @@ fn no_other_log_is_offered_what_is_worse_than_nothing() {
     let Some(folder) = folder() else { return };
     for (files, rigid_body) in [
         (&["damper-1-actuators.csv"], ""),
-        (&["damper-1.csv"], ""),
         (&["damper-quakes.csv"], ""),
         (&["robot-axis3.csv"], "inertia,load,offset"),
     ] {

@@ -22,6 +22,10 @@ const PRESLIDING_UNLOADED: [f64; 3] = [0.3, 1.0, 3.0];
 /// A play that is tried, over the way from one reversal to the next.
 const OF_STROKE: f64 = 0.08;
 
+/// And with bristles so much stiffer than the model's own: a base law that has no play takes the whole of a large one for
+/// bristles, and neither of the two can be told from where that fit ended.
+const STIFFER: f64 = 3.0;
+
 /// Bristles that are so much stiffer, and so much softer, stand beside the model's own as a foil.
 const OTHER_STIFFNESS: f64 = 4.0;
 
@@ -101,17 +105,27 @@ impl Cause for Backlash {
         let kept = PRESLIDING.map(|times| (times * presliding, 0.0));
         let unloaded = PRESLIDING_UNLOADED.map(|times| (times * presliding, 1.0));
         let by_stroke = [(stroke, 0.0), (stroke, 1.0)].into_iter().filter(|_| stroke > 0.0);
+        let stiffness = parameters.get(Id::BristleStiffness);
+        let stiffer = [(0.5 * presliding, 0.0), (0.5 * presliding, 1.0)];
+        let stiffer = stiffer.map(|(travel, unloaded)| (travel, unloaded, STIFFER * stiffness));
         kept.into_iter()
             .chain(unloaded)
             .chain(by_stroke)
-            .map(|(travel, unloaded)| {
-                let settings = vec![(Id::BacklashTravel, travel), (Id::BacklashUnloaded, unloaded)];
+            .map(|(travel, unloaded)| (travel, unloaded, stiffness))
+            .chain(stiffer)
+            .map(|(travel, unloaded, stiffness)| {
+                let settings = vec![
+                    (Id::BacklashTravel, travel),
+                    (Id::BacklashUnloaded, unloaded),
+                    (Id::BristleStiffness, stiffness),
+                ];
                 let by = Exact { kind: TermKind::Backlash, settings, derivative: None };
                 let by = vec![Regressor::Exact(by)];
                 Candidate::new(TermKind::Backlash, &columns, by)
                     .starting_at(&[
                         (Id::BacklashTravel, InitialGuess::At(travel)),
                         (Id::BacklashUnloaded, InitialGuess::At(unloaded)),
+                        (Id::BristleStiffness, InitialGuess::At(stiffness)),
                     ])
                     .keeping(&[Id::BacklashStiffnessRatio, Id::BacklashUnloaded])
             })
