@@ -119,7 +119,7 @@ fn characterisation(request: &Request, form: &Form, tests: &Campaign, outcome: &
     let name = "lugre-lstm (actuators' forces), all tests seen";
     of_print(outcome, "3", name, tests, &seen, |(_, lstm)| lstm);
     for (name, score) in &judged {
-        held_out_rows(outcome, "Characterisation, each test held out", name, tests, score);
+        held_out_rows(outcome, "Characterisation, held out by whole tests", name, tests, score);
     }
     pages::characterisation(tests, &each, &seen, &judged, outcome);
 }
@@ -141,7 +141,7 @@ fn second_campaign(
     let training = options(request.seed, form.epochs[1], form.groups);
     let motion = Fed::Motion.held_out(tests, &folds, &bases, &training, request.progress);
     judged.push((Fed::Motion.name(), motion));
-    let table = "Second campaign, each test held out";
+    let table = "Second campaign, held out by whole tests";
     for (name, score) in &judged {
         held_out_rows(outcome, table, name, tests, score);
     }

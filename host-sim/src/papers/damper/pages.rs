@@ -202,7 +202,7 @@ pub(super) fn characterisation(
             seen,
             &LSTM_PERCENT,
         ),
-        comparison("Each test held out, first campaign", tests, judged),
+        comparison("Held out by whole tests, first campaign", tests, judged),
         loops(tests, test, judged, &[LUGRE.name, NAMED_WITH_TENSION.name, Fed::Actuators.name()]),
     ]);
 }
@@ -212,7 +212,7 @@ pub(super) fn second_campaign(tests: &Campaign, judged: &[Judged], outcome: &mut
     let of = |name: &str| score(judged, name).pooled_rmse() / tests.deviation();
     let named = of(NAMED.name);
     outcome.summary.push(format!(
-        "Second campaign (36 lb), each test held out: LuGre {:.3} of the standard deviation, with backlash and directions \
+        "Second campaign (36 lb), held out by whole tests: LuGre {:.3} of the standard deviation, with backlash and directions \
          {named:.3}, lugre-lstm fed by tension and motion {:.3}; the published LuGre leaves 0.2208 in sample, and the goal of \
          {SECOND_CAMPAIGN} is {}.",
         of(LUGRE.name),
@@ -222,7 +222,7 @@ pub(super) fn second_campaign(tests: &Campaign, judged: &[Judged], outcome: &mut
     let test = tests.names.iter().position(|name| name == "36lb@0.5Hz@1in").unwrap_or(0);
     outcome.blocks.extend([
         Block::Heading("The second campaign".into()),
-        comparison("Each test held out, second campaign", tests, judged),
+        comparison("Held out by whole tests, second campaign", tests, judged),
         loops(tests, test, judged, &[LUGRE.name, NAMED.name, Fed::Motion.name()]),
     ]);
 }

@@ -185,7 +185,7 @@ pub fn summary(study: &Study, goals: &[Goal]) -> Vec<String> {
         study.harm.iter().filter(|of| !of.harmless()).map(|of| of.name.as_str()).collect();
     let refused = study.harm.iter().filter(|of| of.worse.is_none()).count();
     lines.push(format!(
-        "Harm: of {} circumstances {} break a demand (tracking at most 5 % worse than without compensation, no limit cycle while \
+        "Harm, looked for while lifting 2 kg and holding it: of {} circumstances {} break a demand (tracking at most 5 % worse than without compensation, no limit cycle while \
          holding, current within its limit){}{}; {refused} sets were refused by the driver.",
         study.harm.len(),
         harmful.len(),

@@ -23,7 +23,8 @@ const PRESLIDING_UNLOADED: [f64; 3] = [0.3, 1.0, 3.0];
 const OF_STROKE: f64 = 0.08;
 
 /// And with bristles so much stiffer than the model's own: a base law that has no play takes the whole of a large one for
-/// bristles, and neither of the two can be told from where that fit ended.
+/// bristles, and neither of the two can be told from where that fit ended. On the damper's twelve measured tests half of it
+/// gains 45 %, this 47 %, twice as much 33 %: there the play is not found.
 const STIFFER: f64 = 3.0;
 
 /// Bristles that are so much stiffer, and so much softer, stand beside the model's own as a foil.
