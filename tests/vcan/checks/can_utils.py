@@ -69,11 +69,15 @@ def session():
     return logs
 
 
+def told(lines):
+    """The frames of a log, without heartbeats: candump -l listens a little longer, and may hear one more."""
+    return [frame for frame in (line.split()[2] for line in lines) if not frame.startswith("701#")]
+
+
 @test
 def logs_of_candump_in_all_their_forms_are_read():
     logs = session()
-    first = [line.split()[2] for line in logs["-L"]]
-    equal([line.split()[2] for line in logs["-l"]], first, "-l and -L tell the same")
+    equal(*(told(logs[form]) for form in ["-l", "-L"]), "-l and -L tell the same")
     for name, lines in logs.items():
         path = FOLDER / "form.log"
         path.write_text("\n".join(lines) + "\n")
