@@ -1,5 +1,5 @@
 //! A page with one of everything, opened in a real browser: all charts are drawn, the console
-//! stays silent, and paper shows what the screen shows. The page is left in the target folder's
+//! stays silent, nothing stands out of a narrow page, and paper shows what the screen shows. The page is left in the target folder's
 //! `tmp` as `report_example.html`, to be looked at. Without Chromium the tests say so and pass.
 
 mod browser;
@@ -225,4 +225,46 @@ fn paper_shows_what_the_screen_shows() {
     assert!(!log.contains("CONSOLE"), "{log}");
     let bytes = fs::read(&pdf).expect("printed");
     assert!(bytes.starts_with(b"%PDF") && bytes.len() > 50_000, "{} bytes", bytes.len());
+}
+
+/// The page in a frame of a width, and what stands out of it once its charts are drawn. A frame, as a window may not be as
+/// narrow as a telephone.
+fn framed(page: &Path, width_px: u32) -> PathBuf {
+    let text = fs::read_to_string(page).expect("written");
+    let text = text.replace('&', "&amp;").replace('"', "&quot;");
+    // What scrolls in itself may be as wide as it likes.
+    let script = format!(
+        r#"addEventListener("load", () => setTimeout(() => {{
+            const page = document.querySelector("iframe").contentDocument;
+            const out = [...page.querySelectorAll("main *")].filter(each =>
+                each.getBoundingClientRect().right > {width_px} + 0.5 && !each.closest(".table, .unseen"));
+            const said = out.map(each => each.tagName + ": " + each.textContent.slice(0, 60));
+            document.body.dataset.drawn = page.querySelectorAll(".js-plotly-plot").length;
+            document.body.dataset.beyond = page.documentElement.scrollWidth - page.documentElement.clientWidth;
+            document.body.dataset.out = said.join("; ");
+        }}, 3000));"#
+    );
+    let frame = page.with_extension("frame.html");
+    let style = format!("width: {width_px}px; height: 3000px; border: 0");
+    let document = format!(
+        "<!DOCTYPE html><meta charset=\"utf-8\"><iframe style=\"{style}\" srcdoc=\"{text}\"></iframe><script>{script}</script>"
+    );
+    fs::write(&frame, document).expect("written");
+    frame
+}
+
+#[test]
+fn nothing_stands_out_of_a_page_as_wide_as_a_telephone() {
+    let Some(chromium) = chromium() else { return };
+    let page = written_example("report_narrow.html");
+    let output = open(&chromium, &framed(&page, 400), "--dump-dom");
+    let dom = String::from_utf8_lossy(&output.stdout);
+    let said = |name: &str| {
+        let begin = format!(" data-{name}=\"");
+        let at = dom.rfind(&begin).map(|at| at + begin.len());
+        at.and_then(|at| dom[at..].split('"').next()).map(str::to_owned)
+    };
+    assert_eq!(said("out").as_deref(), Some(""));
+    assert_eq!(said("beyond").as_deref(), Some("0"));
+    assert_eq!(said("drawn").as_deref(), Some("5"));
 }

@@ -41,7 +41,12 @@ impl<const N: usize> Dual<N> {
         if self.constant {
             return Self::from_f64(value);
         }
-        Self { value, gradient: scaled(&self.gradient, derivative), constant: false }
+        let gradient = if N > INLINED {
+            scaled_apart(&self.gradient, derivative)
+        } else {
+            scaled(&self.gradient, derivative)
+        };
+        Self { value, gradient, constant: false }
     }
 
     /// With another value, but the same derivatives.
@@ -72,12 +77,11 @@ impl<const N: usize> Dual<N> {
 
     #[inline(always)]
     fn zip(self, other: Self, value: f64, combine: impl Fn(f64, f64) -> f64) -> Self {
-        let mut gradient = [0.0; N];
-        // Indexed, as in `scaled`.
-        #[allow(clippy::needless_range_loop)]
-        for i in 0..N {
-            gradient[i] = combine(self.gradient[i], other.gradient[i]);
-        }
+        let gradient = if N > INLINED {
+            zipped_apart(&self.gradient, &other.gradient, combine)
+        } else {
+            zipped(&self.gradient, &other.gradient, combine)
+        };
         Self { value, gradient, constant: false }
     }
 }
@@ -145,7 +149,7 @@ impl<const N: usize> Mul for Dual<N> {
         if self.constant {
             return other.times(self.value);
         }
-        self.zip(other, self.value * other.value, |a, b| a * other.value + self.value * b)
+        self.zip(other, self.value * other.value, move |a, b| a * other.value + self.value * b)
     }
 }
 
@@ -161,7 +165,7 @@ impl<const N: usize> Div for Dual<N> {
         if self.constant {
             return other.chain(quotient, -quotient * inverse);
         }
-        self.zip(other, quotient, |a, b| (a - quotient * b) * inverse)
+        self.zip(other, quotient, move |a, b| (a - quotient * b) * inverse)
     }
 }
 
@@ -274,7 +278,7 @@ impl<const N: usize> Real for Dual<N> {
         let value = base.powf(exponent.value);
         let by_base = exponent.value * value / base;
         let by_exponent = value * base.ln();
-        self.zip(exponent, value, |a, b| a * by_base + b * by_exponent)
+        self.zip(exponent, value, move |a, b| a * by_base + b * by_exponent)
     }
 }
 
@@ -288,6 +292,39 @@ fn scaled<const N: usize>(gradient: &[f64; N], factor: f64) -> [f64; N] {
         scaled[i] = gradient[i] * factor;
     }
     scaled
+}
+
+/// Two gradients, number by number. Indexed, as in `scaled`.
+#[inline(always)]
+fn zipped<const N: usize>(
+    one: &[f64; N],
+    other: &[f64; N],
+    combine: impl Fn(f64, f64) -> f64,
+) -> [f64; N] {
+    let mut zipped = [0.0; N];
+    #[allow(clippy::needless_range_loop)]
+    for i in 0..N {
+        zipped[i] = combine(one[i], other[i]);
+    }
+    zipped
+}
+
+/// Derivatives up to which each operation of a step has its loop where it stands. With more, a call is small beside
+/// the loop, and a step of loops is what the compiler spends most of this crate's build on.
+const INLINED: usize = 6;
+
+#[inline(never)]
+fn scaled_apart<const N: usize>(gradient: &[f64; N], factor: f64) -> [f64; N] {
+    scaled(gradient, factor)
+}
+
+#[inline(never)]
+fn zipped_apart<const N: usize>(
+    one: &[f64; N],
+    other: &[f64; N],
+    combine: impl Fn(f64, f64) -> f64,
+) -> [f64; N] {
+    zipped(one, other, combine)
 }
 
 /// Marks a branch as seldom taken.

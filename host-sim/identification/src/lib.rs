@@ -48,13 +48,20 @@
 //! ```
 
 pub mod data;
+#[cfg(feature = "fit")]
 pub mod diagnose;
+#[cfg(feature = "fit")]
 pub mod dual;
+#[cfg(feature = "fit")]
 pub mod fit;
+#[cfg(feature = "fit")]
 pub mod log_check;
+#[cfg(feature = "fit")]
 pub mod motion;
+#[cfg(feature = "fit")]
 pub mod network;
 pub mod number;
 pub mod params;
 pub mod spec;
+#[cfg(feature = "fit")]
 pub mod stochastic;

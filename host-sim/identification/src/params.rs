@@ -22,6 +22,7 @@
 //! range are refused, each in one line that names the key.
 
 use crate::data::JointKind;
+#[cfg(feature = "fit")]
 use crate::fit::Outcome;
 use crate::spec::Spec;
 use compensator_core::compensator::CompensatorParameters;
@@ -85,6 +86,7 @@ pub fn unit_in_words(unit: &str) -> &str {
 }
 
 /// The file of a fit.
+#[cfg(feature = "fit")]
 pub fn emit(outcome: &Outcome, joint: JointKind) -> String {
     let parameters = &outcome.parameters;
     let mut text = head(joint, &outcome.spec.full_name());

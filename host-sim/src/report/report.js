@@ -6,11 +6,26 @@
   const plots = Array.from(document.querySelectorAll(".plot"));
   const drawn = new Set();
 
+  // SVG text does not flow: an axis' name is broken where it is wider than the axis, at 13 px some 7 px a character. How
+  // wide that is, is known once it is drawn.
+  const CHARACTER_PX = 7;
+  const breakTitle = (plot) => {
+    const { title, _length: width } = plot._fullLayout.xaxis;
+    const words = (title.text ?? "").split(" ");
+    let lines = words.shift();
+    for (const word of words) {
+      const last = lines.slice(lines.lastIndexOf("<br>") + 1);
+      const fits = (last.length + word.length) * CHARACTER_PX <= width;
+      lines += (fits ? " " : "<br>") + word;
+    }
+    if (lines !== title.text) Plotly.relayout(plot, { "xaxis.title.text": lines });
+  };
+
   const draw = (plot) => {
     if (drawn.has(plot) || plot.closest("details:not([open])")) return;
     drawn.add(plot);
     const figure = JSON.parse(document.getElementById(plot.id + "-data").textContent);
-    Plotly.newPlot(plot, figure.data, figure.layout, figure.config);
+    Plotly.newPlot(plot, figure.data, figure.layout, figure.config).then(breakTitle);
   };
 
   plots.forEach(draw);

@@ -147,6 +147,7 @@ impl Run {
     }
 
     /// A copy in which every numeric column, time too, went through `f`, which treats all alike.
+    #[cfg(feature = "fit")]
     pub(crate) fn with_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
         let time_s = f(&self.time_s);
         Run { time_s, ..self.map_columns(f) }

@@ -78,6 +78,7 @@ pub(super) struct Layout {
 
 impl Layout {
     /// Columns of the file that must be read.
+    #[cfg(any(feature = "mcap", feature = "parquet"))]
     pub fn needed(&self) -> impl Iterator<Item = usize> {
         let required = self.required.iter().map(|reading| reading.index).chain(self.run);
         let optional = self.optional.iter().map(|column| column.reading.index);

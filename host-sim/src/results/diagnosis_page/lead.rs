@@ -126,14 +126,19 @@ pub(super) fn above_the_floor(scene: &Scene) -> Chart {
         let name = names[*place as usize].clone();
         Series::bars(name, vec![*error], vec![*place])
     });
+    let floor = scene.about.found.noise_floor;
+    // Of bars that are not there Plotly would number the axis from -1 to 1.
+    let is_at_floor = errors.iter().all(|error| *error <= 0.0);
+    let range = (is_at_floor && floor > 0.0).then_some((0.0, floor));
+    let none = if is_at_floor { " No error stands above it." } else { "" };
     Chart {
         title: "Error above the floor".into(),
         caption: format!(
-            "On rows no fit has seen, in {}: the part of the error that a better model could take away. The floor, {}, is noise.",
+            "On rows no fit has seen, in {}: the part of the error that a better model could take away. The floor, {}, is noise.{none}",
             scene.unit(),
-            quantity(scene.about.found.noise_floor, scene.unit())
+            quantity(floor, scene.unit())
         ),
-        x: Axis::new(format!("RMSE above the floor ({})", scene.unit())),
+        x: Axis { range, ..Axis::new(format!("RMSE above the floor ({})", scene.unit())) },
         y: Axis::of_names("", names.clone()),
         series: series.collect(),
     }
