@@ -6,13 +6,16 @@
 //! one that has fallen silent is told to the supervisor as samples that grow old, and starves the watchdog.
 
 use crate::control::PERIOD_S;
-use crate::driver::{LoopOrders, LoopReport};
+use crate::driver::{LoopOrders, LoopReport, REPORT_PERIOD_S};
 use crate::loop_parts::{Parts, StageTraits};
 use crate::parameter_set::ParameterSet;
 use heapless::spsc::{Consumer, Producer, Queue};
 
 /// A loop that has not reported for so long no longer runs, us.
 pub const LOOP_SILENT_US: u64 = 5000;
+
+/// Time from one report to the next, us.
+const REPORT_US: u64 = (REPORT_PERIOD_S * 1e6 + 0.5) as u64;
 
 /// The queues themselves: a place for them, which outlives both ends. A queue holds one less than its number.
 #[derive(Default)]
@@ -61,7 +64,8 @@ pub struct LoopLink<'q> {
 
 impl LoopLink<'_> {
     /// Gives every report since the last call; where none came the last one, grown old, with nothing
-    /// counted twice.
+    /// counted twice. It is old by what it is overdue: reports and calls have the same period, and a call just before a
+    /// report finds none.
     pub fn reports(&mut self, now_us: u64, mut take: impl FnMut(LoopReport)) {
         let mut silent = true;
         while let Some(report) = self.reports.dequeue() {
@@ -71,9 +75,9 @@ impl LoopLink<'_> {
             take(report);
         }
         if silent {
-            let silent_us = now_us.saturating_sub(self.reported_us);
+            let overdue_us = now_us.saturating_sub(self.reported_us + REPORT_US);
             take(LoopReport {
-                sample_age_us: Some(u32::try_from(silent_us).unwrap_or(u32::MAX)),
+                sample_age_us: Some(u32::try_from(overdue_us).unwrap_or(u32::MAX)),
                 overruns_in_a_row: 0,
                 residual_torque_nm: f32::NAN,
                 ..self.last
@@ -104,5 +108,29 @@ impl LoopLink<'_> {
         }
         // A full queue is a loop that does not run; its set-point grows old there.
         let _ = self.orders.enqueue(orders);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_just_missed_is_no_conversion_missing_and_two_are() {
+        let mut queues = LoopQueues::new();
+        let (mut port, mut link) = queues.split(StageTraits::NONE, 0);
+        let age_us = |link: &mut LoopLink, now_us| {
+            let mut age_us = None;
+            link.reports(now_us, |report| age_us = report.sample_age_us);
+            age_us
+        };
+        port.reports
+            .enqueue(LoopReport { sample_age_us: Some(0), ..LoopReport::default() })
+            .unwrap();
+        assert_eq!(age_us(&mut link, 1000), Some(0));
+        // An interrupt was missed: the report comes 50 us after this call.
+        assert_eq!(age_us(&mut link, 2000), Some(0));
+        assert_eq!(age_us(&mut link, 3000), Some(1000));
+        assert!(link.is_alive(5999) && !link.is_alive(6000));
     }
 }

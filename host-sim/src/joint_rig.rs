@@ -9,16 +9,18 @@
 //! is whoever calls [`JointRig::millisecond`]: the firmware controls current, so velocity and position loops lie above
 //! it, as they would on a robot's own computer. Sensors of side load, pressure and temperature answer on the bus.
 
+mod board;
 mod faults;
 mod stage;
 
+pub use board::{BoardSensors, EncoderFault, TRAITS as BOARD_TRAITS};
 pub use faults::{Faults, SealSensor};
-pub use stage::Stage;
+pub use stage::{Extremes, Interrupt, PERIOD_CYCLES, Stage};
 
 use compensator_core::can::{Command, Frame, Message, Node, Seal, Surroundings, Sync};
 use faults::Line;
 use firmware::background::{Background, BoardState, TICK_US};
-use firmware::control::PERIOD_S;
+use firmware::control::{PERIOD_S, PowerStage};
 use firmware::deadline::Limits;
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
@@ -30,7 +32,7 @@ use firmware::parameter_set::ParameterSet;
 use firmware::store::Store;
 use firmware::store::memory::MemoryFlash;
 use simulated_machines::joint_plant::JointPlant;
-use stage::PERIOD_CYCLES;
+use std::collections::VecDeque;
 
 const NODE: Node = Node::FIRST;
 
@@ -38,7 +40,13 @@ const NODE: Node = Node::FIRST;
 const PERIODS: usize = (1e-3 / PERIOD_S + 0.5) as usize;
 
 /// The observer's angle is believed after this, ms (a triple pole at 100 Hz, with room).
-const SETTLE_MS: usize = 150;
+pub const SETTLE_MS: usize = 150;
+
+/// A watchdog nobody feeds for so long resets the processor, ms: the board's.
+pub const WATCHDOG_MS: u32 = 50;
+
+/// Frames that wait for the background, at most: the board's queue.
+const FRAMES: usize = 64;
 
 /// The bridge is given its offsets within this after arming, ms.
 const ARM_MS: usize = 60;
@@ -77,6 +85,33 @@ pub struct JointRig<'q> {
     commands: u8,
     heard: Heard,
     answers: Vec<Frame>,
+    /// Milliseconds the background still stands still, and what came in the meantime.
+    stalled_ms: u32,
+    waiting: VecDeque<Frame>,
+    /// Milliseconds since the watchdog was fed, and whether it has reset the processor.
+    unfed_ms: u32,
+    reset: bool,
+    surroundings: BoardState,
+}
+
+/// How a driver begins its life.
+#[derive(Clone, Copy, Debug)]
+pub struct Start<'a> {
+    /// What its flash holds; nothing of a blank one.
+    pub set: Option<&'a ParameterSet>,
+    /// Somebody has confirmed the wiring.
+    pub commissioned: bool,
+    /// Sensors and traits of the driver's board, in place of ideal ones.
+    pub board: bool,
+    /// How the last life ended.
+    pub boot: Boot<'a>,
+}
+
+impl Default for Start<'_> {
+    /// A blank flash on the board.
+    fn default() -> Self {
+        Self { set: None, commissioned: false, board: true, boot: Boot::default() }
+    }
 }
 
 /// Starts a driver with this parameter set on a plant, arms it, and lets `work` be its master.
@@ -89,26 +124,46 @@ pub fn with_joint<R>(
     faults: Faults,
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, String> {
-    Parts::build(set, StageTraits::NONE, PERIOD_S).map_err(|refused| refused.to_string())?;
-    let settings = NodeSettings { commissioned: set.wiring_crc(), ..NodeSettings::default() };
+    let start = Start { set: Some(set), commissioned: true, board: false, boot: Boot::default() };
+    let position_rad = plant.position_rad();
+    with_driver(&start, plant, faults, |rig| rig.arm(position_rad).map(|()| work(rig)))?
+}
+
+/// Starts a driver at power-up, its bridge open, and lets `work` be its master.
+///
+/// # Errors
+/// The set is refused; one line.
+pub fn with_driver<R>(
+    start: &Start,
+    mut plant: JointPlant,
+    faults: Faults,
+    work: impl FnOnce(&mut JointRig) -> R,
+) -> Result<R, String> {
+    let traits = if start.board { BOARD_TRAITS } else { StageTraits::NONE };
     let mut store = Store::open(MemoryFlash::<2>::new());
-    store.save(&emit_block(&settings, set)).map_err(|error| format!("flash: {error:?}"))?;
+    let mut settings = NodeSettings::default();
+    if let Some(set) = start.set {
+        Parts::build(set, traits, PERIOD_S).map_err(|refused| refused.to_string())?;
+        settings.commissioned = if start.commissioned { set.wiring_crc() } else { 0 };
+        let block = emit_block(&settings, set);
+        store.save(&block).map_err(|error| format!("flash: {error:?}"))?;
+    }
     let identity = Identity { hardware: "simulated joint", serial: 1 };
-    let driver = Driver::boot(settings, store.release(), identity, &Boot::default(), 0);
-    let task = LoopTask::new(
-        Parts::first(driver.set(), StageTraits::NONE),
-        Limits::of_period(PERIOD_CYCLES, 2000),
-    );
+    let driver = Driver::boot(settings, store.release(), identity, &start.boot, 0);
+    let task =
+        LoopTask::new(Parts::first(driver.set(), traits), Limits::of_period(PERIOD_CYCLES, 2000));
     let mut queues = LoopQueues::new();
-    let (port, link) = queues.split(StageTraits::NONE, 0);
+    let (port, link) = queues.split(traits, 0);
     let line = Line::new(&faults);
-    let start_rad = plant.position_rad();
+    let board = start.board.then(|| BoardSensors::start(&mut plant, faults.seed));
+    let mut stage = Stage::new(plant, &faults);
+    stage.board = board;
     let mut rig = JointRig {
         background: Background::new(driver, 0),
         task,
         port,
         link,
-        stage: Stage::new(plant, &faults),
+        stage,
         faults,
         line,
         stuck: None,
@@ -117,16 +172,24 @@ pub fn with_joint<R>(
         commands: 0,
         heard: Heard::default(),
         answers: Vec::new(),
+        stalled_ms: 0,
+        waiting: VecDeque::new(),
+        unfed_ms: 0,
+        reset: false,
+        surroundings: BoardState::default(),
     };
-    rig.start(start_rad)?;
+    // The background is not asked before the interrupt has run: it would find no conversion.
+    rig.periods();
+    (0..SETTLE_MS).for_each(|_| rig.pass());
     Ok(work(&mut rig))
 }
 
 impl JointRig<'_> {
-    fn start(&mut self, position_rad: f64) -> Result<(), String> {
-        // The background is not asked before the interrupt has run: it would find no conversion.
-        self.periods();
-        (0..SETTLE_MS).for_each(|_| self.pass());
+    /// Starts the node, says where the joint is, and arms it, at 0 A.
+    ///
+    /// # Errors
+    /// It does not arm; one line that names what stands against it.
+    pub fn arm(&mut self, position_rad: f64) -> Result<(), String> {
         self.give(0, &[1, NODE.number()]);
         self.write(index::STATE, 6, (position_rad as f32).to_le_bytes());
         (0..5).for_each(|_| self.millisecond(0.0, 0.0));
@@ -164,31 +227,80 @@ impl JointRig<'_> {
             self.line.send(Message::Surroundings(NODE, of).emit());
         }
         while let Some(frame) = self.line.receive() {
-            self.background.receive(&frame, self.now_us);
+            self.deliver(frame);
         }
         self.pass();
     }
 
     /// A millisecond in which nobody commands.
-    fn pass(&mut self) {
+    pub fn pass(&mut self) {
         self.now_us += TICK_US;
-        self.background.tick(&BoardState::default(), Some(&mut self.link), self.now_us);
-        let sync = Message::Sync(Sync::of(self.milliseconds)).emit();
-        self.background.receive(&sync, self.now_us);
-        while let Some(frame) = self.background.transmit() {
+        if self.stalled_ms == 0 && !self.reset {
+            while let Some(frame) = self.waiting.pop_front() {
+                self.background.receive(&frame, self.now_us);
+            }
+            let link = Some(&mut self.link);
+            if self.background.tick(&self.surroundings, link, self.now_us) {
+                self.unfed_ms = 0;
+            }
+        }
+        self.deliver(Message::Sync(Sync::of(self.milliseconds)).emit());
+        while self.stalled_ms == 0
+            && let Some(frame) = self.background.transmit()
+        {
             self.hear(&frame);
+        }
+        self.stalled_ms = self.stalled_ms.saturating_sub(1);
+        self.unfed_ms += 1;
+        if self.unfed_ms > WATCHDOG_MS {
+            self.reset = true;
         }
         self.periods();
         self.line.tick();
         self.milliseconds += 1;
     }
 
+    /// Gives the background a frame, or keeps it until it is back.
+    fn deliver(&mut self, frame: Frame) {
+        if self.stalled_ms == 0 && !self.reset {
+            self.background.receive(&frame, self.now_us);
+        } else if self.waiting.len() < FRAMES {
+            self.waiting.push_back(frame);
+        }
+    }
+
     fn periods(&mut self) {
         for _ in 0..PERIODS {
-            let at = self.stage.cycles();
-            self.task.interrupt(&mut self.stage, &mut self.port, at, at.wrapping_add(200));
+            if self.reset {
+                // The timer is reset with the processor: its outputs are at their idle level.
+                self.stage.off();
+            } else if let Some(late) = self.stage.interrupt() {
+                let at = self.stage.cycles();
+                let now = at.wrapping_add(200 + late);
+                self.task.interrupt(&mut self.stage, &mut self.port, at, now);
+            }
             self.stage.pass();
         }
+    }
+
+    /// The background stands still for so many milliseconds, as in a long transfer; the interrupt goes on.
+    pub fn stall(&mut self, milliseconds: u32) {
+        self.stalled_ms = milliseconds;
+    }
+
+    /// Whether the watchdog has reset the processor, which then does nothing any more here: its next life is another rig.
+    pub fn is_reset(&self) -> bool {
+        self.reset
+    }
+
+    /// What the board finds around itself: temperatures, stack, bus.
+    pub fn surroundings_mut(&mut self) -> &mut BoardState {
+        &mut self.surroundings
+    }
+
+    /// The power stage, to be looked at and to be broken.
+    pub fn stage_mut(&mut self) -> &mut Stage {
+        &mut self.stage
     }
 
     fn hear(&mut self, frame: &Frame) {
@@ -241,7 +353,7 @@ impl JointRig<'_> {
     }
 
     /// Gives the driver a frame at once.
-    fn give(&mut self, identifier: u16, data: &[u8]) {
+    pub fn give(&mut self, identifier: u16, data: &[u8]) {
         if let Some(frame) = Frame::new(identifier, data) {
             self.background.receive(&frame, self.now_us);
         }

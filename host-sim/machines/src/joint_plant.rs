@@ -6,7 +6,8 @@
 //! ```
 //! Its seal is not LuGre ([`seal`]). Every constant is in one table with its source ([`parameters`]), fixed before
 //! anything was measured. [`mod@bench`] drives the same seal by hand, as a test stand does; [`machine`] is
-//! what a current loop is connected to, with noise and steps in what it measures. All of it is simulated, in
+//! what a current loop is connected to, with noise and steps in what it measures. A bus capacitor ([`supply`]), a winding that
+//! heats up ([`winding`]), a coupling with compliance and play, cogging and an eccentric magnet are there to be asked for. All of it is simulated, in
 //! double precision, by its own equations: nothing here can see the law that is judged.
 
 pub mod bench;
@@ -15,6 +16,8 @@ pub mod machine;
 pub mod parameters;
 pub mod seal;
 pub mod shaft;
+pub mod supply;
+pub mod winding;
 
 pub use bench::Bench;
 pub use load::Load;

@@ -2,12 +2,14 @@
 //!
 //! Winding currents are integrated in the stationary frame, exactly over a sub-step for constant voltage and
 //! back-EMF; the bridge gives each phase its mean voltage less what the dead time takes, and open its diodes drive
-//! the currents to 0. Gear and shaft are one inertia. Two sub-steps of semi-implicit Euler in a period of 50 us; a test holds
+//! the currents to 0. Gear and shaft are one inertia, unless the coupling between them is not rigid. Two sub-steps of semi-implicit Euler in a period of 50 us; a test holds
 //! them against twenty.
 
 use super::load::{Acting, Load};
 use super::parameters::Parameters;
 use super::seal::{Around, Seal};
+use super::supply::Supply;
+use super::winding::Winding;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -65,8 +67,30 @@ pub struct JointPlant {
     cancelled: f64,
     /// A stand holds the output.
     held: bool,
+    /// Side load from elsewhere than the load, N.
+    pushed_n: f64,
+    /// Motor and gear, where the coupling to the output is not rigid.
+    rotor: Option<Rotor>,
+    supply: Option<Supply>,
+    winding: Option<Winding>,
+    /// Copper loss since the winding's last step, J, and the time, s.
+    lost_j: f64,
+    lost_s: f64,
+    /// Duties of the period before: how long the low sides conducted before the sample.
+    duty: Option<[f64; 3]>,
+    period_s: f64,
     random: Pcg64,
 }
+
+/// Motor and gear behind a coupling, seen from the joint.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rotor {
+    position: f64,
+    velocity: f64,
+}
+
+/// Steps of the winding's heat, s.
+const HEAT_STEP_S: f64 = 1e-2;
 
 impl JointPlant {
     /// A machine at rest with this load on it, under water; the seed draws its sensors' noise and where the
@@ -92,8 +116,16 @@ impl JointPlant {
         };
         seal.settle(&around);
         let geared = p.rotor_inertia_kg_m2 * p.gear_ratio * p.gear_ratio;
+        let rigid = p.output_stiffness_nm_per_rad <= 0.0;
         Self {
             inertia: geared + p.output_inertia_kg_m2 + load.inertia_kg_m2(p),
+            rotor: (!rigid).then_some(Rotor { position, velocity: 0.0 }),
+            supply: None,
+            winding: None,
+            lost_j: 0.0,
+            lost_s: 0.0,
+            duty: None,
+            period_s: 0.0,
             p: *p,
             load,
             seal,
@@ -108,6 +140,7 @@ impl JointPlant {
             admittance: 0.0,
             cancelled: 0.0,
             held: false,
+            pushed_n: 0.0,
             random: Pcg64::seed_from_u64(seed ^ 0x5eed),
         }
     }
@@ -126,6 +159,52 @@ impl JointPlant {
     /// A stand holds the output, or lets go of it.
     pub fn hold(&mut self, held: bool) {
         self.held = held;
+    }
+
+    /// Puts it on a capacitor with a supply that takes nothing back, in place of a stiff bus.
+    pub fn charge_bus(&mut self) {
+        self.supply = Some(Supply::of(&self.p));
+    }
+
+    /// The supply's voltage from now on, V: of a stiff bus, or what charges the capacitor.
+    pub fn set_supply(&mut self, voltage_v: f64) {
+        match &mut self.supply {
+            Some(supply) => supply.set_v = voltage_v,
+            None => self.p.bus_voltage_v = voltage_v,
+        }
+    }
+
+    /// Bus voltage, V.
+    pub fn bus_v(&self) -> f64 {
+        self.supply.map_or(self.p.bus_voltage_v, |supply| supply.bus_v())
+    }
+
+    /// Lets the winding heat up, from the water's temperature.
+    pub fn heat_winding(&mut self) {
+        self.winding = Some(Winding::of(&self.p));
+        self.step_s = 0.0;
+    }
+
+    /// Its temperatures, where it heats up.
+    pub fn winding(&self) -> Option<&Winding> {
+        self.winding.as_ref()
+    }
+
+    /// A side load from elsewhere than the load, N; it stays where the load puts none of its own.
+    pub fn set_side_load(&mut self, radial_force_n: f64) {
+        self.pushed_n = radial_force_n;
+    }
+
+    /// Currents that flow in phases a, b, c, A: without sensors.
+    pub fn phase_currents_a(&self) -> [f64; 3] {
+        phases(self.current)
+    }
+
+    /// Current that makes torque, A, positive towards positive position.
+    pub fn torque_current_a(&self) -> f64 {
+        let angle = self.p.gear_ratio * self.p.pole_pairs * self.motor_position_rad();
+        let (sine, cosine) = angle.sin_cos();
+        self.current[1] * cosine - self.current[0] * sine
     }
 
     /// Pressure from now on, Pa.
@@ -168,19 +247,38 @@ impl JointPlant {
         self.inertia
     }
 
+    /// Position of motor and gear, rad of the joint.
+    fn motor_position_rad(&self) -> f64 {
+        self.rotor.map_or(self.position, |rotor| rotor.position)
+    }
+
     /// What its stage measures now.
     pub fn measure(&mut self) -> Measured {
-        let [along, across] = self.current;
-        let root = 0.75f64.sqrt();
-        let phases = [along, -0.5 * along + root * across, -0.5 * along - root * across];
+        let phases = self.phase_currents_a();
+        let shown: [f64; 3] = std::array::from_fn(|phase| self.settled(phase));
         let step = self.p.current_step_a;
-        let currents_a = phases.map(|current| {
+        let mut currents_a = [0.0; 3];
+        for ((measured, current), shown) in currents_a.iter_mut().zip(phases).zip(shown) {
             let noise: f64 = StandardNormal.sample(&mut self.random);
-            ((current + self.p.current_noise_a * noise) / step).round() * step
-        });
-        let turns = self.position * self.p.gear_ratio / TAU;
+            *measured = ((current * shown + self.p.current_noise_a * noise) / step).round() * step;
+        }
+        let motor = self.motor_position_rad() * self.p.gear_ratio;
+        let turns = (motor + self.p.magnet_eccentricity_rad * motor.sin()) / TAU;
         let encoder = ((turns - turns.floor()) * self.p.encoder_counts) as u32;
-        Measured { currents_a, bus_v: self.p.bus_voltage_v, encoder }
+        Measured { currents_a, bus_v: self.bus_v(), encoder }
+    }
+
+    /// Share of its current that a low side's shunt amplifier shows at the top: it has half of the period less the duty's
+    /// share, and the dead time, to come from nothing. With the bridge open nothing switches.
+    fn settled(&self, phase: usize) -> f64 {
+        let Some(duty) = self.duty else { return 1.0 };
+        let conducted = 0.5 * (1.0 - duty[phase]) * self.period_s - self.p.dead_time_s;
+        // No lag: sensors in the phases.
+        if self.p.shunt_lag_s <= 0.0 {
+            1.0
+        } else {
+            1.0 - (-conducted.max(0.0) / self.p.shunt_lag_s).exp()
+        }
     }
 
     /// What the joint's other sensors show now.
@@ -201,27 +299,59 @@ impl JointPlant {
     pub fn period(&mut self, period_s: f64, duty: Option<[f64; 3]>) {
         let dt = period_s / self.substeps as f64;
         if self.step_s != dt {
-            let decay = self.p.phase_resistance_ohm / self.p.phase_inductance_h * dt;
+            let resistance = self.resistance_ohm();
+            let decay = resistance / self.p.phase_inductance_h * dt;
             (self.step_s, self.kept) = (dt, (-decay).exp());
-            self.admittance = (1.0 - self.kept) / self.p.phase_resistance_ohm;
+            self.admittance = (1.0 - self.kept) / resistance;
         }
+        (self.duty, self.period_s) = (duty, period_s);
         let poles = self.p.gear_ratio * self.p.pole_pairs;
         let constant = self.p.motor_torque_constant_nm_per_a * (1.0 + self.p.torque_constant_error);
         let flux = constant / (1.5 * self.p.pole_pairs);
         for _ in 0..self.substeps {
-            let voltage = self.voltage(period_s, duty);
             // Half a sub-step on: the field turns under the voltage.
-            let angle = poles * (self.position + 0.5 * dt * self.velocity);
+            let turned =
+                self.rotor.unwrap_or(Rotor { position: self.position, velocity: self.velocity });
+            let angle = poles * (turned.position + 0.5 * dt * turned.velocity);
             let (sine, cosine) = angle.sin_cos();
-            let induced = flux * poles * self.velocity;
+            let induced = flux * poles * turned.velocity;
+            let induced = [induced * sine, -induced * cosine];
+            let voltage = match duty {
+                Some(duty) => self.voltage(period_s, duty),
+                None => self.open_voltage(induced),
+            };
             let [along, across] = self.current;
+            self.lost_j += 1.5 * self.resistance_ohm() * (along * along + across * across) * dt;
+            if let Some(supply) = &mut self.supply {
+                let power_w = 1.5 * (voltage[0] * along + voltage[1] * across);
+                supply.step(power_w / supply.bus_v().max(1.0), dt);
+            }
             self.current = [
-                self.kept * along + self.admittance * (voltage[0] + induced * sine),
-                self.kept * across + self.admittance * (voltage[1] - induced * cosine),
+                self.kept * along + self.admittance * (voltage[0] + induced[0]),
+                self.kept * across + self.admittance * (voltage[1] + induced[1]),
             ];
             let turning = self.current[1] * cosine - self.current[0] * sine;
             self.move_on(constant * self.p.gear_ratio * turning, dt);
         }
+        self.heat(period_s);
+    }
+
+    /// Resistance of a phase as warm as it is, ohm.
+    fn resistance_ohm(&self) -> f64 {
+        let gain = self.winding.map_or(1.0, |winding| winding.resistance_gain(&self.p));
+        self.p.phase_resistance_ohm * gain
+    }
+
+    fn heat(&mut self, period_s: f64) {
+        self.lost_s += period_s;
+        if self.lost_s < HEAT_STEP_S {
+            return;
+        }
+        if let Some(winding) = &mut self.winding {
+            winding.step(&self.p, self.lost_j / self.lost_s, self.lost_s);
+            self.step_s = 0.0;
+        }
+        (self.lost_j, self.lost_s) = (0.0, 0.0);
     }
 
     /// One period (s) with an ideal current loop that makes so many ampere, gear and magnet as they are.
@@ -233,19 +363,34 @@ impl JointPlant {
         }
     }
 
-    /// Mean voltage of the bridge along and across phase a, V.
-    fn voltage(&self, period_s: f64, duty: Option<[f64; 3]>) -> [f64; 2] {
-        let [along, across] = self.current;
-        let root = 0.75f64.sqrt();
-        let currents = [along, -0.5 * along + root * across, -0.5 * along - root * across];
-        let bus = self.p.bus_voltage_v;
+    /// Mean voltage of the driving bridge along and across phase a, V.
+    fn voltage(&self, period_s: f64, duty: [f64; 3]) -> [f64; 2] {
+        let currents = self.phase_currents_a();
+        let bus = self.bus_v();
         let lost = bus * self.p.dead_time_s / period_s;
         let ramp = |current: f64| (current / DEAD_TIME_RAMP_A).clamp(-1.0, 1.0);
-        let [a, b, c]: [f64; 3] = std::array::from_fn(|phase| match duty {
-            Some(duty) => duty[phase] * bus - lost * ramp(currents[phase]),
-            None => -0.5 * bus * ramp(0.2 * currents[phase]),
-        });
-        [(2.0 * a - b - c) / 3.0, (b - c) / 3f64.sqrt()]
+        vector(std::array::from_fn(|phase| {
+            // A half bridge that does not switch has no dead time.
+            let switches = 0.0 < duty[phase] && duty[phase] < 1.0;
+            let lost = if switches { lost } else { 0.0 };
+            duty[phase] * bus - lost * ramp(currents[phase])
+        }))
+    }
+
+    /// The same of an open bridge: its diodes put half the bus against every current, and block once it is 0. What would
+    /// end the currents in this sub-step is what they do, where they can.
+    fn open_voltage(&self, induced: [f64; 2]) -> [f64; 2] {
+        let bus = self.bus_v();
+        let ends =
+            [0, 1].map(|axis| -self.kept / self.admittance * self.current[axis] - induced[axis]);
+        if phases(ends).into_iter().all(|voltage| voltage.abs() <= 0.5 * bus) {
+            return ends;
+        }
+        vector(self.phase_currents_a().map(|current| match current {
+            current if current > 0.0 => -0.5 * bus,
+            current if current < 0.0 => 0.5 * bus,
+            _ => 0.0,
+        }))
     }
 
     fn move_on(&mut self, motor_nm: f64, dt: f64) {
@@ -253,78 +398,61 @@ impl JointPlant {
             return;
         }
         self.acting = self.load.act(&self.p, self.position, self.velocity, dt);
+        self.acting.radial_force_n += self.pushed_n;
         self.around.radial_force_n = self.acting.radial_force_n;
         self.around.load_torque_nm = self.acting.torque_nm;
         let given_back = self.cancelled * self.seal.torque_nm();
         let friction = self.seal.step(self.velocity, self.position, &self.around, dt);
-        let torque = motor_nm + given_back - friction - self.acting.torque_nm;
-        self.velocity += dt * torque / self.inertia;
+        let driving = self.transmitted(motor_nm - self.cogging_nm(), dt);
+        let torque = driving + given_back - friction - self.acting.torque_nm;
+        let own = self.rotor.map_or(0.0, |_| self.rotor_inertia());
+        self.velocity += dt * torque / (self.inertia - own);
         self.position += dt * self.velocity;
     }
+
+    fn rotor_inertia(&self) -> f64 {
+        self.p.rotor_inertia_kg_m2 * self.p.gear_ratio * self.p.gear_ratio
+    }
+
+    /// Cogging, Nm at the joint, positive against positive motion.
+    fn cogging_nm(&self) -> f64 {
+        let motor = self.motor_position_rad() * self.p.gear_ratio;
+        if self.p.cogging_nm == 0.0 {
+            return 0.0;
+        }
+        self.p.cogging_nm * self.p.gear_ratio * (self.p.cogging_periods * motor).sin()
+    }
+
+    /// What of the motor's torque reaches the output, Nm; motor and gear move on where they are not one with it.
+    fn transmitted(&mut self, motor_nm: f64, dt: f64) -> f64 {
+        let inertia = self.rotor_inertia();
+        let Some(rotor) = &mut self.rotor else { return motor_nm };
+        let twist = rotor.position - self.position;
+        let half = 0.5 * self.p.backlash_rad;
+        let strained = twist - twist.clamp(-half, half);
+        let coupled = if strained == 0.0 {
+            0.0
+        } else {
+            self.p.output_stiffness_nm_per_rad * strained
+                + self.p.output_damping_nm_s_per_rad * (rotor.velocity - self.velocity)
+        };
+        rotor.velocity += dt * (motor_nm - coupled) / inertia;
+        rotor.position += dt * rotor.velocity;
+        coupled
+    }
+}
+
+/// A vector along and across phase a, of phases a, b, c.
+fn vector([a, b, c]: [f64; 3]) -> [f64; 2] {
+    [(2.0 * a - b - c) / 3.0, (b - c) / 3f64.sqrt()]
+}
+
+/// Phases a, b, c of a vector along and across phase a.
+fn phases([along, across]: [f64; 2]) -> [f64; 3] {
+    let root = 0.75f64.sqrt();
+    [along, -0.5 * along + root * across, -0.5 * along - root * across]
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const PERIOD: f64 = 50e-6;
-
-    /// Position and velocity after a push of so many ampere there and back.
-    fn pushed(substeps: usize, load: Load) -> (f64, f64) {
-        let mut plant = JointPlant::new(&Parameters::default(), load, 1);
-        plant.set_substeps(substeps);
-        for k in 0..10_000 {
-            let t = f64::from(k) * PERIOD;
-            plant.period_at_current(PERIOD, 9.0 * (TAU * 2.0 * t).sin());
-        }
-        (plant.position_rad(), plant.velocity_rad_s())
-    }
-
-    #[test]
-    fn two_substeps_do_as_twenty() {
-        for load in [Load::Free, Load::Propeller, Load::Leg, Load::jump(&Parameters::default())] {
-            let (coarse, fine) = (pushed(2, load), pushed(20, load));
-            assert!((coarse.0 - fine.0).abs() < 3e-3, "{load:?}: {coarse:?}, {fine:?}");
-            assert!((coarse.1 - fine.1).abs() < 3e-2, "{load:?}: {coarse:?}, {fine:?}");
-        }
-    }
-
-    #[test]
-    fn it_sticks_below_the_breakaway_and_turns_above() {
-        let turned = |current: f64| {
-            let mut plant = JointPlant::new(&Parameters::default(), Load::Free, 1);
-            (0..20_000).for_each(|_| plant.period_at_current(PERIOD, current));
-            plant.position_rad()
-        };
-        assert!(turned(1.5) < 0.01, "{}", turned(1.5));
-        assert!(turned(3.5) > 0.5, "{}", turned(3.5));
-    }
-
-    #[test]
-    fn the_winding_settles_at_voltage_over_resistance() {
-        let p = Parameters { dead_time_s: 0.0, ..Parameters::default() };
-        let mut plant = JointPlant::new(&p, Load::Free, 1);
-        // 0.13 V along phase a: 1 A along it, at 0 rad no torque.
-        let part = 0.13 / p.bus_voltage_v;
-        let duty = [0.5 + part, 0.5 - 0.5 * part, 0.5 - 0.5 * part];
-        (0..400).for_each(|_| plant.period(PERIOD, Some(duty)));
-        assert!((plant.current[0] - 1.0).abs() < 1e-3, "{:?}", plant.current);
-        assert!(plant.current[1].abs() < 1e-3 && plant.velocity_rad_s().abs() < 1e-3);
-    }
-
-    #[test]
-    fn a_platform_pushed_fast_flies_and_lands() {
-        let p = Parameters::default();
-        let mut plant = JointPlant::new(&p, Load::jump(&p), 1);
-        let (mut flew, mut hit) = (false, 0.0f64);
-        for k in 0..30_000 {
-            // Hard up, then limp: a leg that is held gives way as softly as it is held.
-            plant.period_at_current(PERIOD, if k < 1600 { 24.0 } else { 0.0 });
-            flew |= plant.around().radial_force_n == 0.0;
-            if flew {
-                hit = hit.max(plant.around().radial_force_n);
-            }
-        }
-        assert!(flew && hit > 2.0 * p.platform_weight_n, "flew {flew}, landed with {hit} N");
-    }
-}
+#[path = "machine_tests.rs"]
+mod tests;

@@ -1,0 +1,53 @@
+//! Scenario 15: a stall in cold water.
+
+use super::rig::{Joint, set};
+use super::table::{Row, hold, row, short_of};
+use std::sync::LazyLock;
+
+pub fn rows() -> &'static [Row] {
+    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| [stall(26.0), stall(13.0)].concat());
+    &ROWS
+}
+
+/// Five minutes against a stop in water of 4 deg C; the thermistor sits on the stator.
+fn stall(current_a: f64) -> Vec<Row> {
+    let name = format!("{current_a} A against a stop for 300 s in water of 4 degC");
+    let mut joint = Joint::with(set(0.0));
+    joint.constants.water_temperature_c = 4.0;
+    let (copper, shown, share) = joint.run_plant(
+        |plant| {
+            plant.heat_winding();
+            plant.hold(true);
+        },
+        |master| {
+            master.arm().expect("it arms");
+            let (mut copper, mut shown, mut share) = (0.0f64, 0.0f64, 1.0f32);
+            for _ in 0..300_000 {
+                let winding = *master.rig.plant().winding().expect("a winding that heats up");
+                copper = copper.max(winding.winding_c);
+                shown = shown.max(winding.stator_c);
+                master.rig.surroundings_mut().motor_temperature_c = Some(winding.stator_c as f32);
+                master.current(1, current_a);
+                share = share.min(master.rig.driver().supervisor().current_share());
+            }
+            assert!(master.rig.is_armed(), "{:?}", master.faults());
+            (copper, shown, f64::from(share))
+        },
+    );
+    // Class F stands 155 deg C.
+    let copper = if current_a > 20.0 {
+        short_of(15, &name, "hottest copper, degC", copper, 4.0..=155.0)
+    } else {
+        row(15, &name, "hottest copper, degC", copper, 4.0..=155.0)
+    };
+    vec![
+        copper,
+        row(15, &name, "thermistor at that time, degC", shown, 4.0..=100.0),
+        row(15, &name, "share of the current the driver leaves", share, 0.5..=1.0),
+    ]
+}
+
+#[test]
+fn a_stalled_winding_stays_whole_or_is_known_not_to() {
+    hold(rows());
+}

@@ -1,0 +1,191 @@
+//! The joint of all scenarios, its parameters, and the master over it.
+
+use compensator_core::compensator::CompensatorParameters;
+use compensator_core::configuration::Configuration;
+use compensator_core::{LawKind, Parameters as Friction};
+use firmware::control::MotorParameters;
+use firmware::driver::Boot;
+use firmware::parameter_set::ParameterSet;
+use friction_identification::fit::{FitOptions, Rows, identify, tracks};
+use friction_identification::spec::Spec;
+use host_sim::joint_rig::{Faults, JointRig, Start, with_driver};
+use host_sim::simulated::dataset;
+use simulated_machines::joint_plant::bench::Amount;
+use simulated_machines::joint_plant::{Bench, JointPlant, Load, Parameters};
+use std::f64::consts::TAU;
+use std::sync::LazyLock;
+
+/// Angles of the seal's eccentricity and out-of-roundness, rad: the machine that was identified.
+const PHASE_RAD: [f64; 2] = [0.7, 2.1];
+
+/// Crossover of the master's velocity loop, Hz, and its integral time, s: as in the paper's tasks.
+const VELOCITY_HZ: f64 = 2.0;
+const INTEGRAL_S: f64 = 1.0;
+
+/// The joint's constants; the converter's steps are the board's.
+pub fn constants() -> Parameters {
+    Parameters { current_step_a: 1e-9, ..Parameters::default() }
+}
+
+/// The model that `identify` finds on bench runs of this machine.
+fn identified() -> &'static Friction<f32> {
+    static MODEL: LazyLock<Friction<f32>> = LazyLock::new(|| {
+        let bench = Bench { parameters: Parameters::default(), phase_rad: PHASE_RAD, seed: 3 };
+        let amount = Amount { seconds: 4.0, both_motions: false, learned: 1, held_out: 0 };
+        let measured = bench.measure(&amount);
+        let (unloaded, learned) = (dataset(&measured.unloaded), dataset(&measured.learned));
+        let spec = Spec::parse("improved-lugre").expect("a model");
+        let start = spec.parameters().expect("parameters");
+        let tracks: Vec<_> = [&unloaded, &learned].into_iter().flat_map(tracks).collect();
+        let rows = Rows { tracks: &tracks, decimate: 4 };
+        let options = FitOptions { passive: true, starts: 1, ..FitOptions::default() };
+        let fit = identify(&spec, &start, rows, rows, &options).expect("a fit");
+        fit.parameters.convert()
+    });
+    &MODEL
+}
+
+/// The driver's set: this share of the identified friction is compensated.
+pub fn set(share: f32) -> ParameterSet {
+    let compensator = CompensatorParameters { scale: share, ..CompensatorParameters::default() };
+    let model = if share > 0.0 { identified().clone() } else { Friction::new(LawKind::Lugre) };
+    let mut set = ParameterSet {
+        friction: Configuration { model, compensator },
+        motor: MotorParameters { inertia_kg_m2: 0.12, ..MotorParameters::default() },
+        ..ParameterSet::default()
+    };
+    let envelope = &mut set.friction.model.envelope;
+    *envelope = compensator_core::parameters::Envelope::default();
+    envelope.radial_force_max_n = 400.0;
+    envelope.pressure_diff_max_pa = 4e5;
+    set
+}
+
+/// A joint and its driver.
+#[derive(Clone)]
+pub struct Joint {
+    pub constants: Parameters,
+    pub load: Load,
+    pub set: Option<ParameterSet>,
+    pub commissioned: bool,
+    pub boot: Boot<'static>,
+    pub faults: Faults,
+}
+
+impl Joint {
+    /// The joint with a bare shaft, commissioned, with this set.
+    pub fn with(set: ParameterSet) -> Self {
+        Self {
+            constants: constants(),
+            load: Load::Free,
+            set: Some(set),
+            commissioned: true,
+            boot: Boot::default(),
+            faults: Faults::default(),
+        }
+    }
+
+    /// Powers it up.
+    pub fn run<R>(&self, work: impl FnOnce(&mut Master) -> R) -> R {
+        self.run_plant(|_| {}, work)
+    }
+
+    /// Powers it up, after something was done to the plant.
+    pub fn run_plant<R>(
+        &self,
+        prepare: impl FnOnce(&mut JointPlant),
+        work: impl FnOnce(&mut Master) -> R,
+    ) -> R {
+        let mut plant = JointPlant::with_phase(&self.constants, self.load, PHASE_RAD, 5);
+        prepare(&mut plant);
+        let inertia = plant.inertia_kg_m2();
+        let start = Start {
+            set: self.set.as_ref(),
+            commissioned: self.commissioned,
+            board: true,
+            boot: self.boot,
+        };
+        with_driver(&start, plant, self.faults, |rig| {
+            work(&mut Master { rig, gain: inertia * TAU * VELOCITY_HZ, inertia, integral_a: 0.0 })
+        })
+        .expect("a set that builds")
+    }
+}
+
+/// Who commands, 1000 times a second.
+pub struct Master<'a, 'q> {
+    pub rig: &'a mut JointRig<'q>,
+    gain: f64,
+    inertia: f64,
+    integral_a: f64,
+}
+
+impl Master<'_, '_> {
+    /// Arms the joint at 0 A.
+    pub fn arm(&mut self) -> Result<(), String> {
+        let at = self.rig.plant().position_rad();
+        self.rig.arm(at)
+    }
+
+    /// The master takes the inertia for so many times what it is.
+    pub fn scale_inertia(&mut self, factor: f64) {
+        self.gain *= factor;
+        self.inertia *= factor;
+    }
+
+    /// So many milliseconds of this current, A.
+    pub fn current(&mut self, milliseconds: usize, current_a: f64) {
+        for _ in 0..milliseconds {
+            self.rig.millisecond(current_a as f32, 0.0);
+        }
+    }
+
+    /// A millisecond of the velocity loop: velocity (rad/s) and acceleration (rad/s^2) wanted.
+    pub fn follow(&mut self, velocity: f64, acceleration: f64) {
+        let error = velocity - f64::from(self.rig.heard().velocity_rad_s);
+        let wanted = self.inertia * acceleration + self.gain * error + self.integral_a;
+        if wanted.abs() < 26.0 {
+            self.integral_a += self.gain * error * 1e-3 / INTEGRAL_S;
+        }
+        self.rig.millisecond(wanted.clamp(-26.0, 26.0) as f32, velocity as f32);
+    }
+
+    /// A millisecond of the position loop above it, half as fast.
+    pub fn hold(&mut self, position: f64) {
+        let behind = position - f64::from(self.rig.heard().position_rad);
+        self.follow(TAU * 0.5 * VELOCITY_HZ * behind, 0.0);
+    }
+
+    /// Holds a position for eight seconds; the swing of the last four, rad from end to end.
+    pub fn swing_rad(&mut self, position: f64) -> f64 {
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        for k in 0..8000 {
+            self.hold(position);
+            if k >= 4000 {
+                let at = self.rig.plant().position_rad();
+                (least, most) = (least.min(at), most.max(at));
+            }
+        }
+        most - least
+    }
+
+    /// Comes to a speed in half a second and holds it for so many milliseconds.
+    pub fn spin(&mut self, velocity: f64, milliseconds: usize) {
+        let from = self.rig.plant().velocity_rad_s();
+        for k in 0..500 {
+            let share = f64::from(k) / 500.0;
+            self.follow(from + (velocity - from) * share, (velocity - from) / 0.5);
+        }
+        (0..milliseconds).for_each(|_| self.follow(velocity, 0.0));
+    }
+
+    /// Names of the faults that stand.
+    pub fn faults(&self) -> Vec<&'static str> {
+        self.rig.driver().supervisor().faults().iter().map(|code| code.info().name).collect()
+    }
+
+    /// 1 where this fault stands.
+    pub fn has(&self, fault: &str) -> f64 {
+        f64::from(u8::from(self.faults().contains(&fault)))
+    }
+}
