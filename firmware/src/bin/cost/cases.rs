@@ -16,11 +16,11 @@ use compensator_core::compensator::Reading;
 use compensator_core::effect::NoEffect;
 use compensator_core::law::bristle::Bristles;
 use compensator_core::model::{Law, Model, Sample, State};
+use compensator_core::network::reference::{self as reference_network, CELLS, INPUTS};
 use compensator_core::network::{AugmentedLugre, Factors, Network, NetworkState};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
 use firmware::control::PERIOD_S;
 use firmware::reference_joint::configuration;
-use firmware::reference_network::{self, CELLS, INPUTS};
 
 /// Velocities that visit every class; NaN and infinity become 0 and the limit in fixed point.
 const VELOCITIES: [f32; 24] = [
