@@ -63,7 +63,7 @@ pub struct Heard {
 
 /// A driver on its joint.
 pub struct JointRig<'q> {
-    background: Background<MemoryFlash<2>>,
+    background: Background<MemoryFlash<4>>,
     task: LoopTask,
     port: LoopPort<'q>,
     link: LoopLink<'q>,
@@ -91,7 +91,7 @@ pub fn with_joint<R>(
 ) -> Result<R, String> {
     Parts::build(set, StageTraits::NONE, PERIOD_S).map_err(|refused| refused.to_string())?;
     let settings = NodeSettings { commissioned: set.wiring_crc(), ..NodeSettings::default() };
-    let mut store = Store::open(MemoryFlash::<2>::new());
+    let mut store = Store::open(MemoryFlash::<4>::new());
     store.save(&emit_block(&settings, set)).map_err(|error| format!("flash: {error:?}"))?;
     let identity = Identity { hardware: "simulated joint", serial: 1 };
     let driver = Driver::boot(settings, store.release(), identity, &Boot::default(), 0);
@@ -226,7 +226,7 @@ impl JointRig<'_> {
     }
 
     /// The driver, to be looked at.
-    pub fn driver(&self) -> &Driver<MemoryFlash<2>> {
+    pub fn driver(&self) -> &Driver<MemoryFlash<4>> {
         self.background.driver()
     }
 

@@ -5,6 +5,7 @@
 //!   -> forwards: the core's network, the core's LuGre step           adjoint, predict
 //!   -> backwards: exact gradient by every weight                     adjoint
 //!   -> Adam, run by run, stopped by runs held out                     train
+//!   -> network.json, for driver and people                            file
 //! ```
 //!
 //! Gradients go through time and through the LuGre equations, as the paper has it for `sigma0`; here for all three
@@ -14,10 +15,12 @@
 //! again as a graph; neither was timed.
 
 mod adjoint;
+mod file;
 mod input;
 mod predict;
 mod train;
 
+pub use file::{BASE, NetworkFile, Widened, checksum};
 pub use input::{CELLS, Input, Supplied};
 pub use predict::{Run, predict};
 pub use train::{Progress, TrainOptions, Trained, train};
