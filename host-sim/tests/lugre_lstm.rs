@@ -78,8 +78,7 @@ fn handed_on(folder: &Path) {
     };
     // A driver in this process runs it, bit for bit as the core: its frames bring `grip` as the auxiliary covariate.
     said("simulate damper --seed 1 --out trace", 0, &[]);
-    let replayed =
-        said("replay trace/trace.log --params out/params.toml --out r --rate max --json", 0, &[]);
+    let replayed = said("replay trace/trace.log --params out/params.toml --out r --json", 0, &[]);
     let replayed: Value = serde_json::from_str(&replayed).expect("JSON");
     assert_eq!(replayed["holds"], Value::Bool(true), "{replayed}");
     said("params set out/params.toml --bus loop", 0, &["network none -> crc "]);
