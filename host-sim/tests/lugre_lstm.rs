@@ -81,7 +81,7 @@ fn handed_on(folder: &Path) {
     let replayed = said("replay trace/trace.log --params out/params.toml --out r --json", 0, &[]);
     let replayed: Value = serde_json::from_str(&replayed).expect("JSON");
     assert_eq!(replayed["holds"], Value::Bool(true), "{replayed}");
-    said("params set out/params.toml --bus loop", 0, &["network none -> crc "]);
+    said("params set out/params.toml --bus loop", 0, &[" values changed (crc "]);
     said("params diff out/params.toml --bus loop", 1, &["network: driver none, file crc "]);
     said("params get --network n.json --bus loop", 2, &["the driver has none"]);
     // Forms for others.
