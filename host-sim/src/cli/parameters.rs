@@ -6,6 +6,7 @@
 //! was meant; `save` makes them outlive a reset.
 
 mod names;
+mod network;
 
 use super::bus::BusArguments;
 use super::output::say;
@@ -13,19 +14,19 @@ use crate::driver_file;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
 use compensator_core::can::slcan::BitRate;
-use compensator_core::network::{JointNetwork, record as network_record};
+use compensator_core::network::record as network_record;
 use compensator_core::{ParameterError, record};
 use firmware::node::dictionary::records::{Commissioning, Trace};
 use firmware::node::dictionary::{FRAME_COUNTERS, LOAD, SAVE, index};
 use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
 use firmware::supervisor::Code;
 use friction_identification::data::JointKind;
-use friction_identification::network::NetworkFile;
 use friction_identification::params::{self, ParameterFile};
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::joint::JointNode;
 use names::{choices, differences, numbers, put, unknown};
+use network::write_network;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -178,20 +179,6 @@ fn is_active(set: &ParameterSet) -> Option<ParameterError> {
     let mut model = set.friction.model.clone();
     model.choices.allow_active = false;
     model.validate().err()
-}
-
-/// Writes a driver's network as a file; gives the name it has beside `params.toml`, and its text.
-fn write_network(
-    network: &JointNetwork,
-    joint: JointKind,
-    path: &Path,
-) -> Result<(String, String), String> {
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
-    let name = name.ok_or_else(|| format!("--network {}: is no file", path.display()))?;
-    let text = NetworkFile::of_driver(network, joint).emit(serde_json::Value::Null);
-    crate::report::write_atomically(path, text.as_bytes())
-        .map_err(|error| format!("{}: {error}", path.display()))?;
-    Ok((name, text))
 }
 
 struct Driver {
