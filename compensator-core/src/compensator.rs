@@ -20,6 +20,7 @@ pub use crate::quantity::{Inputs, Reading};
 
 use crate::configuration::Configuration;
 use crate::model::{Model, Sample, State};
+use crate::network::Factors;
 use crate::number::Real;
 use crate::parameters::ParameterError;
 use covariates::Covariates;
@@ -89,6 +90,8 @@ pub struct Compensator<T: Real> {
     model: Model<T>,
     built: Built<T>,
     state: State<T>,
+    /// What a network last said of the law's levels; `None` for its constants.
+    factors: Option<Factors<T>>,
     compensation_torque_nm: T,
     radial_force: Held<T>,
     pressure: Held<T>,
@@ -120,6 +123,7 @@ impl<T: Real> Compensator<T> {
         Ok(Self {
             enabled: false,
             state: State::default(),
+            factors: None,
             compensation_torque_nm: T::zero(),
             radial_force: Held::never(&built),
             pressure: Held::never(&built),
@@ -145,6 +149,12 @@ impl<T: Real> Compensator<T> {
         self.enabled
     }
 
+    /// Takes the factors a network supplies ([`crate::network::Supplier`]), in force from the next sample until the next;
+    /// `None` for the law's constants. A model other than `lugre-asymmetric` without terms takes no notice.
+    pub fn supply(&mut self, factors: Option<Factors<T>>) {
+        self.factors = factors;
+    }
+
     /// Torque held by the bent bristles, Nm.
     pub fn bristle_torque_nm(&self) -> T {
         self.state.bristle_torque_nm
@@ -168,7 +178,10 @@ impl<T: Real> Compensator<T> {
         let seal_trust = self.guard_seal(inputs, &mut sample, &mut flags);
         self.covariates.take(inputs, &self.model, &self.built, seal_trust, &mut sample, &mut flags);
 
-        let mut friction = self.model.step(&mut self.state, &sample);
+        let mut friction = match &self.factors {
+            None => self.model.step(&mut self.state, &sample),
+            Some(factors) => self.model.step_supplied(&mut self.state, &sample, factors),
+        };
         // Validated parameters keep friction far below this.
         if friction.abs_gt_mask(self.built.not_finite).is_set() {
             friction = zero;

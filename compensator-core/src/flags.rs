@@ -55,6 +55,9 @@ bitflags::bitflags! {
         const AUXILIARY_INVALID = 1 << 21;
         /// Auxiliary covariate so old that its term fades.
         const AUXILIARY_STALE = 1 << 22;
+        /// A network's last evaluation lay outside of what it was trained on: the law runs, or is on its way to run, on
+        /// its constants.
+        const NETWORK_OUTSIDE = 1 << 23;
     }
 }
 

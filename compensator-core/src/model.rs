@@ -11,6 +11,7 @@ pub use crate::quantity::Sample;
 
 use crate::effect::Effects;
 use crate::law;
+use crate::network::Factors;
 use crate::number::Real;
 use crate::term::{self, Terms};
 
@@ -84,6 +85,22 @@ impl<T: Real> Model<T> {
             return self.step_with_terms(state, sample);
         }
         self.law.step_alone(&mut state.bristle_torque_nm, &mut state.law, sample)
+    }
+
+    /// The same under a network's factors, which are for `lugre-asymmetric` without terms; of another model, nothing.
+    #[inline(never)]
+    pub fn step_supplied(
+        &self,
+        state: &mut State<T>,
+        sample: &Sample<T>,
+        factors: &Factors<T>,
+    ) -> T {
+        match &self.law {
+            Law::LugreAsymmetric(law) if self.terms.is_empty() => {
+                law.step_under(&mut state.bristle_torque_nm, sample.velocity_rad_s, factors)
+            }
+            _ => self.step(state, sample),
+        }
     }
 
     #[inline(never)]

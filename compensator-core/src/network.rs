@@ -10,6 +10,8 @@
 //! gives no energy back here (the torque `y` is kept), one that rises under load takes none, so the stored energy
 //! `y^2 / 2 sigma0` is not what was put in.
 //!
+//! [`JointNetwork`] is a network with a home: in a record ([`record`]) and over CAN, fed with a joint's readings.
+//!
 //! The network knows which inputs it was trained on ([`InputRange`]). Outside of them it says so, counts, and its share
 //! fades until the law runs on its constants.
 
@@ -17,23 +19,28 @@ mod activation;
 mod augmented;
 mod factors;
 mod input_range;
+mod joint;
 mod lstm;
 mod readout;
+pub mod record;
+pub mod reference;
 mod stroke;
 
 pub use activation::{sigmoid, squash, squash_slope};
 pub use augmented::AugmentedLugre;
 pub use factors::{FACTORS, FactorBounds, Factors};
 pub use input_range::InputRange;
+pub use joint::{CELLS, Feed, JointNetwork, MOST_INPUTS, Supplier};
 pub use lstm::{Activations, CELL_LIMIT, Cell, GATES, Hidden, Lstm};
 pub use readout::Readout;
 pub use stroke::{Stroke, StrokeRange};
 
 use crate::number::Real;
 use crate::refusal::{Bound, ParameterError, refuse};
+use core::array;
 
 /// A network built for use: weights, what it may be asked and what it may answer.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Network<T, const INPUTS: usize, const CELLS: usize> {
     /// Ranges the network was trained on, in the order of its inputs.
     pub inputs: [InputRange<T>; INPUTS],
@@ -160,6 +167,21 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
             bounds: self.bounds.map(|bounds| bounds.convert()),
             slew: number(self.slew),
             fade: number(self.fade),
+        }
+    }
+
+    /// The same with more inputs, which weigh nothing.
+    #[must_use]
+    pub fn widened<const MORE: usize>(&self) -> Network<T, MORE, CELLS> {
+        const { assert!(MORE >= INPUTS, "inputs would be lost") };
+        let unused = InputRange { middle: T::zero(), per_unit: T::one() };
+        Network {
+            inputs: array::from_fn(|input| self.inputs.get(input).copied().unwrap_or(unused)),
+            lstm: self.lstm.widened(),
+            readout: self.readout.clone(),
+            bounds: self.bounds,
+            slew: self.slew,
+            fade: self.fade,
         }
     }
 

@@ -23,6 +23,7 @@ pub use counters::Counters;
 pub use device::{Boot, Identity, REPORT_PERIOD_S};
 pub use live::{Home, LoopOrders, LoopReport};
 
+use crate::control::Covariates;
 use crate::log::log;
 use crate::node::sdo::SdoServer;
 use crate::node::{Network, NmtAction};
@@ -30,6 +31,7 @@ use crate::node_settings::{NodeSettings, Source};
 use crate::parameter_set::ParameterSet;
 use crate::supervisor::{CanState, State, Supervisor};
 use compensator_core::can::{Frame, FrameError, Message, Node, cob_id};
+use compensator_core::network::Factors;
 use device::Device;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -220,6 +222,12 @@ impl<F: NorFlash> Driver<F> {
     /// What the current loop is to do from now on.
     pub fn orders(&self, now_us: u64) -> LoopOrders {
         self.device.orders(now_us)
+    }
+
+    /// What the network, where there is one, says of the law's levels and stiffness, on what is known of the joint:
+    /// evaluated at its own rate, while friction is compensated.
+    pub fn supply(&mut self, covariates: &Covariates, now_us: u64) -> Option<Factors<f32>> {
+        self.device.supply(covariates, now_us)
     }
 
     /// Takes in what the current loop did since the last report.

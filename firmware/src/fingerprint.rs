@@ -9,10 +9,9 @@
 
 use crate::control::PERIOD_S;
 use crate::reference_joint::configuration;
-use crate::reference_network;
 use compensator_core::compensator::Reading;
 use compensator_core::model::{Sample, State};
-use compensator_core::network::NetworkState;
+use compensator_core::network::{NetworkState, reference as reference_network};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
 
 /// Samples in a run.

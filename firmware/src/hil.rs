@@ -4,10 +4,12 @@
 //! in frames; nothing drives a bridge. The joint driver runs this code on its processor, and the PC that
 //! replays a trace to it runs the same code beside it on the frames it sent. The two then differ in
 //! compiler, processor and floating-point unit, in the bus between and in nothing else, so their answers
-//! must agree to the last bit.
+//! must agree to the last bit. A network that supplies the law is evaluated here too, at the rate it was trained with:
+//! before the first sample after the joint was switched on, and then every so many samples.
 
 use compensator_core::can::{Answer, Inbox, Message, Node, Status, Sync, SyncOutcome, Telemetry};
 use compensator_core::configuration::Configuration;
+use compensator_core::network::{Factors, JointNetwork, Supplier};
 use compensator_core::{Compensator, Fixed, Flags, ParameterError, Real};
 
 /// The number a joint computes with.
@@ -25,8 +27,76 @@ pub enum Number {
 enum Either {
     /// None: every answer is 0 and says that it is off.
     Absent,
-    Float(Compensator<f32>),
-    Fixed(Compensator<Fixed>),
+    Float(Joint<f32>),
+    Fixed(Joint<Fixed>),
+}
+
+/// A compensator, and the network that supplies it, where one does.
+#[derive(Clone, Debug)]
+struct Joint<T: Real> {
+    compensator: Compensator<T>,
+    supply: Option<Supply<T>>,
+}
+
+/// A network at its own rate.
+#[derive(Clone, Debug)]
+struct Supply<T: Real> {
+    supplier: Supplier<T>,
+    /// Samples from one evaluation to the next.
+    every: u32,
+    /// Samples to the next one.
+    left: u32,
+}
+
+impl<T: Real<Setting = f32>> Joint<T> {
+    fn build(
+        configuration: &Configuration,
+        network: Option<&JointNetwork>,
+        period_s: f32,
+    ) -> Result<Self, ParameterError> {
+        let supply = match network {
+            None => None,
+            Some(network) => {
+                let supplier = Supplier::build(network, configuration.compensator.hold_s)?;
+                let every = supplier.every(period_s)?;
+                Some(Supply { supplier, every, left: 0 })
+            }
+        };
+        Ok(Self { compensator: Compensator::build(configuration, period_s)?, supply })
+    }
+
+    fn set_enabled(&mut self, enabled: bool) {
+        if !enabled && let Some(supply) = &mut self.supply {
+            supply.supplier.rest();
+            supply.left = 0;
+        }
+        self.compensator.set_enabled(enabled);
+    }
+
+    fn guard(&self) -> Option<NetworkGuard> {
+        let state = self.supply.as_ref()?.supplier.state();
+        let number = |value: T| value.value() as f32;
+        let [coulomb, static_level, stiffness] = state.factors.to_array().map(number);
+        Some(NetworkGuard {
+            is_outside: state.is_outside,
+            outside_count: state.outside_count,
+            share: number(state.share),
+            factors: Factors { coulomb, static_level, stiffness },
+        })
+    }
+}
+
+/// How a network stands to the inputs it was trained on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NetworkGuard {
+    /// Its last evaluation lay outside.
+    pub is_outside: bool,
+    /// Evaluations outside since the start.
+    pub outside_count: u32,
+    /// How much it has to say, 0 (the law's constants) to 1.
+    pub share: f32,
+    /// The factors in force.
+    pub factors: Factors<f32>,
 }
 
 /// What a joint says after a SYNC.
@@ -100,15 +170,16 @@ impl HilJoint {
     /// Builds the compensator; it is off.
     ///
     /// # Errors
-    /// As [`Compensator::build`].
+    /// As [`Compensator::build`], [`Supplier::build`] and [`Supplier::every`].
     pub fn build(
         node: Node,
         configuration: &Configuration,
+        network: Option<&JointNetwork>,
         setup: HilSetup,
     ) -> Result<Self, ParameterError> {
         let compensator = match setup.number {
-            Number::Float => Either::Float(Compensator::build(configuration, setup.period_s)?),
-            Number::Fixed => Either::Fixed(Compensator::build(configuration, setup.period_s)?),
+            Number::Float => Either::Float(Joint::build(configuration, network, setup.period_s)?),
+            Number::Fixed => Either::Fixed(Joint::build(configuration, network, setup.period_s)?),
         };
         Ok(Self { setup, inbox: Inbox::new(node), compensator })
     }
@@ -122,8 +193,8 @@ impl HilJoint {
     pub fn set_enabled(&mut self, enabled: bool) {
         match &mut self.compensator {
             Either::Absent => {}
-            Either::Float(compensator) => compensator.set_enabled(enabled),
-            Either::Fixed(compensator) => compensator.set_enabled(enabled),
+            Either::Float(joint) => joint.set_enabled(enabled),
+            Either::Fixed(joint) => joint.set_enabled(enabled),
         }
     }
 
@@ -131,8 +202,17 @@ impl HilJoint {
     pub fn is_enabled(&self) -> bool {
         match &self.compensator {
             Either::Absent => false,
-            Either::Float(compensator) => compensator.is_enabled(),
-            Either::Fixed(compensator) => compensator.is_enabled(),
+            Either::Float(joint) => joint.compensator.is_enabled(),
+            Either::Fixed(joint) => joint.compensator.is_enabled(),
+        }
+    }
+
+    /// How its network stands to what it was trained on; `None` without one.
+    pub fn network_guard(&self) -> Option<NetworkGuard> {
+        match &self.compensator {
+            Either::Absent => None,
+            Either::Float(joint) => joint.guard(),
+            Either::Fixed(joint) => joint.guard(),
         }
     }
 
@@ -167,23 +247,33 @@ impl HilJoint {
                 let status = Status { flags: Flags::DISABLED, sequence: inbox.sequence() };
                 Reply { status, ..Reply::NONE }
             }
-            Either::Float(compensator) => reply(compensator, inbox, setup),
-            Either::Fixed(compensator) => reply(compensator, inbox, setup),
+            Either::Float(joint) => reply(joint, inbox, setup),
+            Either::Fixed(joint) => reply(joint, inbox, setup),
         };
         self.inbox.end_sample();
         Step::Reply(reply, lost)
     }
 }
 
-fn reply<T: Real<Setting = f32>>(
-    compensator: &mut Compensator<T>,
-    inbox: &Inbox,
-    setup: HilSetup,
-) -> Reply {
+fn reply<T: Real<Setting = f32>>(joint: &mut Joint<T>, inbox: &Inbox, setup: HilSetup) -> Reply {
+    let Joint { compensator, supply } = joint;
     let inputs = inbox.inputs::<T>(setup.period_s, setup.campaign_h);
+    let mut outside = Flags::empty();
+    if let Some(Supply { supplier, every, left }) = supply
+        && compensator.is_enabled()
+    {
+        if *left == 0 {
+            *left = *every;
+            let factors = supplier.evaluate(&inputs, compensator.bristle_torque_nm());
+            compensator.supply(Some(factors));
+        }
+        *left -= 1;
+        outside.set(Flags::NETWORK_OUTSIDE, supplier.state().is_outside);
+    }
     let output = compensator.step(&inputs);
     let command = inbox.command_current_a(setup.period_s).map_or(0.0, |reading| reading.value);
     let (current, flags) = compensator.sum(T::from_setting(command), &output);
+    let flags = flags | outside;
     // To `f32` by way of `f64`, which holds either number exactly: one rounding.
     let number = |value: T| value.value() as f32;
     let friction_torque_nm = number(output.friction_torque_nm);

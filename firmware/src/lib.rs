@@ -8,7 +8,7 @@
 //! binary `firmware`, and only there are registers. Time is passed in everywhere, so a PC runs all of this
 //! in virtual time.
 //!
-//! For measuring the core on its processor: [`reference_joint`] and [`reference_network`], which all figures are taken for, and
+//! For measuring the core on its processor: [`reference_joint`] (the network is `compensator_core::network::reference`), which all figures are taken for, and
 //! [`fingerprint`], the runs whose output bits must agree between PC and microcontroller; the binary `cost`
 //! counts instructions.
 #![cfg_attr(not(test), no_std)]
@@ -29,7 +29,6 @@ pub mod node_settings;
 pub mod panic_note;
 pub mod parameter_set;
 pub mod reference_joint;
-pub mod reference_network;
 pub mod sensors;
 pub mod store;
 pub mod supervisor;

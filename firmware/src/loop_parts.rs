@@ -6,6 +6,7 @@
 use crate::control::{Compensate, JointCompensator, Motor, MotorParameters, PERIOD_S};
 use crate::log::log;
 use crate::parameter_set::ParameterSet;
+use compensator_core::network::Factors;
 use compensator_core::{Flags, Inputs, Output, ParameterError};
 use core::cell::Cell;
 
@@ -54,6 +55,14 @@ impl Compensate for Model {
 
     fn torque_constant_nm_per_a(&self) -> f32 {
         self.inner.torque_constant_nm_per_a()
+    }
+
+    fn supply(&mut self, factors: Option<Factors<f32>>) {
+        self.inner.supply(factors);
+    }
+
+    fn bristle_torque_nm(&self) -> f32 {
+        self.inner.bristle_torque_nm()
     }
 }
 

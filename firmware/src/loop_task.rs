@@ -15,8 +15,8 @@
 
 use crate::bridge_guard::BridgeGuard;
 use crate::control::{
-    Bridge, Broke, Covariates, CurrentLoop, Cycle, LoopFlags, PowerStage, Setpoint, StageSample,
-    Valid,
+    Bridge, Broke, Compensate, Covariates, CurrentLoop, Cycle, LoopFlags, PowerStage, Setpoint,
+    StageSample, Valid,
 };
 use crate::deadline::{Deadline, Limits};
 use crate::driver::{Home, LoopOrders, LoopReport, REPORT_PERIOD_S};
@@ -65,6 +65,7 @@ const NO_ORDERS: LoopOrders = LoopOrders {
     bridge: false,
     compensation: false,
     current_share: 1.0,
+    factors: None,
     set_number: 0,
     home: Home { position_rad: 0.0, number: 0 },
     gate_resets: 0,
@@ -108,6 +109,7 @@ impl LoopTask {
             self.current_loop.set_position(orders.home.position_rad);
         }
         self.current_loop.compensator().set_share(orders.current_share);
+        self.current_loop.supply(orders.factors);
         self.orders = orders;
     }
 
@@ -213,6 +215,7 @@ impl LoopTask {
         report.gate_driver_fault = self.gate_fault || self.broken && !self.broken_by_system;
         report.system_break = self.system_break || self.broken_by_system;
         report.overruns_in_a_row = self.deadline.longest_row();
+        report.bristle_torque_nm = self.current_loop.compensator().bristle_torque_nm();
         Some(report)
     }
 

@@ -6,9 +6,10 @@
 
 use crate::hil::{HilSetup, Number};
 use crate::node::bit_timing::RATES_KBIT;
-use crate::parameter_set::{ParameterSet, SET_LENGTH, SetError};
+use crate::parameter_set::{LONGEST_SET, ParameterSet, SetError};
 use compensator_core::can::Node;
 use core::fmt;
+use heapless::Vec;
 
 /// Where a driver's inputs come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -171,8 +172,9 @@ impl fmt::Display for SettingError {
 
 impl core::error::Error for SettingError {}
 
-/// Length in bytes of the block that is stored.
-pub const BLOCK_LENGTH: usize = NodeSettings::LENGTH + SET_LENGTH;
+/// Length in bytes of the longest block that is stored: with a network.
+pub const BLOCK_LENGTH: usize = NodeSettings::LENGTH + LONGEST_SET;
+const _: () = assert!(BLOCK_LENGTH <= crate::store::MAX_PAYLOAD, "it must fit the store");
 
 /// Why a stored block was not taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -197,11 +199,11 @@ impl fmt::Display for BlockError {
 impl core::error::Error for BlockError {}
 
 /// NodeSettings and parameters as the block that is stored.
-pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> [u8; BLOCK_LENGTH] {
-    let mut block = [0; BLOCK_LENGTH];
-    let (head, rest) = block.split_at_mut(NodeSettings::LENGTH);
-    head.copy_from_slice(&settings.emit());
-    rest.copy_from_slice(&set.emit());
+pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, BLOCK_LENGTH> {
+    let mut block = Vec::new();
+    // Its length is the sum of theirs.
+    let _ = block.extend_from_slice(&settings.emit());
+    let _ = block.extend_from_slice(&set.emit());
     block
 }
 

@@ -1,9 +1,9 @@
-//! The whole parameter set of a joint driver: friction, motor, thresholds, watch.
+//! The whole parameter set of a joint driver: friction, its network, motor, thresholds, watch.
 //!
 //! They are validated together, named by one CRC, committed and stored as one, so that a driver never
 //! runs on a new friction model with the thresholds of another joint. In bytes: the friction record of
 //! the core, then the numbers of motor, thresholds and watch as `f32`, little-endian, each in the order of
-//! its fields.
+//! its fields; then the network's record, where there is a network.
 
 use crate::control::MotorParameters;
 use crate::control::PERIOD_S;
@@ -11,17 +11,22 @@ use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
+use compensator_core::network::record as network_record;
+use compensator_core::network::{JointNetwork, Supplier};
 use compensator_core::record::{self, RecordError};
 use compensator_core::{Compensator, LawKind, ParameterError, Parameters};
 use core::fmt;
+use heapless::Vec;
 
 /// Numbers of motor, thresholds and watch.
 pub const DRIVE_NUMBERS: usize =
     MotorParameters::FIELDS + Thresholds::FIELDS + WatchParameters::FIELDS;
 /// Bytes of them.
 pub const DRIVE_LENGTH: usize = 4 * DRIVE_NUMBERS;
-/// Bytes of a whole set.
+/// Bytes of a set without a network.
 pub const SET_LENGTH: usize = record::LENGTH + DRIVE_LENGTH;
+/// Bytes of a set with one.
+pub const LONGEST_SET: usize = SET_LENGTH + network_record::LENGTH;
 
 const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
@@ -30,6 +35,8 @@ const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc
 pub struct ParameterSet {
     /// The friction model and how it is used.
     pub friction: Configuration,
+    /// What supplies the model's levels and stiffness, where a network does.
+    pub network: Option<JointNetwork>,
     /// The motor and its current loop.
     pub motor: MotorParameters,
     /// What the supervisor stops at.
@@ -46,6 +53,7 @@ impl Default for ParameterSet {
                 model: Parameters::new(LawKind::Lugre),
                 compensator: CompensatorParameters::default(),
             },
+            network: None,
             motor: MotorParameters::default(),
             thresholds: Thresholds::default(),
             watch: WatchParameters::default(),
@@ -60,6 +68,8 @@ pub enum SetError {
     Length(usize),
     /// The friction record is refused.
     Record(RecordError),
+    /// The network's record is.
+    Network(network_record::RecordError),
     /// A number of motor, thresholds or watch is.
     Drive(ParameterError),
 }
@@ -68,9 +78,13 @@ impl fmt::Display for SetError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Length(found) => {
-                write!(f, "parameter set of {found} bytes, expected {SET_LENGTH}")
+                write!(
+                    f,
+                    "parameter set of {found} bytes, expected {SET_LENGTH}, or {LONGEST_SET} with a network"
+                )
             }
             Self::Record(error) => error.fmt(f),
+            Self::Network(error) => error.fmt(f),
             Self::Drive(error) => error.fmt(f),
         }
     }
@@ -93,12 +107,16 @@ impl ParameterSet {
         "encoder_delay_s",
     ];
 
-    /// Checks all parts, and the motor against the compensator.
+    /// Checks all parts, the network against its law, and the motor against the compensator.
     ///
     /// # Errors
     /// The first refusal.
     pub fn validate(&self) -> Result<(), ParameterError> {
         self.friction.validate()?;
+        if let Some(network) = &self.network {
+            network.validate()?;
+            JointNetwork::validate_with(&self.friction.model)?;
+        }
         self.motor.validate()?;
         self.motor.validate_with(&self.friction.compensator)?;
         self.thresholds.validate()?;
@@ -121,6 +139,9 @@ impl ParameterSet {
     /// What stands against it.
     pub fn builds(&self) -> Result<(), ParameterError> {
         Compensator::<f32>::build(&self.friction, PERIOD_S)?;
+        if let Some(network) = &self.network {
+            Supplier::<f32>::build(network, self.friction.compensator.hold_s)?;
+        }
         self.motor.build(PERIOD_S).map(|_| ())
     }
 
@@ -136,11 +157,14 @@ impl ParameterSet {
     }
 
     /// The set in bytes.
-    pub fn emit(&self) -> [u8; SET_LENGTH] {
-        let mut bytes = [0; SET_LENGTH];
-        let (head, tail) = bytes.split_at_mut(record::LENGTH);
-        head.copy_from_slice(&record::emit(&self.friction));
-        tail.copy_from_slice(&self.emit_drive());
+    pub fn emit(&self) -> Vec<u8, LONGEST_SET> {
+        let mut bytes = Vec::new();
+        // Its length is the sum of theirs.
+        let _ = bytes.extend_from_slice(&record::emit(&self.friction));
+        let _ = bytes.extend_from_slice(&self.emit_drive());
+        if self.network.is_some() {
+            let _ = bytes.extend_from_slice(&network_record::emit(self.network.as_ref()));
+        }
         bytes
     }
 
@@ -161,15 +185,26 @@ impl ParameterSet {
     /// Says what is wrong with it, or which parameter is refused and why.
     pub fn parse(bytes: &[u8]) -> Result<Self, SetError> {
         let wrong_length = SetError::Length(bytes.len());
-        let (friction, drive) = bytes.split_last_chunk::<DRIVE_LENGTH>().ok_or(wrong_length)?;
+        let split = bytes.split_last_chunk::<{ network_record::LENGTH }>();
+        let (own, network) = match split.filter(|(_, last)| network_record::claims(*last)) {
+            Some((own, network)) => {
+                (own, network_record::parse(network).map_err(SetError::Network)?)
+            }
+            None => (bytes, None),
+        };
+        let (friction, drive) = own.split_last_chunk::<DRIVE_LENGTH>().ok_or(wrong_length)?;
         let friction = record::parse(friction).map_err(SetError::Record)?;
-        let set = Self::with_drive(friction, drive);
+        let set = Self::with_drive(friction, network, drive);
         set.validate().map_err(SetError::Drive)?;
         Ok(set)
     }
 
-    /// A set of this friction model and these bytes of the rest; nothing is checked.
-    pub fn with_drive(friction: Configuration, drive: &[u8; DRIVE_LENGTH]) -> Self {
+    /// A set of this friction model, this network and these bytes of the rest; nothing is checked.
+    pub fn with_drive(
+        friction: Configuration,
+        network: Option<JointNetwork>,
+        drive: &[u8; DRIVE_LENGTH],
+    ) -> Self {
         let mut motor = [0.0; MotorParameters::FIELDS];
         let mut thresholds = [0.0; Thresholds::FIELDS];
         let mut watch = [0.0; WatchParameters::FIELDS];
@@ -180,19 +215,24 @@ impl ParameterSet {
         }
         Self {
             friction,
+            network,
             motor: MotorParameters::from_array(motor),
             thresholds: Thresholds::from_array(thresholds),
             watch: WatchParameters::from_array(watch),
         }
     }
 
-    /// What names the set: the CRC-32 of its bytes, without those of the record's own CRC. With them it
-    /// would say nothing of the record: a CRC over anything and its CRC is a constant.
+    /// What names the set: the CRC-32 of its bytes, without those of the records' own CRCs. With them it
+    /// would say nothing of a record: a CRC over anything and its CRC is a constant.
     pub fn crc(&self) -> u32 {
         let record = record::emit(&self.friction);
         let mut digest = CRC.digest();
         digest.update(record.split_last_chunk::<4>().map_or(&record[..], |(guarded, _)| guarded));
         digest.update(&self.emit_drive());
+        if self.network.is_some() {
+            let record = network_record::emit(self.network.as_ref());
+            digest.update(record.split_last_chunk::<4>().map_or(&record, |(guarded, _)| guarded));
+        }
         digest.finalize()
     }
 }
@@ -201,6 +241,7 @@ impl ParameterSet {
 mod tests {
     use super::*;
     use compensator_core::ParameterId;
+    use compensator_core::network::reference;
 
     #[test]
     fn a_set_is_read_as_it_was_written() {
@@ -220,6 +261,26 @@ mod tests {
             let mut other = set.clone();
             change(&mut other);
             assert_ne!(set.crc(), other.crc());
+        }
+        let mut supplied = set.clone();
+        supplied.friction.model = reference::parameters();
+        supplied.network = Some(reference::joint());
+        let bytes = supplied.emit();
+        assert_eq!(bytes.len(), LONGEST_SET);
+        assert_eq!(ParameterSet::parse(&bytes), Ok(supplied.clone()));
+        let mut other = supplied.clone();
+        other.network.as_mut().unwrap().network.readout.bias[1] += 0.125;
+        assert_ne!(other.crc(), supplied.crc());
+        // A network whose head has rotted is not passed over.
+        for at in [SET_LENGTH, SET_LENGTH + 900] {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 4;
+            assert!(ParameterSet::parse(&damaged).is_err(), "{at}");
+        }
+        supplied.friction.model = set.friction.model.clone();
+        match ParameterSet::parse(&supplied.emit()) {
+            Err(SetError::Drive(error)) => assert_eq!(error.field, "network_inputs"),
+            other => panic!("{other:?}"),
         }
         assert_eq!(ParameterSet::parse(&[0; 9]), Err(SetError::Length(9)));
         set.motor.pole_pairs = 0.0;

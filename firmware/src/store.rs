@@ -23,7 +23,7 @@ use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
 use image::{COMMIT_AT, Commit, Head, PAYLOAD_AT, UNIT};
 
 /// Largest payload, bytes.
-pub const MAX_PAYLOAD: usize = 1024;
+pub const MAX_PAYLOAD: usize = 3072;
 
 /// What was found in a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

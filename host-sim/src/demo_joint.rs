@@ -36,6 +36,7 @@ pub fn start(node: Node) -> Result<(Hub, Port), String> {
     let truth = record(SEED, how);
     let setup = Setup {
         friction: Some(configuration(&truth.seal)),
+        network: None,
         number: None,
         period_s: PERIOD_S as f32,
     };

@@ -11,11 +11,13 @@
 //! wanted; the library that fits models knows nothing of motors.
 
 use compensator_core::compensator::CompensatorParameters;
+use compensator_core::network::JointNetwork;
 use firmware::control::MotorParameters;
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
 use friction_identification::data::JointKind;
+use friction_identification::network::NetworkFile;
 use friction_identification::params::{
     self, ParameterFile, ParameterFileError, Section, emit_model, emit_section,
 };
@@ -44,9 +46,20 @@ pub fn parse(text: &str) -> Result<ParameterFile, String> {
     params::parse(text, &SECTIONS)
 }
 
-/// Puts what a file says in place of what a driver has. The friction model is taken whole, of the rest
-/// what is given.
-pub fn apply(file: &ParameterFile, set: &mut ParameterSet) {
+/// The network a file's model is supplied by, as a driver takes it.
+///
+/// # Errors
+/// One line: an input no driver can feed.
+pub fn network(file: &ParameterFile) -> Result<Option<JointNetwork>, String> {
+    file.network.as_ref().map(NetworkFile::for_driver).transpose()
+}
+
+/// Puts what a file says in place of what a driver has. The friction model is taken whole, with its network or none;
+/// of the rest what is given.
+///
+/// # Errors
+/// As [`network`]; nothing is put then.
+pub fn apply(file: &ParameterFile, set: &mut ParameterSet) -> Result<(), String> {
     fn given<const N: usize>(mut has: [f32; N], given: Option<&Vec<f32>>) -> [f32; N] {
         for (number, given) in has.iter_mut().zip(given.into_iter().flatten()) {
             if !given.is_nan() {
@@ -55,14 +68,16 @@ pub fn apply(file: &ParameterFile, set: &mut ParameterSet) {
         }
         has
     }
+    set.network = network(file)?;
     set.friction = file.friction();
     let [motor, thresholds, watch] = [0, 1, 2].map(|at| file.sections.get(at));
     set.motor = MotorParameters::from_array(given(set.motor.to_array(), motor));
     set.thresholds = Thresholds::from_array(given(set.thresholds.to_array(), thresholds));
     set.watch = WatchParameters::from_array(given(set.watch.to_array(), watch));
+    Ok(())
 }
 
-/// The file of a joint driver's whole set: read back, it is the same set to the bit.
+/// The file of a joint driver's whole set but its network: read back, it is the same set to the bit.
 pub fn emit(set: &ParameterSet, joint: JointKind) -> String {
     let mut text = emit_model(&set.friction.model, joint);
     let compensator = set.friction.compensator.to_array();
@@ -91,7 +106,7 @@ mod tests {
         set.motor.inertia_kg_m2 = 0.123_456_7;
         set.watch.band_nm = 0.07;
         let mut back = ParameterSet::default();
-        apply(&parse(&emit(&set, JointKind::Revolute)).unwrap(), &mut back);
+        apply(&parse(&emit(&set, JointKind::Revolute)).unwrap(), &mut back).unwrap();
         assert_eq!(back.emit(), set.emit());
     }
 
@@ -101,7 +116,7 @@ mod tests {
             "schema = 1\njoint = \"revolute\"\nmodel = \"lugre\"\n[motor]\ngear_ratio = 20\n";
         let mut set = ParameterSet::default();
         set.motor.pole_pairs = 11.0;
-        apply(&parse(text).unwrap(), &mut set);
+        apply(&parse(text).unwrap(), &mut set).unwrap();
         assert_eq!((set.motor.pole_pairs, set.motor.gear_ratio), (11.0, 20.0));
         let error = parse(&text.replace("gear_ratio", "gear")).unwrap_err();
         assert!(error.contains("motor.gear: unknown"), "{error}");

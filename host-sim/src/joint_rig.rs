@@ -71,7 +71,7 @@ pub struct Heard {
 
 /// A driver on its joint.
 pub struct JointRig<'q> {
-    background: Background<MemoryFlash<2>>,
+    background: Background<MemoryFlash<4>>,
     task: LoopTask,
     port: LoopPort<'q>,
     link: LoopLink<'q>,
@@ -140,7 +140,7 @@ pub fn with_driver<R>(
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, String> {
     let traits = if start.board { BOARD_TRAITS } else { StageTraits::NONE };
-    let mut store = Store::open(MemoryFlash::<2>::new());
+    let mut store = Store::open(MemoryFlash::<4>::new());
     let mut settings = NodeSettings::default();
     if let Some(set) = start.set {
         Parts::build(set, traits, PERIOD_S).map_err(|refused| refused.to_string())?;
@@ -338,7 +338,7 @@ impl JointRig<'_> {
     }
 
     /// The driver, to be looked at.
-    pub fn driver(&self) -> &Driver<MemoryFlash<2>> {
+    pub fn driver(&self) -> &Driver<MemoryFlash<4>> {
         self.background.driver()
     }
 

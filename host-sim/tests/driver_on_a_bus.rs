@@ -90,7 +90,7 @@ fn its_flash_is_a_file() {
     assert_eq!(scale, 0.625);
     std::fs::write(&path, b"no flash").unwrap();
     let error = JointNode::start(NODE, Some(&path)).err().unwrap().to_string();
-    assert!(error.contains("8 bytes, expected 4096"), "{error}");
+    assert!(error.contains("8 bytes, expected 8192"), "{error}");
 }
 
 #[test]

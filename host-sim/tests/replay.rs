@@ -64,7 +64,7 @@ fn replayed(log: &[u8], setup: &Setup, rate: Rate, faults: Faults, seed: u64) ->
 }
 
 fn setup(number: Number) -> Setup {
-    Setup { friction: Some(improved()), number: Some(number), period_s: 1e-3 }
+    Setup { friction: Some(improved()), network: None, number: Some(number), period_s: 1e-3 }
 }
 
 #[test]

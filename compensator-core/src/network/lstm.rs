@@ -11,6 +11,7 @@
 
 use super::activation::{sigmoid, squash};
 use crate::number::Real;
+use core::array;
 
 /// Gates of a cell: forget, input, output, candidate.
 pub const GATES: usize = 4;
@@ -19,7 +20,7 @@ pub const GATES: usize = 4;
 pub const CELL_LIMIT: f64 = 8.0;
 
 /// Weights of one cell, the four gates side by side: a step reads each input once for all of them.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell<T, const INPUTS: usize, const CELLS: usize> {
     /// `b` of the forget, input, output and candidate gate.
     pub bias: [T; GATES],
@@ -30,7 +31,7 @@ pub struct Cell<T, const INPUTS: usize, const CELLS: usize> {
 }
 
 /// A layer.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Lstm<T, const INPUTS: usize, const CELLS: usize> {
     /// Its cells.
     pub cells: [Cell<T, INPUTS, CELLS>; CELLS],
@@ -136,6 +137,18 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Lstm<T, INPUTS, CELLS> {
             *output = sigmoid(out) * squash(*cell);
         }
         taken
+    }
+
+    /// The same with more inputs, which weigh nothing.
+    pub(super) fn widened<const MORE: usize>(&self) -> Lstm<T, MORE, CELLS> {
+        let none = [T::zero(); GATES];
+        Lstm {
+            cells: self.cells.each_ref().map(|cell| Cell {
+                bias: cell.bias,
+                input: array::from_fn(|input| cell.input.get(input).copied().unwrap_or(none)),
+                recurrent: cell.recurrent,
+            }),
+        }
     }
 
     /// The same in another number.

@@ -5,7 +5,7 @@ use super::lstm::largest;
 use crate::number::Real;
 
 /// Weights of the readout.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Readout<T, const CELLS: usize> {
     /// A bias for each factor.
     pub bias: [T; FACTORS],

@@ -8,6 +8,7 @@
 use super::space_vector::clamp;
 use compensator_core::compensator::Reading;
 use compensator_core::configuration::Configuration;
+use compensator_core::network::Factors;
 use compensator_core::{Compensator, Flags, Inputs, Output, ParameterError, Real};
 
 /// What the loop needs of a compensator.
@@ -26,6 +27,10 @@ pub trait Compensate {
     fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags);
     /// Joint torque per motor current, Nm/A, gear included.
     fn torque_constant_nm_per_a(&self) -> f32;
+    /// Takes the factors a network supplies; `None` for the law's constants.
+    fn supply(&mut self, factors: Option<Factors<f32>>);
+    /// Torque held by the bent bristles, Nm.
+    fn bristle_torque_nm(&self) -> f32;
 }
 
 /// The core's compensator, for any number type.
@@ -91,6 +96,18 @@ impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
 
     fn torque_constant_nm_per_a(&self) -> f32 {
         self.torque_constant_nm_per_a
+    }
+
+    fn supply(&mut self, factors: Option<Factors<f32>>) {
+        self.inner.supply(factors.map(|factors| Factors {
+            coulomb: T::from_setting(factors.coulomb),
+            static_level: T::from_setting(factors.static_level),
+            stiffness: T::from_setting(factors.stiffness),
+        }));
+    }
+
+    fn bristle_torque_nm(&self) -> f32 {
+        single(self.inner.bristle_torque_nm())
     }
 }
 
@@ -161,6 +178,12 @@ impl Compensate for NoCompensation {
 
     fn torque_constant_nm_per_a(&self) -> f32 {
         self.torque_constant_nm_per_a
+    }
+
+    fn supply(&mut self, _: Option<Factors<f32>>) {}
+
+    fn bristle_torque_nm(&self) -> f32 {
+        0.0
     }
 }
 

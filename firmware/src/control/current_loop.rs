@@ -22,6 +22,7 @@ use super::space_vector::{clamp, duties, limit};
 use super::transform::{Rotating, Rotation, Stationary, clarke};
 use super::{Bridge, StageSample, Valid};
 use compensator_core::compensator::Reading;
+use compensator_core::network::Factors;
 use compensator_core::{Flags, Inputs};
 
 /// How long the old compensation fades into the new after a swap, s.
@@ -219,6 +220,11 @@ impl<C: Compensate> CurrentLoop<C> {
     /// The compensator in use.
     pub fn compensator(&self) -> &C {
         &self.compensator
+    }
+
+    /// Hands its compensator the factors of a network, from the next cycle on.
+    pub fn supply(&mut self, factors: Option<Factors<f32>>) {
+        self.compensator.supply(factors);
     }
 
     /// One cycle.

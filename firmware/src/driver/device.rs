@@ -1,6 +1,7 @@
 //! The device behind the bus: what the objects stand for.
 
 mod drive;
+mod network;
 mod pdos;
 mod requests;
 mod values;
@@ -28,6 +29,7 @@ use compensator_core::can::{
 };
 use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
+use network::LiveNetwork;
 use pdos::TRANSMIT_PDOS;
 
 /// Time between two reports of the current loop, s.
@@ -103,6 +105,7 @@ pub struct Device<F> {
     hil: HilJoint,
     hil_armed: bool,
     live: Live,
+    network: LiveNetwork,
     watch: Option<Watch>,
     inputs: Inputs,
     reply: Reply,
@@ -151,7 +154,9 @@ impl<F: NorFlash> Device<F> {
         };
         // A stored set that cannot be built for its period is as good as refused.
         let setup = settings.hil_setup();
-        let (hil, parameters) = match HilJoint::build(settings.node, &set.friction, setup) {
+        let network = set.network.as_ref();
+        let (hil, parameters) = match HilJoint::build(settings.node, &set.friction, network, setup)
+        {
             Ok(hil) => (hil, parameters),
             Err(_) => (HilJoint::without_model(settings.node, setup), InUse::DefaultRefused),
         };
@@ -176,6 +181,7 @@ impl<F: NorFlash> Device<F> {
         let mut device = Self {
             counters: Counters::default(),
             watch: watch(&set.watch, &settings),
+            network: LiveNetwork::of(&set, &settings),
             staging: Staging::new(set),
             identity,
             errors: Deque::new(),
@@ -365,7 +371,7 @@ impl<F: NorFlash> Device<F> {
                 feed_forward_current_a: self.report.feed_forward_current_a,
             },
             status: Status {
-                flags: self.report.flags,
+                flags: self.report.flags | self.network.flags(),
                 sequence: self.hil.inbox().sequence().wrapping_sub(1),
             },
             telemetry: Telemetry {
@@ -465,6 +471,7 @@ impl<F: NorFlash> Device<F> {
             bridge: drives && self.supervisor.bridge_allowed(),
             compensation: drives && self.supervisor.compensation_allowed(),
             current_share: self.supervisor.current_share(),
+            factors: None,
             set_number: self.set_number,
             gate_resets: self.gate_resets,
             home: self.home,

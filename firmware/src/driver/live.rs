@@ -8,6 +8,7 @@ use crate::control::{Covariates, LoopFlags, Setpoint};
 use compensator_core::Flags;
 use compensator_core::can::{Command, Message, Seal, Surroundings, Torque};
 use compensator_core::compensator::Reading;
+use compensator_core::network::Factors;
 
 /// What the current loop is to do until the next orders.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +23,8 @@ pub struct LoopOrders {
     pub compensation: bool,
     /// Share of the current limit that temperature leaves, 0..=1.
     pub current_share: f32,
+    /// What a network last said of the law's levels and stiffness; `None` for its constants.
+    pub factors: Option<Factors<f32>>,
     /// Counts the times the gate driver is to be put to sleep, which clears a fault it holds.
     pub gate_resets: u8,
     /// Counts parameter sets: where it changes, the loop is to be given the new one.
@@ -63,6 +66,8 @@ pub struct LoopReport {
     pub feed_forward_current_a: f32,
     /// What no part of the model explains, Nm.
     pub residual_torque_nm: f32,
+    /// Torque held by the model's bent bristles, Nm.
+    pub bristle_torque_nm: f32,
     /// Every flag of the loop since the last report.
     pub loop_flags: LoopFlags,
     /// Every flag of the compensator since the last report.
@@ -97,6 +102,7 @@ impl Default for LoopReport {
             friction_torque_nm: 0.0,
             feed_forward_current_a: 0.0,
             residual_torque_nm: f32::NAN,
+            bristle_torque_nm: 0.0,
             loop_flags: LoopFlags::empty(),
             flags: Flags::DISABLED,
             bridge_temperature_c: None,

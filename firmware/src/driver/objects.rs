@@ -11,6 +11,7 @@ use crate::node::sdo::{Abort, Objects, Value};
 use crate::node_settings::{SettingError, Source};
 use canopen_rs::Address;
 use compensator_core::can::{Entry, JointKind, Message, Node, cob_id};
+use compensator_core::network::record as network_record;
 use compensator_core::record;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -106,6 +107,7 @@ impl<F: NorFlash> Objects for Device<F> {
                     Ok(())
                 }
                 Commit::FRICTION_RECORD => self.staging.write_record(value),
+                Commit::NETWORK_RECORD => self.staging.write_network(value),
                 _ => self.staging.write_drive(value),
             },
             _ => Err(Abort::ReadOnly),
@@ -129,6 +131,10 @@ impl<F: NorFlash> Objects for Device<F> {
             (index::REFUSAL, _) => return text(self.staging.reason(), value),
             (index::COMMIT, Commit::FRICTION_RECORD) => {
                 let record = record::emit(&self.staging.staged().friction);
+                return value.extend_from_slice(&record).map_err(|_| Abort::Memory);
+            }
+            (index::COMMIT, Commit::NETWORK_RECORD) => {
+                let record = network_record::emit(self.staging.staged().network.as_ref());
                 return value.extend_from_slice(&record).map_err(|_| Abort::Memory);
             }
             (index::COMMIT, Commit::DRIVE_RECORD) => {
@@ -304,6 +310,7 @@ impl<F: NorFlash> Device<F> {
             index::MEASURED => list(&self.measured().words()),
             index::CODE_COUNTERS => self.code_count(nth).ok_or(Abort::NoSubIndex),
             index::WATCH => list(&self.watch_state().words()),
+            index::NETWORK => list(&self.network_state().words()),
             index::COMMIT => {
                 let (active_crc, staged_crc) =
                     (self.staging.active().crc(), self.staging.staged().crc());

@@ -14,6 +14,7 @@ use crate::parameter_set::{DRIVE_LENGTH, ParameterSet};
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
+use compensator_core::network::record as network_record;
 use compensator_core::parameters::{Choices, Digits, Envelope, LawKind};
 use compensator_core::record;
 use compensator_core::term::MAX_TERMS;
@@ -97,7 +98,7 @@ impl Staging {
     /// Reads what is staged.
     pub fn read(&self, at_index: u16, sub_index: u8, value: &mut Value) -> Result<(), Abort> {
         let place = usize::from(sub_index).checked_sub(1).ok_or(Abort::NoSubIndex)?;
-        let ParameterSet { friction, motor, thresholds, watch } = &self.staged;
+        let ParameterSet { friction, motor, thresholds, watch, .. } = &self.staged;
         let model = &friction.model;
         let float = |numbers: &[f32]| numbers.get(place).copied().ok_or(Abort::NoSubIndex);
         let bytes = match at_index {
@@ -240,13 +241,24 @@ impl Staging {
         Ok(())
     }
 
+    /// Stages a network from its record, or that there is none.
+    ///
+    /// # Errors
+    /// The record is damaged, or the network is refused.
+    pub fn write_network(&mut self, bytes: &[u8]) -> Result<(), Abort> {
+        let network = network_record::parse(bytes);
+        self.staged.network = network.map_err(|error| self.refuse(Abort::Value, error))?;
+        Ok(())
+    }
+
     /// Stages motor, thresholds and watch whole.
     ///
     /// # Errors
     /// Another length, or a number is refused.
     pub fn write_drive(&mut self, bytes: &[u8]) -> Result<(), Abort> {
         let drive: &[u8; DRIVE_LENGTH] = bytes.try_into().map_err(|_| Abort::TooShort)?;
-        let set = ParameterSet::with_drive(self.staged().friction, drive);
+        let ParameterSet { friction, network, .. } = self.staged();
+        let set = ParameterSet::with_drive(friction, network, drive);
         set.validate_drive().map_err(|error| self.refuse(Abort::Value, error))?;
         self.stage(set);
         Ok(())

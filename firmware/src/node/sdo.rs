@@ -13,8 +13,9 @@ use canopen_rs::sdo::{
 };
 use heapless::Vec;
 
-/// Longest value, bytes.
-pub const LONGEST: usize = 512;
+/// Longest value, bytes: the record of a network.
+pub const LONGEST: usize = compensator_core::network::record::LENGTH;
+const _: () = assert!(compensator_core::record::LENGTH <= LONGEST);
 
 /// A transfer that rests this long is over, us.
 pub const TIMEOUT_US: u64 = 1_000_000;

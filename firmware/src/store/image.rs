@@ -19,8 +19,9 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc, Digest, NoTable};
 
-/// Version of the layout that is written and read.
-pub const VERSION: u16 = 1;
+/// Version of the layout that is written and read. Slots of version 1 had a page each: where one of them ended, a slot
+/// begins now, and the set found there may be the older of two.
+pub const VERSION: u16 = 2;
 
 /// Bytes of a double word: what is programmed at a time.
 pub const UNIT: usize = 8;

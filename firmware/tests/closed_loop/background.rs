@@ -66,7 +66,7 @@ impl Board for Wires {
 }
 
 struct Joint {
-    background: Background<MemoryFlash<2>>,
+    background: Background<MemoryFlash<4>>,
     wires: Wires,
     task: LoopTask,
     port: LoopPort<'static>,

@@ -11,7 +11,7 @@ use firmware::node::dictionary::index;
 use firmware::node_settings::{NodeSettings, Source};
 use firmware::store::memory::MemoryFlash;
 
-pub type Flash = MemoryFlash<2>;
+pub type Flash = MemoryFlash<4>;
 
 pub const NODE: Node = Node::FIRST;
 

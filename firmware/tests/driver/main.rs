@@ -5,6 +5,7 @@ mod drive;
 mod eds;
 mod hostile;
 mod life;
+mod network;
 mod parameters;
 mod sensors;
 
@@ -71,8 +72,8 @@ fn armed_it_gives_the_bits_of_the_core_on_the_same_frames() {
     bench.write(index::COMMIT, 3, &set.crc().to_le_bytes()).unwrap();
     bench.start();
     bench.write(index::STATE, 1, &[1]).unwrap();
-    let mut core =
-        HilJoint::build(NODE, &set.friction, NodeSettings::default().hil_setup()).expect("builds");
+    let mut core = HilJoint::build(NODE, &set.friction, None, NodeSettings::default().hil_setup())
+        .expect("builds");
     core.set_enabled(true);
     for sequence in 0..2000 {
         // The pressure is heard now and then, and its age counts.

@@ -30,14 +30,14 @@ fn layout_is_as_documented() {
     store.save(b"123456789").unwrap();
     let flash = store.release();
     let page = flash.image().next().unwrap();
-    assert_eq!(&page[..16], b"JSET\x01\x00\x09\x00\x01\x00\x00\x00\x00\x00\x00\x00");
+    assert_eq!(&page[..16], b"JSET\x02\x00\x09\x00\x01\x00\x00\x00\x00\x00\x00\x00");
     assert_eq!(&page[24..40], b"123456789\0\0\0\0\0\0\0");
     assert_eq!(page[40..], [0xFF; PAGE - 40]);
     let rest = [&page[..16], &page[24..40]].concat();
     let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&rest);
     assert_eq!(page[16..20], crc.to_le_bytes());
     assert_eq!(page[20..24], (!crc).to_le_bytes());
-    assert_eq!(page[..], slot(1, 1, b"123456789"));
+    assert_eq!(page[..], slot(2, 1, b"123456789"));
 }
 
 #[test]
@@ -52,7 +52,7 @@ fn sequence_goes_round() {
         (0, (1 << 31) - 1, 1),
     ] {
         let mut store =
-            Store::open(flash_of(&slot(1, first, b"first"), &slot(1, second, b"second")));
+            Store::open(flash_of(&slot(2, first, b"first"), &slot(2, second, b"second")));
         let expected: &[u8] = if newer == 0 { b"first" } else { b"second" };
         assert_eq!(load(&mut store).as_deref(), Ok(expected), "{first} {second}");
         let next = [first, second][newer].wrapping_add(1);
@@ -64,14 +64,14 @@ fn sequence_goes_round() {
 
 #[test]
 fn sets_of_another_layout_are_named_and_the_newest_is_kept() {
-    let mut store = Store::open(flash_of(&slot(2, 8, b"new"), &slot(2, 7, b"old")));
-    assert_eq!((load(&mut store), store.health()), (Err(LoadError::Foreign(2)), Health::Foreign));
+    let mut store = Store::open(flash_of(&slot(3, 8, b"new"), &slot(3, 7, b"old")));
+    assert_eq!((load(&mut store), store.health()), (Err(LoadError::Foreign(3)), Health::Foreign));
     // Going back to an older firmware must not cost the newer one's latest set.
     assert_eq!(store.save(b"mine"), Ok(Saved::Written { slot: 1, sequence: 9 }));
-    assert_eq!(store.slots()[0], SlotState::Foreign { version: 2, sequence: 8 });
+    assert_eq!(store.slots()[0], SlotState::Foreign { version: 3, sequence: 8 });
     let mut place = [0; 8];
     assert_eq!(store.load(&mut place), Ok(Loaded { length: 4, slot: 1, sequence: 9 }));
     // A readable set counts even if an unknown one is newer.
-    let mut store = Store::open(flash_of(&slot(1, 3, b"mine"), &slot(2, 4, b"theirs")));
+    let mut store = Store::open(flash_of(&slot(2, 3, b"mine"), &slot(3, 4, b"theirs")));
     assert_eq!(load(&mut store).as_deref(), Ok(&b"mine"[..]));
 }

@@ -132,8 +132,8 @@ fn operation() -> impl Strategy<Value = Operation> {
         4 => Torn::Unreadable(seed),
         _ => Torn::Done,
     });
-    // The longest set has 131 steps: some cuts come in it, some in the next, some not at all.
-    let cut = proptest::option::of((0_u32..160, torn));
+    // The longest set has 389 steps: some cuts come in it, some in the next, some not at all.
+    let cut = proptest::option::of((0_u32..470, torn));
     (any::<u8>(), 0..=MAX_PAYLOAD, cut).prop_map(|(seed, length, cut)| Operation {
         seed,
         length,
@@ -147,7 +147,7 @@ proptest! {
     fn saves_and_cuts_in_any_order_never_lose_a_set(
         operations in proptest::collection::vec(operation(), 1..20)
     ) {
-        let mut flash = MemoryFlash::<2>::new();
+        let mut flash = MemoryFlash::<4>::new();
         let mut current: Option<Vec<u8>> = None;
         for Operation { seed, length, cut } in operations {
             if let Some((step, torn)) = cut {
@@ -315,14 +315,14 @@ fn slots_wear_alike() {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let mut store = Store::open(MemoryFlash::<2>::new());
+    let mut store = Store::open(MemoryFlash::<4>::new());
     assert_eq!(store.most(), MAX_PAYLOAD);
     assert!(store.save(&payload(1, MAX_PAYLOAD)).is_ok());
     let error = store.save(&payload(1, MAX_PAYLOAD + 1)).unwrap_err();
-    assert_eq!(error.to_string(), "a parameter set of 1025 bytes, at most 1024 fit");
-    let mut small = [0; 1023];
+    assert_eq!(error.to_string(), "a parameter set of 3073 bytes, at most 3072 fit");
+    let mut small = [0; 3071];
     let error = store.load(&mut small).unwrap_err();
-    assert_eq!(error, LoadError::TooSmall { needed: 1024, given: 1023 });
+    assert_eq!(error, LoadError::TooSmall { needed: 3072, given: 3071 });
 
     let mut tiny = Store::open(MemoryFlash::<1>::new());
     assert_eq!(load(&mut tiny), Err(LoadError::Empty));

@@ -15,8 +15,8 @@ use joint_trace::CanFrame;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-/// Pages of flash: two slots of one page each.
-const PAGES: usize = 2;
+/// Pages of flash: two slots of two pages each.
+const PAGES: usize = 4;
 
 /// Time between two ticks of the driver, ns.
 const TICK_NS: u64 = 1000 * TICK_US;

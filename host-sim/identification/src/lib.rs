@@ -58,7 +58,6 @@ pub mod fit;
 pub mod log_check;
 #[cfg(feature = "fit")]
 pub mod motion;
-#[cfg(feature = "fit")]
 pub mod network;
 pub mod number;
 pub mod params;

@@ -5,6 +5,7 @@
 //!   -> forwards: the core's network, the core's LuGre step           adjoint, predict
 //!   -> backwards: exact gradient by every weight                     adjoint
 //!   -> Adam, run by run, stopped by runs held out                     train
+//!   -> network.json, for driver and people                            file
 //! ```
 //!
 //! Gradients go through time and through the LuGre equations, as the paper has it for `sigma0`; here for all three
@@ -13,11 +14,20 @@
 //! backwards by hand, and so is the recurrent layer. A library for tensors (candle, burn) would want the law written
 //! again as a graph; neither was timed.
 
+#[cfg(feature = "fit")]
 mod adjoint;
+mod file;
+#[cfg(feature = "fit")]
 mod input;
+#[cfg(feature = "fit")]
 mod predict;
+#[cfg(feature = "fit")]
 mod train;
 
-pub use input::{CELLS, Input, Supplied};
+pub use file::{BASE, CELLS, NetworkFile, Widened, checksum};
+#[cfg(feature = "fit")]
+pub use input::{Input, Supplied};
+#[cfg(feature = "fit")]
 pub use predict::{Run, predict};
+#[cfg(feature = "fit")]
 pub use train::{Progress, TrainOptions, Trained, train};

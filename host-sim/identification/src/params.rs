@@ -15,6 +15,9 @@
 //! damping_fades = true
 //! [compensator]                           # optional
 //! scale = 0.9
+//! [network]                               # optional: what supplies levels and stiffness
+//! file = "network.json"                   # beside this file
+//! crc32 = "9ae0daaf"                      # of its bytes: another network is refused
 //! ```
 //!
 //! `identify` writes it, the core takes it unchanged. What else may stand in a file, whoever reads it says
@@ -24,11 +27,12 @@
 use crate::data::JointKind;
 #[cfg(feature = "fit")]
 use crate::fit::Outcome;
+use crate::network::{BASE, NetworkFile, checksum};
 use crate::spec::Spec;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
 use compensator_core::parameters::{Choices, Envelope, Info};
-use compensator_core::{ParameterId, Parameters};
+use compensator_core::{LawKind, ParameterId, Parameters};
 use std::fmt::Write;
 use std::path::Path;
 use toml_edit::{Document, Item, TableLike};
@@ -44,6 +48,8 @@ pub struct ParameterFile {
     pub parameters: Parameters<f64>,
     /// How a driver is to use it.
     pub compensator: CompensatorParameters,
+    /// The network that supplies its levels and stiffness, where one does.
+    pub network: Option<NetworkFile>,
     /// The numbers of each further [`Section`] that was asked for, in its order; NaN where none is given.
     pub sections: Vec<Vec<f32>>,
 }
@@ -150,23 +156,76 @@ fn emit_limits(envelope: &Envelope, choices: Choices, text: &mut String) {
 pub fn read(path: &Path, sections: &[Section]) -> Result<ParameterFile, ParameterFileError> {
     let refuse = |what: String| ParameterFileError { file: path.display().to_string(), what };
     let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
-    parse(&text, sections).map_err(refuse)
+    let folder = path.parent().unwrap_or(Path::new(""));
+    one_line(understand(&text, sections, Some(folder))).map_err(refuse)
 }
 
-/// Reads and validates the text of a file.
+/// Reads and validates the text of a file; one that names a network wants a folder ([`read`]).
 ///
 /// # Errors
 /// As [`read`], without the file's name.
 pub fn parse(text: &str, sections: &[Section]) -> Result<ParameterFile, String> {
-    // A key or a text of the file may go over lines, and is in the words that refuse it.
-    understand(text, sections)
-        .map_err(|why| why.lines().map(str::trim).collect::<Vec<_>>().join(" "))
+    one_line(understand(text, sections, None))
 }
 
-fn understand(text: &str, sections: &[Section]) -> Result<ParameterFile, String> {
+/// A key or a text of the file may go over lines, and is in the words that refuse it.
+fn one_line(read: Result<ParameterFile, String>) -> Result<ParameterFile, String> {
+    read.map_err(|why| why.lines().map(str::trim).collect::<Vec<_>>().join(" "))
+}
+
+/// The network a file names, read from the folder the file lies in.
+fn network(
+    root: &toml_edit::Table,
+    spec: &Spec,
+    folder: Option<&Path>,
+) -> Result<Option<NetworkFile>, String> {
+    let Some(item) = root.get("network") else { return Ok(None) };
+    let table = item.as_table_like().ok_or("network: expected a table")?;
+    if let Some((key, _)) = table.iter().find(|(key, _)| !["file", "crc32"].contains(key)) {
+        return Err(format!("network.{key}: unknown, expected of file, crc32"));
+    }
+    let text = |key: &str| {
+        let found = table.get(key).and_then(Item::as_str);
+        found.ok_or_else(|| format!("network.{key}: missing or not a text"))
+    };
+    let (file, expected) = (text("file")?, text("crc32")?);
+    let folder = folder.ok_or("network: there is no folder to look for its file in")?;
+    if Path::new(file).is_absolute() {
+        return Err(format!("network.file: found {file:?}, expected a path beside this file"));
+    }
+    let path = folder.join(file);
+    let bytes = std::fs::read(&path)
+        .map_err(|error| format!("network.file: {}: {error}", path.display()))?;
+    let found = checksum(&bytes);
+    if !found.eq_ignore_ascii_case(expected) {
+        return Err(format!(
+            "network.crc32: {} has {found}, expected {expected}: it is another network, or was changed",
+            path.display()
+        ));
+    }
+    if spec.law != LawKind::LugreAsymmetric || !spec.terms.is_empty() {
+        return Err(format!("network: supplies {BASE} without terms, and the model is {spec}"));
+    }
+    let text = String::from_utf8_lossy(&bytes);
+    let network = NetworkFile::parse(&text);
+    network.map(Some).map_err(|why| format!("network.file: {}: {why}", path.display()))
+}
+
+/// Puts the section at the end of a file that names the network beside it, whose text is this.
+pub fn emit_network(file: &str, content: &str, text: &mut String) {
+    let crc32 = checksum(content.as_bytes());
+    let _ = write!(text, "\n[network]\nfile = {file:?}\ncrc32 = \"{crc32}\"\n");
+}
+
+fn understand(
+    text: &str,
+    sections: &[Section],
+    folder: Option<&Path>,
+) -> Result<ParameterFile, String> {
     let document = Document::parse(text).map_err(|error| error.to_string())?;
     let root = document.as_table();
-    let own = ["schema", "joint", "model", "parameters", "envelope", "choices", "compensator"];
+    let own =
+        ["schema", "joint", "model", "parameters", "envelope", "choices", "compensator", "network"];
     let known: Vec<&str> = own.into_iter().chain(sections.iter().map(|more| more.name)).collect();
     if let Some((key, _)) = root.iter().find(|(key, _)| !known.contains(key)) {
         return Err(format!("unknown key {key:?}, expected {}", known.join(", ")));
@@ -215,7 +274,8 @@ fn understand(text: &str, sections: &[Section]) -> Result<ParameterFile, String>
         fields(root, section.name, section.fields, &mut values).map(|()| values)
     };
     let sections = sections.iter().map(further).collect::<Result<_, _>>()?;
-    Ok(ParameterFile { joint, spec, parameters, compensator, sections })
+    let network = network(root, &spec, folder)?;
+    Ok(ParameterFile { joint, spec, parameters, compensator, network, sections })
 }
 
 fn string(root: &toml_edit::Table, key: &str) -> Result<String, String> {
@@ -293,6 +353,45 @@ mod tests {
         assert!(parse(&text, &[]).unwrap_err().contains("unknown key \"motor\""));
         let error = parse(&text.replace("gear_ratio", "gear"), &[motor]).unwrap_err();
         assert!(error.contains("motor.gear: unknown"), "{error}");
+    }
+
+    #[test]
+    fn a_network_lies_beside_its_file_and_is_the_one_that_was_meant() {
+        let folder = tempfile::tempdir().unwrap();
+        let joint = compensator_core::network::reference::joint();
+        let network = NetworkFile::of_driver(&joint, JointKind::Revolute);
+        let json = network.emit(serde_json::Value::Null);
+        let mut text =
+            emit_model(&compensator_core::network::reference::parameters(), JointKind::Revolute);
+        emit_network("network.json", &json, &mut text);
+        let (toml, beside) =
+            (folder.path().join("params.toml"), folder.path().join("network.json"));
+        let read = |text: &str| {
+            std::fs::write(&toml, text).unwrap();
+            super::read(&toml, &[]).map_err(|error| error.to_string())
+        };
+        let missing = read(&text).unwrap_err();
+        assert!(
+            missing.contains("network.file: ") && missing.contains("network.json: No such file"),
+            "{missing}"
+        );
+        std::fs::write(&beside, &json).unwrap();
+        let file = read(&text).unwrap();
+        assert_eq!(file.network.unwrap().for_driver().unwrap(), joint);
+        assert!(parse(&text, &[]).unwrap_err().contains("no folder"));
+        for (from, to, word) in [
+            ("lugre-asymmetric", "lugre", "the model is lugre"),
+            ("crc32 = \"", "crc32 = \"0", "expected 0"),
+            ("crc32", "crc", "network.crc: unknown"),
+            ("file = \"", "file = \"/", "expected a path beside this file"),
+        ] {
+            let error = read(&text.replacen(from, to, 1)).unwrap_err();
+            assert!(error.contains(word) || error.contains("not a parameter of lugre"), "{error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+        std::fs::write(&beside, json.replace("0.5", "0.25")).unwrap();
+        let changed = read(&text).unwrap_err();
+        assert!(changed.contains("was changed"), "{changed}");
     }
 
     #[test]

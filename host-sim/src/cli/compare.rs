@@ -2,6 +2,7 @@
 
 use super::each_joint::{Told, each_joint};
 use super::identify::choices;
+use super::identify_network;
 use super::input::{DataArguments, Input, spinner};
 use super::output::OutputArguments;
 use crate::results::provenance::Provenance;
@@ -32,7 +33,10 @@ fn specs(arguments: &Arguments) -> Result<Vec<Spec>, String> {
     if arguments.models.is_empty() {
         return Ok(LawKind::ALL.iter().copied().map(Spec::law).collect());
     }
-    let parse = |name: &String| Spec::parse(name).map_err(|error| error.to_string());
+    let parse = |name: &String| match name.as_str() {
+        identify_network::MODEL => Err(identify_network::trained_alone("compare")),
+        _ => Spec::parse(name).map_err(|error| error.to_string()),
+    };
     arguments.models.iter().map(parse).collect()
 }
 

@@ -193,7 +193,8 @@ fn extension(found: &Diagnosis) -> String {
 fn deploy(trace: &Path, toml: &str) -> Result<Tally, String> {
     let friction = driver_file::parse(toml)?.friction();
     let plan = Plan::read(trace, Node::FIRST).map_err(|error| error.to_string())?;
-    let setup = Setup { friction: Some(friction), number: None, period_s: plan.period_s as f32 };
+    let period_s = plan.period_s as f32;
+    let setup = Setup { friction: Some(friction), network: None, number: None, period_s };
     let played = in_process(&plan, Node::FIRST, &setup).map_err(|error| error.to_string())?;
     Ok(played.tally)
 }

@@ -1,6 +1,7 @@
 //! `diagnose`: what the model gets wrong, why, the extension, the gain.
 
 use super::each_joint::{Told, each_joint};
+use super::identify_network;
 use super::input::{DataArguments, Input, spinner};
 use super::output::OutputArguments;
 use crate::driver_file;
@@ -10,7 +11,7 @@ use crate::results::{diagnosis, table};
 use compensator_core::Parameters;
 use friction_identification::data::SplitRule;
 use friction_identification::diagnose::{Question, diagnose};
-use friction_identification::params;
+use friction_identification::params::{self, ParameterFile};
 use friction_identification::spec::Spec;
 use std::path::PathBuf;
 
@@ -31,9 +32,20 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), String> {
+    if arguments.model.as_deref() == Some(identify_network::MODEL) {
+        return Err(identify_network::trained_alone("diagnose"));
+    }
     let model = arguments.model.as_deref().map(Spec::parse).transpose();
     let given = arguments.params.as_deref().map(driver_file::read).transpose();
     let (model, given) = (model.map_err(|e| e.to_string())?, given.map_err(|e| e.to_string())?);
+    if let (Some(path), Some(ParameterFile { network: Some(_), .. })) = (&arguments.params, &given)
+    {
+        return Err(format!(
+            "{}: a network supplies its levels and stiffness, and a diagnosis extends a law of constants; without the \
+             section [network] its constants are judged",
+            path.display()
+        ));
+    }
     let given = given.map(|file| (file.spec, file.parameters));
     each_joint(&arguments.data, &arguments.output, &SplitRule::EachOut, |input| {
         diagnosed(arguments, input, model.clone(), given.clone())

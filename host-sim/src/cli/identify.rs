@@ -44,10 +44,13 @@ pub struct Arguments {
     /// Simulation steps per sample; chosen by the fit unless given
     #[arg(long, value_name = "N")]
     substeps: Option<usize>,
-    /// What the network of lugre-lstm is fed with: `velocity`, `held` (the torque its bristles hold), covariates by
-    /// name; without it, every covariate
+    /// What the network of lugre-lstm is fed with: `velocity`, `held` (the torque its bristles hold), columns by
+    /// name; without it, every column of the log's own
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     pub(super) inputs: Vec<String>,
+    /// Let strokes (the way from reversal to reversal) unlike those lugre-lstm was trained on count as outside
+    #[arg(long)]
+    pub(super) watch_strokes: bool,
     /// Most passes over the runs when lugre-lstm is trained
     #[arg(long, value_name = "N", default_value_t = 200)]
     pub(super) epochs: usize,

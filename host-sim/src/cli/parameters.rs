@@ -6,6 +6,7 @@
 //! was meant; `save` makes them outlive a reset.
 
 mod names;
+mod network;
 
 use super::bus::BusArguments;
 use super::output::say;
@@ -13,17 +14,19 @@ use crate::driver_file;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
 use compensator_core::can::slcan::BitRate;
+use compensator_core::network::record as network_record;
 use compensator_core::{ParameterError, record};
 use firmware::node::dictionary::records::{Commissioning, Trace};
 use firmware::node::dictionary::{FRAME_COUNTERS, LOAD, SAVE, index};
 use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
 use firmware::supervisor::Code;
 use friction_identification::data::JointKind;
-use friction_identification::params::ParameterFile;
+use friction_identification::params::{self, ParameterFile};
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::joint::JointNode;
 use names::{choices, differences, numbers, put, unknown};
+use network::write_network;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -62,6 +65,9 @@ enum Action {
         /// As static_torque, compensator.scale, motor.gear_ratio; all without any
         #[arg(value_name = "NAME")]
         names: Vec<String>,
+        /// Write the driver's network to this file, and name it in the file that is printed
+        #[arg(long, value_name = "NETWORK.JSON", conflicts_with = "names")]
+        network: Option<PathBuf>,
     },
     /// Set parameters: NAME=VALUE, or a file
     Set {
@@ -124,8 +130,9 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
     let mut driver = Driver { client: Client::new(bus.open(&hub)?, node) };
     // What was done, in one line; what only reads has printed it.
     let done = match &arguments.action {
-        Action::Get { names } => {
-            return driver.get(names, arguments.json).map(|()| ExitCode::SUCCESS);
+        Action::Get { names, network } => {
+            let got = driver.get(names, network.as_deref(), arguments.json);
+            return got.map(|()| ExitCode::SUCCESS);
         }
         Action::Diff { file } => return driver.diff(file, arguments.json),
         Action::Status => return driver.status(arguments.json).map(|()| ExitCode::SUCCESS),
@@ -202,13 +209,34 @@ impl Driver {
             let found = drive.len();
             format!("the driver is of another version: {found} bytes of motor and thresholds, expected {DRIVE_LENGTH}")
         })?;
-        Ok(ParameterSet::with_drive(friction, drive))
+        let network = self.client.read(at(index::COMMIT, 7)).map_err(words)?;
+        let network =
+            network_record::parse(&network).map_err(|e| format!("the driver's network: {e}"))?;
+        Ok(ParameterSet::with_drive(friction, network, drive))
     }
 
-    fn get(&mut self, names: &[String], json: bool) -> Result<(), String> {
+    fn get(&mut self, names: &[String], network: Option<&Path>, json: bool) -> Result<(), String> {
         let set = self.read_set()?;
+        let joint = self.joint_kind()?;
+        let beside = match (&set.network, network) {
+            (Some(has), Some(path)) => Some(write_network(has, joint, path)?),
+            (None, Some(path)) => {
+                return Err(format!("--network {}: the driver has none", path.display()));
+            }
+            (Some(_), None) if names.is_empty() => {
+                eprintln!(
+                    "warning: the driver has a network, which is left out: --network NETWORK.JSON writes it beside"
+                );
+                None
+            }
+            _ => None,
+        };
         if names.is_empty() && !json {
-            return say(&driver_file::emit(&set, self.joint_kind()?));
+            let mut text = driver_file::emit(&set, joint);
+            if let Some((name, content)) = &beside {
+                params::emit_network(name, content, &mut text);
+            }
+            return say(&text);
         }
         let numbers = numbers(&set)
             .into_iter()
@@ -270,7 +298,8 @@ impl Driver {
                 Some((name, value)) => put(&mut set, name.trim(), value.trim())?,
                 None => {
                     let file = self.read_file(Path::new(item))?;
-                    driver_file::apply(&file, &mut set);
+                    let refused = |why| format!("{item}: {why}");
+                    driver_file::apply(&file, &mut set).map_err(refused)?;
                 }
             }
         }
@@ -285,6 +314,7 @@ impl Driver {
         let commit = |client: &mut Client<Box<dyn Bus>>| {
             client.write(at(index::COMMIT, 5), &record::emit(&set.friction))?;
             client.write(at(index::COMMIT, 6), &set.emit_drive())?;
+            client.write(at(index::COMMIT, 7), &network_record::emit(set.network.as_ref()))?;
             client.write(at(index::COMMIT, 3), &set.crc().to_le_bytes())
         };
         if let Err(error) = commit(&mut self.client) {
@@ -315,7 +345,8 @@ impl Driver {
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode, String> {
         let has = self.read_set()?;
         let mut wants = has.clone();
-        driver_file::apply(&self.read_file(path)?, &mut wants);
+        let refused = |why| format!("{}: {why}", path.display());
+        driver_file::apply(&self.read_file(path)?, &mut wants).map_err(refused)?;
         let lines = differences(&has, &wants);
         let text = if json {
             let rows: Vec<_> = lines

@@ -91,7 +91,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
     let node = arguments.bus.node_id;
     let plan = Plan::read(&arguments.trace, node).map_err(|error| words(&error))?;
     let file = arguments.params.as_deref().map(driver_file::read).transpose();
-    let friction = file.map_err(|error| words(&error))?.map(|file| file.friction());
+    let file = file.map_err(|error| words(&error))?;
+    let network = file.as_ref().map(driver_file::network).transpose()?.flatten();
     let hub = Hub::new();
     if arguments.bus.bus == BusName::Loop {
         let joint = JointNode::start(node, None).map_err(|error| words(&error))?;
@@ -101,7 +102,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
     // Set up without faults: what is tested is the replay, not the patience of the set-up.
     let mut client = Client::new(&mut bus, node);
     let setup = Setup {
-        friction,
+        friction: file.map(|file| file.friction()),
+        network,
         number: arguments.number.map(|number| match number {
             NumberArgument::F32 => Number::Float,
             NumberArgument::Fixed => Number::Fixed,

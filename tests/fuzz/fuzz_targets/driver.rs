@@ -17,7 +17,7 @@ use firmware::store::memory::{MemoryFlash, Torn};
 use firmware::supervisor::{CanState, ResetCause};
 use libfuzzer_sys::fuzz_target;
 
-type Flash = MemoryFlash<2>;
+type Flash = MemoryFlash<4>;
 
 const IDENTITY: Identity = Identity { hardware: "fuzz", serial: 1 };
 

@@ -24,7 +24,7 @@ fn guarded(data: &[u8]) -> Vec<u8> {
 fn run(configuration: &Configuration) {
     for number in [Number::Float, Number::Fixed] {
         let setup = HilSetup { number, period_s: 1e-3, campaign_h: 0.0 };
-        let Ok(mut joint) = HilJoint::build(Node::FIRST, configuration, setup) else { continue };
+        let Ok(mut joint) = HilJoint::build(Node::FIRST, configuration, None, setup) else { continue };
         joint.set_enabled(true);
         let most = configuration.model.envelope.velocity_max_rad_s;
         let speeds = [0.0, most, -most, most * 1e-3, -most * 1e-6, 2.0 * most, f32::NAN, 0.0];

@@ -16,11 +16,13 @@ use compensator_core::compensator::Reading;
 use compensator_core::effect::NoEffect;
 use compensator_core::law::bristle::Bristles;
 use compensator_core::model::{Law, Model, Sample, State};
+use compensator_core::network::reference::{self as reference_network, CELLS, INPUTS};
 use compensator_core::network::{AugmentedLugre, Factors, Network, NetworkState};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
+#[cfg(feature = "terms")]
+use compensator_core::{ParameterId as Id, term::LookupFormula};
 use firmware::control::PERIOD_S;
 use firmware::reference_joint::configuration;
-use firmware::reference_network::{self, CELLS, INPUTS};
 
 /// Velocities that visit every class; NaN and infinity become 0 and the limit in fixed point.
 const VELOCITIES: [f32; 24] = [
@@ -200,6 +202,23 @@ fn measure_model<T: Real>(
     });
 }
 
+/// The friction damper's model of named causes: a gap, a level for each direction, a level that saturates with a column.
+#[cfg(feature = "terms")]
+fn damper() -> Model<f32> {
+    let terms = [TermKind::Backlash, TermKind::DirectionAsymmetry, TermKind::LookupTable];
+    let model = configuration(LawKind::Lugre, &terms).model;
+    let model = model
+        .with(Id::BacklashTravel, 0.01)
+        .with(Id::BacklashUnloaded, 1.0)
+        .with(Id::LookupFormula, LookupFormula::Saturating as u8 as f32)
+        .with(Id::LookupRise, 0.5)
+        .with(Id::LookupScale, 0.2);
+    match model.build(PERIOD_S) {
+        Ok(model) => model,
+        Err(refused) => panic!("{refused}"),
+    }
+}
+
 fn measure_f32(clock: &mut Clock) {
     let plain = model::<f32>(LawKind::Lugre, &[]);
     measure(clock, "plain LuGre, f32", lugre_f32 as *const (), 0.0f32, velocities(), |state, v| {
@@ -218,6 +237,12 @@ fn measure_f32(clock: &mut Clock) {
         measure_model(clock, "improved LuGre + temperature + ripple, f32", &with_terms, samples());
         let with_unknown = model::<f32>(LawKind::ImprovedLugre, UNKNOWN);
         measure_model(clock, "improved LuGre + unknown, f32", &with_unknown, samples());
+        measure_model(
+            clock,
+            "LuGre + backlash + directions + a level's formula, f32",
+            &damper(),
+            samples(),
+        );
     }
     for (name, law, terms) in [
         ("compensator, plain LuGre, f32", LawKind::Lugre, &[][..]),

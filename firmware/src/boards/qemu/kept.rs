@@ -9,8 +9,8 @@ use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
 use firmware::store::memory::PAGE;
 
-/// Pages of the flash: two slots of one page each.
-pub const PAGES: usize = 2;
+/// Pages of the flash: two slots of two pages each.
+pub const PAGES: usize = 4;
 
 /// Bytes of the flash.
 pub const LENGTH: usize = PAGES * PAGE;

@@ -1,4 +1,4 @@
-//! The parameter store's flash: the last two pages of the second bank.
+//! The parameter store's flash: the last four pages of the second bank.
 //!
 //! The image is in the first bank and is read on while a page of the second is erased, so an erase of 25 ms
 //! stalls nobody. Only while the option bytes keep two banks (DBANK, as delivered): else there is no flash
@@ -20,8 +20,8 @@ use embedded_storage::nor_flash::{
 /// Bytes of a page.
 const PAGE: usize = 2048;
 const _: () = assert!(MAX_ERASE_SIZE == PAGE && WRITE_SIZE == 8, "two banks of 2 KB pages");
-/// Two slots of a page each, at the end of 512 KB.
-const SIZE: usize = 2 * PAGE;
+/// Two slots of two pages each, at the end of 512 KB.
+const SIZE: usize = 4 * PAGE;
 const BASE: u32 = (512 * 1024 - SIZE) as u32;
 
 /// Nobody reads; a read is under way; a read met check bits that do not fit.

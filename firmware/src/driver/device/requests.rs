@@ -1,9 +1,10 @@
 //! What a tool may ask of a driver, and what it answers where that cannot be.
 
+use super::network::LiveNetwork;
 use super::{Device, Home, watch};
 use crate::hil::HilJoint;
 use crate::node::sdo::Abort;
-use crate::node_settings::{BLOCK_LENGTH, NodeSettings, Source, emit_block};
+use crate::node_settings::{NodeSettings, Source, emit_block};
 use crate::parameter_set::ParameterSet;
 use crate::supervisor::{self, Code, InUse};
 use compensator_core::parameters::Digits;
@@ -85,13 +86,16 @@ impl<F: NorFlash> Device<F> {
     /// Makes the staged set the active one, all at once.
     pub(in crate::driver) fn commit(&mut self, meant: u32) -> Result<(), Abort> {
         let set = self.staging.committed(meant)?;
-        let hil = HilJoint::build(self.settings.node, &set.friction, self.settings.hil_setup());
+        let network = set.network.as_ref();
+        let setup = self.settings.hil_setup();
+        let hil = HilJoint::build(self.settings.node, &set.friction, network, setup);
         let hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         set.builds().map_err(|error| self.staging.refuse(Abort::Value, error))?;
         let thresholds = self.supervisor.configure(&set.thresholds);
         thresholds.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.hil = hil;
         self.watch = watch(&set.watch, &self.settings);
+        self.network = LiveNetwork::of(&set, &self.settings);
         self.staging.activate(set);
         self.supervisor.parameters(InUse::Set);
         self.see_to_commissioned();
@@ -126,9 +130,12 @@ impl<F: NorFlash> Device<F> {
     pub(in crate::driver) fn set_settings(&mut self, settings: NodeSettings) -> Result<(), Abort> {
         let set = self.staging.active();
         let watch = watch(&set.watch, &settings);
-        let hil = HilJoint::build(self.settings.node, &set.friction, settings.hil_setup());
+        let (network, setup) = (set.network.as_ref(), settings.hil_setup());
+        let live = LiveNetwork::of(set, &settings);
+        let hil = HilJoint::build(self.settings.node, &set.friction, network, setup);
         self.hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.watch = watch;
+        self.network = live;
         self.settings = settings;
         self.live.forget_command();
         Ok(())
@@ -145,7 +152,7 @@ impl<F: NorFlash> Device<F> {
         self.write_block(&emit_block(&self.defaults, &ParameterSet::default()))
     }
 
-    fn write_block(&mut self, block: &[u8; BLOCK_LENGTH]) -> Result<(), Abort> {
+    fn write_block(&mut self, block: &[u8]) -> Result<(), Abort> {
         let saved = self.store.save(block);
         self.supervisor.store(self.store.health());
         match saved {

@@ -252,6 +252,19 @@ record! {
 }
 
 record! {
+    /// The network that supplies the law, where there is one: the guard of its inputs, and its factors.
+    NetworkState {
+        present: Unsigned8, ReadOnly;
+        outside: Unsigned8, ReadOnly, OUTSIDE;
+        outside_count: Unsigned32, ReadOnly, OUTSIDE_COUNT;
+        share: Real32, ReadOnly, SHARE;
+        coulomb_factor: Real32, ReadOnly;
+        static_factor: Real32, ReadOnly;
+        stiffness_factor: Real32, ReadOnly;
+    }
+}
+
+record! {
     /// The staged parameter set, and what takes it.
     Commit {
         active_crc: Unsigned32, ReadOnly;
@@ -260,6 +273,7 @@ record! {
         discard: Unsigned8, WriteOnly, DISCARD;
         friction_record: Domain, ReadWrite, FRICTION_RECORD;
         drive_record: Domain, ReadWrite, DRIVE_RECORD;
+        network_record: Domain, ReadWrite, NETWORK_RECORD;
     }
 }
 

@@ -260,7 +260,8 @@ mod tests {
 
     fn joint() -> HilJoint {
         let set = ParameterSet::default();
-        HilJoint::build(Node::FIRST, &set.friction, NodeSettings::default().hil_setup()).unwrap()
+        HilJoint::build(Node::FIRST, &set.friction, None, NodeSettings::default().hil_setup())
+            .unwrap()
     }
 
     /// Sends so many samples, and gives the frames a driver answers with, by sample.

@@ -6,6 +6,8 @@ use canopen_rs::{Address, NmtCommand};
 use compensator_core::ParameterError;
 use compensator_core::can::Node;
 use compensator_core::configuration::Configuration;
+use compensator_core::network::JointNetwork;
+use compensator_core::network::record as network_record;
 use compensator_core::record::{self, RecordError};
 use firmware::hil::{HilJoint, HilSetup, Number};
 use firmware::node::dictionary::index;
@@ -17,6 +19,8 @@ use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
 pub struct Setup {
     /// The friction model; `None` for the one the driver has.
     pub friction: Option<Configuration>,
+    /// The network that supplies it, where one does; of no meaning without a model.
+    pub network: Option<JointNetwork>,
     /// The number it computes with; `None` for the one it has.
     pub number: Option<Number>,
     /// Time from SYNC to SYNC, s.
@@ -32,6 +36,9 @@ pub enum SetupError {
     /// Its parameters are none this core knows.
     #[error("the driver's parameters: {0}")]
     Record(RecordError),
+    /// Its network is none this core knows.
+    #[error("the driver's network: {0}")]
+    Network(network_record::RecordError),
     /// The core cannot be built from them.
     #[error("{0}")]
     Build(ParameterError),
@@ -71,14 +78,16 @@ pub fn set_up<B: Bus>(
     }
     client.write(at(index::OPERATION, 3), &setup.period_s.to_le_bytes())?;
     if let Some(friction) = &setup.friction {
-        write_friction(client, friction)?;
+        write_friction(client, friction, setup.network.as_ref())?;
     }
-    let friction = match &setup.friction {
-        Some(friction) => friction.clone(),
+    let (friction, network) = match &setup.friction {
+        Some(friction) => (friction.clone(), setup.network.clone()),
         None => {
             client.write(at(index::COMMIT, 4), &[1])?;
-            let record = client.read(at(index::COMMIT, 5))?;
-            record::parse(&record).map_err(SetupError::Record)?
+            let friction = client.read(at(index::COMMIT, 5))?;
+            let network = client.read(at(index::COMMIT, 7))?;
+            let friction = record::parse(&friction).map_err(SetupError::Record)?;
+            (friction, network_record::parse(&network).map_err(SetupError::Network)?)
         }
     };
     let number = match client.read_number(at(index::OPERATION, 2))? {
@@ -87,7 +96,8 @@ pub fn set_up<B: Bus>(
     };
     let campaign_h = client.read_float(at(index::OPERATION, 4))?;
     let hil_setup = HilSetup { number, period_s: setup.period_s, campaign_h };
-    let core = HilJoint::build(node, &friction, hil_setup).map_err(SetupError::Build)?;
+    let core =
+        HilJoint::build(node, &friction, network.as_ref(), hil_setup).map_err(SetupError::Build)?;
     // A run begins anew for the driver as for the core: nothing heard, nothing counted.
     client.write(at(index::TRACE, 1), &0u32.to_le_bytes())?;
     client.command(NmtCommand::StartRemoteNode).map_err(SdoError::from)?;
@@ -95,21 +105,23 @@ pub fn set_up<B: Bus>(
     Ok(core)
 }
 
-/// Writes a friction model to a driver, in two steps: staged, then committed by the CRC of what was meant.
+/// Writes a friction model and its network to a driver, in two steps: staged, then committed by the CRC of what was meant.
 ///
 /// # Errors
 /// The driver refuses, and says which parameter and why.
 pub fn write_friction<B: Bus>(
     client: &mut Client<B>,
     friction: &Configuration,
+    network: Option<&JointNetwork>,
 ) -> Result<(), SetupError> {
     let at = Address::new;
     client.write(at(index::COMMIT, 4), &[1])?;
     let drive = client.read(at(index::COMMIT, 6))?;
     let drive: &[u8; DRIVE_LENGTH] =
         drive.as_slice().try_into().map_err(|_| SetupError::Version { found: drive.len() })?;
-    let meant = ParameterSet::with_drive(friction.clone(), drive);
+    let meant = ParameterSet::with_drive(friction.clone(), network.cloned(), drive);
     client.write(at(index::COMMIT, 5), &record::emit(friction))?;
+    client.write(at(index::COMMIT, 7), &network_record::emit(network))?;
     client.write(at(index::COMMIT, 3), &meant.crc().to_le_bytes())?;
     Ok(())
 }

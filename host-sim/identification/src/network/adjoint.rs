@@ -4,7 +4,8 @@
 //! An input that is the law's own state closes a loop, which the way back follows too. Where an evaluation lies
 //! outside the network's ranges the derivative takes it as inside: tracks to train on lie inside.
 
-use super::input::{CELLS, Input, Supplied};
+use super::file::CELLS;
+use super::input::{Input, Supplied};
 use crate::dual::Dual;
 use crate::fit::Track;
 use compensator_core::Real;

@@ -1,18 +1,18 @@
 //! What a network is fed with, row by row, and the law it supplies.
 
+use super::file::CELLS;
 use crate::fit::Track;
 use compensator_core::Parameters;
 use compensator_core::network::{AugmentedLugre, Network, Stroke, StrokeRange};
-use compensator_core::{Model, Real};
-
-/// Cells of the recurrent layer.
-pub const CELLS: usize = 8;
+use compensator_core::{Model, Quantity, Real};
 
 /// An input of the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
     /// A covariate, by its place in [`Track::covariates`].
     Covariate(usize),
+    /// A quantity of the contract, in its column's unit.
+    Quantity(Quantity),
     /// The velocity, rad/s or m/s.
     Velocity,
     /// The torque the bristles hold: the law's own state, Nm or N.
@@ -24,6 +24,10 @@ impl Input {
     pub(super) fn at(self, track: &Track, row: usize, held: f64) -> f64 {
         match self {
             Self::Covariate(index) => track.covariates[index][row],
+            Self::Quantity(quantity) => {
+                let inside = quantity.of_sample(&track.samples[row]);
+                inside.map_or(f64::NAN, |value| value * quantity.info().outside_scale)
+            }
             Self::Velocity => track.samples[row].velocity_rad_s,
             Self::Held => held,
         }

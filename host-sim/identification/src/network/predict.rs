@@ -13,6 +13,8 @@ pub struct Run {
     pub factors: Vec<Factors<f64>>,
     /// Whether the last evaluation was outside the ranges.
     pub is_outside: Vec<bool>,
+    /// How much the network has to say, 0 (the constants) to 1: outside the ranges it falls, inside it comes back.
+    pub share: Vec<f64>,
     /// Evaluations outside the ranges.
     pub outside_count: u32,
 }
@@ -39,6 +41,7 @@ pub fn predict<const INPUTS: usize>(supplied: &Supplied<INPUTS>, track: &Track) 
         run.torque.push(torque);
         run.factors.push(state.factors);
         run.is_outside.push(state.is_outside);
+        run.share.push(state.share);
     }
     run.outside_count = state.outside_count;
     run

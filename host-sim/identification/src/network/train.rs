@@ -7,7 +7,8 @@
 //! training has a generator of its own, and no clock is asked.
 
 use super::adjoint;
-use super::input::{CELLS, Input, Supplied};
+use super::file::CELLS;
+use super::input::{Input, Supplied};
 use super::predict::predict;
 use crate::fit::Track;
 use compensator_core::Parameters;

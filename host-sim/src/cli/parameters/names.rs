@@ -2,6 +2,7 @@
 //! `compensator.scale`, `motor.gear_ratio`, `model`.
 
 use compensator_core::compensator::CompensatorParameters;
+use compensator_core::network::record as network_record;
 use compensator_core::parameters::{Choices, Envelope};
 use compensator_core::{ParameterId, Parameters};
 use firmware::control::MotorParameters;
@@ -21,10 +22,18 @@ pub(super) fn model_name(model: &Parameters<f32>) -> String {
     terms.fold(model.law.name().to_owned(), |name, term| name + "+" + term)
 }
 
+/// The network by its CRC; it has no numbers a person would set.
+pub(super) fn network_name(set: &ParameterSet) -> String {
+    let record = network_record::emit(set.network.as_ref());
+    let crc = record.last_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc));
+    set.network.as_ref().map_or("none".to_owned(), |_| format!("crc {crc:08x}"))
+}
+
 /// Everything of a set that counts for its model, by name, as text.
 fn entries(set: &ParameterSet, used: &[ParameterId]) -> Vec<(String, String)> {
     let counts = |name: &str| name.contains('.') || used.iter().any(|id| id.name() == name);
     let mut all = vec![("model".to_owned(), model_name(&set.friction.model))];
+    all.push(("network".to_owned(), network_name(set)));
     all.extend(choices(set).into_iter().map(|(name, on)| (name, on.to_string())));
     let numbers = numbers(set).into_iter().filter(|(name, _)| counts(name));
     // To the bit: the shortest text that reads back as this number is another for another number.

@@ -1,0 +1,75 @@
+//! The network whose cost, bits and accuracy are held in git: three inputs, eight cells, weights of a generator.
+//!
+//! What a network costs does not depend on what it has learned, and its bits are to agree for any weights. Tests, the
+//! cost image and the fingerprints of the driver take it from here.
+
+use super::{
+    AugmentedLugre, FactorBounds, Feed, InputRange, JointNetwork, Lstm, Network, Readout,
+    StrokeRange,
+};
+use crate::number::Real;
+use crate::parameters::{LawKind, ParameterId as Id, Parameters};
+use crate::quantity::Quantity;
+
+/// Its inputs.
+pub const INPUTS: usize = 3;
+
+pub use super::CELLS;
+
+/// The network.
+pub fn network<T: Real>() -> Network<T, INPUTS, CELLS> {
+    let bounds = [(0.2, 2.5), (0.2, 3.0), (0.02, 4.0)];
+    let mut network = Network {
+        inputs: [(-1.0, 3.0), (-0.5, 0.5), (-8.0, 8.0)]
+            .map(|(least, most)| InputRange::new(least, most, 0.0)),
+        lstm: Lstm::zero(),
+        readout: Readout::zero(),
+        bounds: bounds.map(|(least, most)| FactorBounds {
+            least: T::from_f64(least),
+            most: T::from_f64(most),
+        }),
+        slew: T::from_f64(0.5),
+        fade: T::from_f64(0.03125),
+    };
+    // Xorshift (Marsaglia 2003): weights within -1..1 with 16 bits, exact in every number.
+    let mut generator = 0x9E37_79B9u32;
+    let weights = core::iter::repeat_with(|| {
+        generator ^= generator << 13;
+        generator ^= generator >> 17;
+        generator ^= generator << 5;
+        T::from_f64(f64::from((generator >> 16) as u16 as i16) / 32768.0)
+    });
+    let is_whole = network.set_weights(weights);
+    debug_assert!(is_whole);
+    network
+}
+
+/// The same as a driver takes it: fed with the auxiliary covariate, the velocity and the torque the bristles hold, 128
+/// times a second, of strokes between 0.01 and 1.
+pub fn joint() -> JointNetwork {
+    let feeds = [Feed::Of(Quantity::Auxiliary), Feed::Of(Quantity::Velocity), Feed::Held];
+    let period_s = 1.0 / 128.0;
+    JointNetwork {
+        feeds: feeds.into_iter().collect(),
+        period_s,
+        strokes: Some(StrokeRange { least: 0.01, most: 1.0, reversal: 5e-4, period_s }),
+        network: network::<f32>().widened(),
+    }
+}
+
+/// The parameters of the law it supplies.
+pub fn parameters() -> Parameters<f32> {
+    Parameters::<f32>::new(LawKind::LugreAsymmetric)
+        .with(Id::CoulombTorque, 1.5)
+        .with(Id::StaticTorque, 2.2)
+        .with(Id::CoulombTorqueNegative, 1.25)
+        .with(Id::StaticTorqueNegative, 1.75)
+        .with(Id::StribeckVelocity, 0.1)
+        .with(Id::BristleStiffness, 500.0)
+        .with(Id::ViscousFriction, 0.08)
+}
+
+/// The law it supplies, at a sample period in s; `None` where the number has no room for it.
+pub fn law<T: Real<Setting = f32>>(period_s: f32) -> Option<AugmentedLugre<T>> {
+    AugmentedLugre::of(&parameters().build::<T>(period_s).ok()?)
+}
