@@ -182,8 +182,12 @@ fn every_flag_of_loop_and_compensator_is_heeded_or_known_not_to_be() {
         let stops = LoopFlags::FAULTS | LoopFlags::OVERSPEED | LoopFlags::ENCODER_IMPLAUSIBLE;
         assert_eq!(bench.supervisor.bridge_allowed(), !stops.contains(flag), "{name}");
     }
-    // A velocity alone may be missing, the other stands in.
-    let known = Flags::DISABLED | Flags::VELOCITY_INVALID | Flags::REFERENCE_INVALID;
+    // A velocity alone may be missing, the other stands in; outside of what a network knows the law's constants do, and
+    // the status and object 200Bh say so.
+    let known = Flags::DISABLED
+        | Flags::VELOCITY_INVALID
+        | Flags::REFERENCE_INVALID
+        | Flags::NETWORK_OUTSIDE;
     for (name, flag) in Flags::all().iter_names() {
         let mut bench = Bench::armed();
         bench.seen.compensator = flag;

@@ -131,8 +131,7 @@ pub fn again(rows: Rows, model: &Fitted) -> Fitted {
     };
     let solution = fit(&model.spec, &model.parameters, rows, &options);
     let parameters = solution.parameters();
-    let free = solution.coordinates.ids().collect();
-    Fitted { parameters, free, sse: solution.reduced.sum_of_squares(), ..model.clone() }
+    Fitted { parameters, sse: solution.reduced.sum_of_squares(), ..model.clone() }
 }
 
 /// Puts a candidate's term into a model and fits everything again.
