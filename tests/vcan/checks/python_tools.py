@@ -261,7 +261,9 @@ def what_is_refused_has_the_code_of_its_reason():
         refused(TOO_LONG, node.sdo.download, 0x1017, 0, bytes(4))
         refused(TOO_SHORT, node.sdo.download, 0x2022, 1, bytes(2))
         refused(TOO_SHORT, node.sdo.download, 0x2027, 6, bytes(8))
-        refused(0x0504_0005, node.sdo.download, 0x2027, 5, bytes(1000))
+        # Longer than the longest object, the record of a network: there is no room for it. A shorter one is no record.
+        refused(0x0504_0005, node.sdo.download, 0x2027, 5, bytes(2000))
+        refused(VALUE, node.sdo.download, 0x2027, 5, bytes(1000))
         refused(0x0602_0000, node.sdo.upload, 0x3000, 0)
         refused(0x0609_0011, node.sdo.upload, 0x1018, 9)
         refused(0x0601_0001, node.sdo.upload, 0x2027, 3)
