@@ -27,6 +27,7 @@ pub mod found;
 pub mod gram_blocks;
 pub mod harmonics;
 pub mod judge;
+pub mod late_channel;
 pub mod left_out;
 pub mod model;
 pub mod offer;
@@ -57,7 +58,7 @@ use crate::data::{Dataset, Split};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Outcome, State};
 use crate::fit::{Predicted, identify, predict};
-use crate::log_check::LogFinding;
+use crate::log_check::{Kind, LogFinding};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use baseline::Baseline;
@@ -65,6 +66,7 @@ use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use extended::{Observation, Unexplained};
 use gram_blocks::LeftOut;
+use late_channel::Late;
 use model::{Fits, Fitted};
 use offer::Offer;
 use search::{Extension, Search};
@@ -86,6 +88,8 @@ pub struct Question {
     pub seed: u64,
     /// What is wrong with the log itself ([`crate::log_check`]): handed through to the answer.
     pub log_findings: Vec<LogFinding>,
+    /// Late channels that are left as they are logged ([`late_channel`]).
+    pub as_logged: Vec<Kind>,
 }
 
 /// The answer.
@@ -195,6 +199,18 @@ pub fn diagnose(
     let mut some = whole.thinned().into_owned();
     progress("fitting the baseline");
     let mut chosen = base(&some, question)?;
+    let mut log_findings = question.log_findings.clone();
+    let mut sought: Vec<Late> = Late::ALL.to_vec();
+    sought.retain(|late| !question.as_logged.contains(&late.kind()));
+    while let Some(found) = late_channel::found(&some, &chosen.model, &sought)? {
+        progress("fitting the baseline beside a late channel");
+        log_findings.retain(|finding| finding.kind != found.late.kind());
+        log_findings.push(found.finding(data.joint));
+        sought.retain(|late| *late != found.late);
+        whole = found.heeded(whole);
+        some = whole.thinned().into_owned();
+        chosen = base(&some, question)?;
+    }
     if let Some(weighed) = uncertain_motion::weighed(&whole, &chosen.model) {
         whole = weighed.with_floor();
         some = whole.thinned().into_owned();
@@ -271,9 +287,10 @@ pub fn diagnose(
     );
     let found = extension.found.iter();
     let mut findings: Vec<Finding> = found.map(|found| found.finding(&extended, &log)).collect();
-    let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate);
+    let coloured = judge::coloured_floor(&log.test_tracks, &after);
+    let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate).max(coloured);
     let left_over = left_over(&after, noise_floor);
-    let noise_floor = judge::lower_floor(noise_floor, &log.test_tracks, &after);
+    let noise_floor = judge::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
     findings.extend(observed(|cause| cause.in_log(&log)));
     if findings.is_empty() && left_over > 0.0 {
         let rest = Unexplained {
@@ -288,7 +305,7 @@ pub fn diagnose(
     progress("certifying");
     let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
     Ok(Diagnosis {
-        log_findings: question.log_findings.clone(),
+        log_findings,
         noise_floor,
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),

@@ -13,6 +13,7 @@
 //! The simulation is the core's step, so what is identified is what is flashed. Derivatives are exact
 //! ([`crate::dual`]). Bounds are kept by coordinates that cannot leave them.
 
+pub mod channel;
 pub mod coordinates;
 mod delayed;
 pub mod identify;

@@ -127,11 +127,13 @@ pub struct Correct {
     pub motion: bool,
     /// Rows with values that cannot be, by leaving them out.
     pub outliers: bool,
+    /// A torque or a motion that is held over several rows, by leaving out those between.
+    pub held: bool,
 }
 
 impl Default for Correct {
     fn default() -> Self {
-        Self { motion: true, outliers: true }
+        Self { motion: true, outliers: true, held: true }
     }
 }
 
@@ -198,7 +200,17 @@ pub fn check(data: Dataset, correct: Correct) -> Checked {
     let columns = column::all(&data);
     let log = Log { data: &data, smoothed: &smoothed, sensors, columns, correct };
     findings.extend(CHECKS.iter().flat_map(|check| check(&log)));
+    let fresh = held::fresh_rows(&log);
     drop(log);
+    let (data, smoothed) = match fresh {
+        Some(fresh) if fresh.of_motion => {
+            let data = fresh.of(&data);
+            let (smoothed, _) = motion::reconstruct(&data);
+            (data, smoothed)
+        }
+        Some(fresh) => (fresh.of(&data), fresh.of(&smoothed)),
+        None => (data, smoothed),
+    };
     let data = if correct.motion { smoothed } else { data };
     Checked { data, findings, sensors }
 }

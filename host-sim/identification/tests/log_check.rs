@@ -1,6 +1,8 @@
 //! Each fault hidden in an exact log must be found, with its size; the exact log must list nothing.
 
-use friction_identification::data::{Dataset, Run};
+use compensator_core::ParameterId;
+use friction_identification::data::{Dataset, Run, SplitRule, split};
+use friction_identification::diagnose::{Diagnosis, Question, diagnose};
 use friction_identification::log_check::{Correct, Kind, LogFinding, check};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -99,7 +101,7 @@ fn a_velocity_that_flickers_is_found_and_reconstructed() {
     let finding = only(&found(spoil), Kind::VelocityNoise, &[]);
     near(finding.value, 5e-3, 1e-3);
     assert!(finding.corrected);
-    let as_logged = check(log(spoil), Correct { motion: false, outliers: true });
+    let as_logged = check(log(spoil), Correct { motion: false, ..Correct::default() });
     assert!(!only(&as_logged.findings, Kind::VelocityNoise, &[]).corrected);
     assert_eq!(as_logged.data.runs, log(spoil).runs);
 }
@@ -136,6 +138,112 @@ fn a_held_channel_is_found() {
     };
     let finding = only(&found(spoil), Kind::HeldChannel, &[]);
     near(finding.value, 4.0 * STEP_S, 1e-9);
+    assert!(!finding.corrected, "a covariate is taken as it stands");
+}
+
+#[test]
+fn of_a_torque_that_is_held_the_rows_between_are_left_out() {
+    let spoil = |_: usize, columns: &mut Columns| {
+        let held = |all: &[f64]| (0..all.len()).map(|row| all[row - row % 4]).collect::<Vec<f64>>();
+        (columns[2], columns[4]) = (held(&columns[2]), held(&columns[4]));
+    };
+    let checked = check(log(spoil), Correct::default());
+    let held = |finding: &&LogFinding| finding.kind == Kind::HeldChannel;
+    let torque = checked.findings.iter().filter(held).find(|f| f.columns == ["torque_nm"]);
+    assert!(torque.is_some_and(|finding| finding.corrected), "{:?}", checked.findings);
+    let run = &checked.data.runs[0];
+    let exact = exact(0);
+    assert_eq!(run.len(), ROWS / 4);
+    for (row, (time, torque)) in run.time_s.iter().zip(&run.torque).enumerate() {
+        assert_eq!((*time, *torque), (exact[0][4 * row], exact[2][4 * row]), "row {row}");
+    }
+    let as_logged = check(log(spoil), Correct { held: false, ..Correct::default() });
+    assert_eq!(as_logged.data.runs[0].len(), ROWS);
+    assert!(as_logged.findings.iter().all(|finding| !finding.corrected));
+}
+
+#[test]
+fn of_a_motion_that_is_held_the_rows_between_are_left_out_and_rests_stay() {
+    let spoil = |_: usize, columns: &mut Columns| {
+        for column in [1, 3] {
+            let all = columns[column].clone();
+            columns[column] = (0..all.len()).map(|row| all[row - row % 3]).collect();
+        }
+    };
+    let checked = check(log(spoil), Correct { motion: false, ..Correct::default() });
+    let position = checked.findings.iter().find(|finding| finding.columns == ["position_rad"]);
+    assert!(position.is_some_and(|finding| finding.corrected), "{:?}", checked.findings);
+    for (index, run) in checked.data.runs.iter().enumerate() {
+        let exact = exact(index);
+        // A rest of a second has as many rows as any other.
+        assert!(run.len() >= ROWS / 3, "run {index}: {} rows", run.len());
+        let longest = run.time_s.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        assert!(longest < 3.5 * STEP_S, "run {index}: a gap of {longest} s");
+        let stale = |row: usize| {
+            (run.velocity[row] - exact[1][(run.time_s[row] / STEP_S).round() as usize]).abs()
+                > 1e-12
+        };
+        assert!((0..run.len()).filter(|row| stale(*row)).count() < run.len() / 50, "run {index}");
+    }
+}
+
+/// The joint through the diagnosis, every run left out once.
+fn diagnosed(data: Dataset, as_logged: Vec<Kind>) -> Diagnosis {
+    let parts = split(&data, &SplitRule::EachOut, 0).expect("runs to leave out");
+    let question = Question { as_logged, ..Question::default() };
+    diagnose(&data, &parts, &question, &|_| {}).expect("a diagnosis")
+}
+
+#[test]
+fn a_low_passed_torque_is_answered_by_a_low_passed_model() {
+    let time_constant_s = 0.015;
+    let spoil = |_: usize, columns: &mut Columns| {
+        for column in [2, 4] {
+            let mut held = columns[column][0];
+            for value in &mut columns[column] {
+                held -= (*value - held) * (-STEP_S / time_constant_s).exp_m1();
+                *value = held;
+            }
+        }
+    };
+    let found = diagnosed(log(spoil), Vec::new());
+    let finding = only(&found.log_findings, Kind::TorqueLag, &[]);
+    assert!(finding.corrected);
+    near(finding.value, time_constant_s, 0.1 * time_constant_s);
+    assert_eq!(
+        found.cause(),
+        "none",
+        "{:?}",
+        found.findings.iter().map(|f| f.cause.name()).collect::<Vec<_>>()
+    );
+    let stiffness = found.extended.parameters.get(ParameterId::BristleStiffness);
+    near(stiffness, 750.0, 75.0);
+    let as_logged = diagnosed(log(spoil), vec![Kind::TorqueLag]);
+    assert!(as_logged.log_findings.is_empty());
+    assert!(as_logged.before.metrics.rmse > 3.0 * found.after.metrics.rmse);
+}
+
+#[test]
+fn a_late_velocity_without_a_position_is_taken_later() {
+    let spoiled = || {
+        let names = ["time_s", "velocity_rad_s", "torque_nm"].map(str::to_owned);
+        let runs = (0..RUNS).map(|run| {
+            let [time, velocity, torque, ..] = exact(run);
+            (run.to_string(), vec![time, late(&velocity, 7), torque])
+        });
+        Dataset::of_columns(&names, runs).expect("the columns of a log")
+    };
+    let found = diagnosed(spoiled(), Vec::new());
+    let finding = only(&found.log_findings, Kind::VelocityLag, &[]);
+    assert!(finding.corrected);
+    near(finding.value, 7.0 * STEP_S, 0.5 * STEP_S);
+    assert!(found.after.metrics.rmse < 1.3 * 0.02, "{}", found.after.metrics.rmse);
+}
+
+#[test]
+fn nothing_of_an_exact_log_is_late() {
+    let found = diagnosed(log(|_, _| ()), Vec::new());
+    assert!(found.log_findings.is_empty(), "{:?}", found.log_findings);
 }
 
 #[test]
@@ -241,7 +349,7 @@ fn values_that_cannot_be_are_left_out() {
     near(finding.value.abs(), 9999.0, 1e-9);
     assert!(finding.corrected);
     assert_eq!(checked.data.rows, RUNS * ROWS - 2);
-    let kept = check(log(spoil), Correct { motion: true, outliers: false });
+    let kept = check(log(spoil), Correct { outliers: false, ..Correct::default() });
     assert_eq!(kept.data.rows, RUNS * ROWS);
     assert!(!only(&kept.findings, Kind::Outlier, &[]).corrected);
 }

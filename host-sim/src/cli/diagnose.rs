@@ -66,6 +66,7 @@ fn diagnosed(
         rigid_body: input.rigid_body.clone(),
         seed: arguments.data.seed,
         log_findings: input.log_findings.clone(),
+        as_logged: arguments.data.kinds_as_logged(),
     };
     let bar = spinner("diagnosing".into());
     let progress = |what: &str| bar.set_message(what.to_owned());

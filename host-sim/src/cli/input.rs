@@ -50,7 +50,7 @@ pub struct DataArguments {
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = MotionFrom::Smoothed)]
     pub motion: MotionFrom,
     /// Findings about the log that are told but not corrected: velocity-noise, velocity-lag, quantised (the
-    /// motion is taken as logged) and outlier
+    /// motion is taken as logged), outlier, held-channel, torque-lag
     #[arg(long, value_name = "KIND,..", value_delimiter = ',')]
     pub as_logged: Vec<String>,
     /// Chooses which runs are held out; the same seed, the same result
@@ -210,6 +210,11 @@ impl DataArguments {
         Ok(Input { joint, data, split, train, test, rigid_body, hashes, log_findings, decimate })
     }
 
+    /// Findings that are not to be corrected; names that are none have been refused.
+    pub fn kinds_as_logged(&self) -> Vec<Kind> {
+        self.as_logged.iter().filter_map(|name| Kind::parse(name.trim())).collect()
+    }
+
     /// What is to be corrected.
     fn correct(&self) -> Result<Correct, String> {
         let mut correct =
@@ -220,6 +225,9 @@ impl DataArguments {
                     correct.motion = false;
                 }
                 Some(Kind::Outlier) => correct.outliers = false,
+                Some(Kind::HeldChannel) => correct.held = false,
+                // What the diagnosis finds, and leaves alone if it is asked to ([`Self::kinds_as_logged`]).
+                Some(Kind::TorqueLag) => {}
                 Some(_) => return Err(format!("--as-logged: {name} is never corrected")),
                 None => return Err(format!("--as-logged: unknown kind {name:?}")),
             }

@@ -52,6 +52,45 @@ pub fn lower_floor(floor: f64, tracks: &[Track], after: &Predicted) -> f64 {
     if own > 0.0 { floor.min(with_motion(own, tracks)) } else { floor }
 }
 
+/// The floor of a log whose torque went through a low-pass, where its noise did as well; 0 of any other.
+///
+/// Such noise is an autoregression with the low-pass' own memory `phi`, and its second differences show little of it.
+/// Beside a white part `w` a coloured one `c` makes differences of the residual with the variances
+/// `v1 = 2 w + 2 (1 - phi) c` and `v2 = 6 w + (6 - 8 phi + 2 phi^2) c`, which are solved for both.
+pub fn coloured_floor(tracks: &[Track], after: &Predicted) -> f64 {
+    let Some(track) = tracks.first() else { return 0.0 };
+    let whole = tracks.iter().zip(&after.residuals).all(|(track, r)| track.len() == r.len());
+    if track.torque_low_pass_s <= 0.0 || !whole {
+        return 0.0;
+    }
+    let memory = (-track.period_s / track.torque_low_pass_s).exp();
+    let series = || after.residuals.iter().map(Vec::as_slice);
+    let first = variance_by_median(series().flat_map(|r| r.windows(2).map(|w| w[1] - w[0])));
+    let second =
+        variance_by_median(series().flat_map(|r| r.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2])));
+    let rows = series().map(<[f64]>::len).sum::<usize>().max(1) as f64;
+    let excess = 6.0 * first - 2.0 * second;
+    // White noise makes none but by chance.
+    if excess < COLOURED * first / rows.sqrt() {
+        return 0.0;
+    }
+    let squares: f64 = series().flatten().map(|r| r * r).sum();
+    let coloured = (excess / (4.0 * memory * (1.0 - memory))).min(squares / rows);
+    let white = (0.5 * first - coloured * (1.0 - memory)).max(0.0);
+    with_motion((white + coloured).sqrt(), tracks)
+}
+
+/// Excess of the first differences' variance over that of white noise, in units of the variance over the root of the
+/// rows, from which noise is coloured: three standard errors, of variances found by medians.
+const COLOURED: f64 = 45.0;
+
+fn variance_by_median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
+    sizes.sort_by(f64::total_cmp);
+    let median = sizes.get(sizes.len() / 2).copied().unwrap_or_default();
+    (median / 0.6745).powi(2)
+}
+
 /// Squared errors of two models on the same blocks of rows.
 fn blocks(before: &Predicted, after: &Predicted) -> Vec<[f64; 2]> {
     let rows: usize = before.residuals.iter().map(Vec::len).sum();
@@ -117,6 +156,33 @@ mod tests {
             metrics: Metrics::default(),
             saturation: 0.0,
             presliding: 0.0,
+        }
+    }
+
+    #[test]
+    fn noise_behind_and_before_a_low_pass_makes_the_floor_it_is() {
+        let rows = 20_000;
+        let mut random = Pcg64::seed_from_u64(3);
+        let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        let mut track = Track::even(vec![Default::default(); rows], vec![0.0; rows], 1e-3);
+        track.torque_low_pass_s = 0.01;
+        let share = 1.0 - (-0.1f64).exp();
+        for (white, coloured) in [(0.02, 0.0), (0.0, 0.1), (0.01, 0.1)] {
+            let mut held = 0.0;
+            let residual: Vec<f64> = (0..rows)
+                .map(|_| {
+                    held += (coloured * normal() - held) * share;
+                    held + white * normal()
+                })
+                .collect();
+            let rms = (residual.iter().map(|r| r * r).sum::<f64>() / rows as f64).sqrt();
+            let after = Predicted { residuals: vec![residual], ..predicted(0.0) };
+            let floor = coloured_floor(std::slice::from_ref(&track), &after);
+            if coloured > 0.0 {
+                assert!((floor / rms - 1.0).abs() < 0.1, "{floor} of {rms}");
+            } else {
+                assert_eq!(floor, 0.0);
+            }
         }
     }
 

@@ -9,8 +9,9 @@
 
 use crate::dual::Dual;
 use crate::fit::Track;
+use crate::fit::channel::{LowPass, passed};
 use crate::fit::initial_state::initial_state;
-use crate::fit::simulate::{Resolution, simulate};
+use crate::fit::simulate::{Resolution, simulate, simulate_shaft};
 use crate::fit::treatment;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Real, TermKind};
@@ -32,8 +33,10 @@ pub struct Sensitivities {
 /// A model along one track, at the full rate.
 #[derive(Clone, Debug)]
 pub struct TrackSensitivities {
-    /// Simulated torque, Nm.
+    /// Simulated torque as its channel shows it, Nm.
     pub torque: Vec<f64>,
+    /// Simulated torque at the shaft, Nm; so are `added`, `level` and `viscous`.
+    pub shaft_torque: Vec<f64>,
     /// Measured minus simulated, Nm, times the root of the row's weight.
     pub residual: Vec<f64>,
     /// Share of the level the bristles hold, signed; 0 for a law without bristles.
@@ -107,6 +110,7 @@ fn along<const N: usize>(
     let rows = track.len();
     let mut out = TrackSensitivities {
         torque: Vec::with_capacity(rows),
+        shaft_torque: Vec::with_capacity(rows),
         residual: Vec::with_capacity(rows),
         bristle: Vec::with_capacity(rows),
         jacobian: vec![Vec::with_capacity(rows); free.len()],
@@ -119,10 +123,14 @@ fn along<const N: usize>(
     let level_now = parameters.get(Id::CoulombTorque).abs().max(f64::MIN_POSITIVE);
     let bristles = parameters.law.has_bristles();
     let start = held.map(Dual::from_f64);
-    simulate(&dual, track, start, resolution, |row, torque: Dual<N>, bristle: Dual<N>| {
+    let mut channel = LowPass::of_torque(track);
+    simulate_shaft(&dual, track, start, resolution, |row, torque: Dual<N>, bristle: Dual<N>| {
         let gradient = &torque.gradient;
-        out.torque.push(torque.value);
-        out.residual.push(track.weight(row).sqrt() * (track.torque[row] - torque.value));
+        let shown =
+            channel.as_mut().map_or(torque.value, |channel| channel.pass(row, torque.value));
+        out.torque.push(shown);
+        out.shaft_torque.push(torque.value);
+        out.residual.push(track.weight(row).sqrt() * (track.torque[row] - shown));
         out.bristle.push(if bristles { bristle.value / level_now } else { 0.0 });
         for (column, g) in out.jacobian.iter_mut().zip(gradient) {
             column.push(*g);
@@ -133,6 +141,7 @@ fn along<const N: usize>(
         out.viscous.push(viscous.map_or_else(plain, |i| gradient[i] * coefficient));
         true
     });
+    out.jacobian = out.jacobian.into_iter().map(|column| passed(track, column)).collect();
     out
 }
 

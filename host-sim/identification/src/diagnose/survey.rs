@@ -7,6 +7,7 @@ use super::sensitivities::{Sensitivities, TrackSensitivities, exact};
 use super::train_test::TrainTest;
 use crate::data::AntiAlias;
 use crate::fit::Track;
+use crate::fit::channel::passed;
 use crate::fit::statistics::autocorrelation_time;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -53,14 +54,14 @@ fn blocks(
     length: usize,
 ) -> Vec<Block> {
     let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
-    let slope = slope(track, &at.torque);
+    let slope = slope(track, &at.shaft_torque);
     for candidate in candidates {
         let extra = candidate.extra.map(|index| &track.covariates[index]);
         for regressor in &candidate.regressors {
             columns.push(match regressor {
                 Regressor::Exact(effect) => exact(model, track, at, effect),
-                Regressor::Row(of) => (0..track.len())
-                    .map(|row| {
+                Regressor::Row(of) => {
+                    let row = |row: usize| {
                         of(&Row {
                             sample: &track.samples[row],
                             added: at.added[row],
@@ -69,8 +70,9 @@ fn blocks(
                             slope: slope[row],
                             extra: extra.map_or(0.0, |extra| extra[row]),
                         })
-                    })
-                    .collect(),
+                    };
+                    passed(track, (0..track.len()).map(row).collect())
+                }
             });
         }
     }

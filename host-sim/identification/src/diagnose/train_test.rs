@@ -133,6 +133,24 @@ impl TrainTest {
         log
     }
 
+    /// The log with a torque that went through a low-pass of this time constant, s ([`crate::fit::channel`]).
+    #[must_use]
+    pub fn through_low_pass(mut self, time_constant_s: f64) -> Self {
+        for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
+            track.torque_low_pass_s = time_constant_s;
+        }
+        self
+    }
+
+    /// The log with the velocity and acceleration of so much later in each row, s.
+    #[must_use]
+    pub fn with_later_velocity(mut self, delay_s: f64) -> Self {
+        for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
+            track.take_velocity_later(delay_s);
+        }
+        self
+    }
+
     /// The log with its floor found anew, after rows have been weighed.
     #[must_use]
     pub fn with_floor(mut self) -> Self {

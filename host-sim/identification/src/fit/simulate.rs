@@ -10,6 +10,7 @@
 //! Sub-steps are for bristles on the move. Most rows of most logs slide, or rest, where one step is as good;
 //! `settled` says where, so that an extrapolated simulation costs little more than a plain one.
 
+use super::channel::LowPass;
 use super::delayed::undelayed;
 use super::settled::Pilot;
 use super::stepper::{Stepper, Varying};
@@ -39,12 +40,31 @@ impl Resolution {
     }
 }
 
-/// Steps a model along a track and hands each sample's torque to `sink`, with the bristle torque;
-/// stops early where `sink` returns `false`.
+/// Steps a model along a track and hands each sample's torque to `sink` as the torque's channel shows it, with the
+/// bristle torque; stops early where `sink` returns `false`.
 ///
 /// `held` is the bristle torque at the start, or `None` where the track begins sliding
 /// ([`super::initial_state`]). Parameters are not checked: a fit passes through illegal values.
 pub fn simulate<T: Real<Setting = T>>(
+    parameters: &Parameters<T>,
+    track: &Track,
+    held: Option<T>,
+    resolution: Resolution,
+    mut sink: impl FnMut(usize, T, T) -> bool,
+) {
+    let Some(mut low_pass) = LowPass::of_torque(track) else {
+        return simulate_shaft(parameters, track, held, resolution, sink);
+    };
+    simulate_shaft(parameters, track, held, resolution, |row, torque, bristle| {
+        sink(row, low_pass.pass(row, torque), bristle)
+    });
+}
+
+/// The same with the torque as it is at the shaft, whatever its channel makes of it.
+///
+/// `held` is the bristle torque at the start, or `None` where the track begins sliding
+/// ([`super::initial_state`]). Parameters are not checked: a fit passes through illegal values.
+pub fn simulate_shaft<T: Real<Setting = T>>(
     parameters: &Parameters<T>,
     track: &Track,
     held: Option<T>,

@@ -40,6 +40,8 @@ pub struct Track {
     pub velocity_draws: Vec<Vec<f64>>,
     /// Torque error that the uncertain motion makes in each row, Nm or N RMS; empty where it is taken as exact.
     pub motion_error: Vec<f64>,
+    /// Time constant of the low-pass the torque's channel went through, s ([`super::channel`]); 0 where there is none.
+    pub torque_low_pass_s: f64,
     /// What rubbed before the track; see [`super::warmth`].
     pub earlier: Arc<[Earlier]>,
 }
@@ -58,6 +60,7 @@ impl Track {
             covariates: Arc::default(),
             velocity_draws: Vec::new(),
             motion_error: Vec::new(),
+            torque_low_pass_s: 0.0,
             earlier: Arc::default(),
         }
     }
@@ -86,6 +89,7 @@ impl Track {
                 .skip(rows.start)
                 .copied()
                 .collect(),
+            torque_low_pass_s: self.torque_low_pass_s,
             earlier: Arc::clone(&self.earlier),
         }
     }
@@ -121,6 +125,40 @@ impl Track {
     /// Scales what each row counts for.
     pub fn weigh(&mut self, by: impl Fn(usize) -> f64) {
         self.weights = (0..self.len()).map(|row| self.weight(row) * by(row)).collect();
+    }
+
+    /// Gives each row the velocity and acceleration of so much later, s, on straight lines between rows; rows with nothing
+    /// so late do not count.
+    pub fn take_velocity_later(&mut self, delay_s: f64) {
+        let ratio = |row: usize| self.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+        let mut time = 0.0;
+        let times: Vec<f64> = (0..self.len())
+            .map(|row| {
+                time += if row > 0 { self.period_s * ratio(row) } else { 0.0 };
+                time
+            })
+            .collect();
+        let last = self.len() - 1;
+        let mut later = 0;
+        let mut all_there = self.len();
+        let as_logged = self.samples.clone();
+        for (row, sample) in self.samples.iter_mut().enumerate() {
+            let then = times[row] + delay_s;
+            while later < last && times[later + 1] <= then {
+                later += 1;
+            }
+            if later == last {
+                all_there = all_there.min(row);
+            }
+            let next = (later + 1).min(last);
+            let step = times[next] - times[later];
+            let share = if step > 0.0 { (then - times[later]) / step } else { 0.0 };
+            let (from, to) = (&as_logged[later], &as_logged[next]);
+            let between = |a: f64, b: f64| a + (b - a) * share;
+            sample.velocity_rad_s = between(from.velocity_rad_s, to.velocity_rad_s);
+            sample.acceleration_rad_s2 = between(from.acceleration_rad_s2, to.acceleration_rad_s2);
+        }
+        self.weigh(|row| if row < all_there { 1.0 } else { 0.0 });
     }
 
     /// Whether there are no rows.
@@ -223,6 +261,7 @@ fn track(
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
         velocity_draws: cut(&run.velocity_draws, &rows),
         motion_error: Vec::new(),
+        torque_low_pass_s: 0.0,
         earlier: Arc::default(),
     }
 }

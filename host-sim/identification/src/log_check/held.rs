@@ -2,11 +2,17 @@
 //!
 //! Equal values in a row are not it by themselves: a joint rests, a coarse column stays within a step, a
 //! smooth one may be printed with few digits. Held is a column that changes every so many rows, nearly always
-//! after the same number, and then by more than its smallest step. Nothing is done about it: a value in
-//! between was never measured. Where several are held, which of them is read last is told.
+//! after the same number, and then by more than its smallest step. Where several are held, which of them is read
+//! last is told.
+//!
+//! A covariate is taken as it stands: a value in between was never measured. A torque that stands still while the
+//! joint goes on is wrong in every row but the first, and so is a motion that stands still under a live torque: of such
+//! a log the rows are kept in which the held channel is read anew ([`fresh_rows`]). Where both are held nothing is left out,
+//! as they may be read at different times.
 
-use super::column::quantile;
+use super::column::{Column, quantile};
 use super::{Kind, Log, LogFinding};
+use crate::data::{Dataset, Run};
 use crate::motion::quantum::quantum;
 use crate::number::figure;
 
@@ -30,11 +36,85 @@ struct Held {
     changes: Vec<(usize, usize)>,
 }
 
+/// Rows of each run in which the torque, or the motion, is read anew, where one of the two is held.
+pub struct FreshRows {
+    /// Whether it is the motion that is held; else it is the torque.
+    pub of_motion: bool,
+    /// The rows, run by run.
+    pub runs: Vec<Vec<usize>>,
+}
+
+impl FreshRows {
+    /// The log in those rows alone.
+    #[must_use]
+    pub fn of(&self, data: &Dataset) -> Dataset {
+        let mut kept = data.clone();
+        for (run, rows) in kept.runs.iter_mut().zip(&self.runs) {
+            *run = run.with_columns(|column| {
+                rows.iter().filter_map(|row| column.get(*row)).copied().collect()
+            });
+        }
+        kept.rows = kept.runs.iter().map(Run::len).sum();
+        kept
+    }
+}
+
+/// See [`FreshRows`]; none where nothing is to be corrected.
+pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
+    if !log.correct.held {
+        return None;
+    }
+    let held = |name: &str| {
+        let index = log.columns.iter().position(|column| column.name == name)?;
+        held_column(log, index)
+    };
+    // A coarse angle of an even motion changes every so many rows as well; its velocity then does not.
+    let velocity = held(log.velocity());
+    let motion = match log.column(log.position()) {
+        Some(_) => held(log.position()).filter(|held| {
+            velocity.as_ref().is_some_and(|velocity| (velocity.rows - held.rows).abs() < 0.5)
+        }),
+        None => velocity,
+    };
+    let (of_motion, held) = match (motion, held(log.torque())) {
+        (Some(motion), None) => (true, motion),
+        (None, Some(torque)) => (false, torque),
+        _ => return None,
+    };
+    let most = held.rows.round().max(2.0) as usize;
+    let fresh = |values: &&[f64]| {
+        let mut rows = vec![0];
+        for row in 1..values.len() {
+            let last = rows[rows.len() - 1];
+            // Equal values may be read anew as well: a joint rests.
+            if values[row] != values[row - 1] || row - last >= most {
+                rows.push(row);
+            }
+        }
+        rows
+    };
+    let runs = log.columns[held.column].runs.iter().map(fresh).collect();
+    Some(FreshRows { of_motion, runs })
+}
+
+/// Whether rows are left out for a column that is held.
+fn is_corrected(log: &Log, fresh: Option<&FreshRows>, column: &Column) -> bool {
+    let of_motion = column.name == log.position() || column.name == log.velocity();
+    fresh.is_some_and(|fresh| if fresh.of_motion { of_motion } else { column.name == log.torque() })
+}
+
 pub fn held(log: &Log) -> Vec<LogFinding> {
     let found: Vec<Held> =
         (0..log.columns.len()).filter_map(|index| held_column(log, index)).collect();
+    let fresh = fresh_rows(log);
     let told = found.iter().map(|held| {
         let column = &log.columns[held.column];
+        let corrected = is_corrected(log, fresh.as_ref(), column);
+        let done = if corrected {
+            "The rows between are left out: what stands there is of an earlier time."
+        } else {
+            "It is taken as it stands."
+        };
         let last = found
             .iter()
             .filter(|other| other.column != held.column)
@@ -51,9 +131,9 @@ pub fn held(log: &Log) -> Vec<LogFinding> {
             columns: vec![column.name.clone()],
             value: held.rows * log.sensors.step_s,
             unit: "s".into(),
-            corrected: false,
+            corrected,
             in_words: format!(
-                "{} is held: it is read anew every {} rows only ({} s){order}. It is taken as it stands.",
+                "{} is held: it is read anew every {} rows only ({} s){order}. {done}",
                 column.name,
                 figure(held.rows),
                 figure(held.rows * log.sensors.step_s)

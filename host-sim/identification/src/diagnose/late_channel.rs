@@ -1,0 +1,210 @@
+//! A channel that is late against the others, where the log alone can tell: the torque went through a low-pass before
+//! it was logged, or a velocity without a position is the mean of past differences.
+//!
+//! A filtered torque follows a reversal late. Bristles that are too soft look like it, and so does a delay; but a travel
+//! takes less time where the joint turns hard, and a delay leaves the edges sharp. A velocity that comes late makes the
+//! torque come *before* the motion, which no friction does. So the base model is fitted through low-passes of several time
+//! constants ([`crate::fit::channel`]), and to the velocity of several times later. One is taken if it lowers
+//! `n ln(SSE)` by what its choice costs (`n` the number of *independent* rows); a low-pass must be better than a delay in
+//! its place as well. Both are sought beside bristles alone (a linear law's sharp edges are rounded by whatever is slow, on
+//! two measured seals by a low-pass as slow as may be), and not taken at the end of their range.
+//!
+//! From there on the model's torque goes through the low-pass wherever it is held against the measured one, and the
+//! velocity is that of the later time. The friction that is fitted is the shaft's; nothing of either is handed to a driver.
+
+use super::baseline::independent_rows;
+use super::model::{Fitted, again};
+use super::train_test::TrainTest;
+use crate::data::{JointKind, Quantity};
+use crate::log_check::{Kind, LogFinding};
+use crate::number::figure;
+use crate::spec::SpecError;
+use compensator_core::{ParameterId as Id, TermKind};
+use std::f64::consts::TAU;
+
+/// Times that are tried: from half a row on, doubled so many times.
+const TRIED: i32 = 9;
+
+/// The longest, s: a low-pass of 1.6 Hz. What is slower is taken for what it may be as well, soft bristles.
+const LONGEST_S: f64 = 0.1;
+
+/// Halvings of the step around the best one, in its logarithm: to 0.3 %, or a delay or a travel makes up for the rest.
+const REFINED: usize = 7;
+
+/// Which channel is late, and how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Late {
+    /// The torque went through a low-pass.
+    LowPassedTorque,
+    /// The velocity is that of an earlier time.
+    Velocity,
+}
+
+impl Late {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::LowPassedTorque, Self::Velocity];
+
+    /// The kind of finding it is.
+    pub fn kind(self) -> Kind {
+        match self {
+            Self::LowPassedTorque => Kind::TorqueLag,
+            Self::Velocity => Kind::VelocityLag,
+        }
+    }
+
+    /// Whether a log may have it. A velocity beside a position has been held against that one.
+    fn may_be_in(self, log: &TrainTest) -> bool {
+        let has_position =
+            || log.train.runs.iter().any(|run| run.get(Quantity::Position).is_some());
+        self == Self::LowPassedTorque || !has_position()
+    }
+}
+
+/// A late channel, and by how much.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LateChannel {
+    /// Which.
+    pub late: Late,
+    /// The time constant or the delay, s.
+    pub time_s: f64,
+    /// Squared error with it, as a share of that without.
+    pub share_left: f64,
+}
+
+impl LateChannel {
+    /// The log with this taken into account.
+    pub fn heeded(&self, log: TrainTest) -> TrainTest {
+        match self.late {
+            Late::LowPassedTorque => log.through_low_pass(self.time_s),
+            Late::Velocity => log.with_later_velocity(self.time_s),
+        }
+    }
+
+    /// It as a finding about the log.
+    pub fn finding(&self, joint: JointKind) -> LogFinding {
+        let lower = figure(100.0 * (1.0 - self.share_left));
+        let milliseconds = figure(1e3 * self.time_s);
+        let quantity = match self.late {
+            Late::LowPassedTorque => Quantity::Torque,
+            Late::Velocity => Quantity::Velocity,
+        };
+        let column = quantity.name(joint);
+        let in_words = match self.late {
+            Late::LowPassedTorque => format!(
+                "{column} went through a low-pass of about {} Hz ({milliseconds} ms) before it was logged: with one the base \
+                 model's squared error is {lower} % lower. The model's torque goes through the same before the two are \
+                 compared, so that what is fitted is the friction at the shaft.",
+                figure(1.0 / (TAU * self.time_s))
+            ),
+            Late::Velocity => format!(
+                "{column} comes {milliseconds} ms late, as differences through a filter do: with the velocity of so much later \
+                 the base model's squared error is {lower} % lower, and that one is taken."
+            ),
+        };
+        LogFinding {
+            kind: self.late.kind(),
+            columns: vec![column.into()],
+            value: self.time_s,
+            unit: "s".into(),
+            corrected: true,
+            in_words,
+        }
+    }
+}
+
+/// The late channel of a log, if there is one of these; of several the one that explains most.
+///
+/// # Errors
+/// If the model has as many terms as the core takes.
+pub fn found(
+    log: &TrainTest,
+    base: &Fitted,
+    sought: &[Late],
+) -> Result<Option<LateChannel>, SpecError> {
+    let mut best: Option<LateChannel> = None;
+    for late in sought.iter().copied().filter(|late| late.may_be_in(log)) {
+        let Some((time_s, fitted)) = best_time(log, base, late) else { continue };
+        if late == Late::LowPassedTorque && delayed(log, base, time_s)?.sse <= fitted.sse {
+            continue;
+        }
+        let share_left = fitted.sse / base.sse;
+        if best.is_none_or(|best| share_left < best.share_left) {
+            best = Some(LateChannel { late, time_s, share_left });
+        }
+    }
+    Ok(best)
+}
+
+/// The time at which the base model fits best, if it is worth it.
+fn best_time(log: &TrainTest, base: &Fitted, late: Late) -> Option<(f64, Fitted)> {
+    let period = log.train_tracks.first()?.period_s;
+    if !base.spec.law.has_bristles() {
+        return None;
+    }
+    let at = |time_s: f64, from: &Fitted| {
+        let log = LateChannel { late, time_s, share_left: 1.0 }.heeded(log.clone());
+        again(log.train_rows(), from)
+    };
+    let times = (0..=TRIED).map(|step| 0.5 * period * 2f64.powi(step));
+    let mut best: Option<(f64, Fitted)> = None;
+    let mut worse = 0;
+    for time in times.filter(|time| *time <= LONGEST_S) {
+        let fitted = at(time, base);
+        if best.as_ref().is_none_or(|(_, best)| fitted.sse < best.sse) {
+            (best, worse) = (Some((time, fitted)), 0);
+        } else {
+            worse += 1;
+        }
+        // Beyond the best one the error only grows.
+        if worse == 2 {
+            break;
+        }
+    }
+    let (mut time, mut fitted) = best?;
+    let mut step = 2f64.sqrt();
+    let rows = independent_rows(log, &fitted);
+    let is_worth_it = rows * (base.sse / fitted.sse).ln() > cost(rows);
+    if !is_worth_it || time * step >= LONGEST_S {
+        return None;
+    }
+    for _ in 0..REFINED {
+        for other in [time / step, time * step] {
+            let there = at(other, &fitted);
+            if there.sse < fitted.sse {
+                (time, fitted) = (other, there);
+                break;
+            }
+        }
+        step = step.sqrt();
+    }
+    Some((time, fitted))
+}
+
+/// What a time chosen from all must lower `n ln(SSE)` by.
+fn cost(rows: f64) -> f64 {
+    2.0 * rows.max(2.0).ln()
+}
+
+/// The base with a delay, from about this one on.
+fn delayed(log: &TrainTest, base: &Fitted, delay_s: f64) -> Result<Fitted, SpecError> {
+    if base.spec.rigid_body.contains(&TermKind::ChannelDelay) {
+        return Ok(base.clone());
+    }
+    let mut spec = base.spec.clone();
+    spec.terms.push(TermKind::ChannelDelay);
+    let mut best = base.clone();
+    for share in [0.25, 1.0] {
+        let mut parameters = spec.parameters()?;
+        parameters.choices = base.parameters.choices;
+        for id in base.parameters.active() {
+            parameters.set(id, base.parameters.get(id));
+        }
+        parameters.set(Id::ChannelDelay, share * delay_s);
+        let start = Fitted { spec: spec.clone(), parameters, ..base.clone() };
+        let fitted = again(log.train_rows(), &start);
+        if fitted.sse < best.sse {
+            best = fitted;
+        }
+    }
+    Ok(best)
+}
