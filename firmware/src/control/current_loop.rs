@@ -256,6 +256,11 @@ impl<C: Compensate> CurrentLoop<C> {
         cycle
     }
 
+    /// The current vector that was sampled; 0 where it is not known, which a cycle's flags say.
+    pub fn measured(&self, sample: &StageSample) -> Stationary {
+        self.phase_currents(sample, &mut LoopFlags::empty())
+    }
+
     /// The current vector, from three shunts or two; 0 where it is not known.
     #[inline(always)]
     fn phase_currents(&self, sample: &StageSample, flags: &mut LoopFlags) -> Stationary {

@@ -1,5 +1,6 @@
 //! The device behind the bus: what the objects stand for.
 
+mod commissioning;
 mod drive;
 mod network;
 mod pdos;
@@ -8,6 +9,7 @@ mod values;
 
 pub(super) use pdos::PDO_UNUSED;
 
+use super::commissioning::Reason;
 use super::counters::{Counters, count};
 use super::live::{CommandSequence, Home, Live, LoopOrders, LoopReport};
 use super::profile::Profile;
@@ -118,6 +120,7 @@ pub struct Device<F> {
     gate_resets: u8,
     home: Home,
     pub(super) profile: Profile,
+    commissioning: commissioning::Run,
     /// Counts the commands that come of the profile.
     drive_counter: u8,
     /// Identifiers of transmit PDOs that a master has given; they last as long as the communication does.
@@ -206,6 +209,7 @@ impl<F: NorFlash> Device<F> {
             gate_resets: 0,
             home: Home::default(),
             profile: Profile::default(),
+            commissioning: commissioning::Run::default(),
             drive_counter: 0,
             identifiers: [None; TRANSMIT_PDOS],
             now_us,
@@ -429,6 +433,7 @@ impl<F: NorFlash> Device<F> {
         self.supervisor.observe(&observation, now_us);
         let (fault, armed) = (self.supervisor.state() == State::Fault, self.is_armed());
         self.profile.follow(fault, armed);
+        self.watch_commissioning();
         self.report_seen = true;
         if self.hil_armed && !self.in_the_way().is_empty() {
             // Not armed itself, the supervisor would only remember it.
@@ -449,6 +454,7 @@ impl<F: NorFlash> Device<F> {
             self.report.flags |= seen.1;
         }
         self.report_seen = false;
+        self.step_commissioning();
         for _ in 0..report.overruns_in_a_row {
             self.supervisor.loop_overrun();
         }
@@ -466,15 +472,16 @@ impl<F: NorFlash> Device<F> {
         let drives = self.settings.source == Source::Sensors;
         let age_h = now_us as f32 * (1e-6 / 3600.0);
         LoopOrders {
-            setpoint: self.live.setpoint(now_us),
+            setpoint: self.commanded(now_us),
             covariates: self.live.covariates(self.settings.campaign_h + age_h, now_us),
             bridge: drives && self.supervisor.bridge_allowed(),
-            compensation: drives && self.supervisor.compensation_allowed(),
+            compensation: drives && self.supervisor.compensation_allowed() && !self.commissions(),
             current_share: self.supervisor.current_share(),
             factors: None,
             set_number: self.set_number,
             gate_resets: self.gate_resets,
             home: self.home,
+            probe: self.probe(),
         }
     }
 
@@ -491,6 +498,7 @@ impl<F: NorFlash> Device<F> {
     /// Disarms the joint, wherever its inputs come from.
     pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
+        self.end_commissioning(Reason::Stopped);
         self.hil.set_enabled(false);
         self.hil_armed = false;
     }

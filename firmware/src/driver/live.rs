@@ -4,6 +4,7 @@
 //! over are whole values: [`LoopOrders`] down, once a millisecond or so, and a [`LoopReport`] up. Nothing
 //! is shared, so nothing can be seen half-written. Everything that came over the bus carries its age.
 
+use crate::control::probe::{ProbeOrder, ProbeReport};
 use crate::control::{Covariates, LoopFlags, Setpoint};
 use compensator_core::Flags;
 use compensator_core::can::{Command, Message, Seal, Surroundings, Torque};
@@ -31,6 +32,8 @@ pub struct LoopOrders {
     pub set_number: u32,
     /// Where the joint was last said to be.
     pub home: Home,
+    /// The motor is being measured: a voltage along a field in place of the current loop. It too ends with the set-point's age.
+    pub probe: Option<ProbeOrder>,
 }
 
 /// Where a joint is, as somebody who knows said: an encoder on the motor tells the angle within its turn, and
@@ -86,6 +89,8 @@ pub struct LoopReport {
     pub stack_intact: bool,
     /// Periods the loop did not end in since the last report: the longest row of them.
     pub overruns_in_a_row: u32,
+    /// What came of the last block of a measurement.
+    pub probe: ProbeReport,
 }
 
 impl Default for LoopReport {
@@ -112,6 +117,7 @@ impl Default for LoopReport {
             system_break: false,
             stack_intact: true,
             overruns_in_a_row: 0,
+            probe: ProbeReport::default(),
         }
     }
 }

@@ -263,7 +263,8 @@ impl JointPlant {
             *measured = ((current * shown + self.p.current_noise_a * noise) / step).round() * step;
         }
         let motor = self.motor_position_rad() * self.p.gear_ratio;
-        let turns = (motor + self.p.magnet_eccentricity_rad * motor.sin()) / TAU;
+        let seen = motor + self.p.magnet_eccentricity_rad * motor.sin();
+        let turns = (self.p.encoder_direction * seen + self.p.encoder_zero_rad) / TAU;
         let encoder = ((turns - turns.floor()) * self.p.encoder_counts) as u32;
         Measured { currents_a, bus_v: self.bus_v(), encoder }
     }
