@@ -252,6 +252,12 @@ impl JointPlant {
         self.rotor.map_or(self.position, |rotor| rotor.position)
     }
 
+    /// How far the encoder will have turned in so many seconds, turns of the motor.
+    pub fn motor_turns_in(&self, seconds: f64) -> f64 {
+        let velocity = self.rotor.map_or(self.velocity, |rotor| rotor.velocity);
+        self.p.encoder_direction * velocity * self.p.gear_ratio * seconds / TAU
+    }
+
     /// What its stage measures now.
     pub fn measure(&mut self) -> Measured {
         let phases = self.phase_currents_a();
