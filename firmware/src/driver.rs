@@ -16,6 +16,7 @@ pub mod commissioning;
 mod counters;
 mod device;
 pub mod live;
+mod motor_watch;
 mod objects;
 pub mod profile;
 pub mod staging;

@@ -292,6 +292,7 @@ impl LoopTask {
         report.phase_currents_a = Some(currents);
         report.current_a = cycle.current_q_a;
         report.current_reference_a = cycle.current_reference_a;
+        report.voltage_q_v = cycle.voltage_v[1];
         report.velocity_rad_s = cycle.velocity_rad_s;
         report.position_rad = known(cycle.position_rad, !unreferenced);
         report.motor_torque_nm = cycle.motor_torque_nm;

@@ -57,6 +57,8 @@ pub struct LoopReport {
     pub current_a: f32,
     /// What it should be, A.
     pub current_reference_a: f32,
+    /// Voltage across the magnet, V, in the motor's sign; 0 with the bridge open.
+    pub voltage_q_v: f32,
     /// Joint velocity, rad/s.
     pub velocity_rad_s: f32,
     /// Joint position, rad; NaN where whole turns are not known.
@@ -101,6 +103,7 @@ impl Default for LoopReport {
             phase_currents_a: None,
             current_a: 0.0,
             current_reference_a: 0.0,
+            voltage_q_v: 0.0,
             velocity_rad_s: 0.0,
             position_rad: f32::NAN,
             motor_torque_nm: f32::NAN,
