@@ -308,7 +308,8 @@ impl Commissioning {
                         (mean.voltage_v - self.half.voltage_v) / (mean.along_a - self.half.along_a);
                     self.found.resistance_ohm = within(ohm, 1e-4, 1e3)?;
                     // Phase a takes it one way, b and c the other: four thirds of a phase's along the field.
-                    let taken_v = (mean.voltage_v - ohm * mean.along_a).clamp(0.0, mean.voltage_v);
+                    let taken_v =
+                        (mean.voltage_v - ohm * mean.along_a).max(0.0).min(mean.voltage_v);
                     self.order.dead_v = 0.75 * taken_v;
                     self.order.along_v -= taken_v;
                     self.enter(Step::InductanceAlong);
@@ -466,7 +467,7 @@ impl Commissioning {
     fn fast_hz(&self) -> f32 {
         let driving_v = self.found.resistance_ohm * self.bounds.current_a;
         let bound_hz = INDUCED_SHARE * driving_v / (TAU * self.found.flux_vs.max(1e-7));
-        bound_hz.clamp(SLOW_HZ, FAST_HZ)
+        bound_hz.max(SLOW_HZ).min(FAST_HZ)
     }
 
     /// Flux by the mean current of the step at a speed, and cosine and sine of how far the rotor is behind.
