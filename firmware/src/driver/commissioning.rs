@@ -308,6 +308,7 @@ impl Commissioning {
                         (mean.voltage_v - self.half.voltage_v) / (mean.along_a - self.half.along_a);
                     self.found.resistance_ohm = within(ohm, 1e-4, 1e3)?;
                     // Phase a takes it one way, b and c the other: four thirds of a phase's along the field.
+                    // No `clamp`: bounds that are no constants bring the formatting of floats for its panic, 15 KB.
                     let taken_v =
                         (mean.voltage_v - ohm * mean.along_a).max(0.0).min(mean.voltage_v);
                     self.order.dead_v = 0.75 * taken_v;
@@ -467,7 +468,7 @@ impl Commissioning {
     fn fast_hz(&self) -> f32 {
         let driving_v = self.found.resistance_ohm * self.bounds.current_a;
         let bound_hz = INDUCED_SHARE * driving_v / (TAU * self.found.flux_vs.max(1e-7));
-        bound_hz.max(SLOW_HZ).min(FAST_HZ)
+        bound_hz.clamp(SLOW_HZ, FAST_HZ)
     }
 
     /// Flux by the mean current of the step at a speed, and cosine and sine of how far the rotor is behind.
