@@ -265,8 +265,12 @@ impl<T: Real> Compensator<T> {
         let unknown = built.hold_s.lt_mask(self.radial_force.age_s);
         let force_trust = self.radial_force.take(inputs.radial_force_n, &force, built, flags);
         let change = self.radial_force.value - before;
+        // Its frames are farther apart than samples: what changed between two of them did not within one sample.
+        let bounded = change.within_level(built.radial_force_step);
+        let sudden = change.abs_gt_mask(built.radial_force_step) & !unknown;
+        self.radial_force.value = T::select(sudden, before + bounded, self.radial_force.value);
         sample.radial_force_n = (self.radial_force.value * force_trust).positive_part();
-        sample.radial_force_change_n = T::select(unknown, T::zero(), change);
+        sample.radial_force_change_n = T::select(unknown, T::zero(), bounded);
 
         let pressure = Guard {
             middle: T::zero(),

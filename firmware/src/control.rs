@@ -5,7 +5,7 @@
 //! angle to a joint velocity ([`observer`]), lets the friction compensator add its current
 //! ([`compensation`]), limits the *sum*, lets two PI controllers find the voltage ([`pi`]), and turns
 //! that voltage into three duties ([`space_vector`]). [`current_loop`] is that order; [`parameters`] is
-//! what it is built from. Current is positive where it drives the *joint* towards positive position.
+//! what it is built from; [`probe`] stands in for it while they are being found. Current is positive where it drives the *joint* towards positive position.
 //!
 //! The loop owns its state, reads no clock, and never logs, blocks, allocates or panics; whatever the
 //! sample says, the duties are finite and within 0..=1, or the bridge is off. The same code runs in the
@@ -17,6 +17,7 @@ pub mod flags;
 pub mod observer;
 pub mod parameters;
 pub mod pi;
+pub mod probe;
 pub mod space_vector;
 pub mod transform;
 

@@ -12,9 +12,11 @@
 //! tick  -> heartbeat, timeouts, supervisor -> emergencies
 //! ```
 
+pub mod commissioning;
 mod counters;
 mod device;
 pub mod live;
+mod motor_watch;
 mod objects;
 pub mod profile;
 pub mod staging;

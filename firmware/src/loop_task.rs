@@ -14,6 +14,7 @@
 //! repeats the fault, so that a late supervisor does not miss it.
 
 use crate::bridge_guard::BridgeGuard;
+use crate::control::probe::{Probe, ProbeReport};
 use crate::control::{
     Bridge, Broke, Compensate, Covariates, CurrentLoop, Cycle, LoopFlags, PowerStage, Setpoint,
     StageSample, Valid,
@@ -42,6 +43,7 @@ pub struct LoopTask {
     /// For whom it is held off.
     broken_by_system: bool,
     guard: BridgeGuard,
+    probe: Probe,
     /// The guard wants something done before the bridge may close.
     waiting: bool,
     report: LoopReport,
@@ -69,6 +71,7 @@ const NO_ORDERS: LoopOrders = LoopOrders {
     set_number: 0,
     home: Home { position_rad: 0.0, number: 0 },
     gate_resets: 0,
+    probe: None,
 };
 const MISSING: Reading<f32> = Reading { value: 0.0, age_s: -1.0 };
 
@@ -87,6 +90,7 @@ impl LoopTask {
             system_break: false,
             broken_by_system: false,
             guard: BridgeGuard::default(),
+            probe: Probe::default(),
             waiting: false,
             report: LoopReport::default(),
             period_s,
@@ -177,15 +181,29 @@ impl LoopTask {
         }
         let held = !self.tripped.is_empty() || self.broken || !self.may_drive || self.waiting;
         let driving = self.orders.bridge && !held;
-        self.current_loop.set_driving(driving);
+        let probing = self.orders.probe.is_some();
+        self.current_loop.set_driving(driving && !probing);
         self.current_loop.set_compensating(self.orders.compensation && in_time);
         let cycle = self.current_loop.step(sample, &self.orders.setpoint, &self.orders.covariates);
         if driving {
             self.tripped |= cycle.flags.intersection(LoopFlags::FAULTS);
         }
+        let bridge = if probing { self.measure(sample, &cycle, driving) } else { cycle.bridge };
         self.grow_old();
         self.note(sample, &cycle);
-        cycle.bridge
+        bridge
+    }
+
+    /// A period of a measurement: the current loop only looks on. What opens the bridge under it opens it here.
+    #[cold]
+    fn measure(&mut self, sample: &StageSample, cycle: &Cycle, driving: bool) -> Bridge {
+        let Some(order) = &self.orders.probe else { return Bridge::Off };
+        let stopping = LoopFlags::FAULTS | LoopFlags::SETPOINT_STALE;
+        if !driving || cycle.flags.intersects(stopping) {
+            return Bridge::Off;
+        }
+        let measured = self.current_loop.measured(sample);
+        self.probe.step(order, sample.encoder, measured, cycle.bus_v)
     }
 
     /// The period is over: the duties are written.
@@ -216,6 +234,10 @@ impl LoopTask {
         report.system_break = self.system_break || self.broken_by_system;
         report.overruns_in_a_row = self.deadline.longest_row();
         report.bristle_torque_nm = self.current_loop.compensator().bristle_torque_nm();
+        if self.orders.probe.is_some() {
+            let [a, b, _] = self.guard.offset_a();
+            report.probe = ProbeReport { offset_a: [a, b], ..self.probe.report() };
+        }
         Some(report)
     }
 
@@ -270,6 +292,7 @@ impl LoopTask {
         report.phase_currents_a = Some(currents);
         report.current_a = cycle.current_q_a;
         report.current_reference_a = cycle.current_reference_a;
+        report.voltage_q_v = cycle.voltage_v[1];
         report.velocity_rad_s = cycle.velocity_rad_s;
         report.position_rad = known(cycle.position_rad, !unreferenced);
         report.motor_torque_nm = cycle.motor_torque_nm;

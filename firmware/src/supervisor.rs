@@ -262,12 +262,28 @@ impl Supervisor {
     /// # Errors
     /// Names everything that stands against it; nothing has changed then.
     pub fn arm(&mut self, now_us: u64) -> Result<(), Refusal> {
+        self.arm_in_spite_of(CodeSet::EMPTY, now_us)
+    }
+
+    /// As [`Supervisor::arm`], for the driver to find out how it is wired: that nobody has confirmed it yet does not stand
+    /// against it.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn arm_to_commission(&mut self, now_us: u64) -> Result<(), Refusal> {
+        let mut unconfirmed = CodeSet::EMPTY;
+        unconfirmed.insert(Code::NotCommissioned);
+        self.arm_in_spite_of(unconfirmed, now_us)
+    }
+
+    fn arm_in_spite_of(&mut self, passed_over: CodeSet, now_us: u64) -> Result<(), Refusal> {
         if self.armed {
             return Ok(());
         }
         let stopping = |code: &Code| code.info().effect == Effect::Stops;
         let mut causes = self.latched;
-        self.present.iter().filter(stopping).for_each(|code| causes.insert(code));
+        let present = self.present.without(passed_over);
+        present.iter().filter(stopping).for_each(|code| causes.insert(code));
         // Not what the last observation saw: now.
         if self.command_is_late(now_us) {
             causes.insert(Code::CommandTimeout);

@@ -11,10 +11,12 @@
 
 mod board;
 mod faults;
+mod node;
 mod stage;
 
 pub use board::{BoardSensors, EncoderFault, TRAITS as BOARD_TRAITS};
 pub use faults::{Faults, SealSensor};
+pub use node::MotorNode;
 pub use stage::{Extremes, Interrupt, PERIOD_CYCLES, Stage};
 
 use compensator_core::can::{Command, Frame, Message, Node, Seal, Surroundings, Sync};
@@ -85,6 +87,8 @@ pub struct JointRig<'q> {
     commands: u8,
     heard: Heard,
     answers: Vec<Frame>,
+    /// What goes out, where somebody carries it on to a bus.
+    outgoing: Option<VecDeque<Frame>>,
     /// Milliseconds the background still stands still, and what came in the meantime.
     stalled_ms: u32,
     waiting: VecDeque<Frame>,
@@ -135,10 +139,21 @@ pub fn with_joint<R>(
 /// The set is refused; one line.
 pub fn with_driver<R>(
     start: &Start,
-    mut plant: JointPlant,
+    plant: JointPlant,
     faults: Faults,
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, String> {
+    let mut queues = LoopQueues::new();
+    start_driver(&mut queues, start, plant, faults).map(|mut rig| work(&mut rig))
+}
+
+/// The same; the driver is given back, between these queues.
+fn start_driver<'q>(
+    queues: &'q mut LoopQueues,
+    start: &Start,
+    mut plant: JointPlant,
+    faults: Faults,
+) -> Result<JointRig<'q>, String> {
     let traits = if start.board { BOARD_TRAITS } else { StageTraits::NONE };
     let mut store = Store::open(MemoryFlash::<4>::new());
     let mut settings = NodeSettings::default();
@@ -152,7 +167,6 @@ pub fn with_driver<R>(
     let driver = Driver::boot(settings, store.release(), identity, &start.boot, 0);
     let task =
         LoopTask::new(Parts::first(driver.set(), traits), Limits::of_period(PERIOD_CYCLES, 2000));
-    let mut queues = LoopQueues::new();
     let (port, link) = queues.split(traits, 0);
     let line = Line::new(&faults);
     let board = start.board.then(|| BoardSensors::start(&mut plant, faults.seed));
@@ -172,6 +186,7 @@ pub fn with_driver<R>(
         commands: 0,
         heard: Heard::default(),
         answers: Vec::new(),
+        outgoing: None,
         stalled_ms: 0,
         waiting: VecDeque::new(),
         unfed_ms: 0,
@@ -181,7 +196,7 @@ pub fn with_driver<R>(
     // The background is not asked before the interrupt has run: it would find no conversion.
     rig.periods();
     (0..SETTLE_MS).for_each(|_| rig.pass());
-    Ok(work(&mut rig))
+    Ok(rig)
 }
 
 impl JointRig<'_> {
@@ -304,6 +319,9 @@ impl JointRig<'_> {
     }
 
     fn hear(&mut self, frame: &Frame) {
+        if let Some(outgoing) = &mut self.outgoing {
+            return outgoing.push_back(*frame);
+        }
         match Message::parse(frame) {
             Ok(Message::Motion(_, motion)) => {
                 self.heard.velocity_rad_s = motion.velocity_rad_s;
@@ -363,6 +381,30 @@ impl JointRig<'_> {
     pub fn write(&mut self, index: u16, sub_index: u8, value: [u8; 4]) {
         let frame = sdo(index, sub_index, value);
         self.background.receive(&frame, self.now_us);
+    }
+
+    /// Writes an object of one byte.
+    pub fn write_byte(&mut self, index: u16, sub_index: u8, value: u8) {
+        let [low, high] = index.to_le_bytes();
+        self.give(0x600 + u16::from(NODE.number()), &[0x2F, low, high, sub_index, value, 0, 0, 0]);
+    }
+
+    /// Reads an object of at most four bytes, which takes a millisecond; `None` where it is refused.
+    pub fn read(&mut self, index: u16, sub_index: u8) -> Option<u32> {
+        let [low, high] = index.to_le_bytes();
+        self.answers.clear();
+        self.give(0x600 + u16::from(NODE.number()), &[0x40, low, high, sub_index, 0, 0, 0, 0]);
+        self.pass();
+        self.answers.iter().find_map(|frame| match *frame.data() {
+            // An answer at once: 0100 nn11, nn bytes of four unused.
+            [head, l, h, s, a, b, c, d]
+                if head & 0xF3 == 0x43 && [l, h, s] == [low, high, sub_index] =>
+            {
+                let word = u32::from_le_bytes([a, b, c, d]);
+                Some(word & (u32::MAX >> (8 * ((head >> 2) & 3))))
+            }
+            _ => None,
+        })
     }
 
     /// Asks the driver to arm (1), disarm (0) or clear its faults (2).

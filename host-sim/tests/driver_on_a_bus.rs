@@ -238,3 +238,41 @@ fn replay_says_what_is_wrong_with_its_arguments() {
         assert!(error.contains(why), "{arguments:?}: {error}");
     }
 }
+
+/// The simulated motor's encoder counts the other way round, 0.3 pi from the magnet; its resistance is 0.13 ohm.
+#[test]
+fn params_commission_lets_the_driver_measure_its_motor() {
+    let on_a_motor = |arguments: &[&str]| params(&[&["commission", "--motor"], arguments].concat());
+    let words = |output: &Output| {
+        let both = [output.stdout.as_slice(), output.stderr.as_slice()].concat();
+        String::from_utf8(both).expect("text")
+    };
+    let done = on_a_motor(&["--measure", "--yes"]);
+    let text = words(&done);
+    assert!(done.status.success(), "{text}");
+    for said in ["ohm (was 0.1200)", "counts against", "pole pairs                 7", "taken"] {
+        assert!(text.contains(said), "{said}: {text}");
+    }
+    let done = on_a_motor(&["--measure", "--yes", "--json"]);
+    let result: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON");
+    let offset = result["wiring"]["encoder_offset_rad"].as_f64().expect("a number");
+    let truth = 0.3 * std::f64::consts::PI;
+    let turns = (offset - truth) * 7.0 / std::f64::consts::TAU;
+    assert!((turns - turns.round()).abs() < 0.002, "{offset}");
+    assert_eq!(result["wiring"]["encoder_direction"], -1.0);
+    let ohm = result["wiring"]["resistance_ohm"].as_f64().expect("a number");
+    assert!((ohm / 0.13 - 1.0).abs() < 0.01, "{ohm}");
+    // Refused in one line, and nobody has to guess why.
+    for (arguments, why) in [
+        (&["--measure"][..], "--yes"),
+        (&["--measure", "--yes", "--travel", "0.05"], "travel: "),
+        (&["--measure", "--yes", "--current", "99"], "must be 0.5 to 26"),
+        (&["--measure", "--confirm"], "cannot be used with"),
+    ] {
+        let refused = on_a_motor(arguments);
+        assert_eq!(refused.status.code(), Some(2), "{arguments:?}");
+        assert!(words(&refused).contains(why), "{arguments:?}: {}", words(&refused));
+    }
+    let no_motor = params(&["commission", "--measure", "--yes"]);
+    assert!(words(&no_motor).contains("drives no motor"), "{}", words(&no_motor));
+}

@@ -5,6 +5,9 @@ use crate::configuration::CompensatorParameters;
 use crate::number::Real;
 use crate::parameters::{Bound, Envelope, ParameterError};
 
+/// Time in which the side load may go through the whole of its envelope, s: a few of its frames at 1 kHz.
+const CROSSED_S: f32 = 5e-3;
+
 /// The compensator's parameters, built for a sample period, with what the guards need of the envelope.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Built<T> {
@@ -25,6 +28,8 @@ pub(super) struct Built<T> {
     pub velocity_limit: T,
     /// Half the largest side load: the middle of what is legal.
     pub radial_force_middle: T,
+    /// How far the side load goes in a sample, N.
+    pub radial_force_step: T,
     pub pressure_max_mpa: T,
 }
 
@@ -51,6 +56,7 @@ impl<T: Real<Setting = f32>> Built<T> {
             not_finite: limit(2000.0),
             velocity_limit: limit(envelope.velocity_max_rad_s),
             radial_force_middle: limit(0.5 * envelope.radial_force_max_n),
+            radial_force_step: limit(envelope.radial_force_max_n * (period_s / CROSSED_S).min(1.0)),
             pressure_max_mpa: limit(envelope.pressure_diff_max_pa * 1e-6),
         };
         for (field, value) in [

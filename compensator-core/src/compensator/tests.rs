@@ -68,6 +68,32 @@ fn a_law_without_seal_load_ignores_force_and_pressure() {
     }
 }
 
+/// 120 N from one frame to the next is 2.4 MN/s, taken for the rate within one sample of 50 us: damping made 10^4 Nm of it.
+#[test]
+fn a_side_load_that_steps_between_two_frames_is_no_nonsense_and_arrives() {
+    let mut configuration = configuration();
+    configuration.model.set(ParameterId::RadialForceRate, 1e-4);
+    configuration.model.set(ParameterId::BristleDamping, 40.0);
+    configuration.model.envelope.radial_force_max_n = 400.0;
+    configuration.model.choices.allow_active = true;
+    let mut compensator = enabled(&configuration);
+    let at = |radial_force_n| Inputs {
+        radial_force_n: Reading::fresh(radial_force_n),
+        ..Inputs::velocity(2.0)
+    };
+    settle(&mut compensator, &at(0.0), 4000);
+    let mut most = 0.0f32;
+    for _ in 0..400 {
+        let output = compensator.step(&at(120.0));
+        assert!(!output.flags.contains(Flags::MODEL_NOT_FINITE), "{output:?}");
+        most = most.max(output.friction_torque_nm.abs());
+    }
+    assert!(most < 500.0, "{most}");
+    let settled = settle(&mut compensator, &at(120.0), 4000).friction_torque_nm;
+    let level = 1.5 + 120.0 * 0.01 + 0.08 * 2.0;
+    assert!((settled - level).abs() < 1e-2, "{settled}, {level}");
+}
+
 #[test]
 fn stale_load_and_pressure_fade_to_the_plain_law_without_a_jump() {
     let configuration = configuration();

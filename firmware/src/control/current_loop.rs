@@ -256,6 +256,11 @@ impl<C: Compensate> CurrentLoop<C> {
         cycle
     }
 
+    /// The current vector that was sampled; 0 where it is not known, which a cycle's flags say.
+    pub fn measured(&self, sample: &StageSample) -> Stationary {
+        self.phase_currents(sample, &mut LoopFlags::empty())
+    }
+
     /// The current vector, from three shunts or two; 0 where it is not known.
     #[inline(always)]
     fn phase_currents(&self, sample: &StageSample, flags: &mut LoopFlags) -> Stationary {
@@ -364,6 +369,10 @@ impl<C: Compensate> CurrentLoop<C> {
         let (sum, mut compensator) = self.compensator.sum(command, &output);
         // The compensator's limit is the joint's, this one the motor's.
         let limited = clamp(sum, self.motor.current_limit_a);
+        // The bus of the cycle before: a capacitor does not change in one.
+        let room = (self.motor.bus_brakes_to_v - self.bus_v) * self.motor.braking_per_v;
+        let brakes = room < 1.0 && limited * velocity_rad_s < 0.0;
+        let limited = if brakes { limited * room.max(0.0) } else { limited };
         compensator.set(Flags::DISABLED, !compensate);
         let acted = limited != sum || compensator.contains(Flags::CURRENT_LIMITED);
         flags |= LoopFlags::CURRENT_LIMITED.when(acted);

@@ -186,6 +186,8 @@ impl MotorParameters {
             overcurrent_a: self.overcurrent_a,
             bus_min_v: self.bus_voltage_min_v,
             bus_max_v: self.bus_voltage_max_v,
+            bus_brakes_to_v: BRAKES_TO * self.bus_voltage_max_v,
+            braking_per_v: 1.0 / ((BRAKES_TO - BRAKES_FROM) * self.bus_voltage_max_v),
             radius_per_bus: CIRCLE * self.modulation_max,
             encoder_offset: binary_angle(self.encoder_offset_rad),
             encoder_reversed: self.encoder_direction < 0.0,
@@ -197,6 +199,10 @@ impl MotorParameters {
         })
     }
 }
+
+/// Shares of the largest bus voltage between which braking is taken back to nothing: what brakes feeds the bus.
+const BRAKES_FROM: f32 = 0.94;
+const BRAKES_TO: f32 = 0.99;
 
 /// The duties found now act through the next period; their middle is this many periods away.
 const DRIVE_DELAY_PERIODS: f32 = 1.5;
@@ -223,6 +229,9 @@ pub struct Motor {
     pub(super) overcurrent_a: f32,
     pub(super) bus_min_v: f32,
     pub(super) bus_max_v: f32,
+    /// Bus voltage at which nothing brakes any more, V, and share of the braking that a volt below it leaves.
+    pub(super) bus_brakes_to_v: f32,
+    pub(super) braking_per_v: f32,
     /// Longest voltage vector in use, per bus voltage.
     pub(super) radius_per_bus: f32,
     pub(super) encoder_offset: u32,

@@ -1,5 +1,7 @@
 //! The device behind the bus: what the objects stand for.
 
+mod boot;
+mod commissioning;
 mod drive;
 mod network;
 mod pdos;
@@ -8,8 +10,10 @@ mod values;
 
 pub(super) use pdos::PDO_UNUSED;
 
+use super::commissioning::Reason;
 use super::counters::{Counters, count};
 use super::live::{CommandSequence, Home, Live, LoopOrders, LoopReport};
+use super::motor_watch::{MotorSight, MotorWatch};
 use super::profile::Profile;
 use super::staging::Staging;
 use crate::hil::{HilJoint, Reply, Step};
@@ -17,11 +21,10 @@ use crate::log::log;
 use crate::node::Outbox;
 use crate::node::dictionary::ERRORS_KEPT;
 use crate::node::dictionary::records::{self, Inputs};
-use crate::node::sdo::Abort;
-use crate::node_settings::{BLOCK_LENGTH, NodeSettings, Source, parse_block};
+use crate::node_settings::{NodeSettings, Source};
 use crate::parameter_set::ParameterSet;
-use crate::store::{LoadError, Store};
-use crate::supervisor::{self, CanState, Code, InUse, Observation, ResetCause, State, Supervisor};
+use crate::store::Store;
+use crate::supervisor::{CanState, Code, Observation, ResetCause, State, Supervisor};
 use crate::watch::{Watch, WatchParameters};
 use compensator_core::can::{
     Answer, Command, Entry, Frame, JointKind, Message, Motion, Node, Seal, Status, Surroundings,
@@ -118,6 +121,9 @@ pub struct Device<F> {
     gate_resets: u8,
     home: Home,
     pub(super) profile: Profile,
+    commissioning: commissioning::Run,
+    motor_watch: MotorWatch,
+    motor_sight: MotorSight,
     /// Counts the commands that come of the profile.
     drive_counter: u8,
     /// Identifiers of transmit PDOs that a master has given; they last as long as the communication does.
@@ -126,96 +132,6 @@ pub struct Device<F> {
 }
 
 impl<F: NorFlash> Device<F> {
-    pub(super) fn boot(
-        defaults: NodeSettings,
-        flash: F,
-        identity: Identity,
-        boot: &Boot,
-        now_us: u64,
-    ) -> Self {
-        let mut store = Store::open(flash);
-        let mut block = [0; BLOCK_LENGTH];
-        let loaded = store.load(&mut block).map(|loaded| loaded.length);
-        let fresh = || (defaults, ParameterSet::default());
-        let mut why = None;
-        let ((settings, set), parameters) = match loaded {
-            Ok(length) => match parse_block(block.get(..length).unwrap_or_default()) {
-                Ok(both) => (both, InUse::Set),
-                Err(error) => {
-                    why = Some(error);
-                    (fresh(), InUse::DefaultRefused)
-                }
-            },
-            Err(LoadError::Empty | LoadError::Damaged) => (fresh(), InUse::Default),
-            // There is a set, of another firmware.
-            Err(LoadError::Foreign(_) | LoadError::TooSmall { .. }) => {
-                (fresh(), InUse::DefaultRefused)
-            }
-        };
-        // A stored set that cannot be built for its period is as good as refused.
-        let setup = settings.hil_setup();
-        let network = set.network.as_ref();
-        let (hil, parameters) = match HilJoint::build(settings.node, &set.friction, network, setup)
-        {
-            Ok(hil) => (hil, parameters),
-            Err(_) => (HilJoint::without_model(settings.node, setup), InUse::DefaultRefused),
-        };
-        let supervisor = Supervisor::boot(
-            &set.thresholds,
-            &supervisor::Boot {
-                reset: boot.cause,
-                panicked: boot.panic.is_some(),
-                stack_overflowed: boot.stack_overflowed,
-                store: store.health(),
-                parameters,
-                commissioned: settings.commissioned == set.wiring_crc(),
-                self_test_passed: boot.self_test_passed,
-            },
-        );
-        let mut last_panic = String::new();
-        for letter in boot.panic.unwrap_or_default().chars() {
-            if last_panic.push(letter).is_err() {
-                break;
-            }
-        }
-        let mut device = Self {
-            counters: Counters::default(),
-            watch: watch(&set.watch, &settings),
-            network: LiveNetwork::of(&set, &settings),
-            staging: Staging::new(set),
-            identity,
-            errors: Deque::new(),
-            last_panic,
-            run: 0,
-            joint_kind: JointKind::default(),
-            store,
-            defaults,
-            settings,
-            supervisor,
-            outbox: Outbox::default(),
-            hil,
-            hil_armed: false,
-            live: Live::default(),
-            inputs: NOT_RECEIVED,
-            reply: Reply::NONE,
-            report: LoopReport::default(),
-            report_seen: true,
-            can: CanState::Active,
-            blocking: 0,
-            set_number: 0,
-            gate_resets: 0,
-            home: Home::default(),
-            profile: Profile::default(),
-            drive_counter: 0,
-            identifiers: [None; TRANSMIT_PDOS],
-            now_us,
-        };
-        if let Some(error) = why {
-            device.staging.refuse(Abort::Value, error);
-        }
-        device
-    }
-
     pub(super) const fn settings(&self) -> &NodeSettings {
         &self.settings
     }
@@ -406,6 +322,10 @@ impl<F: NorFlash> Device<F> {
                 velocity_rad_s: report.velocity_rad_s,
                 bridge_temperature_c: report.bridge_temperature_c,
                 motor_temperature_c: report.motor_temperature_c,
+                winding_temperature_c: self.motor_sight.winding_c,
+                motor_against: self.motor_sight.against,
+                motor_stands: self.motor_sight.stands,
+                stalled: self.motor_sight.stalls,
                 sample_age_us: report.sample_age_us,
                 gate_driver_fault: report.gate_driver_fault,
                 system_break: report.system_break,
@@ -429,6 +349,7 @@ impl<F: NorFlash> Device<F> {
         self.supervisor.observe(&observation, now_us);
         let (fault, armed) = (self.supervisor.state() == State::Fault, self.is_armed());
         self.profile.follow(fault, armed);
+        self.watch_commissioning();
         self.report_seen = true;
         if self.hil_armed && !self.in_the_way().is_empty() {
             // Not armed itself, the supervisor would only remember it.
@@ -449,6 +370,10 @@ impl<F: NorFlash> Device<F> {
             self.report.flags |= seen.1;
         }
         self.report_seen = false;
+        let drives = self.supervisor.is_armed() && !self.commissions();
+        let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
+        self.motor_sight = self.motor_watch.step(&self.report, motor, thresholds, drives);
+        self.step_commissioning();
         for _ in 0..report.overruns_in_a_row {
             self.supervisor.loop_overrun();
         }
@@ -466,15 +391,16 @@ impl<F: NorFlash> Device<F> {
         let drives = self.settings.source == Source::Sensors;
         let age_h = now_us as f32 * (1e-6 / 3600.0);
         LoopOrders {
-            setpoint: self.live.setpoint(now_us),
+            setpoint: self.commanded(now_us),
             covariates: self.live.covariates(self.settings.campaign_h + age_h, now_us),
             bridge: drives && self.supervisor.bridge_allowed(),
-            compensation: drives && self.supervisor.compensation_allowed(),
+            compensation: drives && self.supervisor.compensation_allowed() && !self.commissions(),
             current_share: self.supervisor.current_share(),
             factors: None,
             set_number: self.set_number,
             gate_resets: self.gate_resets,
             home: self.home,
+            probe: self.probe(),
         }
     }
 
@@ -491,6 +417,7 @@ impl<F: NorFlash> Device<F> {
     /// Disarms the joint, wherever its inputs come from.
     pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
+        self.end_commissioning(Reason::Stopped);
         self.hil.set_enabled(false);
         self.hil_armed = false;
     }

@@ -4,6 +4,7 @@
 //! over are whole values: [`LoopOrders`] down, once a millisecond or so, and a [`LoopReport`] up. Nothing
 //! is shared, so nothing can be seen half-written. Everything that came over the bus carries its age.
 
+use crate::control::probe::{ProbeOrder, ProbeReport};
 use crate::control::{Covariates, LoopFlags, Setpoint};
 use compensator_core::Flags;
 use compensator_core::can::{Command, Message, Seal, Surroundings, Torque};
@@ -31,6 +32,8 @@ pub struct LoopOrders {
     pub set_number: u32,
     /// Where the joint was last said to be.
     pub home: Home,
+    /// The motor is being measured: a voltage along a field in place of the current loop. It too ends with the set-point's age.
+    pub probe: Option<ProbeOrder>,
 }
 
 /// Where a joint is, as somebody who knows said: an encoder on the motor tells the angle within its turn, and
@@ -54,6 +57,8 @@ pub struct LoopReport {
     pub current_a: f32,
     /// What it should be, A.
     pub current_reference_a: f32,
+    /// Voltage across the magnet, V, in the motor's sign; 0 with the bridge open.
+    pub voltage_q_v: f32,
     /// Joint velocity, rad/s.
     pub velocity_rad_s: f32,
     /// Joint position, rad; NaN where whole turns are not known.
@@ -86,6 +91,8 @@ pub struct LoopReport {
     pub stack_intact: bool,
     /// Periods the loop did not end in since the last report: the longest row of them.
     pub overruns_in_a_row: u32,
+    /// What came of the last block of a measurement.
+    pub probe: ProbeReport,
 }
 
 impl Default for LoopReport {
@@ -96,6 +103,7 @@ impl Default for LoopReport {
             phase_currents_a: None,
             current_a: 0.0,
             current_reference_a: 0.0,
+            voltage_q_v: 0.0,
             velocity_rad_s: 0.0,
             position_rad: f32::NAN,
             motor_torque_nm: f32::NAN,
@@ -112,6 +120,7 @@ impl Default for LoopReport {
             system_break: false,
             stack_intact: true,
             overruns_in_a_row: 0,
+            probe: ProbeReport::default(),
         }
     }
 }

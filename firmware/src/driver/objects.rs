@@ -4,7 +4,8 @@ use super::device::{Device, PDO_UNUSED};
 use super::profile;
 use crate::hil::Number;
 use crate::node::dictionary::records::{
-    self, Commissioning, Commit, Inputs, Measured, Operation, Outputs, State, Trace,
+    self, Commissioning, CommissioningRun, Commit, Inputs, Measured, Operation, Outputs, State,
+    Trace,
 };
 use crate::node::dictionary::{self, Access, ERRORS_KEPT, LOAD, Object, SAVE, index};
 use crate::node::sdo::{Abort, Objects, Value};
@@ -35,6 +36,7 @@ impl<F: NorFlash> Objects for Device<F> {
             (index::STATE, State::REQUEST)
                 | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
                 | (index::CONTROLWORD | index::TARGET_TORQUE, _)
+                | (index::COMMISSIONING_RUN, CommissioningRun::ORDER)
         );
         if !always && self.is_armed() {
             let why = "the joint is armed, and nothing is written then: disarm first";
@@ -76,6 +78,7 @@ impl<F: NorFlash> Objects for Device<F> {
                 Ok(())
             }
             index::COMMISSIONING => self.commission(number),
+            index::COMMISSIONING_RUN => self.write_commissioning(at.subindex, number),
             index::CONTROLWORD => self.set_controlword(number as u16),
             index::TARGET_TORQUE => {
                 self.set_target(number as i16);
@@ -307,6 +310,7 @@ impl<F: NorFlash> Device<F> {
                 }
                 .words(),
             ),
+            index::COMMISSIONING_RUN => list(&self.commissioning_object().words()),
             index::MEASURED => list(&self.measured().words()),
             index::CODE_COUNTERS => self.code_count(nth).ok_or(Abort::NoSubIndex),
             index::WATCH => list(&self.watch_state().words()),

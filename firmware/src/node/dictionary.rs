@@ -19,8 +19,8 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    Commissioning, Commit, Identity, Inputs, Measured, NetworkState, Operation, Outputs, Pdo,
-    SdoServer, State, Trace, TransmitPdo, WatchState, entry,
+    Commissioning, CommissioningRun, Commit, Identity, Inputs, Measured, NetworkState, Operation,
+    Outputs, Pdo, SdoServer, State, Trace, TransmitPdo, WatchState, entry,
 };
 
 /// What stands at an index.
@@ -163,6 +163,7 @@ objects! {
     0x2009 MEASURED record("measured", Measured::ENTRIES);
     0x200A COMMISSIONING record("commissioning", Commissioning::ENTRIES);
     0x200B NETWORK record("network", NetworkState::ENTRIES);
+    0x200C COMMISSIONING_RUN record("commissioning_run", CommissioningRun::ENTRIES);
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);

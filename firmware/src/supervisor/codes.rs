@@ -294,6 +294,12 @@ codes! {
     26 SystemBreak "system-break" 0x5000 [MANUFACTURER] Stops Always 0 100
         "the chip opened the bridge: supply below 2.8 V, a clock that stopped, memory whose check bits do not fit",
         "an observation without it";
+    27 MotorAgainst "motor-against-order" 0x7120 [PROFILE] Stops Armed 10 0
+        "the motor's induced voltage has the other sign than its speed: electrical zero or direction is half a turn off",
+        "the bridge is off (a new try shows)";
+    28 MotorStands "motor-stands" 0x7121 [PROFILE] Stops Armed 500 0
+        "`stall_current_a` or more, and the joint has not moved since it was armed: held, or wired other than the parameters say",
+        "the bridge is off (a new try shows)";
 
     33 LoopLate "loop-late" 0xFF01 [MANUFACTURER] DropsCompensation Always 0 100
         "one period was too short for the loop", "periods that are not";
@@ -314,7 +320,7 @@ codes! {
     41 CurrentImbalance "current-imbalance" 0xFF09 [CURRENT] Limits Always 5 100
         "the three phase currents do not add up to 0", "they do";
     42 Derated "derated" 0x4211 [TEMPERATURE] Limits Always 100 1000
-        "bridge at `bridge_derate_c` or motor at `motor_derate_c`", "both `temperature_hysteresis_c` below";
+        "bridge at `bridge_derate_c`, motor at `motor_derate_c` or its copper, by the model, at `winding_derate_c`", "all `temperature_hysteresis_c` below";
     43 TemperatureUnknown "temperature-unknown" 0x4212 [TEMPERATURE] Limits Always 100 1000
         "a temperature sensor gives no number; half the current is left", "it gives one";
     44 EncoderCoasting "encoder-coasting" 0xFF0C [PROFILE] Limits Always 0 100
@@ -336,4 +342,6 @@ codes! {
         "good values";
     52 ModelOutOfBand "model-out-of-band" 0xFF14 [PROFILE] Limits Always 0 0
         "the torque residual is outside the band the model promised", "it is inside";
+    53 Stalled "stalled" 0xFF16 [PROFILE] Limits Always 500 100
+        "`stall_current_a` or more, and the joint stands, having moved before", "it moves, or less current";
 }

@@ -72,6 +72,9 @@ pub(super) fn look(supervisor: &Supervisor, code: Code, seen: &Observation, now_
             above(-voltage, -thresholds.bus_undervoltage_v, -thresholds.bus_undervoltage_clear_v)
         }),
         Code::GateDriverFault => Sight::bad_if(seen.gate_driver_fault),
+        Code::MotorAgainst => Sight::bad_if(supervisor.armed && seen.motor_against),
+        Code::MotorStands => Sight::bad_if(supervisor.armed && seen.motor_stands),
+        Code::Stalled => Sight::bad_if(seen.stalled),
         Code::SystemBreak => Sight::bad_if(seen.system_break),
         Code::BridgeOvertemperature => {
             temperature(seen.bridge_temperature_c, thresholds.bridge_trip_c)
@@ -118,10 +121,14 @@ pub(super) fn look(supervisor: &Supervisor, code: Code, seen: &Observation, now_
         Code::Derated => {
             let bridge = temperature(seen.bridge_temperature_c, thresholds.bridge_derate_c);
             let motor = temperature(seen.motor_temperature_c, thresholds.motor_derate_c);
-            match (bridge, motor) {
-                (Sight::Bad, _) | (_, Sight::Bad) => Sight::Bad,
-                (Good, Good) => Good,
-                _ => Sight::Between,
+            let winding = temperature(seen.winding_temperature_c, thresholds.winding_derate_c);
+            let all = [bridge, motor, winding];
+            if all.contains(&Sight::Bad) {
+                Sight::Bad
+            } else if all.into_iter().all(|sight| sight == Good) {
+                Good
+            } else {
+                Sight::Between
             }
         }
         Code::TemperatureUnknown => Sight::bad_if(temperature_is_unknown(seen)),
@@ -198,6 +205,8 @@ pub(super) fn current_share(thresholds: &Thresholds, seen: &Observation) -> f32 
     };
     let Thresholds { bridge_derate_c, bridge_trip_c, motor_derate_c, motor_trip_c, .. } =
         *thresholds;
+    let winding =
+        left(seen.winding_temperature_c, thresholds.winding_derate_c, thresholds.winding_max_c);
     let bridge = left(seen.bridge_temperature_c, bridge_derate_c, bridge_trip_c);
-    bridge.min(left(seen.motor_temperature_c, motor_derate_c, motor_trip_c))
+    bridge.min(winding).min(left(seen.motor_temperature_c, motor_derate_c, motor_trip_c))
 }

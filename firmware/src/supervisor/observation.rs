@@ -96,6 +96,14 @@ pub struct Observation {
     pub bridge_temperature_c: Option<f32>,
     /// Temperature of the motor, deg C.
     pub motor_temperature_c: Option<f32>,
+    /// Temperature of the copper by its model, deg C.
+    pub winding_temperature_c: Option<f32>,
+    /// The induced voltage has the other sign than the speed.
+    pub motor_against: bool,
+    /// The joint stands under current, and has not moved since it was armed.
+    pub motor_stands: bool,
+    /// It stands under current, and has moved.
+    pub stalled: bool,
     /// Age of the latest conversion, us.
     pub sample_age_us: Option<u32>,
     /// The gate driver reports a fault.
@@ -127,6 +135,10 @@ impl Default for Observation {
             velocity_rad_s: 0.0,
             bridge_temperature_c: None,
             motor_temperature_c: None,
+            winding_temperature_c: None,
+            motor_against: false,
+            motor_stands: false,
+            stalled: false,
             sample_age_us: None,
             gate_driver_fault: false,
             system_break: false,

@@ -40,6 +40,16 @@ compensator_core::named_fields! {
         motor_trip_c: f32 = 120.0, -20.0..=250.0, "what a winding bears";
         /// How far below its level a temperature has to fall, K.
         temperature_hysteresis_c: f32 = 5.0, 0.5..=50.0, "without it a fault comes and goes with noise";
+        /// How much warmer the copper is than the stator with its thermistor, K/W of copper loss; 0 for no model.
+        winding_k_per_w: f32 = 0.8, 0.0..=100.0, "from the data sheet, or a stall with the resistance watched";
+        /// Time constant of that, s.
+        winding_time_s: f32 = 30.0, 0.1..=1e4, "heat capacity of the copper times the K/W";
+        /// Copper temperature, by that model, from which current is taken back, deg C.
+        winding_derate_c: f32 = 125.0, -20.0..=300.0, "what insulation bears: class F 155 deg C";
+        /// Copper temperature where nothing is left, deg C.
+        winding_max_c: f32 = 155.0, -20.0..=300.0, "what insulation bears: class F 155 deg C";
+        /// Current at which a joint that stands is stopped, where it has not moved since it was armed, A.
+        stall_current_a: f32 = 5.0, 0.1..=1e4, "more than friction takes to break away";
         /// Joint speed that trips, rad/s.
         overspeed_rad_s: f32 = 14.0, 1e-2..=1e3, "a speed";
     }
@@ -75,6 +85,7 @@ impl Thresholds {
             ),
             ("bridge_trip_c", self.bridge_trip_c, self.bridge_derate_c + hysteresis, derates),
             ("motor_trip_c", self.motor_trip_c, self.motor_derate_c + hysteresis, derates),
+            ("winding_max_c", self.winding_max_c, self.winding_derate_c + hysteresis, derates),
             (
                 "phase_check_a",
                 self.phase_check_a,

@@ -1,6 +1,7 @@
 //! The joint driver as the bus sees it: what a tool, a master and a careless neighbour can do.
 
 mod bench;
+mod commissioning;
 mod drive;
 mod eds;
 mod hostile;

@@ -33,7 +33,7 @@ fn observation() -> impl Strategy<Value = Observation> {
     let measured = (
         proptest::option::of(number()),
         proptest::option::of(prop::array::uniform3(number())),
-        prop::array::uniform5(number()),
+        prop::array::uniform6(number()),
         proptest::option::of(0_u32..2000),
     );
     let flags = (quiet.clone(), quiet, 0_u8..3, proptest::option::of(any::<bool>()));
@@ -43,8 +43,11 @@ fn observation() -> impl Strategy<Value = Observation> {
         prop::bool::weighted(0.05),
         prop::bool::weighted(0.05),
     );
-    (measured, flags, bits, any::<bool>()).prop_map(|(measured, flags, bits, mostly_well)| {
-        let (voltage, currents, [a, b, c, d, e], age) = measured;
+    let seldom = || prop::bool::weighted(0.05);
+    let motor = (seldom(), seldom(), any::<bool>());
+    let all = (measured, flags, bits, motor, any::<bool>());
+    all.prop_map(|(measured, flags, bits, motor, mostly_well)| {
+        let (voltage, currents, [a, b, c, d, e, f], age) = measured;
         let (loop_bits, core_bits, can, in_band) = flags;
         if mostly_well {
             return well();
@@ -57,6 +60,10 @@ fn observation() -> impl Strategy<Value = Observation> {
             velocity_rad_s: c,
             bridge_temperature_c: Some(d),
             motor_temperature_c: Some(e),
+            winding_temperature_c: Some(f),
+            motor_against: motor.0,
+            motor_stands: motor.1,
+            stalled: motor.2,
             sample_age_us: age,
             gate_driver_fault: bits.0,
             system_break: bits.3,

@@ -5,18 +5,21 @@
 //! to it. Nothing is changed half: values are staged in the driver and committed together, by the CRC of what
 //! was meant; `save` makes them outlive a reset.
 
+mod commission;
 mod names;
 mod network;
 
 use super::bus::BusArguments;
 use super::output::say;
 use crate::driver_file;
+use crate::joint_rig::MotorNode;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
+use compensator_core::can::Node;
 use compensator_core::can::slcan::BitRate;
 use compensator_core::network::record as network_record;
 use compensator_core::{ParameterError, record};
-use firmware::node::dictionary::records::{Commissioning, Trace};
+use firmware::node::dictionary::records::Trace;
 use firmware::node::dictionary::{FRAME_COUNTERS, LOAD, SAVE, index};
 use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
 use firmware::supervisor::Code;
@@ -50,6 +53,9 @@ struct GlobalBus {
     /// with it
     #[arg(long, value_name = "BUS", global = true)]
     bus: Option<BusName>,
+    /// With --bus loop: the driver has a motor and a joint, simulated, of which it knows nothing yet
+    #[arg(long, global = true)]
+    motor: bool,
     /// Number of the joint driver on the bus
     #[arg(long, value_name = "N", default_value_t = 1, global = true, value_parser = clap::value_parser!(u8).range(1..=127))]
     node_id: u8,
@@ -102,11 +108,14 @@ enum Action {
         #[arg(value_name = "RAD", default_value_t = 0.0, allow_negative_numbers = true)]
         position_rad: f32,
     },
-    /// Show how motor, encoder and gear are said to be wired, and whether that was confirmed: before, the joint does not arm
+    /// Show how motor, encoder and gear are said to be wired, and whether that was confirmed: before, the joint does not arm; or
+    /// let the driver find it out by itself (--measure)
     Commission {
         /// Confirm it: on this joint, at low current, it was seen to be so
-        #[arg(long)]
+        #[arg(long, conflicts_with = "measure")]
         confirm: bool,
+        #[command(flatten)]
+        measure: commission::Measure,
     },
     /// Restart the driver
     Reset,
@@ -114,7 +123,7 @@ enum Action {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
-    let node = compensator_core::can::Node::new(arguments.bus.node_id)
+    let node = Node::new(arguments.bus.node_id)
         .ok_or_else(|| "--node-id: expected 1 to 127".to_owned())?;
     let bus = arguments.bus.bus.clone().ok_or_else(|| {
         "which joint? --bus is missing: an interface as can0, slcan:PATH, slcan:HOST:PORT, or loop (a driver \
@@ -124,8 +133,16 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
     let name = format!("node {} on {bus}", arguments.bus.node_id);
     let bus = BusArguments { bus, node_id: node, bit_rate: arguments.bus.bit_rate, record: None };
     let hub = Hub::new();
-    if bus.bus == BusName::Loop {
-        hub.attach(JointNode::start(node, None).map_err(|error| error.to_string())?);
+    match (&bus.bus, arguments.bus.motor) {
+        (BusName::Loop, true) if node != Node::FIRST => {
+            return Err("--motor: the simulated joint is node 1".into());
+        }
+        (BusName::Loop, true) => hub.attach(MotorNode::start()?),
+        (BusName::Loop, false) => {
+            hub.attach(JointNode::start(node, None).map_err(|error| error.to_string())?);
+        }
+        (_, true) => return Err("--motor: goes with --bus loop".into()),
+        _ => {}
     }
     let mut driver = Driver { client: Client::new(bus.open(&hub)?, node) };
     // What was done, in one line; what only reads has printed it.
@@ -153,7 +170,11 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
             driver.client.write(at, &position_rad.to_le_bytes()).map_err(words)?;
             format!("its position is {position_rad} rad now")
         }
-        Action::Commission { confirm } => {
+        Action::Commission { measure, .. } if measure.is_asked() => {
+            let done = driver.measure_motor(measure, &name, arguments.json);
+            return done.map(|()| ExitCode::SUCCESS);
+        }
+        Action::Commission { confirm, .. } => {
             let done = driver.commission(*confirm, arguments.json);
             return done.map(|()| ExitCode::SUCCESS);
         }
@@ -202,6 +223,17 @@ impl Driver {
             Ok(()) | Err(SdoError::Refused { code: 0x0800_0022, .. }) => {}
             Err(error) => return Err(words(error)),
         }
+        self.read_staged()
+    }
+
+    /// Drops what is staged.
+    fn discard(&mut self) -> Result<(), String> {
+        self.client.write(Address::new(index::COMMIT, 4), &[1]).map_err(words)
+    }
+
+    /// The staged set: the active one, where nothing else is.
+    fn read_staged(&mut self) -> Result<ParameterSet, String> {
+        let at = Address::new;
         let friction = self.client.read(at(index::COMMIT, 5)).map_err(words)?;
         let friction = record::parse(&friction).map_err(|e| format!("the driver's record: {e}"))?;
         let drive = self.client.read(at(index::COMMIT, 6)).map_err(words)?;
@@ -310,6 +342,25 @@ impl Driver {
                 "warning: allow_active: the law can give out energy and so keep the joint moving: {error}"
             );
         }
+        let active = self.commit(&set)?;
+        if save {
+            self.store(index::STORE, SAVE)?;
+        }
+        let changed: Vec<String> = differences(&before, &set)
+            .into_iter()
+            .map(|(name, from, to)| format!("{name} {from} -> {to}"))
+            .collect();
+        let changed = match changed.len() {
+            0 => "nothing changed".to_owned(),
+            1..=CHANGES_NAMED => changed.join(", "),
+            count => format!("{count} values changed"),
+        };
+        let kept = if save { "saved" } else { "until a reset, unless saved" };
+        Ok(format!("{changed} (crc {active:08x}, {kept})"))
+    }
+
+    /// Stages a set and commits it, whole; gives its CRC.
+    fn commit(&mut self, set: &ParameterSet) -> Result<u32, String> {
         let at = Address::new;
         let commit = |client: &mut Client<Box<dyn Bus>>| {
             client.write(at(index::COMMIT, 5), &record::emit(&set.friction))?;
@@ -326,20 +377,7 @@ impl Driver {
         if active != set.crc() {
             return Err(format!("the driver runs on {active:08x}, meant was {:08x}", set.crc()));
         }
-        if save {
-            self.store(index::STORE, SAVE)?;
-        }
-        let changed: Vec<String> = differences(&before, &set)
-            .into_iter()
-            .map(|(name, from, to)| format!("{name} {from} -> {to}"))
-            .collect();
-        let changed = match changed.len() {
-            0 => "nothing changed".to_owned(),
-            1..=CHANGES_NAMED => changed.join(", "),
-            count => format!("{count} values changed"),
-        };
-        let kept = if save { "saved" } else { "until a reset, unless saved" };
-        Ok(format!("{changed} (crc {active:08x}, {kept})"))
+        Ok(active)
     }
 
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode, String> {
@@ -382,48 +420,6 @@ impl Driver {
             2 => "fault",
             _ => "unknown",
         })
-    }
-
-    /// The wiring in use, by name, and whether somebody confirmed it; confirms it where that is asked.
-    fn commission(&mut self, confirm: bool, json: bool) -> Result<(), String> {
-        let set = self.read_set()?;
-        let wiring = self.number(index::COMMISSIONING, Commissioning::WIRING_CRC)?;
-        if wiring != set.wiring_crc() {
-            let meant = set.wiring_crc();
-            return Err(format!(
-                "the driver's wiring has the crc {wiring:08x}, its numbers {meant:08x}: is it of another version?"
-            ));
-        }
-        if confirm {
-            let at = Address::new(index::COMMISSIONING, Commissioning::CONFIRM);
-            self.client.write(at, &wiring.to_le_bytes()).map_err(words)?;
-        }
-        let commissioned = self.number(index::COMMISSIONING, 1)? != 0;
-        let wired: Vec<(String, f32)> = numbers(&set)
-            .into_iter()
-            .filter(|(name, _)| {
-                name.strip_prefix("motor.")
-                    .is_some_and(|field| ParameterSet::WIRING.contains(&field))
-            })
-            .collect();
-        if json {
-            let wired: serde_json::Map<_, _> =
-                wired.into_iter().map(|(name, value)| (name, json!(value))).collect();
-            let result = json!({"commissioned": commissioned, "wiring_crc": format!("{wiring:08x}"), "wiring": wired});
-            let text = serde_json::to_string_pretty(&result).map_err(|e| e.to_string())?;
-            return say(&(text + "\n"));
-        }
-        let mut out = String::new();
-        for (name, value) in wired {
-            out += &format!("{name:<32} {value:?}\n");
-        }
-        out += if commissioned {
-            "commissioned: the joint may be armed; `params save` keeps that over a reset\n"
-        } else {
-            "NOT commissioned: the joint does not arm. Find each number above at low current (docs/bring-up.md), set it,\n\
-             then `params commission --confirm`\n"
-        };
-        say(&out)
     }
 
     fn status(&mut self, json: bool) -> Result<(), String> {

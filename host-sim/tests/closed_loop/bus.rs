@@ -83,13 +83,13 @@ fn braking(current_a: f64) -> Vec<Row> {
             (master.rig.stage_mut().take_extremes(), master.has("bus-overvoltage"), left)
         },
     );
-    // Hard braking is lost in the copper; gentle braking comes back, and the capacitor holds 0.4 J more until 56 V.
-    let judged = if current_a < 20.0 { short_of } else { row };
+    // Hard braking is lost in the copper; gentle braking comes back, and the capacitor holds 0.4 J more until 56 V:
+    // braking is taken back before.
     vec![
         // What the bridge bears; the loop opens it at 56 V.
         row(7, &name, "highest bus, V", most.bus_v, 48.0..=60.0),
-        judged(7, &name, "bus-overvoltage stops it", overvoltage, 0.0..=0.0),
-        judged(
+        row(7, &name, "bus-overvoltage stops it", overvoltage, 0.0..=0.0),
+        row(
             7,
             &name,
             "speed where the bridge opens or the joint turns back, rad/s",

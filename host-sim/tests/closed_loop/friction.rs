@@ -79,7 +79,7 @@ fn steps(what: &str, seal: SealSensor) -> Vec<Row> {
 fn one_frame() -> Row {
     let name = "the same with side load and pressure that step from one frame to the next";
     let (.., armed) = course(0.9, SealSensor::Sound, 1.0);
-    short_of(13, name, "stays armed", f64::from(u8::from(armed)), 1.0..=1.0)
+    row(13, name, "stays armed", f64::from(u8::from(armed)), 1.0..=1.0)
 }
 
 /// Compliance and play, levels a fifth wrong, these multiples of the inertia the master takes it for.

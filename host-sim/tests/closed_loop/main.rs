@@ -10,6 +10,7 @@
 //! writes the table; without it a test holds figures and table together.
 
 mod bus;
+mod commissioning;
 mod encoder;
 mod friction;
 mod heat;
@@ -22,10 +23,11 @@ mod wiring;
 use table::Row;
 
 /// Every family's figures, computed once.
-fn families() -> [&'static [Row]; 7] {
+fn families() -> [&'static [Row]; 8] {
     [
         power_up::rows(),
         wiring::rows(),
+        commissioning::rows(),
         bus::rows(),
         encoder::rows(),
         stalls::rows(),

@@ -1,7 +1,7 @@
 //! Scenarios 3 and 5: a motor that is not wired as its parameters say, and amplifiers that drift.
 
 use super::rig::{Joint, set};
-use super::table::{Row, hold, row, short_of};
+use super::table::{Row, hold, row};
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
@@ -68,12 +68,12 @@ fn wired(wrong: Wrong) -> Vec<Row> {
         Wrong::Offset(electrical) if electrical > 2.0 => vec![
             row(3, &name, "stopped by the driver", flag(stopped), 1.0..=1.0),
             row(3, &name, "asked to open bridge, s", after, 0.0..=1.0),
-            // Half a turn is what a hand's reach away is safe from; overspeed alone sees it.
-            short_of(3, &name, "turned in all, rad", travel, 0.0..=PI),
+            // Half a turn is what a hand's reach away is safe from.
+            row(3, &name, "turned in all, rad", travel, 0.0..=PI),
         ],
-        // The field does not turn with the rotor: no torque, and nothing tells it from a joint that is held.
+        // The field does not turn with the rotor: no torque, and the joint has never moved.
         _ => vec![
-            short_of(3, &name, "stopped by the driver", flag(stopped), 1.0..=1.0),
+            row(3, &name, "stopped by the driver", flag(stopped), 1.0..=1.0),
             row(3, &name, "turned in all, rad", travel, 0.0..=0.05),
         ],
     };

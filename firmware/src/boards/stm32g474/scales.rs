@@ -63,8 +63,8 @@ const _: () = {
 const SETTLE_S: f32 = 1.5e-6;
 /// What the loop has to know of the stage.
 pub const STAGE: StageTraits = StageTraits {
-    // The angle read is that of the frame before; a frame begins 2 us after the top.
-    encoder_age_s: PERIOD_S + 2e-6,
+    // The angle read is that of the frame before, which began 2 us after the top before.
+    encoder_age_s: PERIOD_S - 2e-6,
     modulation_max: StageTraits::modulation_for(
         PERIOD_S,
         DEAD_TIME as f32 / CORE_HZ as f32,

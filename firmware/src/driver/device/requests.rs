@@ -57,6 +57,11 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn arm(&mut self) -> Result<(), Abort> {
+        if self.commissions() {
+            let why =
+                "the joint commissions itself: wait until it has ended, or stop it (200Ch:1 = 0)";
+            return Err(self.staging.refuse(Abort::State, why));
+        }
         if self.settings.source == Source::Sensors {
             return self.supervisor.arm(self.now_us).map_err(|refusal| {
                 self.blocking = refusal.causes.fault_bits();

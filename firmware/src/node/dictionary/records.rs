@@ -286,6 +286,28 @@ record! {
     }
 }
 
+record! {
+    /// The driver finds out by itself what motor it drives: what it may do, how far it is, what it found.
+    CommissioningRun {
+        order: Unsigned8, WriteOnly, ORDER;
+        current_a: Real32, ReadWrite, CURRENT;
+        travel_rad: Real32, ReadWrite, TRAVEL;
+        step: Unsigned8, ReadOnly, STEP;
+        reason: Unsigned8, ReadOnly, REASON;
+        offset_a_a: Real32, ReadOnly, OFFSET_A;
+        offset_b_a: Real32, ReadOnly, OFFSET_B;
+        resistance_ohm: Real32, ReadOnly, RESISTANCE;
+        inductance_d_h: Real32, ReadOnly, INDUCTANCE_D;
+        inductance_q_h: Real32, ReadOnly, INDUCTANCE_Q;
+        pole_pairs: Unsigned8, ReadOnly, POLE_PAIRS;
+        encoder_direction: Integer8, ReadOnly, ENCODER_DIRECTION;
+        encoder_offset_rad: Real32, ReadOnly, ENCODER_OFFSET;
+        lag_rad: Real32, ReadOnly, LAG;
+        torque_constant_nm_per_a: Real32, ReadOnly, TORQUE_CONSTANT;
+        friction_torque_nm: Real32, ReadOnly, FRICTION_TORQUE;
+    }
+}
+
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
         /// What came in and could not be used, and what was lost.

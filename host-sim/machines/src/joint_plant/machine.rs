@@ -252,6 +252,12 @@ impl JointPlant {
         self.rotor.map_or(self.position, |rotor| rotor.position)
     }
 
+    /// How far the encoder will have turned in so many seconds, turns of the motor.
+    pub fn motor_turns_in(&self, seconds: f64) -> f64 {
+        let velocity = self.rotor.map_or(self.velocity, |rotor| rotor.velocity);
+        self.p.encoder_direction * velocity * self.p.gear_ratio * seconds / TAU
+    }
+
     /// What its stage measures now.
     pub fn measure(&mut self) -> Measured {
         let phases = self.phase_currents_a();
@@ -263,7 +269,8 @@ impl JointPlant {
             *measured = ((current * shown + self.p.current_noise_a * noise) / step).round() * step;
         }
         let motor = self.motor_position_rad() * self.p.gear_ratio;
-        let turns = (motor + self.p.magnet_eccentricity_rad * motor.sin()) / TAU;
+        let seen = motor + self.p.magnet_eccentricity_rad * motor.sin();
+        let turns = (self.p.encoder_direction * seen + self.p.encoder_zero_rad) / TAU;
         let encoder = ((turns - turns.floor()) * self.p.encoder_counts) as u32;
         Measured { currents_a, bus_v: self.bus_v(), encoder }
     }

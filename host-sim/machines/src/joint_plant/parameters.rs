@@ -55,6 +55,8 @@ parameters! {
     current_noise_a = 0.05, "A", "assumed: shunt amplifier, one standard deviation";
     current_step_a = 0.0293, "A", "12 bits over +-60 A";
     encoder_counts = 16384.0, "1/turn", "14-bit magnetic encoder on the motor";
+    encoder_zero_rad = 0.0, "rad", "what the encoder shows where the magnet lies along phase a: mounted so; scenarios set theirs";
+    encoder_direction = 1.0, "", "-1 where it is mounted the other way round";
     magnet_eccentricity_rad = 0.0, "rad", "encoder's error once a turn of the motor: centred; scenarios set theirs";
     cogging_nm = 0.0, "Nm", "at the motor: taken smooth; scenarios set theirs";
     cogging_periods = 84.0, "1/turn", "14 poles in 12 slots";
