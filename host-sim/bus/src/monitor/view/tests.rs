@@ -1,4 +1,6 @@
 use super::*;
+mod picture;
+
 use crate::bus::Received;
 use crate::monitor::joint_view::JointView;
 use crate::monitor::sdo_poller::SdoReply;
