@@ -267,7 +267,7 @@ fn results_go_where_they_can_be_written_or_nowhere() {
     folder.refused("simulate underwater-joint --runs 1 --seconds 0.1 --out taken/deeper");
 
     // The second of two files cannot be written: the first must not be there either.
-    fs::create_dir_all(folder.path("out/params.toml")).expect("made");
+    fs::create_dir_all(folder.path("out/identify-joint/params.toml")).expect("made");
     let said = folder.refused("identify joint.csv --model linear");
     assert!(said.contains("params.toml"), "{said}");
 
@@ -291,13 +291,13 @@ fn json_is_the_contract_and_nothing_else() {
     assert_eq!(document["models"][0]["model"], "linear");
     let coulomb = number(&document, "/models/0/params/coulomb_torque/value").as_f64();
     assert!(coulomb.is_some_and(|torque| (torque - 0.5).abs() < 0.05), "{document}");
-    let written = fs::read_to_string(folder.path("out/fit.json")).expect("written");
+    let written = fs::read_to_string(folder.path("out/identify-joint/fit.json")).expect("written");
     assert_eq!(serde_json::from_str::<Value>(&written).expect("JSON"), document);
 
     let document = folder.json("compare joint.csv --models linear,atan,linear+torque-offset");
     assert_contract(&document, 3);
     assert_eq!(document["models"][2]["model"], "linear+torque-offset");
-    assert!(folder.path("out/compare.json").exists());
+    assert!(folder.path("out/compare-joint/compare.json").exists());
     assert_contract(&folder.json("compare joint.csv"), LawKind::ALL.len());
 }
 
@@ -400,7 +400,7 @@ fn one_joint_reads_the_same_in_every_form() {
     assert_eq!(prismatic["data"]["unit"], "N");
     let unit = |name: &str| number(&prismatic, &format!("/models/0/params/{name}/unit"));
     assert_eq!((unit("coulomb_torque"), unit("bristle_stiffness")), (&"N".into(), &"N/m".into()));
-    assert_deployable(&folder.path("out/params.toml"));
+    assert_deployable(&folder.path("out/identify-slide/params.toml"));
 }
 
 fn write_parquet(path: &Path, rows: impl Iterator<Item = (f64, f64, f64)>) {

@@ -159,7 +159,9 @@ fn every_cause_has_a_plane_to_show_in() {
 
 #[test]
 fn a_joint_that_slides_has_its_own_units() {
-    let mut data = simulated::dataset(&draw(Kind::One(HiddenCause::TorqueOffset), 5).log);
+    let options = Options { runs: Some(6), ..Options::default() };
+    let drawn = draw_with(Kind::One(HiddenCause::TorqueOffset), &[], 5, &options);
+    let mut data = simulated::dataset(&drawn.log);
     data.joint = JointKind::Prismatic;
     let case = Case::new(data);
     let own = own_part(&case.html());

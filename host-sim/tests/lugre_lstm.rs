@@ -42,9 +42,12 @@ fn identified(folder: &Path, log: &str) -> (Value, bool) {
         .args("identify log.csv --model lugre-lstm --inputs grip --epochs 30".split_whitespace());
     let output = command.current_dir(folder).output().expect("runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(folder.join("out/params.toml").exists());
-    let fit = fs::read_to_string(folder.join("out/fit.json")).expect("written");
-    (serde_json::from_str(&fit).expect("JSON"), folder.join("out/network.json").exists())
+    assert!(folder.join("out/identify-log/params.toml").exists());
+    let fit = fs::read_to_string(folder.join("out/identify-log/fit.json")).expect("written");
+    (
+        serde_json::from_str(&fit).expect("JSON"),
+        folder.join("out/identify-log/network.json").exists(),
+    )
 }
 
 #[test]
@@ -78,28 +81,53 @@ fn handed_on(folder: &Path) {
     };
     // A driver in this process runs it, bit for bit as the core: its frames bring `grip` as the auxiliary covariate.
     said("simulate damper --seed 1 --out trace", 0, &[]);
-    let replayed = said("replay trace/trace.log --params out/params.toml --out r --json", 0, &[]);
+    let replayed =
+        said("replay trace/trace.log --params out/identify-log/params.toml --out r --json", 0, &[]);
     let replayed: Value = serde_json::from_str(&replayed).expect("JSON");
     assert_eq!(replayed["holds"], Value::Bool(true), "{replayed}");
-    said("params set out/params.toml --bus loop", 0, &[" values changed (crc "]);
-    said("params diff out/params.toml --bus loop", 1, &["network: driver none, file crc "]);
+    said("params set out/identify-log/params.toml --bus loop", 0, &[" values changed (crc "]);
+    said(
+        "params diff out/identify-log/params.toml --bus loop",
+        1,
+        &["network: driver none, file crc "],
+    );
     said("params get --network n.json --bus loop", 2, &["the driver has none"]);
     // Forms for others.
-    said("export out/params.toml --to onnx --out e", 0, &["network.onnx", "fed with grip"]);
-    said("export out/params.toml --to network --out e", 0, &["1872 bytes"]);
+    said(
+        "export out/identify-log/params.toml --to onnx --out e",
+        0,
+        &["network.onnx", "fed with grip"],
+    );
+    said("export out/identify-log/params.toml --to network --out e", 0, &["1872 bytes"]);
     let record = fs::read(folder.join("e/network.bin")).expect("written");
     let network = compensator_core::network::record::parse(&record).expect("a record");
     assert_eq!(network.map(|network| network.feeds.len()), Some(1));
-    said("export out/params.toml --to record --out e", 0, &["the network that supplies"]);
+    said(
+        "export out/identify-log/params.toml --to record --out e",
+        0,
+        &["the network that supplies"],
+    );
     // Where a law of constants is wanted.
-    said("diagnose log.csv --params out/params.toml", 2, &["a network supplies its levels"]);
+    said(
+        "diagnose log.csv --params out/identify-log/params.toml",
+        2,
+        &["a network supplies its levels"],
+    );
     said("diagnose log.csv --model lugre-lstm", 2, &["identify --model lugre-lstm"]);
     said("compare log.csv --models lugre-lstm", 2, &["identify --model lugre-lstm"]);
     // Another network beside it, or none.
-    let beside = folder.join("out/network.json");
+    let beside = folder.join("out/identify-log/network.json");
     let text = fs::read_to_string(&beside).expect("written");
     fs::write(&beside, text.replacen("0.5", "0.25", 1)).expect("written");
-    said("export out/params.toml --to onnx --out e", 2, &["network.crc32", "was changed"]);
+    said(
+        "export out/identify-log/params.toml --to onnx --out e",
+        2,
+        &["network.crc32", "was changed"],
+    );
     fs::remove_file(&beside).expect("gone");
-    said("replay trace/trace.log --params out/params.toml", 2, &["network.file", "No such file"]);
+    said(
+        "replay trace/trace.log --params out/identify-log/params.toml",
+        2,
+        &["network.file", "No such file"],
+    );
 }

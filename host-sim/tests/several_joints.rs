@@ -68,20 +68,26 @@ fn each_joint_has_its_own_result_and_all_are_in_one_list() {
         std::fs::write(folder.join("arm.csv"), log).expect("written");
         let done = run(folder, "identify arm.csv --model linear");
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        let all = json(folder, "out/fit.json");
+        let all = json(folder, "out/identify-arm/fit.json");
         for (index, name) in names.iter().enumerate() {
             let listed = &all["joints"][index];
             assert_eq!(listed["joint"], *name);
             assert!((coulomb(listed) - COULOMB_NM[index]).abs() < 0.02, "{name}");
-            let own = json(folder, &format!("out/{}/fit.json", folders[index]));
+            let own = json(folder, &format!("out/identify-arm/{}/fit.json", folders[index]));
             assert_eq!(own["models"], listed["models"]);
             for file in ["fit.html", "params.toml"] {
-                assert!(folder.join("out").join(folders[index]).join(file).is_file(), "{file}");
+                assert!(
+                    folder.join("out/identify-arm").join(folders[index]).join(file).is_file(),
+                    "{file}"
+                );
             }
         }
         let shown = String::from_utf8_lossy(&done.stdout);
         assert!(names.iter().all(|name| shown.contains(&format!("joint {name}:"))), "{shown}");
-        assert!(!folder.join("out/params.toml").exists(), "no set of parameters is of two joints");
+        assert!(
+            !folder.join("out/identify-arm/params.toml").exists(),
+            "no set of parameters is of two joints"
+        );
     }
 }
 
@@ -107,8 +113,8 @@ fn compare_and_diagnose_take_all_joints_too() {
     let folder = folder.path();
     std::fs::write(folder.join("arm.csv"), side_by_side()).expect("written");
     for (command, file, key) in [
-        ("compare arm.csv --models linear,extended", "compare.json", "models"),
-        ("diagnose arm.csv --model linear", "diagnosis.json", "cause"),
+        ("compare arm.csv --models linear,extended", "compare-arm/compare.json", "models"),
+        ("diagnose arm.csv --model linear", "diagnose-arm/diagnosis.json", "cause"),
     ] {
         let done = run(folder, &format!("{command} --json"));
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));

@@ -59,7 +59,7 @@ fn fits(specs: Vec<Spec>, input: &Input, chosen: Choices) -> Result<Vec<Outcome>
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let specs = specs(arguments)?;
     let chosen = choices(Choices::default(), &arguments.choices)?;
-    each_joint(&arguments.data, &arguments.output, &SplitRule::default(), |input| {
+    each_joint("compare", &arguments.data, &arguments.output, &SplitRule::default(), |input| {
         compare(arguments, input, specs.clone(), chosen)
     })
 }

@@ -63,7 +63,7 @@ impl Teller {
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let teller = Teller { json: arguments.output.json, begin: Instant::now() };
     let seed = arguments.seed.unwrap_or_else(by_the_time);
-    let out = &arguments.output.out;
+    let out = arguments.output.folder();
     teller.step(&format!(
         "Drawing an underwater joint and hiding one effect in it that its model does not know. \
          Which one stays hidden until the end. (--seed {seed} is this story again.)"

@@ -47,7 +47,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         ));
     }
     let given = given.map(|file| (file.spec, file.parameters));
-    each_joint(&arguments.data, &arguments.output, &SplitRule::EachOut, |input| {
+    each_joint("diagnose", &arguments.data, &arguments.output, &SplitRule::EachOut, |input| {
         diagnosed(arguments, input, model.clone(), given.clone())
     })
 }

@@ -5,7 +5,7 @@
 //! list `joints`.
 
 use super::input::{DataArguments, Input, Inputs};
-use super::output::{OutputArguments, say, tell};
+use super::output::{OutputArguments, file_name, say, tell};
 use friction_identification::data::SplitRule;
 use serde_json::{Value, json};
 
@@ -19,16 +19,18 @@ pub struct Told {
     pub text: String,
 }
 
-/// Runs a command on each joint of the data.
+/// Runs a command, known by its name, on each joint of the data.
 ///
 /// # Errors
 /// One line; nothing is written then.
 pub fn each_joint(
+    name: &str,
     data: &DataArguments,
     output: &OutputArguments,
     unless_asked: &SplitRule,
     command: impl Fn(&Input) -> Result<Told, String>,
 ) -> Result<(), String> {
+    let output = &output.of_run(name, &data.data);
     match data.read(unless_asked)? {
         Inputs::One(input) => one(&command(&input)?, output),
         Inputs::Several(joints) => {
@@ -49,7 +51,7 @@ fn one(told: &Told, output: &OutputArguments) -> Result<(), String> {
     if output.json {
         return say(json);
     }
-    let out = output.out.display();
+    let out = output.folder().display();
     let written: Vec<String> = all.iter().map(|(name, _)| format!("{out}/{name}")).collect();
     tell(&format!("{text}written: {}\n", written.join(", ")))
 }
@@ -80,7 +82,7 @@ fn several(joints: &[(String, Told)], output: &OutputArguments) -> Result<(), St
     if output.json {
         return say(&all);
     }
-    let out = output.out.display();
+    let out = output.folder().display();
     let written: Vec<String> = folders.iter().map(|folder| format!("{out}/{folder}/")).collect();
     tell(&format!("{shown}written: {out}/{name}, {}\n", written.join(", ")))
 }
@@ -89,8 +91,7 @@ fn several(joints: &[(String, Told)], output: &OutputArguments) -> Result<(), St
 fn folders<'a>(joints: impl Iterator<Item = &'a str>) -> Vec<String> {
     let mut folders: Vec<String> = Vec::new();
     for joint in joints {
-        let kept = |letter: char| if letter.is_ascii_alphanumeric() { letter } else { '-' };
-        let stem: String = joint.chars().take(40).map(kept).collect();
+        let stem = file_name(joint);
         let mut folder = format!("joint-{stem}");
         let mut number = 2;
         // As a file system that takes no notice of case.

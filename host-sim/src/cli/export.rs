@@ -27,7 +27,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let exported = export(&file, arguments.to, &name).map_err(refused)?;
     let name = arguments.to.file_name();
     arguments.output.write_bytes(&[(name, &exported.content)])?;
-    let path = arguments.output.out.join(name);
+    let path = arguments.output.folder().join(name);
     if arguments.output.json {
         let result = json!({
             "schema": 1, "file": path, "model": file.spec.full_name(), "notes": exported.notes,

@@ -87,13 +87,17 @@ fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     if arguments.model == identify_network::MODEL {
-        return each_joint(&arguments.data, &arguments.output, &SplitRule::default(), |input| {
-            identify_network::run(arguments, input)
-        });
+        return each_joint(
+            "identify",
+            &arguments.data,
+            &arguments.output,
+            &SplitRule::default(),
+            |input| identify_network::run(arguments, input),
+        );
     }
     let input_spec = Spec::parse(&arguments.model).map_err(|error| error.to_string())?;
     let (fixed, freed) = (ids("--keep", &arguments.keep)?, ids("--free", &arguments.free)?);
-    each_joint(&arguments.data, &arguments.output, &SplitRule::default(), |input| {
+    each_joint("identify", &arguments.data, &arguments.output, &SplitRule::default(), |input| {
         fitted(arguments, input, input_spec.clone(), fixed.clone(), freed.clone())
     })
 }

@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     }
     let mut text = lines(&outcome.rows);
     outcome.summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
-    let out = arguments.output.out.display();
+    let out = arguments.output.folder().display();
     let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
     tell(&format!("{text}written: {}\n", written.join(", ")))
 }

@@ -8,6 +8,7 @@
 mod commission;
 mod names;
 mod network;
+mod status;
 
 use super::bus::BusArguments;
 use super::output::say;
@@ -20,9 +21,8 @@ use compensator_core::can::slcan::BitRate;
 use compensator_core::network::record as network_record;
 use compensator_core::{ParameterError, record};
 use firmware::node::dictionary::records::Trace;
-use firmware::node::dictionary::{FRAME_COUNTERS, LOAD, SAVE, index};
+use firmware::node::dictionary::{LOAD, SAVE, index};
 use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
-use firmware::supervisor::Code;
 use friction_identification::data::JointKind;
 use friction_identification::params::{self, ParameterFile};
 use joint_bus::bus::{Bus, BusName, Hub};
@@ -422,80 +422,4 @@ impl Driver {
         })
     }
 
-    fn status(&mut self, json: bool) -> Result<(), String> {
-        let text = |client: &mut Client<Box<dyn Bus>>, at_index| {
-            client.read_text(Address::new(at_index, 0)).map_err(words)
-        };
-        let name = text(&mut self.client, index::DEVICE_NAME)?;
-        let hardware = text(&mut self.client, index::HARDWARE_VERSION)?;
-        let software = text(&mut self.client, index::SOFTWARE_VERSION)?;
-        let state = self.state()?;
-        let faults = codes(self.number(index::STATE, 3)?, 1);
-        let limits = codes(self.number(index::STATE, 4)?, 33);
-        let source = if self.number(index::OPERATION, 1)? == 0 { "sensors" } else { "bus" };
-        let number = if self.number(index::OPERATION, 2)? == 0 { "f32" } else { "fixed" };
-        let crc = self.number(index::COMMIT, 1)?;
-        let commissioned = self.number(index::COMMISSIONING, 1)? != 0;
-        let in_band = match self.number(index::WATCH, 1)? {
-            0 => Some(false),
-            1 => Some(true),
-            _ => None,
-        };
-        let out_of_band = self.number(index::WATCH, 3)?;
-        let panic = text(&mut self.client, index::LAST_PANIC)?;
-        let refusal = text(&mut self.client, index::REFUSAL)?;
-        let mut counters = Vec::new();
-        for (place, counter) in FRAME_COUNTERS.iter().enumerate() {
-            let value = self.number(index::FRAME_COUNTERS, place as u8 + 1)?;
-            counters.push((*counter, value));
-        }
-        if json {
-            let counters: serde_json::Map<_, _> =
-                counters.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
-            let status = json!({
-                "name": name, "hardware": hardware, "software": software, "state": state,
-                "faults": faults, "limits": limits, "source": source, "number": number,
-                "parameters_crc": format!("{crc:08x}"), "commissioned": commissioned, "model_in_band": in_band,
-                "windows_out_of_band": out_of_band, "last_panic": panic,
-                "last_refusal": refusal, "counters": counters,
-            });
-            let text = serde_json::to_string_pretty(&status).map_err(|e| e.to_string())?;
-            return say(&(text + "\n"));
-        }
-        let list = |codes: &[&str]| {
-            if codes.is_empty() { "none".to_owned() } else { codes.join(", ") }
-        };
-        let mut out = format!(
-            "{name}, {hardware}, {software}\nstate       {state}\nfaults      {}\nlimits      {}\n\
-             fed by      {source}, computes in {number}\nparameters  crc {crc:08x}, {}\n\
-             model       {}, {out_of_band} windows out of band\n",
-            list(&faults),
-            list(&limits),
-            if commissioned {
-                "commissioned"
-            } else {
-                "NOT commissioned: does not arm on its sensors"
-            },
-            match in_band {
-                None => "nothing to judge yet",
-                Some(true) => "in band",
-                Some(false) => "OUT OF BAND",
-            },
-        );
-        for (label, value) in [("last panic  ", panic), ("last refusal", refusal)] {
-            if !value.is_empty() {
-                out += &format!("{label} {value}\n");
-            }
-        }
-        for (name, value) in counters.iter().filter(|(_, value)| *value > 0) {
-            out += &format!("{name:<20} {value}\n");
-        }
-        say(&out)
-    }
-}
-
-/// Codes of a set of bits, by name; bit 0 is number `first`.
-fn codes(bits: u32, first: u8) -> Vec<&'static str> {
-    let set = (0..32u8).filter(|bit| bits >> bit & 1 != 0);
-    set.filter_map(|bit| Code::from_number(first + bit)).map(|code| code.info().name).collect()
 }

@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     if arguments.output.json {
         return say(&json);
     }
-    let out = arguments.output.out.display();
+    let out = arguments.output.folder().display();
     let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
     let (runs, rows, seed) = (log.runs.len(), log.rows(), arguments.seed);
     let hidden: String = hidden.iter().map(|line| format!("{line}\n")).collect();

@@ -254,13 +254,13 @@ record! {
 record! {
     /// The network that supplies the law, where there is one: the guard of its inputs, and its factors.
     NetworkState {
-        present: Unsigned8, ReadOnly;
+        present: Unsigned8, ReadOnly, PRESENT;
         outside: Unsigned8, ReadOnly, OUTSIDE;
         outside_count: Unsigned32, ReadOnly, OUTSIDE_COUNT;
         share: Real32, ReadOnly, SHARE;
-        coulomb_factor: Real32, ReadOnly;
-        static_factor: Real32, ReadOnly;
-        stiffness_factor: Real32, ReadOnly;
+        coulomb_factor: Real32, ReadOnly, COULOMB_FACTOR;
+        static_factor: Real32, ReadOnly, STATIC_FACTOR;
+        stiffness_factor: Real32, ReadOnly, STIFFNESS_FACTOR;
     }
 }
 

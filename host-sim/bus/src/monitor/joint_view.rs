@@ -10,7 +10,7 @@ use super::rates::{PerSecond, Rates};
 use super::sdo_poller::{Request, SdoReply};
 use super::series::Series;
 use super::view_data::{
-    Band, Codes, Event, EventKind, Heartbeat, Lens, Quantity, Reading, SyncCounts, View,
+    Band, Codes, Event, EventKind, Heartbeat, Lens, Network, Quantity, Reading, SyncCounts, View,
 };
 use crate::bus::{BitRates, Received};
 use canopen_rs::NmtState;
@@ -19,6 +19,7 @@ use canopen_rs::nmt::decode_heartbeat;
 use compensator_core::can::{Entry, Frame, Inbox, JointKind, Message, Node, Sync, SyncOutcome};
 use compensator_core::compensator::Flags;
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::NetworkState;
 use firmware::supervisor::Code;
 use joint_trace::CanFrame;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -402,6 +403,16 @@ impl JointView {
                 windows_out: object(index::WATCH, 3).unwrap_or(0),
                 largest_in_bands: object(index::WATCH, 5).map(f32::from_bits),
             }),
+            network: object(index::NETWORK, NetworkState::PRESENT).filter(|has| *has != 0).map(
+                |_| {
+                    let number = |place| object(index::NETWORK, place);
+                    Network {
+                        outside: number(NetworkState::OUTSIDE).is_some_and(|outside| outside != 0),
+                        outside_count: number(NetworkState::OUTSIDE_COUNT).unwrap_or(0),
+                        share: number(NetworkState::SHARE).map(f32::from_bits),
+                    }
+                },
+            ),
             readings: Quantity::ALL.map(|quantity| self.reading(quantity, now_ns, lens)),
             rates: {
                 let rates = self.rates.per_second(now_ns);

@@ -16,6 +16,7 @@ use canopen_rs::sdo::{
 };
 use compensator_core::can::{Frame, Message, Node, cob_id};
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::NetworkState;
 use std::collections::VecDeque;
 
 /// Time between two rounds of reading, ns.
@@ -31,7 +32,7 @@ const TRACE_HOLD_NS: u64 = 20_000_000;
 const FULL_NS: u64 = 10_000_000_000;
 
 /// What is read in a round.
-pub const WATCHED: [Address; 8] = [
+pub const WATCHED: [Address; 12] = [
     Address::new(index::STATE, 2),
     Address::new(index::STATE, 3),
     Address::new(index::STATE, 4),
@@ -40,6 +41,10 @@ pub const WATCHED: [Address; 8] = [
     Address::new(index::WATCH, 3),
     Address::new(index::WATCH, 5),
     Address::new(index::OPERATION, 1),
+    Address::new(index::NETWORK, NetworkState::PRESENT),
+    Address::new(index::NETWORK, NetworkState::OUTSIDE),
+    Address::new(index::NETWORK, NetworkState::OUTSIDE_COUNT),
+    Address::new(index::NETWORK, NetworkState::SHARE),
 ];
 
 /// A request to a joint's state machine, with the number it has on the bus.

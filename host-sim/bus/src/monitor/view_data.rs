@@ -126,6 +126,17 @@ pub struct Band {
     pub largest_in_bands: Option<f32>,
 }
 
+/// The network that supplies the law, of a joint that has one.
+#[derive(Clone, Copy, Debug)]
+pub struct Network {
+    /// Its last evaluation lay outside of what it was trained on.
+    pub outside: bool,
+    /// So many did.
+    pub outside_count: u32,
+    /// How much of what it says is in force, 0 (the law's constants) to 1.
+    pub share: Option<f32>,
+}
+
 /// SYNCs that did not come as they should, since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SyncCounts {
@@ -194,6 +205,8 @@ pub struct View {
     pub flags: Option<(Vec<String>, f64, bool)>,
     /// The watch over the model.
     pub band: Option<Band>,
+    /// The network; `None` without one, and until it was read.
+    pub network: Option<Network>,
     /// The quantities, in the order of [`Quantity::ALL`].
     pub readings: [Reading; Quantity::ALL.len()],
     /// Traffic.
@@ -272,6 +285,10 @@ impl View {
             "windows": self.band.map(|band| band.windows),
             "windows_out_of_band": self.band.map(|band| band.windows_out),
             "largest_in_bands": number(self.band.and_then(|band| band.largest_in_bands)),
+            "network_present": self.network.is_some(),
+            "network_outside": self.network.map(|network| network.outside),
+            "network_outside_count": self.network.map(|network| network.outside_count),
+            "network_share": number(self.network.and_then(|network| network.share)),
             "quantities": quantities,
             "samples_per_s": self.rates.samples,
             "answers_per_s": self.rates.answers,

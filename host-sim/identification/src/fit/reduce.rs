@@ -20,10 +20,10 @@ pub fn reduce(
     rows: Rows,
     resolution: Resolution,
 ) -> Reduced {
-    // The number of derivatives is part of a dual number's type; a few sizes serve all.
+    // The number of derivatives is part of a dual number's type; a few sizes serve all, for each has every law and term
+    // compiled for it.
     match point.len() {
-        0..=2 => reduce_with::<2>(coordinates, point, rows, resolution),
-        3..=4 => reduce_with::<4>(coordinates, point, rows, resolution),
+        0..=4 => reduce_with::<4>(coordinates, point, rows, resolution),
         5..=6 => reduce_with::<6>(coordinates, point, rows, resolution),
         7..=8 => reduce_with::<8>(coordinates, point, rows, resolution),
         9..=12 => reduce_with::<12>(coordinates, point, rows, resolution),

@@ -44,12 +44,13 @@ impl<const N: usize> Sums<N> {
         }
     }
 
-    /// The problem; not finite where the simulation was `cut` short.
-    pub fn normal(&self, cut: bool) -> Normal {
+    /// The problem of the first `count` coordinates, the others being there for the width alone; not finite where the
+    /// simulation was `cut` short.
+    pub fn normal(&self, count: usize, cut: bool) -> Normal {
         Normal {
             sum: if cut || !self.sum.is_finite() { f64::INFINITY } else { self.sum },
-            slope: DVector::from_column_slice(&self.slope),
-            matrix: DMatrix::from_fn(N, N, |i, j| self.matrix[i][j]),
+            slope: DVector::from_column_slice(&self.slope[..count]),
+            matrix: DMatrix::from_fn(count, count, |i, j| self.matrix[i][j]),
         }
     }
 }

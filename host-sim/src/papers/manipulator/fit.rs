@@ -214,7 +214,7 @@ impl Problem<'_> {
                 }
             });
         }
-        sums.normal(cut)
+        sums.normal(point.len(), cut)
     }
 
     /// Searches from some values.
@@ -230,15 +230,15 @@ impl Problem<'_> {
             .collect();
         let from: Vec<f64> =
             from.iter().zip(&bounds).map(|(x, (least, most))| x.clamp(*least, *most)).collect();
-        let End { point, normal, evaluations, converged } = match self.free.len() {
-            6 => search(&from, &bounds, how, |point| self.normal::<6>(point)),
-            9 => search(&from, &bounds, how, |point| self.normal::<9>(point)),
-            12 => search(&from, &bounds, how, |point| self.normal::<12>(point)),
-            15 => search(&from, &bounds, how, |point| self.normal::<15>(point)),
-            21 => search(&from, &bounds, how, |point| self.normal::<21>(point)),
-            24 => search(&from, &bounds, how, |point| self.normal::<24>(point)),
+        // The number of derivatives is part of a dual number's type, and each has an arm and all laws compiled for it.
+        let at = |point: &[f64]| match point.len() {
+            0..=6 => self.normal::<6>(point),
+            7..=12 => self.normal::<12>(point),
+            13..=16 => self.normal::<16>(point),
+            17..=24 => self.normal::<24>(point),
             other => unreachable!("no law of these has {other} values in three joints"),
         };
+        let End { point, normal, evaluations, converged } = search(&from, &bounds, how, at);
         let values: Vec<f64> =
             self.free.iter().zip(&point).map(|(free, along)| free.value(*along).0).collect();
         let (parameters, deflection_rad) = self.with_values(&values);

@@ -35,6 +35,9 @@ pub struct OnTorques {
     pub parameters: Parameters<f64>,
 }
 
+/// Most values a law has that is fitted with the printed start and bounds.
+const MOST_VALUES: usize = 6;
+
 impl Joint {
     /// A log of which the named runs are held out.
     ///
@@ -93,13 +96,7 @@ impl Joint {
         known.into_iter().for_each(|id| base.set(id, rigid_body.get(id)));
         base.choices.printed_extended = true;
         base.envelope.velocity_max_rad_s = f32::MAX;
-        let at = |point: &[f64]| match own.len() {
-            2 => self.normal::<2>(law, &base, point),
-            4 => self.normal::<4>(law, &base, point),
-            5 => self.normal::<5>(law, &base, point),
-            6 => self.normal::<6>(law, &base, point),
-            other => unreachable!("no law of these has {other} values"),
-        };
+        let at = |point: &[f64]| self.normal(law, &base, point);
         let start = vec![PRINTED_START; own.len()];
         let end = search(&start, &vec![PRINTED_BOUNDS; own.len()], how, at);
         own.iter().zip(&end.point).for_each(|(id, value)| base.set(*id, *value));
@@ -108,17 +105,12 @@ impl Joint {
         Ok(OnTorques { train, test, parameters: base })
     }
 
-    fn normal<const N: usize>(
-        &self,
-        law: LawKind,
-        base: &Parameters<f64>,
-        point: &[f64],
-    ) -> Normal {
-        let mut parameters = base.convert::<Dual<N>>();
+    fn normal(&self, law: LawKind, base: &Parameters<f64>, point: &[f64]) -> Normal {
+        let mut parameters = base.convert::<Dual<MOST_VALUES>>();
         for (index, (id, value)) in law.parameters().iter().zip(point).enumerate() {
             parameters.set(*id, Dual::parameter(*value, index));
         }
-        let mut sums = Sums::<N>::new();
+        let mut sums = Sums::<MOST_VALUES>::new();
         for track in &self.train {
             // The bristles begin unbent, as nothing is told of them.
             let held = Some(Dual::default());
@@ -127,6 +119,6 @@ impl Joint {
                 true
             });
         }
-        sums.normal(false)
+        sums.normal(point.len(), false)
     }
 }

@@ -136,6 +136,27 @@ fn faults_come_and_go_by_emergencies_and_by_objects() {
 }
 
 #[test]
+fn a_network_is_seen_where_there_is_one() {
+    let mut model = model();
+    let told = |model: &mut JointView, place, value| {
+        let at = canopen_rs::Address::new(index::NETWORK, place);
+        model.on_reply(SdoReply::Value(at, value), START);
+    };
+    told(&mut model, NetworkState::PRESENT, 0);
+    told(&mut model, NetworkState::SHARE, 0);
+    assert!(view(&model, 1).network.is_none());
+    told(&mut model, NetworkState::PRESENT, 1);
+    told(&mut model, NetworkState::OUTSIDE, 1);
+    told(&mut model, NetworkState::OUTSIDE_COUNT, 3);
+    told(&mut model, NetworkState::SHARE, 0.25f32.to_bits());
+    let seen = view(&model, 1);
+    let network = seen.network.expect("it has one");
+    assert_eq!((network.outside, network.outside_count, network.share), (true, 3, Some(0.25)));
+    let json = seen.json("can0", &[None; Quantity::ALL.len()]);
+    assert_eq!((&json["network_outside"], &json["network_share"]), (&true.into(), &0.25.into()));
+}
+
+#[test]
 fn what_others_say_is_not_the_joints() {
     let mut model = model();
     let other = Node::new(2).unwrap();

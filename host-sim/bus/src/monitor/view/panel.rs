@@ -54,6 +54,7 @@ pub fn draw(frame: &mut Frame, view: &View, controls: &Controls, setting: &Setti
     let mut lines = Lines { lines: Vec::new(), width: usize::from(area.width) };
     state(&mut lines, view, controls, setting);
     model(&mut lines, view);
+    network(&mut lines, view);
     traffic(&mut lines, view);
     // What has no room is counted, not dropped in silence.
     let room = usize::from(area.height);
@@ -156,6 +157,21 @@ fn model(lines: &mut Lines, view: &View) {
             lines.put("", vec![Span::styled(format!("largest mean {largest:.2} bands"), DIM)]);
         }
     }
+}
+
+/// A network that supplies the law, and whether it knows what it is fed with; nothing of a joint without one.
+fn network(lines: &mut Lines, view: &View) {
+    let Some(network) = view.network else { return };
+    let (word, style) = if network.outside { ("outside", WARN) } else { ("inside", GOOD) };
+    let style = if view.objects_stale { DIM } else { style };
+    let share = network.share.map_or("?".to_owned(), |share| format!("{:.0} %", 100.0 * share));
+    let mut text = format!(", {share} in force");
+    let count = format!(", {} x outside", network.outside_count);
+    if LABEL + word.len() + text.len() + count.len() <= lines.width {
+        text += &count;
+    }
+    // The label `network` is that of the CAN bus.
+    lines.put("LSTM", vec![Span::styled(word, style), Span::styled(text, DIM)]);
 }
 
 fn traffic(lines: &mut Lines, view: &View) {

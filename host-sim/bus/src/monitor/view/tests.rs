@@ -1,11 +1,16 @@
 use super::*;
+mod picture;
+
 use crate::bus::Received;
 use crate::monitor::joint_view::JointView;
+use crate::monitor::sdo_poller::SdoReply;
 use crate::monitor::view_data::Lens;
 use compensator_core::can::{
     Answer, Frame as JointFrame, Message, Motion, Node, Status, Sync, Telemetry,
 };
 use compensator_core::compensator::Flags;
+use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::NetworkState;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
@@ -115,6 +120,29 @@ fn all_that_matters_is_seen_on_a_narrow_and_a_wide_screen() {
         &screen(&model, 4999, (120, 40)),
         &["fault bus-overvoltage (3210h): bus at", "00:00:00.001"],
     );
+}
+
+#[test]
+fn a_network_is_shown_where_there_is_one() {
+    let mut model = model();
+    assert!(!screen(&model, 4999, (120, 40)).contains("LSTM"));
+    for (place, value) in [
+        (NetworkState::PRESENT, 1),
+        (NetworkState::OUTSIDE, 1),
+        (NetworkState::OUTSIDE_COUNT, 3),
+        (NetworkState::SHARE, 0.25f32.to_bits()),
+    ] {
+        let at = canopen_rs::Address::new(index::NETWORK, place);
+        model.on_reply(SdoReply::Value(at, value), 4998 * MS);
+    }
+    for (size, line) in [
+        ((80, 24), "LSTM      outside, 25 % in force"),
+        ((120, 40), "LSTM      outside, 25 % in force, 3 x outside"),
+    ] {
+        let screen = screen(&model, 4999, size);
+        assert_shows(&screen, &[line]);
+        assert_shows(&screen, &VITAL);
+    }
 }
 
 #[test]
