@@ -201,7 +201,7 @@ pub fn diagnose(
         progress("fitting the baseline to rows weighed by their motion");
         chosen = base(&some, question)?;
     }
-    let Baseline { model: base, at_rest } = chosen;
+    let Baseline { model: mut base, at_rest } = chosen;
     if let Some(aligned) = unknown_zero::aligned(&whole, &base) {
         whole = aligned;
         some = whole.thinned().into_owned();
@@ -211,20 +211,28 @@ pub fn diagnose(
     }
     let seed = question.seed;
     let fits = Fits::new(&some);
-    let search = Search { log: &some, fits: &fits, base: &base, seed, progress };
     let whole = match &at_rest {
         Some(at_rest) => whole.without(at_rest),
         None => whole,
     };
+    let resolution = base.resolution;
     let as_it_is = question
         .given
         .as_ref()
-        .map(|(_, parameters)| predict(parameters, whole.test_rows(), base.resolution));
+        .map(|(_, parameters)| predict(parameters, whole.test_rows(), resolution));
+    let is_chosen = question.model.is_none() && question.given.is_none();
     let mut refuted = Vec::new();
     let mut scores = Vec::new();
     let mut said = Vec::new();
     let offer = loop {
+        let search = Search { log: &some, fits: &fits, base: &base, seed, progress };
         let selection = select::select(&search, &refuted)?;
+        if is_chosen && let Some(richer) = baseline::outgrown(&some, &base, &selection.extended)? {
+            progress("beginning anew with a richer law");
+            base = richer;
+            refuted.clear();
+            continue;
+        }
         progress("judging on rows left out");
         let extension = Extension { model: selection.extended, found: selection.found };
         let offer = offer::offer(&search, &whole, extension, as_it_is.clone())?;

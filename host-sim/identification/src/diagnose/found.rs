@@ -1,5 +1,6 @@
 //! A cause on its way through the search, until it is a finding.
 
+use super::cause::Suspect;
 use super::cause::definition::Cause;
 use super::extended::Extended;
 use super::finding::{Finding, Rival};
@@ -31,6 +32,20 @@ pub struct Found {
 }
 
 impl Found {
+    /// A candidate that was taken into the model, with what its fit showed.
+    pub fn chosen(candidate: &Suspect, fit: CandidateFit) -> Self {
+        Self {
+            cause: candidate.cause,
+            term: candidate.term,
+            columns: candidate.columns.clone(),
+            follows: candidate.follows.clone(),
+            fit,
+            share: 0.0,
+            rivals: Vec::new(),
+            only_describes: false,
+        }
+    }
+
     /// The finding, as the joint fit has it.
     pub fn finding(&self, outcome: &Outcome, log: &TrainTest) -> Finding {
         let extended = Extended { outcome, log, follows: self.follows.as_ref() };

@@ -131,7 +131,8 @@ pub fn again(rows: Rows, model: &Fitted) -> Fitted {
     };
     let solution = fit(&model.spec, &model.parameters, rows, &options);
     let parameters = solution.parameters();
-    Fitted { parameters, sse: solution.reduced.sum_of_squares(), ..model.clone() }
+    let free = solution.coordinates.ids().collect();
+    Fitted { parameters, free, sse: solution.reduced.sum_of_squares(), ..model.clone() }
 }
 
 /// Puts a candidate's term into a model and fits everything again.

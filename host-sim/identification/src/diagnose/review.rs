@@ -11,7 +11,7 @@ use super::gram_blocks::CandidateFit;
 use super::model::{Fitted, with_candidate};
 use super::round::Round;
 use super::search::{Extension, Search};
-use super::select::{better, share};
+use super::select::{at_bound, better, share};
 use super::standing::Standing;
 use super::thresholds::{ALIKE, ANY_SHAPE, BETTER, MATERIAL, SHORTLISTED};
 use super::train_test::Follows;
@@ -59,6 +59,17 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
                 || unique.value < MATERIAL * log.beyond_floor(all.sse())
                 || (is_any_shape(&found[index]) && unique.value < ANY_SHAPE * named)
         });
+        if !lost
+            && let Some(own) = &own
+            && let Some((instead, fitted)) =
+                displaced(search, model, &rest, &round, own, &lost_claims)?
+        {
+            *model = fitted;
+            found[index] = instead;
+            lost_claims.push(claim);
+            left = found.len();
+            continue;
+        }
         if lost {
             // It was in the place of another: gone, and the others are reviewed anew.
             *model = rest;
@@ -90,6 +101,49 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
     }
     order(&mut extension.found);
     Ok(lost_claims)
+}
+
+/// The cause that does better in a finding's place now that all others are in: of those whose columns pass and share the
+/// finding's effect the best, and the one it yields to, however little its column promises. Which of two came first was
+/// decided beside a model that lacked the others.
+fn displaced(
+    search: &Search,
+    model: &Fitted,
+    rest: &Fitted,
+    round: &Round,
+    own: &CandidateFit,
+    lost: &[Claim],
+) -> Result<Option<(Found, Fitted)>, SpecError> {
+    let cause = round.candidates[own.candidate].cause;
+    let may = |fit: &CandidateFit| {
+        let candidate = &round.candidates[fit.candidate];
+        let is_in = rest.spec.terms.contains(&candidate.term) || candidate.cause == cause;
+        let yields = candidate.cause.yields_to() == Some(cause);
+        !is_in && !yields && candidate.follows.is_none() && !lost.contains(&candidate.claim())
+    };
+    let alike =
+        |fit: &CandidateFit| round.gram.confusion(own.candidate, fit.candidate).0 > SHORTLISTED;
+    let passed = round.passed().into_iter().find(|fit| may(fit) && alike(fit));
+    let named = cause.yields_to().and_then(|named| {
+        let settings =
+            round.fits.iter().filter(|fit| round.candidates[fit.candidate].cause == named);
+        settings.filter(|fit| may(fit)).max_by(|a, b| a.gain.total_cmp(&b.gain))
+    });
+    let mut best = (Standing::of_model(search.log, model, round.length), None);
+    let merit = |standing: &Standing| standing.better_than(&round.standing).describes.at_least();
+    for fit in passed.into_iter().chain(named) {
+        let candidate = &round.candidates[fit.candidate];
+        let fitted = with_candidate(search.fits, rest, candidate, fit)?;
+        let standing = Standing::of_model(search.log, &fitted, round.length);
+        if at_bound(&fitted, candidate).is_none() && merit(&standing) > merit(&best.0) {
+            best = (standing, Some((fit, fitted)));
+        }
+    }
+    let (standing, Some((fit, fitted))) = best else { return Ok(None) };
+    let mut fit = fit.clone();
+    let better = standing.better_than(&round.standing);
+    (fit.unseen, fit.unseen_runs) = (better.describes, better.extrapolates);
+    Ok(Some((Found::chosen(&round.candidates[fit.candidate], fit), fitted)))
 }
 
 /// The strongest first, by what each takes alone at the least, but a gain error of a column after the friction that follows the same column.

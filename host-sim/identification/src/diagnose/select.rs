@@ -108,16 +108,7 @@ impl Turn<'_> {
             round.fits.retain(|fit| self.admits(&candidates[fit.candidate]));
             let Some((chosen, fitted)) = self.choose(model, &round)? else { break };
             let candidate = &round.candidates[chosen.candidate];
-            found.push(Found {
-                cause: candidate.cause,
-                term: candidate.term,
-                columns: candidate.columns.clone(),
-                follows: candidate.follows.clone(),
-                fit: chosen,
-                share: 0.0,
-                rivals: Vec::new(),
-                only_describes: false,
-            });
+            found.push(Found::chosen(candidate, chosen));
             *model = fitted;
         }
         Ok(())
@@ -213,7 +204,7 @@ struct Winner {
 
 /// A parameter of the candidate's term that the fit drove to its bound: there the term stands in for something
 /// else.
-fn at_bound(fitted: &Fitted, candidate: &Suspect) -> Option<ParameterId> {
+pub fn at_bound(fitted: &Fitted, candidate: &Suspect) -> Option<ParameterId> {
     /// Of the bound.
     const NEAR: f64 = 0.01;
     let near = |value: f64, bound: f64| {

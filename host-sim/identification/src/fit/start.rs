@@ -80,6 +80,10 @@ fn set_linear_parts(
     // Scaled to a unit diagonal, so that the cut-off means the same for every unit.
     let scale = products.diagonal().map(|d: f64| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scaled = DMatrix::from_fn(count, count, |i, j| products[(i, j)] * scale[i] * scale[j]);
+    // Rows are numbers, their products may be too large to be: no singular values would be found then.
+    if !scaled.iter().all(|entry| entry.is_finite()) {
+        return;
+    }
     let solved = scaled.svd(true, true).solve(&right.component_mul(&scale), 1e-10);
     if let Ok(solution) = solved {
         for ((id, _), value) in parts.iter().zip(solution.component_mul(&scale).iter()) {

@@ -19,6 +19,10 @@ pub fn inverse_information(reduced: &Reduced) -> DMatrix<f64> {
     if n == 0 {
         return DMatrix::zeros(0, 0);
     }
+    // Singular values of what is no number are searched for without end.
+    if !reduced.factor.iter().all(|entry| entry.is_finite()) {
+        return DMatrix::from_element(n, n, f64::MAX);
+    }
     let factor = DMatrix::from_row_slice(n, n, &reduced.factor);
     // Columns scaled to unit length first: units must not decide what is information.
     let lengths = DVector::from_iterator(n, factor.column_iter().map(|c| c.norm()));
@@ -91,6 +95,17 @@ pub fn autocorrelation_time<'a>(tracks: impl Iterator<Item = &'a [f64]> + Clone)
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_no_number_ends_and_says_nothing() {
+        let reduced = Reduced {
+            factor: vec![1.0, f64::NAN, 0.0, f64::NAN],
+            residual: vec![0.0; 2],
+            rest: 1.0,
+            rows: 10,
+        };
+        assert!(inverse_information(&reduced).iter().all(|entry| *entry == f64::MAX));
+    }
 
     fn noise(count: usize) -> Vec<f64> {
         let mut state = 1u64;
