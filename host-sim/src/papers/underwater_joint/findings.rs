@@ -100,8 +100,8 @@ pub fn harm(study: &Study) -> Vec<String> {
     };
     if let (Some(ours), Some(perfect)) = (ratios("as identified"), ratios(PERFECT)) {
         lines.push(format!(
-            "Error over that without compensation (lifting, sine, jump): {ours} as identified, {perfect} with the perfect model: where that is worse, too, it is \
-             friction that damps, not a wrong model."
+            "Error over that without compensation (lifting, sine, jump): {ours} as identified, {perfect} with the perfect model. What is worse with ours and not with \
+             the perfect one is our model's doing."
         ));
     }
     let over: Vec<&Circumstance> =

@@ -74,8 +74,8 @@ struct Case {
     over_compensates: bool,
 }
 
-/// The map of an arm. Its second line is the perfect model's: what is worse there, too, is so by less friction and not by a
-/// wrong model.
+/// The map of an arm. Its second line is the perfect model's: what is worse there, too, is so by less friction; what is not,
+/// by a wrong model.
 pub fn map(arm: &Arm, none: &Arm, perfect: &Arm, joint: &Conditions) -> Vec<Circumstance> {
     let mut cases = Vec::new();
     let mut add = |name: String, arm: Arm, conditions: Conditions| {
