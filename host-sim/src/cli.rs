@@ -13,6 +13,7 @@ mod export;
 mod identify;
 mod identify_network;
 mod input;
+mod inside;
 mod monitor;
 mod node;
 mod output;

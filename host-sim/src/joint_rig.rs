@@ -10,15 +10,18 @@
 //! it, as they would on a robot's own computer. Sensors of side load, pressure and temperature answer on the bus.
 
 mod board;
+mod bus;
 mod faults;
 mod node;
 mod stage;
 
 pub use board::{BoardSensors, EncoderFault, TRAITS as BOARD_TRAITS};
+pub use bus::RigBus;
 pub use faults::{Faults, SealSensor};
 pub use node::MotorNode;
 pub use stage::{Extremes, Interrupt, PERIOD_CYCLES, Stage};
 
+use canopen_rs::Address;
 use compensator_core::can::{Command, Frame, Message, Node, Seal, Surroundings, Sync};
 use faults::Line;
 use firmware::background::{Background, BoardState, TICK_US};
@@ -33,6 +36,7 @@ use firmware::node_settings::{NodeSettings, emit_block};
 use firmware::parameter_set::ParameterSet;
 use firmware::store::Store;
 use firmware::store::memory::MemoryFlash;
+use joint_bus::canopen::Client;
 use simulated_machines::joint_plant::JointPlant;
 use std::collections::VecDeque;
 
@@ -215,9 +219,9 @@ impl JointRig<'_> {
         if self.is_armed() {
             return Ok(());
         }
-        let faults: Vec<&str> =
-            self.driver().supervisor().faults().iter().map(|code| code.info().name).collect();
-        Err(format!("the driver does not arm: {}", faults.join(", ")))
+        let mut client = Client::new(RigBus::new(self), NODE);
+        let why = client.read_text(Address::new(index::REFUSAL, 0));
+        Err(format!("the driver does not arm: {}", why.map_err(|error| error.to_string())?))
     }
 
     /// One millisecond under a command: current before compensation, A, and the velocity the joint is meant to

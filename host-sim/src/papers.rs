@@ -13,6 +13,7 @@ mod report;
 mod row;
 mod underwater_joint;
 
+pub(crate) use manipulator::coupled;
 pub(crate) use report::lines;
 pub use report::tables;
 pub use row::Row;

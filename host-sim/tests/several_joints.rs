@@ -143,3 +143,48 @@ fn what_is_wrong_with_a_joint_is_told_with_its_name_and_nothing_is_written() {
     assert!(said.lines().last().is_some_and(|line| line.starts_with("error: joint 2: ")), "{said}");
     assert!(!folder.join("out").exists());
 }
+
+#[test]
+fn an_arm_is_fitted_inside_what_is_known_of_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let simulated = run(folder, "simulate manipulator --seconds 30 --rate 200 --runs 2 --out .");
+    assert!(simulated.status.success(), "{}", String::from_utf8_lossy(&simulated.stderr));
+    let how = "data.csv --hold-out run=other-1 --inside manipulator";
+    let done = run(folder, &format!("identify {how} --model linear --starts 1"));
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let found = json(folder, "out/fit.json");
+    assert_eq!(
+        (&found["fitted_on"][0], &found["held_out"][0]),
+        (&"printed".into(), &"other-1".into())
+    );
+    let joints = found["models"][0]["joints"].as_array().expect("joints");
+    assert_eq!(joints.len(), 3);
+    for joint in joints {
+        // The arm swings by tens of degrees; without friction it would not come to rest at all.
+        for error in ["fitted_rmse_deg", "held_out_rmse_deg"] {
+            assert!(joint[error].as_f64().is_some_and(|deg| deg > 0.0 && deg < 5.0), "{joint}");
+        }
+        let viscous = joint["params"]["viscous_friction"]["value"].as_f64();
+        assert!(viscous.is_some_and(|value| value > 0.01), "{joint}");
+        let name = joint["joint"].as_str().expect("a name");
+        assert!(folder.join(format!("out/joint-{name}/params.toml")).is_file());
+    }
+    for (arguments, words) in [
+        (format!("identify {how} --model dahl"), "expected of linear, extended, atan, lugre"),
+        (
+            format!("identify {how} --model linear --where joint=1,2"),
+            "found joints 1, 2, expected three",
+        ),
+        (
+            format!("compare {how} --models linear --where joint=1"),
+            "log of one joint, expected three",
+        ),
+    ] {
+        let refused = run(folder, &format!("{arguments} --out none"));
+        assert_eq!(refused.status.code(), Some(2), "{arguments}");
+        let said = String::from_utf8_lossy(&refused.stderr);
+        assert!(said.lines().last().is_some_and(|line| line.ends_with(words)), "{said}");
+    }
+    assert!(!folder.join("none").exists());
+}

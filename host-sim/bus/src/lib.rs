@@ -3,6 +3,7 @@
 //! ```text
 //! bus (a hub in virtual time, SocketCAN, slcan; a recorder and a fault injector around any of them)
 //!  ├─ canopen   reads and writes a joint's objects
+//!  ├─ parameters  reads and writes a joint's whole set
 //!  ├─ joint     is a joint: the firmware's own driver on a bus
 //!  ├─ replay    plays a trace to a joint and holds every answer against the core, bit for bit
 //!  └─ monitor   shows a joint to a person
@@ -15,4 +16,5 @@ pub mod canopen;
 pub mod joint;
 #[cfg(feature = "monitor")]
 pub mod monitor;
+pub mod parameters;
 pub mod replay;

@@ -183,6 +183,36 @@ fn an_exact_log_stays_as_it_is() {
     }
 }
 
+/// A propeller's shaft: 65 to 95 rpm in one direction, 200 rad away from where it began, logged exactly. Smoothed beside its
+/// position alone, whose first row was taken to lie anywhere within those 200 rad, the motion came out as 1e9 rad/s.
+#[test]
+fn a_long_way_in_one_direction_is_no_noise() {
+    let names = ["time_s", "velocity_rad_s", "torque_nm", "position_rad"].map(str::to_owned);
+    let (rate, swing) = (TAU / 5.0, 1.57);
+    let run = |index: usize| {
+        let time: Vec<f64> = (0..12_500).map(|row| 0.002 * row as f64).collect();
+        let start = |t: f64| (1.0 - (-(8.0 + index as f64) * t).exp()) / (8.0 + index as f64);
+        let position = |t: &f64| 8.38 * (t - start(*t)) + swing / rate * (1.0 - (rate * t).cos());
+        let speed =
+            |t: &f64| 8.38 * (1.0 - (-(8.0 + index as f64) * t).exp()) + swing * (rate * t).sin();
+        let columns = vec![
+            time.clone(),
+            time.iter().map(speed).collect(),
+            vec![2.0; time.len()],
+            time.iter().map(position).collect(),
+        ];
+        (index.to_string(), columns)
+    };
+    let log = Dataset::of_columns(&names, (0..4).map(run)).expect("a log");
+    let (found, sensors) = reconstruct(&log);
+    let agreement = sensors.agreement.expect("a position");
+    assert!((agreement.gain - 1.0).abs() < 1e-3 && !agreement.lags(), "{agreement:?}");
+    for (found, logged) in found.runs.iter().zip(&log.runs) {
+        let apart = found.velocity.iter().zip(&logged.velocity).map(|(a, b)| (a - b).abs());
+        assert!(apart.fold(0.0, f64::max) < 1e-2);
+    }
+}
+
 #[test]
 fn velocity_integrates_to_the_position_and_rest_is_rest() {
     let world = world(1000.0, 250.0);

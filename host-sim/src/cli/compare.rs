@@ -4,6 +4,7 @@ use super::each_joint::{Told, each_joint};
 use super::identify::choices;
 use super::identify_network;
 use super::input::{DataArguments, Input, spinner};
+use super::inside::{self, Machine};
 use super::output::OutputArguments;
 use crate::results::provenance::Provenance;
 use crate::results::{Judged, Study, document, judged, table};
@@ -27,7 +28,15 @@ pub struct Arguments {
     /// Choices about the laws: damping_fades, printed_extended, allow_active (also laws that can give out energy)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     choices: Vec<String>,
+    /// Compare inside the known dynamics of this machine: on the angles of all its joints at once, with exact gradients
+    /// (linear, extended, atan, lugre)
+    #[arg(long, value_name = "MACHINE", value_enum, conflicts_with = "choices")]
+    inside: Option<Machine>,
 }
+
+/// Models inside a machine unless told, and starts of each.
+const INSIDE: [&str; 4] = ["linear", "extended", "atan", "lugre"];
+const INSIDE_STARTS: usize = 3;
 
 fn specs(arguments: &Arguments) -> Result<Vec<Spec>, String> {
     if arguments.models.is_empty() {
@@ -57,6 +66,13 @@ fn fits(specs: Vec<Spec>, input: &Input, chosen: Choices) -> Result<Vec<Outcome>
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), String> {
+    if let Some(Machine::Manipulator) = arguments.inside {
+        let all = || INSIDE.map(str::to_owned).to_vec();
+        let models = if arguments.models.is_empty() { all() } else { arguments.models.clone() };
+        let data = &arguments.data;
+        let output = &arguments.output.of_run("compare", &data.data);
+        return inside::run(data, output, &models, INSIDE_STARTS, "compare.json");
+    }
     let specs = specs(arguments)?;
     let chosen = choices(Choices::default(), &arguments.choices)?;
     each_joint("compare", &arguments.data, &arguments.output, &SplitRule::default(), |input| {

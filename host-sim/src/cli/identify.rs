@@ -3,6 +3,7 @@
 use super::each_joint::{Told, each_joint};
 use super::identify_network;
 use super::input::{DataArguments, Input, spinner};
+use super::inside::{self, Machine};
 use super::output::OutputArguments;
 use crate::driver_file;
 use crate::results::provenance::Provenance;
@@ -41,6 +42,10 @@ pub struct Arguments {
     /// Starting points that go all the way
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(super) starts: usize,
+    /// Fit inside the known dynamics of this machine: to the angles of all its joints at once, with exact gradients (linear,
+    /// extended, atan, lugre)
+    #[arg(long, value_name = "MACHINE", value_enum, conflicts_with_all = ["start", "keep", "free", "choices", "substeps"])]
+    inside: Option<Machine>,
     /// Simulation steps per sample; chosen by the fit unless given
     #[arg(long, value_name = "N")]
     substeps: Option<usize>,
@@ -86,6 +91,12 @@ fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), String> {
+    if let Some(Machine::Manipulator) = arguments.inside {
+        let models = std::slice::from_ref(&arguments.model);
+        let data = &arguments.data;
+        let output = &arguments.output.of_run("identify", &data.data);
+        return inside::run(data, output, models, arguments.starts, "fit.json");
+    }
     if arguments.model == identify_network::MODEL {
         return each_joint(
             "identify",

@@ -16,18 +16,18 @@ use crate::driver_file;
 use crate::joint_rig::MotorNode;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
+use compensator_core::ParameterError;
 use compensator_core::can::Node;
 use compensator_core::can::slcan::BitRate;
-use compensator_core::network::record as network_record;
-use compensator_core::{ParameterError, record};
 use firmware::node::dictionary::records::Trace;
 use firmware::node::dictionary::{LOAD, SAVE, index};
-use firmware::parameter_set::{DRIVE_LENGTH, ParameterSet};
+use firmware::parameter_set::ParameterSet;
 use friction_identification::data::JointKind;
 use friction_identification::params::{self, ParameterFile};
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::joint::JointNode;
+use joint_bus::parameters::{read_set, read_staged, write_set};
 use names::{choices, differences, numbers, put, unknown};
 use network::write_network;
 use serde_json::json;
@@ -217,13 +217,7 @@ impl Driver {
 
     /// The active set; what was staged and not committed is dropped.
     fn read_set(&mut self) -> Result<ParameterSet, String> {
-        let at = Address::new;
-        // Refused while armed, and then there is nothing staged either.
-        match self.client.write(at(index::COMMIT, 4), &[1]) {
-            Ok(()) | Err(SdoError::Refused { code: 0x0800_0022, .. }) => {}
-            Err(error) => return Err(words(error)),
-        }
-        self.read_staged()
+        read_set(&mut self.client).map_err(|error| error.to_string())
     }
 
     /// Drops what is staged.
@@ -233,18 +227,12 @@ impl Driver {
 
     /// The staged set: the active one, where nothing else is.
     fn read_staged(&mut self) -> Result<ParameterSet, String> {
-        let at = Address::new;
-        let friction = self.client.read(at(index::COMMIT, 5)).map_err(words)?;
-        let friction = record::parse(&friction).map_err(|e| format!("the driver's record: {e}"))?;
-        let drive = self.client.read(at(index::COMMIT, 6)).map_err(words)?;
-        let drive: &[u8; DRIVE_LENGTH] = drive.as_slice().try_into().map_err(|_| {
-            let found = drive.len();
-            format!("the driver is of another version: {found} bytes of motor and thresholds, expected {DRIVE_LENGTH}")
-        })?;
-        let network = self.client.read(at(index::COMMIT, 7)).map_err(words)?;
-        let network =
-            network_record::parse(&network).map_err(|e| format!("the driver's network: {e}"))?;
-        Ok(ParameterSet::with_drive(friction, network, drive))
+        read_staged(&mut self.client).map_err(|error| error.to_string())
+    }
+
+    /// Stages a set and commits it, whole; gives its CRC.
+    fn commit(&mut self, set: &ParameterSet) -> Result<u32, String> {
+        write_set(&mut self.client, set).map_err(|error| error.to_string())
     }
 
     fn get(&mut self, names: &[String], network: Option<&Path>, json: bool) -> Result<(), String> {
@@ -359,27 +347,6 @@ impl Driver {
         Ok(format!("{changed} (crc {active:08x}, {kept})"))
     }
 
-    /// Stages a set and commits it, whole; gives its CRC.
-    fn commit(&mut self, set: &ParameterSet) -> Result<u32, String> {
-        let at = Address::new;
-        let commit = |client: &mut Client<Box<dyn Bus>>| {
-            client.write(at(index::COMMIT, 5), &record::emit(&set.friction))?;
-            client.write(at(index::COMMIT, 6), &set.emit_drive())?;
-            client.write(at(index::COMMIT, 7), &network_record::emit(set.network.as_ref()))?;
-            client.write(at(index::COMMIT, 3), &set.crc().to_le_bytes())
-        };
-        if let Err(error) = commit(&mut self.client) {
-            // Nothing of it may be left for somebody else's commit.
-            let _ = self.client.write(at(index::COMMIT, 4), &[1]);
-            return Err(words(error));
-        }
-        let active = self.number(index::COMMIT, 1)?;
-        if active != set.crc() {
-            return Err(format!("the driver runs on {active:08x}, meant was {:08x}", set.crc()));
-        }
-        Ok(active)
-    }
-
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode, String> {
         let has = self.read_set()?;
         let mut wants = has.clone();
@@ -421,5 +388,4 @@ impl Driver {
             _ => "unknown",
         })
     }
-
 }

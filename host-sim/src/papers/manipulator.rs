@@ -9,6 +9,7 @@
 
 mod arm;
 mod bounded;
+pub(crate) mod coupled;
 mod fit;
 mod measured;
 mod page;

@@ -1,9 +1,12 @@
 //! The underwater joint: its short form says what it is to say, and the loop behind it is the same bits each time.
 
 use super::quick;
+use compensator_core::can::Node;
 use compensator_core::{LawKind, ParameterId, Parameters};
 use firmware::parameter_set::ParameterSet;
-use host_sim::joint_rig::{Faults, SealSensor, with_joint};
+use host_sim::joint_rig::{Faults, JointRig, RigBus, SETTLE_MS, SealSensor, with_joint};
+use joint_bus::canopen::Client;
+use joint_bus::parameters::{read_set, write_set};
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters as Plant};
 
 fn set() -> ParameterSet {
@@ -47,6 +50,34 @@ fn the_shipped_driver_moves_the_plant_and_is_the_same_bits_each_time() {
 }
 
 #[test]
+fn a_set_goes_into_a_running_joint_over_its_bus() {
+    let mut slack = set();
+    slack.friction.compensator.scale = 0.0;
+    let moved = |rig: &mut JointRig| {
+        let from = rig.plant().position_rad();
+        (0..1000).for_each(|_| rig.millisecond(1.2, 1.0));
+        rig.plant().position_rad() - from
+    };
+    let work = |rig: &mut JointRig| {
+        let before = moved(rig);
+        let mut client = Client::new(RigBus::new(rig), Node::FIRST);
+        let refused = write_set(&mut client, &set()).expect_err("it is armed");
+        assert!(refused.to_string().contains("not in this state"), "{refused}");
+        rig.request(0);
+        (0..SETTLE_MS).for_each(|_| rig.pass());
+        let mut client = Client::new(RigBus::new(rig), Node::FIRST);
+        assert_eq!(write_set(&mut client, &set()).expect("a set"), set().crc());
+        assert_eq!(read_set(&mut client).expect("a set").emit(), set().emit());
+        rig.arm(rig.plant().position_rad()).expect("it arms again");
+        (before, moved(rig))
+    };
+    let plant = JointPlant::with_phase(&Plant::default(), Load::Free, [0.1, 0.2], 1);
+    let (before, after) = with_joint(&slack, plant, Faults::default(), work).expect("a joint");
+    // 1.2 A is below the breakaway: it moves only where its friction is given back.
+    assert!(before < 0.02 && after > 0.3, "{before} {after}");
+}
+
+#[test]
 fn a_set_the_driver_refuses_is_said() {
     let mut refused = set();
     refused.friction.model.set(ParameterId::StaticTorque, 0.5);
@@ -80,8 +111,30 @@ fn the_short_form_repeats_the_papers_numbers() {
         assert!(of("diagnosed") < 0.7 * of("no compensation"), "{column}");
         assert!(of("perfect model") < 0.7 * of("no compensation"), "{column}");
     }
-    let harm = outcome.rows.iter().filter(|row| row.column == "tracking error over that without");
-    assert!(harm.clone().count() >= 20 && harm.clone().all(|row| row.ours <= 1.05));
+    let harm = || outcome.rows.iter().filter(|row| row.column.ends_with("error over that without"));
+    assert!(harm().count() >= 3 * 20);
+    assert!(harm().filter(|row| row.column.contains("6.6 rpm")).all(|row| row.ours <= 1.05));
+    // The running joint follows better on what was diagnosed, and nothing else was changed.
+    let closed = "the loop closed once more";
+    for (task, most) in [
+        ("Velocity tracking, 65 to 95 rpm, mean velocity error", 1.05),
+        ("Lifting 2 kg at 6.6 rpm, mean error", 0.7),
+    ] {
+        let of = |column| number(closed, task, column).ours;
+        assert!(of("after params set") < most * of("before"), "{task}");
+    }
+    // Far too much friction is found by the driver itself; what was identified is not complained of.
+    let told = |name: &str| {
+        let table = "harm, diagnosed model";
+        outcome
+            .rows
+            .iter()
+            .any(|row| row.table == table && row.row == name && row.column.starts_with("said"))
+    };
+    assert!(told("both levels +30 %") && !told("as identified"));
+    // The paper's own form of Table III and its sums.
+    let printed = outcome.rows.iter().filter(|row| row.table.contains("variance over mean"));
+    assert_eq!(printed.filter(|row| row.printed.is_some()).count(), 6 * 3 + 2 * 3);
     let summary = outcome.summary.join("\n");
     for word in
         ["Simulated", "missed", "reached", "refitting alone", "perfect model", "pressure-coulomb"]

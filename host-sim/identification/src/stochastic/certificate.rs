@@ -117,10 +117,7 @@ impl Certificate {
         let counts = settings.counts();
         let in_form = |id: ParameterId, spread: f64| {
             let cv = if is_unlimited(spread) { CV_MOST } else { coefficient_of_variation(spread) };
-            match settings.form {
-                Form::SigmaOverMean => cv,
-                Form::PrintedVarianceOverMean => cv * cv * parameters.get(id).abs(),
-            }
+            settings.form.of(cv, parameters.get(id))
         };
         let table = |of: &dyn Fn(usize, &Class) -> f64| -> Vec<Vec<f64>> {
             let row = |index| classes.iter().map(|class| of(index, class)).collect();

@@ -22,6 +22,14 @@ impl Form {
             Self::PrintedVarianceOverMean => "printed-variance-over-mean",
         }
     }
+
+    /// A coefficient of variation `cv` (sigma over mean) of a parameter with this value, in this form.
+    pub fn of(self, cv: f64, value: f64) -> f64 {
+        match self {
+            Self::SigmaOverMean => cv,
+            Self::PrintedVarianceOverMean => cv * cv * value.abs(),
+        }
+    }
 }
 
 /// How a certificate is made.

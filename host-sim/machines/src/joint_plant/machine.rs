@@ -15,6 +15,9 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 
+/// After so many time constants `exp(-x)` is less than half of the last digit of 1.
+const SETTLED_LAGS: f64 = 40.0;
+
 /// Sub-steps of a period.
 const SUBSTEPS: usize = 2;
 
@@ -161,6 +164,14 @@ impl JointPlant {
         self.held = held;
     }
 
+    /// A stand puts the output there (rad) and stops it.
+    pub fn place(&mut self, position_rad: f64) {
+        (self.position, self.velocity) = (position_rad, 0.0);
+        if let Some(rotor) = &mut self.rotor {
+            *rotor = Rotor { position: position_rad, velocity: 0.0 };
+        }
+    }
+
     /// Puts it on a capacitor with a supply that takes nothing back, in place of a stiff bus.
     pub fn charge_bus(&mut self) {
         self.supply = Some(Supply::of(&self.p));
@@ -269,7 +280,11 @@ impl JointPlant {
             *measured = ((current * shown + self.p.current_noise_a * noise) / step).round() * step;
         }
         let motor = self.motor_position_rad() * self.p.gear_ratio;
-        let seen = motor + self.p.magnet_eccentricity_rad * motor.sin();
+        let off = match self.p.magnet_eccentricity_rad {
+            0.0 => 0.0,
+            eccentricity => eccentricity * motor.sin(),
+        };
+        let seen = motor + off;
         let turns = (self.p.encoder_direction * seen + self.p.encoder_zero_rad) / TAU;
         let encoder = ((turns - turns.floor()) * self.p.encoder_counts) as u32;
         Measured { currents_a, bus_v: self.bus_v(), encoder }
@@ -280,8 +295,8 @@ impl JointPlant {
     fn settled(&self, phase: usize) -> f64 {
         let Some(duty) = self.duty else { return 1.0 };
         let conducted = 0.5 * (1.0 - duty[phase]) * self.period_s - self.p.dead_time_s;
-        // No lag: sensors in the phases.
-        if self.p.shunt_lag_s <= 0.0 {
+        // No lag: sensors in the phases. What is missing after so many is not seen beside 1 in double precision.
+        if conducted >= SETTLED_LAGS * self.p.shunt_lag_s {
             1.0
         } else {
             1.0 - (-conducted.max(0.0) / self.p.shunt_lag_s).exp()

@@ -61,8 +61,9 @@ pub struct Seal {
     steps: u32,
     /// Level over the new one: wear.
     wear: f64,
-    /// Angle of the eccentricity and of the out-of-roundness, rad.
-    phase: [f64; 2],
+    /// Angle of the eccentricity, rad; sine and cosine of that of the out-of-roundness.
+    eccentric_rad: f64,
+    round: (f64, f64),
     torque_nm: f64,
 }
 
@@ -85,7 +86,8 @@ impl Seal {
             lost_j: 0.0,
             steps: 0,
             wear: 1.0,
-            phase: phase_rad,
+            eccentric_rad: phase_rad[0],
+            round: phase_rad[1].sin_cos(),
             torque_nm: 0.0,
         };
         seal.warm();
@@ -137,9 +139,9 @@ impl Seal {
             self.normal_n = normal;
             self.gain = (normal / unloaded).powf(p.load_exponent);
         }
-        let (sine, cosine) = (position + self.phase[0]).sin_cos();
+        let (sine, cosine) = (position + self.eccentric_rad).sin_cos();
         let (twice_sine, twice_cosine) = (2.0 * sine * cosine, 1.0 - 2.0 * sine * sine);
-        let (s2, c2) = self.phase[1].sin_cos();
+        let (s2, c2) = self.round;
         let round =
             1.0 + p.eccentricity * sine + p.out_of_round * (twice_sine * c2 + twice_cosine * s2);
         let new = unloaded * p.shaft_radius_m * self.gain * self.wear * self.softness * round;

@@ -219,7 +219,7 @@ impl Driver {
     fn why_ended(&mut self) -> Result<String, String> {
         let number = self.number(index::COMMISSIONING_RUN, CommissioningRun::REASON)? as u8;
         let (name, meaning) = Reason::describe(number).unwrap_or(("unknown", "of another version"));
-        let faults = super::codes(self.number(index::STATE, 3)?, 1);
+        let faults = super::status::codes(self.number(index::STATE, 3)?, 1);
         let faults =
             if faults.is_empty() { String::new() } else { format!(" ({})", faults.join(", ")) };
         Ok(format!("ended: {name}: {meaning}{faults}; the bridge is open, nothing was changed"))

@@ -136,7 +136,7 @@ impl Driver {
 }
 
 /// Codes of a set of bits, by name; bit 0 is number `first`.
-fn codes(bits: u32, first: u8) -> Vec<&'static str> {
+pub(super) fn codes(bits: u32, first: u8) -> Vec<&'static str> {
     let set = (0..32u8).filter(|bit| bits >> bit & 1 != 0);
     set.filter_map(|bit| Code::from_number(first + bit)).map(|code| code.info().name).collect()
 }

@@ -233,7 +233,13 @@ const STARTS: [(f64, f64); 8] = [
     (0.1, 0.01),
 ];
 
-fn properly(model: &Model, courses: &[Course], torques: &[TorqueStudy], extent: &Extent) -> Fitted {
+/// A model inside the arm, fitted on these courses from several starts, one of them what the torques gave.
+pub fn properly(
+    model: &Model,
+    courses: &[Course],
+    torques: &[TorqueStudy],
+    extent: &Extent,
+) -> Fitted {
     let mut with_offset = base(model.law);
     with_offset.add_term(TermKind::TorqueOffset);
     let fine = problem(courses, with_offset, fit::proper_free(model.law), extent.stride);

@@ -170,7 +170,7 @@ pub fn summary(study: &Study, goals: &[Goal]) -> Vec<String> {
         ));
     }
     lines.extend(overshoot(study));
-    lines.extend(certificates(study));
+    lines.extend(super::findings::certificates(study));
     let found = &study.diagnosis.findings;
     let causes: Vec<&str> = found.iter().map(|finding| finding.cause.name()).collect();
     lines.push(format!(
@@ -181,27 +181,9 @@ pub fn summary(study: &Study, goals: &[Goal]) -> Vec<String> {
         significant(study.diagnosis.extended.test.rmse, 3),
         significant(study.diagnosis.noise_floor, 3),
     ));
-    let harmful: Vec<&str> =
-        study.harm.iter().filter(|of| !of.harmless()).map(|of| of.name.as_str()).collect();
-    let refused = study.harm.iter().filter(|of| of.worse.is_none()).count();
-    lines.push(format!(
-        "Harm, looked for while lifting 2 kg and holding it: of {} circumstances {} break a demand (tracking at most 5 % worse than without compensation, no limit cycle while \
-         holding, current within its limit){}{}; {refused} sets were refused by the driver.",
-        study.harm.len(),
-        harmful.len(),
-        if harmful.is_empty() { "" } else { ": " },
-        harmful.join(", ")
-    ));
-    let wear = &study.wear;
-    let flagged = wear.flagged_day.map_or_else(
-        || format!("says nothing in {} days", wear.last_day),
-        |day| format!("says \"model out of band\" on day {day} of those looked at"),
-    );
-    lines.push(format!(
-        "The watch, friction worn by 1 % a day: {flagged}; {} false alarms on {} sound days of 25 s of sliding (what one alarm a \
-         year needs is beyond a simulation of minutes).",
-        wear.false_alarms, wear.sound_days
-    ));
+    lines.extend(super::findings::closed(study));
+    lines.extend(super::findings::harm(study));
+    lines.extend(super::findings::watch(study));
     let stopped: usize =
         study.tasks.iter().flat_map(|(_, results)| results).map(|result| result.stopped).sum();
     if stopped > 0 {
@@ -220,26 +202,5 @@ fn overshoot(study: &Study) -> Option<String> {
         of(PUBLISHED)?,
         of(PERFECT)?,
         of(NONE)?
-    ))
-}
-
-/// Whether the sums of CV fall from the published to the improved model as the paper's do.
-fn certificates(study: &Study) -> Option<String> {
-    let sums = |arm| {
-        let of = study.certificates.iter().find(|(own, _)| *own == arm);
-        of.map(|(_, certificate)| certificate.sum_cv_by_class.as_slice())
-    };
-    let (published, improved) = (sums(PUBLISHED)?, sums(IMPROVED)?);
-    let list = |sums: &[f64]| {
-        let all: Vec<String> = sums.iter().map(|sum| significant(*sum, 3)).collect();
-        all.join(" / ")
-    };
-    let fallen = published.iter().zip(improved).filter(|(before, after)| after < before).count();
-    Some(format!(
-        "Sums of CV (standard deviation over mean) of the published model {}, of the improved one {}: smaller in {fallen} of {} \
-         classes, where the paper's (variance over mean) fall in all, from 19.82 / 30.19 / 48.28 to 9.52 / 16.55 / 33.54.",
-        list(published),
-        list(improved),
-        published.len()
     ))
 }

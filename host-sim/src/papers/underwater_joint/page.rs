@@ -1,10 +1,11 @@
 //! The page: for someone who has the paper in hand.
 
-use super::Study;
 use super::arms::{DIAGNOSED, IMPROVED, NONE, PERFECT, PUBLISHED, REFITTED};
+use super::closing::Closed;
 use super::estimation::SPEEDS_RPM;
 use super::goals::{Goal, percent};
-use super::tasks::{RPM, Task};
+use super::tasks::{Course, RPM, Task};
+use super::{Study, harm};
 use crate::report::{Axis, Block, Cell, Chart, Series, Table, thin_series};
 use friction_identification::number::significant;
 
@@ -30,6 +31,8 @@ pub fn blocks(study: &Study, goals: &[Goal]) -> Vec<Block> {
     blocks.push(Block::Heading("What the diagnosis found".into()));
     let found = study.diagnosis.findings.iter().map(|finding| finding.in_words.clone());
     blocks.push(Block::List(found.chain(study.diagnosis.log.notes.iter().cloned()).collect()));
+    blocks.push(Block::Heading("The loop closed once more".into()));
+    blocks.push(Block::Row(study.closed.iter().map(closed_chart).collect()));
     blocks.push(Block::Heading("Harm".into()));
     blocks.push(Block::Chart(harm_chart(study)));
     blocks.push(harm_table(study));
@@ -215,45 +218,76 @@ fn courses(study: &Study, task: Task) -> Vec<Chart> {
     vec![velocity, second]
 }
 
+fn closed_chart(of: &Closed) -> Chart {
+    let error = |name: &str, course: &Course| {
+        let pairs = course.velocity_rad_s.iter().zip(&course.wanted_rad_s);
+        let errors: Vec<f64> = pairs.map(|(is, wanted)| (is - wanted) / RPM).collect();
+        let (x, y) = thin_series(&course.time_s, &errors, POINTS);
+        Series::line(name, x, y)
+    };
+    let [before, after] = &of.courses;
+    Chart {
+        title: format!("{}: before and after (simulated, first seed)", of.task.title()),
+        caption: "The same driver on the same joint: first with the LuGre fitted as published, then with the diagnosed set, \
+                  written over its bus without a restart."
+            .into(),
+        x: Axis::new("time (s)"),
+        y: Axis::new("velocity error (rpm)"),
+        series: vec![error("before", before), error("after params set", after)],
+    }
+}
+
 fn harm_chart(study: &Study) -> Chart {
     let known: Vec<_> = study.harm.iter().filter_map(|of| Some((of, of.worse?))).collect();
-    let places: Vec<f64> = (0..known.len()).map(|at| at as f64).collect();
-    let ratios = known.iter().map(|(_, worse)| *worse).collect();
+    let series = harm::TASKS.iter().enumerate().map(|(at, task)| {
+        let places = (0..known.len()).map(|at| at as f64).collect();
+        Series::bars(task.title(), known.iter().map(|(_, worse)| worse[at]).collect(), places)
+    });
     Chart {
-        title: "Tracking error with the diagnosed model over that without compensation (simulated)".into(),
-        caption: "Lifting 2 kg at 6.6 rpm, each circumstance met by both. Beyond 1.05 the compensation does harm.".into(),
+        title: "Velocity error with the diagnosed model over that without compensation (simulated)"
+            .into(),
+        caption: "Each circumstance met by both. Beyond 1.05 the compensation does harm.".into(),
         x: Axis::new("error over that without compensation"),
         y: Axis::of_names("", known.iter().map(|(of, _)| of.name.clone())),
-        series: vec![Series::bars("diagnosed over none", ratios, places)],
+        series: series.collect(),
     }
 }
 
 fn harm_table(study: &Study) -> Block {
     let rows = study.harm.iter().map(|of| {
-        vec![
-            Cell::from(of.name.clone()),
-            of.worse.into(),
-            Cell::Number(1e3 * of.swing_rad),
-            Cell::Number(1e3 * of.swing_without_rad),
-            Cell::Number(of.largest_a),
+        // A set the driver refuses has moved nothing.
+        let met = |value: f64| of.worse.map(|_| value).into();
+        let mut row = vec![Cell::from(of.name.clone())];
+        row.extend((0..harm::TASKS.len()).map(|at| Cell::from(of.worse.map(|worse| worse[at]))));
+        row.extend([
+            met(1e3 * of.swing_rad),
+            met(1e3 * of.swing_without_rad),
+            met(of.largest_a),
+            of.told_s.into(),
             Cell::from(match (of.worse, of.harmless()) {
-                (None, _) => "refused by the driver",
+                (None, _) => "refused",
                 (_, false) => "breaks a demand",
-                _ if of.stopped => "harmless; the driver stopped",
+                _ if of.stopped => "harmless; stopped",
                 _ => "harmless",
             }),
-        ]
+        ]);
+        row
     });
     let header = [
         "circumstance",
-        "error over that without",
-        "swing while holding (mrad)",
-        "without compensation (mrad)",
-        "largest current (A)",
+        "lifting",
+        "sine",
+        "jump",
+        "swing (mrad)",
+        "without (mrad)",
+        "current (A)",
+        "told (s)",
         "",
     ];
     Block::Table(Table {
-        caption: "The map of harm (simulated)".into(),
+        caption: "The map of harm (simulated): velocity error over that without compensation in each task; swing while holding, with \
+                  and without; largest current; when the driver itself said \"model out of band\" of the sine"
+            .into(),
         header: header.map(str::to_owned).to_vec(),
         rows: rows.collect(),
         best: Vec::new(),

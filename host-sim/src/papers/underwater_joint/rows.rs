@@ -4,9 +4,10 @@ use super::arms::{IMPROVED, PUBLISHED};
 use super::estimation::SPEEDS_RPM;
 use super::experiments::measures;
 use super::tasks::Task;
-use super::{Spread, Study};
+use super::{Spread, Study, harm};
 use crate::papers::Row;
 use compensator_core::ParameterId as Id;
+use friction_identification::stochastic::Form;
 
 /// What the paper prints of an arm: estimation errors, %.
 pub const PRINTED_ERRORS: [(&str, [f64; 3]); 2] =
@@ -57,22 +58,20 @@ pub fn rows(study: &Study) -> Vec<Row> {
             rows.push(row(["Fig. 6", arm, &column, "%"], *error, of(&PRINTED_ERRORS, arm, at)));
         }
     }
+    rows.extend(printed_form(study));
     for (arm, certificate) in &study.certificates {
-        let table = format!("III, CV of {arm}");
+        let table = format!("III, CV (standard deviation over mean) of {arm}");
         for (parameter, cv) in certificate.parameters.iter().zip(&certificate.cv) {
-            for (at, (class, cv)) in certificate.classes.iter().zip(cv).enumerate() {
-                let plain = TABLE_III.iter().find(|(id, _)| id == parameter && *arm == PUBLISHED);
-                let row = Row::simulated(&table, parameter.info().name, class, "", *cv);
-                rows.push(plain.map_or(row.clone(), |(_, values)| row.printed(values[at.min(2)])));
+            for (class, cv) in certificate.classes.iter().zip(cv) {
+                rows.push(Row::simulated(&table, parameter.info().name, class, "", *cv));
             }
         }
     }
     for (arm, certificate) in &study.certificates {
         let sums = certificate.classes.iter().zip(&certificate.sum_cv_by_class);
-        for (at, (class, sum)) in sums.enumerate() {
-            let row = Row::simulated("sum of CV", arm, class, "", *sum);
-            let printed = of(&PRINTED_SUMS, arm, at.min(2));
-            rows.push(printed.map_or(row.clone(), |printed| row.printed(printed)));
+        for (class, sum) in sums {
+            let table = "sum of CV (standard deviation over mean)";
+            rows.push(Row::simulated(table, arm, class, "", *sum));
         }
     }
     for (task, results) in &study.tasks {
@@ -83,15 +82,8 @@ pub fn rows(study: &Study) -> Vec<Row> {
             }
         }
     }
-    for of in &study.harm {
-        let table = "harm, diagnosed model";
-        if let Some(worse) = of.worse {
-            let column = "tracking error over that without";
-            rows.push(Row::simulated(table, &of.name, column, "", worse));
-            let swing = "swing while holding";
-            rows.push(Row::simulated(table, &of.name, swing, "mrad", 1e3 * of.swing_rad));
-        }
-    }
+    rows.extend(closed_loop(study));
+    rows.extend(harm_map(study));
     let wear = &study.wear;
     let watch = |column: &str, unit: &str, value: f64| {
         Row::simulated("watch", "diagnosed", column, unit, value)
@@ -101,5 +93,78 @@ pub fn rows(study: &Study) -> Vec<Row> {
     }
     rows.push(watch("false alarms", "", wear.false_alarms as f64));
     rows.push(watch("sound days", "d", wear.sound_days as f64));
+    rows
+}
+
+/// CV in the paper's form of each parameter of an arm, `[class][parameter]`: variance over mean, with the parameter's unit.
+fn in_print(study: &Study, arm: &str) -> Option<Vec<Vec<f64>>> {
+    let certificate = &study.certificates.iter().find(|(own, _)| *own == arm)?.1;
+    let fit = study.arms.iter().find(|own| own.name == arm)?.fit.as_ref()?;
+    let form = Form::PrintedVarianceOverMean;
+    let class = |at: usize| {
+        let each = certificate.parameters.iter().zip(&certificate.cv);
+        each.map(|(id, cv)| form.of(cv[at], fit.parameters.get(*id))).collect()
+    };
+    Some((0..certificate.classes.len()).map(class).collect())
+}
+
+/// The sums of an arm's CV in the paper's form, by class.
+pub fn printed_sums(study: &Study, arm: &str) -> Option<Vec<f64>> {
+    Some(in_print(study, arm)?.iter().map(|class| class.iter().sum()).collect())
+}
+
+/// Table III as the paper prints it, and its sums.
+fn printed_form(study: &Study) -> Vec<Row> {
+    let mut rows = Vec::new();
+    let mut sums = Vec::new();
+    for (arm, certificate) in &study.certificates {
+        let table = format!("III, CV as printed (variance over mean) of {arm}");
+        let classes = in_print(study, arm).unwrap_or_default();
+        for (at, (class, values)) in certificate.classes.iter().zip(&classes).enumerate() {
+            for (id, value) in certificate.parameters.iter().zip(values) {
+                let info = id.info();
+                let row = Row::simulated(&table, info.name, class, info.unit, *value);
+                let plain = TABLE_III.iter().find(|(own, _)| own == id && *arm == PUBLISHED);
+                rows.push(plain.map_or(row.clone(), |(_, all)| row.printed(all[at.min(2)])));
+            }
+            let table = "sum of CV as printed (variance over mean)";
+            let row = Row::simulated(table, arm, class, "", values.iter().sum());
+            let printed = PRINTED_SUMS.iter().find(|(own, _)| own == arm);
+            sums.push(printed.map_or(row.clone(), |(_, all)| row.printed(all[at.min(2)])));
+        }
+    }
+    rows.extend(sums);
+    rows
+}
+
+/// Before and after the diagnosed parameters went into the running joint.
+fn closed_loop(study: &Study) -> Vec<Row> {
+    let each = study.closed.iter().flat_map(|of| {
+        let measure = &measures(of.task)[0];
+        let name = format!("{}, {}", of.task.title(), measure.column);
+        let row = |column: &str, spread: Spread| {
+            row(["the loop closed once more", &name, column, measure.unit], spread, None)
+        };
+        [row("before", of.before), row("after params set", of.after)]
+    });
+    each.collect()
+}
+
+fn harm_map(study: &Study) -> Vec<Row> {
+    let mut rows = Vec::new();
+    let table = "harm, diagnosed model";
+    for of in &study.harm {
+        let Some(worse) = of.worse else { continue };
+        for (task, worse) in harm::TASKS.iter().zip(worse) {
+            let column = format!("{}, error over that without", task.title());
+            rows.push(Row::simulated(table, &of.name, &column, "", worse));
+        }
+        let swing = "swing while holding";
+        rows.push(Row::simulated(table, &of.name, swing, "mrad", 1e3 * of.swing_rad));
+        if let Some(told_s) = of.told_s {
+            let told = "said to be out of band after";
+            rows.push(Row::simulated(table, &of.name, told, "s", told_s));
+        }
+    }
     rows
 }

@@ -8,6 +8,7 @@
 
 use super::arms::Arm;
 use crate::joint_rig::{Faults, JointRig, with_joint};
+use firmware::supervisor::Code;
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters, load};
 use std::f64::consts::TAU;
 
@@ -42,8 +43,8 @@ pub struct Course {
     pub current_a: Vec<f64>,
     /// The driver stopped by itself.
     pub stopped: bool,
-    /// The watch said "model out of band" at some time.
-    pub out_of_band: bool,
+    /// When the watch first said "model out of band", s from the task's start; at 0 where it said so before.
+    pub out_of_band_s: Option<f64>,
 }
 
 /// The task.
@@ -215,7 +216,7 @@ impl VelocityLoop {
 }
 
 /// Conditions of a run.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditions {
     /// The plant's constants.
     pub parameters: Parameters,
@@ -229,6 +230,19 @@ pub struct Conditions {
     pub wear: f64,
     /// Draws the sensors' noise.
     pub seed: u64,
+    /// The task ends after so long at the latest, s.
+    pub most_s: f64,
+}
+
+/// The joint under these conditions, held by a stand.
+pub fn joint(task: Task, conditions: &Conditions) -> JointPlant {
+    let p = &conditions.parameters;
+    let load = task.load(p);
+    let mut plant = JointPlant::with_phase(p, load, conditions.phase_rad, conditions.seed);
+    plant.seal_mut().set_temperature(conditions.temperature_c);
+    plant.seal_mut().set_wear(conditions.wear);
+    plant.hold(true);
+    plant
 }
 
 /// Makes the joint do it.
@@ -236,17 +250,11 @@ pub struct Conditions {
 /// # Errors
 /// The driver refuses the arm's parameters, or does not arm; one line.
 pub fn run(task: Task, arm: &Arm, conditions: &Conditions) -> Result<Course, String> {
-    let p = &conditions.parameters;
-    let load = task.load(p);
-    let mut plant = JointPlant::with_phase(p, load, conditions.phase_rad, conditions.seed);
-    plant.seal_mut().set_temperature(conditions.temperature_c);
-    plant.seal_mut().set_wear(conditions.wear);
+    let mut plant = joint(task, conditions);
     if let Some(share) = arm.perfect {
         plant.cancel_friction(share);
     }
-    plant.hold(true);
-    let inertia = nominal_inertia(task);
-    with_joint(&arm.set, plant, conditions.faults, |rig| master(rig, task, inertia))
+    with_joint(&arm.set, plant, conditions.faults, |rig| master(rig, task, conditions.most_s))
 }
 
 /// What whoever lays out the loops takes for the inertia: the machine's own table.
@@ -255,13 +263,15 @@ fn nominal_inertia(task: Task) -> f64 {
     JointPlant::with_phase(&p, task.load(&p), [0.0; 2], 0).inertia_kg_m2()
 }
 
-fn master(rig: &mut JointRig, task: Task, inertia: f64) -> Course {
+/// Is the master of an armed joint that a stand holds: lets go of it, and makes it do the task, or the first `most_s` of it.
+pub fn master(rig: &mut JointRig, task: Task, most_s: f64) -> Course {
     let p = Parameters::default();
+    let inertia = nominal_inertia(task);
     let mut velocity_loop = VelocityLoop { gain: inertia * TAU * VELOCITY_HZ, integral_a: 0.0 };
     let start = rig.plant().position_rad();
     let mut course = Course::default();
     let lead_in = (task.lead_in_s() / PERIOD_S).round() as i64;
-    let rows = (task.seconds() / PERIOD_S).round() as i64;
+    let rows = (task.seconds().min(most_s) / PERIOD_S).round() as i64;
     rig.plant_mut().hold(false);
     for row in -lead_in..rows {
         let t = row as f64 * PERIOD_S;
@@ -290,8 +300,10 @@ fn master(rig: &mut JointRig, task: Task, inertia: f64) -> Course {
             course.current_a.push(f64::from(rig.heard().current_a));
         }
         course.stopped |= !rig.is_armed();
-        course.out_of_band |=
-            rig.driver().supervisor().limits().contains(firmware::supervisor::Code::ModelOutOfBand);
+        let limits = rig.driver().supervisor().limits();
+        if course.out_of_band_s.is_none() && limits.contains(Code::ModelOutOfBand) {
+            course.out_of_band_s = Some(t.max(0.0));
+        }
     }
     course
 }
