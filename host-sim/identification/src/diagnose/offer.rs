@@ -7,7 +7,7 @@
 use super::cause::Claim;
 use super::gram_blocks::LeftOut;
 use super::judge::{Gain, gain};
-use super::left_out::{predict_left_out, unit};
+use super::left_out::{goes_beyond, predict_left_out, unit};
 use super::model::Fitted;
 use super::search::{Extension, Search};
 use super::train_test::TrainTest;
@@ -46,6 +46,11 @@ pub fn offer(
     given: Option<Predicted>,
 ) -> Result<Offer, SpecError> {
     let (mut taken_back, mut notes) = (Vec::new(), Vec::new());
+    if log.leaves_each_out && goes_beyond(log) {
+        let why = "one run is far faster than all others, which cannot tell what the joint does there: a stretch of each run is \
+                   left out instead of whole runs";
+        notes.push(why.to_owned());
+    }
     loop {
         let describes = extension.found.iter().any(|found| found.only_describes);
         let way = if describes { LeftOut::Stretches } else { unit(log) };
