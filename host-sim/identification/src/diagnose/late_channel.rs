@@ -16,6 +16,7 @@ use super::baseline::independent_rows;
 use super::model::{Fitted, again};
 use super::train_test::TrainTest;
 use crate::data::{JointKind, Quantity};
+use crate::fit::Track;
 use crate::log_check::{Kind, LogFinding};
 use crate::number::figure;
 use crate::spec::SpecError;
@@ -30,6 +31,12 @@ const LONGEST_S: f64 = 0.1;
 
 /// Halvings of the step around the best one, in its logarithm: to 0.3 %, or a delay or a travel makes up for the rest.
 const REFINED: usize = 7;
+
+/// Rows looked at, where a log has more, and of each track at least.
+const MOST_ROWS: usize = 6000;
+
+/// See [`MOST_ROWS`].
+const FEWEST_ROWS: usize = 100;
 
 /// Which channel is late, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,6 +128,11 @@ pub fn found(
     base: &Fitted,
     sought: &[Late],
 ) -> Result<Option<LateChannel>, SpecError> {
+    if !base.spec.law.has_bristles() {
+        return Ok(None);
+    }
+    let log = &excerpt(log);
+    let base = &again(log.train_rows(), base);
     let mut best: Option<LateChannel> = None;
     for late in sought.iter().copied().filter(|late| late.may_be_in(log)) {
         let Some((time_s, fitted)) = best_time(log, base, late) else { continue };
@@ -138,9 +150,6 @@ pub fn found(
 /// The time at which the base model fits best, if it is worth it.
 fn best_time(log: &TrainTest, base: &Fitted, late: Late) -> Option<(f64, Fitted)> {
     let period = log.train_tracks.first()?.period_s;
-    if !base.spec.law.has_bristles() {
-        return None;
-    }
     let at = |time_s: f64, from: &Fitted| {
         let log = LateChannel { late, time_s, share_left: 1.0 }.heeded(log.clone());
         again(log.train_rows(), from)
@@ -178,6 +187,19 @@ fn best_time(log: &TrainTest, base: &Fitted, late: Late) -> Option<(f64, Fitted)
         step = step.sqrt();
     }
     Some((time, fitted))
+}
+
+/// The beginning of every track: some forty fits are made here, and a lateness shows in every reversal.
+fn excerpt(log: &TrainTest) -> TrainTest {
+    let rows: usize = log.train_tracks.iter().map(Track::len).sum();
+    let mut log = log.clone();
+    if rows > MOST_ROWS {
+        for track in &mut log.train_tracks {
+            let part = (track.len() * MOST_ROWS / rows).max(FEWEST_ROWS);
+            *track = track.part(0..part.min(track.len()));
+        }
+    }
+    log
 }
 
 /// What a time chosen from all must lower `n ln(SSE)` by.
