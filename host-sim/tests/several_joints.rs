@@ -153,7 +153,7 @@ fn an_arm_is_fitted_inside_what_is_known_of_it() {
     let how = "data.csv --hold-out run=other-1 --inside manipulator";
     let done = run(folder, &format!("identify {how} --model linear --starts 1"));
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-    let found = json(folder, "out/fit.json");
+    let found = json(folder, "out/identify-data/fit.json");
     assert_eq!(
         (&found["fitted_on"][0], &found["held_out"][0]),
         (&"printed".into(), &"other-1".into())
@@ -168,7 +168,7 @@ fn an_arm_is_fitted_inside_what_is_known_of_it() {
         let viscous = joint["params"]["viscous_friction"]["value"].as_f64();
         assert!(viscous.is_some_and(|value| value > 0.01), "{joint}");
         let name = joint["joint"].as_str().expect("a name");
-        assert!(folder.join(format!("out/joint-{name}/params.toml")).is_file());
+        assert!(folder.join(format!("out/identify-data/joint-{name}/params.toml")).is_file());
     }
     for (arguments, words) in [
         (format!("identify {how} --model dahl"), "expected of linear, extended, atan, lugre"),
