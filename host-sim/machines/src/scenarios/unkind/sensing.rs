@@ -6,7 +6,7 @@
 //! | encoder | an angle of 12 to 21 bits, and its differences through a filter for a velocity |
 //! | velocity-noise | a velocity that flickers by 0.3 to 10 mrad/s, at rest as well |
 //! | no-position | no angle; the velocity flickers, or is differences of an angle nobody logged |
-//! | torque-filtered | the torque went through a low-pass of 5 to 200 Hz |
+//! | torque-filtered | the torque went through a low-pass of 5 to 200 Hz: of first or second order, or a running mean |
 //! | held | covariates refreshed at 0.2 to 20 Hz, at times torque or motion held over several rows |
 //!
 //! Filters run at the log's rate. A low-pass and held rows make a channel late: what says so is true of the log,
@@ -72,6 +72,39 @@ enum Velocity {
     Averaged(usize),
 }
 
+/// How a torque is low-passed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Shape {
+    /// First order.
+    First,
+    /// Two of first order, one behind the other, of the same corner together.
+    Second,
+    /// The mean of the last rows.
+    Mean,
+}
+
+impl Shape {
+    fn passed(self, times: &[f64], values: &[f64], corner_hz: f64) -> Vec<f64> {
+        match self {
+            Self::First => low_pass(times, values, corner_hz),
+            Self::Second => {
+                // Two of them are 3 dB down at sqrt(sqrt(2) - 1) of the corner of one.
+                let each_hz = corner_hz / (2f64.sqrt() - 1.0).sqrt();
+                low_pass(times, &low_pass(times, values, each_hz), each_hz)
+            }
+            Self::Mean => running_mean(times, values, 0.443 / corner_hz),
+        }
+    }
+
+    const fn words(self) -> &'static str {
+        match self {
+            Self::First => "",
+            Self::Second => ", second order",
+            Self::Mean => ", running mean",
+        }
+    }
+}
+
 /// The sensors of a campaign.
 #[derive(Clone, Debug)]
 pub(super) struct Sensing {
@@ -81,8 +114,9 @@ pub(super) struct Sensing {
     lines_per_rad: Option<f64>,
     /// Standard deviation of the torque's noise, Nm.
     pub noise_nm: f64,
-    /// Corner of the torque's low-pass, Hz.
+    /// Corner of the torque's low-pass, Hz, and its shape.
     torque_corner_hz: Option<f64>,
+    torque_shape: Shape,
     /// Whether the noise is in front of the low-pass, and so coloured.
     noise_before: bool,
     /// Rows over which torque is held; 1 for each its own.
@@ -103,6 +137,7 @@ impl Sensing {
             lines_per_rad: None,
             noise_nm,
             torque_corner_hz: None,
+            torque_shape: Shape::First,
             noise_before: false,
             torque_rows: 1,
             motion_rows: 1,
@@ -137,6 +172,7 @@ impl Sensing {
                 own.torque_corner_hz = Some(sampler.log_between(5.0, highest));
                 own.noise_before = sampler.chance(0.5);
                 own.lines_per_rad = sampler.chance(0.5).then(|| lines(sampler, 17));
+                own.torque_shape = [Shape::First, Shape::Second, Shape::Mean][sampler.below(3)];
             }
             SensorKind::Held => {
                 own.covariate_hz = Some(sampler.log_between(0.2, (0.5 * rate_hz).min(20.0)));
@@ -220,7 +256,7 @@ impl Sensing {
     /// What the torque's sensor makes of a torque, noise apart, Nm.
     pub fn torque_channel(&self, times: &[f64], torque: &[f64]) -> Vec<f64> {
         let passed = match self.torque_corner_hz {
-            Some(corner_hz) => low_pass(times, torque, corner_hz),
+            Some(corner_hz) => self.torque_shape.passed(times, torque, corner_hz),
             None => torque.to_vec(),
         };
         held(&passed, self.torque_rows)
@@ -257,7 +293,7 @@ impl Sensing {
             parts.push(format!("encoder of {} bits", (lines * TAU).log2().round()));
         }
         if let Some(hz) = self.torque_corner_hz {
-            parts.push(format!("torque through {hz:.1} Hz"));
+            parts.push(format!("torque through {hz:.1} Hz{}", self.torque_shape.words()));
         }
         for (what, rows) in [("torque", self.torque_rows), ("motion", self.motion_rows)] {
             if rows > 1 {
@@ -283,6 +319,21 @@ fn low_pass(times: &[f64], values: &[f64], corner_hz: f64) -> Vec<f64> {
     passed
 }
 
+/// The mean of all values within the last so many seconds.
+fn running_mean(times: &[f64], values: &[f64], seconds: f64) -> Vec<f64> {
+    let (mut from, mut sum) = (0, 0.0);
+    (0..values.len())
+        .map(|at| {
+            sum += values[at];
+            while times[at] - times[from] >= seconds {
+                sum -= values[from];
+                from += 1;
+            }
+            sum / (at + 1 - from) as f64
+        })
+        .collect()
+}
+
 /// Each value held over so many rows.
 fn held(values: &[f64], rows: usize) -> Vec<f64> {
     (0..values.len()).map(|at| values[at - at % rows.max(1)]).collect()
@@ -299,6 +350,18 @@ mod tests {
         let passed = low_pass(&times, &step, 5.0);
         let expected = 1.0 - (-TAU * 5.0 * 0.05f64).exp();
         assert!((passed[50] - expected).abs() < 1e-9, "{}", passed[50]);
+    }
+
+    #[test]
+    fn every_shape_lets_half_the_power_through_at_its_corner() {
+        let (corner_hz, rate_hz) = (10.0, 2000.0);
+        let times: Vec<f64> = (0..8000).map(|at| f64::from(at) / rate_hz).collect();
+        let wave: Vec<f64> = times.iter().map(|time| (TAU * corner_hz * time).sin()).collect();
+        for shape in [Shape::First, Shape::Second, Shape::Mean] {
+            let passed = shape.passed(&times, &wave, corner_hz);
+            let power = passed[4000..].iter().map(|value| value * value).sum::<f64>() / 4000.0;
+            assert!((power / 0.5 - 0.5).abs() < 0.02, "{shape:?}: {power}");
+        }
     }
 
     #[test]
