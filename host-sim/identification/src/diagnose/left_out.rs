@@ -2,7 +2,7 @@
 //!
 //! Whole runs are left out where there are three or more; with many, several at a time. Of one or two runs,
 //! where a cause can only be shown to describe (its column is constant in each of a few runs), and where a run went
-//! more than [`FASTER`] times as fast as all others (what a law does there nobody can know from them), a stretch of each
+//! more than `FASTER` times as fast as all others (what a law does there nobody can know from them), a stretch of each
 //! run is left out instead. A stretch is simulated on the way, since the bristles remember what was before it,
 //! and counts for nothing in the fit. Every fit begins at the one that has seen all.
 
@@ -110,7 +110,7 @@ pub fn unit(log: &TrainTest) -> LeftOut {
     if runs >= FEWEST_RUNS && !goes_beyond(log) { LeftOut::Runs } else { LeftOut::Stretches }
 }
 
-/// Whether some runs that would be left out together go [`FASTER`] than all others.
+/// Whether some runs that would be left out together go `FASTER` than all others.
 pub fn goes_beyond(log: &TrainTest) -> bool {
     let mut fastest = [0.0f64; MOST_FITS];
     for track in &log.train_tracks {
