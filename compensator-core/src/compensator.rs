@@ -21,7 +21,7 @@ pub use crate::quantity::{Inputs, Reading};
 use crate::configuration::Configuration;
 use crate::model::{Model, Sample, State};
 use crate::network::Factors;
-use crate::number::Real;
+use crate::number::{Mask, Real};
 use crate::parameters::ParameterError;
 use covariates::Covariates;
 use parameters::Built;
@@ -77,7 +77,19 @@ impl<T: Real> Held<T> {
         let age_s = T::select(illegal | unheard, self.age_s + built.period_s, reading.age_s);
         self.age_s = age_s.within_level(built.faded_s);
         *flags |= guard.stale.when(built.hold_s.lt_mask(self.age_s));
-        // 1 up to hold_s, then a straight line to 0 at hold_s + fade_s.
+        self.trust(built)
+    }
+
+    /// Ages by a sample, and returns how far it is to be trusted.
+    #[inline(always)]
+    fn wait(&mut self, built: &Built<T>) -> T {
+        self.age_s = (self.age_s + built.period_s).within_level(built.faded_s);
+        self.trust(built)
+    }
+
+    /// 1 up to `hold_s`, then a straight line to 0 at `hold_s + fade_s`.
+    #[inline(always)]
+    fn trust(&self, built: &Built<T>) -> T {
         let faded = (self.age_s - built.hold_s).positive_part() * built.fade_per_s;
         (T::one() - faded).positive_part()
     }
@@ -87,6 +99,8 @@ impl<T: Real> Held<T> {
 #[derive(Clone, Debug)]
 pub struct Compensator<T: Real> {
     enabled: bool,
+    /// Whether [`Self::step`] may take the short way: it is on, and its model is its law alone, by its own constants.
+    quick: bool,
     model: Model<T>,
     built: Built<T>,
     state: State<T>,
@@ -106,6 +120,23 @@ struct SealTrust<T> {
     pressure: T,
 }
 
+/// Side load and pressure, as far as they are to be believed, and how far that is.
+struct Seal<T> {
+    force_n: T,
+    force_change_n: T,
+    pressure_mpa: T,
+    trust: SealTrust<T>,
+}
+
+/// What is to be believed of a sample's inputs.
+struct Believed<T> {
+    velocity_rad_s: T,
+    /// 1, or 0 where there is no velocity.
+    velocity_trust: T,
+    seal: Seal<T>,
+    flags: Flags,
+}
+
 impl<T: Real> Compensator<T> {
     /// Builds a compensator for a sample period in s. It starts disabled, at rest.
     ///
@@ -122,6 +153,7 @@ impl<T: Real> Compensator<T> {
             Built::new(&configuration.compensator, &configuration.model.envelope, period_s)?;
         Ok(Self {
             enabled: false,
+            quick: false,
             state: State::default(),
             factors: None,
             compensation_torque_nm: T::zero(),
@@ -138,10 +170,16 @@ impl<T: Real> Compensator<T> {
     pub fn set_enabled(&mut self, enabled: bool) {
         // Cleared when it goes off: a sample that is off costs next to nothing, so the dearest one is not dearer for it.
         if self.enabled && !enabled {
-            self.state = State::default();
+            self.state.clear();
             self.compensation_torque_nm = T::zero();
         }
         self.enabled = enabled;
+        self.choose_way();
+    }
+
+    fn choose_way(&mut self) {
+        let supplied = self.factors.is_some() && self.model.takes_factors();
+        self.quick = self.enabled && self.model.is_plain() && !supplied;
     }
 
     /// Whether the compensator is on.
@@ -153,6 +191,7 @@ impl<T: Real> Compensator<T> {
     /// `None` for the law's constants. A model other than `lugre-asymmetric` without terms takes no notice.
     pub fn supply(&mut self, factors: Option<Factors<T>>) {
         self.factors = factors;
+        self.choose_way();
     }
 
     /// Torque held by the bent bristles, Nm.
@@ -161,10 +200,48 @@ impl<T: Real> Compensator<T> {
     }
 
     /// Takes one sample.
-    #[inline]
+    ///
+    /// There are two ways with the same bits: a short one for readings of which nothing has to be replaced, aged or
+    /// faded, taken by a law without terms; and the one that can do all of it. What each guard costs is in
+    /// `tests/cost/table.md`. Inlined: an image calls it in one place, its current loop.
+    #[inline(always)]
     pub fn step(&mut self, inputs: &Inputs<T>) -> Output<T> {
-        let zero = T::zero();
+        if !self.quick {
+            return self.step_more(inputs);
+        }
+        let read_change = inputs.radial_force_n.value - self.radial_force.value;
+        let velocities = self.doubt_velocities(inputs);
+        let seal = self.doubt_seal(inputs, read_change);
+        // Each by itself: a structure that is written out of line would have to be in memory on the short way too.
+        let (velocity, force, change, pressure, trust, flags);
+        if (velocities | seal).is_set() {
+            let believed = self.believe(inputs, velocities, seal);
+            (velocity, trust) = (believed.velocity_rad_s, believed.velocity_trust);
+            (force, pressure) = (believed.seal.force_n, believed.seal.pressure_mpa);
+            (change, flags) = (believed.seal.force_change_n, believed.flags);
+        } else {
+            let seal = self.seal_as_read(inputs, read_change);
+            let reference = inputs.velocity_reference_rad_s.value;
+            velocity = self.blended(inputs.velocity_rad_s.value, reference);
+            (force, pressure) = (seal.force_n, seal.pressure_mpa);
+            (change, trust, flags) = (seal.force_change_n, T::one(), Flags::empty());
+        }
+        let sample = Sample {
+            velocity_rad_s: velocity,
+            radial_force_n: force,
+            radial_force_change_n: change,
+            pressure_diff_mpa: pressure,
+            ..Sample::default()
+        };
+        let friction = self.model.step_plain(&mut self.state, &sample);
+        self.finish_quickly(friction, trust, flags)
+    }
+
+    /// A sample of a compensator that is off, or of a model that is more than its law.
+    #[inline(never)]
+    fn step_more(&mut self, inputs: &Inputs<T>) -> Output<T> {
         if !self.enabled {
+            let zero = T::zero();
             return Output {
                 friction_torque_nm: zero,
                 compensation_torque_nm: zero,
@@ -173,19 +250,71 @@ impl<T: Real> Compensator<T> {
             };
         }
         let mut flags = Flags::empty();
-        let (velocity, trust) = self.blended_velocity(inputs, &mut flags);
-        let mut sample = Sample { velocity_rad_s: velocity, ..Sample::default() };
-        let seal_trust = self.guard_seal(inputs, &mut sample, &mut flags);
-        self.covariates.take(inputs, &self.model, &self.built, seal_trust, &mut sample, &mut flags);
-
-        let mut friction = match &self.factors {
-            None => self.model.step(&mut self.state, &sample),
-            Some(factors) => self.model.step_supplied(&mut self.state, &sample, factors),
+        let (measured, reference, trust) = self.replaced_velocities(inputs, &mut flags);
+        let seal = self.guarded_seal(inputs, &mut flags);
+        let mut sample = Sample {
+            velocity_rad_s: self.blended(measured, reference),
+            radial_force_n: seal.force_n,
+            radial_force_change_n: seal.force_change_n,
+            pressure_diff_mpa: seal.pressure_mpa,
+            ..Sample::default()
         };
+        self.covariates.take(inputs, &self.model, &self.built, seal.trust, &mut sample, &mut flags);
+        let friction = self.model.step_more(&mut self.state, &sample, self.factors.as_ref());
+        self.finish(friction, trust, flags)
+    }
+
+    /// What is to be believed of the inputs. Masks say where something may be wrong with the velocities, and with side
+    /// load and pressure.
+    #[inline(never)]
+    fn believe(&mut self, inputs: &Inputs<T>, velocities: Mask, seal: Mask) -> Believed<T> {
+        let mut flags = Flags::empty();
+        let measured = inputs.velocity_rad_s.value;
+        let mut velocity = (measured, inputs.velocity_reference_rad_s.value, T::one());
+        if velocities.is_set() {
+            velocity = self.replaced_velocities(inputs, &mut flags);
+        }
+        let (measured, reference, velocity_trust) = velocity;
+        let seal = if !seal.is_set() {
+            let change = inputs.radial_force_n.value - self.radial_force.value;
+            self.seal_as_read(inputs, change)
+        } else if self.no_seal_sensors(inputs).is_set() {
+            self.seal_unheard(&mut flags)
+        } else {
+            self.guarded_seal(inputs, &mut flags)
+        };
+        Believed { velocity_rad_s: self.blended(measured, reference), velocity_trust, seal, flags }
+    }
+
+    /// From the friction torque to what is added, where no limit acts; else by way of [`Self::finish`].
+    #[inline(always)]
+    fn finish_quickly(&mut self, friction: T, trust: T, flags: Flags) -> Output<T> {
+        let built = &self.built;
+        let wanted = friction * built.scale * trust;
+        let change = wanted - self.compensation_torque_nm;
+        let limited = friction.abs_gt_mask(built.not_finite)
+            | wanted.past_level_mask(built.torque_limit)
+            | change.past_level_mask(built.slew_step);
+        if limited.is_set() {
+            return self.finish(friction, trust, flags);
+        }
+        let compensation = self.compensation_torque_nm + change;
+        self.compensation_torque_nm = compensation;
+        Output {
+            friction_torque_nm: friction,
+            compensation_torque_nm: compensation,
+            feed_forward_current_a: compensation * built.current_per_torque,
+            flags,
+        }
+    }
+
+    /// From the friction torque to what is added, under all limits.
+    #[inline(never)]
+    fn finish(&mut self, mut friction: T, trust: T, mut flags: Flags) -> Output<T> {
         // Validated parameters keep friction far below this.
         if friction.abs_gt_mask(self.built.not_finite).is_set() {
-            friction = zero;
-            self.state = State::default();
+            friction = T::zero();
+            self.state.clear();
             flags |= Flags::MODEL_NOT_FINITE;
         }
         let built = &self.built;
@@ -206,8 +335,23 @@ impl<T: Real> Compensator<T> {
 
     /// Adds the compensation to a commanded current (A) and limits the sum: the last addition and,
     /// after it, the limit. Disabled, the command passes with its bits unless the limit acts.
-    #[inline]
+    #[inline(always)]
     pub fn sum(&self, command_current_a: T, output: &Output<T>) -> (T, Flags) {
+        if self.enabled {
+            let built = &self.built;
+            let sum = command_current_a + output.feed_forward_current_a;
+            let limited = command_current_a.abs_gt_mask(built.not_finite)
+                | sum.past_level_mask(built.current_limit);
+            if !limited.is_set() {
+                return (sum, output.flags);
+            }
+        }
+        self.sum_limited(command_current_a, output)
+    }
+
+    /// The sum with everything that can happen to it.
+    #[inline(never)]
+    fn sum_limited(&self, command_current_a: T, output: &Output<T>) -> (T, Flags) {
         let mut flags = output.flags;
         let unsound = command_current_a.abs_gt_mask(self.built.not_finite);
         let command = T::select(unsound, T::zero(), command_current_a);
@@ -218,40 +362,101 @@ impl<T: Real> Compensator<T> {
         (limited, flags)
     }
 
-    /// The velocity to believe, rad/s, and 1, or 0 where there is none.
+    /// Whether a velocity is not to be taken as it is: NaN, beyond the envelope, or too old.
     #[inline(always)]
-    fn blended_velocity(&self, inputs: &Inputs<T>, flags: &mut Flags) -> (T, T) {
-        let built = &self.built;
-        let unusable = |reading: &Reading<T>| {
-            reading.value.abs_gt_mask(built.velocity_limit)
-                | reading.age_s.negative_or_nan_mask()
-                | built.hold_s.lt_mask(reading.age_s)
-        };
+    fn doubt_velocity(&self, reading: &Reading<T>) -> Mask {
+        reading.value.abs_gt_mask(self.built.velocity_limit)
+            | reading.age_s.outside_mask(self.built.hold_s)
+    }
+
+    #[inline(always)]
+    fn doubt_velocities(&self, inputs: &Inputs<T>) -> Mask {
+        self.doubt_velocity(&inputs.velocity_rad_s)
+            | self.doubt_velocity(&inputs.velocity_reference_rad_s)
+    }
+
+    /// The velocities, rad/s, each standing in for the other where that is not to be believed; and 1, or 0 where neither
+    /// is.
+    #[inline(always)]
+    fn replaced_velocities(&self, inputs: &Inputs<T>, flags: &mut Flags) -> (T, T, T) {
         let (measured, reference) = (&inputs.velocity_rad_s, &inputs.velocity_reference_rad_s);
-        let (no_measured, no_reference) = (unusable(measured), unusable(reference));
+        let (no_measured, no_reference) =
+            (self.doubt_velocity(measured), self.doubt_velocity(reference));
         *flags |= Flags::VELOCITY_INVALID.when(no_measured);
         *flags |= Flags::REFERENCE_INVALID.when(no_reference);
-        // Each stands in for the other, and 0 for both: blending two equal velocities gives that one.
+        // 0 for both: blending two equal velocities gives that one.
         let (zero, one) = (T::zero(), T::one());
         let alone = T::select(no_reference, zero, reference.value);
         let measured = T::select(no_measured, alone, measured.value);
         let reference = T::select(no_reference, measured, reference.value);
+        (measured, reference, T::select(no_measured & no_reference, zero, one))
+    }
+
+    /// The reference near standstill, the measured velocity above, rad/s.
+    #[inline(always)]
+    fn blended(&self, measured: T, reference: T) -> T {
+        let built = &self.built;
         // At and above the blend velocity there is nothing to multiply, so nothing for fixed point
         // to overflow.
         let speed = measured.abs();
         let blended = speed * built.blend_per_velocity;
-        let weight = T::select(speed.lt_mask(built.blend_velocity), blended, one);
-        let velocity = reference + (measured - reference) * weight;
-        (velocity, T::select(no_measured & no_reference, zero, one))
+        let weight = T::select(speed.lt_mask(built.blend_velocity), blended, T::one());
+        reference + (measured - reference) * weight
     }
 
+    /// Whether side load or pressure is not to be taken as it is: illegal, below 0 (which may pass and counts as 0),
+    /// old, or a side load that is farther from the last than it goes in a sample.
     #[inline(always)]
-    fn guard_seal(
-        &mut self,
-        inputs: &Inputs<T>,
-        sample: &mut Sample<T>,
-        flags: &mut Flags,
-    ) -> SealTrust<T> {
+    fn doubt_seal(&self, inputs: &Inputs<T>, change: T) -> Mask {
+        let built = &self.built;
+        let (force, pressure) = (&inputs.radial_force_n, &inputs.pressure_diff_mpa);
+        force.value.outside_mask(built.radial_force_max)
+            | pressure.value.outside_mask(built.pressure_max_mpa)
+            | force.age_s.outside_mask(built.hold_s)
+            | pressure.age_s.outside_mask(built.hold_s)
+            | built.hold_s.lt_mask(self.radial_force.age_s)
+            | change.past_level_mask(built.radial_force_step)
+    }
+
+    /// Takes side load and pressure as they are; `change` is the side load's since the last sample.
+    #[inline(always)]
+    fn seal_as_read(&mut self, inputs: &Inputs<T>, change: T) -> Seal<T> {
+        let (force, pressure) = (&inputs.radial_force_n, &inputs.pressure_diff_mpa);
+        self.radial_force = Held { value: force.value, age_s: force.age_s };
+        self.pressure = Held { value: pressure.value, age_s: pressure.age_s };
+        Seal {
+            force_n: force.value,
+            force_change_n: change,
+            pressure_mpa: pressure.value,
+            trust: SealTrust { force: T::one(), pressure: T::one() },
+        }
+    }
+
+    /// Whether neither side load nor pressure has ever been heard of, as of a joint that has no such sensors.
+    #[inline(always)]
+    fn no_seal_sensors(&self, inputs: &Inputs<T>) -> Mask {
+        let (force, pressure) = (&self.radial_force, &self.pressure);
+        !(!inputs.radial_force_n.age_s.negative_or_nan_mask()
+            | !inputs.pressure_diff_mpa.age_s.negative_or_nan_mask()
+            | force.value.outside_mask(T::zero())
+            | pressure.value.outside_mask(T::zero())
+            | !self.built.hold_s.lt_mask(force.age_s)
+            | !self.built.hold_s.lt_mask(pressure.age_s))
+    }
+
+    /// Waits on for both: what was never measured is 0.
+    #[inline(always)]
+    fn seal_unheard(&mut self, flags: &mut Flags) -> Seal<T> {
+        *flags |= Flags::RADIAL_FORCE_STALE.union(Flags::PRESSURE_STALE);
+        let (built, zero) = (&self.built, T::zero());
+        let (force, pressure) = (self.radial_force.wait(built), self.pressure.wait(built));
+        let trust = SealTrust { force, pressure };
+        Seal { force_n: zero, force_change_n: zero, pressure_mpa: zero, trust }
+    }
+
+    /// Side load and pressure, replaced, aged and faded where they have to be.
+    #[inline(always)]
+    fn guarded_seal(&mut self, inputs: &Inputs<T>, flags: &mut Flags) -> Seal<T> {
         let built = &self.built;
         let force = Guard {
             middle: built.radial_force_middle,
@@ -269,8 +474,6 @@ impl<T: Real> Compensator<T> {
         let bounded = change.within_level(built.radial_force_step);
         let sudden = change.abs_gt_mask(built.radial_force_step) & !unknown;
         self.radial_force.value = T::select(sudden, before + bounded, self.radial_force.value);
-        sample.radial_force_n = (self.radial_force.value * force_trust).positive_part();
-        sample.radial_force_change_n = T::select(unknown, T::zero(), bounded);
 
         let pressure = Guard {
             middle: T::zero(),
@@ -281,8 +484,12 @@ impl<T: Real> Compensator<T> {
         let pressure_trust = self.pressure.take(inputs.pressure_diff_mpa, &pressure, built, flags);
         // A sensor's zero error reads a little below 0 (a side load that little passes by the
         // rounding of its guard); the levels are proven from 0 upwards.
-        sample.pressure_diff_mpa = (self.pressure.value * pressure_trust).positive_part();
-        SealTrust { force: force_trust, pressure: pressure_trust }
+        Seal {
+            force_n: (self.radial_force.value * force_trust).positive_part(),
+            force_change_n: T::select(unknown, T::zero(), bounded),
+            pressure_mpa: (self.pressure.value * pressure_trust).positive_part(),
+            trust: SealTrust { force: force_trust, pressure: pressure_trust },
+        }
     }
 }
 
@@ -293,3 +500,5 @@ fn limit<T: Real>(size: f32) -> T {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod ways_tests;

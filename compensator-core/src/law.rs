@@ -176,7 +176,8 @@ macro_rules! define_laws {
                         let $tuned = law.step_alone(held, &mut memory.$file, sample);
                         $tuned
                     })?)*
-                    _ => return self.step_other(held, memory, sample),
+                    // A copy, so that the sample of the others stays in registers.
+                    _ => return self.step_other(held, memory, &{ *sample }),
                 };
                 step.finish(held, sample.velocity_rad_s, &NoEffect)
             }

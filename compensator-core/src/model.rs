@@ -32,6 +32,13 @@ impl<T: Real> State<T> {
         Self { bristle_torque_nm, ..Self::default() }
     }
 
+    /// Back to rest, remembering nothing.
+    pub(crate) fn clear(&mut self) {
+        self.bristle_torque_nm = T::zero();
+        self.law = law::Memory::default();
+        self.terms.clear();
+    }
+
     /// The same, warm from what was dissipated before: `heat` is that energy, less what was lost since,
     /// over the energy of the term `warm-up`.
     #[must_use]
@@ -84,6 +91,12 @@ impl<T: Real> Model<T> {
         if !self.terms.is_empty() {
             return self.step_with_terms(state, sample);
         }
+        self.step_plain(state, sample)
+    }
+
+    /// The same of a model that is its law alone ([`Model::is_plain`]).
+    #[inline(always)]
+    pub(crate) fn step_plain(&self, state: &mut State<T>, sample: &Sample<T>) -> T {
         self.law.step_alone(&mut state.bristle_torque_nm, &mut state.law, sample)
     }
 
@@ -100,6 +113,29 @@ impl<T: Real> Model<T> {
                 law.step_under(&mut state.bristle_torque_nm, sample.velocity_rad_s, factors)
             }
             _ => self.step(state, sample),
+        }
+    }
+
+    /// Whether a network's factors change what it gives; see [`Model::step_supplied`].
+    pub(crate) fn takes_factors(&self) -> bool {
+        self.terms.is_empty() && matches!(self.law, Law::LugreAsymmetric(_))
+    }
+
+    /// The same as [`Model::step_supplied`] or [`Model::step`], of a model that has terms or takes the factors given.
+    #[inline(always)]
+    pub(crate) fn step_more(
+        &self,
+        state: &mut State<T>,
+        sample: &Sample<T>,
+        factors: Option<&Factors<T>>,
+    ) -> T {
+        match (&self.law, factors) {
+            (Law::LugreAsymmetric(law), Some(factors)) if self.terms.is_empty() => {
+                law.step_under(&mut state.bristle_torque_nm, sample.velocity_rad_s, factors)
+            }
+            // Who calls this has terms; without the feature nobody has, and nothing is compiled for them.
+            _ if self.terms.is_empty() => T::zero(),
+            _ => self.step_with_terms(state, sample),
         }
     }
 

@@ -201,6 +201,18 @@ pub trait Real:
         !Mask::of(self >= Self::zero())
     }
 
+    /// Whether [`Real::within_level`] may change `self`: where `|self| > bound` or `self` is NaN, and wherever else it does.
+    #[inline(always)]
+    fn past_level_mask(self, bound: Self) -> Mask {
+        self.abs_gt_mask(bound)
+    }
+
+    /// Whether `self` is negative, -0, NaN, or more than `bound`, which is a number and at least 0.
+    #[inline(always)]
+    fn outside_mask(self, bound: Self) -> Mask {
+        self.negative_or_nan_mask() | bound.lt_mask(self)
+    }
+
     /// `if_set` where the mask is set, else `otherwise`.
     #[inline(always)]
     fn select(mask: Mask, if_set: Self, otherwise: Self) -> Self {

@@ -21,13 +21,15 @@ pub(super) struct Built<T> {
     pub period_s: T,
     pub hold_s: T,
     pub fade_per_s: T,
-    /// Age at which nothing is left, s.
+    /// Age at which nothing is left, s. More than `hold_s` in every number: their ranges see to that.
     pub faded_s: T,
     /// No torque or current a driver can mean is larger.
     pub not_finite: T,
     pub velocity_limit: T,
     /// Half the largest side load: the middle of what is legal.
     pub radial_force_middle: T,
+    /// Twice that. What lies between 0 and it is no farther from the middle than the middle is from 0, whatever is rounded.
+    pub radial_force_max: T,
     /// How far the side load goes in a sample, N.
     pub radial_force_step: T,
     pub pressure_max_mpa: T,
@@ -40,6 +42,7 @@ impl<T: Real<Setting = f32>> Built<T> {
         period_s: f32,
     ) -> Result<Self, ParameterError> {
         let blend = written.blend_velocity_rad_s;
+        let radial_force_middle = limit::<T>(0.5 * envelope.radial_force_max_n);
         let built = Self {
             scale: limit(written.scale),
             torque_limit: limit(written.torque_limit_nm),
@@ -55,7 +58,8 @@ impl<T: Real<Setting = f32>> Built<T> {
             faded_s: limit(written.hold_s + written.fade_s),
             not_finite: limit(2000.0),
             velocity_limit: limit(envelope.velocity_max_rad_s),
-            radial_force_middle: limit(0.5 * envelope.radial_force_max_n),
+            radial_force_middle,
+            radial_force_max: radial_force_middle + radial_force_middle,
             radial_force_step: limit(envelope.radial_force_max_n * (period_s / CROSSED_S).min(1.0)),
             pressure_max_mpa: limit(envelope.pressure_diff_max_pa * 1e-6),
         };

@@ -179,6 +179,12 @@ impl Real for Fixed {
     }
 
     #[inline(always)]
+    fn past_level_mask(self, bound: Self) -> Mask {
+        // The bound itself on the positive side becomes a unit less.
+        !self.abs().lt_mask(bound)
+    }
+
+    #[inline(always)]
     fn limited_with_magnitude(self, bound: Self) -> (Self, Self) {
         let negative = self.0 >> 31;
         let magnitude = self.0.unsigned_abs().min(bound.0 as u32) as i32;

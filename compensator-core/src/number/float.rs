@@ -82,6 +82,12 @@ impl Real for f32 {
     }
 
     #[inline(always)]
+    fn outside_mask(self, bound: Self) -> Mask {
+        // A NaN without a sign lies above every bound by its bits.
+        Mask::of_sign(self.to_bits() as i32) | bound.lt_mask(self)
+    }
+
+    #[inline(always)]
     fn select(mask: Mask, if_set: Self, otherwise: Self) -> Self {
         let chosen = mask.bits();
         f32::from_bits(otherwise.to_bits() & !chosen | if_set.to_bits() & chosen)

@@ -30,6 +30,13 @@ macro_rules! define_list {
             $($file: <super::$file::$kind<T> as Term<T>>::Memory,)*
         }
 
+        impl<T: Real> Memory<T> {
+            /// Forgets all of it. In place: assigned whole it would be made elsewhere and copied, by 900 bytes of `memcpy`.
+            pub(crate) fn clear(&mut self) {
+                $(self.$file = Default::default();)*
+            }
+        }
+
         impl<T: Real> Terms<T> {
             /// Builds the terms of a list for a sample period in s. Out of line: it is once in an image then.
             #[inline(never)]

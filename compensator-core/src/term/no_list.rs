@@ -22,6 +22,8 @@ impl<T: Real> Memory<T> {
     #[inline(always)]
     pub(crate) fn take_power(&mut self, _: T) {}
 
+    pub(crate) fn clear(&mut self) {}
+
     pub(crate) fn set_heat(&mut self, _: T) {}
 }
 
