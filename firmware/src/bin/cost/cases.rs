@@ -9,6 +9,7 @@
 //! counted in `current_loop`.
 
 mod current_loop;
+mod guards;
 
 use super::clock::{Arguments, Clock};
 use super::print_line;
@@ -378,6 +379,7 @@ pub fn print_all(clock: &mut Clock) {
     c_reference::measure_c(clock);
     measure_f32(clock);
     measure_fixed(clock);
+    guards::measure_guards(clock);
     current_loop::measure_loops(clock);
     measure_network(clock);
     print_line!("ram | Compensator<f32> | {}", size_of::<Compensator<f32>>());
