@@ -27,7 +27,9 @@ fn main() {
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
     println!("cargo::rustc-link-arg-bins=--nmagic");
     // The other binaries log nothing, and this script insists on a logger.
-    println!("cargo::rustc-link-arg-bin=firmware=-Tdefmt.x");
+    if on("DEFMT") {
+        println!("cargo::rustc-link-arg-bin=firmware=-Tdefmt.x");
+    }
     if on("C_REFERENCE") {
         build_c_reference(&out);
     }

@@ -5,11 +5,12 @@
 //! nothing: whatever can be decided without a register is in the library, where a PC tests it. Adding one
 //! is a folder here with its `memory.x`, a line below and a feature; see `docs/porting.md`.
 //!
-//! The skeleton both boards share:
+//! The skeleton all boards share:
 //! - A cargo feature `board-NAME` chooses the board, one in an image, which `build.rs` sees to.
 //!   Dependencies of a board are optional, behind its feature and `cfg(target_os = "none")`.
 //! - `main.rs` only takes this module in. A board's own file defines its entry point (`#[entry]` or an RTIC
-//!   app) and its one `defmt` global logger: stm32g474 `defmt-rtt`, qemu `defmt-semihosting`.
+//!   app) and its one `defmt` global logger: stm32g474 `defmt-rtt`, qemu `defmt-semihosting`; stm32f405
+//!   logs nothing.
 //! - A panic or a hard fault opens the bridge (`open_bridge` of the board) and leaves its text in RAM that outlives a reset ([`firmware::panic`]) and resets, which
 //!   opens the bridge; the next start hands the text to the driver in `Boot::panic` (`panic::take`).
 //! - [`firmware::stack_guard`] paints words below the stack; `is_intact` goes into `LoopReport::stack_intact`,
@@ -18,11 +19,17 @@
 
 #[cfg(feature = "board-qemu")]
 mod qemu;
+#[cfg(any(feature = "board-qemu", feature = "board-stm32f405"))]
+mod serial_bus;
+#[cfg(feature = "board-stm32f405")]
+mod stm32f405;
 #[cfg(feature = "board-stm32g474")]
 mod stm32g474;
 
 #[cfg(feature = "board-qemu")]
 use qemu::open_bridge;
+#[cfg(feature = "board-stm32f405")]
+use stm32f405::open_bridge;
 #[cfg(feature = "board-stm32g474")]
 use stm32g474::open_bridge;
 

@@ -11,8 +11,7 @@
 //! ```
 //!
 //! Parameters are in `flash.bin`; without that argument they outlive a reset only. Logs are defmt frames on the
-//! standard output. Nothing is thrown away to save time: while there is no room for answers no byte is
-//! taken in, and the host waits. There is no bridge, hence no current loop.
+//! standard output. There is no bridge, hence no current loop.
 //! Interrupts are masked for good and only wake the core. `mux` lays a queue of 32 bytes before the UART's one,
 //! which halves what a byte costs; 256 is an escape byte that does not exist.
 
@@ -21,9 +20,9 @@ mod flash;
 mod kept;
 mod uart;
 
+use super::serial_bus::{SerialBus, SerialLine};
 use clock::Clock;
 use compensator_core::can::Frame;
-use compensator_core::can::slcan::{Adapter, LONGEST_CLASSIC, emit_frame};
 use core::ffi::CStr;
 use defmt_semihosting as _;
 use firmware::background::{Background, Board, BoardState, Next};
@@ -32,15 +31,11 @@ use firmware::node_settings::{NodeSettings, Source};
 use firmware::supervisor::ResetCause;
 use firmware::{panic, stack_guard};
 use flash::{BoardFlash, OpenError};
-use heapless::{Deque, Vec};
+use heapless::Vec;
 use kept::Kept;
 use semihosting::experimental::env;
 use uart::Uart;
 
-/// Text that waits to be sent, bytes.
-const WAITING: usize = 4096;
-/// Room there must be before a byte is taken in: for all the driver can say to one frame.
-const ROOM: usize = 1024;
 /// Longest command line, bytes.
 const COMMAND_LINE: usize = 1024;
 
@@ -70,8 +65,8 @@ fn main() -> ! {
     let boot = Boot { cause, panic, stack_overflowed, self_test_passed: true };
     let now_us = clock.now_us();
     let driver = Driver::boot(settings, flash, identity, &boot, now_us);
-    let line = SerialBus { uart: Uart::start(), adapter: Adapter::new(), waiting: Deque::new() };
-    run(Background::new(driver, now_us), EmulatedBoard { line, clock })
+    let bus = SerialBus::new(Uart::start());
+    run(Background::new(driver, now_us), EmulatedBoard { bus, clock })
 }
 
 /// The flash the command line asks for.
@@ -103,65 +98,34 @@ fn open_flash(kept: Kept) -> BoardFlash {
     }
 }
 
-/// CAN on a serial line.
-struct SerialBus {
-    uart: Uart,
-    adapter: Adapter,
-    waiting: Deque<u8, WAITING>,
-}
-
-impl SerialBus {
-    /// Puts text in the queue. There is room: no byte is taken in without.
-    fn queue(&mut self, text: &[u8]) {
-        for byte in text {
-            let _ = self.waiting.push_back(*byte);
-        }
+impl SerialLine for Uart {
+    fn receive(&mut self) -> Option<u8> {
+        Uart::receive(self)
     }
 
-    /// Puts a frame in the queue, if the host wants to hear the bus.
-    fn publish(&mut self, frame: &Frame) {
-        let mut text = [0; LONGEST_CLASSIC + 1];
-        if self.adapter.is_open()
-            && let Some(length) = emit_frame(frame, &mut text)
-        {
-            self.queue(text.get(..length).unwrap_or_default());
-        }
-    }
-
-    fn has_room(&self) -> bool {
-        self.waiting.capacity() - self.waiting.len() >= ROOM
-    }
-
-    /// Sends as much as is taken.
-    fn send(&mut self) {
-        while let Some(byte) = self.waiting.front() {
-            if !self.uart.send(*byte) {
-                break;
-            }
-            self.waiting.pop_front();
-        }
+    fn send(&mut self, byte: u8) -> bool {
+        Uart::send(self, byte)
     }
 }
 
 struct EmulatedBoard {
-    line: SerialBus,
+    bus: SerialBus<Uart>,
     clock: Clock,
 }
 
 fn run(mut background: Background<BoardFlash>, mut board: EmulatedBoard) -> ! {
     loop {
-        board.line.uart.clear();
+        board.bus.line.clear();
         if background.round(&mut board) == Next::Restart {
             // The emulator keeps files open over a reset.
             drop(background.into_flash());
             cortex_m::peripheral::SCB::sys_reset()
         }
-        board.line.send();
-        let sent = board.line.waiting.is_empty();
-        board.line.uart.wake_when_sent(!sent);
+        let sent = board.bus.is_idle();
+        board.bus.line.wake_when_sent(!sent);
         if !sent {
             // It may have become free before it was to tell.
-            board.line.send();
+            board.bus.send_waiting();
         }
         board.clock.sleep();
     }
@@ -174,40 +138,26 @@ impl Board for EmulatedBoard {
         self.clock.now_us()
     }
 
-    /// The next frame of the text that came, as long as there is room for what is said to it.
     fn receive(&mut self) -> Option<Frame> {
-        loop {
-            self.line.send();
-            if !self.line.has_room() {
-                return None;
-            }
-            let Some(received) = self.line.adapter.push(self.line.uart.receive()?) else {
-                continue;
-            };
-            self.line.queue(received.answer);
-            if received.frame.is_some() {
-                return received.frame;
-            }
-        }
+        self.bus.receive()
     }
 
     fn has_room(&mut self) -> bool {
-        self.line.has_room()
+        self.bus.has_room()
     }
 
     fn send(&mut self, frame: &Frame) {
-        self.line.publish(frame);
+        self.bus.publish(frame);
     }
 
     fn is_idle(&mut self) -> bool {
-        self.line.send();
-        self.line.waiting.is_empty()
+        self.bus.is_idle()
     }
 
     fn state(&mut self, _now_us: u64) -> BoardState {
         BoardState {
             stack_intact: stack_guard::is_intact(),
-            receiver_overrun: self.line.uart.overrun(),
+            receiver_overrun: self.bus.line.overrun(),
             ..BoardState::default()
         }
     }
