@@ -30,6 +30,29 @@ def mcap(channels, messages):
     return out + record(15, bytes(4)) + record(2, bytes(20)) + MAGIC
 
 
+def lz4_frame(data):
+    """As lz4 packs what it finds nothing to save in: blocks of one sequence, literals alone."""
+    out = bytes.fromhex("04224d18607073")
+    for at in range(0, len(data), 1 << 20):
+        literals = data[at : at + (1 << 20)]
+        beyond = len(literals) - 15
+        length = b"\xff" * (beyond // 255) + bytes([beyond % 255])
+        block = b"\xf0" + length + literals
+        out += struct.pack("<I", len(block)) + block
+    return out + bytes(4)
+
+
+def in_chunks(recording, compression="lz4", pack=lz4_frame):
+    """The same recording, all its records in one packed chunk."""
+    records = recording[len(MAGIC) : -len(MAGIC)]
+    # Behind the header's record, before those of the end.
+    begin, end = 9 + len(text("ros2") + text("awkward")), -(9 + 4 + 9 + 20)
+    header, inside = records[:begin], records[begin:end]
+    packed = pack(inside)
+    chunk = struct.pack("<QQQI", 0, 1 << 63, len(inside), 0) + text(compression) + struct.pack("<Q", len(packed)) + packed
+    return MAGIC + header + record(6, chunk) + record(15, bytes(4)) + record(2, bytes(20)) + MAGIC
+
+
 JOINT_STATE = """# This is a message that holds data to describe the state of a set of torque controlled joints.
 std_msgs/Header header
 
@@ -119,6 +142,14 @@ case(
     data={"runs": RUNS, "rows": RUNS * ROWS, "rows_left_out": 0},
     ranges={"position_rad": [-1, 1], "velocity_rad_s": [-2.9999, 3.0], "time_s": [0, 21.99]},
 )
+case(
+    "joint states of ROS 2 in chunks packed by lz4",
+    {"log.mcap": in_chunks(recording())},
+    f"--columns {STATES},position_rad=/joint_states.position[elbow],temperature_c=/oil.temperature",
+    told=["temperature_c is in 60 of 1260 rows and is interpolated in time between its values"],
+    data={"runs": RUNS, "rows": RUNS * ROWS, "rows_left_out": 0},
+    ranges={"position_rad": [-1, 1], "velocity_rad_s": [-2.9999, 3.0], "time_s": [0, 21.99]},
+)
 error(
     "joint states of ROS 2 without a word which",
     {"log.mcap": mcap([("/js", "cdr", "JointState", "ros2msg", JOINT_STATE)], [(1, *joint_state(rows(2, 1)[0]))])},
@@ -142,7 +173,7 @@ case(
 error(
     "an MCAP file that was cut off",
     {"log.mcap": recording()[:40]},
-    "log.mcap: found MCAP file ended in the middle of a record, expected an intact MCAP file, its chunks packed by zstd or not at all",
+    "log.mcap: found MCAP file ended in the middle of a record, expected an intact MCAP file, its chunks packed by zstd, lz4 or not at all",
 )
 
 ASC = """date Wed May 1 12:00:00.000 pm 2024

@@ -11,6 +11,7 @@ use friction_identification::data::{Dataset, JointKind, ReadOptions, read};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::data_type::{
     BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type,
+    Int96, Int96Type,
 };
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
@@ -24,7 +25,7 @@ const SCHEMA: &str = "message log {
     REQUIRED INT32 level (INTEGER(8,false));
     OPTIONAL BOOLEAN enabled;
     OPTIONAL BYTE_ARRAY shape (STRING);
-    OPTIONAL INT64 when (TIMESTAMP(MICROS,true));
+    OPTIONAL INT64 when (TIME(MICROS,true));
 }";
 
 /// Where the file is and, by dropping, when it goes.
@@ -103,8 +104,59 @@ fn a_table_reads_as_its_csv_would() {
         assert_eq!(data.runs[0].labels, labels("true", "sine"));
         assert_eq!(data.runs[1].labels, labels("false", "step"));
         assert_eq!(data.left_out_columns[0].name, "when");
-        assert_eq!(data.left_out_columns[0].why, "it is a date or a time of day");
+        assert_eq!(data.left_out_columns[0].why, "it is a time of day");
     }
+}
+
+/// A table of 50 rows 10 ms apart, the time in a column of this kind.
+fn dated<T: DataType>(name: &str, kind: &str, stamp: impl Fn(i64) -> T::T) -> Temporary {
+    let path = std::env::temp_dir().join(format!("{name}-{}.parquet", std::process::id()));
+    let schema = format!(
+        "message log {{ OPTIONAL {kind}; OPTIONAL DOUBLE velocity_rad_s; OPTIONAL DOUBLE torque_nm; }}"
+    );
+    let schema = Arc::new(parse_message_type(&schema).unwrap());
+    let properties = Arc::new(WriterProperties::builder().build());
+    let file = fs::File::create(&path).unwrap();
+    let mut writer = SerializedFileWriter::new(file, schema, properties).unwrap();
+    let mut group = writer.next_row_group().unwrap();
+    column::<T>(&mut group, &(0..50).map(|i| Some(stamp(i))).collect::<Vec<_>>());
+    column::<DoubleType>(&mut group, &vec![Some(1.5); 50]);
+    column::<DoubleType>(&mut group, &vec![Some(0.5); 50]);
+    group.close().unwrap();
+    writer.close().unwrap();
+    Temporary(path)
+}
+
+#[test]
+fn dates_are_times_to_the_nanosecond() {
+    // 2024-05-01 12:00:00 UTC.
+    const NOON_MS: i64 = 1_714_564_800_000;
+    let files = [
+        dated::<Int64Type>("ms", "INT64 time_s (TIMESTAMP(MILLIS,true))", |i| NOON_MS + 10 * i),
+        dated::<Int64Type>("us", "INT64 time_s (TIMESTAMP(MICROS,false))", |i| {
+            (NOON_MS + 10 * i) * 1000
+        }),
+        dated::<Int64Type>("ns", "INT64 time_s (TIMESTAMP(NANOS,true))", |i| {
+            (NOON_MS + 10 * i) * 1_000_000
+        }),
+        dated::<Int64Type>("old", "INT64 time_s (TIMESTAMP_MILLIS)", |i| NOON_MS + 10 * i),
+        dated::<Int96Type>("spark", "INT96 time_s", |i| {
+            let mut stamp = Int96::new();
+            let ns = (NOON_MS % 86_400_000 + 10 * i) * 1_000_000;
+            // Days are counted as astronomers do.
+            let day = NOON_MS / 86_400_000 + 2_440_588;
+            stamp.set_data(ns as u32, (ns >> 32) as u32, day as u32);
+            stamp
+        }),
+    ];
+    for file in &files {
+        let data = read_one(file);
+        assert_eq!((data.rows, data.bad_rows.count), (50, 0));
+        let times: Vec<f64> = (0..50).map(|i| (10 * i) as f64 / 1000.0).collect();
+        assert_eq!(data.runs[0].time_s, times);
+    }
+    let days = dated::<Int32Type>("day", "INT32 time_s (DATE)", |i| 19_844 + i as i32);
+    assert_eq!(read_one(&days).runs[0].time_s[..2], [0.0, 86_400.0]);
 }
 
 #[test]

@@ -71,7 +71,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
     let failed = |error: McapError| DataError::File {
         file: path.into(),
         found: one_line(&error.to_string()),
-        expected: "an intact MCAP file, its chunks packed by zstd or not at all".into(),
+        expected: "an intact MCAP file, its chunks packed by zstd, lz4 or not at all".into(),
     };
     let mut table = Table { names: vec![TIME.into()], ..Table::default() };
     for message in MessageStream::new(&bytes).map_err(failed)? {

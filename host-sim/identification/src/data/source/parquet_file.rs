@@ -6,7 +6,8 @@
 //! held beside the pages being unpacked.
 //!
 //! Read are the flat columns that pandas, polars and their like write: numbers, booleans (as the
-//! words `true` and `false`) and text, packed by snappy, zstd or not at all. Lists, dates and
+//! words `true` and `false`), text, and dates with or without a time of day (as the text a CSV file would have:
+//! one way with dates, to the nanosecond), packed by snappy, zstd or not at all. Lists, times of day and
 //! decimals are no measurement this tool could use, and are left out by name.
 
 use std::borrow::Cow;
@@ -14,7 +15,8 @@ use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use parquet::basic::{ConvertedType, LogicalType, Type as Physical};
+use chrono::DateTime;
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, DataType};
 use parquet::errors::ParquetError;
@@ -34,9 +36,18 @@ const BATCH: usize = 8 * 1024;
 /// What a column is to us.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    Number { unsigned: bool },
+    Number {
+        unsigned: bool,
+    },
     Text,
+    /// A point in time: so many nanoseconds a unit, since 1970.
+    Date {
+        unit_ns: i64,
+    },
 }
+
+const SECOND_NS: i64 = 1_000_000_000;
+const DAY_NS: i64 = 86_400 * SECOND_NS;
 
 /// Some rows of one column.
 enum Batch {
@@ -175,6 +186,26 @@ fn kind(column: &ColumnDescriptor) -> Result<Kind, &'static str> {
     if matches!(logical, Some(LogicalType::Decimal { .. })) || converted == Old::DECIMAL {
         return Err("a decimal number");
     }
+    let unit = |unit: &TimeUnit| match unit {
+        TimeUnit::MILLIS => SECOND_NS / 1_000,
+        TimeUnit::MICROS => SECOND_NS / 1_000_000,
+        TimeUnit::NANOS => 1,
+    };
+    match (column.physical_type(), logical) {
+        (Physical::INT64, Some(LogicalType::Timestamp(of))) => {
+            return Ok(Kind::Date { unit_ns: unit(&of.unit) });
+        }
+        (Physical::INT32, Some(LogicalType::Date)) => return Ok(Kind::Date { unit_ns: DAY_NS }),
+        // What Spark and old versions of pandas write for a date.
+        (Physical::INT96, _) => return Ok(Kind::Date { unit_ns: 1 }),
+        _ => {}
+    }
+    match converted {
+        Old::TIMESTAMP_MILLIS => return Ok(Kind::Date { unit_ns: SECOND_NS / 1_000 }),
+        Old::TIMESTAMP_MICROS => return Ok(Kind::Date { unit_ns: SECOND_NS / 1_000_000 }),
+        Old::DATE => return Ok(Kind::Date { unit_ns: DAY_NS }),
+        _ => {}
+    }
     match (column.physical_type(), logical) {
         (Physical::FLOAT | Physical::DOUBLE, _) => Ok(Kind::Number { unsigned: false }),
         (Physical::BOOLEAN | Physical::BYTE_ARRAY, _) => Ok(Kind::Text),
@@ -186,10 +217,10 @@ fn kind(column: &ColumnDescriptor) -> Result<Kind, &'static str> {
                 Old::NONE | Old::INT_8 | Old::INT_16 | Old::INT_32 | Old::INT_64 => {
                     Ok(Kind::Number { unsigned: false })
                 }
-                _ => Err("a date or a time of day"),
+                _ => Err("a time of day"),
             }
         }
-        (Physical::INT32 | Physical::INT64, Some(_)) => Err("a date or a time of day"),
+        (Physical::INT32 | Physical::INT64, Some(_)) => Err("a time of day"),
         _ => Err("of a binary type"),
     }
 }
@@ -197,7 +228,7 @@ fn kind(column: &ColumnDescriptor) -> Result<Kind, &'static str> {
 /// A needed column, being read.
 struct Reader {
     values: ColumnReader,
-    unsigned: bool,
+    kind: Kind,
     /// The level that says that a value is there; lower ones are nulls.
     there: i16,
 }
@@ -217,7 +248,7 @@ fn open(
             }
             Ok(kind) if *needed => Ok(Some(Reader {
                 values: group.get_column_reader(at)?,
-                unsigned: *kind == Kind::Number { unsigned: true },
+                kind: *kind,
                 there: about.column_descr().max_def_level(),
             })),
             _ => Ok(None),
@@ -232,8 +263,40 @@ fn next_batches(readers: &mut [Option<Reader>]) -> Result<Vec<Batch>, ParquetErr
 }
 
 fn next_batch(reader: &mut Reader) -> Result<Batch, ParquetError> {
-    let Reader { values, unsigned, there } = reader;
-    let there = *there;
+    let Reader { values, kind, there } = reader;
+    let (there, unsigned) = (*there, *kind == Kind::Number { unsigned: true });
+    let unit_ns = if let Kind::Date { unit_ns } = *kind { Some(unit_ns) } else { None };
+    let empty = ByteArray::from("");
+    Ok(match (values, unit_ns) {
+        (ColumnReader::Int32ColumnReader(values), Some(unit_ns)) => {
+            Batch::Texts(spread(values, there, empty, |&v| date(i64::from(v), unit_ns))?)
+        }
+        (ColumnReader::Int64ColumnReader(values), Some(unit_ns)) => {
+            Batch::Texts(spread(values, there, empty, |&v| date(v, unit_ns))?)
+        }
+        (ColumnReader::Int96ColumnReader(values), Some(unit_ns)) => {
+            Batch::Texts(spread(values, there, empty, |v| date(v.to_nanos(), unit_ns))?)
+        }
+        (values, _) => numbers_or_text(values, unsigned, there)?,
+    })
+}
+
+/// A date as text; empty where no calendar has it.
+fn date(count: i64, unit_ns: i64) -> ByteArray {
+    let ns = i128::from(count) * i128::from(unit_ns);
+    let second = i128::from(SECOND_NS);
+    let stamp = i64::try_from(ns.div_euclid(second))
+        .ok()
+        .and_then(|seconds| DateTime::from_timestamp(seconds, ns.rem_euclid(second) as u32));
+    let text = stamp.map(|stamp| stamp.format("%Y-%m-%dT%H:%M:%S%.9fZ").to_string());
+    ByteArray::from(text.unwrap_or_default().into_bytes())
+}
+
+fn numbers_or_text(
+    values: &mut ColumnReader,
+    unsigned: bool,
+    there: i16,
+) -> Result<Batch, ParquetError> {
     let nan = f64::NAN;
     let empty = ByteArray::from("");
     Ok(match values {
@@ -243,13 +306,13 @@ fn next_batch(reader: &mut Reader) -> Result<Batch, ParquetError> {
         ColumnReader::FloatColumnReader(values) => {
             Batch::Numbers(spread(values, there, nan, |&v| f64::from(v))?)
         }
-        ColumnReader::Int32ColumnReader(values) if *unsigned => {
+        ColumnReader::Int32ColumnReader(values) if unsigned => {
             Batch::Numbers(spread(values, there, nan, |&v| f64::from(v.cast_unsigned()))?)
         }
         ColumnReader::Int32ColumnReader(values) => {
             Batch::Numbers(spread(values, there, nan, |&v| f64::from(v))?)
         }
-        ColumnReader::Int64ColumnReader(values) if *unsigned => {
+        ColumnReader::Int64ColumnReader(values) if unsigned => {
             Batch::Numbers(spread(values, there, nan, |&v| v.cast_unsigned() as f64)?)
         }
         ColumnReader::Int64ColumnReader(values) => {
