@@ -203,6 +203,16 @@ impl<T: Real> Inputs<T> {
     pub fn velocity(velocity_rad_s: T) -> Self {
         Self { velocity_rad_s: Reading::fresh(velocity_rad_s), ..Self::missing() }
     }
+
+    /// The same with a pressure difference as sensors and logs have it (`pressure_diff_pa`), Pa, of this age, s. The field
+    /// is in MPa, because fixed point ends at 2048. One product in `f32`; [`Fixed`](crate::Fixed) takes it by way of an
+    /// emulated double, so a loop without an FPU does this where the sensor is read.
+    #[must_use]
+    pub fn with_pressure_pa(self, pressure_diff_pa: T::Setting, age_s: T) -> Self {
+        let mega_pascal = pressure_diff_pa * T::Setting::from_f64(1e-6);
+        let pressure_diff_mpa = Reading { value: T::from_setting(mega_pascal), age_s };
+        Self { pressure_diff_mpa, ..self }
+    }
 }
 
 impl Quantity {
@@ -285,5 +295,13 @@ mod tests {
             let held = (*quantity != Quantity::Torque).then_some(2.5);
             assert_eq!(quantity.of_sample(&sample), held);
         }
+    }
+    #[test]
+    fn a_pressure_in_pascals_is_the_one_in_megapascals() {
+        let float = Inputs::<f32>::velocity(1.0).with_pressure_pa(1.5e5, 0.01).pressure_diff_mpa;
+        assert!((float.value - 0.15).abs() < 1e-7 && float.age_s == 0.01);
+        let age_s = crate::Fixed::from_f64(0.01);
+        let fixed = Inputs::missing().with_pressure_pa(1.5e5, age_s).pressure_diff_mpa;
+        assert_eq!((fixed.value, fixed.age_s), (crate::Fixed::from_f64(0.15), age_s));
     }
 }
