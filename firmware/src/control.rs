@@ -80,6 +80,8 @@ pub enum Bridge {
 pub enum Broke {
     /// The gate driver.
     GateDriver,
+    /// Comparators at the shunts.
+    Overcurrent,
     /// The chip itself: its supply, clock, memory or processor.
     System,
 }

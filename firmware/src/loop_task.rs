@@ -171,7 +171,9 @@ impl LoopTask {
         now: u32,
     ) -> Bridge {
         let in_time = self.deadline.begin(triggered, now);
-        if let Some(by) = broke {
+        if broke == Some(Broke::Overcurrent) {
+            self.open_for_overcurrent();
+        } else if let Some(by) = broke {
             self.gate_fault |= by == Broke::GateDriver;
             self.system_break |= by == Broke::System;
             if self.orders.bridge {
@@ -192,6 +194,15 @@ impl LoopTask {
         self.grow_old();
         self.note(sample, &cycle);
         bridge
+    }
+
+    /// Comparators have opened the bridge: an overcurrent as if it had been measured.
+    #[cold]
+    fn open_for_overcurrent(&mut self) {
+        self.report.loop_flags |= LoopFlags::OVERCURRENT;
+        if self.orders.bridge {
+            self.tripped |= LoopFlags::OVERCURRENT;
+        }
     }
 
     /// A period of a measurement: the current loop only looks on. What opens the bridge under it opens it here.

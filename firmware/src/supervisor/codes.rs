@@ -245,7 +245,7 @@ codes! {
     3 CanBusOff "can-bus-off" 0x8140 [COMMUNICATION] Stops Always 0 100
         "the CAN controller has left the bus", "it is back on the bus";
     4 Overcurrent "overcurrent" 0x2310 [CURRENT] Stops Always 0 10
-        "a phase current at `overcurrent_a` in any period", "all below it";
+        "a phase current at `overcurrent_a` in any period, or at the board's comparators, which open the bridge themselves", "all below it";
     5 CurrentSensorInvalid "current-sensor-invalid" 0x5210 [CURRENT] Stops Always 1 100
         "phase currents not valid or not finite", "valid currents";
     6 CurrentOffset "current-offset" 0x5211 [CURRENT] Stops Always 50 100
