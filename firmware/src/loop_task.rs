@@ -306,6 +306,7 @@ impl LoopTask {
         report.voltage_q_v = cycle.voltage_v[1];
         report.velocity_rad_s = cycle.velocity_rad_s;
         report.position_rad = known(cycle.position_rad, !unreferenced);
+        report.turned_rad = cycle.position_rad;
         report.motor_torque_nm = cycle.motor_torque_nm;
         report.friction_torque_nm = cycle.friction_torque_nm;
         report.feed_forward_current_a = cycle.feed_forward_current_a;

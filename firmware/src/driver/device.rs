@@ -7,6 +7,7 @@ mod network;
 mod pdos;
 mod requests;
 mod values;
+mod velocity;
 
 pub(super) use pdos::PDO_UNUSED;
 
@@ -16,6 +17,7 @@ use super::live::{CommandSequence, Home, Live, LoopOrders, LoopReport};
 use super::motor_watch::{MotorSight, MotorWatch};
 use super::profile::Profile;
 use super::staging::Staging;
+use crate::control::velocity_loop::{VelocityGains, VelocityLoop, VelocityOrder};
 use crate::hil::{HilJoint, Reply, Step};
 use crate::log::log;
 use crate::node::Outbox;
@@ -122,6 +124,9 @@ pub struct Device<F> {
     home: Home,
     pub(super) profile: Profile,
     commissioning: commissioning::Run,
+    velocity: VelocityLoop,
+    velocity_gains: VelocityGains,
+    velocity_order: VelocityOrder,
     motor_watch: MotorWatch,
     motor_sight: MotorSight,
     /// Counts the commands that come of the profile.
@@ -370,10 +375,11 @@ impl<F: NorFlash> Device<F> {
             self.report.flags |= seen.1;
         }
         self.report_seen = false;
-        let drives = self.supervisor.is_armed() && !self.commissions();
+        let drives = self.supervisor.is_armed() && !self.measures();
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         self.motor_sight = self.motor_watch.step(&self.report, motor, thresholds, drives);
         self.step_commissioning();
+        self.step_velocity();
         for _ in 0..report.overruns_in_a_row {
             self.supervisor.loop_overrun();
         }

@@ -63,6 +63,8 @@ pub struct LoopReport {
     pub velocity_rad_s: f32,
     /// Joint position, rad; NaN where whole turns are not known.
     pub position_rad: f32,
+    /// The same from any zero, rad: known as long as the encoder is.
+    pub turned_rad: f32,
     /// Torque of the measured current at the joint, Nm.
     pub motor_torque_nm: f32,
     /// The model's friction torque, Nm.
@@ -106,6 +108,7 @@ impl Default for LoopReport {
             voltage_q_v: 0.0,
             velocity_rad_s: 0.0,
             position_rad: f32::NAN,
+            turned_rad: 0.0,
             motor_torque_nm: f32::NAN,
             friction_torque_nm: 0.0,
             feed_forward_current_a: 0.0,

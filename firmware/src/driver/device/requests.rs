@@ -63,6 +63,7 @@ impl<F: NorFlash> Device<F> {
             return Err(self.staging.refuse(Abort::State, why));
         }
         if self.settings.source == Source::Sensors {
+            self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
             return self.supervisor.arm(self.now_us).map_err(|refusal| {
                 self.blocking = refusal.causes.fault_bits();
                 self.staging.refuse(Abort::State, refusal)
