@@ -73,6 +73,11 @@ impl<F: NorFlash> Device<F> {
                 format_args!("modes_of_operation = {mode}: must be 0 (none), 9 (CSV) or 10 (CST)");
             return Err(self.staging.refuse(Abort::Value, why));
         }
+        if mode == profile::CSV && self.settings.source == Source::Bus {
+            let why =
+                "a joint fed by the bus drives nothing: mode 9 needs its own sensors (2001h:1)";
+            return Err(self.staging.refuse(Abort::State, why));
+        }
         self.profile.mode = mode;
         self.profile.target_permille = 0;
         self.profile.target_micro_rad_s = 0;
