@@ -65,7 +65,7 @@ fn course(set: ParameterSet, seconds: u32, wanted: impl Fn(f64) -> f64) -> Came 
             }
         }
         let current_a = master.rig.stage_mut().take_extremes().current_a;
-        Came { error_rad_s: (sum / count as f64).sqrt(), current_a, armed: master.rig.is_armed() }
+        Came { error_rad_s: (sum / count).sqrt(), current_a, armed: master.rig.is_armed() }
     })
 }
 
