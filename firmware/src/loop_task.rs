@@ -67,6 +67,7 @@ const NO_ORDERS: LoopOrders = LoopOrders {
     bridge: false,
     compensation: false,
     current_share: 1.0,
+    compensation_share: 1.0,
     factors: None,
     set_number: 0,
     home: Home { position_rad: 0.0, number: 0 },
@@ -113,6 +114,7 @@ impl LoopTask {
             self.current_loop.set_position(orders.home.position_rad);
         }
         self.current_loop.compensator().set_share(orders.current_share);
+        self.current_loop.compensator().set_compensation(orders.compensation_share);
         self.current_loop.supply(orders.factors);
         self.orders = orders;
     }
@@ -120,6 +122,7 @@ impl LoopTask {
     /// Takes other parameters, between two periods.
     pub fn swap(&mut self, parts: Parts) {
         parts.model.set_share(self.orders.current_share);
+        parts.model.set_compensation(self.orders.compensation_share);
         self.may_drive = parts.may_drive;
         self.current_loop.swap(parts.motor);
         let _old = self.current_loop.swap_compensator(parts.model);

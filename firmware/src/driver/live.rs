@@ -24,6 +24,8 @@ pub struct LoopOrders {
     pub compensation: bool,
     /// Share of the current limit that temperature leaves, 0..=1.
     pub current_share: f32,
+    /// Share of the compensation that is left, 0..=1: less than 1 where the model was seen to have more friction than the joint.
+    pub compensation_share: f32,
     /// What a network last said of the law's levels and stiffness; `None` for its constants.
     pub factors: Option<Factors<f32>>,
     /// Counts the times the gate driver is to be put to sleep, which clears a fault it holds.

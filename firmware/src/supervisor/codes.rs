@@ -344,4 +344,7 @@ codes! {
         "the torque residual is outside the band the model promised", "it is inside";
     53 Stalled "stalled" 0xFF16 [PROFILE] Limits Always 500 100
         "`stall_current_a` or more, and the joint stands, having moved before", "it moves, or less current";
+    54 OverCompensated "over-compensated" 0xFF17 [PROFILE] Limits Always 0 100
+        "the model was seen to have more friction than the joint, so that its compensation would drive it; less is compensated",
+        "it has not, or other parameters are set";
 }

@@ -7,6 +7,7 @@ use crate::control::velocity_loop::{VelocityGains, VelocityLoop, VelocityOrder};
 use crate::driver::counters::Counters;
 use crate::driver::live::{Home, Live, LoopReport};
 use crate::driver::motor_watch::{MotorSight, MotorWatch};
+use crate::driver::over_compensation::OverCompensation;
 use crate::driver::profile::Profile;
 use crate::driver::staging::Staging;
 use crate::hil::{HilJoint, Reply};
@@ -102,6 +103,8 @@ impl<F: NorFlash> Device<F> {
             home: Home::default(),
             profile: Profile::default(),
             commissioning: commissioning::Run::default(),
+            over: OverCompensation::default(),
+            compensation_left: 1.0,
             velocity: VelocityLoop::default(),
             velocity_gains: VelocityGains::default(),
             velocity_order: VelocityOrder::default(),

@@ -103,6 +103,7 @@ impl<F: NorFlash> Device<F> {
         self.watch = watch(&set.watch, &self.settings);
         self.network = LiveNetwork::of(&set, &self.settings);
         self.staging.activate(set);
+        self.forget_over_compensation();
         self.supervisor.parameters(InUse::Set);
         self.see_to_commissioned();
         self.set_number = self.set_number.wrapping_add(1);
