@@ -54,6 +54,15 @@ fn the_same_seed_gives_the_same_world() {
 }
 
 #[test]
+fn a_late_channel_that_begins_before_the_log_leaves_no_row_out() {
+    let world = unkind::draw(453192869);
+    for run in &world.log.runs {
+        let rows: Vec<usize> = run.columns.iter().map(Vec::len).collect();
+        assert!(rows.iter().all(|count| *count == rows[0]), "run {}: {rows:?}", run.name);
+    }
+}
+
+#[test]
 fn worlds_are_as_varied_as_they_say() {
     let worlds: Vec<_> =
         unkind::seeds(5).take(24).collect::<Vec<u64>>().into_par_iter().map(unkind::draw).collect();

@@ -61,6 +61,8 @@ pub struct Answer {
     pub seconds: f64,
     /// What stood against it, a line for whoever looks into a miss.
     pub heard: String,
+    /// The diagnosis' own figures, for whoever asks which of them tells a right name from a wrong one.
+    pub figures: Value,
 }
 
 /// A world and the answers to it.
@@ -138,6 +140,7 @@ fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
         error_over_floor: found.rmse / truth.floor_nm,
         size_inside: None,
         seconds,
+        figures: Value::Null,
     })
 }
 
@@ -167,8 +170,30 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
         }),
         seconds,
         heard: heard(&found),
+        figures: figures(&found),
         named,
         confusable,
+    })
+}
+
+/// What a diagnosis says of its first finding, of its gain and of its own floor.
+fn figures(found: &Diagnosis) -> Value {
+    let first = found.findings.first().map(|first| {
+        json!({
+            "size": first.size.value,
+            "ci95": first.size.ci95,
+            "p_value": first.p_value,
+            "stability": first.stability,
+            "share_of_residual": first.share_of_residual,
+        })
+    });
+    json!({
+        "first": first,
+        "gain_ci95": found.gain.ci95,
+        "before_rmse": found.before.metrics.rmse,
+        "after_rmse": found.after.metrics.rmse,
+        "own_floor": found.noise_floor,
+        "left_over": found.left_over,
     })
 }
 
@@ -206,6 +231,7 @@ impl Answer {
             "size_inside": self.size_inside,
             "processor_seconds": self.seconds,
             "heard": self.heard,
+            "figures": self.figures,
         })
     }
 

@@ -124,7 +124,8 @@ impl<'a> Machine<'a> {
             if at > 0 {
                 here = self.step(condition, &here, point, &mut state);
             }
-            if let Some((_, &acceleration)) = rows.next_if(|(row, _)| **row == at) {
+            // Several rows may be one point: those before a late channel has begun.
+            while let Some((_, &acceleration)) = rows.next_if(|(row, _)| **row == at) {
                 torques.push(self.torque(&here, acceleration, &state));
             }
         }
