@@ -80,10 +80,10 @@ impl OverCompensation {
     pub fn excess_share(&self) -> f32 {
         let [there, back] = self.ways;
         let friction_nm = there.friction_nm + back.friction_nm;
-        if there.slid_s < SETTLED_S || back.slid_s < SETTLED_S || !(friction_nm > 0.0) {
+        if there.slid_s < SETTLED_S || back.slid_s < SETTLED_S || friction_nm <= 0.0 {
             return 0.0;
         }
-        ((there.excess_nm + back.excess_nm) / friction_nm).max(0.0).min(1.0)
+        ((there.excess_nm + back.excess_nm) / friction_nm).clamp(0.0, 1.0)
     }
 
     /// Whether the joint is given more than its friction.
@@ -93,10 +93,10 @@ impl OverCompensation {
 
     /// Share of the compensation that is left, 0..=1, of a joint that is compensated by `scale`.
     pub fn share(&self, scale: f32) -> f32 {
-        if !self.too_much || !(scale > 0.0) {
+        if !self.too_much || scale <= 0.0 {
             return 1.0;
         }
-        (LEAVES * (1.0 - self.excess_share()) / scale).max(LEAST).min(1.0)
+        (LEAVES * (1.0 - self.excess_share()) / scale).clamp(LEAST, 1.0)
     }
 }
 

@@ -23,7 +23,7 @@ impl<F: NorFlash> Device<F> {
             self.over.step(&slid, scale);
         }
         let wanted = self.over.share(scale);
-        let change = (wanted - self.compensation_left).max(-RAMP).min(RAMP);
+        let change = (wanted - self.compensation_left).clamp(-RAMP, RAMP);
         self.compensation_left += change;
     }
 
