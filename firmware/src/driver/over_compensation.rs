@@ -6,7 +6,7 @@
 //! ```
 //! What stands against motion whichever way it goes is friction; a load, an offset, a slope cancel between the two ways, and an
 //! inertia that is wrong does over a reversal. So `(1 - q)` of the model is what the joint has, and compensating more than that
-//! of it is too much. Then the share of the compensation goes down to [`LEAVES`] of what is there, and a limit says so; it never
+//! of it is too much. Then the share of the compensation goes down to nine tenths of what is there, and a limit says so; it never
 //! goes above what the parameters ask for. Seen from the limit cycle itself: a joint that swings slides, both ways.
 
 use crate::driver::REPORT_PERIOD_S;
