@@ -194,6 +194,7 @@ fn figures(found: &Diagnosis) -> Value {
         "after_rmse": found.after.metrics.rmse,
         "own_floor": found.noise_floor,
         "left_over": found.left_over,
+        "after_nrmse": found.after.metrics.nrmse_std,
     })
 }
 

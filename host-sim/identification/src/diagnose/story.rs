@@ -124,6 +124,20 @@ pub fn above_floor(rmse: f64, floor: f64) -> f64 {
     (rmse * rmse - floor * floor).max(0.0).sqrt()
 }
 
+/// What is left above the floor and is too little of the torque to be called a cause.
+fn beyond(diagnosis: &Diagnosis) -> String {
+    if diagnosis.left_over <= 0.0 {
+        return String::new();
+    }
+    let metrics = &diagnosis.after.metrics;
+    format!(
+        " What is left is {} times the floor and {} % of the torque's standard deviation, and follows none of the log's \
+         columns.",
+        significant(metrics.rmse / diagnosis.noise_floor, 2),
+        significant(100.0 * metrics.nrmse_std, 2)
+    )
+}
+
 /// The five sentences.
 pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
     let unit = diagnosis.log.train.joint.torque_unit();
@@ -156,7 +170,9 @@ pub fn story(diagnosis: &Diagnosis) -> Vec<String> {
     );
     let place = place(diagnosis);
     let why = match diagnosis.findings.as_slice() {
-        [] => format!("No cause passed, so none is named.{}", closest(diagnosis)),
+        [] => {
+            format!("No cause passed, so none is named.{}{}", beyond(diagnosis), closest(diagnosis))
+        }
         [first, others @ ..] => {
             let mut text = format!("The cause is {}: {}", first.cause.name(), first.in_words);
             for other in others {

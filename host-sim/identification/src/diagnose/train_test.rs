@@ -199,8 +199,8 @@ impl TrainTest {
         })
     }
 
-    /// Rows at rest, where a law without bristles does much worse there than in motion: at rest the joint
-    /// holds whatever it was left with, and such a law knows nothing of it. `squares` gives the law's
+    /// Rows at rest, where a law does worse there than in motion: at rest the joint holds whatever it was left with, of which
+    /// a law without bristles knows nothing, and one with bristles only what the angle tells. `squares` gives the law's
     /// squared error on the training rows that count and their number.
     pub fn worse_at_rest(&self, squares: impl Fn(&Self) -> (f64, usize)) -> Option<AtRest> {
         let slowest = REST * Scales::of(&self.train_tracks).speed;
@@ -216,7 +216,8 @@ impl TrainTest {
     pub fn without(self, at_rest: &AtRest) -> Self {
         let mut log = self.excluding(at_rest.slowest);
         log.notes.push(format!(
-            "{} rows at rest are not judged: a law without bristles says nothing of what a joint at rest holds",
+            "{} rows at rest are not judged: what a joint at rest holds, between nothing and all of its stiction, this log's \
+             motion does not tell",
             at_rest.rows
         ));
         log
