@@ -5,7 +5,8 @@
 //! angle to a joint velocity ([`observer`]), lets the friction compensator add its current
 //! ([`compensation`]), limits the *sum*, lets two PI controllers find the voltage ([`pi`]), and turns
 //! that voltage into three duties ([`space_vector`]). [`current_loop`] is that order; [`parameters`] is
-//! what it is built from; [`probe`] stands in for it while they are being found. Current is positive where it drives the *joint* towards positive position.
+//! what it is built from; [`probe`] stands in for it while they are being found, and [`velocity_loop`] lies above it
+//! where a velocity is asked for. Current is positive where it drives the *joint* towards positive position.
 //!
 //! The loop owns its state, reads no clock, and never logs, blocks, allocates or panics; whatever the
 //! sample says, the duties are finite and within 0..=1, or the bridge is off. The same code runs in the
@@ -20,6 +21,7 @@ pub mod pi;
 pub mod probe;
 pub mod space_vector;
 pub mod transform;
+pub mod velocity_loop;
 
 pub use compensation::{Compensate, JointCompensator, NoCompensation};
 pub use current_loop::{Covariates, CurrentLoop, Cycle, Setpoint};
@@ -80,6 +82,8 @@ pub enum Bridge {
 pub enum Broke {
     /// The gate driver.
     GateDriver,
+    /// Comparators at the shunts.
+    Overcurrent,
     /// The chip itself: its supply, clock, memory or processor.
     System,
 }

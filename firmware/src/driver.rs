@@ -18,6 +18,7 @@ mod device;
 pub mod live;
 mod motor_watch;
 mod objects;
+pub mod over_compensation;
 pub mod profile;
 pub mod staging;
 

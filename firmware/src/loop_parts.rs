@@ -6,6 +6,7 @@
 use crate::control::{Compensate, JointCompensator, Motor, MotorParameters, PERIOD_S};
 use crate::log::log;
 use crate::parameter_set::ParameterSet;
+use compensator_core::configuration::Configuration;
 use compensator_core::network::Factors;
 use compensator_core::{Flags, Inputs, Output, ParameterError};
 use core::cell::Cell;
@@ -19,13 +20,32 @@ pub struct Model {
     /// What temperature leaves of it, A. A cell, because it changes with every order, and the current loop
     /// that owns this model gives out shared references only.
     limit_a: Cell<f32>,
+    /// Share of the compensation that is left.
+    compensation: Cell<f32>,
 }
 
 impl Model {
+    /// Builds it for a period in s, held to so many ampere.
+    ///
+    /// # Errors
+    /// As [`JointCompensator::build`].
+    pub fn build(
+        friction: &Configuration,
+        most_a: f32,
+        period_s: f32,
+    ) -> Result<Self, ParameterError> {
+        let inner = JointCompensator::build(friction, period_s)?;
+        Ok(Self { inner, most_a, limit_a: Cell::new(most_a), compensation: Cell::new(1.0) })
+    }
+
     pub(crate) fn set_share(&self, share: f32) {
         // NaN leaves nothing.
         let share = if share >= 0.0 { share.min(1.0) } else { 0.0 };
         self.limit_a.set(self.most_a * share);
+    }
+
+    pub(crate) fn set_compensation(&self, share: f32) {
+        self.compensation.set(if share >= 0.0 { share.min(1.0) } else { 0.0 });
     }
 }
 
@@ -40,7 +60,13 @@ impl Compensate for Model {
 
     #[inline]
     fn step(&mut self, inputs: &Inputs<f32>) -> Output<f32> {
-        self.inner.step(inputs)
+        let output = self.inner.step(inputs);
+        let left = self.compensation.get();
+        Output {
+            compensation_torque_nm: left * output.compensation_torque_nm,
+            feed_forward_current_a: left * output.feed_forward_current_a,
+            ..output
+        }
     }
 
     #[inline]
@@ -114,9 +140,8 @@ impl Parts {
             ..set.motor
         }
         .build(period_s)?;
-        let inner = JointCompensator::build(&set.friction, period_s)?;
         let most_a = set.motor.current_limit_a.min(set.friction.compensator.current_limit_a);
-        let model = Model { inner, most_a, limit_a: Cell::new(most_a) };
+        let model = Model::build(&set.friction, most_a, period_s)?;
         Ok(Self { motor, model, may_drive: true })
     }
 

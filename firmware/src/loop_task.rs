@@ -67,6 +67,7 @@ const NO_ORDERS: LoopOrders = LoopOrders {
     bridge: false,
     compensation: false,
     current_share: 1.0,
+    compensation_share: 1.0,
     factors: None,
     set_number: 0,
     home: Home { position_rad: 0.0, number: 0 },
@@ -113,6 +114,7 @@ impl LoopTask {
             self.current_loop.set_position(orders.home.position_rad);
         }
         self.current_loop.compensator().set_share(orders.current_share);
+        self.current_loop.compensator().set_compensation(orders.compensation_share);
         self.current_loop.supply(orders.factors);
         self.orders = orders;
     }
@@ -120,6 +122,7 @@ impl LoopTask {
     /// Takes other parameters, between two periods.
     pub fn swap(&mut self, parts: Parts) {
         parts.model.set_share(self.orders.current_share);
+        parts.model.set_compensation(self.orders.compensation_share);
         self.may_drive = parts.may_drive;
         self.current_loop.swap(parts.motor);
         let _old = self.current_loop.swap_compensator(parts.model);
@@ -171,7 +174,9 @@ impl LoopTask {
         now: u32,
     ) -> Bridge {
         let in_time = self.deadline.begin(triggered, now);
-        if let Some(by) = broke {
+        if broke == Some(Broke::Overcurrent) {
+            self.open_for_overcurrent();
+        } else if let Some(by) = broke {
             self.gate_fault |= by == Broke::GateDriver;
             self.system_break |= by == Broke::System;
             if self.orders.bridge {
@@ -192,6 +197,15 @@ impl LoopTask {
         self.grow_old();
         self.note(sample, &cycle);
         bridge
+    }
+
+    /// Comparators have opened the bridge: an overcurrent as if it had been measured.
+    #[cold]
+    fn open_for_overcurrent(&mut self) {
+        self.report.loop_flags |= LoopFlags::OVERCURRENT;
+        if self.orders.bridge {
+            self.tripped |= LoopFlags::OVERCURRENT;
+        }
     }
 
     /// A period of a measurement: the current loop only looks on. What opens the bridge under it opens it here.
@@ -295,6 +309,7 @@ impl LoopTask {
         report.voltage_q_v = cycle.voltage_v[1];
         report.velocity_rad_s = cycle.velocity_rad_s;
         report.position_rad = known(cycle.position_rad, !unreferenced);
+        report.turned_rad = cycle.position_rad;
         report.motor_torque_nm = cycle.motor_torque_nm;
         report.friction_torque_nm = cycle.friction_torque_nm;
         report.feed_forward_current_a = cycle.feed_forward_current_a;

@@ -164,6 +164,24 @@ fn a_gate_driver_that_complains_with_the_bridge_off_is_told() {
 }
 
 #[test]
+fn a_bridge_the_comparators_opened_is_an_overcurrent_until_it_is_ordered_off() {
+    let mut bench = Bench::new();
+    bench.task.order(drive(1.0));
+    bench.at += PERIOD;
+    let bridge = bench.task.period(&healthy(), Some(Broke::Overcurrent), bench.at, bench.at + 100);
+    assert_eq!(bridge, Bridge::Off);
+    assert!(!bench.is_driving());
+    for _ in 0..2 {
+        let report = bench.next_report();
+        assert!(report.loop_flags.contains(LoopFlags::OVERCURRENT));
+        assert!(!report.gate_driver_fault && !report.system_break);
+    }
+    bench.task.order(LoopOrders { bridge: false, ..drive(1.0) });
+    bench.task.order(drive(1.0));
+    assert!(bench.is_driving());
+}
+
+#[test]
 fn a_set_point_goes_stale_when_no_orders_come() {
     let mut bench = Bench::new();
     bench.task.order(LoopOrders { compensation: false, ..drive(2.0) });

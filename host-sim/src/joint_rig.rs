@@ -99,6 +99,8 @@ pub struct JointRig<'q> {
     /// Milliseconds since the watchdog was fed, and whether it has reset the processor.
     unfed_ms: u32,
     reset: bool,
+    /// Somebody sends a SYNC every millisecond.
+    syncs: bool,
     surroundings: BoardState,
 }
 
@@ -195,6 +197,7 @@ fn start_driver<'q>(
         waiting: VecDeque::new(),
         unfed_ms: 0,
         reset: false,
+        syncs: true,
         surroundings: BoardState::default(),
     };
     // The background is not asked before the interrupt has run: it would find no conversion.
@@ -263,7 +266,9 @@ impl JointRig<'_> {
                 self.unfed_ms = 0;
             }
         }
-        self.deliver(Message::Sync(Sync::of(self.milliseconds)).emit());
+        if self.syncs {
+            self.deliver(Message::Sync(Sync::of(self.milliseconds)).emit());
+        }
         while self.stalled_ms == 0
             && let Some(frame) = self.background.transmit()
         {
@@ -305,6 +310,11 @@ impl JointRig<'_> {
     /// The background stands still for so many milliseconds, as in a long transfer; the interrupt goes on.
     pub fn stall(&mut self, milliseconds: u32) {
         self.stalled_ms = milliseconds;
+    }
+
+    /// Nobody sends SYNCs any more.
+    pub fn stop_sync(&mut self) {
+        self.syncs = false;
     }
 
     /// Whether the watchdog has reset the processor, which then does nothing any more here: its next life is another rig.

@@ -17,6 +17,7 @@
 mod can;
 mod flash;
 mod motor_stage;
+mod overcurrent;
 mod pins;
 mod power_stage;
 mod scales;
@@ -118,7 +119,7 @@ mod app {
         context.core.DCB.enable_trace();
         context.core.DWT.enable_cycle_counter();
 
-        let mut stage = Stage::new(wired.bridge, wired.currents);
+        let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
         let duties_in_time = stage.start();
         let shunts = find_offsets(&mut stage);
         let encoder = encoder(wired.encoder);

@@ -59,6 +59,12 @@ compensator_core::named_fields! {
         setpoint_timeout_s: f32 = 0.1, 1e-4..=0.1, "a joint must not run on without being told";
         /// Inertia at the joint, rotor and gear included, kg m^2; 0 where it is not known.
         inertia_kg_m2: f32 = 0.0, 0.0..=1e4, "an inertia";
+        /// Current of the velocity loop per velocity it is short of, A s/rad.
+        velocity_gain_a_s_per_rad: f32 = 3.0, 1e-3..=1e4, "a loop acts against its error";
+        /// Time the velocity loop's integral takes to come to as much, s.
+        velocity_integral_s: f32 = 0.1, 1e-2..=1e3, "a loop a millisecond late is not faster";
+        /// Largest acceleration of the velocity loop's reference, rad/s^2.
+        acceleration_max_rad_s2: f32 = 50.0, 1e-2..=1e5, "the joint must move";
     }
     /// A 48 V motor of seven pole pairs behind a gear of 51, 1 Nm/A at the joint.
 }

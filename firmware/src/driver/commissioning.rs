@@ -13,6 +13,7 @@
 //! trusted for it: current, voltage, travel, time and the master's sign of life are bounded, and whatever ends it opens the
 //! bridge. What it finds is staged; it counts when it is committed, as any parameter, and somebody confirms it.
 
+pub mod friction_run;
 mod progress;
 mod turning;
 
@@ -328,7 +329,7 @@ impl Commissioning {
                     self.step = Step::Done;
                 }
             }
-            Step::Idle | Step::Offsets | Step::Done | Step::Aborted => {}
+            Step::Idle | Step::Offsets | Step::Done | Step::Aborted | Step::Rubbing => {}
         }
         Ok(())
     }

@@ -6,7 +6,9 @@ mod drive;
 mod network;
 mod pdos;
 mod requests;
+mod share;
 mod values;
+mod velocity;
 
 pub(super) use pdos::PDO_UNUSED;
 
@@ -14,8 +16,10 @@ use super::commissioning::Reason;
 use super::counters::{Counters, count};
 use super::live::{CommandSequence, Home, Live, LoopOrders, LoopReport};
 use super::motor_watch::{MotorSight, MotorWatch};
+use super::over_compensation::OverCompensation;
 use super::profile::Profile;
 use super::staging::Staging;
+use crate::control::velocity_loop::{VelocityGains, VelocityLoop, VelocityOrder};
 use crate::hil::{HilJoint, Reply, Step};
 use crate::log::log;
 use crate::node::Outbox;
@@ -122,6 +126,12 @@ pub struct Device<F> {
     home: Home,
     pub(super) profile: Profile,
     commissioning: commissioning::Run,
+    over: OverCompensation,
+    /// Share of the compensation that is left.
+    compensation_left: f32,
+    velocity: VelocityLoop,
+    velocity_gains: VelocityGains,
+    velocity_order: VelocityOrder,
     motor_watch: MotorWatch,
     motor_sight: MotorSight,
     /// Counts the commands that come of the profile.
@@ -326,6 +336,7 @@ impl<F: NorFlash> Device<F> {
                 motor_against: self.motor_sight.against,
                 motor_stands: self.motor_sight.stands,
                 stalled: self.motor_sight.stalls,
+                over_compensated: self.over.is_too_much(),
                 sample_age_us: report.sample_age_us,
                 gate_driver_fault: report.gate_driver_fault,
                 system_break: report.system_break,
@@ -370,10 +381,12 @@ impl<F: NorFlash> Device<F> {
             self.report.flags |= seen.1;
         }
         self.report_seen = false;
-        let drives = self.supervisor.is_armed() && !self.commissions();
+        let drives = self.supervisor.is_armed() && !self.measures();
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
         self.motor_sight = self.motor_watch.step(&self.report, motor, thresholds, drives);
+        self.see_over_compensation();
         self.step_commissioning();
+        self.step_velocity();
         for _ in 0..report.overruns_in_a_row {
             self.supervisor.loop_overrun();
         }
@@ -396,6 +409,7 @@ impl<F: NorFlash> Device<F> {
             bridge: drives && self.supervisor.bridge_allowed(),
             compensation: drives && self.supervisor.compensation_allowed() && !self.commissions(),
             current_share: self.supervisor.current_share(),
+            compensation_share: self.compensation_left,
             factors: None,
             set_number: self.set_number,
             gate_resets: self.gate_resets,

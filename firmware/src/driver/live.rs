@@ -24,6 +24,8 @@ pub struct LoopOrders {
     pub compensation: bool,
     /// Share of the current limit that temperature leaves, 0..=1.
     pub current_share: f32,
+    /// Share of the compensation that is left, 0..=1: less than 1 where the model was seen to have more friction than the joint.
+    pub compensation_share: f32,
     /// What a network last said of the law's levels and stiffness; `None` for its constants.
     pub factors: Option<Factors<f32>>,
     /// Counts the times the gate driver is to be put to sleep, which clears a fault it holds.
@@ -63,6 +65,8 @@ pub struct LoopReport {
     pub velocity_rad_s: f32,
     /// Joint position, rad; NaN where whole turns are not known.
     pub position_rad: f32,
+    /// The same from any zero, rad: known as long as the encoder is.
+    pub turned_rad: f32,
     /// Torque of the measured current at the joint, Nm.
     pub motor_torque_nm: f32,
     /// The model's friction torque, Nm.
@@ -106,6 +110,7 @@ impl Default for LoopReport {
             voltage_q_v: 0.0,
             velocity_rad_s: 0.0,
             position_rad: f32::NAN,
+            turned_rad: 0.0,
             motor_torque_nm: f32::NAN,
             friction_torque_nm: 0.0,
             feed_forward_current_a: 0.0,

@@ -35,7 +35,7 @@ impl<F: NorFlash> Objects for Device<F> {
             (at.index, at.subindex),
             (index::STATE, State::REQUEST)
                 | (index::TRACE | index::ERROR_FIELD | index::INPUTS, _)
-                | (index::CONTROLWORD | index::TARGET_TORQUE, _)
+                | (index::CONTROLWORD | index::TARGET_TORQUE | index::TARGET_VELOCITY, _)
                 | (index::COMMISSIONING_RUN, CommissioningRun::ORDER)
         );
         if !always && self.is_armed() {
@@ -82,6 +82,14 @@ impl<F: NorFlash> Objects for Device<F> {
             index::CONTROLWORD => self.set_controlword(number as u16),
             index::TARGET_TORQUE => {
                 self.set_target(number as i16);
+                Ok(())
+            }
+            index::TARGET_VELOCITY => {
+                self.set_target_velocity(number as i32);
+                Ok(())
+            }
+            index::MAX_MOTOR_SPEED => {
+                self.profile.max_motor_rpm = Some(number);
                 Ok(())
             }
             index::MODE => self.set_mode(number as i8),
@@ -241,9 +249,11 @@ impl<F: NorFlash> Device<F> {
                 let cob_id = self.identifier(usize::from(at_index - index::TRANSMIT_ANSWER));
                 list(&records::TransmitPdo { cob_id, transmission_type: SYNCHRONOUS }.words())
             }
-            index::MAPPING_RECEIVED_DRIVE => {
-                list(&[of_profile(index::CONTROLWORD, 16), of_profile(index::TARGET_TORQUE, 16)])
-            }
+            index::MAPPING_RECEIVED_DRIVE => list(&[
+                of_profile(index::CONTROLWORD, 16),
+                of_profile(index::TARGET_TORQUE, 16),
+                of_profile(index::TARGET_VELOCITY, 32),
+            ]),
             index::MAPPING_DRIVE => list(&[
                 of_profile(index::STATUSWORD, 16),
                 of_profile(index::ACTUAL_TORQUE, 16),
@@ -257,6 +267,9 @@ impl<F: NorFlash> Device<F> {
             index::ACTUAL_VELOCITY => Ok(self.actual_velocity() as u32),
             index::TARGET_TORQUE => Ok(self.profile.target_permille as u32),
             index::MAX_TORQUE => Ok(self.profile.max_permille.into()),
+            index::VELOCITY_DEMAND => Ok(self.velocity_demand() as u32),
+            index::TARGET_VELOCITY => Ok(self.profile.target_micro_rad_s as u32),
+            index::MAX_MOTOR_SPEED => Ok(self.max_motor_rpm()),
             index::RATED_CURRENT => Ok(self.ratings()[0]),
             index::RATED_TORQUE => Ok(self.ratings()[1]),
             index::ACTUAL_TORQUE => Ok(self.actual_permille() as u32),

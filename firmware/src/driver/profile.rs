@@ -1,6 +1,6 @@
-//! The joint driver as a drive of CiA 402: its state machine, and cyclic synchronous torque (CST).
+//! The joint driver as a drive of CiA 402: its state machine, cyclic synchronous torque (CST) and velocity (CSV).
 //!
-//! For masters that know drives and no friction (ros2_canopen, CODESYS and their like). Mode 10 in 6060h switches it on;
+//! For masters that know drives and no friction (ros2_canopen, CODESYS and their like). Mode 10 or 9 in 6060h switches it on;
 //! the joint's own Command frame is passed over then. The controlword asks, the supervisor decides: *operation enabled*
 //! is armed and nothing else, *fault* is the supervisor's, and a rising bit 7 clears what may be cleared. Quick stop and
 //! "disable voltage" open the bridge; there is no ramp (605Ah would be 0).
@@ -10,14 +10,17 @@
 //! master that is silent for `command_timeout_us` has gone, as ever.
 //!
 //! Units: torque in thousandths of the rated torque (6076h), which is what the current limit makes at the joint; position
-//! and velocity in 1e-6 rad and 1e-6 rad/s, -2147.483648 rad where the position is not known.
+//! and velocity in 1e-6 rad and 1e-6 rad/s, -2147.483648 rad where the position is not known. The largest motor speed (6080h)
+//! is in turns of the motor per minute, as the profile has it.
 
 /// 1000h: servo drive (2), profile 402.
 pub const DEVICE_TYPE: u32 = 0x0002_0192;
 /// Mode of operation: cyclic synchronous torque.
 pub const CST: i8 = 10;
+/// Mode of operation: cyclic synchronous velocity.
+pub const CSV: i8 = 9;
 /// 6502h: which modes there are, bit `mode - 1`.
-pub const SUPPORTED_MODES: u32 = 1 << (CST - 1);
+pub const SUPPORTED_MODES: u32 = 1 << (CST - 1) | 1 << (CSV - 1);
 /// Largest 6072h, thousandths of the rated torque: what the current limit lets through.
 pub const TORQUE_MAX_PERMILLE: u16 = 1000;
 
@@ -79,6 +82,10 @@ pub struct Profile {
     pub target_permille: i16,
     /// 6072h.
     pub max_permille: u16,
+    /// 60FFh, 1e-6 rad/s.
+    pub target_micro_rad_s: i32,
+    /// 6080h, turns of the motor per minute; none where no master has written it.
+    pub max_motor_rpm: Option<u32>,
 }
 
 impl Default for Profile {
@@ -89,6 +96,8 @@ impl Default for Profile {
             mode: 0,
             target_permille: 0,
             max_permille: TORQUE_MAX_PERMILLE,
+            target_micro_rad_s: 0,
+            max_motor_rpm: None,
         }
     }
 }
@@ -96,7 +105,19 @@ impl Default for Profile {
 impl Profile {
     /// Whether the profile has the say.
     pub const fn is_on(&self) -> bool {
-        self.mode == CST
+        self.mode == CST || self.mode == CSV
+    }
+
+    /// 6072h as a share of the rated torque.
+    pub fn max_share(&self) -> f32 {
+        f32::from(self.max_permille.min(TORQUE_MAX_PERMILLE)) * 1e-3
+    }
+
+    /// 60FFh within so many rad/s, and whether it lay beyond.
+    pub fn target_rad_s(&self, most_rad_s: f32) -> (f32, bool) {
+        let target_rad_s = self.target_micro_rad_s as f32 * 1e-6;
+        let held = target_rad_s.max(-most_rad_s).min(most_rad_s);
+        (held, held != target_rad_s)
     }
 
     /// Target within 6072h, as a share of the rated torque.

@@ -132,7 +132,7 @@ objects! {
     0x1403 RECEIVE_SURROUNDINGS record("receive_pdo_surroundings", Pdo::ENTRIES);
     0x1404 RECEIVE_MOTION record("receive_pdo_motion", Pdo::ENTRIES);
     0x1405 RECEIVE_TORQUE record("receive_pdo_torque", Pdo::ENTRIES);
-    0x1600 MAPPING_RECEIVED_DRIVE mapping("mapping_received_drive");
+    0x1600 MAPPING_RECEIVED_DRIVE array("mapping_received_drive", "mapped_object", Const, 3);
     0x1601 MAPPING_RECEIVED_COMMAND mapping("mapping_received_command");
     0x1602 MAPPING_RECEIVED_SEAL mapping("mapping_received_seal");
     0x1603 MAPPING_RECEIVED_SURROUNDINGS mapping("mapping_received_surroundings");
@@ -184,12 +184,15 @@ objects! {
     0x6060 MODE variable("modes_of_operation", Integer8, ReadWrite);
     0x6061 MODE_DISPLAY variable("modes_of_operation_display", Integer8, ReadOnly);
     0x6064 ACTUAL_POSITION variable("position_actual_value", Integer32, ReadOnly);
+    0x606B VELOCITY_DEMAND variable("velocity_demand_value", Integer32, ReadOnly);
     0x606C ACTUAL_VELOCITY variable("velocity_actual_value", Integer32, ReadOnly);
     0x6071 TARGET_TORQUE variable("target_torque", Integer16, Input);
     0x6072 MAX_TORQUE variable("max_torque", Unsigned16, ReadWrite);
     0x6075 RATED_CURRENT variable("motor_rated_current", Unsigned32, ReadOnly);
     0x6076 RATED_TORQUE variable("motor_rated_torque", Unsigned32, ReadOnly);
     0x6077 ACTUAL_TORQUE variable("torque_actual_value", Integer16, ReadOnly);
+    0x6080 MAX_MOTOR_SPEED variable("max_motor_speed", Unsigned32, ReadWrite);
+    0x60FF TARGET_VELOCITY variable("target_velocity", Integer32, Input);
     0x6502 SUPPORTED_MODES variable("supported_drive_modes", Unsigned32, Const);
 }
 

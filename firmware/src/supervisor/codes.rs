@@ -245,7 +245,7 @@ codes! {
     3 CanBusOff "can-bus-off" 0x8140 [COMMUNICATION] Stops Always 0 100
         "the CAN controller has left the bus", "it is back on the bus";
     4 Overcurrent "overcurrent" 0x2310 [CURRENT] Stops Always 0 10
-        "a phase current at `overcurrent_a` in any period", "all below it";
+        "a phase current at `overcurrent_a` in any period, or at the board's comparators, which open the bridge themselves", "all below it";
     5 CurrentSensorInvalid "current-sensor-invalid" 0x5210 [CURRENT] Stops Always 1 100
         "phase currents not valid or not finite", "valid currents";
     6 CurrentOffset "current-offset" 0x5211 [CURRENT] Stops Always 50 100
@@ -344,4 +344,7 @@ codes! {
         "the torque residual is outside the band the model promised", "it is inside";
     53 Stalled "stalled" 0xFF16 [PROFILE] Limits Always 500 100
         "`stall_current_a` or more, and the joint stands, having moved before", "it moves, or less current";
+    54 OverCompensated "over-compensated" 0xFF17 [PROFILE] Limits Always 0 100
+        "the model was seen to have more friction than the joint, so that its compensation would drive it; less is compensated",
+        "it has not, or other parameters are set";
 }

@@ -104,6 +104,8 @@ pub struct Observation {
     pub motor_stands: bool,
     /// It stands under current, and has moved.
     pub stalled: bool,
+    /// The model has more friction than the joint, and less of it is compensated.
+    pub over_compensated: bool,
     /// Age of the latest conversion, us.
     pub sample_age_us: Option<u32>,
     /// The gate driver reports a fault.
@@ -139,6 +141,7 @@ impl Default for Observation {
             motor_against: false,
             motor_stands: false,
             stalled: false,
+            over_compensated: false,
             sample_age_us: None,
             gate_driver_fault: false,
             system_break: false,

@@ -11,14 +11,18 @@ const RUN: u16 = index::COMMISSIONING_RUN;
 const REFUSED: Result<(), u32> = Err(0x0800_0022);
 const OUT_OF_RANGE: Result<(), u32> = Err(0x0609_0030);
 
+fn measured() -> LoopReport {
+    LoopReport {
+        bus_voltage_v: Some(48.0),
+        phase_currents_a: Some([0.0; 3]),
+        sample_age_us: Some(10),
+        ..LoopReport::default()
+    }
+}
+
 fn pass(bench: &mut Bench, milliseconds: u64) {
     for _ in 0..milliseconds {
-        bench.driver.report(&LoopReport {
-            bus_voltage_v: Some(48.0),
-            phase_currents_a: Some([0.0; 3]),
-            sample_age_us: Some(10),
-            ..LoopReport::default()
-        });
+        bench.driver.report(&measured());
         bench.pass_ms(1);
     }
 }
@@ -62,7 +66,76 @@ fn a_blank_joint_is_armed_for_it_and_for_nothing_else() {
     // One who goes on with what has ended begins nothing.
     order(&mut bench, 2).unwrap();
     assert!(!bench.driver.orders(bench.now_us).bridge);
-    assert_eq!(order(&mut bench, 3), OUT_OF_RANGE);
+    assert_eq!(order(&mut bench, 4), OUT_OF_RANGE);
+    // To move by itself it has to be commissioned.
+    assert_eq!(bench.write(index::COMMISSIONING_RUN, Run::ORDER, &[3]), REFUSED);
+    assert!(bench.text(index::REFUSAL).contains("not-commissioned"));
+}
+
+/// A commissioned joint in a friction run, its range 0.3 rad, at up to 1 rad/s and 4 A.
+fn rubbing() -> Bench {
+    let mut bench = blank();
+    bench.commission();
+    for (place, value) in [(Run::CURRENT, 4.0f32), (Run::TRAVEL, 0.3), (Run::SPEED, 1.0)] {
+        bench.write(RUN, place, &value.to_le_bytes()).unwrap();
+    }
+    order(&mut bench, 3).unwrap();
+    bench
+}
+
+/// Milliseconds in which the joint is where `at` says, at a velocity, and the master lives.
+fn pass_by(bench: &mut Bench, milliseconds: u32, velocity_rad_s: f32, at: impl Fn(u32) -> f32) {
+    for ms in 0..milliseconds {
+        let report = LoopReport { turned_rad: at(ms), velocity_rad_s, ..measured() };
+        bench.driver.report(&report);
+        bench.pass_ms(1);
+        if ms % 20 == 0 {
+            order(bench, 2).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_friction_run_moves_in_its_bounds_and_ends_at_each() {
+    let ends_for = |bench: &mut Bench, reason: Reason| {
+        let orders = bench.driver.orders(bench.now_us);
+        assert!(!bench.driver.is_armed() && !orders.bridge, "{reason:?}");
+        assert_eq!(bench.number(RUN, Run::REASON), reason as u32);
+    };
+    let mut bench = rubbing();
+    pass_by(&mut bench, 100, 0.5, |ms| 5.0 + 5e-4 * ms as f32);
+    let orders = bench.driver.orders(bench.now_us);
+    assert!(orders.bridge && !orders.compensation && orders.probe.is_none());
+    assert_eq!(orders.setpoint.velocity_reference_rad_s, 1.0);
+    assert!(orders.setpoint.current_a > 1.0 && orders.setpoint.current_a <= 4.0);
+    assert_eq!(bench.number(RUN, Run::STEP), Step::Rubbing as u32);
+    // Near the end of the range it turns back, and the current with it.
+    pass_by(&mut bench, 100, 0.5, |_| 5.24);
+    let reference = bench.driver.orders(bench.now_us).setpoint.velocity_reference_rad_s;
+    assert!((reference + 1.0).abs() < 1e-5, "{reference}");
+    pass_by(&mut bench, 1, 0.5, |_| 5.31);
+    ends_for(&mut bench, Reason::Travel);
+    let mut bench = rubbing();
+    pass_by(&mut bench, 800, 0.0, |_| 5.0);
+    ends_for(&mut bench, Reason::JointHeld);
+    let mut bench = rubbing();
+    pass_by(&mut bench, 2, 1.9, |_| 5.0);
+    ends_for(&mut bench, Reason::TooFast);
+    let mut bench = rubbing();
+    pass_by(&mut bench, 2, f32::NAN, |_| 5.0);
+    ends_for(&mut bench, Reason::NoAnswer);
+    let mut bench = rubbing();
+    pass(&mut bench, 105);
+    assert!(!bench.driver.is_armed());
+    let mut bench = rubbing();
+    order(&mut bench, 0).unwrap();
+    ends_for(&mut bench, Reason::Stopped);
+    // Its bounds have bounds, and nobody arms it beside.
+    for (place, value) in [(Run::SPEED, 0.0f32), (Run::SPEED, 13.0), (Run::SPEED, f32::NAN)] {
+        assert_eq!(bench.write(RUN, place, &value.to_le_bytes()), OUT_OF_RANGE);
+    }
+    order(&mut bench, 3).unwrap();
+    assert_eq!(bench.write(index::STATE, 1, &[1]), REFUSED);
 }
 
 #[test]

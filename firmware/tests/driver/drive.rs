@@ -63,7 +63,7 @@ fn enabled() -> Bench {
 fn a_master_brings_it_up_drives_and_stops_it() {
     let mut bench = in_cst();
     assert_eq!(bench.number(index::DEVICE_TYPE, 0), 0x0002_0192);
-    assert_eq!(bench.number(index::SUPPORTED_MODES, 0), 1 << 9);
+    assert_eq!(bench.number(index::SUPPORTED_MODES, 0), 1 << 9 | 1 << 8);
     assert_eq!(bench.number(index::MODE_DISPLAY, 0), 10);
     assert_eq!(state(&mut bench), 0x40);
     // Rated: 26 A, and 1 Nm/A at the joint.
@@ -86,6 +86,80 @@ fn a_master_brings_it_up_drives_and_stops_it() {
     control(&mut bench, 0x0B, 0);
     assert_eq!(state(&mut bench), 0x40);
     assert!(!bench.driver.is_armed());
+}
+
+/// RPDO 1 of a master that knows velocities.
+fn drive_at(bench: &mut Bench, controlword: u16, micro_rad_s: i32) {
+    let mut data = [0; 8];
+    data[..2].copy_from_slice(&controlword.to_le_bytes());
+    data[4..].copy_from_slice(&micro_rad_s.to_le_bytes());
+    bench.driver.receive(&frame(RPDO_1, &data), bench.now_us);
+}
+
+/// Milliseconds at a speed, the master's frame in each.
+fn pass_at(bench: &mut Bench, milliseconds: u64, velocity_rad_s: f32, target_micro_rad_s: i32) {
+    for _ in 0..milliseconds {
+        drive_at(bench, 0x0F, target_micro_rad_s);
+        bench.driver.report(&LoopReport { velocity_rad_s, ..measured() });
+        bench.pass_ms(1);
+    }
+}
+
+#[test]
+fn a_velocity_is_made_a_current_and_is_the_compensators_reference() {
+    let mut bench = in_cst();
+    bench.write(index::MODE, 0, &[9]).unwrap();
+    assert_eq!(bench.number(index::MODE_DISPLAY, 0), 9);
+    // 12 rad/s of the joint, behind a gear of 51.
+    assert_eq!(bench.number(index::MAX_MOTOR_SPEED, 0), 5844);
+    for word in [0x06, 0x07, 0x0F] {
+        drive_at(&mut bench, word, 0);
+    }
+    assert_eq!(state(&mut bench), 0x27);
+    // From the speed it has, -1.5 rad/s, with 50 rad/s^2.
+    pass_at(&mut bench, 10, -1.5, 2_000_000);
+    let setpoint = bench.driver.orders(bench.now_us).setpoint;
+    assert!((setpoint.velocity_reference_rad_s + 1.0).abs() < 1e-3, "{setpoint:?}");
+    assert!(setpoint.current_a > 1.4 && setpoint.current_a < 2.5, "{setpoint:?}");
+    pass_at(&mut bench, 100, 1.0, 2_000_000);
+    let setpoint = bench.driver.orders(bench.now_us).setpoint;
+    assert_eq!(setpoint.velocity_reference_rad_s, 2.0);
+    assert_eq!(bench.number(index::VELOCITY_DEMAND, 0), 2_000_000);
+    // Held at it, the current grows to what 6072h and the rating leave, and no further.
+    pass_at(&mut bench, 2000, 0.0, 2_000_000);
+    assert_eq!(bench.driver.orders(bench.now_us).setpoint.current_a, 26.0);
+    // A target beyond 6080h is held there, and said.
+    assert_eq!(bench.number(index::STATUSWORD, 0) & 1 << 11, 0);
+    pass_at(&mut bench, 400, 5.0, i32::MAX);
+    assert_eq!(bench.driver.orders(bench.now_us).setpoint.velocity_reference_rad_s, 12.0);
+    assert_ne!(bench.number(index::STATUSWORD, 0) & 1 << 11, 0);
+    // Nothing of it without a sign of life for a tenth of a second: the set-point is as old as that.
+    pass(&mut bench, 98);
+    assert!(bench.driver.is_armed());
+    assert!((bench.driver.orders(bench.now_us).setpoint.age_s - 0.099).abs() < 1e-4);
+    pass(&mut bench, 3);
+    assert!(!bench.driver.is_armed());
+    // The next enabling begins from the speed it has then.
+    for _ in 0..3 {
+        drive_at(&mut bench, 0, 0);
+        pass(&mut bench, 1);
+    }
+    drive_at(&mut bench, 0x80, 0);
+    bench.write(index::MAX_MOTOR_SPEED, 0, &487u32.to_le_bytes()).unwrap();
+    for word in [0x06, 0x07, 0x0F] {
+        drive_at(&mut bench, word, 0);
+    }
+    assert!(bench.driver.is_armed());
+    pass_at(&mut bench, 100, 0.0, -3_000_000);
+    let reference = bench.driver.orders(bench.now_us).setpoint.velocity_reference_rad_s;
+    assert!((reference + 1.0).abs() < 1e-3, "{reference} rad/s, 487 turns a minute of the motor");
+    // Stopped as in CST: at once, without a ramp.
+    drive_at(&mut bench, 0x0B, 0);
+    assert!(!bench.driver.is_armed() && !bench.driver.orders(bench.now_us).bridge);
+    // Frames of other lengths are none.
+    let wrong = bench.driver.counters().wrong_length;
+    bench.driver.receive(&frame(RPDO_1, &[0x0F, 0, 0, 0, 1, 0]), bench.now_us);
+    assert_eq!(bench.driver.counters().wrong_length, wrong + 1);
 }
 
 #[test]
@@ -182,7 +256,7 @@ fn what_stands_against_arming_stands_against_the_profile_too() {
     bench.driver.receive(&frame(0x301, &[0, 0, 0x80, 0x3F, 0, 0, 0, 99]), bench.now_us);
     assert_eq!(bench.driver.counters().foreign, foreign + 1);
     let mut bench = in_cst();
-    for mode in [1i8, 3, 8, 9, -1] {
+    for mode in [1i8, 3, 8, 11, -1] {
         assert_eq!(bench.write(index::MODE, 0, &mode.to_le_bytes()), Err(0x0609_0030));
     }
     // Without the mode the frame drives nothing.

@@ -64,7 +64,8 @@ fn list(text: &mut String, name: &str, objects: &[&Object]) {
 
 fn value(text: &mut String, bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) {
     let frames = [index::INPUTS, index::OUTPUTS, index::MEASURED];
-    let of_profile = [0x6040, 0x6041, 0x6064, 0x606C, 0x6071, 0x6077].contains(&object.index);
+    let of_profile =
+        [0x6040, 0x6041, 0x6064, 0x606C, 0x6071, 0x6077, 0x60FF].contains(&object.index);
     let mapped = u8::from(frames.contains(&object.index) && sub_index > 0 || of_profile);
     let _ = write!(
         text,

@@ -110,6 +110,7 @@ impl Bench {
             Code::MotorAgainst => seen.motor_against = bad,
             Code::MotorStands => seen.motor_stands = bad,
             Code::Stalled => seen.stalled = bad,
+            Code::OverCompensated => seen.over_compensated = bad,
             Code::EncoderLost => seen.loop_flags = loop_flag(LoopFlags::ENCODER_LOST),
             Code::EncoderJump => seen.loop_flags = loop_flag(LoopFlags::ENCODER_IMPLAUSIBLE),
             Code::AdcTimeout => seen.sample_age_us = Some(if bad { 1000 } else { 999 }),

@@ -44,7 +44,7 @@ fn observation() -> impl Strategy<Value = Observation> {
         prop::bool::weighted(0.05),
     );
     let seldom = || prop::bool::weighted(0.05);
-    let motor = (seldom(), seldom(), any::<bool>());
+    let motor = (seldom(), seldom(), any::<bool>(), any::<bool>());
     let all = (measured, flags, bits, motor, any::<bool>());
     all.prop_map(|(measured, flags, bits, motor, mostly_well)| {
         let (voltage, currents, [a, b, c, d, e, f], age) = measured;
@@ -64,6 +64,7 @@ fn observation() -> impl Strategy<Value = Observation> {
             motor_against: motor.0,
             motor_stands: motor.1,
             stalled: motor.2,
+            over_compensated: motor.3,
             sample_age_us: age,
             gate_driver_fault: bits.0,
             system_break: bits.3,

@@ -88,29 +88,12 @@ impl JointNode {
         bus: &mut dyn Bus,
         mut is_over: impl FnMut(&Self) -> bool,
     ) -> Result<(), BusError> {
-        let start_ns = bus.now_ns();
-        let (mut now_ns, mut due_ns) = (start_ns, start_ns);
-        while !is_over(self) {
-            if now_ns >= due_ns {
-                self.tick(now_ns - start_ns);
-                due_ns = now_ns + TICK_NS;
-                self.keep().map_err(BusError::Record)?;
+        live(self, bus, |node, ticked| {
+            if ticked {
+                node.keep().map_err(BusError::Record)?;
             }
-            // What is sent is sent before the next frame is looked at, or answers would pile up.
-            while let Some(frame) = self.transmit() {
-                bus.send(&frame)?;
-            }
-            // A frame's stamp says what time it is: the clock is asked where nothing came.
-            now_ns = match bus.receive(due_ns)? {
-                Some(received) => {
-                    let time_ns = received.time_ns.max(start_ns);
-                    Participant::receive(self, &received.frame, time_ns - start_ns);
-                    now_ns.max(time_ns)
-                }
-                None => bus.now_ns(),
-            };
-        }
-        Ok(())
+            Ok(is_over(node))
+        })
     }
 
     /// Writes the flash to its file, where it has changed.
@@ -137,6 +120,43 @@ impl JointNode {
             self.background = Some(Background::new(driver, now_us));
             self.restarts += 1;
         }
+    }
+}
+
+/// Lets a participant live on a bus, in the bus's time, until `is_over` says so: asked after every frame, and told whether a
+/// tick was due.
+///
+/// # Errors
+/// A bus that is gone, and what `is_over` gives.
+pub fn live<P: Participant>(
+    node: &mut P,
+    bus: &mut dyn Bus,
+    mut is_over: impl FnMut(&mut P, bool) -> Result<bool, BusError>,
+) -> Result<(), BusError> {
+    let start_ns = bus.now_ns();
+    let (mut now_ns, mut due_ns) = (start_ns, start_ns);
+    loop {
+        let ticks = now_ns >= due_ns;
+        if ticks {
+            node.tick(now_ns - start_ns);
+            due_ns = now_ns + TICK_NS;
+        }
+        if is_over(node, ticks)? {
+            return Ok(());
+        }
+        // What is sent is sent before the next frame is looked at, or answers would pile up.
+        while let Some(frame) = node.transmit() {
+            bus.send(&frame)?;
+        }
+        // A frame's stamp says what time it is: the clock is asked where nothing came.
+        now_ns = match bus.receive(due_ns)? {
+            Some(received) => {
+                let time_ns = received.time_ns.max(start_ns);
+                node.receive(&received.frame, time_ns - start_ns);
+                now_ns.max(time_ns)
+            }
+            None => bus.now_ns(),
+        };
     }
 }
 

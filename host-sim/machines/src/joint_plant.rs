@@ -11,6 +11,7 @@
 //! double precision, by its own equations: nothing here can see the law that is judged.
 
 pub mod bench;
+pub mod comparators;
 pub mod load;
 pub mod machine;
 pub mod parameters;

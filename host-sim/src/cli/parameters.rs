@@ -6,6 +6,7 @@
 //! was meant; `save` makes them outlive a reset.
 
 mod commission;
+mod friction_run;
 mod names;
 mod network;
 mod status;
@@ -112,7 +113,7 @@ enum Action {
     /// let the driver find it out by itself (--measure)
     Commission {
         /// Confirm it: on this joint, at low current, it was seen to be so
-        #[arg(long, conflicts_with = "measure")]
+        #[arg(long, conflicts_with_all = ["measure", "friction_run"])]
         confirm: bool,
         #[command(flatten)]
         measure: commission::Measure,
@@ -131,7 +132,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
             .to_owned()
     })?;
     let name = format!("node {} on {bus}", arguments.bus.node_id);
-    let bus = BusArguments { bus, node_id: node, bit_rate: arguments.bus.bit_rate, record: None };
+    let record = match &arguments.action {
+        Action::Commission { measure, .. } => {
+            measure.check()?;
+            measure.friction_trace()?
+        }
+        _ => None,
+    };
+    let bus = BusArguments { bus, node_id: node, bit_rate: arguments.bus.bit_rate, record };
     let hub = Hub::new();
     match (&bus.bus, arguments.bus.motor) {
         (BusName::Loop, true) if node != Node::FIRST => {
@@ -170,9 +178,14 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
             driver.client.write(at, &position_rad.to_le_bytes()).map_err(words)?;
             format!("its position is {position_rad} rad now")
         }
-        Action::Commission { measure, .. } if measure.is_asked() => {
-            let done = driver.measure_motor(measure, &name, arguments.json);
-            return done.map(|()| ExitCode::SUCCESS);
+        Action::Commission { measure, .. } if measure.is_asked() || bus.record.is_some() => {
+            if measure.is_asked() {
+                driver.measure_motor(measure, &name, arguments.json)?;
+            }
+            if let Some(trace) = &bus.record {
+                driver.friction_run(measure, &name, trace, arguments.json)?;
+            }
+            return Ok(ExitCode::SUCCESS);
         }
         Action::Commission { confirm, .. } => {
             let done = driver.commission(*confirm, arguments.json);

@@ -122,6 +122,7 @@ impl Stage {
 
     fn note(&mut self, driven: bool) {
         let most = &mut self.extremes;
+        most.current_a = most.current_a.max(self.plant.take_peak_a());
         most.current_a =
             self.plant.phase_currents_a().into_iter().fold(most.current_a, |m, a| m.max(a.abs()));
         most.bus_v = most.bus_v.max(self.plant.bus_v());
@@ -164,7 +165,10 @@ impl PowerStage for Stage {
     }
 
     fn broke(&mut self) -> Option<Broke> {
-        self.gate_fault.then_some(Broke::GateDriver)
+        if self.gate_fault {
+            return Some(Broke::GateDriver);
+        }
+        self.plant.overcurrent_broke().then_some(Broke::Overcurrent)
     }
 
     fn wake(&mut self, awake: bool) {
@@ -178,6 +182,7 @@ impl PowerStage for Stage {
 
     fn off(&mut self) {
         (self.pending, self.acting) = (None, None);
+        self.plant.forget_break();
     }
 
     fn cycles(&self) -> u32 {

@@ -18,12 +18,13 @@ mod power_up;
 mod rig;
 mod stalls;
 mod table;
+mod velocity;
 mod wiring;
 
 use table::Row;
 
 /// Every family's figures, computed once.
-fn families() -> [&'static [Row]; 8] {
+fn families() -> [&'static [Row]; 9] {
     [
         power_up::rows(),
         wiring::rows(),
@@ -33,6 +34,7 @@ fn families() -> [&'static [Row]; 8] {
         stalls::rows(),
         friction::rows(),
         heat::rows(),
+        velocity::rows(),
     ]
 }
 

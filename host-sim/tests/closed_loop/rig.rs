@@ -70,6 +70,8 @@ pub struct Joint {
     pub commissioned: bool,
     pub boot: Boot<'static>,
     pub faults: Faults,
+    /// Comparators watch the shunts, as on the board.
+    pub comparators: bool,
 }
 
 impl Joint {
@@ -82,6 +84,7 @@ impl Joint {
             commissioned: true,
             boot: Boot::default(),
             faults: Faults::default(),
+            comparators: true,
         }
     }
 
@@ -97,6 +100,9 @@ impl Joint {
         work: impl FnOnce(&mut Master) -> R,
     ) -> R {
         let mut plant = JointPlant::with_phase(&self.constants, self.load, PHASE_RAD, 5);
+        if self.comparators {
+            plant.watch_overcurrent();
+        }
         prepare(&mut plant);
         let inertia = plant.inertia_kg_m2();
         let start = Start {

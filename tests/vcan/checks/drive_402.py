@@ -20,8 +20,8 @@ SAFE, ARMED = 0, 1
 class Master:
     """A network with one drive, and SYNCs with a counter (1019h) a hundred times a second."""
 
-    def __init__(self):
-        self.process = Node()
+    def __init__(self, *arguments):
+        self.process = Node(*arguments)
         self.network = canopen.Network()
         self.network.connect(interface="socketcan", channel=INTERFACE)
         self.drive = BaseNode402(1, EDS)
@@ -84,6 +84,61 @@ def a_master_brings_the_joint_up_through_cst_to_a_stop():
         equal(drive.state, "OPERATION ENABLED")
         drive.state = "SWITCH ON DISABLED"
         equal(drive.sdo["state"]["state"].raw, SAFE)
+
+
+def velocity(drive):
+    """What the drive measures, rad/s."""
+    return 1e-6 * drive.sdo["velocity_actual_value"].raw
+
+
+@test
+def a_master_drives_a_simulated_motor_through_cst_and_csv_to_a_stop():
+    with Master("--motor") as master:
+        drive = master.drive
+        drive.nmt.state = "PRE-OPERATIONAL"
+        time.sleep(0.3)
+        drive.setup_402_state_machine()
+        drive.nmt.state = "OPERATIONAL"
+        master.start_sync()
+        # CST: a quarter of the rated torque, which friction does not hold.
+        drive.op_mode = "CYCLIC SYNCHRONOUS TORQUE"
+        until(lambda: drive.state == "SWITCH ON DISABLED", "the first state")
+        drive.state = "OPERATION ENABLED"
+        drive.rpdo[1]["controlword"].raw = 0x0F
+        drive.rpdo[1]["target_torque"].raw = 250
+        drive.rpdo[1].transmit()
+        until(lambda: velocity(drive) > 1.0, f"it turns, not at {velocity(drive)} rad/s")
+        drive.state = "SWITCH ON DISABLED"
+        equal(drive.sdo["state"]["state"].raw, SAFE)
+        until(lambda: abs(velocity(drive)) < 0.05, f"friction stops it, not {velocity(drive)} rad/s")
+        # CSV: there and back, the target within its frame and held by SYNCs alone.
+        assert drive.is_op_mode_supported("CYCLIC SYNCHRONOUS VELOCITY")
+        drive.op_mode = "CYCLIC SYNCHRONOUS VELOCITY"
+        equal(drive.op_mode, "CYCLIC SYNCHRONOUS VELOCITY")
+        drive.state = "OPERATION ENABLED"
+        for wanted in (2.0, -1.0, 0.0):
+            drive.rpdo[1]["controlword"].raw = 0x0F
+            drive.rpdo[1]["target_velocity"].raw = round(1e6 * wanted)
+            drive.rpdo[1].transmit()
+            # Four samples in a row, for it passes through every velocity on its way.
+            until(
+                lambda: all(abs(velocity(drive) - wanted) < 0.1 for _ in range(4)),
+                f"{wanted} rad/s, not {velocity(drive)}",
+            )
+            equal(drive.state, "OPERATION ENABLED")
+        # Beyond 6080h it is held there: 487 turns of the motor in a minute are 1 rad/s.
+        drive.state = "SWITCH ON DISABLED"
+        drive.sdo["max_motor_speed"].raw = 487
+        drive.state = "OPERATION ENABLED"
+        drive.rpdo[1]["controlword"].raw = 0x0F
+        drive.rpdo[1]["target_velocity"].raw = 5_000_000
+        drive.rpdo[1].transmit()
+        until(lambda: all(abs(velocity(drive) - 1.0) < 0.1 for _ in range(8)), f"1 rad/s, not {velocity(drive)}")
+        assert drive.statusword & 1 << 11, "the limit is said"
+        # A quick stop opens the bridge, and the joint runs out.
+        drive.controlword = 0x0B
+        until(lambda: drive.sdo["state"]["state"].raw == SAFE, "quick stop")
+        until(lambda: abs(velocity(drive)) < 0.05, f"it stops, not {velocity(drive)} rad/s")
 
 
 passed("drive_402")

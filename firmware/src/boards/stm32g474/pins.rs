@@ -40,9 +40,9 @@ wiring! {
     bridge: Bridge {
         timer  = TIM1, "makes the PWM";
         a_high = PA8,  "phase a, high side: TIM1_CH1";
-        a_low  = PB13, "phase a, low side: TIM1_CH1N";
+        a_low  = PA7,  "phase a, low side: TIM1_CH1N";
         b_high = PA9,  "phase b, high side: TIM1_CH2";
-        b_low  = PB14, "phase b, low side: TIM1_CH2N";
+        b_low  = PA12, "phase b, low side: TIM1_CH2N";
         c_high = PA10, "phase c, high side: TIM1_CH3";
         c_low  = PB15, "phase c, low side: TIM1_CH3N";
         fault  = PB10, "fault of the gate driver, low when there is one: TIM1_BKIN, function 12";
@@ -52,9 +52,16 @@ wiring! {
     currents: Currents {
         adc_a   = ADC1, "converts phase a and the bus";
         adc_b   = ADC2, "converts phase b at the same moment";
-        phase_a = PA0,  "amplified shunt, phase a: ADC1_IN1";
-        phase_b = PA1,  "amplified shunt, phase b: ADC2_IN2";
+        phase_a = PA0,  "amplified shunt, phase a: ADC1_IN1, COMP3_INP";
+        phase_b = PA1,  "amplified shunt, phase b: ADC2_IN2, COMP1_INP";
         bus     = PC0,  "divided bus voltage: ADC1_IN6";
+    }
+    /// The shunts again, where further comparators reach them.
+    overcurrent: Overcurrent {
+        phase_a   = PB11, "tied to PA0: COMP6_INP";
+        phase_b   = PA3,  "tied to PA1: COMP2_INP";
+        mean_high = PB13, "10 k each from PA0 and PA1, their mean: COMP5_INP";
+        mean_low  = PB14, "tied to PB13: COMP7_INP";
     }
     /// What is sampled now and then.
     slow: Slow {
@@ -68,7 +75,7 @@ wiring! {
     encoder: Encoder {
         spi    = SPI1, "reads it";
         clock  = PA5,  "SPI1_SCK";
-        out    = PA7,  "SPI1_MOSI";
+        out    = PB5,  "SPI1_MOSI";
         back   = PA6,  "SPI1_MISO, pulled up: a broken wire reads as an error";
         select = PA4,  "chip select, low when selected";
     }
@@ -82,7 +89,7 @@ wiring! {
     can: Can {
         controller = FDCAN1, "classic frames";
         receive    = PA11,   "FDCAN1_RX";
-        transmit   = PA12,   "FDCAN1_TX";
+        transmit   = PB9,    "FDCAN1_TX";
     }
     /// What has no pins.
     inside: Inside {

@@ -6,15 +6,17 @@
 //! the next, whose middle is 1.5 periods after the sample, as the loop's parameters have it.
 //!
 //! *Off* is the main output enable (MOE) off: all six outputs go to their idle level, low, driven. The break
-//! input does the same by hardware within nanoseconds; software then finds the break flag and tells. MOE is
+//! input does the same by hardware within a microsecond; software then finds the break flag and tells. MOE is
 //! never set by hardware (no automatic re-enable), and dead time, idle levels and break are locked at the start.
+//! Gate driver and overcurrent comparators ([`super::overcurrent`]) share that input. Who it was is told apart by the
+//! gate driver's pin: it holds its fault until it has slept.
 //!
 //! The chip itself breaks too: a crystal that stops (CSS), a processor that locks up, flash or RAM whose check bits do
 //! not fit, a supply below 2.8 V (PVD). Those are wired to the timer's break in SYSCFG before the break is locked, and
 //! there they stay until the next reset, whatever the firmware does. The gate driver's enable is a second way off.
 
-use super::pins;
 use super::scales::{DEAD_TIME, PWM_TOP};
+use super::{overcurrent, pins};
 use embassy_stm32::adc::{Adc, AdcChannel, Exten, InjectedAdc, SampleTime};
 use embassy_stm32::gpio::{AfType, Flex, Level, Output, OutputType, Pull, Speed};
 use embassy_stm32::pac::timer::vals;
@@ -46,15 +48,20 @@ pub struct Stage {
     adc_a: InjectedAdc<'static, ADC1, 2>,
     adc_b: InjectedAdc<'static, ADC2, 1>,
     _timer: Peri<'static, TIM1>,
-    _break_pin: Flex<'static>,
+    break_pin: Flex<'static>,
     enable: Output<'static>,
 }
 
 impl Stage {
     /// Sets everything up; the bridge is off, the gate driver asleep, the timer not started.
-    pub fn new(bridge: pins::Bridge, currents: pins::Currents) -> Self {
+    pub fn new(
+        bridge: pins::Bridge,
+        currents: pins::Currents,
+        overcurrent: pins::Overcurrent,
+    ) -> Self {
         let enable = Output::new(bridge.enable, Level::Low, Speed::Low);
         rcc::enable_and_reset::<TIM1>();
+        overcurrent::set_up(overcurrent);
         set_up_timer();
         let mut break_pin = Flex::new(bridge.fault);
         break_pin.set_as_af_unchecked(BREAK_FUNCTION, AfType::input(Pull::Up));
@@ -84,7 +91,7 @@ impl Stage {
             Exten::RISING_EDGE,
             false,
         );
-        Self { adc_a, adc_b, _timer: bridge.timer, _break_pin: break_pin, enable }
+        Self { adc_a, adc_b, _timer: bridge.timer, break_pin, enable }
     }
 
     /// Starts the timer and wakes the gate driver. Says whether duties count from the top on, as they should.
@@ -128,11 +135,16 @@ impl Stage {
         since_top()
     }
 
-    /// Whether the break input or the chip has opened the bridge, or would.
+    /// Whether the gate driver, a comparator or the chip has opened the bridge, or would.
     #[inline(always)]
     pub fn broke(&self) -> Option<Broke> {
         let flags = TIMER.sr().read();
-        if flags.sbif() { Some(Broke::System) } else { flags.bif(0).then_some(Broke::GateDriver) }
+        match (flags.sbif(), flags.bif(0)) {
+            (true, _) => Some(Broke::System),
+            (_, true) if self.break_pin.is_low() => Some(Broke::GateDriver),
+            (_, true) => Some(Broke::Overcurrent),
+            _ => None,
+        }
     }
 
     /// Wakes the gate driver, or puts it to sleep.
@@ -244,15 +256,21 @@ fn set_up_timer() {
         }
         w.set_cce(3, true);
     });
-    TIMER.af1().write(|w| w.set_bkine(true));
+    // One input of several sources, high when one of them is: the gate driver's pin is turned.
+    TIMER.af1().write(|w| {
+        w.set_bkine(true);
+        w.set_bkinp(vals::Bkinp::INVERTED);
+        overcurrent::AT_BREAK.into_iter().for_each(|comparator| w.set_bkcmpe(comparator, true));
+    });
     TIMER.bdtr().write(|w| {
         w.set_dtg(DEAD_TIME);
         // Off is driven low, and not left floating.
         w.set_ossi(vals::Ossi::IDLE_LEVEL);
         w.set_ossr(vals::Ossr::IDLE_LEVEL);
         w.set_bke(0, true);
-        w.set_bkp(0, vals::Bkp::ACTIVE_LOW);
-        w.set_bkf(0, vals::FilterValue::FCK_INT_N8);
+        w.set_bkp(0, vals::Bkp::ACTIVE_HIGH);
+        // 8 samples at a sixteenth of the timer's clock, 0.75 us: switching rings for some tenths.
+        w.set_bkf(0, vals::FilterValue::FDTS_DIV16_N8);
         w.set_aoe(false);
         w.set_moe(false);
         w.set_lock(vals::Lock::LEVEL1);

@@ -32,6 +32,22 @@ pub const LIMITS: Limits = Limits::of_period(CORE_HZ / LOOP_HZ, HOLD);
 const REFERENCE_V: f32 = 3.3;
 /// Shunts of 1 mohm, amplified by 20; a current into the motor pulls the low side's shunt down.
 pub const AMPERES_PER_COUNT: f32 = -REFERENCE_V / (RANGE as f32 * 0.001 * 20.0);
+/// Phase current at which comparators open the bridge, A: 10 % above `overcurrent_a`, so that a processor that lives
+/// trips first and says by how much. Levels, amplifiers and comparators are off by 2 A at most (9 mV, 10 counts, 0.3 A, 1 %).
+/// Half of it lies below the current limit, twice of it above what an amplifier can show (82 A).
+const BREAK_A: f32 = 44.0;
+const MIDDLE: u16 = RANGE / 2;
+const BREAK_COUNTS: u16 = (-BREAK_A / AMPERES_PER_COUNT) as u16;
+const _: () = assert!(BREAK_COUNTS < MIDDLE - RANGE / 20, "the level is at the amplifier's rail");
+/// Levels of a phase's amplifier, counts.
+pub const BREAK_ABOVE: u16 = MIDDLE + BREAK_COUNTS;
+/// See [`BREAK_ABOVE`].
+pub const BREAK_BELOW: u16 = MIDDLE - BREAK_COUNTS;
+/// Levels of the mean of two amplifiers, which shows half of the third phase's current, counts.
+pub const BREAK_MEAN_ABOVE: u16 = MIDDLE + BREAK_COUNTS / 2;
+/// See [`BREAK_MEAN_ABOVE`].
+pub const BREAK_MEAN_BELOW: u16 = MIDDLE - BREAK_COUNTS / 2;
+
 /// Divider of the bus, 68 k over 3.3 k.
 pub const VOLTS_PER_COUNT: f32 = REFERENCE_V / RANGE as f32 * (68.0 + 3.3) / 3.3;
 

@@ -31,6 +31,8 @@ pub enum Step {
     Done = 11,
     /// It was ended: see [`Reason`].
     Aborted = 12,
+    /// The joint moves to and fro, for its friction to be seen.
+    Rubbing = 13,
 }
 
 macro_rules! reasons {
@@ -71,4 +73,6 @@ reasons! {
     11 InductanceUnclear "inductance-unclear" "the square wave makes no current to measure by";
     12 Time "time" "it took longer than a minute";
     13 OutOfRange "out-of-range" "what was found is no motor: a value is outside the range of its parameter";
+    14 TooFast "too-fast" "the joint moved faster than it was told to by half as much again";
+    15 JointHeld "joint-held" "the joint does not follow its speed at the current it was given: it is held or at a stop, or the current is too little";
 }

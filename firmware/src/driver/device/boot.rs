@@ -3,9 +3,11 @@
 use super::network::LiveNetwork;
 use super::pdos::TRANSMIT_PDOS;
 use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
+use crate::control::velocity_loop::{VelocityGains, VelocityLoop, VelocityOrder};
 use crate::driver::counters::Counters;
 use crate::driver::live::{Home, Live, LoopReport};
 use crate::driver::motor_watch::{MotorSight, MotorWatch};
+use crate::driver::over_compensation::OverCompensation;
 use crate::driver::profile::Profile;
 use crate::driver::staging::Staging;
 use crate::hil::{HilJoint, Reply};
@@ -101,6 +103,11 @@ impl<F: NorFlash> Device<F> {
             home: Home::default(),
             profile: Profile::default(),
             commissioning: commissioning::Run::default(),
+            over: OverCompensation::default(),
+            compensation_left: 1.0,
+            velocity: VelocityLoop::default(),
+            velocity_gains: VelocityGains::default(),
+            velocity_order: VelocityOrder::default(),
             motor_watch: MotorWatch::default(),
             motor_sight: MotorSight::default(),
             drive_counter: 0,

@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
     /// Rated current, A, and torque, Nm: what the current limits make at the joint.
-    fn rated(&self) -> (f32, f32) {
+    pub(super) fn rated(&self) -> (f32, f32) {
         let (motor, joint) = (&self.set().motor, &self.set().friction.compensator);
         let current_a = motor.current_limit_a.min(joint.current_limit_a);
         (current_a, current_a * joint.torque_constant_nm_per_a)
@@ -51,13 +51,15 @@ impl<F: NorFlash> Device<F> {
             Source::Bus => true,
         };
         let limits = self.supervisor.limits();
+        let (_, too_fast) = self.profile.target_rad_s(self.max_speed_rad_s());
+        let too_fast = self.profile.mode == profile::CSV && too_fast;
         let known = !f32::from_bits(self.measured().position_rad).is_nan();
         self.profile.state_bits(self.is_faulty())
             | status::REMOTE
             | when(status::VOLTAGE_ENABLED, powered)
             | when(status::WARNING, limits.iter().next().is_some())
             | when(status::POSITION_KNOWN, known)
-            | when(status::INTERNAL_LIMIT, limits.contains(Code::CurrentLimited))
+            | when(status::INTERNAL_LIMIT, limits.contains(Code::CurrentLimited) || too_fast)
     }
 
     fn is_faulty(&self) -> bool {
@@ -66,12 +68,19 @@ impl<F: NorFlash> Device<F> {
 
     /// 6060h.
     pub(in crate::driver) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
-        if mode != 0 && mode != profile::CST {
-            let why = format_args!("modes_of_operation = {mode}: must be 0 (none) or 10 (CST)");
+        if ![0, profile::CSV, profile::CST].contains(&mode) {
+            let why =
+                format_args!("modes_of_operation = {mode}: must be 0 (none), 9 (CSV) or 10 (CST)");
             return Err(self.staging.refuse(Abort::Value, why));
+        }
+        if mode == profile::CSV && self.settings.source == Source::Bus {
+            let why =
+                "a joint fed by the bus drives nothing: mode 9 needs its own sensors (2001h:1)";
+            return Err(self.staging.refuse(Abort::State, why));
         }
         self.profile.mode = mode;
         self.profile.target_permille = 0;
+        self.profile.target_micro_rad_s = 0;
         self.live.forget_command();
         Ok(())
     }
@@ -98,18 +107,29 @@ impl<F: NorFlash> Device<F> {
         self.sign_of_life(self.now_us);
     }
 
-    /// Receive PDO 1: controlword and target torque.
+    /// 60FFh.
+    pub(in crate::driver) fn set_target_velocity(&mut self, target_micro_rad_s: i32) {
+        self.profile.target_micro_rad_s = target_micro_rad_s;
+        self.sign_of_life(self.now_us);
+    }
+
+    /// Receive PDO 1: controlword, target torque and target velocity; a master that knows no velocity leaves it out.
     pub(in crate::driver) fn take_drive_frame(&mut self, frame: &Frame, now_us: u64) {
-        let Some([a, b, c, d]) = frame.data().first_chunk::<4>() else {
-            return self.counters.count_wrong_length();
+        let (velocity, [a, b, c, d]) = match *frame.data() {
+            [a, b, c, d] => (None, [a, b, c, d]),
+            [a, b, c, d, w, x, y, z] => (Some(i32::from_le_bytes([w, x, y, z])), [a, b, c, d]),
+            _ => return self.counters.count_wrong_length(),
         };
         self.now_us = now_us;
-        self.profile.target_permille = i16::from_le_bytes([*c, *d]);
+        self.profile.target_permille = i16::from_le_bytes([c, d]);
+        if let Some(velocity) = velocity {
+            self.profile.target_micro_rad_s = velocity;
+        }
         if self.profile.is_on() {
             self.sign_of_life(now_us);
         }
         // A refusal is told as an object is (2028h), and seen in the statusword.
-        let _ = self.set_controlword(u16::from_le_bytes([*a, *b]));
+        let _ = self.set_controlword(u16::from_le_bytes([a, b]));
     }
 
     /// The master lives: the target it last gave is young. Where the profile has not the say, this is nothing.
@@ -117,7 +137,9 @@ impl<F: NorFlash> Device<F> {
         if !self.profile.is_on() {
             return;
         }
-        let current_a = self.profile.target_share() * self.rated().0;
+        // A velocity is made a current at each report; what counts here is that the master lives.
+        let by_torque = self.profile.mode == profile::CST;
+        let current_a = if by_torque { self.profile.target_share() * self.rated().0 } else { 0.0 };
         self.drive_counter = self.drive_counter.wrapping_add(1);
         let command = Command::new(current_a, f32::NAN, self.drive_counter);
         self.hear(&Message::Command(self.settings.node, command), now_us);
@@ -133,6 +155,6 @@ impl<F: NorFlash> Device<F> {
 }
 
 /// In millionths; a cast holds to the range, and takes NaN for 0.
-fn micro(number: f32) -> i32 {
+pub(super) fn micro(number: f32) -> i32 {
     (f64::from(number) * 1e6) as i32
 }

@@ -63,6 +63,7 @@ impl<F: NorFlash> Device<F> {
             return Err(self.staging.refuse(Abort::State, why));
         }
         if self.settings.source == Source::Sensors {
+            self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
             return self.supervisor.arm(self.now_us).map_err(|refusal| {
                 self.blocking = refusal.causes.fault_bits();
                 self.staging.refuse(Abort::State, refusal)
@@ -102,6 +103,7 @@ impl<F: NorFlash> Device<F> {
         self.watch = watch(&set.watch, &self.settings);
         self.network = LiveNetwork::of(&set, &self.settings);
         self.staging.activate(set);
+        self.forget_over_compensation();
         self.supervisor.parameters(InUse::Set);
         self.see_to_commissioned();
         self.set_number = self.set_number.wrapping_add(1);

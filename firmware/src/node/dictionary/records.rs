@@ -305,6 +305,7 @@ record! {
         lag_rad: Real32, ReadOnly, LAG;
         torque_constant_nm_per_a: Real32, ReadOnly, TORQUE_CONSTANT;
         friction_torque_nm: Real32, ReadOnly, FRICTION_TORQUE;
+        speed_rad_s: Real32, ReadWrite, SPEED;
     }
 }
 

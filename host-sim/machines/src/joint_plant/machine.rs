@@ -5,6 +5,7 @@
 //! the currents to 0. Gear and shaft are one inertia, unless the coupling between them is not rigid. Two sub-steps of semi-implicit Euler in a period of 50 us; a test holds
 //! them against twenty.
 
+use super::comparators::{Comparators, STEPS};
 use super::load::{Acting, Load};
 use super::parameters::Parameters;
 use super::seal::{Around, Seal};
@@ -76,6 +77,11 @@ pub struct JointPlant {
     rotor: Option<Rotor>,
     supply: Option<Supply>,
     winding: Option<Winding>,
+    comparators: Option<Comparators>,
+    /// They have opened the bridge, and nobody has closed it since.
+    broke: bool,
+    /// Largest phase current of the steps they were asked in, A.
+    peak_a: f64,
     /// Copper loss since the winding's last step, J, and the time, s.
     lost_j: f64,
     lost_s: f64,
@@ -125,6 +131,9 @@ impl JointPlant {
             rotor: (!rigid).then_some(Rotor { position, velocity: 0.0 }),
             supply: None,
             winding: None,
+            comparators: None,
+            broke: false,
+            peak_a: 0.0,
             lost_j: 0.0,
             lost_s: 0.0,
             duty: None,
@@ -188,6 +197,26 @@ impl JointPlant {
     /// Bus voltage, V.
     pub fn bus_v(&self) -> f64 {
         self.supply.map_or(self.p.bus_voltage_v, |supply| supply.bus_v())
+    }
+
+    /// Puts overcurrent comparators at its shunts.
+    pub fn watch_overcurrent(&mut self) {
+        self.comparators = Some(Comparators::of(&self.p));
+    }
+
+    /// Whether they have opened the bridge. It stays open until [`JointPlant::forget_break`].
+    pub fn overcurrent_broke(&self) -> bool {
+        self.broke
+    }
+
+    /// The timer's break flag is cleared: the bridge may close again.
+    pub fn forget_break(&mut self) {
+        self.broke = false;
+    }
+
+    /// Largest phase current near the comparators' level since the last call, A; 0 where it never was.
+    pub fn take_peak_a(&mut self) -> f64 {
+        std::mem::take(&mut self.peak_a)
     }
 
     /// Lets the winding heat up, from the water's temperature.
@@ -319,7 +348,11 @@ impl JointPlant {
 
     /// One period (s) under these duties, or with the bridge open.
     pub fn period(&mut self, period_s: f64, duty: Option<[f64; 3]>) {
-        let dt = period_s / self.substeps as f64;
+        let mut duty = duty.filter(|_| !self.broke);
+        let currents = self.phase_currents_a();
+        let mut near = self.comparators.filter(|watch| duty.is_some() && watch.is_near(currents));
+        let steps = if near.is_some() { self.substeps.max(STEPS) } else { self.substeps };
+        let dt = period_s / steps as f64;
         if self.step_s != dt {
             let resistance = self.resistance_ohm();
             let decay = resistance / self.p.phase_inductance_h * dt;
@@ -330,7 +363,15 @@ impl JointPlant {
         let poles = self.p.gear_ratio * self.p.pole_pairs;
         let constant = self.p.motor_torque_constant_nm_per_a * (1.0 + self.p.torque_constant_error);
         let flux = constant / (1.5 * self.p.pole_pairs);
-        for _ in 0..self.substeps {
+        for step in 0..steps {
+            if let (Some(watch), Some(acting)) = (&mut near, duty) {
+                let currents = self.phase_currents_a();
+                self.peak_a = currents.iter().fold(self.peak_a, |most, a| most.max(a.abs()));
+                if watch.step(dt, step as f64 * dt, period_s, acting, currents) {
+                    watch.forget();
+                    (self.broke, duty) = (true, None);
+                }
+            }
             // Half a sub-step on: the field turns under the voltage.
             let turned =
                 self.rotor.unwrap_or(Rotor { position: self.position, velocity: self.velocity });
@@ -344,16 +385,23 @@ impl JointPlant {
             };
             let [along, across] = self.current;
             self.lost_j += 1.5 * self.resistance_ohm() * (along * along + across * across) * dt;
-            if let Some(supply) = &mut self.supply {
-                let power_w = 1.5 * (voltage[0] * along + voltage[1] * across);
-                supply.step(power_w / supply.bus_v().max(1.0), dt);
-            }
             self.current = [
                 self.kept * along + self.admittance * (voltage[0] + induced[0]),
                 self.kept * across + self.admittance * (voltage[1] + induced[1]),
             ];
+            if let Some(supply) = &mut self.supply {
+                // The mean current of the sub-step: at 8 rad/s the vector turns by 4 degrees in 25 us. With the one before,
+                // braking from there with 26 A took the bus to 55.5 V; with steps of a microsecond it is 52.3, with this 52.2.
+                let [along, across] =
+                    [0, 1].map(|axis| 0.5 * ([along, across][axis] + self.current[axis]));
+                let power_w = 1.5 * (voltage[0] * along + voltage[1] * across);
+                supply.step(power_w / supply.bus_v().max(1.0), dt);
+            }
             let turning = self.current[1] * cosine - self.current[0] * sine;
             self.move_on(constant * self.p.gear_ratio * turning, dt);
+        }
+        if near.is_some() {
+            self.comparators = near;
         }
         self.heat(period_s);
     }

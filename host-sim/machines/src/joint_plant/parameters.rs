@@ -51,6 +51,10 @@ parameters! {
     bus_capacitance_f = 1.0e-3, "F", "assumed: electrolytics of a 26 A stage; at work where a plant is given its supply";
     supply_resistance_ohm = 0.05, "ohm", "assumed: cable and fuse of a bench supply, which takes nothing back";
     shunt_lag_s = 0.26e-6, "s", "assumed: amplifier of 600 kHz, one pole; seen where duties leave it little time";
+    break_level_a = 44.0, "A", "the reference drive's comparators: 12-bit levels over shunts of 1 mohm, amplified by 20";
+    break_error_a = 2.0, "A", "the reference drive: comparator 9 mV, level 10 counts, amplifier 0.3 A and 1 %, all on the high side";
+    break_filter_s = 0.75e-6, "s", "the reference drive: 8 samples at 10.6 MHz";
+    break_delay_s = 0.3e-6, "s", "assumed: comparator 31 ns, gate driver and switch";
     dead_time_s = 0.3e-6, "s", "assumed: usual of a MOSFET bridge";
     current_noise_a = 0.05, "A", "assumed: shunt amplifier, one standard deviation";
     current_step_a = 0.0293, "A", "12 bits over +-60 A";

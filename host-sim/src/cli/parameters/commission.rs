@@ -3,6 +3,7 @@
 //! A run is supervised: this tool says every 20 ms that it goes on, and where it ends, breaks or is ended by Ctrl-C the
 //! driver opens its bridge within 0.1 s. Nothing is written before what was found has been shown and taken.
 
+use super::friction_run::trace_path;
 use super::names::{differences, numbers};
 use super::{Driver, words};
 use crate::cli::output::say;
@@ -14,15 +15,16 @@ use firmware::node::dictionary::records::{Commissioning, CommissioningRun};
 use firmware::parameter_set::ParameterSet;
 use serde_json::json;
 use std::io::{BufRead, IsTerminal, Write};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Time between two signs of life.
-const ALIVE: Duration = Duration::from_millis(20);
+pub(super) const ALIVE: Duration = Duration::from_millis(20);
 
 /// Orders of a run.
-const STOP: u8 = 0;
+pub(super) const STOP: u8 = 0;
 const BEGIN: u8 = 1;
-const GO_ON: u8 = 2;
+pub(super) const GO_ON: u8 = 2;
 
 /// What a run is told.
 #[derive(Args)]
@@ -31,24 +33,55 @@ pub(super) struct Measure {
     /// and taken and confirmed when that is answered with yes
     #[arg(long)]
     measure: bool,
-    /// Current of the measurement, A; without, three tenths of the motor's current limit
-    #[arg(long, value_name = "A", requires = "measure")]
+    /// Let the joint move by itself through its range, both ways at falling speeds, and write a trace of it for `identify`:
+    /// THE JOINT MOVES. It has to be commissioned; with --measure it is that first. Nothing is changed
+    #[arg(long)]
+    friction_run: bool,
+    /// Largest current of a run, A; without, three tenths of the motor's current limit
+    #[arg(long, value_name = "A")]
     current: Option<f32>,
-    /// How far the joint may go to either side, rad; without, 0.5
+    /// How far the joint may go to either side in the measurement, rad; without, 0.5
     #[arg(long, value_name = "RAD", requires = "measure")]
     travel: Option<f32>,
+    /// How far the joint may go to either side of where it stands in the friction run, rad; without, 0.5
+    #[arg(long, value_name = "RAD", requires = "friction_run")]
+    pub(super) range: Option<f32>,
+    /// Speed of the friction run's first passes, rad/s; without, 2
+    #[arg(long, value_name = "RAD/S", requires = "friction_run")]
+    speed: Option<f32>,
+    /// Folder for the friction run's trace.log, made if it is not there; without, out
+    #[arg(long, value_name = "DIR", requires = "friction_run")]
+    out: Option<PathBuf>,
     /// Ask nothing: move, take, confirm
-    #[arg(long, requires = "measure")]
+    #[arg(long)]
     yes: bool,
 }
 
 impl Measure {
+    /// Whether the motor is to be measured.
     pub(super) fn is_asked(&self) -> bool {
         self.measure
     }
 
+    /// Where the trace of a friction run goes, where one is asked for.
+    pub(super) fn friction_trace(&self) -> Result<Option<PathBuf>, String> {
+        if !self.friction_run {
+            return Ok(None);
+        }
+        trace_path(self.out.as_deref().unwrap_or(Path::new("out"))).map(Some)
+    }
+
+    /// What only a run takes, given without one.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let given = self.current.is_some() || self.yes;
+        if given && !self.measure && !self.friction_run {
+            return Err("--current, --yes: go with --measure or --friction-run".into());
+        }
+        Ok(())
+    }
+
     /// Asks what was not answered beforehand.
-    fn agreed(&self, question: &str) -> Result<bool, String> {
+    pub(super) fn agreed(&self, question: &str) -> Result<bool, String> {
         if self.yes {
             return Ok(true);
         }
@@ -135,16 +168,8 @@ impl Driver {
         name: &str,
         json: bool,
     ) -> Result<(), String> {
-        let run = index::COMMISSIONING_RUN;
         let before = self.read_set()?;
-        for (place, value) in
-            [(CommissioningRun::CURRENT, how.current), (CommissioningRun::TRAVEL, how.travel)]
-        {
-            if let Some(value) = value {
-                let at = Address::new(run, place);
-                self.client.write(at, &value.to_le_bytes()).map_err(words)?;
-            }
-        }
+        self.bound(how, how.travel)?;
         let current_a = self.float(CommissioningRun::CURRENT)?;
         let travel_rad = self.float(CommissioningRun::TRAVEL)?;
         let question = format!(
@@ -187,12 +212,26 @@ impl Driver {
         ))
     }
 
-    fn order(&mut self, order: u8) -> Result<(), String> {
+    /// Tells the driver what bounds a run.
+    pub(super) fn bound(&mut self, how: &Measure, travel: Option<f32>) -> Result<(), String> {
+        use CommissioningRun as R;
+        for (place, value) in
+            [(R::CURRENT, how.current), (R::TRAVEL, travel), (R::SPEED, how.speed)]
+        {
+            if let Some(value) = value {
+                let at = Address::new(index::COMMISSIONING_RUN, place);
+                self.client.write(at, &value.to_le_bytes()).map_err(words)?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn order(&mut self, order: u8) -> Result<(), String> {
         let at = Address::new(index::COMMISSIONING_RUN, CommissioningRun::ORDER);
         self.client.write(at, &[order]).map_err(words)
     }
 
-    fn float(&mut self, place: u8) -> Result<f32, String> {
+    pub(super) fn float(&mut self, place: u8) -> Result<f32, String> {
         self.number(index::COMMISSIONING_RUN, place).map(f32::from_bits)
     }
 
@@ -216,7 +255,7 @@ impl Driver {
         }
     }
 
-    fn why_ended(&mut self) -> Result<String, String> {
+    pub(super) fn why_ended(&mut self) -> Result<String, String> {
         let number = self.number(index::COMMISSIONING_RUN, CommissioningRun::REASON)? as u8;
         let (name, meaning) = Reason::describe(number).unwrap_or(("unknown", "of another version"));
         let faults = super::status::codes(self.number(index::STATE, 3)?, 1);

@@ -14,13 +14,14 @@ use core::f32::consts::TAU;
 use firmware::control::PERIOD_S;
 use firmware::control::transform::binary_angle;
 use firmware::control::{
-    Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, Motor, MotorParameters,
-    NoCompensation, Setpoint, StageSample, Valid,
+    Compensate, Covariates, CurrentLoop, Cycle, Motor, MotorParameters, NoCompensation, Setpoint,
+    StageSample, Valid,
 };
+use firmware::loop_parts::Model;
 use firmware::reference_joint::configuration;
 
 /// The loop whose memory is told.
-pub type Loop = CurrentLoop<JointCompensator<f32>>;
+pub type Loop = CurrentLoop<Model>;
 
 /// Cycles until the observer has settled.
 const SETTLE: usize = 1000;
@@ -144,7 +145,8 @@ pub fn measure_loops(clock: &mut Clock) {
         ),
     ];
     for (name, law, terms) in rows {
-        match JointCompensator::<f32>::build(&configuration(*law, terms), PERIOD_S) {
+        // What the shipped loop holds: the compensator within what temperature and over-compensation leave of it.
+        match Model::build(&configuration(*law, terms), 26.0, PERIOD_S) {
             Ok(compensator) => measure_loop(clock, name, joint as *const (), compensator),
             Err(refused) => panic!("{refused}"),
         }
