@@ -65,7 +65,6 @@ use baseline::Baseline;
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use extended::{Observation, Unexplained};
-use found::Found;
 use gram_blocks::LeftOut;
 use late_channel::Late;
 use model::{Fits, Fitted};
@@ -73,7 +72,6 @@ use offer::Offer;
 use search::{Extension, Search};
 use std::time::Instant;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
-use train_test::Follows;
 
 /// What is asked.
 #[derive(Clone, Debug, Default)]
@@ -259,15 +257,8 @@ pub fn diagnose(
         }
         said.extend(selection.notes.into_iter().chain(offer.notes.clone()));
         refuted.extend(offer.taken_back.iter().cloned());
-        let sizeless = sizeless(&whole, &offer.extension)?;
-        said.extend(sizeless.iter().map(|claim| {
-            let name = claim.cause.name();
-            format!("{name} was found and is not offered: the interval of its size has both signs")
-        }));
-        let is_settled = offer.taken_back.is_empty() && sizeless.is_empty();
-        refuted.extend(sizeless);
         // What was taken back may have stood in the way of another.
-        if is_settled || refuted.len() > MOST_TAKEN_BACK {
+        if offer.taken_back.is_empty() || refuted.len() > MOST_TAKEN_BACK {
             break offer;
         }
     };
@@ -333,25 +324,6 @@ pub fn diagnose(
         left_over,
         seconds: begin.elapsed().as_secs_f64(),
     })
-}
-
-/// Named causes whose size nobody could give the sign of: what gains on unseen rows so does it by a parameter that something
-/// else could as well have moved.
-fn sizeless(log: &TrainTest, extension: &Extension) -> Result<Vec<cause::Claim>, SpecError> {
-    let is_named = |found: &&Found| !found.follows.as_ref().is_some_and(Follows::is_any_shape);
-    let mut named = extension.found.iter().filter(is_named).peekable();
-    if named.peek().is_none() {
-        return Ok(Vec::new());
-    }
-    let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
-    let log = log.following(follows);
-    let outcome = outcome(&log, &extension.model)?;
-    let has_both_signs = |found: &&Found| {
-        let [low, high] = found.finding(&outcome, &log).size.ci95;
-        low < 0.0 && high > 0.0
-    };
-    let claim = |found: &Found| cause::Claim::new(found.cause, found.follows.as_ref());
-    Ok(named.filter(has_both_signs).map(claim).collect())
 }
 
 /// What causes are seen without a fit of their own.
