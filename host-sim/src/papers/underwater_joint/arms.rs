@@ -16,6 +16,7 @@ use compensator_core::configuration::Configuration;
 use compensator_core::{LawKind, Parameters};
 use firmware::control::MotorParameters;
 use firmware::parameter_set::ParameterSet;
+use firmware::supervisor::Thresholds;
 use friction_identification::data::{Dataset, SplitRule, split};
 use friction_identification::diagnose::{Diagnosis, Question, diagnose};
 use friction_identification::fit::{FitOptions, Outcome, Rows, identify, tracks};
@@ -57,6 +58,10 @@ pub const DIAGNOSED: &str = "diagnosed";
 /// See [`NONE`].
 pub const PERFECT: &str = "perfect model";
 
+/// A current at which a joint that has not moved yet is stopped, A: the leg holds its weight by 5.7 before it jumps, and at the 5 of
+/// the default the driver stopped it as `motor-stands` before its jump.
+const STALL_A: f32 = 12.0;
+
 /// The driver's set with this model, at a share of its friction.
 pub fn driver_set(model: Parameters<f32>, share: f64) -> ParameterSet {
     let compensator =
@@ -64,6 +69,7 @@ pub fn driver_set(model: Parameters<f32>, share: f64) -> ParameterSet {
     let mut set = ParameterSet {
         friction: Configuration { model, compensator },
         motor: MotorParameters { inertia_kg_m2: 0.12, ..MotorParameters::default() },
+        thresholds: Thresholds { stall_current_a: STALL_A, ..Thresholds::default() },
         ..ParameterSet::default()
     };
     let envelope = &mut set.friction.model.envelope;
