@@ -83,7 +83,9 @@ fn heard() -> impl Strategy<Value = Vec<Heard>> {
 }
 
 fn written() -> impl Strategy<Value = CompensatorParameters> {
-    let limits = (0.0f32..6.0, 0.0f32..4000.0, 0.0f32..=1.0, any::<bool>());
+    // What `build` refuses is kept out: no slew at all, and what fixed point cannot hold to a thousandth.
+    let nothing_or = |most: f32| prop_oneof![1 => Just(0.0), 9 => 0.01..=most];
+    let limits = (nothing_or(6.0), 0.01f32..4000.0, nothing_or(1.0), any::<bool>());
     limits.prop_map(|(torque_limit_nm, slew_limit_nm_per_s, scale, wide)| {
         let usual = CompensatorParameters::default();
         if wide {
