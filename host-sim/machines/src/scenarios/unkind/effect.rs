@@ -73,9 +73,11 @@ pub(super) fn draw(
     drawn.size = match effect {
         HiddenCause::StribeckShape if sampler.chance(0.6) => sampler.between(0.4, 1.3),
         HiddenCause::StribeckShape => sampler.between(3.0, 6.0),
-        HiddenCause::DirectionAsymmetry | HiddenCause::TorqueOffset | HiddenCause::TimeDrift => {
-            (least * most).sqrt() * sampler.sign()
-        }
+        // An inertia that is missing as often as one that was taken off too much.
+        HiddenCause::DirectionAsymmetry
+        | HiddenCause::TorqueOffset
+        | HiddenCause::TimeDrift
+        | HiddenCause::UnmodelledInertia => (least * most).sqrt() * sampler.sign(),
         _ => (least * most).sqrt(),
     };
     for name in drawn.columns() {
@@ -102,10 +104,6 @@ fn heat_j(campaign: &Campaign) -> f64 {
 /// A structure no cause of the catalogue has, over the range its column really has.
 fn outside(sampler: &mut Sampler, campaign: &mut Campaign) -> Flavour {
     match Flavour::draw(sampler) {
-        Flavour::Temperature { curve, .. } => {
-            let (least, most) = campaign.range(|condition| condition.temperature);
-            Flavour::Temperature { from_c: least, range_k: (most - least).max(1.0), curve }
-        }
         Flavour::Column { extra, curve, .. } if campaign.extras.contains(&extra) => {
             let (least, most) = campaign.range(|condition| condition.extra(extra));
             Flavour::Column { extra, from: least, range: (most - least).max(1e-3), curve }
@@ -113,7 +111,8 @@ fn outside(sampler: &mut Sampler, campaign: &mut Campaign) -> Flavour {
         Flavour::Scratch { angle, width } if campaign.sensing.has_position() => {
             Flavour::Scratch { angle, width }
         }
-        // Above the Stribeck velocity, or the law would take the bump for its own curve.
+        // A level that falls with temperature is `temperature-coulomb`, whatever its curve: the catalogue has it. What is left
+        // is a bump above the Stribeck velocity, or the law would take it for its own curve.
         _ => {
             let most = 0.7 * campaign.drive.top_rad_s;
             let least = (4.0 * campaign.seal.stribeck_rad_s).min(0.7 * most);
