@@ -207,9 +207,20 @@ pub fn diagnose(
         log_findings.retain(|finding| finding.kind != found.late.kind());
         log_findings.push(found.finding(data.joint));
         sought.retain(|late| *late != found.late);
-        whole = found.heeded(whole);
+        let (law, logged, some_logged) = (chosen.model.spec.law, whole, some);
+        whole = found.heeded(logged.clone());
         some = whole.thinned().into_owned();
         chosen = base(&some, question)?;
+        // Beside a law that lacked what the lateness hid, another shape and time may have stood in for it.
+        if chosen.model.spec.law != law
+            && let Some(nearer) = late_channel::found(&some_logged, &chosen.model, &[found.late])?
+        {
+            log_findings.retain(|finding| finding.kind != nearer.late.kind());
+            log_findings.push(nearer.finding(data.joint));
+            whole = nearer.heeded(logged);
+            some = whole.thinned().into_owned();
+            chosen = base(&some, question)?;
+        }
     }
     if let Some(weighed) = uncertain_motion::weighed(&whole, &chosen.model) {
         whole = weighed.with_floor();

@@ -1,6 +1,7 @@
 //! How much an extension gains, on runs no fit has seen, and how much there was to gain.
 
 use crate::fit::Track;
+use crate::fit::channel::autocorrelation;
 use crate::fit::predict::Predicted;
 use crate::fit::scales::{Scales, white_noise};
 use crate::fit::statistics::autocorrelation_time;
@@ -54,16 +55,16 @@ pub fn lower_floor(floor: f64, tracks: &[Track], after: &Predicted) -> f64 {
 
 /// The floor of a log whose torque went through a low-pass, where its noise did as well; 0 of any other.
 ///
-/// Such noise is an autoregression with the low-pass' own memory `phi`, and its second differences show little of it.
-/// Beside a white part `w` a coloured one `c` makes differences of the residual with the variances
-/// `v1 = 2 w + 2 (1 - phi) c` and `v2 = 6 w + (6 - 8 phi + 2 phi^2) c`, which are solved for both.
+/// Such noise has the low-pass' own memory: `r1` of it from one row to the next, `r2` two rows on ([`autocorrelation`]), and
+/// its second differences show little of it. Beside a white part `w` a coloured one `c` makes differences of the residual
+/// with the variances `v1 = 2 w + 2 (1 - r1) c` and `v2 = 6 w + (6 - 8 r1 + 2 r2) c`, which are solved for both.
 pub fn coloured_floor(tracks: &[Track], after: &Predicted) -> f64 {
     let Some(track) = tracks.first() else { return 0.0 };
     let whole = tracks.iter().zip(&after.residuals).all(|(track, r)| track.len() == r.len());
-    if track.torque_low_pass_s <= 0.0 || !whole {
+    if track.torque_low_pass.time_s <= 0.0 || !whole {
         return 0.0;
     }
-    let memory = (-track.period_s / track.torque_low_pass_s).exp();
+    let [next, second_next] = autocorrelation(track);
     let series = || after.residuals.iter().map(Vec::as_slice);
     let first = variance_by_median(series().flat_map(|r| r.windows(2).map(|w| w[1] - w[0])));
     let second =
@@ -75,8 +76,8 @@ pub fn coloured_floor(tracks: &[Track], after: &Predicted) -> f64 {
         return 0.0;
     }
     let squares: f64 = series().flatten().map(|r| r * r).sum();
-    let coloured = (excess / (4.0 * memory * (1.0 - memory))).min(squares / rows);
-    let white = (0.5 * first - coloured * (1.0 - memory)).max(0.0);
+    let coloured = (excess / (4.0 * (next - second_next))).min(squares / rows);
+    let white = (0.5 * first - coloured * (1.0 - next)).max(0.0);
     with_motion((white + coloured).sqrt(), tracks)
 }
 
@@ -146,6 +147,7 @@ pub fn gain(before: &Predicted, after: &Predicted, seed: u64) -> Gain {
 mod tests {
     use super::*;
     use crate::fit::Metrics;
+    use crate::fit::channel::{Shape, TorqueLowPass};
 
     fn predicted(scale: f64) -> Predicted {
         let mut random = Pcg64::seed_from_u64(5);
@@ -165,7 +167,7 @@ mod tests {
         let mut random = Pcg64::seed_from_u64(3);
         let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
         let mut track = Track::even(vec![Default::default(); rows], vec![0.0; rows], 1e-3);
-        track.torque_low_pass_s = 0.01;
+        track.torque_low_pass = TorqueLowPass { time_s: 0.01, shape: Shape::FirstOrder };
         let share = 1.0 - (-0.1f64).exp();
         for (white, coloured) in [(0.02, 0.0), (0.0, 0.1), (0.01, 0.1)] {
             let mut held = 0.0;

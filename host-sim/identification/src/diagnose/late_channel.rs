@@ -17,6 +17,7 @@ use super::model::{Fitted, again};
 use super::train_test::TrainTest;
 use crate::data::{JointKind, Quantity};
 use crate::fit::Track;
+use crate::fit::channel::{Shape, TorqueLowPass};
 use crate::log_check::{Kind, LogFinding};
 use crate::number::figure;
 use crate::spec::SpecError;
@@ -72,8 +73,10 @@ impl Late {
 pub struct LateChannel {
     /// Which.
     pub late: Late,
-    /// The time constant or the delay, s.
+    /// How late, s.
     pub time_s: f64,
+    /// Of a low-pass, how it answers.
+    pub shape: Shape,
     /// Squared error with it, as a share of that without.
     pub share_left: f64,
 }
@@ -82,8 +85,21 @@ impl LateChannel {
     /// The log with this taken into account.
     pub fn heeded(&self, log: TrainTest) -> TrainTest {
         match self.late {
-            Late::LowPassedTorque => log.through_low_pass(self.time_s),
+            Late::LowPassedTorque => {
+                log.through_low_pass(TorqueLowPass { time_s: self.time_s, shape: self.shape })
+            }
             Late::Velocity => log.with_later_velocity(self.time_s),
+        }
+    }
+
+    /// What kind of low-pass.
+    fn kind_in_words(&self) -> String {
+        match self.shape {
+            Shape::FirstOrder => {
+                format!("a low-pass of about {} Hz", figure(1.0 / (TAU * self.time_s)))
+            }
+            Shape::SecondOrder => "a low-pass of second order".into(),
+            Shape::RunningMean => format!("a mean over {} ms", figure(2e3 * self.time_s)),
         }
     }
 
@@ -98,10 +114,10 @@ impl LateChannel {
         let column = quantity.name(joint);
         let in_words = match self.late {
             Late::LowPassedTorque => format!(
-                "{column} went through a low-pass of about {} Hz ({milliseconds} ms) before it was logged: with one the base \
-                 model's squared error is {lower} % lower. The model's torque goes through the same before the two are \
-                 compared, so that what is fitted is the friction at the shaft.",
-                figure(1.0 / (TAU * self.time_s))
+                "{column} went through {} before it was logged, {milliseconds} ms late: with one the base model's \
+                 squared error is {lower} % lower. The model's torque goes through the same before the two are compared, \
+                 so that what is fitted is the friction at the shaft.",
+                self.kind_in_words()
             ),
             Late::Velocity => format!(
                 "{column} comes {milliseconds} ms late, as differences through a filter do: with the velocity of so much later \
@@ -132,33 +148,37 @@ pub fn found(
         return Ok(None);
     }
     let log = &excerpt(log);
-    let base = &again(log.train_rows(), base);
+    let without = &again(log.train_rows(), base);
     let mut best: Option<LateChannel> = None;
     for late in sought.iter().copied().filter(|late| late.may_be_in(log)) {
-        let Some((time_s, fitted)) = best_time(log, base, late) else { continue };
-        if late == Late::LowPassedTorque && delayed(log, base, time_s)?.sse <= fitted.sse {
+        let Some((channel, fitted)) = best_time(log, (base, without), late) else { continue };
+        if late == Late::LowPassedTorque && delayed(log, without, channel.time_s)?.sse <= fitted.sse
+        {
             continue;
         }
-        let share_left = fitted.sse / base.sse;
-        if best.is_none_or(|best| share_left < best.share_left) {
-            best = Some(LateChannel { late, time_s, share_left });
+        if best.is_none_or(|best| channel.share_left < best.share_left) {
+            best = Some(channel);
         }
     }
     Ok(best)
 }
 
-/// The time at which the base model fits best, if it is worth it.
-fn best_time(log: &TrainTest, base: &Fitted, late: Late) -> Option<(f64, Fitted)> {
+/// The channel with which the base model, begun from `base`, fits best, if it is worth it against the same `without`.
+fn best_time(
+    log: &TrainTest,
+    (base, without): (&Fitted, &Fitted),
+    late: Late,
+) -> Option<(LateChannel, Fitted)> {
     let period = log.train_tracks.first()?.period_s;
-    let at = |time_s: f64, from: &Fitted| {
-        let log = LateChannel { late, time_s, share_left: 1.0 }.heeded(log.clone());
-        again(log.train_rows(), from)
+    let at = |time_s: f64, shape: Shape, from: &Fitted| {
+        let channel = LateChannel { late, time_s, shape, share_left: 1.0 };
+        again(channel.heeded(log.clone()).train_rows(), from)
     };
     let times = (0..=TRIED).map(|step| 0.5 * period * 2f64.powi(step));
     let mut best: Option<(f64, Fitted)> = None;
     let mut worse = 0;
     for time in times.filter(|time| *time <= LONGEST_S) {
-        let fitted = at(time, base);
+        let fitted = at(time, Shape::FirstOrder, base);
         if best.as_ref().is_none_or(|(_, best)| fitted.sse < best.sse) {
             (best, worse) = (Some((time, fitted)), 0);
         } else {
@@ -169,24 +189,35 @@ fn best_time(log: &TrainTest, base: &Fitted, late: Late) -> Option<(f64, Fitted)
             break;
         }
     }
-    let (mut time, mut fitted) = best?;
-    let mut step = 2f64.sqrt();
-    let rows = independent_rows(log, &fitted);
-    let is_worth_it = rows * (base.sse / fitted.sse).ln() > cost(rows);
-    if !is_worth_it || time * step >= LONGEST_S {
+    let (coarse_s, roughly) = best?;
+    let refined = |shape: Shape| {
+        let (mut time, mut fitted) = (coarse_s, at(coarse_s, shape, base));
+        let mut step = 2f64.sqrt();
+        for _ in 0..REFINED {
+            for other in [time / step, time * step] {
+                let there = at(other, shape, &fitted);
+                if there.sse < fitted.sse {
+                    (time, fitted) = (other, there);
+                    break;
+                }
+            }
+            step = step.sqrt();
+        }
+        let share_left = fitted.sse / without.sse;
+        (LateChannel { late, time_s: time, shape, share_left }, fitted)
+    };
+    let rows = independent_rows(log, &roughly);
+    let is_worth_it = |fitted: &Fitted| rows * (without.sse / fitted.sse).ln() > cost(rows);
+    if !is_worth_it(&roughly) {
         return None;
     }
-    for _ in 0..REFINED {
-        for other in [time / step, time * step] {
-            let there = at(other, &fitted);
-            if there.sse < fitted.sse {
-                (time, fitted) = (other, there);
-                break;
-            }
-        }
-        step = step.sqrt();
-    }
-    Some((time, fitted))
+    let shapes = match late {
+        Late::LowPassedTorque => Shape::ALL.as_slice(),
+        Late::Velocity => &[Shape::FirstOrder],
+    };
+    let all = shapes.iter().map(|shape| refined(*shape));
+    let (channel, fitted) = all.min_by(|a, b| a.1.sse.total_cmp(&b.1.sse))?;
+    (channel.time_s * 2f64.sqrt() < LONGEST_S).then_some((channel, fitted))
 }
 
 /// The beginning of every track: some forty fits are made here, and a lateness shows in every reversal.

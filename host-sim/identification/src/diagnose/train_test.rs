@@ -7,6 +7,7 @@
 
 use super::judge::noise_floor;
 use crate::data::{Dataset, Quantity, Run, Split, contract};
+use crate::fit::channel::TorqueLowPass;
 use crate::fit::scales::Scales;
 use crate::fit::{Rows, Track, track, warmth};
 use compensator_core::TermKind;
@@ -133,11 +134,11 @@ impl TrainTest {
         log
     }
 
-    /// The log with a torque that went through a low-pass of this time constant, s ([`crate::fit::channel`]).
+    /// The log with a torque that went through this low-pass.
     #[must_use]
-    pub fn through_low_pass(mut self, time_constant_s: f64) -> Self {
+    pub fn through_low_pass(mut self, low_pass: TorqueLowPass) -> Self {
         for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
-            track.torque_low_pass_s = time_constant_s;
+            track.torque_low_pass = low_pass;
         }
         self
     }

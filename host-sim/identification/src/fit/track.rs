@@ -5,6 +5,7 @@
 //! ([`Track::following`]). The bristle state starts anew on each track. Where the log's spacing is even
 //! to `EVEN`, the period is one number and a model is built once; else each sample carries its own.
 
+use super::channel::TorqueLowPass;
 use super::warmth::{self, Earlier};
 use crate::data::{Dataset, Quantity, Run, contract, segments};
 use compensator_core::Sample;
@@ -40,8 +41,8 @@ pub struct Track {
     pub velocity_draws: Vec<Vec<f64>>,
     /// Torque error that the uncertain motion makes in each row, Nm or N RMS; empty where it is taken as exact.
     pub motion_error: Vec<f64>,
-    /// Time constant of the low-pass the torque's channel went through, s ([`super::channel`]); 0 where there is none.
-    pub torque_low_pass_s: f64,
+    /// What the torque went through before it was logged ([`super::channel`]).
+    pub torque_low_pass: TorqueLowPass,
     /// What rubbed before the track; see [`super::warmth`].
     pub earlier: Arc<[Earlier]>,
 }
@@ -60,7 +61,7 @@ impl Track {
             covariates: Arc::default(),
             velocity_draws: Vec::new(),
             motion_error: Vec::new(),
-            torque_low_pass_s: 0.0,
+            torque_low_pass: TorqueLowPass::default(),
             earlier: Arc::default(),
         }
     }
@@ -89,7 +90,7 @@ impl Track {
                 .skip(rows.start)
                 .copied()
                 .collect(),
-            torque_low_pass_s: self.torque_low_pass_s,
+            torque_low_pass: self.torque_low_pass,
             earlier: Arc::clone(&self.earlier),
         }
     }
@@ -261,7 +262,7 @@ fn track(
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
         velocity_draws: cut(&run.velocity_draws, &rows),
         motion_error: Vec::new(),
-        torque_low_pass_s: 0.0,
+        torque_low_pass: TorqueLowPass::default(),
         earlier: Arc::default(),
     }
 }
