@@ -32,6 +32,7 @@ pub mod left_out;
 pub mod model;
 pub mod offer;
 pub mod order;
+pub mod other_laws;
 pub mod regime;
 pub mod review;
 pub mod round;

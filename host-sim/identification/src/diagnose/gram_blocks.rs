@@ -59,6 +59,8 @@ pub struct GramBlocks {
     pub base: Vec<usize>,
     /// Columns of each candidate.
     pub candidates: Vec<Range<usize>>,
+    /// Columns of other laws ([`super::other_laws`]).
+    pub others: Range<usize>,
     /// The products, block by block, of columns scaled to unit length.
     pub blocks: Vec<Block>,
     /// Their sum.
@@ -140,7 +142,7 @@ fn error_on(products: &DMatrix<f64>, columns: &[usize], coefficients: &DVector<f
 }
 
 impl GramBlocks {
-    /// Puts blocks together. The columns are `base` of the base, then `widths` of each candidate,
+    /// Puts blocks together. The columns are `base` of the base, then `widths` of each candidate, then those of other laws,
     /// then the residual.
     pub fn new(base: usize, widths: &[usize], mut blocks: Vec<Block>) -> Self {
         let mut candidates = Vec::with_capacity(widths.len());
@@ -149,7 +151,7 @@ impl GramBlocks {
             candidates.push(next..next + width);
             next += width;
         }
-        let size = next + 1;
+        let size = blocks.first().map_or(next + 1, |block| block.products.nrows());
         let sum = |blocks: &[Block]| {
             blocks.iter().fold(DMatrix::zeros(size, size), |sum, block| sum + &block.products)
         };
@@ -186,6 +188,7 @@ impl GramBlocks {
             by_run,
             base: (0..base).collect(),
             candidates,
+            others: next..size - 1,
             total: sum(&blocks),
             rows: blocks.iter().map(|block| block.rows).sum(),
             blocks,
@@ -295,6 +298,15 @@ impl GramBlocks {
                 }
             })
             .collect()
+    }
+
+    /// By how much a candidate is better on stretches left out where laws of other shapes have taken theirs.
+    pub fn beside_other_laws(&self, candidate: usize) -> Fall {
+        let laws: Vec<usize> = self.base.iter().copied().chain(self.others.clone()).collect();
+        let both: Vec<usize> =
+            laws.iter().copied().chain(self.candidates[candidate].clone()).collect();
+        let unseen = |columns: &[usize]| self.unseen(columns, LeftOut::Stretches);
+        Fall::between(&unseen(&laws), &unseen(&both))
     }
 
     /// Share of the candidate's effect another one can take over: 1 where no data of this kind
@@ -461,6 +473,34 @@ mod tests {
             block[(2, 2)] = block[(1, 1)];
         }
         assert!(gram.confusion(0, 1).0 > 0.999);
+    }
+
+    #[test]
+    fn what_another_law_explains_is_nothing_of_its_own() {
+        // Base column 1; a candidate that another law's column holds all but a tenth of, and one of its own.
+        let mut random = Pcg64::seed_from_u64(4);
+        let mut normal = move || (0..12).map(|_| random.random_range(-0.5..0.5f64)).sum::<f64>();
+        let block = |index: usize| {
+            let mut products = DMatrix::zeros(5, 5);
+            for _ in 0..50 {
+                let (law, own) = (normal(), normal());
+                let torque = 0.3 * law + 0.3 * own + normal();
+                let row = DVector::from_vec(vec![1.0, law + 0.1 * normal(), own, law, torque]);
+                products += &row * row.transpose();
+            }
+            Block { run: index / STRETCHES, stretch: index % STRETCHES, products, rows: 50 }
+        };
+        let gram = GramBlocks::new(1, &[1, 1], (0..64).map(block).collect());
+        let fits = gram.try_all(&[1.0, 1.0]);
+        let left =
+            |fit: &CandidateFit| gram.beside_other_laws(fit.candidate).value / fit.unseen.value;
+        assert!(fits.iter().all(|fit| fit.unseen.in_errors() > 3.0), "{fits:?}");
+        assert!(
+            left(&fits[0]) < 0.1 && left(&fits[1]) > 0.8,
+            "{} {}",
+            left(&fits[0]),
+            left(&fits[1])
+        );
     }
 
     #[test]

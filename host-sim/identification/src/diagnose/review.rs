@@ -71,6 +71,7 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
                 || unique.value < MATERIAL * log.beyond_floor(read.sse())
                 || (is_any_shape(&found[index]) && unique.value < ANY_SHAPE * named)
                 || unique.at_least() <= 0.0
+                || !stands_alone(&round, fit)
                 || is_overshadowed(&round, &claim, unique.value)
         });
         if !lost
@@ -121,6 +122,20 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
     }
     order(&mut extension.found);
     Ok(lost_claims)
+}
+
+/// Of what a candidate gains, so much must be left where laws of other shapes have taken theirs.
+const BY_ITSELF: f64 = 0.5;
+
+/// Whether a candidate is more than a part of what a law of another shape would explain. Not asked where what the columns
+/// promise is not what a fit gains: of causes that bend the bristles themselves, of ripples, and where they promise nothing.
+fn stands_alone(round: &Round, fit: &CandidateFit) -> bool {
+    let cause = round.candidates[fit.candidate].cause;
+    let by_itself = round.gram.beside_other_laws(fit.candidate).value;
+    cause.is_nonlinear()
+        || cause.is_underrated()
+        || fit.unseen.value <= 0.0
+        || by_itself >= BY_ITSELF * fit.unseen.value
 }
 
 /// A torque that follows a column whichever way the joint moves: calibration or a load, no friction.

@@ -5,6 +5,7 @@ use super::cause::{Cause, Suspect, suspects};
 use super::fall::Fall;
 use super::gram_blocks::{CandidateFit, GramBlocks};
 use super::model::Fitted;
+use super::other_laws;
 use super::sensitivities::sensitivities;
 use super::standing::{Better, Standing};
 use super::survey::{block_length, survey};
@@ -61,9 +62,10 @@ impl Round {
     pub fn new(log: &TrainTest, model: &Fitted) -> Self {
         let log = &*log.following(model.follows.as_ref());
         let at = sensitivities(&model.parameters, &model.free, &log.train_tracks, model.resolution);
-        let candidates = suspects(&Beside { log, spec: &model.spec, at: &at });
+        let beside = Beside { log, spec: &model.spec, at: &at };
+        let candidates = suspects(&beside);
         let length = block_length(log, &at);
-        let gram = survey(log, &at, &candidates, length);
+        let gram = survey(log, &at, &candidates, &other_laws::columns(&beside), length);
         let comparisons: Vec<f64> =
             candidates.iter().map(|candidate| candidate.comparisons).collect();
         let all = gram.try_all(&comparisons).into_iter();

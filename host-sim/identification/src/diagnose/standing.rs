@@ -45,7 +45,7 @@ impl Standing {
     pub fn of_model(log: &TrainTest, model: &Fitted, length: usize) -> Self {
         let log = &*log.following(model.follows.as_ref());
         let at = sensitivities(&model.parameters, &model.free, &log.train_tracks, model.resolution);
-        Self::of(&survey(log, &at, &[], length))
+        Self::of(&survey(log, &at, &[], &[], length))
     }
 
     /// The squared error of all blocks.

@@ -32,13 +32,14 @@ pub fn survey(
     log: &TrainTest,
     model: &Sensitivities,
     candidates: &[Suspect],
+    other_laws: &[Regressor],
     length: usize,
 ) -> GramBlocks {
     let both: Vec<(&Track, &TrackSensitivities)> =
         log.train_tracks.iter().zip(&model.tracks).collect();
     let blocks: Vec<Vec<Block>> = both
         .par_iter()
-        .map(|(track, at)| blocks(log, model, track, at, candidates, length))
+        .map(|(track, at)| blocks(log, model, track, at, (candidates, other_laws), length))
         .collect();
     let widths: Vec<usize> = candidates.iter().map(|c| c.regressors.len()).collect();
     GramBlocks::new(model.free.len(), &widths, blocks.into_iter().flatten().collect())
@@ -50,31 +51,32 @@ fn blocks(
     model: &Sensitivities,
     track: &Track,
     at: &TrackSensitivities,
-    candidates: &[Suspect],
+    (candidates, other_laws): (&[Suspect], &[Regressor]),
     length: usize,
 ) -> Vec<Block> {
     let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
     let slope = slope(track, &at.shaft_torque);
-    for candidate in candidates {
+    let of_candidates = candidates.iter().flat_map(|candidate| {
         let extra = candidate.extra.map(|index| &track.covariates[index]);
-        for regressor in &candidate.regressors {
-            columns.push(match regressor {
-                Regressor::Exact(effect) => exact(model, track, at, effect),
-                Regressor::Row(of) => {
-                    let row = |row: usize| {
-                        of(&Row {
-                            sample: &track.samples[row],
-                            added: at.added[row],
-                            level: at.level[row],
-                            viscous: at.viscous[row],
-                            slope: slope[row],
-                            extra: extra.map_or(0.0, |extra| extra[row]),
-                        })
-                    };
-                    passed(track, (0..track.len()).map(row).collect())
-                }
-            });
-        }
+        candidate.regressors.iter().map(move |regressor| (regressor, extra))
+    });
+    for (regressor, extra) in of_candidates.chain(other_laws.iter().map(|law| (law, None))) {
+        columns.push(match regressor {
+            Regressor::Exact(effect) => exact(model, track, at, effect),
+            Regressor::Row(of) => {
+                let row = |row: usize| {
+                    of(&Row {
+                        sample: &track.samples[row],
+                        added: at.added[row],
+                        level: at.level[row],
+                        viscous: at.viscous[row],
+                        slope: slope[row],
+                        extra: extra.map_or(0.0, |extra| extra[row]),
+                    })
+                };
+                passed(track, (0..track.len()).map(row).collect())
+            }
+        });
     }
     let mut memory = at.memory.clone();
     if !track.weights.is_empty() {
