@@ -30,7 +30,9 @@ pub fn constants() -> Parameters {
 /// The model that `identify` finds on bench runs of this machine.
 fn identified() -> &'static Friction<f32> {
     static MODEL: LazyLock<Friction<f32>> = LazyLock::new(|| {
-        let bench = Bench { parameters: Parameters::default(), phase_rad: PHASE_RAD, seed: 3 };
+        let parameters = Parameters::default();
+        let temperature_c = [parameters.water_temperature_c; 2];
+        let bench = Bench { parameters, phase_rad: PHASE_RAD, temperature_c, seed: 3 };
         let amount = Amount { seconds: 4.0, both_motions: false, learned: 1, held_out: 0 };
         let measured = bench.measure(&amount);
         let (unloaded, learned) = (dataset(&measured.unloaded), dataset(&measured.learned));

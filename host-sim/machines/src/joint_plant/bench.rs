@@ -28,6 +28,9 @@ const PAUSE_S: f64 = 60.0;
 const FORCE_N: [(f64, f64); 2] = [(25.0, 35.0), (45.0, 55.0)];
 const PRESSURE_PA: [(f64, f64); 2] = [(0.0, 0.05e6), (0.25e6, 0.30e6)];
 
+/// Torque of the stand's brake, Nm.
+pub const BRAKE_NM: f64 = 6.0;
+
 /// The eight kinds: rpm, side load high, pressure high. The print has lost which rows had high pressure; this is one way
 /// to choose eight of the twelve combinations with its speeds and loads.
 pub const KINDS: [(f64, usize, usize); 8] = [
@@ -105,6 +108,8 @@ struct Plan {
     pressure_pa: f64,
     brake_nm: f64,
     start_rad: f64,
+    /// Temperature of water and seal at the start, deg C.
+    temperature_c: f64,
     seed: u64,
 }
 
@@ -141,6 +146,9 @@ pub struct Bench {
     pub parameters: Parameters,
     /// Where its eccentricity and out-of-roundness lie, rad.
     pub phase_rad: [f64; 2],
+    /// Least and most temperature of the water and the seal in it that the factorial's runs begin at, deg C; the other
+    /// campaigns are in the machine's own water. Where both are that one's, nothing of temperature can be learned.
+    pub temperature_c: [f64; 2],
     /// Draws noise and conditions.
     pub seed: u64,
 }
@@ -191,6 +199,7 @@ impl Bench {
             pressure_pa: 0.0,
             brake_nm: 0.0,
             start_rad: random.random_range(0.0..TAU),
+            temperature_c: self.parameters.water_temperature_c,
             seed: random.random(),
         };
         motions.into_iter().enumerate().map(plan).collect()
@@ -217,15 +226,19 @@ impl Bench {
                 pressure_pa,
                 brake_nm: 0.0,
                 start_rad,
+                temperature_c: self.parameters.water_temperature_c,
                 seed: random.random(),
             }
         };
         (0..KINDS.len()).flat_map(each).map(plan).collect()
     }
 
-    /// Every combination of three speeds, low and high side load, pressure and brake, each in two motions or one.
+    /// Every combination of three speeds, low and high side load, pressure and brake, each in two motions or one, and each
+    /// run in water of another temperature.
     fn factorial(&self, seconds: f64, both_motions: bool) -> Vec<Plan> {
         let mut random = Pcg64::seed_from_u64(self.seed ^ 0x33);
+        let mut warmth = Pcg64::seed_from_u64(self.seed ^ 0x55);
+        let [coldest, warmest] = self.temperature_c;
         let mut plans = Vec::new();
         for index in 0..24usize {
             let rpm = [35.0, 70.0, 100.0][index % 3];
@@ -253,8 +266,9 @@ impl Bench {
                     force_n: between(FORCE_N[force]),
                     swing: (between((2.0, 5.0)), between((0.5, 3.0)), between((0.0, TAU))),
                     pressure_pa: between(PRESSURE_PA[pressure]),
-                    brake_nm: [0.0, 6.0][brake],
+                    brake_nm: [0.0, BRAKE_NM][brake],
                     start_rad: between((0.0, TAU)),
+                    temperature_c: coldest + (warmest - coldest) * warmth.random::<f64>(),
                     seed: random.random(),
                 });
             }
@@ -263,7 +277,7 @@ impl Bench {
     }
 
     fn run(&self, plan: &Plan, start_s: f64) -> LoggedRun {
-        let p = &self.parameters;
+        let p = &Parameters { water_temperature_c: plan.temperature_c, ..self.parameters };
         let mut random = Pcg64::seed_from_u64(plan.seed);
         let mut seal = Seal::new(p, self.phase_rad);
         let at = |t: f64, velocity: f64| {
@@ -319,7 +333,9 @@ mod tests {
 
     #[test]
     fn campaigns_have_their_runs_and_the_same_seed_gives_the_same_bits() {
-        let bench = Bench { parameters: Parameters::default(), phase_rad: [1.0, 2.0], seed: 3 };
+        let parameters = Parameters::default();
+        let temperature_c = [10.0, 30.0];
+        let bench = Bench { parameters, phase_rad: [1.0, 2.0], temperature_c, seed: 3 };
         let amount = Amount { seconds: 1.0, both_motions: false, learned: 2, held_out: 1 };
         let measured = bench.measure(&amount);
         let runs = |log: &Log| log.runs.len();
@@ -327,6 +343,18 @@ mod tests {
         assert_eq!((runs(&measured.learned), runs(&measured.held_out)), (16, 8));
         assert_eq!(measured, bench.measure(&amount));
         assert_ne!(measured, Bench { seed: 4, ..bench }.measure(&amount));
+        // Water of another temperature in each run of the factorial, and of the machine's own in the others.
+        let column = COLUMNS.iter().position(|name| *name == "temperature_c").unwrap();
+        let begins = |log: &Log| {
+            let mut all: Vec<f64> = log.runs.iter().map(|run| run.columns[column][0]).collect();
+            all.sort_by(f64::total_cmp);
+            all
+        };
+        let warmth = begins(&measured.factorial);
+        assert!(warmth[0] >= 10.0 && warmth[23] <= 30.0 && warmth[23] - warmth[0] > 10.0);
+        assert!(warmth.windows(2).all(|pair| pair[0] < pair[1]));
+        let own = begins(&measured.learned);
+        assert!(own.iter().all(|at| *at == parameters.water_temperature_c));
         // No two runs at one time, and the unloaded ones not all first.
         let starts = |log: &Log| log.runs.iter().map(|run| run.columns[0][0]).collect::<Vec<_>>();
         let unloaded = starts(&measured.unloaded);

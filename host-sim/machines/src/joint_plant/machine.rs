@@ -69,6 +69,8 @@ pub struct JointPlant {
     admittance: f64,
     /// Share of its own friction that an ideal actuator gives back: the perfect model.
     cancelled: f64,
+    /// The most it and the motor give together, Nm.
+    most_nm: f64,
     /// A stand holds the output.
     held: bool,
     /// Side load from elsewhere than the load, N.
@@ -151,6 +153,7 @@ impl JointPlant {
             kept: 0.0,
             admittance: 0.0,
             cancelled: 0.0,
+            most_nm: f64::INFINITY,
             held: false,
             pushed_n: 0.0,
             random: Pcg64::seed_from_u64(seed ^ 0x5eed),
@@ -163,9 +166,10 @@ impl JointPlant {
         self.step_s = 0.0;
     }
 
-    /// Lets an ideal actuator give back this share of the friction, a sub-step late: what no model can beat.
-    pub fn cancel_friction(&mut self, share: f64) {
-        self.cancelled = share;
+    /// Lets an ideal actuator give back this share of the friction, a sub-step late: what no model can beat. With the motor it
+    /// gives so many Nm at most, as a driver whose current is limited.
+    pub fn cancel_friction(&mut self, share: f64, most_nm: f64) {
+        (self.cancelled, self.most_nm) = (share, most_nm);
     }
 
     /// A stand holds the output, or lets go of it.
@@ -471,7 +475,9 @@ impl JointPlant {
         self.acting.radial_force_n += self.pushed_n;
         self.around.radial_force_n = self.acting.radial_force_n;
         self.around.load_torque_nm = self.acting.torque_nm;
-        let given_back = self.cancelled * self.seal.torque_nm();
+        let given_back = (self.cancelled * self.seal.torque_nm())
+            .max(-(self.most_nm + motor_nm).max(0.0))
+            .min((self.most_nm - motor_nm).max(0.0));
         let friction = self.seal.step(self.velocity, self.position, &self.around, dt);
         let driving = self.transmitted(motor_nm - self.cogging_nm(), dt);
         let torque = driving + given_back - friction - self.acting.torque_nm;

@@ -221,7 +221,8 @@ impl Simulation for JointBench {
         }
         let mut parameters = Parameters::default();
         parameters.torque_noise_nm = request.noise_nm.unwrap_or(parameters.torque_noise_nm);
-        let bench = Bench { parameters, phase_rad: PHASE_RAD, seed: request.seed };
+        let temperature_c = [parameters.water_temperature_c; 2];
+        let bench = Bench { parameters, phase_rad: PHASE_RAD, temperature_c, seed: request.seed };
         let amount = Amount { seconds, both_motions: false, learned: 2, held_out: 0 };
         let Campaigns { mut unloaded, factorial, learned, .. } = bench.measure(&amount);
         debug_assert_eq!(unloaded.columns, BENCH_COLUMNS);

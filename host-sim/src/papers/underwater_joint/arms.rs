@@ -8,7 +8,7 @@
 //! | LuGre, refitted | all bench runs |
 //! | improved LuGre | all bench runs (eq. 16) |
 //! | diagnosed | all bench runs, base and terms by `diagnose` |
-//! | perfect | - the plant's own friction, given back by an ideal actuator at the same share |
+//! | perfect | - the plant's own friction, given back by an ideal actuator at the same share, within the same current limit |
 
 use super::campaign::Campaign;
 use compensator_core::compensator::CompensatorParameters;

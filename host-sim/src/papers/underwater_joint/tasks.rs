@@ -252,7 +252,11 @@ pub fn joint(task: Task, conditions: &Conditions) -> JointPlant {
 pub fn run(task: Task, arm: &Arm, conditions: &Conditions) -> Result<Course, String> {
     let mut plant = joint(task, conditions);
     if let Some(share) = arm.perfect {
-        plant.cancel_friction(share);
+        // Where the driver's current is at its limit, a perfect model has nothing to give back either.
+        let p = &conditions.parameters;
+        let per_ampere =
+            p.motor_torque_constant_nm_per_a * (1.0 + p.torque_constant_error) * p.gear_ratio;
+        plant.cancel_friction(share, MOST_A * per_ampere);
     }
     with_joint(&arm.set, plant, conditions.faults, |rig| master(rig, task, conditions.most_s))
 }
