@@ -3,22 +3,27 @@
 //! A paper's tables are repeated with the shipped code, and each number stands beside the printed one. A [`Row`]
 //! is one such number: in which table, row and column it stands, in what unit, ours with its spread, the printed
 //! one where there is one, and whether ours was simulated or measured. The rows make `paper.json`, and with text and
-//! charts around them `report.html`. A goal that is missed is a row like any other, and the summary says so.
+//! charts around them `report.html`. What was to be reached are [`Goal`]s, and one that is missed says so; with the
+//! summary and chosen tables they make `summary.md`, which stands in `docs` as it is.
 //!
 //! A new paper is a file here with a [`Paper`] and its line in the list.
 
 mod damper;
+mod digest;
+mod goal;
 mod manipulator;
 mod report;
 mod row;
 mod underwater_joint;
 
+pub(crate) use digest::{Stopwatch, across, goal_table, markdown};
+pub use goal::{Goal, Wanted};
 pub(crate) use manipulator::coupled;
 pub(crate) use report::lines;
 pub use report::tables;
 pub use row::Row;
 
-use crate::report::Block;
+use crate::report::{Block, Table};
 use std::path::PathBuf;
 
 /// Every paper there is.
@@ -42,10 +47,14 @@ pub struct Request<'a> {
 pub struct Outcome {
     /// Every number, in the order of its table.
     pub rows: Vec<Row>,
+    /// What was to be reached, and what was.
+    pub goals: Vec<Goal>,
     /// What came out, a sentence each, most important first: also what falls short and what was left out.
     pub summary: Vec<String>,
     /// The page below the summary.
     pub blocks: Vec<Block>,
+    /// Tables of chosen rows, for the page in `docs`.
+    pub digest: Vec<Table>,
     /// Further files by name.
     pub files: Vec<(String, Vec<u8>)>,
 }
@@ -60,6 +69,9 @@ pub trait Paper: Sync {
 
     /// Title of the page.
     fn title(&self) -> &'static str;
+
+    /// What a reader has to know before the numbers: whose paper, what is simulated or measured. Whole sentences.
+    fn preface(&self) -> &'static str;
 
     /// Makes its experiments anew.
     ///

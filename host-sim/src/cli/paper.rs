@@ -2,7 +2,7 @@
 
 use super::input::spinner;
 use super::output::{OutputArguments, say, tell};
-use crate::papers::{PAPERS, Paper, Request, lines, tables};
+use crate::papers::{PAPERS, Paper, Request, Stopwatch, goal_table, lines, markdown, tables};
 use crate::report::{Block, Page};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
@@ -45,24 +45,45 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         data: arguments.data.clone(),
         progress: &progress,
     };
+    let took = Stopwatch::start();
     let outcome = paper.run(&request)?;
+    let summary = markdown(paper, &request, &outcome, &took);
     bar.finish_and_clear();
+    if let Some(goal) = outcome.goals.iter().find(|goal| !goal.ours.is_finite()) {
+        return Err(format!("{} is no number", goal.what));
+    }
     if let Some(row) = outcome.rows.iter().find(|row| !row.ours.is_finite()) {
         return Err(format!("{}: {}, {} is no number", row.table, row.row, row.column));
     }
     let document = json!({
         "schema": 1, "paper": paper.name(), "quick": arguments.quick, "seed": arguments.seed,
-        "summary": outcome.summary, "rows": outcome.rows,
+        "goals": outcome.goals, "summary": outcome.summary, "rows": outcome.rows,
     });
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
     let form = if arguments.quick { "short form, " } else { "" };
     let mut page = Page::new(paper.title(), format!("{form}seed {}", arguments.seed));
-    page.push(Block::List(outcome.summary.clone())).push(Block::Contents);
+    let reached = outcome.goals.iter().filter(|goal| goal.reached()).count();
+    page.push(Block::Paragraph(paper.preface().to_owned())).push(Block::Contents);
+    if !outcome.goals.is_empty() {
+        let of = outcome.goals.len();
+        page.push(Block::Heading(format!("Goals: {reached} of {of} reached")));
+        page.push(Block::Table(goal_table(&outcome.goals)));
+        let remarks = outcome.goals.iter().filter(|goal| !goal.remark.is_empty());
+        let remarks =
+            remarks.map(|goal| format!("{}: {}. {}", goal.what, goal.verdict(), goal.remark));
+        page.push(Block::List(remarks.collect()));
+    }
+    page.push(Block::Heading("In words".into()));
+    page.push(Block::List(outcome.summary.clone()));
     page.blocks.extend(outcome.blocks);
     page.push(Block::Heading("All numbers, ours beside the printed".into()));
     page.blocks.extend(tables(&outcome.rows));
     let html = page.render();
-    let mut files = vec![("paper.json", json.as_bytes()), ("report.html", html.as_bytes())];
+    let mut files = vec![
+        ("paper.json", json.as_bytes()),
+        ("report.html", html.as_bytes()),
+        ("summary.md", summary.as_bytes()),
+    ];
     files.extend(outcome.files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())));
     arguments.output.write_bytes(&files)?;
     if arguments.output.json {

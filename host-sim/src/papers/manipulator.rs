@@ -45,6 +45,14 @@ impl Paper for Manipulator {
         "Four friction models in an arm of three joints"
     }
 
+    fn preface(&self) -> &'static str {
+        "The paper fits linear, extended, atan and LuGre friction to the angles of an arm with fluidic muscles, and finds LuGre the \
+         worst. Nobody has its data: angles and torques here are simulated, on an arm of its Table 2 whose friction is none of the \
+         four. A measured industrial arm gets the same table of torques. \"As printed\" is one start (0.1) and one pair of bounds \
+         (0.001 to 10) for every coefficient, fitted and judged on one course; \"properly\" is scaled, from several starts, and judged on \
+         courses it has not seen."
+    }
+
     fn run(&self, request: &Request) -> Result<Outcome, String> {
         let extent = if request.quick { Extent::QUICK } else { Extent::FULL };
         (request.progress)("recording the arm");
@@ -78,6 +86,8 @@ impl Paper for Manipulator {
         let mut blocks = page::blocks(&studies, &courses);
         blocks.push(Block::Heading("What our fits say of themselves".into()));
         blocks.push(Block::List(words::of_fits(&studies, &courses)));
-        Ok(Outcome { rows, summary, blocks, files: Vec::new() })
+        let goals = words::goals(&studies, &courses, &on_torques, &measured);
+        let digest = tables::digest(&rows);
+        Ok(Outcome { rows, goals, summary, blocks, digest, files: Vec::new() })
     }
 }

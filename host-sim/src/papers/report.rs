@@ -1,11 +1,15 @@
 //! The rows of a paper as its tables, on the page and on the terminal.
 
 use super::Row;
+use super::digest::across;
 use crate::report::{Block, Cell, Table};
 use friction_identification::number::{significant, with_error};
 
-/// Tables of the rows, in their order: one per paper's table, its columns as in print, and under each of our
-/// numbers the printed one in its own column where there is one.
+/// More columns than this are lines instead: a page holds no more beside each other.
+const COLUMNS: usize = 8;
+
+/// Tables of the rows, in their order: one per paper's table, its columns as in print, and beside each of our
+/// numbers the printed one in its own column where there is one; one that is too wide is laid on its side.
 pub fn tables(rows: &[Row]) -> Vec<Block> {
     in_order(rows, |row| &row.table)
         .into_iter()
@@ -28,7 +32,23 @@ fn of(rows: &[Row], table: &str) -> Table {
             fields.push((column, true));
         }
     }
-    let body = in_order(rows.iter().copied(), |row| &row.row).into_iter().map(|name| {
+    let origin = match rows.iter().filter(|row| row.simulated).count() {
+        0 => "measured",
+        all if all == rows.len() => "simulated",
+        _ => "measured and simulated",
+    };
+    let numbered = table.starts_with(|first: char| first.is_ascii_digit());
+    let name = if numbered { format!("Table {table}") } else { table.to_owned() };
+    let caption = format!("{name} ({origin})");
+    let names = in_order(rows.iter().copied(), |row| &row.row);
+    if columns.len() > COLUMNS.max(names.len()) {
+        return across(&caption, rows, |row| {
+            let unit = if row.unit.is_empty() { String::new() } else { format!(" ({})", row.unit) };
+            let marked = if row.simulated && origin != "simulated" { ", simulated" } else { "" };
+            Some((format!("{}{unit}{marked}", row.column), row.row.clone()))
+        });
+    }
+    let body = names.into_iter().map(|name| {
         let cell = |(column, printed): &(&str, bool)| {
             let found = rows.iter().find(|row| row.row == name && row.column == *column);
             found.map_or(Cell::Empty, |row| if *printed { row.printed.into() } else { ours(row) })
@@ -42,14 +62,6 @@ fn of(rows: &[Row], table: &str) -> Table {
         let name = unit.map_or(name.to_owned(), |unit| format!("{name} ({unit})"));
         std::iter::once(Cell::from(name)).chain(fields.iter().map(cell)).collect()
     });
-    let origin = match rows.iter().filter(|row| row.simulated).count() {
-        0 => "measured",
-        all if all == rows.len() => "simulated",
-        _ => "measured and simulated",
-    };
-    let numbered = table.starts_with(|first: char| first.is_ascii_digit());
-    let name = if numbered { format!("Table {table}") } else { table.to_owned() };
-    let caption = format!("{name} ({origin})");
     Table { caption, header, rows: body.collect(), best: Vec::new() }
 }
 

@@ -137,6 +137,25 @@ impl Table {
         }
     }
 
+    /// The table as Markdown, ended by a line break; its caption above it.
+    pub(crate) fn markdown(&self) -> String {
+        let line = |cells: &mut dyn Iterator<Item = String>| {
+            let cells: Vec<String> = cells.map(|cell| cell.replace('|', "\\|")).collect();
+            format!("| {} |\n", cells.join(" | "))
+        };
+        let caption = match self.caption.as_str() {
+            "" => String::new(),
+            caption => format!("**{caption}**\n\n"),
+        };
+        let rule = format!("|{}\n", "---|".repeat(self.header.len()));
+        let mut text = caption + &line(&mut self.header.iter().cloned()) + &rule;
+        for row in &self.rows {
+            let cell = |index| row.get(index).map_or_else(|| Cell::Empty.text(), Cell::text);
+            text += &line(&mut (0..self.header.len()).map(cell));
+        }
+        text
+    }
+
     fn column(&self, index: usize) -> Column {
         let cells = || self.rows.iter().filter_map(|row| row.get(index));
         let values = || cells().filter_map(Cell::value).filter(|value| value.is_finite());

@@ -8,11 +8,12 @@ use super::arm::simulated;
 use super::campaign::Campaign;
 use super::printed::EARTHQUAKE_LUGRE;
 use super::supplied::Learnt;
-use crate::papers::{Outcome, Row};
+use crate::papers::{Goal, Outcome, Row};
 use compensator_core::Parameters;
 use friction_identification::fit::{Metrics, Track};
 
-const TABLE: &str = "Earthquakes";
+/// Its table.
+pub(super) const TABLE: &str = "Earthquakes";
 
 /// A motion counts as having left the envelope where this share of its evaluations did.
 const LEFT: f64 = 0.01;
@@ -79,6 +80,12 @@ pub(super) fn judge(
         flagged.len(),
         flagged.join(", "),
     );
+    outcome.goals.push(Goal::at_least(
+        "earthquakes that leave the envelope and are flagged",
+        "",
+        flagged.len() as f64,
+        count as f64,
+    ));
     if rows > 0 {
         let ratio = validated / trained.max(f64::MIN_POSITIVE);
         let verdict =
@@ -96,9 +103,14 @@ pub(super) fn judge(
         // A network that was outside a moment ago says little yet: its share comes back over a quarter of a second.
         let (validated, rows) = inside(guarded, &quakes.tracks, WHOLE_SHARE);
         let (trained, _) = inside(guarded, &training.tracks, WHOLE_SHARE);
-        let ratio = validated / trained.max(f64::MIN_POSITIVE);
+        let whole = validated / trained.max(f64::MIN_POSITIVE);
+        let what = "earthquakes, rows inside the envelope: error over that in training";
+        outcome.goals.push(Goal::at_most(what, "", ratio, RATIO_GOAL).remark(format!(
+            "Where the network has been inside for a quarter of a second and has its whole say: {whole:.2}. Before, its share comes \
+             back and the law runs mostly on its constants: these rows count as inside, and are what the number is above."
+        )));
         sentence += &format!(
-            " In those {rows} of them in which the network has its whole say it is {ratio:.2} of that in training; in the \
+            " In those {rows} of them in which the network has its whole say it is {whole:.2} of that in training; in the \
              others the law runs mostly on its constants."
         );
     }

@@ -16,6 +16,9 @@ use simulated_machines::{Request as Ask, SIMULATIONS};
 /// Rows from one evaluation of the network to the next: the plant logs 128 a second.
 const EVERY: usize = 1;
 
+/// Its table.
+pub(super) const WIND: &str = "Wind, simulated";
+
 /// Passes of training, in the long form and the short one.
 const EPOCHS: [usize; 2] = [60, 20];
 
@@ -57,7 +60,7 @@ pub(super) fn what_is_not_public(request: &Request, outcome: &mut Outcome) -> Re
         run.is_outside.iter().filter(|outside| **outside).count() as f64
             / run.is_outside.len().max(1) as f64
     };
-    let table = "Wind, simulated";
+    let table = WIND;
     for (test, of) in wind.names.iter().enumerate() {
         let row = |column, ours| Row::simulated(table, of, column, "%", ours);
         outcome.rows.push(row("RMSE of range", validated.percent_of_range(test)));

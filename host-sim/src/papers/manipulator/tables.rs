@@ -5,7 +5,8 @@ use super::fit::Course;
 use super::measured::Axis;
 use super::printed::MODELS;
 use super::study::{Judgement, Study, TorqueStudy};
-use crate::papers::Row;
+use crate::papers::{Row, across};
+use crate::report::Table;
 use compensator_core::ParameterId as Id;
 
 /// Tables of angles: errors of each model and joint, then its coefficients.
@@ -17,6 +18,33 @@ pub fn of_angles(studies: &[Study], courses: &[Course], again: &[Vec<[f64; JOINT
         rows.extend(coefficients(study));
     }
     rows
+}
+
+/// Errors of all models beside each other: on angles, and on torques, simulated and measured.
+pub fn digest(rows: &[Row]) -> Vec<Table> {
+    let errors_of = |row: &Row| row.column.starts_with("RMSE").then(|| row.column.clone());
+    let angles = |row: &Row| {
+        let model = MODELS.iter().find(|model| {
+            row.table.split_once(", ") == Some((model.table.to_string().as_str(), model.name))
+        })?;
+        Some((format!("{}, {} ({})", row.row, errors_of(row)?, row.unit), model.name.to_owned()))
+    };
+    let torques = |start: &'static str| {
+        move |row: &Row| {
+            let whose = row.table.strip_prefix(start).filter(|of| !of.starts_with("the "))?;
+            Some((format!("{whose}, {} ({})", errors_of(row)?, row.unit), row.row.clone()))
+        }
+    };
+    let tables = [
+        across("Angles (simulated; tables 4, 6, 8 and 10)", rows, angles),
+        across("Torques of the joints (simulated)", rows, torques("Torques of ")),
+        across(
+            "Torques of the industrial arm (measured)",
+            rows,
+            torques("Torques of the industrial arm, "),
+        ),
+    ];
+    tables.into_iter().filter(|table| !table.rows.is_empty()).collect()
 }
 
 /// Columns of a way of fitting: its name, and what was fitted.

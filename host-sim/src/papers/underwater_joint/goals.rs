@@ -8,7 +8,7 @@ use super::arms::{DIAGNOSED, IMPROVED, NONE, PERFECT, PUBLISHED, REFITTED};
 use super::estimation::SPEEDS_RPM;
 use super::tasks::Task;
 use super::{Spread, Study};
-use crate::papers::Row;
+use crate::papers::{Goal as Reached, Row};
 use friction_identification::number::significant;
 
 /// How near to the perfect model's error ours has to come: a fifth beyond.
@@ -84,6 +84,43 @@ pub fn goals(study: &Study) -> Vec<Goal> {
         goal(what.to_owned(), printed, |arm| study.measured(task, arm, measure))
     });
     estimation.chain(tasks).flatten().collect()
+}
+
+/// All that was to be reached: the drops, nearness to the perfect model, harm, the watch.
+pub fn all(study: &Study, drops: &[Goal]) -> Vec<Reached> {
+    let mut all = Vec::new();
+    for drop in drops {
+        let what = format!("{}: diagnosed against LuGre as published", drop.what);
+        let goal = Reached::at_most(what, "%", drop.diagnosed, drop.printed);
+        let beside = drop.perfect.map_or(String::new(), |perfect| {
+            format!(
+                " The perfect model has {}{}.",
+                percent(perfect),
+                if perfect > drop.printed { ": out of reach on this joint" } else { "" }
+            )
+        });
+        let remark = format!("Refitting alone brings {}.{beside}", percent(drop.refitted));
+        all.push(if goal.reached() { goal } else { goal.remark(remark) });
+    }
+    let beyond = drops.iter().filter(|drop| drop.beyond_refitting).count();
+    let not: Vec<&str> =
+        drops.iter().filter(|drop| !drop.beyond_refitting).map(|drop| drop.what.as_str()).collect();
+    let what =
+        "measures in which the diagnosed model beats the refitted LuGre by more than their spread";
+    let goal = Reached::at_least(what, "", beyond as f64, drops.len() as f64);
+    all.push(if not.is_empty() {
+        goal
+    } else {
+        goal.remark(format!("Not in: {}.", not.join(", ")))
+    });
+    for drop in drops {
+        if let Some(over) = drop.over_perfect {
+            let what = format!("{}: diagnosed over the perfect model", drop.what);
+            all.push(Reached::at_most(what, "", over, NEAR_PERFECT));
+        }
+    }
+    all.extend(super::findings::goals(study));
+    all
 }
 
 /// The goals as rows.

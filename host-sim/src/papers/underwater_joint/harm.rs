@@ -6,11 +6,12 @@
 //! and a model that gives back more friction than there is shows there before it does harm.
 
 use super::arms::{Arm, PERFECT, SHARE};
-use super::measures::{hold_swing_rad, velocity_rmse_rad_s};
+use super::measures::{hold_swing_rad, position_rmse_rad, velocity_rmse_rad_s};
 use super::tasks::{Conditions, Course, Task, run};
 use crate::joint_rig::{Faults, SealSensor};
 use compensator_core::ParameterId as Id;
 use rayon::prelude::*;
+use simulated_machines::joint_plant::bench::BRAKE_NM;
 
 /// The pool tests of the map, in its columns' order.
 pub const TASKS: [Task; 3] = [Task::LowSpeed, Task::VelocityTracking, Task::Impact];
@@ -31,6 +32,9 @@ const CHANGED: f32 = 0.3;
 /// How far both friction levels are off together: too little given back, and, above 1, too much.
 const LEVELS: [f32; 4] = [1.0 - CHANGED, 1.1, 1.2, 1.0 + CHANGED];
 
+/// Name of the map's first line: the model as it is.
+pub const AS_IDENTIFIED: &str = "as identified";
+
 /// One circumstance.
 #[derive(Clone, Debug)]
 pub struct Circumstance {
@@ -41,6 +45,9 @@ pub struct Circumstance {
     /// The compensated joint's velocity error over the uncompensated one's, same circumstances, of each of [`TASKS`];
     /// none where the driver refused the parameters.
     pub worse: Option<[f64; TASKS.len()]>,
+    /// The same of the jump's position error: what its loop holds. The velocity it is asked for cannot be followed, as the
+    /// current is at its limit; what is late is caught up, which counts as an error of velocity.
+    pub jump_position_worse: Option<f64>,
     /// Swing while holding, rad from end to end.
     pub swing_rad: f64,
     /// The same without compensation.
@@ -81,7 +88,7 @@ pub fn map(arm: &Arm, none: &Arm, perfect: &Arm, joint: &Conditions) -> Vec<Circ
     let mut add = |name: String, arm: Arm, conditions: Conditions| {
         cases.push(Case { name, arm, conditions, over_compensates: false });
     };
-    add("as identified".into(), arm.clone(), *joint);
+    add(AS_IDENTIFIED.into(), arm.clone(), *joint);
     add(PERFECT.into(), perfect.clone(), *joint);
     for id in arm.set.friction.model.active() {
         let value = arm.set.friction.model.get(id);
@@ -95,6 +102,10 @@ pub fn map(arm: &Arm, none: &Arm, perfect: &Arm, joint: &Conditions) -> Vec<Circ
             add(format!("{} {sign}30 %", id.info().name), changed, *joint);
         }
     }
+    // What a driver believes of a load: no more than the bench had on its brake.
+    let mut narrow = arm.clone();
+    narrow.set.friction.model.envelope.load_torque_max_nm = BRAKE_NM as f32;
+    add(format!("load torque believed to the bench's {BRAKE_NM} Nm"), narrow, *joint);
     let mut full = arm.clone();
     full.set.friction.compensator.scale = 1.0;
     add(format!("share 1 in place of {SHARE}"), full, *joint);
@@ -145,15 +156,17 @@ pub fn map(arm: &Arm, none: &Arm, perfect: &Arm, joint: &Conditions) -> Vec<Circ
 #[derive(Clone, Copy)]
 struct Without {
     errors: [f64; TASKS.len()],
+    jump_rad: f64,
     swing_rad: f64,
 }
 
 impl Without {
     fn meet(none: &Arm, conditions: &Conditions) -> Option<Self> {
-        let error = |task| Some(velocity_rmse_rad_s(&run(task, none, conditions).ok()?));
-        let [lifting, tracking, jumping] = TASKS.map(error);
+        let [lifts, tracks, jumps] = TASKS.map(|task| run(task, none, conditions).ok());
+        let jumps = jumps?;
         let swing_rad = hold_swing_rad(&run(Task::Hold, none, conditions).ok()?);
-        Some(Self { errors: [lifting?, tracking?, jumping?], swing_rad })
+        let errors = [&lifts?, &tracks?, &jumps].map(velocity_rmse_rad_s);
+        Some(Self { errors, jump_rad: position_rmse_rad(&jumps), swing_rad })
     }
 }
 
@@ -163,6 +176,7 @@ fn meet(case: Case, none: &Arm, joint: &Conditions, same: Option<&Without>) -> C
         name,
         over_compensates,
         worse: None,
+        jump_position_worse: None,
         swing_rad: 0.0,
         swing_without_rad: 0.0,
         largest_a: 0.0,
@@ -188,6 +202,7 @@ fn meet(case: Case, none: &Arm, joint: &Conditions, same: Option<&Without>) -> C
     let errors = [lifts, tracks, jumps].map(velocity_rmse_rad_s);
     Circumstance {
         worse: Some(std::array::from_fn(|at| errors[at] / without.errors[at])),
+        jump_position_worse: Some(position_rmse_rad(jumps) / without.jump_rad),
         swing_rad: hold_swing_rad(holds),
         swing_without_rad: without.swing_rad,
         largest_a: courses.iter().map(largest).fold(0.0, f64::max),

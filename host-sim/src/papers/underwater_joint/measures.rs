@@ -77,6 +77,12 @@ pub fn velocity_rmse_rad_s(course: &Course) -> f64 {
     mean(rows(course).map(|row| (row.1 - row.2).powi(2))).sqrt()
 }
 
+/// Root of the mean squared error of position, rad.
+pub fn position_rmse_rad(course: &Course) -> f64 {
+    let pairs = course.position_rad.iter().zip(&course.wanted_rad);
+    mean(pairs.map(|(is, wanted)| (is - wanted).powi(2))).sqrt()
+}
+
 /// How far the position swings in the last second, rad from end to end.
 pub fn hold_swing_rad(course: &Course) -> f64 {
     let end = course.time_s.last().copied().unwrap_or_default();
@@ -107,6 +113,7 @@ mod tests {
             wanted_rad_s: vec![wanted; time_s.len()],
             velocity_rad_s: time_s.iter().map(|t| velocity(*t)).collect(),
             position_rad: time_s.iter().map(|t| 1.1 * (1.0 - (-10.0 * t).exp())).collect(),
+            wanted_rad: vec![1.1; time_s.len()],
             time_s,
             ..Course::default()
         }
@@ -126,6 +133,8 @@ mod tests {
         // 1.1 (1 - exp(-10 t)) = 1 - 0.0175.
         assert!((time_to_target_s(&steady) - 0.224).abs() < 2e-3);
         assert!((overshoot_percent(&steady) - 100.0 * 0.1 / 1.2).abs() < 1e-2);
+        // 1.1 exp(-10 t) over 3.6 s: 1.1^2 / 20 / 3.6, and half a row of 1 ms.
+        assert!((position_rmse_rad(&steady).powi(2) - 1.21 / 72.0).abs() < 2e-4);
         assert_eq!(Spread::of(&[1.0, 3.0]), Spread { mean: 2.0, deviation: 2f64.sqrt() });
     }
 }

@@ -1,11 +1,12 @@
 //! Every number as a row beside the printed one.
 
-use super::arms::{IMPROVED, PUBLISHED};
+use super::arms::{Arm, IMPROVED, PUBLISHED};
 use super::estimation::SPEEDS_RPM;
 use super::experiments::measures;
 use super::tasks::Task;
 use super::{Spread, Study, harm};
-use crate::papers::Row;
+use crate::papers::{Row, across};
+use crate::report::Table;
 use compensator_core::ParameterId as Id;
 use friction_identification::stochastic::Form;
 
@@ -44,6 +45,18 @@ fn row(place: [&str; 4], ours: Spread, printed: Option<f64>) -> Row {
     let [table, name, column, unit] = place;
     let row = Row::simulated(table, name, column, unit, ours.mean).spread(ours.deviation);
     printed.map_or(row.clone(), |printed| row.printed(printed))
+}
+
+/// What is measured of each arm, an arm to a line.
+pub fn digest(rows: &[Row], arms: &[Arm]) -> Table {
+    let place = |row: &Row| {
+        let column = format!("{} ({})", row.column, row.unit);
+        row.table.starts_with("Fig. ").then(|| (row.row.clone(), column.replace(" ()", "")))
+    };
+    let caption = "Mean and standard deviation over seeds, of the estimation over groups of repeats (simulated)";
+    let mut table = across(caption, rows, place);
+    table.rows.sort_by_key(|row| arms.iter().position(|arm| row[0] == arm.name.into()));
+    table
 }
 
 /// All of them, in the paper's order.
@@ -158,6 +171,10 @@ fn harm_map(study: &Study) -> Vec<Row> {
         for (task, worse) in harm::TASKS.iter().zip(worse) {
             let column = format!("{}, error over that without", task.title());
             rows.push(Row::simulated(table, &of.name, &column, "", worse));
+        }
+        if let Some(worse) = of.jump_position_worse {
+            let column = "Jump with impact, position error over that without";
+            rows.push(Row::simulated(table, &of.name, column, "", worse));
         }
         let swing = "swing while holding";
         rows.push(Row::simulated(table, &of.name, swing, "mrad", 1e3 * of.swing_rad));
