@@ -74,7 +74,7 @@ impl Paper for Damper {
     }
 
     fn preface(&self) -> &'static str {
-        "After *Deep Learning-based Friction Modeling of Dry Interfaces for Structural Dampers*. Measured by its authors where \
+        "After \"Deep Learning-based Friction Modeling of Dry Interfaces for Structural Dampers\". Measured by its authors where \
          their tests are public (half of the paper's, a second campaign, six earthquakes); what is not is marked simulated, and is of \
          our own damper, not theirs. In % stands RMSE over the range of a test: the paper does not define its measure, and this has the \
          size of its numbers."

@@ -146,10 +146,15 @@ pub fn across<'a>(
     }
 }
 
+/// Share of a mean that the roundings of some tens of sums leave as its spread.
+const ROUNDING: f64 = 1e-12;
+
 fn in_words(row: &Row) -> String {
     const DIGITS: usize = 3;
     let ours = significant(row.ours, DIGITS);
-    let spread = row.spread.map_or(String::new(), |of| format!(" ± {}", significant(of, 2)));
+    // Less than roundings leave is none.
+    let spread = row.spread.map(|of| if of < ROUNDING * row.ours.abs() { 0.0 } else { of });
+    let spread = spread.map_or(String::new(), |of| format!(" ± {}", significant(of, 2)));
     let printed =
         row.printed.map_or(String::new(), |of| format!(" (print: {})", significant(of, 4)));
     format!("{ours}{spread}{printed}")

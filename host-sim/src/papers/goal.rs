@@ -78,7 +78,11 @@ impl Goal {
     fn with_unit(&self, value: f64) -> String {
         const DIGITS: usize = 3;
         let is_whole = value.fract() == 0.0 && value.abs() < 1e6;
-        let number = if is_whole { format!("{value}") } else { significant(value, DIGITS) };
+        let number = if is_whole {
+            format!("{value}").replace('-', "−")
+        } else {
+            significant(value, DIGITS)
+        };
         format!("{number} {}", self.unit).trim_end().to_owned()
     }
 }
@@ -110,6 +114,7 @@ mod tests {
         assert!(Goal { wanted: Wanted::AtLeast, ..most(5.1) }.reached());
         assert_eq!(most(4.0).bound_in_words(), "at most 5 %");
         assert_eq!(Goal::at_least("ratio", "", 2.346, 2.0).ours_in_words(), "2.35");
+        assert_eq!(Goal::at_most("drop", "%", -89.0, 2.0).ours_in_words(), "−89 %");
         assert_eq!(Goal::at_least("count", "", 1234.0, 2.0).ours_in_words(), "1234");
     }
 }

@@ -39,7 +39,7 @@ const PHASE_RAD: [f64; 2] = [0.7, 2.1];
 
 /// Water the joint is declared for and identified in, deg C. The paper tells of none. With the bench in one water of 18 no model
 /// knows a temperature: the watch's mean level then moves by 0.083 bands a degree, and it complains on every day that begins
-/// at 26 and on none up to 24: 55 sound days of 365. So wide, the diagnosis names it, 0 of 60 sound days are alarms and wear is
+/// at 26 and on none up to 24: 55 sound days of 365. So wide, the diagnosis names it, 0 of 365 sound days are alarms and wear is
 /// said from day 12 on. Half as wide (15 to 25) it is not named: 0 alarms of 365, but days 14, 16 and 17 of wear go unsaid. Twice as
 /// wide (0 to 40): named, 0 of 365, said on day 9 and from 11 on.
 const WATER_C: [f64; 2] = [10.0, 30.0];
@@ -110,8 +110,8 @@ impl Paper for UnderwaterJoint {
     }
 
     fn preface(&self) -> &'static str {
-        "Nobody has the data of Ding et al. ([references](references.md)): their protocol is repeated on a simulated joint that is \
-         richer than any model here, and every number on this page is **simulated**. Seven drivers are compared, one joint: without \
+        "Nobody has the data of Ding et al. (\"Enhancing Joint Dynamics Modeling for Underwater Robotics Through Stochastic Extension\"): their protocol is repeated on a simulated joint that is \
+         richer than any model here, and every number on this page is simulated. Seven drivers are compared, one joint: without \
          compensation; with Coulomb and viscous friction; with plain LuGre fitted as published (unloaded runs alone), and refitted on \
          all runs; with the improved LuGre; with the model that `diagnose` finds; and with a perfect model, the plant's own friction."
     }

@@ -1,6 +1,6 @@
 //! The damper's paper: what its short form has to say on the measured tests.
 
-use super::at;
+use super::{at, docs_page};
 use host_sim::papers::{Outcome, Row};
 use std::path::PathBuf;
 
@@ -37,6 +37,10 @@ fn the_short_form_beats_what_is_published_on_tests_held_out() {
         assert!((row.ours - printed).abs() < 0.3, "{column}: {}", row.ours);
     }
     assert!(find(&outcome, "2", "LuGre, fitted to each test", "25 lb 0.05 Hz").simulated);
+    let page = docs_page("damper");
+    for goal in &outcome.goals {
+        assert!(page.contains(&goal.what), "docs/damper.md: {}", goal.what);
+    }
     let second = |row| ours("Second campaign", row, "pooled RMSE / std");
     let named = second("LuGre + backlash, directions");
     assert!((0.10..0.161).contains(&named), "{named}");
@@ -61,5 +65,9 @@ fn the_short_form_beats_what_is_published_on_tests_held_out() {
 fn without_the_measured_tests_it_says_so_and_simulates() {
     let outcome = at("damper", PathBuf::from("there is nothing here"));
     assert!(outcome.summary.iter().any(|line| line.contains("left out")), "{:?}", outcome.summary);
+    // What is left of the goals stands in the page that was made with the measured tests.
+    let page = docs_page("damper");
+    assert!(!outcome.goals.is_empty());
+    assert!(outcome.goals.iter().all(|goal| page.contains(&goal.what)));
     assert!(!outcome.rows.is_empty() && outcome.rows.iter().all(|row| row.simulated));
 }

@@ -27,6 +27,8 @@ pub fn quick(name: &str) -> Outcome {
     assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
     let page = std::fs::read_to_string(folder.path().join("out/report.html")).expect("a page");
     assert!(page.trim_end().ends_with("</html>"), "{command}: half a page");
+    let summary = std::fs::read_to_string(folder.path().join("out/summary.md")).expect("a summary");
+    assert_eq!(goals(&docs_page(name)), goals(&summary), "docs/{name}.md: make it anew");
     let json = std::fs::read(folder.path().join("out/paper.json")).expect("numbers");
     let json: Value = serde_json::from_slice(&json).expect("JSON");
     let text = |value: &Value| value.as_str().expect("text").to_owned();
@@ -42,7 +44,25 @@ pub fn quick(name: &str) -> Outcome {
         simulated: row["simulated"].as_bool().expect("whether it is simulated"),
     };
     let summary = list("summary").iter().map(text).collect();
+    assert!(!list("goals").is_empty());
     Outcome { rows: list("rows").iter().map(row).collect(), summary, ..Outcome::default() }
+}
+
+/// The page of a paper, which is `summary.md` of its long form as it is.
+pub fn docs_page(name: &str) -> String {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../docs/{name}.md"));
+    let text = std::fs::read_to_string(page).expect("a page in docs");
+    assert!(text.contains(&format!("of `host-sim paper {name} --out DIR`")), "docs/{name}.md");
+    assert!(text.contains("The long form, seed 0: "), "docs/{name}.md");
+    text
+}
+
+/// What the goals of a summary are, in their order.
+fn goals(summary: &str) -> Vec<String> {
+    let section = summary.split("\n## ").find(|section| section.starts_with("Goals\n"));
+    let lines = section.expect("goals").lines().filter(|line| line.starts_with("| "));
+    let cell = |line: &str| line.split(" | ").next().unwrap_or_default()[2..].to_owned();
+    lines.skip(1).map(cell).collect()
 }
 
 /// A paper's short form on measured logs at a place of one's own.

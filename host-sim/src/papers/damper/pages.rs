@@ -210,7 +210,8 @@ pub(super) fn characterisation(
             mean_printed(|(lugre, _)| lugre),
             worst(tests, named),
         )),
-        printed_mean(best, best_name).remark(format!("The worst is {}.", worst(tests, best))),
+        printed_mean(best, "lugre-lstm that predicts")
+            .remark(format!("Here {best_name}. The worst is {}.", worst(tests, best))),
         printed_mean(by_actuators, Fed::Actuators.name()),
         Goal::at_least(
             "lugre-lstm that predicts, against LuGre once for all: error less by",
