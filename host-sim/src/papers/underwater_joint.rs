@@ -91,6 +91,7 @@ struct Study {
     certificates: Vec<(&'static str, Certificate)>,
     tasks: Vec<(Task, Vec<experiments::Result>)>,
     closed: Vec<closing::Closed>,
+    round: closing::Round,
     harm: Vec<harm::Circumstance>,
     harm_s: f64,
     wear: harm::Wear,
@@ -187,6 +188,7 @@ fn study(request: &Request) -> Result<Study, String> {
     };
     (request.progress)("diagnosed parameters into a running joint");
     let closed = closing::closed(published, ours, &joint, seeds)?;
+    let round = closing::round(ours, perfect, &joint)?;
     (request.progress)("harm");
     let harm = harm::map(ours, none, perfect, &Conditions { most_s: harm_s, ..joint });
     (request.progress)("wear and watch");
@@ -202,6 +204,7 @@ fn study(request: &Request) -> Result<Study, String> {
         certificates,
         tasks,
         closed,
+        round,
         harm,
         harm_s,
         wear,

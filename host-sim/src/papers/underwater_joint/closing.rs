@@ -7,8 +7,8 @@
 
 use super::arms::Arm;
 use super::experiments::{day, measures};
-use super::measures::Spread;
-use super::tasks::{Conditions, Course, Task, joint, master};
+use super::measures::{Spread, velocity_error_rpm};
+use super::tasks::{Conditions, Course, Task, joint, master, run};
 use crate::joint_rig::{JointRig, RigBus, SETTLE_MS, with_joint};
 use compensator_core::can::Node;
 use joint_bus::bus::Bus;
@@ -113,4 +113,30 @@ fn replace(rig: &mut JointRig, arm: &Arm, start_rad: f64) -> Result<(f64, u64), 
         return Err("the driver reads back another set".into());
     }
     Ok((written_s, counted.sent + counted.received))
+}
+
+/// Mean velocity errors on the sine, rpm, of one day: what a friction that follows the shaft's angle is worth.
+#[derive(Clone, Copy, Debug)]
+pub struct Round {
+    /// Of the diagnosed and the perfect model, on the joint as it is.
+    pub as_is: [f64; 2],
+    /// The same on a seal that is round and centred.
+    pub round: [f64; 2],
+}
+
+/// Follows the sine on the joint as it is, and on one whose seal is round and centred.
+///
+/// # Errors
+/// A run that could not be made; one line.
+pub fn round(ours: &Arm, perfect: &Arm, joint: &Conditions) -> Result<Round, String> {
+    let mut parameters = joint.parameters;
+    (parameters.eccentricity, parameters.out_of_round) = (0.0, 0.0);
+    let even = Conditions { parameters, ..*joint };
+    let error = |arm: &Arm, conditions: &Conditions| {
+        run(Task::VelocityTracking, arm, conditions).map(|course| velocity_error_rpm(&course))
+    };
+    Ok(Round {
+        as_is: [error(ours, joint)?, error(perfect, joint)?],
+        round: [error(ours, &even)?, error(perfect, &even)?],
+    })
 }
