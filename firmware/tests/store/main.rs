@@ -306,11 +306,14 @@ fn the_same_set_is_not_written_again() {
 
 #[test]
 fn slots_wear_alike() {
+    // Interpreted ten take 39 s on a busy machine: a hundred alone would be past the stage's 300 s.
+    let saves: u8 = if cfg!(miri) { 10 } else { 100 };
     let mut store = Store::open(MemoryFlash::<2>::new());
-    for save in 0..100 {
+    for save in 0..saves {
         store.save(&payload(save, 40)).unwrap();
     }
-    assert_eq!([0, 1].map(|page| store.flash().erases(page)), [50, 50]);
+    let each = u32::from(saves / 2);
+    assert_eq!([0, 1].map(|page| store.flash().erases(page)), [each, each]);
 }
 
 #[test]
