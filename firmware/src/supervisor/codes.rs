@@ -66,6 +66,11 @@ pub struct Info {
     pub raise_after_us: u32,
     /// How long its cause has to be gone, us.
     pub clear_after_us: u32,
+}
+
+/// A row of the table in words: for tools, and apart from [`Info`], so that they are in no driver's image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Words {
     /// What raises it.
     pub raised_by: &'static str,
     /// What its cause goes with.
@@ -181,9 +186,14 @@ macro_rules! codes {
                         watched: Watched::$watched,
                         raise_after_us: ms($raise),
                         clear_after_us: ms($clear),
-                        raised_by: $raised_by,
-                        cleared_by: $cleared_by,
                     } },)*
+                }
+            }
+
+            /// Its row in words.
+            pub const fn words(self) -> Words {
+                match self {
+                    $(Code::$code => Words { raised_by: $raised_by, cleared_by: $cleared_by },)*
                 }
             }
         }
