@@ -5,6 +5,7 @@
 //! - [`ms5837`]: water pressure on I2C, in small steps that never wait;
 //! - [`shunt`]: phase currents from low-side shunts;
 //! - [`strain_gauge`]: side load on the shaft from a Wheatstone bridge;
+//! - [`stuck`]: whether a sensor of side load or pressure still measures;
 //! - [`thermistor`]: temperature of bridge and motor from a divider.
 //!
 //! [`Local`] keeps what they gave, with its age. A quantity may come over the bus as well; whichever is younger
@@ -15,6 +16,7 @@ pub mod ms5837;
 pub mod quiet;
 pub mod shunt;
 pub mod strain_gauge;
+pub mod stuck;
 pub mod thermistor;
 
 use crate::control::Covariates;

@@ -357,4 +357,10 @@ codes! {
     54 OverCompensated "over-compensated" 0xFF17 [PROFILE] Limits Always 0 100
         "the model was seen to have more friction than the joint, so that its compensation would drive it; less is compensated",
         "it has not, or other parameters are set";
+    55 RadialForceStuck "radial-force-stuck" 0xFF18 [PROFILE] Limits Always 0 100
+        "side load has been the same to the bit for 200 readings, where its noise was wider than its steps; it fades",
+        "it changes";
+    56 PressureStuck "pressure-stuck" 0xFF19 [PROFILE] Limits Always 0 100
+        "pressure has been the same to the bit for 200 readings, where its noise was wider than its steps; it fades",
+        "it changes";
 }
