@@ -16,7 +16,7 @@ fn table(header: &[&str], numbers_from: usize) -> Table {
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
     for (index, column) in table.column_iter_mut().enumerate() {
         // With a space on either side the table of models is 84 columns wide.
-        column.set_padding((0, 1));
+        column.set_padding((0, u16::from(index + 1 < header.len())));
         if index >= numbers_from {
             column.set_cell_alignment(CellAlignment::Right);
         }
