@@ -176,6 +176,7 @@ impl<F: NorFlash> Background<F> {
         self.observe(state, now_us);
         let mut orders = self.driver.orders(now_us);
         state.sensors.complete(&mut orders.covariates, now_us);
+        self.driver.watch_seal(&mut orders.covariates, now_us);
         orders.factors = self.driver.supply(&orders.covariates, now_us);
         link.order(orders, self.driver.set());
         link.is_alive(now_us)

@@ -227,6 +227,12 @@ impl<F: NorFlash> Driver<F> {
         self.device.orders(now_us)
     }
 
+    /// Looks whether the sensors of side load and pressure still measure; what one says that does not grows old. Called
+    /// once a tick, on readings of bus and board.
+    pub fn watch_seal(&mut self, covariates: &mut Covariates, now_us: u64) {
+        self.device.watch_seal(covariates, now_us);
+    }
+
     /// What the network, where there is one, says of the law's levels and stiffness, on what is known of the joint:
     /// evaluated at its own rate, while friction is compensated.
     pub fn supply(&mut self, covariates: &Covariates, now_us: u64) -> Option<Factors<f32>> {

@@ -7,10 +7,12 @@
 //! must agree to the last bit. A network that supplies the law is evaluated here too, at the rate it was trained with:
 //! before the first sample after the joint was switched on, and then every so many samples.
 
+#[cfg(feature = "fixed")]
+use compensator_core::Fixed;
 use compensator_core::can::{Answer, Inbox, Message, Node, Status, Sync, SyncOutcome, Telemetry};
 use compensator_core::configuration::Configuration;
 use compensator_core::network::{Factors, JointNetwork, Supplier};
-use compensator_core::{Compensator, Fixed, Flags, ParameterError, Real};
+use compensator_core::{Compensator, Flags, ParameterError, Real};
 
 /// The number a joint computes with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,16 +20,38 @@ pub enum Number {
     /// `f32`.
     #[default]
     Float,
-    /// [`Fixed`], for processors without a floating-point unit.
+    /// [`compensator_core::Fixed`], for processors without a floating-point unit; in images with the feature `fixed`.
+    #[cfg(feature = "fixed")]
     Fixed,
 }
 
-/// A compensator in either number.
+impl Number {
+    /// What [`Self::from_code`] takes, in words.
+    pub const LEGAL: &str = if cfg!(feature = "fixed") {
+        "0 (f32) or 1 (fixed point)"
+    } else {
+        "0 (f32): this driver has no fixed point"
+    };
+
+    /// The number of a code; `None` where there is none, or this image does not have it.
+    pub const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Float),
+            #[cfg(feature = "fixed")]
+            1 => Some(Self::Fixed),
+            _ => None,
+        }
+    }
+}
+
+/// A compensator in the number it was asked for.
+#[allow(clippy::large_enum_variant)] // No allocator to box in; an absent one is for a blank driver alone.
 #[derive(Clone, Debug)]
 enum Either {
     /// None: every answer is 0 and says that it is off.
     Absent,
     Float(Joint<f32>),
+    #[cfg(feature = "fixed")]
     Fixed(Joint<Fixed>),
 }
 
@@ -179,6 +203,7 @@ impl HilJoint {
     ) -> Result<Self, ParameterError> {
         let compensator = match setup.number {
             Number::Float => Either::Float(Joint::build(configuration, network, setup.period_s)?),
+            #[cfg(feature = "fixed")]
             Number::Fixed => Either::Fixed(Joint::build(configuration, network, setup.period_s)?),
         };
         Ok(Self { setup, inbox: Inbox::new(node), compensator })
@@ -194,6 +219,7 @@ impl HilJoint {
         match &mut self.compensator {
             Either::Absent => {}
             Either::Float(joint) => joint.set_enabled(enabled),
+            #[cfg(feature = "fixed")]
             Either::Fixed(joint) => joint.set_enabled(enabled),
         }
     }
@@ -203,6 +229,7 @@ impl HilJoint {
         match &self.compensator {
             Either::Absent => false,
             Either::Float(joint) => joint.compensator.is_enabled(),
+            #[cfg(feature = "fixed")]
             Either::Fixed(joint) => joint.compensator.is_enabled(),
         }
     }
@@ -212,6 +239,7 @@ impl HilJoint {
         match &self.compensator {
             Either::Absent => None,
             Either::Float(joint) => joint.guard(),
+            #[cfg(feature = "fixed")]
             Either::Fixed(joint) => joint.guard(),
         }
     }
@@ -248,6 +276,7 @@ impl HilJoint {
                 Reply { status, ..Reply::NONE }
             }
             Either::Float(joint) => reply(joint, inbox, setup),
+            #[cfg(feature = "fixed")]
             Either::Fixed(joint) => reply(joint, inbox, setup),
         };
         self.inbox.end_sample();

@@ -1,20 +1,24 @@
 //! Sensors of a joint, without their board.
 //!
 //! Drivers over embedded-hal's traits and the arithmetic from what a converter counted to SI units:
+//! - [`bus_recovery`]: nine clocks and a stop for an I2C bus that is held;
 //! - [`as504x`]: magnetic encoder on SPI, read by the current loop in every period;
 //! - [`ms5837`]: water pressure on I2C, in small steps that never wait;
 //! - [`shunt`]: phase currents from low-side shunts;
 //! - [`strain_gauge`]: side load on the shaft from a Wheatstone bridge;
+//! - [`stuck`]: whether a sensor of side load or pressure still measures;
 //! - [`thermistor`]: temperature of bridge and motor from a divider.
 //!
 //! [`Local`] keeps what they gave, with its age. A quantity may come over the bus as well; whichever is younger
 //! counts, so a joint without a sensor is told and a joint with one needs no telling.
 
 pub mod as504x;
+pub mod bus_recovery;
 pub mod ms5837;
 pub mod quiet;
 pub mod shunt;
 pub mod strain_gauge;
+pub mod stuck;
 pub mod thermistor;
 
 use crate::control::Covariates;
@@ -40,9 +44,9 @@ impl Local {
         keep(&mut self.radial_force_n, value, now_us);
     }
 
-    /// Outside minus inside pressure, MPa.
+    /// Outside minus inside pressure, Pa.
     pub fn pressure_diff(&mut self, value: f32, now_us: u64) {
-        keep(&mut self.pressure_diff_mpa, value, now_us);
+        keep(&mut self.pressure_diff_mpa, value * 1e-6, now_us);
     }
 
     /// Temperature at the seal, deg C.
@@ -91,10 +95,10 @@ mod tests {
         covariates.radial_force_n = Reading { value: 7.0, age_s: 0.5 };
         local.complete(&mut covariates, 3_000_000);
         assert_eq!(covariates.radial_force_n.value, 7.0);
-        local.pressure_diff(0.3, 10);
+        local.pressure_diff(3e5, 10);
         local.temperature(11.0, 10);
         local.complete(&mut covariates, 10);
-        assert_eq!(covariates.pressure_diff_mpa.value, 0.3);
+        assert!((covariates.pressure_diff_mpa.value - 0.3).abs() < 1e-7);
         assert_eq!(covariates.temperature_c.value, 11.0);
     }
 }

@@ -19,7 +19,7 @@ mod conditions;
 pub mod observation;
 pub mod thresholds;
 
-pub use codes::{CODES, Code, CodeSet, Effect, Info, Watched};
+pub use codes::{CODES, Code, CodeSet, Effect, Info, Watched, Words};
 pub use observation::{Boot, CanState, InUse, Observation, ResetCause};
 pub use thresholds::Thresholds;
 

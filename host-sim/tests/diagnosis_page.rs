@@ -5,6 +5,7 @@
 //! own promises (no network, no markup from a file) are those of `report_page`.
 
 mod browser;
+mod picture;
 
 use std::fs;
 use std::path::Path;
@@ -36,18 +37,22 @@ impl Case {
         Self::new(simulated::dataset(&draw(kind, seed).log))
     }
 
-    fn html(&self) -> String {
+    fn page(&self, columns: &[String]) -> Page {
         let hashes = vec!["5e1f".to_owned(); self.data.files.len()];
         let about = Diagnosed {
             found: &self.found,
             data: &self.data,
             split: &self.split,
             hashes: &hashes,
-            columns: &["torque_nm=<i>tau</i>".to_owned()],
+            columns,
             skip: 7,
             seed: 4711,
         };
-        page(&about).render()
+        page(&about)
+    }
+
+    fn html(&self) -> String {
+        self.page(&["torque_nm=<i>tau</i>".to_owned()]).render()
     }
 }
 
@@ -83,6 +88,13 @@ fn rms(values: &[f64]) -> f64 {
 /// A text as it stands in a page.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The joint the README hides its cause in: `simulate underwater-joint --hide pressure-coulomb --seed 5`.
+#[test]
+fn the_picture_in_the_readme_is_the_page_s_first_screen() {
+    let case = Case::hidden(Kind::One(HiddenCause::PressureCoulomb), 5);
+    picture::compare(&picture::svg(&case.page(&[])));
 }
 
 #[test]

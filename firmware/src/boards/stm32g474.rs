@@ -20,6 +20,7 @@ mod motor_stage;
 mod overcurrent;
 mod pins;
 mod power_stage;
+mod pressure_bus;
 mod scales;
 mod slow;
 mod start;

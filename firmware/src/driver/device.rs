@@ -19,6 +19,7 @@ use super::motor_watch::{MotorSight, MotorWatch};
 use super::over_compensation::OverCompensation;
 use super::profile::Profile;
 use super::staging::Staging;
+use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityGains, VelocityLoop, VelocityOrder};
 use crate::hil::{HilJoint, Reply, Step};
 use crate::log::log;
@@ -27,6 +28,7 @@ use crate::node::dictionary::ERRORS_KEPT;
 use crate::node::dictionary::records::{self, Inputs};
 use crate::node_settings::{NodeSettings, Source};
 use crate::parameter_set::ParameterSet;
+use crate::sensors::stuck::StuckWatch;
 use crate::store::Store;
 use crate::supervisor::{CanState, Code, Observation, ResetCause, State, Supervisor};
 use crate::watch::{Watch, WatchParameters};
@@ -127,6 +129,8 @@ pub struct Device<F> {
     pub(super) profile: Profile,
     commissioning: commissioning::Run,
     over: OverCompensation,
+    radial_force_watch: StuckWatch,
+    pressure_watch: StuckWatch,
     /// Share of the compensation that is left.
     compensation_left: f32,
     velocity: VelocityLoop,
@@ -337,6 +341,8 @@ impl<F: NorFlash> Device<F> {
                 motor_stands: self.motor_sight.stands,
                 stalled: self.motor_sight.stalls,
                 over_compensated: self.over.is_too_much(),
+                radial_force_stuck: self.radial_force_watch.is_stuck(),
+                pressure_stuck: self.pressure_watch.is_stuck(),
                 sample_age_us: report.sample_age_us,
                 gate_driver_fault: report.gate_driver_fault,
                 system_break: report.system_break,
@@ -400,6 +406,12 @@ impl<F: NorFlash> Device<F> {
     }
 
     /// What the current loop is to do: see [`super::Driver::orders`].
+    /// Looks whether the sensors of side load and pressure still measure: see [`super::Driver::watch_seal`].
+    pub(super) fn watch_seal(&mut self, covariates: &mut Covariates, now_us: u64) {
+        self.radial_force_watch.look(&mut covariates.radial_force_n, now_us);
+        self.pressure_watch.look(&mut covariates.pressure_diff_mpa, now_us);
+    }
+
     pub(super) fn orders(&self, now_us: u64) -> LoopOrders {
         let drives = self.settings.source == Source::Sensors;
         let age_h = now_us as f32 * (1e-6 / 3600.0);

@@ -351,11 +351,8 @@ impl<F: NorFlash> Device<F> {
                 }
             }
             (_, Operation::NUMBER) => {
-                changed.number = match byte {
-                    0 => Number::Float,
-                    1 => Number::Fixed,
-                    _ => return Err(self.refuse_setting("number", "0 (f32) or 1 (fixed point)")),
-                }
+                changed.number = Number::from_code(byte)
+                    .ok_or_else(|| self.refuse_setting("number", Number::LEGAL))?;
             }
             (_, Operation::PERIOD_S) => changed.period_s = f32::from_bits(number),
             (_, Operation::CAMPAIGN_H) => changed.campaign_h = f32::from_bits(number),

@@ -15,13 +15,13 @@ use crate::driver::REPORT_PERIOD_S;
 /// behind a coupling that bends where this leaves 0.2; twice of it leaves 7 mrad where a sensor goes on saying the same, and
 /// this 0.2 (closed loop, scenarios 14 and 13).
 const MEMORY_S: f32 = 1.0;
-/// Sliding each way before the means are worth a word, s.
+/// Sliding each way before the means are worth a word, s. What half and twice cost, of this and the next: docs/closed-loop.md.
 const SETTLED_S: f32 = 0.5;
 /// Slower than this the joint does not slide, rad/s: its bristles hold what the model cannot know.
 const SLIDES_RAD_S: f32 = 0.05;
 /// Share of the friction there is that stays compensated: the compensator's own default.
 const LEAVES: f32 = 0.9;
-/// Least share that is left.
+/// Least share that is left. Half and twice of it move no figure of the closed loop; so of the next.
 const LEAST: f32 = 0.2;
 /// Over-compensation is over when the model has so much less friction than would be too much.
 const BACK: f32 = 0.05;

@@ -20,7 +20,7 @@ use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
     Commissioning, CommissioningRun, Commit, Identity, Inputs, Measured, NetworkState, Operation,
-    Outputs, Pdo, SdoServer, State, Trace, TransmitPdo, WatchState, entry,
+    Outputs, Pdo, SdoServer, State, Trace, TransmitPdo, WatchState, entry, kept,
 };
 
 /// What stands at an index.
@@ -43,7 +43,7 @@ pub enum Shape {
 pub struct Object {
     /// Its index.
     pub index: u16,
-    /// Its name.
+    /// Its name; empty on a board.
     pub name: &'static str,
     /// What stands there.
     pub shape: Shape,
@@ -102,7 +102,7 @@ macro_rules! objects {
         /// Every object, by rising index.
         pub static OBJECTS: &[Object] = &[$({
             let (name, shape) = $object;
-            Object { index: $index, name, shape }
+            Object { index: $index, name: kept(name), shape }
         }),*];
     };
 }

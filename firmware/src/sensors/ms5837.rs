@@ -6,9 +6,17 @@
 //! All of it is integers of 64 bits, as the data sheet computes.
 //!
 //! [`Ms5837::poll`] does at most one transfer of four bytes and never waits: call it once a millisecond with the
-//! time. A transfer that fails, or a PROM that reads wrong, begins from the reset again after a pause.
+//! time. A transfer that fails, or a PROM that reads wrong, begins from the reset again after a
+//! pause, on a bus that is freed before.
 
 use embedded_hal::i2c::I2c;
+
+/// The bus it is on: I2C that can be made free again.
+pub trait SensorBus: I2c {
+    /// Frees the lines ([`super::bus_recovery`]) and restarts the controller. Called before the first transfer after one
+    /// that failed, at most once in [`RETRY_US`].
+    fn recover(&mut self);
+}
 
 /// Address on the bus; it has one.
 pub const ADDRESS: u8 = 0x76;
@@ -25,7 +33,7 @@ const RESET_US: u64 = 20_000;
 /// A conversion takes at most 9.04 ms.
 const CONVERSION_US: u64 = 10_000;
 /// After a failure, us.
-const RETRY_US: u64 = 200_000;
+pub const RETRY_US: u64 = 200_000;
 
 /// What it measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,12 +126,13 @@ pub struct Ms5837<B> {
     due_us: u64,
     prom: [u16; 7],
     calibration: Option<Calibration>,
+    failed: bool,
 }
 
-impl<B: I2c> Ms5837<B> {
+impl<B: SensorBus> Ms5837<B> {
     /// A sensor nothing is known of yet.
     pub fn new(bus: B) -> Self {
-        Self { bus, step: Step::Reset, due_us: 0, prom: [0; 7], calibration: None }
+        Self { bus, step: Step::Reset, due_us: 0, prom: [0; 7], calibration: None, failed: false }
     }
 
     /// Goes on by one transfer, where one is due; gives a measurement when one is complete.
@@ -134,8 +143,12 @@ impl<B: I2c> Ms5837<B> {
         if now_us < self.due_us {
             return Ok(None);
         }
+        if core::mem::take(&mut self.failed) {
+            self.bus.recover();
+        }
         let result = self.advance(now_us);
         if result.is_err() {
+            self.failed = true;
             self.step = Step::Reset;
             self.calibration = None;
             self.due_us = now_us + RETRY_US;

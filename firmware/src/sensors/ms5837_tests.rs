@@ -93,6 +93,16 @@ struct Chip {
     conversions: Vec<u8>,
     converted: u32,
     transfers: usize,
+    /// It holds the data line until the bus is freed; how often that was.
+    held: bool,
+    recovered: usize,
+}
+
+impl SensorBus for Chip {
+    fn recover(&mut self) {
+        self.held = false;
+        self.recovered += 1;
+    }
 }
 
 impl ErrorType for Chip {
@@ -102,7 +112,7 @@ impl ErrorType for Chip {
 impl I2c for Chip {
     fn transaction(&mut self, address: u8, steps: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
         self.transfers += 1;
-        if self.broken || address != ADDRESS {
+        if self.broken || self.held || address != ADDRESS {
             return Err(ErrorKind::Bus);
         }
         let mut command = 0;
@@ -132,7 +142,14 @@ impl I2c for Chip {
 }
 
 fn sensor() -> Ms5837<Chip> {
-    Ms5837::new(Chip { broken: false, conversions: Vec::new(), converted: 0, transfers: 0 })
+    Ms5837::new(Chip {
+        broken: false,
+        conversions: Vec::new(),
+        converted: 0,
+        transfers: 0,
+        held: false,
+        recovered: 0,
+    })
 }
 
 /// Polls once a millisecond until something comes.
@@ -180,4 +197,23 @@ fn a_bus_that_fails_is_told_and_tried_again_after_a_pause() {
     assert_eq!(sensor.bus.transfers, transfers);
     sensor.bus.broken = false;
     assert!(until(&mut sensor, &mut now_us).is_ok());
+}
+
+#[test]
+fn a_bus_that_is_held_is_freed_once_a_pause_and_a_sound_one_never() {
+    let (mut sensor, mut now_us) = (sensor(), 0);
+    until(&mut sensor, &mut now_us).unwrap();
+    until(&mut sensor, &mut now_us).unwrap();
+    assert_eq!(sensor.bus.recovered, 0);
+    sensor.bus.held = true;
+    assert!(until(&mut sensor, &mut now_us).is_err());
+    assert_eq!(sensor.bus.recovered, 0, "not before the pause");
+    assert!(until(&mut sensor, &mut now_us).is_ok());
+    assert_eq!(sensor.bus.recovered, 1);
+    sensor.bus.broken = true;
+    for _ in 0..1000 {
+        let _ = sensor.poll(now_us);
+        now_us += 1000;
+    }
+    assert!((5..=6).contains(&sensor.bus.recovered), "{} in a second", sensor.bus.recovered);
 }

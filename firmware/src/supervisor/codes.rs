@@ -66,6 +66,11 @@ pub struct Info {
     pub raise_after_us: u32,
     /// How long its cause has to be gone, us.
     pub clear_after_us: u32,
+}
+
+/// A row of the table in words: for tools, and apart from [`Info`], so that they are in no driver's image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Words {
     /// What raises it.
     pub raised_by: &'static str,
     /// What its cause goes with.
@@ -181,9 +186,14 @@ macro_rules! codes {
                         watched: Watched::$watched,
                         raise_after_us: ms($raise),
                         clear_after_us: ms($clear),
-                        raised_by: $raised_by,
-                        cleared_by: $cleared_by,
                     } },)*
+                }
+            }
+
+            /// Its row in words.
+            pub const fn words(self) -> Words {
+                match self {
+                    $(Code::$code => Words { raised_by: $raised_by, cleared_by: $cleared_by },)*
                 }
             }
         }
@@ -347,4 +357,10 @@ codes! {
     54 OverCompensated "over-compensated" 0xFF17 [PROFILE] Limits Always 0 100
         "the model was seen to have more friction than the joint, so that its compensation would drive it; less is compensated",
         "it has not, or other parameters are set";
+    55 RadialForceStuck "radial-force-stuck" 0xFF18 [PROFILE] Limits Always 0 100
+        "side load has been the same to the bit for 200 readings, where its noise was wider than its steps; it fades",
+        "it changes";
+    56 PressureStuck "pressure-stuck" 0xFF19 [PROFILE] Limits Always 0 100
+        "pressure has been the same to the bit for 200 readings, where its noise was wider than its steps; it fades",
+        "it changes";
 }

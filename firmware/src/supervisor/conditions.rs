@@ -76,6 +76,8 @@ pub(super) fn look(supervisor: &Supervisor, code: Code, seen: &Observation, now_
         Code::MotorStands => Sight::bad_if(supervisor.armed && seen.motor_stands),
         Code::Stalled => Sight::bad_if(seen.stalled),
         Code::OverCompensated => Sight::bad_if(seen.over_compensated),
+        Code::RadialForceStuck => Sight::bad_if(seen.radial_force_stuck),
+        Code::PressureStuck => Sight::bad_if(seen.pressure_stuck),
         Code::SystemBreak => Sight::bad_if(seen.system_break),
         Code::BridgeOvertemperature => {
             temperature(seen.bridge_temperature_c, thresholds.bridge_trip_c)

@@ -106,6 +106,10 @@ pub struct Observation {
     pub stalled: bool,
     /// The model has more friction than the joint, and less of it is compensated.
     pub over_compensated: bool,
+    /// The sensor of side load no longer measures.
+    pub radial_force_stuck: bool,
+    /// The sensor of pressure no longer measures.
+    pub pressure_stuck: bool,
     /// Age of the latest conversion, us.
     pub sample_age_us: Option<u32>,
     /// The gate driver reports a fault.
@@ -142,6 +146,8 @@ impl Default for Observation {
             motor_stands: false,
             stalled: false,
             over_compensated: false,
+            radial_force_stuck: false,
+            pressure_stuck: false,
             sample_age_us: None,
             gate_driver_fault: false,
             system_break: false,

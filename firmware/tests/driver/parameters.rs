@@ -116,13 +116,30 @@ fn what_is_saved_outlives_a_restart_and_what_is_not_does_not() {
     assert_eq!(scale(&mut bench), 0.9);
     write_scale(&mut bench, 0.5).unwrap();
     commit(&mut bench).unwrap();
-    bench.write(index::OPERATION, 2, &[1]).unwrap();
     bench.write(index::OPERATION, 6, &[9]).unwrap();
     bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
     let mut bench = restarted(bench);
     // The node's number is another one now.
     assert_eq!(bench.sent()[0].identifier(), 0x709);
     assert_eq!(bench.driver.set().friction.compensator.scale, 0.5);
+}
+
+#[test]
+fn the_number_is_one_the_driver_has() {
+    let mut bench = Bench::hil();
+    let refused = |bench: &mut Bench, code: u8| {
+        assert_eq!(bench.write(index::OPERATION, 2, &[code]), Err(0x0609_0030));
+        assert!(bench.text(index::REFUSAL).starts_with("number: must be 0 (f32)"));
+        assert_eq!(bench.number(index::OPERATION, 2), 0);
+    };
+    refused(&mut bench, 2);
+    if cfg!(feature = "fixed") {
+        bench.write(index::OPERATION, 2, &[1]).unwrap();
+        bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
+        assert_eq!(restarted(bench).number(index::OPERATION, 2), 1);
+    } else {
+        refused(&mut bench, 1);
+    }
 }
 
 #[test]

@@ -111,6 +111,8 @@ impl Bench {
             Code::MotorStands => seen.motor_stands = bad,
             Code::Stalled => seen.stalled = bad,
             Code::OverCompensated => seen.over_compensated = bad,
+            Code::RadialForceStuck => seen.radial_force_stuck = bad,
+            Code::PressureStuck => seen.pressure_stuck = bad,
             Code::EncoderLost => seen.loop_flags = loop_flag(LoopFlags::ENCODER_LOST),
             Code::EncoderJump => seen.loop_flags = loop_flag(LoopFlags::ENCODER_IMPLAUSIBLE),
             Code::AdcTimeout => seen.sample_age_us = Some(if bad { 1000 } else { 999 }),

@@ -45,10 +45,12 @@ fn observation() -> impl Strategy<Value = Observation> {
     );
     let seldom = || prop::bool::weighted(0.05);
     let motor = (seldom(), seldom(), any::<bool>(), any::<bool>());
+    let motor = (motor, any::<[bool; 2]>());
     let all = (measured, flags, bits, motor, any::<bool>());
     all.prop_map(|(measured, flags, bits, motor, mostly_well)| {
         let (voltage, currents, [a, b, c, d, e, f], age) = measured;
         let (loop_bits, core_bits, can, in_band) = flags;
+        let (motor, [radial_force_stuck, pressure_stuck]) = motor;
         if mostly_well {
             return well();
         }
@@ -65,6 +67,8 @@ fn observation() -> impl Strategy<Value = Observation> {
             motor_stands: motor.1,
             stalled: motor.2,
             over_compensated: motor.3,
+            radial_force_stuck,
+            pressure_stuck,
             sample_age_us: age,
             gate_driver_fault: bits.0,
             system_break: bits.3,

@@ -15,6 +15,8 @@ fn table(header: &[&str], numbers_from: usize) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
     for (index, column) in table.column_iter_mut().enumerate() {
+        // With a space on either side the table of models is 84 columns wide.
+        column.set_padding((0, u16::from(index + 1 < header.len())));
         if index >= numbers_from {
             column.set_cell_alignment(CellAlignment::Right);
         }
@@ -104,4 +106,27 @@ pub fn findings(found: &Diagnosis) -> String {
         }
     }
     text + left_out_in_words(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_models_fit_into_80_columns() {
+        let header = ["model", "held out, Nm", "of std", "relative", "fitted, Nm", "BIC", "time"];
+        let mut table = table(&header, 1);
+        let row = [
+            "lugre-asymmetric",
+            "0.00012345",
+            "158.7 %",
+            "158.3 %",
+            "0.0001234",
+            "-1287856",
+            "132.2 s",
+        ];
+        table.add_row(row);
+        let widest = printed(&table).lines().map(|line| line.chars().count()).max();
+        assert!((60..=80).contains(&widest.unwrap_or(0)), "{widest:?} columns");
+    }
 }

@@ -3,6 +3,7 @@
 use super::rig::{Joint, set};
 use super::table::{Row, hold, row, short_of};
 use compensator_core::ParameterId as Id;
+use firmware::supervisor::Code;
 use host_sim::joint_rig::{Faults, SealSensor};
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
@@ -30,7 +31,7 @@ pub fn rows() -> &'static [Row] {
 }
 
 /// Side load and pressure rise or fall within `rise_ms` at every reversal of a sine of velocity; then the joint is held.
-fn course(share: f32, seal: SealSensor, rise_ms: f64) -> (f64, f64, f64, bool) {
+fn course(share: f32, seal: SealSensor, rise_ms: f64) -> (f64, f64, f64, bool, usize) {
     let faults = Faults::seal_sensor(seal);
     let joint = Joint { faults, ..Joint::with(set(share)) };
     joint.run(|master| {
@@ -55,7 +56,10 @@ fn course(share: f32, seal: SealSensor, rise_ms: f64) -> (f64, f64, f64, bool) {
         }
         let at = master.rig.plant().position_rad();
         let swing = master.swing_rad(at);
-        ((sum / 3000.0).sqrt(), swing, most, master.rig.is_armed())
+        let limits = master.rig.driver().supervisor().limits();
+        let stuck = [Code::RadialForceStuck, Code::PressureStuck];
+        let told = stuck.into_iter().filter(|code| limits.contains(*code)).count();
+        ((sum / 3000.0).sqrt(), swing, most, master.rig.is_armed(), told)
     })
 }
 
@@ -63,21 +67,22 @@ fn steps(what: &str, seal: SealSensor) -> Vec<Row> {
     let name = format!(
         "±1 rad/s at 0.5 Hz, side load 0/120 N and pressure 0.03/0.3 MPa in 50 ms at each reversal, then held; {what}"
     );
-    let (error, swing, most, armed) = course(0.9, seal, 50.0);
+    let (error, swing, most, armed, told) = course(0.9, seal, 50.0);
+    let sticks = if seal == SealSensor::Stuck { 2.0..=2.0 } else { 0.0..=0.0 };
     let (without, ..) = course(0.0, seal, 50.0);
-    // A sensor that goes on saying what was is believed: friction that is no longer there is given back.
     vec![
         row(13, &name, "error over that without compensation", error / without, 0.0..=1.05),
         row(13, &name, "swing while held, rad", swing, 0.0..=SWINGS_RAD),
         row(13, &name, "largest current, A", most, 1.0..=26.5),
         row(13, &name, "stays armed", f64::from(u8::from(armed)), 1.0..=1.0),
+        row(13, &name, "sensors of two told to be stuck", told as f64, sticks),
     ]
 }
 
 /// The same steps from one frame of the sensor to the next.
 fn one_frame() -> Row {
     let name = "the same with side load and pressure that step from one frame to the next";
-    let (.., armed) = course(0.9, SealSensor::Sound, 1.0);
+    let (.., armed, _) = course(0.9, SealSensor::Sound, 1.0);
     row(13, name, "stays armed", f64::from(u8::from(armed)), 1.0..=1.0)
 }
 

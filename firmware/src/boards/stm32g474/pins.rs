@@ -8,6 +8,10 @@ use embassy_stm32::{Peri, Peripherals, pac, peripherals};
 
 /// The gate driver's enable again, by port and number: a panic has no pins of its own.
 pub const GATE_ENABLE: (pac::gpio::Gpio, usize) = (pac::GPIOC, 6);
+/// The pressure sensor's lines as pins, for when its bus is freed by hand: the table's `pressure`.
+pub const PRESSURE_CLOCK: (pac::gpio::Gpio, usize) = (pac::GPIOA, 15);
+/// The other.
+pub const PRESSURE_DATA: (pac::gpio::Gpio, usize) = (pac::GPIOB, 7);
 
 macro_rules! wiring {
     ($(

@@ -3,13 +3,11 @@
 //! Converted twice, away from the top of the PWM; see `sensors::quiet` for why.
 
 use super::power_stage::since_top;
+use super::pressure_bus::PressureBus;
 use super::{pins, scales};
 use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime};
-use embassy_stm32::i2c::{Config, I2c, Master};
-use embassy_stm32::mode::Blocking;
 use embassy_stm32::peripherals::{ADC3, ADC4, PB0, PB1, PB12};
-use embassy_time::Duration;
 use firmware::sensors::Local;
 use firmware::sensors::ms5837::Ms5837;
 use firmware::sensors::quiet::convert_twice;
@@ -18,9 +16,6 @@ use firmware::sensors::shunt::RANGE;
 /// Long enough for a divider of 10 k: 6 us.
 const SETTLE: SampleTime = SampleTime::CYCLES247_5;
 
-/// How long a transfer to the pressure sensor may take before it is given up.
-const TRANSFER: Duration = Duration::from_micros(1000);
-
 /// The slow sensors.
 pub struct SlowSensors {
     temperatures: Adc<'static, ADC3>,
@@ -28,7 +23,7 @@ pub struct SlowSensors {
     motor: Peri<'static, PB1>,
     forces: Adc<'static, ADC4>,
     force: Peri<'static, PB12>,
-    pressure: Ms5837<I2c<'static, Blocking, Master>>,
+    pressure: Ms5837<PressureBus>,
     /// What side load and pressure last were.
     last: Local,
 }
@@ -36,17 +31,13 @@ pub struct SlowSensors {
 impl SlowSensors {
     /// Sets the converters and the sensor bus up.
     pub fn new(slow: pins::Slow, pressure: pins::Pressure) -> Self {
-        let mut config = Config::default();
-        config.frequency = scales::PRESSURE_CLOCK;
-        config.timeout = TRANSFER;
-        let bus = I2c::new_blocking(pressure.i2c, pressure.clock, pressure.data, config);
         Self {
             temperatures: Adc::new(slow.adc, Default::default()),
             bridge: slow.bridge_temperature,
             motor: slow.motor_temperature,
             forces: Adc::new(slow.force_adc, Default::default()),
             force: slow.force,
-            pressure: Ms5837::new(bus),
+            pressure: Ms5837::new(PressureBus::new(pressure)),
             last: Local::default(),
         }
     }
@@ -78,7 +69,7 @@ impl SlowSensors {
         }
         // A sensor that fails is not heard: its last value ages, and is said to be stale.
         if let Ok(Some(found)) = self.pressure.poll(now_us) {
-            local.pressure_diff((found.pressure_pa - scales::INSIDE_PA) * 1e-6, now_us);
+            local.pressure_diff(found.pressure_pa - scales::INSIDE_PA, now_us);
             local.temperature(found.temperature_c, now_us);
         }
         *local

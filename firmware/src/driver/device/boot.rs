@@ -15,6 +15,7 @@ use crate::node::Outbox;
 use crate::node::sdo::Abort;
 use crate::node_settings::{BLOCK_LENGTH, NodeSettings, parse_block};
 use crate::parameter_set::ParameterSet;
+use crate::sensors::stuck::StuckWatch;
 use crate::store::{LoadError, Store};
 use crate::supervisor::{self, CanState, InUse, Supervisor};
 use compensator_core::can::JointKind;
@@ -104,6 +105,8 @@ impl<F: NorFlash> Device<F> {
             profile: Profile::default(),
             commissioning: commissioning::Run::default(),
             over: OverCompensation::default(),
+            radial_force_watch: StuckWatch::default(),
+            pressure_watch: StuckWatch::default(),
             compensation_left: 1.0,
             velocity: VelocityLoop::default(),
             velocity_gains: VelocityGains::default(),

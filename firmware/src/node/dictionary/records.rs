@@ -58,7 +58,7 @@ pub enum Access {
 /// One value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// Name, in the words of the rest of the project.
+    /// Name, in the words of the rest of the project; empty on a board.
     pub name: &'static str,
     /// Its type.
     pub data: DataType,
@@ -67,14 +67,20 @@ pub struct Entry {
 }
 
 pub(super) const fn entry(name: &'static str, data: DataType, access: Access) -> Entry {
-    Entry { name, data, access }
+    Entry { name: kept(name), data, access }
+}
+
+/// A name as the dictionary has it: nothing in a driver's image, where nobody asks for it. Tools know the names from
+/// their own copy of this dictionary or from `joint.eds`.
+pub(super) const fn kept(name: &'static str) -> &'static str {
+    if cfg!(target_os = "none") { "" } else { name }
 }
 
 /// The sub-index of an entry; a name that is not there does not compile where the result is a constant.
-const fn sub_index(entries: &[Entry], name: &str) -> u8 {
+const fn sub_index(names: &[&str], name: &str) -> u8 {
     let mut place = 0;
-    while place < entries.len() {
-        if is_same(entries[place].name.as_bytes(), name.as_bytes()) {
+    while place < names.len() {
+        if is_same(names[place].as_bytes(), name.as_bytes()) {
             return place as u8 + 1;
         }
         place += 1;
@@ -107,7 +113,10 @@ macro_rules! record {
             pub const ENTRIES: &'static [Entry] =
                 &[$(entry(stringify!($field), DataType::$data, Access::$access)),*];
 
-            $($(pub const $AT: u8 = sub_index(Self::ENTRIES, stringify!($field));)?)*
+            #[allow(dead_code)] // A record whose places nobody asks for by name.
+            const NAMES: &'static [&'static str] = &[$(stringify!($field)),*];
+
+            $($(pub const $AT: u8 = sub_index(Self::NAMES, stringify!($field));)?)*
 
             /// The values, in the order of the entries.
             pub const fn words(&self) -> [u32; Self::ENTRIES.len()] {

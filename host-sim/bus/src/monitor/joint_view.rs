@@ -264,7 +264,7 @@ impl JointView {
         };
         let text = match (raised, Code::from_number(number)) {
             (true, Some(known)) => {
-                format!("{what} {name} ({code:04X}h): {}", known.info().raised_by)
+                format!("{what} {name} ({code:04X}h): {}", known.words().raised_by)
             }
             (true, None) => format!("{what} {name} ({code:04X}h)"),
             (false, _) => format!("{what} {name} is over"),
