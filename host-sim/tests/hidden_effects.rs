@@ -128,6 +128,10 @@ fn hidden_effects_are_found() {
         let grades: Result<Vec<Grade>, String> =
             scenarios.into_par_iter().map(|(kind, seed)| examine(kind, seed)).collect();
         let grades = grades.expect("every scenario is diagnosed");
+        for missed in grades.iter().filter(|grade| !grade.right) {
+            let (kind, seed, hidden) = (missed.kind.name(), missed.seed, row_of(missed));
+            println!("missed: {kind} of seed {seed}, {hidden}: named {:?}", missed.named);
+        }
         check(&grades, &Limits { one: 0.8, none: 0.6, open: 0.6, inside: 0.7, error: 0.8 });
         return;
     }

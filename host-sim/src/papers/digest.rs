@@ -176,7 +176,7 @@ mod tests {
         };
         let table = across("both", &rows, place);
         let text = "**both**\n\n|  | ours | theirs |\n|---|---|---|\n\
-                    | error, % | 1 (print: 2) | 3 ± 0.5 |\n";
+                    | error, % | 1.00 (print: 2.000) | 3.00 ± 0.50 |\n";
         assert_eq!(table.markdown(), text);
     }
 
