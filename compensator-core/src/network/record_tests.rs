@@ -50,7 +50,8 @@ fn what_is_damaged_or_foreign_is_refused() {
     let record = emit(Some(&network));
     assert_eq!(parse(&record[..LENGTH - 1]), Err(RecordError::Length(LENGTH - 1)));
     assert_eq!(parse(&[]), Err(RecordError::Length(0)));
-    for bit in (0..LENGTH * 8).step_by(7) {
+    // Interpreted every record takes 0.4 s; two thousand would be all of that stage's time.
+    for bit in (0..LENGTH * 8).step_by(if cfg!(miri) { 997 } else { 7 }) {
         let mut damaged = record.clone();
         damaged[bit / 8] ^= 1 << (bit % 8);
         assert!(parse(&damaged).is_err(), "bit {bit}");
