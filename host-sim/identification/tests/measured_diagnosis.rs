@@ -134,8 +134,11 @@ fn asymmetry_is_named_on_the_positioning_system() {
     );
     assert_eq!(found.cause(), "direction-asymmetry", "{:?}", names(&found));
     held_out(&found);
+    // 5.38 % with a drag of -378 N s^2/m^2, which was no drag; without it Coulomb and viscous friction, 20.4 N and 204 N s/m,
+    // come out as its authors have them.
     let relative = found.after.metrics.relative_error_percent;
-    assert!((4.5..5.4).contains(&relative), "{relative} % on pulses");
+    assert!((4.5..5.5).contains(&relative), "{relative} % on pulses");
+    assert!(!names(&found).contains(&"quadratic-drag"), "{:?}", names(&found));
 }
 
 #[test]
