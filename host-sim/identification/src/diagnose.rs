@@ -7,7 +7,7 @@
 //!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order, harmonics
 //!  -> candidates     each cause as columns beside the model                              cause, candidate
 //!  -> products  of all columns by blocks: falls of the error on unseen rows              survey, gram_blocks, fall
-//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, standing, review
+//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, standing, review, other_laws
 //!  -> judged    fitted anew, every run left out once; what does not gain is taken back   offer, left_out, judge, regime
 //!  -> told      size, sentence, where it shows                                           extended, finding, evidence, story
 //! ```
