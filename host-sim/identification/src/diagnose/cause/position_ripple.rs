@@ -5,7 +5,7 @@ use crate::data::JointKind;
 use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::{Extended, Size};
-use crate::diagnose::order::{MOST_PRISMATIC, MOST_REVOLUTE, Point, peaks};
+use crate::diagnose::order::{Point, most, peaks};
 use crate::number::{figure, significant};
 use crate::params::unit;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -62,7 +62,7 @@ impl Cause for PositionRipple {
             })
             .collect();
         let is_revolute = log.train.joint == JointKind::Revolute;
-        let most = if is_revolute { MOST_REVOLUTE } else { MOST_PRISMATIC };
+        let most = most(log);
         let candidate = |peak: &crate::diagnose::order::Peak| {
             let (n, comparisons) =
                 if is_revolute { peak.whole(most) } else { (peak.order, peak.independent) };

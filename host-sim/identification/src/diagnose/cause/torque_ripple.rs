@@ -11,7 +11,7 @@ use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor, row
 use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
 use crate::diagnose::extended::{Extended, Size};
 use crate::diagnose::harmonics::strongest;
-use crate::diagnose::order::{MOST_PRISMATIC, MOST_REVOLUTE};
+use crate::diagnose::order::most;
 use crate::number::{figure, significant};
 use crate::params::unit;
 use compensator_core::term::{TORQUE_RIPPLE_PARAMETERS, TORQUE_RIPPLES};
@@ -49,7 +49,7 @@ impl Cause for TorqueRipple {
             return Vec::new();
         }
         let is_revolute = log.train.joint == JointKind::Revolute;
-        let most = if is_revolute { MOST_REVOLUTE } else { MOST_PRISMATIC };
+        let most = most(log);
         let is_gravitys = is_revolute && log.aligned_order.is_none();
         let once_a_turn: &[f64] = if is_gravitys { &[1.0] } else { &[] };
         let Some(found) = strongest(log, beside.at, most, TORQUE_RIPPLES, once_a_turn, is_revolute)
