@@ -80,6 +80,15 @@ struct Fold {
     held: DMatrix<f64>,
 }
 
+/// How a candidate is asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    /// How many it was chosen from for its agreement with the residual.
+    pub comparisons: f64,
+    /// Whether the surer of two ways to weigh its falls may speak for it ([`Fall::surer`]).
+    pub evened: bool,
+}
+
 /// What the linear fit of a candidate beside the base says.
 #[derive(Clone, Debug)]
 pub struct CandidateFit {
@@ -261,9 +270,8 @@ impl GramBlocks {
         self.by_run.iter().map(sum).collect()
     }
 
-    /// Tries every candidate. `comparisons[i]` is how many the `i`-th was chosen from for its agreement with the
-    /// residual; a probability pays for those and for all other candidates.
-    pub fn try_all(&self, comparisons: &[f64]) -> Vec<CandidateFit> {
+    /// Tries every candidate, each as it is `asked`; a probability pays for all of them.
+    pub fn try_all(&self, asked: &[Asked]) -> Vec<CandidateFit> {
         let base = self.sse();
         let stretches = self.unseen(&self.base, LeftOut::Stretches);
         let runs = self.unseen(&self.base, LeftOut::Runs);
@@ -282,10 +290,12 @@ impl GramBlocks {
                     })
                     .collect();
                 let after = self.unseen(&columns, LeftOut::Stretches);
-                let unseen = Fall::between(&stretches, &after);
+                let Asked { comparisons, evened } = asked[candidate];
+                let weigh = |fall: Fall| if evened { fall.surer() } else { fall };
+                let unseen = weigh(Fall::between(&stretches, &after));
                 let unseen_runs = runs.as_ref().map(|before| {
                     let after = self.per_group(&self.unseen(&columns, LeftOut::Runs));
-                    Fall::between(before, &after)
+                    weigh(Fall::between(before, &after))
                 });
                 CandidateFit {
                     candidate,
@@ -293,7 +303,7 @@ impl GramBlocks {
                     gain: base - found.map_or(base, |f| f.sse),
                     unseen,
                     unseen_runs,
-                    p_value: unseen.probability(width, all * comparisons[candidate]),
+                    p_value: unseen.probability(width, all * comparisons),
                     stability: 0.0,
                 }
             })

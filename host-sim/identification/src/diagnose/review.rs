@@ -53,7 +53,7 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
             .filter(|fit| same(&round.candidates[fit.candidate]))
             .max_by(|a, b| a.unseen.value.total_cmp(&b.unseen.value))
             .cloned();
-        let better = better(search, model, &round);
+        let better = better(search, model, &round, claim.cause);
         let unique = better.describes;
         let all = Standing::of_model(log, base, round.length);
         let read = match &corrected {
@@ -212,13 +212,16 @@ fn displaced(
         // A cause of the catalogue goes before a curve over its own column that is little better.
         let is_by_name = by_name.is_some_and(|named| named.candidate == fit.candidate);
         let handicap = if is_by_name && best.1.is_none() { ALIKE } else { 1.0 };
-        if at_bound(&fitted, candidate).is_none() && merit(&standing) > handicap * merit(&best.0) {
+        let is_it = at_bound(&fitted, candidate).is_none()
+            && candidate.cause.contradicted(&fitted.parameters).is_none();
+        if is_it && merit(&standing) > handicap * merit(&best.0) {
             best = (standing, Some((fit, fitted)));
         }
     }
     let (standing, Some((fit, fitted))) = best else { return Ok(None) };
     let mut fit = fit.clone();
-    let better = standing.better_than(&round.standing);
+    let cause = round.candidates[fit.candidate].cause;
+    let better = standing.better_than(&round.standing).by_way_of(cause);
     (fit.unseen, fit.unseen_runs) = (better.describes, better.extrapolates);
     Ok(Some((Found::chosen(&round.candidates[fit.candidate], fit), fitted)))
 }

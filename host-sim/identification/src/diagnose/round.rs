@@ -3,17 +3,23 @@
 use super::candidate::Beside;
 use super::cause::{Cause, Suspect, suspects};
 use super::fall::Fall;
-use super::gram_blocks::{CandidateFit, GramBlocks};
+use super::gram_blocks::{Asked, CandidateFit, GramBlocks};
 use super::model::Fitted;
 use super::other_laws;
 use super::sensitivities::sensitivities;
 use super::standing::{Better, Standing};
 use super::survey::{block_length, survey};
-use super::thresholds::{CHANCE, EXTRAPOLATES, MATERIAL};
+use super::thresholds::{CHANCE, EXTRAPOLATES, IMITATED, MATERIAL};
 use super::train_test::TrainTest;
 
 /// Runs from which on their scatter is an error.
 const MANY: usize = 5;
+
+/// Share of the squared error beyond the floor that a cause must take to be more than a trifle, where that is `beyond` of
+/// all of it.
+pub fn material(cause: &dyn Cause, beyond: f64) -> f64 {
+    if cause.is_imitated() { MATERIAL.max(IMITATED * beyond) } else { MATERIAL }
+}
 
 /// What a candidate got in a round, for the report.
 #[derive(Clone, Debug)]
@@ -66,9 +72,11 @@ impl Round {
         let candidates = suspects(&beside);
         let length = block_length(log, &at);
         let gram = survey(log, &at, &candidates, &other_laws::columns(&beside), length);
-        let comparisons: Vec<f64> =
-            candidates.iter().map(|candidate| candidate.comparisons).collect();
-        let all = gram.try_all(&comparisons).into_iter();
+        let asked: Vec<Asked> = candidates
+            .iter()
+            .map(|own| Asked { comparisons: own.comparisons, evened: !own.cause.is_imitated() })
+            .collect();
+        let all = gram.try_all(&asked).into_iter();
         let all = all.filter(|fit| !candidates[fit.candidate].is_only_rival);
         let (foils, fits) = all.partition(|fit| candidates[fit.candidate].is_foil);
         let standing = Standing::of(&gram);
@@ -86,7 +94,9 @@ impl Round {
         if probability >= CHANCE {
             return Some(format!("may be chance, p = {probability:.2}"));
         }
-        if describes.value < MATERIAL * self.excess {
+        let beyond = self.excess / self.standing.sse().max(f64::MIN_POSITIVE);
+        let least = material(self.candidates[candidate].cause, beyond);
+        if describes.value < least * self.excess {
             let share = 100.0 * describes.value / self.excess;
             return Some(format!("a trifle, {share:.1} % of what is beyond the floor"));
         }
@@ -180,5 +190,22 @@ impl Round {
             .collect();
         scores.sort_by(|a, b| b.share.total_cmp(&a.share));
         scores
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cause::ALL;
+    use super::*;
+
+    #[test]
+    fn what_a_wrong_law_looks_like_must_take_more_the_more_is_left() {
+        let of = |name: &str| *ALL.iter().find(|cause| cause.name() == name).expect("a cause");
+        for beyond in [0.05, 0.5, 1.0] {
+            assert_eq!(material(of("pressure-coulomb"), beyond), MATERIAL);
+        }
+        assert_eq!(material(of("quadratic-drag"), 0.05), MATERIAL);
+        assert_eq!(material(of("quadratic-drag"), 1.0), IMITATED);
+        assert!(material(of("quadratic-drag"), 0.5) < IMITATED);
     }
 }

@@ -171,10 +171,12 @@ impl Turn<'_> {
         progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
         let fitted = with_candidate(fits, model, candidate, &fit)?;
         let better = Standing::of_model(log, &fitted, round.length).better_than(&round.standing);
+        let better = better.by_way_of(candidate.cause);
         let all = round.candidates.len() as f64 * candidate.comparisons;
         let probability = better.describes.probability(candidate.regressors.len(), all);
         let against = at_bound(&fitted, candidate)
             .map(|id| format!("its fit ends at the bound of {}", id.name()))
+            .or_else(|| candidate.cause.contradicted(&fitted.parameters).map(str::to_owned))
             .or_else(|| round.against(fit.candidate, &better, probability))
             .or_else(|| round.foiled(fit.candidate));
         if let Some(against) = against {
@@ -235,8 +237,9 @@ fn yield_in_sliding(round: &Round, shortlist: &mut Vec<CandidateFit>) {
 }
 
 /// By how much a model is better than without one of its causes.
-pub fn better(search: &Search, model: &Fitted, rest: &Round) -> Better {
-    Standing::of_model(search.log, model, rest.length).better_than(&rest.standing)
+pub fn better(search: &Search, model: &Fitted, rest: &Round, cause: &dyn Cause) -> Better {
+    let standing = Standing::of_model(search.log, model, rest.length);
+    standing.better_than(&rest.standing).by_way_of(cause)
 }
 
 /// A fall as a share of another model's squared error on the same unseen rows.

@@ -6,6 +6,7 @@
 //! simulation with derivatives gives the error on every row left out; two models are compared block by
 //! block. What is reported in the end is fitted anew ([`super::left_out`]).
 
+use super::cause::Cause;
 use super::fall::Fall;
 use super::gram_blocks::{GramBlocks, LeftOut};
 use super::model::Fitted;
@@ -29,6 +30,18 @@ pub struct Better {
     pub describes: Fall,
     /// On runs left out: it extrapolates.
     pub extrapolates: Option<Fall>,
+}
+
+impl Better {
+    /// Weighed as a cause may be: what a wrong law's error has the shape of as well is in every block, and must show in the
+    /// plain sum.
+    #[must_use]
+    pub fn by_way_of(self, cause: &dyn Cause) -> Self {
+        if cause.is_imitated() {
+            return self;
+        }
+        Self { describes: self.describes.surer(), extrapolates: self.extrapolates.map(Fall::surer) }
+    }
 }
 
 impl Standing {

@@ -11,6 +11,11 @@ pub const CHANCE: f64 = 0.005;
 /// make any trifle certain.
 pub const MATERIAL: f64 = 0.03;
 
+/// Share a cause must take whose shape a wrong law's error has as well ([`super::cause::Cause::is_imitated`]), where all of the
+/// squared error lies beyond the floor; less, the less of it does ([`super::round::Round::material`]). The joint's own law is
+/// never quite the base law, and what that leaves repeats itself at each reversal: no number of rows makes it chance.
+pub const IMITATED: f64 = 0.12;
+
 /// A cause must extrapolate to runs left out by so many standard errors over the runs.
 pub const EXTRAPOLATES: f64 = 1.0;
 

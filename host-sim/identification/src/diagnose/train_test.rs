@@ -167,6 +167,11 @@ impl TrainTest {
         (sse - rows * self.floor_nm * self.floor_nm).max(0.01 * sse)
     }
 
+    /// The same as a share of it, of a mean square on any rows of the log.
+    pub fn share_beyond_floor(&self, mean_square: f64) -> f64 {
+        (1.0 - self.floor_nm * self.floor_nm / mean_square.max(f64::MIN_POSITIVE)).max(0.01)
+    }
+
     /// Whether one of these columns hardly changes within a run, and there are few runs: then leaving runs out
     /// asks what nobody can know.
     pub fn can_only_describe(&self, columns: &[String]) -> bool {

@@ -31,6 +31,10 @@ impl Cause for ChannelDelay {
         true
     }
 
+    fn is_imitated(&self) -> bool {
+        true
+    }
+
     /// The rate of the torque stands for a delay within a sample; a longer one turns the torque elsewhere.
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         let columns = [beside.log.velocity_name()];

@@ -4,7 +4,7 @@ use crate::diagnose::candidate::{Beside, Candidate};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
 use crate::diagnose::train_test::TrainTest;
-use compensator_core::{ParameterId, TermKind};
+use compensator_core::{ParameterId, Parameters, TermKind};
 use std::fmt;
 
 /// The friction levels of a law, in both directions.
@@ -74,6 +74,17 @@ pub trait Cause: Sync {
     /// Whether it is worth a fit even where it did not pass, if structure is left.
     fn is_underrated(&self) -> bool {
         self.is_nonlinear()
+    }
+
+    /// Whether a law that is not quite the joint's leaves an error of this shape: the cause follows the motion (or the time)
+    /// alone, and its torque turns with the direction as friction's does.
+    fn is_imitated(&self) -> bool {
+        false
+    }
+
+    /// Why a model with this cause in it, as it was fitted, is not one of this cause; the end of a sentence.
+    fn contradicted(&self, _fitted: &Parameters<f64>) -> Option<&'static str> {
+        None
     }
 
     /// The cause that is named instead where a log of sliding cannot tell the two apart.

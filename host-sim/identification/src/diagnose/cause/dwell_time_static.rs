@@ -36,6 +36,10 @@ impl Cause for DwellTimeStatic {
         true
     }
 
+    fn is_imitated(&self) -> bool {
+        true
+    }
+
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         if !beside.spec.law.has_bristles() {
             return Vec::new();

@@ -30,6 +30,10 @@ impl Cause for QuadraticDrag {
         &[Id::ViscousFriction]
     }
 
+    fn is_imitated(&self) -> bool {
+        true
+    }
+
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         if beside.spec.law.parameters().contains(&Id::QuadraticFriction) {
             return Vec::new();

@@ -35,6 +35,10 @@ impl Cause for StribeckShape {
         true
     }
 
+    fn is_imitated(&self) -> bool {
+        true
+    }
+
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         if !beside.spec.law.has_stribeck_curve() {
             return Vec::new();

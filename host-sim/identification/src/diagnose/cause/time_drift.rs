@@ -34,6 +34,10 @@ impl Cause for TimeDrift {
         true
     }
 
+    fn is_imitated(&self) -> bool {
+        true
+    }
+
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         if !beside.log.has_campaign_clock() {
             return Vec::new();

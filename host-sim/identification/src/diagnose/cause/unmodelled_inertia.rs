@@ -26,6 +26,10 @@ impl Cause for UnmodelledInertia {
         Remedy::RigidBody(TermKind::UnmodelledInertia)
     }
 
+    fn is_imitated(&self) -> bool {
+        true
+    }
+
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         let columns = [beside.log.velocity_name()];
         let by = vec![row(|r| r.sample.acceleration_rad_s2)];

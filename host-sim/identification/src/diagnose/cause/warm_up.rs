@@ -85,6 +85,10 @@ impl Cause for WarmUp {
         true
     }
 
+    fn is_imitated(&self) -> bool {
+        true
+    }
+
     fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
         // Where every run begins at the same time nobody knows how warm it began.
         if !beside.log.has_campaign_clock() {

@@ -2,6 +2,8 @@
 
 use super::*;
 
+const ONCE: Asked = Asked { comparisons: 1.0, evened: false };
+
 /// A log of `blocks` blocks: base column 1, candidates a (true, in the residual) and b (noise).
 fn gram(blocks: usize, size: f64, seed: u64) -> GramBlocks {
     let mut random = Pcg64::seed_from_u64(seed);
@@ -20,7 +22,7 @@ fn gram(blocks: usize, size: f64, seed: u64) -> GramBlocks {
 
 #[test]
 fn what_is_there_is_found_with_its_size() {
-    let fits = gram(64, 0.2, 1).try_all(&[1.0, 1.0]);
+    let fits = gram(64, 0.2, 1).try_all(&[ONCE, ONCE]);
     assert!((fits[0].coefficients[0] - 0.2).abs() < 0.06, "{:?}", fits[0]);
     assert!(fits[0].p_value < 1e-3 && fits[0].unseen.value > 0.0, "{:?}", fits[0]);
     assert!(fits[0].unseen_runs.unwrap().in_errors() > 2.0, "{:?}", fits[0]);
@@ -33,14 +35,14 @@ fn runs_of_one_block_each_are_told_from_each_other() {
     let alike =
         |block: Block| Block { run: block.run * STRETCHES + block.stretch, stretch: 4, ..block };
     let blocks: Vec<Block> = std::mem::take(&mut gram.blocks).into_iter().map(alike).collect();
-    let fits = GramBlocks::new(1, &[1, 1], blocks).try_all(&[1.0, 1.0]);
+    let fits = GramBlocks::new(1, &[1, 1], blocks).try_all(&[ONCE, ONCE]);
     assert!(fits[0].unseen.value > 0.0 && fits[0].p_value < 1e-3, "{:?}", fits[0]);
 }
 
 #[test]
 fn nothing_hidden_is_seldom_significant() {
     let least = |seed| {
-        let fits = gram(64, 0.0, seed).try_all(&[1.0, 1.0]);
+        let fits = gram(64, 0.0, seed).try_all(&[ONCE, ONCE]);
         fits.iter().map(|fit| fit.p_value).fold(1.0, f64::min)
     };
     let alarms = (0..400).filter(|seed| least(*seed) < 0.05).count();
@@ -78,7 +80,7 @@ fn what_another_law_explains_is_nothing_of_its_own() {
         Block { run: index / STRETCHES, stretch: index % STRETCHES, products, rows: 50 }
     };
     let gram = GramBlocks::new(1, &[1, 1], (0..64).map(block).collect());
-    let fits = gram.try_all(&[1.0, 1.0]);
+    let fits = gram.try_all(&[ONCE, ONCE]);
     let left = |fit: &CandidateFit| gram.beside_other_laws(fit.candidate).value / fit.unseen.value;
     assert!(fits.iter().all(|fit| fit.unseen.in_errors() > 3.0), "{fits:?}");
     assert!(left(&fits[0]) < 0.1 && left(&fits[1]) > 0.8, "{} {}", left(&fits[0]), left(&fits[1]));
@@ -99,7 +101,7 @@ fn a_covariate_that_changes_from_run_to_run_only_describes() {
         }
         Block { run, stretch: index % 16 / 2, products, rows: 50 }
     };
-    let fits = GramBlocks::new(1, &[1], (0..64).map(block).collect()).try_all(&[1.0]);
+    let fits = GramBlocks::new(1, &[1], (0..64).map(block).collect()).try_all(&[ONCE]);
     assert!(fits[0].p_value < 1e-4, "{:?}", fits[0]);
     assert!(fits[0].unseen_runs.unwrap().value < 0.0, "{:?}", fits[0]);
 }
