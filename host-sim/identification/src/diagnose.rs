@@ -274,7 +274,7 @@ pub fn diagnose(
             break offer;
         }
     };
-    let Offer { extension, before, after, gain, left_out, .. } = offer;
+    let Offer { extension, extended, before, after, gain, left_out, .. } = offer;
     let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
     let mut log = whole.following(follows).into_owned();
     said.sort_unstable();
@@ -285,11 +285,7 @@ pub fn diagnose(
         None => outcome(&log, &base)?,
     };
     baseline.test = before.metrics;
-    let mut extended = if extension.found.is_empty() {
-        baseline.clone()
-    } else {
-        outcome(&log, &extension.model)?
-    };
+    let mut extended = extended.unwrap_or_else(|| baseline.clone());
     extended.test = after.metrics;
     let at = sensitivities::sensitivities(
         &baseline.parameters,

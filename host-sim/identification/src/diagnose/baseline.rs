@@ -188,13 +188,16 @@ pub fn outgrown(
     Ok(is_worth_it(log, extended, &with_causes).then_some(richer))
 }
 
-/// Whether the bristles of a law would have to be bent further than the joint ever goes, or hold more than it ever did: then
+/// Whether the bristles of a law would have to be bent further than the joint ever goes, hold more than it ever did, or are as
+/// soft as may be: then
 /// they are a spring that stands for something else, and no friction. (On `bldc-cogging.csv`, driven at constant speeds, Dahl's
 /// law would hold 437 Nm, where the torque never exceeds 7.)
 fn never_slips(log: &TrainTest, model: &Fitted) -> bool {
     let parameters = &model.parameters;
     let level = parameters.get(Id::StaticTorque).max(parameters.get(Id::CoulombTorque));
-    let travel = level / parameters.get(Id::BristleStiffness).max(f64::MIN_POSITIVE);
+    let stiffness = Id::BristleStiffness;
+    let at_bound = parameters.get(stiffness) < 1.01 * stiffness.info().lower;
+    let travel = level / parameters.get(stiffness).max(f64::MIN_POSITIVE);
     let stroke = |track: &Track| {
         let (mut at, mut low, mut high) = (0.0f64, 0.0f64, 0.0f64);
         for (row, sample) in track.samples.iter().enumerate() {
@@ -207,7 +210,8 @@ fn never_slips(log: &TrainTest, model: &Fitted) -> bool {
     let torques = log.train_tracks.iter().flat_map(|track| &track.torque);
     let largest = torques.fold(0.0f64, |largest, torque| largest.max(torque.abs()));
     model.spec.law.has_bristles()
-        && (travel > log.train_tracks.iter().map(stroke).fold(0.0, f64::max)
+        && (at_bound
+            || travel > log.train_tracks.iter().map(stroke).fold(0.0, f64::max)
             || parameters.get(Id::CoulombTorque) > largest)
 }
 

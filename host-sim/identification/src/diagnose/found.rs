@@ -2,12 +2,12 @@
 
 use super::cause::Suspect;
 use super::cause::definition::Cause;
-use super::extended::Extended;
+use super::extended::{Extended, NINETY_FIVE};
 use super::finding::{Finding, Rival};
 use super::gram_blocks::CandidateFit;
 use super::train_test::Follows;
 use super::train_test::TrainTest;
-use crate::fit::Outcome;
+use crate::fit::{Estimate, Outcome, State};
 use compensator_core::TermKind;
 
 /// A cause that has been found.
@@ -44,6 +44,23 @@ impl Found {
             rivals: Vec::new(),
             only_describes: false,
         }
+    }
+
+    /// Why the joint fit does not bear it out, the end of a sentence: a parameter ended at its bound, or the one size it has
+    /// is not told from none. (A measured lead screw at steady speeds: a play of 10 rad, give or take 37,000.) Of two that
+    /// were fitted together each may be uncertain and the pair sure.
+    pub fn unsettled(&self, outcome: &Outcome) -> Option<String> {
+        let own = |estimate: &&Estimate| self.term.parameters().contains(&estimate.id);
+        let free: Vec<&Estimate> = outcome.estimates.iter().filter(own).collect();
+        let at_bound = free.iter().find(|estimate| estimate.state == State::AtBound);
+        if let Some(estimate) = at_bound {
+            return Some(format!("{} ends at its bound", estimate.id.name()));
+        }
+        let mut errors = free.iter().filter_map(|own| Some((own, own.std_error?)));
+        let (Some((size, error)), None) = (errors.next(), errors.next()) else { return None };
+        let none = size.id.info().default;
+        ((size.value - none).abs() < NINETY_FIVE * error)
+            .then(|| format!("its {} is not told from {none}", size.id.name()))
     }
 
     /// The finding, as the joint fit has it.

@@ -5,13 +5,15 @@
 //! loses its weakest cause, and what is left is judged again, until it gains or there is nothing left.
 
 use super::cause::Claim;
+use super::found::Found;
 use super::gram_blocks::LeftOut;
 use super::judge::{Gain, gain};
 use super::left_out::{goes_beyond, predict_left_out, unit};
 use super::model::Fitted;
+use super::round::material;
 use super::search::{Extension, Search};
 use super::train_test::TrainTest;
-use crate::fit::Predicted;
+use crate::fit::{Outcome, Predicted};
 use crate::spec::SpecError;
 
 /// An extension that gains, with what it gains.
@@ -19,6 +21,8 @@ use crate::spec::SpecError;
 pub struct Offer {
     /// The model and its causes; none where nothing gains.
     pub extension: Extension,
+    /// The extended model fitted to the end on the whole log; none where nothing is offered.
+    pub extended: Option<Outcome>,
     /// The base model on rows it has not seen.
     pub before: Predicted,
     /// The extended one.
@@ -63,23 +67,74 @@ pub fn offer(
         let Some(weakest) = extension.found.len().checked_sub(1) else {
             let after = before.clone();
             let gain = Gain::default();
-            return Ok(Offer { extension, before, after, gain, left_out, taken_back, notes });
+            return Ok(Offer {
+                extension,
+                extended: None,
+                before,
+                after,
+                gain,
+                left_out,
+                taken_back,
+                notes,
+            });
         };
         let after = judged(&extension.model);
         let gain = gain(&before, &after, search.seed);
-        if gain.ci95[0] > 0.0 {
-            return Ok(Offer { extension, before, after, gain, left_out, taken_back, notes });
+        let beyond = log.share_beyond_floor(before.metrics.rmse.powi(2));
+        let least = extension.found.iter().map(|found| material(found.cause, beyond));
+        let least = least.fold(f64::INFINITY, f64::min);
+        let is_material = 1.0 - (1.0 - gain.value).powi(2) >= least * beyond;
+        if gain.ci95[0] > 0.0 && is_material {
+            let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
+            let outcome = super::outcome(&log.following(follows), &extension.model)?;
+            let unsettled = |found: &Found| found.unsettled(&outcome);
+            let Some((index, why)) = extension
+                .found
+                .iter()
+                .enumerate()
+                .rev()
+                .find_map(|(index, found)| Some((index, unsettled(found)?)))
+            else {
+                let extended = Some(outcome);
+                return Ok(Offer {
+                    extension,
+                    extended,
+                    before,
+                    after,
+                    gain,
+                    left_out,
+                    taken_back,
+                    notes,
+                });
+            };
+            let name = extension.found[index].cause.name();
+            notes.push(format!(
+                "{name} passed beside the base model, but with all rows {why}: it is not offered"
+            ));
+            take_back(search, &mut extension, index, &mut taken_back)?;
+            continue;
         }
         notes.push(format!(
-            "{} passed beside the base model, but fitted anew it does not gain on rows left out ({:.1} %, 95 % interval \
+            "{} passed beside the base model, but fitted anew it {} on rows left out ({:.1} %, 95 % interval \
              {:.1} to {:.1} %): it is not offered",
             extension.found[weakest].cause.name(),
+            if gain.ci95[0] > 0.0 { "gains a trifle" } else { "does not gain" },
             100.0 * gain.value,
             100.0 * gain.ci95[0],
             100.0 * gain.ci95[1]
         ));
-        extension.model = extension.without(search, weakest)?;
-        let gone = extension.found.remove(weakest);
-        taken_back.push(Claim::new(gone.cause, gone.follows.as_ref()));
+        take_back(search, &mut extension, weakest, &mut taken_back)?;
     }
+}
+
+fn take_back(
+    search: &Search,
+    extension: &mut Extension,
+    index: usize,
+    taken_back: &mut Vec<Claim>,
+) -> Result<(), SpecError> {
+    extension.model = extension.without(search, index)?;
+    let gone = extension.found.remove(index);
+    taken_back.push(Claim::new(gone.cause, gone.follows.as_ref()));
+    Ok(())
 }
