@@ -274,7 +274,7 @@ fn temperature_takes_current_from_the_sum_also_after_a_swap() {
     let report = bench.next_report();
     assert_eq!(report.current_reference_a, 6.5);
     assert!(report.loop_flags.contains(LoopFlags::CURRENT_LIMITED));
-    bench.task.swap(parts());
+    bench.task.swap(&parts());
     bench.run();
     assert_eq!(bench.next_report().current_reference_a, 6.5);
     bench.task.order(LoopOrders { current_share: f32::NAN, ..drive(20.0) });
@@ -285,11 +285,11 @@ fn temperature_takes_current_from_the_sum_also_after_a_swap() {
 #[test]
 fn parts_that_only_measure_never_drive_and_say_so() {
     let mut bench = Bench::new();
-    bench.task.swap(parts().measuring_only());
+    bench.task.swap(&parts().measuring_only());
     bench.task.order(drive(1.0));
     assert!(!bench.is_driving());
     assert!(bench.next_report().loop_flags.contains(LoopFlags::NOT_FINITE));
-    bench.task.swap(parts());
+    bench.task.swap(&parts());
     assert!(bench.is_driving());
 }
 

@@ -192,24 +192,25 @@ impl<C: Compensate> CurrentLoop<C> {
 
     /// Takes other parameters, whole. Integrals and observer stay, unless encoder or gear are others:
     /// then the rotor is lost until the observer has settled anew.
-    pub fn swap(&mut self, motor: Motor) {
+    pub fn swap(&mut self, motor: &Motor) {
         if !motor.same_shaft(&self.motor) {
-            self.observer = Observer::new(&motor);
+            self.observer = Observer::new(motor);
         }
-        self.motor = motor;
+        self.motor = *motor;
     }
 
-    /// Takes another compensator, whole, and gives the old one back. The current it adds goes over from
+    /// Takes another compensator, whole. The current it adds goes over from
     /// the old one's in [`FADE_S`]: by `|old - new| T / FADE_S` a cycle, and the new one's own slew limit.
-    pub fn swap_compensator(&mut self, compensator: C) -> C {
+    pub fn swap_compensator(&mut self, compensator: &C)
+    where
+        C: Clone,
+    {
         if self.compensator.is_enabled() {
             self.fade = 1.0;
             self.fade_from_a = self.feed_forward_a;
         }
-        let mut old = core::mem::replace(&mut self.compensator, compensator);
+        self.compensator.clone_from(compensator);
         self.compensator.set_enabled(false);
-        old.set_enabled(false);
-        old
     }
 
     /// The parameters in use.

@@ -34,7 +34,7 @@ fn a_swap_of_the_motors_parameters_bumps_the_current_by_less_than_a_step_of_its_
         inductance_q_h: 110e-6,
         ..parameters()
     };
-    rig.control.swap(other.build(PERIOD_S).expect("legal"));
+    rig.control.swap(&other.build(PERIOD_S).expect("legal"));
     let bump = farthest(&mut rig, 0.02, wanted);
     println!("ripple {ripple:.3} A, after the swap {bump:.3} A");
     assert!((0.01..0.2).contains(&ripple), "{ripple}");
@@ -47,7 +47,7 @@ fn a_swap_of_the_compensator_changes_the_current_by_less_than_its_slew_limit_a_c
     let mut rig = moving();
     let old = rig.cycle().feed_forward_current_a;
     let mut before = old;
-    rig.control.swap_compensator(lugre(0.3));
+    rig.control.swap_compensator(&lugre(0.3));
     let mut largest = 0.0f32;
     let first = rig.cycle();
     assert_eq!(first.feed_forward_current_a, old, "nothing moves in the cycle of the swap");
@@ -76,14 +76,14 @@ fn a_swap_with_compensation_off_adds_nothing() {
     let mut rig = moving();
     rig.control.set_compensating(false);
     rig.run(2);
-    rig.control.swap_compensator(lugre(0.9));
+    rig.control.swap_compensator(&lugre(0.9));
     let cycle = rig.cycle();
     assert!(!cycle.flags.contains(LoopFlags::CROSS_FADING));
     assert_eq!((cycle.feed_forward_current_a, cycle.current_reference_a), (0.0, 4.0));
     // Nor does a fade outlive an order to stop.
     rig.control.set_compensating(true);
     rig.run(cycles(0.05));
-    rig.control.swap_compensator(lugre(0.3));
+    rig.control.swap_compensator(&lugre(0.3));
     rig.control.set_compensating(false);
     let cycle = rig.cycle();
     assert_eq!((cycle.feed_forward_current_a, cycle.current_reference_a), (0.0, 4.0));
@@ -93,7 +93,7 @@ fn a_swap_with_compensation_off_adds_nothing() {
 fn another_encoder_zero_loses_the_rotor_until_it_is_found_again() {
     let mut rig = moving();
     let turned = MotorParameters { encoder_offset_rad: 0.01, ..parameters() };
-    rig.control.swap(turned.build(PERIOD_S).expect("legal"));
+    rig.control.swap(&turned.build(PERIOD_S).expect("legal"));
     assert!(rig.cycle().flags.contains(LoopFlags::ENCODER_LOST));
     let cycle = rig.run(cycles(0.05));
     assert!(!cycle.flags.contains(LoopFlags::ENCODER_LOST));

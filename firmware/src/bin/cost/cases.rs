@@ -6,10 +6,11 @@
 //! Stribeck range and beyond the envelope, infinities and NaN, and, for the whole compensator,
 //! missing, stale and illegal readings. *Every single* update is counted; the least and the
 //! largest count are printed. Where the two are equal, the step has one path. The whole current loop is
-//! counted in `current_loop`.
+//! counted in `current_loop`, the interrupt around it in `interrupt`.
 
 mod current_loop;
 mod guards;
+mod interrupt;
 
 use super::clock::{Arguments, Clock};
 use super::print_line;
@@ -381,6 +382,7 @@ pub fn print_all(clock: &mut Clock) {
     measure_fixed(clock);
     guards::measure_guards(clock);
     current_loop::measure_loops(clock);
+    interrupt::measure_interrupts(clock);
     measure_network(clock);
     print_line!("ram | Compensator<f32> | {}", size_of::<Compensator<f32>>());
     print_line!("ram | Compensator<Fixed> | {}", size_of::<Compensator<Fixed>>());

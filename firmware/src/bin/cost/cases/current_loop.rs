@@ -24,13 +24,14 @@ use firmware::reference_joint::configuration;
 pub type Loop = CurrentLoop<Model>;
 
 /// Cycles until the observer has settled.
-const SETTLE: usize = 1000;
+pub const SETTLE: usize = 1000;
 
+/// What one cycle is given.
 #[derive(Clone)]
-struct Inputs {
-    sample: StageSample,
-    setpoint: Setpoint,
-    covariates: Covariates,
+pub struct Inputs {
+    pub sample: StageSample,
+    pub setpoint: Setpoint,
+    pub covariates: Covariates,
 }
 
 /// One cycle, as an interrupt would call it.
@@ -46,7 +47,8 @@ extern "C" fn alone(control: &mut CurrentLoop<NoCompensation>, inputs: &Inputs, 
     cycle(control, inputs, out);
 }
 
-fn healthy(angle_rad: f32) -> Inputs {
+/// A cycle in which all is well, the motor at this angle.
+pub fn healthy(angle_rad: f32) -> Inputs {
     let readings = inputs::<f32>(0, 0.0);
     Inputs {
         sample: StageSample {
@@ -68,7 +70,7 @@ fn healthy(angle_rad: f32) -> Inputs {
 }
 
 /// Every velocity a joint can have, with what may go wrong.
-fn sequence() -> impl Iterator<Item = Inputs> {
+pub fn sequence() -> impl Iterator<Item = Inputs> {
     let gear = MotorParameters::default().gear_ratio;
     let mut angle = 0.0;
     velocities().filter(|v| v.abs() < 12.0).enumerate().map(move |(update, velocity)| {
