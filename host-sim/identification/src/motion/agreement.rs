@@ -6,6 +6,7 @@
 
 use super::filter::{Series, smooth};
 use super::levels::{Levels, likeliest};
+use nalgebra::{DMatrix, DVector};
 
 /// Rows looked at, at most, spread over the log.
 const ROWS: usize = 20_000;
@@ -39,6 +40,9 @@ const COLOURED: f64 = 0.5;
 /// alone leaves open. Those are a model's, hence not 2.
 const OWN: f64 = 4.0;
 
+/// Standard errors beyond which a sign is sure.
+const SURE: f64 = 2.0;
+
 /// A velocity beside the derivative of its position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Agreement {
@@ -60,6 +64,8 @@ pub struct Agreement {
     pub left_correlation: f64,
     /// Standard deviation of the velocity as the position alone leaves it, per median step.
     pub open: f64,
+    /// Whether the logged velocity has more of what changes fast than the position knows of: it was not made from it.
+    pub is_its_own: bool,
 }
 
 impl Agreement {
@@ -83,11 +89,13 @@ impl Agreement {
         self.left_correlation > COLOURED && self.scatter > OWN * self.open
     }
 
-    /// Whether the velocity is as good as the position, and only its clock is another. Which of the two clocks
-    /// is the torque's the log does not say; a drive's velocity and torque come out of one loop.
+    /// Whether the velocity is as good as the position, and only its clock is another. Which of the two clocks is the
+    /// torque's the log does not say. Differences of the position through a filter are late and the position is not; a drive's
+    /// own velocity, which knows more than the logged position, comes out of one loop with its torque.
     pub fn is_merely_late(&self) -> bool {
         let is_difference = (self.lag_rows - DIFFERENCE.0).abs() < DIFFERENCE.1;
-        self.lags() && !is_difference && self.scatter < MERELY * self.gain.abs() * self.speed
+        let is_known = self.lags() && !is_difference && self.is_its_own;
+        is_known && self.scatter < MERELY * self.gain.abs() * self.speed
     }
 }
 
@@ -107,7 +115,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
     }
     let Levels { noise, jump } = likeliest(&alone);
     // Weighted sums of the normal equations, robust by leaving the worst tail out in a second round.
-    let mut table: Vec<[f64; 3]> = Vec::new();
+    let mut table: Vec<[f64; 4]> = Vec::new();
     let (mut starts, mut open, mut opened) = (Vec::new(), 0.0, 0.0);
     for (series, logged) in alone.iter().zip(&velocities) {
         let found = smooth(series, &noise, &vec![jump; series.len() - 1]);
@@ -118,7 +126,8 @@ pub fn agreement(all: &[Series]) -> Agreement {
             let state = found.states[row];
             // The polygon's acceleration belongs to the middle of the step after the row.
             let bend = 0.5 * (state[2] + found.states[row - 1][2]);
-            table.push([*logged, state[1], bend]);
+            let jerk = state[2] - found.states[row - 1][2];
+            table.push([*logged, state[1], bend, jerk]);
             open += found.variances[row][1];
             opened += 1.0;
         }
@@ -131,9 +140,9 @@ pub fn agreement(all: &[Series]) -> Agreement {
     for _ in 0..3 {
         let (mut vv, mut va, mut aa, mut yv, mut ya, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         let lag_slope = -result.gain * result.lag_rows;
-        let left = |row: &[f64; 3]| row[0] - result.gain * row[1] - lag_slope * row[2];
-        let inside: Vec<&[f64; 3]> = table.iter().filter(|row| left(row).abs() <= limit).collect();
-        for [y, v, a] in inside.iter().copied() {
+        let left = |row: &[f64; 4]| row[0] - result.gain * row[1] - lag_slope * row[2];
+        let inside: Vec<&[f64; 4]> = table.iter().filter(|row| left(row).abs() <= limit).collect();
+        for [y, v, a, _] in inside.iter().copied() {
             vv += v * v;
             va += v * a;
             aa += a * a;
@@ -147,7 +156,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
         }
         let gain = (yv * aa - ya * va) / determinant;
         let slope = (ya * vv - yv * va) / determinant;
-        let left = |row: &[f64; 3]| row[0] - gain * row[1] - slope * row[2];
+        let left = |row: &[f64; 4]| row[0] - gain * row[1] - slope * row[2];
         let squares: f64 = inside.iter().map(|row| left(row).powi(2)).sum();
         let variance = squares / count;
         result = Agreement {
@@ -160,6 +169,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
             position_variance: noise.position,
             left_correlation: correlation(&table, &starts, &left),
             open: f64::sqrt(open / f64::max(opened, 1.0)),
+            is_its_own: is_its_own(&inside),
         };
         let mut sizes: Vec<f64> = table.iter().map(|row| left(row).abs()).collect();
         let at = sizes.len() * 19 / 20;
@@ -169,8 +179,21 @@ pub fn agreement(all: &[Series]) -> Agreement {
     result
 }
 
+/// Whether a logged velocity has more of what changes fast than the position's derivative does: in `v_logged = b0 v + b1 a + b2 j`
+/// (`j` the third derivative) a factor of `b2 < 0` raises fast waves. Differences of the position through any filter lose
+/// them; a mere delay of `d` has `b2 = d^2 / 2`.
+fn is_its_own(rows: &[&[f64; 4]]) -> bool {
+    let columns = DMatrix::from_fn(rows.len(), 3, |row, column| rows[row][column + 1]);
+    let logged = DVector::from_fn(rows.len(), |row, _| rows[row][0]);
+    let products = columns.transpose() * &columns;
+    let Some(inverse) = products.try_inverse() else { return false };
+    let found = &inverse * (columns.transpose() * &logged);
+    let left = (&logged - &columns * &found).norm_squared() / rows.len() as f64;
+    found[2] * found[0].signum() < -SURE * (left * inverse[(2, 2)]).sqrt()
+}
+
 /// Lag-one correlation of what is left, never from one series to the next.
-fn correlation(table: &[[f64; 3]], starts: &[usize], left: &impl Fn(&[f64; 3]) -> f64) -> f64 {
+fn correlation(table: &[[f64; 4]], starts: &[usize], left: &impl Fn(&[f64; 4]) -> f64) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for (at, row) in table.iter().enumerate() {
         squares += left(row).powi(2);
