@@ -1,7 +1,7 @@
 //! Every number that decides in a diagnosis, and why it is what it is.
 //!
 //! All of them are on one scale, the fall of the squared error on unseen rows ([`super::fall`]). What halving and
-//! doubling each costs on drawn worlds has not been measured.
+//! doubling costs on drawn worlds has been measured where it says so.
 
 /// Probability, all alternatives paid for, below which a fall is no chance. One false cause in two hundred
 /// clean logs, before the other rules.
@@ -12,7 +12,7 @@ pub const CHANCE: f64 = 0.005;
 pub const MATERIAL: f64 = 0.03;
 
 /// Share a cause must take whose shape a wrong law's error has as well ([`super::cause::Cause::is_imitated`]), where all of the
-/// squared error lies beyond the floor; less, the less of it does ([`super::round::Round::material`]). The joint's own law is
+/// squared error lies beyond the floor; less, the less of it does ([`super::round::material`]). The joint's own law is
 /// never quite the base law, and what that leaves repeats itself at each reversal: no number of rows makes it chance. Of fifty drawn worlds half as much leaves
 /// every verdict as it is, twice as much takes one that was right.
 pub const IMITATED: f64 = 0.12;
