@@ -55,7 +55,7 @@ pub fn offer(
                    left out instead of whole runs";
         notes.push(why.to_owned());
     }
-    loop {
+    let (left_out, before, after, gain, extended) = loop {
         let describes = extension.found.iter().any(|found| found.only_describes);
         let way = if describes { LeftOut::Stretches } else { unit(log) };
         let left_out = log.leaves_each_out.then_some(way);
@@ -65,68 +65,56 @@ pub fn offer(
         };
         let before = given.clone().unwrap_or_else(|| judged(search.base));
         let Some(weakest) = extension.found.len().checked_sub(1) else {
-            let after = before.clone();
-            let gain = Gain::default();
-            return Ok(Offer {
-                extension,
-                extended: None,
-                before,
-                after,
-                gain,
-                left_out,
-                taken_back,
-                notes,
-            });
+            break (left_out, before.clone(), before, Gain::default(), None);
         };
         let after = judged(&extension.model);
         let gain = gain(&before, &after, search.seed);
-        let beyond = log.share_beyond_floor(before.metrics.rmse.powi(2));
-        let least = extension.found.iter().map(|found| material(found.cause, beyond));
-        let least = least.fold(f64::INFINITY, f64::min);
-        let is_material = 1.0 - (1.0 - gain.value).powi(2) >= least * beyond;
-        if gain.ci95[0] > 0.0 && is_material {
-            let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
-            let outcome = super::outcome(&log.following(follows), &extension.model)?;
-            let unsettled = |found: &Found| found.unsettled(&outcome);
-            let Some((index, why)) = extension
-                .found
-                .iter()
-                .enumerate()
-                .rev()
-                .find_map(|(index, found)| Some((index, unsettled(found)?)))
-            else {
-                let extended = Some(outcome);
-                return Ok(Offer {
-                    extension,
-                    extended,
-                    before,
-                    after,
-                    gain,
-                    left_out,
-                    taken_back,
-                    notes,
-                });
-            };
-            let name = extension.found[index].cause.name();
+        if let Some(why) = gains_too_little(log, &extension.found, &before, &gain) {
+            let name = extension.found[weakest].cause.name();
             notes.push(format!(
-                "{name} passed beside the base model, but with all rows {why}: it is not offered"
+                "{name} passed beside the base model, but fitted anew it {why} on rows left out ({:.1} %, 95 % interval \
+                 {:.1} to {:.1} %): it is not offered",
+                100.0 * gain.value,
+                100.0 * gain.ci95[0],
+                100.0 * gain.ci95[1]
             ));
-            take_back(search, &mut extension, index, &mut taken_back)?;
+            take_back(search, &mut extension, weakest, &mut taken_back)?;
             continue;
         }
+        let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
+        let outcome = super::outcome(&log.following(follows), &extension.model)?;
+        let places = (0..extension.found.len()).rev();
+        let unsettled = |place: usize| Some((place, extension.found[place].unsettled(&outcome)?));
+        let Some((place, why)) = places.into_iter().find_map(unsettled) else {
+            break (left_out, before, after, gain, Some(outcome));
+        };
+        let name = extension.found[place].cause.name();
         notes.push(format!(
-            "{} passed beside the base model, but fitted anew it {} on rows left out ({:.1} %, 95 % interval \
-             {:.1} to {:.1} %): it is not offered",
-            extension.found[weakest].cause.name(),
-            if gain.ci95[0] > 0.0 { "gains a trifle" } else { "does not gain" },
-            100.0 * gain.value,
-            100.0 * gain.ci95[0],
-            100.0 * gain.ci95[1]
+            "{name} passed beside the base model, but with all rows {why}: it is not offered"
         ));
-        take_back(search, &mut extension, weakest, &mut taken_back)?;
-    }
+        take_back(search, &mut extension, place, &mut taken_back)?;
+    };
+    Ok(Offer { extension, extended, before, after, gain, left_out, taken_back, notes })
 }
 
+/// Whether an extension fitted anew gains nothing for sure, or less than its causes had to take to enter; the middle of a sentence.
+fn gains_too_little(
+    log: &TrainTest,
+    found: &[Found],
+    before: &Predicted,
+    gain: &Gain,
+) -> Option<&'static str> {
+    if gain.ci95[0] <= 0.0 {
+        return Some("does not gain");
+    }
+    let beyond = log.share_beyond_floor(before.metrics.rmse.powi(2));
+    let least = found.iter().map(|found| material(found.cause, beyond));
+    let least = least.fold(f64::INFINITY, f64::min);
+    let taken = 1.0 - (1.0 - gain.value).powi(2);
+    (taken < least * beyond).then_some("gains a trifle")
+}
+
+/// Takes a cause out of an extension.
 fn take_back(
     search: &Search,
     extension: &mut Extension,
