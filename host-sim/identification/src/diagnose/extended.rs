@@ -13,7 +13,7 @@ use compensator_core::ParameterId;
 use compensator_core::term::LookupFormula;
 
 /// Standard errors on either side that hold 95 %.
-pub const NINETY_FIVE: f64 = 1.96;
+const NINETY_FIVE: f64 = 1.96;
 
 /// A size with its interval.
 #[derive(Clone, Debug, Default, PartialEq)]

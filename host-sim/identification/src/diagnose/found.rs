@@ -2,7 +2,7 @@
 
 use super::cause::Suspect;
 use super::cause::definition::Cause;
-use super::extended::{Extended, NINETY_FIVE};
+use super::extended::Extended;
 use super::finding::{Finding, Rival};
 use super::gram_blocks::CandidateFit;
 use super::train_test::Follows;
@@ -46,21 +46,12 @@ impl Found {
         }
     }
 
-    /// Why the joint fit does not bear it out, the end of a sentence: a parameter ended at its bound, or the one size it has
-    /// is not told from none. (A measured lead screw at steady speeds: a play of 10 rad, give or take 37,000.) Of two that
-    /// were fitted together each may be uncertain and the pair sure.
-    pub fn unsettled(&self, outcome: &Outcome) -> Option<String> {
+    /// The parameter of its own that the fit to all rows drove to its bound, if there is one: there its term stands in for
+    /// something else. (A measured lead screw at steady speeds: a play of 10 rad, give or take 37,000.)
+    pub fn at_bound(&self, outcome: &Outcome) -> Option<&'static str> {
         let own = |estimate: &&Estimate| self.term.parameters().contains(&estimate.id);
-        let free: Vec<&Estimate> = outcome.estimates.iter().filter(own).collect();
-        let at_bound = free.iter().find(|estimate| estimate.state == State::AtBound);
-        if let Some(estimate) = at_bound {
-            return Some(format!("{} ends at its bound", estimate.id.name()));
-        }
-        let mut errors = free.iter().filter_map(|own| Some((own, own.std_error?)));
-        let (Some((size, error)), None) = (errors.next(), errors.next()) else { return None };
-        let none = size.id.info().default;
-        ((size.value - none).abs() < NINETY_FIVE * error)
-            .then(|| format!("its {} is not told from {none}", size.id.name()))
+        let mut own = outcome.estimates.iter().filter(own);
+        own.find(|estimate| estimate.state == State::AtBound).map(|estimate| estimate.id.name())
     }
 
     /// The finding, as the joint fit has it.

@@ -84,13 +84,13 @@ pub fn offer(
         let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
         let outcome = super::outcome(&log.following(follows), &extension.model)?;
         let places = (0..extension.found.len()).rev();
-        let unsettled = |place: usize| Some((place, extension.found[place].unsettled(&outcome)?));
-        let Some((place, why)) = places.into_iter().find_map(unsettled) else {
+        let at_bound = |place: usize| Some((place, extension.found[place].at_bound(&outcome)?));
+        let Some((place, parameter)) = places.into_iter().find_map(at_bound) else {
             break (left_out, before, after, gain, Some(outcome));
         };
         let name = extension.found[place].cause.name();
         notes.push(format!(
-            "{name} passed beside the base model, but with all rows {why}: it is not offered"
+            "{name} passed beside the base model, but with all rows {parameter} ends at its bound: it is not offered"
         ));
         take_back(search, &mut extension, place, &mut taken_back)?;
     };
