@@ -183,10 +183,10 @@ fn directions_and_play_are_found_on_the_second_damper() {
 fn tension_and_play_are_found_on_the_damper() {
     let Some(folder) = folder().filter(|_| !is_left_out("damper-1.csv")) else { return };
     let found = examine(&folder, &Case { files: &["damper-1.csv"], ..CASE });
-    // The README of the data reaches 1595 N with both. The tension is no cause of the catalogue: `unknown` names it.
+    // The README of the data reaches 1595 N with both. The tension is no cause of the catalogue: `unknown` names it, second.
+    assert_eq!(found.cause(), "backlash", "{:?}", names(&found));
     let columns = found.findings.iter().flat_map(|finding| &finding.columns);
     assert!(columns.clone().any(|column| column == "tension_n"), "{:?}", names(&found));
-    assert!(names(&found).contains(&"backlash"), "{:?}", names(&found));
     assert!((1200.0..1595.0).contains(&held_out(&found)));
 }
 
@@ -194,7 +194,22 @@ fn tension_and_play_are_found_on_the_damper() {
 fn the_balancer_of_the_robot_is_never_nothing() {
     let Some(folder) = folder().filter(|_| !is_left_out("robot-axis2.csv")) else { return };
     let axis = Case { files: &["robot-axis2.csv"], rigid_body: "inertia,load,offset", ..CASE };
-    assert_ne!(examine(&folder, &axis).cause(), "none");
+    let found = examine(&folder, &axis);
+    assert_ne!(found.cause(), "none");
+    // With derivatives that were wrong where a log begins at rest, fits ended where they began: 1.54 Nm.
+    assert!((0.9..1.45).contains(&held_out(&found)));
+}
+
+#[test]
+fn a_ripple_of_eight_a_motor_turn_is_named_on_the_third_axis_of_the_robot() {
+    let Some(folder) = folder() else { return };
+    let axis = Case { files: &["robot-axis3.csv"], rigid_body: "inertia,load,offset", ..CASE };
+    let found = examine(&folder, &axis);
+    // Its direction asymmetry, which a law without bristles shows (1.68 -> 1.50 Nm), is not told beside bristles.
+    assert_eq!(found.cause(), "position-ripple", "{:?}", names(&found));
+    let order = found.findings[0].order.map(|(order, _)| order).unwrap_or_default();
+    assert!((order - 8.0).abs() < 0.05, "order {order}");
+    assert!((0.6..0.85).contains(&held_out(&found)));
 }
 
 #[test]
@@ -229,13 +244,9 @@ fn a_ripple_of_eight_a_motor_turn_is_named_on_the_first_axis_of_the_robot() {
 #[test]
 fn no_other_log_is_offered_what_is_worse_than_nothing() {
     let Some(folder) = folder() else { return };
-    let others: &[(&'static [&'static str], &str)] = &[
-        (&["damper-1-actuators.csv"], ""),
-        (&["damper-quakes.csv"], ""),
-        (&["robot-axis3.csv"], "inertia,load,offset"),
-    ];
-    for (files, rigid_body) in &others[..if is_long() { 3 } else { 1 }] {
-        examine(&folder, &Case { files, rigid_body, ..CASE });
+    let others: &[&'static [&'static str]] = &[&["damper-1-actuators.csv"], &["damper-quakes.csv"]];
+    for files in &others[..if is_long() { 2 } else { 1 }] {
+        examine(&folder, &Case { files, ..CASE });
     }
 }
 

@@ -7,6 +7,7 @@
 
 use super::model::{Fitted, again};
 use super::train_test::{AtRest, TrainTest};
+use crate::fit::scales::Scales;
 use crate::fit::solve::ENOUGH_TO_COMPARE;
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Track, fit};
@@ -23,6 +24,12 @@ const STARTS: usize = 2;
 /// Simulations per parameter of a baseline's fit. A law the log does not support crawls along a valley, and
 /// is not taken; what is reported is fitted to the end.
 const PATIENCE: usize = 8;
+
+/// Breakaway over Coulomb level beyond which a Stribeck curve is none: 1.8 is what is printed of seals, 3 is rare.
+const HIGHEST_BREAKAWAY: f64 = 4.0;
+
+/// Stribeck velocity, as a share of the top speed, where the search for it ends.
+const SLOWEST_CURVE: f64 = 1e-3;
 
 /// Fits a law, from scratch or from given parameters.
 ///
@@ -164,6 +171,9 @@ pub fn outgrown(
         return Ok(None);
     }
     let richer = fitted(log, &Spec::law(LawKind::Lugre).on(&log.rigid_body), None)?;
+    if has_wild_curve(log, &richer) {
+        return Ok(None);
+    }
     if extended.spec == base.spec {
         return Ok(Some(richer));
     }
@@ -215,6 +225,20 @@ fn never_slips(log: &TrainTest, model: &Fitted) -> bool {
             || parameters.get(Id::CoulombTorque) > largest)
 }
 
+/// Whether bristles have a Stribeck curve that stands for something else: a breakaway of more than so many Coulomb levels, or one that
+/// is over at a thousandth of the top speed. A track that begins at rest with more torque than the law can
+/// hold (EMPS begins with 89 N, 20 N of them friction) would have it so.
+fn has_wild_curve(log: &TrainTest, model: &Fitted) -> bool {
+    let parameters = &model.parameters;
+    let has_curve = parameters.law.parameters().contains(&Id::StribeckVelocity);
+    let slowest = 1.01 * SLOWEST_CURVE * Scales::of(&log.train_tracks).speed;
+    model.spec.law.has_bristles()
+        && has_curve
+        && (parameters.get(Id::StaticTorque)
+            > HIGHEST_BREAKAWAY * parameters.get(Id::CoulombTorque)
+            || parameters.get(Id::StribeckVelocity) < slowest)
+}
+
 /// Training rows over the autocorrelation time of what a model leaves of them.
 pub fn independent_rows(log: &TrainTest, model: &Fitted) -> f64 {
     let predicted = model.on_train(log);
@@ -223,7 +247,7 @@ pub fn independent_rows(log: &TrainTest, model: &Fitted) -> f64 {
 }
 
 fn is_worth_it(log: &TrainTest, simple: &Fitted, rich: &Fitted) -> bool {
-    if never_slips(log, rich) {
+    if never_slips(log, rich) || has_wild_curve(log, rich) {
         return false;
     }
     let rows = independent_rows(log, rich);

@@ -226,9 +226,17 @@ fn displaced(
     Ok(Some((Found::chosen(&round.candidates[fit.candidate], fit), fitted)))
 }
 
-/// The strongest first, by what each takes alone at the least, but a gain error of a column after the friction that follows the same column.
+/// The strongest first, by what each takes alone at the least, where what this log cannot tell from another counts
+/// [`SHORTLISTED`]: the first is what somebody acts on. (A servo's load, measured, before an imbalance that takes a third more and may be
+/// an inertia or a delay.) What has a name comes before what only follows a column: it says what to mend. (The damper's play, measured,
+/// before its tension.) And a gain error of a column comes after the friction that follows the same column.
 fn order(found: &mut Vec<Found>) {
-    found.sort_by(|a, b| b.fit.unseen.at_least().total_cmp(&a.fit.unseen.at_least()));
+    let told = |found: &Found| if found.rivals.is_empty() { 1.0 } else { SHORTLISTED };
+    let strength = |found: &Found| told(found) * found.fit.unseen.at_least();
+    let is_nameless = |found: &Found| found.follows.is_some();
+    found.sort_by(|a, b| {
+        is_nameless(a).cmp(&is_nameless(b)).then(strength(b).total_cmp(&strength(a)))
+    });
     let is_gain_error = |f: &Found| f.follows.as_ref().is_some_and(|follows| !follows.level);
     for index in 0..found.len() {
         let friction = (index + 1..found.len()).find(|other| {

@@ -106,7 +106,7 @@ fn along<const N: usize>(
     let viscous = column(Id::ViscousFriction);
     let coefficient = parameters.get(Id::ViscousFriction);
     let start = initial_state(parameters, track, resolution);
-    let held = start.as_ref().map(|start| start.held);
+    let held = start.as_ref().map(|start| start.held_by(&dual));
     let rows = track.len();
     let mut out = TrackSensitivities {
         torque: Vec::with_capacity(rows),
@@ -117,14 +117,13 @@ fn along<const N: usize>(
         added: Vec::with_capacity(rows),
         level: Vec::with_capacity(rows),
         viscous: Vec::with_capacity(rows),
-        held,
+        held: held.map(Real::value),
         memory: start.map(|start| start.memory).unwrap_or_default(),
     };
     let level_now = parameters.get(Id::CoulombTorque).abs().max(f64::MIN_POSITIVE);
     let bristles = parameters.law.has_bristles();
-    let start = held.map(Dual::from_f64);
     let mut channel = LowPass::of_torque(track);
-    simulate_shaft(&dual, track, start, resolution, |row, torque: Dual<N>, bristle: Dual<N>| {
+    simulate_shaft(&dual, track, held, resolution, |row, torque: Dual<N>, bristle: Dual<N>| {
         let gradient = &torque.gradient;
         let shown =
             channel.as_mut().map_or(torque.value, |channel| channel.pass(row, torque.value));

@@ -10,7 +10,7 @@ use super::streaming_qr::{Reduced, StreamingQr};
 use super::track::{Rows, Track};
 use crate::data::AntiAlias;
 use crate::dual::Dual;
-use compensator_core::{Parameters, Real};
+use compensator_core::Parameters;
 use rayon::prelude::*;
 
 /// Residual and derivatives at a point, reduced.
@@ -45,7 +45,7 @@ fn reduce_with<const N: usize>(
     let plain: Parameters<f64> = coordinates.parameters(point);
     let one = |track: &Track| {
         let start = initial_state(&plain, track, resolution);
-        let held = start.as_ref().map(|start| Dual::from_f64(start.held));
+        let held = start.as_ref().map(|start| start.held_by(&parameters));
         let mut qr = StreamingQr::new(count);
         if rows.decimate > 1 {
             let along = Along { parameters: &parameters, track, held, resolution };
@@ -121,5 +121,68 @@ fn push_decimated<const N: usize>(
             *derivative = column[row];
         }
         qr.push(&derivatives, *residual);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scales::Scales;
+    use super::*;
+    use compensator_core::{LawKind, ParameterId as Id, Sample};
+
+    const ROWS: usize = 600;
+
+    /// A joint that begins at rest under `at_rest`, and moves to and fro from row 60 on.
+    fn track(at_rest: f64) -> Track {
+        let at = |row: usize| row.saturating_sub(60) as f64 * 5e-3;
+        let velocity = |row: usize| 0.4 * (6.0 * at(row)).sin();
+        let sample = |row| Sample { velocity_rad_s: velocity(row), ..Sample::default() };
+        let torque = |row| if row < 60 { at_rest } else { 1.6 * (30.0 * velocity(row)).tanh() };
+        Track::even((0..ROWS).map(sample).collect(), (0..ROWS).map(torque).collect(), 5e-3)
+    }
+
+    #[test]
+    fn slopes_are_those_of_the_squared_error_whatever_a_track_begins_with() {
+        let model = Parameters::<f64>::new(LawKind::Lugre)
+            .with(Id::CoulombTorque, 1.2)
+            .with(Id::StaticTorque, 1.9)
+            .with(Id::StribeckVelocity, 0.1)
+            .with(Id::BristleStiffness, 60.0)
+            .with(Id::BristleDamping, 0.5)
+            .with(Id::ViscousFriction, 0.4);
+        let free = LawKind::Lugre.parameters();
+        // Within the level; more than it, backwards; by far more than the law can hold at rest.
+        for at_rest in [0.7, -2.4, 9.0] {
+            let tracks = [track(at_rest)];
+            let coordinates = Coordinates::new(&model, free, &Scales::of(&tracks));
+            let point = coordinates.point(&model);
+            let at = |point: &[f64]| {
+                reduce(
+                    &coordinates,
+                    point,
+                    Rows { tracks: &tracks, decimate: 1 },
+                    Resolution::PLAIN,
+                )
+            };
+            let (here, count) = (at(&point), point.len());
+            for (index, id) in free.iter().enumerate() {
+                let column = |row: usize| here.factor[row * count + index];
+                let slope: f64 =
+                    (0..=index).map(|row| 2.0 * here.residual[row] * column(row)).sum();
+                let moved = |by: f64| {
+                    let mut point = point.clone();
+                    point[index] += by;
+                    at(&point).sum_of_squares()
+                };
+                let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+                let size = here.sum_of_squares();
+                let apart = (slope - difference).abs();
+                assert!(
+                    apart < 0.02 * size,
+                    "{at_rest} Nm, {}: {slope} {difference} of {size}",
+                    id.name()
+                );
+            }
+        }
     }
 }
