@@ -93,6 +93,11 @@ impl<F: NorFlash> Objects for Device<F> {
                 Ok(())
             }
             index::MODE => self.set_mode(number as i8),
+            index::HOMING_METHOD => self.set_homing_method(number as i8),
+            index::HOME_OFFSET => {
+                self.profile.home_offset_micro_rad = number as i32;
+                Ok(())
+            }
             index::MAX_TORQUE => {
                 self.profile.max_permille = number as u16;
                 Ok(())
@@ -270,6 +275,9 @@ impl<F: NorFlash> Device<F> {
             index::VELOCITY_DEMAND => Ok(self.velocity_demand() as u32),
             index::TARGET_VELOCITY => Ok(self.profile.target_micro_rad_s as u32),
             index::MAX_MOTOR_SPEED => Ok(self.max_motor_rpm()),
+            index::HOME_OFFSET => Ok(self.profile.home_offset_micro_rad as u32),
+            index::HOMING_METHOD => Ok(self.profile.homing_method as u32),
+            index::HOMING_METHODS => list(&profile::HOMING_METHODS.map(|method| method as u32)),
             index::RATED_CURRENT => Ok(self.ratings()[0]),
             index::RATED_TORQUE => Ok(self.ratings()[1]),
             index::ACTUAL_TORQUE => Ok(self.actual_permille() as u32),

@@ -1,4 +1,4 @@
-//! The joint driver as a drive of CiA 402: its state machine, cyclic synchronous torque (CST) and velocity (CSV).
+//! The joint driver as a drive of CiA 402: its state machine, cyclic synchronous torque (CST) and velocity (CSV), homing.
 //!
 //! For masters that know drives and no friction (ros2_canopen, CODESYS and their like). Mode 10 or 9 in 6060h switches it on;
 //! the joint's own Command frame is passed over then. The controlword asks, the supervisor decides: *operation enabled*
@@ -8,6 +8,10 @@
 //! Such a master repeats a value that does not change, or does not send it at all: so every frame with a target, every
 //! SYNC, and the heartbeat that is awaited (1016h) are signs of life, and a set-point is as young as the last of them. A
 //! master that is silent for `command_timeout_us` has gone, as ever.
+//!
+//! Homing (mode 6) takes the place where the joint stands for its home (methods 37 and 35): a joint has no switches, and a master
+//! drives to the stop in CST or CSV first. Home is at -607Ch, for the zero lies 607Ch beyond the home. While it is on, the
+//! drive is enabled and gives no torque of its own.
 //!
 //! Units: torque in thousandths of the rated torque (6076h), which is what the current limit makes at the joint; position
 //! and velocity in 1e-6 rad and 1e-6 rad/s, -2147.483648 rad where the position is not known. The largest motor speed (6080h)
@@ -19,8 +23,15 @@ pub const DEVICE_TYPE: u32 = 0x0002_0192;
 pub const CST: i8 = 10;
 /// Mode of operation: cyclic synchronous velocity.
 pub const CSV: i8 = 9;
+/// Mode of operation: homing.
+pub const HOMING: i8 = 6;
 /// 6502h: which modes there are, bit `mode - 1`.
-pub const SUPPORTED_MODES: u32 = 1 << (CST - 1) | 1 << (CSV - 1);
+pub const SUPPORTED_MODES: u32 = 1 << (CST - 1) | 1 << (CSV - 1) | 1 << (HOMING - 1);
+/// 60E3h: methods of homing, both the current position; 35 is what older masters call it.
+pub const HOMING_METHODS: [i8; 2] = [37, 35];
+/// Speed up to which a joint stands, rad/s: between two reports, a millisecond, home is missed by less than a tenth of a
+/// milliradian; the joint's encoder has steps of 8 urad.
+pub const STANDS_RAD_S: f32 = 0.1;
 /// Largest 6072h, thousandths of the rated torque: what the current limit lets through.
 pub const TORQUE_MAX_PERMILLE: u16 = 1000;
 
@@ -28,6 +39,7 @@ pub const TORQUE_MAX_PERMILLE: u16 = 1000;
 mod control {
     pub const ENABLE_VOLTAGE: u16 = 1 << 1;
     pub const QUICK_STOP: u16 = 1 << 2;
+    pub const START_HOMING: u16 = 1 << 4;
     pub const FAULT_RESET: u16 = 1 << 7;
 }
 
@@ -41,10 +53,28 @@ pub mod status {
     pub const POSITION_KNOWN: u16 = 1 << 8;
     /// The network is operational.
     pub const REMOTE: u16 = 1 << 9;
+    /// Homing: it does not run, or has ended.
+    pub const TARGET_REACHED: u16 = 1 << 10;
     /// The current limit acts.
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
     /// The drive follows its target.
     pub const FOLLOWS: u16 = 1 << 12;
+    /// Homing: the joint is at home.
+    pub const HOMED: u16 = FOLLOWS;
+    /// Homing: it failed.
+    pub const HOMING_FAILED: u16 = 1 << 13;
+}
+
+/// How the last homing went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Homing {
+    /// There was none since the mode was switched on.
+    #[default]
+    NotBegun,
+    /// The position is that of the home.
+    Attained,
+    /// The joint moved.
+    Failed,
 }
 
 /// States of the drive that its own, not the supervisor's.
@@ -68,6 +98,8 @@ pub enum Request {
     Disarm,
     /// To clear faults.
     ClearFaults,
+    /// To take the place where the joint stands for its home.
+    Home,
 }
 
 /// The drive's side of the profile.
@@ -86,6 +118,12 @@ pub struct Profile {
     pub target_micro_rad_s: i32,
     /// 6080h, turns of the motor per minute; none where no master has written it.
     pub max_motor_rpm: Option<u32>,
+    /// 6098h, of [`HOMING_METHODS`].
+    pub homing_method: i8,
+    /// 607Ch, 1e-6 rad.
+    pub home_offset_micro_rad: i32,
+    /// How the last homing went.
+    pub homing: Homing,
 }
 
 impl Default for Profile {
@@ -98,6 +136,9 @@ impl Default for Profile {
             max_permille: TORQUE_MAX_PERMILLE,
             target_micro_rad_s: 0,
             max_motor_rpm: None,
+            homing_method: HOMING_METHODS[0],
+            home_offset_micro_rad: 0,
+            homing: Homing::default(),
         }
     }
 }
@@ -105,7 +146,7 @@ impl Default for Profile {
 impl Profile {
     /// Whether the profile has the say.
     pub const fn is_on(&self) -> bool {
-        self.mode == CST || self.mode == CSV
+        matches!(self.mode, CST | CSV | HOMING)
     }
 
     /// 6072h as a share of the rated torque.
@@ -151,6 +192,9 @@ impl Profile {
         match (was == State::OperationEnabled, self.state == State::OperationEnabled) {
             (false, true) => Request::Arm,
             (true, false) => Request::Disarm,
+            (true, true) if self.mode == HOMING && rising & control::START_HOMING != 0 => {
+                Request::Home
+            }
             _ => Request::None,
         }
     }
@@ -174,7 +218,19 @@ impl Profile {
             State::SwitchOnDisabled => 0x40,
             State::ReadyToSwitchOn => 0x21,
             State::SwitchedOn => 0x23,
+            State::OperationEnabled if self.mode == HOMING => 0x27,
             State::OperationEnabled => 0x27 | status::FOLLOWS,
+        }
+    }
+
+    /// The bits of the statusword that say how homing went, in its mode.
+    pub fn homing_bits(&self, stands: bool) -> u16 {
+        let ended = |bits| if stands { bits | status::TARGET_REACHED } else { bits };
+        match self.homing {
+            _ if self.mode != HOMING => 0,
+            Homing::NotBegun => status::TARGET_REACHED,
+            Homing::Attained => status::TARGET_REACHED | status::HOMED,
+            Homing::Failed => ended(status::HOMING_FAILED),
         }
     }
 }
@@ -246,6 +302,32 @@ mod tests {
         }
         drive.follow(false, false);
         assert_eq!(drive.state_bits(false), 0x40);
+    }
+
+    #[test]
+    fn homing_begins_with_an_edge_in_its_own_mode_where_the_drive_is_enabled() {
+        const START: u16 = ENABLE | 0x10;
+        let mut drive = Profile { mode: HOMING, ..Profile::default() };
+        assert_eq!(drive.control(START, false, false), Request::None);
+        for word in [SHUTDOWN, ENABLE] {
+            let _ = drive.control(word, false, false);
+        }
+        assert_eq!(drive.state_bits(false) | drive.homing_bits(true), 0x0427, "not begun");
+        assert_eq!(drive.control(START, false, true), Request::Home);
+        assert_eq!(drive.control(START, false, true), Request::None, "no edge");
+        drive.homing = Homing::Attained;
+        assert_eq!(drive.state_bits(false) | drive.homing_bits(true), 0x1427);
+        drive.homing = Homing::Failed;
+        assert_eq!(drive.homing_bits(true), 0x2400);
+        assert_eq!(drive.homing_bits(false), 0x2000);
+        let mut other = on();
+        for word in [SHUTDOWN, ENABLE] {
+            let _ = other.control(word, false, false);
+        }
+        assert_eq!(
+            (other.control(START, false, true), other.homing_bits(true)),
+            (Request::None, 0)
+        );
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub use records::{Access, DataType, Entry, FRAME_COUNTERS};
 
 use super::sdo::Abort;
 use crate::control::MotorParameters;
+use crate::driver::profile::HOMING_METHODS;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::ParameterId;
@@ -69,7 +70,11 @@ const fn array(
     access: Access,
     count: usize,
 ) -> (&'static str, Shape) {
-    (name, Shape::Array(entry(of, Unsigned32, access), count as u8))
+    array_of(name, entry(of, Unsigned32, access), count)
+}
+
+const fn array_of(name: &'static str, of: Entry, count: usize) -> (&'static str, Shape) {
+    (name, Shape::Array(of, count as u8))
 }
 
 const fn record(name: &'static str, entries: &'static [Entry]) -> (&'static str, Shape) {
@@ -191,7 +196,11 @@ objects! {
     0x6075 RATED_CURRENT variable("motor_rated_current", Unsigned32, ReadOnly);
     0x6076 RATED_TORQUE variable("motor_rated_torque", Unsigned32, ReadOnly);
     0x6077 ACTUAL_TORQUE variable("torque_actual_value", Integer16, ReadOnly);
+    0x607C HOME_OFFSET variable("home_offset", Integer32, ReadWrite);
     0x6080 MAX_MOTOR_SPEED variable("max_motor_speed", Unsigned32, ReadWrite);
+    0x6098 HOMING_METHOD variable("homing_method", Integer8, ReadWrite);
+    0x60E3 HOMING_METHODS
+        array_of("supported_homing_methods", entry("homing_method", Integer8, Const), HOMING_METHODS.len());
     0x60FF TARGET_VELOCITY variable("target_velocity", Integer32, Input);
     0x6502 SUPPORTED_MODES variable("supported_drive_modes", Unsigned32, Const);
 }

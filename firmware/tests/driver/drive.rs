@@ -63,7 +63,7 @@ fn enabled() -> Bench {
 fn a_master_brings_it_up_drives_and_stops_it() {
     let mut bench = in_cst();
     assert_eq!(bench.number(index::DEVICE_TYPE, 0), 0x0002_0192);
-    assert_eq!(bench.number(index::SUPPORTED_MODES, 0), 1 << 9 | 1 << 8);
+    assert_eq!(bench.number(index::SUPPORTED_MODES, 0), 1 << 9 | 1 << 8 | 1 << 5);
     assert_eq!(bench.number(index::MODE_DISPLAY, 0), 10);
     assert_eq!(state(&mut bench), 0x40);
     // Rated: 26 A, and 1 Nm/A at the joint.
@@ -86,6 +86,57 @@ fn a_master_brings_it_up_drives_and_stops_it() {
     control(&mut bench, 0x0B, 0);
     assert_eq!(state(&mut bench), 0x40);
     assert!(!bench.driver.is_armed());
+}
+
+/// The whole statusword.
+fn status(bench: &mut Bench) -> u16 {
+    bench.number(index::STATUSWORD, 0) as u16
+}
+
+#[test]
+fn a_joint_takes_where_it_stands_for_its_home_and_not_where_it_moves() {
+    const HOMING: u8 = 6;
+    let mut bench = in_cst();
+    assert_eq!(bench.number(index::HOMING_METHODS, 1) as i8, 37);
+    for method in [1i8, 17, -1, 36] {
+        assert!(bench.write(index::HOMING_METHOD, 0, &method.to_le_bytes()).is_err(), "{method}");
+        let why = bench.text(index::REFUSAL);
+        assert!(why.contains("37 or 35"), "{why}");
+    }
+    bench.write(index::HOMING_METHOD, 0, &[35]).unwrap();
+    bench.write(index::HOME_OFFSET, 0, &(-750_000i32).to_le_bytes()).unwrap();
+    bench.write(index::MODE, 0, &[HOMING]).unwrap();
+    for word in [0x06, 0x07, 0x0F] {
+        control(&mut bench, word, 300);
+    }
+    assert!(bench.driver.is_armed());
+    // Enabled, it gives no torque, whatever target it was told.
+    assert_eq!(bench.driver.orders(bench.now_us).setpoint.current_a, 0.0);
+    assert_eq!(status(&mut bench) & 0x3400, 0x0400, "not begun");
+    let before = bench.driver.orders(bench.now_us).home;
+    // It moves, with 1.5 rad/s.
+    control(&mut bench, 0x1F, 0);
+    assert_eq!(status(&mut bench) & 0x3400, 0x2000, "failed, and it moves");
+    let why = bench.text(index::REFUSAL);
+    assert!(why.contains("it moves"), "{why}");
+    assert_eq!(bench.driver.orders(bench.now_us).home.number, before.number);
+    bench.driver.report(&LoopReport { velocity_rad_s: 0.02, ..measured() });
+    bench.pass_ms(1);
+    // The word that was there is no edge.
+    control(&mut bench, 0x1F, 0);
+    assert_eq!(status(&mut bench) & 0x3400, 0x2400, "failed, and it stands");
+    control(&mut bench, 0x0F, 0);
+    control(&mut bench, 0x1F, 0);
+    assert_eq!(status(&mut bench) & 0x3400, 0x1400, "attained");
+    let home = bench.driver.orders(bench.now_us).home;
+    assert_eq!(home.number, before.number.wrapping_add(1));
+    assert!((home.position_rad - 0.75).abs() < 1e-6, "{}", home.position_rad);
+    // Another mode knows nothing of it, and the mode begins anew.
+    control(&mut bench, 0x06, 0);
+    bench.write(index::MODE, 0, &[CST]).unwrap();
+    assert_eq!(status(&mut bench) & 0x3400, 0);
+    bench.write(index::MODE, 0, &[HOMING]).unwrap();
+    assert_eq!(status(&mut bench) & 0x3400, 0x0400);
 }
 
 /// RPDO 1 of a master that knows velocities.

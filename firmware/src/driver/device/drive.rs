@@ -1,7 +1,7 @@
 //! The device as a drive of CiA 402: what its objects stand for. The state machine is [`profile`]'s.
 
 use super::{Command, Device, Message, Source, State};
-use crate::driver::profile::{self, Request, status};
+use crate::driver::profile::{self, Homing, Request, status};
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use compensator_core::can::Frame;
@@ -55,6 +55,7 @@ impl<F: NorFlash> Device<F> {
         let too_fast = self.profile.mode == profile::CSV && too_fast;
         let known = !f32::from_bits(self.measured().position_rad).is_nan();
         self.profile.state_bits(self.is_faulty())
+            | self.profile.homing_bits(self.stands())
             | status::REMOTE
             | when(status::VOLTAGE_ENABLED, powered)
             | when(status::WARNING, limits.iter().next().is_some())
@@ -68,17 +69,20 @@ impl<F: NorFlash> Device<F> {
 
     /// 6060h.
     pub(in crate::driver) fn set_mode(&mut self, mode: i8) -> Result<(), Abort> {
-        if ![0, profile::CSV, profile::CST].contains(&mode) {
-            let why =
-                format_args!("modes_of_operation = {mode}: must be 0 (none), 9 (CSV) or 10 (CST)");
+        if ![0, profile::HOMING, profile::CSV, profile::CST].contains(&mode) {
+            let why = format_args!(
+                "modes_of_operation = {mode}: must be 0 (none), 6 (homing), 9 (CSV) or 10 (CST)"
+            );
             return Err(self.staging.refuse(Abort::Value, why));
         }
-        if mode == profile::CSV && self.settings.source == Source::Bus {
-            let why =
-                "a joint fed by the bus drives nothing: mode 9 needs its own sensors (2001h:1)";
+        if [profile::CSV, profile::HOMING].contains(&mode) && self.settings.source == Source::Bus {
+            let why = format_args!(
+                "a joint fed by the bus drives nothing and has no position of its own: mode {mode} needs its own sensors (2001h:1)"
+            );
             return Err(self.staging.refuse(Abort::State, why));
         }
         self.profile.mode = mode;
+        self.profile.homing = Homing::NotBegun;
         self.profile.target_permille = 0;
         self.profile.target_micro_rad_s = 0;
         self.live.forget_command();
@@ -98,7 +102,42 @@ impl<F: NorFlash> Device<F> {
             Request::Arm => self.request(1).inspect_err(|_| self.profile.refused()),
             Request::Disarm => self.request(0),
             Request::ClearFaults => self.request(2),
+            Request::Home => {
+                self.home_here();
+                Ok(())
+            }
         }
+    }
+
+    /// Whether the joint stands, as far as a homing asks.
+    fn stands(&self) -> bool {
+        self.report.velocity_rad_s.abs() <= profile::STANDS_RAD_S
+    }
+
+    /// Takes the place where the joint stands for its home; where it moves, the statusword says that homing failed, and 2028h why.
+    fn home_here(&mut self) {
+        let home_rad = -(f64::from(self.profile.home_offset_micro_rad) * 1e-6) as f32;
+        let homed = self.stands() && self.set_position(home_rad).is_ok();
+        self.profile.homing = if homed { Homing::Attained } else { Homing::Failed };
+        if !homed {
+            let why = format_args!(
+                "homing takes the place where the joint stands, and it moves (more than {} rad/s)",
+                profile::STANDS_RAD_S
+            );
+            let _ = self.staging.refuse(Abort::State, why);
+        }
+    }
+
+    /// 6098h.
+    pub(in crate::driver) fn set_homing_method(&mut self, method: i8) -> Result<(), Abort> {
+        if !profile::HOMING_METHODS.contains(&method) {
+            let why = format_args!(
+                "homing_method = {method}: must be 37 or 35 (the place where the joint stands); it has no switches"
+            );
+            return Err(self.staging.refuse(Abort::Value, why));
+        }
+        self.profile.homing_method = method;
+        Ok(())
     }
 
     /// 6071h.
