@@ -86,6 +86,27 @@ def a_master_brings_the_joint_up_through_cst_to_a_stop():
         equal(drive.sdo["state"]["state"].raw, SAFE)
 
 
+@test
+def a_master_homes_the_joint_where_it_stands():
+    with Master("--motor") as master:
+        drive = master.drive
+        drive.nmt.state = "PRE-OPERATIONAL"
+        time.sleep(0.3)
+        drive.setup_402_state_machine()
+        drive.nmt.state = "OPERATIONAL"
+        master.start_sync()
+        until(lambda: drive.state == "SWITCH ON DISABLED", "the first state")
+        drive.sdo["home_offset"].raw = -500_000
+        drive.sdo["homing_method"].raw = 37
+        assert drive.is_op_mode_supported("HOMING")
+        assert drive.homing(timeout=5), f"homed, not {drive.statusword:#06x}"
+        assert drive.statusword & 1 << 8, "the position is known"
+        position = lambda: 1e-6 * drive.sdo["position_actual_value"].raw
+        until(lambda: abs(position() - 0.5) < 0.01, f"half a radian from the zero, not {position()} rad")
+        drive.state = "SWITCH ON DISABLED"
+        equal(drive.sdo["state"]["state"].raw, SAFE)
+
+
 def velocity(drive):
     """What the drive measures, rad/s."""
     return 1e-6 * drive.sdo["velocity_actual_value"].raw
