@@ -4,7 +4,7 @@
 //! `friction-identification` finds, over the building blocks of [`report`]. Here alone the rooms meet that must not
 //! know each other: [`benchmark`] grades a diagnosis on simulated machines, [`simulated`] makes a data set of what a machine
 //! logged, [`driver_file`] puts a joint driver's settings into a parameter file, [`demo_joint`] puts a simulated joint
-//! on a bus, [`joint_rig`] the shipped driver on the simulated joint, [`export`] writes a model for other programs, [`papers`] makes published experiments anew. The binary is a thin `main`.
+//! on a bus, [`joint_rig`] the shipped driver on the simulated joint, [`loop_cost`] says what a model takes of the driver's time, [`export`] writes a model for other programs, [`papers`] makes published experiments anew. The binary is a thin `main`.
 
 pub mod benchmark;
 #[cfg(feature = "cli")]
@@ -13,6 +13,7 @@ pub mod demo_joint;
 pub mod driver_file;
 pub mod export;
 pub mod joint_rig;
+pub mod loop_cost;
 #[cfg(feature = "cli")]
 pub mod papers;
 #[cfg(feature = "cli")]

@@ -5,6 +5,7 @@ use super::identify_network;
 use super::input::{DataArguments, Input, spinner};
 use super::output::OutputArguments;
 use crate::driver_file;
+use crate::loop_cost;
 use crate::results::diagnosis_page::{self, Diagnosed};
 use crate::results::provenance::Provenance;
 use crate::results::{diagnosis, table};
@@ -76,7 +77,8 @@ fn diagnosed(
 
     let document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
-    let handed_out = found.handed_out();
+    let mut handed_out = found.handed_out();
+    handed_out.verdicts.extend(loop_cost::warning(&handed_out.spec.terms));
     let from = Provenance {
         command: "diagnose",
         data: &input.data,
@@ -101,6 +103,9 @@ fn diagnosed(
     }
     for (index, sentence) in document.story().iter().enumerate() {
         text += &format!("{}. {sentence}\n", index + 1);
+    }
+    if let Some(late) = loop_cost::warning(&handed_out.spec.terms) {
+        text += &format!("On the joint driver: {late}.\n");
     }
     text += &format!("\n{}\n", table::findings(&found));
     let files = vec![("report.html", html), ("params.toml", toml)];

@@ -15,6 +15,7 @@ use super::bus::BusArguments;
 use super::output::say;
 use crate::driver_file;
 use crate::joint_rig::MotorNode;
+use crate::loop_cost;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
 use compensator_core::ParameterError;
@@ -342,6 +343,9 @@ impl Driver {
             eprintln!(
                 "warning: allow_active: the law can give out energy and so keep the joint moving: {error}"
             );
+        }
+        if let Some(late) = loop_cost::warning(set.friction.model.terms.as_slice()) {
+            eprintln!("warning: {late}");
         }
         let active = self.commit(&set)?;
         if save {
