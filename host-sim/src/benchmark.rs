@@ -7,6 +7,7 @@
 mod cause_columns;
 pub mod contest;
 pub mod measured;
+pub mod planted;
 pub mod regression;
 pub mod score;
 mod stop_operator;

@@ -7,7 +7,7 @@
 use super::ask;
 use super::contest::{self, timed};
 use super::regression::regression;
-use friction_identification::data::{ReadOptions, read};
+use friction_identification::data::{Dataset, ReadOptions, read};
 use friction_identification::diagnose::Question;
 use friction_identification::spec::parse_rigid_body;
 use std::path::{Path, PathBuf};
@@ -109,15 +109,11 @@ impl MeasuredLog {
         if self.known.is_empty() { "not `none`".into() } else { self.known.join(" or ") }
     }
 
-    /// The answers of the diagnosis, where asked, and the rival; nothing where the file is not there.
+    /// The log and what is asked of it; nothing where the file is not there.
     ///
     /// # Errors
-    /// One line, if the log cannot be read, split or diagnosed.
-    pub fn contest(
-        &self,
-        folder: &Path,
-        rival_only: bool,
-    ) -> Result<Option<(usize, Option<MeasuredAnswer>, MeasuredAnswer)>, String> {
+    /// One line, if the log cannot be read.
+    pub fn read(&self, folder: &Path) -> Result<Option<(Dataset, Question)>, String> {
         let path = folder.join(self.file);
         if !path.is_file() {
             return Ok(None);
@@ -130,6 +126,21 @@ impl MeasuredLog {
             ..ReadOptions::default()
         };
         let data = read(&[path], &options, &|_, _| {}).map_err(|e| failed(e.to_string()))?;
+        let rigid_body = parse_rigid_body(self.rigid_body).map_err(|e| failed(e.to_string()))?;
+        Ok(Some((data, Question { decimate: self.decimate, rigid_body, ..Question::default() })))
+    }
+
+    /// The answers of the diagnosis, where asked, and the rival; nothing where the file is not there.
+    ///
+    /// # Errors
+    /// One line, if the log cannot be read, split or diagnosed.
+    pub fn contest(
+        &self,
+        folder: &Path,
+        rival_only: bool,
+    ) -> Result<Option<(usize, Option<MeasuredAnswer>, MeasuredAnswer)>, String> {
+        let Some((data, question)) = self.read(folder)? else { return Ok(None) };
+        let failed = |why: String| format!("{}: {why}", self.file);
         let parts: Vec<&str> = self.rigid_body.split(',').filter(|p| !p.is_empty()).collect();
         let (found, seconds) = timed(|| regression(&data, &parts))?;
         let rival = MeasuredAnswer {
@@ -142,8 +153,6 @@ impl MeasuredLog {
         if rival_only {
             return Ok(Some((data.rows, None, rival)));
         }
-        let rigid_body = parse_rigid_body(self.rigid_body).map_err(|e| failed(e.to_string()))?;
-        let question = Question { decimate: self.decimate, rigid_body, ..Question::default() };
         let rows = data.rows;
         let (answer, seconds) = timed(|| ask(data, &question))?;
         let (found, _) = answer.map_err(failed)?;
