@@ -5,6 +5,7 @@ use crate::driver::profile::{self, Homing, Request, status};
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use compensator_core::can::Frame;
+use compensator_core::parameters::Digits;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -122,7 +123,7 @@ impl<F: NorFlash> Device<F> {
         if !homed {
             let why = format_args!(
                 "homing takes the place where the joint stands, and it moves (more than {} rad/s)",
-                profile::STANDS_RAD_S
+                Digits(profile::STANDS_RAD_S.into())
             );
             let _ = self.staging.refuse(Abort::State, why);
         }
