@@ -7,7 +7,7 @@
 //! linear in it), and its derivative column is projected out of the Jacobian, so that the standard errors
 //! know it was not known. A track that begins sliding forgets its start within a few rows, and so does this.
 //!
-//! Where the rows ask for more than the static level, the bristles hold the level: it is no unknown then, and moves with the
+//! Where the rows of a joint at rest ask for more than the static level, the bristles hold the level: it is no unknown then, and moves with the
 //! level's parameters. Taken for an unknown there, a robot's axis that begins at rest (measured) had derivatives by level and
 //! stiffness of the wrong sign, and fits of it ended where they began.
 
@@ -34,12 +34,15 @@ pub struct InitialState {
     pub memory: Vec<f64>,
     /// Where the bristles hold all they can: the sign.
     at_level: Option<f64>,
+    /// Whether the track begins sliding.
+    slides: bool,
 }
 
 impl InitialState {
     /// The held torque, Nm, with its derivatives by the parameters.
     pub fn held_by<T: Real<Setting = T>>(&self, parameters: &Parameters<T>) -> T {
-        self.at_level.map_or(T::from_f64(self.held), |sign| T::from_f64(sign) * level(parameters))
+        let all = |sign| T::from_f64(sign) * level(parameters, self.slides);
+        self.at_level.map_or(T::from_f64(self.held), all)
     }
 }
 
@@ -47,13 +50,14 @@ impl InitialState {
 /// more torque than any law holds at rest would raise that to it, at a Stribeck velocity of nothing: 669 N on the positioning system, with 20 N of friction.
 const MOST_HELD: f64 = 2.0;
 
-/// The most a track begins with, Nm.
-fn level<T: Real<Setting = T>>(parameters: &Parameters<T>) -> T {
+/// The most a track begins with, Nm. One that slides holds no breakaway torque: beginning there it would show, in steady sliding too, how
+/// soft the bristles are that come down from it.
+fn level<T: Real<Setting = T>>(parameters: &Parameters<T>, slides: bool) -> T {
     // Written so that a NaN, which a wild step of the fit may bring, is no level.
     let larger = |a: T, b: T| if a.value() > b.value() { a } else { b };
     let coulomb = larger(parameters.get(ParameterId::CoulombTorque), T::zero());
     let has_static = parameters.law.parameters().contains(&ParameterId::StaticTorque);
-    let held = if has_static {
+    let held = if has_static && !slides {
         larger(parameters.get(ParameterId::StaticTorque), coulomb)
     } else {
         coulomb
@@ -73,7 +77,7 @@ pub fn initial_state(
     if !parameters.law.has_bristles() {
         return None;
     }
-    let level = level(parameters);
+    let level = level(parameters, slides);
     let dual = parameters.convert::<Dual<1>>();
     let held = if slides {
         let coulomb = parameters.get(ParameterId::CoulombTorque).max(0.0);
@@ -81,7 +85,7 @@ pub fn initial_state(
     } else {
         track.torque[0].clamp(-level, level)
     };
-    let mut start = InitialState { held, memory: Vec::new(), at_level: None };
+    let mut start = InitialState { held, memory: Vec::new(), at_level: None, slides };
     for _ in 0..ITERATIONS {
         let (mut products, mut squares) = (0.0, 0.0);
         start.memory.clear();
@@ -98,9 +102,10 @@ pub fn initial_state(
             start.held = (start.held + products / squares).clamp(-level, level);
         }
     }
-    if start.held.abs() >= level && level > 0.0 {
-        start.at_level = Some(start.held.signum());
-        start.memory.clear();
+    if start.held.abs() < level || level <= 0.0 {
+        return Some(start);
     }
+    start.at_level = Some(start.held.signum());
+    start.memory.clear();
     Some(start)
 }
