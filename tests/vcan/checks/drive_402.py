@@ -48,6 +48,14 @@ class Master:
         self.thread = threading.Thread(target=send, daemon=True)
         self.thread.start()
 
+    def begin(self):
+        """Into operation, with SYNCs."""
+        self.drive.nmt.state = "PRE-OPERATIONAL"
+        time.sleep(0.3)
+        self.drive.setup_402_state_machine()
+        self.drive.nmt.state = "OPERATIONAL"
+        self.start_sync()
+
     def stop_sync(self):
         if self.running:
             self.running = False
@@ -90,11 +98,7 @@ def a_master_brings_the_joint_up_through_cst_to_a_stop():
 def a_master_homes_the_joint_where_it_stands():
     with Master("--motor") as master:
         drive = master.drive
-        drive.nmt.state = "PRE-OPERATIONAL"
-        time.sleep(0.3)
-        drive.setup_402_state_machine()
-        drive.nmt.state = "OPERATIONAL"
-        master.start_sync()
+        master.begin()
         until(lambda: drive.state == "SWITCH ON DISABLED", "the first state")
         drive.sdo["home_offset"].raw = -500_000
         drive.sdo["homing_method"].raw = 37
@@ -116,11 +120,7 @@ def velocity(drive):
 def a_master_drives_a_simulated_motor_through_cst_and_csv_to_a_stop():
     with Master("--motor") as master:
         drive = master.drive
-        drive.nmt.state = "PRE-OPERATIONAL"
-        time.sleep(0.3)
-        drive.setup_402_state_machine()
-        drive.nmt.state = "OPERATIONAL"
-        master.start_sync()
+        master.begin()
         # CST: a quarter of the rated torque, which friction does not hold.
         drive.op_mode = "CYCLIC SYNCHRONOUS TORQUE"
         until(lambda: drive.state == "SWITCH ON DISABLED", "the first state")
