@@ -1,10 +1,10 @@
-//! Hands the linker its script and the memory map of the board.
+//! Passes the linker script and the memory map of the board to the linker.
 //!
-//! All link arguments are here, so that nothing in the workspace says `-T` to a PC's linker.
-//! cortex-m-rt's `link.x` includes `memory.x`, which a linker looks for in its working directory (the
-//! top of the workspace) before the search path. That one includes `board.x`: each board has its map
-//! beside its source, in `src/boards/NAME/` for the feature `board-NAME`, and the one chosen is copied
-//! to where the linker looks; the copy of `memory.x` there serves whoever builds from elsewhere.
+//! All link arguments are here, so that a PC's linker never receives `-T`. cortex-m-rt's `link.x` includes
+//! `memory.x`, which a linker looks up in its working directory (the top of the workspace) before the
+//! search path. That file includes `board.x`. Each board has its map next to its source, in
+//! `src/boards/NAME/` for the feature `board-NAME`; the selected one is copied to the search path. A copy
+//! of `memory.x` there serves builds from other directories.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -26,7 +26,7 @@ fn main() {
     println!("cargo::rustc-link-search={}", out.display());
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
     println!("cargo::rustc-link-arg-bins=--nmagic");
-    // The other binaries log nothing, and this script insists on a logger.
+    // The other binaries log nothing, and this script requires a logger.
     if on("DEFMT") {
         println!("cargo::rustc-link-arg-bin=firmware=-Tdefmt.x");
     }
@@ -35,19 +35,19 @@ fn main() {
     }
 }
 
-/// The board that is chosen by its feature.
+/// Returns the board that the features select.
 fn board() -> String {
     let chosen = env::vars().filter_map(|(name, _)| {
         name.strip_prefix("CARGO_FEATURE_BOARD_").map(str::to_ascii_lowercase)
     });
     match chosen.collect::<Vec<_>>().as_slice() {
         [board] => board.clone(),
-        [] => panic!("choose a board: feature board-stm32g474 or another"),
-        _ => panic!("one board an image: add --no-default-features to choose another"),
+        [] => panic!("no board selected: enable feature board-stm32g474 or another board"),
+        _ => panic!("several boards selected: add --no-default-features to select another one"),
     }
 }
 
-/// Compiles the C laws the table is held against, as a C programmer would for this core.
+/// Compiles the C laws for the comparison table, with a C programmer's options for this core.
 fn build_c_reference(out: &Path) {
     let (source, object) = ("../tests/cost/reference.c", out.join("reference.o"));
     println!("cargo::rerun-if-changed={source}");

@@ -1,14 +1,16 @@
-//! The friction model made safe for a current loop.
+//! The friction compensator: a friction model with input guards and output limits for a current loop.
 //!
-//! Each sample the compensator takes what the sensors say, each with its age, and gives the current
-//! that cancels the friction. Whatever the inputs are, the output is finite, bounded and slew-limited:
+//! In each sample, the compensator reads the sensor values with their ages. It returns the current that
+//! cancels the friction. The output is finite, bounded and slew-limited for every input:
 //!
-//! * **Guards**: NaN or out-of-envelope inputs are flagged and replaced by the last good value, which
-//!   then ages. Older than `hold_s` it fades over `fade_s` to neutral, and the law to the plain one.
-//! * **Velocity** near zero is blended towards the reference, since a measured one has no sign there.
-//! * **Scale** is at most 1: over-compensation makes limit cycles (0.7-0.9 is usual in industry).
-//! * **Limits** come after the last addition ([`Compensator::sum`]); each that acts is a [`Flags`] bit.
-//! * **Disabled** is absent: the command comes out of the sum with the bits it went in with.
+//! * **Guards**: An input that is NaN or outside the envelope is flagged and replaced by the last valid value.
+//!   The replacement ages. After `hold_s` it fades to its neutral value over `fade_s`.
+//! * **Velocity**: Near zero, the velocity is blended towards the reference, because the sign of a measured
+//!   velocity is not reliable there.
+//! * **Scale**: The scale is at most 1, because over-compensation causes limit cycles. Industry uses 0.7-0.9.
+//! * **Limits**: The current limit acts after the last addition ([`Compensator::sum`]). Each active limit sets a
+//!   [`Flags`] bit.
+//! * **Disabled**: A disabled compensator adds nothing. The bits of a valid command within the limit do not change.
 
 #[cfg_attr(not(feature = "terms"), path = "compensator/no_covariates.rs")]
 mod covariates;
@@ -19,92 +21,95 @@ pub use crate::flags::Flags;
 pub use crate::quantity::{Inputs, Reading};
 
 use crate::configuration::Configuration;
-use crate::model::{Model, Sample, State};
+use crate::model::{FrictionModel, ModelState, Sample};
 use crate::network::Factors;
 use crate::number::{Mask, Real};
 use crate::parameters::ParameterError;
 use covariates::Covariates;
-use parameters::Built;
+use parameters::BuiltParameters;
 
-/// What the compensator gives in one sample.
+/// Result of one compensator sample. All values are finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Output<T> {
+pub struct CompensatorOutput<T> {
     /// The model's friction torque, Nm, unscaled and unlimited.
     pub friction_torque_nm: T,
     /// Torque to add, Nm, after scale, torque limit and slew limit.
     pub compensation_torque_nm: T,
-    /// The same as a current, A.
+    /// Current that produces `compensation_torque_nm`, A.
     pub feed_forward_current_a: T,
-    /// What happened on the way.
+    /// Guards and limits that acted in this sample.
     pub flags: Flags,
 }
 
-/// The last good value of a covariate.
+/// The last valid value of a covariate, and its age in s.
 #[derive(Clone, Copy, Debug)]
 struct Held<T> {
     value: T,
     age_s: T,
 }
 
-/// How a covariate is guarded: what is legal, and its two flags.
+/// Guard of a covariate: the valid range and the two flags.
 struct Guard<T> {
-    /// The middle of the legal range, and how far from it a value may be.
+    /// Middle of the valid range.
     middle: T,
-    reach: T,
+    /// Half the width of the valid range.
+    half_width: T,
     invalid: Flags,
     stale: Flags,
 }
 
 impl<T: Real> Held<T> {
-    fn never(built: &Built<T>) -> Self {
+    /// Returns a value that was never measured: 0, with weight 0.
+    fn unmeasured(built: &BuiltParameters<T>) -> Self {
         Self { value: T::zero(), age_s: built.faded_s }
     }
 
-    /// Takes a reading and returns how far the held value is to be trusted, 0..=1.
+    /// Updates the held value from a reading. Returns its weight, from 0 (expired) to 1 (fresh).
     #[inline(always)]
-    fn take(
+    fn update(
         &mut self,
         reading: Reading<T>,
         guard: &Guard<T>,
-        built: &Built<T>,
+        built: &BuiltParameters<T>,
         flags: &mut Flags,
     ) -> T {
-        // Masks, so that no input makes a branch.
-        let illegal = (reading.value - guard.middle).abs_gt_mask(guard.reach);
-        let unheard = reading.age_s.negative_or_nan_mask();
-        *flags |= guard.invalid.when(illegal & !unheard);
-        self.value = T::select(illegal | unheard, self.value, reading.value);
-        let age_s = T::select(illegal | unheard, self.age_s + built.period_s, reading.age_s);
+        // Masks keep the code free of branches that depend on inputs.
+        let is_invalid = (reading.value - guard.middle).abs_gt_mask(guard.half_width);
+        let is_missing = reading.age_s.negative_or_nan_mask();
+        *flags |= guard.invalid.when(is_invalid & !is_missing);
+        self.value = T::select(is_invalid | is_missing, self.value, reading.value);
+        let age_s = T::select(is_invalid | is_missing, self.age_s + built.period_s, reading.age_s);
         self.age_s = age_s.within_level(built.faded_s);
         *flags |= guard.stale.when(built.hold_s.lt_mask(self.age_s));
-        self.trust(built)
+        self.weight(built)
     }
 
-    /// Ages by a sample, and returns how far it is to be trusted.
+    /// Ages the held value by one sample period. Returns its weight, from 0 to 1.
     #[inline(always)]
-    fn wait(&mut self, built: &Built<T>) -> T {
+    fn age(&mut self, built: &BuiltParameters<T>) -> T {
         self.age_s = (self.age_s + built.period_s).within_level(built.faded_s);
-        self.trust(built)
+        self.weight(built)
     }
 
-    /// 1 up to `hold_s`, then a straight line to 0 at `hold_s + fade_s`.
+    /// Returns the weight: 1 up to an age of `hold_s`, then linear to 0 at `hold_s + fade_s`.
     #[inline(always)]
-    fn trust(&self, built: &Built<T>) -> T {
+    fn weight(&self, built: &BuiltParameters<T>) -> T {
         let faded = (self.age_s - built.hold_s).positive_part() * built.fade_per_s;
         (T::one() - faded).positive_part()
     }
 }
 
-/// The compensator of one joint: a model and all that makes it safe.
+/// The compensator of one joint: the model, the input guards and the output limits.
 #[derive(Clone, Debug)]
 pub struct Compensator<T: Real> {
     enabled: bool,
-    /// Whether [`Self::step`] may take the short way: it is on, and its model is its law alone, by its own constants.
-    quick: bool,
-    model: Model<T>,
-    built: Built<T>,
-    state: State<T>,
-    /// What a network last said of the law's levels; `None` for its constants.
+    /// True if [`Self::step`] may take the fast path. The compensator is then enabled, its model has no terms, and no
+    /// network factors apply.
+    is_fast_path: bool,
+    model: FrictionModel<T>,
+    built: BuiltParameters<T>,
+    state: ModelState<T>,
+    /// Factors that a network last supplied; `None` if the law's constants apply.
     factors: Option<Factors<T>>,
     compensation_torque_nm: T,
     radial_force: Held<T>,
@@ -112,36 +117,37 @@ pub struct Compensator<T: Real> {
     covariates: Covariates<T>,
 }
 
-/// How far side load and pressure are to be believed, 0..=1.
+/// Weights of the held side load and pressure, from 0 (expired) to 1 (fresh).
 #[cfg_attr(not(feature = "terms"), allow(dead_code))]
 #[derive(Clone, Copy)]
-struct SealTrust<T> {
+struct SealWeights<T> {
     force: T,
     pressure: T,
 }
 
-/// Side load and pressure, as far as they are to be believed, and how far that is.
+/// Side load and pressure after the guards, with their weights.
 struct Seal<T> {
     force_n: T,
     force_change_n: T,
     pressure_mpa: T,
-    trust: SealTrust<T>,
+    weight: SealWeights<T>,
 }
 
-/// What is to be believed of a sample's inputs.
-struct Believed<T> {
+/// Inputs of a sample after the guards.
+struct GuardedInputs<T> {
     velocity_rad_s: T,
-    /// 1, or 0 where there is no velocity.
-    velocity_trust: T,
+    /// 1 if a valid velocity exists, otherwise 0.
+    velocity_weight: T,
     seal: Seal<T>,
     flags: Flags,
 }
 
 impl<T: Real> Compensator<T> {
-    /// Builds a compensator for a sample period in s. It starts disabled, at rest.
+    /// Builds a compensator for a sample period, s. The compensator is disabled and at rest.
     ///
     /// # Errors
-    /// As [`crate::Parameters::build`] and [`CompensatorParameters::validate`].
+    /// Returns the errors of [`crate::Parameters::build`] and [`CompensatorParameters::validate`], and an error if the
+    /// number type cannot represent a coefficient.
     pub fn build(configuration: &Configuration, period_s: f32) -> Result<Self, ParameterError>
     where
         T: Real<Setting = f32>,
@@ -149,82 +155,90 @@ impl<T: Real> Compensator<T> {
         configuration.compensator.validate()?;
         let model = configuration.model.build::<T>(period_s)?;
         let reference = configuration.model.get(crate::ParameterId::TemperatureReference);
-        let built =
-            Built::new(&configuration.compensator, &configuration.model.envelope, period_s)?;
+        let built = BuiltParameters::new(
+            &configuration.compensator,
+            &configuration.model.envelope,
+            period_s,
+        )?;
         Ok(Self {
             enabled: false,
-            quick: false,
-            state: State::default(),
+            is_fast_path: false,
+            state: ModelState::default(),
             factors: None,
             compensation_torque_nm: T::zero(),
-            radial_force: Held::never(&built),
-            pressure: Held::never(&built),
-            covariates: Covariates::never(&built, &configuration.model.envelope, reference),
+            radial_force: Held::unmeasured(&built),
+            pressure: Held::unmeasured(&built),
+            covariates: Covariates::unmeasured(&built, &configuration.model.envelope, reference),
             model,
             built,
         })
     }
 
-    /// Switches the compensator on or off. Switched on it starts from rest and zero torque, so the
-    /// slew limit brings the compensation in.
+    /// Enables or disables the compensator. When enabled, it starts from rest and zero torque. The slew limit
+    /// then ramps the compensation up.
     pub fn set_enabled(&mut self, enabled: bool) {
-        // Cleared when it goes off: a sample that is off costs next to nothing, so the dearest one is not dearer for it.
+        // The state is cleared when the compensator is disabled. Disabled samples are cheap, so clearing does not
+        // raise the worst-case cost.
         if self.enabled && !enabled {
             self.state.clear();
             self.compensation_torque_nm = T::zero();
         }
         self.enabled = enabled;
-        self.choose_way();
+        self.select_path();
     }
 
-    fn choose_way(&mut self) {
-        let supplied = self.factors.is_some() && self.model.takes_factors();
-        self.quick = self.enabled && self.model.is_plain() && !supplied;
+    /// Selects between the fast path and the general path of [`Self::step`].
+    fn select_path(&mut self) {
+        let has_factors = self.factors.is_some() && self.model.takes_factors();
+        self.is_fast_path = self.enabled && self.model.has_no_terms() && !has_factors;
     }
 
-    /// Whether the compensator is on.
+    /// Returns true if the compensator is enabled.
     pub fn is_enabled(&self) -> bool {
         self.enabled
     }
 
-    /// Takes the factors a network supplies ([`crate::network::Supplier`]), in force from the next sample until the next;
-    /// `None` for the law's constants. A model other than `lugre-asymmetric` without terms takes no notice.
+    /// Sets the factors that a network supplies ([`crate::network::FactorSupplier`]). They apply from the next sample
+    /// until the next call. `None` selects the law's constants.
+    ///
+    /// Factors apply only to `lugre-asymmetric` without terms. Other models ignore them.
     pub fn supply(&mut self, factors: Option<Factors<T>>) {
         self.factors = factors;
-        self.choose_way();
+        self.select_path();
     }
 
-    /// Torque held by the bent bristles, Nm.
+    /// Returns the torque of the bristle deflection, Nm.
     pub fn bristle_torque_nm(&self) -> T {
         self.state.bristle_torque_nm
     }
 
-    /// Takes one sample.
+    /// Computes the compensation for one sample.
     ///
-    /// There are two ways with the same bits: a short one for readings of which nothing has to be replaced, aged or
-    /// faded, taken by a law without terms; and the one that can do all of it. What each guard costs is in
-    /// `tests/cost/table.md`. Inlined: an image calls it in one place, its current loop.
+    /// A fast path serves laws without terms whose readings need no guard. A general path handles all other cases. Both
+    /// paths give identical bits. `tests/cost/table.md` lists the cost of each guard.
+    ///
+    /// The function is inlined because an image calls it once, in its current loop.
     #[inline(always)]
-    pub fn step(&mut self, inputs: &Inputs<T>) -> Output<T> {
-        if !self.quick {
-            return self.step_more(inputs);
+    pub fn step(&mut self, inputs: &Inputs<T>) -> CompensatorOutput<T> {
+        if !self.is_fast_path {
+            return self.step_general(inputs);
         }
-        let read_change = inputs.radial_force_n.value - self.radial_force.value;
-        let velocities = self.doubt_velocities(inputs);
-        let seal = self.doubt_seal(inputs, read_change);
-        // Each by itself: a structure that is written out of line would have to be in memory on the short way too.
-        let (velocity, force, change, pressure, trust, flags);
+        let force_change = inputs.radial_force_n.value - self.radial_force.value;
+        let velocities = self.velocities_guard_mask(inputs);
+        let seal = self.seal_guard_mask(inputs, force_change);
+        // Separate variables: a structure filled by a call that is not inlined would use memory on the fast path too.
+        let (velocity, force, change, pressure, weight, flags);
         if (velocities | seal).is_set() {
-            let believed = self.believe(inputs, velocities, seal);
-            (velocity, trust) = (believed.velocity_rad_s, believed.velocity_trust);
-            (force, pressure) = (believed.seal.force_n, believed.seal.pressure_mpa);
-            (change, flags) = (believed.seal.force_change_n, believed.flags);
+            let guarded = self.guard_inputs(inputs, velocities, seal);
+            (velocity, weight) = (guarded.velocity_rad_s, guarded.velocity_weight);
+            (force, pressure) = (guarded.seal.force_n, guarded.seal.pressure_mpa);
+            (change, flags) = (guarded.seal.force_change_n, guarded.flags);
         } else {
-            let seal = self.seal_as_read(inputs, read_change);
+            let seal = self.accept_seal(inputs, force_change);
             let reference = inputs.velocity_reference_rad_s.value;
             velocity = self.blended(inputs.velocity_rad_s.value, reference);
             (force, pressure) = (seal.force_n, seal.pressure_mpa);
-            (change, trust, flags) = (seal.force_change_n, T::one(), Flags::empty());
+            (change, weight, flags) = (seal.force_change_n, T::one(), Flags::empty());
         }
         let sample = Sample {
             velocity_rad_s: velocity,
@@ -234,15 +248,15 @@ impl<T: Real> Compensator<T> {
             ..Sample::default()
         };
         let friction = self.model.step_plain(&mut self.state, &sample);
-        self.finish_quickly(friction, trust, flags)
+        self.finish_unlimited(friction, weight, flags)
     }
 
-    /// A sample of a compensator that is off, or of a model that is more than its law.
+    /// Computes a sample of a disabled compensator, or of a model with terms or network factors.
     #[inline(never)]
-    fn step_more(&mut self, inputs: &Inputs<T>) -> Output<T> {
+    fn step_general(&mut self, inputs: &Inputs<T>) -> CompensatorOutput<T> {
         if !self.enabled {
             let zero = T::zero();
-            return Output {
+            return CompensatorOutput {
                 friction_torque_nm: zero,
                 compensation_torque_nm: zero,
                 feed_forward_current_a: zero,
@@ -250,7 +264,7 @@ impl<T: Real> Compensator<T> {
             };
         }
         let mut flags = Flags::empty();
-        let (measured, reference, trust) = self.replaced_velocities(inputs, &mut flags);
+        let (measured, reference, weight) = self.replaced_velocities(inputs, &mut flags);
         let seal = self.guarded_seal(inputs, &mut flags);
         let mut sample = Sample {
             velocity_rad_s: self.blended(measured, reference),
@@ -259,48 +273,64 @@ impl<T: Real> Compensator<T> {
             pressure_diff_mpa: seal.pressure_mpa,
             ..Sample::default()
         };
-        self.covariates.take(inputs, &self.model, &self.built, seal.trust, &mut sample, &mut flags);
-        let friction = self.model.step_more(&mut self.state, &sample, self.factors.as_ref());
-        self.finish(friction, trust, flags)
+        self.covariates.update(
+            inputs,
+            &self.model,
+            &self.built,
+            seal.weight,
+            &mut sample,
+            &mut flags,
+        );
+        let friction = self.model.step_general(&mut self.state, &sample, self.factors.as_ref());
+        self.finish_limited(friction, weight, flags)
     }
 
-    /// What is to be believed of the inputs. Masks say where something may be wrong with the velocities, and with side
-    /// load and pressure.
+    /// Guards the inputs. Each mask is set if the velocities, or side load and pressure, need a guard.
     #[inline(never)]
-    fn believe(&mut self, inputs: &Inputs<T>, velocities: Mask, seal: Mask) -> Believed<T> {
+    fn guard_inputs(
+        &mut self,
+        inputs: &Inputs<T>,
+        velocities: Mask,
+        seal: Mask,
+    ) -> GuardedInputs<T> {
         let mut flags = Flags::empty();
         let measured = inputs.velocity_rad_s.value;
         let mut velocity = (measured, inputs.velocity_reference_rad_s.value, T::one());
         if velocities.is_set() {
             velocity = self.replaced_velocities(inputs, &mut flags);
         }
-        let (measured, reference, velocity_trust) = velocity;
+        let (measured, reference, velocity_weight) = velocity;
         let seal = if !seal.is_set() {
             let change = inputs.radial_force_n.value - self.radial_force.value;
-            self.seal_as_read(inputs, change)
-        } else if self.no_seal_sensors(inputs).is_set() {
-            self.seal_unheard(&mut flags)
+            self.accept_seal(inputs, change)
+        } else if self.no_seal_sensors_mask(inputs).is_set() {
+            self.seal_inputs_missing(&mut flags)
         } else {
             self.guarded_seal(inputs, &mut flags)
         };
-        Believed { velocity_rad_s: self.blended(measured, reference), velocity_trust, seal, flags }
+        GuardedInputs {
+            velocity_rad_s: self.blended(measured, reference),
+            velocity_weight,
+            seal,
+            flags,
+        }
     }
 
-    /// From the friction torque to what is added, where no limit acts; else by way of [`Self::finish`].
+    /// Converts the friction torque, Nm, to the output. Calls [`Self::finish_limited`] if a limit acts.
     #[inline(always)]
-    fn finish_quickly(&mut self, friction: T, trust: T, flags: Flags) -> Output<T> {
+    fn finish_unlimited(&mut self, friction: T, weight: T, flags: Flags) -> CompensatorOutput<T> {
         let built = &self.built;
-        let wanted = friction * built.scale * trust;
-        let change = wanted - self.compensation_torque_nm;
+        let requested = friction * built.scale * weight;
+        let change = requested - self.compensation_torque_nm;
         let limited = friction.abs_gt_mask(built.not_finite)
-            | wanted.past_level_mask(built.torque_limit)
+            | requested.past_level_mask(built.torque_limit)
             | change.past_level_mask(built.slew_step);
         if limited.is_set() {
-            return self.finish(friction, trust, flags);
+            return self.finish_limited(friction, weight, flags);
         }
         let compensation = self.compensation_torque_nm + change;
         self.compensation_torque_nm = compensation;
-        Output {
+        CompensatorOutput {
             friction_torque_nm: friction,
             compensation_torque_nm: compensation,
             feed_forward_current_a: compensation * built.current_per_torque,
@@ -308,24 +338,29 @@ impl<T: Real> Compensator<T> {
         }
     }
 
-    /// From the friction torque to what is added, under all limits.
+    /// Converts the friction torque, Nm, to the output under all limits.
     #[inline(never)]
-    fn finish(&mut self, mut friction: T, trust: T, mut flags: Flags) -> Output<T> {
-        // Validated parameters keep friction far below this.
+    fn finish_limited(
+        &mut self,
+        mut friction: T,
+        weight: T,
+        mut flags: Flags,
+    ) -> CompensatorOutput<T> {
+        // Validated parameters keep the friction far below this bound.
         if friction.abs_gt_mask(self.built.not_finite).is_set() {
             friction = T::zero();
             self.state.clear();
             flags |= Flags::MODEL_NOT_FINITE;
         }
         let built = &self.built;
-        let wanted = friction * built.scale * trust;
-        let limited = wanted.within_level(built.torque_limit);
-        flags |= Flags::TORQUE_LIMITED.when(wanted.abs_gt_mask(built.torque_limit));
+        let requested = friction * built.scale * weight;
+        let limited = requested.within_level(built.torque_limit);
+        flags |= Flags::TORQUE_LIMITED.when(requested.abs_gt_mask(built.torque_limit));
         let change = limited - self.compensation_torque_nm;
         let slewed = change.within_level(built.slew_step);
         flags |= Flags::SLEW_LIMITED.when(change.abs_gt_mask(built.slew_step));
         self.compensation_torque_nm = self.compensation_torque_nm + slewed;
-        Output {
+        CompensatorOutput {
             friction_torque_nm: friction,
             compensation_torque_nm: self.compensation_torque_nm,
             feed_forward_current_a: self.compensation_torque_nm * built.current_per_torque,
@@ -333,10 +368,12 @@ impl<T: Real> Compensator<T> {
         }
     }
 
-    /// Adds the compensation to a commanded current (A) and limits the sum: the last addition and,
-    /// after it, the limit. Disabled, the command passes with its bits unless the limit acts.
+    /// Adds the compensation to a commanded current, A, and limits the sum. Returns the sum, A, and the flags.
+    ///
+    /// If the compensator is disabled, the bits of a valid command within the limit do not change. A command that is
+    /// not finite counts as 0.
     #[inline(always)]
-    pub fn sum(&self, command_current_a: T, output: &Output<T>) -> (T, Flags) {
+    pub fn sum(&self, command_current_a: T, output: &CompensatorOutput<T>) -> (T, Flags) {
         if self.enabled {
             let built = &self.built;
             let sum = command_current_a + output.feed_forward_current_a;
@@ -349,65 +386,69 @@ impl<T: Real> Compensator<T> {
         self.sum_limited(command_current_a, output)
     }
 
-    /// The sum with everything that can happen to it.
+    /// Adds and limits as [`Self::sum`], and handles an invalid command and an active limit.
     #[inline(never)]
-    fn sum_limited(&self, command_current_a: T, output: &Output<T>) -> (T, Flags) {
+    fn sum_limited(&self, command_current_a: T, output: &CompensatorOutput<T>) -> (T, Flags) {
         let mut flags = output.flags;
-        let unsound = command_current_a.abs_gt_mask(self.built.not_finite);
-        let command = T::select(unsound, T::zero(), command_current_a);
-        flags |= Flags::COMMAND_INVALID.when(unsound);
+        let is_invalid = command_current_a.abs_gt_mask(self.built.not_finite);
+        let command = T::select(is_invalid, T::zero(), command_current_a);
+        flags |= Flags::COMMAND_INVALID.when(is_invalid);
         let sum = if self.enabled { command + output.feed_forward_current_a } else { command };
         let limited = sum.within_level(self.built.current_limit);
         flags |= Flags::CURRENT_LIMITED.when(sum.abs_gt_mask(self.built.current_limit));
         (limited, flags)
     }
 
-    /// Whether a velocity is not to be taken as it is: NaN, beyond the envelope, or too old.
+    /// Sets the mask if a velocity is NaN, outside the envelope or too old.
     #[inline(always)]
-    fn doubt_velocity(&self, reading: &Reading<T>) -> Mask {
+    fn velocity_guard_mask(&self, reading: &Reading<T>) -> Mask {
         reading.value.abs_gt_mask(self.built.velocity_limit)
             | reading.age_s.outside_mask(self.built.hold_s)
     }
 
+    /// Sets the mask if the measured or the reference velocity needs a guard.
     #[inline(always)]
-    fn doubt_velocities(&self, inputs: &Inputs<T>) -> Mask {
-        self.doubt_velocity(&inputs.velocity_rad_s)
-            | self.doubt_velocity(&inputs.velocity_reference_rad_s)
+    fn velocities_guard_mask(&self, inputs: &Inputs<T>) -> Mask {
+        self.velocity_guard_mask(&inputs.velocity_rad_s)
+            | self.velocity_guard_mask(&inputs.velocity_reference_rad_s)
     }
 
-    /// The velocities, rad/s, each standing in for the other where that is not to be believed; and 1, or 0 where neither
-    /// is.
+    /// Returns the measured and the reference velocity, rad/s, and their weight.
+    ///
+    /// A valid velocity replaces an invalid one. The weight is 0 if both are invalid, otherwise 1.
     #[inline(always)]
     fn replaced_velocities(&self, inputs: &Inputs<T>, flags: &mut Flags) -> (T, T, T) {
         let (measured, reference) = (&inputs.velocity_rad_s, &inputs.velocity_reference_rad_s);
-        let (no_measured, no_reference) =
-            (self.doubt_velocity(measured), self.doubt_velocity(reference));
-        *flags |= Flags::VELOCITY_INVALID.when(no_measured);
-        *flags |= Flags::REFERENCE_INVALID.when(no_reference);
-        // 0 for both: blending two equal velocities gives that one.
+        let (measured_invalid, reference_invalid) =
+            (self.velocity_guard_mask(measured), self.velocity_guard_mask(reference));
+        *flags |= Flags::VELOCITY_INVALID.when(measured_invalid);
+        *flags |= Flags::REFERENCE_INVALID.when(reference_invalid);
+        // If one velocity replaces the other, both are equal. Blending equal velocities returns that value.
         let (zero, one) = (T::zero(), T::one());
-        let alone = T::select(no_reference, zero, reference.value);
-        let measured = T::select(no_measured, alone, measured.value);
-        let reference = T::select(no_reference, measured, reference.value);
-        (measured, reference, T::select(no_measured & no_reference, zero, one))
+        let substitute = T::select(reference_invalid, zero, reference.value);
+        let measured = T::select(measured_invalid, substitute, measured.value);
+        let reference = T::select(reference_invalid, measured, reference.value);
+        (measured, reference, T::select(measured_invalid & reference_invalid, zero, one))
     }
 
-    /// The reference near standstill, the measured velocity above, rad/s.
+    /// Returns the blend of reference (near standstill) and measured velocity (above the blend velocity), rad/s.
     #[inline(always)]
     fn blended(&self, measured: T, reference: T) -> T {
         let built = &self.built;
-        // At and above the blend velocity there is nothing to multiply, so nothing for fixed point
-        // to overflow.
+        // At and above the blend velocity the weight is 1. The product may exceed the fixed-point range there, and
+        // is discarded.
         let speed = measured.abs();
         let blended = speed * built.blend_per_velocity;
         let weight = T::select(speed.lt_mask(built.blend_velocity), blended, T::one());
         reference + (measured - reference) * weight
     }
 
-    /// Whether side load or pressure is not to be taken as it is: illegal, below 0 (which may pass and counts as 0),
-    /// old, or a side load that is farther from the last than it goes in a sample.
+    /// Sets the mask if side load or pressure needs a guard.
+    ///
+    /// A guard is needed if a value is invalid, negative or too old, or if the side load changed by more than
+    /// `radial_force_step`. `change` is the change of the side load since the last sample, N.
     #[inline(always)]
-    fn doubt_seal(&self, inputs: &Inputs<T>, change: T) -> Mask {
+    fn seal_guard_mask(&self, inputs: &Inputs<T>, change: T) -> Mask {
         let built = &self.built;
         let (force, pressure) = (&inputs.radial_force_n, &inputs.pressure_diff_mpa);
         force.value.outside_mask(built.radial_force_max)
@@ -418,9 +459,10 @@ impl<T: Real> Compensator<T> {
             | change.past_level_mask(built.radial_force_step)
     }
 
-    /// Takes side load and pressure as they are; `change` is the side load's since the last sample.
+    /// Accepts side load and pressure without a guard. `change` is the change of the side load since the last
+    /// sample, N.
     #[inline(always)]
-    fn seal_as_read(&mut self, inputs: &Inputs<T>, change: T) -> Seal<T> {
+    fn accept_seal(&mut self, inputs: &Inputs<T>, change: T) -> Seal<T> {
         let (force, pressure) = (&inputs.radial_force_n, &inputs.pressure_diff_mpa);
         self.radial_force = Held { value: force.value, age_s: force.age_s };
         self.pressure = Held { value: pressure.value, age_s: pressure.age_s };
@@ -428,13 +470,13 @@ impl<T: Real> Compensator<T> {
             force_n: force.value,
             force_change_n: change,
             pressure_mpa: pressure.value,
-            trust: SealTrust { force: T::one(), pressure: T::one() },
+            weight: SealWeights { force: T::one(), pressure: T::one() },
         }
     }
 
-    /// Whether neither side load nor pressure has ever been heard of, as of a joint that has no such sensors.
+    /// Sets the mask if neither side load nor pressure was ever received: the joint has no such sensors.
     #[inline(always)]
-    fn no_seal_sensors(&self, inputs: &Inputs<T>) -> Mask {
+    fn no_seal_sensors_mask(&self, inputs: &Inputs<T>) -> Mask {
         let (force, pressure) = (&self.radial_force, &self.pressure);
         !(!inputs.radial_force_n.age_s.negative_or_nan_mask()
             | !inputs.pressure_diff_mpa.age_s.negative_or_nan_mask()
@@ -444,61 +486,61 @@ impl<T: Real> Compensator<T> {
             | !self.built.hold_s.lt_mask(pressure.age_s))
     }
 
-    /// Waits on for both: what was never measured is 0.
+    /// Ages the missing side load and pressure. Returns 0 for both.
     #[inline(always)]
-    fn seal_unheard(&mut self, flags: &mut Flags) -> Seal<T> {
+    fn seal_inputs_missing(&mut self, flags: &mut Flags) -> Seal<T> {
         *flags |= Flags::RADIAL_FORCE_STALE.union(Flags::PRESSURE_STALE);
         let (built, zero) = (&self.built, T::zero());
-        let (force, pressure) = (self.radial_force.wait(built), self.pressure.wait(built));
-        let trust = SealTrust { force, pressure };
-        Seal { force_n: zero, force_change_n: zero, pressure_mpa: zero, trust }
+        let (force, pressure) = (self.radial_force.age(built), self.pressure.age(built));
+        let weight = SealWeights { force, pressure };
+        Seal { force_n: zero, force_change_n: zero, pressure_mpa: zero, weight }
     }
 
-    /// Side load and pressure, replaced, aged and faded where they have to be.
+    /// Returns side load and pressure, replaced, aged and faded where necessary.
     #[inline(always)]
     fn guarded_seal(&mut self, inputs: &Inputs<T>, flags: &mut Flags) -> Seal<T> {
         let built = &self.built;
         let force = Guard {
             middle: built.radial_force_middle,
-            reach: built.radial_force_middle,
+            half_width: built.radial_force_middle,
             invalid: Flags::RADIAL_FORCE_INVALID,
             stale: Flags::RADIAL_FORCE_STALE,
         };
-        // A change counts only between two trusted values: neither the first reading nor the fade
-        // bends a bristle.
+        // A change counts only between two valid values. Neither the first reading nor the fade deflects a bristle.
         let before = self.radial_force.value;
-        let unknown = built.hold_s.lt_mask(self.radial_force.age_s);
-        let force_trust = self.radial_force.take(inputs.radial_force_n, &force, built, flags);
+        let is_expired = built.hold_s.lt_mask(self.radial_force.age_s);
+        let force_weight = self.radial_force.update(inputs.radial_force_n, &force, built, flags);
         let change = self.radial_force.value - before;
-        // Its frames are farther apart than samples: what changed between two of them did not within one sample.
+        // Frames arrive less often than samples. A change between two frames is therefore spread over several samples.
         let bounded = change.within_level(built.radial_force_step);
-        let sudden = change.abs_gt_mask(built.radial_force_step) & !unknown;
-        self.radial_force.value = T::select(sudden, before + bounded, self.radial_force.value);
+        let is_too_fast = change.abs_gt_mask(built.radial_force_step) & !is_expired;
+        self.radial_force.value = T::select(is_too_fast, before + bounded, self.radial_force.value);
 
         let pressure = Guard {
             middle: T::zero(),
-            reach: built.pressure_max_mpa,
+            half_width: built.pressure_max_mpa,
             invalid: Flags::PRESSURE_INVALID,
             stale: Flags::PRESSURE_STALE,
         };
-        let pressure_trust = self.pressure.take(inputs.pressure_diff_mpa, &pressure, built, flags);
-        // A sensor's zero error reads a little below 0 (a side load that little passes by the
-        // rounding of its guard); the levels are proven from 0 upwards.
+        let pressure_weight =
+            self.pressure.update(inputs.pressure_diff_mpa, &pressure, built, flags);
+        // A sensor's zero error can give a small negative value, and rounding in the guard can let a negative side load
+        // pass. The levels are proven from 0 upwards.
         Seal {
-            force_n: (self.radial_force.value * force_trust).positive_part(),
-            force_change_n: T::select(unknown, T::zero(), bounded),
-            pressure_mpa: (self.pressure.value * pressure_trust).positive_part(),
-            trust: SealTrust { force: force_trust, pressure: pressure_trust },
+            force_n: (self.radial_force.value * force_weight).positive_part(),
+            force_change_n: T::select(is_expired, T::zero(), bounded),
+            pressure_mpa: (self.pressure.value * pressure_weight).positive_part(),
+            weight: SealWeights { force: force_weight, pressure: pressure_weight },
         }
     }
 }
 
-/// A size that is a limit; written as -0 it is 0, which limits too.
+/// Converts a limit to the number type. A limit of -0 becomes 0.
 fn limit<T: Real>(size: f32) -> T {
     T::from_f64(f64::from(size).abs())
 }
 
 #[cfg(test)]
-mod tests;
+mod fast_path_tests;
 #[cfg(test)]
-mod ways_tests;
+mod tests;

@@ -1,40 +1,41 @@
-//! The Stribeck curve `exp(-u^2)`, once for every joint.
+//! The normalised Stribeck curve `exp(-u^2)` as a constant table.
 //!
-//! The level of friction falls from the static to the Coulomb torque as
-//! `g = F_C + (F_S - F_C) exp(-(v/v_s)^2)`. A table of `g` itself would have to be rebuilt whenever
-//! load or pressure move `F_C` and `F_S`, and would cost each joint RAM; a table of the *normalised*
-//! curve is a constant, lies in flash, and serves all joints and all loads.
+//! The friction level decreases from the static to the Coulomb torque as
+//! `g = F_C + (F_S - F_C) exp(-(v/v_s)^2)`. A table of `g` would need RAM for each joint, and an update
+//! whenever load or pressure change `F_C` or `F_S`. The normalised curve is constant, so one table in flash
+//! serves all joints and loads.
 //!
-//! The axis `x = 16 |v| / v_s` has 64 cells centred on the integers 0..=63, so the curve is known to
-//! `v = 3.9 v_s`, where it has fallen to 2e-7 and ends. In each cell a parabola goes through the
-//! curve at both edges and the centre: continuous, exactly flat at rest, and within 1.3e-5 of the
-//! true curve (the straight line of the same table is 5e-4 off), for one multiplication more.
-//! The test below holds the error on both sides.
+//! The axis `x = 16 |v| / v_s` has 64 cells, centred on the integers 0..=63. The table ends at `v = 3.9 v_s`,
+//! where the curve is 2e-7. In each cell, a parabola interpolates the curve at both edges and at the centre.
+//! The result is continuous, has zero slope at rest, and is within 1.3e-5 of the exact curve. Linear
+//! interpolation on the same cells needs one multiplication less, but has an error of 5e-4.
 
-/// Number of cells; a power of two, so that limiting an index to it is one instruction, and one that
-/// shows the compiler that no bounds check is needed.
+/// Number of cells. It is a power of two, so that one instruction limits an index to the table and the
+/// compiler can omit the bounds check.
 pub const CELLS: usize = 64;
 
-/// Cells for one unit of `v / v_s`.
+/// Number of cells per unit of `v / v_s`.
 pub const CELLS_PER_STRIBECK_VELOCITY: f64 = 16.0;
 
-/// The largest argument: the centre of the last cell, where the curve is 0.
+/// Largest argument, in cells: the centre of the last cell, where the tabulated curve is 0.
 pub const LAST: f64 = (CELLS - 1) as f64;
 
-/// `[value, slope, curvature]` of each cell in powers of the offset from its centre, -0.5..=0.5.
+/// Coefficients `[value, slope, curvature]` of each cell, in powers of the offset from its centre (-0.5..=0.5).
 pub static F64: [[f64; 3]; CELLS] = coefficients();
 
-/// [`F64`] in powers of the *argument* itself and rounded to `f32`, which saves the step the offset;
-/// the digits this loses are some 1e-7 of the curve. The fourth number is room: a cell of 16 bytes is
-/// found with one instruction less.
+/// [`F64`] in powers of the argument itself, rounded to `f32`. The step then needs no offset.
+///
+/// The additional rounding error is about 1e-7 of the curve. The fourth number is padding: a cell of 16 bytes
+/// saves one instruction in the address computation.
 pub static F32: [[f32; 4]; CELLS] = rounded();
 
-/// [`F64`] with 31 fractional bits (1 is one unit less), in the order a step takes them: curvature,
-/// slope, value, and room as in [`F32`].
+/// [`F64`] with 31 fractional bits, where 1 is stored as `1 - 2^-31`. The order is that of use in a step:
+/// curvature, slope, value, and padding as in [`F32`].
 pub static Q31: [[i32; 4]; CELLS] = scaled();
 
-/// The curve of [`F64`] at `x` cells and its exact slope per cell, for `0 <= x <= 63`: for numbers
-/// that carry derivatives.
+/// Returns the curve of [`F64`] at `x` cells and its exact slope per cell, for `0 <= x <= 63`.
+///
+/// Number types with derivatives use it.
 pub fn value_and_slope(x: f64) -> (f64, f64) {
     let nearest = libm::round(x);
     let cell = &F64[nearest as usize % CELLS];
@@ -43,7 +44,7 @@ pub fn value_and_slope(x: f64) -> (f64, f64) {
 }
 
 const fn exp_of_negative_square(u: f64) -> f64 {
-    // exp(-s) = exp(-s/1024)^1024: the series converges at once for s <= 16.
+    // exp(-s) = exp(-s/1024)^1024: the series needs few terms, because s <= 16.
     let reduced = -u * u / 1024.0;
     let mut term = 1.0;
     let mut sum = 1.0;
@@ -64,7 +65,7 @@ const fn exp_of_negative_square(u: f64) -> f64 {
 const fn coefficients() -> [[f64; 3]; CELLS] {
     let mut table = [[0.0; 3]; CELLS];
     let mut cell = 0;
-    // The last cell stays 0: beyond the table there is no Stribeck torque.
+    // The last cell stays 0, because the Stribeck torque is 0 beyond the table.
     while cell < CELLS - 1 {
         let centre = cell as f64 / CELLS_PER_STRIBECK_VELOCITY;
         let half = 0.5 / CELLS_PER_STRIBECK_VELOCITY;
@@ -116,7 +117,7 @@ mod tests {
     use super::*;
     use crate::number::{Fixed, Real};
 
-    fn worst_error(curve: impl Fn(f64) -> f64) -> f64 {
+    fn max_error(curve: impl Fn(f64) -> f64) -> f64 {
         (0..=63_000)
             .map(|i| f64::from(i) / 1000.0)
             .map(|x| (curve(x) - (-(x / 16.0) * (x / 16.0)).exp()).abs())
@@ -124,17 +125,17 @@ mod tests {
     }
 
     #[test]
-    fn table_follows_the_exponential_as_closely_as_documented() {
-        let f64_error = worst_error(|x| x.stribeck_curve());
+    fn stribeck_curve_over_table_range_matches_exponential_within_documented_error() {
+        let f64_error = max_error(|x| x.stribeck_curve());
         assert!((0.5e-5..1.3e-5).contains(&f64_error), "{f64_error:e}");
-        let f32_error = worst_error(|x| f64::from((x as f32).stribeck_curve()));
+        let f32_error = max_error(|x| f64::from((x as f32).stribeck_curve()));
         assert!((0.5e-5..1.4e-5).contains(&f32_error), "{f32_error:e}");
-        let fixed_error = worst_error(|x| Fixed::from_f64(x).stribeck_curve().value());
+        let fixed_error = max_error(|x| Fixed::from_f64(x).stribeck_curve().value());
         assert!((0.5e-5..2.0e-5).contains(&fixed_error), "{fixed_error:e}");
     }
 
     #[test]
-    fn curve_is_one_at_rest_and_zero_at_its_end() {
+    fn stribeck_curve_at_ends_is_one_and_zero() {
         assert_eq!(0.0f32.stribeck_curve(), 1.0);
         assert_eq!((LAST as f32).stribeck_curve(), 0.0);
         assert_eq!(0.0f64.stribeck_curve(), 1.0);

@@ -1,87 +1,88 @@
-//! What load, pressure and the extension terms do to a friction law in one sample.
+//! Effects of side load, pressure and extension terms on a friction law in one sample.
 //!
-//! A law asks its [`Effect`] for every quantity something may have changed: the Coulomb and static
-//! levels, the stiffness, the viscous coefficient. [`NoEffect`] answers each question with what it
-//! was given and compiles to nothing, so the plain law costs, and gives the bits, as if effects did
-//! not exist. [`SealEffect`] is the fixed set of the improved LuGre law. [`Effects`] is the general
-//! set the term list fills in. The law itself is written once for the three.
+//! A law passes every modifiable quantity through its [`Effect`]: the Coulomb and static levels, the
+//! stiffness and the viscous coefficient. Each law is written once for three effects:
+//!
+//! * [`NoEffect`] returns each quantity unchanged. It compiles to nothing, so the plain law has no overhead.
+//! * [`SealEffect`] is the fixed set of effects of the improved LuGre law.
+//! * [`Effects`] is the general set that the terms fill in.
 
 use crate::curve;
 use crate::number::{Real, Share};
 
-/// Changes to a law's quantities; each method returns its argument unless something acts on it.
+/// Modifies the quantities of a law. By default, each method returns its argument unchanged.
 pub trait Effect<T: Real> {
-    /// Coulomb level, Nm.
+    /// Returns the Coulomb level, Nm.
     #[inline(always)]
     fn coulomb(&self, base: T) -> T {
         base
     }
-    /// Static level, Nm.
+    /// Returns the static level, Nm.
     #[inline(always)]
     fn static_level(&self, base: T) -> T {
         base
     }
-    /// Level `g` when moving at `velocity`, Nm.
+    /// Returns the level `g` at `velocity`, Nm.
     #[inline(always)]
     fn level(&self, level: T, _velocity: T) -> T {
         level
     }
-    /// The largest level in either direction, from the static level; the bound of the state, Nm.
+    /// Returns the largest level in either direction for a static level, Nm. It bounds the bristle torque.
     #[inline(always)]
     fn level_bound(&self, static_level: T) -> T {
         static_level
     }
-    /// Viscous coefficient when moving at `velocity`, Nm s/rad.
+    /// Returns the viscous coefficient at `velocity`, Nm s/rad.
     #[inline(always)]
     fn viscous(&self, base: T, _velocity: T) -> T {
         base
     }
-    /// Bristle stiffness times the sample period, Nm s/rad.
+    /// Returns the bristle stiffness times the sample period, Nm s/rad.
     #[inline(always)]
     fn stiffness_step(&self, base: T) -> T {
         base
     }
-    /// The bristle torque after motion other than the shaft's own turning has bent it, Nm.
+    /// Returns the bristle torque after deflection by causes other than shaft motion, Nm.
     #[inline(always)]
     fn carried(&self, bristle_torque: T, _stiffness_step: T) -> T {
         bristle_torque
     }
-    /// The bristle's rate with that motion counted in, rad/s.
+    /// Returns the bristle deflection rate including these causes, rad/s.
     #[inline(always)]
     fn bristle_rate(&self, rate: T) -> T {
         rate
     }
-    /// The Stribeck curve at this speed, rad/s, as [`Real::stribeck_share`].
+    /// Returns the Stribeck curve at a speed, rad/s, as [`Real::stribeck_share`] does.
     #[inline(always)]
     fn towards_rest(&self, speed: T, cells_per_velocity: T, end: T) -> Share<T> {
         speed.stribeck_share(cells_per_velocity, end)
     }
-    /// The speed that is looked up, rad/s: beyond `end` the table's curve has ended.
+    /// Returns the speed for the curve's table, rad/s. The curve is 0 from the speed `end` on.
     #[inline(always)]
     fn stribeck_speed(&self, speed: T, end: T) -> T {
         speed.up_to_curve_end(end)
     }
-    /// Argument of the Stribeck curve, in cells.
+    /// Returns the argument of the Stribeck curve, in cells of its table.
     #[inline(always)]
     fn stribeck_argument(&self, cells: T) -> T {
         cells
     }
 }
 
-/// Nothing acts.
+/// The effect that changes nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoEffect;
 
 impl<T: Real> Effect<T> for NoEffect {}
 
-/// Side load and pressure on the seal (improved LuGre, Ding et al., eq. 16).
+/// Effect of side load and pressure on the seal (improved LuGre, Ding et al., eq. 16).
 #[derive(Clone, Copy, Debug)]
 pub struct SealEffect<T> {
     /// Added to the Coulomb level, Nm.
     pub coulomb: T,
     /// Added to the static level, Nm.
     pub static_level: T,
-    /// Bristle bending by the changing side load, rad/s.
+    /// Bristle deflection rate from the changing side load, rad/s.
     pub bristle_rate: T,
 }
 
@@ -104,33 +105,33 @@ impl<T: Real> Effect<T> for SealEffect<T> {
     }
 }
 
-/// Everything a list of terms can change.
+/// The combined effect of all terms.
 #[derive(Clone, Copy, Debug)]
 pub struct Effects<T> {
-    /// Side load and pressure, and whatever else adds to the levels.
+    /// Effect of side load and pressure, and all additions to the levels.
     pub seal: SealEffect<T>,
-    /// Factor on the level in both directions.
+    /// Factor of the level in both directions.
     pub level_scale: T,
-    /// The level is scaled by `1 + level_asymmetry` forwards, `1 - level_asymmetry` backwards.
+    /// Asymmetry of the level: the factor is `1 + level_asymmetry` forwards and `1 - level_asymmetry` backwards.
     pub level_asymmetry: T,
-    /// Factor on the viscous coefficient.
+    /// Factor of the viscous coefficient.
     pub viscous_scale: T,
-    /// As `level_asymmetry`, for the viscous coefficient.
+    /// Asymmetry of the viscous coefficient, as `level_asymmetry`.
     pub viscous_asymmetry: T,
-    /// Factor on the bristle stiffness.
+    /// Factor of the bristle stiffness.
     pub stiffness_scale: T,
-    /// Half the Stribeck exponent, where it is not 1.
+    /// Half the Stribeck exponent; `None` if that half is 1.
     pub half_exponent: Option<T>,
     /// Torque added outside the friction law, Nm.
     pub torque: T,
-    /// The velocity the law is to see, rad/s.
+    /// Velocity for the law, rad/s.
     pub velocity: T,
-    /// What the bristles hold before this sample, Nm. Terms read it; nothing they write to it counts.
+    /// Bristle torque before this sample, Nm. Terms read it; writing to it has no effect.
     pub held: T,
 }
 
 impl<T: Real> Effects<T> {
-    /// Nothing acts yet on a law moving at `velocity` whose bristles hold `held`.
+    /// Returns neutral effects for a velocity, rad/s, and a bristle torque before this sample, Nm.
     #[inline(always)]
     pub fn none(velocity: T, held: T) -> Self {
         let (zero, one) = (T::zero(), T::one());
@@ -192,7 +193,7 @@ impl<T: Real> Effect<T> for Effects<T> {
     }
     #[inline(always)]
     fn stribeck_speed(&self, speed: T, end: T) -> T {
-        // A curve of lower exponent reaches farther: it ends after its argument is formed.
+        // A curve with a lower exponent extends to higher speeds. Its end applies to the argument instead.
         if self.half_exponent.is_some() { speed } else { speed.up_to_curve_end(end) }
     }
     #[inline(always)]
@@ -202,7 +203,7 @@ impl<T: Real> Effect<T> for Effects<T> {
             Some(half_exponent) => {
                 let per_cell = curve::CELLS_PER_STRIBECK_VELOCITY;
                 let normalised = cells * T::from_f64(1.0 / per_cell);
-                // Limited before it is scaled back: fixed point has no room for a high power.
+                // The limit precedes the scaling, because a high power may exceed the range of fixed point.
                 let end = T::from_f64(curve::LAST / per_cell);
                 normalised.pow(half_exponent).at_most(end) * T::from_f64(per_cell)
             }

@@ -1,12 +1,11 @@
-//! The operating range a model is declared for.
+//! The operating range that a model is declared for.
 //!
-//! What a model may meet: its levels are proven positive and its fixed-point products within range
-//! everywhere in it, and the compensator believes no reading beyond it. Its fields travel in records by
-//! their order.
+//! Validation proves over this range that the friction levels are positive and that fixed-point products do not
+//! overflow. The compensator rejects readings outside it. Records store the fields by their order.
 
 crate::named_fields! {
-    /// The operating range a model is declared for. Validation proves the levels over it; the step
-    /// limits velocity to it.
+    /// The operating range that a model is declared for. Validation proves the friction levels over it. The model
+    /// step limits the velocity to it.
     pub struct Envelope {
         /// Largest speed, rad/s.
         velocity_max_rad_s: f32 = 12.0;
@@ -16,12 +15,12 @@ crate::named_fields! {
         pressure_diff_max_pa: f32 = 3e5;
         /// Largest transmitted torque, Nm.
         load_torque_max_nm: f32 = 26.0;
-        /// Farthest position from zero, rad.
+        /// Largest distance of the position from zero, rad.
         position_max_rad: f32 = 1000.0;
         /// Largest acceleration, rad/s^2.
         acceleration_max_rad_s2: f32 = 1000.0;
         /// Longest campaign, h.
         campaign_max_h: f32 = 2000.0;
     }
-    /// The joint of Ding et al., with room: 100 rpm, 100 N, 0.3 MPa, 26 Nm.
+    /// The range of the joint of Ding et al. (100 rpm, 100 N, 0.3 MPa, 26 Nm), with a margin.
 }

@@ -1,20 +1,20 @@
-//! Whether a joint turns or slides, and the units that follow from it.
+//! The kind of a joint, revolute or prismatic, and the units of each kind.
 //!
-//! All code is written in the words of a joint that turns: "torque" means a force in N, and "velocity"
-//! m/s, where the joint is [`JointKind::Prismatic`]. Only what a person reads asks for the kind.
+//! The code uses the terms of a revolute joint. For a [`JointKind::Prismatic`] joint, "torque" means a force in N
+//! and "velocity" a speed in m/s. Only text for users depends on the kind.
 
-/// Whether a joint turns or slides.
+/// The kind of a joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum JointKind {
-    /// It turns: rad, rad/s, rad/s2, Nm.
+    /// A joint that turns: rad, rad/s, rad/s2, Nm.
     #[default]
     Revolute,
-    /// It slides: m, m/s, m/s2, N.
+    /// A joint that slides: m, m/s, m/s2, N.
     Prismatic,
 }
 
 impl JointKind {
-    /// The one for a joint that turns, or the other.
+    /// Returns the first item for a revolute joint and the second for a prismatic joint.
     pub const fn choose(self, pair: [&'static str; 2]) -> &'static str {
         match self {
             Self::Revolute => pair[0],
@@ -22,22 +22,22 @@ impl JointKind {
         }
     }
 
-    /// `"Nm"` or `"N"`.
+    /// Returns `"Nm"` or `"N"`.
     pub const fn torque_unit(self) -> &'static str {
         self.choose(["Nm", "N"])
     }
 
-    /// `"rad"` or `"m"`.
+    /// Returns `"rad"` or `"m"`.
     pub const fn position_unit(self) -> &'static str {
         self.choose(["rad", "m"])
     }
 
-    /// `"rad/s"` or `"m/s"`.
+    /// Returns `"rad/s"` or `"m/s"`.
     pub const fn velocity_unit(self) -> &'static str {
         self.choose(["rad/s", "m/s"])
     }
 
-    /// `"rad/s2"` or `"m/s2"`.
+    /// Returns `"rad/s2"` or `"m/s2"`.
     pub const fn acceleration_unit(self) -> &'static str {
         self.choose(["rad/s2", "m/s2"])
     }

@@ -1,8 +1,8 @@
-//! The friction laws, each once.
+//! The friction laws.
 //!
-//! Static laws ([`steady`]) give a torque for a velocity. Bristle laws ([`bristle`]) carry a state,
-//! the torque `y = sigma0 z` held by the bent bristles, and so know presliding, hysteresis and
-//! stick-slip. All see load, pressure and the extension terms through [`crate::effect::Effect`].
+//! A static law ([`steady`]) computes a torque from the velocity. A bristle law ([`bristle`]) has a state: the
+//! torque `y = sigma0 z` of the deflected bristles. It therefore models presliding, hysteresis and stick-slip.
+//! Load, pressure and the extension terms act on every law through [`crate::effect::Effect`].
 //!
 //! | law | torque | source |
 //! |---|---|---|
@@ -15,9 +15,9 @@
 //! | lugre-asymmetric | bristles, levels by the sign of the held torque | the damper paper, eq. 4 |
 //! | improved-lugre | bristles under side load and pressure | Ding et al., eq. 16 |
 //!
-//! Each law is one file, which answers the questions of `interface`: its parameters, what it is built of, what
-//! it remembers, its step, and the products a fixed-point number must hold. To add one: its file, its row in
-//! the table below, and rows for its parameters at the end of [`crate::parameter`].
+//! Each law is one file that implements the trait in `interface`: parameters, coefficients, memory, step, and
+//! the products that a fixed-point number must represent. To add a law, add its file, its row in the table
+//! below, and rows for its parameters at the end of [`crate::parameter`].
 
 mod atan;
 pub mod bristle;
@@ -50,30 +50,30 @@ use crate::term::TermKind;
 use ParameterId as Id;
 use bristle::Bristles;
 use interface::{FrictionLaw, Step};
-pub(crate) use written::{Range, Written};
+pub(crate) use written::{LawParameters, LawRange};
 
-/// Choices about a law that are not numbers.
+/// Options of a law that are not numeric parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Choices {
-    /// Bristle damping fades along the Stribeck curve instead of staying constant; see
+    /// Bristle damping decreases along the Stribeck curve instead of staying constant; see
     /// [`ParameterId::BristleDamping`].
     pub damping_fades: bool,
-    /// Take the extended law as the manipulator paper prints it.
+    /// Use the extended law exactly as printed in the manipulator paper, eq. 5.
     pub printed_extended: bool,
-    /// Accept a law that can give out more energy than it takes in.
+    /// Accept a law that is not passive, that is, one that can generate energy.
     pub allow_active: bool,
 }
 
 impl Choices {
-    /// Their names in files, in the order of [`Choices::to_array`].
+    /// Names of the options in files, in the order of [`Choices::to_array`].
     pub const NAMES: [&str; 3] = ["damping_fades", "printed_extended", "allow_active"];
 
-    /// The choices in the order of their names.
+    /// Returns the options in the order of [`Choices::NAMES`].
     pub const fn to_array(self) -> [bool; 3] {
         [self.damping_fades, self.printed_extended, self.allow_active]
     }
 
-    /// The choices of [`Choices::to_array`].
+    /// Creates the options from the array of [`Choices::to_array`].
     pub const fn from_array([damping_fades, printed_extended, allow_active]: [bool; 3]) -> Self {
         Self { damping_fades, printed_extended, allow_active }
     }
@@ -87,15 +87,15 @@ macro_rules! define_laws {
         pub enum LawKind { $($(#[$doc])* $kind = $number),* }
 
         impl LawKind {
-            /// Every law, in the order of their numbers.
+            /// Every law, ordered by number.
             pub const ALL: &'static [LawKind] = &by_number([$(LawKind::$kind),*]);
 
-            /// The name used in model names and files.
+            /// Returns the name used in model names and files.
             pub const fn name(self) -> &'static str {
                 match self { $(LawKind::$kind => $name),* }
             }
 
-            /// The parameters that belong to this law.
+            /// Returns the parameters of this law.
             #[inline(never)]
             pub const fn parameters(self) -> &'static [ParameterId] {
                 match self {
@@ -103,18 +103,18 @@ macro_rules! define_laws {
                 }
             }
 
-            /// Whether side load and pressure already belong to the law.
+            /// Returns true if the law itself models side load and pressure.
             pub const fn has_seal_load(self) -> bool {
                 match self {
                     $(LawKind::$kind => <$file::$kind<f64> as FrictionLaw<f64>>::HAS_SEAL_LOAD),*
                 }
             }
 
-            /// Refuses what the number `N` has no room for; see [`FrictionLaw::check`].
+            /// Returns an error if the number type `N` cannot represent a product; see [`FrictionLaw::check`].
             pub(crate) fn check<N: Real, S: Real>(
                 self,
-                written: &Written<S>,
-                range: &Range,
+                written: &LawParameters<S>,
+                range: &LawRange,
             ) -> Result<f64, ParameterError> {
                 match self {
                     $(LawKind::$kind => $file::$kind::<f64>::check::<N, S>(written, range)),*
@@ -122,11 +122,11 @@ macro_rules! define_laws {
             }
         }
 
-        /// A built law.
+        /// A friction law built for one sample period.
         #[derive(Clone, Copy, Debug)]
         pub enum Law<T> { $($(#[$doc])* $kind($file::$kind<T>)),* }
 
-        /// What laws remember besides the held torque.
+        /// Memory of the laws between samples, apart from the bristle torque.
         #[derive(Clone, Copy, Debug, Default)]
         pub(crate) struct Memory<T: Real> {
             $(pub(crate) $file: <$file::$kind<T> as FrictionLaw<T>>::Memory,)*
@@ -136,7 +136,7 @@ macro_rules! define_laws {
             /// Builds a law for a sample period in s.
             pub(crate) fn build(
                 kind: LawKind,
-                written: &Written<T::Setting>,
+                written: &LawParameters<T::Setting>,
                 period_s: T::Setting,
             ) -> Self {
                 match kind {
@@ -144,7 +144,7 @@ macro_rules! define_laws {
                 }
             }
 
-            /// Becomes `of` for a sample period `ratio` times as long.
+            /// Sets the coefficients to those of `of` for a sample period `ratio` times as long.
             pub(crate) fn rescale_period(&mut self, of: &Self, ratio: T) {
                 match (self, of) {
                     $((Self::$kind(law), Self::$kind(of)) => law.rescale_period(of, ratio),)*
@@ -152,18 +152,18 @@ macro_rules! define_laws {
                 }
             }
 
-            /// The speed velocity is limited to, rad/s.
+            /// Returns the largest speed that the law evaluates, rad/s. A larger velocity is limited to it.
             #[inline(always)]
             pub fn velocity_limit(&self) -> T {
                 match self { $(Self::$kind(law) => law.velocity_limit()),* }
             }
 
-            /// The held torque of a joint that slides fast, Nm; 0 of a law that holds none.
+            /// Returns the bristle torque in fast sliding, Nm; 0 for a static law.
             pub fn sliding_torque(&self) -> T {
                 match self { $(Self::$kind(law) => law.sliding_torque()),* }
             }
 
-            /// One sample in a model without terms.
+            /// Evaluates one sample in a model without terms. Returns the friction torque, Nm.
             #[inline(always)]
             pub(crate) fn step_alone(
                 &self,
@@ -176,20 +176,22 @@ macro_rules! define_laws {
                         let $tuned = law.step_alone(held, &mut memory.$file, sample);
                         $tuned
                     })?)*
-                    // A copy, so that the sample of the others stays in registers.
+                    // The copy keeps the sample of the other arms in registers.
                     _ => return self.step_other(held, memory, &{ *sample }),
                 };
                 step.finish(held, sample.velocity_rad_s, &NoEffect)
             }
 
-            /// The laws no joint driver is tuned for, out of line: the arc tangent's call alone would
-            /// make the others save and restore registers on every step.
+            /// Evaluates the laws that are not marked `tuned`.
+            ///
+            /// The function is out of line. Inlined, the call to the arc tangent alone would make the
+            /// tuned laws save and restore registers in every step.
             #[cold]
             #[inline(never)]
             #[allow(unreachable_patterns)]
             fn step_other(&self, held: &mut T, memory: &mut Memory<T>, sample: &Sample<T>) -> T {
                 let step = match self {
-                    // These have been stepped where they were asked for.
+                    // `step_alone` handles these laws itself.
                     $($(Self::$kind(_) => {
                         let $tuned = Step::Done(T::zero());
                         $tuned
@@ -199,7 +201,7 @@ macro_rules! define_laws {
                 step.finish(held, sample.velocity_rad_s, &NoEffect)
             }
 
-            /// One sample under effects.
+            /// Evaluates one sample under an effect. Returns the friction torque, Nm.
             #[inline(always)]
             pub(crate) fn step<E: Effect<T>>(
                 &self,
@@ -214,7 +216,7 @@ macro_rules! define_laws {
                 step.finish(held, velocity, effect)
             }
 
-            /// What the law's own load does in this sample, for terms to add to.
+            /// Writes the effect of the law's own load into `effects`. Terms add to it.
             #[inline(always)]
             pub(crate) fn load(&self, sample: &Sample<T>, effects: &mut Effects<T>) {
                 match self { $(Self::$kind(law) => law.load(sample, effects)),* }
@@ -223,29 +225,29 @@ macro_rules! define_laws {
     };
 }
 
-// A row says what the law is, its kind (the name of its type as well), its number in records, which may never
-// change, the name used in model names and files, and its file; and whether joint drivers are tuned for it, so
-// that its step lies in the loop. The first is the one a step asks for first.
+// A row holds: a description; the kind, which is also the name of its type; its number in records, which must
+// never change; its name in model names and files; its file. `tuned` marks the laws that joint drivers use most:
+// their step is inlined into the loop. A step tests the laws in the order of the rows.
 define_laws! {
     /// LuGre under side load and pressure.
     ImprovedLugre = 7, "improved-lugre" in improved_lugre, tuned;
     /// Bristles with the Stribeck curve.
     Lugre = 5, "lugre" in lugre, tuned;
-    /// LuGre with levels of their own for each direction.
+    /// LuGre with separate levels for each direction.
     LugreAsymmetric = 6, "lugre-asymmetric" in lugre_asymmetric;
-    /// Bristles of one level, and a viscous part.
+    /// Bristles with one level, and viscous friction.
     Dahl = 4, "dahl" in dahl;
-    /// With the Stribeck curve.
+    /// Coulomb and viscous friction with the Stribeck curve.
     Stribeck = 3, "stribeck" in stribeck;
-    /// With an arc tangent and an offset.
+    /// Coulomb and viscous friction with an arc tangent and an offset.
     Atan = 2, "atan" in atan;
-    /// With a quadratic and a cubic part.
+    /// Coulomb and viscous friction with a quadratic and a cubic part.
     Extended = 1, "extended" in extended;
-    /// Coulomb and viscous.
+    /// Coulomb and viscous friction.
     Linear = 0, "linear" in linear;
 }
 
-/// The laws in the order of their numbers, which have no gap.
+/// Sorts the laws by number. The numbers must be contiguous from 0.
 const fn by_number<const N: usize>(kinds: [LawKind; N]) -> [LawKind; N] {
     let mut sorted = kinds;
     let mut index = 0;
@@ -257,35 +259,36 @@ const fn by_number<const N: usize>(kinds: [LawKind; N]) -> [LawKind; N] {
 }
 
 impl LawKind {
-    /// The law with this name.
+    /// Returns the law with this name.
     pub fn parse(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|kind| kind.name() == name)
     }
 
-    /// The law with this number (its position in [`LawKind::ALL`]).
+    /// Returns the law with this number, which is its position in [`LawKind::ALL`].
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.get(usize::from(number)).copied()
     }
 
-    /// Whether what this term does is part of the law already.
+    /// Returns true if the law itself models the effect of this term.
     pub fn includes(self, kind: TermKind) -> bool {
         kind.parameters().iter().all(|id| self.parameters().contains(id))
     }
 
-    /// Whether the law carries a bristle state.
+    /// Returns true if the law has a bristle state.
     pub fn has_bristles(self) -> bool {
         self.parameters().contains(&Id::BristleStiffness)
     }
 
-    /// Whether the law's level falls along a Stribeck curve.
+    /// Returns true if the level of the law follows a Stribeck curve.
     pub fn has_stribeck_curve(self) -> bool {
         self.parameters().contains(&Id::StribeckVelocity)
     }
 }
 
 impl<T: Real> Law<T> {
-    /// The bristles of a law that is nothing but bristles (dahl, lugre): whoever steps many models chooses
-    /// the law once.
+    /// Returns the bristles of a law that has no other part (dahl, lugre).
+    ///
+    /// A caller that steps many models can then select the law once, outside the loop.
     pub fn plain_bristles(&self) -> Option<&Bristles<T>> {
         match self {
             Self::Lugre(Lugre(bristles)) | Self::Dahl(Dahl(bristles)) => Some(bristles),

@@ -1,13 +1,20 @@
 //! Friction laws, extension terms and the friction compensator of an underwater joint driver.
 //!
-//! The seal of an underwater joint rubs; how hard depends on speed, on the side load on the shaft
-//! and on the water pressure. This crate computes that friction inside a current loop and on a PC,
-//! with the same code: `no_std`, no allocation, no `unsafe`, no panics, generic over the number.
+//! The shaft seal of an underwater joint causes friction. The friction depends on speed, on the side load on
+//! the shaft and on the water pressure. This crate computes it with the same code in a current loop and on a PC.
+//! The code is `no_std`, generic over the number type, and free of allocation, `unsafe` and panics.
 //!
-//! Reading order: [`law`] (what rubs), [`effect`] and [`term`] (what changes how hard),
-//! [`parameters`] (written, validated, built), [`model`] (one sample in, one torque out),
-//! [`compensator`] (the model made safe for a current loop), [`network`] (parameters a network supplies), [`record`] (parameters in flash), [`can`]
-//! (samples and answers on the bus). [`quantity`] is the table of what a joint measures.
+//! Read the modules in this order:
+//!
+//! * [`quantity`]: the measured quantities of a joint, and their units.
+//! * [`law`]: the friction laws.
+//! * [`effect`] and [`term`]: influences on a law, such as pressure and temperature.
+//! * [`parameters`]: parameters, their validation, and building a model from them.
+//! * [`model`]: a law with its terms. Each sample gives one friction torque.
+//! * [`compensator`]: the model with input guards and output limits for a current loop.
+//! * [`network`]: factors of a law that a neural network supplies.
+//! * [`record`]: parameters in flash memory.
+//! * [`can`]: samples and results on the CAN bus.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
@@ -43,17 +50,22 @@ mod refusal;
 pub mod seal;
 pub mod term;
 
-pub use compensator::{Compensator, Output};
+pub use compensator::{Compensator, CompensatorOutput};
 pub use envelope::Envelope;
 pub use flags::Flags;
 pub use joint_kind::JointKind;
-pub use model::{Model, State};
+pub use model::{FrictionModel, ModelState};
 pub use number::{Fixed, Real};
 pub use parameters::{LawKind, ParameterError, ParameterId, Parameters};
 pub use quantity::{Inputs, Quantity, Reading, Sample};
 pub use term::TermKind;
 
-/// What the README shows compiles as it stands.
+/// Compiles the examples of the README.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 struct Readme;
+
+/// Compiles the example of the embedding guide.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/src/how-to/embed-the-compensator.md")]
+struct EmbeddingGuide;

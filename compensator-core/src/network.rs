@@ -1,19 +1,18 @@
 //! A small network that supplies parameters to LuGre while it runs: the law `lugre-lstm`.
 //!
-//! The damper paper lets an LSTM say how large `F_C`, `F_S` and `sigma0` are at the moment. Here it gives
-//! *factors* on a fitted law's ([`Factors`]), which the one bristle step takes as it takes any [`crate::effect`]: the
-//! law is not written again. [`Network::evaluate`] belongs outside the current loop, at its own rate; the loop reads
-//! the last factors, three numbers.
+//! In the damper paper, an LSTM computes `F_C`, `F_S` and `sigma0`. Here it computes *factors* ([`Factors`]) on the
+//! parameters of a fitted law. The bristle step applies them as any other [`crate::effect`], so both laws share one
+//! implementation. Call [`Network::evaluate`] outside the current loop, at its own rate. The loop reads only the
+//! last three factors.
 //!
-//! What holds for *any* weights and inputs: each factor lies within its bounds and moves by at most `slew` an
-//! evaluation, so `|y| <= max g` at the upper bounds. Passivity does not: a stiffness that falls while bristles are bent
-//! gives no energy back here (the torque `y` is kept), one that rises under load takes none, so the stored energy
-//! `y^2 / 2 sigma0` is not what was put in.
+//! For *any* weights and inputs, each factor stays within its bounds and changes by at most `slew` per evaluation.
+//! Therefore `|y| <= max g` holds with the upper bounds. Passivity is not guaranteed: the torque `y` is kept when
+//! the stiffness changes, so the stored energy `y^2 / 2 sigma0` differs from the energy supplied.
 //!
-//! [`JointNetwork`] is a network with a home: in a record ([`record`]) and over CAN, fed with a joint's readings.
+//! [`JointNetwork`] adds the input sources and the period, for records ([`record`]) and for transfer over CAN.
 //!
-//! The network knows which inputs it was trained on ([`InputRange`]). Outside of them it says so, counts, and its share
-//! fades until the law runs on its constants.
+//! [`InputRange`] holds the range of each input during training. Outside these ranges the network sets a flag and
+//! counts the evaluation. Its share fades until the law runs on its constant parameters.
 
 mod activation;
 mod augmented;
@@ -28,53 +27,53 @@ mod stroke;
 
 pub use activation::{sigmoid, squash, squash_slope};
 pub use augmented::AugmentedLugre;
-pub use factors::{FACTORS, FactorBounds, Factors};
+pub use factors::{FACTOR_COUNT, FactorBounds, Factors};
 pub use input_range::InputRange;
-pub use joint::{CELLS, Feed, JointNetwork, MOST_INPUTS, Supplier};
-pub use lstm::{Activations, CELL_LIMIT, Cell, GATES, Hidden, Lstm};
+pub use joint::{CELLS, FactorSupplier, InputSource, JointNetwork, MAX_INPUTS};
+pub use lstm::{CELL_LIMIT, GATES, Lstm, LstmActivations, LstmCell, LstmState};
 pub use readout::Readout;
-pub use stroke::{Stroke, StrokeRange};
+pub use stroke::{StrokeRange, StrokeTracker};
 
 use crate::number::Real;
 use crate::refusal::{Bound, ParameterError, refuse};
 use core::array;
 
-/// A network built for use: weights, what it may be asked and what it may answer.
+/// A trained network: input ranges, weights and limits of the factors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network<T, const INPUTS: usize, const CELLS: usize> {
     /// Ranges the network was trained on, in the order of its inputs.
     pub inputs: [InputRange<T>; INPUTS],
     /// The recurrent layer.
     pub lstm: Lstm<T, INPUTS, CELLS>,
-    /// What is read from its cells.
+    /// The output layer.
     pub readout: Readout<T, CELLS>,
-    /// Bounds of each factor; they hold 1.
-    pub bounds: [FactorBounds<T>; FACTORS],
-    /// Most a factor may move in an evaluation.
+    /// Bounds of each factor. Every interval contains 1.
+    pub bounds: [FactorBounds<T>; FACTOR_COUNT],
+    /// Maximum change of a factor per evaluation.
     pub slew: T,
-    /// How much of its share the network loses in an evaluation outside its ranges, and gains inside, 0..=1.
+    /// Change of the share per evaluation, 0..=1: a decrease outside the ranges, an increase inside.
     pub fade: T,
 }
 
-/// What a network remembers between evaluations.
+/// State of a network between evaluations.
 #[derive(Clone, Copy, Debug)]
 pub struct NetworkState<T, const CELLS: usize> {
-    /// The recurrent layer's.
-    pub hidden: Hidden<T, CELLS>,
-    /// The factors last given.
+    /// State of the recurrent layer.
+    pub hidden: LstmState<T, CELLS>,
+    /// Factors of the last evaluation.
     pub factors: Factors<T>,
-    /// How much the network has to say, 0 (constant parameters) to 1.
+    /// Share of the network in the factors, from 0 (constant parameters) to 1.
     pub share: T,
-    /// Whether the last inputs lay outside the ranges.
+    /// True if the last inputs were outside the ranges.
     pub is_outside: bool,
-    /// Evaluations outside the ranges so far; stays at its largest value.
+    /// Number of evaluations outside the ranges; saturates.
     pub outside_count: u32,
 }
 
 impl<T: Real, const CELLS: usize> Default for NetworkState<T, CELLS> {
     fn default() -> Self {
         Self {
-            hidden: Hidden::default(),
+            hidden: LstmState::default(),
             factors: Factors::default(),
             share: T::one(),
             is_outside: false,
@@ -83,36 +82,38 @@ impl<T: Real, const CELLS: usize> Default for NetworkState<T, CELLS> {
     }
 }
 
-/// What an evaluation computed on its way.
+/// Intermediate values of an evaluation, for training.
 #[derive(Clone, Copy, Debug)]
-pub struct Trace<T, const INPUTS: usize, const CELLS: usize> {
-    /// The inputs over their ranges.
+pub struct NetworkTrace<T, const INPUTS: usize, const CELLS: usize> {
+    /// Scaled inputs, -1..=1.
     pub scaled: [T; INPUTS],
-    /// Of the recurrent layer.
-    pub activations: Activations<T, CELLS>,
-    /// Sums of the readout.
-    pub sums: [T; FACTORS],
-    /// Where the factors were to go.
+    /// Intermediate values of the recurrent layer.
+    pub activations: LstmActivations<T, CELLS>,
+    /// Output sums of the readout.
+    pub sums: [T; FACTOR_COUNT],
+    /// Target factors, before the slew limit.
     pub targets: Factors<T>,
 }
 
-/// Sum of weights of one gate that is accepted: their products stay within the range of [`crate::Fixed`].
+/// Maximum sum of the magnitudes of one gate's weights. It keeps the products within the range of [`crate::Fixed`].
 const LARGEST_SUM: f64 = 1000.0;
 
 impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS> {
-    /// How many weights there are: those of the gates, then those of the readout.
-    pub const WEIGHTS: usize = CELLS * Cell::<T, INPUTS, CELLS>::WEIGHTS + FACTORS * (1 + CELLS);
+    /// Number of weights: first those of the gates, then those of the readout.
+    pub const WEIGHTS: usize =
+        CELLS * LstmCell::<T, INPUTS, CELLS>::WEIGHTS + FACTOR_COUNT * (1 + CELLS);
 
-    /// Takes one evaluation: inputs in their units, which may be any bit pattern, factors out.
+    /// Evaluates the network once and returns the factors. Inputs are in their own units; any bit pattern is valid.
     #[inline]
     pub fn evaluate(&self, state: &mut NetworkState<T, CELLS>, inputs: &[T; INPUTS]) -> Factors<T> {
-        self.evaluate_where(state, inputs, true)
+        self.evaluate_guarded(state, inputs, true)
     }
 
-    /// The same, where the caller knows besides whether this is a motion it was trained on ([`Stroke`]): one that is
-    /// not counts as outside.
+    /// Evaluates as [`Network::evaluate`]. If `is_known` is false, the evaluation counts as outside the ranges.
+    ///
+    /// The caller sets `is_known` to false for a motion that training did not contain ([`StrokeTracker`]).
     #[inline]
-    pub fn evaluate_where(
+    pub fn evaluate_guarded(
         &self,
         state: &mut NetworkState<T, CELLS>,
         inputs: &[T; INPUTS],
@@ -122,14 +123,14 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
         state.factors
     }
 
-    /// The same, and what was computed on the way: for training, which goes back along it.
+    /// Evaluates as [`Network::evaluate_guarded`] and returns the intermediate values for back-propagation.
     #[inline(always)]
     pub fn evaluate_traced(
         &self,
         state: &mut NetworkState<T, CELLS>,
         inputs: &[T; INPUTS],
         is_known: bool,
-    ) -> Trace<T, INPUTS, CELLS> {
+    ) -> NetworkTrace<T, INPUTS, CELLS> {
         let (scaled, beyond_range) = self.scaled(inputs);
         let is_outside = beyond_range || !is_known;
         state.is_outside = is_outside;
@@ -141,10 +142,10 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
         let targets = Factors::within(sums, &self.bounds).faded(state.share);
         let before = state.factors;
         state.factors = before.towards(targets, self.slew);
-        Trace { scaled, activations, sums, targets }
+        NetworkTrace { scaled, activations, sums, targets }
     }
 
-    /// The inputs as the recurrent layer sees them, -1..=1 over their ranges, and whether one lies outside.
+    /// Returns the inputs scaled to -1..=1 over their ranges, and true if any input is outside its range.
     #[inline]
     pub fn scaled(&self, inputs: &[T; INPUTS]) -> ([T; INPUTS], bool) {
         let mut scaled = [T::zero(); INPUTS];
@@ -157,7 +158,7 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
         (scaled, is_outside)
     }
 
-    /// The same network in another number.
+    /// Converts the network to another number type.
     pub fn convert<R: Real>(&self) -> Network<R, INPUTS, CELLS> {
         let number = |value: T| R::from_f64(value.value());
         Network {
@@ -170,7 +171,7 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
         }
     }
 
-    /// The same with more inputs, which weigh nothing.
+    /// Returns the network with additional inputs whose weights are 0.
     #[must_use]
     pub fn widened<const MORE: usize>(&self) -> Network<T, MORE, CELLS> {
         const { assert!(MORE >= INPUTS, "inputs would be lost") };
@@ -185,23 +186,24 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
         }
     }
 
-    /// Hands every weight to `sink`, in the order [`Network::set_weights`] takes them.
+    /// Calls `sink` with every weight, in the order of [`Network::set_weights`].
     pub fn for_each_weight(&self, mut sink: impl FnMut(T)) {
         self.lstm.for_each(&mut sink);
         self.readout.for_each(&mut sink);
     }
 
-    /// Takes its weights from a list of [`Network::WEIGHTS`]; `false` where it is shorter, and then nothing
-    /// is said of the weights.
+    /// Sets the weights from a list of [`Network::WEIGHTS`] values.
+    ///
+    /// Returns false if the list is shorter. The weights are then unspecified.
     pub fn set_weights(&mut self, mut weights: impl Iterator<Item = T>) -> bool {
         let mut next = || weights.next();
         self.lstm.set(&mut next).and_then(|()| self.readout.set(&mut next)).is_some()
     }
 
-    /// Refuses what could leave a number's range or does not say what it should.
+    /// Checks that every value is in its valid range and that no number type can overflow.
     ///
     /// # Errors
-    /// Names what is wrong.
+    /// Names the first invalid field.
     pub fn validate(&self) -> Result<(), ParameterError> {
         for range in &self.inputs {
             range.validate()?;
@@ -220,7 +222,7 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Network<T, INPUTS, CELLS>
                 refuse(field, value, Bound::MoreThan(0.0), "factors must be able to move")?;
             }
             if value > 1.0 {
-                refuse(field, value, Bound::AtMost(1.0), "a larger step is none")?;
+                refuse(field, value, Bound::AtMost(1.0), "a change is at most 1")?;
             }
         }
         Ok(())

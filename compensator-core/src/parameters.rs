@@ -1,12 +1,14 @@
-//! Parameters: what a person writes, what has been validated, what a model is built from.
+//! The parameters of a model: values, validation and build.
 //!
-//! A parameter has three forms and there is a fourth thing that is none of them. *Written*: SI
-//! values by name, a TOML file on the host, a record in flash ([`crate::record`]). *Validated*:
-//! [`Parameters`] for which [`Parameters::validate`] returned `Ok`. *Built* for a sample period:
-//! [`crate::model::Model`], immutable, swapped whole. And the *state*, which belongs to none of them.
+//! Parameters have three forms:
+//! - *Written*: SI values by name, in a TOML file on the host or in a record in flash ([`crate::record`]).
+//! - *Validated*: [`Parameters`] for which [`Parameters::validate`] returned `Ok`.
+//! - *Built* for a sample period: [`crate::model::FrictionModel`]. It is immutable and replaced as a whole.
 //!
-//! [`crate::parameter`] is the one list of all parameters, with unit, range and default; files, CAN objects,
-//! fits and documentation are driven by it. [`LawKind`] and [`TermKind`] say which of them count.
+//! The state of a model is separate from all of them.
+//!
+//! [`crate::parameter`] lists all parameters with unit, range and default. Files, CAN objects, fits and
+//! documentation use this list. [`LawKind`] and [`TermKind`] determine which parameters are active.
 
 mod build;
 mod extremes;
@@ -15,48 +17,51 @@ mod validate;
 pub use crate::envelope::Envelope;
 pub use crate::law::{Choices, LawKind};
 pub use crate::parameter as table;
-pub use crate::parameter::{Info, ParameterId};
-pub use crate::refusal::{Bound, Digits, ParameterError, check_ranges};
-pub use build::WrongPeriod;
+pub use crate::parameter::{ParameterId, ParameterInfo};
+pub use crate::refusal::{Bound, ParameterError, ShortNumber, check_ranges};
+pub use build::PeriodError;
 
 use crate::number::Real;
-use crate::parameter::Values;
+use crate::parameter::ParameterValues;
 use crate::term::{MAX_TERMS, TermKind};
 use heapless::Vec;
 
-/// The terms of a model, in the order they act.
+/// The terms of a model, in the order in which they act.
 pub type TermList = Vec<TermKind, MAX_TERMS>;
 
-/// A law, its terms and their values. `S` is `f32` for a driver, `f64` on the host, a dual number
-/// where derivatives are wanted.
+/// A law, its terms and their parameter values.
+///
+/// `S` is `f32` in a driver, `f64` on the host, and a dual number if derivatives are needed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters<S> {
     /// The law.
     pub law: LawKind,
     /// The terms, each kind at most once.
     pub terms: TermList,
-    /// What the model may meet.
+    /// Operating envelope of the model.
     pub envelope: Envelope,
-    /// Choices about the law.
+    /// Options of the law.
     pub choices: Choices,
-    values: Values<S>,
+    values: ParameterValues<S>,
 }
 
 impl<S: Real> Parameters<S> {
-    /// A law with every parameter at its default.
+    /// Creates a law without terms, with every parameter at its default.
     pub fn new(law: LawKind) -> Self {
         Self {
             law,
             terms: TermList::new(),
             envelope: Envelope::default(),
             choices: Choices::default(),
-            values: Values::new(),
+            values: ParameterValues::new(),
         }
     }
 
-    /// Switches a term on. `false` if the list is full; a term that is there already stays once.
-    /// A term the law has in it already (side load in the improved law, the offset in the atan law) is
-    /// not added to it once more. Terms act in the order of the list; one that the others are to see acts first.
+    /// Adds a term. Returns false if the list is full.
+    ///
+    /// A term that is already in the list is not added again. Neither is a term that the law includes, such as
+    /// side load in the improved law or the offset in the atan law. The term is appended to the list, or
+    /// inserted at its start if the other terms depend on it ([`TermKind::is_applied_first`]).
     pub fn add_term(&mut self, kind: TermKind) -> bool {
         if self.terms.contains(&kind) || self.law.includes(kind) {
             return true;
@@ -65,8 +70,8 @@ impl<S: Real> Parameters<S> {
             return false;
         }
         let mut last = kind;
-        if kind.acts_first() {
-            // Moved on one by one: `rotate_right` brings a `memmove` of 1574 bytes into a driver's image.
+        if kind.is_applied_first() {
+            // Shifted one by one, because `rotate_right` would add `memmove` to the image of a driver.
             for term in &mut self.terms {
                 core::mem::swap(term, &mut last);
             }
@@ -74,25 +79,25 @@ impl<S: Real> Parameters<S> {
         self.terms.push(last).is_ok()
     }
 
-    /// The value of a parameter, in its unit.
+    /// Returns the value of a parameter, in its unit.
     #[inline]
     pub fn get(&self, id: ParameterId) -> S {
         self.values.get(id)
     }
 
-    /// Sets a parameter, in its unit. Nothing is checked until [`Parameters::validate`].
+    /// Sets a parameter, in its unit. [`Parameters::validate`] checks the value.
     pub fn set(&mut self, id: ParameterId, value: S) {
         self.values.set(id, value);
     }
 
-    /// As [`Parameters::set`], for building in one expression.
+    /// As [`Parameters::set`], for use in an expression.
     #[must_use]
     pub fn with(mut self, id: ParameterId, value: S) -> Self {
         self.set(id, value);
         self
     }
 
-    /// The parameters that count: the law's, then each term's, none twice.
+    /// Returns the parameters of the law and of the terms, ordered by number, each once.
     pub fn active(&self) -> impl Iterator<Item = ParameterId> + '_ {
         ParameterId::ALL.iter().copied().filter(|id| {
             self.law.parameters().contains(id)
@@ -100,7 +105,7 @@ impl<S: Real> Parameters<S> {
         })
     }
 
-    /// The same parameters in another number.
+    /// Converts the parameters to another number type.
     pub fn convert<R: Real>(&self) -> Parameters<R> {
         Parameters {
             law: self.law,

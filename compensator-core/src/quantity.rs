@@ -1,64 +1,63 @@
-//! The quantities a joint is described by: one table, from which all else that lists them is made.
+//! The quantities of a joint, generated from one table.
 //!
-//! A [`Quantity`] is what a log has a column for and a driver a reading of: velocity, position, side load,
-//! pressure, and so on. Its row says how it is called and in which unit people write it, in which unit the
-//! model computes with it (pressure in MPa and campaign time in h, so that fixed point can hold them), what
-//! a believable reading is, and which flags speak of it. [`Sample`], [`Inputs`] and the guards of the
-//! compensator are made from the rows.
+//! A [`Quantity`] is a column of a log and a reading of a driver: velocity, position, side load, pressure
+//! and others. Its row gives its names, its units, its valid range and its flags. Logs use the unit that people
+//! write. The model uses an internal unit, such as MPa for pressure and h for the campaign time, so that fixed
+//! point can represent the value. [`Sample`], [`Inputs`] and the compensator's guards are generated from the rows.
 //!
-//! A new covariate is a row, at the end, and a pair of flags; and, where it is to come over the bus, its
-//! place in a frame of [`crate::can`].
+//! A new covariate needs a row at the end of the table and a pair of flags. If it is received over the bus, it
+//! also needs a place in a frame of [`crate::can`].
 
 mod table;
 
 pub use crate::joint_kind::JointKind;
-pub(crate) use table::quantity_table;
 
 use crate::flags::Flags;
 use crate::number::Real;
+use crate::quantity_table;
 
-/// Coldest and hottest seal a temperature reading is believed of, deg C.
+/// Valid range of a seal temperature reading, deg C.
 pub const TEMPERATURE_RANGE_C: [f64; 2] = [-50.0, 150.0];
 
-/// A measured value and how long ago it was true.
+/// A measured value and its age.
 #[derive(Clone, Copy, Debug)]
 pub struct Reading<T> {
-    /// The value, in the unit its place in [`Inputs`] says.
+    /// The value, in the unit of its field in [`Inputs`].
     pub value: T,
-    /// Its age, s; negative (-0 too) or NaN counts as never measured.
+    /// Age of the value, s. A negative age (including -0) or NaN means never measured.
     pub age_s: T,
 }
 
 impl<T: Real> Reading<T> {
-    /// A value just measured.
+    /// Returns a reading of age 0.
     pub fn fresh(value: T) -> Self {
         Self { value, age_s: T::zero() }
     }
 
-    /// No such sensor, or nothing heard of it yet.
+    /// Returns a missing reading: the sensor does not exist or has not reported yet.
     pub fn missing() -> Self {
         Self { value: T::zero(), age_s: -T::one() }
     }
 }
 
-/// What is known of a quantity.
+/// Name, unit, scale and flags of a quantity.
 #[derive(Clone, Copy, Debug)]
-pub struct Info {
-    /// What it is called in a sentence or on an axis.
+pub struct QuantityInfo {
+    /// Name in a sentence or on an axis.
     pub label: &'static str,
-    /// Its column in a log of a joint that turns, and of one that slides.
+    /// Column name in the log of a revolute joint and of a prismatic joint.
     pub names: [&'static str; 2],
-    /// The unit of that column, likewise; empty where it is not known.
+    /// Unit of the column for a revolute joint and for a prismatic joint; empty if unknown.
     pub units: [&'static str; 2],
-    /// The unit inside ([`Sample`], [`Inputs`]) over the unit of the column.
+    /// Internal unit (of [`Sample`] and [`Inputs`]) divided by the unit of the column.
     pub inside_scale: f64,
-    /// The unit of the column over the unit inside.
+    /// Unit of the column divided by the internal unit.
     pub outside_scale: f64,
-    /// How the compensator says that a reading is wrong; empty for what it does not read.
+    /// Flag of an invalid reading; empty if the compensator does not read the quantity.
     pub invalid: Flags,
-    /// How it says that the last good one is so old that it fades.
+    /// Flag of a last valid value that is so old that it fades; empty if the compensator does not read the quantity.
     pub stale: Flags,
-    /// Its number for the term that is a lookup table, where that can follow it.
+    /// Column number for the lookup-table term; `None` if the term cannot use the quantity.
     pub column: Option<u8>,
 }
 
@@ -68,21 +67,22 @@ macro_rules! define_quantities {
         $(flags: [$invalid:ident, $stale:ident],)?
         $($(#[$field_doc:meta])* sample: $field:ident,)?
         $(input: $input:ident,)?
+        $(covariate: $covariate:ident,)?
         $(column: $column:literal,)?
         $(guard: [$($guard:tt)*],)?
     })*) => {
-        /// What a log may have a column for, and a model an input.
+        /// A quantity that a log can contain as a column and a model can use as an input.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Quantity { $($(#[$doc])* $quantity),* }
 
         impl Quantity {
-            /// Every quantity, in the order of the table.
+            /// All quantities, in the order of the table.
             pub const ALL: &'static [Self] = &[$(Self::$quantity),*];
 
-            /// What is known of it.
-            pub const fn info(self) -> &'static Info {
+            /// Returns the quantity's name, unit, scale and flags.
+            pub const fn info(self) -> &'static QuantityInfo {
                 match self {
-                    $(Self::$quantity => const { &Info {
+                    $(Self::$quantity => const { &QuantityInfo {
                         label: $label,
                         names: $names,
                         units: $units,
@@ -99,16 +99,16 @@ macro_rules! define_quantities {
                 }
             }
 
-            /// Its value in a sample, in the unit inside; `None` of what no model reads.
+            /// Returns the value in a sample, in the internal unit; `None` if no model reads the quantity.
             #[inline(always)]
-            pub fn of_sample<T: Real>(self, sample: &Sample<T>) -> Option<T> {
+            pub fn value_in<T: Real>(self, sample: &Sample<T>) -> Option<T> {
                 match self {
                     $($(Self::$quantity => Some(sample.$field),)?)*
                     _ => None,
                 }
             }
 
-            /// Sets its value in a sample, in the unit inside; of what no model reads, nothing.
+            /// Sets the value in a sample, in the internal unit. Has no effect if no model reads the quantity.
             #[inline(always)]
             pub fn set_in_sample<T: Real>(self, sample: &mut Sample<T>, value: T) {
                 match self {
@@ -117,26 +117,27 @@ macro_rules! define_quantities {
                 }
             }
 
-            /// Its reading, in the unit inside; of what the compensator takes no reading of, a missing one.
+            /// Returns the reading, in the internal unit. It is missing if the compensator does not read the quantity.
             #[inline(always)]
-            pub fn of_inputs<T: Real>(self, inputs: &Inputs<T>) -> Reading<T> {
+            pub fn reading_in<T: Real>(self, inputs: &Inputs<T>) -> Reading<T> {
                 match self {
                     $($(Self::$quantity => inputs.$input,)?)*
+                    $($(Self::$quantity => inputs.$covariate,)?)*
                     _ => Reading::missing(),
                 }
             }
         }
 
-        /// What a model is told in one sample. Everything not measured is left at its default.
+        /// Inputs of a model for one sample. A value that is not measured keeps its default.
         #[derive(Clone, Copy, Debug)]
         pub struct Sample<T> {
             $($($(#[$field_doc])* pub $field: T,)?)*
-            /// How far the position is to be believed, 0..=1: scales what follows the angle.
-            pub position_trust: T,
+            /// Weight of the position, 0..=1. It scales the terms that depend on the position.
+            pub position_weight: T,
             /// Change of the side load since the last sample, N.
             pub radial_force_change_n: T,
-            /// How far the column that the lookup-table term follows is to be believed, 0..=1.
-            pub lookup_trust: T,
+            /// Weight of the lookup-table term's column, 0..=1.
+            pub lookup_weight: T,
         }
 
         impl<T: Real> Default for Sample<T> {
@@ -144,52 +145,72 @@ macro_rules! define_quantities {
                 let zero = T::zero();
                 Self {
                     $($($field: zero,)?)*
-                    position_trust: T::one(),
+                    position_weight: T::one(),
                     radial_force_change_n: zero,
-                    lookup_trust: T::one(),
+                    lookup_weight: T::one(),
                 }
             }
         }
 
         impl<T: Copy> Sample<T> {
-            /// Each number of it made into another.
+            /// Converts every value with a function.
             #[inline(always)]
-            pub fn map<R>(&self, mut to: impl FnMut(T) -> R) -> Sample<R> {
-                self.zip(self, |of, _| to(of))
+            pub fn map<R>(&self, mut convert: impl FnMut(T) -> R) -> Sample<R> {
+                self.zip(self, |value, _| convert(value))
             }
 
-            /// Each number of it put together with that of another sample.
+            /// Combines every value with that of another sample.
             #[inline(always)]
-            pub fn zip<O: Copy, R>(&self, other: &Sample<O>, mut to: impl FnMut(T, O) -> R) -> Sample<R> {
+            pub fn zip<O: Copy, R>(&self, other: &Sample<O>, mut combine: impl FnMut(T, O) -> R) -> Sample<R> {
                 Sample {
-                    $($($field: to(self.$field, other.$field),)?)*
-                    position_trust: to(self.position_trust, other.position_trust),
-                    radial_force_change_n: to(self.radial_force_change_n, other.radial_force_change_n),
-                    lookup_trust: to(self.lookup_trust, other.lookup_trust),
+                    $($($field: combine(self.$field, other.$field),)?)*
+                    position_weight: combine(self.position_weight, other.position_weight),
+                    radial_force_change_n: combine(self.radial_force_change_n, other.radial_force_change_n),
+                    lookup_weight: combine(self.lookup_weight, other.lookup_weight),
                 }
             }
         }
 
-        /// What the compensator is told in one sample, in the units of a [`Sample`].
+        /// Inputs of the compensator for one sample, in the units of a [`Sample`].
         #[derive(Clone, Copy, Debug)]
         pub struct Inputs<T> {
-            $($(
-                #[doc = concat!("Reading of the ", $label, ".")]
-                pub $input: Reading<T>,
-            )?)*
-            /// Velocity the joint is meant to have, rad/s.
+            $(
+                $(
+                    #[doc = concat!("Reading of the ", $label, ".")]
+                    pub $input: Reading<T>,
+                )?
+                $(
+                    #[doc = concat!("Reading of the ", $label, ".")]
+                    pub $covariate: Reading<T>,
+                )?
+            )*
+            /// Reference velocity, rad/s.
             pub velocity_reference_rad_s: Reading<T>,
-            /// Time since the campaign began, h.
+            /// Time since the start of the campaign, h.
             pub campaign_time_h: T,
         }
 
         impl<T: Real> Inputs<T> {
-            /// Nothing measured.
+            /// Returns inputs without any reading.
             pub fn missing() -> Self {
                 Self {
-                    $($($input: Reading::missing(),)?)*
+                    $($($input: Reading::missing(),)? $($covariate: Reading::missing(),)?)*
                     velocity_reference_rad_s: Reading::missing(),
                     campaign_time_h: T::zero(),
+                }
+            }
+
+            /// Converts every reading to another number type. The caller converts the campaign time, h.
+            #[inline(always)]
+            pub fn convert<R>(
+                &self,
+                reading: impl Fn(Reading<T>) -> Reading<R>,
+                campaign_time_h: R,
+            ) -> Inputs<R> {
+                Inputs {
+                    $($($input: reading(self.$input),)? $($covariate: reading(self.$covariate),)?)*
+                    velocity_reference_rad_s: reading(self.velocity_reference_rad_s),
+                    campaign_time_h,
                 }
             }
         }
@@ -199,14 +220,16 @@ macro_rules! define_quantities {
 quantity_table!(define_quantities);
 
 impl<T: Real> Inputs<T> {
-    /// A measured velocity and nothing else.
+    /// Returns inputs with a fresh measured velocity, rad/s, and no other reading.
     pub fn velocity(velocity_rad_s: T) -> Self {
         Self { velocity_rad_s: Reading::fresh(velocity_rad_s), ..Self::missing() }
     }
 
-    /// The same with a pressure difference as sensors and logs have it (`pressure_diff_pa`), Pa, of this age, s. The field
-    /// is in MPa, because fixed point ends at 2048. One product in `f32`; [`Fixed`](crate::Fixed) takes it by way of an
-    /// emulated double, so a loop without an FPU does this where the sensor is read.
+    /// Sets the pressure difference from a value in Pa, as sensors and logs give it. The age is in s.
+    ///
+    /// The field is in MPa, because the range of fixed point ends at 2048. The conversion is one product in `f32`.
+    /// [`Fixed`](crate::Fixed) converts through an emulated double. Without an FPU, call this function where the sensor
+    /// is read and not in the current loop.
     #[must_use]
     pub fn with_pressure_pa(self, pressure_diff_pa: T::Setting, age_s: T) -> Self {
         let mega_pascal = pressure_diff_pa * T::Setting::from_f64(1e-6);
@@ -216,17 +239,17 @@ impl<T: Real> Inputs<T> {
 }
 
 impl Quantity {
-    /// Its column in the log of such a joint: a name that ends in the unit.
+    /// Returns the column name in the log of a joint of this kind. The name ends in the unit.
     pub const fn name(self, kind: JointKind) -> &'static str {
         kind.choose(self.info().names)
     }
 
-    /// The unit of that column, as people write it; empty where it is not known.
+    /// Returns the unit of the column, as people write it; empty if unknown.
     pub const fn unit(self, kind: JointKind) -> &'static str {
         kind.choose(self.info().units)
     }
 
-    /// The quantity with this column name, and the joint kind that the name belongs to, where it tells.
+    /// Returns the quantity with this column name, and the joint kind if only one kind uses the name.
     pub fn parse(name: &str) -> Option<(Self, Option<JointKind>)> {
         Self::ALL.iter().find_map(|quantity| {
             let [revolute, prismatic] = quantity.info().names;
@@ -241,7 +264,7 @@ impl Quantity {
     }
 
     /// The largest column number.
-    pub const LAST_COLUMN: u8 = {
+    pub const MAX_COLUMN_NUMBER: u8 = {
         let (mut last, mut index) = (0, 0);
         while index < Self::ALL.len() {
             if let Some(column) = Self::ALL[index].info().column
@@ -254,8 +277,8 @@ impl Quantity {
         last
     };
 
-    /// The quantity that the lookup-table term follows for this column number.
-    pub fn of_column(number: u8) -> Option<Self> {
+    /// Returns the quantity with this column number of the lookup-table term.
+    pub fn from_column_number(number: u8) -> Option<Self> {
         Self::ALL.iter().copied().find(|quantity| quantity.info().column == Some(number))
     }
 }
@@ -266,38 +289,39 @@ mod tests {
     use std::collections::HashSet;
 
     #[test]
-    fn each_name_means_one_quantity() {
+    fn parse_with_every_column_name_returns_its_quantity() {
         for quantity in Quantity::ALL {
             for kind in [JointKind::Revolute, JointKind::Prismatic] {
-                let (found, of) = Quantity::parse(quantity.name(kind)).unwrap();
+                let (found, found_kind) = Quantity::parse(quantity.name(kind)).unwrap();
                 assert_eq!(found, *quantity);
-                assert!(of.is_none_or(|of| of == kind));
+                assert!(found_kind.is_none_or(|found_kind| found_kind == kind));
             }
         }
         assert_eq!(Quantity::parse("flow"), None);
     }
 
     #[test]
-    fn columns_are_numbered_without_a_gap() {
+    fn column_numbers_are_consecutive() {
         let numbers: HashSet<u8> =
             Quantity::ALL.iter().filter_map(|quantity| quantity.info().column).collect();
         assert_eq!(numbers, (0..numbers.len() as u8).collect());
-        assert_eq!(Quantity::of_column(4), Some(Quantity::Pressure));
+        assert_eq!(Quantity::from_column_number(4), Some(Quantity::Pressure));
     }
 
     #[test]
-    fn scales_undo_each_other_and_samples_hold_what_they_were_given() {
+    fn scales_are_inverse_and_samples_return_stored_values() {
         for quantity in Quantity::ALL {
             let info = quantity.info();
             assert!((info.inside_scale * info.outside_scale - 1.0).abs() < 1e-15);
             let mut sample = Sample::<f64>::default();
             quantity.set_in_sample(&mut sample, 2.5);
-            let held = (*quantity != Quantity::Torque).then_some(2.5);
-            assert_eq!(quantity.of_sample(&sample), held);
+            let expected = (*quantity != Quantity::Torque).then_some(2.5);
+            assert_eq!(quantity.value_in(&sample), expected);
         }
     }
+
     #[test]
-    fn a_pressure_in_pascals_is_the_one_in_megapascals() {
+    fn with_pressure_pa_converts_to_megapascals() {
         let float = Inputs::<f32>::velocity(1.0).with_pressure_pa(1.5e5, 0.01).pressure_diff_mpa;
         assert!((float.value - 0.15).abs() < 1e-7 && float.age_s == 0.01);
         let age_s = crate::Fixed::from_f64(0.01);

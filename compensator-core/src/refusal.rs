@@ -1,20 +1,21 @@
-//! Why numbers that a person wrote were refused, in words that person understands.
+//! Errors for invalid parameters.
 //!
-//! A refusal names the field, its value, the bound that the value broke, and why there is one.
+//! An error names the field, its value, the violated bound and the reason for the bound.
 
 use core::fmt::{self, Write};
 
-/// A number in words for a person: seven digits, for records hold `f32`, and 1.8 should not read
-/// 1.7999999523162842. Its own, for the library's way of printing floats, exact to the last of any number of
-/// digits, is 16 kB of the driver's image.
-pub struct Digits(pub f64);
+/// Prints a number with at most seven significant digits, as `f32` holds.
+///
+/// So the `f32` value 1.8 reads `1.8`, not `1.7999999523162842`. The formatter of the standard library would add
+/// 16 kB to the firmware image.
+pub struct ShortNumber(pub f64);
 
-/// How many digits are written.
+/// Maximum number of significant digits.
 const DIGITS: i32 = 7;
 
-impl fmt::Display for Digits {
+impl fmt::Display for ShortNumber {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        /// Exponents of ten between which a number is written out.
+        /// Exponents of ten for which the number is written without an exponent.
         const WRITTEN_OUT: core::ops::Range<i32> = -10..16;
         let (mut size, mut exponent) = (self.0.abs(), 0);
         if self.0.is_nan() {
@@ -34,7 +35,7 @@ impl fmt::Display for Digits {
             size *= 10.0;
             exponent -= 1;
         }
-        // As a whole number of so many digits; rounding may have made one more of them.
+        // The digits as an integer. Rounding may have added one digit.
         let mut digits = (size * 1e6 + 0.5) as u32;
         if digits >= 10_000_000 {
             digits /= 10;
@@ -46,7 +47,7 @@ impl fmt::Display for Digits {
             count -= 1;
         }
         let written_out = WRITTEN_OUT.contains(&exponent);
-        // Digits before the point; below 1 as many zeros after it.
+        // Number of digits before the point; if not positive, number of zeros after it, negated.
         let whole = if written_out { exponent + 1 } else { 1 };
         if whole <= 0 {
             f.write_str("0.")?;
@@ -64,58 +65,65 @@ impl fmt::Display for Digits {
     }
 }
 
-/// The bound a refused value broke.
+/// The bound that a refused value violates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
-    /// It must be at least this.
+    /// The value must be at least this.
     AtLeast(f64),
-    /// It must be at most this.
+    /// The value must be at most this.
     AtMost(f64),
-    /// It must be more than this.
+    /// The value must be more than this.
     MoreThan(f64),
-    /// It must be a finite number.
+    /// The value must be finite.
     Finite,
-    /// It must be a whole number.
+    /// The value must be an integer.
     Whole,
 }
 
 impl fmt::Display for Bound {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Bound::AtLeast(bound) => write!(f, "at least {}", Digits(*bound)),
-            Bound::AtMost(bound) => write!(f, "at most {}", Digits(*bound)),
-            Bound::MoreThan(bound) => write!(f, "more than {}", Digits(*bound)),
+            Bound::AtLeast(bound) => write!(f, "at least {}", ShortNumber(*bound)),
+            Bound::AtMost(bound) => write!(f, "at most {}", ShortNumber(*bound)),
+            Bound::MoreThan(bound) => write!(f, "more than {}", ShortNumber(*bound)),
             Bound::Finite => f.write_str("a finite number"),
             Bound::Whole => f.write_str("a whole number"),
         }
     }
 }
 
-/// Why parameters were refused: which, its value, its bound and the reason.
+/// Error for an invalid parameter: its name, its value, the violated bound and the reason.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParameterError {
     /// Name of the parameter or envelope field.
     pub field: &'static str,
-    /// Its value, in its own unit.
+    /// Value, in the parameter's unit.
     pub value: f64,
-    /// What it should have been.
+    /// The violated bound.
     pub bound: Bound,
-    /// Why.
+    /// Reason for the bound.
     pub why: &'static str,
 }
 
 impl fmt::Display for ParameterError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} = {}: must be {}: {}", self.field, Digits(self.value), self.bound, self.why)
+        write!(
+            f,
+            "{} = {}: must be {}: {}",
+            self.field,
+            ShortNumber(self.value),
+            self.bound,
+            self.why
+        )
     }
 }
 
 impl core::error::Error for ParameterError {}
 
-/// Checks numbers against ranges: smallest and largest legal value, and why, each in the order of the names.
+/// Checks values against ranges: minimum, maximum and reason, in the order of the names.
 ///
 /// # Errors
-/// Names the first that is not a number or out of its range.
+/// Names the first value that is not finite or not in its range.
 pub fn check_ranges(
     names: &[&'static str],
     values: &[f32],
@@ -136,10 +144,10 @@ pub fn check_ranges(
     Ok(())
 }
 
-/// A refusal, as a result.
+/// Returns the error for an invalid parameter.
 ///
 /// # Errors
-/// Always.
+/// Always returns an error.
 pub(crate) fn refuse(
     field: &'static str,
     value: f64,
@@ -151,11 +159,11 @@ pub(crate) fn refuse(
 
 #[cfg(test)]
 mod tests {
-    use super::Digits;
+    use super::ShortNumber;
     use std::string::ToString;
 
     #[test]
-    fn numbers_read_as_a_person_writes_them() {
+    fn short_number_prints_at_most_seven_digits() {
         for (number, text) in [
             (1.8f32.into(), "1.8"),
             (-0.05, "-0.05"),
@@ -172,7 +180,7 @@ mod tests {
             (f64::NAN, "NaN"),
             (f64::NEG_INFINITY, "-inf"),
         ] {
-            assert_eq!(Digits(number).to_string(), text);
+            assert_eq!(ShortNumber(number).to_string(), text);
         }
     }
 }

@@ -1,9 +1,9 @@
-//! From the geometry of shaft and seal to `eta3`, a physical starting value (Ding et al., eq. 11-15).
+//! Computes a physical starting value of `eta3` from the geometry of shaft and seal (Ding et al., eq. 11-15).
 //!
-//! A side load `F_L` at the shaft's end bends it at the seal by `z_L` (eq. 11). The seal, a ring of
-//! rubber, pushes back with `F_O`, which takes `z_o` off again: the seal restores, so
-//! `z_r = z_L - z_o`, where eq. 14 prints a sum. Bearings a span `l_b` apart, seal at `l_O` and load
-//! at `l_L` beyond the outer one; Euler-Bernoulli beam:
+//! A side load `F_L` at the end of the shaft deflects it at the seal by `z_L` (eq. 11). The rubber seal ring
+//! exerts a restoring force `F_O`, which reduces the deflection by `z_o`. Hence `z_r = z_L - z_o`; eq. 14 prints
+//! a sum. The bearings are `l_b` apart. The seal is at `l_O` and the load at `l_L` beyond the outer bearing.
+//! For an Euler-Bernoulli beam:
 //!
 //! ```text
 //! z_L = F_L l_O (3 l_O l_L + 2 l_L l_b - l_O^2) / (6 E I)      eq. 11
@@ -13,32 +13,32 @@
 //! eta3 = eta2 k_L                                              eq. 15-16
 //! ```
 //!
-//! Eq. 12 uses an angle `a` it never defines; its second form is the distance from the bore's centre
-//! to the displaced shaft's surface at `theta`, `r - z_r cos(theta)` to first order. Eq. 13 takes the strain
-//! as that distance's change over the seal's *outer radius* and the area at the same radius, so both
-//! cancel and `k = pi B E_seal`. A thin ring is strained over its *thickness* `t`, on the shaft's
-//! radius `r`: [`RadialStrain`] offers both.
+//! Eq. 12 uses an undefined angle `a`. Its second form is the distance from the bore's centre to the surface of
+//! the displaced shaft at `theta`, which is `r - z_r cos(theta)` to first order. Eq. 13 defines the strain as
+//! the change of this distance over the outer radius of the seal. It takes the area at the same radius, so the
+//! radius cancels and `k = pi B E_seal`. In a thin ring, the strain refers to the thickness `t` and the area to
+//! the shaft radius `r`. [`RadialStrain`] selects the definition.
 
 use core::f64::consts::PI;
 
-/// What the seal's radial strain is referred to.
+/// Reference length of the radial strain of the seal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RadialStrain {
-    /// The ring's thickness: `k = pi B E_seal r / t`.
+    /// Thickness of the ring: `k = pi B E_seal r / t`.
     #[default]
     OverThickness,
-    /// The outer radius, as eq. 13 is printed: `k = pi B E_seal`.
+    /// Outer radius, as printed in eq. 13: `k = pi B E_seal`.
     OverOuterRadius,
 }
 
-/// Geometry and materials of the shaft and its seal. All in SI units, all positive.
+/// Geometry and materials of the shaft and its seal. All values are positive and in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShaftAndSeal {
     /// `l_b`, distance between the bearings, m.
     pub bearing_span_m: f64,
-    /// `l_O`, from the outer bearing to the seal, m.
+    /// `l_O`, distance from the outer bearing to the seal, m.
     pub seal_overhang_m: f64,
-    /// `l_L`, from the outer bearing to the load, m; at least `seal_overhang_m`.
+    /// `l_L`, distance from the outer bearing to the load, m; at least `seal_overhang_m`.
     pub load_overhang_m: f64,
     /// `r`, radius of the shaft, m.
     pub shaft_radius_m: f64,
@@ -46,36 +46,36 @@ pub struct ShaftAndSeal {
     pub shaft_modulus_pa: f64,
     /// `B`, width of the seal along the shaft, m.
     pub seal_width_m: f64,
-    /// `R_seal`, radial thickness of the seal, m.
+    /// `t` (`R_seal`), radial thickness of the seal, m.
     pub seal_thickness_m: f64,
     /// `E_seal`, Pa.
     pub seal_modulus_pa: f64,
     /// `eta2`, circumferential bristle travel per radial displacement, rad/m.
     pub radial_to_bristle_rad_per_m: f64,
-    /// What the seal's strain is referred to.
+    /// Reference length of the radial strain of the seal.
     pub strain: RadialStrain,
 }
 
 impl ShaftAndSeal {
-    /// `E I` of a solid round shaft, N m^2.
+    /// Returns `E I` of a solid round shaft, N m^2.
     pub fn bending_stiffness_n_m2(&self) -> f64 {
         let radius_squared = self.shaft_radius_m * self.shaft_radius_m;
         self.shaft_modulus_pa * PI / 4.0 * radius_squared * radius_squared
     }
 
-    /// `z_L / F_L`: deflection at the seal by a load at the end, without the seal, m/N (eq. 11).
+    /// Returns `z_L / F_L`: deflection at the seal per load at the shaft end, without the seal, m/N (eq. 11).
     pub fn load_compliance_m_per_n(&self) -> f64 {
         let (o, l, b) = (self.seal_overhang_m, self.load_overhang_m, self.bearing_span_m);
         o * (3.0 * o * l + 2.0 * l * b - o * o) / (6.0 * self.bending_stiffness_n_m2())
     }
 
-    /// `z_o / F_O`: deflection at the seal by the seal's own force, m/N (eq. 14).
+    /// Returns `z_o / F_O`: deflection at the seal per seal force, m/N (eq. 14).
     pub fn seal_compliance_m_per_n(&self) -> f64 {
         let o = self.seal_overhang_m;
         o * o * (self.bearing_span_m + o) / (3.0 * self.bending_stiffness_n_m2())
     }
 
-    /// `k = F_O / z_r`, radial stiffness of the seal ring, N/m (eq. 13).
+    /// Returns `k = F_O / z_r`, radial stiffness of the seal ring, N/m (eq. 13).
     pub fn seal_stiffness_n_per_m(&self) -> f64 {
         let printed = PI * self.seal_width_m * self.seal_modulus_pa;
         match self.strain {
@@ -84,14 +84,15 @@ impl ShaftAndSeal {
         }
     }
 
-    /// `k_L = z_r / F_L`: radial displacement at the seal per side load, m/N (eq. 14, solved).
+    /// Returns `k_L = z_r / F_L`: radial displacement at the seal per side load, m/N (eq. 14, solved).
     pub fn displacement_per_load_m_per_n(&self) -> f64 {
         self.load_compliance_m_per_n()
             / (1.0 + self.seal_stiffness_n_per_m() * self.seal_compliance_m_per_n())
     }
 
-    /// `eta3`, bristle travel per side load, rad/N (eq. 15-16): a starting value for
-    /// [`crate::ParameterId::RadialForceRate`].
+    /// Returns `eta3`, bristle travel per side load, rad/N (eq. 15-16).
+    ///
+    /// It is a starting value for [`crate::ParameterId::RadialForceRate`].
     pub fn radial_force_rate_rad_per_n(&self) -> f64 {
         self.radial_to_bristle_rad_per_m * self.displacement_per_load_m_per_n()
     }
@@ -116,8 +117,10 @@ mod tests {
         }
     }
 
-    /// Deflection at `x` of an overhanging beam loaded at `a`, by integrating `M/EI` twice from the
-    /// outer bearing with the slope the span gives: independent of the closed forms above.
+    /// Returns the deflection at `x` of an overhanging beam loaded at `a`, m/N.
+    ///
+    /// It integrates `M/EI` twice from the outer bearing, independently of the closed forms above. The
+    /// initial slope is that of the span between the bearings.
     fn integrated_deflection(shaft: &ShaftAndSeal, x: f64, a: f64) -> f64 {
         let stiffness = shaft.bending_stiffness_n_m2();
         let slope_at_bearing = a * shaft.bearing_span_m / (3.0 * stiffness);
@@ -134,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn beam_formulas_agree_with_integration() {
+    fn shaft_compliances_match_numerical_integration() {
         let shaft = joint();
         let (seal, load) = (shaft.seal_overhang_m, shaft.load_overhang_m);
         let relative = |a: f64, b: f64| (a / b - 1.0).abs();
@@ -145,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn ring_stiffness_agrees_with_integration_around_the_shaft() {
+    fn seal_stiffness_matches_numerical_integration_around_shaft() {
         let shaft = joint();
         let displacement = 1e-6;
         let steps = 3600;
@@ -166,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn seal_restores_so_a_stiffer_one_moves_less() {
+    fn radial_force_rate_with_stiffer_seal_is_smaller() {
         let soft = joint();
         let stiff = ShaftAndSeal { seal_modulus_pa: 1e9, ..soft };
         let absent = ShaftAndSeal { seal_modulus_pa: 0.0, ..soft };

@@ -1,13 +1,13 @@
-//! How well a step follows LuGre: measured against a fine reference, and held in a table.
+//! Accuracy of the bristle step, measured against a fine reference and compared with a table.
 //!
-//! A friction model in a current loop is only as good as its integrator: at 1 kHz the textbook
-//! explicit step explodes on the very joint it worked on at 20 kHz. `accuracy/steps.md` shows the
-//! core's step in its three numbers beside the two alternatives, over motions that stress it
-//! differently. This test computes every number anew and refuses one that left its place by more
-//! than a tenth *either way*: an error that suddenly vanishes is a broken ruler.
+//! The integrator limits the accuracy of a friction model in a current loop. For example, explicit Euler works at
+//! 20 kHz but diverges at 1 kHz for the same joint. `accuracy/steps.md` lists the errors of the core's step in three
+//! number types, and of two alternative schemes, for several motions. This test recomputes every value. It fails if
+//! a value differs by more than 10 % from the table, in *either* direction: an error that suddenly vanishes
+//! indicates a defective test.
 //!
-//! After a change that is meant to move them: `UPDATE_TABLES=1 cargo test -p compensator-core
-//! --test accuracy`, and read the difference in git.
+//! After an intended change, run `UPDATE_TABLES=1 cargo test -p compensator-core --test accuracy`, and review the
+//! difference in git.
 
 mod support;
 
@@ -20,17 +20,17 @@ use support::schemes::{self, Scheme, Step};
 
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/accuracy/steps.md");
 
-/// A number may leave its place in the table by this factor, up or down.
+/// Maximum ratio between a value and its entry in the table, in either direction.
 const TOLERANCE: f64 = 1.1;
 
-/// Samples between records of the reference: 20 kHz and 1 kHz.
+/// Sample rates, and the sample period in records of the reference.
 const RATES: [(&str, usize); 2] = [("20 kHz", 1), ("1 kHz", 20)];
 
 const SCHEMES: [&str; 5] = ["core f64", "core f32", "core Fixed", "explicit Euler", "exact ZOH"];
 
-/// What one scheme did on one motion.
+/// Errors of one scheme for one motion.
 struct Run {
-    /// Friction minus reference, in % of `F_S`; empty where it diverged.
+    /// Friction minus reference, in % of `F_S`. Empty if the scheme diverged.
     errors: Vec<f64>,
 }
 
@@ -44,8 +44,8 @@ impl Run {
         self.errors.iter().map(|error| error.abs()).reduce(f64::max)
     }
 
-    /// The largest distance from another run.
-    fn apart(&self, other: &Run) -> Option<f64> {
+    /// Returns the largest difference from another run, in % of `F_S`.
+    fn largest_difference(&self, other: &Run) -> Option<f64> {
         self.errors.iter().zip(&other.errors).map(|(a, b)| (a - b).abs()).reduce(f64::max)
     }
 }
@@ -84,7 +84,7 @@ fn runs(motion: &Motion, stride: usize) -> [Run; 5] {
     .map(|scheme| run(scheme, motion, stride))
 }
 
-/// A row of the table: its section, motion and rate, and its numbers.
+/// A row of the table: the section, the motion with the rate, and the values.
 type Row = (usize, String, Vec<Option<f64>>);
 
 const SECTIONS: [(&str, &[&str]); 4] = [
@@ -102,15 +102,22 @@ fn measured() -> Vec<Row> {
             let name = format!("{}, {rate}", motion.name);
             rows.push((0, name.clone(), runs.iter().map(Run::rms).collect()));
             rows.push((1, name.clone(), runs.iter().map(Run::largest).collect()));
-            rows.push((2, name, runs[1..3].iter().map(|run| run.apart(&runs[0])).collect()));
+            rows.push((
+                2,
+                name,
+                runs[1..3].iter().map(|run| run.largest_difference(&runs[0])).collect(),
+            ));
         }
     }
     let exact = network::factors::<f64>();
-    let apart = |factors: Vec<[f64; 3]>| {
+    let largest_difference = |factors: Vec<[f64; 3]>| {
         let pairs = factors.iter().flatten().zip(exact.iter().flatten());
         pairs.map(|(a, b)| 100.0 * (a - b).abs()).reduce(f64::max)
     };
-    let numbers = vec![apart(network::factors::<f32>()), apart(network::factors::<Fixed>())];
+    let numbers = vec![
+        largest_difference(network::factors::<f32>()),
+        largest_difference(network::factors::<Fixed>()),
+    ];
     rows.push((3, "8 cells, 10,000 evaluations".into(), numbers));
     rows
 }
@@ -118,13 +125,11 @@ fn measured() -> Vec<Row> {
 fn written(rows: &[Row]) -> String {
     let mut text = String::from(
         "# Accuracy of the bristle step\n\n\
-        Made by `UPDATE_TABLES=1 cargo test -p compensator-core --test accuracy`; the same test\n\
-        without the variable holds every number to a tenth both ways. The reference is LuGre in z\n\
-        by Runge-Kutta at 1 us with the exact exponential (`tests/support`). The joint: F_C 1.5 Nm,\n\
-        F_S 2.2 Nm, v_s 0.1 rad/s, sigma0 1e4 Nm/rad, sigma1 30 Nm s/rad fading, sigma2 0.08\n\
-        Nm s/rad. Beside it, RMS in an earlier trial on a motion and joint of its own: explicit 0.030\n\
-        at 20 kHz, diverging at 1 kHz; exact zero-order hold 0.020 and 0.39; backward Euler 0.013 and\n\
-        0.255.\n",
+        Made by `UPDATE_TABLES=1 cargo test -p compensator-core --test accuracy`. Without the variable,\n\
+        the same test fails if a value differs by more than 10 % in either direction. The reference is\n\
+        LuGre in z by Runge-Kutta at 1 us with the exact exponential (`tests/support`). The joint: F_C\n\
+        1.5 Nm, F_S 2.2 Nm, v_s 0.1 rad/s, sigma0 1e4 Nm/rad, sigma1 30 Nm s/rad (fading), sigma2 0.08\n\
+        Nm s/rad.\n",
     );
     for (section, (title, columns)) in SECTIONS.iter().enumerate() {
         writeln!(text, "\n## {title}\n").unwrap();
@@ -138,7 +143,7 @@ fn written(rows: &[Row]) -> String {
     text
 }
 
-/// Three significant digits, or the word.
+/// Formats a value with three significant digits, or `diverges`.
 fn cell(number: Option<f64>) -> String {
     let Some(number) = number else { return "diverges".into() };
     let decimals = (2 - number.log10().floor() as i32).clamp(0, 12) as usize;
@@ -165,7 +170,7 @@ fn read(text: &str) -> Vec<Row> {
 }
 
 #[test]
-fn every_number_is_where_the_table_has_it() {
+fn accuracy_of_every_scheme_matches_table() {
     let mut rows = measured();
     rows.sort_by_key(|row| row.0);
     if std::env::var_os("UPDATE_TABLES").is_some() {
@@ -188,10 +193,10 @@ fn every_number_is_where_the_table_has_it() {
     }
 }
 
-/// A ruler must be finer than what it measures: at half the step the reference moves by less than
-/// a hundredth of the smallest error in the table.
+/// The reference must be more accurate than the schemes. With half the step, it changes by less than 1 % of the
+/// smallest error in the table.
 #[test]
-fn reference_has_converged() {
+fn reference_with_half_step_changes_negligibly() {
     let seal = Seal::JOINT.unloaded();
     let coarse = motion::prescribed("", seal, SUBSTEPS, motion::reversal);
     let fine = motion::prescribed("", seal, 2 * SUBSTEPS, motion::reversal);
@@ -201,9 +206,9 @@ fn reference_has_converged() {
     assert!((1e-16..7e-6).contains(&moved), "{moved:e}");
 }
 
-/// What the table is there to show, said outright: an updated table must still say it.
+/// Checks the conclusions of the table, which must also hold after an update.
 #[test]
-fn core_stays_first_order_and_whole_where_explicit_breaks() {
+fn core_is_first_order_and_stable_where_explicit_euler_diverges() {
     for motion in motion::all() {
         let fast = runs(&motion, 1).map(|run| run.rms());
         let slow = runs(&motion, 20).map(|run| run.rms());
@@ -212,19 +217,19 @@ fn core_stays_first_order_and_whole_where_explicit_breaks() {
             let column = SCHEMES[number];
             let at_20_khz = fast[number].expect("the core never diverges");
             let at_1_khz = slow[number].expect("the core never diverges");
-            // Fixed point's velocity has a resolution of 1e-6 rad/s: 1 % of the creep of stick-slip.
+            // The velocity resolution of fixed point is 1e-6 rad/s: 1 % of the creep velocity in stick-slip.
             let limit = if column == "core Fixed" { 0.3 } else { 0.05 };
             assert!((0.003..limit).contains(&at_20_khz), "{name}, {column}: {at_20_khz}");
             assert!((0.05..0.8).contains(&at_1_khz), "{name}, {column}: {at_1_khz}");
         }
         let growth = slow[0].unwrap() / fast[0].unwrap();
         assert!((15.0..25.0).contains(&growth), "{name}: {growth} for a period 20 times as long");
-        let explicit_breaks = name != "presliding";
-        assert_eq!(slow[3].is_none(), explicit_breaks, "{name}");
+        let explicit_diverges = name != "presliding";
+        assert_eq!(slow[3].is_none(), explicit_diverges, "{name}");
         if ["reversal", "varying load and pressure"].contains(&name) {
             assert!(
                 fast[0] < fast[4] && slow[0] < slow[4],
-                "{name}: the core beats the exact hold"
+                "{name}: the core is more accurate than the exact hold"
             );
         }
     }

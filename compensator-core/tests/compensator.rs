@@ -1,9 +1,9 @@
-//! The compensator in fixed point is the compensator.
+//! Compares the compensator in fixed point with the compensator in `f32`.
 //!
-//! A part without an FPU runs the same guards, blends and limits in `Fixed`, where a reciprocal
-//! that is too large saturates and a product that is too large wraps. Both compensators get the same
-//! readings, the reference crossing zero on its own, covariates going stale; their currents must
-//! stay together, with blending and without, and their flags must agree.
+//! A processor without an FPU runs the same guards, blending and limits in `Fixed`. There, a too large reciprocal
+//! saturates and a too large product wraps. Both compensators get the same readings: the reference velocity crosses
+//! zero at other times than the measured one, and covariates become stale. The currents and flags must agree, with and
+//! without blending.
 
 use compensator_core::compensator::{CompensatorParameters, Reading};
 use compensator_core::configuration::Configuration;
@@ -33,41 +33,44 @@ fn enabled<T: Real<Setting = f32>>(configuration: &Configuration) -> Compensator
 fn inputs<T: Real>(sample: u32) -> Inputs<T> {
     let t = f64::from(sample) * 1e-3;
     let fresh = |value: f64| Reading::fresh(T::from_f64(value));
-    let heard = |reading| if sample % 3000 < 2000 { reading } else { Reading::missing() };
+    let intermittent = |reading| if sample % 3000 < 2000 { reading } else { Reading::missing() };
     Inputs {
         velocity_reference_rad_s: fresh(2.0 * (0.9 * t).sin()),
-        radial_force_n: heard(fresh(40.0 + 20.0 * t.sin())),
-        pressure_diff_mpa: heard(fresh(0.2)),
+        radial_force_n: intermittent(fresh(40.0 + 20.0 * t.sin())),
+        pressure_diff_mpa: intermittent(fresh(0.2)),
         ..Inputs::velocity(T::from_f64(4.0 * t.sin()))
     }
 }
 
 #[test]
-fn fixed_point_gives_the_current_of_a_float() {
+fn step_in_fixed_point_gives_same_current_as_f32() {
     let default = CompensatorParameters::default();
     for blend_velocity_rad_s in [0.0, 1e-4, 0.05, 1.0] {
         let parameters = CompensatorParameters { blend_velocity_rad_s, ..default };
         let configuration = configuration(parameters);
         let mut float = enabled::<f32>(&configuration);
         let mut fixed = enabled::<Fixed>(&configuration);
-        let (mut apart, mut largest) = (0.0f64, 0.0f64);
+        let (mut difference, mut largest) = (0.0f64, 0.0f64);
         for sample in 0..12_000 {
             let expected = float.step(&inputs(sample));
             let found = fixed.step(&inputs(sample));
             let current = f64::from(expected.feed_forward_current_a);
-            apart = apart.max((found.feed_forward_current_a.value() - current).abs());
+            difference = difference.max((found.feed_forward_current_a.value() - current).abs());
             largest = largest.max(current.abs());
-            // A limit may act one sample apart where a value just touches it.
+            // If a value just reaches a limit, the limit may act one sample earlier or later.
             let guards = !(Flags::TORQUE_LIMITED | Flags::SLEW_LIMITED);
             assert_eq!(found.flags & guards, expected.flags & guards, "at {sample}");
         }
         assert!((1.0..6.0).contains(&largest), "{largest} A");
-        assert!((1e-6..0.01).contains(&apart), "blend {blend_velocity_rad_s}: {apart} A apart");
+        assert!(
+            (1e-6..0.01).contains(&difference),
+            "blend {blend_velocity_rad_s}: difference {difference} A"
+        );
     }
 }
 
 #[test]
-fn a_current_fixed_point_cannot_hold_is_refused() {
+fn build_in_fixed_point_with_too_large_current_names_the_ratio() {
     let default = CompensatorParameters::default();
     let weak =
         CompensatorParameters { torque_limit_nm: 900.0, torque_constant_nm_per_a: 0.01, ..default };

@@ -1,14 +1,13 @@
-//! `joint.dbc` says what the code does.
+//! Checks that `joint.dbc` and the code describe the same frames.
 //!
-//! Two descriptions of one thing drift apart. So the DBC is read here, each frame of the code is taken
-//! apart by the bits *it* states, and what comes out must be what went in, under the name and unit
-//! expected. Nothing may be in one and not in the other: every frame and signal of the DBC is asked
-//! for, every flag of the compensator has its bit, its comment and its two words.
+//! The tests read the DBC and decode each emitted frame by the bits that the DBC states. The decoded values must equal
+//! the encoded values, under the expected name and unit. Both descriptions must be complete: the code uses every frame
+//! and signal of the DBC, and every flag of the compensator has a bit, a comment and two value names.
 
 use compensator_core::Flags;
 use compensator_core::can::{
-    Answer, Command, Entry, JointKind, Message, Motion, Node, Seal, Status, Surroundings, Sync,
-    Telemetry, Torque,
+    AnswerFrame, CommandFrame, JointKind, Message, MotionFrame, NodeId, SealFrame, StatusFrame,
+    SurroundingsFrame, SyncFrame, TelemetryFrame, TorqueFrame, TraceEntry,
 };
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,7 +21,7 @@ struct Signal {
     scale: f64,
     unit: String,
     float: bool,
-    /// Where the value of the multiplexor decides: which one.
+    /// Value of the multiplexor that selects this signal; `None` if the signal is always present.
     multiplexed: Option<u64>,
     comment: bool,
     words: bool,
@@ -36,7 +35,7 @@ struct FrameInfo {
     signals: BTreeMap<String, Signal>,
 }
 
-/// Reads the part of the format the file uses; anything else in it fails.
+/// Reads the DBC. Panics on any other element of the format.
 fn read() -> BTreeMap<u16, FrameInfo> {
     let mut frames: BTreeMap<u16, FrameInfo> = BTreeMap::new();
     let mut current = 0;
@@ -54,7 +53,7 @@ fn read() -> BTreeMap<u16, FrameInfo> {
             ["SG_", name, .., ":", bits, scale, _, unit, _] => {
                 let (start, rest) = bits.split_once('|').expect(line);
                 let (length, order) = rest.split_once('@').expect(line);
-                // Little-endian; nothing has an offset.
+                // Little-endian, without an offset.
                 assert!(matches!(order, "1+" | "1-"), "{line}");
                 let scale = scale.strip_prefix('(').and_then(|rest| rest.strip_suffix(",0)"));
                 let multiplexed = match words[2] {
@@ -75,7 +74,7 @@ fn read() -> BTreeMap<u16, FrameInfo> {
                 let signals = &mut frames.get_mut(&current).unwrap().signals;
                 assert!(signals.insert(name.to_owned(), signal).is_none(), "{line}");
             }
-            ["CM_" | "VAL_" | "SIG_VALTYPE_"] => {} // the list of key words used
+            ["CM_" | "VAL_" | "SIG_VALTYPE_"] => {} // list of the keywords
             ["CM_", "BO_", _, ..] => frames.get_mut(&identifier(2)).expect(line).comment = true,
             ["CM_", "SG_", _, name, ..] => signal(&mut frames, identifier(2), name).comment = true,
             ["VAL_", _, name, .., ";"] => signal(&mut frames, identifier(1), name).words = true,
@@ -84,7 +83,7 @@ fn read() -> BTreeMap<u16, FrameInfo> {
             }
             ["CM_", ..] if words[1].starts_with('"') => {}
             [] | ["VERSION", _] | ["NS_", ":"] | ["BS_:"] | ["BU_:", ..] => {}
-            _ => panic!("not understood: {line}"),
+            _ => panic!("unknown element: {line}"),
         }
     }
     frames
@@ -106,70 +105,73 @@ fn bits(data: &[u8], signal: &Signal) -> u64 {
     if signal.length == 64 { all } else { all & ((1 << signal.length) - 1) }
 }
 
-/// What a frame should read as: the frame's name, and each signal with unit and value.
+/// Expected content of a frame: the name, and each signal with its unit and value.
 type Expected = (Message, &'static str, Vec<(String, &'static str, f64)>);
 
 fn named(values: &[(&str, &'static str, f64)]) -> Vec<(String, &'static str, f64)> {
     values.iter().map(|(name, unit, value)| ((*name).to_owned(), *unit, *value)).collect()
 }
 
-/// SLEW_LIMITED in the code is SlewLimited there.
+/// Returns the DBC name of a flag: `SLEW_LIMITED` becomes `SlewLimited`.
 fn dbc_name(flag: &str) -> String {
     let word = |word: &str| word[..1].to_owned() + &word[1..].to_lowercase();
     flag.split('_').map(word).collect()
 }
 
 fn expected() -> Vec<Expected> {
-    let node = Node::FIRST;
+    let node = NodeId::FIRST;
     let status = |flags: Flags| {
         let mut values: Vec<_> = Flags::all()
             .iter_names()
             .map(|(name, flag)| (dbc_name(name), "", f64::from(u8::from(flags.contains(flag)))))
             .collect();
         values.push(("Sequence".to_owned(), "", 70_001.0));
-        (Message::Status(node, Status { flags, sequence: 70_001 }), "Status", values)
+        (Message::Status(node, StatusFrame { flags, sequence: 70_001 }), "Status", values)
     };
-    let entry = |entry: Entry, sub_index: f64, name, value| {
+    let entry = |entry: TraceEntry, sub_index: f64, name, value| {
         let head = [("Command", "", 35.0), ("Index", "", 8192.0), ("SubIndex", "", sub_index)];
         (Message::Entry(node, entry), "Entry", named(&[&head[..], &[(name, "", value)]].concat()))
     };
     let mut all = vec![
-        (Message::Sync(Sync { counter: 239 }), "Sync", named(&[("Counter", "", 239.0)])),
+        (Message::Sync(SyncFrame { counter: 239 }), "Sync", named(&[("Counter", "", 239.0)])),
         (
-            Message::Motion(node, Motion { velocity_rad_s: -1.5, position_rad: 40.25 }),
+            Message::Motion(node, MotionFrame { velocity_rad_s: -1.5, position_rad: 40.25 }),
             "Motion",
             named(&[("Velocity", "rad/s", -1.5), ("Position", "rad", 40.25)]),
         ),
         (
-            Message::Torque(node, Torque { torque_nm: 3.5, load_torque_nm: -26.0 }),
+            Message::Torque(node, TorqueFrame { torque_nm: 3.5, load_torque_nm: -26.0 }),
             "Torque",
             named(&[("MeasuredTorque", "Nm", 3.5), ("LoadTorque", "Nm", -26.0)]),
         ),
         (
-            Message::Seal(node, Seal { radial_force_n: 75.5, pressure_diff_pa: 250_000.0 }),
+            Message::Seal(node, SealFrame { radial_force_n: 75.5, pressure_diff_pa: 250_000.0 }),
             "Seal",
             named(&[("RadialForce", "N", 75.5), ("PressureDiff", "Pa", 250_000.0)]),
         ),
         (
-            Message::Surroundings(node, Surroundings { temperature_c: 11.5, auxiliary: -0.125 }),
+            Message::Surroundings(
+                node,
+                SurroundingsFrame { temperature_c: 11.5, auxiliary: -0.125 },
+            ),
             "Surroundings",
             named(&[("Temperature", "degC", 11.5), ("Auxiliary", "", -0.125)]),
         ),
         (
             Message::Answer(
                 node,
-                Answer { friction_torque_nm: 2.75, feed_forward_current_a: -1.25 },
+                AnswerFrame { friction_torque_nm: 2.75, feed_forward_current_a: -1.25 },
             ),
             "Answer",
             named(&[("FrictionTorque", "Nm", 2.75), ("FeedForwardCurrent", "A", -1.25)]),
         ),
         (
-            Message::Telemetry(node, Telemetry { current_a: 4.5, residual_torque_nm: -0.375 }),
+            Message::Telemetry(node, TelemetryFrame { current_a: 4.5, residual_torque_nm: -0.375 }),
             "Telemetry",
             named(&[("Current", "A", 4.5), ("ResidualTorque", "Nm", -0.375)]),
         ),
         (
-            Message::Command(node, Command::new(-2.5, -0.625, 200)),
+            Message::Command(node, CommandFrame::new(-2.5, -0.625, 200)),
             "Command",
             named(&[
                 ("CurrentCommand", "A", -2.5),
@@ -177,9 +179,9 @@ fn expected() -> Vec<Expected> {
                 ("CommandCounter", "", 200.0),
             ]),
         ),
-        entry(Entry::Run(12), 1.0, "Run", 12.0),
-        entry(Entry::Sequence(240), 2.0, "NextSequence", 240.0),
-        entry(Entry::JointKind(JointKind::Prismatic), 3.0, "JointKind", 1.0),
+        entry(TraceEntry::Run(12), 1.0, "Run", 12.0),
+        entry(TraceEntry::Sequence(240), 2.0, "NextSequence", 240.0),
+        entry(TraceEntry::JointKind(JointKind::Prismatic), 3.0, "JointKind", 1.0),
     ];
     all.push(status(Flags::empty()));
     all.extend(Flags::all().iter().map(status));
@@ -187,9 +189,9 @@ fn expected() -> Vec<Expected> {
 }
 
 #[test]
-fn every_frame_reads_by_the_dbc_as_what_was_put_in() {
+fn every_frame_decoded_with_dbc_gives_encoded_values() {
     let frames = read();
-    let mut asked: BTreeSet<(u16, String)> = BTreeSet::new();
+    let mut used: BTreeSet<(u16, String)> = BTreeSet::new();
     for (message, name, values) in expected() {
         let frame = message.emit();
         let identifier = frame.identifier();
@@ -212,20 +214,20 @@ fn every_frame_reads_by_the_dbc_as_what_was_put_in() {
                 _ => word as f64 * signal.scale,
             };
             assert_eq!(found, value, "{name}.{signal_name}");
-            asked.insert((identifier, signal_name));
+            used.insert((identifier, signal_name));
         }
     }
-    let there: BTreeSet<(u16, String)> = frames
+    let declared: BTreeSet<(u16, String)> = frames
         .iter()
         .flat_map(|(identifier, info)| {
             info.signals.keys().map(move |name| (*identifier, name.clone()))
         })
         .collect();
-    assert_eq!(asked, there, "a signal of the DBC the code knows nothing of");
+    assert_eq!(used, declared, "a signal of the DBC is not used by the code");
 }
 
 #[test]
-fn everything_in_the_dbc_is_explained_and_nothing_overlaps() {
+fn dbc_signals_have_comments_and_do_not_overlap() {
     for (identifier, info) in read() {
         assert!(info.comment, "{} has no comment", info.name);
         for (name, signal) in &info.signals {

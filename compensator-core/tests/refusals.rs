@@ -1,8 +1,8 @@
-//! A refusal must help: which field, its value, the bound it broke, and why there is one.
+//! The error for an invalid parameter names the field, its value, the violated bound and the reason.
 //!
-//! Each row spoils a legal set in one way and says the whole answer it expects. The bound is
-//! checked to be the bound: a hair inside it the same set is accepted. Rows about load, pressure and
-//! wear sit at corners of the declared envelope, where a set that is sound at rest fails.
+//! Each case makes a valid set invalid in one way and states the complete expected error. The bound is exact: just
+//! inside it, the same set is accepted. Cases of load, pressure and drift are at corners of the declared envelope,
+//! where a set that is valid at rest fails.
 #![cfg(feature = "terms")]
 
 use compensator_core::parameters::Bound;
@@ -10,7 +10,7 @@ use compensator_core::{Fixed, LawKind, ParameterError, ParameterId as Id, Parame
 
 const PERIOD: f64 = 1e-3;
 
-/// A joint whose levels fall under load and pressure, still legal at the far corner of 100 N, 0.3 MPa.
+/// Returns a joint whose levels fall with load and pressure. It is valid at the corner of 100 N and 0.3 MPa.
 fn sound(law: LawKind) -> Parameters<f64> {
     let mut parameters = Parameters::new(law)
         .with(Id::CoulombTorque, 1.5)
@@ -33,9 +33,8 @@ fn with_term(kind: TermKind) -> Parameters<f64> {
     parameters
 }
 
-/// Spoils `id` of a set with `value`; the refusal must name `field` (the parameter itself in most
-/// cases), give `bound`, and a reason with `word` in it.
-struct Row {
+/// An invalid `value` of the parameter `id`. The error must have this bound and a reason that contains `word`.
+struct RefusalCase {
     from: Parameters<f64>,
     id: Id,
     value: f64,
@@ -43,133 +42,154 @@ struct Row {
     word: &'static str,
 }
 
-fn row(from: Parameters<f64>, id: Id, value: f64, bound: Bound, word: &'static str) -> Row {
-    Row { from, id, value, bound, word }
+fn refusal(
+    from: Parameters<f64>,
+    id: Id,
+    value: f64,
+    bound: Bound,
+    word: &'static str,
+) -> RefusalCase {
+    RefusalCase { from, id, value, bound, word }
 }
 
-fn close(a: Bound, b: Bound) -> bool {
-    let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
+fn are_close(a: Bound, b: Bound) -> bool {
+    let is_close = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
     match (a, b) {
         (Bound::AtLeast(a), Bound::AtLeast(b))
         | (Bound::AtMost(a), Bound::AtMost(b))
-        | (Bound::MoreThan(a), Bound::MoreThan(b)) => near(a, b),
+        | (Bound::MoreThan(a), Bound::MoreThan(b)) => is_close(a, b),
         (a, b) => a == b,
     }
 }
 
-#[test]
-fn refusals_name_field_value_bound_and_reason() {
+/// Cases of invalid numbers, ranges and levels.
+fn range_and_level_cases() -> Vec<RefusalCase> {
     use Bound::{AtLeast, AtMost, Finite, MoreThan, Whole};
     let lugre = || sound(LawKind::Lugre);
     let improved = || sound(LawKind::ImprovedLugre);
-    let mut fading = lugre();
-    fading.choices.damping_fades = true;
-    // A thousandth of a level must be left, so that rounding cannot make it 0.
+    // A level must keep 0.1 % of its value, so that rounding cannot make it 0.
     let left = 1.0 - 1e-3;
-    let rows = [
-        row(lugre(), Id::CoulombTorque, f64::NAN, Finite, "range"),
-        row(lugre(), Id::BristleStiffness, f64::INFINITY, Finite, "range"),
-        row(lugre(), Id::CoulombTorque, 0.0, AtLeast(1e-9), "range"),
-        row(lugre(), Id::StribeckVelocity, 1001.0, AtMost(1e3), "range"),
-        row(lugre(), Id::StaticTorque, 1.4, AtLeast(1.5), "F_S >= F_C"),
-        row(
+    vec![
+        refusal(lugre(), Id::CoulombTorque, f64::NAN, Finite, "range"),
+        refusal(lugre(), Id::BristleStiffness, f64::INFINITY, Finite, "range"),
+        refusal(lugre(), Id::CoulombTorque, 0.0, AtLeast(1e-9), "range"),
+        refusal(lugre(), Id::StribeckVelocity, 1001.0, AtMost(1e3), "range"),
+        refusal(lugre(), Id::StaticTorque, 1.4, AtLeast(1.5), "F_S >= F_C"),
+        refusal(
             sound(LawKind::LugreAsymmetric),
             Id::StaticTorqueNegative,
             1.0,
             AtLeast(1.25),
             "F_S >= F_C",
         ),
-        // At 100 N and 0.3 MPa the level has lost 0.5 + 0.3 Nm, and the static excess 0.1 + 0.3.
-        row(improved(), Id::CoulombTorque, 0.79, AtLeast(0.8 / left), "stay positive"),
-        row(improved(), Id::StaticTorque, 1.85, AtLeast(1.9), "F_S >= F_C"),
-        row(
+        // At 100 N and 0.3 MPa the level falls by 0.5 + 0.3 Nm, and the static excess by 0.1 + 0.3 Nm.
+        refusal(improved(), Id::CoulombTorque, 0.79, AtLeast(0.8 / left), "stay positive"),
+        refusal(improved(), Id::StaticTorque, 1.85, AtLeast(1.9), "F_S >= F_C"),
+        refusal(
             with_term(TermKind::PressureCoulomb),
             Id::CoulombTorque,
             0.2,
             AtLeast(0.3 / left),
             "positive",
         ),
-        row(
+        refusal(
             with_term(TermKind::LoadTorqueCoulomb).with(Id::LoadCoulomb, -0.02),
             Id::CoulombTorque,
             0.51,
             AtLeast(0.52 / left),
             "positive",
         ),
-        row(
+        refusal(
             with_term(TermKind::TimeDrift),
             Id::DriftRate,
             -2e-7,
             AtLeast(-0.999 / (2000.0 * 3600.0)),
             "end of the campaign",
         ),
-        row(
+        refusal(
             with_term(TermKind::LookupTable),
             Id::LookupColumn,
             2.5,
             Whole,
             "a column has a number",
         ),
-        row(
+        refusal(
             with_term(TermKind::LookupTable).with(Id::LookupLower, 0.5),
             Id::LookupUpper,
             0.5,
             MoreThan(0.5),
             "over a range",
         ),
-        row(with_term(TermKind::LookupTable), Id::LookupLevel3, -0.95, AtLeast(-0.9), "range"),
-        // Passivity, constant sigma1: 4 F_C / v_max = 0.75 or sigma2 F_C / (F_S - F_C), the larger.
-        row(
+        refusal(with_term(TermKind::LookupTable), Id::LookupLevel3, -0.95, AtLeast(-0.9), "range"),
+    ]
+}
+
+/// Cases that violate passivity, and a delay that exceeds its delay line.
+fn passivity_and_delay_cases() -> Vec<RefusalCase> {
+    use Bound::{AtLeast, AtMost};
+    let lugre = || sound(LawKind::Lugre);
+    let improved = || sound(LawKind::ImprovedLugre);
+    let mut fading = lugre();
+    fading.choices.damping_fades = true;
+    vec![
+        // Passivity with constant sigma1: the larger of 4 F_C / v_max = 0.75 and sigma2 F_C / (F_S - F_C).
+        refusal(
             lugre().with(Id::ViscousFriction, 0.1),
             Id::BristleDamping,
             0.8,
             AtMost(0.75),
             "passivity",
         ),
-        row(
+        refusal(
             lugre().with(Id::ViscousFriction, 0.5),
             Id::BristleDamping,
             1.6,
             AtMost(1.5),
             "passivity",
         ),
-        // Fading sigma1: 4 F_C / (v_s / sqrt(2 e)).
-        row(
+        // Passivity with fading sigma1: 4 F_C / (v_s / sqrt(2 e)).
+        refusal(
             fading,
             Id::BristleDamping,
             140.0,
             AtMost(60.0 * (2.0 * core::f64::consts::E).sqrt()),
             "passivity",
         ),
-        // At the far corner F_C is 0.7: 4 * 0.7 / 8.
-        row(
+        // At the corner of the envelope F_C is 0.7 Nm: 4 * 0.7 / 8.
+        refusal(
             improved().with(Id::ViscousFriction, 0.01),
             Id::BristleDamping,
             0.4,
             AtMost(0.35),
             "passivity",
         ),
-        row(lugre(), Id::ViscousFriction, -0.1, AtLeast(0.0), "passivity"),
-        row(
+        refusal(lugre(), Id::ViscousFriction, -0.1, AtLeast(0.0), "passivity"),
+        refusal(
             with_term(TermKind::ChannelDelay),
             Id::ChannelDelay,
             0.032,
             AtMost(0.031),
             "delay line",
         ),
-    ];
-    for Row { from, id, value, bound, word } in rows {
+    ]
+}
+
+#[test]
+fn refusals_name_field_value_bound_and_reason() {
+    use Bound::{AtLeast, AtMost};
+    let cases = range_and_level_cases().into_iter().chain(passivity_and_delay_cases());
+    for RefusalCase { from, id, value, bound, word } in cases {
         from.clone().build::<f64>(PERIOD).unwrap_or_else(|error| panic!("{}: {error}", id.name()));
         let refused = from.clone().with(id, value).build::<f64>(PERIOD).unwrap_err();
         assert_eq!(refused.field, id.name());
         assert_eq!(refused.value.to_bits(), value.to_bits(), "{refused}");
-        assert!(close(refused.bound, bound), "{refused}, expected {bound:?}");
+        assert!(are_close(refused.bound, bound), "{refused}, expected {bound:?}");
         assert!(refused.why.contains(word), "{refused}");
-        let words = refused.to_string();
+        let message = refused.to_string();
         for part in [id.name(), &value.to_string(), &refused.bound.to_string(), refused.why] {
-            assert!(words.contains(part), "{words:?} lacks {part:?}");
+            assert!(message.contains(part), "{message:?} lacks {part:?}");
         }
-        // Just inside, it is legal: the bound is no more and no less than the bound.
+        // Just inside the bound, the set is valid.
         let inside = match bound {
             AtLeast(least) => least + 1e-6 * (least - value).abs(),
             AtMost(most) => most - 1e-6 * (most - value).abs(),
@@ -178,7 +198,7 @@ fn refusals_name_field_value_bound_and_reason() {
         let narrow = from.with(id, inside);
         let tight = id == Id::CoulombTorque || id == Id::StribeckVelocity;
         match narrow.build::<f64>(PERIOD) {
-            // A level at its very bound may be legal and its damping then too much for it.
+            // A level at its bound may be valid while the damping is then too large for it.
             Err(error) if tight => assert_ne!(error.field, id.name(), "{error}"),
             other => assert!(other.is_ok(), "{}: {:?}", id.name(), other.err()),
         }
@@ -190,13 +210,13 @@ fn refused(parameters: &Parameters<f64>, period: f64) -> ParameterError {
 }
 
 #[test]
-fn periods_envelopes_and_lists_are_refused_by_name() {
+fn build_with_invalid_period_envelope_or_list_names_the_field() {
     let sound = sound(LawKind::Lugre);
     for period in [0.0, -1e-3, f64::NAN, f64::INFINITY] {
         assert_eq!(refused(&sound, period).field, "sample_period_s");
     }
-    type Spoil = fn(&mut Parameters<f64>);
-    let spoils: [(&str, Spoil); 6] = [
+    type Change = fn(&mut Parameters<f64>);
+    let changes: [(&str, Change); 6] = [
         ("velocity_max_rad_s", |p| p.envelope.velocity_max_rad_s = 0.0),
         ("velocity_max_rad_s", |p| p.envelope.velocity_max_rad_s = 2e9),
         ("radial_force_max_n", |p| p.envelope.radial_force_max_n = -1.0),
@@ -208,16 +228,16 @@ fn periods_envelopes_and_lists_are_refused_by_name() {
         }),
         ("torque-offset", |p| p.terms.extend([TermKind::TorqueOffset; 2])),
     ];
-    for (field, spoil) in spoils {
-        let mut spoiled = sound.clone();
-        spoil(&mut spoiled);
-        assert_eq!(refused(&spoiled, PERIOD).field, field);
+    for (field, change) in changes {
+        let mut invalid = sound.clone();
+        change(&mut invalid);
+        assert_eq!(refused(&invalid, PERIOD).field, field);
     }
 }
 
-/// What the law does already must not be done twice by a term.
+/// A term must not repeat an effect that the law already has.
 #[test]
-fn terms_that_are_part_of_the_law_are_refused() {
+fn build_with_term_already_in_law_names_the_term() {
     for (law, kind) in [
         (LawKind::ImprovedLugre, TermKind::PressureCoulomb),
         (LawKind::ImprovedLugre, TermKind::RadialForceRate),
@@ -229,25 +249,25 @@ fn terms_that_are_part_of_the_law_are_refused() {
     }
 }
 
-/// A law that can be active is accepted when that is asked for, and only then.
+/// A law that can release energy is accepted only with the option `allow_active`.
 #[test]
-fn allow_active_allows_what_passivity_forbids() {
+fn allow_active_permits_damping_beyond_passivity() {
     let mut active = sound(LawKind::Lugre).with(Id::BristleDamping, 100.0);
     assert!(active.build::<f64>(PERIOD).is_err());
     active.choices.allow_active = true;
     assert!(active.build::<f64>(PERIOD).is_ok());
 }
 
-/// Parameters that do not count may hold anything: a record always carries all of them.
+/// Unused parameters may have any value, because a record always contains all parameters.
 #[test]
-fn what_does_not_count_is_neither_checked_nor_used() {
+fn unused_parameters_are_neither_checked_nor_used() {
     for law in LawKind::ALL {
         let mut parameters = Parameters::<f64>::new(*law);
         for id in Id::ALL.iter().filter(|id| !law.parameters().contains(id)) {
             parameters.set(*id, f64::NAN);
         }
         let model = parameters.build::<f64>(PERIOD).unwrap();
-        let mut state = compensator_core::State::default();
+        let mut state = compensator_core::ModelState::default();
         for step in 0..1000 {
             let velocity_rad_s = (f64::from(step) * 0.01).sin();
             let sample = compensator_core::Sample { velocity_rad_s, ..Default::default() };
@@ -257,9 +277,9 @@ fn what_does_not_count_is_neither_checked_nor_used() {
     }
 }
 
-/// Fixed point has 12 integer and 20 fractional bits: what leaves them is refused, by what left.
+/// Fixed point has 12 integer and 20 fractional bits. The error names the quantity that exceeds this range.
 #[test]
-fn fixed_point_refuses_what_it_cannot_hold() {
+fn build_in_fixed_point_with_overflow_names_the_product() {
     let joint = |law| {
         let mut joint = sound(law).convert::<f32>();
         joint.set(Id::BristleStiffness, 1e4);
@@ -284,7 +304,7 @@ fn fixed_point_refuses_what_it_cannot_hold() {
             "bristle_stiffness * sample_period * velocity_max",
         ),
         (Lugre, vec![(Id::StaticTorque, 150.0)], "level * velocity_max"),
-        // The far corner leaves 0.01 Nm to divide by.
+        // At the corner of the envelope the divisor is 0.01 Nm.
         (
             ImprovedLugre,
             vec![(Id::CoulombTorque, 0.81), (Id::BristleStiffness, 1.0)],
@@ -307,12 +327,12 @@ fn fixed_point_refuses_what_it_cannot_hold() {
             "bristle_stiffness * radial_force_rate * radial_force_max",
         ),
     ] {
-        let mut spoiled = joint(law);
+        let mut invalid = joint(law);
         for (id, value) in values {
-            spoiled.set(id, value);
+            invalid.set(id, value);
         }
-        assert!(spoiled.build::<f32>(1e-3).is_ok(), "{field}: a float holds it");
-        let refused = spoiled.build::<Fixed>(1e-3).unwrap_err();
+        assert!(invalid.build::<f32>(1e-3).is_ok(), "{field}: a float holds it");
+        let refused = invalid.build::<Fixed>(1e-3).unwrap_err();
         assert_eq!(refused.field, field, "{refused}");
         assert!(refused.why.contains("number type"), "{refused}");
     }

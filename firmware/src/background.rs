@@ -1,19 +1,18 @@
-//! The background loop of a board: everything a joint driver does that is in no hurry.
+//! The background loop of a board: all work of a joint driver that is not done in the interrupt.
 //!
 //! ```text
 //! received frames -> Driver -> frames to send            every round
-//! sensors, report of the current loop -> Driver -> orders, parts -> the current loop
+//! sensors, report of the current loop -> Driver -> commands, parts -> the current loop
 //!                                                         once a millisecond
 //! ```
-//! A [`Board`] gives its wires (frames, time, sensors, watchdog) and calls [`Background::round`] whenever
-//! it wakes; everything that can be decided without a register is decided here. Who owns frames and
-//! time already, as a simulated bus does, calls [`Background::receive`], [`Background::tick`] and
-//! [`Background::transmit`] itself. The current loop runs above all this, in an interrupt; what goes
-//! between the two is in [`crate::loop_link`].
+//! A [`Board`] provides the hardware (frames, time, sensors, watchdog) and calls [`Background::round`] whenever
+//! it wakes. All decisions that need no register are taken here. A caller with its own frames and time, such as
+//! a simulated bus, calls [`Background::receive`], [`Background::tick`] and [`Background::transmit`] instead.
+//! The current loop runs in an interrupt with higher priority; [`crate::loop_link`] connects the two.
 
 use crate::driver::{Driver, LoopReport};
 use crate::loop_link::LoopLink;
-use crate::sensors::Local;
+use crate::sensors::LocalReadings;
 use crate::supervisor::CanState;
 use compensator_core::can::Frame;
 use embedded_storage::nor_flash::NorFlash;
@@ -21,25 +20,25 @@ use embedded_storage::nor_flash::NorFlash;
 /// Time between two ticks of the driver, us.
 pub const TICK_US: u64 = 1000;
 
-/// What a board has found out about itself and its surroundings.
+/// State of a board and its surroundings.
 #[derive(Clone, Copy, Debug)]
 pub struct BoardState {
-    /// Temperature of the bridge, deg C; `None` where it is not measured.
+    /// Temperature of the bridge, deg C; `None` if it is not measured.
     pub bridge_temperature_c: Option<f32>,
-    /// Temperature of the motor, deg C; `None` where it is not measured.
+    /// Temperature of the motor, deg C; `None` if it is not measured.
     pub motor_temperature_c: Option<f32>,
-    /// The guard below the stack is whole.
+    /// The guard below the stack is intact.
     pub stack_intact: bool,
-    /// The CAN controller lost received frames since this was last asked.
+    /// The CAN controller lost received frames since the last query.
     pub receiver_overrun: bool,
-    /// How the CAN controller stands to its bus.
+    /// State of the CAN controller.
     pub can: CanState,
-    /// What the board's own slow sensors last gave.
-    pub sensors: Local,
+    /// Last readings of the board's own slow sensors.
+    pub sensors: LocalReadings,
 }
 
 impl Default for BoardState {
-    /// Nothing measured, nothing wrong.
+    /// Nothing is measured and there are no faults.
     fn default() -> Self {
         Self {
             bridge_temperature_c: None,
@@ -47,54 +46,54 @@ impl Default for BoardState {
             stack_intact: true,
             receiver_overrun: false,
             can: CanState::Active,
-            sensors: Local::default(),
+            sensors: LocalReadings::default(),
         }
     }
 }
 
-/// What a board gives its background loop.
+/// Interface of a board to its background loop.
 pub trait Board {
-    /// How long the last frames before a restart may take to be sent, us.
-    const FAREWELL_US: u64;
+    /// Maximum time to send the last frames before a restart, us.
+    const RESTART_FLUSH_US: u64;
 
-    /// Time since the start, us; never runs backwards.
+    /// Returns the time since the start, us; it never decreases.
     fn now_us(&mut self) -> u64;
 
-    /// The next frame received, if there is one.
+    /// Returns the next received frame, if any.
     fn receive(&mut self) -> Option<Frame>;
 
-    /// Whether a frame to send finds a place.
+    /// Returns true if a frame can be queued for sending.
     fn has_room(&mut self) -> bool;
 
-    /// Sends a frame; called only where there is room.
+    /// Sends a frame; called only if there is room.
     fn send(&mut self, frame: &Frame);
 
-    /// Whether every frame given to [`Board::send`] has left.
+    /// Returns true if every frame passed to [`Board::send`] has been sent.
     fn is_idle(&mut self) -> bool;
 
-    /// Looks at sensors, controller and stack: once a tick.
+    /// Reads sensors, controller and stack: once per tick.
     fn state(&mut self, now_us: u64) -> BoardState;
 
-    /// The current loop; a board without a bridge has none.
+    /// Returns the link to the current loop; `None` for a board without a bridge.
     fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
         None
     }
 
-    /// Keeps the watchdog quiet: once a tick, as long as the current loop reports.
-    fn feed_watchdog(&mut self) {}
+    /// Refreshes the watchdog: once per tick, while the current loop reports.
+    fn refresh_watchdog(&mut self) {}
 }
 
-/// What a board does after a round.
+/// Action of a board after a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
-pub enum Next {
-    /// Sleep until something is to be done.
+pub enum RoundOutcome {
+    /// Sleep until the next event.
     Sleep,
-    /// Restart: the network asked for it, and the last frames are sent.
+    /// Restart: the network requested it, and the last frames are sent.
     Restart,
 }
 
-/// The background loop's state: the driver, and when it ticks next.
+/// State of the background loop: the driver, and the time of its next tick.
 #[derive(Debug)]
 pub struct Background<F> {
     driver: Driver<F>,
@@ -102,45 +101,45 @@ pub struct Background<F> {
 }
 
 impl<F: NorFlash> Background<F> {
-    /// A loop that ticks for the first time now.
+    /// Creates a loop whose first tick is due now.
     pub const fn new(driver: Driver<F>, now_us: u64) -> Self {
         Self { driver, due_us: now_us }
     }
 
-    /// Does everything there is to do at the moment.
-    pub fn round<B: Board>(&mut self, board: &mut B) -> Next {
-        while !self.driver.reset_wanted()
+    /// Runs all work that is due.
+    pub fn round<B: Board>(&mut self, board: &mut B) -> RoundOutcome {
+        while !self.driver.is_reset_requested()
             && let Some(frame) = board.receive()
         {
             let now_us = board.now_us();
             self.driver.receive(&frame, now_us);
-            // Answers leave before the next frame is looked at, or they would pile up.
+            // Send the answers before the next frame is processed, so that they do not accumulate.
             self.send(board);
         }
         let now_us = board.now_us();
         if now_us >= self.due_us {
             self.due_us += TICK_US;
             if self.due_us <= now_us {
-                // Whole ticks missed are not made up for.
+                // Missed ticks are skipped.
                 self.due_us = now_us + TICK_US;
             }
             let state = board.state(now_us);
             if self.tick(&state, board.current_loop(), now_us) {
-                board.feed_watchdog();
+                board.refresh_watchdog();
             }
         }
         self.send(board);
-        if !self.driver.reset_wanted() {
-            return Next::Sleep;
+        if !self.driver.is_reset_requested() {
+            return RoundOutcome::Sleep;
         }
-        let until_us = board.now_us() + B::FAREWELL_US;
+        let until_us = board.now_us() + B::RESTART_FLUSH_US;
         while !board.is_idle() && board.now_us() < until_us {
             self.send(board);
         }
-        Next::Restart
+        RoundOutcome::Restart
     }
 
-    // Called in several places: kept out of line for the size of the image.
+    // Called in several places: not inlined, to reduce the size of the image.
     #[inline(never)]
     fn send(&mut self, board: &mut impl Board) {
         while board.has_room()
@@ -150,17 +149,17 @@ impl<F: NorFlash> Background<F> {
         }
     }
 
-    /// Takes in a frame.
+    /// Processes a received frame.
     pub fn receive(&mut self, frame: &Frame, now_us: u64) {
         self.driver.receive(frame, now_us);
     }
 
-    /// The next frame to send.
+    /// Returns the next frame to send.
     pub fn transmit(&mut self) -> Option<Frame> {
         self.driver.transmit()
     }
 
-    /// Does what is due every [`TICK_US`]; gives whether the current loop is alive, where there is one.
+    /// Runs the work due every [`TICK_US`]. Returns true if the current loop reports, or if there is none.
     pub fn tick(
         &mut self,
         state: &BoardState,
@@ -174,15 +173,15 @@ impl<F: NorFlash> Background<F> {
         };
         link.reports(now_us, |report| self.report(state, &report));
         self.observe(state, now_us);
-        let mut orders = self.driver.orders(now_us);
-        state.sensors.complete(&mut orders.covariates, now_us);
-        self.driver.watch_seal(&mut orders.covariates, now_us);
-        orders.factors = self.driver.supply(&orders.covariates, now_us);
-        link.order(orders, self.driver.set());
+        let mut commands = self.driver.loop_commands(now_us);
+        state.sensors.apply_newer(&mut commands.covariates, now_us);
+        self.driver.check_seal_sensors(&mut commands.covariates, now_us);
+        commands.factors = self.driver.supply(&commands.covariates, now_us);
+        link.send_commands(commands, self.driver.set());
         link.is_alive(now_us)
     }
 
-    // As `send`.
+    // Not inlined, for the same reason as `send`.
     #[inline(never)]
     fn report(&mut self, state: &BoardState, report: &LoopReport) {
         self.driver.report(&LoopReport {
@@ -198,12 +197,12 @@ impl<F: NorFlash> Background<F> {
         self.driver.tick(now_us);
     }
 
-    /// The driver, to look at.
+    /// Returns the driver.
     pub const fn driver(&self) -> &Driver<F> {
         &self.driver
     }
 
-    /// Gives the flash back: for the next life, or to be closed before a restart.
+    /// Returns the flash, for the next start, or to close it before a restart.
     pub fn into_flash(self) -> F {
         self.driver.into_flash()
     }

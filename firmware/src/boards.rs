@@ -1,21 +1,23 @@
-//! The boards the joint driver runs on: pins, registers and interrupts around the same library.
+//! The boards of the joint driver: pins, registers and interrupts around the common library.
 //!
-//! A board implements [`firmware::background::Board`] (frames, time, sensors, watchdog) and, where it has a
-//! bridge, [`firmware::control::PowerStage`]; it keeps its flash behind `embedded_storage`. It decides
-//! nothing: whatever can be decided without a register is in the library, where a PC tests it. Adding one
-//! is a folder here with its `memory.x`, a line below and a feature; see `docs/porting.md`.
+//! A board implements [`firmware::background::Board`] (frames, time, sensors, watchdog) and, if it has a
+//! bridge, [`firmware::control::PowerStage`]. It accesses its flash through `embedded_storage`. A board
+//! contains no logic that works without registers: such logic is in the library, where a PC tests it. A new
+//! board is a folder here with its `memory.x`, a line below and a feature; see `docs/src/how-to/porting.md`.
 //!
-//! The skeleton all boards share:
-//! - A cargo feature `board-NAME` chooses the board, one in an image, which `build.rs` sees to.
+//! All boards share these rules:
+//!
+//! - A cargo feature `board-NAME` selects the board; `build.rs` ensures that an image has exactly one.
 //!   Dependencies of a board are optional, behind its feature and `cfg(target_os = "none")`.
-//! - `main.rs` only takes this module in. A board's own file defines its entry point (`#[entry]` or an RTIC
-//!   app) and its one `defmt` global logger: stm32g474 `defmt-rtt`, qemu `defmt-semihosting`; stm32f405
+//! - `main.rs` only includes this module. The board's file defines its entry point (`#[entry]` or an RTIC
+//!   app) and its `defmt` logger: `defmt-rtt` on the stm32g474, `defmt-semihosting` on qemu. The stm32f405
 //!   logs nothing.
-//! - A panic or a hard fault opens the bridge (`open_bridge` of the board) and leaves its text in RAM that outlives a reset ([`firmware::panic`]) and resets, which
-//!   opens the bridge; the next start hands the text to the driver in `Boot::panic` (`panic::take`).
-//! - [`firmware::stack_guard`] paints words below the stack; `is_intact` goes into `LoopReport::stack_intact`,
-//!   and `take_overflow`, asked before `paint`, into `Boot::stack_overflowed`.
-//! - Exceptions that are nobody's (`HardFault`) are taken here; `DefaultHandler` is a board's own.
+//! - A panic or a hard fault opens the bridge (`open_bridge` of the board), stores its text in RAM that
+//!   survives a reset ([`firmware::panic`]) and resets, which opens the bridge as well. The next start
+//!   passes the text to the driver in `Boot::panic` (`panic::take`).
+//! - [`firmware::stack_guard`] writes guard words below the stack. `is_intact` goes to
+//!   `LoopReport::stack_intact`. `take_overflow`, called before `paint`, goes to `Boot::stack_overflowed`.
+//! - `HardFault` is handled here; each board defines its own `DefaultHandler`.
 
 #[cfg(feature = "board-qemu")]
 mod qemu;
@@ -33,17 +35,17 @@ use stm32f405::open_bridge;
 #[cfg(feature = "board-stm32g474")]
 use stm32g474::open_bridge;
 
-/// Ends this life: the bridge is opened *first*, for writing a note takes its time and may itself fail; then the note,
-/// then a reset.
+/// Opens the bridge, stores the text and resets the processor. The bridge comes first, because storing
+/// takes time and may itself fail.
 pub(crate) fn stop(what: &dyn core::fmt::Display) -> ! {
     open_bridge();
-    firmware::panic::keep_and_reset(what)
+    firmware::panic::record_and_reset(what)
 }
 
-/// What a hard fault does: the same as a panic, which see.
+/// Handles a hard fault like a panic.
 ///
 /// # Safety
-/// Called by the processor alone; it returns to nothing.
+/// Only the processor calls it; it never returns.
 #[allow(unsafe_code)]
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {

@@ -1,18 +1,20 @@
 //! The current loop of a permanent-magnet synchronous joint motor, without its board.
 //!
-//! A joint's torque is a current that turns with the rotor. Once a period the loop takes the phase
-//! currents and the rotor's angle, looks at the currents from the rotor ([`transform`]), follows the
-//! angle to a joint velocity ([`observer`]), lets the friction compensator add its current
-//! ([`compensation`]), limits the *sum*, lets two PI controllers find the voltage ([`pi`]), and turns
-//! that voltage into three duties ([`space_vector`]). [`current_loop`] is that order; [`parameters`] is
-//! what it is built from; [`probe`] stands in for it while they are being found, and [`velocity_loop`] lies above it
-//! where a velocity is asked for. Current is positive where it drives the *joint* towards positive position.
+//! A motor's torque comes from a current vector that turns with the rotor. In every period the loop does these
+//! steps: it transforms the phase currents to the rotor's frame ([`transform`]) and observes the joint's motion
+//! ([`observer`]). It adds the compensation current ([`compensation`]) to the set-point and limits the *sum*.
+//! Two PI controllers find the voltage ([`pi`]), and [`space_vector`] turns the voltage into three duties.
 //!
-//! The loop owns its state, reads no clock, and never logs, blocks, allocates or panics; whatever the
-//! sample says, the duties are finite and within 0..=1, or the bridge is off. The same code runs in the
-//! interrupt of the joint driver and in the closed-loop tests on a PC.
+//! [`current_loop`] is that sequence, and [`parameters`] holds what it is built from. [`probe`] replaces it
+//! while the parameters are measured. [`velocity_loop`] commands it in velocity mode. Current is positive if it
+//! drives the *joint* towards positive position.
+//!
+//! The loop owns its state, reads no clock, and never logs, blocks, allocates or panics. For every sample the
+//! duties are finite and within 0..=1, or the bridge is off. The interrupt of the joint driver and the
+//! closed-loop tests on a PC run the same code.
 
 pub mod compensation;
+pub mod covariates;
 pub mod current_loop;
 pub mod flags;
 pub mod observer;
@@ -24,7 +26,8 @@ pub mod transform;
 pub mod velocity_loop;
 
 pub use compensation::{Compensate, JointCompensator, NoCompensation};
-pub use current_loop::{Covariates, CurrentLoop, Cycle, Setpoint};
+pub use covariates::Covariates;
+pub use current_loop::{CurrentLoop, CycleResult, Setpoint};
 pub use flags::LoopFlags;
 pub use parameters::{Motor, MotorParameters};
 
@@ -32,14 +35,14 @@ pub use parameters::{Motor, MotorParameters};
 pub const PERIOD_S: f32 = 50e-6;
 
 bitflags::bitflags! {
-    /// What of a [`StageSample`] was measured and is believed by the board.
+    /// Measurements of a [`StageSample`] that are present and passed the board's checks.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-    pub struct Valid: u8 {
-        /// Current of phase a. A board with two shunts never sets the third's bit.
+    pub struct ValidChannels: u8 {
+        /// Current of phase a.
         const CURRENT_A = 1 << 0;
         /// Current of phase b.
         const CURRENT_B = 1 << 1;
-        /// Current of phase c.
+        /// Current of phase c. A board with two shunts never sets this bit.
         const CURRENT_C = 1 << 2;
         /// Bus voltage.
         const BUS = 1 << 3;
@@ -48,67 +51,68 @@ bitflags::bitflags! {
     }
 }
 
-/// What a power stage measured in one period.
+/// Measurements of a power stage in one period.
 #[derive(Clone, Copy, Debug)]
 pub struct StageSample {
     /// Phase currents a, b, c into the motor, A.
     pub currents_a: [f32; 3],
     /// Bus voltage, V.
     pub bus_v: f32,
-    /// Encoder angle as a share of a turn of the motor, 2^32 for a whole one: see [`encoder_angle`].
-    /// A binary angle wraps by itself, has no NaN, and 1.5e-9 rad is its resolution at any speed.
+    /// Encoder angle as a fraction of a motor turn; 2^32 is a whole turn. See [`encoder_angle`]. A binary angle
+    /// wraps without extra code and has no NaN. Its resolution is 1.5e-9 rad at any speed.
     pub encoder: u32,
-    /// What of this is to be believed.
-    pub valid: Valid,
+    /// Which of these values are valid.
+    pub valid: ValidChannels,
 }
 
-/// An encoder's reading of so many bits (1..=32) as a [`StageSample::encoder`]; surplus high bits fall off.
+/// Converts an encoder count of `bits` bits (1..=32) to a [`StageSample::encoder`]. Excess high bits are
+/// dropped.
 #[inline(always)]
 pub const fn encoder_angle(counts: u32, bits: u32) -> u32 {
     if bits == 0 || bits > 32 { 0 } else { counts.wrapping_shl(32 - bits) }
 }
 
-/// What is done with the bridge until the next cycle.
+/// State of the bridge until the next cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bridge {
     /// All six switches open.
     Off,
-    /// Share of the period each high side conducts: phases a, b, c, 0..=1.
+    /// Duties of the high sides of phases a, b, c, 0..=1.
     Drive([f32; 3]),
 }
 
-/// For whom the hardware opened the bridge.
+/// Source of a hardware signal that opened the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Broke {
+pub enum BridgeFault {
     /// The gate driver.
     GateDriver,
-    /// Comparators at the shunts.
+    /// Overcurrent comparators at the shunts.
     Overcurrent,
-    /// The chip itself: its supply, clock, memory or processor.
+    /// The chip: its supply, clock, memory or processor.
     System,
 }
 
-/// A three-phase bridge with its sensors and the motor's encoder: what a board gives the current loop.
+/// A three-phase bridge with its sensors and the motor's encoder: the interface of a board to the current loop.
 pub trait PowerStage {
-    /// What was measured for this period.
+    /// Returns the measurements of this period.
     fn sample(&mut self) -> StageSample;
 
-    /// Whether the hardware has opened the bridge by itself, or would, and for whom.
-    fn broke(&mut self) -> Option<Broke>;
+    /// Returns the source of a hardware fault that opened the bridge, or holds it open.
+    fn bridge_fault(&mut self) -> Option<BridgeFault>;
 
-    /// Wakes the gate driver, or puts it to sleep: the second way to open all switches.
-    fn wake(&mut self, awake: bool);
+    /// Wakes the gate driver, or puts it to sleep. Sleep is a second way to open all switches.
+    fn set_awake(&mut self, awake: bool);
 
     /// Sets the duties of the next period, each 0..=1.
     fn drive(&mut self, duty: [f32; 3]);
 
-    /// Opens all switches at once.
+    /// Opens all switches immediately.
     fn off(&mut self);
 
-    /// The processor's cycle counter, which wraps.
+    /// Returns the processor's cycle counter, which wraps.
     fn cycles(&self) -> u32;
 
-    /// Does with the bridge what a cycle says.
+    /// Applies the bridge state that a cycle returned.
     #[inline(always)]
     fn apply(&mut self, bridge: Bridge) {
         match bridge {
@@ -123,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_fill_the_turn_from_the_top() {
+    fn encoder_angle_of_any_width_aligns_to_the_high_bits() {
         assert_eq!(encoder_angle(1, 1), 1 << 31);
         assert_eq!(encoder_angle(0x3FFF, 14), 0xFFFC_0000);
         assert_eq!(encoder_angle(0x4001, 14), 1 << 18);

@@ -1,39 +1,40 @@
 //! The joint driver between its bus and its current loop.
 //!
-//! Everything a driver does that is not done in every period: it takes frames in and gives frames out,
-//! serves its objects, keeps the parameters, watches over the joint and tells the current loop what to
-//! do. Time is passed in with every call and never read, so that a PC runs this very code in virtual time.
-//! The STM32 and QEMU boards and `host-sim node` own a [`Driver`] each and add nothing but wires.
+//! A driver does all work that is not done in every period of the current loop. It processes frames, serves its
+//! objects, keeps the parameters, supervises the joint and commands the current loop. Time is passed in with
+//! every call, so that a PC runs the same code in virtual time. The STM32 and QEMU boards and `host-sim node`
+//! own a [`Driver`] each and add only hardware access.
 //!
 //! ```text
 //! frame -> receive -> network command · object -> staging, store, supervisor
 //!                  -> PDO, SYNC      -> HIL joint (source: bus)   -> Answer, Status, Telemetry
-//!                                    -> live inputs (source: sensors) <-> current loop
+//!                                    -> received inputs (source: sensors) <-> current loop
 //! tick  -> heartbeat, timeouts, supervisor -> emergencies
 //! ```
 
 pub mod commissioning;
 mod counters;
 mod device;
-pub mod live;
+pub mod loop_data;
 mod motor_watch;
 mod objects;
 pub mod over_compensation;
 pub mod profile;
+pub mod received;
 pub mod staging;
 
 pub use counters::Counters;
-pub use device::{Boot, Identity, REPORT_PERIOD_S};
-pub use live::{Home, LoopOrders, LoopReport};
+pub use device::{Boot, Identity};
+pub use loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
 
 use crate::control::Covariates;
 use crate::log::log;
 use crate::node::sdo::SdoServer;
 use crate::node::{Network, NmtAction};
-use crate::node_settings::{NodeSettings, Source};
+use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
-use crate::supervisor::{CanState, State, Supervisor};
-use compensator_core::can::{Frame, FrameError, Message, Node, cob_id};
+use crate::supervisor::{CanState, JointState, Supervisor};
+use compensator_core::can::{Frame, FrameError, Message, NodeId, cob_id};
 use compensator_core::network::Factors;
 use device::Device;
 use embedded_storage::nor_flash::NorFlash;
@@ -44,14 +45,14 @@ pub struct Driver<F> {
     network: Network,
     sdo: SdoServer,
     device: Device<F>,
-    reset_wanted: bool,
-    /// The state last logged.
-    logged: State,
+    is_reset_requested: bool,
+    /// The last state that was logged.
+    logged: JointState,
 }
 
 impl<F: NorFlash> Driver<F> {
-    /// Starts: loads settings and parameters, reports what the last life ended with, and waits in a
-    /// safe state. `settings` stand in where none are stored.
+    /// Starts the driver: loads settings and parameters, reports how the previous run ended, and waits in a safe
+    /// state. `settings` apply if none are stored.
     pub fn boot(
         settings: NodeSettings,
         flash: F,
@@ -66,8 +67,8 @@ impl<F: NorFlash> Driver<F> {
             network,
             sdo: SdoServer::new(),
             device,
-            reset_wanted: false,
-            logged: State::Safe,
+            is_reset_requested: false,
+            logged: JointState::Safe,
         };
         log!(info, "start as node {=u8} on {=str}", node.number(), identity.hardware);
         if let Some(_text) = boot.panic {
@@ -77,7 +78,7 @@ impl<F: NorFlash> Driver<F> {
         driver
     }
 
-    /// Takes in a frame.
+    /// Processes a received frame.
     pub fn receive(&mut self, frame: &Frame, now_us: u64) {
         self.device.counters.received = self.device.counters.received.wrapping_add(1);
         if let Some(action) = self.network.on_nmt_frame(frame) {
@@ -85,7 +86,7 @@ impl<F: NorFlash> Driver<F> {
             return;
         }
         if self.network.on_heartbeat(frame, self.device.settings().awaited_heartbeat, now_us) {
-            self.device.sign_of_life(now_us);
+            self.device.refresh_command_age(now_us);
             return;
         }
         let node = self.network.node();
@@ -118,24 +119,24 @@ impl<F: NorFlash> Driver<F> {
     fn execute(&mut self, action: NmtAction, now_us: u64) {
         match action {
             NmtAction::State(_) => {
-                // A joint nobody talks to any more does not stay armed.
+                // A joint without a master must not stay armed.
                 if !self.network.is_operational() {
                     self.device.disarm();
                 }
             }
-            NmtAction::Reset => self.reset_wanted = true,
+            NmtAction::Reset => self.is_reset_requested = true,
             NmtAction::ResetCommunication => {
                 self.device.disarm();
                 self.sdo = SdoServer::new();
-                self.device.forget_identifiers();
+                self.device.reset_identifiers();
                 let node = self.device.settings().node;
                 self.network = Network::boot(node, now_us, self.device.outbox());
             }
         }
     }
 
-    fn serve(&mut self, frame: &Frame, node: Node, now_us: u64) {
-        if !self.network.serves_objects() {
+    fn serve(&mut self, frame: &Frame, node: NodeId, now_us: u64) {
+        if !self.network.can_serve_objects() {
             return;
         }
         let Ok(request) = <&[u8; 8]>::try_from(frame.data()) else {
@@ -152,16 +153,16 @@ impl<F: NorFlash> Driver<F> {
         }
     }
 
-    /// Does what is due: call it once a millisecond or so.
+    /// Runs the periodic work: call it about once a millisecond.
     pub fn tick(&mut self, now_us: u64) {
         let settings = *self.device.settings();
         self.network.tick(settings.heartbeat_ms, now_us, self.device.outbox());
-        let heartbeat_lost = self.network.misses_heartbeat(settings.awaited_heartbeat, now_us);
+        let heartbeat_lost = self.network.is_heartbeat_missing(settings.awaited_heartbeat, now_us);
         self.device.tick(heartbeat_lost, now_us);
         self.publish_events();
     }
 
-    /// Sends an emergency for every code that came or went.
+    /// Sends an emergency for every code that was raised or cleared.
     fn publish_events(&mut self) {
         while let Some((code, register, detail)) = self.device.next_event() {
             self.network.emergency(code, register, detail, self.device.outbox());
@@ -170,96 +171,96 @@ impl<F: NorFlash> Driver<F> {
         if state != self.logged {
             self.logged = state;
             match state {
-                State::Safe => log!(info, "safe"),
-                State::Armed => log!(info, "armed"),
-                State::Fault => log!(warn, "stopped by a fault"),
+                JointState::Safe => log!(info, "safe"),
+                JointState::Armed => log!(info, "armed"),
+                JointState::Fault => log!(warn, "stopped by a fault"),
             }
         }
     }
 
-    /// The next frame to send.
+    /// Returns the next frame to send.
     pub fn transmit(&mut self) -> Option<Frame> {
         self.device.outbox().pop()
     }
 
-    /// How the controller stands to its bus, and whether it lost what came in.
+    /// Sets the state of the CAN controller, and whether received frames were lost.
     pub fn bus_state(&mut self, receiver_overrun: bool, can: CanState) {
         self.device.bus_state(receiver_overrun, can);
     }
 
-    /// Whether the network asked for a restart; the board, or whoever stands for it, does it.
-    pub const fn reset_wanted(&self) -> bool {
-        self.reset_wanted
+    /// Returns true if the network requested a restart, which the board or its simulation performs.
+    pub const fn is_reset_requested(&self) -> bool {
+        self.is_reset_requested
     }
 
-    /// Its number on the bus, of this life.
-    pub const fn node(&self) -> Node {
+    /// Returns the node number in use since the start.
+    pub const fn node(&self) -> NodeId {
         self.network.node()
     }
 
-    /// Whether its frames have the identifiers of `joint.dbc`: no master gave them others.
+    /// Returns true if its frames have the identifiers of `joint.dbc`: no master changed them.
     pub fn has_own_identifiers(&self) -> bool {
         self.device.has_own_identifiers()
     }
 
-    /// The bit rate it is to have, kbit/s.
+    /// Returns the bit rate of the settings, kbit/s.
     pub fn bit_rate_kbit(&self) -> u16 {
         self.device.settings().bit_rate_kbit
     }
 
-    /// Where its inputs come from.
-    pub fn source(&self) -> Source {
+    /// Returns the source of its inputs.
+    pub fn source(&self) -> InputSource {
         self.device.settings().source
     }
 
-    /// The supervisor, to look at.
+    /// Returns the supervisor.
     pub fn supervisor(&self) -> &Supervisor {
         self.device.supervisor()
     }
 
-    /// What the bus side counted.
+    /// Returns the counters of the bus side.
     pub fn counters(&self) -> &Counters {
         &self.device.counters
     }
 
-    /// What the current loop is to do from now on.
-    pub fn orders(&self, now_us: u64) -> LoopOrders {
-        self.device.orders(now_us)
+    /// Returns the commands for the current loop.
+    pub fn loop_commands(&self, now_us: u64) -> LoopCommands {
+        self.device.loop_commands(now_us)
     }
 
-    /// Looks whether the sensors of side load and pressure still measure; what one says that does not grows old. Called
-    /// once a tick, on readings of bus and board.
-    pub fn watch_seal(&mut self, covariates: &mut Covariates, now_us: u64) {
-        self.device.watch_seal(covariates, now_us);
+    /// Checks that the sensors of side load and pressure still change. The reading of a stuck sensor ages.
+    /// Called once per tick with the readings of bus and board.
+    pub fn check_seal_sensors(&mut self, covariates: &mut Covariates, now_us: u64) {
+        self.device.check_seal_sensors(covariates, now_us);
     }
 
-    /// What the network, where there is one, says of the law's levels and stiffness, on what is known of the joint:
-    /// evaluated at its own rate, while friction is compensated.
+    /// Returns the network's factors for the law, if there is a network. It is evaluated at its own rate while
+    /// friction is compensated.
     pub fn supply(&mut self, covariates: &Covariates, now_us: u64) -> Option<Factors<f32>> {
         self.device.supply(covariates, now_us)
     }
 
-    /// Takes in what the current loop did since the last report.
+    /// Processes a report of the current loop.
     pub fn report(&mut self, report: &LoopReport) {
         self.device.take_report(report);
     }
 
-    /// The parameters in use, for building a current loop.
+    /// Returns the parameters in use, for building a current loop.
     pub fn set(&self) -> &ParameterSet {
         self.device.set()
     }
 
-    /// Whether the joint is armed, on its own sensors or in HIL.
+    /// Returns true if the joint is armed, on its own sensors or in HIL.
     pub fn is_armed(&self) -> bool {
         self.device.is_armed()
     }
 
-    /// The flash, to look at.
+    /// Returns the flash.
     pub fn flash(&self) -> &F {
         self.device.flash()
     }
 
-    /// Gives the flash back: what a power cut leaves.
+    /// Returns the flash by value, as a power cut leaves it.
     pub fn into_flash(self) -> F {
         self.device.into_flash()
     }

@@ -1,20 +1,20 @@
 //! Runs whose output bits must agree between a PC and a Cortex-M4F.
 //!
-//! Replay on a PC is an equality check, not a tolerance, only if the same step gives the same bits
-//! everywhere. Each run here feeds 10,000 samples to a model and takes the CRC-32 of every output
-//! word; the PC and QEMU print the same eight digits or the comparison fails. The samples come from
-//! an integer generator and exactly rounded operations alone, so that a difference is the step's.
-//! They rest, preslide, slide both ways, pass the Stribeck range, leave the envelope and are now and
-//! then not a number. One bit of one step anywhere changes the fingerprint.
+//! Replay on a PC is an equality check, not a tolerance. It needs the same bits from the same step on every
+//! processor. Each run here passes 10,000 samples to a model and takes the CRC-32 of every output word. PC and
+//! QEMU must print the same eight digits. The samples come from an integer generator and exactly rounded
+//! operations, so that only the step can cause a difference. They cover rest, presliding, sliding in both
+//! directions, the Stribeck range, values outside the envelope, and NaN. One different bit in any step changes
+//! the fingerprint.
 
 use crate::control::PERIOD_S;
 use crate::reference_joint::configuration;
 use compensator_core::compensator::Reading;
-use compensator_core::model::{Sample, State};
+use compensator_core::model::{ModelState, Sample};
 use compensator_core::network::{NetworkState, reference as reference_network};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
 
-/// Samples in a run.
+/// Samples per run.
 pub const STEPS: usize = 10_000;
 
 const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
@@ -30,9 +30,9 @@ const TERMS: &[TermKind] = &[
 ];
 
 #[cfg(feature = "terms")]
-const UNKNOWN: &[TermKind] = &[TermKind::LookupTable];
+const LOOKUP_TABLE: &[TermKind] = &[TermKind::LookupTable];
 
-/// The runs: name and fingerprint, in the order they are printed.
+/// Returns the runs: name and fingerprint, in the order of printing.
 pub fn all() -> impl Iterator<Item = (&'static str, u32)> {
     let runs = [
         ("lugre f32", (|| run::<f32>(LawKind::Lugre, &[])) as fn() -> u32),
@@ -44,18 +44,18 @@ pub fn all() -> impl Iterator<Item = (&'static str, u32)> {
         #[cfg(feature = "terms")]
         ("improved-lugre + 6 terms Fixed", || run::<Fixed>(LawKind::ImprovedLugre, TERMS)),
         #[cfg(feature = "terms")]
-        ("improved-lugre + unknown f32", || run::<f32>(LawKind::ImprovedLugre, UNKNOWN)),
+        ("improved-lugre + unknown f32", || run::<f32>(LawKind::ImprovedLugre, LOOKUP_TABLE)),
         #[cfg(feature = "terms")]
-        ("improved-lugre + unknown Fixed", || run::<Fixed>(LawKind::ImprovedLugre, UNKNOWN)),
+        ("improved-lugre + unknown Fixed", || run::<Fixed>(LawKind::ImprovedLugre, LOOKUP_TABLE)),
         ("lugre-lstm f32", run_network::<f32>),
         ("lugre-lstm Fixed", run_network::<Fixed>),
     ];
     runs.into_iter().map(|(name, run)| (name, run()))
 }
 
-/// The output bits of a number.
+/// A number type with access to its bits.
 pub trait Bits: Real<Setting = f32> {
-    /// All of them.
+    /// Returns all bits.
     fn bits(self) -> u32;
 }
 
@@ -71,18 +71,18 @@ impl Bits for Fixed {
     }
 }
 
-/// Runs a compensator and its sum over the samples; 0 where the joint is refused.
+/// Runs a compensator and its sum over the samples; returns 0 if the configuration is refused.
 fn run<T: Bits>(law: LawKind, terms: &[TermKind]) -> u32 {
     let configuration = configuration(law, terms);
     let Ok(mut compensator) = Compensator::<T>::build(&configuration, PERIOD_S) else {
         return 0;
     };
     compensator.set_enabled(true);
-    // The bare model as well: it sees the velocities the compensator's guards keep from it.
+    // Run the bare model as well, on the velocities that the compensator's guards replace.
     let Ok(model) = configuration.model.build::<T>(PERIOD_S) else {
         return 0;
     };
-    let mut state = State::default();
+    let mut state = ModelState::default();
     let mut digest = CRC.digest();
     let mut samples = Samples::new();
     for _ in 0..STEPS {
@@ -103,10 +103,10 @@ fn run<T: Bits>(law: LawKind, terms: &[TermKind]) -> u32 {
     digest.finalize()
 }
 
-/// Steps of the law from one evaluation of the network to the next.
-const STEPS_AN_EVALUATION: usize = 4;
+/// Steps of the law per evaluation of the network.
+const STEPS_PER_EVALUATION: usize = 4;
 
-/// Runs a network and the law it supplies over the samples; 0 where the law is refused.
+/// Runs a network and the law it supplies over the samples; returns 0 if the law is refused.
 fn run_network<T: Bits>() -> u32 {
     let network = reference_network::network::<T>();
     let Some(law) = reference_network::law::<T>(PERIOD_S) else {
@@ -119,7 +119,7 @@ fn run_network<T: Bits>() -> u32 {
     for step in 0..STEPS {
         let inputs = samples.inputs::<T>();
         let velocity = inputs.velocity_rad_s.value;
-        if step % STEPS_AN_EVALUATION == 0 {
+        if step % STEPS_PER_EVALUATION == 0 {
             network.evaluate(&mut state, &[inputs.auxiliary.value, velocity, held]);
             for factor in state.factors.to_array() {
                 digest.update(&factor.bits().to_le_bytes());
@@ -132,7 +132,7 @@ fn run_network<T: Bits>() -> u32 {
     digest.finalize()
 }
 
-/// A source of samples: a generator and the slow signals it moves.
+/// Source of samples: a random generator and the slow signals derived from it.
 struct Samples {
     generator: u32,
     step: u32,
@@ -144,7 +144,7 @@ impl Samples {
         Self { generator: 0x2545_F491, step: 0, velocity: 0.0 }
     }
 
-    /// Xorshift (Marsaglia 2003), as a number in -1..1 with 16 bits: exact in every type.
+    /// Returns a number in -1..1 with 16 bits, exact in every type (xorshift, Marsaglia 2003).
     fn noise(&mut self) -> f32 {
         self.generator ^= self.generator << 13;
         self.generator ^= self.generator >> 17;
@@ -153,8 +153,7 @@ impl Samples {
     }
 
     fn inputs<T: Real>(&mut self) -> Inputs<T> {
-        // Every 512 samples another speed: rest, creeping, about v_s, fast; and now and then what
-        // no joint does.
+        // The speed changes every 512 samples: rest, creeping, about v_s, fast. Some samples are invalid.
         const SPEEDS: [f32; 8] = [0.0, 1e-4, -0.02, 0.1, -0.3, 1.5, -8.0, 20.0];
         let speed = SPEEDS[(self.step / 512) as usize % SPEEDS.len()];
         self.velocity += (speed - self.velocity) * 0.03125 + self.noise() * 0.0009765625 * speed;
@@ -166,8 +165,8 @@ impl Samples {
         };
         let slow = (self.step % 4096) as f32 / 4096.0;
         let fresh = |value: f32| Reading::fresh(T::from_f64(f64::from(value)));
-        let heard = self.step % 1000 < 900;
-        let or_missing = |reading| if heard { reading } else { Reading::missing() };
+        let is_received = self.step % 1000 < 900;
+        let or_missing = |reading| if is_received { reading } else { Reading::missing() };
         self.step += 1;
         Inputs {
             velocity_rad_s: fresh(measured),
@@ -190,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_run_is_accepted_and_unlike_the_others() {
+    fn all_runs_have_distinct_nonzero_fingerprints() {
         let prints: Vec<u32> = all().map(|(_, print)| print).collect();
         for (index, print) in prints.iter().enumerate() {
             assert_ne!(*print, 0);

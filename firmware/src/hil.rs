@@ -1,39 +1,42 @@
 //! A joint in HIL (hardware in the loop): its inputs come over the bus, as in a replay.
 //!
-//! Every input comes in frames, the compensator takes one step at each SYNC, and all it gives goes back
-//! in frames; nothing drives a bridge. The joint driver runs this code on its processor, and the PC that
-//! replays a trace to it runs the same code beside it on the frames it sent. The two then differ in
-//! compiler, processor and floating-point unit, in the bus between and in nothing else, so their answers
-//! must agree to the last bit. A network that supplies the law is evaluated here too, at the rate it was trained with:
-//! before the first sample after the joint was switched on, and then every so many samples.
+//! All inputs come in frames. The compensator takes one step at each SYNC, and its outputs return in frames;
+//! nothing drives a bridge. The joint driver runs this code on its processor. The PC that replays a trace runs
+//! the same code on the frames it sent. The two differ only in compiler, processor, floating-point unit and bus,
+//! so their answers must agree bit for bit. A network that supplies the law is evaluated here too, at the rate
+//! of its training: before the first sample after enabling, and then at a fixed number of samples.
 
 #[cfg(feature = "fixed")]
 use compensator_core::Fixed;
-use compensator_core::can::{Answer, Inbox, Message, Node, Status, Sync, SyncOutcome, Telemetry};
+use compensator_core::can::{
+    AnswerFrame, Message, NodeId, SampleAssembler, StatusFrame, SyncFrame, SyncOutcome,
+    TelemetryFrame,
+};
 use compensator_core::configuration::Configuration;
-use compensator_core::network::{Factors, JointNetwork, Supplier};
+use compensator_core::network::{FactorSupplier, Factors, JointNetwork};
 use compensator_core::{Compensator, Flags, ParameterError, Real};
 
-/// The number a joint computes with.
+/// Number type of the compensator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Number {
+pub enum NumberType {
     /// `f32`.
     #[default]
     Float,
-    /// [`compensator_core::Fixed`], for processors without a floating-point unit; in images with the feature `fixed`.
+    /// [`compensator_core::Fixed`], for processors without a floating-point unit; in images with the feature
+    /// `fixed`.
     #[cfg(feature = "fixed")]
     Fixed,
 }
 
-impl Number {
-    /// What [`Self::from_code`] takes, in words.
-    pub const LEGAL: &str = if cfg!(feature = "fixed") {
+impl NumberType {
+    /// Description of the codes that [`Self::from_code`] accepts.
+    pub const LEGAL_CODES: &str = if cfg!(feature = "fixed") {
         "0 (f32) or 1 (fixed point)"
     } else {
         "0 (f32): this driver has no fixed point"
     };
 
-    /// The number of a code; `None` where there is none, or this image does not have it.
+    /// Returns the number type of a code; `None` if there is none, or if this image does not contain it.
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
             0 => Some(Self::Float),
@@ -44,35 +47,35 @@ impl Number {
     }
 }
 
-/// A compensator in the number it was asked for.
-#[allow(clippy::large_enum_variant)] // No allocator to box in; an absent one is for a blank driver alone.
+/// A compensator in the selected number type.
+#[allow(clippy::large_enum_variant)] // There is no allocator to box in; `Absent` occurs only in a blank driver.
 #[derive(Clone, Debug)]
-enum Either {
-    /// None: every answer is 0 and says that it is off.
+enum HilCompensator {
+    /// No model: every answer is 0 and has the flag that compensation is off.
     Absent,
-    Float(Joint<f32>),
+    Float(SuppliedCompensator<f32>),
     #[cfg(feature = "fixed")]
-    Fixed(Joint<Fixed>),
+    Fixed(SuppliedCompensator<Fixed>),
 }
 
-/// A compensator, and the network that supplies it, where one does.
+/// A compensator, and the network that supplies it, if any.
 #[derive(Clone, Debug)]
-struct Joint<T: Real> {
+struct SuppliedCompensator<T: Real> {
     compensator: Compensator<T>,
-    supply: Option<Supply<T>>,
+    supply: Option<NetworkSchedule<T>>,
 }
 
-/// A network at its own rate.
+/// A network and the rate of its evaluation.
 #[derive(Clone, Debug)]
-struct Supply<T: Real> {
-    supplier: Supplier<T>,
+struct NetworkSchedule<T: Real> {
+    supplier: FactorSupplier<T>,
     /// Samples from one evaluation to the next.
-    every: u32,
-    /// Samples to the next one.
-    left: u32,
+    period_samples: u32,
+    /// Samples left to the next evaluation.
+    samples_left: u32,
 }
 
-impl<T: Real<Setting = f32>> Joint<T> {
+impl<T: Real<Setting = f32>> SuppliedCompensator<T> {
     fn build(
         configuration: &Configuration,
         network: Option<&JointNetwork>,
@@ -81,9 +84,9 @@ impl<T: Real<Setting = f32>> Joint<T> {
         let supply = match network {
             None => None,
             Some(network) => {
-                let supplier = Supplier::build(network, configuration.compensator.hold_s)?;
-                let every = supplier.every(period_s)?;
-                Some(Supply { supplier, every, left: 0 })
+                let supplier = FactorSupplier::build(network, configuration.compensator.hold_s)?;
+                let period_samples = supplier.every(period_s)?;
+                Some(NetworkSchedule { supplier, period_samples, samples_left: 0 })
             }
         };
         Ok(Self { compensator: Compensator::build(configuration, period_s)?, supply })
@@ -92,7 +95,7 @@ impl<T: Real<Setting = f32>> Joint<T> {
     fn set_enabled(&mut self, enabled: bool) {
         if !enabled && let Some(supply) = &mut self.supply {
             supply.supplier.rest();
-            supply.left = 0;
+            supply.samples_left = 0;
         }
         self.compensator.set_enabled(enabled);
     }
@@ -110,44 +113,44 @@ impl<T: Real<Setting = f32>> Joint<T> {
     }
 }
 
-/// How a network stands to the inputs it was trained on.
+/// Agreement of a network's inputs with the range of its training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NetworkGuard {
-    /// Its last evaluation lay outside.
+    /// The last evaluation was outside the range.
     pub is_outside: bool,
     /// Evaluations outside since the start.
     pub outside_count: u32,
-    /// How much it has to say, 0 (the law's constants) to 1.
+    /// Weight of the network, from 0 (constants of the law) to 1.
     pub share: f32,
-    /// The factors in force.
+    /// The factors in use.
     pub factors: Factors<f32>,
 }
 
-/// What a joint says after a SYNC.
+/// The answer of a joint to a SYNC.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reply {
+pub struct HilReply {
     /// TPDO 1.
-    pub answer: Answer,
+    pub answer: AnswerFrame,
     /// TPDO 2.
-    pub status: Status,
+    pub status: StatusFrame,
     /// TPDO 3.
-    pub telemetry: Telemetry,
+    pub telemetry: TelemetryFrame,
 }
 
-impl Reply {
-    /// What a joint says before its first sample.
+impl HilReply {
+    /// The answer of a joint before its first sample.
     pub const NONE: Self = Self {
-        answer: Answer { friction_torque_nm: 0.0, feed_forward_current_a: 0.0 },
-        status: Status { flags: Flags::DISABLED, sequence: 0 },
-        telemetry: Telemetry { current_a: 0.0, residual_torque_nm: f32::NAN },
+        answer: AnswerFrame { friction_torque_nm: 0.0, feed_forward_current_a: 0.0 },
+        status: StatusFrame { flags: Flags::DISABLED, sequence: 0 },
+        telemetry: TelemetryFrame { current_a: 0.0, residual_torque_nm: f32::NAN },
     };
 
-    /// Whether every bit is the same; NaN is equal to itself here.
+    /// Returns true if every bit is equal; NaN equals itself here.
     pub fn same_bits(&self, other: &Self) -> bool {
         self.words() == other.words()
     }
 
-    /// All of it, in the order of the frames.
+    /// Returns all values as words, in the order of the frames.
     pub fn words(&self) -> [u32; 6] {
         [
             self.answer.friction_torque_nm.to_bits(),
@@ -160,101 +163,109 @@ impl Reply {
     }
 }
 
-/// What a SYNC led to.
+/// Result of a SYNC.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Step {
-    /// A sample, and how many were lost before it.
-    Reply(Reply, u8),
-    /// The same SYNC again: nothing was done.
+pub enum HilStep {
+    /// A sample was computed; the number of SYNCs lost before it.
+    Reply(HilReply, u8),
+    /// The same SYNC was received again and ignored.
     Duplicate,
-    /// A SYNC from before the last: nothing was done.
+    /// A SYNC older than the last one was received and ignored.
     Late,
 }
 
-/// What a joint in HIL is besides its parameters.
+/// Settings of a joint in HIL besides its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HilSetup {
-    /// The number it computes with.
-    pub number: Number,
+    /// Number type of the compensator.
+    pub number: NumberType,
     /// Time from SYNC to SYNC, s.
     pub period_s: f32,
-    /// Age of the campaign when a run begins, h.
+    /// Age of the campaign at the start of a run, h.
     pub campaign_h: f32,
 }
 
-/// A compensator between frames.
+/// A compensator whose inputs and outputs are frames.
 #[derive(Clone, Debug)]
 pub struct HilJoint {
     setup: HilSetup,
-    inbox: Inbox,
-    compensator: Either,
+    inbox: SampleAssembler,
+    compensator: HilCompensator,
 }
 
 impl HilJoint {
-    /// Builds the compensator; it is off.
+    /// Builds the compensator; it is disabled.
     ///
     /// # Errors
-    /// As [`Compensator::build`], [`Supplier::build`] and [`Supplier::every`].
+    /// As [`Compensator::build`], [`FactorSupplier::build`] and [`FactorSupplier::every`].
     pub fn build(
-        node: Node,
+        node: NodeId,
         configuration: &Configuration,
         network: Option<&JointNetwork>,
         setup: HilSetup,
     ) -> Result<Self, ParameterError> {
         let compensator = match setup.number {
-            Number::Float => Either::Float(Joint::build(configuration, network, setup.period_s)?),
+            NumberType::Float => HilCompensator::Float(SuppliedCompensator::build(
+                configuration,
+                network,
+                setup.period_s,
+            )?),
             #[cfg(feature = "fixed")]
-            Number::Fixed => Either::Fixed(Joint::build(configuration, network, setup.period_s)?),
+            NumberType::Fixed => HilCompensator::Fixed(SuppliedCompensator::build(
+                configuration,
+                network,
+                setup.period_s,
+            )?),
         };
-        Ok(Self { setup, inbox: Inbox::new(node), compensator })
+        Ok(Self { setup, inbox: SampleAssembler::new(node), compensator })
     }
 
-    /// A joint without a model: it answers, and compensates nothing.
-    pub const fn without_model(node: Node, setup: HilSetup) -> Self {
-        Self { setup, inbox: Inbox::new(node), compensator: Either::Absent }
+    /// Creates a joint without a model: it answers and compensates nothing.
+    pub const fn without_model(node: NodeId, setup: HilSetup) -> Self {
+        Self { setup, inbox: SampleAssembler::new(node), compensator: HilCompensator::Absent }
     }
 
-    /// Switches the compensator on or off; on begins at rest.
+    /// Enables the compensator, at rest, or disables it.
     pub fn set_enabled(&mut self, enabled: bool) {
         match &mut self.compensator {
-            Either::Absent => {}
-            Either::Float(joint) => joint.set_enabled(enabled),
+            HilCompensator::Absent => {}
+            HilCompensator::Float(joint) => joint.set_enabled(enabled),
             #[cfg(feature = "fixed")]
-            Either::Fixed(joint) => joint.set_enabled(enabled),
+            HilCompensator::Fixed(joint) => joint.set_enabled(enabled),
         }
     }
 
-    /// Whether it is on.
+    /// Returns true if the compensator is enabled.
     pub fn is_enabled(&self) -> bool {
         match &self.compensator {
-            Either::Absent => false,
-            Either::Float(joint) => joint.compensator.is_enabled(),
+            HilCompensator::Absent => false,
+            HilCompensator::Float(joint) => joint.compensator.is_enabled(),
             #[cfg(feature = "fixed")]
-            Either::Fixed(joint) => joint.compensator.is_enabled(),
+            HilCompensator::Fixed(joint) => joint.compensator.is_enabled(),
         }
     }
 
-    /// How its network stands to what it was trained on; `None` without one.
+    /// Returns the state of the network's input guard; `None` without a network.
     pub fn network_guard(&self) -> Option<NetworkGuard> {
         match &self.compensator {
-            Either::Absent => None,
-            Either::Float(joint) => joint.guard(),
+            HilCompensator::Absent => None,
+            HilCompensator::Float(joint) => joint.guard(),
             #[cfg(feature = "fixed")]
-            Either::Fixed(joint) => joint.guard(),
+            HilCompensator::Fixed(joint) => joint.guard(),
         }
     }
 
-    /// What it is built for.
+    /// Returns the settings.
     pub const fn setup(&self) -> HilSetup {
         self.setup
     }
 
-    /// What has been heard of the sample that is being put together.
-    pub const fn inbox(&self) -> &Inbox {
+    /// Returns the inputs received for the next sample.
+    pub const fn inbox(&self) -> &SampleAssembler {
         &self.inbox
     }
 
-    /// Takes in a message that is no SYNC. A new run begins with the compensator at rest.
+    /// Processes a message other than SYNC. A new run resets the compensator to rest.
     pub fn take(&mut self, message: &Message) {
         if self.inbox.take(message) && self.is_enabled() {
             self.set_enabled(false);
@@ -262,66 +273,100 @@ impl HilJoint {
         }
     }
 
-    /// Takes in a SYNC, and steps where it ends a sample.
-    pub fn sync(&mut self, sync: Sync) -> Step {
+    /// Processes a SYNC, and computes a step if it ends a sample.
+    pub fn sync(&mut self, sync: SyncFrame) -> HilStep {
         let lost = match self.inbox.sync(sync) {
             SyncOutcome::Sample { lost } => lost,
-            SyncOutcome::Duplicate => return Step::Duplicate,
-            SyncOutcome::Late => return Step::Late,
+            SyncOutcome::Duplicate => return HilStep::Duplicate,
+            SyncOutcome::Late => return HilStep::Late,
         };
         let (inbox, setup) = (&self.inbox, self.setup);
         let reply = match &mut self.compensator {
-            Either::Absent => {
-                let status = Status { flags: Flags::DISABLED, sequence: inbox.sequence() };
-                Reply { status, ..Reply::NONE }
+            HilCompensator::Absent => {
+                let status = StatusFrame { flags: Flags::DISABLED, sequence: inbox.sequence() };
+                HilReply { status, ..HilReply::NONE }
             }
-            Either::Float(joint) => reply(joint, inbox, setup),
+            HilCompensator::Float(joint) => reply(joint, inbox, setup),
             #[cfg(feature = "fixed")]
-            Either::Fixed(joint) => reply(joint, inbox, setup),
+            HilCompensator::Fixed(joint) => reply(joint, inbox, setup),
         };
         self.inbox.end_sample();
-        Step::Reply(reply, lost)
+        HilStep::Reply(reply, lost)
     }
 }
 
-fn reply<T: Real<Setting = f32>>(joint: &mut Joint<T>, inbox: &Inbox, setup: HilSetup) -> Reply {
-    let Joint { compensator, supply } = joint;
+fn reply<T: Real<Setting = f32>>(
+    joint: &mut SuppliedCompensator<T>,
+    inbox: &SampleAssembler,
+    setup: HilSetup,
+) -> HilReply {
+    let SuppliedCompensator { compensator, supply } = joint;
     let inputs = inbox.inputs::<T>(setup.period_s, setup.campaign_h);
     let mut outside = Flags::empty();
-    if let Some(Supply { supplier, every, left }) = supply
+    if let Some(NetworkSchedule { supplier, period_samples, samples_left }) = supply
         && compensator.is_enabled()
     {
-        if *left == 0 {
-            *left = *every;
+        if *samples_left == 0 {
+            *samples_left = *period_samples;
             let factors = supplier.evaluate(&inputs, compensator.bristle_torque_nm());
             compensator.supply(Some(factors));
         }
-        *left -= 1;
+        *samples_left -= 1;
         outside.set(Flags::NETWORK_OUTSIDE, supplier.state().is_outside);
     }
     let output = compensator.step(&inputs);
     let command = inbox.command_current_a(setup.period_s).map_or(0.0, |reading| reading.value);
     let (current, flags) = compensator.sum(T::from_setting(command), &output);
     let flags = flags | outside;
-    // To `f32` by way of `f64`, which holds either number exactly: one rounding.
+    // The conversion to `f32` through `f64`, which holds both types exactly, rounds once.
     let number = |value: T| value.value() as f32;
     let friction_torque_nm = number(output.friction_torque_nm);
-    Reply {
-        answer: Answer {
+    HilReply {
+        answer: AnswerFrame {
             friction_torque_nm,
             feed_forward_current_a: number(output.feed_forward_current_a),
         },
-        status: Status { flags, sequence: inbox.sequence() },
-        telemetry: Telemetry {
+        status: StatusFrame { flags, sequence: inbox.sequence() },
+        telemetry: TelemetryFrame {
             current_a: number(current),
             residual_torque_nm: residual(inbox.measured_torque_nm(), friction_torque_nm, flags),
         },
     }
 }
 
-/// Measured less modelled torque, Nm; NaN where nothing is measured or nothing modelled. Every NaN is
-/// the same one: processors differ in which they make.
+/// Returns measured less modelled torque, Nm; NaN if either is missing. NaN is always the same constant, because
+/// the bits of a computed NaN depend on the processor.
 fn residual(measured_nm: f32, modelled_nm: f32, flags: Flags) -> f32 {
     let difference = measured_nm - modelled_nm;
     if difference.is_nan() || flags.contains(Flags::DISABLED) { f32::NAN } else { difference }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Covariates;
+    use compensator_core::can::{MotionFrame, SealFrame, SurroundingsFrame, TorqueFrame};
+
+    #[test]
+    fn inbox_with_all_frames_gives_every_covariate_with_its_age() {
+        let mut inbox = SampleAssembler::new(NodeId::FIRST);
+        let node = NodeId::FIRST;
+        for message in [
+            Message::Motion(node, MotionFrame { velocity_rad_s: 0.5, position_rad: 0.25 }),
+            Message::Torque(node, TorqueFrame { torque_nm: 7.0, load_torque_nm: 6.0 }),
+            Message::Seal(node, SealFrame { radial_force_n: 5.0, pressure_diff_pa: 4e6 }),
+            Message::Surroundings(node, SurroundingsFrame { temperature_c: 3.0, auxiliary: 2.0 }),
+        ] {
+            inbox.take(&message);
+        }
+        inbox.end_sample();
+        let inputs = inbox.inputs::<f32>(1e-3, 0.0);
+        let mut values = Vec::new();
+        for quantity in Covariates::QUANTITIES {
+            let reading = quantity.reading_in(&inputs);
+            assert_eq!(reading.age_s, 1e-3, "{quantity:?}");
+            assert!(!values.contains(&reading.value), "{quantity:?} is that of another");
+            values.push(reading.value);
+        }
+    }
 }

@@ -1,16 +1,16 @@
-//! The joint driver's firmware, as far as it can be tested on a PC.
+//! The joint driver's firmware: everything that can be tested on a PC.
 //!
-//! From the outside in: [`background`] is a board's slow loop, over one trait of wires. [`driver`] is a joint on
-//! its bus (frames in, frames out, a tick a millisecond), with its objects ([`node`]), parameters
-//! ([`parameter_set`], [`node_settings`], [`store`]), [`supervisor`] and [`watch`]. [`loop_task`] is what the fast
-//! interrupt does: the current loop ([`control`]) under its own time guard ([`deadline`]); between the two are
-//! the queues of [`loop_link`]. [`sensors`] are drivers without a board. The boards themselves are in the
-//! binary `firmware`, and only there are registers. Time is passed in everywhere, so a PC runs all of this
-//! in virtual time.
+//! From the outside in: [`background`] is the slow loop of a board, above one trait for its hardware. [`driver`]
+//! is a joint on its bus, with its objects ([`node`]), parameters ([`parameter_set`], [`node_settings`],
+//! [`store`]), [`supervisor`] and [`watch`]. It processes frames, and a tick every millisecond. [`loop_task`] is
+//! the work of the fast interrupt: the current loop ([`control`]) with its time guard ([`deadline`]). The queues
+//! of [`loop_link`] connect the two. [`sensors`] are sensor drivers without a board. The boards are in the
+//! binary `firmware`, and only they access registers. Time is passed in everywhere, so a PC runs all of this in
+//! virtual time.
 //!
-//! For measuring the core on its processor: [`reference_joint`] (the network is `compensator_core::network::reference`), which all figures are taken for, and
-//! [`fingerprint`], the runs whose output bits must agree between PC and microcontroller; the binary `cost`
-//! counts instructions.
+//! Measurements of the core on its processor use [`reference_joint`] (its network is
+//! `compensator_core::network::reference`). [`fingerprint`] has the runs whose output bits must agree between PC and
+//! microcontroller. The binary `cost` counts instructions.
 #![cfg_attr(not(test), no_std)]
 
 pub mod background;

@@ -1,7 +1,7 @@
-//! Log lines of the driver, where there is somebody to read them.
+//! Log lines of the driver.
 //!
-//! On a board they are `defmt` frames, formatted on the reader's side; on a PC, or without the feature, they
-//! are nothing, arguments included. Nothing in the current loop logs: what happens there is counted and flagged
+//! On a board they are `defmt` frames, formatted by the reader. On a PC, or without the feature, they
+//! compile to nothing, including their arguments. The current loop does not log: it counts and sets flags
 //! in its reports.
 
 /// `log!(level, "format", arguments)`, as `defmt`'s macros.

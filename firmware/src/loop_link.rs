@@ -1,71 +1,74 @@
-//! Between the current loop's interrupt and the background: queues of whole values.
+//! Queues of whole values between the current loop's interrupt and the background.
 //!
-//! Orders and, after a commit, parts go up to the interrupt; reports come down. Nothing is shared and
-//! nothing locked, so nothing is seen half-written and neither side ever waits for the other. [`LoopPort`]
-//! is the interrupt's end. [`LoopLink`] is the background's, which also knows when the loop last reported:
-//! one that has fallen silent is told to the supervisor as samples that grow old, and starves the watchdog.
+//! Commands and, after a commit, parts go to the interrupt; reports come back. Nothing is shared or locked: no
+//! value is read half-written, and neither side waits for the other. [`LoopPort`] is the interrupt's end.
+//! [`LoopLink`] is the background's end and also records when the loop last reported. If the reports stop, the
+//! supervisor sees samples of growing age, and the watchdog is not refreshed.
 
 use crate::control::PERIOD_S;
-use crate::driver::{LoopOrders, LoopReport, REPORT_PERIOD_S};
-use crate::loop_parts::{Parts, StageTraits};
+use crate::driver::{LoopCommands, LoopReport, REPORT_PERIOD_S};
+use crate::loop_parts::{LoopParts, StageTraits};
 use crate::parameter_set::ParameterSet;
 use heapless::spsc::{Consumer, Producer, Queue};
 
-/// A loop that has not reported for so long no longer runs, us.
-pub const LOOP_SILENT_US: u64 = 5000;
+/// Time without a report after which the loop counts as stopped, us.
+pub const LOOP_TIMEOUT_US: u64 = 5000;
 
 /// Time from one report to the next, us.
 const REPORT_US: u64 = (REPORT_PERIOD_S * 1e6 + 0.5) as u64;
 
-/// The queues themselves: a place for them, which outlives both ends. A queue holds one less than its number.
+/// Storage of the queues, which must outlive both ends. A queue holds one value less than its size.
 #[derive(Default)]
 pub struct LoopQueues {
-    orders: Queue<LoopOrders, 4>,
-    parts: Queue<Parts, 2>,
+    commands: Queue<LoopCommands, 4>,
+    parts: Queue<LoopParts, 2>,
     reports: Queue<LoopReport, 4>,
 }
 
 impl LoopQueues {
-    /// Empty queues.
+    /// Creates empty queues.
     pub const fn new() -> Self {
-        Self { orders: Queue::new(), parts: Queue::new(), reports: Queue::new() }
+        Self { commands: Queue::new(), parts: Queue::new(), reports: Queue::new() }
     }
 
-    /// Both ends, for a loop on this stage that starts now.
+    /// Returns both ends, for a loop on this stage that starts now.
     pub fn split(&mut self, stage: StageTraits, now_us: u64) -> (LoopPort<'_>, LoopLink<'_>) {
-        let (orders_out, orders_in) = self.orders.split();
+        let (commands_out, commands_in) = self.commands.split();
         let (parts_out, parts_in) = self.parts.split();
         let (reports_out, reports_in) = self.reports.split();
-        let port = LoopPort { orders: orders_in, parts: parts_in, reports: reports_out };
+        let port = LoopPort { commands: commands_in, parts: parts_in, reports: reports_out };
         let last = LoopReport::default();
-        let (orders, parts, reports) = (orders_out, parts_out, reports_in);
-        (port, LoopLink { orders, parts, reports, last, reported_us: now_us, set_number: 0, stage })
+        let (commands, parts, reports) = (commands_out, parts_out, reports_in);
+        (
+            port,
+            LoopLink { commands, parts, reports, last, reported_us: now_us, set_number: 0, stage },
+        )
     }
 }
 
-/// The interrupt's end.
+/// The interrupt's end of the queues.
 pub struct LoopPort<'q> {
-    pub(crate) orders: Consumer<'q, LoopOrders>,
-    pub(crate) parts: Consumer<'q, Parts>,
+    pub(crate) commands: Consumer<'q, LoopCommands>,
+    pub(crate) parts: Consumer<'q, LoopParts>,
     pub(crate) reports: Producer<'q, LoopReport>,
 }
 
-/// The background's end.
+/// The background's end of the queues.
 pub struct LoopLink<'q> {
-    orders: Producer<'q, LoopOrders>,
-    parts: Producer<'q, Parts>,
+    commands: Producer<'q, LoopCommands>,
+    parts: Producer<'q, LoopParts>,
     reports: Consumer<'q, LoopReport>,
     last: LoopReport,
     reported_us: u64,
-    /// The parameter set the loop has parts of.
+    /// Number of the parameter set that was last sent to the loop.
     set_number: u32,
     stage: StageTraits,
 }
 
 impl LoopLink<'_> {
-    /// Gives every report since the last call; where none came the last one, grown old, with nothing
-    /// counted twice. It is old by what it is overdue: reports and calls have the same period, and a call just before a
-    /// report finds none.
+    /// Passes every report since the last call to `take`. Without a new report, it passes the last one with a
+    /// growing age and without the counted values. The age is the time that the report is overdue, because calls
+    /// and reports have the same period, and a call just before a report finds none.
     pub fn reports(&mut self, now_us: u64, mut take: impl FnMut(LoopReport)) {
         let mut silent = true;
         while let Some(report) = self.reports.dequeue() {
@@ -85,29 +88,30 @@ impl LoopLink<'_> {
         }
     }
 
-    /// Whether the loop still reports: a watchdog is fed only then.
+    /// Returns true if the loop still reports. The watchdog is refreshed only then.
     pub fn is_alive(&self, now_us: u64) -> bool {
-        now_us.saturating_sub(self.reported_us) < LOOP_SILENT_US
+        now_us.saturating_sub(self.reported_us) < LOOP_TIMEOUT_US
     }
 
-    /// Orders for the loop, and parts before the first orders with another parameter set.
+    /// Sends commands to the loop. If they belong to another parameter set, its parts are sent first.
     ///
     /// # Panics
-    /// Where parts of the set in use cannot be built: the driver built them before it took the set.
-    pub fn order(&mut self, orders: LoopOrders, set: &ParameterSet) {
+    /// If the parts of the set in use cannot be built. The driver has built them before it accepted the set.
+    pub fn send_commands(&mut self, commands: LoopCommands, set: &ParameterSet) {
         if !self.parts.ready() {
-            // The loop has not taken the last parts: it does not run, and orders would be for the old ones.
+            // The loop has not taken the last parts, so it does not run, and these commands do not fit the old
+            // parts.
             return;
         }
-        if orders.set_number != self.set_number {
-            self.set_number = orders.set_number;
-            match Parts::build(set, self.stage, PERIOD_S) {
+        if commands.set_number != self.set_number {
+            self.set_number = commands.set_number;
+            match LoopParts::build(set, self.stage, PERIOD_S) {
                 Ok(parts) => drop(self.parts.enqueue(parts)),
                 Err(refused) => panic!("committed parameters: {refused}"),
             }
         }
-        // A full queue is a loop that does not run; its set-point grows old there.
-        let _ = self.orders.enqueue(orders);
+        // If the queue is full, the loop does not run, and its set-point goes stale there.
+        let _ = self.commands.enqueue(commands);
     }
 }
 
@@ -116,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_just_missed_is_no_conversion_missing_and_two_are() {
+    fn reports_with_one_missed_keep_age_0_and_with_two_report_an_age() {
         let mut queues = LoopQueues::new();
         let (mut port, mut link) = queues.split(StageTraits::NONE, 0);
         let age_us = |link: &mut LoopLink, now_us| {

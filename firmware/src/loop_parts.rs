@@ -1,55 +1,60 @@
-//! What a current loop is made of: built in the background, handed to the interrupt whole.
+//! The parts of a current loop: built in the background, passed to the interrupt whole.
 //!
-//! Building divides, validates and takes milliseconds, so it is done outside the interrupt; the interrupt
-//! swaps motor and friction model between two periods ([`crate::loop_task::LoopTask::swap`]).
+//! Building validates, divides and takes milliseconds, so it is done outside the interrupt. The interrupt swaps
+//! motor and friction model between two periods ([`crate::loop_task::LoopTask::swap`]).
 
 use crate::control::{Compensate, JointCompensator, Motor, MotorParameters, PERIOD_S};
 use crate::log::log;
 use crate::parameter_set::ParameterSet;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::Factors;
-use compensator_core::{Flags, Inputs, Output, ParameterError};
+use compensator_core::{CompensatorOutput, Flags, Inputs, ParameterError};
 use core::cell::Cell;
 
-/// The friction compensator, held to the share of the current that temperature leaves.
+/// The friction compensator, limited to the share of the current that the temperature permits.
 #[derive(Clone, Debug)]
-pub struct Model {
+pub struct LimitedCompensator {
     inner: JointCompensator<f32>,
-    /// Largest current of joint and motor, A.
-    most_a: f32,
-    /// What temperature leaves of it, A. A cell, because it changes with every order, and the current loop
-    /// that owns this model gives out shared references only.
+    /// Maximum current of joint and motor, A.
+    max_current_a: f32,
+    /// Present current limit, A, after temperature derating. A `Cell`, because it changes with every command and
+    /// the current loop gives out shared references only.
     limit_a: Cell<f32>,
-    /// Share of the compensation that is left.
+    /// Share of the compensation in use, 0..=1.
     compensation: Cell<f32>,
 }
 
-impl Model {
-    /// Builds it for a period in s, held to so many ampere.
+impl LimitedCompensator {
+    /// Builds a compensator for a period in s, limited to `max_current_a`.
     ///
     /// # Errors
     /// As [`JointCompensator::build`].
     pub fn build(
         friction: &Configuration,
-        most_a: f32,
+        max_current_a: f32,
         period_s: f32,
     ) -> Result<Self, ParameterError> {
         let inner = JointCompensator::build(friction, period_s)?;
-        Ok(Self { inner, most_a, limit_a: Cell::new(most_a), compensation: Cell::new(1.0) })
+        Ok(Self {
+            inner,
+            max_current_a,
+            limit_a: Cell::new(max_current_a),
+            compensation: Cell::new(1.0),
+        })
     }
 
-    pub(crate) fn set_share(&self, share: f32) {
-        // NaN leaves nothing.
+    pub(crate) fn set_current_share(&self, share: f32) {
+        // NaN counts as 0.
         let share = if share >= 0.0 { share.min(1.0) } else { 0.0 };
-        self.limit_a.set(self.most_a * share);
+        self.limit_a.set(self.max_current_a * share);
     }
 
-    pub(crate) fn set_compensation(&self, share: f32) {
+    pub(crate) fn set_compensation_share(&self, share: f32) {
         self.compensation.set(if share >= 0.0 { share.min(1.0) } else { 0.0 });
     }
 }
 
-impl Compensate for Model {
+impl Compensate for LimitedCompensator {
     fn set_enabled(&mut self, enabled: bool) {
         self.inner.set_enabled(enabled);
     }
@@ -59,10 +64,10 @@ impl Compensate for Model {
     }
 
     #[inline]
-    fn step(&mut self, inputs: &Inputs<f32>) -> Output<f32> {
+    fn step(&mut self, inputs: &Inputs<f32>) -> CompensatorOutput<f32> {
         let output = self.inner.step(inputs);
         let left = self.compensation.get();
-        Output {
+        CompensatorOutput {
             compensation_torque_nm: left * output.compensation_torque_nm,
             feed_forward_current_a: left * output.feed_forward_current_a,
             ..output
@@ -70,7 +75,7 @@ impl Compensate for Model {
     }
 
     #[inline]
-    fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags) {
+    fn sum(&self, command_a: f32, output: &CompensatorOutput<f32>) -> (f32, Flags) {
         let (sum, flags) = self.inner.sum(command_a, output);
         let limit = self.limit_a.get();
         if sum.abs() <= limit {
@@ -92,47 +97,48 @@ impl Compensate for Model {
     }
 }
 
-/// What a power stage imposes on the loop, whatever its parameters say.
+/// Properties of a power stage that apply in addition to the parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTraits {
-    /// How old the encoder's angle is by the way it is read, s; the sensor's own delay is the parameter
-    /// `encoder_delay_s`, which this is added to.
+    /// Age of the encoder angle caused by the way it is read, s. It is added to the parameter `encoder_delay_s`,
+    /// the delay of the sensor itself.
     pub encoder_age_s: f32,
-    /// Largest modulation that leaves the shunts time to settle; `modulation_max` is held to it.
+    /// Maximum modulation that leaves the shunts time to settle; limits `modulation_max`.
     pub modulation_max: f32,
 }
 
 impl StageTraits {
-    /// A stage whose encoder is read with the currents, and whose current sensors lie in the phases.
+    /// A stage that reads the encoder together with the currents and has its current sensors in the phases.
     pub const NONE: Self = Self { encoder_age_s: 0.0, modulation_max: 1.0 };
 
-    /// Largest modulation for low-side shunts, s: before the top, where they are sampled, every low side conducts for
-    /// half of `(1 - duty) T` less the dead time, and that has to be the amplifiers' settling time; a modulation `m`
-    /// has its largest duty at `(1 + m) / 2`.
-    pub const fn modulation_for(period_s: f32, dead_time_s: f32, settle_s: f32) -> f32 {
+    /// Returns the maximum modulation for low-side shunts. They are sampled at the top of the PWM period. Before
+    /// it, every low side conducts for half of `(1 - duty) T` less the dead time, which must be at least the
+    /// settling time of the amplifiers. A modulation `m` has its largest duty at `(1 + m) / 2`. All times are in
+    /// s.
+    pub const fn max_modulation(period_s: f32, dead_time_s: f32, settle_s: f32) -> f32 {
         1.0 - 4.0 * (dead_time_s + settle_s) / period_s
     }
 }
 
-/// What a current loop is made of: built outside the interrupt, handed over whole.
+/// The parts of a current loop: built outside the interrupt, passed whole.
 #[derive(Clone, Debug)]
-pub struct Parts {
+pub struct LoopParts {
     pub(crate) motor: Motor,
-    pub(crate) model: Model,
+    pub(crate) model: LimitedCompensator,
     pub(crate) may_drive: bool,
 }
 
-impl Parts {
-    /// Builds the parts for a period in s, and a stage.
+impl LoopParts {
+    /// Builds the parts for a period in s and a power stage.
     ///
     /// # Errors
-    /// What of motor or friction model stands against it.
+    /// Names the parameter of motor or friction model that was refused.
     pub fn build(
         set: &ParameterSet,
         stage: StageTraits,
         period_s: f32,
     ) -> Result<Self, ParameterError> {
-        // Legal by themselves first: a refusal names what was written.
+        // Validate the written values first, so that the error names what was written.
         set.motor.validate()?;
         let motor = MotorParameters {
             encoder_delay_s: set.motor.encoder_delay_s + stage.encoder_age_s,
@@ -140,28 +146,28 @@ impl Parts {
             ..set.motor
         }
         .build(period_s)?;
-        let most_a = set.motor.current_limit_a.min(set.friction.compensator.current_limit_a);
-        let model = Model::build(&set.friction, most_a, period_s)?;
+        let max_current_a = set.motor.current_limit_a.min(set.friction.compensator.current_limit_a);
+        let model = LimitedCompensator::build(&set.friction, max_current_a, period_s)?;
         Ok(Self { motor, model, may_drive: true })
     }
 
-    /// What a loop starts with: parts of the stored set, or else something to measure with and never drive.
+    /// Builds the parts of the stored set for the start. If it cannot be built, returns parts of the default set
+    /// that measure and never drive.
     ///
-    /// # Panics
-    /// Where not even the default set can be built, which the tests rule out.
-    pub fn first(set: &ParameterSet, stage: StageTraits) -> Self {
+    /// # Panics If the default set cannot be built, which the tests rule out.
+    pub fn build_or_measure_only(set: &ParameterSet, stage: StageTraits) -> Self {
         Self::build(set, stage, PERIOD_S).unwrap_or_else(|_refused| {
             log!(error, "stored parameters cannot be built: {=str}", _refused.field);
             match Self::build(&ParameterSet::default(), stage, PERIOD_S) {
-                Ok(parts) => parts.measuring_only(),
+                Ok(parts) => parts.measure_only(),
                 Err(refused) => panic!("default parameters: {refused}"),
             }
         })
     }
 
-    /// The same parts, to measure with and never to drive: for a joint whose own cannot be built.
+    /// Returns the same parts, to measure and never to drive.
     #[must_use]
-    pub fn measuring_only(self) -> Self {
+    pub fn measure_only(self) -> Self {
         Self { may_drive: false, ..self }
     }
 }

@@ -1,9 +1,10 @@
-//! The interrupt's work, without its registers.
+//! Tests of the interrupt's work, without its registers.
 
 use super::*;
 use crate::control::PERIOD_S;
 use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;
+use compensator_core::compensator::Reading;
 
 const PERIOD: u32 = 8500;
 
@@ -18,28 +19,31 @@ fn healthy() -> StageSample {
         currents_a: [0.0; 3],
         bus_v: 48.0,
         encoder: 1 << 28,
-        valid: Valid::CURRENT_A | Valid::CURRENT_B | Valid::BUS | Valid::ENCODER,
+        valid: ValidChannels::CURRENT_A
+            | ValidChannels::CURRENT_B
+            | ValidChannels::BUS
+            | ValidChannels::ENCODER,
     }
 }
 
-fn parts() -> Parts {
-    Parts::build(&ParameterSet::default(), StageTraits::NONE, PERIOD_S).unwrap()
+fn parts() -> LoopParts {
+    LoopParts::build(&ParameterSet::default(), StageTraits::NONE, PERIOD_S).unwrap()
 }
 
-fn drive(current_a: f32) -> LoopOrders {
+fn drive(current_a: f32) -> LoopCommands {
     let setpoint = Setpoint { current_a, velocity_reference_rad_s: 0.0, age_s: 0.0 };
-    LoopOrders { setpoint, bridge: true, compensation: true, ..NO_ORDERS }
+    LoopCommands { setpoint, bridge: true, compensation: true, ..NO_COMMANDS }
 }
 
 impl Bench {
-    /// A loop whose observer has settled.
+    /// Creates a loop whose observer has settled.
     fn new() -> Self {
-        let task = LoopTask::new(parts(), Limits::of_period(PERIOD, 10));
+        let task = LoopTask::new(parts(), DeadlineLimits::for_period(PERIOD, 10));
         let mut bench = Self { task, at: 0, sample: healthy() };
         for _ in 0..2000 {
             assert_eq!(bench.run(), Bridge::Off);
         }
-        bench.task.reported();
+        bench.task.clear_report();
         bench
     }
 
@@ -62,7 +66,7 @@ impl Bench {
     fn next_report(&mut self) -> LoopReport {
         loop {
             if let Some(report) = self.task.report() {
-                self.task.reported();
+                self.task.clear_report();
                 return report;
             }
             self.run();
@@ -71,50 +75,53 @@ impl Bench {
 }
 
 #[test]
-fn the_bridge_follows_its_orders() {
+fn bridge_follows_its_commands() {
     let mut bench = Bench::new();
     assert!(!bench.is_driving());
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(drive(1.0));
     assert!(bench.is_driving());
-    bench.task.order(LoopOrders { bridge: false, ..drive(1.0) });
+    bench.task.apply_commands(LoopCommands { bridge: false, ..drive(1.0) });
     assert!(!bench.is_driving());
 }
 
 #[test]
-fn a_fault_opens_the_bridge_and_only_an_order_off_and_on_closes_it() {
+fn fault_holds_the_bridge_open_until_commanded_off_and_on() {
     let mut bench = Bench::new();
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(drive(1.0));
     assert!(bench.is_driving());
     bench.sample.currents_a = [45.0, 0.0, 0.0];
     assert!(!bench.is_driving());
     bench.sample = healthy();
-    // Orders that were on their way do not close it.
-    bench.task.order(drive(1.0));
+    // Commands already in the queue do not close it.
+    bench.task.apply_commands(drive(1.0));
     assert!((0..100).all(|_| !bench.is_driving()));
-    // Every report says why, until it was seen.
+    // Every report repeats the fault until it is cleared.
     for _ in 0..3 {
         assert!(bench.next_report().loop_flags.contains(LoopFlags::OVERCURRENT));
     }
-    bench.task.order(LoopOrders { bridge: false, ..drive(1.0) });
-    bench.task.reported();
+    bench.task.apply_commands(LoopCommands { bridge: false, ..drive(1.0) });
+    bench.task.clear_report();
     assert!(!bench.is_driving());
     assert!(!bench.next_report().loop_flags.contains(LoopFlags::OVERCURRENT));
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(drive(1.0));
     assert!(bench.is_driving());
 }
 
 #[test]
-fn every_fault_trips() {
+fn period_with_any_fault_trips() {
     for (name, broken) in [
         (
             "currents",
-            StageSample { valid: healthy().valid.difference(Valid::CURRENT_A), ..healthy() },
+            StageSample {
+                valid: healthy().valid.difference(ValidChannels::CURRENT_A),
+                ..healthy()
+            },
         ),
         ("overvoltage", StageSample { bus_v: 57.0, ..healthy() }),
         ("undervoltage", StageSample { bus_v: 17.0, ..healthy() }),
     ] {
         let mut bench = Bench::new();
-        bench.task.order(drive(1.0));
+        bench.task.apply_commands(drive(1.0));
         assert!(bench.is_driving(), "{name}");
         bench.sample = broken;
         assert!(!bench.is_driving(), "{name}");
@@ -125,50 +132,52 @@ fn every_fault_trips() {
 }
 
 #[test]
-fn a_fault_while_the_bridge_is_off_does_not_trip() {
+fn fault_with_bridge_off_does_not_trip() {
     let mut bench = Bench::new();
     bench.sample.bus_v = 10.0;
     assert!(!bench.is_driving());
     bench.sample = healthy();
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(drive(1.0));
     assert!(bench.is_driving());
 }
 
 #[test]
-fn a_bridge_the_hardware_opened_is_told_and_held() {
+fn gate_driver_fault_is_reported_and_held() {
     let mut bench = Bench::new();
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(drive(1.0));
     bench.at += PERIOD;
-    let bridge = bench.task.period(&healthy(), Some(Broke::GateDriver), bench.at, bench.at + 100);
+    let bridge =
+        bench.task.period(&healthy(), Some(BridgeFault::GateDriver), bench.at, bench.at + 100);
     assert_eq!(bridge, Bridge::Off);
-    // The hardware has forgotten it by now; the loop has not.
+    // The hardware signal is gone, but the loop holds the bridge open.
     assert!(!bench.is_driving());
     assert!(bench.next_report().gate_driver_fault);
     assert!(bench.next_report().gate_driver_fault);
-    bench.task.order(LoopOrders { bridge: false, ..drive(1.0) });
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(LoopCommands { bridge: false, ..drive(1.0) });
+    bench.task.apply_commands(drive(1.0));
     assert!(bench.is_driving());
-    bench.task.reported();
+    bench.task.clear_report();
     assert!(!bench.next_report().gate_driver_fault);
 }
 
 #[test]
-fn a_gate_driver_that_complains_with_the_bridge_off_is_told() {
+fn gate_driver_fault_with_bridge_off_is_reported_once() {
     let mut bench = Bench::new();
     bench.at += PERIOD;
-    bench.task.period(&healthy(), Some(Broke::GateDriver), bench.at, bench.at + 100);
+    bench.task.period(&healthy(), Some(BridgeFault::GateDriver), bench.at, bench.at + 100);
     assert!(bench.next_report().gate_driver_fault);
     assert!(!bench.next_report().gate_driver_fault);
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(drive(1.0));
     assert!(bench.is_driving());
 }
 
 #[test]
-fn a_bridge_the_comparators_opened_is_an_overcurrent_until_it_is_ordered_off() {
+fn comparator_fault_is_an_overcurrent_until_commanded_off() {
     let mut bench = Bench::new();
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(drive(1.0));
     bench.at += PERIOD;
-    let bridge = bench.task.period(&healthy(), Some(Broke::Overcurrent), bench.at, bench.at + 100);
+    let bridge =
+        bench.task.period(&healthy(), Some(BridgeFault::Overcurrent), bench.at, bench.at + 100);
     assert_eq!(bridge, Bridge::Off);
     assert!(!bench.is_driving());
     for _ in 0..2 {
@@ -176,15 +185,15 @@ fn a_bridge_the_comparators_opened_is_an_overcurrent_until_it_is_ordered_off() {
         assert!(report.loop_flags.contains(LoopFlags::OVERCURRENT));
         assert!(!report.gate_driver_fault && !report.system_break);
     }
-    bench.task.order(LoopOrders { bridge: false, ..drive(1.0) });
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(LoopCommands { bridge: false, ..drive(1.0) });
+    bench.task.apply_commands(drive(1.0));
     assert!(bench.is_driving());
 }
 
 #[test]
-fn a_set_point_goes_stale_when_no_orders_come() {
+fn set_point_without_new_commands_goes_stale() {
     let mut bench = Bench::new();
-    bench.task.order(LoopOrders { compensation: false, ..drive(2.0) });
+    bench.task.apply_commands(LoopCommands { compensation: false, ..drive(2.0) });
     bench.run();
     bench.next_report();
     let fresh = bench.next_report();
@@ -200,19 +209,36 @@ fn a_set_point_goes_stale_when_no_orders_come() {
 }
 
 #[test]
-fn what_was_never_heard_does_not_age_into_being_heard() {
+fn covariate_of_any_quantity_ages_in_the_loop_and_missing_ones_stay_missing() {
+    for &quantity in Covariates::QUANTITIES {
+        let mut bench = Bench::new();
+        let mut commands = drive(1.0);
+        *commands.covariates.get_mut(quantity).unwrap() = Reading::fresh(1.0);
+        bench.task.apply_commands(commands);
+        for _ in 0..100 {
+            bench.run();
+        }
+        for &other in Covariates::QUANTITIES {
+            let age_s = bench.task.commands.covariates.get_mut(other).unwrap().age_s;
+            let expected_s = if other == quantity { 100.0 * PERIOD_S } else { -1.0 };
+            assert!((age_s - expected_s).abs() < 1e-6, "{other:?}: {age_s} s");
+        }
+    }
+}
+
+#[test]
+fn set_point_that_was_never_received_stays_missing() {
     let mut bench = Bench::new();
     for _ in 0..100 {
         bench.run();
     }
-    assert_eq!(bench.task.orders.setpoint.age_s, -1.0);
-    assert_eq!(bench.task.orders.covariates.radial_force_n.age_s, -1.0);
+    assert_eq!(bench.task.commands.setpoint.age_s, -1.0);
 }
 
 #[test]
-fn a_late_start_computes_no_compensation_in_that_period() {
+fn late_start_skips_the_compensation_of_that_period() {
     let mut bench = Bench::new();
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(drive(1.0));
     bench.next_report();
     bench.next_report();
     assert!(!bench.next_report().loop_flags.contains(LoopFlags::COMPENSATION_OFF));
@@ -224,9 +250,9 @@ fn a_late_start_computes_no_compensation_in_that_period() {
 }
 
 #[test]
-fn overruns_are_told_once_and_the_bridge_stays_on() {
+fn overruns_are_reported_once_and_the_bridge_stays_on() {
     let mut bench = Bench::new();
-    bench.task.order(drive(1.0));
+    bench.task.apply_commands(drive(1.0));
     for _ in 0..2 {
         assert_ne!(bench.run_taking(200, PERIOD), Bridge::Off);
     }
@@ -235,7 +261,7 @@ fn overruns_are_told_once_and_the_bridge_stays_on() {
 }
 
 #[test]
-fn a_report_that_found_no_place_is_not_lost() {
+fn report_that_was_not_sent_is_repeated() {
     let mut bench = Bench::new();
     bench.sample.bus_v = f32::NAN;
     bench.run();
@@ -249,27 +275,27 @@ fn a_report_that_found_no_place_is_not_lost() {
 }
 
 #[test]
-fn reports_come_once_a_millisecond_and_say_what_was_measured() {
+fn report_comes_every_millisecond_with_the_measured_values() {
     let mut bench = Bench::new();
     bench.sample.currents_a = [1.0, 2.0, 9.0];
     let before = bench.at;
     let report = bench.next_report();
     assert_eq!((bench.at - before) / PERIOD, 20);
-    // The third shunt is not there: its bit is off.
+    // The board has no third shunt: its bit is off.
     assert_eq!(report.phase_currents_a, Some([1.0, 2.0, -3.0]));
     assert_eq!(report.bus_voltage_v, Some(48.0));
     assert_eq!(report.sample_age_us, Some(0));
     assert!(report.position_rad.is_nan() && report.residual_torque_nm.is_nan());
-    bench.sample.valid = Valid::empty();
+    bench.sample.valid = ValidChannels::empty();
     let report = bench.next_report();
     assert!(report.bus_voltage_v.unwrap().is_nan());
     assert!(report.phase_currents_a.unwrap().iter().all(|current| current.is_nan()));
 }
 
 #[test]
-fn temperature_takes_current_from_the_sum_also_after_a_swap() {
+fn current_share_limits_the_sum_also_after_a_swap() {
     let mut bench = Bench::new();
-    bench.task.order(LoopOrders { current_share: 0.25, ..drive(20.0) });
+    bench.task.apply_commands(LoopCommands { current_share: 0.25, ..drive(20.0) });
     bench.run();
     let report = bench.next_report();
     assert_eq!(report.current_reference_a, 6.5);
@@ -277,16 +303,16 @@ fn temperature_takes_current_from_the_sum_also_after_a_swap() {
     bench.task.swap(&parts());
     bench.run();
     assert_eq!(bench.next_report().current_reference_a, 6.5);
-    bench.task.order(LoopOrders { current_share: f32::NAN, ..drive(20.0) });
+    bench.task.apply_commands(LoopCommands { current_share: f32::NAN, ..drive(20.0) });
     bench.run();
     assert_eq!(bench.next_report().current_reference_a, 0.0);
 }
 
 #[test]
-fn parts_that_only_measure_never_drive_and_say_so() {
+fn parts_to_measure_only_never_drive_and_report_a_flag() {
     let mut bench = Bench::new();
-    bench.task.swap(&parts().measuring_only());
-    bench.task.order(drive(1.0));
+    bench.task.swap(&parts().measure_only());
+    bench.task.apply_commands(drive(1.0));
     assert!(!bench.is_driving());
     assert!(bench.next_report().loop_flags.contains(LoopFlags::NOT_FINITE));
     bench.task.swap(&parts());
@@ -294,57 +320,57 @@ fn parts_that_only_measure_never_drive_and_say_so() {
 }
 
 #[test]
-fn parts_of_a_set_that_cannot_be_built_are_refused_by_name() {
+fn build_of_parts_with_invalid_set_names_the_field() {
     let mut set = ParameterSet::default();
     set.motor.current_bandwidth_hz = 5000.0;
     assert_eq!(
-        Parts::build(&set, StageTraits::NONE, PERIOD_S).unwrap_err().field,
+        LoopParts::build(&set, StageTraits::NONE, PERIOD_S).unwrap_err().field,
         "current_bandwidth_hz"
     );
 }
 
 #[test]
-fn a_joint_is_where_it_was_said_to_be_once() {
+fn home_position_is_applied_once_per_number() {
     let mut bench = Bench::new();
     assert!(bench.next_report().position_rad.is_nan(), "whole turns are not known");
-    let home = |number| LoopOrders { home: Home { position_rad: -0.5, number }, ..NO_ORDERS };
-    bench.task.order(home(1));
+    let home = |number| LoopCommands { home: Home { position_rad: -0.5, number }, ..NO_COMMANDS };
+    bench.task.apply_commands(home(1));
     assert!((bench.next_report().position_rad + 0.5).abs() < 1e-4);
-    // A tenth of a motor turn on; the same order again says nothing new, another one does.
+    // After a tenth of a motor turn: the same number has no effect, a new one does.
     let turned = 0x1_0000_0000u64 / 10;
     for _ in 0..1000 {
         bench.sample.encoder = bench.sample.encoder.wrapping_add((turned / 1000) as u32);
-        bench.task.order(home(1));
+        bench.task.apply_commands(home(1));
         bench.run();
     }
-    bench.task.reported();
+    bench.task.clear_report();
     let moved_rad = bench.next_report().position_rad;
     assert!((moved_rad + 0.5).abs() > 1e-3, "{moved_rad}");
-    bench.task.order(home(2));
+    bench.task.apply_commands(home(2));
     assert!((bench.next_report().position_rad + 0.5).abs() < 1e-4);
 }
 
-/// Of the STM32G474's stage: 0.5 us of dead time and 1.5 us of settling leave 84 % of the circle, and 52 us of the
-/// encoder's age turn a field by what the loop then takes off.
+/// Checks the stage of the STM32G474: 0.5 us of dead time and 1.5 us of settling leave 84 % of the circle. The
+/// encoder age of 52 us adds to the delay of the encoder.
 #[test]
-fn a_stage_bounds_the_modulation_and_ages_the_encoder() {
+fn stage_traits_limit_modulation_and_add_to_the_encoder_delay() {
     let (dead_s, settle_s) = (0.5e-6, 1.5e-6);
-    let most = StageTraits::modulation_for(PERIOD_S, dead_s, settle_s);
+    let most = StageTraits::max_modulation(PERIOD_S, dead_s, settle_s);
     assert!((0.83..0.85).contains(&most), "{most}");
-    // At the largest duty the low side conducts just long enough before the top.
+    // At the largest duty the low side conducts just long enough before the sample.
     let duty = (1.0 + most) / 2.0;
     let conducts_s = (1.0 - duty) * PERIOD_S / 2.0 - dead_s;
     assert!((conducts_s - settle_s).abs() < 1e-8, "{conducts_s}");
 
     let stage = StageTraits { encoder_age_s: 52e-6, modulation_max: most };
     let mut set = ParameterSet::default();
-    let built = |set: &ParameterSet, stage| Parts::build(set, stage, PERIOD_S).unwrap().motor;
+    let built = |set: &ParameterSet, stage| LoopParts::build(set, stage, PERIOD_S).unwrap().motor;
     set.motor.modulation_max = 0.95;
     let mut meant = set.clone();
     meant.motor.modulation_max = most;
     meant.motor.encoder_delay_s = 52e-6;
     assert_eq!(built(&set, stage), built(&meant, StageTraits::NONE));
-    // What is asked for below the bound is given; the sensor's own delay comes on top.
+    // A modulation below the bound is kept, and the sensor's own delay is added.
     set.motor.modulation_max = 0.5;
     set.motor.encoder_delay_s = 100e-6;
     meant.motor.modulation_max = 0.5;

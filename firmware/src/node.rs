@@ -1,13 +1,12 @@
 //! A joint driver as a CANopen node (CiA 301): network state, heartbeat, emergencies, objects.
 //!
-//! A node starts in *pre-operational*: its objects can be read and written, process frames are passed
-//! over. *Operational* switches those on, *stopped* leaves nothing but the heartbeat. None of this arms
-//! a joint: that is the supervisor's, so a broadcast "start" moves no shaft. What leaves a node waits in
-//! an [`Outbox`] until the controller takes it; what does not fit is counted, never waited for.
+//! A node starts in *pre-operational*: its objects can be read and written, process frames are ignored.
+//! *Operational* enables process frames; in *stopped* only the heartbeat remains. None of these states arms
+//! a joint. Arming is a request to the supervisor, so a broadcast "start" moves no shaft. Outgoing frames
+//! wait in an [`Outbox`] until the controller accepts them. Frames that do not fit are counted and dropped.
 //!
-//! The network's state machine and the codes of NMT, heartbeat and emergency are `canopen-rs`'s. Of the
-//! others looked at, `zencan-node` 0.0.5 keeps its objects in statics made by a macro, so two joints in
-//! one process cannot be. The SDO server is our own; see [`sdo`] for why.
+//! `canopen-rs` provides the network state machine and the coding of NMT, heartbeat and emergency frames.
+//! The SDO server is our own; see [`sdo`] for the reason.
 
 pub mod bit_timing;
 pub mod dictionary;
@@ -17,71 +16,71 @@ use canopen_rs::emcy::{EmergencyMessage, emcy_cob_id};
 use canopen_rs::nmt::{
     HEARTBEAT_COB_BASE, NMT_COMMAND_COB_ID, decode_command, encode_heartbeat, heartbeat_cob_id,
 };
-use canopen_rs::{ErrorRegister, NmtCommand, NmtState, NmtStateMachine, NodeId};
-use compensator_core::can::{Frame, Node};
+use canopen_rs::{ErrorRegister, NmtCommand, NmtState, NmtStateMachine, NodeId as CanopenNodeId};
+use compensator_core::can::{Frame, NodeId};
 use heapless::Deque;
 
-/// Frames that wait to be sent, at most. A sample makes three, an SDO one.
-pub const OUTBOX: usize = 16;
+/// Maximum number of frames that wait to be sent. A sample produces three frames, an SDO request one.
+pub const OUTBOX_CAPACITY: usize = 16;
 
-/// Frames on their way out.
+/// Queue of outgoing frames.
 #[derive(Debug, Default)]
 pub struct Outbox {
-    frames: Deque<Frame, OUTBOX>,
+    frames: Deque<Frame, OUTBOX_CAPACITY>,
     sent: u32,
     lost: u32,
 }
 
 impl Outbox {
-    /// Puts a frame in; where there is no room it is lost, and counted.
+    /// Adds a frame. If the queue is full, the frame is dropped and counted.
     pub fn push(&mut self, frame: Frame) {
         if self.frames.push_back(frame).is_err() {
             self.lost = self.lost.saturating_add(1);
         }
     }
 
-    /// Takes the oldest frame out.
+    /// Removes and returns the oldest frame.
     pub fn pop(&mut self) -> Option<Frame> {
         let frame = self.frames.pop_front()?;
         self.sent = self.sent.wrapping_add(1);
         Some(frame)
     }
 
-    /// Frames taken out so far.
+    /// Returns the number of frames removed so far.
     pub const fn sent(&self) -> u32 {
         self.sent
     }
 
-    /// Frames there was no room for.
+    /// Returns the number of frames dropped because the queue was full.
     pub const fn lost(&self) -> u32 {
         self.lost
     }
 }
 
-/// What a network command leads to.
+/// Action that a network command requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NmtAction {
-    /// The state is another, or the same; nothing else is to be done.
+    /// The state machine is in this state; nothing else is to be done.
     State(NmtState),
-    /// Start anew, as after power-up.
+    /// Restart as after power-up.
     Reset,
-    /// Start the bus side anew: settings and parameters stay.
+    /// Restart the communication; settings and parameters stay.
     ResetCommunication,
 }
 
-/// The part of a node that every CANopen device has.
+/// The network functions that every CANopen device has.
 #[derive(Debug)]
 pub struct Network {
-    node: Node,
+    node: NodeId,
     machine: NmtStateMachine,
     sent_us: u64,
-    /// When the awaited heartbeat last came.
+    /// Time of the last monitored heartbeat, us.
     heartbeat_us: Option<u64>,
 }
 
 impl Network {
-    /// Says that it is there, and becomes pre-operational.
-    pub fn boot(node: Node, now_us: u64, outbox: &mut Outbox) -> Self {
+    /// Sends the boot-up message and enters pre-operational.
+    pub fn boot(node: NodeId, now_us: u64, outbox: &mut Outbox) -> Self {
         let mut machine = NmtStateMachine::new();
         let network = |machine| Self { node, machine, sent_us: now_us, heartbeat_us: None };
         outbox.push(heartbeat(node, NmtState::Initialising));
@@ -89,34 +88,34 @@ impl Network {
         network(machine)
     }
 
-    /// The node's number.
-    pub const fn node(&self) -> Node {
+    /// Returns the node number.
+    pub const fn node(&self) -> NodeId {
         self.node
     }
 
-    /// The network's state.
+    /// Returns the network state.
     pub const fn state(&self) -> NmtState {
         self.machine.state()
     }
 
-    /// Whether process frames are spoken and heard.
+    /// Returns true if process frames are sent and received.
     pub fn is_operational(&self) -> bool {
         self.state() == NmtState::Operational
     }
 
-    /// Whether objects can be read and written.
-    pub fn serves_objects(&self) -> bool {
+    /// Returns true if objects can be read and written.
+    pub fn can_serve_objects(&self) -> bool {
         matches!(self.state(), NmtState::Operational | NmtState::PreOperational)
     }
 
-    /// Takes in a network command, where the frame is one and this node is meant.
+    /// Handles a network command if the frame is one and addresses this node.
     pub fn on_nmt_frame(&mut self, frame: &Frame) -> Option<NmtAction> {
         if frame.identifier() != NMT_COMMAND_COB_ID {
             return None;
         }
         let data: &[u8; 2] = frame.data().try_into().ok()?;
         let (command, target) = decode_command(data).ok()?;
-        if target != NodeId::BROADCAST && target.raw() != self.node.number() {
+        if target != CanopenNodeId::BROADCAST && target.raw() != self.node.number() {
             return None;
         }
         Some(match command {
@@ -126,24 +125,26 @@ impl Network {
         })
     }
 
-    /// Takes in a heartbeat, where the frame is one of the node awaited (`awaited` as in object 1016h).
+    /// Handles a heartbeat of the monitored node (`awaited` has the format of object 1016h). Returns true
+    /// if the frame is one.
     pub fn on_heartbeat(&mut self, frame: &Frame, awaited: u32, now_us: u64) -> bool {
         let producer = (awaited >> 16) as u16 & 0x7F;
-        let is_it = awaited != 0 && frame.identifier() == HEARTBEAT_COB_BASE + producer;
-        if is_it && frame.data().len() == 1 {
+        let is_monitored = awaited != 0 && frame.identifier() == HEARTBEAT_COB_BASE + producer;
+        if is_monitored && frame.data().len() == 1 {
             self.heartbeat_us = Some(now_us);
         }
-        is_it
+        is_monitored
     }
 
-    /// Whether an awaited heartbeat that had been heard has stayed away for too long.
-    pub fn misses_heartbeat(&self, awaited: u32, now_us: u64) -> bool {
-        let longest_us = u64::from(awaited & 0xFFFF) * 1000;
-        let late = |came: u64| now_us.saturating_sub(came) > longest_us;
-        awaited != 0 && longest_us > 0 && self.heartbeat_us.is_some_and(late)
+    /// Returns true if the monitored heartbeat was received once and has been missing for longer than its
+    /// timeout.
+    pub fn is_heartbeat_missing(&self, awaited: u32, now_us: u64) -> bool {
+        let timeout_us = u64::from(awaited & 0xFFFF) * 1000;
+        let is_late = |received_us: u64| now_us.saturating_sub(received_us) > timeout_us;
+        awaited != 0 && timeout_us > 0 && self.heartbeat_us.is_some_and(is_late)
     }
 
-    /// Sends a heartbeat where one is due; `every_ms` 0 is never.
+    /// Sends a heartbeat if one is due; `every_ms` 0 disables it.
     pub fn tick(&mut self, every_ms: u16, now_us: u64, outbox: &mut Outbox) {
         let period_us = u64::from(every_ms) * 1000;
         if period_us > 0 && now_us.saturating_sub(self.sent_us) >= period_us {
@@ -152,11 +153,11 @@ impl Network {
         }
     }
 
-    /// Sends an emergency: an error came (its code of CiA 301) or the last one went (code 0).
-    /// `detail` is the joint's own.
+    /// Sends an emergency: an error was raised (its code of CiA 301) or the last one was cleared (code 0).
+    /// `detail` is manufacturer specific.
     pub fn emergency(&self, code: u16, register: u8, detail: [u8; 5], outbox: &mut Outbox) {
         let message = EmergencyMessage::new(code, ErrorRegister(register), detail);
-        if let Ok(id) = NodeId::new(self.node.number())
+        if let Ok(id) = CanopenNodeId::new(self.node.number())
             && let Some(frame) = Frame::new(emcy_cob_id(id), &message.encode())
         {
             outbox.push(frame);
@@ -164,9 +165,9 @@ impl Network {
     }
 }
 
-fn heartbeat(node: Node, state: NmtState) -> Frame {
-    // A node's number is legal, and one byte fits: the frame in the default is never sent.
-    NodeId::new(node.number())
+fn heartbeat(node: NodeId, state: NmtState) -> Frame {
+    // The node number is legal and one byte fits, so the default frame is never sent.
+    CanopenNodeId::new(node.number())
         .ok()
         .and_then(|id| Frame::new(heartbeat_cob_id(id), &encode_heartbeat(state)))
         .unwrap_or(Frame::EMPTY)
@@ -181,18 +182,18 @@ mod tests {
     }
 
     #[test]
-    fn it_boots_and_is_told_what_to_do() {
+    fn network_follows_nmt_commands_after_boot() {
         let mut outbox = Outbox::default();
-        let node = Node::new(5).unwrap();
+        let node = NodeId::new(5).unwrap();
         let mut network = Network::boot(node, 0, &mut outbox);
         assert_eq!(outbox.pop(), Some(frame(0x705, &[0])));
         assert_eq!(network.state(), NmtState::PreOperational);
-        assert!(!network.is_operational() && network.serves_objects());
+        assert!(!network.is_operational() && network.can_serve_objects());
         let state = |state| Some(NmtAction::State(state));
         assert_eq!(network.on_nmt_frame(&frame(0, &[1, 4])), None);
         assert_eq!(network.on_nmt_frame(&frame(0, &[1, 5])), state(NmtState::Operational));
         assert_eq!(network.on_nmt_frame(&frame(0, &[2, 0])), state(NmtState::Stopped));
-        assert!(!network.serves_objects());
+        assert!(!network.can_serve_objects());
         assert_eq!(network.on_nmt_frame(&frame(0, &[0x81, 0])), Some(NmtAction::Reset));
         for wrong in [&[1][..], &[7, 5], &[1, 5, 0], &[1, 128]] {
             assert_eq!(network.on_nmt_frame(&frame(0, wrong)), None);
@@ -200,9 +201,9 @@ mod tests {
     }
 
     #[test]
-    fn it_sends_heartbeats_and_misses_them() {
+    fn heartbeat_is_sent_periodically_and_a_missing_one_is_detected() {
         let mut outbox = Outbox::default();
-        let mut network = Network::boot(Node::FIRST, 0, &mut outbox);
+        let mut network = Network::boot(NodeId::FIRST, 0, &mut outbox);
         outbox.pop();
         for now_ms in 0..=1000u64 {
             network.tick(100, now_ms * 1000, &mut outbox);
@@ -212,30 +213,30 @@ mod tests {
         assert_eq!(outbox.pop(), None);
 
         let awaited = 7 << 16 | 50;
-        // Not heard of yet: there is nobody to miss.
-        assert!(!network.misses_heartbeat(awaited, 1_000_000));
+        // Not received yet, so nothing is missing.
+        assert!(!network.is_heartbeat_missing(awaited, 1_000_000));
         assert!(!network.on_heartbeat(&frame(0x708, &[5]), awaited, 0));
         assert!(network.on_heartbeat(&frame(0x707, &[5]), awaited, 1_000_000));
-        assert!(!network.misses_heartbeat(awaited, 1_050_000));
-        assert!(network.misses_heartbeat(awaited, 1_050_001));
-        assert!(!network.misses_heartbeat(0, 9_000_000));
+        assert!(!network.is_heartbeat_missing(awaited, 1_050_000));
+        assert!(network.is_heartbeat_missing(awaited, 1_050_001));
+        assert!(!network.is_heartbeat_missing(0, 9_000_000));
     }
 
     #[test]
-    fn what_has_no_room_is_counted() {
+    fn push_to_full_outbox_counts_the_lost_frame() {
         let mut outbox = Outbox::default();
-        for _ in 0..OUTBOX + 3 {
+        for _ in 0..OUTBOX_CAPACITY + 3 {
             outbox.push(frame(1, &[]));
         }
         assert_eq!((outbox.lost(), outbox.sent()), (3, 0));
         while outbox.pop().is_some() {}
-        assert_eq!(outbox.sent(), OUTBOX as u32);
+        assert_eq!(outbox.sent(), OUTBOX_CAPACITY as u32);
     }
 
     #[test]
-    fn an_emergency_has_its_code_register_and_detail() {
+    fn emergency_frame_holds_code_register_and_detail() {
         let mut outbox = Outbox::default();
-        let network = Network::boot(Node::FIRST, 0, &mut outbox);
+        let network = Network::boot(NodeId::FIRST, 0, &mut outbox);
         outbox.pop();
         network.emergency(0x3210, 0x04, [1, 2, 3, 4, 5], &mut outbox);
         assert_eq!(outbox.pop(), Some(frame(0x081, &[0x10, 0x32, 0x04, 1, 2, 3, 4, 5])));

@@ -1,64 +1,65 @@
-//! What a driver keeps besides the friction model: how it takes part in the bus and what feeds it.
+//! Settings of the node, stored besides the parameters: bus participation and the source of inputs.
 //!
 //! Stored in one block with the parameter record, so that the two cannot be of different ages. Every
 //! setting is an object of the dictionary (see [`crate::node::dictionary`]) and is refused out of range
 //! when it is written, not when it is used.
 
-use crate::hil::{HilSetup, Number};
-use crate::node::bit_timing::RATES_KBIT;
-use crate::parameter_set::{LONGEST_SET, ParameterSet, SetError};
-use compensator_core::can::Node;
+use crate::hil::{HilSetup, NumberType};
+use crate::node::bit_timing::BIT_RATES_KBIT;
+use crate::parameter_set::{MAX_SET_BYTES, ParameterSet, SetError};
+use compensator_core::can::NodeId;
 use core::fmt;
 use heapless::Vec;
 
-/// Where a driver's inputs come from.
+/// Source of the driver's inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Source {
-    /// Its own encoder and converters: it drives a joint.
+pub enum InputSource {
+    /// Own encoder and converters: the driver controls a joint.
     #[default]
     Sensors,
-    /// Frames: it drives nothing.
+    /// CAN frames (HIL): the driver controls no joint.
     Bus,
 }
 
 /// Legal sample periods of a joint in HIL, s.
 pub const PERIOD_RANGE_S: (f32, f32) = (1e-5, 1.0);
 
-/// What a driver keeps besides the friction model.
+/// Settings of the node: bus participation and source of inputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeSettings {
-    /// Number of the joint on its bus.
-    pub node: Node,
-    /// Bit rate of the bus, kbit/s: one of [`RATES_KBIT`]. It counts from the next start, as the number does.
+    /// Node number of the joint on its bus.
+    pub node: NodeId,
+    /// Bit rate of the bus, kbit/s: one of [`BIT_RATES_KBIT`]. Node number and bit rate take effect at the
+    /// next start.
     pub bit_rate_kbit: u16,
-    /// Time between heartbeats, ms; 0 for none.
+    /// Period of the heartbeat, ms; 0 disables it.
     pub heartbeat_ms: u16,
-    /// Whose heartbeat is awaited (bits 16 to 22) and for how long, ms (bits 0 to 15), as CiA 301
-    /// writes it; 0 for none.
+    /// Monitored heartbeat in the format of CiA 301: node (bits 16 to 22) and timeout, ms (bits 0 to 15); 0
+    /// disables it.
     pub awaited_heartbeat: u32,
-    /// Where inputs come from.
-    pub source: Source,
-    /// The number a joint in HIL computes with.
-    pub number: Number,
-    /// Telemetry is sent at every so many SYNCs; 0 for never.
+    /// Source of the inputs.
+    pub source: InputSource,
+    /// Number type of the joint in HIL.
+    pub number: NumberType,
+    /// Telemetry is sent at every n-th SYNC; 0 disables it.
     pub telemetry_every: u8,
-    /// Time from SYNC to SYNC of a joint in HIL, s.
+    /// SYNC period of a joint in HIL, s.
     pub period_s: f32,
     /// Age of the campaign when a run begins, h.
     pub campaign_h: f32,
-    /// The wiring somebody confirmed, as [`ParameterSet::wiring_crc`]; 0 for none.
+    /// CRC of the confirmed wiring, see [`ParameterSet::wiring_crc`]; 0 if none is confirmed.
     pub commissioned: u32,
 }
 
 impl Default for NodeSettings {
     fn default() -> Self {
         Self {
-            node: Node::FIRST,
+            node: NodeId::FIRST,
             bit_rate_kbit: 1000,
             heartbeat_ms: 1000,
             awaited_heartbeat: 0,
-            source: Source::default(),
-            number: Number::default(),
+            source: InputSource::default(),
+            number: NumberType::default(),
             telemetry_every: 1,
             period_s: 1e-3,
             campaign_h: 0.0,
@@ -68,16 +69,16 @@ impl Default for NodeSettings {
 }
 
 impl NodeSettings {
-    /// Length in bytes of the settings in a block.
+    /// Length of the encoded settings, bytes.
     pub const LENGTH: usize = 28;
     const VERSION: u8 = 2;
 
-    /// What a joint in HIL is built for.
+    /// Returns the setup of a joint in HIL.
     pub fn hil_setup(&self) -> HilSetup {
         HilSetup { number: self.number, period_s: self.period_s, campaign_h: self.campaign_h }
     }
 
-    /// The settings as bytes, little-endian, in the order of the fields behind a version.
+    /// Returns the settings as bytes, little-endian: a version, then the fields in order.
     pub fn emit(&self) -> [u8; Self::LENGTH] {
         let mut bytes = [0; Self::LENGTH];
         let words = [
@@ -105,21 +106,21 @@ impl NodeSettings {
         bytes
     }
 
-    /// Reads settings; `None` for another version or anything out of its range.
+    /// Parses settings; `None` for another version or a value out of range.
     pub fn parse(bytes: &[u8; Self::LENGTH]) -> Option<Self> {
         let word = |at: usize| bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
         let [version, node, source, number] = word(0)?.to_le_bytes();
         let settings = Self {
-            node: Node::new(node)?,
+            node: NodeId::new(node)?,
             bit_rate_kbit: (word(4)? >> 16) as u16,
             heartbeat_ms: word(4)? as u16,
             awaited_heartbeat: word(8)?,
             source: match source {
-                0 => Source::Sensors,
-                1 => Source::Bus,
+                0 => InputSource::Sensors,
+                1 => InputSource::Bus,
                 _ => return None,
             },
-            number: Number::from_code(number)?,
+            number: NumberType::from_code(number)?,
             telemetry_every: u8::try_from(word(12)?).ok()?,
             period_s: f32::from_bits(word(16)?),
             campaign_h: f32::from_bits(word(20)?),
@@ -131,11 +132,15 @@ impl NodeSettings {
     /// Checks every setting.
     ///
     /// # Errors
-    /// Names the first one out of its range, and the range.
+    /// Returns the first setting out of range, and its range.
     pub fn validate(&self) -> Result<(), SettingError> {
         let (least, most) = PERIOD_RANGE_S;
         let checks = [
-            (RATES_KBIT.contains(&self.bit_rate_kbit), "bit_rate_kbit", "1000, 500, 250 or 125"),
+            (
+                BIT_RATES_KBIT.contains(&self.bit_rate_kbit),
+                "bit_rate_kbit",
+                "1000, 500, 250 or 125",
+            ),
             ((least..=most).contains(&self.period_s), "period_s", "1e-5 to 1"),
             ((0.0..=1e6).contains(&self.campaign_h), "campaign_h", "0 to 1e6"),
             (
@@ -151,12 +156,12 @@ impl NodeSettings {
     }
 }
 
-/// A setting out of its range.
+/// A setting is out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SettingError {
-    /// Its name.
+    /// Name of the setting.
     pub name: &'static str,
-    /// What it may be.
+    /// Legal values.
     pub legal: &'static str,
 }
 
@@ -168,14 +173,14 @@ impl fmt::Display for SettingError {
 
 impl core::error::Error for SettingError {}
 
-/// Length in bytes of the longest block that is stored: with a network.
-pub const BLOCK_LENGTH: usize = NodeSettings::LENGTH + LONGEST_SET;
-const _: () = assert!(BLOCK_LENGTH <= crate::store::MAX_PAYLOAD, "it must fit the store");
+/// Maximum length of a stored block, bytes: with a network.
+pub const MAX_BLOCK_BYTES: usize = NodeSettings::LENGTH + MAX_SET_BYTES;
+const _: () = assert!(MAX_BLOCK_BYTES <= crate::store::MAX_PAYLOAD, "it must fit the store");
 
-/// Why a stored block was not taken.
+/// Reason why a stored block was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BlockError {
-    /// Too short, of another version, or a setting is out of its range.
+    /// Too short, of another version, or with a setting out of range.
     NodeSettings,
     /// The parameter set is refused.
     Set(SetError),
@@ -194,19 +199,19 @@ impl fmt::Display for BlockError {
 
 impl core::error::Error for BlockError {}
 
-/// NodeSettings and parameters as the block that is stored.
-pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, BLOCK_LENGTH> {
+/// Returns settings and parameters as the block that is stored.
+pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, MAX_BLOCK_BYTES> {
     let mut block = Vec::new();
-    // Its length is the sum of theirs.
+    // The capacity is the sum of the parts.
     let _ = block.extend_from_slice(&settings.emit());
     let _ = block.extend_from_slice(&set.emit());
     block
 }
 
-/// Reads a stored block.
+/// Parses a stored block.
 ///
 /// # Errors
-/// Says which half is wrong, and of the parameters which one is refused and why.
+/// Returns which part is refused and, for parameters, which one and why.
 pub fn parse_block(block: &[u8]) -> Result<(NodeSettings, ParameterSet), BlockError> {
     let (head, set) =
         block.split_first_chunk::<{ NodeSettings::LENGTH }>().ok_or(BlockError::NodeSettings)?;
@@ -220,14 +225,14 @@ mod tests {
     use compensator_core::record::RecordError;
 
     #[test]
-    fn a_block_is_read_as_it_was_written() {
+    fn parse_of_emitted_block_returns_settings_and_set() {
         let settings = NodeSettings {
-            node: Node::new(17).unwrap(),
+            node: NodeId::new(17).unwrap(),
             bit_rate_kbit: 250,
             heartbeat_ms: 250,
             awaited_heartbeat: 3 << 16 | 500,
-            source: Source::Bus,
-            number: Number::default(),
+            source: InputSource::Bus,
+            number: NumberType::default(),
             telemetry_every: 7,
             period_s: 2.5e-4,
             campaign_h: 12.5,

@@ -1,46 +1,47 @@
-//! What a panic does: nothing in the core can, so it is always a mistake of the firmware's own.
+//! Handling of a panic. The core cannot panic, so a panic is always a firmware error.
 //!
-//! On a board: its text is kept in RAM that no start clears ([`crate::panic_note`]) and the processor is
-//! reset. A reset opens the bridge by hardware at once, and the next start reports the text on the bus. In
-//! the emulator's measurement it is printed, and the emulator ends with exit code 1, so that a test fails.
-//! Which of these is said by each binary's `#[panic_handler]`.
+//! On a board the text is stored in RAM that start-up code does not clear ([`crate::panic_note`]) and the
+//! processor is reset. The reset opens the bridge in hardware at once, and the next start reports the text
+//! on the bus. In the emulator's measurement the text is printed and the emulator ends with exit code 1, so
+//! that a test fails. The `#[panic_handler]` of each binary selects one of the two.
 
-#![allow(unsafe_code)] // One static that outlives a reset, confined to `place`.
+#![allow(unsafe_code)] // One static that survives a reset, accessed only through `place`.
 
-use crate::panic_note::{Note, PANIC_TEXT};
+use crate::panic_note::{MAX_PANIC_TEXT_BYTES, PanicNote};
 use core::fmt::Display;
 use core::mem::MaybeUninit;
 use heapless::String;
 
-/// Kept over a reset: start-up code neither clears nor fills this section.
+/// Survives a reset: start-up code neither clears nor initialises this section.
 #[unsafe(link_section = ".uninit.panic_note")]
-static mut KEPT: MaybeUninit<Note> = MaybeUninit::uninit();
+static mut KEPT: MaybeUninit<PanicNote> = MaybeUninit::uninit();
 
-/// The place the note is kept in.
+/// Returns the stored note.
 ///
 /// # Safety
-/// Nobody else may hold it: only [`take`], before interrupts are on, and a panic, after they are off.
-unsafe fn place() -> &'static mut Note {
-    // SAFETY: the caller is alone. A note is words alone, and every pattern of them is legal; after power
-    // came they are chance, which the note's own check finds.
+/// No other reference may exist: only [`take`], before interrupts are enabled, and a panic, after they are
+/// disabled, may call it.
+unsafe fn note_storage() -> &'static mut PanicNote {
+    // SAFETY: the caller holds the only reference. A note consists of words, and every bit pattern is
+    // valid. After power-up they are random, which the note's check detects.
     unsafe { &mut *(&raw mut KEPT).cast() }
 }
 
-/// Keeps the text and resets the processor.
-pub fn keep_and_reset(what: &dyn Display) -> ! {
+/// Stores the text and resets the processor.
+pub fn record_and_reset(what: &dyn Display) -> ! {
     cortex_m::interrupt::disable();
-    // SAFETY: interrupts are off for good, and `take` has returned or never will.
-    let note = unsafe { place() };
+    // SAFETY: interrupts stay disabled, and `take` has returned or never will.
+    let note = unsafe { note_storage() };
     note.write(what);
     cortex_m::asm::dsb();
     cortex_m::peripheral::SCB::sys_reset()
 }
 
-/// The text the last life ended with, if it ended so; asked once, early at the start.
-pub fn take() -> Option<String<PANIC_TEXT>> {
+/// Returns the panic text of the previous run, if there is one. Call it once, early at the start.
+pub fn take() -> Option<String<MAX_PANIC_TEXT_BYTES>> {
     cortex_m::interrupt::free(|_| {
-        // SAFETY: interrupts are off, and a panic in here does not come back.
-        let note = unsafe { place() };
+        // SAFETY: interrupts are disabled, and a panic in here does not return.
+        let note = unsafe { note_storage() };
         note.take()
     })
 }

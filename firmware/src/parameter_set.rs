@@ -1,9 +1,9 @@
-//! The whole parameter set of a joint driver: friction, its network, motor, thresholds, watch.
+//! The complete parameter set of a joint driver: friction model, network, motor, thresholds, watch.
 //!
-//! They are validated together, named by one CRC, committed and stored as one, so that a driver never
-//! runs on a new friction model with the thresholds of another joint. In bytes: the friction record of
-//! the core, then the numbers of motor, thresholds and watch as `f32`, little-endian, each in the order of
-//! its fields; then the network's record, where there is a network.
+//! The parts are validated, committed and stored together and identified by one CRC. A driver therefore
+//! never combines a new friction model with the thresholds of another joint. Encoding: the friction record
+//! of the core, then the values of motor, thresholds and watch as little-endian `f32` in field order, then
+//! the network's record if there is one.
 
 use crate::control::MotorParameters;
 use crate::control::PERIOD_S;
@@ -12,41 +12,41 @@ use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::record as network_record;
-use compensator_core::network::{JointNetwork, Supplier};
+use compensator_core::network::{FactorSupplier, JointNetwork};
 use compensator_core::record::{self, RecordError};
 use compensator_core::{Compensator, LawKind, ParameterError, Parameters};
 use core::fmt;
 use heapless::Vec;
 
-/// Numbers of motor, thresholds and watch.
-pub const DRIVE_NUMBERS: usize =
+/// Number of values of motor, thresholds and watch.
+pub const DRIVE_VALUE_COUNT: usize =
     MotorParameters::FIELDS + Thresholds::FIELDS + WatchParameters::FIELDS;
-/// Bytes of them.
-pub const DRIVE_LENGTH: usize = 4 * DRIVE_NUMBERS;
-/// Bytes of a set without a network.
-pub const SET_LENGTH: usize = record::LENGTH + DRIVE_LENGTH;
-/// Bytes of a set with one.
-pub const LONGEST_SET: usize = SET_LENGTH + network_record::LENGTH;
+/// Length of these values, bytes.
+pub const DRIVE_RECORD_BYTES: usize = 4 * DRIVE_VALUE_COUNT;
+/// Length of a set without a network, bytes.
+pub const SET_BYTES: usize = record::LENGTH + DRIVE_RECORD_BYTES;
+/// Length of a set with a network, bytes.
+pub const MAX_SET_BYTES: usize = SET_BYTES + network_record::LENGTH;
 
 const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
-/// What a joint driver runs on.
+/// The complete parameters of a joint driver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterSet {
-    /// The friction model and how it is used.
+    /// Friction model and compensator.
     pub friction: Configuration,
-    /// What supplies the model's levels and stiffness, where a network does.
+    /// Network that supplies the model's friction levels and stiffness, if one is used.
     pub network: Option<JointNetwork>,
-    /// The motor and its current loop.
+    /// Motor and current loop.
     pub motor: MotorParameters,
-    /// What the supervisor stops at.
+    /// Thresholds of the supervisor.
     pub thresholds: Thresholds,
-    /// What the model promises.
+    /// Parameters of the model watch.
     pub watch: WatchParameters,
 }
 
 impl Default for ParameterSet {
-    /// What a driver runs on where nothing is stored: the plain LuGre law at its defaults.
+    /// The set in use if nothing is stored: the plain LuGre law with default values.
     fn default() -> Self {
         Self {
             friction: Configuration {
@@ -61,16 +61,16 @@ impl Default for ParameterSet {
     }
 }
 
-/// Why a set in bytes was not taken.
+/// Reason why an encoded set was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SetError {
-    /// It has so many bytes, which no set has.
+    /// Its length, bytes, is not that of a set.
     Length(usize),
     /// The friction record is refused.
     Record(RecordError),
-    /// The network's record is.
+    /// The network's record is refused.
     Network(network_record::RecordError),
-    /// A number of motor, thresholds or watch is.
+    /// A value of motor, thresholds or watch is refused.
     Drive(ParameterError),
 }
 
@@ -80,7 +80,7 @@ impl fmt::Display for SetError {
             Self::Length(found) => {
                 write!(
                     f,
-                    "parameter set of {found} bytes, expected {SET_LENGTH}, or {LONGEST_SET} with a network"
+                    "parameter set of {found} bytes, expected {SET_BYTES}, or {MAX_SET_BYTES} with a network"
                 )
             }
             Self::Record(error) => error.fmt(f),
@@ -93,8 +93,9 @@ impl fmt::Display for SetError {
 impl core::error::Error for SetError {}
 
 impl ParameterSet {
-    /// What commissioning finds out about a joint, of [`MotorParameters::NAMES`]: how motor, encoder and gear are wired.
-    pub const WIRING: [&str; 10] = [
+    /// Names of the parameters that commissioning determines, of [`MotorParameters::NAMES`]: the wiring of
+    /// motor, encoder and gear.
+    pub const WIRING_PARAMETERS: [&str; 10] = [
         "pole_pairs",
         "gear_ratio",
         "joint_direction",
@@ -110,7 +111,7 @@ impl ParameterSet {
     /// Checks all parts, the network against its law, and the motor against the compensator.
     ///
     /// # Errors
-    /// The first refusal.
+    /// Returns the first refused parameter.
     pub fn validate(&self) -> Result<(), ParameterError> {
         self.friction.validate()?;
         if let Some(network) = &self.network {
@@ -123,43 +124,44 @@ impl ParameterSet {
         self.watch.validate()
     }
 
-    /// Checks what is not friction, each part by itself.
+    /// Checks motor, thresholds and watch, each separately.
     ///
     /// # Errors
-    /// The first refusal.
+    /// Returns the first refused parameter.
     pub fn validate_drive(&self) -> Result<(), ParameterError> {
         self.motor.validate()?;
         self.thresholds.validate()?;
         self.watch.validate()
     }
 
-    /// Whether a current loop can be built of it.
+    /// Checks that a current loop can be built from the set.
     ///
     /// # Errors
-    /// What stands against it.
-    pub fn builds(&self) -> Result<(), ParameterError> {
+    /// Returns the parameter that prevents it.
+    pub fn check_buildable(&self) -> Result<(), ParameterError> {
         Compensator::<f32>::build(&self.friction, PERIOD_S)?;
         if let Some(network) = &self.network {
-            Supplier::<f32>::build(network, self.friction.compensator.hold_s)?;
+            FactorSupplier::<f32>::build(network, self.friction.compensator.hold_s)?;
         }
         self.motor.build(PERIOD_S).map(|_| ())
     }
 
-    /// CRC of the numbers of [`Self::WIRING`]: any other may change and the joint stays commissioned. It is never 0.
+    /// Returns the CRC of the values of [`Self::WIRING_PARAMETERS`], never 0. A joint stays commissioned if
+    /// other parameters change.
     pub fn wiring_crc(&self) -> u32 {
         let mut digest = CRC.digest();
         for (name, number) in MotorParameters::NAMES.iter().zip(self.motor.to_array()) {
-            if Self::WIRING.contains(name) {
+            if Self::WIRING_PARAMETERS.contains(name) {
                 digest.update(&number.to_le_bytes());
             }
         }
         digest.finalize().max(1)
     }
 
-    /// The set in bytes.
-    pub fn emit(&self) -> Vec<u8, LONGEST_SET> {
+    /// Returns the encoded set.
+    pub fn emit(&self) -> Vec<u8, MAX_SET_BYTES> {
         let mut bytes = Vec::new();
-        // Its length is the sum of theirs.
+        // The capacity is the sum of the parts.
         let _ = bytes.extend_from_slice(&record::emit(&self.friction));
         let _ = bytes.extend_from_slice(&self.emit_drive());
         if self.network.is_some() {
@@ -168,9 +170,9 @@ impl ParameterSet {
         bytes
     }
 
-    /// Motor, thresholds and watch in bytes.
-    pub fn emit_drive(&self) -> [u8; DRIVE_LENGTH] {
-        let mut bytes = [0; DRIVE_LENGTH];
+    /// Returns the encoded values of motor, thresholds and watch.
+    pub fn emit_drive(&self) -> [u8; DRIVE_RECORD_BYTES] {
+        let mut bytes = [0; DRIVE_RECORD_BYTES];
         let numbers = self.motor.to_array().into_iter().chain(self.thresholds.to_array());
         let numbers = numbers.chain(self.watch.to_array());
         for (place, number) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(numbers) {
@@ -179,10 +181,10 @@ impl ParameterSet {
         bytes
     }
 
-    /// Reads a set and validates it.
+    /// Parses a set and validates it.
     ///
     /// # Errors
-    /// Says what is wrong with it, or which parameter is refused and why.
+    /// Returns what is wrong with the encoding, or the refused parameter and the reason.
     pub fn parse(bytes: &[u8]) -> Result<Self, SetError> {
         let wrong_length = SetError::Length(bytes.len());
         let split = bytes.split_last_chunk::<{ network_record::LENGTH }>();
@@ -192,18 +194,18 @@ impl ParameterSet {
             }
             None => (bytes, None),
         };
-        let (friction, drive) = own.split_last_chunk::<DRIVE_LENGTH>().ok_or(wrong_length)?;
+        let (friction, drive) = own.split_last_chunk::<DRIVE_RECORD_BYTES>().ok_or(wrong_length)?;
         let friction = record::parse(friction).map_err(SetError::Record)?;
         let set = Self::with_drive(friction, network, drive);
         set.validate().map_err(SetError::Drive)?;
         Ok(set)
     }
 
-    /// A set of this friction model, this network and these bytes of the rest; nothing is checked.
+    /// Builds a set from a friction model, a network and the encoded other values. Nothing is checked.
     pub fn with_drive(
         friction: Configuration,
         network: Option<JointNetwork>,
-        drive: &[u8; DRIVE_LENGTH],
+        drive: &[u8; DRIVE_RECORD_BYTES],
     ) -> Self {
         let mut motor = [0.0; MotorParameters::FIELDS];
         let mut thresholds = [0.0; Thresholds::FIELDS];
@@ -222,8 +224,8 @@ impl ParameterSet {
         }
     }
 
-    /// What names the set: the CRC-32 of its bytes, without those of the records' own CRCs. With them it
-    /// would say nothing of a record: a CRC over anything and its CRC is a constant.
+    /// Returns the CRC-32 that identifies the set. The CRCs of the contained records are left out: a CRC
+    /// over data and its own CRC is a constant, so a record would not contribute.
     pub fn crc(&self) -> u32 {
         let record = record::emit(&self.friction);
         let mut digest = CRC.digest();
@@ -244,7 +246,7 @@ mod tests {
     use compensator_core::network::reference;
 
     #[test]
-    fn a_set_is_read_as_it_was_written() {
+    fn parse_of_emitted_set_returns_the_same_set() {
         let mut set = ParameterSet::default();
         set.friction.model.set(ParameterId::ViscousFriction, 0.25);
         set.motor.inertia_kg_m2 = 0.5;
@@ -266,13 +268,13 @@ mod tests {
         supplied.friction.model = reference::parameters();
         supplied.network = Some(reference::joint());
         let bytes = supplied.emit();
-        assert_eq!(bytes.len(), LONGEST_SET);
+        assert_eq!(bytes.len(), MAX_SET_BYTES);
         assert_eq!(ParameterSet::parse(&bytes), Ok(supplied.clone()));
         let mut other = supplied.clone();
         other.network.as_mut().unwrap().network.readout.bias[1] += 0.125;
         assert_ne!(other.crc(), supplied.crc());
-        // A network whose head has rotted is not passed over.
-        for at in [SET_LENGTH, SET_LENGTH + 900] {
+        // A network with a damaged header is not ignored.
+        for at in [SET_BYTES, SET_BYTES + 900] {
             let mut damaged = bytes.clone();
             damaged[at] ^= 4;
             assert!(ParameterSet::parse(&damaged).is_err(), "{at}");

@@ -1,17 +1,17 @@
-//! The joint all figures are taken for: Ding et al.'s, with every part of the law at work.
+//! The reference joint of all measurements: that of Ding et al., with every part of the law active.
 //!
-//! A parameter left at 0 would cost the same instructions (the step has one path) but would hide a
-//! wrong bit: so side load, pressure, fading damping and viscous friction all act.
+//! A parameter of 0 would cost the same instructions (the step has one path) but could hide a wrong bit. So
+//! side load, pressure, fading damping and viscous friction are all active.
 
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
 use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 
-/// A configuration with this law and these terms.
+/// Returns a configuration with this law and these terms.
 ///
-/// A term that does not fit is left out: the list of a measurement is a constant, and the figures
-/// would show it.
+/// A term that does not fit is left out. The list of a measurement is constant, and its figures would show
+/// the omission.
 pub fn configuration(law: LawKind, terms: &[TermKind]) -> Configuration {
     let mut model = Parameters::<f32>::new(law)
         .with(ParameterId::CoulombTorque, 1.5)
@@ -31,12 +31,12 @@ pub fn configuration(law: LawKind, terms: &[TermKind]) -> Configuration {
         .with(ParameterId::LookupLower, 0.1)
         .with(ParameterId::LookupUpper, 0.8);
     for (index, (torque, level)) in LOOKUP_TORQUES.into_iter().zip(LOOKUP_LEVELS).enumerate() {
-        let height = index as f32;
-        model.set(torque, 0.25 - 0.07 * height);
-        model.set(level, 0.03 * height * (5.0 - height) - 0.1);
+        let level_index = index as f32;
+        model.set(torque, 0.25 - 0.07 * level_index);
+        model.set(level, 0.03 * level_index * (5.0 - level_index) - 0.1);
     }
     model.choices.damping_fades = true;
-    // Fixed point holds the angle of a ripple up to 2048 rad.
+    // Fixed point holds the angle of a ripple only up to 2048 rad.
     model.envelope.position_max_rad = 100.0;
     for term in terms {
         model.add_term(*term);

@@ -1,16 +1,18 @@
-//! Sensors of a joint, without their board.
+//! Sensor drivers of a joint, independent of the board.
 //!
-//! Drivers over embedded-hal's traits and the arithmetic from what a converter counted to SI units:
-//! - [`bus_recovery`]: nine clocks and a stop for an I2C bus that is held;
+//! They use the traits of embedded-hal and convert counts to SI units:
+//!
+//! - [`bus_recovery`]: releases an I2C bus whose data line is held low;
 //! - [`as504x`]: magnetic encoder on SPI, read by the current loop in every period;
-//! - [`ms5837`]: water pressure on I2C, in small steps that never wait;
+//! - [`ms5837`]: water pressure on I2C, in small steps that never block;
+//! - [`quiet`]: when slow conversions do not disturb those of the current loop;
 //! - [`shunt`]: phase currents from low-side shunts;
 //! - [`strain_gauge`]: side load on the shaft from a Wheatstone bridge;
-//! - [`stuck`]: whether a sensor of side load or pressure still measures;
+//! - [`stuck`]: detects a side-load or pressure sensor whose reading is stuck;
 //! - [`thermistor`]: temperature of bridge and motor from a divider.
 //!
-//! [`Local`] keeps what they gave, with its age. A quantity may come over the bus as well; whichever is younger
-//! counts, so a joint without a sensor is told and a joint with one needs no telling.
+//! [`LocalReadings`] holds the latest readings with their age. The bus may provide the same quantities; the
+//! newer reading is used. A joint without a sensor can thus receive its value from the bus.
 
 pub mod as504x;
 pub mod bus_recovery;
@@ -25,37 +27,38 @@ use crate::control::Covariates;
 use compensator_core::compensator::Reading;
 
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct TimedValue {
     value: f32,
     at_us: u64,
 }
 
-/// What this board's own sensors last gave.
+/// Latest readings of the board's own sensors.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Local {
-    radial_force_n: Option<Seen>,
-    pressure_diff_mpa: Option<Seen>,
-    temperature_c: Option<Seen>,
+pub struct LocalReadings {
+    radial_force_n: Option<TimedValue>,
+    pressure_diff_mpa: Option<TimedValue>,
+    temperature_c: Option<TimedValue>,
 }
 
-impl Local {
-    /// Side load on the shaft, N. A value that is not finite is none: the last good one ages.
-    pub fn radial_force(&mut self, value: f32, now_us: u64) {
-        keep(&mut self.radial_force_n, value, now_us);
+impl LocalReadings {
+    /// Sets the side load on the shaft, N. A value that is not finite is ignored, so the last valid one
+    /// ages.
+    pub fn set_radial_force(&mut self, value: f32, now_us: u64) {
+        store_if_finite(&mut self.radial_force_n, value, now_us);
     }
 
-    /// Outside minus inside pressure, Pa.
-    pub fn pressure_diff(&mut self, value: f32, now_us: u64) {
-        keep(&mut self.pressure_diff_mpa, value * 1e-6, now_us);
+    /// Sets the outside minus inside pressure, Pa.
+    pub fn set_pressure_diff(&mut self, value: f32, now_us: u64) {
+        store_if_finite(&mut self.pressure_diff_mpa, value * 1e-6, now_us);
     }
 
-    /// Temperature at the seal, deg C.
-    pub fn temperature(&mut self, value: f32, now_us: u64) {
-        keep(&mut self.temperature_c, value, now_us);
+    /// Sets the temperature at the seal, deg C.
+    pub fn set_temperature(&mut self, value: f32, now_us: u64) {
+        store_if_finite(&mut self.temperature_c, value, now_us);
     }
 
-    /// Puts these readings where the bus gave none, or an older one.
-    pub fn complete(&self, covariates: &mut Covariates, now_us: u64) {
+    /// Replaces covariates that are missing or older than these readings.
+    pub fn apply_newer(&self, covariates: &mut Covariates, now_us: u64) {
         for (own, reported) in [
             (self.radial_force_n, &mut covariates.radial_force_n),
             (self.pressure_diff_mpa, &mut covariates.pressure_diff_mpa),
@@ -63,17 +66,17 @@ impl Local {
         ] {
             let Some(own) = own else { continue };
             let age_s = now_us.saturating_sub(own.at_us) as f32 * 1e-6;
-            let never_reported = reported.age_s.is_nan() || reported.age_s < 0.0;
-            if never_reported || age_s < reported.age_s {
+            let is_missing = reported.age_s.is_nan() || reported.age_s < 0.0;
+            if is_missing || age_s < reported.age_s {
                 *reported = Reading { value: own.value, age_s };
             }
         }
     }
 }
 
-fn keep(place: &mut Option<Seen>, value: f32, at_us: u64) {
+fn store_if_finite(place: &mut Option<TimedValue>, value: f32, at_us: u64) {
     if value.is_finite() {
-        *place = Some(Seen { value, at_us });
+        *place = Some(TimedValue { value, at_us });
     }
 }
 
@@ -82,22 +85,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_younger_of_bus_and_board_counts() {
-        let mut local = Local::default();
-        let mut covariates = Covariates::none();
-        local.complete(&mut covariates, 0);
+    fn apply_newer_uses_the_younger_of_bus_and_board() {
+        let mut local = LocalReadings::default();
+        let mut covariates = Covariates::MISSING;
+        local.apply_newer(&mut covariates, 0);
         assert!(covariates.radial_force_n.age_s < 0.0);
-        local.radial_force(12.0, 1_000_000);
-        local.radial_force(f32::NAN, 2_000_000);
-        local.complete(&mut covariates, 3_000_000);
+        local.set_radial_force(12.0, 1_000_000);
+        local.set_radial_force(f32::NAN, 2_000_000);
+        local.apply_newer(&mut covariates, 3_000_000);
         assert_eq!((covariates.radial_force_n.value, covariates.radial_force_n.age_s), (12.0, 2.0));
         assert!(covariates.pressure_diff_mpa.age_s < 0.0);
         covariates.radial_force_n = Reading { value: 7.0, age_s: 0.5 };
-        local.complete(&mut covariates, 3_000_000);
+        local.apply_newer(&mut covariates, 3_000_000);
         assert_eq!(covariates.radial_force_n.value, 7.0);
-        local.pressure_diff(3e5, 10);
-        local.temperature(11.0, 10);
-        local.complete(&mut covariates, 10);
+        local.set_pressure_diff(3e5, 10);
+        local.set_temperature(11.0, 10);
+        local.apply_newer(&mut covariates, 10);
         assert!((covariates.pressure_diff_mpa.value - 0.3).abs() < 1e-7);
         assert_eq!(covariates.temperature_c.value, 11.0);
     }

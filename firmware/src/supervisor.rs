@@ -1,43 +1,47 @@
-//! The supervisor: may the bridge be on, may friction be compensated, and if not, why.
+//! The supervisor decides whether the bridge may be on and whether friction may be compensated.
 //!
-//! A joint starts [`State::Safe`]: bridge off, compensation off. It is armed by an explicit request and by
-//! nothing else, and only while no cause to stop is there. A *fault* (stopped because) takes it to
-//! [`State::Fault`] and is held after its cause has gone, until somebody asks for it to be cleared;
-//! cleared, the joint is safe, not armed. A *limit* (still running, but held back by) comes and goes
-//! with its cause, and stops nothing; some limits take the compensation away while they last. All of
-//! them, with their numbers on the bus, when they come and how they go, are the one table in [`codes`].
+//! A joint starts in [`JointState::Safe`]: bridge off, compensation off. Only an explicit request arms it,
+//! and only while no cause of a fault is present. Two kinds of code limit a joint:
 //!
-//! The supervisor is pure: it reads no clock and no pin. What was measured comes as an [`Observation`]
-//! once a millisecond or so, time with it; most causes have to last before they count and have to be
-//! gone for a while before they count as gone. What cannot wait for the next observation is told by the
-//! interrupt that saw it, at once: [`Supervisor::loop_overrun`] takes the compensation away within the very
-//! period, and [`Supervisor::trip`] the bridge. If observations themselves stop, that is for the
-//! hardware watchdog: the supervisor does not run then.
+//! - A *fault* opens the bridge and takes the joint to [`JointState::Fault`]. It stays latched after its
+//!   cause has gone, until a request clears it. A cleared joint is safe, not armed.
+//! - A *limit* is active while its cause is present. It does not stop the joint; some limits disable the
+//!   compensation.
+//!
+//! The table in [`codes`] lists every code with its bus number, its delays, and how it is raised and
+//! cleared.
+//!
+//! The supervisor is pure: it reads no clock and no pin. Measurements arrive as an [`Observation`], about
+//! once a millisecond, together with the time. Most causes must persist before they count, and must be
+//! absent for a while before they count as gone. An interrupt reports what cannot wait for the next
+//! observation: [`Supervisor::record_loop_overrun`] disables the compensation within the same period, and
+//! [`Supervisor::trip`] opens the bridge. If observations stop, the hardware watchdog acts, because the
+//! supervisor does not run then.
 
 pub mod codes;
 mod conditions;
 pub mod observation;
 pub mod thresholds;
 
-pub use codes::{CODES, Code, CodeSet, Effect, Info, Watched, Words};
-pub use observation::{Boot, CanState, InUse, Observation, ResetCause};
+pub use codes::{CODE_COUNT, Code, CodeDescription, CodeInfo, CodeSet, Effect, Watched};
+pub use observation::{CanState, Observation, ParameterSource, ResetCause, SupervisorBoot};
 pub use thresholds::Thresholds;
 
-use crate::store::Health;
+use crate::store::StoreHealth;
 use compensator_core::parameters::ParameterError;
-use conditions::Sight;
+use conditions::CauseState;
 use core::fmt;
 use heapless::Deque;
 
-/// Events that wait to be taken, at most; older ones are dropped first.
-pub const EVENTS: usize = 32;
+/// Maximum number of pending events. If the queue is full, the oldest event is dropped.
+pub const MAX_PENDING_EVENTS: usize = 32;
 
-/// Arming needs an observation no older than this, us.
-pub const OBSERVATION_MAX_US: u64 = 20_000;
+/// Maximum age of the last observation when arming, us.
+pub const MAX_OBSERVATION_AGE_US: u64 = 20_000;
 
-/// What the joint may do.
+/// State of the joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub enum JointState {
     /// Bridge off, waiting to be armed.
     Safe,
     /// Bridge on.
@@ -46,27 +50,27 @@ pub enum State {
     Fault,
 }
 
-/// A code that came or went.
+/// A code that was raised or cleared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// Which.
+    /// The code.
     pub code: Code,
-    /// Whether it came; a fault goes when it is cleared, a limit when its cause is gone.
+    /// True if the code was raised. A fault is cleared on request, a limit when its cause has gone.
     pub raised: bool,
 }
 
-/// Why a request to arm was refused: everything that stands against it.
+/// The reasons a request to arm was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Refusal {
-    /// Faults that were not cleared, and causes of faults that are there.
+pub struct ArmRefusal {
+    /// Latched faults, and causes of faults that are present.
     pub causes: CodeSet,
-    /// There was no observation in the last [`OBSERVATION_MAX_US`].
+    /// No observation arrived in the last [`MAX_OBSERVATION_AGE_US`].
     pub unobserved: bool,
-    /// Bus voltage or phase currents are not measured at all.
+    /// The board does not measure the bus voltage or the phase currents.
     pub unmeasured: bool,
 }
 
-impl fmt::Display for Refusal {
+impl fmt::Display for ArmRefusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("not armed:")?;
         for code in self.causes.iter() {
@@ -82,22 +86,22 @@ impl fmt::Display for Refusal {
     }
 }
 
-impl core::error::Error for Refusal {}
+impl core::error::Error for ArmRefusal {}
 
 /// The supervisor of one joint.
 #[derive(Clone, Debug)]
 pub struct Supervisor {
     thresholds: Thresholds,
     armed: bool,
-    /// Causes that are there now, after their delays.
+    /// Causes that are present, after their delays.
     present: CodeSet,
-    /// Faults that were not cleared.
+    /// Latched faults: raised and not yet cleared.
     latched: CodeSet,
-    /// Codes whose cause is on its way in or out, and since when, us.
+    /// Codes whose cause is changing, and since when, us.
     changing: CodeSet,
-    since_us: [u64; CODES],
-    counts: [u32; CODES],
-    events: Deque<Event, EVENTS>,
+    since_us: [u64; CODE_COUNT],
+    counts: [u32; CODE_COUNT],
+    events: Deque<Event, MAX_PENDING_EVENTS>,
     events_lost: u32,
     last_us: Option<u64>,
     measured: bool,
@@ -109,18 +113,18 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// Starts safe, with what the last life left behind. Thresholds that are refused give way to the
-    /// default ones, and [`Code::ParametersRefused`] says so.
-    pub fn boot(thresholds: &Thresholds, boot: &Boot) -> Self {
-        let sound = thresholds.validate().is_ok();
+    /// Starts in the safe state and records how the previous run ended. If `thresholds` are refused, the
+    /// defaults apply and [`Code::ParametersRefused`] is raised.
+    pub fn boot(thresholds: &Thresholds, boot: &SupervisorBoot) -> Self {
+        let is_valid = thresholds.validate().is_ok();
         let mut supervisor = Self {
-            thresholds: if sound { *thresholds } else { Thresholds::default() },
+            thresholds: if is_valid { *thresholds } else { Thresholds::default() },
             armed: false,
             present: CodeSet::EMPTY,
             latched: CodeSet::EMPTY,
             changing: CodeSet::EMPTY,
-            since_us: [0; CODES],
-            counts: [0; CODES],
+            since_us: [0; CODE_COUNT],
+            counts: [0; CODE_COUNT],
             events: Deque::new(),
             events_lost: 0,
             last_us: None,
@@ -131,7 +135,7 @@ impl Supervisor {
             overrun_since_observed: false,
             current_share: 1.0,
         };
-        // These are over: nothing is left of them but that they were.
+        // These causes lie in the past, so only the fault itself is recorded.
         for (happened, code) in [
             (boot.reset == ResetCause::Watchdog, Code::WatchdogReset),
             (boot.panicked, Code::PanicBeforeReset),
@@ -141,32 +145,36 @@ impl Supervisor {
                 supervisor.trip(code);
             }
         }
-        supervisor.self_test(boot.self_test_passed);
-        supervisor.store(boot.store);
-        supervisor.commissioned(boot.commissioned);
-        supervisor.parameters(if sound { boot.parameters } else { InUse::DefaultRefused });
+        supervisor.set_self_test_result(boot.self_test_passed);
+        supervisor.set_store_health(boot.store);
+        supervisor.set_commissioned(boot.commissioned);
+        supervisor.set_parameter_source(if is_valid {
+            boot.parameters
+        } else {
+            ParameterSource::DefaultRefused
+        });
         supervisor
     }
 
-    /// Swaps the thresholds, whole.
+    /// Replaces all thresholds.
     ///
     /// # Errors
-    /// Names the field that is refused; the thresholds in force stay.
+    /// Returns the field that is refused. The previous thresholds then stay in force.
     pub fn configure(&mut self, thresholds: &Thresholds) -> Result<(), ParameterError> {
         thresholds.validate()?;
         self.thresholds = *thresholds;
         Ok(())
     }
 
-    /// The thresholds in force.
+    /// Returns the thresholds in force.
     pub fn thresholds(&self) -> &Thresholds {
         &self.thresholds
     }
 
-    /// Takes in what was measured since the last observation. Call it once a millisecond or so.
+    /// Evaluates the measurements since the last observation. Call it about once a millisecond.
     pub fn observe(&mut self, observation: &Observation, now_us: u64) {
         if self.last_us.is_some_and(|last_us| now_us < last_us) {
-            // Delays and timeouts mean nothing on a clock that runs backwards.
+            // Delays and timeouts are meaningless if the clock runs backwards.
             self.trip(Code::Internal);
             self.changing = CodeSet::EMPTY;
         }
@@ -175,22 +183,22 @@ impl Supervisor {
             observation.bus_voltage_v.is_some() && observation.phase_currents_a.is_some();
         self.current_share = conditions::current_share(&self.thresholds, observation);
         for (index, code) in Code::ALL.iter().copied().enumerate() {
-            let sight = conditions::look(self, code, observation, now_us);
-            self.weigh(index, code, sight, now_us);
+            let cause = conditions::evaluate(self, code, observation, now_us);
+            self.update_presence(index, code, cause, now_us);
         }
         self.overrun_since_observed = false;
     }
 
-    /// Lets a cause count when it has lasted, and go when it has been gone for long enough.
-    fn weigh(&mut self, index: usize, code: Code, sight: Sight, now_us: u64) {
+    /// Updates one cause: it counts once it has lasted, and it ends once it has been gone for long enough.
+    fn update_presence(&mut self, index: usize, code: Code, cause: CauseState, now_us: u64) {
         let present = self.present.contains(code);
-        let turned = match sight {
-            Sight::Reported => return,
-            Sight::Bad => !present,
-            Sight::Good => present,
-            Sight::Between => false,
+        let is_changing = match cause {
+            CauseState::Reported => return,
+            CauseState::Present => !present,
+            CauseState::Absent => present,
+            CauseState::Unchanged => false,
         };
-        if !turned {
+        if !is_changing {
             self.changing.remove(code);
             return;
         }
@@ -252,39 +260,39 @@ impl Supervisor {
         let _ = self.events.push_back(Event { code, raised });
     }
 
-    /// A set-point came.
-    pub fn command_received(&mut self, now_us: u64) {
+    /// Records that a set-point was received.
+    pub fn record_command(&mut self, now_us: u64) {
         self.command_us = Some(now_us);
     }
 
-    /// Switches the bridge on. Armed already, it stays so.
+    /// Arms the joint, which allows the bridge to be on. A joint that is armed stays armed.
     ///
     /// # Errors
-    /// Names everything that stands against it; nothing has changed then.
-    pub fn arm(&mut self, now_us: u64) -> Result<(), Refusal> {
-        self.arm_in_spite_of(CodeSet::EMPTY, now_us)
+    /// Returns every reason against arming. The state is then unchanged.
+    pub fn arm(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
+        self.arm_ignoring(CodeSet::EMPTY, now_us)
     }
 
-    /// As [`Supervisor::arm`], for the driver to find out how it is wired: that nobody has confirmed it yet does not stand
-    /// against it.
+    /// Arms the joint for commissioning. Unlike [`Supervisor::arm`], it ignores [`Code::NotCommissioned`],
+    /// because commissioning determines the wiring that this code asks to be confirmed.
     ///
     /// # Errors
-    /// As there.
-    pub fn arm_to_commission(&mut self, now_us: u64) -> Result<(), Refusal> {
+    /// See [`Supervisor::arm`].
+    pub fn arm_to_commission(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
         let mut unconfirmed = CodeSet::EMPTY;
         unconfirmed.insert(Code::NotCommissioned);
-        self.arm_in_spite_of(unconfirmed, now_us)
+        self.arm_ignoring(unconfirmed, now_us)
     }
 
-    fn arm_in_spite_of(&mut self, passed_over: CodeSet, now_us: u64) -> Result<(), Refusal> {
+    fn arm_ignoring(&mut self, ignored: CodeSet, now_us: u64) -> Result<(), ArmRefusal> {
         if self.armed {
             return Ok(());
         }
         let stopping = |code: &Code| code.info().effect == Effect::Stops;
         let mut causes = self.latched;
-        let present = self.present.without(passed_over);
+        let present = self.present.without(ignored);
         present.iter().filter(stopping).for_each(|code| causes.insert(code));
-        // Not what the last observation saw: now.
+        // The command timeout is evaluated now, not as of the last observation.
         if self.command_is_late(now_us) {
             causes.insert(Code::CommandTimeout);
         } else if !self.latched.contains(Code::CommandTimeout) {
@@ -293,8 +301,8 @@ impl Supervisor {
         }
         let fresh = self
             .last_us
-            .is_some_and(|last_us| now_us >= last_us && now_us - last_us <= OBSERVATION_MAX_US);
-        let refusal = Refusal { causes, unobserved: !fresh, unmeasured: !self.measured };
+            .is_some_and(|last_us| now_us >= last_us && now_us - last_us <= MAX_OBSERVATION_AGE_US);
+        let refusal = ArmRefusal { causes, unobserved: !fresh, unmeasured: !self.measured };
         if !causes.is_empty() || refusal.unobserved || refusal.unmeasured {
             return Err(refusal);
         }
@@ -302,15 +310,15 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Switches the bridge off. Always heard.
+    /// Disarms the joint, which opens the bridge. It is accepted in every state.
     pub fn disarm(&mut self) {
         self.armed = false;
     }
 
-    /// Clears the faults whose cause is gone. The joint is then safe, not armed.
+    /// Clears the faults whose cause has gone. The joint is then safe, not armed.
     ///
     /// # Errors
-    /// The faults that stay, because their cause is still there.
+    /// Returns the faults that stay latched because their cause is still present.
     pub fn clear_faults(&mut self) -> Result<(), CodeSet> {
         let mut left = CodeSet::EMPTY;
         for code in self.latched.iter() {
@@ -324,10 +332,11 @@ impl Supervisor {
         if left.is_empty() { Ok(()) } else { Err(left) }
     }
 
-    /// The current loop did not end within its period. For its interrupt: from here on, so within the
-    /// same period, there is no compensation; it comes back when [`Code::LoopLate`] goes. So many in a
-    /// row as the thresholds say are a fault.
-    pub fn loop_overrun(&mut self) {
+    /// Records that the current loop did not end within its period. The loop's interrupt calls it.
+    ///
+    /// The compensation is off from here on, so within the same period. It is allowed again when
+    /// [`Code::LoopLate`] clears. [`Thresholds::overruns_in_a_row`] overruns in a row are a fault.
+    pub fn record_loop_overrun(&mut self) {
         self.overruns = self.overruns.saturating_add(1);
         self.overruns_in_a_row = self.overruns_in_a_row.saturating_add(1);
         self.overrun_since_observed = true;
@@ -337,109 +346,111 @@ impl Supervisor {
         }
     }
 
-    /// The current loop ended within its period. For its interrupt.
-    pub fn loop_on_time(&mut self) {
+    /// Records that the current loop ended within its period. The loop's interrupt calls it.
+    pub fn record_loop_on_time(&mut self) {
         self.overruns_in_a_row = 0;
     }
 
-    /// A fault that cannot wait for the next observation: the bridge is off from here on. It may be
-    /// cleared as soon as an observation does not show it. A code that is no fault does nothing.
+    /// Latches a fault that cannot wait for the next observation. The bridge must be off from here on.
+    ///
+    /// The fault may be cleared as soon as an observation does not show its cause. A code that is not a
+    /// fault is ignored.
     pub fn trip(&mut self, code: Code) {
         if code.info().effect == Effect::Stops {
             self.latch(code);
         }
     }
 
-    /// What the parameter store was found like, or is like after a save.
-    pub fn store(&mut self, health: Health) {
-        self.set_present(Code::StoreDamaged, health == Health::Damaged);
-        self.set_present(Code::StoreReduced, health == Health::Reduced);
+    /// Sets the health of the parameter store, at start and after each save.
+    pub fn set_store_health(&mut self, health: StoreHealth) {
+        self.set_present(Code::StoreDamaged, health == StoreHealth::Damaged);
+        self.set_present(Code::StoreReduced, health == StoreHealth::Reduced);
     }
 
-    /// Which parameters are in use from now on.
-    pub fn parameters(&mut self, in_use: InUse) {
-        self.set_present(Code::ParametersDefault, in_use == InUse::Default);
-        self.set_present(Code::ParametersRefused, in_use == InUse::DefaultRefused);
+    /// Sets where the parameters in use come from.
+    pub fn set_parameter_source(&mut self, source: ParameterSource) {
+        self.set_present(Code::ParametersDefault, source == ParameterSource::Default);
+        self.set_present(Code::ParametersRefused, source == ParameterSource::DefaultRefused);
     }
 
-    /// Whether somebody confirmed that the joint is wired as its parameters say.
-    pub fn commissioned(&mut self, confirmed: bool) {
+    /// Sets whether the wiring of the joint is confirmed.
+    pub fn set_commissioned(&mut self, confirmed: bool) {
         self.set_present(Code::NotCommissioned, !confirmed);
     }
 
-    /// How the self-test ended, at start or repeated.
-    pub fn self_test(&mut self, passed: bool) {
+    /// Sets the result of the self-test, at start or when it is repeated.
+    pub fn set_self_test_result(&mut self, passed: bool) {
         self.set_present(Code::SelfTestFailed, !passed);
     }
 
-    /// What the joint may do.
-    pub fn state(&self) -> State {
+    /// State of the joint.
+    pub fn state(&self) -> JointState {
         match (self.latched.is_empty(), self.armed) {
-            (false, _) => State::Fault,
-            (true, true) => State::Armed,
-            (true, false) => State::Safe,
+            (false, _) => JointState::Fault,
+            (true, true) => JointState::Armed,
+            (true, false) => JointState::Safe,
         }
     }
 
-    /// Whether the joint is armed.
+    /// Returns true if the joint is armed.
     pub fn is_armed(&self) -> bool {
-        self.state() == State::Armed
+        self.state() == JointState::Armed
     }
 
-    /// Whether the bridge may be on. The current loop asks in every period.
+    /// Returns true if the bridge may be on. The current loop reads it in every period.
     #[inline]
-    pub fn bridge_allowed(&self) -> bool {
+    pub fn is_bridge_allowed(&self) -> bool {
         self.armed && self.latched.is_empty()
     }
 
-    /// Whether friction may be compensated. The current loop asks in every period.
+    /// Returns true if friction may be compensated. The current loop reads it in every period.
     #[inline]
-    pub fn compensation_allowed(&self) -> bool {
-        self.bridge_allowed() && !self.present.intersects(codes::DROPS_COMPENSATION)
+    pub fn is_compensation_allowed(&self) -> bool {
+        self.is_bridge_allowed() && !self.present.intersects(codes::COMPENSATION_DROPPING_CODES)
     }
 
-    /// Share of the current limit that temperature leaves, 0..=1.
+    /// Returns the share of the current limit that the temperatures allow, from 0 to 1.
     pub fn current_share(&self) -> f32 {
         self.current_share
     }
 
-    /// Faults that were not cleared.
+    /// Latched faults: raised and not yet cleared.
     pub fn faults(&self) -> CodeSet {
         self.latched
     }
 
-    /// Limits that act now.
+    /// Returns the active limits.
     pub fn limits(&self) -> CodeSet {
-        self.present.without(codes::STOPPING)
+        self.present.without(codes::FAULT_CODES)
     }
 
-    /// Causes that are there now, of faults and limits, cleared or not.
+    /// Returns the causes of faults and limits that are present, whether or not the fault is cleared.
     pub fn causes(&self) -> CodeSet {
         self.present
     }
 
-    /// How often a code came since the start, a fault not again before it was cleared. Stays at the
-    /// largest number it can hold.
+    /// Returns how often a code was raised since the start; it saturates. A latched fault counts once until
+    /// it is cleared.
     pub fn count_of(&self, code: Code) -> u32 {
         self.counts.get(code.index()).copied().unwrap_or(0)
     }
 
-    /// The same of every code, in the order of [`Code::ALL`].
-    pub fn counts(&self) -> &[u32; CODES] {
+    /// Returns the counts of all codes, in the order of [`Code::ALL`].
+    pub fn counts(&self) -> &[u32; CODE_COUNT] {
         &self.counts
     }
 
-    /// Periods the current loop did not end in, since the start.
+    /// Returns the number of loop overruns since the start.
     pub fn overruns(&self) -> u32 {
         self.overruns
     }
 
-    /// The oldest event not taken yet: one emergency frame each.
+    /// Removes and returns the oldest pending event. Each one becomes an emergency frame.
     pub fn take_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
 
-    /// Events dropped because nobody took them.
+    /// Returns the number of events that were dropped because the queue was full.
     pub fn events_lost(&self) -> u32 {
         self.events_lost
     }

@@ -1,8 +1,8 @@
-//! The on-board watch: does the friction model still keep what its identification promised?
+//! On-board monitoring of the friction model: is the residual still as small as in the identification?
 //!
-//! An identified model comes with a promise: its residual is that of the test runs, `band_nm` (their
-//! RMSE). On the joint the residual (measured torque less model) is watched while the joint slides. Of
-//! many samples three numbers are kept, in bands, each an exponentially weighted mean over `memory_s`:
+//! An identified model comes with a band `band_nm`, the RMSE of its test runs. On the joint, the residual
+//! (measured torque less model) is monitored while the joint slides. Three exponentially weighted means over
+//! `memory_s` are kept, in bands:
 //!
 //! ```text
 //! offset = <r>            a sensor or a load that is not in the model
@@ -10,89 +10,84 @@
 //! square = <r^2>          anything else
 //! ```
 //!
-//! Noise moves these means too. Samples closer than `independent_s` say the same thing, so that many
-//! make a window, and its mean counts as *one* draw with the promised scatter (right where noise lasts
-//! that long, on the safe side where it does not). A mean over windows then scatters by
-//! `s = sqrt(k / (2 - k))`, `k = independent_s / memory_s`, and as a process with that memory it passes `L s`
-//! to one side `L exp(-L^2 / 2) / (sqrt(2 pi) memory_s)` times a second. `L` is chosen so that all five
-//! sides together (the square has one) alarm once in `false_alarm_h` hours of sliding, while the
-//! residual is on the edge of what is tolerated: noise of the whole band, and `tolerance` bands of bias.
-//! The square scatters skewly; its limit is put where a gamma distribution has the same tail.
+//! Noise moves these means too. Samples closer than `independent_s` are correlated. They form a window, and the
+//! mean of a window counts as *one* draw with the scatter of the band. This is exact if noise lasts as long as a
+//! window, and conservative otherwise. A mean over windows then scatters by `s = sqrt(k / (2 - k))`, `k =
+//! independent_s / memory_s`. As a process with that memory it crosses `L s` on one side `L exp(-L^2 / 2) /
+//! (sqrt(2 pi) memory_s)` times per second. `L` is chosen so that all five sides together (the square has one)
+//! raise one alarm in `false_alarm_h` hours of sliding, while the residual is at the limit of what is tolerated:
+//! noise of the whole band, and `tolerance` bands of bias. The distribution of the square is skewed; its limit
+//! is that of a gamma distribution with the same tail.
 //!
-//! A bias of `d` bands that comes at once is flagged after `-memory_s ln(1 - limit / d)` at the latest (the
-//! square may see it first), one that grows slowly `memory_s` after it has passed the limit.
+//! A bias of `d` bands that arises at once is flagged after at most `-memory_s ln(1 - limit / d)`; the square
+//! may flag it earlier. A bias that grows slowly is flagged `memory_s` after it has passed the limit.
 
 use compensator_core::Real;
 use compensator_core::parameters::{Bound, ParameterError, check_ranges};
 
 compensator_core::named_fields! {
-    /// What is watched for, as a person writes it.
+    /// Parameters of the monitoring, as they are written.
     pub struct WatchParameters {
-        /// RMS residual the identification promised, Nm.
+        /// RMS residual of the identification, Nm.
         band_nm: f32 = 0.1, 1e-6..=1000.0, "a residual is measured against it";
-        /// Bias that is no cause for an alarm, in bands, 0..=10. The promised RMS is not all noise: at one
-        /// speed a model may be off by it all the time.
+        /// Bias that raises no alarm, in bands, 0..=10. The RMS of the identification is not all noise: at a
+        /// constant speed a model may be off by it permanently.
         tolerance: f32 = 1.0, 0.0..=10.0, "a bias in bands";
         /// Residuals this far apart are independent, s.
         independent_s: f32 = 0.01, 1e-4..=1.0, "from a few samples to a stroke";
-        /// How far back the means reach, s of sliding.
+        /// Memory of the means, s of sliding.
         memory_s: f32 = 10.0, 2e-3..=1e4, "wear takes hours, a driver wants to know within seconds";
         /// Mean time between false alarms, h of sliding.
         false_alarm_h: f32 = 1000.0, 1e-5..=1e6, "up to a hundred years";
-        /// Slower than this the joint does not slide and is not watched, rad/s.
+        /// Minimum speed of sliding, rad/s; a slower joint is not monitored.
         least_velocity_rad_s: f32 = 0.05, 0.0..=1e3, "a speed";
     }
-    /// A band of 0.1 Nm, a false alarm in a thousand hours, three tenths of a Nm found within 5 s.
+    /// Defaults: a band of 0.1 Nm, one false alarm in a thousand hours; 0.3 Nm are found within 5 s.
 }
 
-/// Fewest and most windows the means reach back.
-const WINDOWS: [f32; 2] = [20.0, 1e4];
+/// Range of the memory of the means, in windows.
+const MEMORY_WINDOWS: [f32; 2] = [20.0, 1e4];
 
-/// Fewest memories between two false alarms.
-const LEAST_REST: f32 = 20.0;
+/// Minimum mean time between two false alarms, in memories.
+const MIN_ALARM_INTERVAL_MEMORIES: f32 = 20.0;
 
-/// A residual beyond so many bands counts as this: one wild sample shall not blind the means.
-const WILD: f32 = 100.0;
+/// Limit of a single residual, in bands, so that one outlier does not dominate the means.
+const MAX_RESIDUAL_BANDS: f32 = 100.0;
 
 impl WatchParameters {
-    /// Checks every field, and those that depend on each other.
+    /// Checks every field, and the fields that depend on each other.
     ///
     /// # Errors
-    /// Names the field refused, its value, the bound it broke and why there is one.
+    /// Names the refused field, its value, the bound it broke and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
         let refuse = |field, value: f32, bound, why| {
             Err(ParameterError { field, value: value.into(), bound, why })
         };
         check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
-        let [fewest, most] = WINDOWS.map(|windows| windows * self.independent_s);
+        let [min_s, max_s] = MEMORY_WINDOWS.map(|windows| windows * self.independent_s);
         let memory = self.memory_s;
-        if memory < fewest {
+        if memory < min_s {
             let why = "a mean of few windows has no steady scatter";
-            return refuse("memory_s", memory, Bound::AtLeast(fewest.into()), why);
+            return refuse("memory_s", memory, Bound::AtLeast(min_s.into()), why);
         }
-        if memory > most {
+        if memory > max_s {
             let why = "single precision cannot add smaller shares";
-            return refuse("memory_s", memory, Bound::AtMost(most.into()), why);
+            return refuse("memory_s", memory, Bound::AtMost(max_s.into()), why);
         }
-        let least_h = LEAST_REST * memory / 3600.0;
-        if self.false_alarm_h < least_h {
+        let min_h = MIN_ALARM_INTERVAL_MEMORIES * memory / 3600.0;
+        if self.false_alarm_h < min_h {
             let why = "a mean that remembers this long cannot alarm more often";
-            return refuse(
-                "false_alarm_h",
-                self.false_alarm_h,
-                Bound::AtLeast(least_h.into()),
-                why,
-            );
+            return refuse("false_alarm_h", self.false_alarm_h, Bound::AtLeast(min_h.into()), why);
         }
         Ok(())
     }
 
-    /// Builds a watch for the time between samples, s. It knows of nothing yet.
+    /// Builds a monitor for a sample period, s. Its means are at their start values.
     ///
     /// # Errors
-    /// As [`WatchParameters::validate`]; and a period beyond `independent_s`, or so short that a window
-    /// has more samples than single precision can add.
-    pub fn build(&self, period_s: f32) -> Result<Watch, ParameterError> {
+    /// As [`WatchParameters::validate`]; also if the period exceeds `independent_s`, or is so short that a
+    /// window has more samples than single precision can add.
+    pub fn build(&self, period_s: f32) -> Result<ResidualWatch, ParameterError> {
         self.validate()?;
         let refuse = |bound| {
             let why = "a window has from one to 65536 samples";
@@ -106,16 +101,16 @@ impl WatchParameters {
         } else if samples < 0.999 {
             return refuse(Bound::AtMost(self.independent_s.into()));
         }
-        // Whole samples; a shorter or longer window is another `independent_s`, by at most a third.
+        // The number of samples is rounded: this changes `independent_s` by at most a third.
         let samples = ((samples + 0.5) as u32).max(1);
         let share = f64::from(period_s) * f64::from(samples) / f64::from(self.memory_s);
-        Ok(Watch::new(self, Limits::of(self, share), samples, share as f32))
+        Ok(ResidualWatch::new(self, BandLimits::of(self, share), samples, share as f32))
     }
 }
 
-/// Where the means are out of the band, and where back in it; in bands.
+/// Limits of the means, and the lower limits to return into the band; in bands.
 #[derive(Clone, Copy, Debug)]
-struct Limits {
+struct BandLimits {
     mean: f32,
     mean_back: f32,
     square: f32,
@@ -126,7 +121,7 @@ fn square_root(x: f64) -> f64 {
     if x > 0.0 { Real::exp(0.5 * Real::ln(x)) } else { 0.0 }
 }
 
-/// `L` of the module's head: five one-sided crossings in `rest` memories.
+/// Returns `L` of the module documentation: five one-sided crossings in `rest` memories.
 fn deviations(rest: f64) -> f64 {
     const SIDES: f64 = 5.0;
     const ROOT_OF_TWO_PI: f64 = 2.506_628_274_631_000_5;
@@ -142,7 +137,7 @@ fn deviations(rest: f64) -> f64 {
     high
 }
 
-impl Limits {
+impl BandLimits {
     fn of(parameters: &WatchParameters, share: f64) -> Self {
         let tolerance = f64::from(parameters.tolerance);
         let rest = f64::from(parameters.false_alarm_h) * 3600.0 / f64::from(parameters.memory_s);
@@ -151,8 +146,8 @@ impl Limits {
         let mean_scatter = square_root(scatter);
         let biased = tolerance * tolerance;
         let square_scatter = square_root((2.0 + 4.0 * biased) * scatter);
-        // Skewness of the mean is 8/3 sqrt(share) for squares of a normal draw; a chi-squared variable of
-        // `freedom` degrees has the same, and Wilson and Hilferty's cube gives its tail.
+        // For squares of a normal draw, the skewness of the mean is 8/3 sqrt(share). A chi-squared variable of
+        // `freedom` degrees has the same skewness, and the Wilson-Hilferty cube gives its tail.
         let freedom = 1.125 / share;
         let ninth = 2.0 / (9.0 * freedom);
         let tail = |deviations: f64| {
@@ -169,49 +164,49 @@ impl Limits {
     }
 }
 
-/// The three means, in bands.
+/// The three means of the residual, in bands.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Means {
+pub struct ResidualMeans {
     /// Mean residual.
     pub offset: f32,
-    /// Mean residual in the direction of motion: more friction than the model has is positive.
+    /// Mean residual in the direction of motion; positive if there is more friction than in the model.
     pub level: f32,
-    /// Mean square residual; 1 is what was promised.
+    /// Mean square residual; 1 in the identification.
     pub square: f32,
 }
 
-/// The watch of one joint.
+/// Monitoring of the residual of one joint.
 #[derive(Clone, Debug)]
-pub struct Watch {
+pub struct ResidualWatch {
     band_nm: f32,
     per_band: f32,
     least_velocity_rad_s: f32,
     memory_s: f32,
-    limits: Limits,
-    /// Samples of a window, one over that, and a window's share of the means.
+    limits: BandLimits,
+    /// Samples per window, its reciprocal, and the weight of a window in the means.
     samples: u32,
     per_sample: f32,
     share: f32,
-    /// Windows until the means are worth a word.
+    /// Windows until the means have settled.
     settling: u32,
     left: u32,
-    window: Means,
-    means: Means,
+    window: ResidualMeans,
+    means: ResidualMeans,
     in_band: bool,
     windows: u32,
-    windows_out: u32,
+    windows_out_of_band: u32,
     alarms: u32,
-    unsound: u32,
+    invalid_samples: u32,
     largest: f32,
 }
 
-const NOTHING: Means = Means { offset: 0.0, level: 0.0, square: 0.0 };
+const ZERO_MEANS: ResidualMeans = ResidualMeans { offset: 0.0, level: 0.0, square: 0.0 };
 
-/// What is promised: where the means begin.
-const PROMISED: Means = Means { offset: 0.0, level: 0.0, square: 1.0 };
+/// Start values of the means: those of the identification.
+const INITIAL_MEANS: ResidualMeans = ResidualMeans { offset: 0.0, level: 0.0, square: 1.0 };
 
-impl Watch {
-    fn new(parameters: &WatchParameters, limits: Limits, samples: u32, share: f32) -> Self {
+impl ResidualWatch {
+    fn new(parameters: &WatchParameters, limits: BandLimits, samples: u32, share: f32) -> Self {
         Self {
             band_nm: parameters.band_nm,
             per_band: 1.0 / parameters.band_nm,
@@ -223,41 +218,41 @@ impl Watch {
             share,
             settling: (1.0 / share) as u32,
             left: samples,
-            window: NOTHING,
-            means: PROMISED,
+            window: ZERO_MEANS,
+            means: INITIAL_MEANS,
             in_band: true,
             windows: 0,
-            windows_out: 0,
+            windows_out_of_band: 0,
             alarms: 0,
-            unsound: 0,
+            invalid_samples: 0,
             largest: 0.0,
         }
     }
 
-    /// Takes one sample: the residual torque, Nm, positive where more torque drives positive velocity
-    /// than the model has, and the joint's velocity, rad/s. `valid` is false where the model is not meant
-    /// to hold: inputs missing, bridge off, being swapped.
+    /// Processes one sample: the residual torque, Nm, positive if the torque that drives positive velocity
+    /// exceeds the model, and the joint velocity, rad/s. `valid` must be false if the model does not apply:
+    /// inputs missing, bridge off, or a swap.
     #[inline]
     pub fn step(&mut self, residual_nm: f32, velocity_rad_s: f32, valid: bool) {
-        // NaN is not faster than anything.
+        // False for NaN.
         let slides = velocity_rad_s.abs() > self.least_velocity_rad_s;
         if !(valid && slides) {
             return;
         }
-        // Comparisons, where `max` and `clamp` are calls on this processor.
+        // Comparisons are used because `max` and `clamp` are function calls on this processor.
         let mut residual = residual_nm * self.per_band;
         let size = residual.abs();
         if size > self.largest {
-            self.largest = if size < WILD { size } else { WILD };
+            self.largest = if size < MAX_RESIDUAL_BANDS { size } else { MAX_RESIDUAL_BANDS };
         }
-        // Not so of NaN.
-        let sound = size <= WILD;
-        if !sound {
+        // False for NaN.
+        let is_within_limit = size <= MAX_RESIDUAL_BANDS;
+        if !is_within_limit {
             if size.is_nan() {
-                self.unsound = self.unsound.saturating_add(1);
+                self.invalid_samples = self.invalid_samples.saturating_add(1);
                 return;
             }
-            residual = if residual > 0.0 { WILD } else { -WILD };
+            residual = if residual > 0.0 { MAX_RESIDUAL_BANDS } else { -MAX_RESIDUAL_BANDS };
         }
         self.window.offset += residual;
         self.window.level += if velocity_rad_s > 0.0 { residual } else { -residual };
@@ -278,79 +273,80 @@ impl Watch {
         ] {
             *mean += (sum * *per_sample - *mean) * *share;
         }
-        let farthest = means.offset.abs().max(means.level.abs());
-        let out = farthest > limits.mean || means.square > limits.square;
-        let back = farthest < limits.mean_back && means.square < limits.square_back;
-        if self.in_band && out {
+        let largest_mean = means.offset.abs().max(means.level.abs());
+        let is_out = largest_mean > limits.mean || means.square > limits.square;
+        let is_back = largest_mean < limits.mean_back && means.square < limits.square_back;
+        if self.in_band && is_out {
             self.alarms = self.alarms.saturating_add(1);
         }
-        self.in_band = if self.in_band { !out } else { back };
+        self.in_band = if self.in_band { !is_out } else { is_back };
         self.windows = self.windows.saturating_add(1);
-        self.windows_out = self.windows_out.saturating_add(u32::from(!self.in_band));
-        self.window = NOTHING;
+        self.windows_out_of_band =
+            self.windows_out_of_band.saturating_add(u32::from(!self.in_band));
+        self.window = ZERO_MEANS;
         self.left = self.samples;
     }
 
-    /// Whether the residual is in the promised band; `None` until the joint has slid for `memory_s`, unless
-    /// it is out before. Back in, it has to be nearer than where it went out.
+    /// Returns whether the residual is in the band; `None` until the joint has slid for `memory_s`, unless the
+    /// residual leaves the band earlier. The limit to return into the band is lower than the limit to leave it.
     pub fn in_band(&self) -> Option<bool> {
         (self.windows >= self.settling || !self.in_band).then_some(self.in_band)
     }
 
-    /// The means, in bands.
-    pub fn means(&self) -> Means {
+    /// Returns the means, in bands.
+    pub fn means(&self) -> ResidualMeans {
         self.means
     }
 
-    /// Windows seen since the reset.
+    /// Returns the number of windows since the reset.
     pub fn windows(&self) -> u32 {
         self.windows
     }
 
-    /// Those at whose end the residual was out of the band.
+    /// Returns the number of windows at whose end the residual was out of the band.
     pub fn windows_out_of_band(&self) -> u32 {
-        self.windows_out
+        self.windows_out_of_band
     }
 
-    /// How often it went out.
+    /// Returns how often the residual left the band.
     pub fn alarms(&self) -> u32 {
         self.alarms
     }
 
-    /// Samples since the reset whose residual was not a number.
-    pub fn unsound(&self) -> u32 {
-        self.unsound
+    /// Returns the number of samples since the reset whose residual was NaN.
+    pub fn invalid_samples(&self) -> u32 {
+        self.invalid_samples
     }
 
-    /// Largest single residual since the reset, in bands, at most 100.
+    /// Returns the largest single residual since the reset, in bands, at most 100.
     pub fn largest_in_bands(&self) -> f32 {
         self.largest
     }
 
-    /// The promised band, Nm.
+    /// Returns the band, Nm.
     pub fn band_nm(&self) -> f32 {
         self.band_nm
     }
 
-    /// Change of the Coulomb level that is sure to be flagged some time, Nm.
+    /// Returns the smallest change of the Coulomb level that is certain to be flagged, Nm.
     pub fn level_limit_nm(&self) -> f32 {
         self.limits.mean * self.band_nm
     }
 
-    /// Time of sliding after which a Coulomb level that changes at once by so much, Nm, is flagged at the
-    /// latest, s, give or take a tenth for noise; `None` where it may never be. The square may see it first.
+    /// Returns the maximum sliding time until a sudden change of the Coulomb level, Nm, is flagged, s, within 10
+    /// % for noise; `None` if it may never be flagged. The square may flag it earlier.
     pub fn flagged_after_s(&self, change_nm: f32) -> Option<f32> {
         let left = 1.0 - f64::from(self.level_limit_nm() / change_nm.abs());
         (left > 0.0).then(|| -(Real::ln(left) as f32) * self.memory_s)
     }
 
-    /// Forgets all that was seen, after a change of parameters or a repair.
+    /// Resets all means and counters, after a change of parameters or a repair.
     pub fn reset(&mut self) {
         self.left = self.samples;
-        self.window = NOTHING;
-        self.means = PROMISED;
+        self.window = ZERO_MEANS;
+        self.means = INITIAL_MEANS;
         self.in_band = true;
-        (self.windows, self.windows_out, self.alarms, self.unsound) = (0, 0, 0, 0);
+        (self.windows, self.windows_out_of_band, self.alarms, self.invalid_samples) = (0, 0, 0, 0);
         self.largest = 0.0;
     }
 }

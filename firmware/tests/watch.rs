@@ -1,12 +1,12 @@
-//! The watch against noise it must bear and changes it must find.
+//! Tests of the residual monitor with noise it must tolerate and changes it must find.
 //!
-//! Rates and times are measured, with bands on both sides: a watch that never alarms fails here too.
-//! The noise comes from this file's own generator.
+//! Rates and times have lower and upper limits: a monitor that never alarms fails, too. The noise comes from a
+//! generator in this file.
 
 use compensator_core::parameters::Bound;
-use firmware::watch::{Watch, WatchParameters};
+use firmware::watch::{ResidualWatch, WatchParameters};
 
-/// Normal numbers: SplitMix64 (Steele, Lea, Flood 2014) and Box and Muller's transform.
+/// Normal random numbers: SplitMix64 (Steele, Lea, Flood 2014) and the Box-Muller transform.
 struct Noise(u64, Option<f64>);
 
 impl Noise {
@@ -33,7 +33,7 @@ impl Noise {
     }
 }
 
-/// Alarms by those stated: 1 is as stated, less is rarer.
+/// Returns the alarm rate relative to the stated rate.
 fn measured_rate(
     parameters: &WatchParameters,
     seconds: f64,
@@ -41,7 +41,7 @@ fn measured_rate(
     bias: f64,
     one_way: bool,
 ) -> f64 {
-    // One sample a window: what the limits are derived for, noise that lasts as long as a window.
+    // One sample per window: the case for which the limits are derived.
     let period = parameters.independent_s;
     let mut watch = parameters.build(period).unwrap();
     let mut noise = Noise::new(seed);
@@ -60,15 +60,15 @@ fn measured_rate(
 }
 
 #[test]
-fn false_alarms_come_no_more_often_than_stated_and_not_never() {
+fn false_alarm_rate_is_at_most_as_stated_and_not_zero() {
     for (memory_s, rest_s, tolerance, bias, one_way, least) in [
-        // Noise of the promised band, both ways: all five sides are at work.
+        // Noise of the whole band, in both directions: all five sides are active.
         (1.0, 200.0, 0.0, 0.0, false, 0.4),
         (1.0, 2000.0, 0.0, 0.0, false, 0.3),
         (5.0, 500.0, 0.0, 0.0, false, 0.4),
-        // One way only, offset and level are the same number.
+        // In one direction only, offset and level are equal.
         (1.0, 200.0, 0.0, 0.0, true, 0.2),
-        // On the edge of what is tolerated: one side of the level, and the square.
+        // At the limit of the tolerance: one side of the level, and the square.
         (1.0, 200.0, 1.0, 1.0, false, 0.1),
     ] {
         let parameters = WatchParameters {
@@ -87,8 +87,8 @@ fn false_alarms_come_no_more_often_than_stated_and_not_never() {
 }
 
 #[test]
-fn a_residual_inside_the_tolerance_is_quiet() {
-    // A tenth of a band inside, with an alarm stated for every 200 s.
+fn residual_within_tolerance_raises_no_alarm() {
+    // A tenth of a band within the tolerance, with one stated alarm in 200 s.
     let parameters = WatchParameters {
         memory_s: 1.0,
         false_alarm_h: 200.0 / 3600.0,
@@ -98,9 +98,9 @@ fn a_residual_inside_the_tolerance_is_quiet() {
     assert!(rate < 0.02, "{rate}");
 }
 
-/// Ten hours of sliding with white noise of the promised band, 1 kHz: what the default watch sees.
+/// Ten hours of sliding with white noise of the whole band, at 1 kHz, with default parameters.
 #[test]
-fn the_default_watch_bears_ten_hours_of_white_noise() {
+fn default_monitor_with_ten_hours_of_white_noise_raises_no_alarm() {
     let mut watch = WatchParameters::default().build(1e-3).unwrap();
     let mut noise = Noise::new(3);
     for sample in 0..36_000_000_u32 {
@@ -109,15 +109,15 @@ fn the_default_watch_bears_ten_hours_of_white_noise() {
     }
     assert_eq!((watch.in_band(), watch.alarms(), watch.windows()), (Some(true), 0, 3_600_000));
     assert_eq!(watch.windows_out_of_band(), 0);
-    // The means are those of the noise, and its largest of 3.6e7 draws is where that should be.
+    // The means are those of the noise; the largest of 3.6e7 draws is in its expected range.
     assert!((watch.means().square - 1.0).abs() < 0.03, "{:?}", watch.means());
     assert!((4.8..6.8).contains(&watch.largest_in_bands()), "{}", watch.largest_in_bands());
 }
 
-/// Slides to and fro, 2 s each way, with `noise` Nm and a Coulomb level off by `change(t)`, Nm. Says when
-/// it was flagged.
+/// Slides back and forth, 2 s each way, with `noise` Nm and an error `change(t)` of the Coulomb level, Nm.
+/// Returns the time of the first alarm.
 fn flagged_after(
-    watch: &mut Watch,
+    watch: &mut ResidualWatch,
     (noise_nm, seed): (f64, u64),
     limit_s: f64,
     change: impl Fn(f64) -> f64,
@@ -137,10 +137,10 @@ fn flagged_after(
 }
 
 #[test]
-fn a_fifth_more_coulomb_friction_is_flagged_in_the_stated_time() {
+fn coulomb_level_change_of_20_percent_is_flagged_in_the_stated_time() {
     let mut watch = WatchParameters::default().build(1e-3).unwrap();
-    // 20 % of the 1.5 Nm of the joint of Ding et al., less of it, and the seal run in. Where noise leaves
-    // the square little room, the level is what sees it, just in the stated time.
+    // 20 % of the 1.5 Nm of the joint of Ding et al., smaller changes, and a decrease. With little noise the
+    // level flags the change, just within the stated time.
     for (change, noise, least) in [
         (0.3, 0.1, 0.25),
         (-0.3, 0.1, 0.25),
@@ -164,7 +164,7 @@ fn a_fifth_more_coulomb_friction_is_flagged_in_the_stated_time() {
 }
 
 #[test]
-fn slow_wear_is_flagged_on_its_way_to_a_fifth() {
+fn slow_wear_is_flagged_soon_after_the_limit() {
     // 0.3 Nm in an hour of sliding: the limit is passed after 22 to 23 minutes.
     let mut watch = WatchParameters::default().build(1e-3).unwrap();
     let passes = 3600.0 * f64::from(watch.level_limit_nm()) / 0.3;
@@ -172,16 +172,16 @@ fn slow_wear_is_flagged_on_its_way_to_a_fifth() {
     println!("passes the limit at {passes:.0} s, flagged at {measured:.0} s");
     assert!((passes - 60.0..passes + 15.0).contains(&measured), "{measured} {passes}");
     assert!(measured < 1800.0);
-    // It is the level that says so, and in the right direction; the offset does not.
+    // The level shows the change, with the right sign; the offset does not.
     let means = watch.means();
     assert!(means.level > 1.0 && means.offset.abs() < 0.4, "{means:?}");
 }
 
 #[test]
-fn offset_and_scatter_are_found_too() {
+fn offset_and_larger_noise_are_flagged() {
     let mut watch = WatchParameters::default().build(1e-3).unwrap();
     let mut noise = Noise::new(1);
-    let mut run = |watch: &mut Watch, offset: f64, scale: f64, seconds: u32| {
+    let mut run = |watch: &mut ResidualWatch, offset: f64, scale: f64, seconds: u32| {
         for step in 0..seconds * 1000 {
             let velocity = if step / 500 % 2 == 0 { 1.0 } else { -1.0 };
             watch.step((offset + 0.1 * scale * noise.next()) as f32, velocity, true);
@@ -191,11 +191,11 @@ fn offset_and_scatter_are_found_too() {
     assert_eq!(run(&mut watch, 0.0, 1.0, 20), Some(true));
     assert_eq!(run(&mut watch, 0.2, 1.0, 20), Some(false));
     assert!(watch.means().offset > 1.5 && watch.means().level.abs() < 0.3);
-    // Twice the noise: nothing in the means but the square.
+    // Twice the noise changes only the square.
     watch.reset();
     assert_eq!(run(&mut watch, 0.0, 2.0, 20), Some(false));
     assert!(watch.means().offset.abs() < 0.3 && watch.means().square > 3.0);
-    // And back: the flag goes, the counters stay.
+    // Back in the band, the flag is cleared and the counters are kept.
     let out = watch.windows_out_of_band();
     assert!(out > 0);
     assert_eq!(run(&mut watch, 0.0, 1.0, 60), Some(true));
@@ -207,11 +207,11 @@ fn offset_and_scatter_are_found_too() {
 }
 
 #[test]
-fn back_in_the_band_has_to_be_nearer_than_out() {
+fn return_limit_is_below_the_alarm_limit() {
     let parameters = WatchParameters { tolerance: 0.0, ..WatchParameters::default() };
     let mut watch = parameters.build(parameters.independent_s).unwrap();
     let limit = watch.level_limit_nm();
-    let settle = |watch: &mut Watch, level: f32| {
+    let settle = |watch: &mut ResidualWatch, level: f32| {
         (0..20_000).for_each(|_| watch.step(level, 1.0, true));
         watch.in_band()
     };
@@ -223,17 +223,17 @@ fn back_in_the_band_has_to_be_nearer_than_out() {
 }
 
 #[test]
-fn what_is_not_sliding_or_no_number_is_not_counted() {
+fn samples_at_rest_or_nan_are_not_counted() {
     let mut watch = WatchParameters::default().build(0.01).unwrap();
     for _ in 0..5000 {
         watch.step(50.0, 0.05, true);
         watch.step(50.0, f32::NAN, true);
         watch.step(50.0, 1.0, false);
     }
-    assert_eq!((watch.in_band(), watch.windows(), watch.unsound()), (None, 0, 0));
+    assert_eq!((watch.in_band(), watch.windows(), watch.invalid_samples()), (None, 0, 0));
     watch.step(f32::NAN, 1.0, true);
-    assert_eq!((watch.windows(), watch.unsound()), (0, 1));
-    // One wild sample is remembered and forgiven.
+    assert_eq!((watch.windows(), watch.invalid_samples()), (0, 1));
+    // One outlier is limited, and its effect decays.
     for wild in [f32::INFINITY, f32::MIN] {
         watch.step(wild, 1.0, true);
         assert!(watch.means().square.is_finite());
@@ -247,7 +247,7 @@ fn what_is_not_sliding_or_no_number_is_not_counted() {
 }
 
 #[test]
-fn parameters_out_of_range_are_named() {
+fn parameters_out_of_range_are_refused_by_name() {
     let default = WatchParameters::default();
     assert_eq!(default.validate(), Ok(()));
     type Spoil = fn(&mut WatchParameters);

@@ -1,6 +1,6 @@
-//! Grades the diagnosis on a benchmark of hidden scenarios: `benchmark [SEED_BASE] [PER_KIND] [FILTER]`.
+//! Grades the diagnosis on scenarios with hidden effects: `benchmark [SEED_BASE] [PER_KIND] [FILTER]`.
 
-use host_sim::benchmark::{TUNING, examine};
+use host_sim::benchmark::{TUNING_SEED, grade_scenario};
 use rayon::prelude::*;
 use simulated_machines::scenarios::{Kind, benchmark};
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ fn main() {
         arguments.get(at).and_then(|text| text.parse().ok()).unwrap_or(default)
     };
     let filter = arguments.get(3).cloned().unwrap_or_default();
-    let scenarios: Vec<(Kind, u64)> = benchmark(number(1, TUNING), number(2, 1) as usize)
+    let scenarios: Vec<(Kind, u64)> = benchmark(number(1, TUNING_SEED), number(2, 1) as usize)
         .filter(|(kind, _)| format!("{kind:?}").contains(&filter))
         .collect();
     if let Some(folder) = arguments.get(4) {
@@ -32,7 +32,7 @@ fn main() {
     }
     let mut grades: Vec<_> = scenarios
         .into_par_iter()
-        .filter_map(|(kind, seed)| match examine(kind, seed) {
+        .filter_map(|(kind, seed)| match grade_scenario(kind, seed) {
             Ok(grade) => Some(grade),
             Err(why) => {
                 println!("FAILED {why}");
@@ -64,7 +64,7 @@ fn main() {
             grade.sizes
         );
         if !grade.right {
-            println!("      hidden {:?}; heard {}", grade.hidden, grade.heard);
+            println!("      hidden {:?}; candidates {}", grade.hidden, grade.candidates);
         }
     }
     for (kind, (right, all)) in by_kind {

@@ -1,9 +1,9 @@
-//! How fast certificates of the stochastic extension are, on all cores of this PC.
+//! Measures the speed of certificates of the stochastic extension, on all cores.
 //!
-//! At `alpha = delta = epsilon = 0.05` one set of permitted variances takes 72 sampled vectors on 1732 trials
-//! of 500 samples: 124,704 simulations. The first table times that, every simulation to its end; the second
-//! the whole search for the variances, one speed class and all three, at the paper's levels and at the strict
-//! ones. The joint and its log are simulated. `cargo run --release -p host-sim --example certificate`
+//! At `alpha = delta = epsilon = 0.05` one set of permitted variances takes 72 sampled vectors on 1732 trials of 500 samples:
+//! 124,704 simulations. The first table times these, each simulation to its end. The second table times the whole search for
+//! the variances, for one speed class and for all three, at the paper's levels and at the strict ones. Joint and log are
+//! simulated. Run it with `cargo run --release -p host-sim --example certificate`.
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters, TermKind};
 use friction_identification::fit::{Track, tracks};
@@ -19,10 +19,10 @@ use std::time::Instant;
 
 const STRICT: Levels = Levels { alpha: 0.05, delta: 0.05, epsilon: 0.05, rho: 0.35 };
 
-/// The first table takes the best of so many.
+/// Number of repetitions in the first table, of which the fastest counts.
 const REPETITIONS: usize = 3;
 
-/// Twenty-seven thousand rows, as a usual log has.
+/// Twenty-seven thousand rows, the size of a typical log.
 fn log() -> (Vec<Track>, Parameters<f64>) {
     let how = Recording { runs: 18, seconds: 15.0, rate_hz: 100.0, ..Recording::default() };
     let truth = record(7, how);
@@ -39,7 +39,7 @@ fn log() -> (Vec<Track>, Parameters<f64>) {
     (tracks(&simulated::dataset(&truth.log())), parameters)
 }
 
-/// The same runs, each so often over that there are two million rows.
+/// Repeats the runs up to two million rows.
 fn long(tracks: &[Track]) -> Vec<Track> {
     let times = 2_000_000 / tracks.iter().map(Track::len).sum::<usize>().max(1);
     let repeat = |track: &Track| Track {
@@ -50,7 +50,7 @@ fn long(tracks: &[Track]) -> Vec<Track> {
     tracks.iter().map(repeat).collect()
 }
 
-/// The models timed: the plain law, the improved one, and some with terms.
+/// Models to time: the plain law, the improved one, and some with terms.
 fn models(plain: &Parameters<f64>) -> Vec<(&'static str, Parameters<f64>)> {
     let mut improved = plain.clone();
     improved.law = LawKind::ImprovedLugre;
@@ -116,8 +116,8 @@ fn main() {
     println!("\nmodel | levels | n x m | classes | simulations | seconds");
     for (name, parameters) in models(&plain) {
         for (levels_name, levels) in [("paper", Levels::default()), ("strict", STRICT)] {
-            for most_classes in [1, 3] {
-                let settings = Settings { levels, most_classes, ..Settings::default() };
+            for max_classes in [1, 3] {
+                let settings = Settings { levels, max_classes, ..Settings::default() };
                 let Counts { sampled_vectors, trials } = settings.counts();
                 let certificate = certify(&parameters, free, &tracks, &settings);
                 println!(

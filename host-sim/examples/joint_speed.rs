@@ -1,9 +1,9 @@
-//! How fast three joints run in closed loop, driver and plant, against real time.
+//! Measures the speed of three joints in closed loop, driver and plant, relative to real time.
 //!
 //! `cargo run --profile release -p host-sim --example joint_speed`
 
 use firmware::parameter_set::ParameterSet;
-use host_sim::joint_rig::{Faults, with_joint};
+use joint_rig::{RigFaults, run_armed};
 use rayon::prelude::*;
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
 use std::time::Instant;
@@ -17,8 +17,8 @@ fn main() -> Result<(), String> {
         .into_par_iter()
         .map(|seed| {
             let plant = JointPlant::new(&Parameters::default(), Load::Propeller, seed);
-            with_joint(&ParameterSet::default(), plant, Faults::default(), |rig| {
-                (0..1000 * SECONDS).for_each(|_| rig.millisecond(2.0, 5.0));
+            run_armed(&ParameterSet::default(), plant, RigFaults::default(), |rig| {
+                (0..1000 * SECONDS).for_each(|_| rig.step_with_command(2.0, 5.0));
                 rig.plant().position_rad()
             })
         })

@@ -1,12 +1,13 @@
-//! How often the paper's rule names what is hidden, on simulated scenarios whose truth is known.
+//! Counts how often the paper's rule names the hidden effect, on simulated scenarios with a known truth.
 //!
-//! Each scenario of the benchmark is fitted with plain LuGre and certified. The *literal* rule takes the
-//! parameter with the largest coefficient of variation; the *calibrated* one that whose permitted spread grew most
-//! over a scenario with nothing hidden, or none. A rule is right where a hidden cause acts through its parameter
-//! (`cause::acting_through`, generously), and in a scenario without one where it names none. *Always coulomb_torque* is a
-//! rule that looks at nothing: what a good guess is worth under this grading.
+//! Each scenario of the benchmark is fitted with plain LuGre and certified. The *literal* rule names the parameter with the
+//! largest coefficient of variation. The *calibrated* rule names the parameter whose permitted spread grew most relative to a
+//! scenario without a hidden effect, or none.
 //!
-//! `cargo run --release -p host-sim --example stochastic_bank [WORLDS PER KIND] [SEED OF THE WORLDS] [SEED OF
+//! A rule is right if a hidden cause acts through its parameter (`cause::acting_through`), or if it names none in a scenario
+//! without an effect. The constant answer *coulomb_torque* is the reference for guessing.
+//!
+//! `cargo run --release -p host-sim --example stochastic_benchmark [WORLDS PER KIND] [SEED OF THE WORLDS] [SEED OF
 //! THE CERTIFICATES]`
 
 use compensator_core::{LawKind, ParameterId as Id};
@@ -19,17 +20,17 @@ use rayon::prelude::*;
 use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
 use std::collections::BTreeMap;
 
-/// Seed of the scenarios that judge; the rule's threshold was chosen on others (seed 1).
-const GRADING: u64 = 20_261_121;
+/// Base seed of the graded scenarios; the threshold of the rule was chosen with seed 1.
+const GRADING_SEED: u64 = 20_261_121;
 
-/// What the rules said of a scenario.
+/// Answers of the rules for a scenario.
 struct Verdicts {
     kind: &'static str,
     cause: &'static str,
     literal: Id,
     calibrated: Option<Id>,
     largest_ratio: f64,
-    /// Right: literal, calibrated, always Coulomb.
+    /// Whether each rule is right: literal, calibrated, constant.
     right: [bool; 3],
     sum_cv: f64,
     seconds: f64,
@@ -38,13 +39,13 @@ struct Verdicts {
 fn is_right(scenario: &Scenario, kind: Kind, named: Option<Id>) -> bool {
     let Some(id) = named else { return kind == Kind::None };
     let hidden = scenario.truth.hidden.iter().map(|hidden| hidden.cause);
-    // Where no data can tell two causes apart, either will do.
+    // If the data cannot distinguish two causes, both count as right.
     let twins = scenario.truth.confusable_with.iter().copied();
     let points_at = |name| cause::acting_through(id).any(|cause| cause.name() == name);
     hidden.chain(twins).any(points_at)
 }
 
-fn judge(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {
+fn evaluate(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {
     let scenario = draw(kind, seed);
     let tracks = tracks(&simulated::dataset(&scenario.log));
     let spec = Spec::law(LawKind::Lugre);
@@ -72,7 +73,7 @@ fn judge(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {
     })
 }
 
-/// Rows by name in the order they come: scenarios, and how many each rule got right.
+/// Groups the answers by name: number of scenarios, and right answers of each rule.
 fn table<'a>(
     verdicts: impl Iterator<Item = (&'a str, &'a Verdicts)>,
 ) -> Vec<(&'a str, [usize; 4])> {
@@ -106,11 +107,13 @@ fn main() {
     let mut number = |default: u64| {
         arguments.next().and_then(|text| text.parse::<u64>().ok()).unwrap_or(default)
     };
-    let (per_kind, seed) = (number(2) as usize, number(GRADING));
+    let (per_kind, seed) = (number(2) as usize, number(GRADING_SEED));
     let settings = Settings { seed: number(0), ..Settings::default() };
     let scenarios: Vec<(Kind, u64)> = benchmark(seed, per_kind).collect();
-    let verdicts: Vec<Verdicts> =
-        scenarios.into_par_iter().filter_map(|(kind, seed)| judge(kind, seed, &settings)).collect();
+    let verdicts: Vec<Verdicts> = scenarios
+        .into_par_iter()
+        .filter_map(|(kind, seed)| evaluate(kind, seed, &settings))
+        .collect();
     for v in &verdicts {
         println!(
             "{:<11} {:<22} literal {:<18} calibrated {:<18} ratio {:>6.2} sum {:>7.2} {:.2} s",

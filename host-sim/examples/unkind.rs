@@ -1,4 +1,4 @@
-//! Both contestants, the diagnosis and the plain regression, on unkind worlds and on measured logs.
+//! Compares the diagnosis with the plain regression on unkind worlds and on measured logs.
 //!
 //! ```text
 //! cargo run --release -p host-sim --example unkind -- --worlds 60 --seed 1          the table and the misses
@@ -6,7 +6,7 @@
 //! ```
 
 use clap::Parser;
-use host_sim::benchmark::contest::{Contest, contest};
+use host_sim::benchmark::contest::{Contest, run_contest};
 use host_sim::benchmark::{measured, score};
 use serde_json::Value;
 use simulated_machines::scenarios::unkind::{self, SensorKind};
@@ -20,37 +20,37 @@ struct Arguments {
     /// Number of worlds
     #[arg(long, default_value_t = 60)]
     worlds: usize,
-    /// Base of their seeds: 1 to tune with, others to grade
+    /// Base of their seeds: 1 for tuning, others for grading
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Worlds of one kind of sensors alone: exact, encoder, velocity-noise, no-position, torque-filtered, held
+    /// Only worlds with this kind of sensors: exact, encoder, velocity-noise, no-position, torque-filtered, held
     #[arg(long, value_parser = sensor)]
     only: Option<SensorKind>,
-    /// The regression alone
+    /// Runs the regression only
     #[arg(long)]
     rival_only: bool,
-    /// One world by its seed
+    /// Seed of a single world
     #[arg(long)]
     world: Option<u64>,
-    /// Writes data.csv and truth.json of that world
+    /// Writes data.csv and truth.json of that world to this folder
     #[arg(long, requires = "world")]
     out: Option<PathBuf>,
-    /// Measured logs in place of worlds
+    /// Uses measured logs instead of worlds
     #[arg(long)]
     measured: bool,
-    /// Of the measured logs, those whose file has this in its name
+    /// Only measured logs with this text in their file name
     #[arg(long, default_value = "")]
     file: String,
-    /// Tells what else each contestant heard on measured logs
+    /// Prints the other candidates on measured logs
     #[arg(long)]
-    heard: bool,
-    /// Writes docs/diagnosis-benchmark.md
+    candidates: bool,
+    /// Writes docs/src/reference/diagnosis-benchmark.md
     #[arg(long)]
     update: bool,
-    /// Writes every contest
+    /// Writes all results as JSON
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Worlds at a time
+    /// Number of worlds computed at once
     #[arg(long, default_value_t = 2)]
     threads: usize,
 }
@@ -86,7 +86,8 @@ fn main() -> Result<(), String> {
     let tables = score::tables(&contests);
     println!("{tables}");
     if arguments.update {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/diagnosis-benchmark.md");
+        let path =
+            concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/src/reference/diagnosis-benchmark.md");
         let text = score::document(&contests, arguments.seed, &tables);
         std::fs::write(path, text).map_err(|e| format!("{path}: {e}"))?;
     }
@@ -98,7 +99,7 @@ fn main() -> Result<(), String> {
     Ok(())
 }
 
-/// All worlds, some at a time, each on a thread of its own; in the order of their seeds.
+/// Computes all worlds in parallel, each on one thread; the results are in the order of the seeds.
 fn all(seeds: &[u64], rival_only: bool, threads: usize) -> Vec<Contest> {
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::new());
@@ -106,7 +107,7 @@ fn all(seeds: &[u64], rival_only: bool, threads: usize) -> Vec<Contest> {
         for _ in 0..threads.max(1) {
             scope.spawn(|| {
                 while let Some(&seed) = seeds.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    match contest(seed, rival_only) {
+                    match run_contest(seed, rival_only) {
                         Ok(found) => {
                             eprintln!("{}", found.line());
                             if let Ok(mut done) = done.lock() {
@@ -130,7 +131,7 @@ fn measured_logs(arguments: &Arguments) -> Result<(), String> {
     println!("| file | rows | known | diagnosis | gain | s | regression | gain | s |");
     println!("|---|---|---|---|---|---|---|---|---|");
     let (mut all, mut right) = (0, [0, 0]);
-    for log in measured::LOGS.iter().filter(|log| log.file.contains(&arguments.file)) {
+    for log in measured::MEASURED_LOGS.iter().filter(|log| log.file.contains(&arguments.file)) {
         let Some((rows, ours, rival)) = log.contest(&folder, arguments.rival_only)? else {
             println!("| {} | not there |", log.file);
             continue;
@@ -138,8 +139,8 @@ fn measured_logs(arguments: &Arguments) -> Result<(), String> {
         all += 1;
         let cells = [ours, Some(rival)].into_iter().enumerate().map(|(side, answer)| {
             let Some(answer) = answer else { return "- | - | -".to_owned() };
-            if arguments.heard {
-                eprintln!("{} side {side}: {}", log.file, answer.heard);
+            if arguments.candidates {
+                eprintln!("{} side {side}: {}", log.file, answer.candidates);
             }
             let is_right = log.is_right(answer.first);
             right[side] += usize::from(is_right);

@@ -1,67 +1,69 @@
-//! The diagnosis graded on scenarios whose truth is known.
+//! Grades the diagnosis on scenarios with a known truth.
 //!
-//! [`simulated_machines::scenarios`] hides an effect; [`friction_identification::diagnose`] sees the log alone; here the two meet. The
-//! scenarios used to tune the diagnosis are drawn from [`TUNING`], those that grade it from [`GRADING`]: another
-//! seed is another machine, another campaign, other sensors, not the same with other noise.
+//! [`simulated_machines::scenarios`] hides an effect in a log, and [`friction_identification::diagnose`] receives only the
+//! log. Seeds from [`TUNING_SEED`] serve to tune the diagnosis, seeds from [`GRADING_SEED`] to grade it. Another seed is another machine,
+//! campaign and set of sensors, and not only other noise.
 
-mod cause_columns;
+mod cause_regressors;
 pub mod contest;
 pub mod measured;
 pub mod planted;
 pub mod regression;
+mod regressors;
 pub mod score;
 mod stop_operator;
 
 use crate::simulated;
 use friction_identification::data::{Dataset, Split, SplitRule, split};
-use friction_identification::diagnose::{Diagnosis, Finding, Question, diagnose};
-use friction_identification::log_check::{self, Correct};
+use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, Finding, diagnose};
+use friction_identification::log_check::{self, Corrections};
 use rayon::prelude::*;
 use simulated_machines::scenarios::{Kind, Scenario, benchmark, draw};
 
-/// Seed of the scenarios that may be looked at while the diagnosis is made better.
-pub const TUNING: u64 = 1;
+/// Base seed of the scenarios for tuning the diagnosis.
+pub const TUNING_SEED: u64 = 1;
 
-/// Seed of the scenarios that judge it.
-pub const GRADING: u64 = 20_261_122;
+/// Base seed of the scenarios for grading the diagnosis.
+pub const GRADING_SEED: u64 = 20_261_122;
 
-/// How a diagnosis did on one scenario.
+/// Result of a diagnosis on one scenario.
 #[derive(Clone, Debug)]
 pub struct Grade {
-    /// What was hidden.
+    /// Kind of the scenario.
     pub kind: Kind,
     /// Seed of the scenario.
     pub seed: u64,
-    /// The hidden causes, strongest first; empty where none.
+    /// Hidden causes, strongest first; empty if none.
     pub hidden: Vec<&'static str>,
-    /// The causes named, in order.
+    /// Named causes, in order.
     pub named: Vec<&'static str>,
-    /// Causes the first finding says it cannot be told from.
+    /// Causes that the first finding is confusable with.
     pub confusable: Vec<&'static str>,
-    /// Whether the first cause is right (see [`grade`]).
+    /// The first cause is right (see [`grade`]).
     pub right: bool,
-    /// Whether the true size lies in the interval, where one cause was hidden and named first.
+    /// The true size lies in the interval; `None` unless one cause was hidden and named first.
     pub size_inside: Option<bool>,
-    /// True size and named one.
+    /// True size, estimated size, and its interval.
     pub sizes: Option<(f64, f64, [f64; 2])>,
     /// Held-out RMSE of the extended model over the sensor's noise.
     pub error_over_noise: f64,
-    /// RMS the effect shows over the noise, 0 where nothing was hidden.
+    /// RMS of the visible effect over the noise; 0 if nothing was hidden.
     pub visible: f64,
-    /// Time, s.
+    /// Run time, s.
     pub seconds: f64,
     /// Rows of the log.
     pub rows: usize,
-    /// A line on what was heard.
-    pub heard: String,
+    /// Best candidates, one line.
+    pub candidates: String,
 }
 
 /// Grades a diagnosis.
 ///
-/// One or two effects: the first cause is one that was hidden. Nothing: `none`. A decoy: the true cause
-/// first, and the decoy not named. Confounded: the true cause or its twin first, and the other one named
-/// as not told apart; or `unknown`. Outside the catalogue: `unknown`, or a cause that says it cannot be told
-/// from `unknown`.
+/// With one or two effects, the first cause must be a hidden one. Without an effect, the answer must be `none`. With a decoy,
+/// the true cause must be first, and no finding may use the decoy.
+///
+/// Confounded: the true cause or its twin is first and declares the other as confusable, or the first is `unknown`. Outside
+/// the catalogue: the first is `unknown`, or declares `unknown` as confusable.
 pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> Grade {
     let truth = &scenario.truth;
     let hidden: Vec<&'static str> = truth.hidden.iter().map(|hidden| hidden.cause).collect();
@@ -77,17 +79,18 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         Kind::One(_) | Kind::Two(..) => is_first_true,
         Kind::Decoy => {
             let is_decoy = |name: &String| truth.decoys.iter().any(|decoy| decoy.column == name);
-            let blamed = found.findings.iter().any(|finding| finding.columns.iter().any(is_decoy));
-            is_first_true && !blamed
+            let names_decoy =
+                found.findings.iter().any(|finding| finding.columns.iter().any(is_decoy));
+            is_first_true && !names_decoy
         }
         Kind::Confounded => {
             let both: Vec<&str> = hidden.iter().chain(&truth.confusable_with).copied().collect();
-            let hedged = confusable.iter().any(|name| both.contains(name));
-            named.first().is_some_and(|name| both.contains(name) && hedged) || is_open
+            let is_confusable = confusable.iter().any(|name| both.contains(name));
+            named.first().is_some_and(|name| both.contains(name) && is_confusable) || is_open
         }
         Kind::Outside => {
-            let hedged = |f: &Finding| f.confusable_with.iter().any(|r| !r.cause.is_named());
-            is_open || first.is_some_and(hedged)
+            let is_confusable = |f: &Finding| f.confusable_with.iter().any(|r| !r.cause.is_named());
+            is_open || first.is_some_and(is_confusable)
         }
     };
     let only = matches!(kind, Kind::One(_) | Kind::Decoy) && is_first_true;
@@ -95,7 +98,7 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         let hidden = truth.hidden.first()?;
         Some((hidden.size, finding.size.value, finding.size.ci95))
     });
-    let heard = found
+    let candidates = found
         .scores
         .iter()
         .take(5)
@@ -123,39 +126,42 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         visible: truth.hidden.first().map_or(0.0, |hidden| hidden.visible_rms_nm / truth.noise_nm),
         seconds: found.seconds,
         rows: scenario.log.rows(),
-        heard,
+        candidates,
     }
 }
 
-/// The diagnosis as a user gets it: the log checked, its motion reconstructed, every run left out once.
+/// Diagnoses a log as the command does: the log is checked, its motion reconstructed, and every run left out once.
 ///
 /// # Errors
-/// One line, where the log cannot be split or diagnosed.
-pub fn ask(data: Dataset, question: &Question) -> Result<(Diagnosis, Split), String> {
-    let checked = log_check::check(data, Correct::default());
-    let parts = split(&checked.data, &SplitRule::EachOut, 0).map_err(|e| e.to_string())?;
-    let question = Question { log_findings: checked.findings, ..question.clone() };
+/// Returns one line if the log cannot be split or diagnosed.
+pub fn diagnose_log(
+    data: Dataset,
+    question: &DiagnosisOptions,
+) -> Result<(Diagnosis, Split), String> {
+    let checked = log_check::check(data, Corrections::default());
+    let parts = split(&checked.data, &SplitRule::LeaveOneRunOut, 0).map_err(|e| e.to_string())?;
+    let question = DiagnosisOptions { log_findings: checked.findings, ..question.clone() };
     let found = diagnose(&checked.data, &parts, &question, &|_| {}).map_err(|e| e.to_string())?;
     Ok((found, parts))
 }
 
-/// Draws a scenario, diagnoses it, grades the diagnosis.
+/// Draws a scenario and grades its diagnosis.
 ///
 /// # Errors
-/// One line, where the log cannot be split or diagnosed: such a scenario must not drop out of the count.
-pub fn examine(kind: Kind, seed: u64) -> Result<Grade, String> {
+/// Returns one line if the log cannot be split or diagnosed, because such a scenario must not be dropped from the count.
+pub fn grade_scenario(kind: Kind, seed: u64) -> Result<Grade, String> {
     let failed = |why: String| format!("{kind:?}, seed {seed}: {why}");
     let scenario = draw(kind, seed);
     let data = simulated::dataset(&scenario.log);
-    let (found, _) = ask(data, &Question::default()).map_err(failed)?;
+    let (found, _) = diagnose_log(data, &DiagnosisOptions::default()).map_err(failed)?;
     Ok(grade(kind, seed, &scenario, &found))
 }
 
-/// Examines a benchmark of scenarios; see [`benchmark`].
+/// Grades all scenarios of a benchmark; see [`benchmark`].
 ///
 /// # Errors
-/// As [`examine`], of the first scenario that fails.
-pub fn examine_benchmark(seed_base: u64, per_kind: usize) -> Result<Vec<Grade>, String> {
+/// As [`grade_scenario`], for the first scenario that fails.
+pub fn grade_benchmark(seed_base: u64, per_kind: usize) -> Result<Vec<Grade>, String> {
     let scenarios: Vec<(Kind, u64)> = benchmark(seed_base, per_kind).collect();
-    scenarios.into_par_iter().map(|(kind, seed)| examine(kind, seed)).collect()
+    scenarios.into_par_iter().map(|(kind, seed)| grade_scenario(kind, seed)).collect()
 }

@@ -1,8 +1,9 @@
 //! The command line.
 //!
-//! Every command takes `--out DIR` (where its files go) and `--json` (its result on standard output);
-//! exit code 0 is done, 1 a check that failed, 2 bad usage or bad input, said in one line. A command that
-//! fails leaves no file behind: files are written when all is known.
+//! Every command accepts `--out DIR` (folder of the result files) and `--json` (result on standard output as JSON).
+//!
+//! Exit codes: 0 success; 1 a requested check failed; 2 bad usage or bad input. Every error is one line on standard
+//! error. A command writes its files only after all computations succeeded, so a failed command leaves no file behind.
 
 mod bus;
 mod compare;
@@ -13,14 +14,17 @@ mod export;
 mod identify;
 mod identify_network;
 mod input;
+#[cfg(feature = "papers")]
 mod inside;
 mod monitor;
 mod node;
 mod output;
+#[cfg(feature = "papers")]
 mod paper;
 mod parameters;
 mod replay;
 mod simulate;
+mod table;
 mod terminal;
 
 use clap::error::ErrorKind;
@@ -29,7 +33,7 @@ use std::process::ExitCode;
 
 #[derive(Parser)]
 #[command(name = "host-sim", version, about, max_term_width = 100)]
-struct Arguments {
+struct CommandLine {
     #[command(subcommand)]
     command: Command,
 }
@@ -37,34 +41,35 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Fit one friction model to measured data
-    Identify(identify::Arguments),
-    /// Fit all friction models to measured data, side by side
-    Compare(compare::Arguments),
-    /// Say what the model gets wrong, why, and what a better one gains
-    Diagnose(diagnose::Arguments),
-    /// The whole story in a minute: a joint, a hidden effect, its CAN trace, the diagnosis, the truth
-    Demo(demo::Arguments),
-    /// A fitted model for other hands: a record for flash, Rust, C, MuJoCo, URDF
-    Export(export::Arguments),
-    /// A live view of a joint: velocity, friction, current, flags, model in band
-    Monitor(monitor::Arguments),
-    /// Be a joint driver, on the bus, on this PC
-    Node(node::Arguments),
-    /// A paper's tables and plots anew, ours beside the printed
-    Paper(paper::Arguments),
+    Identify(identify::IdentifyArguments),
+    /// Fit all friction models to measured data and compare them
+    Compare(compare::CompareArguments),
+    /// Find the physical effects a friction model misses, and the gain of an extended model
+    Diagnose(diagnose::DiagnoseArguments),
+    /// Demonstrate all steps in one minute: simulate a joint with a hidden effect, diagnose its CAN trace, compare with the truth
+    Demo(demo::DemoArguments),
+    /// Export a fitted model as a flash record, Rust, C, ONNX, MuJoCo or URDF
+    Export(export::ExportArguments),
+    /// Show live data of a joint: velocity, friction, current, flags, model-in-band
+    Monitor(monitor::MonitorArguments),
+    /// Run a joint driver on this PC, connected to a CAN bus
+    Node(node::NodeArguments),
+    #[cfg(feature = "papers")]
+    /// Reproduce the tables and plots of a paper, beside the printed values
+    Paper(paper::PaperArguments),
     /// Read and write a joint driver's parameters
-    Params(parameters::Arguments),
-    /// Play a trace to a joint driver and hold every answer against the core, bit for bit
-    Replay(replay::Arguments),
-    /// Simulate a machine: its log, and the truth behind it
-    Simulate(simulate::Arguments),
+    Params(parameters::ParamsArguments),
+    /// Replay a CAN trace to a joint driver and check every answer bit for bit
+    Replay(replay::ReplayArguments),
+    /// Simulate a machine: write its log and the true parameters
+    Simulate(simulate::SimulateArguments),
 }
 
 /// Runs the command line and returns the exit code.
 pub fn run() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    let arguments = match CommandLine::try_parse() {
         Ok(arguments) => arguments,
-        Err(error) => return refused(&error),
+        Err(error) => return report_usage_error(&error),
     };
     let done = |outcome: Result<(), String>| outcome.map(|()| ExitCode::SUCCESS);
     let outcome = match arguments.command {
@@ -75,6 +80,7 @@ pub fn run() -> ExitCode {
         Command::Export(arguments) => done(export::run(&arguments)),
         Command::Monitor(arguments) => done(monitor::run(&arguments)),
         Command::Node(arguments) => done(node::run(&arguments)),
+        #[cfg(feature = "papers")]
         Command::Paper(arguments) => done(paper::run(&arguments)),
         Command::Params(arguments) => parameters::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
@@ -89,19 +95,19 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// Bad usage in one line, as bad input is; help and version as they are.
-fn refused(error: &clap::Error) -> ExitCode {
-    let asked = [ErrorKind::DisplayHelp, ErrorKind::DisplayVersion];
-    let help_instead = ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
-    if asked.contains(&error.kind()) || error.kind() == help_instead {
-        // Nobody is left to tell if the terminal has gone.
+/// Prints a usage error as one line, and help or version unchanged. Returns the exit code.
+fn report_usage_error(error: &clap::Error) -> ExitCode {
+    let requested_output = [ErrorKind::DisplayHelp, ErrorKind::DisplayVersion];
+    let help_for_missing = ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
+    if requested_output.contains(&error.kind()) || error.kind() == help_for_missing {
+        // If the terminal is closed, the error cannot be reported anywhere.
         let _ = error.print();
-        return ExitCode::from(if asked.contains(&error.kind()) { 0 } else { 2 });
+        return ExitCode::from(if requested_output.contains(&error.kind()) { 0 } else { 2 });
     }
     let text = error.to_string();
-    let advice = |line: &str| ["Usage:", "For more"].iter().any(|start| line.starts_with(start));
-    let said = text.lines().take_while(|line| !advice(line));
-    let words: Vec<&str> = said.flat_map(str::split_whitespace).collect();
+    let is_advice = |line: &str| ["Usage:", "For more"].iter().any(|start| line.starts_with(start));
+    let message = text.lines().take_while(|line| !is_advice(line));
+    let words: Vec<&str> = message.flat_map(str::split_whitespace).collect();
     eprintln!("{}", words.join(" "));
     ExitCode::from(2)
 }

@@ -1,14 +1,14 @@
-//! A parameter file as a joint driver sees it: the friction model, and what the driver needs besides.
+//! Parameter files of a joint driver: the friction model and the driver's other settings.
 //!
 //! ```toml
-//! [motor]                                 # after the sections of a model
+//! [motor]                                 # follows the sections of the model
 //! gear_ratio = 51.0
 //! [thresholds]
 //! [watch]
 //! ```
 //!
-//! Every command reads its files here, so that a driver's whole set can be given wherever a model is
-//! wanted; the library that fits models knows nothing of motors.
+//! Every command reads its parameter files with this module, so that the file of a whole driver is accepted wherever a
+//! model is required. The library that fits models does not depend on the motor's parameters.
 
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::network::JointNetwork;
@@ -23,7 +23,7 @@ use friction_identification::params::{
 };
 use std::path::Path;
 
-/// What a driver's file holds besides a model.
+/// Sections of a driver's file that follow those of the model.
 const SECTIONS: [Section; 3] = [
     Section { name: "motor", fields: &MotorParameters::NAMES },
     Section { name: "thresholds", fields: &Thresholds::NAMES },
@@ -33,7 +33,7 @@ const SECTIONS: [Section; 3] = [
 /// Reads and validates a file.
 ///
 /// # Errors
-/// As [`params::read`].
+/// See [`params::read`].
 pub fn read(path: &Path) -> Result<ParameterFile, ParameterFileError> {
     params::read(path, &SECTIONS)
 }
@@ -41,43 +41,44 @@ pub fn read(path: &Path) -> Result<ParameterFile, ParameterFileError> {
 /// Reads and validates the text of a file.
 ///
 /// # Errors
-/// As [`params::parse`].
+/// See [`params::parse`].
 pub fn parse(text: &str) -> Result<ParameterFile, String> {
     params::parse(text, &SECTIONS)
 }
 
-/// The network a file's model is supplied by, as a driver takes it.
+/// Returns the network of the file in the driver's form; `None` if the model has no network.
 ///
 /// # Errors
-/// One line: an input no driver can feed.
+/// Returns one line if the network has an input that a driver does not measure or receive.
 pub fn network(file: &ParameterFile) -> Result<Option<JointNetwork>, String> {
     file.network.as_ref().map(NetworkFile::for_driver).transpose()
 }
 
-/// Puts what a file says in place of what a driver has. The friction model is taken whole, with its network or none;
-/// of the rest what is given.
+/// Applies a file to a driver's parameter set. The friction model and its network are replaced as a whole. Of the other
+/// sections, only the values in the file are replaced.
 ///
 /// # Errors
-/// As [`network`]; nothing is put then.
+/// See [`network`]; the set is unchanged in that case.
 pub fn apply(file: &ParameterFile, set: &mut ParameterSet) -> Result<(), String> {
-    fn given<const N: usize>(mut has: [f32; N], given: Option<&Vec<f32>>) -> [f32; N] {
-        for (number, given) in has.iter_mut().zip(given.into_iter().flatten()) {
-            if !given.is_nan() {
-                *number = *given;
+    // A value that the file does not contain is NaN.
+    fn merge<const N: usize>(mut values: [f32; N], from_file: Option<&Vec<f32>>) -> [f32; N] {
+        for (value, new) in values.iter_mut().zip(from_file.into_iter().flatten()) {
+            if !new.is_nan() {
+                *value = *new;
             }
         }
-        has
+        values
     }
     set.network = network(file)?;
     set.friction = file.friction();
     let [motor, thresholds, watch] = [0, 1, 2].map(|at| file.sections.get(at));
-    set.motor = MotorParameters::from_array(given(set.motor.to_array(), motor));
-    set.thresholds = Thresholds::from_array(given(set.thresholds.to_array(), thresholds));
-    set.watch = WatchParameters::from_array(given(set.watch.to_array(), watch));
+    set.motor = MotorParameters::from_array(merge(set.motor.to_array(), motor));
+    set.thresholds = Thresholds::from_array(merge(set.thresholds.to_array(), thresholds));
+    set.watch = WatchParameters::from_array(merge(set.watch.to_array(), watch));
     Ok(())
 }
 
-/// The file of a joint driver's whole set but its network: read back, it is the same set to the bit.
+/// Returns the file of a driver's parameter set without its network. Reading the file gives the same set, bit for bit.
 pub fn emit(set: &ParameterSet, joint: JointKind) -> String {
     let mut text = emit_model(&set.friction.model, joint);
     let compensator = set.friction.compensator.to_array();
@@ -94,7 +95,7 @@ mod tests {
     use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 
     #[test]
-    fn a_set_is_read_back_to_the_bit() {
+    fn emit_then_apply_returns_the_same_set() {
         let mut set = ParameterSet::default();
         set.friction.model = Parameters::new(LawKind::ImprovedLugre)
             .with(ParameterId::CoulombTorque, 1.1)
@@ -111,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_given_stays() {
+    fn apply_with_partial_file_keeps_other_values() {
         let text =
             "schema = 1\njoint = \"revolute\"\nmodel = \"lugre\"\n[motor]\ngear_ratio = 20\n";
         let mut set = ParameterSet::default();

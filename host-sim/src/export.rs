@@ -1,18 +1,18 @@
-//! A fitted model for other hands: a loop of one's own, a driver's flash, a simulator.
+//! Export of a fitted model: for a driver's flash, a user's own control loop, or a simulator.
 //!
-//! | form | what it holds | how close to the core |
+//! | format | content | accuracy relative to the core |
 //! |---|---|---|
-//! | `record` | the bytes a driver keeps in flash and takes over CAN | the same bits |
-//! | `rust` | constants, and the `Configuration` of them | the same bits |
-//! | `c` | one header: state, inputs, one step in `float` | within 1e-4 of the largest torque; refuses four terms |
-//! | `network` | the network's bytes, as a driver keeps them and takes them over CAN | the same bits |
-//! | `onnx` | one evaluation of the network as a graph | `f32` in another order of sums: within 1e-5 of 1 |
-//! | `mujoco`, `urdf` | a joint's dry friction and damping | a line through the sliding torque, its largest error stated |
+//! | `record` | the bytes of the driver's flash record, also accepted over CAN | bit-identical |
+//! | `rust` | constants and their `Configuration` | bit-identical |
+//! | `c` | one header: state, inputs, one step in `float` | within 1e-4 of the largest torque; four terms unsupported |
+//! | `network` | the bytes of the network's record, also accepted over CAN | bit-identical |
+//! | `onnx` | one evaluation of the network as a graph | `f32` with another order of sums: factors within 1e-5 |
+//! | `mujoco`, `urdf` | dry friction and damping of a joint | a line fitted to steady sliding; the largest error is stated |
 //!
-//! The first two are read by `compensator-core` itself. The C step is written from the core's own equations,
-//! quantity by quantity (`compensator_core::law`, `compensator_core::effect`), and a test compiles it and holds
-//! it against the core for every law and every term it takes. A simulator's joint knows neither a Stribeck curve
-//! nor bristles, so its two numbers are fitted to what the core gives in steady sliding, and what is lost is said.
+//! `compensator-core` reads the first two. The C step implements the core's equations (`compensator_core::law`,
+//! `compensator_core::effect`). A test compiles it and compares it with the core for every law and every supported
+//! term. The joint of a simulator has neither a Stribeck curve nor bristles. Its two parameters are fitted to the core's
+//! torque in steady sliding, and a note states what is not represented.
 
 mod c;
 mod c_terms;
@@ -24,28 +24,28 @@ use compensator_core::network::record as network_record;
 use compensator_core::record;
 use friction_identification::params::ParameterFile;
 
-/// For whom.
+/// Format of an exported model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Form {
-    /// The bytes a driver keeps in flash.
+pub enum ExportFormat {
+    /// The bytes of the driver's flash record.
     Record,
-    /// Constants for a loop over the core.
+    /// Rust constants for a control loop that uses the core.
     Rust,
-    /// A header with the law's step.
+    /// A C header with one step of the law.
     C,
-    /// The bytes of the network that supplies the law, as a driver keeps them.
+    /// The bytes of the network's flash record.
     Network,
-    /// That network as an ONNX graph of one evaluation.
+    /// One evaluation of the network as an ONNX graph.
     Onnx,
     /// Attributes of a MuJoCo joint.
     Mujoco,
-    /// The dynamics of a URDF joint.
+    /// The dynamics element of a URDF joint.
     Urdf,
 }
 
-impl Form {
-    /// The name of the file it is written to.
+impl ExportFormat {
+    /// Returns the name of the output file.
     pub fn file_name(self) -> &'static str {
         match self {
             Self::Record => "friction.bin",
@@ -59,67 +59,74 @@ impl Form {
     }
 }
 
-/// A model in a form, and what a person should know of it.
+/// An exported model.
 #[derive(Clone, Debug)]
-pub struct Export {
-    /// The file's content.
+pub struct ExportedModel {
+    /// Content of the file.
     pub content: Vec<u8>,
-    /// One sentence each: what was left out, what to do with it.
+    /// Notes for the user, one sentence each: what the file omits and how it is used.
     pub notes: Vec<String>,
 }
 
-/// Writes a model in a form. `source` is the name of the file it came from, for the heading.
+/// Exports a model. `source` is the name of its parameter file and appears in the header of the output.
 ///
 /// # Errors
-/// One line: which term the form cannot hold, and which form can.
-pub fn export(file: &ParameterFile, form: Form, source: &str) -> Result<Export, String> {
-    let mut export = in_form(file, form, source)?;
-    if file.network.is_some() && !matches!(form, Form::Network | Form::Onnx) {
+/// Returns one line that names a term which the format does not support, and formats that do.
+pub fn export(
+    file: &ParameterFile,
+    format: ExportFormat,
+    source: &str,
+) -> Result<ExportedModel, String> {
+    let mut export = export_without_notes(file, format, source)?;
+    if file.network.is_some() && !matches!(format, ExportFormat::Network | ExportFormat::Onnx) {
         export.notes.push(
-            "the network that supplies its levels and stiffness is left out: this is the law at its constants \
-             (--to network and --to onnx hold it)"
+            "the network that scales the levels and the stiffness is not included: this is the law with its constant parameters \
+             (--to network and --to onnx export the network)"
                 .into(),
         );
     }
     Ok(export)
 }
 
-fn in_form(file: &ParameterFile, form: Form, source: &str) -> Result<Export, String> {
+fn export_without_notes(
+    file: &ParameterFile,
+    format: ExportFormat,
+    source: &str,
+) -> Result<ExportedModel, String> {
     let network = || {
-        let why =
-            "no section [network]: `identify --model lugre-lstm` writes one where a network gains";
-        file.network.as_ref().ok_or_else(|| why.to_owned())
+        let error = "found no section [network]: `identify --model lugre-lstm` writes one if the network reduces the error";
+        file.network.as_ref().ok_or_else(|| error.to_owned())
     };
-    match form {
-        Form::Network => Ok(Export {
+    match format {
+        ExportFormat::Network => Ok(ExportedModel {
             content: network_record::emit(Some(&network()?.for_driver()?)).to_vec(),
             notes: vec![format!(
-                "{} bytes, read by compensator_core::network::record::parse; a driver takes them over CAN with `params set {source}`",
+                "{} bytes; read them with compensator_core::network::record::parse, or write the model to a driver with `params set {source}`",
                 network_record::LENGTH
             )],
         }),
-        Form::Onnx => Ok(Export {
+        ExportFormat::Onnx => Ok(ExportedModel {
             content: onnx::model(network()?, source),
             notes: vec![
                 format!(
-                    "one evaluation, every {} s, fed with {}; what comes out goes back in, factors and share begin at 1",
+                    "one evaluation, to be run every {} s; network inputs: {}; feed the outputs back as inputs, starting with factors and share at 1",
                     network()?.period_s,
                     network()?.inputs.join(", ")
                 ),
-                "its factors multiply coulomb_torque, static_torque and bristle_stiffness of the law, whose step is not in the graph"
+                "the factors multiply coulomb_torque, static_torque and bristle_stiffness of the law; the step of the law is not in the graph"
                     .into(),
             ],
         }),
-        Form::Record => Ok(Export {
+        ExportFormat::Record => Ok(ExportedModel {
             content: record::emit(&file.friction()).to_vec(),
             notes: vec![format!(
-                "{} bytes, read by compensator_core::record::parse; a driver takes them over CAN with `params set {source}`",
+                "{} bytes; read them with compensator_core::record::parse, or write the model to a driver with `params set {source}`",
                 record::LENGTH
             )],
         }),
-        Form::Rust => Ok(rust::export(file, source)),
-        Form::C => c::export(file, source),
-        Form::Mujoco => Ok(simulator::mujoco(file, source)),
-        Form::Urdf => Ok(simulator::urdf(file, source)),
+        ExportFormat::Rust => Ok(rust::export(file, source)),
+        ExportFormat::C => c::export(file, source),
+        ExportFormat::Mujoco => Ok(simulator::mujoco(file, source)),
+        ExportFormat::Urdf => Ok(simulator::urdf(file, source)),
     }
 }

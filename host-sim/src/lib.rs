@@ -1,10 +1,17 @@
-//! The command line over the house's libraries, and what is shown to a person.
+//! The command line of the workspace, and the parts that combine its crates.
 //!
-//! [`cli`] is the command line; [`results`] writes JSON files, terminal tables and HTML pages out of what
-//! `friction-identification` finds, over the building blocks of [`report`]. Here alone the rooms meet that must not
-//! know each other: [`benchmark`] grades a diagnosis on simulated machines, [`simulated`] makes a data set of what a machine
-//! logged, [`driver_file`] puts a joint driver's settings into a parameter file, [`demo_joint`] puts a simulated joint
-//! on a bus, [`joint_rig`] the shipped driver on the simulated joint, [`loop_cost`] says what a model takes of the driver's time, [`export`] writes a model for other programs, [`papers`] makes published experiments anew. The binary is a thin `main`.
+//! The crates below do not depend on each other: `friction-identification` fits and diagnoses, `friction-results` writes
+//! results as JSON and HTML, `joint-rig` runs the firmware's driver on a simulated joint, `joint-bus` connects to a driver
+//! on a bus, and `published-experiments` reproduces papers. This crate adds:
+//!
+//! - [`cli`]: the commands.
+//! - [`benchmark`]: grades the diagnosis on simulated machines.
+//! - [`driver_file`]: reads and writes parameter files with the settings of a joint driver.
+//! - [`demo_joint`]: runs a simulated joint with its driver on a bus.
+//! - [`loop_cost`]: estimates the computing time of a model in the driver's current loop.
+//! - [`export`]: writes a model for other programs.
+//!
+//! The binary only calls [`cli::run`].
 
 pub mod benchmark;
 #[cfg(feature = "cli")]
@@ -12,12 +19,6 @@ pub mod cli;
 pub mod demo_joint;
 pub mod driver_file;
 pub mod export;
-pub mod joint_rig;
 pub mod loop_cost;
-#[cfg(feature = "cli")]
-pub mod papers;
-#[cfg(feature = "cli")]
-pub mod report;
-#[cfg(feature = "cli")]
-pub mod results;
-pub mod simulated;
+
+pub use joint_rig::simulated;

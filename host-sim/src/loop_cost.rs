@@ -1,32 +1,34 @@
-//! What a model takes of the current loop's period on the joint driver, from the table of instructions in git.
+//! Estimates the computing time of a model in the current loop of the joint driver.
 //!
-//! `tests/cost/table.md` counts the whole interrupt of the shipped loop on an emulated processor: without terms, and with each
-//! term alone; cycles are reckoned from that, at two an instruction. A model's cost is put together of its terms': what walking the
-//! list takes at all, then for each term what it takes itself and its place in the list. So reckoned, the table's own
-//! rows of three and of eight terms come out to the cycle.
+//! `tests/cost/table.md` lists the instructions of the whole current-loop interrupt on an emulated processor, without
+//! terms and with each term alone. Its cycles assume two cycles per instruction. The cost of a model is the sum of the
+//! interrupt without terms, the overhead of the term list, and for each term its own cost and its overhead in the list.
+//! This reproduces the rows of the table with three and with eight terms.
 //!
-//! The driver watches its period itself: past nine tenths of it the loop goes without compensation (`loop-late`). This says so before a model
-//! is on a joint. Improved LuGre is reckoned for every law: the others take as much or less.
+//! If the loop takes more than 90 % of its period, the driver switches the compensation off (`loop-late`). This module
+//! warns of such a model before it is written to a driver. Every law is counted as improved LuGre, which is the most
+//! expensive one.
 
 use compensator_core::TermKind;
 
 const TABLE: &str = include_str!("../../tests/cost/table.md");
 
-/// A row of the interrupt's table with one term begins so.
-const ROW: &str = "improved LuGre";
+/// First words of the rows with at most one term.
+const BASE_LAW_ROW: &str = "improved LuGre";
 
-/// A term's place in a list, cycles: what three terms take in the table beyond what they take alone, by two.
-const PLACE: f64 = 52.0;
+/// Overhead of one more term in the list, cycles: half of what the three most expensive terms take together beyond the
+/// sum of their own costs.
+const LIST_ENTRY_CYCLES: f64 = 52.0;
 
-/// A step of a term that adds a constant, and the list's walk; the light one all others are held against.
-const LIGHTEST: TermKind = TermKind::TorqueOffset;
+/// The cheapest term, which adds a constant. Its row gives the overhead of the list.
+const CHEAPEST_TERM: TermKind = TermKind::TorqueOffset;
 
-/// Share of the period past which the loop says `loop-late`, %.
-pub const LATE_PERCENT: f64 = 90.0;
+/// Share of the period above which the driver reports `loop-late`, %.
+pub const LATE_LOOP_PERCENT: f64 = 90.0;
 
-/// Cycles and the share of the period, %, of the interrupt with so much beside improved LuGre.
-fn row(beside: Option<&str>) -> Option<[f64; 2]> {
-    let wanted = beside.map_or(ROW.to_owned(), |term| format!("{ROW} + {term}"));
+/// Returns cycles and share of the period, %, of a row of the table; `None` selects the row without terms.
+fn row(terms: Option<&str>) -> Option<[f64; 2]> {
+    let wanted = terms.map_or(BASE_LAW_ROW.to_owned(), |term| format!("{BASE_LAW_ROW} + {term}"));
     TABLE.lines().find_map(|line| {
         let mut cells = line.trim_matches('|').split('|').map(str::trim);
         (cells.next() == Some(wanted.as_str()) && cells.clone().count() == 4).then_some(())?;
@@ -35,33 +37,34 @@ fn row(beside: Option<&str>) -> Option<[f64; 2]> {
     })
 }
 
-/// Cycles of the whole interrupt at the most, with these terms; `None` where the table lacks one.
+/// Returns the maximum cycles of the whole interrupt with these terms; `None` if a term is not in the table.
 fn cycles(terms: &[TermKind]) -> Option<f64> {
     let bare = row(None)?[0];
-    // A few are part of improved LuGre itself and take no list.
+    // Some terms are part of improved LuGre itself and need no list entry.
     let listed = |term: &&TermKind| row(Some(term.name())).is_none_or(|[own, _]| own > bare);
     let mut listed = terms.iter().filter(listed).peekable();
     if listed.peek().is_none() {
         return Some(bare);
     }
-    let lightest = row(Some(LIGHTEST.name()))?[0];
-    let own = |term: &TermKind| Some(row(Some(term.name()))?[0] - lightest + PLACE);
+    let cheapest = row(Some(CHEAPEST_TERM.name()))?[0];
+    let own = |term: &TermKind| Some(row(Some(term.name()))?[0] - cheapest + LIST_ENTRY_CYCLES);
     let terms = listed.map(own).sum::<Option<f64>>()?;
-    Some(lightest - PLACE + terms)
+    Some(cheapest - LIST_ENTRY_CYCLES + terms)
 }
 
-/// Share of the loop's period the interrupt takes at the most with these terms, %, reckoned; `None` where the table lacks one.
-pub fn percent(terms: &[TermKind]) -> Option<f64> {
+/// Returns the estimated maximum share of the loop's period that the interrupt takes with these terms, %; `None` if a
+/// term is not in the table.
+pub fn loop_share_percent(terms: &[TermKind]) -> Option<f64> {
     let [cycles_of_row, percent_of_row] = row(Some("the eight dearest"))?;
     Some(cycles(terms)? / cycles_of_row * percent_of_row)
 }
 
-/// What is to be said of a model whose interrupt may come too late.
-pub fn warning(terms: &[TermKind]) -> Option<String> {
-    let percent = percent(terms).filter(|percent| *percent > LATE_PERCENT)?;
+/// Returns a warning if the current loop with these terms may exceed [`LATE_LOOP_PERCENT`].
+pub fn late_loop_warning(terms: &[TermKind]) -> Option<String> {
+    let percent = loop_share_percent(terms).filter(|percent| *percent > LATE_LOOP_PERCENT)?;
     Some(format!(
-        "with {} terms the current loop may take {percent:.0} % of its period (reckoned); past {LATE_PERCENT:.0} % it goes without \
-         compensation (loop-late)",
+        "with {} terms the current loop may take {percent:.0} % of its period (estimate); above {LATE_LOOP_PERCENT:.0} % the driver \
+         switches the compensation off (loop-late)",
         terms.len()
     ))
 }
@@ -71,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_term_has_a_row_and_costs_something() {
+    fn row_exists_for_every_term() {
         for term in TermKind::ALL {
             let name = term.name();
             let Some([cycles, percent]) = row(Some(name)) else { panic!("{name} has no row") };
@@ -80,20 +83,20 @@ mod tests {
     }
 
     #[test]
-    fn terms_put_together_take_what_the_table_counts_of_them_together() {
+    fn cycles_of_several_terms_match_the_rows_of_the_table() {
         let mut dearest: Vec<TermKind> = TermKind::ALL.to_vec();
         let of = |term: &TermKind| cycles(&[*term]).expect("a row");
         dearest.sort_by(|a, b| of(b).total_cmp(&of(a)));
         for (count, name) in [(3, "the three dearest"), (8, "the eight dearest")] {
             let counted = row(Some(name)).expect(name)[0];
-            let reckoned = cycles(&dearest[..count]).expect("rows");
+            let estimated = cycles(&dearest[..count]).expect("rows");
             assert!(
-                (reckoned / counted - 1.0).abs() < 0.01,
-                "{name}: {reckoned}, counted {counted}"
+                (estimated / counted - 1.0).abs() < 0.01,
+                "{name}: {estimated}, counted {counted}"
             );
         }
-        assert_eq!((warning(&[]), warning(&dearest[..3])), (None, None));
-        let said = warning(&dearest[..8]).expect("a warning");
-        assert!(said.contains("with 8 terms") && said.contains("98 %"), "{said}");
+        assert_eq!((late_loop_warning(&[]), late_loop_warning(&dearest[..3])), (None, None));
+        let warning = late_loop_warning(&dearest[..8]).expect("a warning");
+        assert!(warning.contains("with 8 terms") && warning.contains("98 %"), "{warning}");
     }
 }

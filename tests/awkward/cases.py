@@ -1,7 +1,7 @@
-"""The awkward logs, each with the answer or the exact error.
+"""The awkward logs, each with the expected result or the exact error.
 
-A case is a name, its files, the arguments behind `identify FILE.. --model linear`, and what is expected of
-it (see `run`). Texts are given whole; tables are made from the joint of `joint.py`.
+A case has a name, its files, further arguments of `identify FILE.. --model linear`, and expectations (see `run`).
+Texts are given in full; tables are generated from the joint of `joint.py`.
 """
 
 import datetime
@@ -23,17 +23,17 @@ class Case:
     name: str
     files: dict
     arguments: str = ""
-    # The exact line behind "error: "; then no answer is looked for.
+    # The exact line after "error: ". If it is given, no result is expected.
     error: str = ""
-    # What must be told of the log, word for word, each in one line.
-    told: list = field(default_factory=list)
-    # Whether its answer is the joint's two numbers.
+    # Texts that the output must contain, each in one line.
+    expected_lines: list = field(default_factory=list)
+    # True if the fit must give the joint's two parameters.
     answers: bool = True
-    # Of a log of several joints: their names, in the order of the file, and how much larger each one's torque is.
+    # For a log of several joints: their names in the order of the file, and the factor of each one's torque.
     joints: dict = field(default_factory=dict)
-    # Of the result's `data`: what it must hold.
+    # Expected entries of the result's `data`.
     data: dict = field(default_factory=dict)
-    # Ranges of columns, [least, most], within a thousandth.
+    # Expected ranges of columns, [minimum, maximum], within a thousandth.
     ranges: dict = field(default_factory=dict)
 
 
@@ -49,9 +49,9 @@ def error(name, content, line, arguments=""):
     case(name, content, arguments, error=line)
 
 
-def suspect(name, content, *told, **expected):
-    """A log that is read as it says, with something told of it; its numbers are as wrong as its units."""
-    case(name, content, told=list(told), answers=False, **expected)
+def suspect(name, content, *expected_lines, **expected):
+    """A log that is read with a warning. Its parameters are as wrong as its units."""
+    case(name, content, expected_lines=list(expected_lines), answers=False, **expected)
 
 
 SPEED = [-2.9999, 3.0]
@@ -63,7 +63,7 @@ case(
     "revolutions a minute and milliseconds",
     table(joint(time=("t", lambda r: 1e3 * r["t"]), velocity=("speed_rpm", lambda r: RPM * r["v"]))),
     "--columns velocity_rad_s=speed_rpm:rpm,time_s=t:ms",
-    told=["  velocity_rad_s  -3.000 to 3.000 rad/s   from speed_rpm in rpm"],
+    expected_lines=["  velocity_rad_s  -3.000 to 3.000 rad/s   from speed_rpm in rpm"],
     ranges={"time_s": [0, 3.99]},
 )
 case(
@@ -112,7 +112,7 @@ case(
     "a row of units below the header",
     table(joint(velocity=("velocity_rad_s", lambda r: RPM * r["v"])))
     .replace("\n", "\n,s,rpm,Nm\n", 1),
-    told=["the row below the header is taken for units"],
+    expected_lines=["the row below the header is read as units"],
     ranges={"velocity_rad_s": SPEED},
 )
 case(
@@ -123,15 +123,15 @@ case(
 error(
     "a header in rpm and no unit said",
     table(joint(velocity=("speed_rpm", lambda r: RPM * r["v"]))),
-    "log.csv: --columns velocity_rad_s=speed_rpm: found a name that ends in rpm and no unit, expected "
-    "velocity_rad_s=speed_rpm:rpm, or the unit it is in",
+    "log.csv: --columns velocity_rad_s=speed_rpm: found a name that ends in rpm, without a unit, expected "
+    "velocity_rad_s=speed_rpm:rpm, or the unit of the column",
     "--columns velocity_rad_s=speed_rpm",
 )
 error(
     "a header in milliseconds in brackets",
     table(joint(time=("t (ms)", lambda r: 1e3 * r["t"]))),
-    "log.csv: --columns time_s=t (ms): found a name that ends in ms and no unit, expected time_s=t (ms):ms, or the unit "
-    "it is in",
+    "log.csv: --columns time_s=t (ms): found a name that ends in ms, without a unit, expected time_s=t (ms):ms, or the unit "
+    "of the column",
     "--columns 'time_s=t (ms)'",
 )
 error(
@@ -192,18 +192,18 @@ suspect(
 case(
     "bar as pascal",
     table(joint(pressure=("pressure_diff_pa", lambda r: 3.0 + r["run"]))),
-    told=["pressure_diff_pa never exceeds 5.000 Pa: it may be in bar or MPa (--columns pressure_diff_pa=NAME:bar)."],
+    expected_lines=["pressure_diff_pa never exceeds 5.000 Pa: it may be in bar or MPa (--columns pressure_diff_pa=NAME:bar)."],
 )
 case(
     "kelvin as degrees",
     table(joint(temperature=("temperature_c", lambda r: 293.0 + r["run"]))),
-    told=["temperature_c reaches 295.0 °C: it may be in kelvin (--columns temperature_c=NAME:K)."],
+    expected_lines=["temperature_c reaches 295.0 °C: it may be in kelvin (--columns temperature_c=NAME:K)."],
 )
 case(
     "a covariate in its own unit",
     table(joint(pressure=("pressure_diff_bar", lambda r: 3.0))),
-    told=[
-        "pressure_diff_bar is taken as a column of its own; --columns pressure_diff_pa=pressure_diff_bar:bar reads it "
+    expected_lines=[
+        "pressure_diff_bar is read as a covariate; --columns pressure_diff_pa=pressure_diff_bar:bar reads it "
         "as pressure_diff_pa"
     ],
 )
@@ -214,7 +214,7 @@ case(
     "nanoseconds since 1970",
     table(joint(time=("timestamp", lambda r: EPOCH_NS + r["i"] * 10_000_000))),
     "--columns time_s=timestamp:ns",
-    told=["times count from 2024-05-01 12:00:00 UTC"],
+    expected_lines=["times count from 2024-05-01 12:00:00 UTC"],
     ranges={"time_s": [0, 3.99]},
 )
 case(
@@ -260,7 +260,7 @@ case(
 case(
     "stamps that repeat",
     table(joint(time=("time_s", lambda r: (r["i"] // 2) * 2 / RATE_HZ))),
-    told=["600 rows repeat the time stamp before them and are kept", "time-jump: 600 rows repeat the stamp of the row before"],
+    expected_lines=["600 rows repeat the time stamp before them and are kept", "time-jump: 600 rows repeat the stamp of the row before"],
     answers=False,
 )
 
@@ -293,20 +293,20 @@ def side_by_side(*numbers):
     return table(joint(velocity=None, torque=None, **columns))
 
 
-case("two joints side by side", side_by_side(1, 2), joints={"1": 1, "2": 5}, told=["2 columns are of other joints (2)"])
+case("two joints side by side", side_by_side(1, 2), joints={"1": 1, "2": 5}, expected_lines=["2 columns belong to other joints (2)"])
 case("one of two joints side by side", side_by_side(1, 2), "--where joint=1", data={"rows": RUNS * ROWS})
 case("a single joint with a number", side_by_side(4))
 error(
     "a joint that is not side by side",
     side_by_side(1, 2),
-    "log.csv: --where joint=3: found no joint 3, expected of 1, 2",
+    "log.csv: --where joint=3: found no joint 3, expected one of 1, 2",
     "--where joint=3",
 )
 case(
     "one of two joints",
     two_joints(),
     "--where joint=elbow",
-    told=["1200 rows are not of joint=elbow"],
+    expected_lines=["1200 rows are not of joint=elbow"],
     data={"rows": RUNS * ROWS, "runs": RUNS},
 )
 case("one of two joints by number", two_joints("axis", (1.0, 2.0)), "--where axis=1")
@@ -334,14 +334,14 @@ error("a choice without a value", two_joints(), '--where: found "joint", expecte
 case(
     "a thermometer in every hundredth row",
     table(joint(temperature=("temperature_c", lambda r: 20 + r["i"] / 100 if r["i"] % 100 == 0 else ""))),
-    told=["temperature_c is in 12 of 1200 rows and is interpolated in time between its values"],
+    expected_lines=["temperature_c is in 12 of 1200 rows and is interpolated in time between its values"],
     ranges={"temperature_c": [20, 23]},
     data={"rows": RUNS * ROWS, "rows_left_out": 0},
 )
 case(
     "a setting that is written when it changes",
     table(joint(kp=("kp", lambda r: 100 * (1 + r["run"]) if r["i"] == 0 else "nan"))),
-    told=["kp is in 3 of 1200 rows and is held from each of its values to the next"],
+    expected_lines=["kp is in 3 of 1200 rows and is held from each of its values to the next"],
     ranges={"kp": [100, 300]},
 )
 
@@ -361,9 +361,9 @@ case(
     "channels merged by their stamps",
     merged(50),
     "--columns time_s=__time,velocity_rad_s=/joint/velocity,torque_nm=/joint/effort,temperature_c=/oil/temperature",
-    told=[
-        "velocity and torque have stamps of their own: the 1227 rows without a torque are passed over, and the velocity "
-        "is interpolated in time where the torque has its rows",
+    expected_lines=[
+        "velocity and torque have separate time stamps: 1227 rows without a torque are ignored, and the velocity is "
+        "interpolated in time at the rows with a torque",
         "temperature_c is in 24 of 2424 rows and is interpolated in time between its values",
     ],
     data={"runs": RUNS, "rows_left_out": 0},
@@ -382,14 +382,14 @@ def beside():
 case(
     "a thermometer in rows of its own",
     beside(),
-    told=["240 rows hold neither velocity nor torque, only columns with stamps of their own"],
+    expected_lines=["240 rows hold neither velocity nor torque, only columns with separate time stamps"],
     data={"rows": RUNS * ROWS, "rows_left_out": 0},
 )
 case(
     "a mapped column without a value",
     table(joint(temperature=("oil", lambda r: ""))),
     "--columns temperature_c=oil",
-    told=["--columns temperature_c=oil: temperature_c is left out, as oil holds no value"],
+    expected_lines=["--columns temperature_c=oil: temperature_c is left out, as oil holds no value"],
 )
 error(
     "a mapped column of words",
@@ -406,6 +406,6 @@ error(
 case(
     "a torque that is missing in one row of a hundred",
     table(joint(torque=("torque_nm", lambda r: "NaN" if r["i"] % 100 == 7 else r["tau"]))),
-    told=["12 rows are left out as bad:", '  log.csv: row 9, column torque_nm: found "NaN", expected a finite number'],
+    expected_lines=["12 rows are left out as bad:", '  log.csv: row 9, column torque_nm: found "NaN", expected a finite number'],
     data={"rows": RUNS * ROWS - 12, "rows_left_out": 12},
 )

@@ -1,8 +1,8 @@
-"""The joint the awkward logs are of, and ways to write its rows.
+"""The joint of the awkward logs, and functions that write its rows.
 
-It turns to and fro against 0.5 Nm of Coulomb friction and 0.2 Nm s/rad of viscous friction, three runs at
-three speeds, 100 rows a second, with a ripple of 10 mNm that no law explains. Whatever is done to
-the log, the answer is these two numbers, or an error that says what to type.
+It oscillates against 0.5 Nm of Coulomb friction and 0.2 Nm s/rad of viscous friction, in three runs at three speeds,
+with 100 rows a second and a ripple of 10 mNm that no law explains. Every variant of the log must give these two
+parameters, or an error with the option to use.
 """
 
 import math
@@ -30,12 +30,12 @@ def rows(count=ROWS, runs=RUNS):
 
 
 def number(value):
-    """As a logger writes it: all digits of a float, a whole number as one, anything else as it is."""
+    """Formats a value as a logger does: all digits of a float, other values unchanged."""
     return repr(value) if isinstance(value, float) else str(value)
 
 
 def table(columns, of=None, by=",", end="\n"):
-    """A CSV of `columns`, a function of a row each, by name; all rows but those given as `of`."""
+    """Formats a CSV file. `columns` maps names to functions of a row; `of` replaces the default rows."""
     lines = [by.join(columns)]
     for row in rows() if of is None else of:
         lines.append(by.join(number(column(row)) for column in columns.values()))
@@ -43,7 +43,7 @@ def table(columns, of=None, by=",", end="\n"):
 
 
 def joint(**other):
-    """The columns of the contract; `other` replaces one (by time, velocity, torque), or adds to them.
+    """Returns the columns of the contract. `other` replaces one (run, time, velocity, torque) or adds one.
 
     A replacement is a pair: name and function of a row. None leaves the column out.
     """
@@ -58,5 +58,5 @@ def joint(**other):
 
 
 def on_one_clock(row):
-    """Time, s, where runs follow each other with five seconds between."""
+    """Returns the time, s, with the runs in sequence and five seconds between them."""
     return row["t"] + row["run"] * (ROWS / RATE_HZ + 5)

@@ -1,4 +1,4 @@
-"""Logs that are no tables: MCAP recordings of ROS 2, and CAN traces of other tools that hold no joint."""
+"""Logs that are not tables: MCAP recordings of ROS 2, and CAN traces of other tools without a joint."""
 
 import json
 import struct
@@ -19,7 +19,7 @@ def record(kind, content):
 
 
 def mcap(channels, messages):
-    """A file without chunks: channels as (topic, encoding, schema's name, encoding, text), messages as
+    """Returns a file without chunks: channels as (topic, encoding, schema's name, encoding, text), messages as
     (channel, time in ns, bytes)."""
     out = MAGIC + record(1, text("ros2") + text("awkward"))
     for number, (topic, encoding, name, schema_encoding, schema) in enumerate(channels, 1):
@@ -31,7 +31,7 @@ def mcap(channels, messages):
 
 
 def lz4_frame(data):
-    """As lz4 packs what it finds nothing to save in: blocks of one sequence, literals alone."""
+    """Returns an lz4 frame without compression: blocks of one sequence of literals."""
     out = bytes.fromhex("04224d18607073")
     for at in range(0, len(data), 1 << 20):
         literals = data[at : at + (1 << 20)]
@@ -43,9 +43,9 @@ def lz4_frame(data):
 
 
 def in_chunks(recording, compression="lz4", pack=lz4_frame):
-    """The same recording, all its records in one packed chunk."""
+    """Returns the recording with all its records in one compressed chunk."""
     records = recording[len(MAGIC) : -len(MAGIC)]
-    # Behind the header's record, before those of the end.
+    # After the record of the header, before those of the end.
     begin, end = 9 + len(text("ros2") + text("awkward")), -(9 + 4 + 9 + 20)
     header, inside = records[:begin], records[begin:end]
     packed = pack(inside)
@@ -134,10 +134,10 @@ case(
     "joint states of ROS 2, and a thermometer beside",
     {"log.mcap": recording()},
     f"--columns {STATES},position_rad=/joint_states.position[elbow],temperature_c=/oil.temperature",
-    told=[
+    expected_lines=[
         "times count from 2024-05-01 12:00:00 UTC",
         "temperature_c is in 60 of 1260 rows and is interpolated in time between its values",
-        "60 rows hold neither velocity nor torque, only columns with stamps of their own",
+        "60 rows hold neither velocity nor torque, only columns with separate time stamps",
     ],
     data={"runs": RUNS, "rows": RUNS * ROWS, "rows_left_out": 0},
     ranges={"position_rad": [-1, 1], "velocity_rad_s": [-2.9999, 3.0], "time_s": [0, 21.99]},
@@ -146,7 +146,7 @@ case(
     "joint states of ROS 2 in chunks packed by lz4",
     {"log.mcap": in_chunks(recording())},
     f"--columns {STATES},position_rad=/joint_states.position[elbow],temperature_c=/oil.temperature",
-    told=["temperature_c is in 60 of 1260 rows and is interpolated in time between its values"],
+    expected_lines=["temperature_c is in 60 of 1260 rows and is interpolated in time between its values"],
     data={"runs": RUNS, "rows": RUNS * ROWS, "rows_left_out": 0},
     ranges={"position_rad": [-1, 1], "velocity_rad_s": [-2.9999, 3.0], "time_s": [0, 21.99]},
 )
@@ -173,7 +173,7 @@ case(
 error(
     "an MCAP file that was cut off",
     {"log.mcap": recording()[:40]},
-    "log.mcap: found MCAP file ended in the middle of a record, expected an intact MCAP file, its chunks packed by zstd, lz4 or not at all",
+    "log.mcap: found MCAP file ended in the middle of a record, expected an intact MCAP file, uncompressed or compressed with zstd or lz4",
 )
 
 ASC = """date Wed May 1 12:00:00.000 pm 2024

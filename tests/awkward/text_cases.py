@@ -1,4 +1,4 @@
-"""More awkward logs: how text is written, where runs begin, what is too little or cannot be."""
+"""More awkward logs: text notations, starts of runs, too few rows, impossible values."""
 
 from cases import CASES, case, error, suspect
 from joint import RATE_HZ, ROWS, RUNS, joint, on_one_clock, rows, table
@@ -11,7 +11,7 @@ case("UTF-16, the other order, no mark", {"log.csv": PLAIN.encode("utf-16-be")})
 case(
     "semicolons, decimal commas and a byte order mark",
     ("\ufeff" + table(joint(), by=";").replace(".", ",")).encode(),
-    told=["commas inside numbers are decimal points"],
+    expected_lines=["commas inside numbers are decimal points"],
 )
 case(
     "remarks above and between",
@@ -62,8 +62,8 @@ error("a zip archive", b"PK\x03\x04rest", "log.csv: found a zip archive or a spr
 error(
     "two targets",
     table(joint(force=("force_n", lambda r: r["tau"]))),
-    "log.csv: row 1, column force_n: found torque_nm as well, expected one target: torque_nm for a joint that turns or "
-    "force_n for one that slides",
+    "log.csv: row 1, column force_n: found torque_nm as well, expected one target: torque_nm for a rotary joint or "
+    "force_n for a linear joint",
 )
 error(
     "one name twice",
@@ -79,7 +79,7 @@ error(
 case(
     "a few words, ragged rows and a row that goes back",
     PLAIN.replace("\n0,0.5,", "\n0,half,").replace("\n1,0.7,", "\n1,0.7,7,") + "2,1.0,0.0,0.0\n",
-    told=[
+    expected_lines=[
         "3 rows are left out as bad:",
         '  log.csv: row 52, column time_s: found "half", expected a finite number',
         "  log.csv: row 472, column (all): found 5 cells, expected 4 cells as in the header",
@@ -93,19 +93,19 @@ case(
 case(
     "starts without a run column",
     table(joint(run=None, time=("time_s", on_one_clock))),
-    told=["there is no column run: 3 starts are told apart by pauses of more than 1 s, or by the clock, which begins anew"],
+    expected_lines=["there is no column run: the file is split into 3 runs, at pauses of more than 1 s and where the clock restarts"],
     data={"runs": RUNS, "rows": RUNS * ROWS},
 )
 case(
     "a clock that begins anew",
     table(joint(run=None)),
-    told=["3 starts are told apart"],
+    expected_lines=["the file is split into 3 runs"],
     data={"runs": RUNS, "rows_left_out": 0},
 )
 case(
     "gaps that are no starts",
     table(joint(), of=[row for row in rows() if row["i"] % 100 > 8]),
-    told=["time-jump: The log has 9 gaps, the longest of 0.1000 s: each stretch between them is taken for itself."],
+    expected_lines=["time-jump: The log has 9 gaps, the longest of 0.1000 s: each segment between them is used separately."],
     data={"runs": RUNS},
 )
 error(
@@ -117,7 +117,7 @@ error(
 case(
     "no velocity, but a position",
     table(joint(velocity=("position_rad", lambda r: r["q"]))),
-    told=["no velocity is logged: it is the difference of the positions"],
+    expected_lines=["no velocity is logged: it is the difference of the positions"],
     ranges={"position_rad": [-1, 1]},
 )
 case(
@@ -140,12 +140,12 @@ case(
 suspect(
     "thirty rows",
     table(joint(), of=rows(30, 1)),
-    "too-little: 30 rows are too few: laws with one parameter more or less cannot be told apart on them.",
+    "too-little: 30 rows are too few: laws that differ by one parameter cannot be distinguished with them.",
 )
 case(
     "a reading of 9999",
     table(joint(torque=("torque_nm", lambda r: 9999.0 if (r["run"], r["i"]) == (1, 250) else r["tau"]))),
-    told=["outlier: 1 value of torque_nm cannot be (the farthest is 9999, in run 1 at 2.500 s, alone between neighbours of "
+    expected_lines=["outlier: 1 value of torque_nm cannot be (the farthest is 9999, in run 1 at 2.500 s, alone between neighbours of "
           "another size): the row is left out."],
     data={"rows_left_out": 1},
 )

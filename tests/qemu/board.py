@@ -1,4 +1,4 @@
-"""The emulated board: started, killed, its log, its serial line raw, and what a debugger can do to it."""
+"""The emulated board: start, kill, log, raw serial line, and debugger access."""
 
 import os
 import pathlib
@@ -13,7 +13,7 @@ SDO_REQUEST, SDO_ANSWER, NODE = 0x600, 0x580, 1
 
 
 class Board:
-    """A QEMU process. Its UART is a socket, its flash a file (or none), its log another."""
+    """A QEMU process. Its UART is a socket; its flash (optional) and its log are files."""
 
     def __init__(self, elf, folder, name, flash=True):
         self.elf, self.name = elf, name
@@ -34,9 +34,8 @@ class Board:
         arguments = "enable=on,target=native,arg=joint"
         if self.flash:
             arguments += f",arg=flash={self.flash}"
-        # mux lays a queue of 32 bytes before the UART's one, which halves what a byte costs. Its
-        # escape byte is one that does not exist.
-        # Its own words go to the standard error, the log's bytes to the standard output.
+        # mux adds a queue of 32 bytes before the one-byte UART, which halves the cost of a byte. The escape
+        # byte is one that does not exist. QEMU's messages go to stderr, the bytes of the log to stdout.
         with open(self.log, "ab") as log, open(self.errors, "wb") as errors:
             self.process = subprocess.Popen([
                 *MACHINE, "-echr", "256",
@@ -44,10 +43,10 @@ class Board:
                 "-semihosting-config", arguments, "-gdb", f"unix:path={self.debug},server=on,wait=off",
                 "-kernel", str(self.elf),
             ], stdin=subprocess.DEVNULL, stdout=log, stderr=errors)
-        self.await_answer()
+        self.wait_for_answer()
 
-    def await_answer(self, limit_s=30):
-        """Waits until the board answers on its line."""
+    def wait_for_answer(self, limit_s=30):
+        """Waits until the board answers on its serial line."""
         end = time.monotonic() + limit_s
         while time.monotonic() < end:
             if self.process.poll() is not None:
@@ -62,7 +61,7 @@ class Board:
         raise RuntimeError(f"the board {self.name} does not answer in {limit_s} s")
 
     def kill(self):
-        """As a power cut: nothing is asked."""
+        """Kills the process, like a power cut."""
         self.process.kill()
         self.process.wait()
 
@@ -70,29 +69,29 @@ class Board:
         return self.process.poll() is None
 
     def cpu_s(self):
-        """Processor time it took, s."""
+        """Returns the processor time used so far, s."""
         fields = pathlib.Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def jump(self, address):
-        """Sets the program counter, as a debugger does, and lets it run."""
-        self.debugged(
-            # QEMU writes single registers for debuggers that have asked which there are.
+        """Sets the program counter through the debugger and continues."""
+        self.debug_commands(
+            # QEMU writes single registers only for debuggers that have read the register list.
             (b"qXfer:features:read:target.xml:0,400", b""),
             (b"Pf=" + struct.pack("<I", address).hex().encode(), b"OK"),
         )
 
     def poke(self, address, data):
-        """Writes memory, as a debugger does, and lets it run."""
-        self.debugged((b"M%x,%x:" % (address, len(data)) + data.hex().encode(), b"OK"))
+        """Writes memory through the debugger and continues."""
+        self.debug_commands((b"M%x,%x:" % (address, len(data)) + data.hex().encode(), b"OK"))
 
     def symbol(self, name):
-        """Address of a symbol of the image."""
+        """Returns the address of a symbol of the image."""
         table = subprocess.run(["arm-none-eabi-nm", str(self.elf)], stdout=subprocess.PIPE, text=True, check=True).stdout
         return next(int(words[0], 16) for line in table.splitlines() if (words := line.split())[-1] == name)
 
-    def debugged(self, *commands):
-        """Stops it, gives a debugger's commands, each with what its answer must hold, and lets it run."""
+    def debug_commands(self, *commands):
+        """Stops the core, sends debugger commands with their expected answers, and continues."""
         with socket.socket(socket.AF_UNIX) as link:
             link.settimeout(10)
             link.connect(str(self.debug))
@@ -104,7 +103,7 @@ class Board:
                 found = b""
                 while True:
                     found += link.recv(4096)
-                    # That it has stopped it says when it is asked and also by itself.
+                    # Stop replies arrive on request and also unsolicited.
                     for body in re.findall(rb"\$([^#]*)#..", found):
                         if not re.match(rb"[ST]\d", body):
                             return body
@@ -114,14 +113,14 @@ class Board:
                 for command, expected in commands:
                     packet(command)
                     if expected not in answer():
-                        raise RuntimeError(f"the debugger's {command.decode()} is refused")
+                        raise RuntimeError(f"debugger command {command.decode()} is refused")
             finally:
                 packet(b"D")
                 answer()
 
 
 class Line:
-    """The serial line, raw: text in, text out."""
+    """The raw serial line: text in, text out."""
 
     def __init__(self, path):
         self.link = socket.socket(socket.AF_UNIX)
@@ -135,7 +134,7 @@ class Line:
         self.link.close()
 
     def write(self, text, limit_s=60):
-        """Writes all of it, and reads meanwhile what comes."""
+        """Writes the whole text and reads received text meanwhile."""
         self.link.settimeout(0)
         end = time.monotonic() + limit_s
         while text:
@@ -143,11 +142,11 @@ class Line:
                 text = text[self.link.send(text):]
             except BlockingIOError:
                 if time.monotonic() > end:
-                    raise RuntimeError("the board takes no more bytes") from None
+                    raise RuntimeError("the board accepts no more bytes") from None
                 self.read(0.01)
 
     def read(self, wait_s):
-        """Reads what comes in this time; `False` once nothing did."""
+        """Reads for this time; returns False if nothing was received."""
         self.link.settimeout(wait_s)
         try:
             found = self.link.recv(65536)
@@ -157,7 +156,7 @@ class Line:
         return bool(found)
 
     def ask(self, text, answer, limit_s=2):
-        """Writes, and waits until a line that begins with `answer` comes; gives it, or None."""
+        """Writes text and waits for a line that begins with `answer`; returns it, or None."""
         self.text = b""
         self.write(text)
         end = time.monotonic() + limit_s
@@ -169,14 +168,14 @@ class Line:
         return None
 
     def open(self):
-        """Opens the bus, whatever was before."""
+        """Opens the bus from any state."""
         self.write(b"\r\rC\r")
         while self.read(0.2):
             pass
         return self.ask(b"S8\rO\r", b"", 1) is not None
 
     def sdo(self, request):
-        """One object request of eight bytes; gives the answer's eight, or None."""
+        """Sends an SDO request of eight bytes; returns the eight bytes of the answer, or None."""
         text = self.ask(sdo_line(request), b"t%03X8" % (SDO_ANSWER + NODE))
         return bytes.fromhex(text[5:21].decode()) if text else None
 
@@ -186,7 +185,7 @@ def sdo_line(request):
 
 
 def write_request(index, place, value):
-    """An expedited download of up to four bytes."""
+    """Returns an expedited download of up to four bytes."""
     return struct.pack("<BHB", 0x23 | (4 - len(value)) << 2, index, place) + value.ljust(4, b"\0")
 
 

@@ -1,4 +1,4 @@
-"""What the emulated board needs built: the image, host-sim, and a program that decodes the log."""
+"""Builds what the emulated board needs: the image, host-sim, and a decoder for the log."""
 
 import json
 import os
@@ -10,13 +10,13 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 TARGET_FOLDER = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
 TARGET = "thumbv7em-none-eabihf"
-# The one that reads what this defmt writes.
+# The version that matches the defmt of the image.
 DECODER = "defmt-print@1.2.0"
 
 
 def cargo_build(*arguments):
-    """Builds; gives the program's path."""
-    # Lines below this level are not in the image at all.
+    """Builds a program and returns its path."""
+    # The image does not contain lines below this level.
     os.environ.setdefault("DEFMT_LOG", "info")
     result = subprocess.run(["cargo", "build", "-q", "--message-format=json-render-diagnostics", *arguments], cwd=ROOT,
                             stdout=subprocess.PIPE, text=True)
@@ -27,7 +27,7 @@ def cargo_build(*arguments):
 
 
 def build_firmware():
-    """The image for the emulated board, or what FIRMWARE_QEMU names."""
+    """Returns the image for the emulated board, or the one that FIRMWARE_QEMU names."""
     given = os.environ.get("FIRMWARE_QEMU")
     return pathlib.Path(given).resolve() if given else cargo_build(
         "-p", "firmware", "--bin", "firmware", "--profile", "firmware", "--target", TARGET, "--no-default-features",
@@ -35,16 +35,16 @@ def build_firmware():
 
 
 def build_host_sim():
-    """host-sim, or what HOST_SIM names."""
+    """Returns host-sim, or the program that HOST_SIM names."""
     given = os.environ.get("HOST_SIM")
     return pathlib.Path(given).resolve() if given else cargo_build("--workspace", "--bin", "host-sim")
 
 
 def decoder(tools):
-    """defmt-print, or where it could be had; None where it cannot. `tools` is where it is put."""
+    """Returns the path of defmt-print, installed into `tools` if needed; None if it cannot be installed."""
     found = shutil.which("defmt-print") or shutil.which("defmt-print", path=str(tools / "bin"))
     if not found:
-        # Some hundred lines are decoded: not worth what an optimised build takes.
+        # Only some hundred lines are decoded, so an optimised build is not worth its time.
         print("installing defmt-print (once)")
         subprocess.run(["cargo", "install", "-q", "--debug", "--locked", "--root", str(tools), DECODER], check=False)
         found = shutil.which("defmt-print", path=str(tools / "bin"))
@@ -52,7 +52,7 @@ def decoder(tools):
 
 
 def decode(program, elf, log):
-    """The log's lines, decoded."""
+    """Returns the decoded lines of the log."""
     with open(log, "rb") as file:
         result = subprocess.run([program, "-e", str(elf)], stdin=file, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                 text=True, timeout=60)

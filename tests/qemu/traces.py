@@ -1,8 +1,8 @@
-"""Traces for the emulated board: what host-sim simulates, with no more frames than a driver needs.
+"""Traces for the emulated board: simulated by host-sim and reduced to the frames that a driver needs.
 
-A byte to the board costs more than a step of it. So of a simulated trace every motion and every SYNC stays, and of
-side load, pressure and measured torque every tenth: drivers hold them for so long. A temperature,
-which the simulation has none of, is added as often. It climbs and falls, so that terms that follow it do something.
+A byte sent to the board costs more time than a step. Of a simulated trace every motion and SYNC frame is kept, but only
+every tenth frame of side load, pressure and measured torque; the driver holds these values. The simulation has no
+temperature, so one is added at the same rate. It rises and falls, so that terms that depend on it are exercised.
 """
 
 import math
@@ -43,14 +43,14 @@ position_max_rad = 500.0  # times the ripple's order, it must fit the fixed-poin
 
 
 def simulate(host_sim, folder, runs, seconds, seed):
-    """A simulated trace, whole."""
+    """Simulates a complete trace and returns its path."""
     subprocess.run([host_sim, "simulate", "underwater-joint", "--runs", str(runs), "--seconds", str(seconds),
                     "--seed", str(seed), "--out", folder], check=True, stdout=subprocess.DEVNULL)
     return folder / "trace.log"
 
 
-def thin(whole, path):
-    """Writes the thinned trace; gives its number of samples."""
+def reduce(whole, path):
+    """Writes the reduced trace; returns its number of samples."""
     samples, kept = 0, bytearray()
     with open(whole, "rb") as source, open(path, "wb") as sink:
         for line in source:

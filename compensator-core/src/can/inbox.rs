@@ -1,55 +1,57 @@
-//! Frames put together to the inputs of one sample.
+//! Assembles received frames into the inputs of one sample.
 //!
-//! What comes before a SYNC belongs to its sample. A quantity keeps its last value and grows older by
-//! a sample period with every SYNC it is not heard of again, so a thermometer may speak once a second.
-//! NaN says that nobody measures a quantity: it counts as never heard, not as wrong. The SYNC's counter
-//! tells a SYNC that comes twice, too late, or after others were lost; only a new one makes a sample.
-//! A driver that is fed from the bus and the PC that checks it run this same code, each on its own
-//! frames.
+//! Frames received before a SYNC belong to its sample. A quantity that is not received again keeps its last
+//! value, and its age grows by one sample period per SYNC. A slow sensor may therefore send once per second.
+//! NaN means that the quantity has no sensor; it counts as never received, not as invalid. The SYNC counter
+//! identifies duplicate, late and lost SYNCs. Only a new SYNC completes a sample. A driver in HIL and the PC
+//! that checks it run this same code, each on its own frames.
 
-use super::{Command, Entry, Message, Motion, Node, Seal, Surroundings, Sync, Torque};
+use super::{
+    CommandFrame, Message, MotionFrame, NodeId, SealFrame, SurroundingsFrame, SyncFrame,
+    TorqueFrame, TraceEntry,
+};
 use crate::number::Real;
 use crate::quantity::{Inputs, Reading};
 
-/// What a SYNC was.
+/// Classification of a SYNC by its counter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SyncOutcome {
-    /// It ends a sample. So many SYNCs before it were lost.
+    /// The SYNC completes a sample.
     Sample {
-        /// Number of SYNCs that never came.
+        /// Number of SYNCs lost before this one.
         lost: u8,
     },
-    /// The same SYNC again.
+    /// The SYNC repeats the last one.
     Duplicate,
-    /// One from before the last.
+    /// The SYNC is older than the last one.
     Late,
 }
 
-/// A value and its age in samples; `None` until something is heard.
+/// A received value and its age, in samples.
 #[derive(Clone, Copy, Debug)]
-struct Heard<M> {
+struct Received<M> {
     value: M,
     age: u32,
 }
 
-/// The inputs of a joint that is fed from the bus.
+/// The inputs of a joint in HIL, assembled from CAN frames.
 #[derive(Clone, Debug)]
-pub struct Inbox {
-    node: Node,
-    motion: Option<Heard<Motion>>,
-    torque: Option<Heard<Torque>>,
-    seal: Option<Heard<Seal>>,
-    surroundings: Option<Heard<Surroundings>>,
-    command: Option<Heard<Command>>,
-    /// Number of the next sample in its run.
+pub struct SampleAssembler {
+    node: NodeId,
+    motion: Option<Received<MotionFrame>>,
+    torque: Option<Received<TorqueFrame>>,
+    seal: Option<Received<SealFrame>>,
+    surroundings: Option<Received<SurroundingsFrame>>,
+    command: Option<Received<CommandFrame>>,
+    /// Number of the current sample in its run, from 0.
     next: u32,
-    /// The counter of the last SYNC; `None` before the first.
+    /// Counter of the last SYNC; `None` before the first.
     last_counter: Option<u8>,
 }
 
-impl Inbox {
-    /// Nothing heard yet.
-    pub const fn new(node: Node) -> Self {
+impl SampleAssembler {
+    /// Creates an assembler without received values.
+    pub const fn new(node: NodeId) -> Self {
         Self {
             node,
             motion: None,
@@ -62,37 +64,42 @@ impl Inbox {
         }
     }
 
-    /// Takes in a message; one for another node is passed over. `true` where a new run begins:
-    /// what was heard is forgotten then, and the state of the model is to be cleared.
+    /// Stores a message; messages of other nodes are ignored.
+    ///
+    /// Returns true if a new run begins. All received values are then discarded, and the caller must clear the
+    /// state of the model.
     pub fn take(&mut self, message: &Message) -> bool {
-        let fresh = |node: Node| node == self.node;
+        let is_own = |node: NodeId| node == self.node;
         match *message {
-            Message::Motion(node, value) if fresh(node) => self.motion = Some(heard(value)),
-            Message::Torque(node, value) if fresh(node) => self.torque = Some(heard(value)),
-            Message::Seal(node, value) if fresh(node) => self.seal = Some(heard(value)),
-            Message::Surroundings(node, value) if fresh(node) => {
-                self.surroundings = Some(heard(value));
+            Message::Motion(node, value) if is_own(node) => self.motion = Some(received(value)),
+            Message::Torque(node, value) if is_own(node) => self.torque = Some(received(value)),
+            Message::Seal(node, value) if is_own(node) => self.seal = Some(received(value)),
+            Message::Surroundings(node, value) if is_own(node) => {
+                self.surroundings = Some(received(value));
             }
-            Message::Command(node, value) if fresh(node) => {
-                // A repeated command is no new one: its age goes on.
-                let repeated = self.command.is_some_and(|had| had.value.counter == value.counter);
+            Message::Command(node, value) if is_own(node) => {
+                // A repeated counter is not a new command: its age continues.
+                let repeated =
+                    self.command.is_some_and(|received| received.value.counter == value.counter);
                 if !repeated {
-                    self.command = Some(heard(value));
+                    self.command = Some(received(value));
                 }
             }
-            Message::Entry(node, Entry::Run(_)) if fresh(node) => {
+            Message::Entry(node, TraceEntry::Run(_)) if is_own(node) => {
                 *self = Self::new(self.node);
                 return true;
             }
-            Message::Entry(node, Entry::Sequence(number)) if fresh(node) => self.next = number,
+            Message::Entry(node, TraceEntry::Sequence(number)) if is_own(node) => {
+                self.next = number
+            }
             _ => {}
         }
         false
     }
 
-    /// Takes in a SYNC and says whether it ends a sample.
-    pub fn sync(&mut self, sync: Sync) -> SyncOutcome {
-        let ring = u16::from(Sync::LAST);
+    /// Processes a SYNC and classifies it.
+    pub fn sync(&mut self, sync: SyncFrame) -> SyncOutcome {
+        let ring = u16::from(SyncFrame::LAST);
         let lost = match self.last_counter {
             None => 0,
             Some(last) => {
@@ -100,7 +107,7 @@ impl Inbox {
                 if ahead == 0 {
                     return SyncOutcome::Duplicate;
                 }
-                // Half the ring ahead, or half behind.
+                // More than half the counter range ahead counts as behind.
                 if ahead > ring / 2 {
                     return SyncOutcome::Late;
                 }
@@ -112,46 +119,54 @@ impl Inbox {
         SyncOutcome::Sample { lost }
     }
 
-    /// Number in its run of the sample that the last SYNC ended, or that the next one will end.
+    /// Number in its run of the sample that the last SYNC completed, or that the next one will complete.
     pub const fn sequence(&self) -> u32 {
         self.next
     }
 
-    /// The measured torque of the sample, Nm; NaN where none is measured, or none came with it.
+    /// Measured torque of the sample, Nm; NaN if it was not measured or not received in this sample.
     pub fn measured_torque_nm(&self) -> f32 {
-        self.torque.filter(|had| had.age == 0).map_or(f32::NAN, |had| had.value.torque_nm)
+        self.torque
+            .filter(|received| received.age == 0)
+            .map_or(f32::NAN, |received| received.value.torque_nm)
     }
 
-    /// The commanded current, A, and its age in s; `None` before the first command.
+    /// Commanded current, A, and its age, s; `None` before the first command.
     pub fn command_current_a(&self, period_s: f32) -> Option<Reading<f32>> {
-        self.command
-            .map(|had| Reading { value: had.value.current_a, age_s: had.age as f32 * period_s })
+        self.command.map(|received| Reading {
+            value: received.value.current_a,
+            age_s: received.age as f32 * period_s,
+        })
     }
 
-    /// The inputs of the sample, for a sample period in s and a campaign that was `campaign_h` old when
-    /// the run began. The acceleration is not on the bus.
+    /// Returns the inputs of the sample.
+    ///
+    /// `period_s` is the sample period, s. `campaign_h` is the campaign time at the start of the run, h. The
+    /// acceleration is not transmitted.
     pub fn inputs<T: Real<Setting = f32>>(&self, period_s: f32, campaign_h: f32) -> Inputs<T> {
-        let motion = |of: fn(&Motion) -> f32| reading(self.motion, period_s, of);
-        let seal = |of: fn(&Seal) -> f32| reading(self.seal, period_s, of);
-        let surroundings = |of: fn(&Surroundings) -> f32| reading(self.surroundings, period_s, of);
+        let motion = |of: fn(&MotionFrame) -> f32| reading(self.motion, period_s, of);
+        let seal = |of: fn(&SealFrame) -> f32| reading(self.seal, period_s, of);
+        let surroundings =
+            |of: fn(&SurroundingsFrame) -> f32| reading(self.surroundings, period_s, of);
         let campaign = campaign_h + self.next as f32 * (period_s / 3600.0);
         Inputs {
+            // No `..Inputs::missing()`: a new covariate must be assigned its frame here.
             velocity_rad_s: motion(|of| of.velocity_rad_s),
             velocity_reference_rad_s: reading(self.command, period_s, |of| {
                 of.velocity_reference_rad_s()
             }),
             position_rad: motion(|of| of.position_rad),
             radial_force_n: seal(|of| of.radial_force_n),
-            pressure_diff_mpa: seal(Seal::pressure_diff_mpa),
+            pressure_diff_mpa: seal(SealFrame::pressure_diff_mpa),
             temperature_c: surroundings(|of| of.temperature_c),
             load_torque_nm: reading(self.torque, period_s, |of| of.load_torque_nm),
             auxiliary: surroundings(|of| of.auxiliary),
+            acceleration_rad_s2: Reading::missing(),
             campaign_time_h: T::from_setting(campaign),
-            ..Inputs::missing()
         }
     }
 
-    /// Ends the sample: all that was heard is a sample older.
+    /// Ends the sample: the age of every received value grows by one sample.
     pub fn end_sample(&mut self) {
         self.next = self.next.wrapping_add(1);
         age(&mut self.motion);
@@ -162,27 +177,27 @@ impl Inbox {
     }
 }
 
-fn heard<M>(value: M) -> Heard<M> {
-    Heard { value, age: 0 }
+fn received<M>(value: M) -> Received<M> {
+    Received { value, age: 0 }
 }
 
-fn age<M>(heard: &mut Option<Heard<M>>) {
-    if let Some(heard) = heard {
-        heard.age = heard.age.saturating_add(1);
+fn age<M>(received: &mut Option<Received<M>>) {
+    if let Some(received) = received {
+        received.age = received.age.saturating_add(1);
     }
 }
 
 fn reading<M: Copy, T: Real<Setting = f32>>(
-    heard: Option<Heard<M>>,
+    received: Option<Received<M>>,
     period_s: f32,
     of: impl Fn(&M) -> f32,
 ) -> Reading<T> {
-    let Some(had) = heard else { return Reading::missing() };
-    let value = of(&had.value);
+    let Some(received) = received else { return Reading::missing() };
+    let value = of(&received.value);
     if value.is_nan() {
         return Reading::missing();
     }
-    let age_s = had.age as f32 * period_s;
+    let age_s = received.age as f32 * period_s;
     Reading { value: T::from_setting(value), age_s: T::from_setting(age_s) }
 }
 
@@ -192,17 +207,17 @@ mod tests {
 
     const PERIOD_S: f32 = 0.001;
 
-    fn sync(counter: u8) -> Sync {
-        Sync { counter }
+    fn sync(counter: u8) -> SyncFrame {
+        SyncFrame { counter }
     }
 
     fn moving(velocity_rad_s: f32, position_rad: f32) -> Message {
-        Message::Motion(Node::FIRST, Motion { velocity_rad_s, position_rad })
+        Message::Motion(NodeId::FIRST, MotionFrame { velocity_rad_s, position_rad })
     }
 
     #[test]
-    fn what_is_not_heard_again_ages() {
-        let mut inbox = Inbox::new(Node::FIRST);
+    fn inputs_without_new_frames_age_by_one_period_per_sample() {
+        let mut inbox = SampleAssembler::new(NodeId::FIRST);
         let missing: Inputs<f32> = inbox.inputs(PERIOD_S, 0.0);
         assert!(missing.velocity_rad_s.age_s < 0.0);
         inbox.take(&moving(1.5, f32::NAN));
@@ -211,7 +226,7 @@ mod tests {
             let inputs: Inputs<f32> = inbox.inputs(PERIOD_S, 0.0);
             assert_eq!(inputs.velocity_rad_s.value, 1.5);
             assert_eq!(inputs.velocity_rad_s.age_s, f32::from(counter - 1) * PERIOD_S);
-            // Nobody measures the position.
+            // The position is not measured.
             assert!(inputs.position_rad.age_s < 0.0);
             inbox.end_sample();
         }
@@ -222,8 +237,8 @@ mod tests {
     }
 
     #[test]
-    fn a_sync_is_new_again_late_or_after_lost_ones() {
-        let mut inbox = Inbox::new(Node::FIRST);
+    fn sync_counter_identifies_new_duplicate_late_and_lost() {
+        let mut inbox = SampleAssembler::new(NodeId::FIRST);
         let mut step = |counter| {
             let outcome = inbox.sync(sync(counter));
             if matches!(outcome, SyncOutcome::Sample { .. }) {
@@ -241,24 +256,25 @@ mod tests {
     }
 
     #[test]
-    fn a_run_begins_with_nothing_heard() {
-        let mut inbox = Inbox::new(Node::FIRST);
+    fn take_with_run_entry_discards_received_values() {
+        let mut inbox = SampleAssembler::new(NodeId::FIRST);
         inbox.take(&moving(1.0, 1.0));
         inbox.sync(sync(1));
         inbox.end_sample();
         // Another node's run is its own.
-        let other = Node::new(2).unwrap();
-        assert!(!inbox.take(&Message::Entry(other, Entry::Run(5))));
-        assert!(inbox.take(&Message::Entry(Node::FIRST, Entry::Run(5))));
+        let other = NodeId::new(2).unwrap();
+        assert!(!inbox.take(&Message::Entry(other, TraceEntry::Run(5))));
+        assert!(inbox.take(&Message::Entry(NodeId::FIRST, TraceEntry::Run(5))));
         let inputs: Inputs<f32> = inbox.inputs(PERIOD_S, 0.0);
         assert!(inputs.velocity_rad_s.age_s < 0.0);
         assert_eq!(inbox.sequence(), 0);
     }
 
     #[test]
-    fn a_repeated_command_goes_on_ageing() {
-        let mut inbox = Inbox::new(Node::FIRST);
-        let command = |counter| Message::Command(Node::FIRST, Command::new(2.0, 0.5, counter));
+    fn take_with_repeated_command_keeps_its_age() {
+        let mut inbox = SampleAssembler::new(NodeId::FIRST);
+        let command =
+            |counter| Message::Command(NodeId::FIRST, CommandFrame::new(2.0, 0.5, counter));
         inbox.take(&command(7));
         inbox.end_sample();
         inbox.take(&command(7));
@@ -270,9 +286,9 @@ mod tests {
     }
 
     #[test]
-    fn the_campaign_goes_on_with_the_samples() {
-        let mut inbox = Inbox::new(Node::FIRST);
-        inbox.take(&Message::Entry(Node::FIRST, Entry::Sequence(3_600_000)));
+    fn inputs_at_later_sample_advance_campaign_time() {
+        let mut inbox = SampleAssembler::new(NodeId::FIRST);
+        inbox.take(&Message::Entry(NodeId::FIRST, TraceEntry::Sequence(3_600_000)));
         let inputs: Inputs<f32> = inbox.inputs(PERIOD_S, 2.0);
         assert!((inputs.campaign_time_h - 3.0).abs() < 1e-6);
     }

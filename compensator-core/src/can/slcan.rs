@@ -1,4 +1,4 @@
-//! slcan: CAN as lines of text on a serial line, as USB adapters and the emulated board speak it.
+//! slcan: CAN frames as lines of text on a serial line, used by USB adapters and by the emulated board.
 //!
 //! ```text
 //! t20180011223344556677\r   classic data, 11 bits: identifier 201, eight bytes; T with 29 bits
@@ -9,76 +9,76 @@
 //! \r  z\r  Z\r  \a          answers: done, sent (11, 29 bits), refused
 //! ```
 //!
-//! A data frame may carry four more digits, milliseconds in a minute. The way of a byte: [`Splitter`]
-//! (bytes to lines) -> [`parse`] (a line, understood; its data stay text until asked for) -> [`Adapter`]
-//! (what a device answers). [`emit`] goes the other way. Whatever the bytes are, nothing here panics.
+//! A data frame may end with a time stamp of four digits, milliseconds within a minute. [`LineSplitter`] splits
+//! bytes into lines. [`parse`] parses a line; the data bytes are decoded on access. [`Adapter`] answers as a
+//! device does. [`emit`] writes lines. No input causes a panic.
 
 mod adapter;
 mod splitter;
 
-pub use adapter::{Adapter, Heard};
-pub use splitter::{Piece, Splitter};
+pub use adapter::{Adapter, AdapterReply};
+pub use splitter::{LinePiece, LineSplitter};
 
 use super::Frame;
 use core::fmt;
 
-/// Bytes of the longest line, without its end: CAN FD, 29 bits, 64 bytes, a stamp.
-pub const LONGEST: usize = 1 + 8 + 1 + 128 + 4;
-/// Bytes of the longest line of a classic frame, without its end.
-pub const LONGEST_CLASSIC: usize = 1 + 8 + 1 + 16 + 4;
+/// Maximum length of a line without its end, bytes: CAN FD, 29 bits, 64 data bytes, a time stamp.
+pub const MAX_LINE_BYTES: usize = 1 + 8 + 1 + 128 + 4;
+/// Maximum length of a line of a classic frame without its end, bytes.
+pub const MAX_CLASSIC_LINE_BYTES: usize = 1 + 8 + 1 + 16 + 4;
 
-/// What a line ends with; alone it says that something was done.
+/// End of a line. As an answer on its own it means success.
 pub const DONE: u8 = b'\r';
-/// Says that something was refused.
+/// Answer that means an error (BELL).
 pub const REFUSED: u8 = 7;
 
 const LAST_STANDARD: u32 = 0x7FF;
 const LAST_EXTENDED: u32 = 0x1FFF_FFFF;
 
-/// Bytes of CAN FD by length code.
+/// Data length of CAN FD by length code, bytes.
 const LENGTHS: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
-/// What sort of frame a line holds.
+/// Kind of the frame in a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum FrameKind {
     /// Classic data.
     Data,
     /// A remote request.
     Remote,
     /// CAN FD at one bit rate.
     Flexible,
-    /// CAN FD, the data at the higher rate.
+    /// CAN FD with bit-rate switching for the data.
     Switched,
 }
 
-/// All of a frame but its data.
+/// Header of a frame: everything except its data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Header {
-    /// What sort.
-    pub kind: Kind,
-    /// 11 or 29 bits.
+pub struct FrameHeader {
+    /// Kind of the frame.
+    pub kind: FrameKind,
+    /// Identifier, 11 or 29 bits.
     pub identifier: u32,
-    /// Whether 29.
+    /// True if the identifier has 29 bits.
     pub extended: bool,
-    /// Bytes of data, or asked for: up to 8, of CAN FD a length it knows up to 64.
+    /// Length of the data, or of the requested data, bytes: up to 8; CAN FD up to 64 in fixed steps.
     pub length: u8,
 }
 
-/// A frame in its line: the data are text still.
+/// A frame that borrows its line; the data are still text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct View<'a> {
-    header: Header,
+pub struct FrameView<'a> {
+    header: FrameHeader,
     digits: &'a [u8],
     stamp_ms: Option<u16>,
 }
 
-impl View<'_> {
-    /// All but the data.
-    pub const fn header(&self) -> Header {
+impl FrameView<'_> {
+    /// Header of the frame.
+    pub const fn header(&self) -> FrameHeader {
         self.header
     }
 
-    /// When the adapter heard it, ms in its minute.
+    /// Time of reception by the adapter, ms within its minute.
     pub const fn stamp_ms(&self) -> Option<u16> {
         self.stamp_ms
     }
@@ -89,9 +89,11 @@ impl View<'_> {
         pairs.iter().filter_map(|[high, low]| Some(digit(*high)? << 4 | digit(*low)?))
     }
 
-    /// As a frame a joint knows: classic data with an 11-bit identifier; `None` for any other.
+    /// Converts to a [`Frame`]; `None` unless it is a classic data frame with an 11-bit identifier.
     pub fn frame(&self) -> Option<Frame> {
-        let Header { kind: Kind::Data, identifier, extended: false, length } = self.header else {
+        let FrameHeader { kind: FrameKind::Data, identifier, extended: false, length } =
+            self.header
+        else {
             return None;
         };
         let mut data = [0; 8];
@@ -100,7 +102,7 @@ impl View<'_> {
     }
 }
 
-/// A bit rate that has a number, 0 to 8.
+/// Bit rate by its slcan number, 0 to 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitRate(u8);
 
@@ -108,91 +110,91 @@ impl BitRate {
     const BITS_PER_SECOND: [u32; 9] =
         [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
-    /// 1 Mbit/s: what a joint needs for its samples at 1 kHz.
+    /// 1 Mbit/s, required for samples at 1 kHz.
     pub const MEGABIT: Self = Self(8);
 
-    /// The rate of this number; `None` beyond 8.
+    /// Returns the rate with this number; `None` above 8.
     pub const fn new(number: u8) -> Option<Self> {
         if number <= 8 { Some(Self(number)) } else { None }
     }
 
-    /// The rate of so many bit/s; `None` where there is none.
+    /// Returns the rate of this value, bit/s; `None` if slcan does not define it.
     pub fn from_bits_per_second(bits_per_second: u32) -> Option<Self> {
         let at = Self::BITS_PER_SECOND.iter().position(|rate| *rate == bits_per_second)?;
         u8::try_from(at).ok().map(Self)
     }
 
-    /// bit/s.
+    /// Rate, bit/s.
     pub fn bits_per_second(self) -> u32 {
         Self::BITS_PER_SECOND.get(usize::from(self.0)).copied().unwrap_or(1_000_000)
     }
 }
 
-/// What an adapter is told to do.
+/// Command to an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// Take part in the bus.
+pub enum AdapterCommand {
+    /// Open the bus.
     Open,
-    /// Listen to the bus and send nothing.
+    /// Open the bus in listen-only mode.
     Listen,
-    /// Leave the bus.
+    /// Close the bus.
     Close,
-    /// The bit rate, while closed.
+    /// Set the bit rate. Valid only while closed.
     BitRate(BitRate),
-    /// The bit rate of CAN FD's data; its digit is Mbit/s.
+    /// Set the data bit rate of CAN FD, Mbit/s.
     DataRate(u8),
-    /// Say which version it is.
+    /// Report the version.
     Version,
-    /// Say its serial number.
+    /// Report the serial number.
     SerialNumber,
-    /// Say how it is.
+    /// Report the status.
     Status,
-    /// Put a stamp behind each frame, or do not.
+    /// Enable or disable time stamps.
     Stamps(bool),
 }
 
-/// A line, understood.
+/// A parsed line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Line<'a> {
-    /// A frame, either way.
-    Frame(View<'a>),
-    /// To an adapter.
-    Command(Command),
-    /// An empty line. From an adapter: done.
+pub enum SlcanLine<'a> {
+    /// A frame, in either direction.
+    Frame(FrameView<'a>),
+    /// Command to an adapter.
+    Command(AdapterCommand),
+    /// An empty line. From an adapter it means success.
     Done,
-    /// From an adapter: a frame was sent.
+    /// From an adapter: the frame was sent.
     Sent {
-        /// Whether its identifier had 29 bits.
+        /// True if the identifier has 29 bits.
         extended: bool,
     },
     /// From an adapter: its version, serial number or status.
-    Told {
-        /// `V`, `N` or `F`.
-        what: u8,
+    Report {
+        /// Letter of the command: `V`, `N` or `F`.
+        letter: u8,
         /// The rest of the line.
         text: &'a [u8],
     },
 }
 
-/// What is wrong with a line.
+/// Error of parsing a line; it names the invalid part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineError {
-    /// No line begins so.
+    /// The first byte is unknown.
     Unknown(u8),
     /// The identifier.
     Identifier,
     /// The length.
     Length,
-    /// The data, or what follows them.
+    /// The data, or the text after them.
     Data,
-    /// What follows the letter of a command.
+    /// The argument of a command.
     Argument,
 }
 
 impl fmt::Display for LineError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unknown(found) => write!(f, "no slcan line begins with byte {found:#04x}"),
+            Self::Unknown(found) => write!(f, "unknown first byte {found:#04x} of an slcan line"),
             Self::Identifier => {
                 f.write_str("expected an identifier, 3 digits to 7FF or 8 to 1FFFFFFF")
             }
@@ -205,22 +207,22 @@ impl fmt::Display for LineError {
 
 impl core::error::Error for LineError {}
 
-/// Reads a line, without its end.
+/// Parses a line without its end.
 ///
 /// # Errors
-/// Says which part is wrong; never panics, whatever the bytes.
-pub fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
-    let Some((&letter, rest)) = line.split_first() else { return Ok(Line::Done) };
+/// Names the invalid part. Never panics.
+pub fn parse(line: &[u8]) -> Result<SlcanLine<'_>, LineError> {
+    let Some((&letter, rest)) = line.split_first() else { return Ok(SlcanLine::Done) };
     let (kind, extended) = match letter {
-        b't' => (Kind::Data, false),
-        b'T' => (Kind::Data, true),
-        b'r' => (Kind::Remote, false),
-        b'R' => (Kind::Remote, true),
-        b'd' => (Kind::Flexible, false),
-        b'D' => (Kind::Flexible, true),
-        b'b' => (Kind::Switched, false),
-        b'B' => (Kind::Switched, true),
-        _ => return other(letter, rest),
+        b't' => (FrameKind::Data, false),
+        b'T' => (FrameKind::Data, true),
+        b'r' => (FrameKind::Remote, false),
+        b'R' => (FrameKind::Remote, true),
+        b'd' => (FrameKind::Flexible, false),
+        b'D' => (FrameKind::Flexible, true),
+        b'b' => (FrameKind::Switched, false),
+        b'B' => (FrameKind::Switched, true),
+        _ => return parse_command_or_answer(letter, rest),
     };
     let (places, last) = if extended { (8, LAST_EXTENDED) } else { (3, LAST_STANDARD) };
     let (identifier, rest) = rest.split_at_checked(places).ok_or(LineError::Identifier)?;
@@ -228,12 +230,12 @@ pub fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
         number(identifier).filter(|number| *number <= last).ok_or(LineError::Identifier)?;
     let (&code, rest) = rest.split_first().ok_or(LineError::Length)?;
     let code = digit(code).ok_or(LineError::Length)?;
-    let flexible = matches!(kind, Kind::Flexible | Kind::Switched);
+    let flexible = matches!(kind, FrameKind::Flexible | FrameKind::Switched);
     if code > 8 && !flexible {
         return Err(LineError::Length);
     }
     let length = LENGTHS.get(usize::from(code)).copied().ok_or(LineError::Length)?;
-    let digits = if kind == Kind::Remote { 0 } else { 2 * usize::from(length) };
+    let digits = if kind == FrameKind::Remote { 0 } else { 2 * usize::from(length) };
     let (digits, stamp) = rest.split_at_checked(digits).ok_or(LineError::Data)?;
     if digits.iter().any(|text| digit(*text).is_none()) {
         return Err(LineError::Data);
@@ -243,47 +245,47 @@ pub fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
         [_, _, _, _] => Some(number(stamp).ok_or(LineError::Data)? as u16),
         _ => return Err(LineError::Data),
     };
-    let header = Header { kind, identifier, extended, length };
-    Ok(Line::Frame(View { header, digits, stamp_ms }))
+    let header = FrameHeader { kind, identifier, extended, length };
+    Ok(SlcanLine::Frame(FrameView { header, digits, stamp_ms }))
 }
 
-/// A line that is no frame.
-fn other(letter: u8, rest: &[u8]) -> Result<Line<'_>, LineError> {
+/// Parses a line that is not a frame.
+fn parse_command_or_answer(letter: u8, rest: &[u8]) -> Result<SlcanLine<'_>, LineError> {
     let command = match (letter, rest) {
-        (b'O', []) => Command::Open,
-        (b'L', []) => Command::Listen,
-        (b'C', []) => Command::Close,
-        (b'V', []) => Command::Version,
-        (b'N', []) => Command::SerialNumber,
-        (b'F', []) => Command::Status,
-        (b'S', [rate @ b'0'..=b'8']) => Command::BitRate(BitRate(rate - b'0')),
-        (b'Y', [rate @ b'0'..=b'9']) => Command::DataRate(rate - b'0'),
-        (b'Z', [on @ (b'0' | b'1')]) => Command::Stamps(*on == b'1'),
-        (b'z', []) => return Ok(Line::Sent { extended: false }),
-        (b'Z', []) => return Ok(Line::Sent { extended: true }),
-        (b'V' | b'N' | b'F', text) => return Ok(Line::Told { what: letter, text }),
+        (b'O', []) => AdapterCommand::Open,
+        (b'L', []) => AdapterCommand::Listen,
+        (b'C', []) => AdapterCommand::Close,
+        (b'V', []) => AdapterCommand::Version,
+        (b'N', []) => AdapterCommand::SerialNumber,
+        (b'F', []) => AdapterCommand::Status,
+        (b'S', [rate @ b'0'..=b'8']) => AdapterCommand::BitRate(BitRate(rate - b'0')),
+        (b'Y', [rate @ b'0'..=b'9']) => AdapterCommand::DataRate(rate - b'0'),
+        (b'Z', [on @ (b'0' | b'1')]) => AdapterCommand::Stamps(*on == b'1'),
+        (b'z', []) => return Ok(SlcanLine::Sent { extended: false }),
+        (b'Z', []) => return Ok(SlcanLine::Sent { extended: true }),
+        (b'V' | b'N' | b'F', text) => return Ok(SlcanLine::Report { letter, text }),
         (b'O' | b'L' | b'C' | b'S' | b'Y' | b'Z' | b'z', _) => return Err(LineError::Argument),
         _ => return Err(LineError::Unknown(letter)),
     };
-    Ok(Line::Command(command))
+    Ok(SlcanLine::Command(command))
 }
 
-/// Writes a frame with the end of its line; gives the bytes written.
+/// Writes a frame with the end of its line; returns the number of bytes written.
 ///
-/// `None` where there is no such frame (an identifier too large, a length that is not that of the data
-/// or that the kind does not have) or `out` is too small: [`LONGEST`] and one more always do.
-pub fn emit(header: &Header, data: &[u8], out: &mut [u8]) -> Option<usize> {
-    let Header { kind, identifier, extended, length } = *header;
+/// Returns `None` if the identifier or length is invalid, the length differs from that of `data`, or `out` is too
+/// small. [`MAX_LINE_BYTES`]` + 1` bytes are always sufficient.
+pub fn emit(header: &FrameHeader, data: &[u8], out: &mut [u8]) -> Option<usize> {
+    let FrameHeader { kind, identifier, extended, length } = *header;
     let letter = match kind {
-        Kind::Data => b't',
-        Kind::Remote => b'r',
-        Kind::Flexible => b'd',
-        Kind::Switched => b'b',
+        FrameKind::Data => b't',
+        FrameKind::Remote => b'r',
+        FrameKind::Flexible => b'd',
+        FrameKind::Switched => b'b',
     };
     let (places, last) = if extended { (8, LAST_EXTENDED) } else { (3, LAST_STANDARD) };
     let code = LENGTHS.iter().position(|known| *known == length)? as u32;
-    let classic = matches!(kind, Kind::Data | Kind::Remote);
-    let has_data = kind != Kind::Remote;
+    let classic = matches!(kind, FrameKind::Data | FrameKind::Remote);
+    let has_data = kind != FrameKind::Remote;
     if identifier > last
         || (classic && length > 8)
         || (has_data && data.len() != usize::from(length))
@@ -301,26 +303,26 @@ pub fn emit(header: &Header, data: &[u8], out: &mut [u8]) -> Option<usize> {
     Some(text.length)
 }
 
-/// Writes a joint's frame, as [`emit`] does.
+/// Writes a [`Frame`] as [`emit`] does.
 pub fn emit_frame(frame: &Frame, out: &mut [u8]) -> Option<usize> {
     let data = frame.data();
-    let (kind, identifier) = (Kind::Data, u32::from(frame.identifier()));
-    emit(&Header { kind, identifier, extended: false, length: data.len() as u8 }, data, out)
+    let (kind, identifier) = (FrameKind::Data, u32::from(frame.identifier()));
+    emit(&FrameHeader { kind, identifier, extended: false, length: data.len() as u8 }, data, out)
 }
 
-/// Writes a command with the end of its line; gives the bytes written, `None` where `out` has less
-/// than three.
-pub fn emit_command(command: Command, out: &mut [u8]) -> Option<usize> {
+/// Writes a command with the end of its line; returns the number of bytes written, or `None` if `out` is too
+/// small. Three bytes are always sufficient.
+pub fn emit_command(command: AdapterCommand, out: &mut [u8]) -> Option<usize> {
     let (letter, argument) = match command {
-        Command::Open => (b'O', None),
-        Command::Listen => (b'L', None),
-        Command::Close => (b'C', None),
-        Command::BitRate(BitRate(number)) => (b'S', Some(number)),
-        Command::DataRate(rate) => (b'Y', Some(rate.min(9))),
-        Command::Version => (b'V', None),
-        Command::SerialNumber => (b'N', None),
-        Command::Status => (b'F', None),
-        Command::Stamps(on) => (b'Z', Some(u8::from(on))),
+        AdapterCommand::Open => (b'O', None),
+        AdapterCommand::Listen => (b'L', None),
+        AdapterCommand::Close => (b'C', None),
+        AdapterCommand::BitRate(BitRate(number)) => (b'S', Some(number)),
+        AdapterCommand::DataRate(rate) => (b'Y', Some(rate.min(9))),
+        AdapterCommand::Version => (b'V', None),
+        AdapterCommand::SerialNumber => (b'N', None),
+        AdapterCommand::Status => (b'F', None),
+        AdapterCommand::Stamps(on) => (b'Z', Some(u8::from(on))),
     };
     let mut text = Text { out, length: 0 };
     text.push(letter)?;
@@ -331,7 +333,7 @@ pub fn emit_command(command: Command, out: &mut [u8]) -> Option<usize> {
     Some(text.length)
 }
 
-/// Text written into bytes that may be too few.
+/// Text writer with a bounded buffer.
 struct Text<'a> {
     out: &'a mut [u8],
     length: usize,
@@ -344,7 +346,7 @@ impl Text<'_> {
         Some(())
     }
 
-    /// The last digits of a number.
+    /// Writes the last `places` hexadecimal digits of a number.
     fn hexadecimal(&mut self, number: u32, places: u32) -> Option<()> {
         (0..places).rev().try_for_each(|place| {
             let nibble = (number >> (4 * place) & 0xF) as u8;
@@ -362,7 +364,7 @@ fn digit(text: u8) -> Option<u8> {
     }
 }
 
-/// A number of up to eight digits.
+/// Parses a hexadecimal number of up to eight digits.
 fn number(text: &[u8]) -> Option<u32> {
     text.iter().try_fold(0, |value: u32, text| Some(value << 4 | u32::from(digit(*text)?)))
 }

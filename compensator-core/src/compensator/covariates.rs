@@ -1,26 +1,27 @@
-//! The covariates that terms alone read: their last good values, guarded and faded.
+//! The covariates that only terms read: their last valid values, guarded and faded.
 //!
-//! Made from the rows with a `guard` in the table of [`crate::quantity`]. A model without terms is spared
-//! all of it; without the feature `terms`, `no_covariates` stands in with the same interface.
+//! A macro generates them from the rows with a `guard` in the table of [`crate::quantity`]. A model without
+//! terms skips this code. Without the feature `terms`, the module `no_covariates` replaces this one.
 
-use super::{Built, Guard, Held, SealTrust, limit};
+use super::{BuiltParameters, Guard, Held, SealWeights, limit};
 use crate::envelope::Envelope;
 use crate::flags::Flags;
-use crate::model::Model;
+use crate::model::FrictionModel;
 use crate::number::Real;
-use crate::quantity::{Inputs, Quantity, Sample, TEMPERATURE_RANGE_C, quantity_table};
+use crate::quantity::{Inputs, Quantity, Sample, TEMPERATURE_RANGE_C};
+use crate::quantity_table;
 
-/// Least and most an auxiliary covariate is believed of; its unit is not known here.
+/// Valid range of an auxiliary covariate, in its own unit. The range is wide because the unit is unknown.
 const AUXILIARY_RANGE: [f64; 2] = [-1e9, 1e9];
 
-/// What becomes of a covariate while its last good value grows too old.
+/// How a covariate fades when its last valid value is too old.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fade {
-    /// It fades to 0, where its terms do nothing.
+    /// The value fades to 0, where its terms have no effect.
     ToZero,
-    /// It fades to the reference temperature.
+    /// The value fades to the reference temperature.
     ToReference,
-    /// It stays, and what follows it fades: it has no neutral value.
+    /// The value stays and the terms that depend on it fade, because it has no neutral value.
     Apart,
 }
 
@@ -30,12 +31,13 @@ macro_rules! define_covariates {
         $(flags: [$invalid:ident, $stale:ident],)?
         $($(#[$field_doc:meta])* sample: $field:ident,)?
         $(input: $input:ident,)?
+        $(covariate: $covariate:ident,)?
         $(column: $column:literal,)?
         $(guard: [
             $held:ident, $(envelope $size:ident)? $(range $range:ident)?, $fade:expr
         ],)?
     })*) => {
-        /// How large they may be, and what they fade to.
+        /// Limits of the covariates, and the reference temperature, deg C.
         #[derive(Clone, Copy, Debug)]
         struct Limits<T> {
             $($($($size: T,)?)?)*
@@ -43,7 +45,7 @@ macro_rules! define_covariates {
             temperature_reference: T,
         }
 
-        /// Their last good values.
+        /// The last valid values of the covariates.
         #[derive(Clone, Copy, Debug)]
         pub(super) struct Covariates<T> {
             $($($held: Held<T>,)?)*
@@ -52,9 +54,9 @@ macro_rules! define_covariates {
         }
 
         impl<T: Real> Covariates<T> {
-            /// None measured yet; the reference temperature in deg C.
-            pub(super) fn never(
-                built: &Built<T>,
+            /// Returns covariates that were never measured. The reference temperature is in deg C.
+            pub(super) fn unmeasured(
+                built: &BuiltParameters<T>,
                 envelope: &Envelope,
                 temperature_reference: f32,
             ) -> Self {
@@ -63,54 +65,54 @@ macro_rules! define_covariates {
                     campaign_max_h: limit(envelope.campaign_max_h),
                     temperature_reference: T::from_f64(f64::from(temperature_reference)),
                 };
-                Self { $($($held: Held::never(built),)?)* campaign_time_h: T::zero(), limits }
+                Self { $($($held: Held::unmeasured(built),)?)* campaign_time_h: T::zero(), limits }
             }
 
-            /// Takes the readings of a sample, and puts into it what is to be believed.
+            /// Updates the covariates from the inputs, and writes the guarded values to the sample.
             #[inline(always)]
-            pub(super) fn take(
+            pub(super) fn update(
                 &mut self,
                 inputs: &Inputs<T>,
-                model: &Model<T>,
-                built: &Built<T>,
-                seal: SealTrust<T>,
+                model: &FrictionModel<T>,
+                built: &BuiltParameters<T>,
+                seal: SealWeights<T>,
                 sample: &mut Sample<T>,
                 flags: &mut Flags,
             ) {
-                if model.is_plain() {
+                if model.has_no_terms() {
                     return;
                 }
                 let limits = self.limits;
                 $($(
-                    $(let (middle, reach) = (T::zero(), limits.$size);)?
+                    $(let (middle, half_width) = (T::zero(), limits.$size);)?
                     $(
-                        let (middle, reach) = (
+                        let (middle, half_width) = (
                             T::from_f64(0.5 * ($range[0] + $range[1])),
                             T::from_f64(0.5 * ($range[1] - $range[0])),
                         );
                     )?
                     let info = const { Quantity::$quantity.info() };
-                    let guard = Guard { middle, reach, invalid: info.invalid, stale: info.stale };
-                    let reading = Quantity::$quantity.of_inputs(inputs);
-                    let $held = self.$held.take(reading, &guard, built, flags);
+                    let guard = Guard { middle, half_width, invalid: info.invalid, stale: info.stale };
+                    let reading = Quantity::$quantity.reading_in(inputs);
+                    let $held = self.$held.update(reading, &guard, built, flags);
                     let (value, reference) = (self.$held.value, limits.temperature_reference);
-                    let believed = match $fade {
+                    let guarded = match $fade {
                         Fade::ToZero => value * $held,
                         Fade::ToReference => reference + (value - reference) * $held,
                         Fade::Apart => value,
                     };
-                    Quantity::$quantity.set_in_sample(sample, believed);
+                    Quantity::$quantity.set_in_sample(sample, guarded);
                     if Quantity::$quantity == Quantity::Position {
-                        sample.position_trust = $held;
+                        sample.position_weight = $held;
                     }
                 )?)*
-                self.take_campaign_time(inputs, sample, flags);
-                // A column at its neutral value says nothing to the lookup table: that fades whole.
-                sample.lookup_trust = match model.terms.lookup_column() {
+                self.update_campaign_time(inputs, sample, flags);
+                // The lookup table has no neutral value for its column. Its whole contribution fades instead.
+                sample.lookup_weight = match model.terms.lookup_column() {
                     Quantity::RadialForce => seal.force,
                     Quantity::Pressure => seal.pressure,
                     $($(Quantity::$quantity => $held,)?)*
-                    // Guarded by themselves.
+                    // The other quantities have guards of their own.
                     _ => T::one(),
                 };
             }
@@ -121,18 +123,18 @@ macro_rules! define_covariates {
 quantity_table!(define_covariates);
 
 impl<T: Real> Covariates<T> {
-    /// The campaign's time has no age: the last good one stands.
+    /// Updates the campaign time, h. It has no age: an invalid time keeps the last valid one.
     #[inline(always)]
-    fn take_campaign_time(
+    fn update_campaign_time(
         &mut self,
         inputs: &Inputs<T>,
         sample: &mut Sample<T>,
         flags: &mut Flags,
     ) {
         let time = inputs.campaign_time_h;
-        let illegal = time.negative_or_nan_mask() | time.abs_gt_mask(self.limits.campaign_max_h);
-        self.campaign_time_h = T::select(illegal, self.campaign_time_h, time);
-        *flags |= Flags::CAMPAIGN_TIME_INVALID.when(illegal);
+        let is_invalid = time.negative_or_nan_mask() | time.abs_gt_mask(self.limits.campaign_max_h);
+        self.campaign_time_h = T::select(is_invalid, self.campaign_time_h, time);
+        *flags |= Flags::CAMPAIGN_TIME_INVALID.when(is_invalid);
         sample.campaign_time_h = self.campaign_time_h;
     }
 }

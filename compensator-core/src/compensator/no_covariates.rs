@@ -1,29 +1,29 @@
-//! What stands in for the covariates of terms where there are none: nothing, at no cost.
+//! Replaces `covariates` in builds without the feature `terms`: the same interface, no data and no cost.
 
-use super::{Built, SealTrust};
+use super::{BuiltParameters, SealWeights};
 use crate::envelope::Envelope;
 use crate::flags::Flags;
-use crate::model::Model;
+use crate::model::FrictionModel;
 use crate::number::Real;
 use crate::quantity::{Inputs, Sample};
 use core::marker::PhantomData;
 
-/// No covariates.
+/// An empty set of covariates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Covariates<T>(PhantomData<T>);
 
 impl<T: Real> Covariates<T> {
-    pub(super) fn never(_: &Built<T>, _: &Envelope, _: f32) -> Self {
+    pub(super) fn unmeasured(_: &BuiltParameters<T>, _: &Envelope, _: f32) -> Self {
         Self(PhantomData)
     }
 
     #[inline(always)]
-    pub(super) fn take(
+    pub(super) fn update(
         &mut self,
         _: &Inputs<T>,
-        _: &Model<T>,
-        _: &Built<T>,
-        _: SealTrust<T>,
+        _: &FrictionModel<T>,
+        _: &BuiltParameters<T>,
+        _: SealWeights<T>,
         _: &mut Sample<T>,
         _: &mut Flags,
     ) {

@@ -39,12 +39,16 @@ fn loaded(velocity: f32) -> Inputs<f32> {
     }
 }
 
-fn settle(compensator: &mut Compensator<f32>, inputs: &Inputs<f32>, samples: usize) -> Output<f32> {
+fn settle(
+    compensator: &mut Compensator<f32>,
+    inputs: &Inputs<f32>,
+    samples: usize,
+) -> CompensatorOutput<f32> {
     (0..samples).map(|_| compensator.step(inputs)).last().unwrap()
 }
 
 #[test]
-fn steady_sliding_gives_the_scaled_level_as_current() {
+fn step_in_steady_sliding_returns_scaled_friction_level() {
     let configuration = configuration();
     let mut compensator = enabled(&configuration);
     let output = settle(&mut compensator, &loaded(2.0), 4000);
@@ -56,7 +60,7 @@ fn steady_sliding_gives_the_scaled_level_as_current() {
 }
 
 #[test]
-fn a_law_without_seal_load_ignores_force_and_pressure() {
+fn step_of_law_without_seal_load_ignores_force_and_pressure() {
     let mut configuration = configuration();
     configuration.model.law = LawKind::Lugre;
     let (mut with, mut without) = (enabled(&configuration), enabled(&configuration));
@@ -68,9 +72,10 @@ fn a_law_without_seal_load_ignores_force_and_pressure() {
     }
 }
 
-/// 120 N from one frame to the next is 2.4 MN/s, taken for the rate within one sample of 50 us: damping made 10^4 Nm of it.
+/// A step of 120 N between two frames is 2.4 MN/s if it counts as the change within one 50 us sample. Without the
+/// limit, bristle damping turns that rate into 10^4 Nm.
 #[test]
-fn a_side_load_that_steps_between_two_frames_is_no_nonsense_and_arrives() {
+fn step_with_side_load_step_between_frames_stays_bounded_and_settles() {
     let mut configuration = configuration();
     configuration.model.set(ParameterId::RadialForceRate, 1e-4);
     configuration.model.set(ParameterId::BristleDamping, 40.0);
@@ -82,20 +87,20 @@ fn a_side_load_that_steps_between_two_frames_is_no_nonsense_and_arrives() {
         ..Inputs::velocity(2.0)
     };
     settle(&mut compensator, &at(0.0), 4000);
-    let mut most = 0.0f32;
+    let mut largest_torque = 0.0f32;
     for _ in 0..400 {
         let output = compensator.step(&at(120.0));
         assert!(!output.flags.contains(Flags::MODEL_NOT_FINITE), "{output:?}");
-        most = most.max(output.friction_torque_nm.abs());
+        largest_torque = largest_torque.max(output.friction_torque_nm.abs());
     }
-    assert!(most < 500.0, "{most}");
+    assert!(largest_torque < 500.0, "{largest_torque}");
     let settled = settle(&mut compensator, &at(120.0), 4000).friction_torque_nm;
     let level = 1.5 + 120.0 * 0.01 + 0.08 * 2.0;
     assert!((settled - level).abs() < 1e-2, "{settled}, {level}");
 }
 
 #[test]
-fn stale_load_and_pressure_fade_to_the_plain_law_without_a_jump() {
+fn step_with_stale_load_and_pressure_fades_continuously_to_plain_law() {
     let configuration = configuration();
     let mut compensator = enabled(&configuration);
     let before = settle(&mut compensator, &loaded(2.0), 4000).friction_torque_nm;
@@ -106,7 +111,7 @@ fn stale_load_and_pressure_fade_to_the_plain_law_without_a_jump() {
         assert!((output.friction_torque_nm - last).abs() < 2e-3);
         last = output.friction_torque_nm;
         let stale = output.flags.contains(Flags::RADIAL_FORCE_STALE | Flags::PRESSURE_STALE);
-        // Held for hold_s = 0.1 s = 2000 samples, gone after 0.4 s more.
+        // The values are held for hold_s = 0.1 s (2000 samples) and fade to 0 over another 0.4 s.
         if sample < 1990 {
             assert!(!stale && (last - before).abs() < 1e-3, "{sample}");
         }
@@ -117,9 +122,10 @@ fn stale_load_and_pressure_fade_to_the_plain_law_without_a_jump() {
     assert!((last - plain).abs() < 1e-3, "{last} {plain}");
 }
 
-/// The unknown term following one column, 0.5 Nm and half the level more wherever that stands.
+/// Returns a configuration whose lookup-table term follows one column. The term adds 0.5 Nm and half the level at
+/// every value of that column.
 #[cfg(feature = "terms")]
-fn with_unknown(column: Quantity) -> Configuration {
+fn with_lookup_term(column: Quantity) -> Configuration {
     let mut configuration = configuration();
     assert!(configuration.model.add_term(TermKind::LookupTable));
     configuration.model.set(ParameterId::LookupColumn, f32::from(column.info().column.unwrap()));
@@ -134,7 +140,7 @@ fn with_unknown(column: Quantity) -> Configuration {
 
 #[cfg(feature = "terms")]
 #[test]
-fn unknown_cause_fades_to_nothing_with_the_reading_it_follows() {
+fn lookup_term_with_missing_column_fades_to_zero() {
     let all = |velocity: f32| Inputs {
         position_rad: Reading::fresh(1.0),
         temperature_c: Reading::fresh(12.0),
@@ -144,16 +150,16 @@ fn unknown_cause_fades_to_nothing_with_the_reading_it_follows() {
     };
     let missing = Reading::missing();
     for column in Quantity::ALL.iter().copied().filter(|of| of.info().column.is_some()) {
-        let configuration = with_unknown(column);
+        let configuration = with_lookup_term(column);
         let mut compensator = enabled(&configuration);
-        let silent = match column {
+        let without_column = match column {
             Quantity::Position => Inputs { position_rad: missing, ..all(2.0) },
             Quantity::RadialForce => Inputs { radial_force_n: missing, ..all(2.0) },
             Quantity::Pressure => Inputs { pressure_diff_mpa: missing, ..all(2.0) },
             Quantity::Temperature => Inputs { temperature_c: missing, ..all(2.0) },
             Quantity::LoadTorque => Inputs { load_torque_nm: missing, ..all(2.0) },
             Quantity::Auxiliary => Inputs { auxiliary: missing, ..all(2.0) },
-            // A velocity that is not heard withdraws everything; time is never silent.
+            // Without a velocity the whole compensation is withdrawn. The campaign time cannot be missing.
             _ => all(2.0),
         };
         let before = settle(&mut compensator, &all(2.0), 4000).friction_torque_nm;
@@ -161,33 +167,33 @@ fn unknown_cause_fades_to_nothing_with_the_reading_it_follows() {
         assert!((before - (1.5 * level + 0.08 * 2.0 + 0.5)).abs() < 1e-3, "{column:?}: {before}");
         let mut last = before;
         for sample in 0..14_000 {
-            let torque = compensator.step(&silent).friction_torque_nm;
+            let torque = compensator.step(&without_column).friction_torque_nm;
             assert!((torque - last).abs() < 3e-3, "{column:?} at {sample}");
             last = torque;
             if sample < 1990 {
                 assert!((last - before).abs() < 1e-3, "{column:?} at {sample}");
             }
         }
-        let left = match column {
+        let expected = match column {
             Quantity::Velocity | Quantity::CampaignTime => before,
             Quantity::RadialForce => 1.5 + 0.2 * 2.4 + 0.16,
             Quantity::Pressure => 1.5 + 40.0 * 0.01 + 0.16,
             _ => level + 0.16,
         };
-        assert!((last - left).abs() < 1e-3, "{column:?}: {last} {left}");
+        assert!((last - expected).abs() < 1e-3, "{column:?}: {last} {expected}");
     }
 }
 
 #[cfg(feature = "terms")]
 #[test]
-fn auxiliary_readings_are_flagged_and_replaced() {
-    let configuration = with_unknown(Quantity::Auxiliary);
+fn step_with_invalid_auxiliary_flags_and_replaces_it() {
+    let configuration = with_lookup_term(Quantity::Auxiliary);
     let mut compensator = enabled(&configuration);
     let with = |auxiliary| Inputs { auxiliary, ..loaded(2.0) };
     let before = settle(&mut compensator, &with(Reading::fresh(7.0)), 4000);
     assert!(!before.flags.intersects(Flags::AUXILIARY_INVALID | Flags::AUXILIARY_STALE));
-    for wrong in [f32::NAN, f32::INFINITY, -2e9] {
-        let output = compensator.step(&with(Reading::fresh(wrong)));
+    for invalid in [f32::NAN, f32::INFINITY, -2e9] {
+        let output = compensator.step(&with(Reading::fresh(invalid)));
         assert!(output.flags.contains(Flags::AUXILIARY_INVALID));
         assert!((output.friction_torque_nm - before.friction_torque_nm).abs() < 1e-3);
     }
@@ -196,11 +202,11 @@ fn auxiliary_readings_are_flagged_and_replaced() {
 }
 
 #[test]
-fn invalid_inputs_are_flagged_and_replaced() {
+fn step_with_invalid_inputs_flags_and_replaces_them() {
     let configuration = configuration();
     let mut compensator = enabled(&configuration);
     let before = settle(&mut compensator, &loaded(2.0), 4000).friction_torque_nm;
-    for (wrong, flag) in [
+    for (invalid, flag) in [
         (
             Inputs { radial_force_n: Reading::fresh(f32::NAN), ..loaded(2.0) },
             Flags::RADIAL_FORCE_INVALID,
@@ -218,7 +224,7 @@ fn invalid_inputs_are_flagged_and_replaced() {
             Flags::PRESSURE_INVALID,
         ),
     ] {
-        let output = compensator.step(&wrong);
+        let output = compensator.step(&invalid);
         assert!(output.flags.contains(flag), "{output:?}");
         assert!((output.friction_torque_nm - before).abs() < 1e-3);
         assert!(!compensator.step(&loaded(2.0)).flags.contains(flag), "the flag clears");
@@ -234,7 +240,7 @@ fn invalid_inputs_are_flagged_and_replaced() {
 }
 
 #[test]
-fn without_any_velocity_the_compensation_is_withdrawn_at_the_slew_limit() {
+fn step_without_velocity_withdraws_compensation_at_slew_limit() {
     let configuration = configuration();
     let mut compensator = enabled(&configuration);
     let mut last = settle(&mut compensator, &loaded(2.0), 4000).compensation_torque_nm;
@@ -248,7 +254,7 @@ fn without_any_velocity_the_compensation_is_withdrawn_at_the_slew_limit() {
 }
 
 #[test]
-fn near_standstill_the_reference_decides_the_direction() {
+fn step_near_standstill_takes_direction_of_reference() {
     let configuration = configuration();
     let mut compensator = enabled(&configuration);
     let mut output = None;
@@ -263,7 +269,7 @@ fn near_standstill_the_reference_decides_the_direction() {
 }
 
 #[test]
-fn limits_act_after_the_sum_and_say_so() {
+fn sum_beyond_limits_is_limited_and_flagged() {
     let mut configuration = configuration();
     configuration.compensator.current_limit_a = 10.0;
     let mut compensator = enabled(&configuration);
@@ -286,7 +292,7 @@ fn limits_act_after_the_sum_and_say_so() {
 }
 
 #[test]
-fn slew_limit_says_so() {
+fn step_beyond_slew_limit_sets_flag() {
     let mut configuration = configuration();
     configuration.compensator.slew_limit_nm_per_s = 10.0;
     let mut compensator = enabled(&configuration);
@@ -296,7 +302,7 @@ fn slew_limit_says_so() {
 }
 
 #[test]
-fn disabled_is_absent() {
+fn sum_of_disabled_compensator_returns_command_bits() {
     let configuration = configuration();
     let mut compensator = Compensator::<f32>::build(&configuration, PERIOD_S).unwrap();
     for command in [0.0, -0.0, 1.25, -3.5e-39, 25.999] {
@@ -308,7 +314,7 @@ fn disabled_is_absent() {
 }
 
 #[test]
-fn parameters_are_refused_by_name() {
+fn build_with_invalid_parameter_returns_error_naming_field() {
     for (field, change) in [
         (
             "scale",
@@ -318,9 +324,9 @@ fn parameters_are_refused_by_name() {
         ("fade_s", |p| p.fade_s = 0.0),
         ("torque_constant_nm_per_a", |p| p.torque_constant_nm_per_a = 0.0),
     ] {
-        let mut wrong = configuration();
-        change(&mut wrong.compensator);
-        assert_eq!(Compensator::<f32>::build(&wrong, PERIOD_S).unwrap_err().field, field);
+        let mut invalid = configuration();
+        change(&mut invalid.compensator);
+        assert_eq!(Compensator::<f32>::build(&invalid, PERIOD_S).unwrap_err().field, field);
     }
 }
 
@@ -348,9 +354,9 @@ prop_compose! {
 }
 
 proptest! {
-    /// Whatever comes in, what goes out is finite, within its limits, and never a panic.
+    /// The output is finite and within its limits for every input, and no input causes a panic.
     #[test]
-    fn output_is_bounded_for_every_input(
+    fn step_with_arbitrary_inputs_returns_bounded_output(
         inputs in proptest::collection::vec(inputs(), 1..60),
         command in any_float(),
         with_terms in any::<bool>(),

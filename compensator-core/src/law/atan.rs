@@ -1,8 +1,8 @@
-//! With `f0 + fa atan(fb v)` besides (the manipulator paper, eq. 6).
+//! Coulomb and viscous friction plus `f0 + fa atan(fb v)` (the manipulator paper, eq. 6).
 
 use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
-use super::written::{Range, Written};
+use super::written::{LawParameters, LawRange};
 use crate::effect::Effect;
 use crate::fits::product;
 use crate::number::Real;
@@ -10,7 +10,7 @@ use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
 use core::f64::consts::FRAC_PI_2;
 
-/// Built for a sample period.
+/// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
 pub struct Atan<T> {
     /// Coulomb and viscous friction.
@@ -29,7 +29,7 @@ impl<T: Real> FrictionLaw<T> for Atan<T> {
 
     type Memory = ();
 
-    fn build(written: &Written<T::Setting>, _: T::Setting) -> Self {
+    fn build(written: &LawParameters<T::Setting>, _: T::Setting) -> Self {
         let number = |id| T::from_setting(written.values.get(id));
         Self {
             steady: Steady::build(written),
@@ -57,7 +57,10 @@ impl<T: Real> FrictionLaw<T> for Atan<T> {
         Step::Done(sliding + self.offset + self.torque * (self.slope * velocity).atan())
     }
 
-    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+    fn check<N: Real, S: Real>(
+        written: &LawParameters<S>,
+        range: &LawRange,
+    ) -> Result<f64, ParameterError> {
         let value = |id: Id| written.values.value(id);
         product::<N>("atan_slope * velocity_max", value(Id::AtanSlope) * range.speed)?;
         product::<N>(Id::AtanTorque.name(), value(Id::AtanTorque) * FRAC_PI_2)?;

@@ -1,36 +1,36 @@
-//! LuGre: friction as bristles that bend and slip.
+//! LuGre: friction modelled as elastic bristles that deflect and slip.
 //!
-//! With `y = sigma0 z` (Nm) as state, the LuGre law reads (the damper paper, eq. 12-13; Ding et al., eq. 1 with
-//! the modulus its print lacks)
+//! The state is the bristle torque `y = sigma0 z` (Nm). The law follows the damper paper, eq. 12-13. It is also
+//! eq. 1 of Ding et al., with the modulus that the printed equation omits:
 //!
 //! ```text
 //! y' = sigma0 (v - |v| y / g)        F = y + sigma1 z' + sigma2 v
 //! g  = F_C + (F_S - F_C) exp(-(v/v_s)^2)
 //! ```
 //!
-//! The step is backward Euler solved in closed form. With `s = sigma0 dt`,
+//! The step is backward Euler, solved in closed form. With `s = sigma0 dt`:
 //!
 //! ```text
 //! z'    = (g v - |v| y) / (g + s |v|)          the one division
 //! y_new = y + s z'      (= g (y + s v) / (g + s |v|))
 //! ```
 //!
-//! `y_new` lies between `y` and `g sgn v` for every `s` and `v`, so it cannot leave the friction
-//! level however stiff the bristles or slow the loop; explicit Euler does as soon as
-//! `s |v| / g > 2`. Written through the *rate*, the step adds nothing at all at rest, so a held
-//! torque does not creep by rounding: the form with `g (y + s v)` in the numerator would.
+//! `y_new` lies between `y` and `g sgn v` for every `s` and `v`. The step is therefore stable for any bristle
+//! stiffness and sample period. Explicit Euler is unstable if `s |v| / g > 2`.
 //!
-//! One path for every input: on a Cortex-M4F the plain step takes 55 instructions in `f32`, and
-//! the improved one 75 as a model (`tests/cost/table.md`).
+//! The step is computed through the rate `z'`, which is exactly 0 at rest. The bristle torque then does not
+//! drift by rounding. The form with `g (y + s v)` in the numerator would drift.
+//!
+//! The step has no data-dependent branches. `tests/cost/table.md` lists its instruction counts.
 
-use super::written::{Range, Written, stribeck_axis};
+use super::written::{LawParameters, LawRange, stribeck_axis};
 use crate::effect::Effect;
 use crate::fits::{coefficient, product};
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
 
-/// LuGre's bristles built for a sample period: what all bristle laws step.
+/// Coefficients of the LuGre bristles for one sample period, shared by all bristle laws.
 #[derive(Clone, Copy, Debug)]
 pub struct Bristles<T> {
     /// `F_C`, Nm.
@@ -45,17 +45,17 @@ pub struct Bristles<T> {
     pub stiffness_step: T,
     /// `sigma1` in fast sliding, Nm s/rad.
     pub damping: T,
-    /// What `sigma1` gains towards rest, along the Stribeck curve; 0 for a constant `sigma1`.
+    /// Increase of `sigma1` from fast sliding to rest, along the Stribeck curve, Nm s/rad; 0 for a constant `sigma1`.
     pub damping_at_rest: T,
     /// `sigma2`, Nm s/rad.
     pub viscous: T,
-    /// Velocity is limited to this magnitude before anything else, rad/s.
+    /// Limit of the velocity magnitude, rad/s. The step applies it first.
     pub velocity_limit: T,
 }
 
 impl<T: Real> Bristles<T> {
-    /// Builds them for a sample period in s.
-    pub(super) fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self {
+    /// Computes the coefficients for a sample period in s.
+    pub(super) fn build(written: &LawParameters<T::Setting>, period_s: T::Setting) -> Self {
         let constant = T::Setting::from_f64;
         let setting = |id| written.values.get(id);
         let number = |id| T::from_setting(setting(id));
@@ -79,22 +79,22 @@ impl<T: Real> Bristles<T> {
         }
     }
 
-    /// The same for a sample period `ratio` times as long.
+    /// Sets the coefficients to those of `of` for a sample period `ratio` times as long.
     pub(super) fn rescale_period(&mut self, of: &Self, ratio: T) {
         self.stiffness_step = of.stiffness_step * ratio;
     }
 
-    /// Advances the bristle torque by one sample and returns the friction torque, Nm, positive
-    /// when it has to be driven towards positive velocity.
+    /// Advances the bristle torque by one sample and returns the friction torque, Nm.
     ///
-    /// `velocity` (rad/s) may be any bit pattern: beyond the limit it is limited, NaN counts as
-    /// rest. `|bristle_torque|` is at most the static level afterwards.
+    /// A positive result is the torque that must drive the joint in the positive direction.
+    /// `velocity` (rad/s) may have any bit pattern. It is limited to the velocity limit; NaN is
+    /// treated as rest. Afterwards `|bristle_torque|` is at most the static level.
     #[inline(always)]
     pub fn step<E: Effect<T>>(&self, bristle_torque: &mut T, velocity: T, effect: &E) -> T {
         self.step_between(bristle_torque, velocity, effect, self.coulomb, self.static_level)
     }
 
-    /// The same between other levels, Nm, than the built ones.
+    /// As [`Bristles::step`], with the Coulomb and static levels given as arguments, Nm.
     #[inline(always)]
     pub(super) fn step_between<E: Effect<T>>(
         &self,
@@ -112,13 +112,13 @@ impl<T: Real> Bristles<T> {
         let level = coulomb.plus_share(static_level - coulomb, towards_rest);
         let level = effect.level(level, velocity);
 
-        // Side load bends the bristles at the seal: play in the drive does not soften that.
+        // Side load deflects the bristles at the seal. Play in the drive does not reduce this stiffness.
         let held = effect.carried(*bristle_torque, self.stiffness_step);
         let stiffness_step = effect.stiffness_step(self.stiffness_step);
         let rate = T::difference_of_products(level, velocity, speed, held)
             .ratio(level.plus_product(stiffness_step, speed));
-        // The exact result is within the level; the bound takes off the last rounding, and what a
-        // level that fell since the last sample leaves over.
+        // The exact result is within the level. The bound removes the rounding error, and the excess
+        // if the level decreased since the previous sample.
         let bound = effect.level_bound(static_level);
         *bristle_torque = held.plus_product(stiffness_step, rate).within_level(bound);
 
@@ -133,19 +133,25 @@ impl<T: Real> Bristles<T> {
     }
 }
 
-/// Largest `sigma0 dt`; the step is stable for any, but beyond this a float's square overflows.
+/// Maximum of `sigma0 dt`, Nm s/rad. The step is stable for any value, but the square of a larger `f32` overflows.
 const STIFFNESS_STEP_MAX: f64 = 1e15;
 
-/// The products of a bristle step, in a number that has to hold them. The held torque is at most the largest
-/// level and what a jump of the side load adds to it; the numerator of the rate, level plus held torque times
-/// speed; and the rate, that over the smallest level, or over the stiffness step. Returns the largest
-/// torque of the damping, Nm, for a law with such a `sigma1`.
+/// Checks that the number type `N` can represent every product of a bristle step.
+///
+/// The bristle torque is at most the largest level plus the contribution of a side-load step. The numerator of
+/// the rate is at most the level plus the bristle torque, times the speed. The rate is at most this numerator
+/// over the smallest level, or the sum of level and bristle torque over the stiffness step.
+///
+/// Returns the largest damping torque, Nm, for `sigma1 = damping` in Nm s/rad.
+///
+/// # Errors
+/// Names the first product that `N` cannot represent.
 pub(super) fn check<N: Real, S: Real>(
-    written: &Written<S>,
-    range: &Range,
+    written: &LawParameters<S>,
+    range: &LawRange,
     damping: f64,
 ) -> Result<f64, ParameterError> {
-    let Range { period_s, speed, largest_level: level, .. } = *range;
+    let LawRange { period_s, speed, largest_level: level, .. } = *range;
     let step = written.values.value(Id::BristleStiffness) * period_s;
     coefficient::<N>("bristle_stiffness * sample_period", step)?;
     let per_newton = range.bounds.travel_per_newton / period_s;

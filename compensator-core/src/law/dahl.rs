@@ -1,14 +1,14 @@
-//! Dahl (1968): bristles of one level, `F_S = F_C` and `sigma1 = 0`, and a viscous part.
+//! Dahl (1968): bristles with one level (`F_S = F_C`, `sigma1 = 0`) and viscous friction.
 
 use super::bristle::{self, Bristles};
 use super::interface::{FrictionLaw, Step};
-use super::written::{Range, Written};
+use super::written::{LawParameters, LawRange};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
 pub struct Dahl<T>(pub Bristles<T>);
 
@@ -18,13 +18,13 @@ impl<T: Real> FrictionLaw<T> for Dahl<T> {
 
     type Memory = ();
 
-    fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self {
+    fn build(written: &LawParameters<T::Setting>, period_s: T::Setting) -> Self {
         Self(Bristles {
             static_level: T::from_setting(written.values.get(Id::CoulombTorque)),
             damping: T::zero(),
             damping_at_rest: T::zero(),
-            // At every speed as at rest: the Stribeck velocity is none of this law's
-            // parameters and may be anything, NaN too.
+            // The level does not depend on speed. The Stribeck velocity is not a parameter of
+            // this law, so its value must not be used: it may be NaN.
             stribeck_end: T::zero(),
             cells_per_velocity: T::zero(),
             ..Bristles::build(written, period_s)
@@ -49,7 +49,10 @@ impl<T: Real> FrictionLaw<T> for Dahl<T> {
         Step::of(&self.0)
     }
 
-    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+    fn check<N: Real, S: Real>(
+        written: &LawParameters<S>,
+        range: &LawRange,
+    ) -> Result<f64, ParameterError> {
         bristle::check::<N, S>(written, range, 0.0)
     }
 }

@@ -1,16 +1,17 @@
-//! With `f1 v |v| + f2 v^3` besides (the manipulator paper, eq. 5), or as printed with the even `f1 v sgn v = f1 |v|`,
-//! which does not dissipate.
+//! Coulomb and viscous friction plus `f1 v |v| + f2 v^3` (the manipulator paper, eq. 5).
+//!
+//! The printed equation has `f1 v sgn v = f1 |v|` instead. This term is even in `v`, so it is not dissipative.
 
 use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
-use super::written::{Range, Written};
+use super::written::{LawParameters, LawRange};
 use crate::effect::Effect;
 use crate::fits::product;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
 pub struct Extended<T> {
     /// Coulomb and viscous friction.
@@ -19,7 +20,7 @@ pub struct Extended<T> {
     pub quadratic: T,
     /// `f2`, Nm s^3/rad^3.
     pub cubic: T,
-    /// Take eq. 5 as it is printed.
+    /// Use eq. 5 as printed, with `f1 |v|`.
     pub printed: bool,
 }
 
@@ -29,7 +30,7 @@ impl<T: Real> FrictionLaw<T> for Extended<T> {
 
     type Memory = ();
 
-    fn build(written: &Written<T::Setting>, _: T::Setting) -> Self {
+    fn build(written: &LawParameters<T::Setting>, _: T::Setting) -> Self {
         let number = |id| T::from_setting(written.values.get(id));
         Self {
             steady: Steady::build(written),
@@ -55,12 +56,15 @@ impl<T: Real> FrictionLaw<T> for Extended<T> {
         let velocity = self.steady.limited(velocity);
         let speed = velocity.abs();
         let sliding = self.steady.sliding(effect.coulomb(self.steady.coulomb), velocity, effect);
-        // The coefficient goes first: fixed point could not hold the square of a speed.
+        // The coefficient is multiplied first, because fixed point cannot represent the square of a speed.
         let along = if self.printed { self.quadratic } else { self.quadratic * velocity };
         Step::Done(sliding + along * speed + self.cubic * velocity * speed * speed)
     }
 
-    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+    fn check<N: Real, S: Real>(
+        written: &LawParameters<S>,
+        range: &LawRange,
+    ) -> Result<f64, ParameterError> {
         let value = |id: Id| written.values.value(id);
         let square = range.speed * range.speed;
         product::<N>(Id::QuadraticFriction.name(), value(Id::QuadraticFriction) * square)?;

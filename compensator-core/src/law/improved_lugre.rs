@@ -2,23 +2,23 @@
 
 use super::bristle::{self, Bristles};
 use super::interface::{FrictionLaw, Step};
-use super::written::{Range, Written};
+use super::written::{LawParameters, LawRange};
 use crate::effect::{Effect, Effects, SealEffect};
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::quantity::Sample;
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
 pub struct ImprovedLugre<T> {
     /// The bristles.
     pub bristles: Bristles<T>,
-    /// What presses and bends them.
+    /// Effect of side load and pressure on the bristles.
     pub load: SealLoad<T>,
 }
 
-/// How side load and pressure act in the improved LuGre law.
+/// Coefficients of side load and pressure in the improved LuGre law.
 #[derive(Clone, Copy, Debug)]
 pub struct SealLoad<T> {
     /// Side load on `F_C`, Nm/N.
@@ -34,7 +34,7 @@ pub struct SealLoad<T> {
 }
 
 impl<T: Real> SealLoad<T> {
-    /// What the seal does to the law in this sample.
+    /// Returns the effect of side load and pressure in this sample.
     #[inline(always)]
     pub fn effect(&self, sample: &Sample<T>) -> SealEffect<T> {
         let (force, pressure) = (sample.radial_force_n, sample.pressure_diff_mpa);
@@ -46,14 +46,16 @@ impl<T: Real> SealLoad<T> {
     }
 }
 
-/// The improved law's effect, added to the levels one product at a time: a product and a sum are
-/// one instruction then. [`SealEffect`] is the sum, for terms to add to.
-struct SealUnder<'a, T> {
+/// Effect of side load and pressure in a model without terms.
+///
+/// Each product is added to the level directly, because multiply-add is one instruction. In a model with
+/// terms, [`SealEffect`] holds the sum of the products instead, so that terms can add to it.
+struct SealLoadEffect<'a, T> {
     load: &'a SealLoad<T>,
     sample: &'a Sample<T>,
 }
 
-impl<T: Real> Effect<T> for SealUnder<'_, T> {
+impl<T: Real> Effect<T> for SealLoadEffect<'_, T> {
     #[inline(always)]
     fn coulomb(&self, base: T) -> T {
         base.plus_product(self.load.radial_force_coulomb, self.sample.radial_force_n)
@@ -94,7 +96,7 @@ impl<T: Real> FrictionLaw<T> for ImprovedLugre<T> {
 
     type Memory = ();
 
-    fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self {
+    fn build(written: &LawParameters<T::Setting>, period_s: T::Setting) -> Self {
         let setting = |id| written.values.get(id);
         let mega = T::Setting::from_f64(1e6);
         let load = SealLoad {
@@ -132,7 +134,7 @@ impl<T: Real> FrictionLaw<T> for ImprovedLugre<T> {
 
     #[inline(always)]
     fn step_alone(&self, held: &mut T, (): &mut (), sample: &Sample<T>) -> Step<'_, T> {
-        let effect = SealUnder { load: &self.load, sample };
+        let effect = SealLoadEffect { load: &self.load, sample };
         Step::Done(self.bristles.step(held, sample.velocity_rad_s, &effect))
     }
 
@@ -141,7 +143,10 @@ impl<T: Real> FrictionLaw<T> for ImprovedLugre<T> {
         effects.seal = self.load.effect(sample);
     }
 
-    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+    fn check<N: Real, S: Real>(
+        written: &LawParameters<S>,
+        range: &LawRange,
+    ) -> Result<f64, ParameterError> {
         bristle::check::<N, S>(written, range, written.values.value(Id::BristleDamping))
     }
 }

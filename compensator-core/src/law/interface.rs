@@ -1,31 +1,31 @@
-//! What every law has to say: the list of questions, none of which it may leave open.
+//! The trait that every friction law implements.
 
 use super::bristle::Bristles;
-use super::written::{Range, Written};
+use super::written::{LawParameters, LawRange};
 use crate::effect::{Effect, Effects, NoEffect};
 use crate::number::Real;
 use crate::parameter::ParameterId;
 use crate::quantity::Sample;
 use crate::refusal::ParameterError;
 
-/// How a law takes a sample.
+/// Result of [`FrictionLaw::step`]: a torque, or a bristle step that the caller completes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Step<'a, T> {
-    /// It has done so, and this is the friction torque, Nm.
+    /// The step is complete. The value is the friction torque, Nm.
     Done(T),
-    /// These bristles are to be stepped, between these levels: the Coulomb and the static one, Nm. The
-    /// laws that do it this way share the code of the step.
+    /// The caller must step these bristles with this Coulomb and static level, Nm. All laws that
+    /// return this variant share the code of the bristle step.
     Bristles(&'a Bristles<T>, T, T),
 }
 
 impl<'a, T: Real> Step<'a, T> {
-    /// These bristles are to be stepped between the levels they were built with.
+    /// Requests a step of these bristles with their own levels.
     #[inline(always)]
     pub fn of(bristles: &'a Bristles<T>) -> Self {
         Self::Bristles(bristles, bristles.coulomb, bristles.static_level)
     }
 
-    /// The friction torque, Nm, after what is still to be done.
+    /// Completes the step and returns the friction torque, Nm.
     #[inline(always)]
     pub fn finish<E: Effect<T>>(self, held: &mut T, velocity: T, effect: &E) -> T {
         match self {
@@ -37,34 +37,36 @@ impl<'a, T: Real> Step<'a, T> {
     }
 }
 
-/// A law, built for a sample period: its coefficients and weights. What it remembers is kept apart: the
-/// torque held by bent bristles, which every model has (a static law leaves it at 0), and a memory of its
-/// own where it needs more. A memory or weights of many numbers belong behind a cargo feature, as terms are:
-/// the state of a model has room for those of every law.
+/// Coefficients of a friction law for one sample period.
+///
+/// The state is stored separately. It consists of the bristle torque, which every model has (0 in a static law),
+/// and an optional memory of the law. The state of a model contains the memory of every law. A law with a large
+/// memory or many coefficients must therefore be behind a cargo feature, as the terms are.
 pub(crate) trait FrictionLaw<T: Real>: Copy {
-    /// The parameters that belong to it.
+    /// Parameters of the law.
     const PARAMETERS: &'static [ParameterId];
 
-    /// Whether its own parameters hold how side load and pressure act, and the terms that do so are part of it.
+    /// True if the law itself models side load and pressure, so that it includes the terms for them.
     const HAS_SEAL_LOAD: bool = false;
 
-    /// What it remembers between samples besides the held torque; `()` for all that have no more.
+    /// Memory between samples apart from the bristle torque; `()` if there is none.
     type Memory: Copy + Default;
 
-    /// Builds it for a sample period in s; from illegal values too, as a fit passes through them.
-    fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self;
+    /// Computes the coefficients for a sample period in s. Accepts illegal values, because a fit may try them.
+    fn build(written: &LawParameters<T::Setting>, period_s: T::Setting) -> Self;
 
-    /// Becomes `of` for a sample period `ratio` times as long.
+    /// Sets the coefficients to those of `of` for a sample period `ratio` times as long.
     fn rescale_period(&mut self, of: &Self, ratio: T);
 
-    /// The speed velocity is limited to, rad/s.
+    /// Returns the largest speed that the law evaluates, rad/s. A larger velocity is limited to it.
     fn velocity_limit(&self) -> T;
 
-    /// The held torque of a joint that slides fast, Nm; 0 of a law that holds none.
+    /// Returns the bristle torque in fast sliding, Nm; 0 for a static law.
     fn sliding_torque(&self) -> T;
 
-    /// Advances the held torque (Nm) and the memory by one sample, or says which bristles are to do so.
-    /// `velocity` may be any bit pattern: beyond the limit it is limited, NaN counts as rest.
+    /// Advances the bristle torque `held` (Nm) and the memory by one sample, or returns the bristles to step.
+    ///
+    /// `velocity` (rad/s) may have any bit pattern. It is limited to the velocity limit; NaN is treated as rest.
     fn step<E: Effect<T>>(
         &self,
         held: &mut T,
@@ -73,7 +75,7 @@ pub(crate) trait FrictionLaw<T: Real>: Copy {
         effect: &E,
     ) -> Step<'_, T>;
 
-    /// The same in a model without terms.
+    /// As [`FrictionLaw::step`], in a model without terms.
     #[inline(always)]
     fn step_alone(
         &self,
@@ -84,14 +86,19 @@ pub(crate) trait FrictionLaw<T: Real>: Copy {
         self.step(held, memory, sample.velocity_rad_s, &NoEffect)
     }
 
-    /// What the law's own load does in this sample, for terms to add to.
+    /// Writes the effect of the law's own load into `effects`. Terms add to it.
     #[inline(always)]
     fn load(&self, _: &Sample<T>, _: &mut Effects<T>) {}
 
-    /// Refuses what the number `N` has no room for within the range; the coefficients that are parameters
-    /// as they stand have been checked. Returns the largest torque besides level and viscous part, Nm.
+    /// Checks that the number type `N` can represent every product of the law within `range`.
+    ///
+    /// The caller has already checked the coefficients that equal a parameter. Returns the largest torque of the
+    /// law apart from level and viscous friction, Nm.
     ///
     /// # Errors
-    /// Names the product that is too large.
-    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError>;
+    /// Names the product that `N` cannot represent.
+    fn check<N: Real, S: Real>(
+        written: &LawParameters<S>,
+        range: &LawRange,
+    ) -> Result<f64, ParameterError>;
 }

@@ -2,13 +2,13 @@
 
 use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
-use super::written::{Range, Written};
+use super::written::{LawParameters, LawRange};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<T> {
     /// Coulomb and viscous friction.
@@ -20,7 +20,7 @@ impl<T: Real> FrictionLaw<T> for Linear<T> {
 
     type Memory = ();
 
-    fn build(written: &Written<T::Setting>, _: T::Setting) -> Self {
+    fn build(written: &LawParameters<T::Setting>, _: T::Setting) -> Self {
         Self { steady: Steady::build(written) }
     }
 
@@ -41,7 +41,7 @@ impl<T: Real> FrictionLaw<T> for Linear<T> {
         Step::Done(self.steady.sliding(effect.coulomb(self.steady.coulomb), velocity, effect))
     }
 
-    fn check<N: Real, S: Real>(_: &Written<S>, _: &Range) -> Result<f64, ParameterError> {
+    fn check<N: Real, S: Real>(_: &LawParameters<S>, _: &LawRange) -> Result<f64, ParameterError> {
         Ok(0.0)
     }
 }

@@ -2,13 +2,13 @@
 
 use super::bristle::{self, Bristles};
 use super::interface::{FrictionLaw, Step};
-use super::written::{Range, Written};
+use super::written::{LawParameters, LawRange};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
 pub struct Lugre<T>(pub Bristles<T>);
 
@@ -24,7 +24,7 @@ impl<T: Real> FrictionLaw<T> for Lugre<T> {
 
     type Memory = ();
 
-    fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self {
+    fn build(written: &LawParameters<T::Setting>, period_s: T::Setting) -> Self {
         Self(Bristles::build(written, period_s))
     }
 
@@ -46,7 +46,10 @@ impl<T: Real> FrictionLaw<T> for Lugre<T> {
         Step::of(&self.0)
     }
 
-    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+    fn check<N: Real, S: Real>(
+        written: &LawParameters<S>,
+        range: &LawRange,
+    ) -> Result<f64, ParameterError> {
         bristle::check::<N, S>(written, range, written.values.value(Id::BristleDamping))
     }
 }

@@ -1,32 +1,32 @@
-//! LuGre with levels that depend on the direction it is loaded in (the damper paper, eq. 4).
+//! LuGre with separate levels for the two load directions (the damper paper, eq. 4).
 //!
-//! The print lets `g` depend on the force it is about to give; here the sign of the held torque
-//! decides, which is known. A state can thus stand above the level of the side it crosses to by
-//! one sample's travel at most.
+//! In the paper, `g` depends on the force that it determines. Here it depends on the sign of the bristle
+//! torque, which is known. After a change of sign, the bristle torque can therefore exceed the level of the
+//! new side for one sample, by at most the travel of that sample.
 
 use super::bristle::{self, Bristles};
 use super::interface::{FrictionLaw, Step};
-use super::written::{Range, Written};
+use super::written::{LawParameters, LawRange};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
 pub struct LugreAsymmetric<T> {
-    /// The bristles, with the levels of the positive side.
+    /// The bristles, with the levels of the positive direction.
     pub positive: Bristles<T>,
-    /// `F_C` where the held torque is not positive, Nm.
+    /// `F_C` if the bristle torque is not positive, Nm.
     pub coulomb_negative: T,
-    /// `F_S` where the held torque is not positive, Nm.
+    /// `F_S` if the bristle torque is not positive, Nm.
     pub static_level_negative: T,
 }
 
 impl<T: Real> LugreAsymmetric<T> {
-    /// Advances the held torque (Nm) by one sample under an effect and returns the friction torque, Nm.
+    /// Advances the bristle torque `held` (Nm) by one sample and returns the friction torque, Nm.
     #[inline(always)]
-    pub fn step_under<E: Effect<T>>(&self, held: &mut T, velocity: T, effect: &E) -> T {
+    pub fn step_with_effect<E: Effect<T>>(&self, held: &mut T, velocity: T, effect: &E) -> T {
         self.step(held, &mut (), velocity, effect).finish(held, velocity, effect)
     }
 }
@@ -45,7 +45,7 @@ impl<T: Real> FrictionLaw<T> for LugreAsymmetric<T> {
 
     type Memory = ();
 
-    fn build(written: &Written<T::Setting>, period_s: T::Setting) -> Self {
+    fn build(written: &LawParameters<T::Setting>, period_s: T::Setting) -> Self {
         let number = |id| T::from_setting(written.values.get(id));
         Self {
             positive: Bristles::build(written, period_s),
@@ -76,7 +76,10 @@ impl<T: Real> FrictionLaw<T> for LugreAsymmetric<T> {
         Step::Bristles(&self.positive, coulomb, static_level)
     }
 
-    fn check<N: Real, S: Real>(written: &Written<S>, range: &Range) -> Result<f64, ParameterError> {
+    fn check<N: Real, S: Real>(
+        written: &LawParameters<S>,
+        range: &LawRange,
+    ) -> Result<f64, ParameterError> {
         bristle::check::<N, S>(written, range, written.values.value(Id::BristleDamping))
     }
 }

@@ -1,29 +1,29 @@
-//! What the static laws have in common: Coulomb and viscous friction, and no state.
+//! The common part of the static laws: Coulomb and viscous friction without a state.
 //!
-//! They are what most robots run, and the yardstick the bristle laws must beat. All are silent at
-//! exactly zero velocity; between rest and motion they jump, so a compensator that uses one chatters
-//! about standstill unless it is fed the reference velocity there
+//! Most robots use a static law, so it is the baseline for the bristle laws. Every static law returns 0 at zero
+//! velocity, except the atan law, which has an offset. The torque is discontinuous there. A compensator that
+//! uses a static law therefore chatters at standstill, unless it uses the reference velocity at low speed
 //! ([`crate::compensator::CompensatorParameters::blend_velocity_rad_s`]).
 
-use super::written::Written;
+use super::written::LawParameters;
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 
-/// `level sgn v + sigma2 v`.
+/// Coefficients of `level sgn v + sigma2 v`.
 #[derive(Clone, Copy, Debug)]
 pub struct Steady<T> {
     /// `F_C`, Nm.
     pub coulomb: T,
     /// `sigma2`, Nm s/rad.
     pub viscous: T,
-    /// Velocity is limited to this magnitude before anything else, rad/s.
+    /// Limit of the velocity magnitude, rad/s. The step applies it first.
     pub velocity_limit: T,
 }
 
 impl<T: Real> Steady<T> {
-    /// Built from parameters.
-    pub(super) fn build(written: &Written<T::Setting>) -> Self {
+    /// Computes the coefficients from the parameters.
+    pub(super) fn build(written: &LawParameters<T::Setting>) -> Self {
         let number = |id| T::from_setting(written.values.get(id));
         Self {
             coulomb: number(Id::CoulombTorque),
@@ -32,13 +32,13 @@ impl<T: Real> Steady<T> {
         }
     }
 
-    /// Velocity made fit, whatever its bits.
+    /// Limits a velocity (rad/s) of any bit pattern to the velocity limit; NaN becomes 0.
     #[inline(always)]
     pub(super) fn limited(&self, velocity: T) -> T {
         velocity.or_zero_if_nan().within(self.velocity_limit)
     }
 
-    /// The torque at a limited velocity for a level, Nm.
+    /// Returns the sliding torque at a limited velocity for a Coulomb level, Nm.
     #[inline(never)]
     pub(super) fn sliding<E: Effect<T>>(&self, level: T, velocity: T, effect: &E) -> T {
         let viscous = effect.viscous(self.viscous, velocity) * velocity;

@@ -1,14 +1,14 @@
-//! With `(F_S - F_C) exp(-(v/v_s)^2) sgn v` besides: what LuGre is in steady sliding.
+//! Coulomb and viscous friction plus `(F_S - F_C) exp(-(v/v_s)^2) sgn v`: LuGre in steady sliding.
 
 use super::interface::{FrictionLaw, Step};
 use super::steady::Steady;
-use super::written::{Range, Written, stribeck_axis};
+use super::written::{LawParameters, LawRange, stribeck_axis};
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
 pub struct Stribeck<T> {
     /// Coulomb and viscous friction.
@@ -27,7 +27,7 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
 
     type Memory = ();
 
-    fn build(written: &Written<T::Setting>, _: T::Setting) -> Self {
+    fn build(written: &LawParameters<T::Setting>, _: T::Setting) -> Self {
         let (stribeck_end, cells_per_velocity) = stribeck_axis(written);
         Self {
             steady: Steady::build(written),
@@ -60,7 +60,7 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
         Step::Done(self.steady.sliding(level, velocity, effect))
     }
 
-    fn check<N: Real, S: Real>(_: &Written<S>, _: &Range) -> Result<f64, ParameterError> {
+    fn check<N: Real, S: Real>(_: &LawParameters<S>, _: &LawRange) -> Result<f64, ParameterError> {
         Ok(0.0)
     }
 }

@@ -1,32 +1,32 @@
-//! What a law is built from, and how far its quantities can go.
+//! Input of a law: its parameters and the range of its quantities.
 
 use super::Choices;
 use crate::curve;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId, Values};
+use crate::parameter::{ParameterId, ParameterValues};
 use crate::term::bounds::Bounds;
 
-/// What a law is built from.
+/// Parameters from which a law is built.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Written<'a, S> {
-    /// The values of its parameters.
-    pub values: &'a Values<S>,
-    /// What is not a number.
+pub(crate) struct LawParameters<'a, S> {
+    /// Values of all parameters.
+    pub values: &'a ParameterValues<S>,
+    /// Options that are not numeric.
     pub choices: Choices,
-    /// Where it is to work.
+    /// Operating envelope of the joint.
     pub envelope: &'a Envelope,
 }
 
-impl<S: Real> Written<'_, S> {
-    /// The speed that velocity is limited to, rad/s.
+impl<S: Real> LawParameters<'_, S> {
+    /// Returns the limit of the velocity magnitude, rad/s.
     pub fn velocity_limit<T: Real>(&self) -> T {
         T::from_f64(f64::from(self.envelope.velocity_max_rad_s))
     }
 }
 
-/// The end of the Stribeck curve's table, rad/s, and its cells per rad/s.
-pub(super) fn stribeck_axis<T: Real>(written: &Written<T::Setting>) -> (T, T) {
+/// Returns the end of the Stribeck table, rad/s, and its cells per rad/s.
+pub(super) fn stribeck_axis<T: Real>(written: &LawParameters<T::Setting>) -> (T, T) {
     let constant = T::Setting::from_f64;
     let velocity = written.values.get(ParameterId::StribeckVelocity);
     let end = velocity * constant(curve::LAST / curve::CELLS_PER_STRIBECK_VELOCITY);
@@ -34,17 +34,17 @@ pub(super) fn stribeck_axis<T: Real>(written: &Written<T::Setting>) -> (T, T) {
     (T::from_setting(end), T::from_setting(cells))
 }
 
-/// How far the quantities of a law can go within the envelope.
+/// Range of the quantities of a law within the envelope.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Range<'a> {
+pub(crate) struct LawRange<'a> {
     /// Sample period, s.
     pub period_s: f64,
     /// Largest speed, rad/s.
     pub speed: f64,
-    /// The lowest level the step can divide by, Nm.
+    /// Smallest Coulomb level, Nm. It is the smallest possible divisor of a step.
     pub smallest_level: f64,
-    /// The highest static level, Nm: no bristle torque is larger.
+    /// Largest static level, Nm. It limits the bristle torque.
     pub largest_level: f64,
-    /// What load and terms do.
+    /// Bounds of load and terms.
     pub bounds: &'a Bounds,
 }

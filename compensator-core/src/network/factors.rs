@@ -1,21 +1,21 @@
-//! The factors a network puts on a law's levels and stiffness, and how far they may go.
+//! Factors of a network on the levels and the stiffness of a law, and their bounds.
 
 use super::activation::sigmoid;
 use crate::effect::Effect;
 use crate::number::Real;
 use crate::refusal::{Bound, ParameterError, refuse};
 
-/// How many there are: on `F_C`, on `F_S`, on `sigma0`.
-pub const FACTORS: usize = 3;
+/// Number of factors: on `F_C`, on `F_S`, on `sigma0`.
+pub const FACTOR_COUNT: usize = 3;
 
-/// Factors on a law's parameters, 1 for none. The static one is never below the Coulomb one.
+/// Factors on the parameters of a law. The neutral value is 1. The static factor is never below the Coulomb factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Factors<T> {
-    /// On `F_C` of either direction.
+    /// Factor on `F_C`, for both directions.
     pub coulomb: T,
-    /// On `F_S` of either direction.
+    /// Factor on `F_S`, for both directions.
     pub static_level: T,
-    /// On `sigma0`.
+    /// Factor on `sigma0`.
     pub stiffness: T,
 }
 
@@ -25,23 +25,23 @@ impl<T: Real> Default for Factors<T> {
     }
 }
 
-/// Between what a factor may lie.
+/// Bounds of a factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FactorBounds<T> {
-    /// The least, more than 0 and at most 1.
+    /// Lower bound, more than 0 and at most 1.
     pub least: T,
-    /// The most, at least 1.
+    /// Upper bound, at least 1.
     pub most: T,
 }
 
 impl<T: Real> FactorBounds<T> {
-    /// The factor for a sum of the readout.
+    /// Returns the factor for an output sum of the readout.
     #[inline]
     fn factor(&self, sum: T) -> T {
         self.least + (self.most - self.least) * sigmoid(sum)
     }
 
-    /// The same in another number.
+    /// Converts the bounds to another number type.
     pub fn convert<R: Real>(&self) -> FactorBounds<R> {
         FactorBounds {
             least: R::from_f64(self.least.value()),
@@ -51,9 +51,9 @@ impl<T: Real> FactorBounds<T> {
 
     pub(super) fn validate(&self) -> Result<(), ParameterError> {
         let (least, most) = (self.least.value(), self.most.value());
-        let why = "the constants, a factor of 1, are among them";
+        let why = "the bounds must contain the factor 1";
         if least.is_nan() || least <= 0.0 {
-            refuse("network_factor_least", least, Bound::MoreThan(0.0), "bristles hold something")?;
+            refuse("network_factor_least", least, Bound::MoreThan(0.0), "a factor is positive")?;
         }
         if least > 1.0 {
             refuse("network_factor_least", least, Bound::AtMost(1.0), why)?;
@@ -62,20 +62,20 @@ impl<T: Real> FactorBounds<T> {
             refuse("network_factor_most", most, Bound::AtLeast(1.0), why)?;
         }
         if most > LARGEST_FACTOR {
-            let why = "more than that the law was not fitted for";
+            let why = "the law is not fitted beyond it";
             refuse("network_factor_most", most, Bound::AtMost(LARGEST_FACTOR), why)?;
         }
         Ok(())
     }
 }
 
-/// The most any factor may be.
+/// Maximum value of any factor.
 const LARGEST_FACTOR: f64 = 100.0;
 
 impl<T: Real> Factors<T> {
-    /// The factors of the readout's sums, within their bounds.
+    /// Maps the output sums of the readout to factors within their bounds.
     #[inline]
-    pub fn within(sums: [T; FACTORS], bounds: &[FactorBounds<T>; FACTORS]) -> Self {
+    pub fn within(sums: [T; FACTOR_COUNT], bounds: &[FactorBounds<T>; FACTOR_COUNT]) -> Self {
         let [coulomb, static_level, stiffness] = bounds;
         let [of_coulomb, of_static, of_stiffness] = sums;
         let coulomb = coulomb.factor(of_coulomb);
@@ -86,7 +86,7 @@ impl<T: Real> Factors<T> {
         }
     }
 
-    /// The same with a share, 0..=1, of what differs from 1.
+    /// Scales the difference of each factor from 1 by `share`, 0..=1.
     #[inline]
     #[must_use]
     pub fn faded(self, share: T) -> Self {
@@ -94,7 +94,7 @@ impl<T: Real> Factors<T> {
         self.map(|factor| one + (factor - one) * share)
     }
 
-    /// From here towards others, each by at most `slew`.
+    /// Moves each factor towards `others` by at most `slew`.
     #[inline]
     #[must_use]
     pub fn towards(self, others: Self, slew: T) -> Self {
@@ -114,8 +114,8 @@ impl<T: Real> Factors<T> {
         }
     }
 
-    /// In the order of the readout.
-    pub fn to_array(self) -> [T; FACTORS] {
+    /// Returns the factors in the order of the readout.
+    pub fn to_array(self) -> [T; FACTOR_COUNT] {
         [self.coulomb, self.static_level, self.stiffness]
     }
 }

@@ -1,52 +1,54 @@
-//! A network as a joint driver takes it: what each input is fed with, how often it is evaluated, and the weights.
+//! A network for a joint driver: the source of each input, the evaluation period and the weights.
 //!
-//! A driver has one place for a network, so its size is fixed: [`MOST_INPUTS`] inputs, [`CELLS`] cells. A smaller one is
-//! widened ([`Network::widened`]); an input that is not used reads the middle of its range, which is 0 to the cells,
-//! so the factors are those of the smaller one. [`JointNetwork`] is what people and records hold, in `f32`;
-//! [`Supplier`] is built of it and gives a compensator its factors.
+//! The size is fixed, because a driver reserves memory for one network: [`MAX_INPUTS`] inputs and [`CELLS`] cells.
+//! [`Network::widened`] extends a smaller network. An unused input reads the middle of its range, which the cells
+//! receive as 0, so the factors do not change.
+//!
+//! [`JointNetwork`] is the form in files and records, in `f32`. [`FactorSupplier`] is built from it and computes the
+//! factors for a compensator.
 
-use super::{Factors, Network, NetworkState, Stroke, StrokeRange};
+use super::{Factors, Network, NetworkState, StrokeRange, StrokeTracker};
 use crate::number::Real;
 use crate::parameters::{LawKind, Parameters};
 use crate::quantity::{Inputs, Quantity};
 use crate::refusal::{Bound, ParameterError, refuse};
 
-/// Most inputs a driver's network has.
-pub const MOST_INPUTS: usize = 4;
+/// Maximum number of inputs of a driver's network.
+pub const MAX_INPUTS: usize = 4;
 
-/// Cells of a driver's network.
+/// Number of cells of a driver's network.
 pub const CELLS: usize = 8;
 
-/// What an input of a network is fed with.
+/// Source of a network input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Feed {
-    /// A reading of the joint's, in the unit inside ([`Inputs`]).
+pub enum InputSource {
+    /// A reading of the joint, in the internal unit ([`Inputs`]).
     Of(Quantity),
-    /// The torque the bristles hold: the law's own state, Nm.
+    /// The torque held by the bristles, which is the state of the law, Nm.
     Held,
 }
 
-impl Feed {
-    /// What is written for [`Feed::Held`]; quantities have the numbers of their columns.
+impl InputSource {
+    /// Number of [`InputSource::Held`] in records. A quantity has the number of its column.
     const HELD: u8 = 0xFE;
 
-    /// Its number in records, which may never change; `None` of what a driver does not read.
+    /// Returns the number in records, which must never change. Returns `None` for a quantity that no driver reads.
     pub fn number(self) -> Option<u8> {
         match self {
             Self::Held => Some(Self::HELD),
-            // A driver counts the hours itself, and a network that drifts with them was never trained on them.
+            // A driver counts the hours itself, and no network is trained on them.
             Self::Of(Quantity::CampaignTime) => None,
             Self::Of(quantity) => quantity.info().column,
         }
     }
 
-    /// The one with this number.
+    /// Returns the source with this number in records.
     pub fn from_number(number: u8) -> Option<Self> {
         let quantities = Quantity::ALL.iter().map(|quantity| Self::Of(*quantity));
-        quantities.chain([Self::Held]).find(|feed| feed.number() == Some(number))
+        quantities.chain([Self::Held]).find(|source| source.number() == Some(number))
     }
 
-    /// What it is called in files, of a joint that turns: `held`, or the column of a log.
+    /// Returns the name in files, for a revolute joint: `held`, or the name of a log column.
     pub fn name(self) -> &'static str {
         match self {
             Self::Held => "held",
@@ -55,49 +57,49 @@ impl Feed {
     }
 }
 
-/// A network as a joint driver takes it.
+/// A network for a joint driver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointNetwork {
-    /// What its inputs are fed with; those behind the last one are not used.
-    pub feeds: heapless::Vec<Feed, MOST_INPUTS>,
-    /// Time from one evaluation to the next, s: the one it was trained with.
+    /// Sources of the inputs. Inputs after the last source are unused.
+    pub feeds: heapless::Vec<InputSource, MAX_INPUTS>,
+    /// Evaluation period, s, as in training.
     pub period_s: f32,
-    /// Strokes it was trained on; `None` where any counts as known.
+    /// Strokes of the training data. `None` if every stroke counts as known.
     pub strokes: Option<StrokeRange<f32>>,
-    /// Ranges, weights, bounds and rates.
-    pub network: Network<f32, MOST_INPUTS, CELLS>,
+    /// Ranges, weights, bounds and rates of change.
+    pub network: Network<f32, MAX_INPUTS, CELLS>,
 }
 
-/// Legal times from one evaluation to the next, s.
+/// Valid range of the evaluation period, s.
 const PERIOD_RANGE_S: [f64; 2] = [1e-4, 10.0];
 
 impl JointNetwork {
-    /// Refuses what is no network a driver could run.
+    /// Checks that a driver can run the network.
     ///
     /// # Errors
-    /// Names what is wrong.
+    /// Names the first invalid field.
     pub fn validate(&self) -> Result<(), ParameterError> {
         if self.feeds.is_empty() {
-            refuse("network_inputs", 0.0, Bound::AtLeast(1.0), "it would say the same for ever")?;
+            refuse("network_inputs", 0.0, Bound::AtLeast(1.0), "a network needs an input")?;
         }
-        between("network_period_s", self.period_s, PERIOD_RANGE_S, "a time between evaluations")?;
+        between("network_period_s", self.period_s, PERIOD_RANGE_S, "the evaluation period")?;
         if let Some(strokes) = &self.strokes {
             let largest = f64::from(f32::MAX);
             let least = f64::from(strokes.least);
             between("network_stroke_least", strokes.least, [0.0, largest], "a length")?;
-            let why = "the longest stroke is not the shortest";
+            let why = "it is at least the shortest stroke";
             between("network_stroke_most", strokes.most, [least, largest], why)?;
             let tiny = f64::from(f32::MIN_POSITIVE);
-            let why = "noise is no reversal";
+            let why = "noise is not a reversal";
             between("network_stroke_reversal", strokes.reversal, [tiny, largest], why)?;
         }
         self.network.validate()
     }
 
-    /// Refuses a law that takes no factors.
+    /// Checks that the model accepts factors.
     ///
     /// # Errors
-    /// Another law than `lugre-asymmetric`, or terms beside it.
+    /// Returns an error if the law is not `lugre-asymmetric` or if the model has terms.
     pub fn validate_with<T: Real>(model: &Parameters<T>) -> Result<(), ParameterError> {
         if model.law == LawKind::LugreAsymmetric && model.terms.is_empty() {
             return Ok(());
@@ -123,24 +125,24 @@ fn between(
     Ok(())
 }
 
-/// A network at work: it reads what a compensator reads, and gives it factors.
+/// A running network: it reads the inputs of a compensator and computes its factors.
 #[derive(Clone, Debug)]
-pub struct Supplier<T: Real> {
-    feeds: heapless::Vec<Feed, MOST_INPUTS>,
+pub struct FactorSupplier<T: Real> {
+    feeds: heapless::Vec<InputSource, MAX_INPUTS>,
     period_s: f32,
     strokes: Option<StrokeRange<T>>,
-    network: Network<T, MOST_INPUTS, CELLS>,
-    /// A reading is good for this long, s.
+    network: Network<T, MAX_INPUTS, CELLS>,
+    /// Maximum age of a valid reading, s.
     hold_s: T,
     state: NetworkState<T, CELLS>,
-    stroke: Stroke<T>,
+    stroke: StrokeTracker<T>,
 }
 
-impl<T: Real<Setting = f32>> Supplier<T> {
-    /// Builds it; readings older than `hold_s` (s) count as missing.
+impl<T: Real<Setting = f32>> FactorSupplier<T> {
+    /// Builds the supplier. Readings older than `hold_s` (s) count as missing.
     ///
     /// # Errors
-    /// As [`JointNetwork::validate`]; a range or stroke the number has no room for.
+    /// As [`JointNetwork::validate`]. Also if the number type cannot represent a range or a stroke.
     pub fn build(from: &JointNetwork, hold_s: f32) -> Result<Self, ParameterError> {
         from.validate()?;
         for range in from.network.inputs.iter().take(from.feeds.len()) {
@@ -167,14 +169,15 @@ impl<T: Real<Setting = f32>> Supplier<T> {
             network: from.network.convert(),
             hold_s: number(hold_s),
             state: NetworkState::default(),
-            stroke: Stroke::default(),
+            stroke: StrokeTracker::default(),
         })
     }
 
-    /// How many samples of this period (s) go from one evaluation to the next, at least one.
+    /// Returns the number of samples per evaluation, at least 1, for a sample period in s.
     ///
     /// # Errors
-    /// Samples farther apart than a quarter over the time between evaluations: the network would run slower than trained.
+    /// Returns an error if the sample period exceeds 1.25 evaluation periods: the network would run more slowly
+    /// than in training.
     pub fn every(&self, sample_period_s: f32) -> Result<u32, ParameterError> {
         let ratio = self.period_s / sample_period_s;
         if ratio < 0.8 {
@@ -182,63 +185,65 @@ impl<T: Real<Setting = f32>> Supplier<T> {
             let (found, least) = (f64::from(self.period_s), 0.8 * f64::from(sample_period_s));
             refuse("network_period_s", found, Bound::AtLeast(least), why)?;
         }
-        // Rounded: `f32::round` is not in core.
+        // Round by hand: `f32::round` is not in `core`.
         Ok(((ratio + 0.5) as u32).max(1))
     }
 
-    /// Time from one evaluation to the next, s.
+    /// Returns the evaluation period, s.
     pub const fn period_s(&self) -> f32 {
         self.period_s
     }
 
-    /// One evaluation, on what is known of the joint and the torque its bristles hold (Nm); any bit pattern is
-    /// legal. A reading that is missing or too old counts as outside of the range, and as its middle.
+    /// Evaluates the network with the inputs of the joint and the torque held by the bristles (Nm).
+    ///
+    /// Every bit pattern is valid. A missing or expired reading is replaced by the middle of its range, and the
+    /// evaluation then counts as outside the ranges.
     #[inline(never)]
     pub fn evaluate(&mut self, inputs: &Inputs<T>, held_nm: T) -> Factors<T> {
-        let mut fed = self.network.inputs.each_ref().map(|range| range.middle);
+        let mut values = self.network.inputs.each_ref().map(|range| range.middle);
         let mut is_known = true;
-        for (place, feed) in fed.iter_mut().zip(&self.feeds) {
-            match feed {
-                Feed::Held => *place = held_nm,
-                Feed::Of(quantity) => {
-                    let reading = quantity.of_inputs(inputs);
+        for (value, source) in values.iter_mut().zip(&self.feeds) {
+            match source {
+                InputSource::Held => *value = held_nm,
+                InputSource::Of(quantity) => {
+                    let reading = quantity.reading_in(inputs);
                     let missing =
                         reading.age_s.negative_or_nan_mask() | self.hold_s.lt_mask(reading.age_s);
                     is_known &= !missing.is_set();
-                    *place = T::select(missing, *place, reading.value);
+                    *value = T::select(missing, *value, reading.value);
                 }
             }
         }
         if let Some(range) = &self.strokes {
             is_known &= self.stroke.is_known(inputs.velocity_rad_s.value, range);
         }
-        self.network.evaluate_where(&mut self.state, &fed, is_known)
+        self.network.evaluate_guarded(&mut self.state, &values, is_known)
     }
 
-    /// What it remembers: its factors, its share, the guard of its inputs.
+    /// Returns the state: the factors, the share and the count of evaluations outside the ranges.
     pub const fn state(&self) -> &NetworkState<T, CELLS> {
         &self.state
     }
 
-    /// Forgets the motion so far, and what it said; the count of evaluations outside stays.
+    /// Resets the state and the stroke tracker. The count of evaluations outside the ranges is kept.
     pub fn rest(&mut self) {
         let outside_count = self.state.outside_count;
         self.state = NetworkState { outside_count, ..NetworkState::default() };
-        self.stroke = Stroke::default();
+        self.stroke = StrokeTracker::default();
     }
 }
 
-/// Refuses what the number `T` would hold as another by more than a thousandth.
+/// Returns an error if `T` cannot represent the value to 0.1 %, plus an absolute tolerance of 1e-5.
 fn held_by<T: Real>(field: &'static str, value: f32) -> Result<(), ParameterError> {
     let value = f64::from(value);
     let held = T::from_f64(value).value();
-    let (size, apart) = (libm::fabs(value), libm::fabs(held - value));
-    if apart > 1e-3 * size + 1e-5 {
+    let (size, error) = (libm::fabs(value), libm::fabs(held - value));
+    if error > 1e-3 * size + 1e-5 {
         refuse(
             field,
             value,
             Bound::AtMost(libm::fabs(held)),
-            "the number it computes with has no room",
+            "the number type cannot represent it",
         )?;
     }
     Ok(())

@@ -14,19 +14,19 @@ fn inputs<T: Real>(auxiliary: f64, velocity: f64) -> Inputs<T> {
 }
 
 #[test]
-fn a_widened_network_gives_the_factors_of_the_small_one_to_the_bit() {
+fn widened_network_gives_bit_identical_factors() {
     fn run<T: Real<Setting = f32>>() {
         let small = reference::network::<T>();
         let mut joint = reference::joint();
         joint.strokes = None;
-        let mut wide = Supplier::<T>::build(&joint, 0.1).unwrap();
+        let mut wide = FactorSupplier::<T>::build(&joint, 0.1).unwrap();
         let mut state = NetworkState::default();
         for step in 0..2000 {
             let at = |period: i32| f64::from(step % period) / f64::from(period);
             let [auxiliary, velocity, held] =
                 [4.4 * at(331) - 1.2, at(128) - 0.5, 16.0 * at(77) - 8.0];
-            let fed = [auxiliary, velocity, held].map(T::from_f64);
-            let expected = small.evaluate(&mut state, &fed);
+            let values = [auxiliary, velocity, held].map(T::from_f64);
+            let expected = small.evaluate(&mut state, &values);
             let found = wide.evaluate(&inputs(auxiliary, velocity), T::from_f64(held));
             assert_eq!(found, expected);
             assert_eq!(wide.state().outside_count, state.outside_count);
@@ -38,10 +38,10 @@ fn a_widened_network_gives_the_factors_of_the_small_one_to_the_bit() {
 }
 
 #[test]
-fn a_reading_that_is_missing_or_old_lies_outside_and_a_stroke_unlike_those_trained_on_too() {
+fn evaluate_with_missing_reading_or_unknown_stroke_counts_as_outside() {
     let mut joint = reference::joint();
     joint.strokes = None;
-    let mut supplier = Supplier::<f32>::build(&joint, 0.1).unwrap();
+    let mut supplier = FactorSupplier::<f32>::build(&joint, 0.1).unwrap();
     let mut outside = |auxiliary: Reading<f32>| {
         supplier.rest();
         let before = supplier.state().outside_count;
@@ -53,8 +53,8 @@ fn a_reading_that_is_missing_or_old_lies_outside_and_a_stroke_unlike_those_train
     assert_eq!(outside(Reading { value: f32::NAN, age_s: 0.0 }), 1);
     assert_eq!(outside(Reading { value: 1.0, age_s: f32::NAN }), 1);
     assert_eq!(outside(Reading::missing()), 1);
-    // With strokes watched: a joint at rest makes none.
-    let mut watching = Supplier::<f32>::build(&reference::joint(), 0.1).unwrap();
+    // With stroke tracking, a joint at rest has no known stroke.
+    let mut watching = FactorSupplier::<f32>::build(&reference::joint(), 0.1).unwrap();
     for _ in 0..100 {
         watching.evaluate(&inputs(1.0, 0.0), 0.0);
     }
@@ -63,8 +63,8 @@ fn a_reading_that_is_missing_or_old_lies_outside_and_a_stroke_unlike_those_train
 }
 
 #[test]
-fn evaluations_come_at_the_rate_of_training_or_not_at_all() {
-    let supplier = Supplier::<f32>::build(&reference::joint(), 0.1).unwrap();
+fn every_with_too_long_sample_period_returns_error() {
+    let supplier = FactorSupplier::<f32>::build(&reference::joint(), 0.1).unwrap();
     assert_eq!(supplier.every(1.0 / 256.0).unwrap(), 2);
     assert_eq!(supplier.every(1e-3).unwrap(), 8);
     assert_eq!(supplier.every(1.0 / 128.0).unwrap(), 1);
@@ -72,7 +72,7 @@ fn evaluations_come_at_the_rate_of_training_or_not_at_all() {
 }
 
 #[test]
-fn what_no_driver_could_run_is_refused() {
+fn validate_with_invalid_network_names_the_field() {
     let good = reference::joint();
     good.validate().unwrap();
     let refused = |change: &dyn Fn(&mut JointNetwork)| {
@@ -84,13 +84,13 @@ fn what_no_driver_could_run_is_refused() {
     assert_eq!(refused(&|n| n.period_s = f32::NAN), "network_period_s");
     assert_eq!(refused(&|n| n.strokes.as_mut().unwrap().most = 0.001), "network_stroke_most");
     assert_eq!(refused(&|n| n.network.slew = 2.0), "network_slew");
-    // Fixed point holds 2048 at most.
+    // Fixed point represents values up to 2048.
     let mut wide = good.clone();
     wide.network.inputs[0].middle = 1e5;
-    assert!(Supplier::<f32>::build(&wide, 0.1).is_ok());
-    let error = Supplier::<Fixed>::build(&wide, 0.1).unwrap_err();
+    assert!(FactorSupplier::<f32>::build(&wide, 0.1).is_ok());
+    let error = FactorSupplier::<Fixed>::build(&wide, 0.1).unwrap_err();
     assert_eq!(error.field, "network_input_middle");
-    // Whom it supplies.
+    // Only `lugre-asymmetric` without terms accepts factors.
     assert!(JointNetwork::validate_with(&reference::parameters()).is_ok());
     let mut ripple = reference::parameters();
     ripple.add_term(crate::TermKind::TorqueOffset);
@@ -100,11 +100,12 @@ fn what_no_driver_could_run_is_refused() {
 }
 
 #[test]
-fn every_feed_has_a_number_of_its_own() {
-    let feeds: std::vec::Vec<Feed> = (0..=255).filter_map(Feed::from_number).collect();
-    assert_eq!(feeds.len(), 8);
-    for feed in feeds {
-        assert_eq!(Feed::from_number(feed.number().unwrap()), Some(feed));
+fn input_source_number_is_unique() {
+    let sources: std::vec::Vec<InputSource> =
+        (0..=255).filter_map(InputSource::from_number).collect();
+    assert_eq!(sources.len(), 8);
+    for source in sources {
+        assert_eq!(InputSource::from_number(source.number().unwrap()), Some(source));
     }
-    assert_eq!(Feed::Of(Quantity::CampaignTime).number(), None);
+    assert_eq!(InputSource::Of(Quantity::CampaignTime).number(), None);
 }

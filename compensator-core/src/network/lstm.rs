@@ -5,9 +5,9 @@
 //! c <- f c + i c~                       h <- o squash(c)
 //! ```
 //!
-//! The cell state is held within [`CELL_LIMIT`]: beyond 3 the readout's squashing function has ended anyway, and an
-//! integrator without a bound would leave fixed point's range. Of eight cells and three inputs a step is 384 products
-//! and 40 squashing functions.
+//! [`CELL_LIMIT`] bounds the cell state. Beyond 3 `squash(c)` is saturated, and an unbounded integrator would leave
+//! the range of fixed point. With eight cells and three inputs, a step takes 384 products and 40 activation
+//! functions.
 
 use super::activation::{sigmoid, squash};
 use crate::number::Real;
@@ -16,52 +16,52 @@ use core::array;
 /// Gates of a cell: forget, input, output, candidate.
 pub const GATES: usize = 4;
 
-/// The largest magnitude of a cell's state.
+/// Maximum magnitude of the state of a cell.
 pub const CELL_LIMIT: f64 = 8.0;
 
-/// Weights of one cell, the four gates side by side: a step reads each input once for all of them.
+/// Weights of one cell. The four gates are stored together, so that a step reads each input once.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell<T, const INPUTS: usize, const CELLS: usize> {
-    /// `b` of the forget, input, output and candidate gate.
+pub struct LstmCell<T, const INPUTS: usize, const CELLS: usize> {
+    /// Bias `b` of the forget, input, output and candidate gate.
     pub bias: [T; GATES],
-    /// Their rows of `W`, by input.
+    /// Rows of `W`, one per input.
     pub input: [[T; GATES]; INPUTS],
-    /// Their rows of `U`, by cell.
+    /// Rows of `U`, one per cell.
     pub recurrent: [[T; GATES]; CELLS],
 }
 
-/// A layer.
+/// A recurrent layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lstm<T, const INPUTS: usize, const CELLS: usize> {
-    /// Its cells.
-    pub cells: [Cell<T, INPUTS, CELLS>; CELLS],
+    /// Cells of the layer.
+    pub cells: [LstmCell<T, INPUTS, CELLS>; CELLS],
 }
 
-/// What a layer remembers.
+/// State of a layer.
 #[derive(Clone, Copy, Debug)]
-pub struct Hidden<T, const CELLS: usize> {
-    /// `h`, within -1..=1.
+pub struct LstmState<T, const CELLS: usize> {
+    /// Output `h`, within -1..=1.
     pub output: [T; CELLS],
-    /// `c`.
+    /// Cell state `c`.
     pub cell: [T; CELLS],
 }
 
-impl<T: Real, const CELLS: usize> Default for Hidden<T, CELLS> {
+impl<T: Real, const CELLS: usize> Default for LstmState<T, CELLS> {
     fn default() -> Self {
         Self { output: [T::zero(); CELLS], cell: [T::zero(); CELLS] }
     }
 }
 
-/// What a step computed on its way, for whoever goes back along it.
+/// Intermediate values of a step, for back-propagation.
 #[derive(Clone, Copy, Debug)]
-pub struct Activations<T, const CELLS: usize> {
-    /// What each gate of each cell summed up, before it was squashed.
+pub struct LstmActivations<T, const CELLS: usize> {
+    /// Sum of each gate of each cell, before the activation function.
     pub sums: [[T; GATES]; CELLS],
-    /// `f c + i c~`, before it was limited.
+    /// `f c + i c~`, before the limit.
     pub cell: [T; CELLS],
 }
 
-/// `sums` and a number times each gate's weight of it.
+/// Returns `sums` plus the products of `number` and the weight of each gate.
 #[inline(always)]
 fn plus<T: Real>(sums: [T; GATES], weights: &[T; GATES], number: T) -> [T; GATES] {
     let [forget, input, output, candidate] = sums;
@@ -74,8 +74,8 @@ fn plus<T: Real>(sums: [T; GATES], weights: &[T; GATES], number: T) -> [T; GATES
     ]
 }
 
-impl<T: Real, const INPUTS: usize, const CELLS: usize> Cell<T, INPUTS, CELLS> {
-    /// How many weights a cell has.
+impl<T: Real, const INPUTS: usize, const CELLS: usize> LstmCell<T, INPUTS, CELLS> {
+    /// Number of weights of a cell.
     pub const WEIGHTS: usize = GATES * (1 + INPUTS + CELLS);
 
     #[inline(always)]
@@ -90,15 +90,15 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Cell<T, INPUTS, CELLS> {
         sums
     }
 
-    fn map<R: Real>(&self, f: impl Fn(T) -> R) -> Cell<R, INPUTS, CELLS> {
-        Cell {
+    fn map<R: Real>(&self, f: impl Fn(T) -> R) -> LstmCell<R, INPUTS, CELLS> {
+        LstmCell {
             bias: self.bias.map(&f),
             input: self.input.map(|row| row.map(&f)),
             recurrent: self.recurrent.map(|row| row.map(&f)),
         }
     }
 
-    /// Its weights by fours, one for each gate: bias, inputs, cells.
+    /// Iterates over the weights in groups of four, one per gate: bias, inputs, cells.
     fn rows(&self) -> impl Iterator<Item = &[T; GATES]> {
         core::iter::once(&self.bias).chain(&self.input).chain(&self.recurrent)
     }
@@ -109,22 +109,25 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Cell<T, INPUTS, CELLS> {
 }
 
 impl<T: Real, const INPUTS: usize, const CELLS: usize> Lstm<T, INPUTS, CELLS> {
-    /// A layer of nothing but zeros.
+    /// Returns a layer with all weights 0.
     pub fn zero() -> Self {
         let zeros = [T::zero(); GATES];
-        let cell = Cell { bias: zeros, input: [zeros; INPUTS], recurrent: [zeros; CELLS] };
+        let cell = LstmCell { bias: zeros, input: [zeros; INPUTS], recurrent: [zeros; CELLS] };
         Self { cells: [cell; CELLS] }
     }
 
-    /// One step. The inputs are within -1..=1. In place, so that what only training wants is not written elsewhere.
+    /// Advances the state by one step, in place. The inputs are within -1..=1.
+    ///
+    /// Returns the intermediate values. The compiler removes them if the caller does not use them.
     #[inline(always)]
     pub fn step(
         &self,
-        hidden: &mut Hidden<T, CELLS>,
+        hidden: &mut LstmState<T, CELLS>,
         inputs: &[T; INPUTS],
-    ) -> Activations<T, CELLS> {
-        let mut taken = Activations { sums: [[T::zero(); GATES]; CELLS], cell: [T::zero(); CELLS] };
-        // All cells see the outputs of the step before.
+    ) -> LstmActivations<T, CELLS> {
+        let mut taken =
+            LstmActivations { sums: [[T::zero(); GATES]; CELLS], cell: [T::zero(); CELLS] };
+        // All cells read the outputs of the previous step.
         let before = hidden.output;
         let limit = T::from_f64(CELL_LIMIT);
         let each = self.cells.iter().zip(&mut taken.sums).zip(&mut taken.cell);
@@ -139,11 +142,11 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Lstm<T, INPUTS, CELLS> {
         taken
     }
 
-    /// The same with more inputs, which weigh nothing.
+    /// Returns the layer with additional inputs whose weights are 0.
     pub(super) fn widened<const MORE: usize>(&self) -> Lstm<T, MORE, CELLS> {
         let none = [T::zero(); GATES];
         Lstm {
-            cells: self.cells.each_ref().map(|cell| Cell {
+            cells: self.cells.each_ref().map(|cell| LstmCell {
                 bias: cell.bias,
                 input: array::from_fn(|input| cell.input.get(input).copied().unwrap_or(none)),
                 recurrent: cell.recurrent,
@@ -151,32 +154,32 @@ impl<T: Real, const INPUTS: usize, const CELLS: usize> Lstm<T, INPUTS, CELLS> {
         }
     }
 
-    /// The same in another number.
+    /// Applies `f` to every weight, for example to convert the number type.
     pub fn map<R: Real>(&self, f: impl Fn(T) -> R) -> Lstm<R, INPUTS, CELLS> {
         Lstm { cells: self.cells.each_ref().map(|cell| cell.map(&f)) }
     }
 
-    /// The largest sum of the magnitudes of a gate's weights.
+    /// Returns the largest sum of the magnitudes of one gate's weights.
     pub(super) fn largest_sum(&self) -> f64 {
-        let of_gate = |cell: &Cell<T, INPUTS, CELLS>, gate: usize| -> f64 {
+        let of_gate = |cell: &LstmCell<T, INPUTS, CELLS>, gate: usize| -> f64 {
             cell.rows().flat_map(|row| row.get(gate)).map(|weight| weight.value().abs()).sum()
         };
         largest(self.cells.iter().flat_map(|cell| (0..GATES).map(move |gate| of_gate(cell, gate))))
     }
 
     pub(super) fn for_each(&self, sink: &mut impl FnMut(T)) {
-        self.cells.iter().flat_map(Cell::rows).flatten().copied().for_each(sink);
+        self.cells.iter().flat_map(LstmCell::rows).flatten().copied().for_each(sink);
     }
 
     pub(super) fn set(&mut self, next: &mut impl FnMut() -> Option<T>) -> Option<()> {
-        for weight in self.cells.iter_mut().flat_map(Cell::rows_mut).flatten() {
+        for weight in self.cells.iter_mut().flat_map(LstmCell::rows_mut).flatten() {
             *weight = next()?;
         }
         Some(())
     }
 }
 
-/// The largest of some sums; NaN where one is.
+/// Returns the largest of the sums, or NaN if any sum is NaN.
 pub(super) fn largest(sums: impl Iterator<Item = f64>) -> f64 {
     sums.fold(0.0, |most: f64, sum| if sum <= most || most.is_nan() { most } else { sum })
 }

@@ -1,27 +1,27 @@
-//! What is read from the recurrent layer: one number for each factor, a weighted sum of the cells' outputs.
+//! The output layer: for each factor, a weighted sum of the outputs of the cells.
 
-use super::FACTORS;
+use super::FACTOR_COUNT;
 use super::lstm::largest;
 use crate::number::Real;
 
-/// Weights of the readout.
+/// Weights of the output layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Readout<T, const CELLS: usize> {
-    /// A bias for each factor.
-    pub bias: [T; FACTORS],
+    /// Bias of each factor.
+    pub bias: [T; FACTOR_COUNT],
     /// Weights of the cells for each factor.
-    pub weights: [[T; CELLS]; FACTORS],
+    pub weights: [[T; CELLS]; FACTOR_COUNT],
 }
 
 impl<T: Real, const CELLS: usize> Readout<T, CELLS> {
-    /// A readout of nothing but zeros.
+    /// Returns a readout with all weights 0.
     pub fn zero() -> Self {
-        Self { bias: [T::zero(); FACTORS], weights: [[T::zero(); CELLS]; FACTORS] }
+        Self { bias: [T::zero(); FACTOR_COUNT], weights: [[T::zero(); CELLS]; FACTOR_COUNT] }
     }
 
-    /// The sums, to be squashed into the factors' bounds.
+    /// Returns the sums, which the sigmoid then maps to the bounds of the factors.
     #[inline]
-    pub fn read(&self, output: &[T; CELLS]) -> [T; FACTORS] {
+    pub fn read(&self, output: &[T; CELLS]) -> [T; FACTOR_COUNT] {
         let mut sums = self.bias;
         for (sum, weights) in sums.iter_mut().zip(&self.weights) {
             for (weight, output) in weights.iter().zip(output) {
@@ -31,7 +31,7 @@ impl<T: Real, const CELLS: usize> Readout<T, CELLS> {
         sums
     }
 
-    /// The same in another number.
+    /// Applies `f` to every weight, for example to convert the number type.
     pub fn map<R: Real>(&self, f: impl Fn(T) -> R) -> Readout<R, CELLS> {
         Readout { bias: self.bias.map(&f), weights: self.weights.map(|row| row.map(&f)) }
     }
@@ -40,7 +40,7 @@ impl<T: Real, const CELLS: usize> Readout<T, CELLS> {
         self.bias.iter().zip(&self.weights).map(|(bias, row)| core::iter::once(*bias).chain(*row))
     }
 
-    /// The largest sum of the magnitudes of a factor's weights.
+    /// Returns the largest sum of the magnitudes of one factor's weights.
     pub(super) fn largest_sum(&self) -> f64 {
         largest(self.rows().map(|row| row.map(|weight| weight.value().abs()).sum()))
     }

@@ -1,70 +1,71 @@
-//! The network's record: weights as they lie in flash and travel over CAN.
+//! The network record: the format of a network in flash and over CAN.
 //!
-//! A block of bytes of fixed layout beside the parameter record ([`crate::record`]), little-endian, guarded by a CRC.
+//! The record is a block of bytes with a fixed layout, little-endian, protected by a CRC. It is separate from the
+//! parameter record ([`crate::record`]).
 //!
 //! | offset | size | content |
 //! |---|---|---|
 //! | 0 | 4 | magic `FNET` |
 //! | 4 | 2 | version of this layout |
-//! | 6 | 2 | length of the whole record |
-//! | 8 | 1 | number of inputs; 0 for no network, and then the CRC follows at 12 |
+//! | 6 | 2 | length of the complete record |
+//! | 8 | 1 | number of inputs; 0 if there is no network: the CRC then follows at 12 |
 //! | 9 | 1 | number of cells, 8 |
-//! | 10 | 1 | bit 0: strokes are watched |
+//! | 10 | 1 | bit 0: the record has a stroke range |
 //! | 11 | 1 | 0 |
-//! | 12 | 4 | what the inputs are fed with, unused ones 0xFF |
-//! | 16 | 4 | time from one evaluation to the next, s |
+//! | 12 | 4 | sources of the inputs; 0xFF if unused |
+//! | 16 | 4 | evaluation period, s |
 //! | 20 | 8 | slew, fade |
-//! | 28 | 12 | strokes: least, most, reversal |
-//! | 40 | 24 | bounds of the factors on `F_C`, `F_S`, `sigma0`: least, most |
-//! | 64 | 32 | ranges of the inputs: middle, one over half the width |
+//! | 28 | 12 | strokes: minimum, maximum, reversal |
+//! | 40 | 24 | bounds of the factors on `F_C`, `F_S`, `sigma0`: minimum, maximum |
+//! | 64 | 32 | ranges of the inputs: middle, reciprocal of half the width |
 //! | 96 | 4 each | weights, in the order of [`Network::for_each_weight`] |
-//! | end - 4 | 4 | CRC-32 (ISO-HDLC) of all before |
+//! | end - 4 | 4 | CRC-32 (ISO-HDLC) of all bytes before it |
 //!
-//! A joint without a network says so in a record too: SDO has no word for nothing.
+//! A joint without a network has an empty record, because SDO cannot transfer an absent value.
 
-use super::joint::{CELLS, Feed, JointNetwork, MOST_INPUTS};
-use super::{FACTORS, FactorBounds, InputRange, Lstm, Network, Readout, StrokeRange};
+use super::joint::{CELLS, InputSource, JointNetwork, MAX_INPUTS};
+use super::{FACTOR_COUNT, FactorBounds, InputRange, Lstm, Network, Readout, StrokeRange};
 use crate::refusal::ParameterError;
 use core::fmt;
 use heapless::Vec;
 
-/// Version of the layout that is written and read.
+/// Version of the layout.
 pub const VERSION: u16 = 1;
 
 const MAGIC: [u8; 4] = *b"FNET";
 const NO_FEED: u8 = 0xFF;
 const NUMBERS_AT: usize = 16;
 /// Period, slew, fade, strokes, bounds, ranges.
-const NUMBERS: usize = 3 + 3 + 2 * FACTORS + 2 * MOST_INPUTS;
-const WEIGHTS: usize = Network::<f32, MOST_INPUTS, CELLS>::WEIGHTS;
+const NUMBERS: usize = 3 + 3 + 2 * FACTOR_COUNT + 2 * MAX_INPUTS;
+const WEIGHTS: usize = Network::<f32, MAX_INPUTS, CELLS>::WEIGHTS;
 
-/// Length in bytes of the record of a network.
+/// Length of a record with a network, bytes.
 pub const LENGTH: usize = NUMBERS_AT + 4 * (NUMBERS + WEIGHTS) + 4;
 
-/// Length in bytes of a record that says there is none.
-pub const LENGTH_OF_NONE: usize = 16;
+/// Length of a record without a network, bytes.
+pub const EMPTY_LENGTH: usize = 16;
 
 const CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
-/// A record.
+/// The bytes of a record.
 pub type Record = Vec<u8, LENGTH>;
 
-/// Why a record was refused.
+/// Reason why a record is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RecordError {
-    /// It has this many bytes: not what it says itself, or none a record can have.
+    /// The length, in bytes, differs from the header or is impossible.
     Length(usize),
-    /// It does not begin with the magic.
+    /// The record does not start with the magic.
     Magic,
-    /// It has this version, and not [`VERSION`].
+    /// The version is not [`VERSION`].
     Version(u16),
-    /// The CRC does not match: damaged, or half-written.
+    /// The CRC does not match: the record is damaged or incomplete.
     Crc,
-    /// So many inputs, or cells, no driver's network has.
+    /// The number of inputs or cells is not supported.
     Size(u8),
-    /// An input is fed with something of this number, which is not known.
+    /// The source of an input has an unknown number.
     UnknownFeed(u8),
-    /// Well-formed, but refused.
+    /// The record is well-formed, but the network is invalid.
     Refused(ParameterError),
 }
 
@@ -73,7 +74,7 @@ impl fmt::Display for RecordError {
         match self {
             Self::Length(found) => write!(
                 f,
-                "network's record of {found} bytes, expected what it says, {LENGTH} or {LENGTH_OF_NONE}"
+                "network's record of {found} bytes, expected {LENGTH} or {EMPTY_LENGTH}, as in its header"
             ),
             Self::Magic => f.write_str("not a network's record"),
             Self::Version(found) => {
@@ -82,10 +83,10 @@ impl fmt::Display for RecordError {
             Self::Crc => f.write_str("network's record is damaged (CRC)"),
             Self::Size(found) => write!(
                 f,
-                "network of {found} inputs or cells, at most {MOST_INPUTS} inputs and {CELLS} cells"
+                "network of {found} inputs or cells, at most {MAX_INPUTS} inputs and {CELLS} cells"
             ),
             Self::UnknownFeed(number) => {
-                write!(f, "network's input is fed with number {number}, which is unknown")
+                write!(f, "network's input has the unknown source number {number}")
             }
             Self::Refused(error) => error.fmt(f),
         }
@@ -100,19 +101,19 @@ impl From<ParameterError> for RecordError {
     }
 }
 
-/// Whether these bytes claim to be a network's record.
+/// Returns true if the bytes start with the magic of a network record.
 pub fn claims(bytes: &[u8]) -> bool {
     bytes.starts_with(&MAGIC)
 }
 
-/// Writes a network, or that there is none, as a record. It is not validated: [`parse`] does that.
+/// Writes a network, or an empty record for `None`. Does not validate the network: [`parse`] does.
 pub fn emit(network: Option<&JointNetwork>) -> Record {
     let mut record = Record::new();
     let mut put = |bytes: &[u8]| {
-        // The layout's constants keep it within the record.
+        // The constants of the layout guarantee that the bytes fit.
         let _ = record.extend_from_slice(bytes);
     };
-    let length = network.map_or(LENGTH_OF_NONE, |_| LENGTH) as u16;
+    let length = network.map_or(EMPTY_LENGTH, |_| LENGTH) as u16;
     put(&MAGIC);
     put(&VERSION.to_le_bytes());
     put(&length.to_le_bytes());
@@ -121,7 +122,7 @@ pub fn emit(network: Option<&JointNetwork>) -> Record {
         return sealed(record);
     };
     put(&[feeds.len() as u8, CELLS as u8, strokes.is_some().into(), 0]);
-    let mut codes = [NO_FEED; MOST_INPUTS];
+    let mut codes = [NO_FEED; MAX_INPUTS];
     for (code, feed) in codes.iter_mut().zip(feeds) {
         *code = feed.number().unwrap_or(NO_FEED);
     }
@@ -135,17 +136,17 @@ pub fn emit(network: Option<&JointNetwork>) -> Record {
     sealed(record)
 }
 
-/// With its CRC behind it.
+/// Appends the CRC.
 fn sealed(mut record: Record) -> Record {
     let crc = CRC.checksum(&record);
     let _ = record.extend_from_slice(&crc.to_le_bytes());
     record
 }
 
-/// Reads a record and validates what is in it; `None` of one that says there is no network.
+/// Reads a record and validates the network. Returns `None` for an empty record.
 ///
 /// # Errors
-/// Says what is wrong with the record, or what of the network is refused and why. Never panics, whatever the bytes.
+/// Returns the defect of the record, or the refused field and the reason. Never panics, for any bytes.
 pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
     let wrong_length = RecordError::Length(record.len());
     let Some((head, _)) = record.split_first_chunk::<12>() else { return Err(wrong_length) };
@@ -157,7 +158,7 @@ pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
         return Err(RecordError::Version(version));
     }
     let [inputs, cells, choices, _] = [head[8], head[9], head[10], head[11]];
-    let expected = if inputs == 0 { LENGTH_OF_NONE } else { LENGTH };
+    let expected = if inputs == 0 { EMPTY_LENGTH } else { LENGTH };
     let said = usize::from(u16::from_le_bytes([head[6], head[7]]));
     if said != record.len() || said != expected {
         return Err(wrong_length);
@@ -169,7 +170,7 @@ pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
     if inputs == 0 {
         return Ok(None);
     }
-    for (found, most) in [(inputs, MOST_INPUTS), (cells, CELLS)] {
+    for (found, most) in [(inputs, MAX_INPUTS), (cells, CELLS)] {
         if usize::from(found) > most {
             return Err(RecordError::Size(found));
         }
@@ -179,7 +180,7 @@ pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
     }
     let mut feeds = Vec::new();
     for code in guarded.iter().skip(12).take(usize::from(inputs)) {
-        let feed = Feed::from_number(*code).ok_or(RecordError::UnknownFeed(*code))?;
+        let feed = InputSource::from_number(*code).ok_or(RecordError::UnknownFeed(*code))?;
         let _ = feeds.push(feed);
     }
     let words = guarded.get(NUMBERS_AT..).unwrap_or_default().as_chunks::<4>().0;
@@ -189,11 +190,11 @@ pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
     let (slew, fade) = (next(), next());
     let (least, most, reversal) = (next(), next(), next());
     let strokes = (choices & 1 != 0).then_some(StrokeRange { least, most, reversal, period_s });
-    let bounds = [(); FACTORS].map(|()| {
+    let bounds = [(); FACTOR_COUNT].map(|()| {
         let (least, most) = (next(), next());
         FactorBounds { least, most }
     });
-    let inputs = [(); MOST_INPUTS].map(|()| {
+    let inputs = [(); MAX_INPUTS].map(|()| {
         let (middle, per_unit) = (next(), next());
         InputRange { middle, per_unit }
     });

@@ -1,22 +1,22 @@
-//! The network whose cost, bits and accuracy are held in git: three inputs, eight cells, weights of a generator.
+//! The reference network of the cost, bit-identity and accuracy tests: three inputs, eight cells, random weights.
 //!
-//! What a network costs does not depend on what it has learned, and its bits are to agree for any weights. Tests, the
-//! cost image and the fingerprints of the driver take it from here.
+//! The cost of a network does not depend on its weights, and its bits must agree for any weights. The tests, the
+//! cost image and the fingerprints of the driver use this network.
 
 use super::{
-    AugmentedLugre, FactorBounds, Feed, InputRange, JointNetwork, Lstm, Network, Readout,
+    AugmentedLugre, FactorBounds, InputRange, InputSource, JointNetwork, Lstm, Network, Readout,
     StrokeRange,
 };
 use crate::number::Real;
 use crate::parameters::{LawKind, ParameterId as Id, Parameters};
 use crate::quantity::Quantity;
 
-/// Its inputs.
+/// Number of inputs.
 pub const INPUTS: usize = 3;
 
 pub use super::CELLS;
 
-/// The network.
+/// Returns the reference network.
 pub fn network<T: Real>() -> Network<T, INPUTS, CELLS> {
     let bounds = [(0.2, 2.5), (0.2, 3.0), (0.02, 4.0)];
     let mut network = Network {
@@ -31,7 +31,7 @@ pub fn network<T: Real>() -> Network<T, INPUTS, CELLS> {
         slew: T::from_f64(0.5),
         fade: T::from_f64(0.03125),
     };
-    // Xorshift (Marsaglia 2003): weights within -1..1 with 16 bits, exact in every number.
+    // Xorshift (Marsaglia 2003): weights in -1..1 with 16 bits, exact in every number type.
     let mut generator = 0x9E37_79B9u32;
     let weights = core::iter::repeat_with(|| {
         generator ^= generator << 13;
@@ -44,10 +44,16 @@ pub fn network<T: Real>() -> Network<T, INPUTS, CELLS> {
     network
 }
 
-/// The same as a driver takes it: fed with the auxiliary covariate, the velocity and the torque the bristles hold, 128
-/// times a second, of strokes between 0.01 and 1.
+/// Returns the reference network for a driver.
+///
+/// Its inputs are the auxiliary covariate, the velocity and the torque held by the bristles. It is evaluated at
+/// 128 Hz and knows strokes from 0.01 rad to 1 rad.
 pub fn joint() -> JointNetwork {
-    let feeds = [Feed::Of(Quantity::Auxiliary), Feed::Of(Quantity::Velocity), Feed::Held];
+    let feeds = [
+        InputSource::Of(Quantity::Auxiliary),
+        InputSource::Of(Quantity::Velocity),
+        InputSource::Held,
+    ];
     let period_s = 1.0 / 128.0;
     JointNetwork {
         feeds: feeds.into_iter().collect(),
@@ -57,7 +63,7 @@ pub fn joint() -> JointNetwork {
     }
 }
 
-/// The parameters of the law it supplies.
+/// Returns the parameters of the law to which the factors apply.
 pub fn parameters() -> Parameters<f32> {
     Parameters::<f32>::new(LawKind::LugreAsymmetric)
         .with(Id::CoulombTorque, 1.5)
@@ -69,7 +75,7 @@ pub fn parameters() -> Parameters<f32> {
         .with(Id::ViscousFriction, 0.08)
 }
 
-/// The law it supplies, at a sample period in s; `None` where the number has no room for it.
+/// Returns the law for a sample period in s, or `None` if the number type cannot represent it.
 pub fn law<T: Real<Setting = f32>>(period_s: f32) -> Option<AugmentedLugre<T>> {
     AugmentedLugre::of(&parameters().build::<T>(period_s).ok()?)
 }

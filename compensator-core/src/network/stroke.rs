@@ -1,38 +1,39 @@
-//! How far the joint goes from one reversal to the next, and which of such strokes were trained on.
+//! The stroke: the travel of the joint between two reversals, compared with the strokes of the training data.
 //!
-//! Ranges of momentary inputs do not say what motion they belong to: an earthquake keeps within the speeds of a
-//! sine test and yet moves the damper to and fro inside its gap, which no sine test of full stroke does. The stroke
-//! tells them apart.
+//! The ranges of momentary inputs do not identify the motion. For example, an earthquake stays within the speeds of a
+//! sine test, but moves the damper only inside its gap. A sine test with full stroke never does. The stroke
+//! distinguishes the two.
 
 use crate::number::Real;
 
-/// Travel that was trained on, and how a reversal is told from noise.
+/// Strokes of the training data, and the threshold that distinguishes a reversal from noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrokeRange<T> {
-    /// Shortest stroke trained on, rad or m.
+    /// Shortest stroke of the training data, rad or m.
     pub least: T,
-    /// Longest one, rad or m.
+    /// Longest stroke of the training data, rad or m.
     pub most: T,
-    /// Way back that makes a reversal, rad or m.
+    /// Return travel that counts as a reversal, rad or m.
     pub reversal: T,
-    /// Time from one evaluation to the next, s.
+    /// Evaluation period, s.
     pub period_s: T,
 }
 
-/// The motion so far.
+/// Tracks the current and the previous stroke.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Stroke<T> {
-    /// Way since the last reversal, with its sign.
+pub struct StrokeTracker<T> {
+    /// Signed travel since the last reversal, rad or m.
     since_reversal: T,
-    /// Its farthest point.
+    /// Largest travel since the last reversal, signed, rad or m.
     farthest: T,
-    /// Length of the stroke before.
+    /// Length of the previous stroke, rad or m.
     last: T,
 }
 
-impl<T: Real> Stroke<T> {
-    /// Goes on by one evaluation at this velocity (rad/s or m/s; what is no number is rest) and says whether the
-    /// stroke, the last one or the one under way if that is longer, is among those trained on.
+impl<T: Real> StrokeTracker<T> {
+    /// Advances by one evaluation at this velocity (rad/s or m/s; NaN counts as rest).
+    ///
+    /// Returns true if the stroke ([`StrokeTracker::length`]) is within the range of the training data.
     #[inline]
     pub fn is_known(&mut self, velocity: T, range: &StrokeRange<T>) -> bool {
         self.since_reversal = self.since_reversal + velocity.or_zero_if_nan() * range.period_s;
@@ -50,7 +51,7 @@ impl<T: Real> Stroke<T> {
         length >= range.least && length <= range.most
     }
 
-    /// The last stroke, or the one under way if that is longer, rad or m.
+    /// Returns the length of the previous or of the current stroke, whichever is longer, rad or m.
     pub fn length(&self) -> T {
         self.last.at_least(self.farthest.abs())
     }
@@ -61,14 +62,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sine_of_known_amplitude_is_known_after_its_first_stroke_and_a_small_one_is_not() {
+    fn stroke_within_trained_range_is_known_and_outside_is_not() {
         let range = StrokeRange { least: 0.04, most: 0.08, reversal: 5e-4, period_s: 1.0 / 128.0 };
         let known = |amplitude: f64| {
-            let mut stroke = Stroke::default();
+            let mut stroke = StrokeTracker::default();
             let mut last = (false, 0.0);
             for step in 0..1024 {
                 let phase = core::f64::consts::TAU * f64::from(step) / 128.0;
-                // A little noise makes no reversal.
+                // This noise is below the reversal threshold.
                 let noise = if step % 2 == 0 { 0.02 } else { -0.02 };
                 let velocity = amplitude * core::f64::consts::TAU * libm::cos(phase) + noise;
                 last = (stroke.is_known(velocity, &range), stroke.length());
@@ -80,7 +81,7 @@ mod tests {
             assert_eq!(is_known, expected, "{amplitude}");
             assert!((length - 2.0 * amplitude).abs() < 0.05 * amplitude + 2e-4, "{length}");
         }
-        let mut rest = Stroke::default();
+        let mut rest = StrokeTracker::default();
         assert!(!rest.is_known(f64::NAN, &range));
         assert_eq!(rest.length(), 0.0);
     }

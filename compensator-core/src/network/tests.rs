@@ -1,4 +1,4 @@
-//! What holds for any weights, and what a network does outside the inputs it was trained on.
+//! Properties that hold for any weights, and the behaviour outside the trained input ranges.
 
 use super::*;
 use crate::number::Fixed;
@@ -9,7 +9,7 @@ const INPUTS: usize = 3;
 const CELLS: usize = 8;
 type Net<T> = Network<T, INPUTS, CELLS>;
 
-/// Numbers in -1..1, the same everywhere.
+/// Pseudo-random numbers in -1..1, identical on every machine.
 struct Noise(u32);
 
 impl Noise {
@@ -49,7 +49,7 @@ fn law<T: Real<Setting = f32>>() -> AugmentedLugre<T> {
     AugmentedLugre::of(&parameters.build::<T>(1e-3).unwrap()).unwrap()
 }
 
-/// Readings of every kind: inside, outside, none at all.
+/// Returns a reading inside or outside the range, or NaN.
 fn reading(noise: &mut Noise, step: usize) -> f64 {
     match step % 37 {
         11 => f64::NAN,
@@ -74,7 +74,7 @@ fn state_stays_bounded<T: Real<Setting = f32>>() {
             for ((factor, before), bounds) in
                 factors.to_array().into_iter().zip(before.to_array()).zip(&network.bounds)
             {
-                // Fixed point's last bit is 1e-6.
+                // The resolution of fixed point is 1e-6.
                 assert!(factor.value() >= bounds.least.value() - 1e-5);
                 assert!(
                     factor.value()
@@ -94,13 +94,13 @@ fn state_stays_bounded<T: Real<Setting = f32>>() {
 }
 
 #[test]
-fn held_torque_is_within_the_largest_level_whatever_the_weights_say() {
+fn held_torque_with_any_weights_stays_within_largest_level() {
     state_stays_bounded::<f32>();
     state_stays_bounded::<Fixed>();
 }
 
 #[test]
-fn outside_its_ranges_it_says_so_and_fades_to_the_constants_and_back() {
+fn evaluate_outside_ranges_fades_to_constants_and_back() {
     let network = network(&mut Noise(7), 1.0);
     let mut state = NetworkState::default();
     let inside = [1.0, 0.1, -0.5];
@@ -108,8 +108,8 @@ fn outside_its_ranges_it_says_so_and_fades_to_the_constants_and_back() {
         network.evaluate(&mut state, &inside);
     }
     assert!(!state.is_outside && state.outside_count == 0);
-    let asked = state.factors;
-    assert!(asked.to_array().iter().any(|factor| (factor - 1.0).abs() > 0.05), "{asked:?}");
+    let initial = state.factors;
+    assert!(initial.to_array().iter().any(|factor| (factor - 1.0).abs() > 0.05), "{initial:?}");
     for (evaluation, outside) in [[3.1, 0.1, 0.0], [1.0, f64::NAN, 0.0], [1.0, 0.1, 1.01]]
         .into_iter()
         .cycle()
@@ -131,26 +131,26 @@ fn outside_its_ranges_it_says_so_and_fades_to_the_constants_and_back() {
         network.evaluate(&mut state, &inside);
     }
     assert!(!state.is_outside && state.outside_count == 30);
-    for (now, before) in state.factors.to_array().into_iter().zip(asked.to_array()) {
+    for (now, before) in state.factors.to_array().into_iter().zip(initial.to_array()) {
         assert!((now - before).abs() < 1e-6);
     }
 }
 
 #[test]
-fn a_factor_of_one_leaves_the_law_its_bits() {
+fn unit_factors_leave_law_bit_identical() {
     let law = law::<f32>();
     let (mut held, mut plain) = (0.0f32, 0.0f32);
     let mut noise = Noise(3);
     for _ in 0..2000 {
         let velocity = noise.next() as f32;
         let torque = law.step(&mut held, velocity, &Factors::default());
-        let same = law.0.step_under(&mut plain, velocity, &crate::effect::NoEffect);
+        let same = law.0.step_with_effect(&mut plain, velocity, &crate::effect::NoEffect);
         assert_eq!((torque.to_bits(), held.to_bits()), (same.to_bits(), plain.to_bits()));
     }
 }
 
 #[test]
-fn weights_go_out_as_they_came_in() {
+fn set_weights_restores_weights_in_order() {
     let network = network(&mut Noise(5), 1.0);
     let mut weights = Vec::new();
     network.for_each_weight(|weight| weights.push(weight));
@@ -165,7 +165,7 @@ fn weights_go_out_as_they_came_in() {
 }
 
 #[test]
-fn what_is_no_network_is_refused() {
+fn validate_with_invalid_network_names_the_field() {
     let good = network(&mut Noise(9), 1.0);
     good.validate().unwrap();
     let refused = |change: &dyn Fn(&mut Net<f64>)| {

@@ -1,37 +1,38 @@
 //! A 32-bit fixed-point number for processors without an FPU.
 //!
-//! [`Fixed`] has 20 fractional bits: range -2048..2048, resolution 9.5e-7. In the units the step
-//! uses (Nm, rad/s, N, MPa, h) that covers a joint of up to a few hundred Nm with torques resolved
-//! to a micro-newton-metre.
+//! [`Fixed`] has 20 fractional bits: its range is -2048..2048 and its resolution is 9.5e-7. In the units of the
+//! step (Nm, rad/s, N, MPa, h), this is sufficient for a joint of up to a few hundred Nm.
 //!
-//! Sums saturate (one `qadd` instruction). Products do not check, nor does [`Real::plus_product`]: a
-//! check after each would double the cost of a step, and no product of the step *can* leave the range,
-//! because building a model refuses parameters whose products over the declared envelope could
-//! ([`crate::parameters::Parameters::build`]). Written so, the plain LuGre step takes 75 instructions
-//! of a Cortex-M4 (`tests/cost/table.md`).
-//! `exp`, `ln`, `sin`, `atan` and `pow` go through `f32` (soft float on such a part): only extension
-//! terms use them.
+//! Sums saturate (one `qadd` instruction). Products and [`Real::plus_product`] do not check for overflow,
+//! because a check would double the cost of a step. No product of a step can overflow:
+//! [`crate::parameters::Parameters::build`] returns an error if one could within the declared envelope.
+//! `tests/cost/table.md` lists the instruction counts on a Cortex-M4.
+//!
+//! `exp`, `ln`, `sin`, `atan` and `pow` convert to `f32`, which is emulated on these processors. Only the
+//! extension terms and the atan law use them.
 
 use super::{Mask, Real, Share};
 use crate::curve;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Signed fixed point, 12 integer bits (with the sign) and 20 fractional bits.
+/// Signed fixed-point number with 12 integer bits (with the sign) and 20 fractional bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Fixed(i32);
 
+/// Fractional bits of a [`Fixed`].
 const FRACTION: u32 = 20;
-/// Fractional bits of a [`Share`]: those of the curve's table.
+/// Fractional bits of a [`Share`], equal to those of the curve's table.
 const SHARE_FRACTION: u32 = 31;
+/// Value of 1 in units of the resolution.
 const SCALE: f64 = (1u32 << FRACTION) as f64;
 
 impl Fixed {
-    /// The number with these bits.
+    /// Creates a number from its bits.
     pub const fn from_bits(bits: i32) -> Self {
         Self(bits)
     }
 
-    /// The bits, value times 2^20.
+    /// Returns the bits: the value times 2^20.
     pub const fn to_bits(self) -> i32 {
         self.0
     }
@@ -71,8 +72,9 @@ impl Mul for Fixed {
 
 impl Div for Fixed {
     type Output = Self;
-    /// Full precision, saturating; 0 divisor gives the largest magnitude. For building, not for
-    /// the step: a 64-bit division is a library call on a Cortex-M.
+    /// Divides with full precision and saturates. The divisor 0 gives the largest magnitude.
+    ///
+    /// The 64-bit division is a library call on a Cortex-M. The plain step uses [`Real::ratio`] instead.
     fn div(self, divisor: Self) -> Self {
         if divisor.0 == 0 {
             return Self(i32::MAX).copy_sign(self);
@@ -92,7 +94,7 @@ impl Real for Fixed {
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
-        // `as` saturates and maps NaN to 0; the half rounds to nearest.
+        // `as` saturates and converts NaN to 0. Adding the half rounds to nearest.
         let half = if value < 0.0 { -0.5 } else { 0.5 };
         Self((value * SCALE + half) as i32)
     }
@@ -104,7 +106,7 @@ impl Real for Fixed {
 
     fn represents(value: f64) -> bool {
         let held = Self::from_f64(value).value();
-        // The range has to be asked for by itself: a saturated value is near one just beyond it.
+        // The range needs its own test: a saturated value is close to a value just out of range.
         let in_range = value.abs() * SCALE <= f64::from(i32::MAX);
         in_range && (held - value).abs() <= 1e-3 * value.abs()
     }
@@ -116,8 +118,7 @@ impl Real for Fixed {
 
     #[inline(always)]
     fn copy_sign(self, sign: Self) -> Self {
-        // Branchless: xor and subtract the sign mask. `self` is a magnitude wherever the laws
-        // use this; a negative one is made positive first.
+        // Without a branch: xor and subtract the sign mask. A negative `self` is made positive first.
         let mask = sign.0 >> 31;
         Self((self.0.saturating_abs() ^ mask) - mask)
     }
@@ -171,8 +172,8 @@ impl Real for Fixed {
 
     #[inline(always)]
     fn within_level(self, bound: Self) -> Self {
-        // Pushed against the end of the range and back, to either side: 5 instructions where
-        // compares take 7. From -bound to bound less one unit.
+        // Two saturating additions limit the value: 5 instructions, where comparisons need 7. The
+        // result is in -bound..=bound - 1, in units of the resolution.
         let to_end = bound.0.wrapping_add(i32::MIN);
         let from_above = self.0.saturating_sub(to_end).wrapping_add(to_end);
         Self(from_above.saturating_add(to_end).wrapping_sub(to_end))
@@ -180,7 +181,7 @@ impl Real for Fixed {
 
     #[inline(always)]
     fn past_level_mask(self, bound: Self) -> Mask {
-        // The bound itself on the positive side becomes a unit less.
+        // `within_level` also reduces +bound, by one unit.
         !self.abs().lt_mask(bound)
     }
 
@@ -188,16 +189,16 @@ impl Real for Fixed {
     fn limited_with_magnitude(self, bound: Self) -> (Self, Self) {
         let negative = self.0 >> 31;
         let magnitude = self.0.unsigned_abs().min(bound.0 as u32) as i32;
-        // The sign put back: complement and add 1, or neither.
+        // Restore the sign: negate if negative (complement and add 1).
         (Self((magnitude ^ negative) - negative), Self(magnitude))
     }
 
     #[inline(always)]
     fn ratio(self, divisor: Self) -> Self {
-        // 1/d from one 32-bit division: shift d up to 2^31..2^32, divide 2^32-1 by its upper 16
-        // bits. The quotient holds 2^48/d_shifted in 16 to 17 bits. The bit set in d (1.5e-5) keeps
-        // the shift below 28; it can only make the ratio smaller. The top bit is set by the shift:
-        // saying so once more shows the compiler that it need not guard against a zero.
+        // One 32-bit division computes 1/d: shift d to 2^31..2^32, and divide 2^32-1 by its upper 16
+        // bits. The quotient is 2^48/d_shifted in 16 to 17 bits. Setting a bit in d (1.5e-5) keeps the
+        // shift below 28, and can only reduce the ratio. The shift sets the top bit. Setting it again
+        // with `0x8000` shows the compiler that the divisor is not 0.
         let unsigned = divisor.0 as u32 | 16;
         let shift = unsigned.leading_zeros();
         let reciprocal = u32::MAX / ((unsigned << shift) >> 16 | 0x8000);
@@ -215,20 +216,20 @@ impl Real for Fixed {
 
     #[inline(always)]
     fn into_share(self) -> Share<Self> {
-        // 1 itself is one unit too much for 31 bits.
+        // 1 does not fit into 31 fractional bits, so it is reduced by one unit.
         Share(Self(self.0.min((1 << FRACTION) - 1) << (SHARE_FRACTION - FRACTION)))
     }
 
     #[inline(always)]
     fn stribeck_share(self, cells_per_velocity: Self, _: Self) -> Share<Self> {
-        // 20 fractional bits times 12 are 32: whole cells and fraction are a word each. The product
-        // of 64 bits has room for any speed, so the end needs no regard.
+        // 20 and 12 fractional bits give 32: the integer and the fractional part are one word each.
+        // The 64-bit product can represent any speed, so `end` is not needed.
         Share(Self(curve_q31(i64::from(self.0) * i64::from(cells_per_velocity.0 >> 8))))
     }
 
     #[inline(always)]
     fn plus_share(self, part: Self, share: Share<Self>) -> Self {
-        // Rounded, not cut off: one instruction as well, `smmulr`.
+        // Rounding costs no more than truncation: one instruction, `smmulr`.
         let product = i64::from(part.0) * i64::from(share.0.0);
         let upper_half = ((product + (1 << 31)) >> 32) as i32;
         Self(self.0.wrapping_add(upper_half << (32 - SHARE_FRACTION)))
@@ -236,8 +237,8 @@ impl Real for Fixed {
 
     #[inline(always)]
     fn plus_product(self, a: Self, b: Self) -> Self {
-        // The two halves of the shifted product have no bit in common: adding both to the sum
-        // saves putting them together.
+        // The two halves of the shifted product have no common bits. Adding each of them to the sum
+        // is cheaper than combining them first.
         let wide = i64::from(a.0) * i64::from(b.0);
         let (low, high) = (wide as u32, (wide >> 32) as u32);
         let sum = (self.0 as u32).wrapping_add(low >> FRACTION);
@@ -246,7 +247,7 @@ impl Real for Fixed {
 
     #[inline(always)]
     fn plus_products(self, a: Self, b: Self, c: Self, d: Self) -> Self {
-        // Each product is in range, their sum is if halved: saturating twice the half is `qdadd`.
+        // Each product is in range, and so is half of their sum. `qdadd` doubles and adds with saturation.
         let wide = i64::from(a.0) * i64::from(b.0) + i64::from(c.0) * i64::from(d.0);
         let half = (wide >> (FRACTION + 1)) as i32;
         Self(self.0.saturating_add(half.saturating_add(half)))
@@ -254,8 +255,8 @@ impl Real for Fixed {
 
     #[inline(always)]
     fn difference_of_products(a: Self, b: Self, c: Self, d: Self) -> Self {
-        // Written as a sum: there is an instruction that multiplies and adds in 64 bits, and none
-        // that subtracts.
+        // The difference is written as a sum, because the processor has a 64-bit multiply-add
+        // instruction, but no multiply-subtract.
         let wide = i64::from(a.0) * i64::from(b.0) + i64::from(c.0.wrapping_neg()) * i64::from(d.0);
         Self((wide >> FRACTION) as i32)
     }
@@ -281,26 +282,27 @@ impl Real for Fixed {
     }
 }
 
-/// The curve with 31 fractional bits, at an argument with 32.
+/// Returns the Stribeck curve with 31 fractional bits. `cells` has 32 fractional bits.
 #[inline(always)]
 fn curve_q31(cells: i64) -> i32 {
     let (whole, fraction) = ((cells >> 32) as i32, cells as u32);
-    // The nearest cell; what is left is the fraction taken as signed.
+    // The offset from the nearest cell is the fraction, read as a signed number.
     let nearest = whole + (fraction >> 31) as i32;
     let offset = fraction as i32;
     let [curvature, slope, value, _] =
         curve::Q31[nearest.clamp(0, curve::CELLS as i32 - 1) as usize];
-    // The offset being a 32-bit fraction, a product is the upper half of a 64-bit one, which a
-    // Cortex-M4 adds on in one instruction, `smmla`.
+    // The offset is a 32-bit fraction, so each product is the upper half of a 64-bit product. A
+    // Cortex-M4 multiplies and adds it in one instruction, `smmla`.
     value + upper_half(offset, slope + upper_half(offset, curvature))
 }
 
-/// The upper half of a 64-bit product.
+/// Returns the upper half of the 64-bit product.
 #[inline(always)]
 fn upper_half(a: i32, b: i32) -> i32 {
     ((i64::from(a) * i64::from(b)) >> 32) as i32
 }
 
+/// Evaluates a function in `f32`.
 fn through_f32(number: Fixed, function: impl Fn(f32) -> f32) -> Fixed {
     Fixed::from_f64(f64::from(function(number.value() as f32)))
 }

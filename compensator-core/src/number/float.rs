@@ -1,10 +1,11 @@
-//! `f32` and `f64`.
+//! Implements [`Real`] for `f32` and `f64`.
 //!
-//! `f64` serves the host, where accuracy counts and time hardly does: its functions come from
-//! `libm`. `f32` serves the current loop. Its Stribeck curve is the table of [`crate::curve`]; its
-//! exponential, logarithm and power come from `libm` too (micromath's exponential is slower and
-//! coarser there), its sine from micromath, whose error of about 1e-3 of the amplitude is small
-//! beside the ripple amplitudes (a few percent of the friction) it multiplies.
+//! `f64` serves the host, where accuracy matters more than time. Its functions come from `libm`. `f32` serves
+//! the current loop. Both use the Stribeck table of [`crate::curve`].
+//!
+//! The exponential, logarithm, arc tangent and power of `f32` also come from `libm`: the exponential of
+//! micromath is slower and less accurate. The sine of `f32` comes from micromath. Its error, about 1e-3 of the
+//! amplitude, is negligible, because ripple amplitudes are a few percent of the friction.
 
 use super::{Mask, Real};
 use crate::curve;
@@ -55,10 +56,12 @@ macro_rules! common {
     };
 }
 
-/// The bits of a `f32` without its sign. Magnitudes order as these bits do, and every NaN lies above
-/// infinity: limits can be taken on integers, where a Cortex-M4F needs no compare, no select and no
-/// trip to the FPU's flags.
+/// Mask of the bits of an `f32` without its sign.
+///
+/// These bits, read as an integer, have the order of the magnitudes, and every NaN is above infinity. Limits can
+/// therefore be computed with integers, which avoids comparisons and FPU flag transfers on a Cortex-M4F.
 const MAGNITUDE: u32 = 0x7FFF_FFFF;
+/// Bits of infinity.
 const INFINITE: u32 = f32::INFINITY.to_bits();
 
 impl Real for f32 {
@@ -83,7 +86,7 @@ impl Real for f32 {
 
     #[inline(always)]
     fn outside_mask(self, bound: Self) -> Mask {
-        // A NaN without a sign lies above every bound by its bits.
+        // The bits of a positive NaN are greater than those of every bound.
         Mask::of_sign(self.to_bits() as i32) | bound.lt_mask(self)
     }
 
@@ -95,7 +98,7 @@ impl Real for f32 {
 
     #[inline(always)]
     fn cell_and_share(self, last: usize) -> (usize, Self) {
-        // Not by way of `f64`, which the processor would have to emulate.
+        // Avoids `f64`, which the processor must emulate.
         let cell = (self as usize).min(last);
         (cell, (self - cell as f32).at_most(1.0))
     }
@@ -108,8 +111,8 @@ impl Real for f32 {
 
     #[inline(always)]
     fn within_level(self, bound: Self) -> Self {
-        // What the bits exceed the bound by comes off; the sign stays. 4 instructions, where
-        // comparing and selecting floats takes 9.
+        // Subtract the excess of the magnitude bits over the bound; the sign is kept. This takes 4
+        // instructions, where comparing and selecting floats takes 9.
         let bits = self.to_bits();
         let excess = ((bits & MAGNITUDE) as i32).wrapping_sub(bound.to_bits() as i32).max(0);
         f32::from_bits(bits.wrapping_sub(excess as u32))
@@ -120,7 +123,7 @@ impl Real for f32 {
         let bits = self.to_bits();
         let magnitude = bits & MAGNITUDE;
         let excess = (magnitude as i32).wrapping_sub(bound.to_bits() as i32).max(0) as u32;
-        // All of a NaN is excess.
+        // For NaN, the excess is the whole magnitude, so that the result is 0.
         let excess = if magnitude > INFINITE { magnitude } else { excess };
         let limited = |bits: u32| f32::from_bits(bits.wrapping_sub(excess));
         (limited(bits), limited(magnitude))
@@ -133,9 +136,9 @@ impl Real for f32 {
 
     #[inline(always)]
     fn stribeck_curve(self) -> Self {
-        // Adding 2^23 leaves the nearest integer in the low bits of the sum: an exact, branchless
-        // round, where `as usize` compiles to compares and selects. Larger sums have larger bits,
-        // so the clamp ends the table for any speed, in one `usat`.
+        // Adding 2^23 leaves the nearest integer in the low bits of the sum. This rounds exactly and
+        // without branches; `as usize` compiles to comparisons and selects. Larger sums have larger
+        // bits, so the clamp (one `usat`) limits the index for any speed.
         const ROUND: f32 = 8_388_608.0;
         let shifted = self + ROUND;
         let nearest = (shifted.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32);

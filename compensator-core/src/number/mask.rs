@@ -1,32 +1,33 @@
-//! A condition that is a number: what choices without branches are made of.
+//! A condition stored as a number, for selection without branches.
 
 use core::ops::{BitAnd, BitOr, Not};
 
-/// A condition, held as the sign of a word: forming one costs a Cortex-M a subtraction, and
-/// [`crate::Real::select`] makes a choice of it that is never a branch.
+/// A condition, stored as the sign of a word.
+///
+/// A Cortex-M computes it with one subtraction. [`crate::Real::select`] uses it without a branch.
 #[derive(Clone, Copy, Debug)]
 pub struct Mask(i32);
 
 impl Mask {
-    /// Set where the number is negative.
+    /// Creates a mask that is set if the number is negative.
     #[inline(always)]
     pub const fn of_sign(number: i32) -> Self {
         Self(number)
     }
 
-    /// Set where the condition holds.
+    /// Creates a mask that is set if the condition is true.
     #[inline(always)]
     pub const fn of(condition: bool) -> Self {
         Self(if condition { -1 } else { 0 })
     }
 
-    /// Whether it is set.
+    /// Returns true if the mask is set.
     #[inline(always)]
     pub const fn is_set(self) -> bool {
         self.0 < 0
     }
 
-    /// All bits where it is set, else none.
+    /// Returns a word with all bits set if the mask is set, else 0.
     #[inline(always)]
     pub const fn bits(self) -> u32 {
         (self.0 >> 31) as u32

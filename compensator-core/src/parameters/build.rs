@@ -1,30 +1,32 @@
-//! Building a model for a sample period.
+//! Builds a model for a sample period.
 //!
-//! Everything that can be divided, multiplied or looked up once is, so that the step has one
-//! division. For [`crate::number::Fixed`] the build also proves that no coefficient and no product
-//! of the step can leave the number's range within the envelope, which is why the step itself need
-//! not check.
+//! The build computes every constant quotient, product and look-up, so that a step has one division. For
+//! [`crate::number::Fixed`], it also verifies that no coefficient and no product of a step can overflow within
+//! the envelope. The step itself therefore needs no checks.
 
 use super::{Bound, ParameterError, ParameterId, Parameters};
 use crate::curve;
 use crate::fits::{coefficient, product};
-use crate::law::{Law, Range, Written};
-use crate::model::Model;
+use crate::law::{Law, LawParameters, LawRange};
+use crate::model::FrictionModel;
 use crate::number::Real;
 use crate::refusal::refuse;
 use crate::term::{Terms, check};
 use ParameterId as Id;
 
-/// Why a sample period was refused.
-pub type WrongPeriod = ParameterError;
+/// Error of a build, for example an illegal sample period.
+pub type PeriodError = ParameterError;
 
 impl<S: Real<Setting = S>> Parameters<S> {
     /// Validates the parameters and builds the model for a sample period in s.
     ///
     /// # Errors
-    /// As [`Parameters::validate`]; also if the period is not a positive number, if a delay is
-    /// longer than the delay line, or if the number type cannot hold a coefficient.
-    pub fn build<T: Real<Setting = S>>(&self, period_s: S) -> Result<Model<T>, ParameterError> {
+    /// As [`Parameters::validate`]. Also returns an error if the period is not positive and finite, if a delay
+    /// is longer than the delay line, or if the number type cannot represent a coefficient or product.
+    pub fn build<T: Real<Setting = S>>(
+        &self,
+        period_s: S,
+    ) -> Result<FrictionModel<T>, ParameterError> {
         self.validate()?;
         let period = period_s.value();
         if !(period.is_finite() && period > 0.0) {
@@ -35,17 +37,18 @@ impl<S: Real<Setting = S>> Parameters<S> {
         Ok(model)
     }
 
-    /// The same, without any check: for a fit, whose steps may pass through illegal values on
-    /// their way to legal ones.
-    pub fn build_unchecked<T: Real<Setting = S>>(&self, period_s: S) -> Model<T> {
-        Model {
-            law: Law::build(self.law, &self.written(), period_s),
+    /// As [`Parameters::build`], without any check.
+    ///
+    /// A fit uses it, because its iterations may try illegal values.
+    pub fn build_unchecked<T: Real<Setting = S>>(&self, period_s: S) -> FrictionModel<T> {
+        FrictionModel {
+            law: Law::build(self.law, &self.law_parameters(), period_s),
             terms: Terms::build(&self.terms, &self.values, period_s),
         }
     }
 
-    fn written(&self) -> Written<'_, S> {
-        Written { values: &self.values, choices: self.choices, envelope: &self.envelope }
+    fn law_parameters(&self) -> LawParameters<'_, S> {
+        LawParameters { values: &self.values, choices: self.choices, envelope: &self.envelope }
     }
 
     fn check_range<T: Real<Setting = S>>(&self, period: f64) -> Result<(), ParameterError> {
@@ -53,7 +56,7 @@ impl<S: Real<Setting = S>> Parameters<S> {
         let speed = f64::from(self.envelope.velocity_max_rad_s);
         coefficient::<T>("velocity_max_rad_s", speed)?;
         for id in self.law.parameters() {
-            // These enter the step only together with something else, and are asked for there.
+            // The step uses these only in a product, which is checked below or by the law.
             let combined = [Id::BristleStiffness, Id::StribeckVelocity, Id::RadialForceRate];
             let per_pascal = [Id::PressureCoulomb, Id::PressureStaticExcess];
             if per_pascal.contains(id) {
@@ -74,15 +77,15 @@ impl<S: Real<Setting = S>> Parameters<S> {
                 product::<T>("16 / stribeck_velocity * velocity_max", cells * speed)?;
             }
         }
-        let range = Range {
+        let range = LawRange {
             period_s: period,
             speed,
             smallest_level: self.smallest_level(&bounds),
             largest_level: level,
             bounds: &bounds,
         };
-        let of_law = self.law.check::<T, S>(&self.written(), &range)?;
-        let torque = level + viscous + bounds.torque + of_law;
+        let law_torque = self.law.check::<T, S>(&self.law_parameters(), &range)?;
+        let torque = level + viscous + bounds.torque + law_torque;
         product::<T>("the sum of all torques", torque)?;
         check::<T, S>(&self.terms, &self.values, &self.envelope, S::from_f64(period))
     }

@@ -1,6 +1,6 @@
-//! How far load, pressure and terms can take a law's quantities within the declared envelope.
+//! Extreme values of a law's quantities under load, pressure and terms, within the declared envelope.
 //!
-//! What a law brings along and what each term says of itself ([`crate::term::bounds`]), put together.
+//! They combine the law's own values with the bounds that each term declares ([`crate::term::bounds`]).
 
 use super::{ParameterId, Parameters};
 use crate::number::Real;
@@ -13,20 +13,20 @@ impl<S: Real> Parameters<S> {
         self.get(id).value()
     }
 
-    /// The bounds of the law's own load and of every term of the model.
+    /// Returns the combined bounds of the law's own load and of all terms of the model.
     #[inline(never)]
     pub(super) fn bounds(&self) -> Bounds {
-        let acts = |kind: &&TermKind| {
+        let is_active = |kind: &&TermKind| {
             self.terms.contains(kind) || self.law.has_seal_load() && self.law.includes(**kind)
         };
         let mut bounds = Bounds::NONE;
-        for kind in TermKind::ALL.iter().filter(acts) {
+        for kind in TermKind::ALL.iter().filter(is_active) {
             kind.widen(&self.values, &self.envelope, &mut bounds);
         }
         bounds
     }
 
-    /// The lowest level the step can divide by, Nm.
+    /// Returns the smallest Coulomb level, Nm. It is the smallest possible divisor of a step.
     pub(super) fn smallest_level(&self, bounds: &Bounds) -> f64 {
         let mut coulomb = self.value(Id::CoulombTorque);
         if self.law.parameters().contains(&Id::CoulombTorqueNegative) {
@@ -37,7 +37,7 @@ impl<S: Real> Parameters<S> {
         (coulomb + added) * bounds.level_factor.0
     }
 
-    /// The highest static level, Nm: no bristle torque is larger.
+    /// Returns the largest static level, Nm. It limits the bristle torque.
     pub(super) fn largest_level(&self, bounds: &Bounds) -> f64 {
         let sides = [
             Id::CoulombTorque,
@@ -53,7 +53,7 @@ impl<S: Real> Parameters<S> {
         sum * bounds.level_factor.1
     }
 
-    /// The largest magnitude of the viscous coefficient, Nm s/rad.
+    /// Returns the largest magnitude of the viscous coefficient, Nm s/rad.
     pub(super) fn largest_viscous(&self, bounds: &Bounds) -> f64 {
         self.value(Id::ViscousFriction).abs() * bounds.viscous_factor
     }

@@ -1,12 +1,15 @@
-//! What makes parameters legal, and how a refusal reads.
+//! Validates parameters and describes the violated bound.
 //!
-//! Beyond each parameter's own range, a set must keep `F_S >= F_C > 0` wherever load, pressure,
-//! drift and ripple may take the levels within the declared envelope, and must not be a source of
-//! energy (bristle laws; terms that thin the film or age the contact are not part of the proof).
-//! The latter (passivity) holds at `sigma2 >= 0` if `sigma2 F_C >= sigma1 (F_S - F_C)` (Barabanov and Ortega
-//! 2000, constant `sigma1`), or if `sigma1(v) |v| <= 4 g(v)` at every speed (Olsson 1996): within
-//! the envelope for a constant `sigma1`, everywhere for one that fades as `exp(-(v/v_s)^2)`, whose
-//! largest `sigma1(v) |v|` is `0.4289 sigma1 v_s`.
+//! Each parameter must be within its range. In addition, two conditions must hold for the whole set. First,
+//! `F_S >= F_C > 0` under every load, pressure, drift and ripple of the declared envelope. Second, a bristle law
+//! must be passive, that is, it must not generate energy. The passivity check does not include the terms for
+//! viscosity over temperature and for contact age.
+//!
+//! The law is passive if `sigma2 >= 0` and one of two criteria holds:
+//! - `sigma2 F_C >= sigma1 (F_S - F_C)`, for a constant `sigma1` (Barabanov and Ortega 2000).
+//! - `sigma1(v) |v| <= 4 g(v)` at every speed (Olsson 1996). For a constant `sigma1`, it is checked within the
+//!   envelope. If `sigma1` decreases as `exp(-(v/v_s)^2)`, it is checked at every speed: the maximum of
+//!   `sigma1(v) |v|` is `0.4289 sigma1 v_s`.
 
 use super::{Envelope, ParameterId, Parameters};
 use crate::number::Real;
@@ -15,17 +18,17 @@ use crate::term::TermKind;
 use crate::term::bounds::{Added, LEAST_SHARE};
 use ParameterId as Id;
 
-/// Largest field of an envelope: beyond it `f32` products of the step could leave their range.
+/// Maximum of each field of an envelope, in its unit. It keeps the `f32` products of a step in range.
 const ENVELOPE_MAX: f32 = 1e9;
 
-/// Largest value of `x exp(-x^2)`, taken at `x = 1/sqrt 2`.
-const PEAK_OF_FADING: f64 = 0.428_881_942_480_353_4;
+/// Maximum of `x exp(-x^2)`, at `x = 1/sqrt 2`. It is the peak of `sigma1(v) |v| / (sigma1 v_s)`.
+const FADING_DAMPING_PEAK: f64 = 0.428_881_942_480_353_4;
 
 impl<S: Real> Parameters<S> {
-    /// Checks every parameter that counts; the first refusal is returned.
+    /// Checks the active parameters, the envelope, the levels, the terms and the passivity.
     ///
     /// # Errors
-    /// Names the parameter, its value, the bound it broke and why the bound is there.
+    /// Returns the first violation: the parameter, its value, the bound and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
         for id in self.active() {
             let (info, value) = (id.info(), self.get(id).value());
@@ -81,7 +84,7 @@ impl<S: Real> Parameters<S> {
                 let why = "the Coulomb level must stay positive at every load and pressure of the envelope";
                 return refuse(coulomb.name(), value(coulomb), Bound::AtLeast(least), why);
             }
-            // Dahl's bristles have the Coulomb level for a static one.
+            // In the Dahl law, the static level equals the Coulomb level.
             let bristles_only = self.law.has_bristles() && !self.law.has_stribeck_curve();
             let static_level = if bristles_only { coulomb } else { static_level };
             let lowest = value(coulomb) + drop;
@@ -135,8 +138,8 @@ impl<S: Real> Parameters<S> {
         )
     }
 
-    /// `None` where the bristle damping is passive at every constant load of the envelope; else the
-    /// largest that would be.
+    /// Returns `None` if the bristle damping is passive at every constant load of the envelope. Otherwise
+    /// returns the largest passive bristle damping, Nm s/rad.
     pub fn active_damping(&self) -> Option<f64> {
         if !self.law.parameters().contains(&Id::BristleDamping) {
             return None;
@@ -150,12 +153,12 @@ impl<S: Real> Parameters<S> {
             coulomb = coulomb.min(value(Id::CoulombTorqueNegative));
         }
         let fastest = if self.choices.damping_fades {
-            PEAK_OF_FADING * value(Id::StribeckVelocity)
+            FADING_DAMPING_PEAK * value(Id::StribeckVelocity)
         } else {
             f64::from(self.envelope.velocity_max_rad_s)
         };
-        // Each criterion is linear in the load, so what holds at the corners holds between them;
-        // but only the same criterion at all of them.
+        // Each criterion is linear in the load. If one criterion holds at all corners, it therefore
+        // holds in the whole envelope.
         let levels = self.bounds().corners(&self.envelope);
         let at_corners = |largest: &dyn Fn(f64, f64) -> f64| {
             let at = |added: &Added| largest(coulomb + added.coulomb, excess + added.excess);

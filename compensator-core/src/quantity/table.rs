@@ -1,20 +1,23 @@
-//! The rows of the table of quantities, for whoever makes something of each.
+//! The table of quantities. Other macros generate code from its rows.
 
-/// Hands the table to a macro. A row says, in this order:
+/// Passes the table to a macro. A row contains these items, in this order:
 ///
-/// * `label`, `names` and `units`: what it is called on an axis, its column in a log and its unit, of a
-///   joint that turns and of one that slides; `scale`: the unit inside over that unit, and the inverse.
-/// * `flags`: how the compensator says that a reading is wrong, and that it is too old.
-/// * `sample`: its field of a [`Sample`](super::Sample), where a model reads it; `input`: the same of
-///   [`Inputs`](super::Inputs), where the compensator takes a reading of it.
-/// * `column`: its number for the lookup-table term, which records hold: none may ever change.
-/// * `guard`: for a covariate that terms alone read, where the compensator keeps its last good value; the
-///   field of the [`Envelope`](crate::Envelope) it lies within on either side of 0, or the range
-///   in its own unit inside; and what becomes of it when it is too old (`Fade`).
+/// * `label`: the name on an axis.
+/// * `names` and `units`: the log column and its unit, for a revolute and for a prismatic joint.
+/// * `scale`: the internal unit divided by the column's unit, and the inverse.
+/// * `flags`: the flags for an invalid reading and for one that is too old.
+/// * `sample`: the field of [`Sample`](crate::Sample), if a model reads the quantity.
+/// * `input`: the field of [`Inputs`](crate::Inputs), if the reading comes from the joint's encoder.
+///   `covariate`: the same field, if the reading comes from another sensor or from the bus.
+/// * `column`: the column number for the lookup-table term. Records contain it, so it must not change.
+/// * `guard`: present for a covariate that only terms read. It gives the field that holds the last valid value, the
+///   valid range, and how the value fades when it is too old (`Fade`). The range is a limit of the
+///   [`Envelope`](crate::Envelope) on either side of 0, or a range in the internal unit.
+#[macro_export]
 macro_rules! quantity_table {
     ($use:ident) => {
         $use! {
-            /// How fast the joint moves, with its sign.
+            /// Signed velocity of the joint.
             Velocity {
                 label: "velocity",
                 names: ["velocity_rad_s", "velocity_m_s"], units: ["rad/s", "m/s"], scale: [1.0, 1.0],
@@ -22,7 +25,7 @@ macro_rules! quantity_table {
                 /// Joint velocity, rad/s.
                 sample: velocity_rad_s, input: velocity_rad_s, column: 0,
             }
-            /// How far the joint has turned or slid.
+            /// Position of the joint: angle or travel.
             Position {
                 label: "position",
                 names: ["position_rad", "position_m"], units: ["rad", "m"], scale: [1.0, 1.0],
@@ -31,12 +34,12 @@ macro_rules! quantity_table {
                 sample: position_rad, input: position_rad, column: 1,
                 guard: [position, envelope position_max_rad, Fade::Apart],
             }
-            /// Time since the campaign (or the seal's life) began.
+            /// Time since the start of the campaign, or of the seal's life.
             CampaignTime {
                 label: "campaign time",
                 names: ["time_s", "time_s"], units: ["s", "s"], scale: [1.0 / 3600.0, 3600.0],
                 flags: [CAMPAIGN_TIME_INVALID, CAMPAIGN_TIME_INVALID],
-                /// Time since the campaign (or the seal's life) began, h.
+                /// Time since the start of the campaign, or of the seal's life, h.
                 sample: campaign_time_h, column: 2,
             }
             /// Side load on the shaft at the seal's end.
@@ -45,7 +48,7 @@ macro_rules! quantity_table {
                 names: ["radial_force_n", "radial_force_n"], units: ["N", "N"], scale: [1.0, 1.0],
                 flags: [RADIAL_FORCE_INVALID, RADIAL_FORCE_STALE],
                 /// Side load on the shaft at the seal's end, N.
-                sample: radial_force_n, input: radial_force_n, column: 3,
+                sample: radial_force_n, covariate: radial_force_n, column: 3,
             }
             /// Outside minus inside pressure.
             Pressure {
@@ -53,7 +56,7 @@ macro_rules! quantity_table {
                 names: ["pressure_diff_pa", "pressure_diff_pa"], units: ["Pa", "Pa"], scale: [1e-6, 1e6],
                 flags: [PRESSURE_INVALID, PRESSURE_STALE],
                 /// Outside minus inside pressure, MPa.
-                sample: pressure_diff_mpa, input: pressure_diff_mpa, column: 4,
+                sample: pressure_diff_mpa, covariate: pressure_diff_mpa, column: 4,
             }
             /// Temperature of the seal.
             Temperature {
@@ -61,7 +64,7 @@ macro_rules! quantity_table {
                 names: ["temperature_c", "temperature_c"], units: ["°C", "°C"], scale: [1.0, 1.0],
                 flags: [TEMPERATURE_INVALID, TEMPERATURE_STALE],
                 /// Temperature of the seal, deg C.
-                sample: temperature_c, input: temperature_c, column: 5,
+                sample: temperature_c, covariate: temperature_c, column: 5,
                 guard: [temperature, range TEMPERATURE_RANGE_C, Fade::ToReference],
             }
             /// Torque transmitted to the load.
@@ -70,19 +73,19 @@ macro_rules! quantity_table {
                 names: ["load_torque_nm", "load_torque_nm"], units: ["Nm", "Nm"], scale: [1.0, 1.0],
                 flags: [LOAD_TORQUE_INVALID, LOAD_TORQUE_STALE],
                 /// Torque transmitted to the load, Nm.
-                sample: load_torque_nm, input: load_torque_nm, column: 6,
+                sample: load_torque_nm, covariate: load_torque_nm, column: 6,
                 guard: [load_torque, envelope load_torque_max_nm, Fade::ToZero],
             }
-            /// A covariate that a joint has of its own, in that one's unit.
+            /// An additional covariate of this joint, in its own unit.
             Auxiliary {
                 label: "auxiliary",
                 names: ["auxiliary", "auxiliary"], units: ["", ""], scale: [1.0, 1.0],
                 flags: [AUXILIARY_INVALID, AUXILIARY_STALE],
-                /// A covariate of this joint's own, in its own unit.
-                sample: auxiliary, input: auxiliary, column: 7,
+                /// An additional covariate of this joint, in its own unit.
+                sample: auxiliary, covariate: auxiliary, column: 7,
                 guard: [auxiliary, range AUXILIARY_RANGE, Fade::Apart],
             }
-            /// How fast the velocity changes.
+            /// Acceleration of the joint.
             Acceleration {
                 label: "acceleration",
                 names: ["acceleration_rad_s2", "acceleration_m_s2"], units: ["rad/s2", "m/s2"],
@@ -92,7 +95,7 @@ macro_rules! quantity_table {
                 sample: acceleration_rad_s2, input: acceleration_rad_s2,
                 guard: [acceleration, envelope acceleration_max_rad_s2, Fade::ToZero],
             }
-            /// The measured torque, which a model explains and none reads.
+            /// The measured torque. A model predicts it and never reads it.
             Torque {
                 label: "torque",
                 names: ["torque_nm", "force_n"], units: ["Nm", "N"], scale: [1.0, 1.0],
@@ -100,5 +103,3 @@ macro_rules! quantity_table {
         }
     };
 }
-
-pub(crate) use quantity_table;

@@ -1,27 +1,27 @@
-//! Bristle stiffness is low while the play in the drive is crossed.
+//! Reduces the bristle stiffness while the drive crosses its play.
 //!
-//! Where that is depends on what is preloaded. A brake or a seal that turns in its seat keeps its grip and
-//! is carried along: the play is crossed right after the reversal, and the torque stays what it was. A band
-//! or a gear train that is wound up first gives its windup back; the flanks part when nothing is held any
-//! more, so the play is crossed at zero torque, in the middle of the swing from one level to the other.
+//! The parameter [`Id::BacklashUnloaded`] selects the point at which this happens. A brake or seal that turns
+//! in its seat keeps its preload. It crosses the play directly after a reversal, at constant torque. A belt or
+//! gear train first releases its elastic torsion. The flanks separate at zero torque, so it crosses the play in
+//! the middle of the transition from one level to the other.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Backlash<T> {
-    /// The share of the stiffness that is missing inside the play.
+    /// Relative reduction of the stiffness inside the play, 0..=1.
     missing: T,
-    /// Share of half the play that is crossed in a sample, per speed, s/rad.
+    /// Share of half the play crossed in one sample, per speed, s/rad.
     per_velocity: T,
-    /// Crossed once nothing is held any more, not right after a reversal.
+    /// True if the drive crosses the play at zero bristle torque, false if directly after a reversal.
     unloaded: bool,
 }
 
@@ -31,10 +31,10 @@ impl<T: Real> Term<T> for Backlash<T> {
 
     const READS: Option<Quantity> = None;
 
-    /// Position within the play, from its middle at 0 to its ends at -1 and 1.
+    /// Position within the play: -1 and 1 at its ends, 0 at its middle.
     type Memory = T;
 
-    fn build(values: &Values<T::Setting>, period_s: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, period_s: T::Setting) -> Self {
         let constant = T::Setting::from_f64;
         let unloaded = values.value(Id::BacklashUnloaded) > 0.5;
         let half_travel = values.get(Id::BacklashTravel) * constant(0.5);
@@ -59,14 +59,14 @@ impl<T: Real> Term<T> for Backlash<T> {
         let (one, velocity) = (T::one(), effects.velocity);
         let travel = velocity.abs() * self.per_velocity;
         let sign = velocity.sign();
-        // What was wound up the other way unwinds first, flank on flank.
-        let unwinds = self.unloaded && effects.held * sign < T::zero();
-        let room = if unwinds { T::zero() } else { one - *play * sign };
+        // Elastic torsion in the opposite direction is released first, with the flanks in contact.
+        let is_releasing = self.unloaded && effects.held * sign < T::zero();
+        let room = if is_releasing { T::zero() } else { one - *play * sign };
         let crossed = travel.at_most(room);
         *play = (*play + crossed.copy_sign(velocity)).within(one);
-        // The share of this sample's travel made without contact: 1 inside the play, 0 at
-        // its end, to the last bit. The full division, for these may be the last few bits
-        // of a fixed-point number.
+        // Share of the travel of this sample that is without contact: exactly 1 inside the play and
+        // exactly 0 at its end. `/` has full precision, which `ratio` has not: the operands can be
+        // a few bits of a fixed-point number.
         let free = if travel < room {
             one
         } else if room > T::zero() {
@@ -85,11 +85,11 @@ impl<T: Real> Term<T> for Backlash<T> {
         self.per_velocity.value().abs() * f64::from(envelope.velocity_max_rad_s)
     }
 
-    fn widen<S: Real>(_: &Values<S>, _: &Envelope, _: &mut Bounds) {
-        // A softer bristle takes no quantity beyond what the law is proven for.
+    fn widen<S: Real>(_: &ParameterValues<S>, _: &Envelope, _: &mut Bounds) {
+        // A lower stiffness does not widen any bound of the law.
     }
 
-    fn validate<S: Real>(values: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(values: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         let unloaded = values.value(Id::BacklashUnloaded);
         if unloaded != libm::trunc(unloaded) {
             let why = "the play is crossed either way";

@@ -1,18 +1,17 @@
-//! How far terms can take a law's quantities within an envelope.
+//! Bounds of a law's quantities under the terms of a model, within an envelope.
 //!
-//! Validation needs the *least* level (it must stay positive, or the step divides by nothing) and a model
-//! in fixed point the *largest* of everything (or a product leaves the number's range). Side load, pressure
-//! and transmitted torque act linearly, so that their extremes lie at the corners of the envelope; ripple,
-//! drift, direction and the like are factors on top, each with a range of its own. A term that is not in
-//! the model counts for nothing, whatever its values.
+//! Validation needs the smallest level: it must be positive, because the step divides by it. A fixed-point model
+//! needs the largest value of every quantity, so that no product overflows. Side load, pressure and transmitted
+//! torque act linearly, so their extremes are at the corners of the envelope. Ripple, drift, direction and
+//! similar terms are factors with their own ranges. Terms that are not in the model do not count.
 
 use crate::envelope::Envelope;
 
-/// Least share of a level that load, pressure or wear may leave: a positive rest that the rounding of
-/// the step's number cannot make 0.
+/// Minimum share of a level that must remain under load, pressure or wear. It is large enough that rounding in
+/// the number type of the step cannot make the level 0.
 pub(crate) const LEAST_SHARE: f64 = 1e-3;
 
-/// What the levels gain from one unit of something that acts linearly on them, Nm.
+/// Increase of the levels by a linear effect, Nm, or Nm per unit of its input.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Added {
     /// `F_C`.
@@ -32,34 +31,34 @@ impl Added {
     }
 }
 
-/// Number of corners: each of the three that act linearly is absent or at its largest.
+/// Number of corners: each of the three linear inputs is either 0 or at its maximum.
 pub(crate) const CORNERS: usize = 8;
 
-/// How far the terms of a model can take a law's quantities.
+/// Bounds of the effects of a model's terms on the law.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
-    /// What the levels gain from a side load of 1 N.
+    /// Increase of the levels per side load, Nm/N.
     pub per_newton: Added,
-    /// What they gain from a pressure difference of 1 Pa.
+    /// Increase of the levels per pressure difference, Nm/Pa.
     pub per_pascal: Added,
-    /// What they gain from a transmitted torque of 1 Nm, in either direction.
+    /// Increase of the levels per magnitude of the transmitted torque, Nm/Nm.
     pub per_load_torque: Added,
-    /// The most that is added to `F_S` besides, Nm; `F_S` is never taken from.
+    /// Largest further increase of `F_S`, Nm. No term decreases `F_S` in this way.
     pub static_level: f64,
-    /// Least and largest factor on the level.
+    /// Smallest and largest factor of the level.
     pub level_factor: (f64, f64),
-    /// Largest factor on the viscous coefficient.
+    /// Largest factor of the viscous coefficient.
     pub viscous_factor: f64,
     /// Largest magnitude of a torque outside the law, Nm.
     pub torque: f64,
-    /// Bristle travel for a change of the side load, rad/N.
+    /// Bristle travel per change of the side load, rad/N.
     pub travel_per_newton: f64,
-    /// Whether speeds are scaled for the Stribeck curve before they are limited to its end.
+    /// True if speeds are scaled for the Stribeck curve before they are limited to its end.
     pub bends_stribeck_curve: bool,
 }
 
 impl Bounds {
-    /// Where there are no terms.
+    /// Bounds of a model without terms.
     pub const NONE: Self = Self {
         per_newton: Added::NONE,
         per_pascal: Added::NONE,
@@ -72,18 +71,18 @@ impl Bounds {
         bends_stribeck_curve: false,
     };
 
-    /// Counts in a factor on the level, of which the least and the largest are known.
+    /// Includes a factor of the level, given its smallest and largest value.
     pub fn scale_level(&mut self, least: f64, most: f64) {
         self.level_factor.0 *= least;
         self.level_factor.1 *= most;
     }
 
-    /// Counts in a factor on the level that lies up to `share` to either side of 1.
+    /// Includes a factor of the level in `1 - share..=1 + share`.
     pub fn scale_level_by_share(&mut self, share: f64) {
         self.scale_level(1.0 - share, 1.0 + share);
     }
 
-    /// What is added to the levels at each corner of an envelope, Nm.
+    /// Returns the increase of the levels at each corner of an envelope, Nm.
     #[inline(never)]
     pub fn corners(&self, envelope: &Envelope) -> [Added; CORNERS] {
         core::array::from_fn(|corner| {

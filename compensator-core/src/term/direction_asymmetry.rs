@@ -1,20 +1,20 @@
-//! Levels and viscous part differ by direction.
+//! Makes levels and viscous coefficient depend on the direction of motion.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct DirectionAsymmetry<T> {
-    /// What forwards motion has more, and backwards motion less, as a share of the level.
+    /// Relative increase of the level in positive direction, and decrease in negative direction.
     coulomb: T,
-    /// The same of the viscous coefficient.
+    /// The same for the viscous coefficient.
     viscous: T,
 }
 
@@ -25,7 +25,7 @@ impl<T: Real> Term<T> for DirectionAsymmetry<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self {
             coulomb: T::from_setting(values.get(Id::CoulombAsymmetry)),
             viscous: T::from_setting(values.get(Id::ViscousAsymmetry)),
@@ -50,12 +50,12 @@ impl<T: Real> Term<T> for DirectionAsymmetry<T> {
         self.coulomb.value().abs().max(self.viscous.value().abs())
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.scale_level_by_share(values.value(Id::CoulombAsymmetry).abs());
         bounds.viscous_factor *= 1.0 + values.value(Id::ViscousAsymmetry).abs();
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

@@ -1,18 +1,18 @@
-//! `F_S += k ln(1 + age/t0)`: the longer the rest, the higher the breakaway.
+//! `F_S += k ln(1 + age/t0)`: the breakaway torque increases with the time at rest.
 //!
-//! The contact's age after Dieterich (1979): `d(age)/dt = 1 - |v| age / travel`, stepped implicitly, so that
-//! it stays positive and is forgotten within one travel.
+//! The age of the contact follows Dieterich (1979): `d(age)/dt = 1 - |v| age / travel`. The implicit step keeps
+//! the age positive. The age decays within one `travel`.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct DwellTimeStatic<T> {
     /// `k`, Nm.
@@ -25,7 +25,7 @@ pub(crate) struct DwellTimeStatic<T> {
     renewal: T,
 }
 
-/// Contact stops ageing after this, s: its effect grows with the logarithm, and fixed point ends.
+/// Maximum contact age, s. It keeps fixed point in range; the effect grows only with the logarithm of the age.
 const CONTACT_AGE_MAX_S: f64 = 1000.0;
 
 impl<T: Real> Term<T> for DwellTimeStatic<T> {
@@ -33,10 +33,10 @@ impl<T: Real> Term<T> for DwellTimeStatic<T> {
 
     const READS: Option<Quantity> = None;
 
-    /// How old the contact is, s: time at rest, forgotten with travel.
+    /// Age of the contact, s.
     type Memory = T;
 
-    fn build(values: &Values<T::Setting>, period_s: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, period_s: T::Setting) -> Self {
         let one = T::Setting::from_f64(1.0);
         Self {
             gain: T::from_setting(values.get(Id::DwellGain)),
@@ -55,15 +55,15 @@ impl<T: Real> Term<T> for DwellTimeStatic<T> {
         let one = T::one();
         let oldest = T::from_f64(CONTACT_AGE_MAX_S);
         let aged = (*contact_age_s + self.period).at_most(oldest);
-        // The full division: `ratio` of fixed point would lose more of an old age in each
-        // sample than the sample adds to it.
+        // `/` has full precision. In fixed point, the rounding error of `ratio` at a large age would
+        // exceed the increase in one sample.
         *contact_age_s = aged / (one + self.renewal * effects.velocity.abs());
         effects.seal.static_level =
             effects.seal.static_level + self.gain * (one + *contact_age_s * self.per_time).ln();
     }
 
     fn coefficients(&self) -> [T; COEFFICIENTS] {
-        // The period may be held coarsely: a percent of an age is a percent of the gain.
+        // The period is not checked: a relative error of the age causes only a similar error of the gain.
         [self.gain, self.per_time, self.renewal, T::zero()]
     }
 
@@ -74,12 +74,12 @@ impl<T: Real> Term<T> for DwellTimeStatic<T> {
         (size(self.gain) * libm::log(1.0 + aged)).max(size(self.renewal) * speed).max(aged)
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let ages = CONTACT_AGE_MAX_S / values.value(Id::DwellTime);
         bounds.static_level += values.value(Id::DwellGain) * libm::log(1.0 + ages);
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! `+ m sin(q + phi)`: a torque of the angle, whichever way the joint turns.
+//! `+ m sin(q + phi)`: a torque that depends on the angle, not on the direction of motion.
 
 use super::angle::over_angle;
 use super::bounds::Bounds;
@@ -6,16 +6,16 @@ use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct GravityImbalance<T> {
-    /// On the sine of the position, Nm.
+    /// Factor of the sine of the position, Nm.
     sine: T,
-    /// On the cosine, Nm.
+    /// Factor of the cosine of the position, Nm.
     cosine: T,
 }
 
@@ -26,7 +26,7 @@ impl<T: Real> Term<T> for GravityImbalance<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self {
             sine: T::from_setting(values.get(Id::GravitySine)),
             cosine: T::from_setting(values.get(Id::GravityCosine)),
@@ -40,7 +40,7 @@ impl<T: Real> Term<T> for GravityImbalance<T> {
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let torque = over_angle(sample.position_rad, self.sine, self.cosine);
-        effects.torque = effects.torque + torque * sample.position_trust;
+        effects.torque = effects.torque + torque * sample.position_weight;
     }
 
     fn coefficients(&self) -> [T; COEFFICIENTS] {
@@ -51,12 +51,12 @@ impl<T: Real> Term<T> for GravityImbalance<T> {
         self.sine.value().abs() + self.cosine.value().abs()
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let (sine, cosine) = (values.value(Id::GravitySine), values.value(Id::GravityCosine));
         bounds.torque += libm::hypot(sine, cosine);
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

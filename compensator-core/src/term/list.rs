@@ -1,8 +1,8 @@
-//! The terms of a model: built for a sample period, what they remember, and the walk along the list.
+//! The terms of a model: coefficients, memory and evaluation.
 //!
-//! Each kind has its place, in the list or not, and so has its memory: a model has a term at most once, and
-//! a list of terms would have to make every place as large as the largest of them. Without the feature
-//! `terms`, `no_list` stands in with the same interface.
+//! Every kind has its own field for coefficients and memory, whether it is in the model or not. This is
+//! sufficient, because a model has each kind at most once. In an array, every element would be as large as the
+//! largest term. Without the feature `terms`, `no_list` replaces this module with the same interface.
 
 use super::interface::{COEFFICIENTS, Term};
 use super::{MAX_TERMS, TermKind, term_table};
@@ -10,39 +10,39 @@ use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::fits::product;
 use crate::number::Real;
-use crate::parameter::Values;
+use crate::parameter::ParameterValues;
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 use heapless::Vec;
 
 macro_rules! define_list {
     ($($(#[$doc:meta])* $kind:ident = $name:literal in $file:ident,)*) => {
-        /// Terms built for a sample period.
+        /// Coefficients of the terms for one sample period.
         #[derive(Clone, Debug, Default)]
         pub(crate) struct Terms<T: Real> {
             kinds: Vec<TermKind, MAX_TERMS>,
             $($file: super::$file::$kind<T>,)*
         }
 
-        /// What terms remember between samples.
+        /// Memory of the terms between samples.
         #[derive(Clone, Copy, Debug, Default)]
         pub(crate) struct Memory<T: Real> {
             $($file: <super::$file::$kind<T> as Term<T>>::Memory,)*
         }
 
         impl<T: Real> Memory<T> {
-            /// Forgets all of it. In place: assigned whole it would be made elsewhere and copied, by 900 bytes of `memcpy`.
+            /// Clears the memory, field by field. An assignment of the whole value would need `memcpy`.
             pub(crate) fn clear(&mut self) {
                 $(self.$file = Default::default();)*
             }
         }
 
         impl<T: Real> Terms<T> {
-            /// Builds the terms of a list for a sample period in s. Out of line: it is once in an image then.
+            /// Builds the terms of a list for a sample period in s. Out of line, so that an image has one copy.
             #[inline(never)]
             pub(crate) fn build(
                 kinds: &Vec<TermKind, MAX_TERMS>,
-                values: &Values<T::Setting>,
+                values: &ParameterValues<T::Setting>,
                 period_s: T::Setting,
             ) -> Self {
                 let mut built = Self { kinds: kinds.clone(), ..Self::default() };
@@ -54,7 +54,7 @@ macro_rules! define_list {
                 built
             }
 
-            /// Becomes `of` for a sample period `ratio` times as long.
+            /// Sets the coefficients to those of `of` for a sample period `ratio` times as long.
             pub(crate) fn rescale_period(&mut self, of: &Self, ratio: T) {
                 for kind in &of.kinds {
                     match kind {
@@ -63,8 +63,10 @@ macro_rules! define_list {
                 }
             }
 
-            /// Lets one of the terms act on one sample. Out of line: within the loop the compiler would
-            /// load the coefficients of all kinds, and multiply with them, before it asks for the kind.
+            /// Evaluates one term for one sample.
+            ///
+            /// Out of line. Inlined into the loop, the compiler would load and multiply the coefficients
+            /// of all kinds before it tests the kind.
             #[inline(never)]
             fn act_one(
                 &self,
@@ -79,15 +81,15 @@ macro_rules! define_list {
             }
         }
 
-        /// Refuses a term that the number `T` has no room for within the envelope, or whose parameters
-        /// do not go with the sample period, s.
+        /// Checks that the number type `T` can represent every term within the envelope, and that their
+        /// parameters agree with the sample period, s. Returns the first violation.
         pub(crate) fn check<T: Real, S: Real<Setting = S>>(
             kinds: &Vec<TermKind, MAX_TERMS>,
-            values: &Values<S>,
+            values: &ParameterValues<S>,
             envelope: &Envelope,
             period_s: S,
         ) -> Result<(), ParameterError> {
-            // Built in the number of the settings, which has the range, and held against T's.
+            // Built in the number type of the parameters, which has the range, then compared with that of T.
             let built = Terms::<S>::build(kinds, values, period_s);
             for kind in kinds {
                 let (coefficients, largest) = match kind {
@@ -96,7 +98,7 @@ macro_rules! define_list {
                         (built.$file.coefficients(), built.$file.largest_product(envelope))
                     })*
                 };
-                held::<T>(kind.name(), coefficients.map(Real::value), largest)?;
+                check_representable::<T>(kind.name(), coefficients.map(Real::value), largest)?;
             }
             Ok(())
         }
@@ -106,20 +108,20 @@ macro_rules! define_list {
 term_table!(define_list);
 
 impl<T: Real> Memory<T> {
-    /// Takes note of what the law dissipated in this sample, W.
+    /// Stores the power that the law dissipated in this sample, W.
     #[inline(always)]
     pub(crate) fn take_power(&mut self, power: T) {
         self.warm_up.power = power;
     }
 
-    /// Sets the heat of what has rubbed before; see [`Heat`](super::warm_up::Heat).
+    /// Sets the initial heat of the warm-up term; see [`Heat`](super::warm_up::Heat).
     pub(crate) fn set_heat(&mut self, heat: T) {
         self.warm_up.heat = heat;
     }
 }
 
 impl<T: Real> Terms<T> {
-    /// Lets the terms act on one sample.
+    /// Evaluates all terms of the list for one sample.
     #[inline(always)]
     pub(crate) fn act(&self, sample: &Sample<T>, memory: &mut Memory<T>, effects: &mut Effects<T>) {
         for kind in &self.kinds {
@@ -127,20 +129,21 @@ impl<T: Real> Terms<T> {
         }
     }
 
-    /// Whether there are none.
+    /// Returns true if the model has no terms.
     #[inline(always)]
     pub(crate) fn is_empty(&self) -> bool {
         self.kinds.is_empty()
     }
 
-    /// The quantity that the lookup table follows; the velocity where there is none.
+    /// Returns the input quantity of the lookup table, or the velocity if there is no table.
     #[inline(always)]
     pub(crate) fn lookup_column(&self) -> Quantity {
         self.lookup_table.column()
     }
 }
 
-fn held<T: Real>(
+/// Checks that `T` can represent these coefficients and this largest product of a term.
+fn check_representable<T: Real>(
     name: &'static str,
     coefficients: [f64; COEFFICIENTS],
     largest: f64,

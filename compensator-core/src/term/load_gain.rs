@@ -1,18 +1,18 @@
-//! `+ k tau_L`: the known load, in the torque channel's own scale. A rigid-body part, no cause.
+//! `+ k tau_L`: the known load in the scale of the torque channel. It is a rigid-body part, not a cause.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LoadGain<T> {
-    /// Factor on the load torque.
+    /// Factor of the load torque.
     gain: T,
 }
 
@@ -23,7 +23,7 @@ impl<T: Real> Term<T> for LoadGain<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { gain: T::from_setting(values.get(Id::LoadGain)) }
     }
 
@@ -44,12 +44,12 @@ impl<T: Real> Term<T> for LoadGain<T> {
         self.gain.value().abs() * f64::from(envelope.load_torque_max_nm)
     }
 
-    fn widen<S: Real>(values: &Values<S>, envelope: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
         let largest = f64::from(envelope.load_torque_max_nm);
         bounds.torque += values.value(Id::LoadGain).abs() * largest;
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

@@ -1,18 +1,18 @@
-//! `F_C += k |tau_L|`, `F_S` likewise: transmitted torque loads the gear.
+//! `F_C += k |tau_L|`, `F_S` likewise: the transmitted torque loads the gear.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LoadTorqueCoulomb<T> {
-    /// Nm per Nm.
+    /// Increase of the levels per transmitted torque, Nm/Nm.
     coefficient: T,
 }
 
@@ -23,7 +23,7 @@ impl<T: Real> Term<T> for LoadTorqueCoulomb<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { coefficient: T::from_setting(values.get(Id::LoadCoulomb)) }
     }
 
@@ -46,11 +46,11 @@ impl<T: Real> Term<T> for LoadTorqueCoulomb<T> {
         self.coefficient.value().abs() * f64::from(envelope.load_torque_max_nm)
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.per_load_torque.coulomb += values.value(Id::LoadCoulomb);
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

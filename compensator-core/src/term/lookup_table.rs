@@ -1,35 +1,36 @@
-//! A lookup table: a torque and a change of the level, drawn over one column. In files it is "unknown".
+//! A lookup table of a torque and of a relative change of the level, over one column. Its name in files is
+//! "unknown".
 //!
-//! Where a diagnosis finds structure that no named cause explains, or a sensor whose error follows a
-//! covariate, the driver can still take it out: two broken lines, evenly spread over a range, the end
-//! values held outside. Evenly, because then finding the cell is one product.
+//! It compensates structure that no named cause explains, and sensor errors that depend on a covariate. Both
+//! lines are piecewise linear with evenly spaced knots, so that one product gives the cell. Outside the range,
+//! the end values apply.
 //!
-//! The change of the level may follow a formula a person can read instead of knots one by one: from nothing
-//! at the first knot to `a`, the rise, at the last, with `u` the share of the range between them,
+//! A formula can describe the change of the level instead of single knots. It rises from 0 at the first knot to
+//! `a` at the last. `u` is the share of the range between them:
 //!
 //! ```text
 //! linear a u      saturating a u (1 + s) / (u + s), s the scale over the range      exponential (1 + a)^u - 1
 //! ```
 //!
-//! It is drawn through the knots when the table is built, so that a sample costs the same.
+//! The build evaluates the formula at the knots, so it adds no cost to a sample.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 
-/// Knots of each of the two lines.
-pub const KNOTS: usize = 6;
+/// Number of knots of each of the two lines.
+pub const LOOKUP_KNOTS: usize = 6;
 
-/// Cells between the knots.
-const CELLS: usize = KNOTS - 1;
+/// Number of cells between the knots.
+const CELLS: usize = LOOKUP_KNOTS - 1;
 
-/// The torques at the knots, in their order.
-pub const LOOKUP_TORQUES: [Id; KNOTS] = [
+/// Parameters of the torque at each knot.
+pub const LOOKUP_TORQUES: [Id; LOOKUP_KNOTS] = [
     Id::LookupTorque1,
     Id::LookupTorque2,
     Id::LookupTorque3,
@@ -38,8 +39,8 @@ pub const LOOKUP_TORQUES: [Id; KNOTS] = [
     Id::LookupTorque6,
 ];
 
-/// The changes of the level at the knots, in their order.
-pub const LOOKUP_LEVELS: [Id; KNOTS] = [
+/// Parameters of the relative change of the level at each knot.
+pub const LOOKUP_LEVELS: [Id; LOOKUP_KNOTS] = [
     Id::LookupLevel1,
     Id::LookupLevel2,
     Id::LookupLevel3,
@@ -48,10 +49,10 @@ pub const LOOKUP_LEVELS: [Id; KNOTS] = [
     Id::LookupLevel6,
 ];
 
-/// How the change of the level follows the column, beside its knots.
+/// Formula of the change of the level over the column, added to the knots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LookupFormula {
-    /// By the knots alone.
+    /// No formula; only the knots.
     None,
     /// `a u`.
     Linear,
@@ -62,16 +63,16 @@ pub enum LookupFormula {
 }
 
 impl LookupFormula {
-    /// Every formula, in the order of their numbers.
+    /// Every formula, ordered by number.
     pub const ALL: [Self; 4] = [Self::None, Self::Linear, Self::Saturating, Self::Exponential];
 
-    /// The formula of a number; of an illegal one none.
+    /// Returns the formula with this number, or [`LookupFormula::None`] if the number is illegal.
     pub fn of_number(number: f64) -> Self {
-        // A cast saturates.
+        // The cast saturates.
         Self::ALL.get(number as usize).copied().unwrap_or(Self::None)
     }
 
-    /// The change of the level at a share of the range, 0..=1, for this rise; `scale` is that of the
+    /// Returns the relative change of the level at a share of the range, 0..=1. `scale` is the scale of the
     /// saturating formula over the range.
     pub fn at<S: Real>(self, share: S, rise: S, scale: S) -> S {
         match self {
@@ -83,9 +84,9 @@ impl LookupFormula {
     }
 }
 
-/// The change of the level at the knots, formula included.
+/// Returns the relative change of the level at the knots, including the formula.
 #[inline(never)]
-fn levels<S: Real>(values: &Values<S>) -> [S; KNOTS] {
+fn levels<S: Real>(values: &ParameterValues<S>) -> [S; LOOKUP_KNOTS] {
     let formula = LookupFormula::of_number(values.value(Id::LookupFormula));
     let (rise, scale) = (values.get(Id::LookupRise), values.get(Id::LookupScale));
     let scale = scale / (values.get(Id::LookupUpper) - values.get(Id::LookupLower));
@@ -95,40 +96,40 @@ fn levels<S: Real>(values: &Values<S>) -> [S; KNOTS] {
     })
 }
 
-/// The quantity of a column number; of an illegal one the nearest, of one that is not a number the first.
+/// Returns the quantity with this column number. An illegal number gives the nearest, and NaN the first.
 fn column_of(number: f64) -> Quantity {
-    // A cast saturates, and so does the range of the parameter.
+    // The cast saturates at 0; the range of the parameter limits the upper end.
     let last = Id::LookupColumn.info().upper;
-    Quantity::of_column(number.min(last) as u8).unwrap_or(Quantity::Velocity)
+    Quantity::from_column_number(number.min(last) as u8).unwrap_or(Quantity::Velocity)
 }
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LookupTable<T> {
-    /// What it follows.
+    /// Input quantity.
     column: Quantity,
-    /// Where the first knot lies, in the column's unit inside.
+    /// Position of the first knot, in the internal unit of the column.
     lower: T,
-    /// From there to the last knot.
+    /// Distance from the first to the last knot, in the same unit.
     span: T,
-    /// Cells in one unit of the column.
+    /// Number of cells per internal unit of the column.
     cells_per_unit: T,
     /// Torque at the knots, Nm.
-    torque: [T; KNOTS],
+    torque: [T; LOOKUP_KNOTS],
     /// Relative change of the level at the knots.
-    level: [T; KNOTS],
+    level: [T; LOOKUP_KNOTS],
 }
 
 impl<T: Real> Default for LookupTable<T> {
     fn default() -> Self {
-        let (zero, knots) = (T::zero(), [T::zero(); KNOTS]);
+        let (zero, knots) = (T::zero(), [T::zero(); LOOKUP_KNOTS]);
         let column = Quantity::Velocity;
         Self { column, lower: zero, span: zero, cells_per_unit: zero, torque: knots, level: knots }
     }
 }
 
 impl<T: Real> LookupTable<T> {
-    /// What it follows.
+    /// Returns the input quantity.
     pub(crate) fn column(&self) -> Quantity {
         self.column
     }
@@ -160,7 +161,7 @@ impl<T: Real> Term<T> for LookupTable<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         let column = column_of(values.value(Id::LookupColumn));
         let scale = T::Setting::from_f64(column.info().inside_scale);
         let lower = values.get(Id::LookupLower) * scale;
@@ -180,47 +181,49 @@ impl<T: Real> Term<T> for LookupTable<T> {
         *self
     }
 
-    // Out of line: within the loop over the terms it would make each of the others dearer.
+    // Out of line, because inlined into the loop over the terms it would slow down the others.
     #[inline(never)]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
-        let trust = sample.lookup_trust;
-        let at = match self.column {
-            // The velocity the other terms see: guarded, and delayed where there is a delay.
+        let weight = sample.lookup_weight;
+        let input = match self.column {
+            // As the other terms, it uses the guarded and possibly delayed velocity.
             Quantity::Velocity => effects.velocity,
-            column => column.of_sample(sample).unwrap_or_default(),
+            column => column.value_in(sample).unwrap_or_default(),
         };
-        // Limited before it is scaled: fixed point has no room for a column far outside.
-        let along = (at - self.lower).at_least(T::zero()).at_most(self.span) * self.cells_per_unit;
-        let (cell, share) = along.cell_and_share(CELLS - 1);
-        let drawn = |knots: &[T; KNOTS]| knots[cell] + (knots[cell + 1] - knots[cell]) * share;
-        effects.torque = effects.torque + drawn(&self.torque) * trust;
-        effects.level_scale = effects.level_scale * (T::one() + drawn(&self.level) * trust);
+        // The limit precedes the scaling, because fixed point cannot represent a value far outside.
+        let position =
+            (input - self.lower).at_least(T::zero()).at_most(self.span) * self.cells_per_unit;
+        let (cell, share) = position.cell_and_share(CELLS - 1);
+        let interpolate =
+            |knots: &[T; LOOKUP_KNOTS]| knots[cell] + (knots[cell + 1] - knots[cell]) * share;
+        effects.torque = effects.torque + interpolate(&self.torque) * weight;
+        effects.level_scale = effects.level_scale * (T::one() + interpolate(&self.level) * weight);
     }
 
     fn coefficients(&self) -> [T; COEFFICIENTS] {
-        // The slope along the column. The rest may be rounded to a last bit, which is no more than a
-        // last bit of torque or level.
+        // Only the scale of the column. Rounding of the other coefficients changes torque or level by
+        // at most one unit of the resolution.
         [self.cells_per_unit, T::zero(), T::zero(), T::zero()]
     }
 
     fn largest_product(&self, _: &Envelope) -> f64 {
         let ends = [self.lower, self.span, self.lower + self.span];
         let knots = self.torque.iter().chain(&self.level);
-        // A step from knot to knot may be twice as high as a knot; on the level comes a 1.
+        // The difference of two knots can be twice a knot. The factor of the level adds 1.
         let steps = knots.map(|knot| 2.0 * knot.value().abs() + 1.0);
         ends.iter().map(|end| end.value().abs()).chain(steps).fold(CELLS as f64, f64::max)
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.torque +=
             LOOKUP_TORQUES.iter().map(|id| values.value(*id).abs()).fold(0.0, f64::max);
-        // At a knot, or 1 where the column is not believed.
+        // The extremes are at a knot, or 1 if the weight of the column is 0.
         let levels = levels(values);
         let factors = || levels.iter().map(|level| 1.0 + level.value());
         bounds.scale_level(factors().fold(1.0, f64::min), factors().fold(1.0, f64::max));
     }
 
-    fn validate<S: Real>(values: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(values: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         for (id, why) in [
             (Id::LookupColumn, "a column has a number"),
             (Id::LookupFormula, "a formula has a number"),
@@ -235,10 +238,10 @@ impl<T: Real> Term<T> for LookupTable<T> {
             let why = "the knots are spread over a range";
             return refuse(Id::LookupUpper.name(), upper, Bound::MoreThan(lower), why);
         }
-        // Knots alone and a formula alone leave a tenth by their ranges; together they may not.
+        // The range of each parameter leaves a tenth of the level, but knots and formula add up.
         let lowest = levels(values).into_iter().map(Real::value).fold(0.0, f64::min);
         let least = Id::LookupRise.info().lower;
-        // An exponential of the lowest rise ends a rounding below it.
+        // The margin allows for rounding in the exponential formula at the lowest rise.
         if lowest < least - 1e-6 {
             let rise = values.value(Id::LookupRise);
             let why = "knots and formula together must leave a tenth of the level";

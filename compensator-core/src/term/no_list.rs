@@ -1,20 +1,20 @@
-//! What stands in for a model's terms where there are none: nothing, at no cost.
+//! Replaces `list` without the feature `terms`: no terms, no memory and no cost.
 
 use super::{MAX_TERMS, TermKind};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::Values;
+use crate::parameter::ParameterValues;
 use crate::quantity::Sample;
 use crate::refusal::{Bound, ParameterError, refuse};
 use core::marker::PhantomData;
 use heapless::Vec;
 
-/// No terms.
+/// Empty list of terms.
 #[derive(Clone, Debug)]
 pub(crate) struct Terms<T>(PhantomData<T>);
 
-/// Nothing to remember.
+/// Empty memory.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Memory<T>(PhantomData<T>);
 
@@ -30,7 +30,7 @@ impl<T: Real> Memory<T> {
 impl<T: Real> Terms<T> {
     pub(crate) fn build(
         _: &Vec<TermKind, MAX_TERMS>,
-        _: &Values<T::Setting>,
+        _: &ParameterValues<T::Setting>,
         _: T::Setting,
     ) -> Self {
         Self(PhantomData)
@@ -47,11 +47,11 @@ impl<T: Real> Terms<T> {
     }
 }
 
-/// Refuses every term: none was compiled.
+/// Returns an error for the first term in the list, because no terms are compiled.
 #[allow(clippy::extra_unused_type_parameters)]
 pub(crate) fn check<T: Real, S: Real<Setting = S>>(
     kinds: &Vec<TermKind, MAX_TERMS>,
-    _: &Values<S>,
+    _: &ParameterValues<S>,
     _: &Envelope,
     _: S,
 ) -> Result<(), ParameterError> {

@@ -1,4 +1,4 @@
-//! `g *= 1 + a sin(n q + phi)`: friction follows the shaft angle.
+//! `g *= 1 + a sin(n q + phi)`: friction depends on the shaft angle.
 
 use super::angle::over_angle;
 use super::bounds::Bounds;
@@ -6,25 +6,26 @@ use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PositionRipple<T> {
-    /// `n`, periods in one turn, 1/rad.
+    /// `n`, angular order, 1/rad.
     order: T,
-    /// Factor on the sine.
+    /// Factor of `sin(n q)`.
     sine: T,
-    /// Factor on the cosine.
+    /// Factor of `cos(n q)`.
     cosine: T,
 }
 
-/// Largest amplitude, as the range of each of its two parts.
+/// Maximum amplitude, equal to the range limit of its sine and cosine part.
 const AMPLITUDE_MAX: f64 = 0.99;
 
-fn amplitude<S: Real>(values: &Values<S>) -> f64 {
+/// Returns the amplitude of the ripple.
+fn amplitude<S: Real>(values: &ParameterValues<S>) -> f64 {
     libm::hypot(values.value(Id::RippleSine), values.value(Id::RippleCosine))
 }
 
@@ -35,7 +36,7 @@ impl<T: Real> Term<T> for PositionRipple<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self {
             order: T::from_setting(values.get(Id::RippleOrder)),
             sine: T::from_setting(values.get(Id::RippleSine)),
@@ -50,7 +51,7 @@ impl<T: Real> Term<T> for PositionRipple<T> {
     #[inline]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let ripple = over_angle(self.order * sample.position_rad, self.sine, self.cosine);
-        let ripple = ripple * sample.position_trust;
+        let ripple = ripple * sample.position_weight;
         effects.level_scale = effects.level_scale * (T::one() + ripple);
     }
 
@@ -62,11 +63,11 @@ impl<T: Real> Term<T> for PositionRipple<T> {
         self.order.value().abs() * f64::from(envelope.position_max_rad)
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.scale_level_by_share(amplitude(values));
     }
 
-    fn validate<S: Real>(values: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(values: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         let amplitude = amplitude(values);
         if amplitude > AMPLITUDE_MAX {
             let why = "a ripple of 1 or more turns friction round";

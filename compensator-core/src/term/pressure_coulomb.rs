@@ -5,16 +5,16 @@ use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PressureCoulomb<T> {
-    /// On `F_C`, Nm/MPa.
+    /// Increase of `F_C`, Nm/MPa.
     coulomb: T,
-    /// On `F_S`, Nm/MPa.
+    /// Increase of `F_S`, Nm/MPa.
     static_level: T,
 }
 
@@ -25,7 +25,7 @@ impl<T: Real> Term<T> for PressureCoulomb<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         let mega = T::Setting::from_f64(1e6);
         let (coulomb, excess) =
             (values.get(Id::PressureCoulomb), values.get(Id::PressureStaticExcess));
@@ -55,12 +55,12 @@ impl<T: Real> Term<T> for PressureCoulomb<T> {
         steeper * f64::from(envelope.pressure_diff_max_pa) * 1e-6
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.per_pascal.coulomb += values.value(Id::PressureCoulomb);
         bounds.per_pascal.excess += values.value(Id::PressureStaticExcess);
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

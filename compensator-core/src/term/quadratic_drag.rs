@@ -5,14 +5,14 @@ use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct QuadraticDrag<T> {
-    /// Nm s^2/rad^2.
+    /// `c`, Nm s^2/rad^2.
     coefficient: T,
 }
 
@@ -23,7 +23,7 @@ impl<T: Real> Term<T> for QuadraticDrag<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { coefficient: T::from_setting(values.get(Id::QuadraticDrag)) }
     }
 
@@ -46,12 +46,12 @@ impl<T: Real> Term<T> for QuadraticDrag<T> {
         (self.coefficient.value().abs() * speed).max(1.0) * speed
     }
 
-    fn widen<S: Real>(values: &Values<S>, envelope: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
         let speed = f64::from(envelope.velocity_max_rad_s);
         bounds.torque += values.value(Id::QuadraticDrag).abs() * (speed * speed);
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

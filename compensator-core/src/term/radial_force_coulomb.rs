@@ -1,20 +1,20 @@
-//! `F_C += k F_L`, `F_S` likewise: side load presses the seal.
+//! `F_C += k F_L`, `F_S` likewise: side load compresses the seal.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RadialForceCoulomb<T> {
-    /// On `F_C`, Nm/N.
+    /// Increase of `F_C`, Nm/N.
     coulomb: T,
-    /// On `F_S`, Nm/N.
+    /// Increase of `F_S`, Nm/N.
     static_level: T,
 }
 
@@ -25,7 +25,7 @@ impl<T: Real> Term<T> for RadialForceCoulomb<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         let (coulomb, excess) =
             (values.get(Id::RadialForceCoulomb), values.get(Id::RadialForceStaticExcess));
         Self { coulomb: T::from_setting(coulomb), static_level: T::from_setting(coulomb + excess) }
@@ -51,12 +51,12 @@ impl<T: Real> Term<T> for RadialForceCoulomb<T> {
         steeper * f64::from(envelope.radial_force_max_n)
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.per_newton.coulomb += values.value(Id::RadialForceCoulomb);
         bounds.per_newton.excess += values.value(Id::RadialForceStaticExcess);
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

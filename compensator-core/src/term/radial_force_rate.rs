@@ -1,18 +1,18 @@
-//! `dz/dt += eta3 dF_L/dt`: a changing side load bends the bristles.
+//! `dz/dt += eta3 dF_L/dt`: a change of the side load deflects the bristles.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RadialForceRate<T> {
-    /// Bristle rate for a change of 1 N within a sample, rad/s.
+    /// Bristle rate per change of the side load in one sample, rad/(s N).
     per_newton: T,
 }
 
@@ -23,7 +23,7 @@ impl<T: Real> Term<T> for RadialForceRate<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, period_s: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, period_s: T::Setting) -> Self {
         Self { per_newton: T::from_setting(values.get(Id::RadialForceRate) / period_s) }
     }
 
@@ -45,11 +45,11 @@ impl<T: Real> Term<T> for RadialForceRate<T> {
         self.per_newton.value().abs() * f64::from(envelope.radial_force_max_n)
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.travel_per_newton += values.value(Id::RadialForceRate);
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

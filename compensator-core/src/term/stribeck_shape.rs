@@ -5,11 +5,11 @@ use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct StribeckShape<T> {
     /// Half the exponent.
@@ -23,7 +23,7 @@ impl<T: Real> Term<T> for StribeckShape<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         let half = T::Setting::from_f64(0.5);
         Self { half_exponent: T::from_setting(values.get(Id::StribeckExponent) * half) }
     }
@@ -45,11 +45,11 @@ impl<T: Real> Term<T> for StribeckShape<T> {
         self.half_exponent.value().abs()
     }
 
-    fn widen<S: Real>(_: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(_: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.bends_stribeck_curve = true;
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

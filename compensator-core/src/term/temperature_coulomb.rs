@@ -1,16 +1,16 @@
-//! `g *= exp(-b (T - T0))`: the seal stiffens with cold and grips harder.
+//! `g *= exp(-b (T - T0))`: the seal stiffens at low temperature.
 
 use super::bounds::{Bounds, LEAST_SHARE};
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::TEMPERATURE_RANGE_C;
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TemperatureCoulomb<T> {
     /// `b`, 1/K.
@@ -19,8 +19,8 @@ pub(crate) struct TemperatureCoulomb<T> {
     reference: T,
 }
 
-/// The exponent at the coldest and the hottest seal that is believed.
-fn exponents<S: Real>(values: &Values<S>) -> [f64; 2] {
+/// Returns the exponent at both ends of the valid temperature range.
+fn exponents<S: Real>(values: &ParameterValues<S>) -> [f64; 2] {
     let rate = values.value(Id::TemperatureCoulomb);
     let reference = values.value(Id::TemperatureReference);
     TEMPERATURE_RANGE_C.map(|end| -rate * (end - reference))
@@ -33,7 +33,7 @@ impl<T: Real> Term<T> for TemperatureCoulomb<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self {
             rate: T::from_setting(values.get(Id::TemperatureCoulomb)),
             reference: T::from_setting(values.get(Id::TemperatureReference)),
@@ -55,16 +55,16 @@ impl<T: Real> Term<T> for TemperatureCoulomb<T> {
     }
 
     fn largest_product(&self, _: &Envelope) -> f64 {
-        // The exponent; what it makes of the level is checked with that level.
+        // The exponent. The check of the level includes the effect on the level.
         self.rate.value().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0])
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let [cold, hot] = exponents(values).map(libm::exp);
         bounds.scale_level(cold.min(hot), cold.max(hot));
     }
 
-    fn validate<S: Real>(values: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(values: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         let steepest = exponents(values).into_iter().map(f64::abs).fold(0.0, f64::max);
         let most = -libm::log(LEAST_SHARE);
         if steepest > most {

@@ -1,16 +1,16 @@
-//! `sigma2 *= exp(-b (T - T0))`: the film thins as it warms.
+//! `sigma2 *= exp(-b (T - T0))`: the viscosity of the lubricant decreases with temperature.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::TEMPERATURE_RANGE_C;
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TemperatureViscous<T> {
     /// `b`, 1/K.
@@ -26,7 +26,7 @@ impl<T: Real> Term<T> for TemperatureViscous<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self {
             rate: T::from_setting(values.get(Id::TemperatureViscosity)),
             reference: T::from_setting(values.get(Id::TemperatureReference)),
@@ -48,18 +48,18 @@ impl<T: Real> Term<T> for TemperatureViscous<T> {
     }
 
     fn largest_product(&self, _: &Envelope) -> f64 {
-        // The exponent; what it makes of the viscous torque is checked with that torque.
+        // The exponent. The check of the viscous torque includes the effect on it.
         self.rate.value().abs() * (TEMPERATURE_RANGE_C[1] - TEMPERATURE_RANGE_C[0])
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let (rate, reference) =
             (values.value(Id::TemperatureViscosity), values.value(Id::TemperatureReference));
         let factor = TEMPERATURE_RANGE_C.map(|end| libm::exp(-rate * (end - reference)));
         bounds.viscous_factor *= factor[0].max(factor[1]);
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

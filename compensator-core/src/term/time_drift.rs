@@ -5,23 +5,23 @@ use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::{Bound, ParameterError, refuse};
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TimeDrift<T> {
-    /// `a`.
+    /// `a`, relative amplitude of the run-in.
     amplitude: T,
     /// `-1/T`, 1/h.
     per_time: T,
-    /// `r`, 1/h.
+    /// `r`, relative wear rate, 1/h.
     rate: T,
 }
 
-/// Least and largest factor on the level; between its ends it stays within them and 1.
-fn range<S: Real>(values: &Values<S>, envelope: &Envelope) -> (f64, f64) {
+/// Returns the smallest and largest factor of the level, including 1, over the campaign.
+fn range<S: Real>(values: &ParameterValues<S>, envelope: &Envelope) -> (f64, f64) {
     let end_s = f64::from(envelope.campaign_max_h) * 3600.0;
     let amplitude = values.value(Id::DriftAmplitude);
     let start = 1.0 + amplitude;
@@ -38,7 +38,7 @@ impl<T: Real> Term<T> for TimeDrift<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         let hour = T::Setting::from_f64(3600.0);
         Self {
             amplitude: T::from_setting(values.get(Id::DriftAmplitude)),
@@ -68,15 +68,18 @@ impl<T: Real> Term<T> for TimeDrift<T> {
         faster * f64::from(envelope.campaign_max_h)
     }
 
-    fn widen<S: Real>(values: &Values<S>, envelope: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
         let (least, most) = range(values, envelope);
         bounds.scale_level(least, most);
     }
 
-    fn validate<S: Real>(values: &Values<S>, envelope: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(
+        values: &ParameterValues<S>,
+        envelope: &Envelope,
+    ) -> Result<(), ParameterError> {
         let (least, _) = range(values, envelope);
         if least < LEAST_SHARE {
-            // The run-in alone leaves at least 1 %: it is the wear that takes the rest.
+            // The run-in alone leaves at least 1 % of the level, so the wear rate is the cause.
             let end_s = f64::from(envelope.campaign_max_h) * 3600.0;
             let why = "the level must stay positive to the end of the campaign";
             let rate = values.value(Id::DriftRate);

@@ -1,18 +1,18 @@
-//! `+ c`: a sensor's zero error.
+//! `+ c`: the zero error of a torque sensor.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TorqueOffset<T> {
-    /// Nm.
+    /// `c`, Nm.
     offset: T,
 }
 
@@ -23,7 +23,7 @@ impl<T: Real> Term<T> for TorqueOffset<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { offset: T::from_setting(values.get(Id::TorqueOffset)) }
     }
 
@@ -44,11 +44,11 @@ impl<T: Real> Term<T> for TorqueOffset<T> {
         self.offset.value().abs()
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         bounds.torque += values.value(Id::TorqueOffset).abs();
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

@@ -1,9 +1,9 @@
-//! `+ sum a_k sin(n_k q) + b_k cos(n_k q)`: cogging and gear mesh, a torque of the angle.
+//! `+ sum a_k sin(n_k q) + b_k cos(n_k q)`: cogging torque and gear mesh.
 //!
-//! Magnets against slots, teeth against teeth: the torque is there whichever way the shaft turns, and at
-//! rest. A few orders make up most of it (a fundamental, its multiples, its neighbours where the machine is
-//! not quite round), so the table is a short one of orders with a sine and a cosine each. An order of 0 is a
-//! place that is not taken, and costs a comparison.
+//! The torque depends on the shaft angle. It does not depend on the direction and is also present at rest. A few
+//! orders dominate: a fundamental, its multiples, and its side bands if the machine is eccentric. The table
+//! therefore has a few orders, each with a sine and a cosine factor. The order 0 marks an unused entry, which
+//! costs one comparison.
 
 use super::angle::over_angle;
 use super::bounds::Bounds;
@@ -11,28 +11,28 @@ use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Orders the term has room for.
-pub const TORQUE_RIPPLES: usize = 4;
+/// Maximum number of orders.
+pub const TORQUE_RIPPLE_ORDERS: usize = 4;
 
-/// Of each order: itself, the factor on its sine and that on its cosine.
-pub const TORQUE_RIPPLE_PARAMETERS: [[Id; 3]; TORQUE_RIPPLES] = [
+/// Parameters of each order: the order, the factor of its sine and the factor of its cosine.
+pub const TORQUE_RIPPLE_PARAMETERS: [[Id; 3]; TORQUE_RIPPLE_ORDERS] = [
     [Id::TorqueRippleOrder1, Id::TorqueRippleSine1, Id::TorqueRippleCosine1],
     [Id::TorqueRippleOrder2, Id::TorqueRippleSine2, Id::TorqueRippleCosine2],
     [Id::TorqueRippleOrder3, Id::TorqueRippleSine3, Id::TorqueRippleCosine3],
     [Id::TorqueRippleOrder4, Id::TorqueRippleSine4, Id::TorqueRippleCosine4],
 ];
 
-/// One order: `n`, 1/rad; on the sine of `n q`, Nm; on its cosine, Nm.
+/// One order: `n`, 1/rad; factor of `sin(n q)`, Nm; factor of `cos(n q)`, Nm.
 type Wave<T> = [T; 3];
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TorqueRipple<T> {
-    waves: [Wave<T>; TORQUE_RIPPLES],
+    waves: [Wave<T>; TORQUE_RIPPLE_ORDERS],
 }
 
 impl<T: Real> Term<T> for TorqueRipple<T> {
@@ -42,7 +42,7 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         let waves =
             TORQUE_RIPPLE_PARAMETERS.map(|ids| ids.map(|id| T::from_setting(values.get(id))));
         Self { waves }
@@ -52,7 +52,7 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
         *self
     }
 
-    // Out of line, as the lookup table.
+    // Out of line, because inlined into the loop over the terms it would slow down the others.
     #[inline(never)]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let mut torque = T::zero();
@@ -61,11 +61,11 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
                 torque = torque + over_angle(order * sample.position_rad, sine, cosine);
             }
         }
-        effects.torque = effects.torque + torque * sample.position_trust;
+        effects.torque = effects.torque + torque * sample.position_weight;
     }
 
     fn coefficients(&self) -> [T; COEFFICIENTS] {
-        // The orders. A sine's factor may be rounded to a last bit, which is a last bit of torque.
+        // Only the orders. Rounding of a factor changes the torque by at most one unit of the resolution.
         self.waves.map(|[order, ..]| order)
     }
 
@@ -76,13 +76,13 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
         sizes.iter().map(|[order, ..]| order * position).fold(torque, f64::max)
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         for [_, sine, cosine] in TORQUE_RIPPLE_PARAMETERS {
             bounds.torque += libm::hypot(values.value(sine), values.value(cosine));
         }
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

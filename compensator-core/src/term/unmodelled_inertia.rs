@@ -1,18 +1,18 @@
-//! `+ J dv/dt`: an inertia that was not taken out of the torque.
+//! `+ J dv/dt`: an inertia that was not subtracted from the torque.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct UnmodelledInertia<T> {
-    /// kg m^2.
+    /// `J`, kg m^2.
     inertia: T,
 }
 
@@ -23,7 +23,7 @@ impl<T: Real> Term<T> for UnmodelledInertia<T> {
 
     type Memory = ();
 
-    fn build(values: &Values<T::Setting>, _: T::Setting) -> Self {
+    fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
         Self { inertia: T::from_setting(values.get(Id::Inertia)) }
     }
 
@@ -44,12 +44,12 @@ impl<T: Real> Term<T> for UnmodelledInertia<T> {
         self.inertia.value().abs() * f64::from(envelope.acceleration_max_rad_s2)
     }
 
-    fn widen<S: Real>(values: &Values<S>, envelope: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, envelope: &Envelope, bounds: &mut Bounds) {
         let fastest = f64::from(envelope.acceleration_max_rad_s2);
         bounds.torque += values.value(Id::Inertia).abs() * fastest;
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

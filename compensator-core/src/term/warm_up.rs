@@ -1,48 +1,49 @@
-//! `g *= 1 - a (1 - exp(-h))`, `dh/dt = P/E0 - h/T`: friction falls with the heat it leaves.
+//! `g *= 1 - a (1 - exp(-h))`, `dh/dt = P/E0 - h/T`: friction decreases as it heats the seal.
 //!
-//! What rubs gets warm, and where no temperature is measured the work of the friction itself says how warm:
-//! `P` is what the law dissipates, `E0` the energy that takes the level most of the way down, `T` the time in
-//! which the heat is lost again. `h` changes over minutes and a driver's sample takes 50 us: added up sample by
-//! sample it would be lost in the rounding of an `f32`, so the work of [`STEP_S`] is added up first.
+//! The term estimates the heat from the friction power, for joints without a temperature sensor. `P` is the power
+//! that the law dissipates, `E0` the energy that causes 63 % of the decrease, and `T` the time constant of the
+//! cooling. `h` changes over minutes, but a sample of a driver takes only 50 us. In `f32`, its change in one
+//! sample would be lost in rounding. The term therefore updates `h` every [`HEAT_UPDATE_PERIOD_S`], from the work
+//! accumulated since the last update.
 
 use super::bounds::Bounds;
 use super::interface::{COEFFICIENTS, Term};
 use crate::effect::Effects;
 use crate::envelope::Envelope;
 use crate::number::Real;
-use crate::parameter::{ParameterId as Id, Values};
+use crate::parameter::{ParameterId as Id, ParameterValues};
 use crate::quantity::{Quantity, Sample};
 use crate::refusal::ParameterError;
 
-/// How often the heat is brought up to date, s: short against every warming, and ten thousand samples.
-const STEP_S: f64 = 0.5;
+/// Update period of the heat, s. It is much shorter than any warming, and long compared with a sample.
+const HEAT_UPDATE_PERIOD_S: f64 = 0.5;
 
-/// Heat beyond which nothing changes: `exp(-16)` is 1e-7.
-const MOST: f64 = 16.0;
+/// Maximum heat `h`, dimensionless. Above it the level is constant: `exp(-16)` is 1e-7.
+const MAX_HEAT: f64 = 16.0;
 
-/// Built for a sample period.
+/// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct WarmUp<T> {
-    /// `a`.
+    /// `a`, share of the level that is lost by warming.
     fall: T,
-    /// The sample period over [`STEP_S`].
+    /// Sample period over [`HEAT_UPDATE_PERIOD_S`].
     share: T,
-    /// [`STEP_S`] over `E0`, 1/W.
+    /// [`HEAT_UPDATE_PERIOD_S`] over `E0`, 1/W.
     per_power: T,
-    /// [`STEP_S`] over `T`.
+    /// [`HEAT_UPDATE_PERIOD_S`] over `T`.
     cooling: T,
 }
 
-/// What it remembers.
+/// Memory of the term.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Heat<T> {
-    /// What the law dissipated in the last sample, W.
+    /// Power that the law dissipated in the last sample, W.
     pub power: T,
-    /// `h`.
+    /// `h`, heat, dimensionless.
     pub heat: T,
-    /// Mean power since the heat was brought up to date times `waited`, W.
+    /// Work since the last update over [`HEAT_UPDATE_PERIOD_S`], W.
     work: T,
-    /// Time since then over [`STEP_S`].
+    /// Time since the last update over [`HEAT_UPDATE_PERIOD_S`].
     waited: T,
 }
 
@@ -53,8 +54,8 @@ impl<T: Real> Term<T> for WarmUp<T> {
 
     type Memory = Heat<T>;
 
-    fn build(values: &Values<T::Setting>, period_s: T::Setting) -> Self {
-        let step = T::Setting::from_f64(STEP_S);
+    fn build(values: &ParameterValues<T::Setting>, period_s: T::Setting) -> Self {
+        let step = T::Setting::from_f64(HEAT_UPDATE_PERIOD_S);
         Self {
             fall: T::from_setting(values.get(Id::WarmUpFall)),
             share: T::from_setting(period_s / step),
@@ -67,7 +68,7 @@ impl<T: Real> Term<T> for WarmUp<T> {
         Self { share: self.share * ratio, ..*self }
     }
 
-    // Out of line, as the lookup table.
+    // Out of line, because inlined into the loop over the terms it would slow down the others.
     #[inline(never)]
     fn act(&self, _: &Sample<T>, memory: &mut Self::Memory, effects: &mut Effects<T>) {
         let (zero, one) = (T::zero(), T::one());
@@ -76,7 +77,7 @@ impl<T: Real> Term<T> for WarmUp<T> {
         if memory.waited >= one {
             let lost = memory.heat * (self.cooling * memory.waited).at_most(one);
             let heat = memory.heat + memory.work * self.per_power - lost;
-            memory.heat = heat.at_least(zero).at_most(T::from_f64(MOST));
+            memory.heat = heat.at_least(zero).at_most(T::from_f64(MAX_HEAT));
             (memory.work, memory.waited) = (zero, zero);
         }
         let fallen = self.fall * (one - (-memory.heat).exp());
@@ -84,21 +85,21 @@ impl<T: Real> Term<T> for WarmUp<T> {
     }
 
     fn coefficients(&self) -> [T; COEFFICIENTS] {
-        // A clock that is a percent wrong is an energy and a time that are.
+        // The sample period is not checked: a relative error acts like the same error of `E0` and `T`.
         [self.fall, self.per_power, self.cooling, T::zero()]
     }
 
     fn largest_product(&self, _: &Envelope) -> f64 {
-        // The heat; the power is torque times speed, which the law has held already.
-        MOST
+        // The heat. The law has already checked the power, torque times speed.
+        MAX_HEAT
     }
 
-    fn widen<S: Real>(values: &Values<S>, _: &Envelope, bounds: &mut Bounds) {
+    fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
         let left = 1.0 - values.value(Id::WarmUpFall);
         bounds.scale_level(left.min(1.0), left.max(1.0));
     }
 
-    fn validate<S: Real>(_: &Values<S>, _: &Envelope) -> Result<(), ParameterError> {
+    fn validate<S: Real>(_: &ParameterValues<S>, _: &Envelope) -> Result<(), ParameterError> {
         Ok(())
     }
 }

@@ -1,15 +1,15 @@
-//! Random joints and random inputs, for the properties that must hold of all of them.
+//! Random joints and inputs for property tests.
 //!
-//! A case is a bristle law with terms in random company, parameters over many decades, and samples
-//! that jump about the envelope with any bit pattern for a velocity. For floats the ranges are made
-//! so that every case is legal; of the cases for fixed point a part is refused, and says so.
+//! A case is a bristle law with a random combination of terms, parameters over many decades, and samples that jump
+//! within the envelope. The velocity has any bit pattern. Every case for floats is valid. Validation refuses some of
+//! the cases for fixed point.
 
 use compensator_core::model::Sample;
 use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
 use compensator_core::{LawKind, ParameterId as Id, Parameters, Real, TermKind};
 use proptest::prelude::*;
 
-/// Bristle laws, and parameters over many decades.
+/// A bristle law with terms, parameters and samples.
 #[derive(Clone, Debug)]
 pub struct Case {
     pub law: LawKind,
@@ -19,7 +19,7 @@ pub struct Case {
     pub samples: Vec<(u64, [f64; 8])>,
 }
 
-/// How far apart the ranges reach: all a float can be asked for, or what suits fixed point.
+/// Ranges of the parameters, as exponents of ten: the full range of floats, or a range for fixed point.
 #[derive(Clone, Copy)]
 pub struct Decades {
     level: (f64, f64),
@@ -33,7 +33,7 @@ pub const FLOAT: Decades =
 pub const FIXED: Decades =
     Decades { level: (-1.5, 2.2), stiffness: (1.0, 6.0), period: (-4.5, -2.5), size: 30.0 };
 
-/// What each column ranges over in [`Case::sample`], as a person writes it.
+/// Range of each column in [`Case::sample`], in the unit of the log.
 const COLUMN_RANGES: [(f64, f64); 8] = [
     (-12.0, 12.0),
     (-10.0, 10.0),
@@ -57,11 +57,11 @@ fn values(decades: Decades) -> impl Strategy<Value = Vec<(Id, f64)>> {
         [0.0..2.0f64, 0.0..2.0],
         [0.0..1.0f64, 0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0],
         [signed(), signed(), signed(), signed(), signed(), signed(), signed(), signed()],
-        unknown(decades.size),
+        lookup_values(decades.size),
     )
-        .prop_map(move |(coulomb, stiffness, excess, positive, signed, unknown)| {
+        .prop_map(move |(coulomb, stiffness, excess, positive, signed, lookup)| {
             let negative = coulomb * (1.0 + 9.0 * positive[5]);
-            // Load and pressure may halve the level at the far corner, or raise it.
+            // At the corner of the envelope, load and pressure may lower the level to about half, or raise it.
             let least = -0.2 * coulomb;
             let load = |share: f64, size: f64| (share * coulomb).max(least) / size;
             let size = decades.size;
@@ -98,13 +98,13 @@ fn values(decades: Decades) -> impl Strategy<Value = Vec<(Id, f64)>> {
                 (Id::TorqueRippleSine2, signed[4] * size),
                 (Id::TorqueRippleCosine2, signed[5] * size),
             ];
-            values.extend(unknown);
+            values.extend(lookup);
             values
         })
 }
 
-/// Knots of any height over a part of any column.
-fn unknown(size: f64) -> impl Strategy<Value = Vec<(Id, f64)>> {
+/// Lookup tables with random knots over a part of a random column.
+fn lookup_values(size: f64) -> impl Strategy<Value = Vec<(Id, f64)>> {
     let knot = || 0.0..1.0f64;
     let knots = || [knot(), knot(), knot(), knot(), knot(), knot()];
     let ends = [knot(), knot()];
@@ -162,7 +162,7 @@ impl Case {
     pub fn parameters<S: Real>(&self) -> Parameters<S> {
         let mut parameters = Parameters::<S>::new(self.law);
         parameters.choices.allow_active = true;
-        // A delay is at most as long as its line.
+        // A delay must not exceed its delay line.
         parameters.set(Id::ChannelDelay, S::from_f64((20.7 * self.period).min(10.0)));
         parameters.envelope.position_max_rad = 10.0;
         for (id, value) in &self.values {
@@ -174,7 +174,7 @@ impl Case {
         parameters
     }
 
-    /// The sample of these covariates (each 0..=1 over its range) at a velocity.
+    /// Returns the sample for a velocity and covariates, each 0..=1 over its range.
     pub fn sample(velocity: f64, covariates: &[f64; 8], force_before: f64) -> Sample<f64> {
         let [force, pressure, position, temperature, load, time, acceleration, own] = *covariates;
         Sample {
@@ -193,7 +193,7 @@ impl Case {
     }
 }
 
-/// A sample in another number.
+/// Converts a sample to another number type.
 pub fn converted<T: Real>(sample: &Sample<f64>) -> Sample<T> {
     sample.map(T::from_f64)
 }

@@ -1,12 +1,11 @@
-//! What the tests judge the core by, written without it.
+//! An independent reference for the tests of the core.
 //!
-//! A model checked against itself always agrees. So the reference here is a LuGre of its own: in
-//! the bristle deflection `z`, not in torque; with the exponential, not a table; integrated by
-//! Runge-Kutta at 1 us, not stepped at the loop's rate. Next to it stand the two schemes the core
-//! did not take, so that every table shows what the choice bought. Only [`Seal::parameters`] names
-//! the core: it hands over the same numbers.
+//! The reference is a separate implementation of LuGre. Its state is the bristle deflection `z` instead of the torque.
+//! It uses the exponential instead of a table, and Runge-Kutta at 1 us instead of one step per sample. The module
+//! [`schemes`] has two alternative integration schemes for comparison. [`Seal::parameters`] converts the same values
+//! for the core.
 
-#![allow(dead_code)] // Each test file uses its own part.
+#![allow(dead_code)] // Each test file uses only a part.
 
 pub mod cases;
 pub mod motion;
@@ -15,25 +14,25 @@ pub mod schemes;
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters, Real};
 
-/// A seal, in the quantities of Ding et al., eq. 1 and 16.
+/// A seal, with the parameters of Ding et al., eq. 1 and 16, in SI units.
 #[derive(Clone, Copy, Debug)]
 pub struct Seal {
     pub coulomb: f64,
     pub static_level: f64,
     pub stribeck_velocity: f64,
     pub stiffness: f64,
-    /// `sigma1` at rest; it fades as `exp(-(v/v_s)^2)`.
+    /// `sigma1` at rest, Nm s/rad. It fades as `exp(-(v/v_s)^2)`.
     pub damping: f64,
     pub viscous: f64,
     pub coulomb_per_newton: f64,
     pub static_per_newton: f64,
     pub coulomb_per_pascal: f64,
     pub static_per_pascal: f64,
-    /// `eta3`, rad/N.
+    /// Bending of the bristles per side load, `eta3`, rad/N.
     pub bend_per_newton: f64,
 }
 
-/// What acts on the seal at one moment.
+/// Inputs of the seal at one time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Input {
     pub velocity: f64,
@@ -43,7 +42,7 @@ pub struct Input {
 }
 
 impl Seal {
-    /// A joint of Ding et al.'s size: friction of 2 to 3.5 Nm under load.
+    /// A joint like that of Ding et al.: friction of 2 to 3.5 Nm under load.
     pub const JOINT: Seal = Seal {
         coulomb: 1.5,
         static_level: 2.2,
@@ -58,7 +57,7 @@ impl Seal {
         bend_per_newton: 1e-6,
     };
 
-    /// `g`, Nm.
+    /// Returns the friction level `g`, Nm.
     pub fn level(&self, input: &Input) -> f64 {
         let coulomb = self.coulomb
             + self.coulomb_per_newton * input.radial_force
@@ -66,26 +65,26 @@ impl Seal {
         let static_level = self.static_level
             + self.static_per_newton * input.radial_force
             + self.static_per_pascal * input.pressure_pa;
-        coulomb + (static_level - coulomb) * self.towards_rest(input.velocity)
+        coulomb + (static_level - coulomb) * self.stribeck_share(input.velocity)
     }
 
-    fn towards_rest(&self, velocity: f64) -> f64 {
+    fn stribeck_share(&self, velocity: f64) -> f64 {
         (-(velocity / self.stribeck_velocity).powi(2)).exp()
     }
 
-    /// `dz/dt`, rad/s.
+    /// Returns the deflection rate `dz/dt`, rad/s.
     pub fn deflection_rate(&self, deflection: f64, input: &Input) -> f64 {
         let slip = self.stiffness * input.velocity.abs() * deflection / self.level(input);
         input.velocity - slip + self.bend_per_newton * input.radial_force_rate
     }
 
-    /// `F`, Nm, of a bristle deflected by `z` at the rate `z'`.
+    /// Returns the friction `F`, Nm, for the deflection `z` (rad) and its rate (rad/s).
     pub fn friction(&self, deflection: f64, rate: f64, input: &Input) -> f64 {
-        let damping = self.damping * self.towards_rest(input.velocity);
+        let damping = self.damping * self.stribeck_share(input.velocity);
         self.stiffness * deflection + damping * rate + self.viscous * input.velocity
     }
 
-    /// The same seal without load on it.
+    /// Returns the same seal without the effects of load and pressure.
     pub fn unloaded(self) -> Seal {
         Seal {
             coulomb_per_newton: 0.0,
@@ -97,7 +96,7 @@ impl Seal {
         }
     }
 
-    /// The same numbers for the core.
+    /// Returns the same values as parameters of the core.
     pub fn parameters<S: Real>(&self, law: LawKind) -> Parameters<S> {
         let mut parameters = Parameters::<S>::new(law);
         for (id, value) in [

@@ -1,28 +1,27 @@
-//! Motions and their true friction: the reference every step is held against.
+//! Motions and their reference friction, with which the tests compare every scheme.
 //!
-//! Each motion is computed once at 1 us by the classical Runge-Kutta method and recorded every
-//! 50 us, the finest rate a step is tried at. Where the motion is prescribed, only the bristle is
-//! integrated; in stick-slip a mass on a slowly drawn spring is, so that friction makes the motion,
-//! and the velocity it took is then handed to the steps: they are judged on friction alone, and a
-//! small error cannot grow into another trajectory.
+//! The classical Runge-Kutta method integrates each motion at 1 us. Every 50 us, the shortest sample period of a
+//! scheme, the result is recorded. For a prescribed motion, only the bristle is integrated. In stick-slip, a mass on
+//! a slowly pulled spring is integrated too, so that friction determines the motion. The schemes then receive the
+//! recorded velocity. So only their friction is compared, and a small error cannot change the trajectory.
 
 use super::{Input, Seal};
 use core::f64::consts::TAU;
 
-/// Time between recorded points, s.
+/// Period of the recorded points, s.
 pub const RECORD_PERIOD: f64 = 50e-6;
 
-/// Fine steps of 1 us between records.
+/// Number of integration steps of 1 us per record.
 pub const SUBSTEPS: u32 = 50;
 
-/// One recorded moment.
+/// One recorded point.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     pub input: Input,
     pub friction: f64,
 }
 
-/// A motion of a seal, with its true friction.
+/// A motion of a seal, with its reference friction.
 pub struct Motion {
     pub name: &'static str,
     pub seal: Seal,
@@ -31,7 +30,7 @@ pub struct Motion {
     pub points: Vec<Point>,
 }
 
-/// The motions of the accuracy table.
+/// Returns the motions of the accuracy table.
 pub fn all() -> Vec<Motion> {
     let seal = Seal::JOINT.unloaded();
     vec![
@@ -52,22 +51,22 @@ fn moving(velocity: f64) -> Input {
     Input { velocity, ..Input::default() }
 }
 
-/// 0.1 mrad to and fro, half of what the bristles can bend, five times a second.
+/// Oscillation of 0.1 mrad at 5 Hz: half of the maximum bristle deflection.
 fn presliding(t: f64) -> Input {
     moving(1e-4 * 5.0 * TAU * (5.0 * TAU * t).cos())
 }
 
-/// 1 rad/s to and fro, once a second.
+/// Oscillation with 1 rad/s at 1 Hz.
 pub fn reversal(t: f64) -> Input {
     moving((TAU * t).sin())
 }
 
-/// From a tenth of the Stribeck velocity to ten times it and back.
+/// Sweep from 0.1 to 10 times the Stribeck velocity and back.
 fn sweep(t: f64) -> Input {
     moving(0.1 * 10f64.powf(-(0.5 * TAU * t).cos()))
 }
 
-/// As `reversal`, under a side load and a pressure that change meanwhile.
+/// As `reversal`, with varying side load and pressure.
 fn loaded(t: f64) -> Input {
     Input {
         radial_force: 50.0 + 40.0 * (3.0 * TAU * t).sin(),
@@ -77,7 +76,7 @@ fn loaded(t: f64) -> Input {
     }
 }
 
-/// Two seconds of a prescribed motion, with `substeps` between records.
+/// Integrates 2 s of a prescribed motion, with `substeps` steps per record.
 pub fn prescribed(
     name: &'static str,
     seal: Seal,
@@ -94,18 +93,18 @@ pub fn prescribed(
     Motion { name, seal, first_force: input(0.0).radial_force, points }
 }
 
-/// A mass (0.05 kg m^2) drawn over the seal by a spring (20 Nm/rad) at 0.05 rad/s.
+/// Integrates an inertia (0.05 kg m^2) that a spring (20 Nm/rad) pulls at 0.05 rad/s.
 fn stick_slip(seal: &Seal, duration: f64, substeps: u32) -> Vec<Point> {
     const INERTIA: f64 = 0.05;
     const SPRING: f64 = 20.0;
-    const DRAWN_AT: f64 = 0.05;
+    const PULL_VELOCITY: f64 = 0.05;
     let dt = RECORD_PERIOD / f64::from(substeps);
     let mut state = [0.0; 3];
     let slope = |t: f64, [position, velocity, deflection]: [f64; 3]| {
         let input = Input { velocity, ..Input::default() };
         let rate = seal.deflection_rate(deflection, &input);
         let friction = seal.friction(deflection, rate, &input);
-        [velocity, (SPRING * (DRAWN_AT * t - position) - friction) / INERTIA, rate]
+        [velocity, (SPRING * (PULL_VELOCITY * t - position) - friction) / INERTIA, rate]
     };
     record(seal, duration, substeps, |t| {
         state = runge_kutta(slope, t, state, dt);
@@ -113,7 +112,7 @@ fn stick_slip(seal: &Seal, duration: f64, substeps: u32) -> Vec<Point> {
     })
 }
 
-/// Calls `advance` with the time of each fine step and records every last of `substeps`.
+/// Calls `advance` with the time of each integration step and records the last of every `substeps` steps.
 fn record(
     seal: &Seal,
     duration: f64,

@@ -1,12 +1,12 @@
-//! The reference network on given inputs, in any number.
+//! Factors of the reference network for fixed inputs, in any number type.
 
 use compensator_core::Real;
 use compensator_core::network::{NetworkState, reference};
 
-/// Evaluations of a run.
+/// Number of evaluations.
 const EVALUATIONS: usize = 10_000;
 
-/// The factors of every evaluation, the inputs the same in every number.
+/// Returns the factors of every evaluation. The inputs are equal in all number types.
 pub fn factors<T: Real>() -> Vec<[f64; 3]> {
     let network = reference::network::<T>();
     let mut state = NetworkState::default();
@@ -14,9 +14,9 @@ pub fn factors<T: Real>() -> Vec<[f64; 3]> {
         .map(|step| {
             let at = |period: usize| (step % period) as f64 / period as f64;
             let inputs = [4.0 * at(1024) - 1.0, at(128) - 0.5, 16.0 * at(256) - 8.0];
-            // To 2^-12, which fixed point holds too; the last one at times outside.
-            let held = inputs.map(|input| T::from_f64((input * 4096.0).round() / 4096.0));
-            network.evaluate(&mut state, &held).to_array().map(Real::value)
+            // Rounded to 2^-12, which fixed point represents exactly.
+            let rounded = inputs.map(|input| T::from_f64((input * 4096.0).round() / 4096.0));
+            network.evaluate(&mut state, &rounded).to_array().map(Real::value)
         })
         .collect()
 }

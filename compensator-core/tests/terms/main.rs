@@ -1,20 +1,21 @@
-//! Each term against its formula, and each term doing nothing.
+//! Compares each term with its formula, and checks that neutral parameters have no effect.
 //!
-//! A term is what the diagnosis deploys: it must do to the torque what its cause means, in every number,
-//! and with its neutral parameters must not be there at all, to the bit. Terms that act on steady sliding are checked there, where the friction has a closed form,
-//! against that form; those with a memory of their own have a test each ([`memory`]), curves over a column theirs ([`lookup`]). A list at the end makes
-//! sure no kind was forgotten.
+//! A diagnosis deploys terms. Each term must change the torque as its cause does, in every number type. With neutral
+//! parameters the torque must be bit-identical to that of a model without the term.
+//!
+//! Terms that act in steady sliding are compared with a closed form. Terms with a state have tests of their own
+//! ([`memory`]), as have curves over a column ([`lookup`]). One test checks that no kind is missing.
 #![cfg(feature = "terms")]
 
 mod lookup;
 mod memory;
 
-use compensator_core::model::{Sample, State};
-use compensator_core::term::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, MAX_TERMS};
+use compensator_core::model::{ModelState, Sample};
+use compensator_core::term::{LOOKUP_KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, MAX_TERMS};
 use compensator_core::{
-    Fixed, LawKind, Model, ParameterId as Id, Parameters, Quantity, Real, TermKind,
+    Fixed, FrictionModel, LawKind, ParameterId as Id, Parameters, Quantity, Real, TermKind,
 };
-use lookup::{drawn_at, drawn_over};
+use lookup::{table_at, table_over};
 
 const PERIOD: f64 = 1e-3;
 const COULOMB: f64 = 1.5;
@@ -51,12 +52,12 @@ fn with_term<S: Real>(kind: TermKind, values: &[(Id, f64)]) -> Parameters<S> {
     parameters
 }
 
-fn build<T: Real>(parameters: &Parameters<T::Setting>) -> Model<T> {
+fn build<T: Real>(parameters: &Parameters<T::Setting>) -> FrictionModel<T> {
     parameters.build(<T::Setting as Real>::from_f64(PERIOD)).expect("legal")
 }
 
-/// What a joint meets while it moves to and fro, all covariates alive.
-fn lively<T: Real>(step: u32) -> Sample<T> {
+/// Returns a sample of an oscillating joint in which every covariate varies.
+fn varying_sample<T: Real>(step: u32) -> Sample<T> {
     let t = f64::from(step) * PERIOD;
     let number = T::from_f64;
     Sample {
@@ -74,13 +75,13 @@ fn lively<T: Real>(step: u32) -> Sample<T> {
     }
 }
 
-fn neutral_is_absent<T: Real>() {
+fn check_neutral_term_has_no_effect<T: Real>() {
     for kind in TermKind::ALL {
         let without = build::<T>(&base());
         let with = build::<T>(&with_term(*kind, &[]));
-        let (mut a, mut b) = (State::default(), State::default());
+        let (mut a, mut b) = (ModelState::default(), ModelState::default());
         for step in 0..10_000 {
-            let sample = lively(step);
+            let sample = varying_sample(step);
             let expected = without.step(&mut a, &sample).value();
             let found = with.step(&mut b, &sample).value();
             assert_eq!(found, expected, "{} at {step}", kind.name());
@@ -90,58 +91,103 @@ fn neutral_is_absent<T: Real>() {
 }
 
 #[test]
-fn a_term_with_its_neutral_parameters_leaves_every_bit() {
-    neutral_is_absent::<f64>();
-    neutral_is_absent::<f32>();
-    neutral_is_absent::<Fixed>();
+fn term_with_neutral_parameters_leaves_torque_bit_identical() {
+    check_neutral_term_has_no_effect::<f64>();
+    check_neutral_term_has_no_effect::<f32>();
+    check_neutral_term_has_no_effect::<Fixed>();
 }
 
-/// `F_C + (F_S - F_C) exp(-(v/v_s)^2)`.
+/// Friction level `F_C + (F_S - F_C) exp(-(v/v_s)^2)`, Nm.
 fn level(coulomb: f64, static_level: f64, speed: f64) -> f64 {
     coulomb + (static_level - coulomb) * (-(speed / STRIBECK).powi(2)).exp()
 }
 
-/// Friction after sliding long at `velocity` under constant covariates.
+/// Returns the friction after 20 s of sliding with a constant sample, Nm.
 fn settled<T: Real>(parameters: &Parameters<T::Setting>, sample: &Sample<f64>) -> f64 {
     let model = build::<T>(parameters);
     let sample = Sample { radial_force_change_n: T::zero(), ..sample.map(T::from_f64) };
-    let mut state = State::default();
+    let mut state = ModelState::default();
     (0..20_000).map(|_| model.step(&mut state, &sample).value()).last().unwrap()
 }
 
-/// Friction in steady sliding at a velocity under one sample's covariates, from what each term means.
+/// Expected friction in steady sliding, from the velocity and the sample.
 type Formula = fn(f64, &Sample<f64>) -> f64;
 
-/// A kind, its parameters and its formula.
-type Sliding = (TermKind, Vec<(Id, f64)>, Formula);
+/// A term kind, its parameters and its formula.
+type SlidingCase = (TermKind, Vec<(Id, f64)>, Formula);
 
-/// The kinds that act on steady sliding.
-fn sliding() -> Vec<Sliding> {
-    fn rubs(coulomb: f64, static_level: f64, v: f64) -> f64 {
-        level(coulomb, static_level, v.abs()) * v.signum() + VISCOUS * v
-    }
+/// Law without terms in steady sliding, for these levels.
+fn sliding_friction(coulomb: f64, static_level: f64, v: f64) -> f64 {
+    level(coulomb, static_level, v.abs()) * v.signum() + VISCOUS * v
+}
+
+/// Returns the cases of all terms that act in steady sliding.
+fn sliding_cases() -> Vec<SlidingCase> {
+    let mut cases = covariate_cases();
+    cases.extend(position_cases());
+    cases.extend(velocity_cases());
+    cases
+}
+
+/// Terms that depend on a covariate: load, pressure, temperature, time or acceleration.
+fn covariate_cases() -> Vec<SlidingCase> {
     vec![
         (
             TermKind::RadialForceCoulomb,
             vec![(Id::RadialForceCoulomb, 0.0125), (Id::RadialForceStaticExcess, 0.005)],
-            |v, s| rubs(COULOMB + 0.0125 * s.radial_force_n, STATIC + 0.0175 * s.radial_force_n, v),
+            |v, s| {
+                sliding_friction(
+                    COULOMB + 0.0125 * s.radial_force_n,
+                    STATIC + 0.0175 * s.radial_force_n,
+                    v,
+                )
+            },
         ),
         (
             TermKind::PressureCoulomb,
             vec![(Id::PressureCoulomb, 2.4e-6), (Id::PressureStaticExcess, 1e-6)],
             |v, s| {
                 let pascal = s.pressure_diff_mpa * 1e6;
-                rubs(COULOMB + 2.4e-6 * pascal, STATIC + 3.4e-6 * pascal, v)
+                sliding_friction(COULOMB + 2.4e-6 * pascal, STATIC + 3.4e-6 * pascal, v)
             },
         ),
+        (TermKind::LoadTorqueCoulomb, vec![(Id::LoadCoulomb, 0.0625)], |v, s| {
+            let added = 0.0625 * s.load_torque_nm.abs();
+            sliding_friction(COULOMB + added, STATIC + added, v)
+        }),
+        (TermKind::LoadGain, vec![(Id::LoadGain, 0.125)], |v, s| {
+            sliding_friction(COULOMB, STATIC, v) + 0.125 * s.load_torque_nm
+        }),
         (TermKind::TemperatureViscous, vec![(Id::TemperatureViscosity, 0.02)], |v, s| {
-            let thinned = (-0.02 * (s.temperature_c - 20.0)).exp();
-            rubs(COULOMB, STATIC, v) + VISCOUS * v * (thinned - 1.0)
+            let viscosity = (-0.02 * (s.temperature_c - 20.0)).exp();
+            sliding_friction(COULOMB, STATIC, v) + VISCOUS * v * (viscosity - 1.0)
         }),
         (TermKind::TemperatureCoulomb, vec![(Id::TemperatureCoulomb, 0.02)], |v, s| {
-            let stiffened = (-0.02 * (s.temperature_c - 20.0)).exp();
-            level(COULOMB, STATIC, v.abs()) * stiffened * v.signum() + VISCOUS * v
+            let scale = (-0.02 * (s.temperature_c - 20.0)).exp();
+            level(COULOMB, STATIC, v.abs()) * scale * v.signum() + VISCOUS * v
         }),
+        (
+            TermKind::TimeDrift,
+            vec![(Id::DriftAmplitude, 0.5), (Id::DriftTime, 7200.0), (Id::DriftRate, 1e-6)],
+            |v, s| {
+                let seconds = s.campaign_time_h * 3600.0;
+                let drift = 1.0 + 0.5 * (-seconds / 7200.0).exp() + 1e-6 * seconds;
+                level(COULOMB, STATIC, v.abs()) * drift * v.signum() + VISCOUS * v
+            },
+        ),
+        (TermKind::UnmodelledInertia, vec![(Id::Inertia, 0.0625)], |v, s| {
+            sliding_friction(COULOMB, STATIC, v) + 0.0625 * s.acceleration_rad_s2
+        }),
+        (TermKind::LookupTable, table_over(Quantity::Temperature, -25.0, 75.0), |v, s| {
+            let (torque, change) = table_at((s.temperature_c + 25.0) / 100.0);
+            level(COULOMB, STATIC, v.abs()) * (1.0 + change) * v.signum() + VISCOUS * v + torque
+        }),
+    ]
+}
+
+/// Terms that depend on the joint position.
+fn position_cases() -> Vec<SlidingCase> {
+    vec![
         (
             TermKind::PositionRipple,
             vec![(Id::RippleSine, 0.125), (Id::RippleCosine, -0.0625), (Id::RippleOrder, 3.0)],
@@ -156,7 +202,7 @@ fn sliding() -> Vec<Sliding> {
             vec![(Id::GravitySine, 0.5), (Id::GravityCosine, 0.25)],
             |v, s| {
                 let angle = s.position_rad;
-                rubs(COULOMB, STATIC, v) + 0.5 * angle.sin() + 0.25 * angle.cos()
+                sliding_friction(COULOMB, STATIC, v) + 0.5 * angle.sin() + 0.25 * angle.cos()
             },
         ),
         (
@@ -169,16 +215,22 @@ fn sliding() -> Vec<Sliding> {
                 (Id::TorqueRippleSine2, 0.0625),
                 (Id::TorqueRippleOrder4, 6.0),
                 (Id::TorqueRippleCosine4, 0.5),
-                // Of order 0: a place that is not taken adds nothing.
+                // Order 0 marks an unused component, which adds nothing.
                 (Id::TorqueRippleCosine3, 0.5),
             ],
             |v, s| {
                 let q = s.position_rad;
                 let ripple = 0.25 * (7.0 * q).sin() - 0.125 * (7.0 * q).cos();
                 let ripple = ripple + 0.0625 * (14.0 * q).sin() + 0.5 * (6.0 * q).cos();
-                rubs(COULOMB, STATIC, v) + ripple
+                sliding_friction(COULOMB, STATIC, v) + ripple
             },
         ),
+    ]
+}
+
+/// Terms that depend on the velocity, and the constant offset.
+fn velocity_cases() -> Vec<SlidingCase> {
+    vec![
         (
             TermKind::DirectionAsymmetry,
             vec![(Id::CoulombAsymmetry, 0.125), (Id::ViscousAsymmetry, -0.25)],
@@ -188,49 +240,26 @@ fn sliding() -> Vec<Sliding> {
             },
         ),
         (TermKind::TorqueOffset, vec![(Id::TorqueOffset, -0.375)], |v, _| {
-            rubs(COULOMB, STATIC, v) - 0.375
+            sliding_friction(COULOMB, STATIC, v) - 0.375
         }),
         (TermKind::QuadraticDrag, vec![(Id::QuadraticDrag, 0.0625)], |v, _| {
-            rubs(COULOMB, STATIC, v) + 0.0625 * v * v.abs()
+            sliding_friction(COULOMB, STATIC, v) + 0.0625 * v * v.abs()
         }),
-        (
-            TermKind::TimeDrift,
-            vec![(Id::DriftAmplitude, 0.5), (Id::DriftTime, 7200.0), (Id::DriftRate, 1e-6)],
-            |v, s| {
-                let seconds = s.campaign_time_h * 3600.0;
-                let drift = 1.0 + 0.5 * (-seconds / 7200.0).exp() + 1e-6 * seconds;
-                level(COULOMB, STATIC, v.abs()) * drift * v.signum() + VISCOUS * v
-            },
-        ),
-        (TermKind::LoadTorqueCoulomb, vec![(Id::LoadCoulomb, 0.0625)], |v, s| {
-            let added = 0.0625 * s.load_torque_nm.abs();
-            rubs(COULOMB + added, STATIC + added, v)
-        }),
-        (TermKind::UnmodelledInertia, vec![(Id::Inertia, 0.0625)], |v, s| {
-            rubs(COULOMB, STATIC, v) + 0.0625 * s.acceleration_rad_s2
-        }),
-        (TermKind::LoadGain, vec![(Id::LoadGain, 0.125)], |v, s| {
-            rubs(COULOMB, STATIC, v) + 0.125 * s.load_torque_nm
-        }),
-        // A low exponent reaches far: at 16 v_s a share of 0.018 is left, beyond the table's end.
+        // With a low exponent the curve decays slowly. At 16 v_s, beyond the table, a share of 0.018 is left.
         (TermKind::StribeckShape, vec![(Id::StribeckExponent, 0.5)], |v, _| {
             let left = (-(v.abs() / STRIBECK).powf(0.5)).exp();
             (COULOMB + (STATIC - COULOMB) * left) * v.signum() + VISCOUS * v
         }),
         (TermKind::DwellTimeStatic, vec![(Id::DwellGain, 0.5), (Id::DwellTravel, 0.01)], |v, _| {
-            // In steady sliding the contact is as old as one travel takes.
+            // In steady sliding the contact age is the time of one travel.
             let age = 0.01 / v.abs();
-            rubs(COULOMB, STATIC + 0.5 * (1.0 + age).ln(), v)
-        }),
-        (TermKind::LookupTable, drawn_over(Quantity::Temperature, -25.0, 75.0), |v, s| {
-            let (torque, change) = drawn_at((s.temperature_c + 25.0) / 100.0);
-            level(COULOMB, STATIC, v.abs()) * (1.0 + change) * v.signum() + VISCOUS * v + torque
+            sliding_friction(COULOMB, STATIC + 0.5 * (1.0 + age).ln(), v)
         }),
     ]
 }
 
 #[test]
-fn terms_do_in_steady_sliding_what_their_formula_says() {
+fn term_in_steady_sliding_matches_its_formula() {
     let covariates = |velocity: f64| Sample {
         velocity_rad_s: velocity,
         position_rad: 0.75,
@@ -242,30 +271,30 @@ fn terms_do_in_steady_sliding_what_their_formula_says() {
         campaign_time_h: 1.5,
         ..Sample::default()
     };
-    for (kind, values, formula) in sliding() {
-        let mut moved = 0.0f64;
+    for (kind, values, formula) in sliding_cases() {
+        let mut effect_nm = 0.0f64;
         for velocity in [0.0625, -0.25, 0.5, -1.0, 4.0] {
             let sample = covariates(velocity);
             let expected = formula(velocity, &sample);
             let name = kind.name();
             for (found, tolerance) in [
                 (settled::<f64>(&with_term(kind, &values), &sample), 5e-5),
-                // The embedded sine is good to 1e-3, fixed point's coefficients are too.
+                // The embedded sine and the fixed-point coefficients are accurate to 1e-3.
                 (settled::<f32>(&with_term(kind, &values), &sample), 1e-3),
                 (settled::<Fixed>(&with_term(kind, &values), &sample), 3e-3),
             ] {
                 let error = (found - expected).abs();
                 assert!(error < tolerance, "{name} at {velocity}: {found}, formula {expected}");
             }
-            moved = moved.max((expected - settled::<f64>(&base(), &sample)).abs());
+            effect_nm = effect_nm.max((expected - settled::<f64>(&base(), &sample)).abs());
         }
-        assert!(moved > 0.01, "{}: a formula that changes nothing tests nothing", kind.name());
+        assert!(effect_nm > 0.01, "{}: the term must have an effect", kind.name());
     }
 }
 
 #[test]
-fn no_kind_is_left_untested() {
-    let mut tested: Vec<TermKind> = sliding().into_iter().map(|(kind, ..)| kind).collect();
+fn term_tests_cover_every_kind() {
+    let mut tested: Vec<TermKind> = sliding_cases().into_iter().map(|(kind, ..)| kind).collect();
     tested.extend([
         TermKind::RadialForceRate,
         TermKind::Backlash,
@@ -277,30 +306,30 @@ fn no_kind_is_left_untested() {
 }
 
 #[test]
-fn a_list_is_bounded_and_holds_each_kind_once() {
+fn add_term_keeps_list_bounded_and_unique() {
     let mut parameters = base::<f64>();
     for kind in &TermKind::ALL[..MAX_TERMS] {
         assert!(parameters.add_term(*kind));
-        assert!(parameters.add_term(*kind), "a second time is no harm");
+        assert!(parameters.add_term(*kind), "adding a term twice succeeds");
     }
     assert_eq!(parameters.terms.len(), MAX_TERMS);
     assert!(!parameters.add_term(TermKind::ALL[MAX_TERMS]), "full");
-    assert!(parameters.add_term(TermKind::ALL[0]), "what is there is there");
+    assert!(parameters.add_term(TermKind::ALL[0]), "the term is already in the list");
     assert_eq!(parameters.terms, TermKind::ALL[..MAX_TERMS]);
-    // A list made by hand can hold a kind twice; validation refuses it by name.
+    // A caller can put a kind twice into the list. Validation then names it.
     let mut twice = base::<f64>();
     twice.terms.extend([TermKind::TorqueOffset, TermKind::TorqueOffset]);
     assert_eq!(twice.validate().unwrap_err().field, "torque-offset");
 }
 
 #[test]
-fn a_delay_acts_before_the_terms_that_read_the_velocity() {
+fn channel_delay_acts_before_velocity_terms() {
     let drag = [(Id::QuadraticDrag, 0.5), (Id::ChannelDelay, 3.0 * PERIOD)];
     let mut parameters = with_term::<f64>(TermKind::QuadraticDrag, &drag);
     parameters.add_term(TermKind::ChannelDelay);
     assert_eq!(parameters.terms[0], TermKind::ChannelDelay);
     let model = build::<f64>(&parameters);
-    let mut state = State::default();
+    let mut state = ModelState::default();
     let mut step = |velocity| {
         model.step(&mut state, &Sample { velocity_rad_s: velocity, ..Sample::default() })
     };

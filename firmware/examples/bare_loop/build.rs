@@ -1,14 +1,16 @@
-//! Hands the linker the script of cortex-m-rt and the memory of the emulated board, mps2-an386.
+//! Passes the linker script of cortex-m-rt and the memory map of the emulated board, mps2-an386, to the
+//! linker.
 //!
-//! Of a board of your own, `memory.x` beside this file is all: the top of this workspace has a `memory.x` of its
-//! own, which a linker finds first and which includes `board.x`, so the map is written under both names.
+//! Your own board only needs a `memory.x` next to this file. The top of this workspace has its own
+//! `memory.x`, which a linker finds first and which includes `board.x`, so the map is written under both
+//! names.
 
 use std::path::PathBuf;
 use std::{env, fs};
 
 const MAP: &str = "/* QEMU's mps2-an386, a Cortex-M4F. */\n\
     MEMORY { FLASH : ORIGIN = 0, LENGTH = 4M\n  RAM : ORIGIN = 0x20000000, LENGTH = 4M }\n\
-    /* firmware/run tells an image for the emulator by this symbol. */\nBOARD_QEMU = 1;\n";
+    /* firmware/run recognises an image for the emulator by this symbol. */\nBOARD_QEMU = 1;\n";
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

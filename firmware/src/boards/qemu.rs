@@ -1,7 +1,8 @@
 //! The emulated board: QEMU's mps2-an386, a Cortex-M4F.
 //!
-//! The same [`Driver`] as on the joint, without a joint: it is fed by frames. CAN comes over the UART as
-//! slcan text, so the board is its own adapter, and a program that can use a USB adapter can use it:
+//! It runs the same [`Driver`] as on the joint, but without a joint: CAN frames provide its inputs. CAN
+//! uses slcan text over the UART, so the board acts as its own adapter, and any program for a USB adapter
+//! can use it:
 //!
 //! ```text
 //! qemu-system-arm -M mps2-an386 -display none -monitor none -echr 256
@@ -10,10 +11,10 @@
 //! host-sim params status --bus slcan:can.sock
 //! ```
 //!
-//! Parameters are in `flash.bin`; without that argument they outlive a reset only. Logs are defmt frames on the
-//! standard output. There is no bridge, hence no current loop.
-//! Interrupts are masked for good and only wake the core. `mux` lays a queue of 32 bytes before the UART's one,
-//! which halves what a byte costs; 256 is an escape byte that does not exist.
+//! `flash.bin` holds the parameters; without that argument they only survive a reset. Logs are defmt frames
+//! on the standard output. There is no bridge, hence no current loop. Interrupts stay masked and only wake
+//! the core. `mux` adds a queue of 32 bytes before the one-byte UART, which halves the cost of a byte; 256
+//! is an escape byte that does not exist.
 
 mod clock;
 mod flash;
@@ -25,9 +26,9 @@ use clock::Clock;
 use compensator_core::can::Frame;
 use core::ffi::CStr;
 use defmt_semihosting as _;
-use firmware::background::{Background, Board, BoardState, Next};
+use firmware::background::{Background, Board, BoardState, RoundOutcome};
 use firmware::driver::{Boot, Driver, Identity};
-use firmware::node_settings::{NodeSettings, Source};
+use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::supervisor::ResetCause;
 use firmware::{panic, stack_guard};
 use flash::{BoardFlash, OpenError};
@@ -36,12 +37,12 @@ use kept::Kept;
 use semihosting::experimental::env;
 use uart::Uart;
 
-/// Longest command line, bytes.
-const COMMAND_LINE: usize = 1024;
+/// Maximum length of the command line, bytes.
+const MAX_COMMAND_LINE_BYTES: usize = 1024;
 
 defmt::timestamp!("{=u64:us}", u64::from(clock::stamp_us()));
 
-/// There is no bridge.
+/// Does nothing: this board has no bridge.
 pub fn open_bridge() {}
 
 #[cortex_m_rt::entry]
@@ -51,17 +52,17 @@ fn main() -> ! {
     stack_guard::paint();
     let panic = panic::take();
     let (Some(core), Some(kept)) = (cortex_m::Peripherals::take(), Kept::take()) else {
-        unreachable!("a program is entered once");
+        unreachable!("the entry point runs once");
     };
     let warm = kept.is_warm();
     let mut clock = Clock::start(core.SYST);
     let flash = open_flash(kept);
-    let settings = NodeSettings { source: Source::Bus, ..NodeSettings::default() };
+    let settings = NodeSettings { source: InputSource::Bus, ..NodeSettings::default() };
     let identity = Identity { hardware: "QEMU mps2-an386", serial: 0 };
     let cause = if warm { ResetCause::Software } else { ResetCause::PowerOn };
     let panic = panic.as_deref();
     defmt::info!("started, {=str}", if warm { "after a reset" } else { "switched on" });
-    // What there is to test, QEMU has: its memory and its registers are right or it does not run.
+    // QEMU would not run with faulty memory or registers, so the self-test always passes.
     let boot = Boot { cause, panic, stack_overflowed, self_test_passed: true };
     let now_us = clock.now_us();
     let driver = Driver::boot(settings, flash, identity, &boot, now_us);
@@ -69,10 +70,10 @@ fn main() -> ! {
     run(Background::new(driver, now_us), EmulatedBoard { bus, clock })
 }
 
-/// The flash the command line asks for.
+/// Opens the flash that the command line selects.
 fn open_flash(kept: Kept) -> BoardFlash {
-    let mut path = Vec::<u8, COMMAND_LINE>::new();
-    if let Ok(arguments) = env::args::<COMMAND_LINE>() {
+    let mut path = Vec::<u8, MAX_COMMAND_LINE_BYTES>::new();
+    if let Ok(arguments) = env::args::<MAX_COMMAND_LINE_BYTES>() {
         for argument in &arguments {
             if let Some(file) = argument.ok().and_then(|word| word.strip_prefix("flash=")) {
                 path.clear();
@@ -86,9 +87,11 @@ fn open_flash(kept: Kept) -> BoardFlash {
         Ok(flash) => flash,
         Err(error) => {
             match error {
-                OpenError::Host => defmt::error!("flash: the file can be neither opened nor made"),
+                OpenError::Host => {
+                    defmt::error!("flash: the file can be neither opened nor created")
+                }
                 OpenError::Length(found) => defmt::error!(
-                    "flash: {=u64} bytes, expected {=usize}: no flash of a driver",
+                    "flash: {=u64} bytes, expected {=usize}: not the flash of a driver",
                     found,
                     kept::LENGTH
                 ),
@@ -116,15 +119,15 @@ struct EmulatedBoard {
 fn run(mut background: Background<BoardFlash>, mut board: EmulatedBoard) -> ! {
     loop {
         board.bus.line.clear();
-        if background.round(&mut board) == Next::Restart {
-            // The emulator keeps files open over a reset.
+        if background.round(&mut board) == RoundOutcome::Restart {
+            // The emulator keeps files open across a reset, so close the file first.
             drop(background.into_flash());
             cortex_m::peripheral::SCB::sys_reset()
         }
         let sent = board.bus.is_idle();
         board.bus.line.wake_when_sent(!sent);
         if !sent {
-            // It may have become free before it was to tell.
+            // The UART may have become free before its interrupt was enabled.
             board.bus.send_waiting();
         }
         board.clock.sleep();
@@ -132,7 +135,7 @@ fn run(mut background: Background<BoardFlash>, mut board: EmulatedBoard) -> ! {
 }
 
 impl Board for EmulatedBoard {
-    const FAREWELL_US: u64 = 100_000;
+    const RESTART_FLUSH_US: u64 = 100_000;
 
     fn now_us(&mut self) -> u64 {
         self.clock.now_us()

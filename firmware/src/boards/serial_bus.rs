@@ -1,40 +1,41 @@
-//! CAN over a serial line, as slcan text: the board is its own adapter, and what can use a USB adapter can use it.
+//! CAN over a serial line as slcan text. The board acts as its own adapter, so any program for a USB
+//! adapter can use it.
 //!
-//! Nothing is thrown away to save time: while there is no room for answers no byte is taken in, and the host waits.
+//! No frame is dropped to save time: without room for answers no byte is received, and the host waits.
 
 use compensator_core::can::Frame;
-use compensator_core::can::slcan::{Adapter, LONGEST_CLASSIC, emit_frame};
+use compensator_core::can::slcan::{Adapter, MAX_CLASSIC_LINE_BYTES, emit_frame};
 use heapless::Deque;
 
-/// Text that waits to be sent, bytes.
-const WAITING: usize = 4096;
-/// Room there must be before a byte is taken in: for all the driver can say to one frame.
-const ROOM: usize = 1024;
+/// Capacity of the send queue, bytes.
+const SEND_QUEUE_BYTES: usize = 4096;
+/// Free space required before a byte is received, bytes: all answers to one frame fit.
+const MIN_FREE_BYTES: usize = 1024;
 
 /// A serial line, byte by byte.
 pub trait SerialLine {
-    /// The byte that came, if one did.
+    /// Returns the received byte, if there is one.
     fn receive(&mut self) -> Option<u8>;
 
-    /// Sends a byte; `false` where it cannot be taken yet.
+    /// Sends a byte; returns false if it cannot be accepted yet.
     fn send(&mut self, byte: u8) -> bool;
 }
 
 /// CAN on a serial line.
 pub struct SerialBus<L> {
-    /// The line.
+    /// The serial line.
     pub line: L,
     adapter: Adapter,
-    waiting: Deque<u8, WAITING>,
+    waiting: Deque<u8, SEND_QUEUE_BYTES>,
 }
 
 impl<L: SerialLine> SerialBus<L> {
-    /// A bus that nobody listens to yet.
+    /// Creates a closed bus.
     pub fn new(line: L) -> Self {
         Self { line, adapter: Adapter::new(), waiting: Deque::new() }
     }
 
-    /// The next frame of the text that came, as long as there is room for what is said to it.
+    /// Returns the next frame from the received text, as long as there is room for its answers.
     pub fn receive(&mut self) -> Option<Frame> {
         loop {
             self.send_waiting();
@@ -53,9 +54,10 @@ impl<L: SerialLine> SerialBus<L> {
         }
     }
 
-    /// Puts a frame in the queue, if the host wants to hear the bus. There is room: no byte is taken in without.
+    /// Queues a frame if the host has opened the channel. There is always room, because no byte is received
+    /// without.
     pub fn publish(&mut self, frame: &Frame) {
-        let mut text = [0; LONGEST_CLASSIC + 1];
+        let mut text = [0; MAX_CLASSIC_LINE_BYTES + 1];
         if self.adapter.is_open()
             && let Some(length) = emit_frame(frame, &mut text)
         {
@@ -65,12 +67,12 @@ impl<L: SerialLine> SerialBus<L> {
         }
     }
 
-    /// Whether there is room for all the driver can say to one frame.
+    /// Returns true if there is room for all answers to one frame.
     pub fn has_room(&self) -> bool {
-        self.waiting.capacity() - self.waiting.len() >= ROOM
+        self.waiting.capacity() - self.waiting.len() >= MIN_FREE_BYTES
     }
 
-    /// Sends as much as is taken.
+    /// Sends as many bytes as the line accepts.
     pub fn send_waiting(&mut self) {
         while let Some(byte) = self.waiting.front() {
             if !self.line.send(*byte) {
@@ -80,7 +82,7 @@ impl<L: SerialLine> SerialBus<L> {
         }
     }
 
-    /// Whether everything has left, once as much as is taken was sent.
+    /// Sends as many bytes as possible and returns true if the queue is empty.
     pub fn is_idle(&mut self) -> bool {
         self.send_waiting();
         self.waiting.is_empty()

@@ -1,10 +1,11 @@
-//! A second chip family, STM32F4, and the skeleton of a board: what any has to have, and no more.
+//! A second chip family, STM32F4: a minimal board that shows what every board needs.
 //!
-//! It runs in QEMU's netduinoplus2 (an STM32F405; core, timers and serial line are the STM32F446's). The loop runs in
-//! SysTick's interrupt above all else, the driver below it: that timer every Cortex-M has, and the emulator has no PWM
-//! timer that samples. What is *not* here is what a board brings: clock tree,
-//! currents and encoder, gate driver, a CAN controller (frames come as slcan text over USART1), flash that outlives the
-//! power, a watchdog. So this driver answers, takes parameters, and never arms. See docs/porting.md.
+//! It runs in QEMU's netduinoplus2 (an STM32F405; core, timers and serial line equal those of the
+//! STM32F446). The current loop runs in the SysTick interrupt at the highest priority, the driver below it.
+//! Every Cortex-M has this timer, and the emulator has no PWM timer that triggers samples. *Missing* is
+//! what a real board adds: clock tree, currents and encoder, gate driver, a CAN controller (frames use
+//! slcan text over USART1), non-volatile flash, a watchdog. This driver therefore answers and accepts
+//! parameters but never arms. See docs/src/how-to/porting.md.
 //!
 //! ```text
 //! priority   interrupt   does
@@ -12,7 +13,7 @@
 //! 0x80       USART1      received bytes -> queue
 //!  idle      -           the library's background loop
 //! ```
-#![allow(unsafe_code)] // Interrupts are unmasked, and what is theirs is handed to them.
+#![allow(unsafe_code)] // Unmasks interrupts and passes them their state.
 
 mod registers;
 mod scales;
@@ -26,10 +27,10 @@ use core::cell::UnsafeCell;
 use cortex_m::peripheral::NVIC;
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::syst::SystClkSource;
-use firmware::background::{Background, Board, BoardState, Next};
+use firmware::background::{Background, Board, BoardState, RoundOutcome};
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-use firmware::loop_parts::{Parts, StageTraits};
+use firmware::loop_parts::{LoopParts, StageTraits};
 use firmware::loop_task::LoopTask;
 use firmware::node_settings::NodeSettings;
 use firmware::store::memory::MemoryFlash;
@@ -39,68 +40,69 @@ use heapless::spsc::{Consumer, Producer, Queue};
 use registers::{Line, TIM5, USART1, read, timer, write};
 use stage::Stage;
 
-/// Bytes that wait for the background, which is away for a millisecond at most: 12 at 115,200 baud.
-const BYTES: usize = 256;
-/// Two slots of a page each. Forgotten with the power: a board keeps them in flash.
+/// Capacity of the receive queue, bytes. The background is away for a millisecond at most: 12 bytes at
+/// 115,200 baud.
+const RECEIVE_QUEUE_BYTES: usize = 256;
+/// Number of flash pages: two slots of one page each, in RAM. A real board stores them in flash.
 const PAGES: usize = 2;
 
-/// What an interrupt owns: put there before it is unmasked, and reached by it alone.
+/// State owned by an interrupt: set before it is unmasked, then accessed only by it.
 struct Owned<T>(UnsafeCell<Option<T>>);
 
-// SAFETY: `give` is called before the interrupt is unmasked, `with` by that interrupt alone, which does not interrupt
-// itself.
+// SAFETY: `give` is called before the interrupt is unmasked, `with` only by that interrupt, which cannot
+// preempt itself.
 unsafe impl<T> Sync for Owned<T> {}
 
 impl<T> Owned<T> {
-    const fn nothing() -> Self {
+    const fn empty() -> Self {
         Self(UnsafeCell::new(None))
     }
 
     /// # Safety
-    /// The interrupt is masked.
+    /// The interrupt must be masked.
     unsafe fn give(&self, value: T) {
-        // SAFETY: nobody else reaches it.
+        // SAFETY: no other code accesses it.
         unsafe { *self.0.get() = Some(value) }
     }
 
     /// # Safety
-    /// Called by the interrupt that owns it.
+    /// Only the interrupt that owns the state may call it.
     unsafe fn with(&self, act: impl FnOnce(&mut T)) {
-        // SAFETY: nobody else reaches it.
+        // SAFETY: no other code accesses it.
         if let Some(value) = unsafe { &mut *self.0.get() } {
             act(value);
         }
     }
 }
 
-static LOOP: Owned<(LoopTask, Stage, LoopPort<'static>)> = Owned::nothing();
-static SERIAL: Owned<Producer<'static, u8>> = Owned::nothing();
+static LOOP: Owned<(LoopTask, Stage, LoopPort<'static>)> = Owned::empty();
+static SERIAL: Owned<Producer<'static, u8>> = Owned::empty();
 
-/// Every interrupt of a peripheral: only the serial line's is unmasked.
+/// Handles all peripheral interrupts; only that of the serial line is unmasked.
 ///
 /// # Safety
-/// Called by the processor alone.
+/// Only the processor calls it.
 #[cortex_m_rt::exception]
 unsafe fn DefaultHandler(number: i16) {
     if number == Line::Serial as i16 {
-        // SAFETY: this is its interrupt.
+        // SAFETY: this is the owning interrupt.
         unsafe { SERIAL.with(receive) }
     } else {
-        super::stop(&format_args!("interrupt {number} is nobody's"))
+        super::stop(&format_args!("unexpected interrupt {number}"))
     }
 }
 
-/// One period of the current loop. It wakes the background as well.
+/// Runs one period of the current loop. It also wakes the background.
 ///
 /// # Safety
-/// Called by the processor alone.
+/// Only the processor calls it.
 #[cortex_m_rt::exception]
 unsafe fn SysTick() {
     let now = read(TIM5 + timer::COUNTER);
-    // A board takes what its PWM timer says has passed since the trigger. What SysTick says here is the emulator's way to
-    // deliver interrupts (up to 20 us late, measured), and no time of the driver's.
+    // A real board uses the time since the trigger from its PWM timer. SysTick would show the emulator's
+    // interrupt latency (up to 20 us), which is not time that the driver uses.
     let triggered = now;
-    // SAFETY: this is its interrupt.
+    // SAFETY: this is the owning interrupt.
     unsafe { LOOP.with(|(task, stage, port)| task.interrupt(stage, port, triggered, now)) }
 }
 
@@ -108,17 +110,17 @@ const SERIAL_STATUS: usize = USART1;
 const SERIAL_DATA: usize = USART1 + 0x04;
 const SERIAL_DIVIDER: usize = USART1 + 0x08;
 const SERIAL_CONTROL: usize = USART1 + 0x0C;
-const RECEIVED: u32 = 1 << 5;
-const MAY_SEND: u32 = 1 << 7;
+const RECEIVER_FULL: u32 = 1 << 5;
+const TRANSMITTER_EMPTY: u32 = 1 << 7;
 
 fn receive(bytes: &mut Producer<'static, u8>) {
-    while read(SERIAL_STATUS) & RECEIVED != 0 {
-        // Where there is no room the sender did not wait for answers; the frame is refused by its missing end.
+    while read(SERIAL_STATUS) & RECEIVER_FULL != 0 {
+        // If the queue is full, the sender did not wait for answers. The truncated frame is then rejected.
         let _ = bytes.enqueue(read(SERIAL_DATA) as u8);
     }
 }
 
-/// USART1 on the background's side.
+/// The background's side of USART1.
 struct Serial {
     received: Consumer<'static, u8>,
 }
@@ -126,7 +128,7 @@ struct Serial {
 impl Serial {
     fn start(received: Consumer<'static, u8>) -> Self {
         const ON: u32 = 1 << 13 | 1 << 5 | 1 << 3 | 1 << 2;
-        /// 115,200 baud of 84 MHz.
+        /// 115,200 baud from 84 MHz.
         const DIVIDER: u32 = 84_000_000 / 115_200;
         write(SERIAL_DIVIDER, DIVIDER);
         write(SERIAL_CONTROL, ON);
@@ -140,7 +142,7 @@ impl SerialLine for Serial {
     }
 
     fn send(&mut self, byte: u8) -> bool {
-        let free = read(SERIAL_STATUS) & MAY_SEND != 0;
+        let free = read(SERIAL_STATUS) & TRANSMITTER_EMPTY != 0;
         if free {
             write(SERIAL_DATA, u32::from(byte));
         }
@@ -148,26 +150,26 @@ impl SerialLine for Serial {
     }
 }
 
-/// What the background has, in a static: on the stack of `main` it would be as often as it was moved on its way there, and
-/// those frames stay.
-type Life = (Option<Background<Flash>>, Option<SkeletonBoard>);
+/// State of the background. It is static, because on the stack of `main` each move would leave a copy.
+type BackgroundState = (Option<Background<Flash>>, Option<SkeletonBoard>);
 
-/// By reference: it would be moved with the driver.
+/// A reference, so that the flash is not moved with the driver.
 type Flash = &'static mut MemoryFlash<PAGES>;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    // Each is handed out once: `entry` makes references of them.
-    static mut BYTES_QUEUE: Queue<u8, BYTES> = Queue::new();
+    // `entry` turns these into references, each handed out once.
+    static mut RECEIVE_QUEUE: Queue<u8, RECEIVE_QUEUE_BYTES> = Queue::new();
     static mut LOOP_QUEUES: LoopQueues = LoopQueues::new();
     static mut FLASH: MemoryFlash<PAGES> = MemoryFlash::new();
-    static mut LIFE: Life = (None, None);
+    static mut BACKGROUND_STATE: BackgroundState = (None, None);
 
     let stack_overflowed = stack_guard::take_overflow();
     stack_guard::paint();
-    let (background, board) = start(LIFE, FLASH, BYTES_QUEUE, LOOP_QUEUES, stack_overflowed);
+    let (background, board) =
+        start(BACKGROUND_STATE, FLASH, RECEIVE_QUEUE, LOOP_QUEUES, stack_overflowed);
     loop {
-        if background.round(board) == Next::Restart {
+        if background.round(board) == RoundOutcome::Restart {
             cortex_m::peripheral::SCB::sys_reset();
         }
         board.bus.send_waiting();
@@ -175,18 +177,18 @@ fn main() -> ! {
     }
 }
 
-/// Starts clocks, driver, interrupts.
+/// Starts clocks, driver and interrupts.
 #[inline(never)]
-fn start<'life>(
-    life: &'life mut Life,
+fn start<'state>(
+    state: &'state mut BackgroundState,
     flash: Flash,
-    bytes: &'static mut Queue<u8, BYTES>,
+    bytes: &'static mut Queue<u8, RECEIVE_QUEUE_BYTES>,
     queues: &'static mut LoopQueues,
     stack_overflowed: bool,
-) -> (&'life mut Background<Flash>, &'life mut SkeletonBoard) {
+) -> (&'state mut Background<Flash>, &'state mut SkeletonBoard) {
     let panicked = panic::take();
     let Some(mut core) = cortex_m::Peripherals::take() else {
-        unreachable!("a program is entered once");
+        unreachable!("the entry point runs once");
     };
     registers::start_clocks();
     open_bridge();
@@ -200,17 +202,20 @@ fn start<'life>(
         cause: ResetCause::Unknown,
         panic: panicked.as_deref(),
         stack_overflowed,
-        // Nothing to test is on board.
+        // There is nothing to test on this board.
         self_test_passed: true,
     };
-    let (background, board) = life;
+    let (background, board) = state;
     let background = background.insert(driver(flash, identity, &boot, now_us));
-    let task =
-        LoopTask::new(Parts::first(background.driver().set(), StageTraits::NONE), scales::LIMITS);
+    let task = LoopTask::new(
+        LoopParts::build_or_measure_only(background.driver().set(), StageTraits::NONE),
+        scales::LIMITS,
+    );
     let (bytes_out, bytes_in) = bytes.split();
     let (port, link) = queues.split(StageTraits::NONE, now_us);
     let bus = SerialBus::new(Serial::start(bytes_in));
-    // SAFETY: the one is masked and the other stands still until the end of this block, and theirs from then on.
+    // SAFETY: the serial interrupt is masked and SysTick is stopped until the end of this block. Each owns
+    // its state afterwards.
     unsafe {
         LOOP.give((task, Stage, port));
         SERIAL.give(bytes_out);
@@ -227,13 +232,14 @@ fn start<'life>(
     (background, board)
 }
 
-/// The driver in its loop. By itself, for it is large and is moved several times while it is made: stack that is free again.
+/// Creates the driver and its background. It is a separate function, so that the stack of its large
+/// temporaries is freed.
 #[inline(never)]
 fn driver(flash: Flash, identity: Identity, boot: &Boot<'_>, now_us: u64) -> Background<Flash> {
     Background::new(Driver::boot(NodeSettings::default(), flash, identity, boot, now_us), now_us)
 }
 
-/// Time from TIM5, which wraps every 4.3 s: looked at in every period.
+/// Time from TIM5, which wraps every 4.3 s and is read in every period.
 struct Clock {
     last: u32,
     rest: u32,
@@ -259,7 +265,7 @@ struct SkeletonBoard {
 }
 
 impl Board for SkeletonBoard {
-    const FAREWELL_US: u64 = 100_000;
+    const RESTART_FLUSH_US: u64 = 100_000;
 
     fn now_us(&mut self) -> u64 {
         self.clock.now_us()

@@ -1,4 +1,4 @@
-//! The joint driver's own board: STM32G474RE at 170 MHz.
+//! The joint driver's board: STM32G474RE at 170 MHz.
 //!
 //! ```text
 //! priority   interrupt       does
@@ -7,12 +7,12 @@
 //!  4         TIM5            embassy's clock, microseconds
 //!  idle      -               the library's background loop: frames, supervisor, slow sensors, flash, watchdog
 //! ```
-//! Between them go queues of whole values; nothing is shared and nothing is locked. The loop's state lies in
-//! CCM, which the core reaches without waiting and nobody else does. Pins are in [`pins`], numbers of the
-//! board's parts in [`scales`]. None of this has run on hardware yet; see docs/porting.md.
+//! Queues of complete values connect them; they share no state and take no lock. The state of the loop is
+//! in CCM, which the core accesses without wait states and no other bus master uses. Pins are in [`pins`],
+//! the values of the board's parts in [`scales`]. This has not run on hardware yet; see docs/src/how-to/porting.md.
 
-#![allow(unsafe_code)] // What RTIC's app expands to, embassy's bindings, and one exception.
-#![allow(missing_docs)] // What RTIC generates.
+#![allow(unsafe_code)] // Expansion of RTIC's app, embassy's bindings, and one exception handler.
+#![allow(missing_docs)] // Code that RTIC generates.
 
 mod can;
 mod flash;
@@ -33,40 +33,41 @@ defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());
 
 pub use power_stage::open_bridge;
 
-/// Raised by flash or RAM whose check bits do not fit, and by a crystal that stops. The timer has opened the bridge.
+/// Handles memory errors of flash or RAM and a failure of the crystal. The timer has already opened the
+/// bridge.
 ///
 /// # Safety
-/// Called by the processor alone.
+/// Only the processor calls it.
 #[cortex_m_rt::exception]
 unsafe fn NonMaskableInt() {
     if flash::ecc_error() {
-        power_stage::forget_system_break();
+        power_stage::clear_system_break();
         return;
     }
     let why = if pac::RCC.cifr().read().cssf() {
         "clock: the crystal has stopped"
     } else if pac::SYSCFG.cfgr2().read().spf() {
-        "RAM: parity does not fit"
+        "RAM: parity error"
     } else {
-        "flash: check bits do not fit in the image"
+        "flash: ECC error in the image"
     };
     crate::boards::stop(&why);
 }
 
-/// An interrupt nobody waits for is a mistake of the firmware's own.
+/// Stops the driver: an unexpected interrupt is a firmware error.
 ///
 /// # Safety
-/// Called by the processor alone.
+/// Only the processor calls it.
 #[cortex_m_rt::exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    crate::boards::stop(&format_args!("interrupt {number} is nobody's"))
+    crate::boards::stop(&format_args!("unexpected interrupt {number}"))
 }
 
 #[rtic::app(device = embassy_stm32, peripherals = false)]
 mod app {
     use super::can::{self, Controller};
     use super::flash::StoreFlash;
-    use super::motor_stage::{MotorStage, encoder, encoder_clock_is_right, find_offsets};
+    use super::motor_stage::{MotorStage, encoder, has_correct_encoder_clock, measure_offsets};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{pins, scales, start, watchdog};
@@ -74,37 +75,38 @@ mod app {
     use cortex_m::peripheral::DWT;
     use embassy_stm32::interrupt::{InterruptExt, Priority};
     use embassy_time::Instant;
-    use firmware::background::{Background, Board, BoardState, Next};
+    use firmware::background::{Background, Board, BoardState, RoundOutcome};
     use firmware::driver::{Boot, Driver, Identity};
     use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-    use firmware::loop_parts::Parts;
+    use firmware::loop_parts::LoopParts;
     use firmware::loop_task::LoopTask;
     use firmware::node_settings::NodeSettings;
     use firmware::{panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
-    /// Received frames that wait: the background may be away for a transfer on the sensor bus, 1 ms.
-    const FRAMES: usize = 64;
+    /// Capacity of the queue of received frames. The background may be away for a transfer on the sensor
+    /// bus, 1 ms.
+    const RECEIVE_QUEUE_FRAMES: usize = 64;
 
     #[shared]
     struct Shared {}
 
     #[local]
     struct Local {
-        // The loop's.
+        // Owned by the current loop.
         #[unsafe(link_section = ".ccm.task")]
         task: LoopTask,
         stage: MotorStage,
         port: LoopPort<'static>,
-        // The receive interrupt's.
+        // Owned by the receive interrupt.
         frames_out: Producer<'static, Frame>,
-        // The background's.
+        // Owned by the background.
         background: Background<StoreFlash>,
         board: JointBoard,
     }
 
     #[init(local = [
-        frames: Queue<Frame, FRAMES> = Queue::new(),
+        frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {
@@ -113,27 +115,30 @@ mod app {
         let panicked = panic::take();
         let cause = start::reset_cause();
         let wired = pins::wiring(embassy_stm32::init(start::clocks()));
-        // All that follows takes 30 ms, and from then on it is fed.
+        // The rest of the start takes 30 ms; then the background refreshes the watchdog regularly.
         watchdog::start(wired.inside.watchdog);
-        // embassy leaves it at the highest priority, beside the loop.
+        // embassy leaves this interrupt at the highest priority, equal to the loop's.
         embassy_stm32::interrupt::TIM5.set_priority(Priority::P12);
         context.core.DCB.enable_trace();
         context.core.DWT.enable_cycle_counter();
 
         let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
-        let duties_in_time = stage.start();
-        let shunts = find_offsets(&mut stage);
+        let are_duties_at_top = stage.start();
+        let shunts = measure_offsets(&mut stage);
         let encoder = encoder(wired.encoder);
         let self_test_passed =
-            duties_in_time && encoder_clock_is_right() && shunts.iter().all(Option::is_some);
-        start::tell_brown_out_level();
+            are_duties_at_top && has_correct_encoder_clock() && shunts.iter().all(Option::is_some);
+        start::check_brown_out_level();
 
         let now_us = Instant::now().as_micros();
         let identity = Identity { hardware: "STM32G474 joint driver", serial: start::serial() };
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
         let driver = Driver::boot(NodeSettings::default(), store, identity, &boot, now_us);
-        let task = LoopTask::new(Parts::first(driver.set(), scales::STAGE), scales::LIMITS);
+        let task = LoopTask::new(
+            LoopParts::build_or_measure_only(driver.set(), scales::STAGE),
+            scales::LIMITS,
+        );
         let controller = Controller::start(wired.can, driver.node(), driver.bit_rate_kbit());
         let slow = SlowSensors::new(wired.slow, wired.pressure);
         let stage = MotorStage { stage, encoder, shunts };
@@ -146,7 +151,7 @@ mod app {
         (Shared {}, Local { task, stage, port, frames_out, background, board })
     }
 
-    /// One period of the current loop.
+    /// Runs one period of the current loop.
     #[task(binds = ADC1_2, priority = 15, local = [task, stage, port])]
     fn current_loop(context: current_loop::Context) {
         let local = context.local;
@@ -155,35 +160,35 @@ mod app {
         if !local.stage.stage.is_due() {
             return;
         }
-        watchdog::beat();
+        watchdog::count_period();
         local.task.interrupt(local.stage, local.port, triggered, now);
     }
 
-    /// Frames off the controller, before it has no place for the next.
+    /// Moves frames from the controller to the queue, before its FIFO is full.
     #[task(binds = FDCAN1_IT0, priority = 8, local = [frames_out])]
     fn receive(context: receive::Context) {
         let queue = context.local.frames_out;
         can::receive(|frame| {
             if queue.enqueue(frame).is_err() {
-                can::count_lost();
+                can::record_lost();
             }
         });
     }
 
-    /// Everything that has time.
+    /// Runs the background loop.
     #[idle(local = [background, board])]
     fn idle(context: idle::Context) -> ! {
         let local = context.local;
         loop {
             match local.background.round(local.board) {
-                Next::Sleep => cortex_m::asm::wfi(),
-                // The reset opens the bridge.
-                Next::Restart => cortex_m::peripheral::SCB::sys_reset(),
+                RoundOutcome::Sleep => cortex_m::asm::wfi(),
+                // A reset opens the bridge.
+                RoundOutcome::Restart => cortex_m::peripheral::SCB::sys_reset(),
             }
         }
     }
 
-    /// What the background loop is given.
+    /// The board as the background loop uses it.
     pub struct JointBoard {
         controller: Controller,
         slow: SlowSensors,
@@ -192,7 +197,7 @@ mod app {
     }
 
     impl Board for JointBoard {
-        const FAREWELL_US: u64 = 20_000;
+        const RESTART_FLUSH_US: u64 = 20_000;
 
         fn now_us(&mut self) -> u64 {
             Instant::now().as_micros()
@@ -231,8 +236,8 @@ mod app {
             Some(&mut self.link)
         }
 
-        fn feed_watchdog(&mut self) {
-            watchdog::feed();
+        fn refresh_watchdog(&mut self) {
+            watchdog::refresh_if_loop_runs();
         }
     }
 }

@@ -1,35 +1,35 @@
-//! The friction compensator as the current loop sees it: `f32` outside, any number inside.
+//! The friction compensator at the interface of the current loop: `f32` outside, any number type inside.
 //!
-//! The loop computes in `f32`; the compensator may be built for [`compensator_core::Fixed`] on request, or be
-//! absent. [`Compensate`] is what the loop needs of one, [`JointCompensator`] makes it of the core's for any
-//! number type, [`NoCompensation`] is a joint without. A driver that chooses at run time implements it
+//! The loop computes in `f32`. The compensator may use [`compensator_core::Fixed`], or be absent. [`Compensate`]
+//! is the interface that the loop needs. [`JointCompensator`] implements it for the core's compensator in any
+//! number type, and [`NoCompensation`] for a joint without one. A driver that selects at run time implements it
 //! for an enum of these.
 
 use super::space_vector::clamp;
 use compensator_core::compensator::Reading;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::Factors;
-use compensator_core::{Compensator, Flags, Inputs, Output, ParameterError, Real};
+use compensator_core::{Compensator, CompensatorOutput, Flags, Inputs, ParameterError, Real};
 
-/// What the loop needs of a compensator.
+/// Interface of a compensator to the current loop.
 ///
 /// # Contract
-/// Outputs are finite whatever the inputs. Disabled, [`Compensate::sum`] gives the command back with its
-/// bits unless a limit acts.
+/// Outputs are finite for all inputs. If the compensator is disabled, [`Compensate::sum`] returns the command
+/// with the same bits unless a limit acts.
 pub trait Compensate {
-    /// Switches it on, from rest and zero torque, or off.
+    /// Enables the compensator, at rest and with zero torque, or disables it.
     fn set_enabled(&mut self, enabled: bool);
-    /// Whether it is on.
+    /// Returns true if the compensator is enabled.
     fn is_enabled(&self) -> bool;
-    /// Takes one sample of the joint.
-    fn step(&mut self, inputs: &Inputs<f32>) -> Output<f32>;
+    /// Processes one sample of the joint.
+    fn step(&mut self, inputs: &Inputs<f32>) -> CompensatorOutput<f32>;
     /// Adds the compensation to a command, A, and limits the sum.
-    fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags);
-    /// Joint torque per motor current, Nm/A, gear included.
+    fn sum(&self, command_a: f32, output: &CompensatorOutput<f32>) -> (f32, Flags);
+    /// Returns the joint torque per motor current, Nm/A, gear included.
     fn torque_constant_nm_per_a(&self) -> f32;
-    /// Takes the factors a network supplies; `None` for the law's constants.
+    /// Sets the factors that a network supplies; `None` selects the constants of the law.
     fn supply(&mut self, factors: Option<Factors<f32>>);
-    /// Torque held by the bent bristles, Nm.
+    /// Returns the torque held by the deflected bristles, Nm.
     fn bristle_torque_nm(&self) -> f32;
 }
 
@@ -41,7 +41,7 @@ pub struct JointCompensator<T: Real> {
 }
 
 impl<T: Real<Setting = f32>> JointCompensator<T> {
-    /// Builds it for a period in s; it starts disabled.
+    /// Builds a compensator for a period in s; it is disabled at first.
     ///
     /// # Errors
     /// As [`Compensator::build`].
@@ -52,7 +52,7 @@ impl<T: Real<Setting = f32>> JointCompensator<T> {
         })
     }
 
-    /// The core's.
+    /// Returns the core's compensator.
     pub fn inner(&self) -> &Compensator<T> {
         &self.inner
     }
@@ -68,9 +68,9 @@ impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
     }
 
     #[inline]
-    fn step(&mut self, inputs: &Inputs<f32>) -> Output<f32> {
+    fn step(&mut self, inputs: &Inputs<f32>) -> CompensatorOutput<f32> {
         let output = self.inner.step(&convert(inputs));
-        Output {
+        CompensatorOutput {
             friction_torque_nm: single(output.friction_torque_nm),
             compensation_torque_nm: single(output.compensation_torque_nm),
             feed_forward_current_a: single(output.feed_forward_current_a),
@@ -79,8 +79,8 @@ impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
     }
 
     #[inline]
-    fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags) {
-        let output = Output {
+    fn sum(&self, command_a: f32, output: &CompensatorOutput<f32>) -> (f32, Flags) {
+        let output = CompensatorOutput {
             friction_torque_nm: T::from_setting(output.friction_torque_nm),
             compensation_torque_nm: T::from_setting(output.compensation_torque_nm),
             feed_forward_current_a: T::from_setting(output.feed_forward_current_a),
@@ -88,7 +88,7 @@ impl<T: Real<Setting = f32>> Compensate for JointCompensator<T> {
         };
         let command = T::from_setting(command_a);
         let (sum, flags) = self.inner.sum(command, &output);
-        // Off is absent: the command must not lose bits to a coarser number either.
+        // If disabled, the command must keep its bits: a coarser number type would round it.
         let acted = flags.intersects(Flags::CURRENT_LIMITED | Flags::COMMAND_INVALID);
         let passes = !self.inner.is_enabled() && !acted && command_a.is_finite();
         (if passes { command_a } else { single(sum) }, flags)
@@ -116,8 +116,8 @@ fn single<T: Real>(number: T) -> f32 {
     number.value() as f32
 }
 
-/// The same inputs in another number. A type that has no NaN takes one for 0, just measured: such a
-/// reading is handed on as missing instead. For `f32` all of this is nothing.
+/// Converts inputs to another number type. A type without NaN would convert NaN to a fresh 0; such a reading is
+/// marked missing. For `f32` the conversion compiles to nothing.
 #[inline(always)]
 fn convert<T: Real<Setting = f32>>(inputs: &Inputs<f32>) -> Inputs<T> {
     let reading = |from: Reading<f32>| {
@@ -128,25 +128,14 @@ fn convert<T: Real<Setting = f32>>(inputs: &Inputs<f32>) -> Inputs<T> {
     };
     let time = T::from_setting(inputs.campaign_time_h);
     let timed = time.value().is_finite() == inputs.campaign_time_h.is_finite();
-    Inputs {
-        velocity_rad_s: reading(inputs.velocity_rad_s),
-        velocity_reference_rad_s: reading(inputs.velocity_reference_rad_s),
-        position_rad: reading(inputs.position_rad),
-        acceleration_rad_s2: reading(inputs.acceleration_rad_s2),
-        radial_force_n: reading(inputs.radial_force_n),
-        pressure_diff_mpa: reading(inputs.pressure_diff_mpa),
-        temperature_c: reading(inputs.temperature_c),
-        load_torque_nm: reading(inputs.load_torque_nm),
-        auxiliary: reading(inputs.auxiliary),
-        // Negative is illegal there, and the last good one stands.
-        campaign_time_h: if timed { time } else { -T::one() },
-    }
+    // A negative time is refused by the compensator, which then holds the last valid one.
+    inputs.convert(reading, if timed { time } else { -T::one() })
 }
 
-/// A joint without compensator.
+/// A joint without a compensator.
 #[derive(Clone, Copy, Debug)]
 pub struct NoCompensation {
-    /// Largest current, A.
+    /// Maximum current, A.
     pub current_limit_a: f32,
     /// Joint torque per motor current, Nm/A, gear included.
     pub torque_constant_nm_per_a: f32,
@@ -159,8 +148,8 @@ impl Compensate for NoCompensation {
         false
     }
 
-    fn step(&mut self, _: &Inputs<f32>) -> Output<f32> {
-        Output {
+    fn step(&mut self, _: &Inputs<f32>) -> CompensatorOutput<f32> {
+        CompensatorOutput {
             friction_torque_nm: 0.0,
             compensation_torque_nm: 0.0,
             feed_forward_current_a: 0.0,
@@ -168,7 +157,7 @@ impl Compensate for NoCompensation {
         }
     }
 
-    fn sum(&self, command_a: f32, output: &Output<f32>) -> (f32, Flags) {
+    fn sum(&self, command_a: f32, output: &CompensatorOutput<f32>) -> (f32, Flags) {
         let sum = clamp(command_a, self.current_limit_a);
         let mut flags = output.flags;
         flags.set(Flags::COMMAND_INVALID, command_a.is_nan());
@@ -206,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn off_gives_the_command_back_with_its_bits_in_every_number() {
+    fn disabled_sum_within_limits_keeps_the_command_bits() {
         for command in [0.1f32, -0.0, 1e-20, -25.999_999, 17.123_457] {
             assert_eq!(pass::<f32>(command).0.to_bits(), command.to_bits());
             assert_eq!(pass::<Fixed>(command).0.to_bits(), command.to_bits());
@@ -218,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn both_numbers_compensate_alike_and_a_nan_is_fresh_in_neither() {
+    fn step_in_fixed_point_matches_f32_and_nan_is_treated_as_missing() {
         let (mut float, mut fixed) = (build::<f32>(), build::<Fixed>());
         float.set_enabled(true);
         fixed.set_enabled(true);
@@ -239,14 +228,14 @@ mod tests {
         let known = run(&inputs, &mut float, &mut fixed);
         inputs.radial_force_n = Reading::fresh(f32::NAN);
         let held = run(&inputs, &mut float, &mut fixed);
-        // 0.1 s of NaN: the side load of 40 N is held, not taken for 0.
+        // After 0.1 s of NaN, the side load of 40 N is held, not replaced by 0.
         assert!((held - known).abs() < 0.02, "{held} against {known}");
         inputs.radial_force_n = Reading { value: 0.0, age_s: f32::NAN };
         run(&inputs, &mut float, &mut fixed);
     }
 
     #[test]
-    fn a_joint_without_passes_and_limits() {
+    fn no_compensation_passes_and_limits_the_command() {
         let none = NoCompensation { current_limit_a: 5.0, torque_constant_nm_per_a: 1.0 };
         let output = { none }.step(&Inputs::velocity(1.0));
         assert_eq!(none.sum(-4.0, &output), (-4.0, Flags::DISABLED));

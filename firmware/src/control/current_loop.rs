@@ -1,116 +1,74 @@
 //! One cycle of the current loop, from sample to duties.
 //!
 //! ```text
-//! encoder  -> observer -> joint velocity, acceleration, position; attitude now and 1.5 periods on
-//! currents -> Clarke -> Park (attitude now) -> i_d, i_q
-//! set-point + compensation -> limit -> i_q*          the limit comes after the last addition
-//! i_d* = 0, i_q* -> PI, with what speed induces known beforehand -> circle -> inverse Park (then) -> duties
+//! encoder  -> observer -> joint velocity, acceleration, position; rotor angle now and 1.5 periods on
+//! currents -> Clarke -> Park (angle now) -> i_d, i_q
+//! set-point + compensation -> limit -> i_q*          the limit follows the last addition
+//! i_d* = 0, i_q* -> PI with feed-forward of the induced voltage -> circle -> inverse Park (angle then) -> duties
 //! ```
-//! State: observer, two integrals, the last good bus voltage, the compensator. Parameters ([`Motor`]) and
-//! compensator are swapped whole between two cycles: integrals are volts and the observer's state SI, so both
-//! stay; a new compensator starts at rest, and over [`FADE_S`] its current takes the place of the old one's.
+//! The state is the observer, two integrals, the last valid bus voltage and the compensator. Parameters
+//! ([`Motor`]) and compensator are swapped whole between two cycles. Integrals (in volts) and the observer's
+//! state (in SI units) stay valid over a swap. A new compensator starts at rest; over [`FADE_S`] its current
+//! replaces the current of the old one.
 //!
-//! A set-point that is stale or not a number means *no current at all*, compensation included: a joint
-//! whose friction is cancelled and which nobody holds would run off.
+//! If the set-point is stale or not finite, the current is zero, compensation included. Compensation alone would
+//! let a joint without friction run away.
 
 use super::compensation::Compensate;
+use super::covariates::{Covariates, MotionReadings};
 use super::flags::LoopFlags;
 use super::observer::Observer;
 use super::parameters::Motor;
 use super::pi::Integral;
 use super::space_vector::{clamp, duties, limit};
 use super::transform::{Rotating, Rotation, Stationary, clarke};
-use super::{Bridge, StageSample, Valid};
+use super::{Bridge, StageSample, ValidChannels};
+use compensator_core::Flags;
 use compensator_core::compensator::Reading;
 use compensator_core::network::Factors;
-use compensator_core::{Flags, Inputs};
 
-/// How long the old compensation fades into the new after a swap, s.
+/// Duration of the cross-fade from the old to the new compensation after a swap, s.
 pub const FADE_S: f32 = 5e-3;
 
-/// Cycles the last good bus voltage stands in for a missing one.
+/// Number of cycles in which the last valid bus voltage replaces a missing one.
 pub const BUS_HOLD_CYCLES: u8 = 20;
 
-/// A load torque older than this makes no residual, s.
+/// Maximum age of the load torque for a valid residual, s.
 const LOAD_TORQUE_HOLD_S: f32 = 0.1;
 
-/// Share of the overcurrent three phase currents may sum to.
+/// Maximum sum of the three phase currents, as a share of the overcurrent limit.
 const IMBALANCE_SHARE: f32 = 0.1;
 
-/// What the joint is to do.
+/// Set-point of the joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setpoint {
     /// Motor current before compensation, A, positive towards positive joint position.
     pub current_a: f32,
-    /// Velocity the joint is meant to have, rad/s; NaN where nobody says.
+    /// Reference velocity, rad/s; NaN if no reference is given.
     pub velocity_reference_rad_s: f32,
-    /// Time since it was received, s; negative or NaN for never.
+    /// Time since reception, s; negative or NaN if none was received.
     pub age_s: f32,
 }
 
 impl Setpoint {
-    /// Nothing has been received.
+    /// No set-point was received.
     pub const NONE: Self = Self { current_a: 0.0, velocity_reference_rad_s: f32::NAN, age_s: -1.0 };
 }
 
-/// What is known of the joint beside its encoder; see [`Inputs`] for units.
-#[derive(Clone, Copy, Debug)]
-pub struct Covariates {
-    /// Side load on the shaft, N.
-    pub radial_force_n: Reading<f32>,
-    /// Outside minus inside pressure, MPa.
-    pub pressure_diff_mpa: Reading<f32>,
-    /// Temperature at the seal, deg C.
-    pub temperature_c: Reading<f32>,
-    /// Torque transmitted to the load, Nm.
-    pub load_torque_nm: Reading<f32>,
-    /// A covariate of this joint's own.
-    pub auxiliary: Reading<f32>,
-    /// Time since the campaign began, h.
-    pub campaign_time_h: f32,
-}
-
-impl Covariates {
-    /// No sensor at all.
-    pub fn none() -> Self {
-        let missing = Reading::missing();
-        Self {
-            radial_force_n: missing,
-            pressure_diff_mpa: missing,
-            temperature_c: missing,
-            load_torque_nm: missing,
-            auxiliary: missing,
-            campaign_time_h: 0.0,
-        }
-    }
-
-    /// Whether one of them is said to be measured and is no finite number.
-    #[inline(always)]
-    fn any_invalid(&self) -> bool {
-        let invalid = |r: &Reading<f32>| r.age_s >= 0.0 && !r.value.is_finite();
-        invalid(&self.radial_force_n)
-            | invalid(&self.pressure_diff_mpa)
-            | invalid(&self.temperature_c)
-            | invalid(&self.load_torque_nm)
-            | invalid(&self.auxiliary)
-            | !self.campaign_time_h.is_finite()
-    }
-}
-
-/// What came of a cycle. Every number is finite.
+/// Result of one current-loop cycle. All values are finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cycle {
-    /// What the bridge is to do in the next period.
+pub struct CycleResult {
+    /// State of the bridge in the next period.
     pub bridge: Bridge,
     /// Current along the magnet, A.
     pub current_d_a: f32,
-    /// Current that makes torque, A, in the joint's sign.
+    /// Torque-producing current, A, in the joint's sign.
     pub current_q_a: f32,
-    /// What that current should be, after compensation and limits, A.
+    /// Reference of the torque-producing current, A, after compensation and limits.
     pub current_reference_a: f32,
-    /// Voltage given along d and q, V, in the motor's sign.
+    /// Voltage applied along d and q, V, in the motor's sign.
     pub voltage_v: [f32; 2],
-    /// Bus voltage the duties were made for, V; 0 where there is none.
+    /// Bus voltage used for the duties, V; 0 if unknown.
     pub bus_v: f32,
     /// Joint position, rad; see [`LoopFlags::POSITION_UNREFERENCED`].
     pub position_rad: f32,
@@ -118,20 +76,20 @@ pub struct Cycle {
     pub velocity_rad_s: f32,
     /// Joint acceleration, rad/s^2.
     pub acceleration_rad_s2: f32,
-    /// The model's friction torque, Nm, unscaled.
+    /// Friction torque of the model, Nm, unscaled.
     pub friction_torque_nm: f32,
-    /// Current the compensation asked for, A, cross-fade included.
+    /// Compensation current, A, cross-fade included.
     pub feed_forward_current_a: f32,
     /// Torque of the measured current at the joint, Nm.
     pub motor_torque_nm: f32,
-    /// What no part of the model explains, Nm: motor torque less inertia, load torque and friction. A load
-    /// torque never heard of counts as 0.
+    /// Residual, Nm: motor torque less inertia, load torque and friction. A load torque that was never received
+    /// counts as 0.
     pub residual_torque_nm: f32,
-    /// Whether all parts of the residual were measured and the model was running.
+    /// True if all parts of the residual were measured and the model was running.
     pub residual_valid: bool,
-    /// What the loop replaced, limited or refused.
+    /// Values that the loop replaced, limited or refused.
     pub flags: LoopFlags,
-    /// What the compensator did.
+    /// Flags of the compensator.
     pub compensator: Flags,
 }
 
@@ -147,15 +105,15 @@ pub struct CurrentLoop<C> {
     bus_age: u8,
     driving: bool,
     compensating: bool,
-    /// Current of the compensation in the last cycle, A: where a cross-fade begins.
+    /// Compensation current of the last cycle, A: the start of a cross-fade.
     feed_forward_a: f32,
-    /// The old one's share, 1 at a swap and 0 after [`FADE_S`], and its current, A.
+    /// Weight of the old compensation, 1 at a swap and 0 after [`FADE_S`], and its current, A.
     fade: f32,
     fade_from_a: f32,
 }
 
 impl<C: Compensate> CurrentLoop<C> {
-    /// A loop that knows nothing of its motor yet; bridge open, compensation off.
+    /// Creates a loop whose rotor angle is unknown; bridge open, compensation off.
     pub fn new(motor: Motor, compensator: C) -> Self {
         let mut this = Self {
             observer: Observer::new(&motor),
@@ -175,32 +133,32 @@ impl<C: Compensate> CurrentLoop<C> {
         this
     }
 
-    /// Lets the loop drive the bridge, or opens it from the next cycle on.
+    /// Enables the bridge, or opens it from the next cycle on.
     pub fn set_driving(&mut self, driving: bool) {
         self.driving = driving;
     }
 
-    /// Switches compensation on (it comes in at its slew limit) or off, from the next cycle on.
+    /// Enables compensation (its slew limit applies) or disables it, from the next cycle on.
     pub fn set_compensating(&mut self, compensating: bool) {
         self.compensating = compensating;
     }
 
-    /// Says where the joint is, rad: after homing.
+    /// Sets the joint position, rad, after homing.
     pub fn set_position(&mut self, position_rad: f32) {
         self.observer.set_position(&self.motor, position_rad);
     }
 
-    /// Takes other parameters, whole. Integrals and observer stay, unless encoder or gear are others:
-    /// then the rotor is lost until the observer has settled anew.
+    /// Replaces all parameters. Integrals and observer state are kept, unless the encoder or gear parameters
+    /// differ: then the rotor angle is unknown until the observer has settled again.
     pub fn swap(&mut self, motor: &Motor) {
-        if !motor.same_shaft(&self.motor) {
+        if !motor.has_same_shaft(&self.motor) {
             self.observer = Observer::new(motor);
         }
         self.motor = *motor;
     }
 
-    /// Takes another compensator, whole. The current it adds goes over from
-    /// the old one's in [`FADE_S`]: by `|old - new| T / FADE_S` a cycle, and the new one's own slew limit.
+    /// Replaces the compensator. The compensation current cross-fades from the old to the new one in [`FADE_S`]:
+    /// it changes by `|old - new| T / FADE_S` per cycle, plus the new compensator's own slew limit.
     pub fn swap_compensator(&mut self, compensator: &C)
     where
         C: Clone,
@@ -213,33 +171,33 @@ impl<C: Compensate> CurrentLoop<C> {
         self.compensator.set_enabled(false);
     }
 
-    /// The parameters in use.
+    /// Returns the parameters in use.
     pub fn motor(&self) -> &Motor {
         &self.motor
     }
 
-    /// The compensator in use.
+    /// Returns the compensator in use.
     pub fn compensator(&self) -> &C {
         &self.compensator
     }
 
-    /// Hands its compensator the factors of a network, from the next cycle on.
+    /// Passes the factors of a network to the compensator, from the next cycle on.
     pub fn supply(&mut self, factors: Option<Factors<f32>>) {
         self.compensator.supply(factors);
     }
 
-    /// One cycle.
+    /// Runs one cycle.
     #[inline]
     pub fn step(
         &mut self,
         sample: &StageSample,
         setpoint: &Setpoint,
         covariates: &Covariates,
-    ) -> Cycle {
+    ) -> CycleResult {
         let mut flags = LoopFlags::BRIDGE_OFF.when(!self.driving);
         let measured = self.phase_currents(sample, &mut flags);
-        // Park needs the attitude, so the observer comes first.
-        let angle = self.observe(sample, &mut flags);
+        // The Park transform needs the rotor angle, so the observer comes first.
+        let angle = self.update_observer(sample, &mut flags);
         let speed = self.observer.motor_velocity_rad_s();
         let pole_pairs = self.motor.pole_pairs;
         let at = |delay_units: f32| {
@@ -248,39 +206,41 @@ impl<C: Compensate> CurrentLoop<C> {
         };
         let current = at(self.motor.park_units).park(measured);
 
-        let mut cycle = self.reference(setpoint, covariates, flags);
-        cycle.bus_v = self.bus(sample, &mut cycle.flags);
-        self.drive(&mut cycle, current, at(self.motor.drive_units));
+        let mut cycle = self.compute_reference(setpoint, covariates, flags);
+        cycle.bus_v = self.update_bus_voltage(sample, &mut cycle.flags);
+        self.compute_duties(&mut cycle, current, at(self.motor.drive_units));
         cycle.current_d_a = current.d;
         cycle.current_q_a = current.q * self.motor.joint_direction;
-        self.explain(&mut cycle, covariates);
+        self.compute_residual(&mut cycle, covariates);
         cycle
     }
 
-    /// The current vector that was sampled; 0 where it is not known, which a cycle's flags say.
-    pub fn measured(&self, sample: &StageSample) -> Stationary {
+    /// Returns the sampled current vector; 0 if it is unknown, which the flags of a cycle report.
+    pub fn measured_current(&self, sample: &StageSample) -> Stationary {
         self.phase_currents(sample, &mut LoopFlags::empty())
     }
 
-    /// The current vector, from three shunts or two; 0 where it is not known.
+    /// Returns the current vector from three shunts or two; 0 if it is unknown.
     #[inline(always)]
     fn phase_currents(&self, sample: &StageSample, flags: &mut LoopFlags) -> Stationary {
         let [a, b, c] = sample.currents_a;
-        let all = Valid::CURRENT_A.union(Valid::CURRENT_B).union(Valid::CURRENT_C);
+        let all = ValidChannels::CURRENT_A
+            .union(ValidChannels::CURRENT_B)
+            .union(ValidChannels::CURRENT_C);
         let valid = sample.valid.intersection(all);
         let three = valid == all;
         let phases = if three {
             [a, b, c]
-        } else if valid == Valid::CURRENT_A.union(Valid::CURRENT_B) {
+        } else if valid == ValidChannels::CURRENT_A.union(ValidChannels::CURRENT_B) {
             [a, b, -a - b]
-        } else if valid == Valid::CURRENT_A.union(Valid::CURRENT_C) {
+        } else if valid == ValidChannels::CURRENT_A.union(ValidChannels::CURRENT_C) {
             [a, -a - c, c]
-        } else if valid == Valid::CURRENT_B.union(Valid::CURRENT_C) {
+        } else if valid == ValidChannels::CURRENT_B.union(ValidChannels::CURRENT_C) {
             [-b - c, b, c]
         } else {
             [f32::NAN; 3]
         };
-        // An infinite or NaN phase makes the sum of magnitudes so, too.
+        // If any phase is infinite or NaN, so is the sum of magnitudes.
         let [x, y, z] = phases.map(f32::abs);
         if !(x + y + z).is_finite() {
             *flags |= LoopFlags::CURRENT_INVALID;
@@ -291,94 +251,90 @@ impl<C: Compensate> CurrentLoop<C> {
         *flags |= LoopFlags::OVERCURRENT.when((x > bound) | (y > bound) | (z > bound));
         let sum = (a + b + c).abs();
         *flags |= LoopFlags::CURRENT_IMBALANCE.when(three & (sum > IMBALANCE_SHARE * bound));
-        // Numbers no sensor gives would make products that are not finite.
+        // Currents that no sensor can measure would make products that are not finite.
         clarke(phases.map(|phase| clamp(phase, 1e6)))
     }
 
-    /// Lets the observer take its sample; gives the rotor's angle.
+    /// Updates the observer with the sample; returns the rotor angle.
     #[inline(always)]
-    fn observe(&mut self, sample: &StageSample, flags: &mut LoopFlags) -> u32 {
+    fn update_observer(&mut self, sample: &StageSample, flags: &mut LoopFlags) -> u32 {
         let motor = &self.motor;
-        let measured =
-            sample.valid.contains(Valid::ENCODER).then(|| motor.rotor_angle(sample.encoder));
+        let measured = sample
+            .valid
+            .contains(ValidChannels::ENCODER)
+            .then(|| motor.rotor_angle(sample.encoder));
         let encoder = self.observer.step(motor, measured);
         *flags |= LoopFlags::NOT_FINITE.when(!self.observer.ensure_finite(motor));
-        *flags |= LoopFlags::ENCODER_INVALID.when(encoder.invalid);
-        *flags |= LoopFlags::ENCODER_IMPLAUSIBLE.when(encoder.implausible);
-        *flags |= LoopFlags::ENCODER_COASTING.when(encoder.coasting);
-        *flags |= LoopFlags::ENCODER_LOST.when(encoder.lost);
+        *flags |= LoopFlags::ENCODER_INVALID.when(encoder.is_invalid);
+        *flags |= LoopFlags::ENCODER_IMPLAUSIBLE.when(encoder.is_implausible);
+        *flags |= LoopFlags::ENCODER_COASTING.when(encoder.is_coasting);
+        *flags |= LoopFlags::ENCODER_LOST.when(encoder.is_lost);
         *flags |= LoopFlags::POSITION_UNREFERENCED.when(!self.observer.is_referenced());
         match measured {
-            // As measured: the observer's lags while the joint accelerates.
-            Some(angle) if !encoder.coasting => angle,
+            // The measured angle: the observer lags while the joint accelerates.
+            Some(angle) if !encoder.is_coasting => angle,
             _ => self.observer.angle(),
         }
     }
 
-    /// Set-point and compensation, summed and then limited.
+    /// Adds set-point and compensation, then limits the sum.
     #[inline(always)]
-    fn reference(
+    fn compute_reference(
         &mut self,
         setpoint: &Setpoint,
         covariates: &Covariates,
         mut flags: LoopFlags,
-    ) -> Cycle {
+    ) -> CycleResult {
         let motor = &self.motor;
-        // Not below 0 and not NaN, either.
-        let fresh = setpoint.age_s >= 0.0 && setpoint.age_s <= motor.setpoint_timeout_s;
-        let sound = setpoint.current_a.is_finite();
-        flags |= LoopFlags::SETPOINT_STALE.when(!fresh);
-        flags |= LoopFlags::SETPOINT_INVALID.when(fresh & !sound);
-        let usable = fresh & sound;
+        // False for a negative or NaN age, too.
+        let is_fresh = setpoint.age_s >= 0.0 && setpoint.age_s <= motor.setpoint_timeout_s;
+        let is_finite = setpoint.current_a.is_finite();
+        flags |= LoopFlags::SETPOINT_STALE.when(!is_fresh);
+        flags |= LoopFlags::SETPOINT_INVALID.when(is_fresh & !is_finite);
+        let usable = is_fresh & is_finite;
         let compensate =
             self.compensating & self.driving & usable & !flags.contains(LoopFlags::ENCODER_LOST);
         self.compensator.set_enabled(compensate);
         let compensate = self.compensator.is_enabled();
         flags |= LoopFlags::COMPENSATION_OFF.when(!compensate);
-        flags |= LoopFlags::COVARIATE_INVALID.when(covariates.any_invalid());
+        flags |= LoopFlags::COVARIATE_INVALID.when(covariates.has_invalid());
 
         let velocity_rad_s = self.observer.velocity_rad_s(motor);
         let acceleration_rad_s2 = self.observer.acceleration_rad_s2(motor);
         let position_rad = self.observer.position_rad(motor);
         flags |= LoopFlags::OVERSPEED.when(velocity_rad_s.abs() > motor.velocity_max_rad_s);
         let age_s = self.observer.age_s();
-        let seen = |value| Reading { value, age_s };
-        let inputs = Inputs {
-            velocity_rad_s: seen(velocity_rad_s),
+        let observed = |value| Reading { value, age_s };
+        let inputs = covariates.inputs(MotionReadings {
+            velocity_rad_s: observed(velocity_rad_s),
             velocity_reference_rad_s: Reading {
                 value: setpoint.velocity_reference_rad_s,
                 age_s: setpoint.age_s,
             },
             position_rad: if self.observer.is_referenced() {
-                seen(position_rad)
+                observed(position_rad)
             } else {
                 Reading::missing()
             },
-            acceleration_rad_s2: seen(acceleration_rad_s2),
-            radial_force_n: covariates.radial_force_n,
-            pressure_diff_mpa: covariates.pressure_diff_mpa,
-            temperature_c: covariates.temperature_c,
-            load_torque_nm: covariates.load_torque_nm,
-            auxiliary: covariates.auxiliary,
-            campaign_time_h: covariates.campaign_time_h,
-        };
+            acceleration_rad_s2: observed(acceleration_rad_s2),
+        });
         let output = self.compensator.step(&inputs);
         let command = if usable { setpoint.current_a } else { 0.0 };
-        let faded = self.faded(compensate, output.feed_forward_current_a, &mut flags);
-        // Adding 0 would turn -0 into 0: without a fade the command keeps its bits.
-        let command = if faded == 0.0 { command } else { command + faded };
+        let cross_fade_a = self.cross_fade_a(compensate, output.feed_forward_current_a, &mut flags);
+        // Adding 0 would turn -0 into 0. Without a cross-fade the command keeps its bits.
+        let command = if cross_fade_a == 0.0 { command } else { command + cross_fade_a };
         let (sum, mut compensator) = self.compensator.sum(command, &output);
-        // The compensator's limit is the joint's, this one the motor's.
+        // The compensator applies the joint's limit; this is the motor's.
         let limited = clamp(sum, self.motor.current_limit_a);
-        // The bus of the cycle before: a capacitor does not change in one.
-        let room = (self.motor.bus_brakes_to_v - self.bus_v) * self.motor.braking_per_v;
+        // The bus voltage of the previous cycle: the capacitor holds it for one period.
+        let room = (self.motor.braking_end_v - self.bus_v) * self.motor.braking_per_v;
         let brakes = room < 1.0 && limited * velocity_rad_s < 0.0;
         let limited = if brakes { limited * room.max(0.0) } else { limited };
         compensator.set(Flags::DISABLED, !compensate);
         let acted = limited != sum || compensator.contains(Flags::CURRENT_LIMITED);
         flags |= LoopFlags::CURRENT_LIMITED.when(acted);
-        self.feed_forward_a = output.feed_forward_current_a + faded;
-        Cycle {
+        self.feed_forward_a = output.feed_forward_current_a + cross_fade_a;
+        CycleResult {
             bridge: Bridge::Off,
             current_d_a: 0.0,
             current_q_a: 0.0,
@@ -398,9 +354,14 @@ impl<C: Compensate> CurrentLoop<C> {
         }
     }
 
-    /// What a cross-fade adds to the new compensation, A.
+    /// Returns the current that a cross-fade adds to the new compensation, A.
     #[inline(always)]
-    fn faded(&mut self, compensate: bool, feed_forward_a: f32, flags: &mut LoopFlags) -> f32 {
+    fn cross_fade_a(
+        &mut self,
+        compensate: bool,
+        feed_forward_a: f32,
+        flags: &mut LoopFlags,
+    ) -> f32 {
         if !compensate {
             self.fade = 0.0;
         }
@@ -410,11 +371,11 @@ impl<C: Compensate> CurrentLoop<C> {
         share * (self.fade_from_a - feed_forward_a)
     }
 
-    /// The bus voltage to go by, V; 0 where there is none.
+    /// Updates the bus voltage and returns it, V; 0 if it is unknown.
     #[inline(always)]
-    fn bus(&mut self, sample: &StageSample, flags: &mut LoopFlags) -> f32 {
+    fn update_bus_voltage(&mut self, sample: &StageSample, flags: &mut LoopFlags) -> f32 {
         let (bus, motor) = (sample.bus_v, &self.motor);
-        if sample.valid.contains(Valid::BUS) && bus > 0.0 && bus.is_finite() {
+        if sample.valid.contains(ValidChannels::BUS) && bus > 0.0 && bus.is_finite() {
             *flags |= LoopFlags::BUS_UNDERVOLTAGE.when(bus < motor.bus_min_v);
             *flags |= LoopFlags::BUS_OVERVOLTAGE.when(bus > motor.bus_max_v);
             self.bus_v = bus;
@@ -430,16 +391,16 @@ impl<C: Compensate> CurrentLoop<C> {
         self.bus_v
     }
 
-    /// From the currents' error to duties, or an open bridge.
+    /// Computes the duties from the current error, or leaves the bridge open.
     #[inline(always)]
-    fn drive(&mut self, cycle: &mut Cycle, current: Rotating, then: Rotation) {
+    fn compute_duties(&mut self, cycle: &mut CycleResult, current: Rotating, then: Rotation) {
         let motor = &self.motor;
         if !self.driving {
             self.d = Integral::default();
             self.q = Integral::default();
             return;
         }
-        // Open for this cycle; the integrals wait.
+        // The bridge is open in this cycle; the integrals keep their values.
         if cycle.flags.intersects(LoopFlags::FAULTS) {
             return;
         }
@@ -448,35 +409,35 @@ impl<C: Compensate> CurrentLoop<C> {
             d: -current.d,
             q: cycle.current_reference_a * motor.joint_direction - current.q,
         };
-        let wanted = Rotating {
-            d: self.d.wanted(&motor.d, error.d, -electrical * motor.inductance_q_h * current.q),
-            q: self.q.wanted(
+        let demand = Rotating {
+            d: self.d.output(&motor.d, error.d, -electrical * motor.inductance_q_h * current.q),
+            q: self.q.output(
                 &motor.q,
                 error.q,
                 electrical * (motor.inductance_d_h * current.d + motor.flux_vs),
             ),
         };
-        if !(wanted.d.abs() + wanted.q.abs()).is_finite() {
+        if !(demand.d.abs() + demand.q.abs()).is_finite() {
             cycle.flags |= LoopFlags::NOT_FINITE;
             self.d = Integral::default();
             self.q = Integral::default();
             return;
         }
         let radius = cycle.bus_v * motor.radius_per_bus;
-        let (given, limited) = limit(wanted, radius);
+        let (applied, limited) = limit(demand, radius);
         cycle.flags |= LoopFlags::VOLTAGE_LIMITED.when(limited);
-        self.d.settle(&motor.d, error.d, wanted.d, given.d, radius);
-        self.q.settle(&motor.q, error.q, wanted.q, given.q, radius);
-        cycle.voltage_v = [given.d, given.q];
-        cycle.bridge = Bridge::Drive(duties(then.inverse_park(given), cycle.bus_v));
+        self.d.update(&motor.d, error.d, demand.d, applied.d, radius);
+        self.q.update(&motor.q, error.q, demand.q, applied.q, radius);
+        cycle.voltage_v = [applied.d, applied.q];
+        cycle.bridge = Bridge::Drive(duties(then.inverse_park(applied), cycle.bus_v));
     }
 
-    /// What is left when the model has had its say.
+    /// Computes the residual torque.
     #[inline(always)]
-    fn explain(&self, cycle: &mut Cycle, covariates: &Covariates) {
+    fn compute_residual(&self, cycle: &mut CycleResult, covariates: &Covariates) {
         let load = &covariates.load_torque_nm;
         let reported = load.age_s >= 0.0;
-        // Never reported: there is no such sensor. Old or not a number: there is one, and it failed.
+        // Never received: the joint has no such sensor. Old or not finite: the sensor failed.
         let known = !reported || (load.age_s <= LOAD_TORQUE_HOLD_S && load.value.abs() < 1e9);
         let load_nm = if reported && known { load.value } else { 0.0 };
         cycle.motor_torque_nm = cycle.current_q_a * self.compensator.torque_constant_nm_per_a();

@@ -1,62 +1,61 @@
-//! What happened in a cycle of the current loop, as bits.
+//! Flags of a current-loop cycle.
 //!
-//! Three kinds. *Faults* ([`LoopFlags::FAULTS`]): the bridge is open in this cycle because of them, and
-//! whoever watches decides whether it stays so. *Limits*: still running, but held back. The rest says what
-//! was replaced or is switched off. What the compensator has to say is in its own
-//! [`compensator_core::Flags`], given beside these.
+//! There are three kinds. *Faults* ([`LoopFlags::FAULTS`]) open the bridge in this cycle; the supervisor decides
+//! whether it stays open. *Limits* hold the loop back while it runs. The others report values that were replaced
+//! or functions that are off. The compensator reports its own state in [`compensator_core::Flags`].
 
 bitflags::bitflags! {
-    /// What was replaced, limited or refused in a cycle.
+    /// Values that were replaced, limited or refused in a cycle.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub struct LoopFlags: u32 {
-        /// Fewer than two phase currents valid, or one said to be valid that is not finite.
+        /// Fewer than two phase currents are valid, or one marked valid is not finite.
         const CURRENT_INVALID = 1 << 0;
-        /// A phase current beyond `overcurrent_a`.
+        /// A phase current exceeds `overcurrent_a`.
         const OVERCURRENT = 1 << 1;
-        /// Three measured currents whose sum is beyond a tenth of `overcurrent_a`: one sensor is wrong,
-        /// or current leaks. No fault: the loop runs on.
+        /// The sum of three measured currents exceeds a tenth of `overcurrent_a`: a sensor is wrong or current
+        /// leaks. Not a fault: the loop continues.
         const CURRENT_IMBALANCE = 1 << 2;
-        /// Bus voltage not valid, not finite or not positive; the last good one stands in for 20 cycles.
+        /// The bus voltage is invalid, not finite or not positive. The last valid one replaces it for 20 cycles.
         const BUS_INVALID = 1 << 3;
-        /// No bus voltage to go by: invalid for longer than that, or never measured.
+        /// The bus voltage is unknown: invalid for more than 20 cycles, or never measured.
         const BUS_UNKNOWN = 1 << 4;
-        /// Bus below `bus_voltage_min_v`.
+        /// The bus voltage is below `bus_voltage_min_v`.
         const BUS_UNDERVOLTAGE = 1 << 5;
-        /// Bus above `bus_voltage_max_v`.
+        /// The bus voltage is above `bus_voltage_max_v`.
         const BUS_OVERVOLTAGE = 1 << 6;
-        /// The encoder's validity bit was off.
+        /// The encoder sample was marked invalid.
         const ENCODER_INVALID = 1 << 7;
-        /// The encoder jumped farther than the shaft can turn; not believed.
+        /// The encoder angle jumped farther than the shaft can turn; the sample was discarded.
         const ENCODER_IMPLAUSIBLE = 1 << 8;
         /// The angle is a prediction, not a measurement.
         const ENCODER_COASTING = 1 << 9;
-        /// No angle to drive by: coasted for too long, or starting and not settled.
+        /// The rotor angle is unknown: predicted for too long, or the observer has not settled after a start.
         const ENCODER_LOST = 1 << 10;
-        /// Whole turns of the motor are not known; the position is not given to the compensator.
+        /// Whole turns of the motor are unknown; the compensator receives no position.
         const POSITION_UNREFERENCED = 1 << 11;
-        /// The joint is faster than `velocity_max_rad_s`.
+        /// The joint velocity exceeds `velocity_max_rad_s`.
         const OVERSPEED = 1 << 12;
-        /// Set-point older than `setpoint_timeout_s`, or never heard: no current.
+        /// The set-point is older than `setpoint_timeout_s` or was never received: no current.
         const SETPOINT_STALE = 1 << 13;
-        /// Set-point current not finite: no current.
+        /// The set-point current is not finite: no current.
         const SETPOINT_INVALID = 1 << 14;
-        /// A covariate or the velocity reference was not finite; the compensator counts it as not heard.
+        /// A covariate or the velocity reference is not finite; the compensator treats it as missing.
         const COVARIATE_INVALID = 1 << 15;
-        /// The current asked for was beyond a limit, after compensation.
+        /// The demanded current exceeded a limit, after compensation.
         const CURRENT_LIMITED = 1 << 16;
-        /// The voltage asked for was beyond the circle.
+        /// The demanded voltage exceeded the circle.
         const VOLTAGE_LIMITED = 1 << 17;
-        /// The compensator is off, by order or for want of a set-point or a rotor.
+        /// The compensator is off: by command, or because set-point or rotor angle are missing.
         const COMPENSATION_OFF = 1 << 18;
-        /// After a swap, from the old compensation to the new.
+        /// After a swap, the compensation current cross-fades from the old to the new.
         const CROSS_FADING = 1 << 19;
-        /// The bridge is open by order.
+        /// The bridge is open by command.
         const BRIDGE_OFF = 1 << 20;
-        /// A number of the loop's own was not finite; its state was cleared. Never seen with validated
-        /// parameters; here so that a mistake shows as a flag and not as a voltage.
+        /// A value computed by the loop was not finite; its state was cleared. This cannot happen with validated
+        /// parameters. The flag makes a programming error visible and keeps it out of the voltage.
         const NOT_FINITE = 1 << 21;
 
-        /// Those that open the bridge in the cycle they are raised in.
+        /// Flags that open the bridge in the cycle in which they are set.
         const FAULTS = Self::CURRENT_INVALID.bits() | Self::OVERCURRENT.bits()
             | Self::BUS_UNKNOWN.bits() | Self::BUS_UNDERVOLTAGE.bits()
             | Self::BUS_OVERVOLTAGE.bits() | Self::ENCODER_LOST.bits() | Self::NOT_FINITE.bits();
@@ -64,7 +63,7 @@ bitflags::bitflags! {
 }
 
 impl LoopFlags {
-    /// These flags if `condition`, else none.
+    /// Returns these flags if `condition` is true, else none.
     #[inline(always)]
     pub(super) fn when(self, condition: bool) -> Self {
         if condition { self } else { Self::empty() }

@@ -1,59 +1,59 @@
-//! From a wrapped encoder angle to the joint's position, velocity and acceleration.
+//! Observer of the joint's position, velocity and acceleration from a wrapped encoder angle.
 //!
-//! A tracking loop of third order: it predicts the angle with constant acceleration and corrects all
-//! three by the innovation `e`, what the encoder says beyond the prediction (shortest way round).
+//! A tracking loop of third order. It predicts the angle with constant acceleration and corrects all three
+//! states by the innovation `e`: the encoder angle less the prediction, the shortest way round.
 //!
 //! ```text
 //! p  = x + v T + a T^2/2                e = wrapped(encoder - p)
 //! x' = p + g e       v' = v + a T + h/T e       a' = a + 2 k/T^2 e
 //! g = 1 - z^3        h = 3/2 (1 - z)^2 (1 + z)  k = (1 - z)^3 / 2,       z = exp(-2 pi f T)
 //! ```
-//! All three poles lie on `z`: stable for every bandwidth `f` and period `T`, and without error at constant
-//! acceleration. A step of velocity is seen to 63 % after `1/(2 pi f)`, and with 25 % of overshoot, which
-//! is what following an acceleration costs. The angle is an integer of 2^-32 turns with the turns
-//! above it: wrapping is free, and slow motion is not lost to rounding.
+//! All three poles lie on `z`. The loop is stable for every bandwidth `f` and period `T`, and has no error at
+//! constant acceleration. After a step of velocity the estimate reaches 63 % after `1/(2 pi f)` and overshoots
+//! by 25 %, the price of following an acceleration. The angle is an integer of 2^-32 turns plus whole turns: it
+//! wraps without extra code, and slow motion is not lost to rounding.
 //!
-//! A sample that is missing, or farther from the last good one than the shaft can have turned, is coasted
-//! over with an age. Past `encoder_coast_s` the rotor is *lost*: the bridge must open, the next good
-//! samples start anew, and whole turns are no longer known until [`Observer::set_position`].
+//! A sample that is missing, or farther from the last valid one than the shaft can turn, is replaced by the
+//! prediction ("coasting"), and the age grows. Past `encoder_coast_s` the rotor is *lost*: the bridge must open,
+//! the next valid samples restart the observer, and whole turns are unknown until [`Observer::set_position`].
 
 use super::parameters::{Motor, ObserverGains};
 use super::transform::{RAD_PER_UNIT, UNITS_PER_RAD};
 
-/// What happened to the encoder in a cycle.
+/// State of the encoder in a cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EncoderState {
-    /// The sample's validity bit was off.
-    pub invalid: bool,
-    /// It was farther from the last good one than the shaft can turn.
-    pub implausible: bool,
-    /// The angle is the prediction.
-    pub coasting: bool,
-    /// No angle to drive by: coasted too long, or starting and not settled.
-    pub lost: bool,
+    /// The sample was marked invalid.
+    pub is_invalid: bool,
+    /// The sample was farther from the last valid one than the shaft can turn.
+    pub is_implausible: bool,
+    /// The angle is a prediction.
+    pub is_coasting: bool,
+    /// The rotor angle is unknown: predicted for too long, or not settled after a start.
+    pub is_lost: bool,
 }
 
-/// The tracking loop's state, in the motor's terms; gains come with every step.
+/// State of the tracking loop, for the motor shaft. Gains are passed with every step.
 #[derive(Clone, Copy, Debug)]
 pub struct Observer {
     /// Position, 2^-32 turns, counted from the encoder's electrical zero.
     position: i64,
     velocity_rad_s: f32,
     acceleration_rad_s2: f32,
-    /// Time since the last good sample, s; negative before the first.
+    /// Time since the last valid sample, s; negative before the first.
     age_s: f32,
-    /// The last good sample.
+    /// The last valid sample.
     measured: u32,
     /// Cycles until a new start has settled; the rotor is lost until then.
     settling: u32,
-    /// Joint position where the motor's is 0, rad.
+    /// Joint position at motor position 0, rad.
     origin_rad: f32,
-    /// Whether whole turns of the motor are known (or do not matter).
+    /// True if whole turns of the motor are known, or have no effect.
     referenced: bool,
 }
 
 impl Observer {
-    /// Knows nothing yet: lost until the first samples have settled.
+    /// Creates an observer without a sample: lost until the first samples have settled.
     pub fn new(motor: &Motor) -> Self {
         Self {
             position: 0,
@@ -63,19 +63,19 @@ impl Observer {
             measured: 0,
             settling: motor.observer.settle_cycles,
             origin_rad: 0.0,
-            referenced: motor.turns_do_not_matter,
+            referenced: motor.is_direct_drive,
         }
     }
 
-    /// Takes one encoder angle, already counted from the electrical zero in the motor's direction
-    /// ([`Motor::rotor_angle`]), or `None` where there is no valid one.
+    /// Processes one encoder angle, counted from the electrical zero in the motor's direction
+    /// ([`Motor::rotor_angle`]); `None` if there is no valid angle.
     #[inline]
     pub fn step(&mut self, motor: &Motor, angle: Option<u32>) -> EncoderState {
         let gains = &motor.observer;
-        let mut state = EncoderState { invalid: angle.is_none(), ..EncoderState::default() };
+        let mut state = EncoderState { is_invalid: angle.is_none(), ..EncoderState::default() };
         let good = angle.filter(|angle| {
-            state.implausible = !self.plausible(gains, *angle);
-            !state.implausible
+            state.is_implausible = !self.is_plausible(gains, *angle);
+            !state.is_implausible
         });
         if good.is_some() && self.age_s < 0.0 {
             self.restart(motor, good);
@@ -97,40 +97,40 @@ impl Observer {
                 self.settling = self.settling.saturating_sub(1);
             }
             None => {
-                // At constant velocity: an acceleration trusted for long runs away.
+                // Coast at constant velocity: a constant acceleration would make the prediction diverge.
                 self.acceleration_rad_s2 = 0.0;
-                state.coasting = true;
+                state.is_coasting = true;
                 if self.age_s >= 0.0 {
                     self.age_s += gains.period_s;
                 }
                 if self.age_s > gains.coast_s {
-                    self.lose(motor);
+                    self.mark_lost(motor);
                 }
             }
         }
-        state.lost = self.settling > 0;
+        state.is_lost = self.settling > 0;
         state
     }
 
-    /// Whether the shaft can have turned this far since the last good sample.
+    /// Returns true if the shaft can have turned this far since the last valid sample.
     #[inline(always)]
-    fn plausible(&self, gains: &ObserverGains, angle: u32) -> bool {
+    fn is_plausible(&self, gains: &ObserverGains, angle: u32) -> bool {
         let turned = (angle.wrapping_sub(self.measured) as i32).unsigned_abs() as f32;
         let reach = gains.jump_units + (self.age_s + gains.period_s) * gains.units_per_s;
         self.age_s < 0.0 || turned <= reach
     }
 
-    /// The rotor is lost; the next good sample starts anew.
+    /// Marks the rotor as lost; the next valid sample restarts the observer.
     #[cold]
-    fn lose(&mut self, motor: &Motor) {
+    fn mark_lost(&mut self, motor: &Motor) {
         self.age_s = -1.0;
         self.velocity_rad_s = 0.0;
         self.acceleration_rad_s2 = 0.0;
         self.settling = motor.observer.settle_cycles;
-        self.referenced = motor.turns_do_not_matter;
+        self.referenced = motor.is_direct_drive;
     }
 
-    /// Begins at an angle, at rest, by the shortest way from where the loop was.
+    /// Restarts at an angle, at rest, by the shortest way from the present position.
     #[cold]
     fn restart(&mut self, motor: &Motor, angle: Option<u32>) {
         if let Some(angle) = angle {
@@ -142,29 +142,29 @@ impl Observer {
         self.settling = motor.observer.settle_cycles;
     }
 
-    /// Takes what cannot be a number back to rest; `false` if there was such a thing.
+    /// Clears a state that is not finite; returns `false` if it had to.
     #[inline(always)]
     pub(super) fn ensure_finite(&mut self, motor: &Motor) -> bool {
         let finite = self.velocity_rad_s.is_finite() && self.acceleration_rad_s2.is_finite();
         if !finite {
-            self.lose(motor);
+            self.mark_lost(motor);
         }
         finite
     }
 
-    /// The rotor's mechanical angle now, 2^-32 turns.
+    /// Returns the rotor's mechanical angle, 2^-32 turns.
     #[inline(always)]
     pub fn angle(&self) -> u32 {
         self.position as u32
     }
 
-    /// The motor's velocity, rad/s.
+    /// Returns the motor velocity, rad/s.
     #[inline(always)]
     pub fn motor_velocity_rad_s(&self) -> f32 {
         self.velocity_rad_s
     }
 
-    /// The joint's position, rad.
+    /// Returns the joint position, rad.
     #[inline(always)]
     pub fn position_rad(&self, motor: &Motor) -> f32 {
         let turns = (self.position >> 32) as i32 as f32;
@@ -172,31 +172,31 @@ impl Observer {
         (turns * core::f32::consts::TAU + share) * motor.joint_per_motor - self.origin_rad
     }
 
-    /// The joint's velocity, rad/s.
+    /// Returns the joint velocity, rad/s.
     #[inline(always)]
     pub fn velocity_rad_s(&self, motor: &Motor) -> f32 {
         self.velocity_rad_s * motor.joint_per_motor
     }
 
-    /// The joint's acceleration, rad/s^2.
+    /// Returns the joint acceleration, rad/s^2.
     #[inline(always)]
     pub fn acceleration_rad_s2(&self, motor: &Motor) -> f32 {
         self.acceleration_rad_s2 * motor.joint_per_motor
     }
 
-    /// Time since the last good sample, s; negative where there is none to speak of.
+    /// Returns the time since the last valid sample, s; negative if there is none.
     #[inline(always)]
     pub fn age_s(&self) -> f32 {
         self.age_s
     }
 
-    /// Whether [`Observer::position_rad`] is the joint's, and not just a whole number of motor turns off.
+    /// Returns true if [`Observer::position_rad`] is absolute; if false, it is off by whole motor turns.
     #[inline(always)]
     pub fn is_referenced(&self) -> bool {
         self.referenced
     }
 
-    /// Says where the joint is, rad, from now on. Anything not finite is ignored.
+    /// Sets the present joint position, rad. A value that is not finite is ignored.
     pub fn set_position(&mut self, motor: &Motor, position_rad: f32) {
         if position_rad.is_finite() {
             self.origin_rad = 0.0;
@@ -206,13 +206,13 @@ impl Observer {
     }
 }
 
-/// Radians as signed units of 2^-32 turns; saturates, and NaN is 0.
+/// Converts radians to signed units of 2^-32 turns; saturates, and NaN gives 0.
 #[inline(always)]
 fn units(rad: f32) -> i32 {
     rounded(rad * UNITS_PER_RAD)
 }
 
-/// The nearest integer: truncation would be a bias towards rest.
+/// Rounds to the nearest integer: truncation would bias the velocity towards zero.
 #[inline(always)]
 fn rounded(x: f32) -> i32 {
     (x + 0.5f32.copysign(x)) as i32
@@ -229,7 +229,7 @@ mod tests {
         MotorParameters::default().build(PERIOD_S).expect("defaults are legal")
     }
 
-    /// A 14-bit encoder at this motor position, rad (f64: many turns).
+    /// Returns the angle of a 14-bit encoder at this motor position, rad (f64: many turns).
     fn encoder(motor_rad: f64) -> u32 {
         let turns = motor_rad / std::f64::consts::TAU;
         (((turns - turns.floor()) * 16384.0) as u32) << 18
@@ -248,27 +248,27 @@ mod tests {
     }
 
     #[test]
-    fn constant_velocity_and_acceleration_are_followed_over_many_turns() {
+    fn observer_at_constant_acceleration_over_many_turns_has_no_error() {
         let motor = motor();
         let gear = f64::from(1.0 / motor.joint_per_motor);
         let mut observer = Observer::new(&motor);
-        let (velocity, acceleration) = (-6.0, 3.0); // of the joint
+        let (velocity, acceleration) = (-6.0, 3.0); // Of the joint.
         let at = |t: f64| gear * (velocity * t + 0.5 * acceleration * t * t);
         let state = run(&mut observer, &motor, 40_000, at);
         assert_eq!(state, EncoderState::default());
         let t = 40_000.0 * f64::from(PERIOD_S);
         let error = f64::from(observer.position_rad(&motor)) - at(t) / gear;
-        // Floor of the encoder's step: at most one below.
+        // The encoder rounds down, by at most one step.
         assert!(error.abs() < 2e-5, "{error:e}");
         assert!((f64::from(observer.velocity_rad_s(&motor)) - 0.0).abs() < 2e-3);
         assert!((observer.acceleration_rad_s2(&motor) - 3.0).abs() < 0.5);
-        // What is not seen is not believed to go on accelerating.
-        assert!(observer.step(&motor, None).coasting);
+        // Without a sample, the acceleration is not extrapolated.
+        assert!(observer.step(&motor, None).is_coasting);
         assert_eq!(observer.acceleration_rad_s2(&motor), 0.0);
     }
 
     #[test]
-    fn a_step_of_velocity_is_followed_with_the_bandwidth_asked_for() {
+    fn observer_after_velocity_step_responds_with_its_bandwidth() {
         let motor = motor();
         let gear = f64::from(1.0 / motor.joint_per_motor);
         let mut observer = Observer::new(&motor);
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn standing_still_is_still() {
+    fn observer_at_standstill_reports_zero_velocity() {
         let motor = motor();
         let mut observer = Observer::new(&motor);
         run(&mut observer, &motor, 4000, |_| 1.234);
@@ -302,10 +302,10 @@ mod tests {
     }
 
     #[test]
-    fn creeping_below_one_encoder_step_a_second_is_seen() {
+    fn observer_at_very_low_speed_keeps_the_velocity() {
         let motor = motor();
         let mut observer = Observer::new(&motor);
-        // The encoder's finest possible angle: what is lost is lost by the observer.
+        // The finest angle an encoder can have: any loss is that of the observer.
         for k in 0..200_000u32 {
             let t = f64::from(k) * f64::from(PERIOD_S);
             let angle = (1e-4 * t / std::f64::consts::TAU * 4_294_967_296.0) as u32;
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_samples_are_coasted_over_and_too_many_lose_the_rotor() {
+    fn observer_without_samples_coasts_and_then_reports_lost() {
         let motor = motor();
         let gear = f64::from(1.0 / motor.joint_per_motor);
         let at = |t: f64| gear * 4.0 * t;
@@ -329,20 +329,20 @@ mod tests {
         for k in 0..coast {
             t += f64::from(PERIOD_S);
             let state = observer.step(&motor, None);
-            assert!(state.invalid && state.coasting && !state.lost, "{k}: {state:?}");
+            assert!(state.is_invalid && state.is_coasting && !state.is_lost, "{k}: {state:?}");
             assert!((observer.age_s() - (k + 1) as f32 * PERIOD_S).abs() < 1e-6);
             let error = f64::from(observer.position_rad(&motor)) - at(t) / gear;
             assert!(error.abs() < 3e-5, "{k}: {error:e}");
         }
         assert!(observer.is_referenced());
-        let ends = (0..3).map(|_| observer.step(&motor, None)).any(|state| state.lost);
+        let ends = (0..3).map(|_| observer.step(&motor, None)).any(|state| state.is_lost);
         assert!(ends && !observer.is_referenced() && observer.age_s() < 0.0);
-        // Found again: lost until settled, then right but for whole turns of the motor.
+        // After the encoder returns: lost until settled, then correct except for whole motor turns.
         let mut cycles = 0;
         loop {
             t += f64::from(PERIOD_S);
             let state = observer.step(&motor, Some(encoder(at(t))));
-            if !state.lost {
+            if !state.is_lost {
                 break;
             }
             cycles += 1;
@@ -354,20 +354,20 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_no_shaft_makes_is_not_believed() {
+    fn observer_with_implausible_jump_discards_the_sample() {
         let motor = motor();
         let mut observer = Observer::new(&motor);
         run(&mut observer, &motor, 2000, |_| 0.5);
         let before = observer.angle();
         let state = observer.step(&motor, Some(encoder(0.5 + 1.0)));
-        assert!(state.implausible && state.coasting && !state.invalid && !state.lost);
+        assert!(state.is_implausible && state.is_coasting && !state.is_invalid && !state.is_lost);
         assert_eq!(observer.angle(), before);
         let state = observer.step(&motor, Some(encoder(0.5)));
         assert_eq!(state, EncoderState::default());
     }
 
     #[test]
-    fn a_home_position_is_kept_through_turns() {
+    fn observer_with_home_position_keeps_it_over_turns() {
         let motor = motor();
         let gear = f64::from(1.0 / motor.joint_per_motor);
         let mut observer = Observer::new(&motor);
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn radians_meet_binary_angles() {
+    fn units_of_radians_match_binary_angle() {
         assert_eq!(units(f32::NAN), 0);
         assert_eq!(units(1e-3), binary_angle(1e-3) as i32);
     }

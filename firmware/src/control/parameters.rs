@@ -1,27 +1,27 @@
-//! The motor's and loop's parameters: written, validated, built for a period.
+//! Parameters of the motor and the loop: written, validated, built for a period.
 //!
-//! [`MotorParameters`] is what a person writes and a record or the object dictionary holds: plain `f32`
-//! fields in SI units, named once in [`MotorParameters::NAMES`]. [`MotorParameters::validate`] names the
-//! first field refused, with its bound and why. [`MotorParameters::build`] makes a [`Motor`] for a sample
-//! period: immutable, swapped whole at a cycle boundary ([`super::CurrentLoop::swap`]).
+//! [`MotorParameters`] is the written form, in a record or in the object dictionary: `f32` fields in SI units,
+//! named in [`MotorParameters::NAMES`]. [`MotorParameters::validate`] names the first field refused, with its
+//! bound and the reason. [`MotorParameters::build`] makes a [`Motor`] for a sample period. A [`Motor`] is
+//! immutable and swapped whole between two cycles ([`super::CurrentLoop::swap`]).
 //!
-//! Electrical quantities are those of one phase to the star point, current is the peak of a phase.
+//! Electrical quantities are from one phase to the star point; currents are phase peaks.
 
 use super::pi::{BANDWIDTH_SHARE_MAX, Gains, one_minus_exp};
-use super::space_vector::CIRCLE;
+use super::space_vector::MAX_VECTOR_PER_BUS_V;
 use super::transform::{UNITS_PER_RAD, binary_angle};
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::{Bound, ParameterError, check_ranges};
 use core::f32::consts::TAU;
 
 compensator_core::named_fields! {
-    /// What a person writes.
+    /// Parameters of the motor as they are written.
     pub struct MotorParameters {
         /// Pole pairs, a whole number.
         pole_pairs: f32 = 7.0, 1.0..=64.0, "a motor has at least one pair of poles";
-        /// Turns of the motor in one of the joint.
+        /// Motor turns per joint turn.
         gear_ratio: f32 = 51.0, 0.01..=1e4, "turns of the motor in one of the joint";
-        /// 1, or -1 where a positive turn of the motor moves the joint towards negative position.
+        /// 1, or -1 if a positive turn of the motor moves the joint towards negative position.
         joint_direction: f32 = 1.0, -1.0..=1.0, "1 or -1";
         /// Resistance of a phase, ohm.
         resistance_ohm: f32 = 0.12, 1e-4..=1e3, "a winding has resistance";
@@ -29,60 +29,60 @@ compensator_core::named_fields! {
         inductance_d_h: f32 = 90e-6, 1e-7..=1.0, "a winding has inductance";
         /// Inductance across the magnet, H.
         inductance_q_h: f32 = 90e-6, 1e-7..=1.0, "a winding has inductance";
-        /// The motor's torque per q current, Nm/A, without gear.
+        /// Torque of the motor per q current, Nm/A, without gear.
         torque_constant_nm_per_a: f32 = 0.0196, 1e-6..=1e3, "a magnet makes torque";
         /// Bandwidth of the current controllers, Hz.
         current_bandwidth_hz: f32 = 800.0, 1.0..=50e3, "a bandwidth";
         /// Bandwidth of the observer (its triple pole), Hz.
         observer_bandwidth_hz: f32 = 100.0, 0.1..=10e3, "a bandwidth";
-        /// Largest current asked for, A.
-        current_limit_a: f32 = 26.0, 0.0..=1e4, "a limit is a size";
+        /// Maximum current set-point, A.
+        current_limit_a: f32 = 26.0, 0.0..=1e4, "a limit is not negative";
         /// Phase current at which the bridge opens, A.
-        overcurrent_a: f32 = 40.0, 0.0..=2e4, "a limit is a size";
+        overcurrent_a: f32 = 40.0, 0.0..=2e4, "a limit is not negative";
         /// Bus voltage below which the bridge stays open, V.
         bus_voltage_min_v: f32 = 18.0, 1.0..=1e3, "duties are voltage over this";
         /// Bus voltage above which the bridge stays open, V.
         bus_voltage_max_v: f32 = 56.0, 1.0..=1e3, "a voltage";
-        /// Share of the longest undistorted voltage vector in use; the rest is time for the shunts to settle.
+        /// Share of the longest undistorted voltage vector in use; the rest leaves the shunts time to settle.
         modulation_max: f32 = 0.95, 0.05..=1.0, "beyond 1 the bridge distorts";
         /// Encoder angle at which the magnet lies along phase a, rad of the motor.
         encoder_offset_rad: f32 = 0.0, -6.3..=6.3, "within a turn";
-        /// 1, or -1 where the encoder counts down when phases a, b, c follow each other.
+        /// 1, or -1 if the encoder counts down in the phase sequence a, b, c.
         encoder_direction: f32 = 1.0, -1.0..=1.0, "1 or -1";
-        /// How old the encoder's angle is when the currents are sampled, s.
+        /// Age of the encoder angle at the time the currents are sampled, s.
         encoder_delay_s: f32 = 0.0, 0.0..=1e-3, "a short time";
-        /// How long a missing encoder is coasted over, s.
+        /// Maximum time without an encoder sample before the rotor is lost, s.
         encoder_coast_s: f32 = 0.002, 0.0..=0.02, "a rotor is not known for longer";
-        /// Largest speed of the joint that is believed, rad/s.
+        /// Maximum plausible joint velocity, rad/s.
         velocity_max_rad_s: f32 = 12.0, 1e-3..=1e4, "the joint must move";
-        /// Age at which a set-point no longer counts, s.
-        setpoint_timeout_s: f32 = 0.1, 1e-4..=0.1, "a joint must not run on without being told";
-        /// Inertia at the joint, rotor and gear included, kg m^2; 0 where it is not known.
+        /// Age at which a set-point becomes stale, s.
+        setpoint_timeout_s: f32 = 0.1, 1e-4..=0.1, "a joint must stop without new set-points";
+        /// Inertia at the joint, rotor and gear included, kg m^2; 0 if unknown.
         inertia_kg_m2: f32 = 0.0, 0.0..=1e4, "an inertia";
-        /// Current of the velocity loop per velocity it is short of, A s/rad.
+        /// Proportional gain of the velocity loop, A s/rad.
         velocity_gain_a_s_per_rad: f32 = 3.0, 1e-3..=1e4, "a loop acts against its error";
-        /// Time the velocity loop's integral takes to come to as much, s.
-        velocity_integral_s: f32 = 0.1, 1e-2..=1e3, "a loop a millisecond late is not faster";
-        /// Largest acceleration of the velocity loop's reference, rad/s^2.
+        /// Integral time of the velocity loop, s.
+        velocity_integral_s: f32 = 0.1, 1e-2..=1e3, "the loop has a delay of a millisecond";
+        /// Maximum acceleration of the velocity loop's reference, rad/s^2.
         acceleration_max_rad_s2: f32 = 50.0, 1e-2..=1e5, "the joint must move";
     }
-    /// A 48 V motor of seven pole pairs behind a gear of 51, 1 Nm/A at the joint.
+    /// Defaults: a 48 V motor with seven pole pairs and a gear ratio of 51, 1 Nm/A at the joint.
 }
 
-/// Shortest and longest period, s.
+/// Range of the period, s.
 const PERIOD_RANGE_S: (f32, f32) = (2e-6, 2e-3);
 
-/// Farthest the magnet may turn in a period, rad: beyond, a voltage vector held for a period is no longer
-/// near where it was meant to be.
+/// Maximum electrical angle per period, rad. Beyond it, a voltage vector that is held for a period points too
+/// far from its intended direction.
 const TURN_MAX_RAD: f32 = 0.6;
 
-/// How far an encoder's angle may lie from the shaft's, rad of the motor.
+/// Maximum error of an encoder angle, rad of the motor.
 const ENCODER_ERROR_RAD: f32 = 0.02;
 
-/// Overcurrent must lie above the limit by this: the current overshoots, and sensors are noisy.
+/// Ratio of the overcurrent to the current limit, minimum: the current overshoots, and sensors are noisy.
 const OVERCURRENT_MARGIN: f32 = 1.1;
 
-/// Time constants of the triple pole until a start has settled to 1 %.
+/// Settling time after a start, in time constants of the triple pole: 1 % is left.
 const SETTLE_TIME_CONSTANTS: f32 = 12.0;
 
 fn refuse(
@@ -95,10 +95,10 @@ fn refuse(
 }
 
 impl MotorParameters {
-    /// Checks every field, and those that bound each other.
+    /// Checks every field, and the fields that bound each other.
     ///
     /// # Errors
-    /// Names the first field refused, its value, the bound it broke and why the bound is there.
+    /// Names the first field refused, its value, the bound it broke and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
         check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
         if self.pole_pairs != self.pole_pairs as u32 as f32 {
@@ -125,8 +125,8 @@ impl MotorParameters {
         Ok(())
     }
 
-    /// Checks that motor, gear and compensator tell the same story: the joint's torque constant is the
-    /// motor's times the gear ratio, less what the gear loses (at most 80 %) and with 10 % for tolerances.
+    /// Checks that motor, gear and compensator agree: the joint's torque constant is the motor's times the gear
+    /// ratio, less the gear losses (at most 80 %), with a tolerance of 10 %.
     ///
     /// # Errors
     /// Names the compensator's torque constant and the bound it broke.
@@ -146,8 +146,8 @@ impl MotorParameters {
     /// Validates the parameters and builds the loop's coefficients for a period in s.
     ///
     /// # Errors
-    /// As [`MotorParameters::validate`]; also if the period is not within 2 us..2 ms, or a bandwidth
-    /// or speed is too high for it.
+    /// As [`MotorParameters::validate`]; also if the period is not within 2 us..2 ms, or if a bandwidth or speed
+    /// is too high for it.
     pub fn build(&self, period_s: f32) -> Result<Motor, ParameterError> {
         self.validate()?;
         let (shortest, longest) = PERIOD_RANGE_S;
@@ -181,9 +181,9 @@ impl MotorParameters {
             pole_pairs_f32: self.pole_pairs,
             joint_per_motor: self.joint_direction / self.gear_ratio,
             joint_direction: self.joint_direction,
-            turns_do_not_matter: self.gear_ratio == 1.0,
-            d: Gains::cancelling(r, self.inductance_d_h, bandwidth, period_s),
-            q: Gains::cancelling(r, self.inductance_q_h, bandwidth, period_s),
+            is_direct_drive: self.gear_ratio == 1.0,
+            d: Gains::with_pole_cancellation(r, self.inductance_d_h, bandwidth, period_s),
+            q: Gains::with_pole_cancellation(r, self.inductance_q_h, bandwidth, period_s),
             inductance_d_h: self.inductance_d_h,
             inductance_q_h: self.inductance_q_h,
             flux_vs,
@@ -192,9 +192,10 @@ impl MotorParameters {
             overcurrent_a: self.overcurrent_a,
             bus_min_v: self.bus_voltage_min_v,
             bus_max_v: self.bus_voltage_max_v,
-            bus_brakes_to_v: BRAKES_TO * self.bus_voltage_max_v,
-            braking_per_v: 1.0 / ((BRAKES_TO - BRAKES_FROM) * self.bus_voltage_max_v),
-            radius_per_bus: CIRCLE * self.modulation_max,
+            braking_end_v: BRAKING_DERATE_END * self.bus_voltage_max_v,
+            braking_per_v: 1.0
+                / ((BRAKING_DERATE_END - BRAKING_DERATE_START) * self.bus_voltage_max_v),
+            radius_per_bus: MAX_VECTOR_PER_BUS_V * self.modulation_max,
             encoder_offset: binary_angle(self.encoder_offset_rad),
             encoder_reversed: self.encoder_direction < 0.0,
             park_units: self.encoder_delay_s * UNITS_PER_RAD,
@@ -206,24 +207,24 @@ impl MotorParameters {
     }
 }
 
-/// Shares of the largest bus voltage between which braking is taken back to nothing: what brakes feeds the bus.
-const BRAKES_FROM: f32 = 0.94;
-const BRAKES_TO: f32 = 0.99;
+/// Shares of the maximum bus voltage between which braking is reduced to zero, because braking charges the bus.
+const BRAKING_DERATE_START: f32 = 0.94;
+const BRAKING_DERATE_END: f32 = 0.99;
 
-/// The duties found now act through the next period; their middle is this many periods away.
+/// Delay from the sample to the middle of the period in which the duties act, in periods.
 const DRIVE_DELAY_PERIODS: f32 = 1.5;
 
-/// The parameters built for a period; immutable.
+/// Parameters of the motor built for a period; immutable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motor {
     pub(super) period_s: f32,
     pub(super) pole_pairs: u32,
     pub(super) pole_pairs_f32: f32,
-    /// Signed: the direction is in it.
+    /// Includes the sign of the direction.
     pub(super) joint_per_motor: f32,
     pub(super) joint_direction: f32,
-    /// Direct drive: a whole turn of the motor is one of the joint.
-    pub(super) turns_do_not_matter: bool,
+    /// Direct drive: one motor turn is one joint turn.
+    pub(super) is_direct_drive: bool,
     pub(super) d: Gains,
     pub(super) q: Gains,
     pub(super) inductance_d_h: f32,
@@ -235,16 +236,18 @@ pub struct Motor {
     pub(super) overcurrent_a: f32,
     pub(super) bus_min_v: f32,
     pub(super) bus_max_v: f32,
-    /// Bus voltage at which nothing brakes any more, V, and share of the braking that a volt below it leaves.
-    pub(super) bus_brakes_to_v: f32,
+    /// Bus voltage at which braking is reduced to zero, V, and the share of the braking regained per volt below
+    /// it.
+    pub(super) braking_end_v: f32,
     pub(super) braking_per_v: f32,
-    /// Longest voltage vector in use, per bus voltage.
+    /// Length of the longest voltage vector in use, per bus voltage.
     pub(super) radius_per_bus: f32,
     pub(super) encoder_offset: u32,
     pub(super) encoder_reversed: bool,
-    /// Binary angle of the motor per rad/s, from the encoder's sample to that of the currents...
+    /// Binary angle of the motor per rad/s, from the encoder sample to the current sample.
     pub(super) park_units: f32,
-    /// ... and to the middle of the period the duties act in.
+    /// Binary angle of the motor per rad/s, from the encoder sample to the middle of the period in which the
+    /// duties act.
     pub(super) drive_units: f32,
     pub(super) velocity_max_rad_s: f32,
     pub(super) setpoint_timeout_s: f32,
@@ -252,27 +255,27 @@ pub struct Motor {
 }
 
 impl Motor {
-    /// The period the loop was built for, s.
+    /// Returns the period for which the loop was built, s.
     pub fn period_s(&self) -> f32 {
         self.period_s
     }
 
-    /// The rotor's mechanical angle from the electrical zero, for an encoder's angle.
+    /// Returns the rotor's mechanical angle from the electrical zero, for an encoder angle.
     #[inline(always)]
     pub fn rotor_angle(&self, encoder: u32) -> u32 {
         let angle = encoder.wrapping_sub(self.encoder_offset);
         if self.encoder_reversed { angle.wrapping_neg() } else { angle }
     }
 
-    /// Whether an observer that ran with `other` may go on with this: the angle means the same.
-    pub(super) fn same_shaft(&self, other: &Self) -> bool {
+    /// Returns true if an observer that ran with `other` stays valid: the angle has the same meaning.
+    pub(super) fn has_same_shaft(&self, other: &Self) -> bool {
         self.encoder_offset == other.encoder_offset
             && self.encoder_reversed == other.encoder_reversed
             && self.joint_per_motor == other.joint_per_motor
     }
 }
 
-/// The observer's coefficients, see [`super::observer`].
+/// Coefficients of the observer, see [`super::observer`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObserverGains {
     pub(super) period_s: f32,
@@ -283,7 +286,7 @@ pub struct ObserverGains {
     /// `2 k / T^2`.
     pub(super) acceleration_per_s2: f32,
     pub(super) coast_s: f32,
-    /// Binary angle the motor can turn in a second, and what an encoder may err by.
+    /// Maximum binary angle per second of the motor, and the maximum encoder error.
     pub(super) units_per_s: f32,
     pub(super) jump_units: f32,
     /// Cycles until a start has settled.
@@ -293,7 +296,7 @@ pub struct ObserverGains {
 impl ObserverGains {
     fn new(written: &MotorParameters, motor_velocity_max: f32, period_s: f32) -> Self {
         let rate = TAU * written.observer_bandwidth_hz;
-        // 1 - z, without the cancellation.
+        // 1 - z, computed without cancellation.
         let y = one_minus_exp(rate * period_s);
         let z = 1.0 - y;
         let settle = SETTLE_TIME_CONSTANTS / (rate * period_s);
@@ -302,7 +305,7 @@ impl ObserverGains {
             angle: y * (1.0 + z + z * z),
             velocity_per_s: 1.5 * y * y * (1.0 + z) / period_s,
             acceleration_per_s2: y * y * y / (period_s * period_s),
-            // Half a period more, so that rounding does not take one from the last cycle.
+            // Half a period is added so that rounding does not remove the last cycle.
             coast_s: written.encoder_coast_s + 0.5 * period_s,
             units_per_s: 1.25 * motor_velocity_max * UNITS_PER_RAD,
             jump_units: ENCODER_ERROR_RAD * UNITS_PER_RAD,

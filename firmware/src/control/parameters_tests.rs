@@ -1,4 +1,4 @@
-//! Every field is refused by its name, and what is accepted builds finite coefficients.
+//! Every field is refused by its name. Accepted parameters build finite coefficients.
 
 use super::*;
 use crate::control::PERIOD_S;
@@ -11,7 +11,7 @@ fn with(field: &str, value: f32) -> MotorParameters {
 }
 
 #[test]
-fn defaults_are_legal_and_agree_with_the_default_joint() {
+fn validate_with_defaults_returns_ok() {
     let parameters = MotorParameters::default();
     assert_eq!(parameters.validate(), Ok(()));
     assert_eq!(parameters.validate_with(&CompensatorParameters::default()), Ok(()));
@@ -19,7 +19,7 @@ fn defaults_are_legal_and_agree_with_the_default_joint() {
 }
 
 #[test]
-fn every_field_is_refused_by_its_name_beyond_its_range() {
+fn validate_with_field_out_of_range_names_the_field() {
     for (field, (least, most, why)) in MotorParameters::NAMES.iter().zip(&MotorParameters::RANGES) {
         let below = least - least.abs().max(1e-3);
         let above = most + most.abs().max(1e-3);
@@ -36,7 +36,7 @@ fn every_field_is_refused_by_its_name_beyond_its_range() {
 }
 
 #[test]
-fn fields_that_bound_each_other_are_refused_with_the_bound() {
+fn validate_with_inconsistent_fields_returns_the_bound() {
     for (field, value, bound) in [
         ("pole_pairs", 6.5, Bound::Whole),
         ("joint_direction", 0.5, Bound::AtLeast(1.0)),
@@ -50,7 +50,7 @@ fn fields_that_bound_each_other_are_refused_with_the_bound() {
 }
 
 #[test]
-fn what_the_period_is_too_long_for_is_refused() {
+fn build_with_period_out_of_range_returns_error() {
     for (field, value) in [
         ("current_bandwidth_hz", 1001.0),
         ("observer_bandwidth_hz", 1001.0),
@@ -67,7 +67,7 @@ fn what_the_period_is_too_long_for_is_refused() {
 }
 
 #[test]
-fn a_torque_constant_that_does_not_fit_the_gear_is_refused() {
+fn validate_with_inconsistent_torque_constant_returns_error() {
     let parameters = MotorParameters::default();
     for constant in [0.1, 1.2, f32::NAN] {
         let joint = CompensatorParameters {
@@ -80,14 +80,14 @@ fn a_torque_constant_that_does_not_fit_the_gear_is_refused() {
 }
 
 #[test]
-fn fields_survive_the_array() {
+fn array_round_trip_keeps_fields() {
     let parameters = with("encoder_delay_s", 3e-6);
     assert_eq!(MotorParameters::from_array(parameters.to_array()), parameters);
     assert_eq!(parameters.encoder_delay_s, 3e-6);
 }
 
 #[test]
-fn the_encoder_is_counted_from_its_zero_in_its_direction() {
+fn rotor_angle_applies_encoder_offset_and_direction() {
     let quarter = 1u32 << 30;
     let ahead = with("encoder_offset_rad", core::f32::consts::FRAC_PI_2);
     let built = ahead.build(PERIOD_S).expect("legal");
@@ -99,11 +99,11 @@ fn the_encoder_is_counted_from_its_zero_in_its_direction() {
 
 proptest::proptest! {
     #[test]
-    fn whatever_is_accepted_builds_finite_gains(
+    fn build_with_accepted_parameters_gives_finite_gains(
         fields in proptest::array::uniform21(0.0f32..1.0),
         period in -5.5f32..-2.8,
     ) {
-        // Each field anywhere in its range, on a logarithmic scale where it spans decades.
+        // Each field is drawn from its range, on a logarithmic scale if it spans decades.
         let mut written = [0.0; MotorParameters::FIELDS];
         for ((slot, share), (least, most, _)) in
             written.iter_mut().zip(fields).zip(&MotorParameters::RANGES)

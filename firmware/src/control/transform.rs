@@ -1,18 +1,18 @@
-//! Clarke and Park: three phase currents seen from the stator and from the rotor.
+//! Clarke and Park transforms of three phase currents.
 //!
-//! *Clarke*, amplitude-invariant (a phase current of peak `I` gives a vector of length `I`):
-//! `alpha = (2 a - b - c) / 3`, `beta = (b - c) / sqrt 3`. With two shunts the third current is minus
-//! the sum of the others. *Park* turns the vector back by the electrical angle: `d = alpha cos + beta
-//! sin`, `q = beta cos - alpha sin`; d lies along the magnet, q makes the torque.
+//! *Clarke*, amplitude-invariant (a phase current of peak `I` gives a vector of length `I`): `alpha = (2 a - b -
+//! c) / 3`, `beta = (b - c) / sqrt 3`. With two shunts the third current is minus the sum of the others. *Park*
+//! rotates the vector back by the electrical angle: `d = alpha cos + beta sin`, `q = beta cos - alpha sin`. The
+//! d axis lies along the magnet; the q current makes the torque.
 //!
-//! Angles are binary, 2^32 for a turn, and exact. Sine and cosine are micromath's, whose largest error
-//! over the whole turn, measured here, is 1.091e-3: the vector is turned wrong by at most 1.1 mrad and
-//! its length by at most 0.11 %, which costs 1e-6 of the torque and less than the current sensors do.
+//! Angles are binary, 2^32 for a turn, and exact. Sine and cosine come from micromath, with a largest error of
+//! 1.091e-3 over the whole turn (see the tests). The vector is rotated by at most 1.1 mrad too far and its
+//! length is off by at most 0.11 %. This costs 1e-6 of the torque, less than the current sensors do.
 
 use core::f32::consts::TAU;
 use micromath::F32Ext;
 
-/// Largest error of [`Rotation`]'s sine and cosine, measured (see the tests).
+/// Maximum error of the sine and cosine of [`Rotation`], measured in the tests.
 pub const SINE_ERROR: f32 = 1.1e-3;
 
 /// A quarter of a turn.
@@ -24,7 +24,7 @@ pub const RAD_PER_UNIT: f32 = TAU / 4_294_967_296.0;
 /// Units of a binary angle in a radian.
 pub const UNITS_PER_RAD: f32 = 4_294_967_296.0 / TAU;
 
-/// A vector seen from the stator; phase a lies along alpha.
+/// A vector in the stator frame; phase a lies along alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stationary {
     /// Along phase a.
@@ -33,7 +33,7 @@ pub struct Stationary {
     pub beta: f32,
 }
 
-/// A vector seen from the rotor.
+/// A vector in the rotor frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rotating {
     /// Along the magnet.
@@ -42,14 +42,14 @@ pub struct Rotating {
     pub q: f32,
 }
 
-/// Phases to a vector, all three measured.
+/// Transforms three measured phases to a vector.
 #[inline(always)]
 pub fn clarke([a, b, c]: [f32; 3]) -> Stationary {
     const INVERSE_ROOT_3: f32 = 0.577_350_26;
     Stationary { alpha: (2.0 * a - b - c) * (1.0 / 3.0), beta: (b - c) * INVERSE_ROOT_3 }
 }
 
-/// A vector to phases that sum to 0.
+/// Transforms a vector to phases that sum to 0.
 #[inline(always)]
 pub fn inverse_clarke(vector: Stationary) -> [f32; 3] {
     const HALF_ROOT_3: f32 = 0.866_025_4;
@@ -58,7 +58,7 @@ pub fn inverse_clarke(vector: Stationary) -> [f32; 3] {
     [vector.alpha, half + side, half - side]
 }
 
-/// A rotor's attitude.
+/// A rotation by an electrical angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotation {
     sine: f32,
@@ -66,15 +66,15 @@ pub struct Rotation {
 }
 
 impl Rotation {
-    /// The attitude at a binary electrical angle.
+    /// Creates the rotation of a binary electrical angle.
     #[inline(always)]
     pub fn at(angle: u32) -> Self {
-        // Signed, so that the float keeps its resolution near 0.
+        // The signed angle keeps the resolution of the float near 0.
         let cosine = |angle: u32| F32Ext::cos(angle as i32 as f32 * RAD_PER_UNIT);
         Self { sine: cosine(angle.wrapping_sub(QUARTER)), cosine: cosine(angle) }
     }
 
-    /// Stator to rotor.
+    /// Transforms from the stator to the rotor frame.
     #[inline(always)]
     pub fn park(self, v: Stationary) -> Rotating {
         Rotating {
@@ -83,7 +83,7 @@ impl Rotation {
         }
     }
 
-    /// Rotor to stator.
+    /// Transforms from the rotor to the stator frame.
     #[inline(always)]
     pub fn inverse_park(self, v: Rotating) -> Stationary {
         Stationary {
@@ -93,12 +93,12 @@ impl Rotation {
     }
 }
 
-/// Square root, to 5e-6 of the value; 0 for 0, what is negative and NaN.
+/// Returns the square root, to 5e-6 of the value; 0 for 0, negative values and NaN.
 ///
-/// micromath's own is within 4 % only; its inverse root and two steps of Newton, `y (1.5 - x y^2 / 2)`,
-/// need no division, and the FPU's `vsqrt` is out of reach without the platform's maths library.
+/// The square root of micromath has an error of 4 %. Its inverse square root and two Newton steps, `y (1.5 - x
+/// y^2 / 2)`, need no division. The FPU's `vsqrt` is not available without the platform's maths library.
 #[inline(always)]
-pub fn root(x: f32) -> f32 {
+pub fn square_root(x: f32) -> f32 {
     if x > 0.0 && x < f32::MAX {
         let mut y = F32Ext::invsqrt(x);
         for _ in 0..2 {
@@ -110,10 +110,10 @@ pub fn root(x: f32) -> f32 {
     }
 }
 
-/// A binary angle for radians; anything not finite gives 0.
+/// Converts radians to a binary angle; a value that is not finite gives 0.
 #[inline(always)]
 pub fn binary_angle(rad: f32) -> u32 {
-    // Beyond half a turn the conversion would saturate: whole turns go first.
+    // Beyond half a turn the conversion would saturate, so whole turns are removed first.
     let turns = rad * (1.0 / TAU);
     let share = turns - F32Ext::floor(turns);
     if share.is_finite() { (share * 4_294_967_296.0) as u32 } else { 0 }
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn sine_and_cosine_err_by_no_more_than_stated_and_by_no_less() {
+    fn rotation_sine_error_is_as_stated() {
         let worst = angles().fold(0.0f64, |worst, (binary, angle)| {
             let r = Rotation::at(binary);
             worst
@@ -141,10 +141,10 @@ mod tests {
     }
 
     #[test]
-    fn a_balanced_current_is_a_vector_of_its_amplitude_on_the_q_axis() {
+    fn park_of_balanced_currents_gives_their_amplitude_on_q() {
         for (binary, angle) in angles().step_by(97) {
             let third = std::f64::consts::TAU / 3.0;
-            // Current a quarter turn ahead of the magnet.
+            // The current leads the magnet by a quarter turn.
             let phase = |shift: f64| (-8.0 * (angle - shift).sin()) as f32;
             let seen = Rotation::at(binary).park(clarke([phase(0.0), phase(third), phase(-third)]));
             assert!((seen.q - 8.0).abs() < 0.011, "{seen:?}");
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn both_transforms_turn_back() {
+    fn inverse_transforms_restore_the_vector() {
         for (binary, _) in angles().step_by(31) {
             let v = Rotating { d: -1.5, q: 3.0 };
             let turned = Rotation::at(binary);
@@ -163,19 +163,19 @@ mod tests {
     }
 
     #[test]
-    fn roots_are_within_5e_6_and_nonsense_is_0() {
+    fn square_root_is_within_5e_6_and_0_for_invalid_input() {
         for exponent in -60..60 {
             let x = 1.37f32.powi(exponent);
-            let error = (root(x) / x.sqrt() - 1.0).abs();
+            let error = (square_root(x) / x.sqrt() - 1.0).abs();
             assert!(error < 5e-6, "{x}: {error:e}");
         }
         for x in [0.0, -0.0, -1.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            assert_eq!(root(x), 0.0);
+            assert_eq!(square_root(x), 0.0);
         }
     }
 
     #[test]
-    fn radians_become_binary_angles() {
+    fn binary_angle_of_radians_wraps() {
         use std::f32::consts::PI;
         for (rad, turns) in [(0.0, 0.0), (PI, 0.5), (-PI / 2.0, 0.75), (5.0 * PI, 0.5)] {
             let error = binary_angle(rad).wrapping_sub((turns * 4_294_967_296.0) as u32) as i32;

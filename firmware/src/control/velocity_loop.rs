@@ -1,32 +1,34 @@
-//! The velocity loop above the current loop: once a millisecond, in the background, on what the loop reported.
+//! The velocity loop above the current loop: one step per report of the current loop, in the background.
 //!
 //! ```text
 //! reference' = reference moved towards the target by at most  acceleration_max dt
-//! current    = J reference'/kt + gain (reference - velocity) + integral,  held to the limit
-//! integral'  = gain (reference - velocity) / integral_s,  not further into the limit
+//! current    = J reference'/kt + gain (reference - velocity) + integral,  limited
+//! integral'  = gain (reference - velocity) / integral_s,  not while limited
 //! ```
-//! Friction is not its business: the reference goes along with the current, and the compensator adds what that speed takes, in
-//! the interrupt and before the limits. So what the loop is left with is inertia, load and what the model does not know.
-//! Current and velocity are a millisecond old each: with 100 Hz of observer a crossover of 10 Hz is left half of its phase.
+//! The velocity loop does not model friction. Its reference goes to the compensator with the current, and the
+//! compensator adds the friction current of that speed in the interrupt, before the limits. The velocity loop
+//! handles inertia, load and model errors. Current and velocity are delayed by 1 ms each. With an observer of
+//! 100 Hz, a crossover at 10 Hz keeps half of its phase margin.
 
 use super::parameters::MotorParameters;
 use super::space_vector::clamp;
 
-/// The loop's numbers, built from what a person writes.
+/// Gains of the velocity loop, built from the written parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VelocityGains {
-    /// A per rad/s.
+    /// Proportional gain, A per rad/s.
     gain: f32,
-    /// Change of the integral per error and step, A per rad/s.
+    /// Integral gain per step, A per rad/s.
     integral: f32,
-    /// A per step's change of the reference, rad/s.
+    /// Feed-forward of the inertia: A per change of the reference in a step, rad/s.
     inertia: f32,
-    /// Largest change of the reference in a step, rad/s.
+    /// Maximum change of the reference in a step, rad/s.
     slew_rad_s: f32,
 }
 
 impl VelocityGains {
-    /// For steps of so many seconds; parameters as validated, joint torque per current in Nm/A.
+    /// Builds the gains for a step of `period_s`. Parameters must be validated; joint torque per current is in
+    /// Nm/A.
     pub fn build(motor: &MotorParameters, torque_constant_nm_per_a: f32, period_s: f32) -> Self {
         let gain = motor.velocity_gain_a_s_per_rad;
         Self {
@@ -38,16 +40,16 @@ impl VelocityGains {
     }
 }
 
-/// What a step asks of the current loop.
+/// Command of a step to the current loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct VelocityOrder {
+pub struct VelocityCommand {
     /// Current before compensation, A.
     pub current_a: f32,
-    /// Velocity the joint is meant to have now, rad/s.
+    /// Reference velocity, rad/s.
     pub reference_rad_s: f32,
 }
 
-/// The loop's state.
+/// State of the velocity loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VelocityLoop {
     reference_rad_s: f32,
@@ -55,14 +57,14 @@ pub struct VelocityLoop {
 }
 
 impl VelocityLoop {
-    /// A loop that takes over a joint that moves so fast, rad/s, under no current.
+    /// Creates a loop that starts at a joint velocity, rad/s, with zero current.
     pub fn begin(velocity_rad_s: f32) -> Self {
         let reference_rad_s = if velocity_rad_s.is_finite() { velocity_rad_s } else { 0.0 };
         Self { reference_rad_s, integral_a: 0.0 }
     }
 
-    /// A step towards a target, rad/s, at a velocity, rad/s; current within `limit_a` to either side. A velocity that is not
-    /// known makes no current.
+    /// Runs a step towards a target, rad/s, at a velocity, rad/s. The current is limited to `+-limit_a`. If
+    /// target or velocity is not finite, the current is 0.
     #[must_use]
     pub fn step(
         &mut self,
@@ -70,28 +72,29 @@ impl VelocityLoop {
         target_rad_s: f32,
         velocity_rad_s: f32,
         limit_a: f32,
-    ) -> VelocityOrder {
+    ) -> VelocityCommand {
         if !(target_rad_s.is_finite() && velocity_rad_s.is_finite()) {
-            return VelocityOrder { current_a: 0.0, reference_rad_s: self.reference_rad_s };
+            return VelocityCommand { current_a: 0.0, reference_rad_s: self.reference_rad_s };
         }
         let change = clamp(target_rad_s - self.reference_rad_s, gains.slew_rad_s);
         self.reference_rad_s += change;
         let error = self.reference_rad_s - velocity_rad_s;
-        let wanted_a = gains.inertia * change + gains.gain * error + self.integral_a;
-        let current_a = clamp(wanted_a, limit_a);
-        if current_a == wanted_a || (wanted_a > 0.0) != (error > 0.0) {
+        let demand_a = gains.inertia * change + gains.gain * error + self.integral_a;
+        let current_a = clamp(demand_a, limit_a);
+        if current_a == demand_a || (demand_a > 0.0) != (error > 0.0) {
             self.integral_a = clamp(self.integral_a + gains.integral * error, limit_a);
         }
-        VelocityOrder { current_a, reference_rad_s: self.reference_rad_s }
+        VelocityCommand { current_a, reference_rad_s: self.reference_rad_s }
     }
 
-    /// An order of this current at the reference it has, A.
-    pub const fn order(&self, current_a: f32) -> VelocityOrder {
-        VelocityOrder { current_a, reference_rad_s: self.reference_rad_s }
+    /// Returns a command with this current, A, at the present reference.
+    pub const fn command(&self, current_a: f32) -> VelocityCommand {
+        VelocityCommand { current_a, reference_rad_s: self.reference_rad_s }
     }
 
-    /// What holds against friction one way holds against it the other way with its sign turned: for a run that knows no model
-    /// and reverses, at the moment its reference does.
+    /// Inverts the integral. The integral that holds the joint against friction in one direction fits the other
+    /// direction with opposite sign. A friction run calls this when its reference reverses, because no model
+    /// supplies the friction.
     pub fn turn_integral(&mut self) {
         self.integral_a = -self.integral_a;
     }
@@ -109,15 +112,15 @@ mod tests {
         VelocityGains::build(&motor, 1.0, DT)
     }
 
-    /// Seconds of a joint under Coulomb friction, seen two steps late, by a loop that takes it for 0.12 kg m^2; its last
-    /// velocity and the largest.
+    /// Simulates a joint with Coulomb friction, measured two steps late, under a loop tuned for 0.12 kg m^2.
+    /// Returns the last and the largest velocity.
     fn follow(target: f32, friction_nm: f32, inertia: f32, seconds: f32) -> (f32, f32) {
         let (mut control, gains) = (VelocityLoop::begin(0.0), gains());
         let (mut velocity, mut seen, mut most) = (0.0f32, [0.0f32; 2], 0.0f32);
         for _ in 0..(seconds / DT) as u32 {
-            let order = control.step(&gains, target, seen[1], LIMIT_A);
+            let command = control.step(&gains, target, seen[1], LIMIT_A);
             seen = [velocity, seen[0]];
-            let driven = velocity + DT / inertia * order.current_a;
+            let driven = velocity + DT / inertia * command.current_a;
             let taken = DT / inertia * friction_nm;
             velocity = driven - driven.clamp(-taken, taken);
             most = most.max(velocity);
@@ -126,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn it_reaches_its_target_with_friction_and_with_another_inertia() {
+    fn velocity_loop_with_friction_and_wrong_inertia_reaches_its_target() {
         for inertia in [0.04, 0.12, 0.36] {
             for friction_nm in [0.0, 3.0] {
                 let (velocity, most) = follow(2.0, friction_nm, inertia, 3.0);
@@ -137,18 +140,18 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_winds_nothing_up() {
+    fn velocity_loop_at_its_limit_does_not_wind_up() {
         let (mut control, gains) = (VelocityLoop::begin(0.0), gains());
-        // Held for five seconds, then free.
+        // Held for five seconds, then released.
         for _ in 0..5000 {
             assert!(control.step(&gains, 2.0, 0.0, LIMIT_A).current_a <= LIMIT_A);
         }
-        let order = control.step(&gains, 2.0, 6.0, LIMIT_A);
-        assert!(order.current_a < 0.0, "{order:?}");
+        let command = control.step(&gains, 2.0, 6.0, LIMIT_A);
+        assert!(command.current_a < 0.0, "{command:?}");
     }
 
     #[test]
-    fn the_reference_moves_no_faster_than_the_acceleration_allows() {
+    fn velocity_reference_respects_the_acceleration_limit() {
         let (mut control, gains) = (VelocityLoop::begin(0.5), gains());
         let most = MotorParameters::default().acceleration_max_rad_s2 * DT;
         let mut last = 0.5;
@@ -160,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_makes_no_current() {
+    fn velocity_loop_with_unknown_velocity_gives_no_current() {
         let (mut control, gains) = (VelocityLoop::begin(f32::NAN), gains());
         for (target, velocity) in [(1.0, f32::NAN), (f32::NAN, 1.0), (f32::INFINITY, f32::NAN)] {
             assert_eq!(control.step(&gains, target, velocity, LIMIT_A).current_a, 0.0);

@@ -1,8 +1,8 @@
-//! What came in and could not be used, and what was lost: counted, never a reason to stop.
+//! Counters of frames that could not be used or were lost. They never stop the driver.
 
 pub use crate::node::dictionary::records::Counters;
 
-/// Counts, up to the largest number there is.
+/// Adds to a counter; saturates.
 pub(super) fn count(counter: &mut u32, by: u32) {
     *counter = counter.saturating_add(by);
 }
@@ -18,7 +18,7 @@ impl Counters {
         count(&mut self.wrong_content, 1);
     }
 
-    /// A frame of ours, in a state of the network in which it is not heard.
+    /// Counts a frame for this node that the present network state does not permit.
     pub(super) fn count_passed_over(&mut self) {
         count(&mut self.passed_over, 1);
     }

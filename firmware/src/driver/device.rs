@@ -1,66 +1,64 @@
-//! The device behind the bus: what the objects stand for.
+//! The device behind the object dictionary: state of a joint driver.
 
 mod boot;
 mod commissioning;
+mod compensation_share;
 mod drive;
 mod network;
 mod pdos;
 mod requests;
-mod share;
 mod values;
 mod velocity;
 
 pub(super) use pdos::PDO_UNUSED;
 
-use super::commissioning::Reason;
+use super::commissioning::AbortReason;
 use super::counters::{Counters, count};
-use super::live::{CommandSequence, Home, Live, LoopOrders, LoopReport};
-use super::motor_watch::{MotorSight, MotorWatch};
-use super::over_compensation::OverCompensation;
+use super::loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
+use super::motor_watch::{MotorState, MotorWatch};
+use super::over_compensation::OverCompensationWatch;
 use super::profile::Profile;
+use super::received::{CommandSequence, ReceivedInputs};
 use super::staging::Staging;
 use crate::control::Covariates;
-use crate::control::velocity_loop::{VelocityGains, VelocityLoop, VelocityOrder};
-use crate::hil::{HilJoint, Reply, Step};
+use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
+use crate::hil::{HilJoint, HilReply, HilStep};
 use crate::log::log;
 use crate::node::Outbox;
-use crate::node::dictionary::ERRORS_KEPT;
-use crate::node::dictionary::records::{self, Inputs};
-use crate::node_settings::{NodeSettings, Source};
+use crate::node::dictionary::ERROR_HISTORY_LENGTH;
+use crate::node::dictionary::records::{self, InputsObject};
+use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::sensors::stuck::StuckWatch;
 use crate::store::Store;
-use crate::supervisor::{CanState, Code, Observation, ResetCause, State, Supervisor};
-use crate::watch::{Watch, WatchParameters};
+use crate::supervisor::{CanState, Code, JointState, Observation, ResetCause, Supervisor};
+use crate::watch::{ResidualWatch, WatchParameters};
 use compensator_core::can::{
-    Answer, Command, Entry, Frame, JointKind, Message, Motion, Node, Seal, Status, Surroundings,
-    Sync, Telemetry, Torque,
+    AnswerFrame, CommandFrame, Frame, JointKind, Message, MotionFrame, NodeId, SealFrame,
+    StatusFrame, SurroundingsFrame, SyncFrame, TelemetryFrame, TorqueFrame, TraceEntry,
 };
 use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
 use network::LiveNetwork;
 use pdos::TRANSMIT_PDOS;
 
-/// Time between two reports of the current loop, s.
-pub const REPORT_PERIOD_S: f32 = 1e-3;
+/// Maximum length of a stored panic text, bytes.
+pub const MAX_PANIC_BYTES: usize = 160;
 
-/// Longest text of a panic that is kept, bytes.
-pub const PANIC_TEXT: usize = 160;
-
-/// Who a driver is.
+/// Identity of a driver.
 #[derive(Clone, Copy, Debug)]
 pub struct Identity {
-    /// The board, in words.
+    /// Name of the board.
     pub hardware: &'static str,
-    /// Number of this very board.
+    /// Serial number of the board.
     pub serial: u32,
 }
 
 impl Identity {
-    /// As an object of the dictionary.
-    pub fn object(&self) -> records::Identity {
-        records::Identity {
-            // No number was bought.
+    /// Returns the identity object of the dictionary.
+    pub fn object(&self) -> records::IdentityObject {
+        records::IdentityObject {
+            // No vendor number is registered.
             vendor_id: 0,
             product_code: u32::from_be_bytes(*b"FRIC"),
             revision_number: compensator_core::record::VERSION.into(),
@@ -69,21 +67,21 @@ impl Identity {
     }
 }
 
-/// How the last life ended.
+/// How the previous run ended.
 #[derive(Clone, Copy, Debug)]
 pub struct Boot<'a> {
-    /// Why there was a reset.
+    /// Cause of the reset.
     pub cause: ResetCause,
-    /// What a panic said before it.
+    /// Text of a panic before the reset.
     pub panic: Option<&'a str>,
-    /// The guard below the stack was found overwritten.
+    /// The guard below the stack was overwritten.
     pub stack_overflowed: bool,
-    /// The board's own tests at start passed.
+    /// The board's start-up tests passed.
     pub self_test_passed: bool,
 }
 
 impl Default for Boot<'_> {
-    /// Power came, and all is well.
+    /// Power-on without faults.
     fn default() -> Self {
         Self {
             cause: ResetCause::PowerOn,
@@ -94,32 +92,32 @@ impl Default for Boot<'_> {
     }
 }
 
-/// All of a driver but its network state and its object server.
+/// All parts of a driver except its network state and its object server.
 #[derive(Debug)]
 pub struct Device<F> {
     pub(super) counters: Counters,
     pub(super) staging: Staging,
     pub(super) identity: Identity,
-    /// The last errors, as object 1003h gives them; the newest last.
-    pub(super) errors: Deque<u32, ERRORS_KEPT>,
-    pub(super) last_panic: String<PANIC_TEXT>,
+    /// The last errors, as object 1003h returns them; the newest last.
+    pub(super) errors: Deque<u32, ERROR_HISTORY_LENGTH>,
+    pub(super) last_panic: String<MAX_PANIC_BYTES>,
     pub(super) run: u32,
     pub(super) joint_kind: JointKind,
     store: Store<F>,
-    /// What stands where nothing is stored.
+    /// Settings that apply if none are stored.
     defaults: NodeSettings,
     settings: NodeSettings,
     supervisor: Supervisor,
     outbox: Outbox,
     hil: HilJoint,
     hil_armed: bool,
-    live: Live,
+    received: ReceivedInputs,
     network: LiveNetwork,
-    watch: Option<Watch>,
-    inputs: Inputs,
-    reply: Reply,
+    watch: Option<ResidualWatch>,
+    inputs: InputsObject,
+    reply: HilReply,
     report: LoopReport,
-    /// A tick has looked at the report.
+    /// A tick has evaluated the report.
     report_seen: bool,
     can: CanState,
     blocking: u32,
@@ -128,19 +126,19 @@ pub struct Device<F> {
     home: Home,
     pub(super) profile: Profile,
     commissioning: commissioning::Run,
-    over: OverCompensation,
+    over: OverCompensationWatch,
     radial_force_watch: StuckWatch,
     pressure_watch: StuckWatch,
-    /// Share of the compensation that is left.
+    /// Share of the compensation in use, 0..=1.
     compensation_left: f32,
     velocity: VelocityLoop,
     velocity_gains: VelocityGains,
-    velocity_order: VelocityOrder,
+    velocity_command: VelocityCommand,
     motor_watch: MotorWatch,
-    motor_sight: MotorSight,
-    /// Counts the commands that come of the profile.
+    motor_state: MotorState,
+    /// Counter of the commands that the profile generates.
     drive_counter: u8,
-    /// Identifiers of transmit PDOs that a master has given; they last as long as the communication does.
+    /// Identifiers of transmit PDOs that a master has set; reset with the communication.
     identifiers: [Option<u32>; TRANSMIT_PDOS],
     now_us: u64,
 }
@@ -167,10 +165,10 @@ impl<F: NorFlash> Device<F> {
     }
 
     pub(super) fn into_flash(self) -> F {
-        self.store.release()
+        self.store.into_flash()
     }
 
-    /// Whether a joint is armed, on its own sensors or in HIL.
+    /// Returns true if the joint is armed, on its own sensors or in HIL.
     pub(super) fn is_armed(&self) -> bool {
         self.supervisor.is_armed() || self.hil_armed
     }
@@ -179,20 +177,20 @@ impl<F: NorFlash> Device<F> {
         self.now_us = now_us;
     }
 
-    /// Takes in a process frame, where it is for this node.
-    pub(super) fn take(&mut self, message: &Message, frame: &Frame, node: Node, now_us: u64) {
+    /// Processes a process frame for this node.
+    pub(super) fn take(&mut self, message: &Message, frame: &Frame, node: NodeId, now_us: u64) {
         let inputs = &mut self.inputs;
-        // One on its own sensors says these itself; it is told neither.
-        let told = self.settings.source == Source::Bus;
+        // A joint on its own sensors sends Motion and Torque itself and receives neither.
+        let is_from_bus = self.settings.source == InputSource::Bus;
         let places = match message {
             Message::Sync(sync) => {
-                self.sign_of_life(now_us);
+                self.refresh_command_age(now_us);
                 return self.sync(*sync, node);
             }
-            Message::Motion(of, _) if *of == node && told => {
+            Message::Motion(of, _) if *of == node && is_from_bus => {
                 [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
             }
-            Message::Torque(of, _) if *of == node && told => {
+            Message::Torque(of, _) if *of == node && is_from_bus => {
                 [&mut inputs.torque_nm, &mut inputs.load_torque_nm]
             }
             Message::Seal(of, _) if *of == node => {
@@ -201,7 +199,7 @@ impl<F: NorFlash> Device<F> {
             Message::Surroundings(of, _) if *of == node => {
                 [&mut inputs.temperature_c, &mut inputs.auxiliary]
             }
-            Message::Command(of, _) if *of == node && !self.profile.is_on() => {
+            Message::Command(of, _) if *of == node && !self.profile.is_active() => {
                 [&mut inputs.command_current_a, &mut inputs.command_velocity_and_counter]
             }
             _ => return self.counters.count_foreign(),
@@ -209,39 +207,39 @@ impl<F: NorFlash> Device<F> {
         for (place, word) in places.into_iter().zip(frame.data().as_chunks::<4>().0) {
             *place = u32::from_le_bytes(*word);
         }
-        self.hear(message, now_us);
+        self.process_input(message, now_us);
     }
 
-    /// Takes in an input that was written as an object: as its frame would have brought it.
+    /// Processes an input that was written as an object, in the same way as its frame.
     pub(super) fn input(&mut self, sub_index: u8, word: u32) {
         let Some(words) = self.inputs.set(sub_index, word) else { return };
         let node = self.settings.node;
         let [first, second] = words.map(f32::from_bits);
         let message = match sub_index {
-            Inputs::VELOCITY | Inputs::POSITION => {
-                Message::Motion(node, Motion { velocity_rad_s: first, position_rad: second })
+            InputsObject::VELOCITY | InputsObject::POSITION => {
+                Message::Motion(node, MotionFrame { velocity_rad_s: first, position_rad: second })
             }
-            Inputs::TORQUE | Inputs::LOAD_TORQUE => {
-                Message::Torque(node, Torque { torque_nm: first, load_torque_nm: second })
+            InputsObject::TORQUE | InputsObject::LOAD_TORQUE => {
+                Message::Torque(node, TorqueFrame { torque_nm: first, load_torque_nm: second })
             }
-            Inputs::RADIAL_FORCE | Inputs::PRESSURE_DIFF => {
-                Message::Seal(node, Seal { radial_force_n: first, pressure_diff_pa: second })
+            InputsObject::RADIAL_FORCE | InputsObject::PRESSURE_DIFF => {
+                Message::Seal(node, SealFrame { radial_force_n: first, pressure_diff_pa: second })
             }
-            Inputs::TEMPERATURE | Inputs::AUXILIARY => Message::Surroundings(
+            InputsObject::TEMPERATURE | InputsObject::AUXILIARY => Message::Surroundings(
                 node,
-                Surroundings { temperature_c: first, auxiliary: second },
+                SurroundingsFrame { temperature_c: first, auxiliary: second },
             ),
-            _ => Message::Command(node, Command::from_words(words)),
+            _ => Message::Command(node, CommandFrame::from_words(words)),
         };
-        self.hear(&message, self.now_us);
+        self.process_input(&message, self.now_us);
     }
 
-    fn hear(&mut self, message: &Message, now_us: u64) {
+    fn process_input(&mut self, message: &Message, now_us: u64) {
         self.hil.take(message);
-        match self.live.take(message, now_us) {
+        match self.received.take(message, now_us) {
             Some(CommandSequence::New { lost }) => {
                 count(&mut self.counters.command_lost, u32::from(lost));
-                self.supervisor.command_received(now_us);
+                self.supervisor.record_command(now_us);
             }
             Some(CommandSequence::Duplicate) => count(&mut self.counters.command_duplicate, 1),
             Some(CommandSequence::Late) => count(&mut self.counters.command_late, 1),
@@ -249,24 +247,25 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    fn sync(&mut self, sync: Sync, node: Node) {
+    fn sync(&mut self, sync: SyncFrame, node: NodeId) {
         let lost = match self.hil.sync(sync) {
-            Step::Duplicate => return count(&mut self.counters.sync_duplicate, 1),
-            Step::Late => return count(&mut self.counters.sync_late, 1),
-            Step::Reply(reply, lost) => {
-                if self.settings.source == Source::Bus {
+            HilStep::Duplicate => return count(&mut self.counters.sync_duplicate, 1),
+            HilStep::Late => return count(&mut self.counters.sync_late, 1),
+            HilStep::Reply(reply, lost) => {
+                if self.settings.source == InputSource::Bus {
                     self.reply = reply;
                 }
                 lost
             }
         };
         count(&mut self.counters.sync_lost, u32::from(lost));
-        if self.settings.source == Source::Sensors {
+        if self.settings.source == InputSource::Sensors {
             self.reply = self.measured_reply();
-            // What the joint measured it says as a joint in HIL is given it: a log of a joint is a trace.
+            // Motion and Torque have the format in which a joint in HIL receives them: a log of a joint is a
+            // trace.
             self.send(Message::Motion(
                 node,
-                Motion {
+                MotionFrame {
                     velocity_rad_s: self.report.velocity_rad_s,
                     position_rad: self.report.position_rad,
                 },
@@ -274,7 +273,7 @@ impl<F: NorFlash> Device<F> {
             let load_torque_nm = f32::from_bits(self.inputs.load_torque_nm);
             self.send(Message::Torque(
                 node,
-                Torque { torque_nm: self.report.motor_torque_nm, load_torque_nm },
+                TorqueFrame { torque_nm: self.report.motor_torque_nm, load_torque_nm },
             ));
         }
         let reply = self.reply;
@@ -285,7 +284,7 @@ impl<F: NorFlash> Device<F> {
             self.send(Message::Telemetry(node, reply.telemetry));
         }
         self.send_drive_frame();
-        if self.settings.source == Source::Bus
+        if self.settings.source == InputSource::Bus
             && let Some(watch) = &mut self.watch
         {
             let residual_nm = reply.telemetry.residual_torque_nm;
@@ -294,39 +293,39 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    fn measured_reply(&self) -> Reply {
-        Reply {
-            answer: Answer {
+    fn measured_reply(&self) -> HilReply {
+        HilReply {
+            answer: AnswerFrame {
                 friction_torque_nm: self.report.friction_torque_nm,
                 feed_forward_current_a: self.report.feed_forward_current_a,
             },
-            status: Status {
+            status: StatusFrame {
                 flags: self.report.flags | self.network.flags(),
                 sequence: self.hil.inbox().sequence().wrapping_sub(1),
             },
-            telemetry: Telemetry {
+            telemetry: TelemetryFrame {
                 current_a: self.report.current_a,
                 residual_torque_nm: self.report.residual_torque_nm,
             },
         }
     }
 
-    /// What a trace says of the samples that follow.
-    pub(super) fn trace(&mut self, entry: Entry, message: &Message) {
+    /// Processes an entry of a trace about the samples that follow.
+    pub(super) fn trace(&mut self, entry: TraceEntry, message: &Message) {
         match entry {
-            Entry::Run(number) => self.run = number,
-            Entry::Sequence(_) => {}
-            Entry::JointKind(kind) => self.joint_kind = kind,
+            TraceEntry::Run(number) => self.run = number,
+            TraceEntry::Sequence(_) => {}
+            TraceEntry::JointKind(kind) => self.joint_kind = kind,
         }
         self.hil.take(message);
     }
 
-    /// What is due: see [`super::Driver::tick`].
+    /// Runs the periodic work: see [`super::Driver::tick`].
     pub(super) fn tick(&mut self, heartbeat_lost: bool, now_us: u64) {
         self.now_us = now_us;
         let report = &self.report;
-        let measures = self.settings.source == Source::Sensors;
-        let in_band = self.watch.as_ref().and_then(Watch::in_band);
+        let measures = self.settings.source == InputSource::Sensors;
+        let in_band = self.watch.as_ref().and_then(ResidualWatch::in_band);
         let observation = if measures {
             Observation {
                 bus_voltage_v: report.bus_voltage_v,
@@ -336,11 +335,11 @@ impl<F: NorFlash> Device<F> {
                 velocity_rad_s: report.velocity_rad_s,
                 bridge_temperature_c: report.bridge_temperature_c,
                 motor_temperature_c: report.motor_temperature_c,
-                winding_temperature_c: self.motor_sight.winding_c,
-                motor_against: self.motor_sight.against,
-                motor_stands: self.motor_sight.stands,
-                stalled: self.motor_sight.stalls,
-                over_compensated: self.over.is_too_much(),
+                winding_temperature_c: self.motor_state.winding_c,
+                motor_against: self.motor_state.is_emf_reversed,
+                motor_stands: self.motor_state.is_blocked,
+                stalled: self.motor_state.is_stalled,
+                over_compensated: self.over.is_detected(),
                 radial_force_stuck: self.radial_force_watch.is_stuck(),
                 pressure_stuck: self.pressure_watch.is_stuck(),
                 sample_age_us: report.sample_age_us,
@@ -354,7 +353,7 @@ impl<F: NorFlash> Device<F> {
                 model_in_band: in_band,
             }
         } else {
-            // A joint in HIL has no bridge to watch over.
+            // A joint in HIL has no bridge to supervise.
             Observation {
                 stack_intact: report.stack_intact,
                 can: self.can,
@@ -364,12 +363,12 @@ impl<F: NorFlash> Device<F> {
             }
         };
         self.supervisor.observe(&observation, now_us);
-        let (fault, armed) = (self.supervisor.state() == State::Fault, self.is_armed());
-        self.profile.follow(fault, armed);
+        let (fault, armed) = (self.supervisor.state() == JointState::Fault, self.is_armed());
+        self.profile.sync_with_supervisor(fault, armed);
         self.watch_commissioning();
         self.report_seen = true;
-        if self.hil_armed && !self.in_the_way().is_empty() {
-            // Not armed itself, the supervisor would only remember it.
+        if self.hil_armed && !self.hil_blocking_codes().is_empty() {
+            // In HIL the supervisor is not armed and would not trip by itself.
             if heartbeat_lost {
                 self.supervisor.trip(Code::HeartbeatLost);
             }
@@ -377,9 +376,9 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Takes in what the current loop did: see [`super::Driver::report`].
+    /// Processes a report of the current loop: see [`super::Driver::report`].
     pub(super) fn take_report(&mut self, report: &LoopReport) {
-        // What flags said since the last tick is not forgotten by a second report before the next.
+        // Flags since the last tick are kept if two reports come between ticks.
         let seen = (self.report.loop_flags, self.report.flags);
         self.report = *report;
         if !self.report_seen {
@@ -387,17 +386,17 @@ impl<F: NorFlash> Device<F> {
             self.report.flags |= seen.1;
         }
         self.report_seen = false;
-        let drives = self.supervisor.is_armed() && !self.measures();
+        let drives = self.supervisor.is_armed() && !self.is_measuring_motor();
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
-        self.motor_sight = self.motor_watch.step(&self.report, motor, thresholds, drives);
-        self.see_over_compensation();
+        self.motor_state = self.motor_watch.step(&self.report, motor, thresholds, drives);
+        self.step_over_compensation();
         self.step_commissioning();
         self.step_velocity();
         for _ in 0..report.overruns_in_a_row {
-            self.supervisor.loop_overrun();
+            self.supervisor.record_loop_overrun();
         }
-        self.supervisor.loop_on_time();
-        if self.settings.source == Source::Sensors
+        self.supervisor.record_loop_on_time();
+        if self.settings.source == InputSource::Sensors
             && let Some(watch) = &mut self.watch
         {
             let valid = report.residual_torque_nm.is_finite();
@@ -405,21 +404,22 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// What the current loop is to do: see [`super::Driver::orders`].
-    /// Looks whether the sensors of side load and pressure still measure: see [`super::Driver::watch_seal`].
-    pub(super) fn watch_seal(&mut self, covariates: &mut Covariates, now_us: u64) {
-        self.radial_force_watch.look(&mut covariates.radial_force_n, now_us);
-        self.pressure_watch.look(&mut covariates.pressure_diff_mpa, now_us);
+    /// Checks the sensors of side load and pressure: see [`super::Driver::check_seal_sensors`].
+    pub(super) fn check_seal_sensors(&mut self, covariates: &mut Covariates, now_us: u64) {
+        self.radial_force_watch.update(&mut covariates.radial_force_n, now_us);
+        self.pressure_watch.update(&mut covariates.pressure_diff_mpa, now_us);
     }
 
-    pub(super) fn orders(&self, now_us: u64) -> LoopOrders {
-        let drives = self.settings.source == Source::Sensors;
+    pub(super) fn loop_commands(&self, now_us: u64) -> LoopCommands {
+        let drives = self.settings.source == InputSource::Sensors;
         let age_h = now_us as f32 * (1e-6 / 3600.0);
-        LoopOrders {
+        LoopCommands {
             setpoint: self.commanded(now_us),
-            covariates: self.live.covariates(self.settings.campaign_h + age_h, now_us),
-            bridge: drives && self.supervisor.bridge_allowed(),
-            compensation: drives && self.supervisor.compensation_allowed() && !self.commissions(),
+            covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
+            bridge: drives && self.supervisor.is_bridge_allowed(),
+            compensation: drives
+                && self.supervisor.is_compensation_allowed()
+                && !self.is_commissioning(),
             current_share: self.supervisor.current_share(),
             compensation_share: self.compensation_left,
             factors: None,
@@ -440,15 +440,15 @@ impl<F: NorFlash> Device<F> {
         self.can = can;
     }
 
-    /// Disarms the joint, wherever its inputs come from.
+    /// Disarms the joint, for any source of inputs.
     pub(super) fn disarm(&mut self) {
         self.supervisor.disarm();
-        self.end_commissioning(Reason::Stopped);
+        self.end_commissioning(AbortReason::Stopped);
         self.hil.set_enabled(false);
         self.hil_armed = false;
     }
 
-    /// The next code that came or went, as an emergency: code, register, the joint's own detail.
+    /// Returns the next code that was raised or cleared, as an emergency: code, register, manufacturer field.
     pub(super) fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
         let event = self.supervisor.take_event()?;
         let info = event.code.info();
@@ -461,29 +461,15 @@ impl<F: NorFlash> Device<F> {
     }
 }
 
-/// Inputs before any came: numbers that are none.
-const NOT_RECEIVED: Inputs = {
-    const NONE: u32 = f32::NAN.to_bits();
-    Inputs {
-        velocity_rad_s: NONE,
-        position_rad: NONE,
-        torque_nm: NONE,
-        load_torque_nm: NONE,
-        radial_force_n: NONE,
-        pressure_diff_pa: NONE,
-        temperature_c: NONE,
-        auxiliary: NONE,
-        command_current_a: NONE,
-        command_velocity_and_counter: NONE,
-    }
-};
+/// Inputs before any frame: every float is NaN.
+const NOT_RECEIVED: InputsObject = InputsObject::filled(f32::NAN.to_bits());
 
-/// A watch for these parameters; `None` where it cannot be built. Samples farther apart than the
-/// parameters ask for are independent too.
-fn watch(written: &WatchParameters, settings: &NodeSettings) -> Option<Watch> {
+/// Builds a monitor with these parameters; `None` if it cannot be built. If the samples are farther apart than
+/// `independent_s`, they are independent too.
+fn watch(written: &WatchParameters, settings: &NodeSettings) -> Option<ResidualWatch> {
     let period_s = match settings.source {
-        Source::Sensors => REPORT_PERIOD_S,
-        Source::Bus => settings.period_s,
+        InputSource::Sensors => REPORT_PERIOD_S,
+        InputSource::Bus => settings.period_s,
     };
     let independent_s = written.independent_s.max(period_s);
     WatchParameters { independent_s, ..*written }.build(period_s).ok()

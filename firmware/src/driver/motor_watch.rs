@@ -1,83 +1,86 @@
-//! Is the motor what the parameters say, and how hot is its copper? Once a millisecond, in the background.
+//! Background checks of the motor against its parameters, and a thermal model of its winding. Runs once a
+//! millisecond.
 //!
-//! *Against its order.* Turning, a magnet induces `w psi` across itself: what the loop gives, less `R i`. Half a turn
-//! (electrical) off it has the other sign, whatever flux and resistance are worth.
-//! *Standing.* A quarter of a turn off, or with two phases swapped, there is no torque and nothing turns. Nothing tells that from a
-//! joint that is held, until it has moved once since it was armed: then it is wired, and stalls.
-//! *Copper.* A winding is warmer than the stator with its thermistor by what its loss and its own time make of it
-//! (`rise' = (loss k - rise) / time`), which at stall in cold water is a hundred kelvin.
+//! *Reversed EMF.* A turning magnet induces `w psi`: the applied voltage less `R i`. If the electrical zero is
+//! wrong by half an electrical turn, the EMF has the opposite sign, for any flux and resistance.
+//!
+//! *Blocked or stalled.* If the zero is wrong by a quarter turn, or two phases are swapped, there is no torque
+//! and nothing turns. This looks like a joint that is held, until the joint has moved once since it was armed.
+//! After that the wiring is known to be correct, and the joint counts as stalled.
+//!
+//! *Winding.* A winding is warmer than the stator with its thermistor. The difference follows the copper loss
+//! with its own time constant (`rise' = (loss k - rise) / time`). At stall in cold water it reaches 100 K.
 
-use super::LoopReport;
-use super::device::REPORT_PERIOD_S;
+use super::loop_data::{LoopReport, REPORT_PERIOD_S};
 use crate::control::MotorParameters;
 use crate::supervisor::Thresholds;
 
-/// Induced voltage from which its sign is believed, V: three times what the dead time may take.
-const INDUCED_V: f32 = 1.5;
-/// Share of the expected one, the other way, that is the other way.
-const OTHER_WAY: f32 = 0.3;
-/// What a joint has to move to be known to turn, rad: presliding of a seal is a tenth of it.
-const MOVED_RAD: f32 = 0.02;
-/// Slower than this a joint stands, rad/s.
-const STANDS_RAD_S: f32 = 0.02;
-/// Resistance of copper per kelvin, from 20 deg C.
+/// Minimum expected EMF for a decision on its sign, V: three times the possible effect of the dead time.
+const MIN_EMF_V: f32 = 1.5;
+/// Minimum EMF of the opposite sign, as a share of the expected EMF.
+const REVERSED_EMF_SHARE: f32 = 0.3;
+/// Minimum travel after which a joint is known to turn, rad: ten times the presliding of a seal.
+const MIN_TRAVEL_RAD: f32 = 0.02;
+/// Speed below which a joint counts as standing, rad/s.
+const STANDSTILL_RAD_S: f32 = 0.02;
+/// Temperature coefficient of copper, 1/K, from 20 deg C.
 const COPPER_PER_KELVIN: f32 = 0.0039;
-/// Stator of a motor without thermistor, deg C: warm, and not hot.
+/// Assumed stator temperature of a motor without thermistor, deg C.
 const UNMEASURED_STATOR_C: f32 = 40.0;
 
-/// What was seen.
+/// State of the motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MotorSight {
-    /// The induced voltage has the other sign than the speed.
-    pub against: bool,
-    /// Current flows and the joint stands, and has not moved since it was armed.
-    pub stands: bool,
-    /// The same of one that has moved.
-    pub stalls: bool,
-    /// Temperature of the copper, deg C, by the model; `None` where it is switched off.
+pub struct MotorState {
+    /// The EMF has the opposite sign of the speed.
+    pub is_emf_reversed: bool,
+    /// Current flows, the joint stands, and it has not moved since it was armed.
+    pub is_blocked: bool,
+    /// Current flows and the joint stands, after it has moved.
+    pub is_stalled: bool,
+    /// Winding temperature of the model, deg C; `None` if the model is off.
     pub winding_c: Option<f32>,
 }
 
-/// What is remembered of the motor.
+/// Memory of the motor checks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MotorWatch {
     moved_rad: f32,
-    proven: bool,
+    has_moved: bool,
     rise_k: f32,
 }
 
 impl MotorWatch {
-    /// A report; `armed`, and not to measure the motor.
+    /// Processes a report. `armed` must be false while the motor is measured.
     pub fn step(
         &mut self,
         report: &LoopReport,
         motor: &MotorParameters,
         thresholds: &Thresholds,
         armed: bool,
-    ) -> MotorSight {
-        let winding_c = self.warm(report, motor, thresholds);
+    ) -> MotorState {
+        let winding_c = self.winding_temperature(report, motor, thresholds);
         if !armed {
-            (self.moved_rad, self.proven) = (0.0, false);
-            return MotorSight { winding_c, ..MotorSight::default() };
+            (self.moved_rad, self.has_moved) = (0.0, false);
+            return MotorState { winding_c, ..MotorState::default() };
         }
         self.moved_rad += report.velocity_rad_s * REPORT_PERIOD_S;
-        self.proven |= self.moved_rad.abs() > MOVED_RAD;
+        self.has_moved |= self.moved_rad.abs() > MIN_TRAVEL_RAD;
         let way = motor.joint_direction;
         let speed = report.velocity_rad_s * motor.gear_ratio * way;
         let expected_v = speed * motor.torque_constant_nm_per_a * (1.0 / 1.5);
         let induced_v = report.voltage_q_v - motor.resistance_ohm * report.current_a * way;
         let held = report.current_reference_a.abs() >= thresholds.stall_current_a
-            && report.velocity_rad_s.abs() < STANDS_RAD_S;
-        MotorSight {
-            against: expected_v.abs() > INDUCED_V
-                && induced_v * expected_v < -OTHER_WAY * expected_v * expected_v,
-            stands: held && !self.proven,
-            stalls: held && self.proven,
+            && report.velocity_rad_s.abs() < STANDSTILL_RAD_S;
+        MotorState {
+            is_emf_reversed: expected_v.abs() > MIN_EMF_V
+                && induced_v * expected_v < -REVERSED_EMF_SHARE * expected_v * expected_v,
+            is_blocked: held && !self.has_moved,
+            is_stalled: held && self.has_moved,
             winding_c,
         }
     }
 
-    fn warm(
+    fn winding_temperature(
         &mut self,
         report: &LoopReport,
         motor: &MotorParameters,
@@ -94,7 +97,7 @@ impl MotorWatch {
         let gain = (1.0 + COPPER_PER_KELVIN * (winding_c - 20.0)).max(1.0);
         let [a, b, c] = report.phase_currents_a.unwrap_or_default();
         let square = a * a + b * b + c * c;
-        // A current that is no number is a fault of its own.
+        // A current that is not finite is a fault of its own.
         let loss_w = if square.is_finite() { motor.resistance_ohm * gain * square } else { 0.0 };
         let share = REPORT_PERIOD_S / winding_time_s;
         self.rise_k += share * (loss_w * winding_k_per_w - self.rise_k);
@@ -118,58 +121,62 @@ mod tests {
         }
     }
 
-    fn look(watch: &mut MotorWatch, report: &LoopReport, armed: bool) -> MotorSight {
+    fn check(watch: &mut MotorWatch, report: &LoopReport, armed: bool) -> MotorState {
         watch.step(report, &MotorParameters::default(), &Thresholds::default(), armed)
     }
 
     #[test]
-    fn the_induced_voltage_of_a_motor_half_a_turn_off_has_the_other_sign() {
+    fn motor_with_zero_off_by_half_a_turn_reports_reversed_emf() {
         let mut watch = MotorWatch::default();
         // 4 rad/s of the joint induce 2.67 V; 10 A take 1.2 V.
-        for (voltage_v, against) in [(3.87, false), (1.2, false), (-1.47, true), (0.0, true)] {
-            let seen = look(&mut watch, &report(10.0, 4.0, voltage_v), true);
-            assert_eq!(seen.against, against, "{voltage_v}");
-            let seen = look(&mut watch, &report(-10.0, -4.0, -voltage_v), true);
-            assert_eq!(seen.against, against, "{voltage_v}");
+        for (voltage_v, is_emf_reversed) in
+            [(3.87, false), (1.2, false), (-1.47, true), (0.0, true)]
+        {
+            let state = check(&mut watch, &report(10.0, 4.0, voltage_v), true);
+            assert_eq!(state.is_emf_reversed, is_emf_reversed, "{voltage_v}");
+            let state = check(&mut watch, &report(-10.0, -4.0, -voltage_v), true);
+            assert_eq!(state.is_emf_reversed, is_emf_reversed, "{voltage_v}");
         }
-        // Slow, the dead time is larger than it; open, there is nothing.
-        assert!(!look(&mut watch, &report(10.0, 2.0, -0.1), true).against);
-        assert!(!look(&mut watch, &report(0.0, 9.0, 0.0), true).against);
+        // At low speed the effect of the dead time is larger than the EMF; with an open bridge no voltage is applied.
+        assert!(!check(&mut watch, &report(10.0, 2.0, -0.1), true).is_emf_reversed);
+        assert!(!check(&mut watch, &report(0.0, 9.0, 0.0), true).is_emf_reversed);
         let mut turned = MotorParameters { joint_direction: -1.0, ..MotorParameters::default() };
-        let seen = |motor: &MotorParameters, volts| {
+        let state = |motor: &MotorParameters, volts| {
             let thresholds = Thresholds::default();
-            MotorWatch::default().step(&report(10.0, 4.0, volts), motor, &thresholds, true).against
+            MotorWatch::default()
+                .step(&report(10.0, 4.0, volts), motor, &thresholds, true)
+                .is_emf_reversed
         };
-        assert!(!seen(&turned, -3.87) && seen(&turned, 1.47));
+        assert!(!state(&turned, -3.87) && state(&turned, 1.47));
         turned.joint_direction = 1.0;
-        assert!(!seen(&turned, 3.87));
+        assert!(!state(&turned, 3.87));
     }
 
     #[test]
-    fn a_joint_that_has_moved_since_it_was_armed_stalls_and_one_that_has_not_stands() {
+    fn joint_held_before_any_motion_is_blocked_and_after_motion_is_stalled() {
         let mut watch = MotorWatch::default();
         let held = report(8.0, 0.0, 1.0);
-        let seen = look(&mut watch, &held, true);
-        assert!(seen.stands && !seen.stalls);
-        assert!(!look(&mut watch, &report(2.0, 0.0, 0.2), true).stands, "a small current");
+        let state = check(&mut watch, &held, true);
+        assert!(state.is_blocked && !state.is_stalled);
+        assert!(!check(&mut watch, &report(2.0, 0.0, 0.2), true).is_blocked, "a small current");
         for _ in 0..15 {
-            look(&mut watch, &report(8.0, 2.0, 2.0), true);
+            check(&mut watch, &report(8.0, 2.0, 2.0), true);
         }
-        let seen = look(&mut watch, &held, true);
-        assert!(!seen.stands && seen.stalls);
-        // Disarmed it may have been wired anew.
-        look(&mut watch, &held, false);
-        assert!(look(&mut watch, &held, true).stands);
+        let state = check(&mut watch, &held, true);
+        assert!(!state.is_blocked && state.is_stalled);
+        // While disarmed, the wiring may have changed.
+        check(&mut watch, &held, false);
+        assert!(check(&mut watch, &held, true).is_blocked);
     }
 
     #[test]
-    fn copper_warms_to_its_loss_times_its_resistance_and_cools_in_its_time() {
+    fn winding_model_settles_at_the_loss_and_cools_with_its_time_constant() {
         let mut watch = MotorWatch::default();
         let thresholds = Thresholds::default();
         let run = |watch: &mut MotorWatch, current_a: f32, seconds: f32| {
             let count = (seconds / REPORT_PERIOD_S) as u32;
             (0..count).fold(0.0, |_, _| {
-                look(watch, &report(current_a, 0.0, 0.0), true).winding_c.expect("a model")
+                check(watch, &report(current_a, 0.0, 0.0), true).winding_c.expect("a model")
             })
         };
         let warm_c = run(&mut watch, 20.0, 10.0 * thresholds.winding_time_s);

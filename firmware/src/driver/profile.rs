@@ -1,21 +1,23 @@
-//! The joint driver as a drive of CiA 402: its state machine, cyclic synchronous torque (CST) and velocity (CSV), homing.
+//! The joint driver as a CiA 402 drive: state machine, cyclic synchronous torque (CST) and velocity (CSV),
+//! homing.
 //!
-//! For masters that know drives and no friction (ros2_canopen, CODESYS and their like). Mode 10 or 9 in 6060h switches it on;
-//! the joint's own Command frame is passed over then. The controlword asks, the supervisor decides: *operation enabled*
-//! is armed and nothing else, *fault* is the supervisor's, and a rising bit 7 clears what may be cleared. Quick stop and
-//! "disable voltage" open the bridge; there is no ramp (605Ah would be 0).
+//! This profile is for masters that know drives but no friction (ros2_canopen, CODESYS). Mode 10 or 9 in 6060h
+//! activates it, and the joint's own Command frame is then ignored. The controlword requests, and the supervisor
+//! decides: *operation enabled* means armed, *fault* is the supervisor's fault state, and a rising bit 7 clears
+//! faults that can be cleared. Quick stop and "disable voltage" open the bridge; there is no ramp (605Ah would
+//! be 0).
 //!
-//! Such a master repeats a value that does not change, or does not send it at all: so every frame with a target, every
-//! SYNC, and the heartbeat that is awaited (1016h) are signs of life, and a set-point is as young as the last of them. A
-//! master that is silent for `command_timeout_us` has gone, as ever.
+//! Such a master repeats a constant value or does not send it at all. Therefore every frame with a target, every
+//! SYNC and the awaited heartbeat (1016h) confirm that the master is alive. The age of the set-point counts from
+//! the last of them. A master that is silent for `command_timeout_us` counts as lost.
 //!
-//! Homing (mode 6) takes the place where the joint stands for its home (methods 37 and 35): a joint has no switches, and a master
-//! drives to the stop in CST or CSV first. Home is at -607Ch, for the zero lies 607Ch beyond the home. While it is on, the
-//! drive is enabled and gives no torque of its own.
+//! Homing (mode 6) sets the present position as home (methods 37 and 35). A joint has no switches; a master
+//! drives to the stop in CST or CSV first. Home is at -607Ch, because the zero lies 607Ch beyond home. In this
+//! mode the drive is enabled and gives no torque of its own.
 //!
-//! Units: torque in thousandths of the rated torque (6076h), which is what the current limit makes at the joint; position
-//! and velocity in 1e-6 rad and 1e-6 rad/s, -2147.483648 rad where the position is not known. The largest motor speed (6080h)
-//! is in turns of the motor per minute, as the profile has it.
+//! Units: torque in thousandths of the rated torque (6076h), which the current limit gives at the joint.
+//! Position and velocity in 1e-6 rad and 1e-6 rad/s; -2147.483648 rad if the position is unknown. The maximum
+//! motor speed (6080h) is in motor turns per minute, as in the profile.
 
 /// 1000h: servo drive (2), profile 402.
 pub const DEVICE_TYPE: u32 = 0x0002_0192;
@@ -25,14 +27,14 @@ pub const CST: i8 = 10;
 pub const CSV: i8 = 9;
 /// Mode of operation: homing.
 pub const HOMING: i8 = 6;
-/// 6502h: which modes there are, bit `mode - 1`.
+/// 6502h: supported modes, bit `mode - 1`.
 pub const SUPPORTED_MODES: u32 = 1 << (CST - 1) | 1 << (CSV - 1) | 1 << (HOMING - 1);
-/// 60E3h: methods of homing, both the current position; 35 is what older masters call it.
+/// 60E3h: homing methods. Both use the present position; 35 is the older number.
 pub const HOMING_METHODS: [i8; 2] = [37, 35];
-/// Speed up to which a joint stands, rad/s: between two reports, a millisecond, home is missed by less than a tenth of a
-/// milliradian; the joint's encoder has steps of 8 urad.
-pub const STANDS_RAD_S: f32 = 0.1;
-/// Largest 6072h, thousandths of the rated torque: what the current limit lets through.
+/// Maximum speed at which a joint counts as standing, rad/s. In the millisecond between two reports, home is
+/// then missed by less than 0.1 mrad; the joint's encoder has steps of 8 urad.
+pub const STANDSTILL_RAD_S: f32 = 0.1;
+/// Maximum of 6072h, thousandths of the rated torque: the current limit.
 pub const TORQUE_MAX_PERMILLE: u16 = 1000;
 
 /// Bits of the controlword.
@@ -43,41 +45,41 @@ mod control {
     pub const FAULT_RESET: u16 = 1 << 7;
 }
 
-/// Bits of the statusword beside its state.
+/// Bits of the statusword besides the state.
 pub mod status {
-    /// The bus voltage is there.
+    /// The bus voltage is present.
     pub const VOLTAGE_ENABLED: u16 = 1 << 4;
-    /// A limit acts.
+    /// A limit is active.
     pub const WARNING: u16 = 1 << 7;
     /// Manufacturer: the position is known.
     pub const POSITION_KNOWN: u16 = 1 << 8;
     /// The network is operational.
     pub const REMOTE: u16 = 1 << 9;
-    /// Homing: it does not run, or has ended.
+    /// Homing: it is not running, or has ended.
     pub const TARGET_REACHED: u16 = 1 << 10;
-    /// The current limit acts.
+    /// The current limit is active.
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
     /// The drive follows its target.
-    pub const FOLLOWS: u16 = 1 << 12;
-    /// Homing: the joint is at home.
-    pub const HOMED: u16 = FOLLOWS;
+    pub const FOLLOWS_TARGET: u16 = 1 << 12;
+    /// Homing: the home position is set.
+    pub const HOMED: u16 = FOLLOWS_TARGET;
     /// Homing: it failed.
     pub const HOMING_FAILED: u16 = 1 << 13;
 }
 
-/// How the last homing went.
+/// Result of the last homing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Homing {
-    /// There was none since the mode was switched on.
+    /// None since the mode was set.
     #[default]
     NotBegun,
-    /// The position is that of the home.
+    /// The home position is set.
     Attained,
-    /// The joint moved.
+    /// Failed: the joint moved.
     Failed,
 }
 
-/// States of the drive that its own, not the supervisor's.
+/// Drive states that are not those of the supervisor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
     #[default]
@@ -87,22 +89,22 @@ enum State {
     OperationEnabled,
 }
 
-/// What a controlword asks of the supervisor.
+/// Request of a controlword to the supervisor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Request {
-    /// Nothing.
+pub enum DriveRequest {
+    /// No request.
     None,
-    /// To arm; [`Profile::refused`] says that it did not.
+    /// Arm. If the supervisor refuses, call [`Profile::arm_refused`].
     Arm,
-    /// To disarm.
+    /// Disarm.
     Disarm,
-    /// To clear faults.
+    /// Clear faults.
     ClearFaults,
-    /// To take the place where the joint stands for its home.
+    /// Set the present position as home.
     Home,
 }
 
-/// The drive's side of the profile.
+/// State of the CiA 402 profile.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
     state: State,
@@ -116,13 +118,13 @@ pub struct Profile {
     pub max_permille: u16,
     /// 60FFh, 1e-6 rad/s.
     pub target_micro_rad_s: i32,
-    /// 6080h, turns of the motor per minute; none where no master has written it.
+    /// 6080h, motor turns per minute; `None` if no master has written it.
     pub max_motor_rpm: Option<u32>,
     /// 6098h, of [`HOMING_METHODS`].
     pub homing_method: i8,
     /// 607Ch, 1e-6 rad.
     pub home_offset_micro_rad: i32,
-    /// How the last homing went.
+    /// Result of the last homing.
     pub homing: Homing,
 }
 
@@ -144,74 +146,75 @@ impl Default for Profile {
 }
 
 impl Profile {
-    /// Whether the profile has the say.
-    pub const fn is_on(&self) -> bool {
+    /// Returns true if a mode of the profile commands the joint.
+    pub const fn is_active(&self) -> bool {
         matches!(self.mode, CST | CSV | HOMING)
     }
 
-    /// 6072h as a share of the rated torque.
+    /// Returns 6072h as a share of the rated torque.
     pub fn max_share(&self) -> f32 {
         f32::from(self.max_permille.min(TORQUE_MAX_PERMILLE)) * 1e-3
     }
 
-    /// 60FFh within so many rad/s, and whether it lay beyond.
+    /// Returns 60FFh limited to `+-most_rad_s`, and whether the limit is active.
     pub fn target_rad_s(&self, most_rad_s: f32) -> (f32, bool) {
         let target_rad_s = self.target_micro_rad_s as f32 * 1e-6;
         let held = target_rad_s.max(-most_rad_s).min(most_rad_s);
         (held, held != target_rad_s)
     }
 
-    /// Target within 6072h, as a share of the rated torque.
+    /// Returns the target torque limited by 6072h, as a share of the rated torque.
     pub fn target_share(&self) -> f32 {
         let most = i32::from(self.max_permille.min(TORQUE_MAX_PERMILLE));
         i32::from(self.target_permille).clamp(-most, most) as f32 * 1e-3
     }
 
-    /// Takes a controlword; `fault` and `armed` as the supervisor has it now.
+    /// Processes a controlword; `fault` and `armed` are the present state of the supervisor.
     #[must_use]
-    pub fn control(&mut self, controlword: u16, fault: bool, armed: bool) -> Request {
+    pub fn control(&mut self, controlword: u16, fault: bool, armed: bool) -> DriveRequest {
         let rising = controlword & !self.controlword;
         self.controlword = controlword;
-        self.follow(fault, armed);
+        self.sync_with_supervisor(fault, armed);
         if fault {
             let reset = rising & control::FAULT_RESET != 0;
-            return if reset { Request::ClearFaults } else { Request::None };
+            return if reset { DriveRequest::ClearFaults } else { DriveRequest::None };
         }
         let powered =
             controlword & control::ENABLE_VOLTAGE != 0 && controlword & control::QUICK_STOP != 0;
         let was = self.state;
         self.state = match (was, controlword & 0xF) {
             _ if !powered => State::SwitchOnDisabled,
-            // Shutdown is the only way on from there.
+            // Shutdown is the only transition out of this state.
             (_, 0b0110 | 0b1110) => State::ReadyToSwitchOn,
             (State::SwitchOnDisabled, _) => State::SwitchOnDisabled,
             (_, 0b0111) => State::SwitchedOn,
-            // Through "switched on" in one, as the profile allows.
+            // Passes through "switched on" in one step, which the profile permits.
             _ => State::OperationEnabled,
         };
         match (was == State::OperationEnabled, self.state == State::OperationEnabled) {
-            (false, true) => Request::Arm,
-            (true, false) => Request::Disarm,
+            (false, true) => DriveRequest::Arm,
+            (true, false) => DriveRequest::Disarm,
             (true, true) if self.mode == HOMING && rising & control::START_HOMING != 0 => {
-                Request::Home
+                DriveRequest::Home
             }
-            _ => Request::None,
+            _ => DriveRequest::None,
         }
     }
 
-    /// The supervisor did not arm: it stays switched on, and the next enabling asks again.
-    pub fn refused(&mut self) {
+    /// The supervisor refused to arm: the drive stays switched on, and the next enable command requests it
+    /// again.
+    pub fn arm_refused(&mut self) {
         self.state = State::SwitchedOn;
     }
 
-    /// What the supervisor did by itself is so here too.
-    pub fn follow(&mut self, fault: bool, armed: bool) {
+    /// Adopts a state change that the supervisor made.
+    pub fn sync_with_supervisor(&mut self, fault: bool, armed: bool) {
         if fault || self.state == State::OperationEnabled && !armed {
             self.state = State::SwitchOnDisabled;
         }
     }
 
-    /// The state's bits of the statusword.
+    /// Returns the state bits of the statusword.
     pub fn state_bits(&self, fault: bool) -> u16 {
         match self.state {
             _ if fault => 0x08,
@@ -219,11 +222,11 @@ impl Profile {
             State::ReadyToSwitchOn => 0x21,
             State::SwitchedOn => 0x23,
             State::OperationEnabled if self.mode == HOMING => 0x27,
-            State::OperationEnabled => 0x27 | status::FOLLOWS,
+            State::OperationEnabled => 0x27 | status::FOLLOWS_TARGET,
         }
     }
 
-    /// The bits of the statusword that say how homing went, in its mode.
+    /// Returns the homing bits of the statusword, in homing mode.
     pub fn homing_bits(&self, stands: bool) -> u16 {
         let ended = |bits| if stands { bits | status::TARGET_REACHED } else { bits };
         match self.homing {
@@ -248,73 +251,73 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_through_its_states_and_only_shutdown_leads_out_of_the_first() {
+    fn controlword_sequence_passes_all_states_and_starts_with_shutdown() {
         let mut drive = on();
         assert_eq!(drive.state_bits(false), 0x40);
         for stays in [ENABLE, SWITCH_ON, 0x00, 0x80] {
-            assert_eq!(drive.control(stays, false, false), Request::None);
+            assert_eq!(drive.control(stays, false, false), DriveRequest::None);
             assert_eq!(drive.state_bits(false), 0x40, "{stays:#x}");
         }
         for (word, bits, request) in [
-            (SHUTDOWN, 0x21, Request::None),
-            (SWITCH_ON, 0x23, Request::None),
-            (ENABLE, 0x27 | status::FOLLOWS, Request::Arm),
+            (SHUTDOWN, 0x21, DriveRequest::None),
+            (SWITCH_ON, 0x23, DriveRequest::None),
+            (ENABLE, 0x27 | status::FOLLOWS_TARGET, DriveRequest::Arm),
         ] {
             assert_eq!(drive.control(word, false, false), request);
             assert_eq!(drive.state_bits(false), bits);
         }
-        // The same again asks for nothing again.
-        assert_eq!(drive.control(ENABLE, false, true), Request::None);
+        // The same word again requests nothing.
+        assert_eq!(drive.control(ENABLE, false, true), DriveRequest::None);
         for (word, bits) in [(SWITCH_ON, 0x23), (SHUTDOWN, 0x21), (0x02, 0x40), (0x05, 0x40)] {
             let mut drive = drive;
-            assert_eq!(drive.control(word, false, true), Request::Disarm, "{word:#x}");
+            assert_eq!(drive.control(word, false, true), DriveRequest::Disarm, "{word:#x}");
             assert_eq!(drive.state_bits(false), bits, "{word:#x}");
         }
     }
 
     #[test]
-    fn a_refusal_leaves_it_switched_on_and_enabling_asks_again() {
+    fn refused_arming_stays_switched_on_and_can_be_repeated() {
         let mut drive = on();
         let _ = drive.control(SHUTDOWN, false, false);
-        assert_eq!(drive.control(ENABLE, false, false), Request::Arm);
-        drive.refused();
+        assert_eq!(drive.control(ENABLE, false, false), DriveRequest::Arm);
+        drive.arm_refused();
         assert_eq!(drive.state_bits(false), 0x23);
-        assert_eq!(drive.control(ENABLE, false, false), Request::Arm);
+        assert_eq!(drive.control(ENABLE, false, false), DriveRequest::Arm);
     }
 
     #[test]
-    fn a_fault_is_left_by_an_edge_alone_and_leads_to_the_first_state() {
+    fn fault_reset_needs_an_edge_and_leads_to_switch_on_disabled() {
         let mut drive = on();
         for word in [SHUTDOWN, ENABLE] {
             let _ = drive.control(word, false, false);
         }
         assert_eq!(drive.state_bits(true), 0x08);
-        assert_eq!(drive.control(ENABLE, true, false), Request::None);
-        assert_eq!(drive.control(0x80, true, false), Request::ClearFaults);
-        assert_eq!(drive.control(0x80, true, false), Request::None, "no edge");
-        // Cleared: it does not start again by a word that was still there.
-        assert_eq!(drive.control(ENABLE, false, false), Request::None);
+        assert_eq!(drive.control(ENABLE, true, false), DriveRequest::None);
+        assert_eq!(drive.control(0x80, true, false), DriveRequest::ClearFaults);
+        assert_eq!(drive.control(0x80, true, false), DriveRequest::None, "no edge");
+        // After the reset, an unchanged controlword does not restart the drive.
+        assert_eq!(drive.control(ENABLE, false, false), DriveRequest::None);
         assert_eq!(drive.state_bits(false), 0x40);
-        // Disarmed by somebody else it is not enabled any more, either.
+        // After the supervisor disarmed the joint, the drive is not enabled.
         let mut drive = on();
         for word in [SHUTDOWN, ENABLE] {
             let _ = drive.control(word, false, false);
         }
-        drive.follow(false, false);
+        drive.sync_with_supervisor(false, false);
         assert_eq!(drive.state_bits(false), 0x40);
     }
 
     #[test]
-    fn homing_begins_with_an_edge_in_its_own_mode_where_the_drive_is_enabled() {
+    fn homing_starts_on_an_edge_in_homing_mode_when_enabled() {
         const START: u16 = ENABLE | 0x10;
         let mut drive = Profile { mode: HOMING, ..Profile::default() };
-        assert_eq!(drive.control(START, false, false), Request::None);
+        assert_eq!(drive.control(START, false, false), DriveRequest::None);
         for word in [SHUTDOWN, ENABLE] {
             let _ = drive.control(word, false, false);
         }
         assert_eq!(drive.state_bits(false) | drive.homing_bits(true), 0x0427, "not begun");
-        assert_eq!(drive.control(START, false, true), Request::Home);
-        assert_eq!(drive.control(START, false, true), Request::None, "no edge");
+        assert_eq!(drive.control(START, false, true), DriveRequest::Home);
+        assert_eq!(drive.control(START, false, true), DriveRequest::None, "no edge");
         drive.homing = Homing::Attained;
         assert_eq!(drive.state_bits(false) | drive.homing_bits(true), 0x1427);
         drive.homing = Homing::Failed;
@@ -326,12 +329,12 @@ mod tests {
         }
         assert_eq!(
             (other.control(START, false, true), other.homing_bits(true)),
-            (Request::None, 0)
+            (DriveRequest::None, 0)
         );
     }
 
     #[test]
-    fn a_target_is_held_to_the_largest_torque() {
+    fn target_share_is_limited_by_maximum_torque() {
         let share = |target_permille, max_permille| {
             Profile { target_permille, max_permille, ..on() }.target_share()
         };

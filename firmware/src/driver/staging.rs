@@ -1,45 +1,44 @@
-//! Parameters on their way in: staged, validated, committed in two steps.
+//! Parameters in preparation: staged, validated, committed in two steps.
 //!
-//! What is written goes to a staged set, which drives nothing. A commit names the CRC of the set the
-//! tool means; only where the staged set has that very CRC, is valid as a whole and can be built, it
-//! becomes the active one, all at once. So neither half a set nor somebody else's is ever used. A
-//! refused write changes nothing, and its reason stands in the refusal object in words: which field,
-//! its value, its bound, why.
+//! Writes go to a staged set, which is not in use. A commit names the CRC of the set that the tool intends. The
+//! staged set becomes active as a whole, and only if it has this CRC, is valid and can be built. So no partial
+//! set, and no set of another tool, is used. A refused write changes nothing. Its reason is in the refusal
+//! object: field, value, bound and explanation.
 
 use crate::control::MotorParameters;
 use crate::log::log;
 use crate::node::dictionary::index;
-use crate::node::sdo::{Abort, Value};
-use crate::parameter_set::{DRIVE_LENGTH, ParameterSet};
+use crate::node::sdo::{Abort, ValueBuffer};
+use crate::parameter_set::{DRIVE_RECORD_BYTES, ParameterSet};
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::network::record as network_record;
-use compensator_core::parameters::{Choices, Digits, Envelope, LawKind};
+use compensator_core::parameters::{Choices, Envelope, LawKind, ShortNumber};
 use compensator_core::record;
 use compensator_core::term::MAX_TERMS;
 use compensator_core::{ParameterId, TermKind};
 use core::fmt::{Display, Write};
 use heapless::String;
 
-/// A term's place that holds none.
+/// Number of an empty term entry.
 pub const NO_TERM: u8 = 0xFF;
 
-/// Longest reason, bytes.
-pub const REASON: usize = 160;
+/// Maximum length of a reason, bytes.
+pub const MAX_REASON_BYTES: usize = 160;
 
 /// The active set and the staged one.
 #[derive(Clone, Debug)]
 pub struct Staging {
     active: ParameterSet,
     staged: ParameterSet,
-    /// The staged terms as they were written: between two writes a term may stand twice.
+    /// The staged terms as they were written: between two writes a term may appear twice.
     terms: [u8; MAX_TERMS],
-    reason: String<REASON>,
+    reason: String<MAX_REASON_BYTES>,
 }
 
 impl Staging {
-    /// Nothing staged besides the active set.
+    /// Creates a staging area whose staged set is the active one.
     pub fn new(active: ParameterSet) -> Self {
         let mut staging = Self {
             staged: active.clone(),
@@ -51,12 +50,12 @@ impl Staging {
         staging
     }
 
-    /// The set in use.
+    /// Returns the set in use.
     pub const fn active(&self) -> &ParameterSet {
         &self.active
     }
 
-    /// The staged set, its terms put in order.
+    /// Returns the staged set, with its terms sorted.
     pub fn staged(&self) -> ParameterSet {
         let mut staged = self.staged.clone();
         staged.friction.model.terms.clear();
@@ -66,7 +65,7 @@ impl Staging {
         staged
     }
 
-    /// Stages the active set again.
+    /// Replaces the staged set by the active one.
     pub fn discard(&mut self) {
         self.stage(self.active.clone());
     }
@@ -80,23 +79,23 @@ impl Staging {
         self.staged = set;
     }
 
-    /// Why the last write was refused.
+    /// Returns the reason of the last refusal.
     pub fn reason(&self) -> &str {
         &self.reason
     }
 
-    /// Keeps a reason, as far as it fits, and gives the abort code that goes with it.
+    /// Stores a reason, truncated if necessary, and returns the abort code.
     pub fn refuse(&mut self, abort: Abort, why: impl Display) -> Abort {
         self.reason.clear();
-        let mut cut = Cut(&mut self.reason);
-        // A reason that does not fit is cut, not lost.
+        let mut cut = TruncatedWriter(&mut self.reason);
+        // A reason that is too long is truncated.
         let _ = write!(cut, "{why}");
         log!(warn, "refused: {=str}", self.reason.as_str());
         abort
     }
 
-    /// Reads what is staged.
-    pub fn read(&self, at_index: u16, sub_index: u8, value: &mut Value) -> Result<(), Abort> {
+    /// Reads a staged value.
+    pub fn read(&self, at_index: u16, sub_index: u8, value: &mut ValueBuffer) -> Result<(), Abort> {
         let place = usize::from(sub_index).checked_sub(1).ok_or(Abort::NoSubIndex)?;
         let ParameterSet { friction, motor, thresholds, watch, .. } = &self.staged;
         let model = &friction.model;
@@ -126,8 +125,8 @@ impl Staging {
     /// Stages a single value.
     ///
     /// # Errors
-    /// Out of its own range. Whether the values fit together is seen at the commit, so that they can be
-    /// written in any order.
+    /// The value is out of its own range. Whether the values fit together is checked at the commit, so that they
+    /// can be written in any order.
     pub fn write(&mut self, at_index: u16, sub_index: u8, value: &[u8]) -> Result<(), Abort> {
         let place = usize::from(sub_index).checked_sub(1).ok_or(Abort::NoSubIndex)?;
         if at_index == index::MODEL {
@@ -138,7 +137,7 @@ impl Staging {
         match at_index {
             index::ENVELOPE => {
                 let mut fields = self.staged.friction.model.envelope.to_array();
-                self.put(&mut fields, place, number, &Envelope::NAMES)?;
+                self.set_field(&mut fields, place, number, &Envelope::NAMES)?;
                 self.staged.friction.model.envelope = Envelope::from_array(fields);
             }
             index::COMPENSATOR => {
@@ -150,17 +149,17 @@ impl Staging {
             }
             index::MOTOR => {
                 let mut fields = self.staged.motor.to_array();
-                self.put(&mut fields, place, number, &MotorParameters::NAMES)?;
+                self.set_field(&mut fields, place, number, &MotorParameters::NAMES)?;
                 self.staged.motor = MotorParameters::from_array(fields);
             }
             index::THRESHOLDS => {
                 let mut fields = self.staged.thresholds.to_array();
-                self.put(&mut fields, place, number, &Thresholds::NAMES)?;
+                self.set_field(&mut fields, place, number, &Thresholds::NAMES)?;
                 self.staged.thresholds = Thresholds::from_array(fields);
             }
             index::WATCH_PARAMETERS => {
                 let mut fields = self.staged.watch.to_array();
-                self.put(&mut fields, place, number, &WatchParameters::NAMES)?;
+                self.set_field(&mut fields, place, number, &WatchParameters::NAMES)?;
                 self.staged.watch = WatchParameters::from_array(fields);
             }
             _ => {
@@ -197,9 +196,9 @@ impl Staging {
         Ok(())
     }
 
-    /// Puts a number into a list of fields. Their ranges bound each other and are looked at by the
-    /// commit; here it must be a number.
-    fn put(
+    /// Sets a field in a list. Here the value must be finite; the commit checks the ranges, because they depend
+    /// on each other.
+    fn set_field(
         &mut self,
         fields: &mut [f32],
         place: usize,
@@ -216,16 +215,16 @@ impl Staging {
 
     fn check(&mut self, name: &str, number: f32, least: f64, most: f64) -> Result<(), Abort> {
         let wide = f64::from(number);
-        let text = Digits(wide);
+        let text = ShortNumber(wide);
         if !number.is_finite() {
             return Err(self.refuse(Abort::Value, format_args!("{name} = {text}: must be finite")));
         }
         if wide < least {
-            let why = format_args!("{name} = {text}: must be at least {}", Digits(least));
+            let why = format_args!("{name} = {text}: must be at least {}", ShortNumber(least));
             return Err(self.refuse(Abort::TooLow, why));
         }
         if wide > most {
-            let why = format_args!("{name} = {text}: must be at most {}", Digits(most));
+            let why = format_args!("{name} = {text}: must be at most {}", ShortNumber(most));
             return Err(self.refuse(Abort::TooHigh, why));
         }
         Ok(())
@@ -241,7 +240,7 @@ impl Staging {
         Ok(())
     }
 
-    /// Stages a network from its record, or that there is none.
+    /// Stages a network from its record, or an empty record.
     ///
     /// # Errors
     /// The record is damaged, or the network is refused.
@@ -251,12 +250,12 @@ impl Staging {
         Ok(())
     }
 
-    /// Stages motor, thresholds and watch whole.
+    /// Stages all parameters of motor, thresholds and watch.
     ///
     /// # Errors
-    /// Another length, or a number is refused.
+    /// The length is wrong, or a value is refused.
     pub fn write_drive(&mut self, bytes: &[u8]) -> Result<(), Abort> {
-        let drive: &[u8; DRIVE_LENGTH] = bytes.try_into().map_err(|_| Abort::TooShort)?;
+        let drive: &[u8; DRIVE_RECORD_BYTES] = bytes.try_into().map_err(|_| Abort::TooShort)?;
         let ParameterSet { friction, network, .. } = self.staged();
         let set = ParameterSet::with_drive(friction, network, drive);
         set.validate_drive().map_err(|error| self.refuse(Abort::Value, error))?;
@@ -264,12 +263,12 @@ impl Staging {
         Ok(())
     }
 
-    /// The set a commit with this CRC means, where it is the staged one and valid. It is not active
-    /// before [`Staging::activate`]: the driver builds it first.
+    /// Returns the staged set if it has this CRC and is valid. It becomes active with [`Staging::activate`]; the
+    /// driver builds it first.
     ///
     /// # Errors
-    /// Another CRC, or refused parameters.
-    pub fn committed(&mut self, meant: u32) -> Result<ParameterSet, Abort> {
+    /// The CRC differs, or parameters are refused.
+    pub fn validate_commit(&mut self, meant: u32) -> Result<ParameterSet, Abort> {
         let staged = self.staged();
         let found = staged.crc();
         if found != meant {
@@ -280,7 +279,7 @@ impl Staging {
         Ok(staged)
     }
 
-    /// Makes a set the active one, and the staged one.
+    /// Makes a set both the active and the staged one.
     pub fn activate(&mut self, set: ParameterSet) {
         self.active = set;
         self.discard();
@@ -302,10 +301,10 @@ fn choices_from_bits(bits: u8) -> Option<Choices> {
     })
 }
 
-/// Writes into a string as far as there is room.
-struct Cut<'a, const N: usize>(&'a mut String<N>);
+/// Writes into a string until it is full.
+struct TruncatedWriter<'a, const N: usize>(&'a mut String<N>);
 
-impl<const N: usize> Write for Cut<'_, N> {
+impl<const N: usize> Write for TruncatedWriter<'_, N> {
     fn write_str(&mut self, text: &str) -> core::fmt::Result {
         for letter in text.chars() {
             self.0.push(letter).map_err(|_| core::fmt::Error)?;
@@ -323,19 +322,19 @@ mod tests {
     }
 
     #[test]
-    fn values_go_in_one_by_one_and_become_active_together() {
+    fn staged_values_become_active_together_at_the_commit() {
         let mut staging = Staging::new(ParameterSet::default());
-        // On the way the static level lies below the Coulomb level: no single write may refuse that.
+        // In between, the static level is below the Coulomb level: a single write must not refuse that.
         float(&mut staging, ParameterId::CoulombTorque, 1.5).unwrap();
         float(&mut staging, ParameterId::StaticTorque, 2.0).unwrap();
         staging.write(index::MODEL, 1, &[LawKind::ImprovedLugre as u8]).unwrap();
         staging.write(index::MODEL, 3, &[TermKind::PositionRipple as u8]).unwrap();
         assert_eq!(staging.active(), &ParameterSet::default());
-        let wrong = staging.committed(1);
+        let wrong = staging.validate_commit(1);
         assert_eq!(wrong, Err(Abort::Refused));
         assert!(staging.reason().starts_with("commit of 00000001, but"), "{}", staging.reason());
         let meant = staging.staged().crc();
-        let set = staging.committed(meant).unwrap();
+        let set = staging.validate_commit(meant).unwrap();
         staging.activate(set);
         assert_eq!(staging.active().friction.model.get(ParameterId::StaticTorque), 2.0);
         assert_eq!(staging.active().friction.model.terms.as_slice(), [TermKind::PositionRipple]);
@@ -343,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_names_the_field_and_changes_nothing() {
+    fn staged_write_with_invalid_value_names_the_field_and_changes_nothing() {
         let mut staging = Staging::new(ParameterSet::default());
         let before = staging.staged();
         let cases: [(u16, u8, &[u8], Abort, &str); 8] = [
@@ -400,24 +399,24 @@ mod tests {
     }
 
     #[test]
-    fn values_that_do_not_fit_together_are_refused_at_the_commit() {
+    fn staged_values_that_are_inconsistent_are_refused_at_the_commit() {
         let mut staging = Staging::new(ParameterSet::default());
         float(&mut staging, ParameterId::CoulombTorque, 3.0).unwrap();
         let meant = staging.staged().crc();
-        assert_eq!(staging.committed(meant), Err(Abort::Value));
+        assert_eq!(staging.validate_commit(meant), Err(Abort::Value));
         assert!(staging.reason().starts_with("static_torque = 1: must be at least 3"));
         staging.discard();
         assert_eq!(staging.staged(), ParameterSet::default());
         staging.write(index::THRESHOLDS, 1, &2e5f32.to_le_bytes()).unwrap();
         let meant = staging.staged().crc();
-        assert_eq!(staging.committed(meant), Err(Abort::Value));
+        assert_eq!(staging.validate_commit(meant), Err(Abort::Value));
         assert!(
             staging.reason().starts_with("command_timeout_us = 200000: must be at most 100000")
         );
     }
 
     #[test]
-    fn a_record_is_staged_whole_or_not_at_all() {
+    fn staged_record_that_is_damaged_changes_nothing() {
         let mut staging = Staging::new(ParameterSet::default());
         let mut other = ParameterSet::default();
         other.friction.model.set(ParameterId::ViscousFriction, 0.5);
@@ -432,9 +431,9 @@ mod tests {
     }
 
     #[test]
-    fn a_long_reason_is_cut() {
+    fn refuse_with_long_reason_truncates_it() {
         let mut staging = Staging::new(ParameterSet::default());
         staging.refuse(Abort::Value, "x".repeat(400));
-        assert_eq!(staging.reason().len(), REASON);
+        assert_eq!(staging.reason().len(), MAX_REASON_BYTES);
     }
 }

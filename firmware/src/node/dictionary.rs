@@ -1,10 +1,10 @@
-//! The object dictionary: every object of a joint driver with its name, type and access.
+//! The object dictionary: every object of a joint driver with name, type and access.
 //!
-//! One list, [`OBJECTS`], with the entries of records in [`records`]. The SDO server looks in it whether an
-//! object is there and may be written; `joint.eds` is made from it and a test holds the two together;
-//! `host-sim params` takes names from it. Objects from
-//! 1000h are those of CiA 301, from 2000h the joint's own, from 6000h those of CiA 402. Parameters are not listed again: their names
-//! come from the core's own tables, a sub-index is a parameter's number in them plus one.
+//! [`OBJECTS`] lists the objects; [`records`] lists the entries of records. The SDO server uses it to check
+//! whether an object exists and may be written. `joint.eds` is generated from it, and a test compares the
+//! two. `host-sim params` takes names from it. Objects from 1000h are those of CiA 301, from 2000h
+//! manufacturer specific, from 6000h those of CiA 402. Parameters are not listed again: their names come
+//! from the core's tables, and a sub-index is the parameter's number in its table plus one.
 
 pub mod records;
 
@@ -20,40 +20,41 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    Commissioning, CommissioningRun, Commit, Identity, Inputs, Measured, NetworkState, Operation,
-    Outputs, Pdo, SdoServer, State, Trace, TransmitPdo, WatchState, entry, kept,
+    CommissioningObject, CommissioningRunObject, CommitObject, IdentityObject, InputsObject,
+    MeasuredObject, NetworkObject, OperationObject, OutputsObject, PdoObject, SdoServerObject,
+    StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
 };
 
-/// What stands at an index.
+/// Structure of an object.
 #[derive(Clone, Copy, Debug)]
 pub enum Shape {
     /// One value, at sub-index 0.
     Variable(Entry),
-    /// Values from sub-index 1; how many, at 0.
+    /// Values from sub-index 1; sub-index 0 is their number.
     Record(&'static [Entry]),
-    /// As many values of one kind; how many, at 0.
+    /// Values of one type from sub-index 1; sub-index 0 is their number.
     Array(Entry, u8),
-    /// Numbers with these names, which can be read and written.
+    /// Named `f32` values, which can be read and written.
     Numbers(&'static [&'static str]),
     /// The friction parameters, which can be read and written.
     Parameters,
 }
 
-/// An object.
+/// One object.
 #[derive(Clone, Copy, Debug)]
 pub struct Object {
-    /// Its index.
+    /// Index of the object.
     pub index: u16,
-    /// Its name; empty on a board.
+    /// Name of the object; empty on a board.
     pub name: &'static str,
-    /// What stands there.
+    /// Structure of the object.
     pub shape: Shape,
 }
 
-/// Word that is written to [`index::STORE`]: "save".
-pub const SAVE: u32 = u32::from_le_bytes(*b"save");
-/// Word that is written to [`index::RESTORE`]: "load".
-pub const LOAD: u32 = u32::from_le_bytes(*b"load");
+/// Value that must be written to [`index::STORE`]: "save".
+pub const SAVE_SIGNATURE: u32 = u32::from_le_bytes(*b"save");
+/// Value that must be written to [`index::RESTORE`]: "load".
+pub const LOAD_SIGNATURE: u32 = u32::from_le_bytes(*b"load");
 
 use Access::{Const, Input, ReadOnly, ReadWrite};
 use DataType::{
@@ -85,29 +86,29 @@ const fn numbers(name: &'static str, names: &'static [&'static str]) -> (&'stati
     (name, Shape::Numbers(names))
 }
 
-/// Two objects in a frame of eight bytes.
+/// Mapping of two objects in a frame of eight bytes.
 const fn mapping(name: &'static str) -> (&'static str, Shape) {
     array(name, "mapped_object", Const, 2)
 }
 
-/// Errors kept in [`index::ERROR_FIELD`].
-pub const ERRORS_KEPT: usize = 8;
+/// Number of errors kept in [`index::ERROR_FIELD`].
+pub const ERROR_HISTORY_LENGTH: usize = 8;
 
-/// Supervisor codes that are counted, at most.
-pub const CODES: usize = crate::supervisor::CODES;
+/// Number of supervisor codes that are counted.
+pub const CODE_COUNT: usize = crate::supervisor::CODE_COUNT;
 
 macro_rules! objects {
     ($($index:literal $INDEX:ident $object:expr;)*) => {
-        /// Indices, by name.
+        /// Indices by name.
         #[allow(missing_docs)]
         pub mod index {
             $(pub const $INDEX: u16 = $index;)*
         }
 
-        /// Every object, by rising index.
+        /// All objects, in ascending order of their indices.
         pub static OBJECTS: &[Object] = &[$({
             let (name, shape) = $object;
-            Object { index: $index, name: kept(name), shape }
+            Object { index: $index, name: name_on_host(name), shape }
         }),*];
     };
 }
@@ -115,7 +116,7 @@ macro_rules! objects {
 objects! {
     0x1000 DEVICE_TYPE variable("device_type", Unsigned32, Const);
     0x1001 ERROR_REGISTER variable("error_register", Unsigned8, ReadOnly);
-    0x1003 ERROR_FIELD array("predefined_error_field", "error", ReadOnly, ERRORS_KEPT);
+    0x1003 ERROR_FIELD array("predefined_error_field", "error", ReadOnly, ERROR_HISTORY_LENGTH);
     0x1005 SYNC_IDENTIFIER variable("sync_cob_id", Unsigned32, Const);
     0x1008 DEVICE_NAME variable("device_name", VisibleString, Const);
     0x1009 HARDWARE_VERSION variable("hardware_version", VisibleString, Const);
@@ -128,47 +129,47 @@ objects! {
         &[entry("awaited_heartbeat", Unsigned32, ReadWrite)],
     );
     0x1017 HEARTBEAT variable("producer_heartbeat_time_ms", Unsigned16, ReadWrite);
-    0x1018 IDENTITY record("identity", Identity::ENTRIES);
+    0x1018 IDENTITY record("identity", IdentityObject::ENTRIES);
     0x1019 SYNC_OVERFLOW variable("sync_counter_overflow", Unsigned8, Const);
-    0x1200 SDO_SERVER record("sdo_server", SdoServer::ENTRIES);
-    0x1400 RECEIVE_DRIVE record("receive_pdo_drive", Pdo::ENTRIES);
-    0x1401 RECEIVE_COMMAND record("receive_pdo_command", Pdo::ENTRIES);
-    0x1402 RECEIVE_SEAL record("receive_pdo_seal", Pdo::ENTRIES);
-    0x1403 RECEIVE_SURROUNDINGS record("receive_pdo_surroundings", Pdo::ENTRIES);
-    0x1404 RECEIVE_MOTION record("receive_pdo_motion", Pdo::ENTRIES);
-    0x1405 RECEIVE_TORQUE record("receive_pdo_torque", Pdo::ENTRIES);
+    0x1200 SDO_SERVER record("sdo_server", SdoServerObject::ENTRIES);
+    0x1400 RECEIVE_DRIVE record("receive_pdo_drive", PdoObject::ENTRIES);
+    0x1401 RECEIVE_COMMAND record("receive_pdo_command", PdoObject::ENTRIES);
+    0x1402 RECEIVE_SEAL record("receive_pdo_seal", PdoObject::ENTRIES);
+    0x1403 RECEIVE_SURROUNDINGS record("receive_pdo_surroundings", PdoObject::ENTRIES);
+    0x1404 RECEIVE_MOTION record("receive_pdo_motion", PdoObject::ENTRIES);
+    0x1405 RECEIVE_TORQUE record("receive_pdo_torque", PdoObject::ENTRIES);
     0x1600 MAPPING_RECEIVED_DRIVE array("mapping_received_drive", "mapped_object", Const, 3);
     0x1601 MAPPING_RECEIVED_COMMAND mapping("mapping_received_command");
     0x1602 MAPPING_RECEIVED_SEAL mapping("mapping_received_seal");
     0x1603 MAPPING_RECEIVED_SURROUNDINGS mapping("mapping_received_surroundings");
     0x1604 MAPPING_RECEIVED_MOTION mapping("mapping_received_motion");
     0x1605 MAPPING_RECEIVED_TORQUE mapping("mapping_received_torque");
-    0x1800 TRANSMIT_ANSWER record("transmit_pdo_answer", TransmitPdo::ENTRIES);
-    0x1801 TRANSMIT_STATUS record("transmit_pdo_status", TransmitPdo::ENTRIES);
-    0x1802 TRANSMIT_TELEMETRY record("transmit_pdo_telemetry", TransmitPdo::ENTRIES);
-    0x1803 TRANSMIT_MOTION record("transmit_pdo_motion", TransmitPdo::ENTRIES);
-    0x1804 TRANSMIT_TORQUE record("transmit_pdo_torque", TransmitPdo::ENTRIES);
-    0x1805 TRANSMIT_DRIVE record("transmit_pdo_drive", TransmitPdo::ENTRIES);
+    0x1800 TRANSMIT_ANSWER record("transmit_pdo_answer", TransmitPdoObject::ENTRIES);
+    0x1801 TRANSMIT_STATUS record("transmit_pdo_status", TransmitPdoObject::ENTRIES);
+    0x1802 TRANSMIT_TELEMETRY record("transmit_pdo_telemetry", TransmitPdoObject::ENTRIES);
+    0x1803 TRANSMIT_MOTION record("transmit_pdo_motion", TransmitPdoObject::ENTRIES);
+    0x1804 TRANSMIT_TORQUE record("transmit_pdo_torque", TransmitPdoObject::ENTRIES);
+    0x1805 TRANSMIT_DRIVE record("transmit_pdo_drive", TransmitPdoObject::ENTRIES);
     0x1A00 MAPPING_ANSWER mapping("mapping_answer");
     0x1A01 MAPPING_STATUS mapping("mapping_status");
     0x1A02 MAPPING_TELEMETRY mapping("mapping_telemetry");
     0x1A03 MAPPING_MOTION mapping("mapping_motion");
     0x1A04 MAPPING_TORQUE mapping("mapping_torque");
     0x1A05 MAPPING_DRIVE array("mapping_drive", "mapped_object", Const, 3);
-    0x2000 TRACE record("trace", Trace::ENTRIES);
-    0x2001 OPERATION record("operation", Operation::ENTRIES);
-    0x2002 STATE record("state", State::ENTRIES);
+    0x2000 TRACE record("trace", TraceObject::ENTRIES);
+    0x2001 OPERATION record("operation", OperationObject::ENTRIES);
+    0x2002 STATE record("state", StateObject::ENTRIES);
     0x2003 FRAME_COUNTERS
         array("frame_counters", "frame_counter", ReadOnly, records::FRAME_COUNTERS.len());
-    0x2004 INPUTS record("inputs", Inputs::ENTRIES);
-    0x2005 OUTPUTS record("outputs", Outputs::ENTRIES);
-    0x2006 CODE_COUNTERS array("code_counters", "code_counter", ReadOnly, CODES);
-    0x2007 WATCH record("watch", WatchState::ENTRIES);
+    0x2004 INPUTS record("inputs", InputsObject::ENTRIES);
+    0x2005 OUTPUTS record("outputs", OutputsObject::ENTRIES);
+    0x2006 CODE_COUNTERS array("code_counters", "code_counter", ReadOnly, CODE_COUNT);
+    0x2007 WATCH record("watch", WatchObject::ENTRIES);
     0x2008 LAST_PANIC variable("last_panic", VisibleString, ReadOnly);
-    0x2009 MEASURED record("measured", Measured::ENTRIES);
-    0x200A COMMISSIONING record("commissioning", Commissioning::ENTRIES);
-    0x200B NETWORK record("network", NetworkState::ENTRIES);
-    0x200C COMMISSIONING_RUN record("commissioning_run", CommissioningRun::ENTRIES);
+    0x2009 MEASURED record("measured", MeasuredObject::ENTRIES);
+    0x200A COMMISSIONING record("commissioning", CommissioningObject::ENTRIES);
+    0x200B NETWORK record("network", NetworkObject::ENTRIES);
+    0x200C COMMISSIONING_RUN record("commissioning_run", CommissioningRunObject::ENTRIES);
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);
@@ -181,7 +182,7 @@ objects! {
     0x2024 MOTOR numbers("motor", &MotorParameters::NAMES);
     0x2025 THRESHOLDS numbers("thresholds", &Thresholds::NAMES);
     0x2026 WATCH_PARAMETERS numbers("watch_parameters", &WatchParameters::NAMES);
-    0x2027 COMMIT record("commit", Commit::ENTRIES);
+    0x2027 COMMIT record("commit", CommitObject::ENTRIES);
     0x2028 REFUSAL variable("last_refusal", VisibleString, ReadOnly);
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);
@@ -206,14 +207,14 @@ objects! {
 }
 
 impl Object {
-    /// The object at an index.
+    /// Returns the object at an index.
     pub fn find(index: u16) -> Option<&'static Self> {
         let at = OBJECTS.binary_search_by_key(&index, |object| object.index).ok()?;
         OBJECTS.get(at)
     }
 
-    /// Its highest sub-index.
-    pub fn last(&self) -> u8 {
+    /// Returns the highest sub-index of the object.
+    pub fn highest_sub_index(&self) -> u8 {
         match self.shape {
             Shape::Variable(_) => 0,
             Shape::Record(entries) => entries.len() as u8,
@@ -223,13 +224,13 @@ impl Object {
         }
     }
 
-    /// What stands at a sub-index.
+    /// Returns the entry at a sub-index.
     pub fn entry(&self, sub_index: u8) -> Option<Entry> {
         let number = |name| entry(name, Real32, ReadWrite);
         let Some(place) = sub_index.checked_sub(1).map(usize::from) else {
             return Some(match self.shape {
                 Shape::Variable(entry) => entry,
-                // A tool empties the list of errors by writing 0 to its count.
+                // A tool clears the error history by writing 0 to its count.
                 Shape::Array(..) if self.index == index::ERROR_FIELD => {
                     entry("highest_sub_index", Unsigned8, ReadWrite)
                 }
@@ -246,10 +247,10 @@ impl Object {
     }
 }
 
-/// What stands at an address.
+/// Returns the entry at an address.
 ///
 /// # Errors
-/// [`Abort::NoObject`] or [`Abort::NoSubIndex`].
+/// Returns [`Abort::NoObject`] or [`Abort::NoSubIndex`].
 pub fn find(index: u16, sub_index: u8) -> Result<Entry, Abort> {
     let object = Object::find(index).ok_or(Abort::NoObject)?;
     object.entry(sub_index).ok_or(Abort::NoSubIndex)
@@ -260,13 +261,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn indices_rise_and_every_sub_index_has_an_entry() {
+    fn indices_are_sorted_and_every_sub_index_has_an_entry() {
         assert!(OBJECTS.windows(2).all(|pair| pair[0].index < pair[1].index));
         for object in OBJECTS {
-            for sub_index in 0..=object.last() {
+            for sub_index in 0..=object.highest_sub_index() {
                 assert!(find(object.index, sub_index).is_ok(), "{object:?}");
             }
-            let beyond = find(object.index, object.last() + 1);
+            let beyond = find(object.index, object.highest_sub_index() + 1);
             assert_eq!(beyond, Err(Abort::NoSubIndex), "{object:?}");
         }
         assert_eq!(find(0x2FFF, 0), Err(Abort::NoObject));

@@ -1,10 +1,10 @@
-//! The SDO server: how a tool reads and writes the objects of a driver (CiA 301, 7.2.4).
+//! The SDO server: tools read and write the objects of a driver through it (CiA 301, 7.2.4).
 //!
-//! A value of up to four bytes travels in one frame, a longer one in segments of seven. The frames are
-//! coded by `canopen-rs`; the server is ours, because it must ask the driver *before* it answers a
-//! write: parameters are refused while the joint is armed, out of range, or where they do not fit
-//! together, and the answer says so. One transfer at a time; one that is begun anew, or that rests for
-//! [`TIMEOUT_US`], ends the one before. Block transfer is not offered, as CiA 301 allows.
+//! A value of up to four bytes travels in one frame, a longer one in segments of seven bytes. `canopen-rs`
+//! codes the frames. The server is our own, because it must ask the driver *before* it confirms a write:
+//! the driver refuses parameters while the joint is armed, out of range, or inconsistent with others, and
+//! the answer must contain that. One transfer is active at a time. A new request, or a pause of
+//! [`TIMEOUT_US`], ends the previous one. Block transfer is not supported, which CiA 301 allows.
 
 use canopen_rs::Address;
 use canopen_rs::sdo::{
@@ -13,18 +13,18 @@ use canopen_rs::sdo::{
 };
 use heapless::Vec;
 
-/// Longest value, bytes: the record of a network.
-pub const LONGEST: usize = compensator_core::network::record::LENGTH;
-const _: () = assert!(compensator_core::record::LENGTH <= LONGEST);
+/// Maximum length of a value, bytes: a network's record.
+pub const MAX_VALUE_BYTES: usize = compensator_core::network::record::LENGTH;
+const _: () = assert!(compensator_core::record::LENGTH <= MAX_VALUE_BYTES);
 
-/// A transfer that rests this long is over, us.
+/// Maximum pause within a transfer, us.
 pub const TIMEOUT_US: u64 = 1_000_000;
 
 /// Bytes of data in a segment.
 const SEGMENT: usize = 7;
 
 /// Bits of the command byte (CiA 301, 7.2.4.3).
-mod bit {
+mod command_bits {
     pub const COMMAND: u8 = 0xE0;
     pub const DOWNLOAD_SEGMENT: u8 = 0x00;
     pub const DOWNLOAD: u8 = 0x20;
@@ -36,76 +36,76 @@ mod bit {
     pub const TOGGLE: u8 = 0x10;
 }
 
-/// Why a transfer ends without success: the abort codes of CiA 301 this driver gives.
+/// Reasons to abort a transfer: the abort codes of CiA 301 that this driver uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Abort {
-    /// A segment came twice or one is missing.
+    /// A segment is repeated or missing.
     Toggle = 0x0503_0000,
-    /// Not a request that fits here.
+    /// The request is unknown or does not fit the transfer.
     Command = 0x0504_0001,
-    /// The value is longer than the driver can hold.
+    /// The value exceeds the driver's buffer.
     Memory = 0x0504_0005,
     /// The object can only be written.
     WriteOnly = 0x0601_0001,
     /// The object can only be read.
     ReadOnly = 0x0601_0002,
-    /// There is no such object.
+    /// The object does not exist.
     NoObject = 0x0602_0000,
-    /// The flash would not take it.
+    /// The flash reported an error.
     Hardware = 0x0606_0000,
     /// The value has too many bytes.
     TooLong = 0x0607_0012,
     /// The value has too few bytes.
     TooShort = 0x0607_0013,
-    /// There is no such sub-index.
+    /// The sub-index does not exist.
     NoSubIndex = 0x0609_0011,
-    /// Out of range, or refused with others: the refusal object says which and why.
+    /// The value is out of range or inconsistent with others; the refusal object gives name and reason.
     Value = 0x0609_0030,
     /// Above its range.
     TooHigh = 0x0609_0031,
     /// Below its range.
     TooLow = 0x0609_0032,
-    /// The request is understood and not granted.
+    /// The request is valid but refused.
     Refused = 0x0800_0020,
-    /// Not while the joint is armed.
+    /// The request is not allowed while the joint is armed.
     State = 0x0800_0022,
 }
 
-/// A value on its way.
-pub type Value = Vec<u8, LONGEST>;
+/// Buffer for one value.
+pub type ValueBuffer = Vec<u8, MAX_VALUE_BYTES>;
 
-/// The driver's objects, as the server sees them.
+/// Access of the server to the driver's objects.
 pub trait Objects {
-    /// Whether the object can be written and how long its value is; asked before any data is taken.
+    /// Checks that the object can be written with this length. The server calls it before it accepts data.
     ///
     /// # Errors
-    /// Why it cannot be written.
-    fn may_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort>;
+    /// Returns why it cannot be written.
+    fn check_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort>;
 
     /// Writes a value, little-endian.
     ///
     /// # Errors
-    /// Why it is refused; nothing is changed then.
+    /// Returns why it is refused. Nothing is changed then.
     fn write(&mut self, at: Address, value: &[u8]) -> Result<(), Abort>;
 
     /// Reads a value, little-endian.
     ///
     /// # Errors
-    /// Why it cannot be read.
-    fn read(&mut self, at: Address, value: &mut Value) -> Result<(), Abort>;
+    /// Returns why it cannot be read.
+    fn read(&mut self, at: Address, value: &mut ValueBuffer) -> Result<(), Abort>;
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Transfer {
     None,
-    /// To the driver: what is here so far is in the buffer.
+    /// To the driver. The buffer holds the data received so far.
     Download {
         at: Address,
         declared: Option<usize>,
         toggle: bool,
     },
-    /// From the driver: so many bytes of the buffer are sent.
+    /// From the driver. `sent` bytes of the buffer are sent.
     Upload {
         at: Address,
         sent: usize,
@@ -117,7 +117,7 @@ enum Transfer {
 #[derive(Debug)]
 pub struct SdoServer {
     transfer: Transfer,
-    value: Value,
+    value: ValueBuffer,
     last_us: u64,
     aborts: u32,
 }
@@ -129,17 +129,17 @@ impl Default for SdoServer {
 }
 
 impl SdoServer {
-    /// No transfer yet.
+    /// Returns a server without an active transfer.
     pub const fn new() -> Self {
         Self { transfer: Transfer::None, value: Vec::new(), last_us: 0, aborts: 0 }
     }
 
-    /// How many transfers were refused or broken off by the driver.
+    /// Returns the number of transfers that the driver refused or aborted.
     pub const fn aborts(&self) -> u32 {
         self.aborts
     }
 
-    /// Answers a request; nothing is said to a client that breaks off.
+    /// Answers a request. An abort by the client has no answer.
     pub fn answer(
         &mut self,
         request: &[u8; 8],
@@ -152,12 +152,16 @@ impl SdoServer {
         self.last_us = now_us;
         let [command, low, high, sub_index, ..] = *request;
         let at = Address::new(u16::from_le_bytes([low, high]), sub_index);
-        let outcome = match command & bit::COMMAND {
-            bit::DOWNLOAD => self.begin_download(at, request, objects).map_err(|abort| (at, abort)),
-            bit::UPLOAD => self.begin_upload(at, objects).map_err(|abort| (at, abort)),
-            bit::DOWNLOAD_SEGMENT => self.download_segment(request, objects),
-            bit::UPLOAD_SEGMENT => self.upload_segment(command & bit::TOGGLE != 0),
-            bit::ABORT => {
+        let outcome = match command & command_bits::COMMAND {
+            command_bits::DOWNLOAD => {
+                self.begin_download(at, request, objects).map_err(|abort| (at, abort))
+            }
+            command_bits::UPLOAD => self.begin_upload(at, objects).map_err(|abort| (at, abort)),
+            command_bits::DOWNLOAD_SEGMENT => self.download_segment(request, objects),
+            command_bits::UPLOAD_SEGMENT => {
+                self.upload_segment(command & command_bits::TOGGLE != 0)
+            }
+            command_bits::ABORT => {
                 self.transfer = Transfer::None;
                 return None;
             }
@@ -178,18 +182,18 @@ impl SdoServer {
     ) -> Result<[u8; 8], Abort> {
         self.transfer = Transfer::None;
         let [command, _, _, _, data @ ..] = *request;
-        let sized = command & bit::SIZED != 0;
-        if command & bit::EXPEDITED != 0 {
+        let sized = command & command_bits::SIZED != 0;
+        if command & command_bits::EXPEDITED != 0 {
             let unused = if sized { usize::from(command >> 2 & 3) } else { 0 };
             let length = data.len() - unused;
-            objects.may_write(at, sized.then_some(length))?;
+            objects.check_write(at, sized.then_some(length))?;
             objects.write(at, data.get(..length).unwrap_or_default())?;
         } else {
             let declared = sized.then_some(u32::from_le_bytes(data) as usize);
-            if declared.is_some_and(|length| length > LONGEST) {
+            if declared.is_some_and(|length| length > MAX_VALUE_BYTES) {
                 return Err(Abort::Memory);
             }
-            objects.may_write(at, declared)?;
+            objects.check_write(at, declared)?;
             self.value.clear();
             self.transfer = Transfer::Download { at, declared, toggle: false };
         }
@@ -232,7 +236,8 @@ impl SdoServer {
             let unused = (4 - self.value.len()) as u8;
             let mut answer = [0; 8];
             let [low, high] = at.index.to_le_bytes();
-            let command = bit::UPLOAD | unused << 2 | bit::EXPEDITED | bit::SIZED;
+            let command =
+                command_bits::UPLOAD | unused << 2 | command_bits::EXPEDITED | command_bits::SIZED;
             let head = [command, low, high, at.subindex];
             for (place, byte) in answer.iter_mut().zip(head.iter().chain(&self.value)) {
                 *place = *byte;
@@ -260,7 +265,8 @@ impl SdoServer {
     }
 }
 
-/// The frame that breaks a transfer off. `canopen-rs` knows fewer codes, so the code is put in here.
+/// Returns the frame that aborts a transfer. `canopen-rs` has fewer abort codes, so the code is inserted
+/// here.
 fn abort_frame(at: Address, abort: Abort) -> [u8; 8] {
     let [a, b, c, d, ..] = encode_abort(at, SdoAbortCode::General);
     let [e, f, g, h] = (abort as u32).to_le_bytes();
@@ -276,12 +282,12 @@ mod tests {
     };
     use proptest::prelude::*;
 
-    /// One object of any length at 2000h, one that refuses what begins with 0xBD at 2001h.
+    /// One object of any length at 2000h, and one at 2001h that refuses values that begin with 0xBD.
     #[derive(Default)]
-    struct Shelf(std::vec::Vec<u8>);
+    struct TestObjects(std::vec::Vec<u8>);
 
-    impl Objects for Shelf {
-        fn may_write(&mut self, at: Address, _: Option<usize>) -> Result<(), Abort> {
+    impl Objects for TestObjects {
+        fn check_write(&mut self, at: Address, _: Option<usize>) -> Result<(), Abort> {
             if matches!(at.index, 0x2000 | 0x2001) { Ok(()) } else { Err(Abort::NoObject) }
         }
         fn write(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
@@ -291,39 +297,42 @@ mod tests {
             self.0 = value.to_vec();
             Ok(())
         }
-        fn read(&mut self, at: Address, value: &mut Value) -> Result<(), Abort> {
-            self.may_write(at, None)?;
+        fn read(&mut self, at: Address, value: &mut ValueBuffer) -> Result<(), Abort> {
+            self.check_write(at, None)?;
             value.extend_from_slice(&self.0).map_err(|_| Abort::Memory)
         }
     }
 
-    const AT: Address = Address::new(0x2000, 0);
+    const OBJECT_ADDRESS: Address = Address::new(0x2000, 0);
 
     fn code(answer: Option<[u8; 8]>) -> u32 {
         decode_abort(&answer.unwrap()).unwrap().1
     }
 
-    fn download(server: &mut SdoServer, shelf: &mut Shelf, data: &[u8]) {
-        let begin = encode_download_initiate_segmented(AT, data.len() as u32);
-        assert_eq!(server.answer(&begin, 0, shelf), Some(encode_download_response(AT)));
+    fn download(server: &mut SdoServer, objects: &mut TestObjects, data: &[u8]) {
+        let begin = encode_download_initiate_segmented(OBJECT_ADDRESS, data.len() as u32);
+        assert_eq!(
+            server.answer(&begin, 0, objects),
+            Some(encode_download_response(OBJECT_ADDRESS))
+        );
         let count = data.chunks(7).count();
         for (index, chunk) in data.chunks(7).enumerate() {
             let toggle = index % 2 == 1;
             let segment = encode_data_segment(chunk, toggle, index + 1 == count).unwrap();
-            let answer = server.answer(&segment, 0, shelf).unwrap();
+            let answer = server.answer(&segment, 0, objects).unwrap();
             assert_eq!(decode_download_segment_response(&answer), Ok(toggle));
         }
     }
 
-    fn upload(server: &mut SdoServer, shelf: &mut Shelf) -> std::vec::Vec<u8> {
-        let first = server.answer(&encode_upload_request(AT), 0, shelf).unwrap();
-        if first[0] & bit::EXPEDITED != 0 {
+    fn upload(server: &mut SdoServer, objects: &mut TestObjects) -> std::vec::Vec<u8> {
+        let first = server.answer(&encode_upload_request(OBJECT_ADDRESS), 0, objects).unwrap();
+        if first[0] & command_bits::EXPEDITED != 0 {
             return first[4..8 - usize::from(first[0] >> 2 & 3)].to_vec();
         }
         let mut data = std::vec::Vec::new();
         let mut toggle = false;
         loop {
-            let answer = server.answer(&encode_upload_segment_request(toggle), 0, shelf).unwrap();
+            let answer = server.answer(&encode_upload_segment_request(toggle), 0, objects).unwrap();
             let segment = decode_data_segment(&answer).unwrap();
             assert_eq!(segment.toggle, toggle);
             data.extend_from_slice(segment.data);
@@ -335,64 +344,68 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refused_is_refused_before_or_after_its_data() {
-        let (mut server, mut shelf) = (SdoServer::new(), Shelf::default());
+    fn refused_write_is_aborted_before_or_after_its_data() {
+        let (mut server, mut objects) = (SdoServer::new(), TestObjects::default());
         let unknown = [0x23, 0x34, 0x12, 0, 1, 2, 3, 4];
-        assert_eq!(code(server.answer(&unknown, 0, &mut shelf)), Abort::NoObject as u32);
+        assert_eq!(code(server.answer(&unknown, 0, &mut objects)), Abort::NoObject as u32);
         let refused = [0x23, 0x01, 0x20, 0, 0xBD, 2, 3, 4];
-        assert_eq!(code(server.answer(&refused, 0, &mut shelf)), Abort::Value as u32);
-        assert!(shelf.0.is_empty());
-        let too_long = encode_download_initiate_segmented(AT, LONGEST as u32 + 1);
-        assert_eq!(code(server.answer(&too_long, 0, &mut shelf)), Abort::Memory as u32);
-        assert_eq!(code(server.answer(&[0xC0; 8], 0, &mut shelf)), Abort::Command as u32);
+        assert_eq!(code(server.answer(&refused, 0, &mut objects)), Abort::Value as u32);
+        assert!(objects.0.is_empty());
+        let too_long =
+            encode_download_initiate_segmented(OBJECT_ADDRESS, MAX_VALUE_BYTES as u32 + 1);
+        assert_eq!(code(server.answer(&too_long, 0, &mut objects)), Abort::Memory as u32);
+        assert_eq!(code(server.answer(&[0xC0; 8], 0, &mut objects)), Abort::Command as u32);
         assert_eq!(server.aborts(), 4);
     }
 
     #[test]
-    fn a_broken_transfer_leaves_the_old_value() {
-        let (mut server, mut shelf) = (SdoServer::new(), Shelf::default());
-        download(&mut server, &mut shelf, b"the value before");
-        let begin = encode_download_initiate_segmented(AT, 20);
-        server.answer(&begin, 0, &mut shelf);
+    fn interrupted_download_keeps_the_previous_value() {
+        let (mut server, mut objects) = (SdoServer::new(), TestObjects::default());
+        download(&mut server, &mut objects, b"the value before");
+        let begin = encode_download_initiate_segmented(OBJECT_ADDRESS, 20);
+        server.answer(&begin, 0, &mut objects);
         let segment = encode_data_segment(b"new one", false, false).unwrap();
-        server.answer(&segment, 0, &mut shelf);
-        // The same segment again.
-        assert_eq!(code(server.answer(&segment, 0, &mut shelf)), Abort::Toggle as u32);
-        // A last segment too early.
-        server.answer(&begin, 0, &mut shelf);
+        server.answer(&segment, 0, &mut objects);
+        // The same segment is repeated.
+        assert_eq!(code(server.answer(&segment, 0, &mut objects)), Abort::Toggle as u32);
+        // The last segment arrives too early.
+        server.answer(&begin, 0, &mut objects);
         let early = encode_data_segment(b"new one", false, true).unwrap();
-        assert_eq!(code(server.answer(&early, 0, &mut shelf)), Abort::TooShort as u32);
+        assert_eq!(code(server.answer(&early, 0, &mut objects)), Abort::TooShort as u32);
         // More than was declared.
-        server.answer(&encode_download_initiate_segmented(AT, 5), 0, &mut shelf);
-        assert_eq!(code(server.answer(&segment, 0, &mut shelf)), Abort::TooLong as u32);
-        // A client that fell silent for too long, and one that breaks off.
-        server.answer(&begin, 0, &mut shelf);
-        let late = server.answer(&segment, TIMEOUT_US + 1, &mut shelf);
+        server.answer(&encode_download_initiate_segmented(OBJECT_ADDRESS, 5), 0, &mut objects);
+        assert_eq!(code(server.answer(&segment, 0, &mut objects)), Abort::TooLong as u32);
+        // A client that pauses for too long, and one that aborts.
+        server.answer(&begin, 0, &mut objects);
+        let late = server.answer(&segment, TIMEOUT_US + 1, &mut objects);
         assert_eq!(code(late), Abort::Command as u32);
-        server.answer(&begin, 0, &mut shelf);
-        assert_eq!(server.answer(&abort_frame(AT, Abort::Refused), 0, &mut shelf), None);
-        assert_eq!(code(server.answer(&segment, 0, &mut shelf)), Abort::Command as u32);
-        assert_eq!(upload(&mut server, &mut shelf), b"the value before");
+        server.answer(&begin, 0, &mut objects);
+        assert_eq!(
+            server.answer(&abort_frame(OBJECT_ADDRESS, Abort::Refused), 0, &mut objects),
+            None
+        );
+        assert_eq!(code(server.answer(&segment, 0, &mut objects)), Abort::Command as u32);
+        assert_eq!(upload(&mut server, &mut objects), b"the value before");
     }
 
     proptest! {
         #[test]
-        fn every_length_goes_in_and_comes_out(
-            data in proptest::collection::vec(any::<u8>(), 1..=LONGEST),
+        fn download_then_upload_returns_values_of_every_length(
+            data in proptest::collection::vec(any::<u8>(), 1..=MAX_VALUE_BYTES),
         ) {
-            let (mut server, mut shelf) = (SdoServer::new(), Shelf::default());
-            download(&mut server, &mut shelf, &data);
-            prop_assert_eq!(upload(&mut server, &mut shelf), data);
+            let (mut server, mut objects) = (SdoServer::new(), TestObjects::default());
+            download(&mut server, &mut objects, &data);
+            prop_assert_eq!(upload(&mut server, &mut objects), data);
         }
 
         #[test]
-        fn garbage_is_answered_or_passed_over(
+        fn every_request_but_abort_gets_an_answer(
             requests in proptest::collection::vec(any::<[u8; 8]>(), 0..200),
         ) {
-            let (mut server, mut shelf) = (SdoServer::new(), Shelf::default());
+            let (mut server, mut objects) = (SdoServer::new(), TestObjects::default());
             for request in requests {
-                let answer = server.answer(&request, 0, &mut shelf);
-                prop_assert_eq!(answer.is_none(), request[0] & bit::COMMAND == bit::ABORT);
+                let answer = server.answer(&request, 0, &mut objects);
+                prop_assert_eq!(answer.is_none(), request[0] & command_bits::COMMAND == command_bits::ABORT);
             }
         }
     }

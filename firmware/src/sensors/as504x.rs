@@ -1,77 +1,84 @@
-//! Magnetic encoders of the kind AS5047P and AS5048A: 14 bits of a turn over SPI.
+//! Magnetic encoders AS5047P and AS5048A: a 14-bit angle over SPI.
 //!
-//! A frame is 16 bits both ways, mode 1 (clock low at rest, sampled on its falling edge), at most 10 MHz. Out goes
-//! a command: even parity, read bit, register. Back comes what the frame *before* asked for: even parity,
-//! an error flag, 14 bits. So one frame a period is enough, and the angle it brings was latched at the end
-//! of the frame before: a period of age, which belongs in `encoder_delay_s` together with the sensor's own.
+//! A frame has 16 bits in both directions, mode 1 (clock low when idle, sampled on its falling edge), at
+//! most 10 MHz. The command holds even parity, a read bit and a register. The answer belongs to the
+//! *previous* command and holds even parity, an error flag and 14 bits. One frame per period is therefore
+//! enough. Its angle was latched at the end of the previous frame, so it is one period old;
+//! `encoder_delay_s` includes that and the sensor's own delay.
 //!
-//! A word of zeros has its parity right and no error flag: a line that lies low, and a chip that hangs, look like a shaft at
-//! rest. But these encoders are noisy by three counts (0.068 degrees); one whose angle stays the same bits for [`STUCK_AFTER`]
-//! frames is stuck.
+//! A word of zeros has correct parity and no error flag, so a data line held low or a chip that hangs looks
+//! like a shaft at rest. However, these encoders have a noise of three counts (0.068 degrees). An angle
+//! that stays exactly the same for [`STUCK_AFTER_FRAMES`] frames is therefore reported as stuck.
 //!
-//! The error flag stays until the error register was read. That takes two frames without an angle, over
-//! which the observer coasts. A broken wire reads as ones (pull up the input): the error flag is then up.
+//! The error flag stays set until the error register is read. That takes two frames without an angle,
+//! during which the observer coasts. A broken wire reads as ones (the input must be pulled up), so the
+//! error flag is set.
 
 use embedded_hal::spi::{Operation, SpiDevice};
 
 /// Bits of an angle.
 pub const ANGLE_BITS: u32 = 14;
 
-/// Fastest clock it stands, Hz (data sheet: t_clk 100 ns at least).
-pub const CLOCK_MAX_HZ: u32 = 10_000_000;
+/// Maximum SPI clock, Hz (data sheet: t_clk at least 100 ns).
+pub const MAX_CLOCK_HZ: u32 = 10_000_000;
 
-/// The least divider of an SPI's clock source, of 2 to 256 in powers of two, that keeps to [`CLOCK_MAX_HZ`]. Asking a
-/// driver for a frequency will not do: they round, and 170 MHz by 16 is 10.6 MHz.
+/// Returns the smallest divider of an SPI clock source (2 to 256, powers of two) that keeps to
+/// [`MAX_CLOCK_HZ`].
+///
+/// Do not request a frequency from a driver instead: drivers round, and 170 MHz / 16 is 10.6 MHz.
 ///
 /// # Panics
-/// Where even 256 is not enough; in a constant, that does not compile.
+/// Panics if 256 is not enough; in a constant, that does not compile.
 pub const fn clock_divider(source_hz: u32) -> u32 {
     let mut divider = 2;
-    while source_hz > divider * CLOCK_MAX_HZ {
+    while source_hz > divider * MAX_CLOCK_HZ {
         divider *= 2;
     }
     assert!(divider <= 256, "no divider is large enough");
     divider
 }
 
-/// Command to read the angle; at this address both kinds have it.
+/// Command to read the angle; both types have this address.
 const READ_ANGLE: u16 = command(0x3FFF);
-/// Command to read the errors, which clears them.
+/// Command to read the error register, which clears it.
 const READ_ERRORS: u16 = command(0x0001);
 
 const ERROR: u16 = 1 << 14;
 const DATA: u16 = ERROR - 1;
 
-/// Frames with the very same angle after which it is no measurement any more: 0.2 s at 20 kHz. Of noise of three counts every
-/// eighth sample at most repeats the one before; at a tenth of it, and the angle in the middle of a count, it still moves.
-pub const STUCK_AFTER: u16 = 4000;
+/// Number of identical frames after which the angle counts as stuck: 0.2 s at 20 kHz.
+///
+/// With a noise of three counts at most every eighth sample repeats the previous one. Even with a tenth of
+/// that noise and the angle in the middle of a count, the value still changes within this time.
+pub const STUCK_AFTER_FRAMES: u16 = 4000;
 
-/// From chip select to the first clock, and from the last clock back, ns (data sheet: t_L, t_H).
+/// Delays from chip select to the first clock, and from the last clock to its release, ns (data sheet: t_L,
+/// t_H).
 const SELECT_NS: u32 = 350;
 const RELEASE_NS: u32 = 100;
 
-/// A read command: even parity in the top bit.
+/// Returns a read command, with even parity in the top bit.
 const fn command(register: u16) -> u16 {
     let word = ERROR | (register & DATA);
     word | ((word.count_ones() as u16 & 1) << 15)
 }
 
-/// Why a frame brought no angle.
+/// Reason why a frame contains no angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EncoderError<E> {
-    /// The bus.
+    /// The SPI transfer failed.
     Spi(E),
-    /// Parity does not fit.
+    /// The parity is wrong.
     Parity,
-    /// It has been the same to the bit for [`STUCK_AFTER`] frames.
+    /// The angle has not changed for [`STUCK_AFTER_FRAMES`] frames.
     Stuck,
-    /// The encoder reports an error; it is being asked which, and the flag cleared.
+    /// The encoder reports an error. The error register is being read, which clears the flag.
     Flagged,
-    /// The frame carries no angle: it is the first, or the answer about errors.
+    /// The frame carries no angle: it is the first one, or the answer about errors.
     NoAngle,
 }
 
-/// What the next frame will bring.
+/// Content of the next answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Awaited {
     Unknown,
@@ -79,27 +86,27 @@ enum Awaited {
     Errors,
 }
 
-/// An encoder.
+/// One encoder.
 #[derive(Debug)]
 pub struct As504x<S> {
     spi: S,
     awaited: Awaited,
     errors: u16,
-    /// The last angle, and frames since it was another.
+    /// Last angle, and number of frames since it changed.
     last: u16,
-    same: u16,
+    identical_frames: u16,
 }
 
 impl<S: SpiDevice<u16>> As504x<S> {
-    /// An encoder nothing was asked of yet.
+    /// Creates the driver; no command was sent yet.
     pub fn new(spi: S) -> Self {
-        Self { spi, awaited: Awaited::Unknown, errors: 0, last: 0, same: 0 }
+        Self { spi, awaited: Awaited::Unknown, errors: 0, last: 0, identical_frames: 0 }
     }
 
-    /// Exchanges one frame; gives the angle that was latched at the end of the one before, in 14 bits.
+    /// Exchanges one frame. Returns the 14-bit angle that was latched at the end of the previous frame.
     ///
     /// # Errors
-    /// Says why there is no angle; go on calling, it mends what can be mended.
+    /// Returns why there is no angle. Keep calling: the driver recovers if possible.
     #[inline]
     pub fn angle(&mut self) -> Result<u16, EncoderError<S::Error>> {
         self.exchange(READ_ANGLE, Awaited::Angle)
@@ -127,15 +134,20 @@ impl<S: SpiDevice<u16>> As504x<S> {
                 Err(EncoderError::NoAngle)
             }
             Awaited::Angle if answer & ERROR != 0 => {
-                // Ask which, in a frame of its own; the answer to the one just sent is lost with it.
+                // Read the error register in a separate frame. The answer to the command just sent is lost.
                 self.clear();
                 Err(EncoderError::Flagged)
             }
             Awaited::Angle => {
                 let angle = answer & DATA;
-                self.same = if angle == self.last { self.same.saturating_add(1) } else { 0 };
+                self.identical_frames =
+                    if angle == self.last { self.identical_frames.saturating_add(1) } else { 0 };
                 self.last = angle;
-                if self.same < STUCK_AFTER { Ok(angle) } else { Err(EncoderError::Stuck) }
+                if self.identical_frames < STUCK_AFTER_FRAMES {
+                    Ok(angle)
+                } else {
+                    Err(EncoderError::Stuck)
+                }
             }
         }
     }
@@ -156,7 +168,7 @@ impl<S: SpiDevice<u16>> As504x<S> {
         self.awaited = if sent { Awaited::Errors } else { Awaited::Unknown };
     }
 
-    /// Every bit of the error register seen since the last call: 0 framing, 1 command, 2 parity.
+    /// Returns all bits of the error register since the last call: 0 framing, 1 command, 2 parity.
     pub fn take_errors(&mut self) -> u16 {
         core::mem::take(&mut self.errors)
     }
@@ -168,7 +180,7 @@ mod tests {
     use core::convert::Infallible;
     use embedded_hal::spi::ErrorType;
 
-    /// An encoder as its data sheet has it: answers a frame late, holds its error flag.
+    /// A simulated encoder: it answers one frame late and holds its error flag.
     struct Chip {
         angle: u16,
         answer: u16,
@@ -212,33 +224,37 @@ mod tests {
     }
 
     #[test]
-    fn the_clock_is_the_fastest_that_it_stands() {
+    fn clock_divider_is_the_smallest_within_the_limit() {
         let clock = |source_hz: u32| source_hz / clock_divider(source_hz);
-        // The STM32G474's: by 16 it would be 10.6 MHz.
+        // On the STM32G474 a divider of 16 would give 10.6 MHz.
         assert_eq!((clock_divider(170_000_000), clock(170_000_000)), (32, 5_312_500));
         assert_eq!(clock_divider(160_000_000), 16);
         for source_hz in (1_000_000..=600_000_000).step_by(777_777) {
             let (divider, clock) = (clock_divider(source_hz), clock(source_hz));
-            assert!(divider.is_power_of_two() && clock <= CLOCK_MAX_HZ, "{source_hz}");
-            assert!(divider == 2 || 2 * clock + 2 > CLOCK_MAX_HZ, "{source_hz}");
+            assert!(divider.is_power_of_two() && clock <= MAX_CLOCK_HZ, "{source_hz}");
+            assert!(divider == 2 || 2 * clock + 2 > MAX_CLOCK_HZ, "{source_hz}");
         }
     }
 
     #[test]
-    fn commands_are_the_data_sheets() {
+    fn commands_match_the_data_sheet() {
         assert_eq!((READ_ANGLE, READ_ERRORS), (0xFFFF, 0x4001));
     }
 
     #[test]
-    fn an_angle_that_never_changes_is_none_until_it_does() {
+    fn constant_angle_is_reported_as_stuck_until_it_changes() {
         let mut encoder = encoder();
         let good = (0..20_000).filter(|_| encoder.angle().is_ok()).count();
-        assert_eq!(good, usize::from(STUCK_AFTER), "the first of them is another than before");
+        assert_eq!(
+            good,
+            usize::from(STUCK_AFTER_FRAMES),
+            "the first angle differs from the initial value"
+        );
         assert_eq!(encoder.angle(), Err(EncoderError::Stuck));
         encoder.spi.angle += 1;
         let _ = encoder.angle();
         assert_eq!(encoder.angle(), Ok(0x1235));
-        // Noise of a count now and then is enough.
+        // Occasional noise of one count is enough.
         for k in 0..20_000u16 {
             encoder.spi.angle = 0x1234 + u16::from(k.is_multiple_of(3000));
             assert!(encoder.angle().is_ok());
@@ -246,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn an_angle_comes_a_frame_late() {
+    fn angle_arrives_one_frame_late() {
         let mut encoder = encoder();
         assert_eq!(encoder.angle(), Err(EncoderError::NoAngle));
         encoder.spi.angle = 0x3FFF;
@@ -255,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flipped_bit_costs_one_angle() {
+    fn flipped_bit_loses_one_angle() {
         let mut encoder = encoder();
         let _ = encoder.angle();
         for bit in 0..14 {
@@ -266,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_flag_is_read_cleared_and_told() {
+    fn error_flag_is_reported_read_and_cleared() {
         let mut encoder = encoder();
         let _ = encoder.angle();
         encoder.spi.errors = 0b10;
@@ -279,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_wire_is_no_angle() {
+    fn broken_wire_gives_no_angle() {
         struct Wire(u16);
         impl ErrorType for Wire {
             type Error = Infallible;

@@ -1,11 +1,12 @@
-//! Frees an I2C bus whose data line a sensor holds low.
+//! Releases an I2C bus whose data line a sensor holds low.
 //!
-//! A transfer that ends in the middle of a byte (a reset of the controller, a disturbed clock) leaves a sensor in it: it
-//! drives the data line, and waits for clocks that nobody sends, because no controller starts on a bus that is not free.
-//! Clocks by hand bring it to the end of its byte, nine at most, where it lets go; a stop then ends what it took for a
-//! transfer (I2C-bus specification UM10204, 3.1.16). The controller itself is restarted by its board around this.
+//! If a transfer ends within a byte (a reset of the controller, a disturbed clock), the sensor keeps
+//! driving the data line and waits for clocks. No controller sends them, because it starts only on a free
+//! bus. At most nine manual clocks take the sensor to the end of its byte, where it releases the line. A
+//! stop condition then ends the transfer (I2C-bus specification UM10204, 3.1.16). The board restarts the
+//! controller itself around this.
 
-/// The two lines of a bus by hand, open drain: a line that is released is high unless somebody holds it low.
+/// Manual control of the two open-drain lines. A released line is high unless a device holds it low.
 pub trait BusWires {
     /// Releases the clock, or pulls it low.
     fn clock(&mut self, released: bool);
@@ -13,44 +14,45 @@ pub trait BusWires {
     /// Releases the data line, or pulls it low.
     fn data(&mut self, released: bool);
 
-    /// Whether the clock is high.
+    /// Returns true if the clock is high.
     fn clock_is_high(&mut self) -> bool;
 
-    /// Whether the data line is high.
+    /// Returns true if the data line is high.
     fn data_is_high(&mut self) -> bool;
 
-    /// Lets half a clock pass: 5 us and more.
+    /// Waits half a clock period, at least 5 us.
     fn wait(&mut self);
 }
 
-/// Clocks until a sensor is at the end of its byte: eight bits and the acknowledge.
-const CLOCKS: u32 = 9;
+/// Maximum clocks to the end of a byte: eight bits and the acknowledge.
+const MAX_CLOCKS: u32 = 9;
 
-/// How a bus was found and left.
+/// Result of a recovery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Recovered {
-    /// Nobody held it; it was given a stop.
+pub enum RecoveryOutcome {
+    /// The bus was free; a stop condition was sent.
     WasFree,
-    /// It was held, and is free after so many clocks and a stop.
-    After(u32),
-    /// The data line is held still: a short, or a sensor without power.
+    /// The bus was held and is free after this number of clocks and a stop condition.
+    AfterClocks(u32),
+    /// The data line is still held: a short circuit, or a sensor without power.
     DataHeld,
-    /// The clock is held: no clocks can be sent.
+    /// The clock line is held, so no clocks can be sent.
     ClockHeld,
 }
 
-/// Frees the bus: at most nine clocks and a stop, 22 waits in all. The lines are released when it returns.
-pub fn recover(wires: &mut impl BusWires) -> Recovered {
+/// Releases the bus with at most nine clocks and a stop condition: 22 waits in total. Both lines are
+/// released on return.
+pub fn recover(wires: &mut impl BusWires) -> RecoveryOutcome {
     wires.data(true);
     wires.clock(true);
     wires.wait();
     if !wires.clock_is_high() {
-        return Recovered::ClockHeld;
+        return RecoveryOutcome::ClockHeld;
     }
     let mut clocks = 0;
     while !wires.data_is_high() {
-        if clocks == CLOCKS {
-            return Recovered::DataHeld;
+        if clocks == MAX_CLOCKS {
+            return RecoveryOutcome::DataHeld;
         }
         wires.clock(false);
         wires.wait();
@@ -58,7 +60,8 @@ pub fn recover(wires: &mut impl BusWires) -> Recovered {
         wires.wait();
         clocks += 1;
     }
-    // A stop is the data line that rises while the clock is high: with the clock low it may fall without being a start.
+    // A stop condition is a rising data line while the clock is high. The data line must fall while the
+    // clock is low, because it would otherwise be a start condition.
     wires.clock(false);
     wires.data(false);
     wires.wait();
@@ -66,19 +69,19 @@ pub fn recover(wires: &mut impl BusWires) -> Recovered {
     wires.wait();
     wires.data(true);
     wires.wait();
-    if clocks == 0 { Recovered::WasFree } else { Recovered::After(clocks) }
+    if clocks == 0 { RecoveryOutcome::WasFree } else { RecoveryOutcome::AfterClocks(clocks) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// A sensor that drives a byte's last bits, on its lines.
+    /// Lines with a sensor that drives the last bits of a byte.
     #[derive(Default)]
     struct Lines {
         clock: bool,
         data: bool,
-        /// Bits it still drives low, one a falling edge of the clock.
+        /// Bits the sensor still drives low, one per falling clock edge.
         drives: u32,
         clock_shorted: bool,
         falls: u32,
@@ -128,30 +131,30 @@ mod tests {
     }
 
     #[test]
-    fn whatever_bit_a_sensor_stopped_at_it_lets_go_and_gets_one_stop() {
+    fn held_bus_is_released_at_every_bit_with_one_stop() {
         for bits in 1..=9 {
             let mut lines = Lines::driving(bits);
-            assert_eq!(recover(&mut lines), Recovered::After(bits));
+            assert_eq!(recover(&mut lines), RecoveryOutcome::AfterClocks(bits));
             assert_eq!((lines.falls, lines.stops, lines.starts), (bits + 1, 1, 0), "{bits} bits");
             assert!(lines.clock && lines.data && lines.waits <= 22, "{} waits", lines.waits);
         }
     }
 
     #[test]
-    fn a_free_bus_gets_a_stop_and_no_more() {
+    fn free_bus_gets_one_stop() {
         let mut lines = Lines::driving(0);
-        assert_eq!(recover(&mut lines), Recovered::WasFree);
+        assert_eq!(recover(&mut lines), RecoveryOutcome::WasFree);
         assert_eq!((lines.falls, lines.stops, lines.starts), (1, 1, 0));
     }
 
     #[test]
-    fn a_line_that_is_held_for_good_is_told_and_the_bus_left_released() {
+    fn permanently_held_line_is_reported_and_both_are_released() {
         let mut lines = Lines::driving(u32::MAX);
-        assert_eq!(recover(&mut lines), Recovered::DataHeld);
+        assert_eq!(recover(&mut lines), RecoveryOutcome::DataHeld);
         assert_eq!((lines.falls, lines.stops), (9, 0));
         assert!(lines.clock && lines.data);
         let mut lines = Lines { clock_shorted: true, ..Lines::driving(3) };
-        assert_eq!(recover(&mut lines), Recovered::ClockHeld);
+        assert_eq!(recover(&mut lines), RecoveryOutcome::ClockHeld);
         assert_eq!(lines.falls, 0);
     }
 }

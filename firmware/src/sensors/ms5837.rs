@@ -1,41 +1,41 @@
 //! Water pressure and temperature from an MS5837-30BA on I2C.
 //!
-//! The sensor converts pressure (D1) and its own temperature (D2), one at a time and some milliseconds each,
-//! and has six calibration words in a PROM whose first word carries a CRC-4. Temperature comes first,
-//! for the pressure depends on it; far from 20 deg C a square is taken off both (data sheet, "second order").
-//! All of it is integers of 64 bits, as the data sheet computes.
+//! The sensor converts pressure (D1) and its own temperature (D2) one at a time, each in some milliseconds.
+//! Six calibration words are in a PROM whose first word holds a CRC-4. Temperature is converted first,
+//! because the pressure depends on it. Far from 20 deg C a quadratic correction applies to both (data
+//! sheet, "second order"). All arithmetic uses 64-bit integers, as in the data sheet.
 //!
-//! [`Ms5837::poll`] does at most one transfer of four bytes and never waits: call it once a millisecond with the
-//! time. A transfer that fails, or a PROM that reads wrong, begins from the reset again after a
-//! pause, on a bus that is freed before.
+//! [`Ms5837::poll`] does at most one transfer of four bytes and never waits. Call it once a millisecond
+//! with the time. After a failed transfer or an invalid PROM the driver recovers the bus and starts again
+//! with a reset after a pause.
 
 use embedded_hal::i2c::I2c;
 
-/// The bus it is on: I2C that can be made free again.
+/// An I2C bus that can be recovered.
 pub trait SensorBus: I2c {
-    /// Frees the lines ([`super::bus_recovery`]) and restarts the controller. Called before the first transfer after one
-    /// that failed, at most once in [`RETRY_US`].
+    /// Releases the lines ([`super::bus_recovery`]) and restarts the controller. The driver calls it before
+    /// the first transfer after a failed one, at most once per [`RETRY_DELAY_US`].
     fn recover(&mut self);
 }
 
-/// Address on the bus; it has one.
+/// I2C address; it is fixed.
 pub const ADDRESS: u8 = 0x76;
 
 const RESET: u8 = 0x1E;
 const PROM: u8 = 0xA0;
 const READ: u8 = 0x00;
-/// Conversions of the oversampling 4096: resolution 20 Pa.
+/// Conversion commands with an oversampling of 4096: resolution 20 Pa.
 const CONVERT_PRESSURE: u8 = 0x48;
 const CONVERT_TEMPERATURE: u8 = 0x58;
 
-/// After a reset, before the PROM is loaded, us.
+/// Wait after a reset until the PROM is loaded, us.
 const RESET_US: u64 = 20_000;
-/// A conversion takes at most 9.04 ms.
+/// Wait for a conversion, us; it takes at most 9.04 ms.
 const CONVERSION_US: u64 = 10_000;
-/// After a failure, us.
-pub const RETRY_US: u64 = 200_000;
+/// Pause after a failure, us.
+pub const RETRY_DELAY_US: u64 = 200_000;
 
-/// What it measured.
+/// One measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement {
     /// Absolute pressure, Pa.
@@ -44,14 +44,14 @@ pub struct Measurement {
     pub temperature_c: f32,
 }
 
-/// Why a poll failed.
+/// Reason why a poll failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PressureError<E> {
-    /// The bus.
+    /// The I2C transfer failed.
     I2c(E),
-    /// The calibration does not fit its CRC.
+    /// The CRC of the calibration is wrong.
     Calibration,
-    /// The sensor gave 0: the conversion was disturbed.
+    /// The sensor returned 0: the conversion was disturbed.
     NoConversion,
 }
 
@@ -60,20 +60,20 @@ pub enum PressureError<E> {
 pub struct Calibration([u16; 6]);
 
 impl Calibration {
-    /// Reads the PROM's words 0 to 6; `None` where the CRC in word 0 does not fit.
+    /// Parses words 0 to 6 of the PROM; `None` if the CRC in word 0 is wrong.
     pub fn parse(prom: &[u16; 7]) -> Option<Self> {
         let [first, c1, c2, c3, c4, c5, c6] = *prom;
         let words = [first & 0x0FFF, c1, c2, c3, c4, c5, c6, 0];
-        // All zeros fits its CRC, and is what a bus held low reads.
+        // All zeros have a valid CRC, and a bus held low reads as zeros.
         let blank = prom.iter().all(|word| *word == 0);
         (crc4(&words) == first >> 12 && !blank).then_some(Self([c1, c2, c3, c4, c5, c6]))
     }
 
-    /// Pressure and temperature from both conversions.
+    /// Computes pressure and temperature from both conversions.
     pub fn measurement(&self, d1: u32, d2: u32) -> Measurement {
         let [c1, c2, c3, c4, c5, c6] = self.0.map(i64::from);
         let (d1, d2) = (i64::from(d1), i64::from(d2));
-        // Hundredths of a degree; shifts round down, as in the data sheet's own code.
+        // In hundredths of a degree. Shifts round down, as in the data sheet's code.
         let dt = d2 - (c5 << 8);
         let temperature = 2000 + ((dt * c6) >> 23);
         let offset = (c2 << 16) + ((c4 * dt) >> 7);
@@ -89,14 +89,14 @@ impl Calibration {
         };
         let pressure = (((d1 * (slope - less_slope)) >> 21) - (offset - less_offset)) >> 13;
         Measurement {
-            // Tenths of a millibar are tens of pascals.
+            // The unit is 0.1 mbar, which is 10 Pa.
             pressure_pa: pressure as f32 * 10.0,
             temperature_c: (temperature - less_t) as f32 * 0.01,
         }
     }
 }
 
-/// CRC-4 of the data sheet: polynomial 3, over eight words, the high byte first.
+/// CRC-4 of the data sheet: polynomial 3, over eight words, high byte first.
 fn crc4(words: &[u16; 8]) -> u16 {
     let mut rest = 0u16;
     for byte in words.iter().flat_map(|word| word.to_be_bytes()) {
@@ -118,7 +118,7 @@ enum Step {
     ReadPressure { d2: u32 },
 }
 
-/// A sensor on its bus.
+/// One sensor on its bus.
 #[derive(Debug)]
 pub struct Ms5837<B> {
     bus: B,
@@ -130,15 +130,15 @@ pub struct Ms5837<B> {
 }
 
 impl<B: SensorBus> Ms5837<B> {
-    /// A sensor nothing is known of yet.
+    /// Creates the driver; the sensor is reset with the first poll.
     pub fn new(bus: B) -> Self {
         Self { bus, step: Step::Reset, due_us: 0, prom: [0; 7], calibration: None, failed: false }
     }
 
-    /// Goes on by one transfer, where one is due; gives a measurement when one is complete.
+    /// Does the next transfer if one is due. Returns a measurement when one is complete.
     ///
     /// # Errors
-    /// Says what failed; go on calling, it begins anew after a pause.
+    /// Returns what failed. Keep calling: the driver starts again after a pause.
     pub fn poll(&mut self, now_us: u64) -> Result<Option<Measurement>, PressureError<B::Error>> {
         if now_us < self.due_us {
             return Ok(None);
@@ -151,7 +151,7 @@ impl<B: SensorBus> Ms5837<B> {
             self.failed = true;
             self.step = Step::Reset;
             self.calibration = None;
-            self.due_us = now_us + RETRY_US;
+            self.due_us = now_us + RETRY_DELAY_US;
         }
         result
     }

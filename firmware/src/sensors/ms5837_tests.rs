@@ -1,4 +1,4 @@
-//! The pressure sensor against its data sheet.
+//! Tests of the pressure sensor against its data sheet.
 
 use super::*;
 use embedded_hal::i2c::{ErrorKind, ErrorType, Operation};
@@ -14,8 +14,8 @@ fn prom() -> [u16; 7] {
     [crc << 12 | 0x0040, c1, c2, c3, c4, c5, c6]
 }
 
-/// The CRC by long division, bit by bit: another way than the driver's. The data sheet's divides fifteen
-/// bytes and four zeros; the rest of the last word only pushes them through its register.
+/// Computes the CRC by long division, bit by bit, independently of the driver. The data sheet divides
+/// fifteen bytes and four zeros; the rest of the last word only shifts them through its register.
 fn remainder(words: &[u16]) -> u16 {
     let bits = words.iter().flat_map(|word| (0..16).rev().map(move |place| word >> place & 1));
     bits.take(124).fold(0, |rest, bit| {
@@ -26,7 +26,7 @@ fn remainder(words: &[u16]) -> u16 {
 }
 
 #[test]
-fn the_crc_finds_every_flipped_bit() {
+fn crc_detects_every_flipped_bit() {
     let good = prom();
     assert!(Calibration::parse(&good).is_some());
     for word in 0..7 {
@@ -40,14 +40,14 @@ fn the_crc_finds_every_flipped_bit() {
 }
 
 #[test]
-fn the_crc_is_a_division_by_its_polynomial() {
+fn crc_equals_division_by_its_polynomial() {
     let words = [0x0040, 34982, 36352, 20328, 22354, 26646, 26146, 0];
     assert_eq!(crc4(&words), remainder(&words));
     assert_eq!(crc4(&[0, 0, 0, 0, 0, 0, 0, 0]), 0);
 }
 
 #[test]
-fn the_data_sheets_example_comes_out() {
+fn example_of_the_data_sheet_is_reproduced() {
     // Data sheet: 19.81 deg C, 3999.8 mbar.
     let found = Calibration(EXAMPLE).measurement(D1, D2);
     assert!((found.temperature_c - 19.81).abs() < 0.005, "{found:?}");
@@ -55,7 +55,7 @@ fn the_data_sheets_example_comes_out() {
 }
 
 #[test]
-fn the_second_order_follows_the_flow_chart_in_all_three_ranges() {
+fn second_order_correction_matches_the_flow_chart() {
     // The flow chart in floating point, for temperatures of about -30, 0 and 40 deg C.
     let [c1, c2, c3, c4, c5, c6] = EXAMPLE.map(f64::from);
     for d2 in [5_200_000, 6_180_000, 7_450_000] {
@@ -86,14 +86,14 @@ fn the_second_order_follows_the_flow_chart_in_all_three_ranges() {
     }
 }
 
-/// A sensor on its bus, that is slow as the real one.
+/// A simulated sensor on its bus.
 #[derive(Debug)]
 struct Chip {
     broken: bool,
     conversions: Vec<u8>,
     converted: u32,
     transfers: usize,
-    /// It holds the data line until the bus is freed; how often that was.
+    /// True while the sensor holds the data line; a recovery releases it.
     held: bool,
     recovered: usize,
 }
@@ -152,8 +152,8 @@ fn sensor() -> Ms5837<Chip> {
     })
 }
 
-/// Polls once a millisecond until something comes.
-fn until(
+/// Polls once a millisecond until a measurement or an error arrives.
+fn poll_until_result(
     sensor: &mut Ms5837<Chip>,
     now_us: &mut u64,
 ) -> Result<Measurement, PressureError<ErrorKind>> {
@@ -166,16 +166,16 @@ fn until(
             return Ok(found);
         }
     }
-    panic!("nothing in a second");
+    panic!("no result within a second");
 }
 
 #[test]
-fn it_measures_over_and_over() {
+fn poll_measures_repeatedly() {
     let (mut sensor, mut now_us) = (sensor(), 0);
-    let first = until(&mut sensor, &mut now_us).unwrap();
+    let first = poll_until_result(&mut sensor, &mut now_us).unwrap();
     assert_eq!(first, Calibration(EXAMPLE).measurement(D1, D2));
     let before_us = now_us;
-    assert_eq!(until(&mut sensor, &mut now_us), Ok(first));
+    assert_eq!(poll_until_result(&mut sensor, &mut now_us), Ok(first));
     assert!(now_us - before_us < 25_000, "40 a second");
     assert_eq!(
         sensor.bus.conversions,
@@ -184,11 +184,14 @@ fn it_measures_over_and_over() {
 }
 
 #[test]
-fn a_bus_that_fails_is_told_and_tried_again_after_a_pause() {
+fn failed_transfer_is_reported_and_retried_after_a_pause() {
     let (mut sensor, mut now_us) = (sensor(), 0);
-    until(&mut sensor, &mut now_us).unwrap();
+    poll_until_result(&mut sensor, &mut now_us).unwrap();
     sensor.bus.broken = true;
-    assert_eq!(until(&mut sensor, &mut now_us), Err(PressureError::I2c(ErrorKind::Bus)));
+    assert_eq!(
+        poll_until_result(&mut sensor, &mut now_us),
+        Err(PressureError::I2c(ErrorKind::Bus))
+    );
     let transfers = sensor.bus.transfers;
     for _ in 0..150 {
         assert_eq!(sensor.poll(now_us), Ok(None));
@@ -196,19 +199,19 @@ fn a_bus_that_fails_is_told_and_tried_again_after_a_pause() {
     }
     assert_eq!(sensor.bus.transfers, transfers);
     sensor.bus.broken = false;
-    assert!(until(&mut sensor, &mut now_us).is_ok());
+    assert!(poll_until_result(&mut sensor, &mut now_us).is_ok());
 }
 
 #[test]
 fn a_bus_that_is_held_is_freed_once_a_pause_and_a_sound_one_never() {
     let (mut sensor, mut now_us) = (sensor(), 0);
-    until(&mut sensor, &mut now_us).unwrap();
-    until(&mut sensor, &mut now_us).unwrap();
+    poll_until_result(&mut sensor, &mut now_us).unwrap();
+    poll_until_result(&mut sensor, &mut now_us).unwrap();
     assert_eq!(sensor.bus.recovered, 0);
     sensor.bus.held = true;
-    assert!(until(&mut sensor, &mut now_us).is_err());
+    assert!(poll_until_result(&mut sensor, &mut now_us).is_err());
     assert_eq!(sensor.bus.recovered, 0, "not before the pause");
-    assert!(until(&mut sensor, &mut now_us).is_ok());
+    assert!(poll_until_result(&mut sensor, &mut now_us).is_ok());
     assert_eq!(sensor.bus.recovered, 1);
     sensor.bus.broken = true;
     for _ in 0..1000 {

@@ -1,74 +1,75 @@
 //! Phase currents from low-side shunts.
 //!
-//! An amplifier lifts the small voltage over a shunt to the middle of the converter's range, so that both
-//! signs fit. Where the middle lies differs from board to board and with temperature: it is found at each
-//! start, while the bridge is off and no current can flow. A middle far from where it belongs, or one that
-//! is not steady, is a broken amplifier or a motor that is being turned, and nothing to drive with. At either
-//! end of the range the amplifier is at its rail, and the current may be any larger one: not valid.
+//! An amplifier shifts the small shunt voltage to the middle of the converter's range, so that both signs
+//! fit. The exact offset depends on board and temperature. It is measured at each start, while the bridge
+//! is off and no current flows. An offset far from the middle or an unsteady one indicates a broken
+//! amplifier or a turning motor, and the joint must not be driven. At either end of the range the amplifier
+//! saturates and the current is unknown, so the sample is invalid.
 
-/// Counts of a 12-bit converter.
-pub const RANGE: u16 = 4096;
-/// Samples an offset is the mean of.
+/// Number of counts of a 12-bit converter.
+pub const CONVERTER_RANGE_COUNTS: u16 = 4096;
+/// Number of samples averaged for an offset.
 pub const OFFSET_SAMPLES: u32 = 256;
-/// Farthest an offset may lie from the middle, counts.
-const OFFSET_MAX: u16 = RANGE / 10;
-/// Farthest two samples may lie apart while the offset is found, counts.
-const SPREAD_MAX: u16 = 64;
-/// Counts at either end that are the rail.
-const RAIL: u16 = 8;
+/// Maximum deviation of an offset from the middle, counts.
+const MAX_OFFSET_COUNTS: u16 = CONVERTER_RANGE_COUNTS / 10;
+/// Maximum spread of the samples while the offset is measured, counts.
+const MAX_SPREAD_COUNTS: u16 = 64;
+/// Counts at either end of the range at which the amplifier saturates.
+const RAIL_COUNTS: u16 = 8;
 
-/// One phase's amplifier.
+/// Scaling of the amplifier of one phase.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shunt {
-    /// Counts at no current.
+    /// Counts at zero current.
     offset: f32,
-    /// Current per count, A; negative where counts fall with the current into the motor.
+    /// Current per count, A. Negative if a current into the motor lowers the counts.
     amperes_per_count: f32,
 }
 
 impl Shunt {
-    /// Current into the motor, A; `None` at a rail.
+    /// Returns the current into the motor, A; `None` if the amplifier saturates.
     #[inline(always)]
     pub fn current_a(&self, counts: u16) -> Option<f32> {
-        let sound = (RAIL..RANGE - RAIL).contains(&counts);
-        sound.then_some((f32::from(counts) - self.offset) * self.amperes_per_count)
+        let is_valid = (RAIL_COUNTS..CONVERTER_RANGE_COUNTS - RAIL_COUNTS).contains(&counts);
+        is_valid.then_some((f32::from(counts) - self.offset) * self.amperes_per_count)
     }
 }
 
-/// Finds an offset.
+/// Measures the offset of one amplifier.
 #[derive(Clone, Copy, Debug)]
 pub struct OffsetFinder {
     sum: u32,
     samples: u32,
-    least: u16,
-    most: u16,
+    min: u16,
+    max: u16,
 }
 
 impl Default for OffsetFinder {
     fn default() -> Self {
-        Self { sum: 0, samples: 0, least: u16::MAX, most: 0 }
+        Self { sum: 0, samples: 0, min: u16::MAX, max: 0 }
     }
 }
 
 impl OffsetFinder {
-    /// Takes in a sample with the bridge off.
-    pub fn take(&mut self, counts: u16) {
+    /// Adds a sample, taken with the bridge off.
+    pub fn add_sample(&mut self, counts: u16) {
         if self.samples < OFFSET_SAMPLES {
             self.sum += u32::from(counts);
             self.samples += 1;
-            self.least = self.least.min(counts);
-            self.most = self.most.max(counts);
+            self.min = self.min.min(counts);
+            self.max = self.max.max(counts);
         }
     }
 
-    /// The amplifier, once there were [`OFFSET_SAMPLES`] and they make sense.
+    /// Returns the scaling after [`OFFSET_SAMPLES`] samples, if they are plausible.
     pub fn shunt(&self, amperes_per_count: f32) -> Option<Shunt> {
-        let middle = RANGE / 2;
-        let steady = self.most.saturating_sub(self.least) <= SPREAD_MAX;
-        let central = self.least > middle - OFFSET_MAX && self.most < middle + OFFSET_MAX;
-        let sound = self.samples == OFFSET_SAMPLES && steady && central;
+        let middle = CONVERTER_RANGE_COUNTS / 2;
+        let is_steady = self.max.saturating_sub(self.min) <= MAX_SPREAD_COUNTS;
+        let is_central =
+            self.min > middle - MAX_OFFSET_COUNTS && self.max < middle + MAX_OFFSET_COUNTS;
+        let is_valid = self.samples == OFFSET_SAMPLES && is_steady && is_central;
         let offset = self.sum as f32 / OFFSET_SAMPLES as f32;
-        sound.then_some(Shunt { offset, amperes_per_count })
+        is_valid.then_some(Shunt { offset, amperes_per_count })
     }
 }
 
@@ -76,20 +77,20 @@ impl OffsetFinder {
 mod tests {
     use super::*;
 
-    fn found(counts: impl Fn(u32) -> u16) -> Option<Shunt> {
+    fn measure_offset(counts: impl Fn(u32) -> u16) -> Option<Shunt> {
         let mut finder = OffsetFinder::default();
         for sample in 0..OFFSET_SAMPLES {
             assert_eq!(finder.shunt(0.02), None, "too early");
-            finder.take(counts(sample));
+            finder.add_sample(counts(sample));
         }
-        // More samples change nothing.
-        finder.take(0);
+        // Further samples are ignored.
+        finder.add_sample(0);
         finder.shunt(0.02)
     }
 
     #[test]
-    fn noise_is_averaged_out_and_signs_are_right() {
-        let shunt = found(|sample| 2060 + (sample % 5) as u16).unwrap();
+    fn offset_averages_noise_and_current_has_the_right_sign() {
+        let shunt = measure_offset(|sample| 2060 + (sample % 5) as u16).unwrap();
         assert!((shunt.current_a(2062).unwrap()).abs() < 0.001);
         assert!((shunt.current_a(3062).unwrap() - 20.0).abs() < 0.001);
         assert!((shunt.current_a(1062).unwrap() + 20.0).abs() < 0.001);
@@ -98,8 +99,8 @@ mod tests {
     }
 
     #[test]
-    fn a_rail_is_no_current() {
-        let shunt = found(|_| 2048).unwrap();
+    fn saturated_counts_give_no_current() {
+        let shunt = measure_offset(|_| 2048).unwrap();
         for counts in [0, 7, 4088, 4095, u16::MAX] {
             assert_eq!(shunt.current_a(counts), None);
         }
@@ -107,10 +108,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_off_centre_or_moves_is_refused() {
-        assert_eq!(found(|_| 2048 + 410), None);
-        assert_eq!(found(|_| 0), None);
-        assert_eq!(found(|sample| if sample == 50 { 2120 } else { 2048 }), None);
-        assert!(found(|sample| if sample == 50 { 2112 } else { 2048 }).is_some());
+    fn offset_off_centre_or_unsteady_is_refused() {
+        assert_eq!(measure_offset(|_| 2048 + 410), None);
+        assert_eq!(measure_offset(|_| 0), None);
+        assert_eq!(measure_offset(|sample| if sample == 50 { 2120 } else { 2048 }), None);
+        assert!(measure_offset(|sample| if sample == 50 { 2112 } else { 2048 }).is_some());
     }
 }

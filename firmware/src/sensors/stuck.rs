@@ -1,80 +1,88 @@
-//! Does a sensor of side load or pressure still measure?
+//! Detects a side-load or pressure sensor whose reading is stuck.
 //!
-//! One that hangs, or a gateway that goes on sending what it last heard, says the same for ever and is young for ever. A
-//! sensor whose noise is wider than its steps cannot say the same many times in a row; one whose steps are wider can, and
-//! nothing is to be made of it. The two are told apart by what the sensor did before: only noise turns back from one
-//! reading to the next by more than a step, again and again. So a sensor has to have flickered first: [`TURNS`] times in a
-//! block of [`BLOCK`] readings, by more than one and a half of the smallest change of the block before (a step, or less).
-//! That takes a deviation of 0.7 steps and more, at which a reading is the one before in half of all cases, and
-//! [`STUCK_AFTER`] in a row are one in 10^56; of a sensor with coarser steps nothing is ever said, nor of one that is
-//! smoothed or sent more often than it measures, for such readings do not turn back. A sensor that reads exactly 0 below
-//! a threshold of its own is taken for stuck there; its reading then fades to the same 0.
+//! A sensor that hangs, or a gateway that repeats its last value, sends the same fresh value for ever. If
+//! the noise of a sensor exceeds its resolution, many identical readings in a row are practically
+//! impossible. If its steps are wider than the noise, identical readings are normal and nothing can be
+//! concluded.
+//!
+//! The history of the sensor separates the two cases: only noise reverses direction by more than one step
+//! again and again. The watch therefore requires [`MIN_REVERSALS`] reversals in a block of
+//! [`BLOCK_READINGS`] readings, each wider than one and a half of the smallest change in the previous block
+//! (one step or less). This takes a standard deviation of at least 0.7 steps, at which half of all readings
+//! equal the previous one, and [`STUCK_AFTER_READINGS`] identical ones have a probability of 1e-56. Sensors
+//! with coarser steps are never reported. Neither are smoothed values or values sent more often than
+//! measured, because they do not reverse. A sensor that reads exactly 0 below an internal threshold is
+//! reported as stuck there; its reading then fades to the same 0.
 
 use compensator_core::compensator::Reading;
 
-/// Readings in a row that are the same to the bit, after which a sensor that flickered is stuck: 0.2 s of one read every
-/// millisecond, 5 s of the pressure sensor. Half of it tells it in half the time, at one in 10^28.
-pub const STUCK_AFTER: u16 = 200;
+/// Number of identical readings after which a sensor with sufficient noise is stuck: 0.2 s at one reading
+/// per millisecond, 5 s for the pressure sensor. Half the number would detect it in half the time, with a
+/// false-alarm probability of 1e-28.
+pub const STUCK_AFTER_READINGS: u16 = 200;
 
-/// Readings of a block.
-pub const BLOCK: u16 = 256;
+/// Number of readings in a block.
+pub const BLOCK_READINGS: u16 = 256;
 
-/// Turns in a block that make a sensor one that flickers. White noise of one step gives 30, of 0.6 steps 5.
-pub const TURNS: u16 = 8;
+/// Minimum number of reversals in a block that proves sufficient noise. White noise with a standard
+/// deviation of one step gives 30, of 0.6 steps 5.
+pub const MIN_REVERSALS: u16 = 8;
 
-/// A step and a half: one step to and fro is what the edge between two steps gives with hardly any noise.
-const MORE_THAN_A_STEP: f32 = 1.5;
+/// Minimum width of a reversal, in steps. At the edge between two steps, even little noise causes reversals
+/// of one step.
+const MIN_REVERSAL_STEPS: f32 = 1.5;
 
-/// Readings in a row after which a block waits for the next change: what is stuck says nothing of the noise.
-const WAITS_AFTER: u16 = 32;
+/// Number of identical readings after which a block pauses until the next change: a stuck sensor shows no
+/// noise.
+const PAUSE_AFTER_READINGS: u16 = 32;
 
-/// Two readings are at least so far apart, us; an age is rounded to less.
-const GRAIN_US: u64 = 100;
+/// Minimum time between two readings, us; ages are rounded to less.
+const MIN_READING_GAP_US: u64 = 100;
 
-/// The watch over one sensor.
+/// Stuck detection for one sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct StuckWatch {
     last: f32,
     last_at_us: u64,
     change: f32,
-    same: u16,
+    identical_readings: u16,
     readings: u16,
-    turns: u16,
+    reversals: u16,
     step: f32,
-    known_step: f32,
-    flickers: bool,
+    previous_step: f32,
+    has_noise: bool,
     stuck_since_us: Option<u64>,
 }
 
 impl Default for StuckWatch {
-    /// Of a sensor nothing is known of.
+    /// The state before the first reading.
     fn default() -> Self {
         Self {
             last: f32::NAN,
             last_at_us: 0,
             change: 0.0,
-            same: 0,
+            identical_readings: 0,
             readings: 0,
-            turns: 0,
+            reversals: 0,
             step: f32::INFINITY,
-            known_step: f32::INFINITY,
-            flickers: false,
+            previous_step: f32::INFINITY,
+            has_noise: false,
             stuck_since_us: None,
         }
     }
 }
 
 impl StuckWatch {
-    /// Looks at a reading, which may be the one of the last look. One of a stuck sensor ages from when it was found out,
-    /// and so fades as that of a sensor that fell silent.
-    pub fn look(&mut self, reading: &mut Reading<f32>, now_us: u64) {
-        // Also where there is no sensor: its age is below 0.
+    /// Evaluates a reading, which may be the same one as in the last call. The reading of a stuck sensor
+    /// ages from the time of detection, so it fades like that of a silent sensor.
+    pub fn update(&mut self, reading: &mut Reading<f32>, now_us: u64) {
+        // An age below 0 marks a missing sensor.
         if !(reading.value.is_finite() && reading.age_s >= 0.0) {
             return;
         }
         let at_us = now_us.saturating_sub((reading.age_s * 1e6) as u64);
-        if self.last.is_nan() || at_us >= self.last_at_us + GRAIN_US {
-            self.take(reading.value, now_us);
+        if self.last.is_nan() || at_us >= self.last_at_us + MIN_READING_GAP_US {
+            self.add_reading(reading.value, now_us);
             self.last_at_us = at_us;
         }
         if let Some(since_us) = self.stuck_since_us {
@@ -82,36 +90,37 @@ impl StuckWatch {
         }
     }
 
-    /// Whether it says the same where its noise alone would not.
+    /// Returns true if the reading is stuck although the sensor has sufficient noise.
     pub const fn is_stuck(&self) -> bool {
         self.stuck_since_us.is_some()
     }
 
-    fn take(&mut self, value: f32, now_us: u64) {
+    fn add_reading(&mut self, value: f32, now_us: u64) {
         let change = if self.last.is_nan() { 0.0 } else { value - self.last };
         self.last = value;
         if change == 0.0 {
-            self.same = self.same.saturating_add(1);
-            if self.flickers && self.same >= STUCK_AFTER {
+            self.identical_readings = self.identical_readings.saturating_add(1);
+            if self.has_noise && self.identical_readings >= STUCK_AFTER_READINGS {
                 self.stuck_since_us.get_or_insert(now_us);
             }
         } else {
-            self.same = 0;
+            self.identical_readings = 0;
             self.stuck_since_us = None;
             self.step = self.step.min(change.abs());
         }
-        if self.same > WAITS_AFTER {
+        if self.identical_readings > PAUSE_AFTER_READINGS {
             return;
         }
-        let wide = MORE_THAN_A_STEP * self.known_step;
-        let turns = change * self.change < 0.0 && change.abs().min(self.change.abs()) > wide;
-        self.turns += u16::from(turns);
+        let min_width = MIN_REVERSAL_STEPS * self.previous_step;
+        let reversals =
+            change * self.change < 0.0 && change.abs().min(self.change.abs()) > min_width;
+        self.reversals += u16::from(reversals);
         self.change = change;
         self.readings += 1;
-        if self.readings == BLOCK {
-            self.flickers = self.turns >= TURNS;
-            self.known_step = self.step;
-            (self.readings, self.turns, self.step) = (0, 0, f32::INFINITY);
+        if self.readings == BLOCK_READINGS {
+            self.has_noise = self.reversals >= MIN_REVERSALS;
+            self.previous_step = self.step;
+            (self.readings, self.reversals, self.step) = (0, 0, f32::INFINITY);
         }
     }
 }
@@ -121,7 +130,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A sensor of whole counts that is read every millisecond.
+    /// A simulated sensor with integer counts, read every millisecond.
     struct Sensor {
         watch: StuckWatch,
         now_us: u64,
@@ -133,7 +142,8 @@ mod tests {
             Self { watch: StuckWatch::default(), now_us: 0, random: seed | 1 }
         }
 
-        /// About normal, of deviation 1: twelve even draws (Marsaglia's xorshift).
+        /// Approximately normal with standard deviation 1: the sum of twelve uniform draws (Marsaglia's
+        /// xorshift).
         fn noise(&mut self) -> f64 {
             let sum: f64 = (0..12)
                 .map(|_| {
@@ -146,17 +156,17 @@ mod tests {
             sum - 6.0
         }
 
-        /// A reading of this many counts; gives its age, s.
+        /// Feeds a reading of this many counts; returns its age, s.
         fn read(&mut self, counts: f64) -> f32 {
             self.now_us += 1000;
-            // Newtons, with the rounding of a line.
+            // In newtons, with the rounding of a linear scale.
             let value = (counts.round() as f32 / 4096.0 - 0.37) * 800.0;
             let mut reading = Reading { value, age_s: 0.0 };
-            self.watch.look(&mut reading, self.now_us);
+            self.watch.update(&mut reading, self.now_us);
             reading.age_s
         }
 
-        /// So many readings of something with noise; whether it was ever taken for stuck.
+        /// Runs this number of readings with noise; returns true if the sensor was ever reported as stuck.
         fn run(&mut self, count: u32, deviation: f64, of: impl Fn(f64) -> f64) -> bool {
             (0..count).fold(false, |found, k| {
                 let noise = deviation * self.noise();
@@ -167,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_flickered_and_stops_is_stuck_after_0_2_s_and_its_reading_ages() {
+    fn noisy_sensor_that_stops_is_stuck_after_0_2_s_and_ages() {
         for deviation in [1.0, 3.0, 40.0] {
             let mut sensor = Sensor::new(7);
             assert!(!sensor.run(4000, deviation, |_| 2000.2));
@@ -175,48 +185,50 @@ mod tests {
             for _ in 0..1000 {
                 ages.push(sensor.read(2000.0));
             }
-            let first = ages.iter().position(|age| *age > 0.0).expect("it is found out");
+            let first =
+                ages.iter().position(|age| *age > 0.0).expect("the sensor is reported as stuck");
             assert!((199..=203).contains(&first), "found after {first} readings");
             assert!((ages[999] - (999 - first) as f32 * 1e-3 - 1e-3).abs() < 2e-3, "{}", ages[999]);
             sensor.read(2003.0);
-            assert!(!sensor.watch.is_stuck(), "it measures again");
+            assert!(!sensor.watch.is_stuck(), "the reading changes again");
         }
     }
 
     #[test]
-    fn steps_wider_than_the_noise_are_never_taken_for_stuck() {
+    fn steps_wider_than_the_noise_are_never_stuck() {
         for deviation in [0.0, 0.02, 0.1, 0.2, 0.3, 0.4, 0.5] {
             let mut sensor = Sensor::new(11);
-            // From edge to middle of a step, slowly: it flickers at the edge and stands in the middle.
+            // A slow signal from the edge to the middle of a step: it flickers at the edge and is constant
+            // in the middle.
             assert!(!sensor.run(300_000, deviation, |t| 2000.5 + 3.0 * (0.05 * t).sin()));
-            // Moves by many steps, then holds still.
+            // A signal over many steps, then constant.
             assert!(!sensor.run(5_000, deviation, |t| 2000.0 + 500.0 * (20.0 * t).sin()));
             assert!(!sensor.run(5_000, deviation, |_| 2000.0));
         }
     }
 
     #[test]
-    fn a_reading_looked_at_again_and_one_that_is_missing_are_no_readings() {
+    fn repeated_or_missing_reading_is_not_counted() {
         let mut sensor = Sensor::new(3);
         sensor.run(2000, 3.0, |_| 2000.0);
         for k in 0..1000 {
             sensor.now_us += 1000;
-            // The last one, older each time.
+            // The same reading, older each time.
             let age_s = k as f32 * 1e-3 + 1e-3;
             let mut reading = Reading { value: sensor.watch.last, age_s };
-            sensor.watch.look(&mut reading, sensor.now_us);
+            sensor.watch.update(&mut reading, sensor.now_us);
             assert_eq!(reading.age_s, age_s);
         }
         for mut reading in [Reading::missing(), Reading { value: f32::NAN, age_s: 0.0 }] {
             let before = reading.age_s.to_bits();
-            sensor.watch.look(&mut reading, sensor.now_us + 1000);
+            sensor.watch.update(&mut reading, sensor.now_us + 1000);
             assert_eq!(reading.age_s.to_bits(), before);
         }
         assert!(!sensor.watch.is_stuck());
     }
 
     #[test]
-    fn a_reading_sent_ten_times_over_is_never_taken_for_stuck() {
+    fn reading_repeated_ten_times_is_never_stuck() {
         let mut sensor = Sensor::new(5);
         let mut held = 2000.0;
         for k in 0..200_000 {
@@ -234,13 +246,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_sensor_that_measures_is_never_taken_for_stuck(
+        fn changing_sensor_is_never_stuck(
             seed in 1u64.., deviation in 0.0f64..5.0, amplitude in 0.0f64..300.0, rate in 0.0f64..100.0,
         ) {
             let mut sensor = Sensor::new(seed);
             let found = sensor.run(3000, deviation, |t| 2000.3 + amplitude * (rate * t).sin());
-            // Without noise a signal may hold still for long after it has moved to and fro.
-            prop_assert!(!found || deviation < 0.5, "taken for stuck");
+            // Without noise a signal may be constant for long after it has reversed.
+            prop_assert!(!found || deviation < 0.5, "reported as stuck");
         }
     }
 }

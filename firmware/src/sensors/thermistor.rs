@@ -1,30 +1,31 @@
-//! Temperature from a thermistor that forms a divider with a fixed resistor.
+//! Temperature from a thermistor in a divider with a fixed resistor.
 //!
-//! Its resistance falls with temperature, over a working range as `R = R25 exp(B (1/T - 1/T25))`, T in kelvin.
-//! The divider is fed by the converter's own reference, so only ratios count. At a rail it is broken or
-//! shorted, which gives NaN: measured, and no number.
+//! The resistance falls with temperature; over a working range `R = R25 exp(B (1/T - 1/T25))` with T in
+//! kelvin. The converter's reference supplies the divider, so only ratios matter. At a rail the sensor is
+//! broken or shorted; the result is then NaN, which means measured but invalid.
 
-/// A thermistor from the converter's input to ground, and a resistor up to its reference.
+/// A thermistor from the converter's input to ground, with a resistor up to its reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermistor {
-    /// Its resistance at 25 deg C over that of the resistor.
+    /// Resistance at 25 deg C divided by that of the resistor.
     pub ratio_at_25: f32,
-    /// B, K.
+    /// Material constant B, K.
     pub beta_k: f32,
 }
 
-const KELVIN: f32 = 273.15;
-const RAIL: f32 = 0.01;
+const ZERO_CELSIUS_K: f32 = 273.15;
+const RAIL_SHARE: f32 = 0.01;
 
 impl Thermistor {
-    /// Temperature, deg C, at this share of the converter's range; NaN at a rail.
+    /// Returns the temperature, deg C, for a share of the converter's range; NaN at a rail.
     pub fn temperature_c(&self, share: f32) -> f32 {
-        if !(share > RAIL && share < 1.0 - RAIL) {
+        if !(share > RAIL_SHARE && share < 1.0 - RAIL_SHARE) {
             return f32::NAN;
         }
         let ratio = share / (1.0 - share);
-        let inverse = 1.0 / (KELVIN + 25.0) + libm::logf(ratio / self.ratio_at_25) / self.beta_k;
-        1.0 / inverse - KELVIN
+        let inverse =
+            1.0 / (ZERO_CELSIUS_K + 25.0) + libm::logf(ratio / self.ratio_at_25) / self.beta_k;
+        1.0 / inverse - ZERO_CELSIUS_K
     }
 }
 
@@ -33,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_common_10k_thermistor_follows_its_table() {
+    fn temperature_of_a_10k_thermistor_matches_its_table() {
         // B 3435: 10 kohm at 25, 4.16 at 50, 1.45 at 85, 27.2 at 0 deg C.
         let thermistor = Thermistor { ratio_at_25: 1.0, beta_k: 3435.0 };
         for (kohm, expected) in [(10.0, 25.0), (4.16, 50.0), (1.45, 85.0), (27.2, 0.0)] {

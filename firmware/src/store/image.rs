@@ -1,6 +1,6 @@
-//! How a parameter set lies in its slot.
+//! Layout of a parameter set in its slot.
 //!
-//! Everything is little-endian and comes in double words of 8 bytes.
+//! All values are little-endian; everything is programmed in double words of 8 bytes.
 //!
 //! | offset | size | content |
 //! |---|---|---|
@@ -9,25 +9,24 @@
 //! | 6 | 2 | bytes of payload |
 //! | 8 | 4 | sequence number |
 //! | 12 | 4 | 0 |
-//! | 16 | 4 | the commit, programmed last: CRC-32 (ISO-HDLC) of all the rest |
-//! | 20 | 4 | the same, inverted: so a commit is never all ones, which is what erased flash reads as |
-//! | 24 | .. | payload, filled up with 0 to a double word; the filling is under the CRC too |
+//! | 16 | 4 | the commit, programmed last: CRC-32 (ISO-HDLC) of everything else |
+//! | 20 | 4 | the same, inverted: a commit is never all ones, which is what erased flash reads as |
+//! | 24 | .. | payload, padded with 0 to a double word; the CRC covers the padding |
 //!
-//! A double word is programmed as a whole or torn; the commit is one, so it is there or it is not.
-//! CRC-32 finds every error of one to three bits in a slot of this length, and misses one in 4e9 of
-//! those that a torn or half-erased page makes.
+//! A double word is either programmed completely or torn. The commit is one double word, so it is either
+//! valid or not. CRC-32 detects every error of one to three bits in a slot of this length. Of other errors,
+//! such as torn or half-erased pages, it misses one in 4e9.
 
 use crc::{CRC_32_ISO_HDLC, Crc, Digest, NoTable};
 
-/// Version of the layout that is written and read. Slots of version 1 had a page each: where one of them ended, a slot
-/// begins now, and the set found there may be the older of two.
+/// Version of the layout. In version 1 a slot had one page, so the second slot began at another offset.
 pub const VERSION: u16 = 2;
 
-/// Bytes of a double word: what is programmed at a time.
-pub const UNIT: usize = 8;
+/// Length of a double word, the unit of programming, bytes.
+pub const UNIT_BYTES: usize = 8;
 
 /// A double word as an erase leaves it.
-pub const ERASED: [u8; UNIT] = [0xFF; UNIT];
+pub const ERASED: [u8; UNIT_BYTES] = [0xFF; UNIT_BYTES];
 
 /// Offset of the commit.
 pub const COMMIT_AT: u32 = 16;
@@ -39,20 +38,20 @@ const MAGIC: [u8; 4] = *b"JSET";
 
 static CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// What stands before the payload.
+/// Header of a slot, before the payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Head {
+pub struct SlotHeader {
     /// Version of the layout.
     pub version: u16,
     /// Bytes of payload.
     pub length: u16,
-    /// Sequence number: the newer set has the next one.
+    /// Sequence number; each save increments it.
     pub sequence: u32,
 }
 
-impl Head {
-    /// Its two double words.
-    pub fn emit(&self) -> [[u8; UNIT]; 2] {
+impl SlotHeader {
+    /// Returns the header as two double words.
+    pub fn emit(&self) -> [[u8; UNIT_BYTES]; 2] {
         let [m0, m1, m2, m3] = MAGIC;
         let [v0, v1] = self.version.to_le_bytes();
         let [l0, l1] = self.length.to_le_bytes();
@@ -60,8 +59,8 @@ impl Head {
         [[m0, m1, m2, m3, v0, v1, l0, l1], [s0, s1, s2, s3, 0, 0, 0, 0]]
     }
 
-    /// Reads it; `None` where the magic is not there. Whether the rest is true, the commit says.
-    pub fn parse(first: &[u8; UNIT], second: &[u8; UNIT]) -> Option<Self> {
+    /// Parses a header; `None` without the magic. The commit verifies the other fields.
+    pub fn parse(first: &[u8; UNIT_BYTES], second: &[u8; UNIT_BYTES]) -> Option<Self> {
         let [m0, m1, m2, m3, v0, v1, l0, l1] = *first;
         let [s0, s1, s2, s3, ..] = *second;
         ([m0, m1, m2, m3] == MAGIC).then_some(Self {
@@ -72,22 +71,22 @@ impl Head {
     }
 }
 
-/// The commit, made up as the double words of a slot go by, its own left out.
+/// Computes the commit from the double words of a slot, without the commit itself.
 pub struct Commit(Digest<'static, u32, NoTable>);
 
 impl Commit {
-    /// Before the first double word.
+    /// Starts a new computation.
     pub fn begin() -> Self {
         Self(CRC.digest())
     }
 
-    /// Takes the next double word.
-    pub fn take(&mut self, unit: &[u8; UNIT]) {
+    /// Adds the next double word.
+    pub fn update(&mut self, unit: &[u8; UNIT_BYTES]) {
         self.0.update(unit);
     }
 
-    /// The double word that commits all that was taken.
-    pub fn emit(self) -> [u8; UNIT] {
+    /// Returns the double word that commits everything added so far.
+    pub fn emit(self) -> [u8; UNIT_BYTES] {
         let crc = self.0.finalize();
         let [a, b, c, d] = crc.to_le_bytes();
         let [e, f, g, h] = (!crc).to_le_bytes();
@@ -95,14 +94,14 @@ impl Commit {
     }
 }
 
-/// The double words of a slot with their offsets, head and payload, without the commit.
+/// Returns the double words of header and payload with their offsets, without the commit.
 pub fn units<'a>(
-    head: &'a [[u8; UNIT]; 2],
+    head: &'a [[u8; UNIT_BYTES]; 2],
     payload: &'a [u8],
-) -> impl Iterator<Item = (u32, [u8; UNIT])> + 'a {
-    let heads = (0..).step_by(UNIT).zip(head.iter().copied());
-    let body = (PAYLOAD_AT..).step_by(UNIT).zip(payload.chunks(UNIT).map(|chunk| {
-        let mut unit = [0; UNIT];
+) -> impl Iterator<Item = (u32, [u8; UNIT_BYTES])> + 'a {
+    let heads = (0..).step_by(UNIT_BYTES).zip(head.iter().copied());
+    let body = (PAYLOAD_AT..).step_by(UNIT_BYTES).zip(payload.chunks(UNIT_BYTES).map(|chunk| {
+        let mut unit = [0; UNIT_BYTES];
         for (place, byte) in unit.iter_mut().zip(chunk) {
             *place = *byte;
         }

@@ -1,39 +1,38 @@
-//! Flash in RAM, with the rules of the STM32G474's and a power switch.
+//! Flash in RAM with the rules of the STM32G474's flash and a simulated power supply.
 //!
-//! For the driver that runs on a PC, for the emulated board, and for the tests: what breaks the rules
-//! of the chip is refused here too. A page of 2048 bytes is erased as a whole; a double word of 8 bytes
-//! is programmed once after that, also if only with ones; programming only takes bits from 1 to 0.
+//! It serves the driver on a PC, the emulated board and the tests. What violates the rules of the chip is
+//! refused here too: a page of 2048 bytes is erased as a whole; a double word of 8 bytes is programmed once
+//! after that, even if only with ones; programming changes bits from 1 to 0 only.
 //!
-//! Each double word programmed and each page erased is a *step*. [`MemoryFlash::cut`] takes the power
-//! away at a step to come, and [`Torn`] says what the step leaves behind. Then everything fails until
-//! [`MemoryFlash::power_on`]. [`MemoryFlash::flip`] rots a bit. With none of that called it is a flash
-//! that works.
+//! Each double word programmed and each page erased is a *step*. [`MemoryFlash::cut_power`] cuts the power
+//! at a later step, and [`TornStep`] selects what the step leaves behind. All operations then fail until
+//! [`MemoryFlash::power_on`]. [`MemoryFlash::flip_bit`] simulates a bit error.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read,
     check_write,
 };
 
-/// Bytes of a page.
-pub const PAGE: usize = 2048;
+/// Length of a page, bytes.
+pub const PAGE_BYTES: usize = 2048;
 
-/// Bytes of a double word.
-pub const DOUBLE_WORD: usize = 8;
+/// Length of a double word, bytes.
+pub const DOUBLE_WORD_BYTES: usize = 8;
 
-const WORDS: usize = PAGE / DOUBLE_WORD;
+const WORDS_PER_PAGE: usize = PAGE_BYTES / DOUBLE_WORD_BYTES;
 
-/// Why the flash refused.
+/// Reason why an operation was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MemoryError {
-    /// Not on the boundary of a double word, or of a page for an erase.
+    /// Not aligned to a double word, or to a page for an erase.
     NotAligned,
-    /// Beyond the end.
+    /// Beyond the end of the flash.
     OutOfBounds,
-    /// The double word was programmed before and not erased since.
+    /// The double word was already programmed since the last erase.
     ProgrammedTwice,
-    /// The double word was torn so that its check bits no longer fit.
+    /// The double word was torn, so its check bits are wrong.
     Unreadable,
-    /// There is no power.
+    /// The power is off.
     PowerLost,
 }
 
@@ -53,59 +52,59 @@ impl From<NorFlashErrorKind> for MemoryError {
     }
 }
 
-/// What the step that the power went in leaves behind.
+/// Result of the step during which the power fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Torn {
-    /// Nothing was changed.
+pub enum TornStep {
+    /// Nothing is changed.
     Nothing,
-    /// Its first half is done.
+    /// Only the first half of the step is done.
     FirstHalf,
-    /// Its second half is done.
+    /// Only the second half of the step is done.
     LastHalf,
-    /// Each bit that was to change did so or not, by chance from this seed.
+    /// Each bit that should change did so or not, at random from this seed.
     Partly(u32),
-    /// Every bit is chance, from this seed.
+    /// Every bit is random, from this seed.
     Garbage(u32),
-    /// As [`Torn::Partly`], and the double words it touched cannot be read.
+    /// As [`TornStep::Partly`], and the affected double words cannot be read.
     Unreadable(u32),
-    /// It was done, and nobody was told.
+    /// The step was completed, but an error is returned.
     Done,
 }
 
 #[derive(Clone, Debug)]
 struct Page {
-    bytes: [u8; PAGE],
-    /// Double words programmed since the last erase, a bit each.
-    programmed: [u32; WORDS / 32],
-    unreadable: [u32; WORDS / 32],
+    bytes: [u8; PAGE_BYTES],
+    /// One bit per double word programmed since the last erase.
+    programmed: [u32; WORDS_PER_PAGE / 32],
+    unreadable: [u32; WORDS_PER_PAGE / 32],
     erases: u32,
 }
 
 impl Page {
-    const NEW: Self = Self {
-        bytes: [0xFF; PAGE],
-        programmed: [0; WORDS / 32],
-        unreadable: [0; WORDS / 32],
+    const ERASED: Self = Self {
+        bytes: [0xFF; PAGE_BYTES],
+        programmed: [0; WORDS_PER_PAGE / 32],
+        unreadable: [0; WORDS_PER_PAGE / 32],
         erases: 0,
     };
 }
 
-fn bit(words: &[u32; WORDS / 32], word: usize) -> bool {
+fn is_bit_set(words: &[u32; WORDS_PER_PAGE / 32], word: usize) -> bool {
     words.get(word / 32).is_some_and(|bits| bits & (1 << (word % 32)) != 0)
 }
 
-fn set_bit(words: &mut [u32; WORDS / 32], word: usize) {
+fn set_bit(words: &mut [u32; WORDS_PER_PAGE / 32], word: usize) {
     if let Some(bits) = words.get_mut(word / 32) {
         *bits |= 1 << (word % 32);
     }
 }
 
-/// Flash of this many pages.
+/// Flash of `PAGES` pages.
 #[derive(Clone, Debug)]
 pub struct MemoryFlash<const PAGES: usize> {
     pages: [Page; PAGES],
     steps: u32,
-    cut: Option<(u32, Torn)>,
+    cut: Option<(u32, TornStep)>,
     power: bool,
 }
 
@@ -118,16 +117,19 @@ impl<const PAGES: usize> Default for MemoryFlash<PAGES> {
 impl<const PAGES: usize> MemoryFlash<PAGES> {
     /// Erased flash.
     pub const fn new() -> Self {
-        Self { pages: [Page::NEW; PAGES], steps: 0, cut: None, power: true }
+        Self { pages: [Page::ERASED; PAGES], steps: 0, cut: None, power: true }
     }
 
-    /// Takes over what a file held: `image` from offset 0. Double words that are not all ones count as
-    /// programmed. What goes beyond the flash is left out.
+    /// Sets the content from a saved image that starts at offset 0. Double words that are not all ones
+    /// count as programmed. Bytes beyond the flash are ignored.
     pub fn restore(&mut self, image: &[u8]) {
-        for (page, bytes) in self.pages.iter_mut().zip(image.chunks(PAGE)) {
-            *page = Page { erases: page.erases, ..Page::NEW };
-            for (word, (place, unit)) in
-                page.bytes.chunks_mut(DOUBLE_WORD).zip(bytes.chunks(DOUBLE_WORD)).enumerate()
+        for (page, bytes) in self.pages.iter_mut().zip(image.chunks(PAGE_BYTES)) {
+            *page = Page { erases: page.erases, ..Page::ERASED };
+            for (word, (place, unit)) in page
+                .bytes
+                .chunks_mut(DOUBLE_WORD_BYTES)
+                .zip(bytes.chunks(DOUBLE_WORD_BYTES))
+                .enumerate()
             {
                 place.iter_mut().zip(unit).for_each(|(to, from)| *to = *from);
                 if unit.iter().any(|byte| *byte != 0xFF) {
@@ -137,48 +139,48 @@ impl<const PAGES: usize> MemoryFlash<PAGES> {
         }
     }
 
-    /// The bytes, page by page, to put into a file.
-    pub fn image(&self) -> impl Iterator<Item = &[u8; PAGE]> {
+    /// Returns the bytes page by page, to save them.
+    pub fn image(&self) -> impl Iterator<Item = &[u8; PAGE_BYTES]> {
         self.pages.iter().map(|page| &page.bytes)
     }
 
-    /// Steps done so far.
+    /// Returns the number of steps so far.
     pub fn steps(&self) -> u32 {
         self.steps
     }
 
-    /// How often a page was erased.
+    /// Returns how often a page was erased.
     pub fn erases(&self, page: usize) -> u32 {
         self.pages.get(page).map_or(0, |page| page.erases)
     }
 
-    /// Takes the power away in a step to come, 0 for the next.
-    pub fn cut(&mut self, step: u32, torn: Torn) {
+    /// Cuts the power during a later step; 0 is the next one.
+    pub fn cut_power(&mut self, step: u32, torn: TornStep) {
         self.cut = Some((self.steps.saturating_add(step), torn));
     }
 
-    /// Whether there is power.
+    /// Returns true if the power is on.
     pub fn has_power(&self) -> bool {
         self.power
     }
 
-    /// Gives the power back, and takes a cut back that has not come.
+    /// Switches the power on and cancels a pending cut.
     pub fn power_on(&mut self) {
         self.power = true;
         self.cut = None;
     }
 
-    /// Rots a bit, counted from the first byte's lowest.
-    pub fn flip(&mut self, bit: usize) {
+    /// Inverts a bit, counted from the lowest bit of the first byte.
+    pub fn flip_bit(&mut self, bit: usize) {
         let at = bit / 8;
-        let page = self.pages.get_mut(at / PAGE);
-        if let Some(byte) = page.and_then(|page| page.bytes.get_mut(at % PAGE)) {
+        let page = self.pages.get_mut(at / PAGE_BYTES);
+        if let Some(byte) = page.and_then(|page| page.bytes.get_mut(at % PAGE_BYTES)) {
             *byte ^= 1 << (bit % 8);
         }
     }
 
-    /// Counts a step; says what becomes of it if the power goes in it.
-    fn step(&mut self) -> Option<Torn> {
+    /// Counts a step. Returns the result of the step if the power fails during it.
+    fn step(&mut self) -> Option<TornStep> {
         let torn = self.cut.filter(|(step, _)| *step == self.steps).map(|(_, torn)| torn);
         self.steps = self.steps.saturating_add(1);
         if torn.is_some() {
@@ -188,23 +190,23 @@ impl<const PAGES: usize> MemoryFlash<PAGES> {
     }
 }
 
-/// What is left of `place` when the change to `wanted` was torn.
+/// Applies a torn change from `place` to `wanted`.
 fn tear<'a>(
     place: impl ExactSizeIterator<Item = &'a mut u8>,
     wanted: impl Iterator<Item = u8>,
-    torn: Torn,
+    torn: TornStep,
 ) {
     let half = place.len() / 2;
-    let mut chance = Chance::of(torn);
+    let mut random = RandomBytes::of(torn);
     for (index, (byte, wanted)) in place.zip(wanted).enumerate() {
         let changed = match torn {
-            Torn::Nothing => 0,
-            Torn::Done => 0xFF,
-            Torn::FirstHalf => u8::from(index < half) * 0xFF,
-            Torn::LastHalf => u8::from(index >= half) * 0xFF,
-            Torn::Partly(_) | Torn::Unreadable(_) => chance.byte(),
-            Torn::Garbage(_) => {
-                *byte = chance.byte();
+            TornStep::Nothing => 0,
+            TornStep::Done => 0xFF,
+            TornStep::FirstHalf => u8::from(index < half) * 0xFF,
+            TornStep::LastHalf => u8::from(index >= half) * 0xFF,
+            TornStep::Partly(_) | TornStep::Unreadable(_) => random.byte(),
+            TornStep::Garbage(_) => {
+                *byte = random.byte();
                 continue;
             }
         };
@@ -212,18 +214,19 @@ fn tear<'a>(
     }
 }
 
-/// Marsaglia's xorshift: chance enough to tear a page.
-struct Chance(u32);
+/// Random bytes from Marsaglia's xorshift.
+struct RandomBytes(u32);
 
-impl Chance {
-    fn of(torn: Torn) -> Self {
-        let (Torn::Partly(seed) | Torn::Garbage(seed) | Torn::Unreadable(seed)) = torn else {
+impl RandomBytes {
+    fn of(torn: TornStep) -> Self {
+        let (TornStep::Partly(seed) | TornStep::Garbage(seed) | TornStep::Unreadable(seed)) = torn
+        else {
             return Self(1);
         };
-        // Its one bad state is 0; small seeds need a few rounds to spread.
-        let mut chance = Self(seed.wrapping_mul(0x9E37_79B9) | 1);
-        (0..8).for_each(|_| _ = chance.byte());
-        chance
+        // The state must not be 0; small seeds need a few rounds to spread.
+        let mut random = Self(seed.wrapping_mul(0x9E37_79B9) | 1);
+        (0..8).for_each(|_| _ = random.byte());
+        random
     }
 
     fn byte(&mut self) -> u8 {
@@ -247,29 +250,29 @@ impl<const PAGES: usize> ReadNorFlash for MemoryFlash<PAGES> {
             return Err(MemoryError::PowerLost);
         }
         for (at, byte) in (offset as usize..).zip(bytes) {
-            let Some(page) = self.pages.get(at / PAGE) else {
+            let Some(page) = self.pages.get(at / PAGE_BYTES) else {
                 return Err(MemoryError::OutOfBounds);
             };
-            if bit(&page.unreadable, at % PAGE / DOUBLE_WORD) {
+            if is_bit_set(&page.unreadable, at % PAGE_BYTES / DOUBLE_WORD_BYTES) {
                 return Err(MemoryError::Unreadable);
             }
-            *byte = page.bytes.get(at % PAGE).copied().unwrap_or(0);
+            *byte = page.bytes.get(at % PAGE_BYTES).copied().unwrap_or(0);
         }
         Ok(())
     }
 
     fn capacity(&self) -> usize {
-        PAGES * PAGE
+        PAGES * PAGE_BYTES
     }
 }
 
 impl<const PAGES: usize> NorFlash for MemoryFlash<PAGES> {
-    const WRITE_SIZE: usize = DOUBLE_WORD;
-    const ERASE_SIZE: usize = PAGE;
+    const WRITE_SIZE: usize = DOUBLE_WORD_BYTES;
+    const ERASE_SIZE: usize = PAGE_BYTES;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), MemoryError> {
         check_erase(self, from, to)?;
-        for number in from as usize / PAGE..to as usize / PAGE {
+        for number in from as usize / PAGE_BYTES..to as usize / PAGE_BYTES {
             if !self.power {
                 return Err(MemoryError::PowerLost);
             }
@@ -277,13 +280,13 @@ impl<const PAGES: usize> NorFlash for MemoryFlash<PAGES> {
             let Some(page) = self.pages.get_mut(number) else { break };
             page.erases = page.erases.saturating_add(1);
             let blank = core::iter::repeat(0xFF);
-            tear(page.bytes.iter_mut(), blank, torn.unwrap_or(Torn::Done));
-            let unfinished = !matches!(torn, None | Some(Torn::Done | Torn::Nothing));
-            if torn != Some(Torn::Nothing) {
-                // A page half erased is to be erased again before it is programmed.
-                page.programmed = [if unfinished { !0 } else { 0 }; WORDS / 32];
-                let unreadable = matches!(torn, Some(Torn::Unreadable(_)));
-                page.unreadable = [if unreadable { !0 } else { 0 }; WORDS / 32];
+            tear(page.bytes.iter_mut(), blank, torn.unwrap_or(TornStep::Done));
+            let unfinished = !matches!(torn, None | Some(TornStep::Done | TornStep::Nothing));
+            if torn != Some(TornStep::Nothing) {
+                // A half-erased page must be erased again before it is programmed.
+                page.programmed = [if unfinished { !0 } else { 0 }; WORDS_PER_PAGE / 32];
+                let unreadable = matches!(torn, Some(TornStep::Unreadable(_)));
+                page.unreadable = [if unreadable { !0 } else { 0 }; WORDS_PER_PAGE / 32];
             }
             if torn.is_some() {
                 return Err(MemoryError::PowerLost);
@@ -294,27 +297,37 @@ impl<const PAGES: usize> NorFlash for MemoryFlash<PAGES> {
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), MemoryError> {
         check_write(self, offset, bytes.len())?;
-        for (at, unit) in (offset as usize..).step_by(DOUBLE_WORD).zip(bytes.chunks(DOUBLE_WORD)) {
+        for (at, unit) in
+            (offset as usize..).step_by(DOUBLE_WORD_BYTES).zip(bytes.chunks(DOUBLE_WORD_BYTES))
+        {
             if !self.power {
                 return Err(MemoryError::PowerLost);
             }
-            let word = at % PAGE / DOUBLE_WORD;
-            if self.pages.get(at / PAGE).is_some_and(|page| bit(&page.programmed, word)) {
+            let word = at % PAGE_BYTES / DOUBLE_WORD_BYTES;
+            if self
+                .pages
+                .get(at / PAGE_BYTES)
+                .is_some_and(|page| is_bit_set(&page.programmed, word))
+            {
                 return Err(MemoryError::ProgrammedTwice);
             }
             let torn = self.step();
-            let Some(page) = self.pages.get_mut(at / PAGE) else { break };
-            let Some(place) = page.bytes.get_mut(at % PAGE..at % PAGE + DOUBLE_WORD) else { break };
-            // Programming takes bits to 0 and never back.
-            let mut wanted = [0; DOUBLE_WORD];
+            let Some(page) = self.pages.get_mut(at / PAGE_BYTES) else { break };
+            let Some(place) =
+                page.bytes.get_mut(at % PAGE_BYTES..at % PAGE_BYTES + DOUBLE_WORD_BYTES)
+            else {
+                break;
+            };
+            // Programming changes bits to 0 only.
+            let mut wanted = [0; DOUBLE_WORD_BYTES];
             for ((wanted, old), new) in wanted.iter_mut().zip(&*place).zip(unit) {
                 *wanted = old & new;
             }
-            tear(place.iter_mut(), wanted.into_iter(), torn.unwrap_or(Torn::Done));
-            if torn != Some(Torn::Nothing) {
+            tear(place.iter_mut(), wanted.into_iter(), torn.unwrap_or(TornStep::Done));
+            if torn != Some(TornStep::Nothing) {
                 set_bit(&mut page.programmed, word);
             }
-            if matches!(torn, Some(Torn::Unreadable(_))) {
+            if matches!(torn, Some(TornStep::Unreadable(_))) {
                 set_bit(&mut page.unreadable, word);
             }
             if torn.is_some() {

@@ -1,11 +1,14 @@
-//! Every fault and limit of the joint driver, once.
+//! The table of all faults and limits of the joint driver.
 //!
-//! The table at the end of this file is what documentation, the EDS and emergency frames are made of. A row has
-//! the code's own number (byte 3 of an emergency frame; also its bit, counted from 1, in the sets on the
-//! bus: faults are 1 to 32, limits 33 to 64), its emergency error code and the bits it sets in the error
-//! register (CiA 301 7.2.7.1 and object 0x1001; codes of drives as IEC 61800-7-201 has them, else device
-//! specific), what it does, when it is watched, how long its cause has to last and to be gone, and in
-//! words what raises and what clears it. Numbers are never given to another code.
+//! Documentation, the EDS and emergency frames are generated from the table at the end of this file. Each
+//! row has:
+//!
+//! - its number, in byte 3 of an emergency frame and as a bit (counted from 1) in the code sets on the bus.
+//!   Faults are 1 to 32, limits 33 to 64. A number is never reused;
+//! - its emergency error code and the bits it sets in the error register (CiA 301 7.2.7.1 and object
+//!   0x1001). Drive codes follow IEC 61800-7-201, the others are device specific;
+//! - its effect, when it is monitored, how long its cause must last and be gone;
+//! - what raises it and what clears it.
 
 use core::fmt;
 
@@ -21,59 +24,60 @@ pub mod register {
     pub const TEMPERATURE: u8 = 1 << 3;
     /// Communication.
     pub const COMMUNICATION: u8 = 1 << 4;
-    /// The device's profile: here encoder, motor and model.
+    /// Device profile: encoder, motor and model.
     pub const PROFILE: u8 = 1 << 5;
-    /// The maker's own: here the firmware.
+    /// Manufacturer specific: the firmware.
     pub const MANUFACTURER: u8 = 1 << 7;
 }
 
-/// What a code does.
+/// Effect of a code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// A fault: bridge off, held until it is cleared.
+    /// A fault: it opens the bridge and stays latched until it is cleared.
     Stops,
-    /// A limit that takes the compensation away while it lasts.
+    /// A limit that disables the compensation while it is active.
     DropsCompensation,
-    /// A limit.
+    /// A limit without further effect.
     Limits,
 }
 
-/// When a cause becomes a fault.
+/// When the cause of a fault is monitored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Watched {
     /// At any time.
     Always,
-    /// While armed. Before, the cause only stands against arming.
+    /// While the joint is armed. Otherwise the cause only prevents arming.
     Armed,
 }
 
-/// A row of the table.
+/// One row of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Info {
-    /// Its own number: 1..=32 for faults, 33..=64 for limits.
+pub struct CodeInfo {
+    /// Number of the code: 1..=32 for faults, 33..=64 for limits.
     pub number: u8,
-    /// Its name.
+    /// Name of the code.
     pub name: &'static str,
     /// Emergency error code.
     pub emergency: u16,
-    /// Bits it sets in the error register.
+    /// Bits that the code sets in the error register.
     pub register: u8,
-    /// What it does.
+    /// Effect of the code.
     pub effect: Effect,
-    /// When it is watched.
+    /// When the code is monitored.
     pub watched: Watched,
-    /// How long its cause has to last, us.
+    /// Time the cause must last before the code is raised, us.
     pub raise_after_us: u32,
-    /// How long its cause has to be gone, us.
+    /// Time the cause must be gone before it counts as gone, us.
     pub clear_after_us: u32,
 }
 
-/// A row of the table in words: for tools, and apart from [`Info`], so that they are in no driver's image.
+/// Explanation of one code, for tools. It is separate from [`CodeInfo`], so that the texts are not in a
+/// driver's image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Words {
-    /// What raises it.
+pub struct CodeDescription {
+    /// Condition that raises the code.
     pub raised_by: &'static str,
-    /// What its cause goes with.
+    /// Condition that ends the cause.
     pub cleared_by: &'static str,
 }
 
@@ -82,62 +86,62 @@ pub struct Words {
 pub struct CodeSet(u64);
 
 impl CodeSet {
-    /// No code.
+    /// The empty set.
     pub const EMPTY: Self = Self(0);
 
     const fn bit(code: Code) -> u64 {
         1 << (code as u8 - 1)
     }
 
-    /// Whether it is in the set.
+    /// Returns true if the set contains the code.
     #[inline]
     pub const fn contains(self, code: Code) -> bool {
         self.0 & Self::bit(code) != 0
     }
 
-    /// Puts it in.
+    /// Adds a code.
     pub const fn insert(&mut self, code: Code) {
         self.0 |= Self::bit(code);
     }
 
-    /// Takes it out.
+    /// Removes a code.
     pub const fn remove(&mut self, code: Code) {
         self.0 &= !Self::bit(code);
     }
 
-    /// Whether nothing is in it.
+    /// Returns true if the set is empty.
     #[inline]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Whether they have a code in common.
+    /// Returns true if the two sets share a code.
     #[inline]
     pub const fn intersects(self, other: Self) -> bool {
         self.0 & other.0 != 0
     }
 
-    /// Those that are not in `other`.
+    /// Returns the codes that are not in `other`.
     pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 
-    /// Its faults as they travel: bit 0 is number 1.
+    /// Returns the faults as sent on the bus: bit 0 is number 1.
     pub const fn fault_bits(self) -> u32 {
         self.0 as u32
     }
 
-    /// Its limits as they travel: bit 0 is number 33.
+    /// Returns the limits as sent on the bus: bit 0 is number 33.
     pub const fn limit_bits(self) -> u32 {
         (self.0 >> 32) as u32
     }
 
-    /// Its codes, by rising number.
+    /// Returns the codes in ascending order of their numbers.
     pub fn iter(self) -> impl Iterator<Item = Code> {
         Code::ALL.iter().copied().filter(move |code| self.contains(*code))
     }
 
-    /// The error register that goes with it.
+    /// Returns the error register for this set.
     pub fn error_register(self) -> u8 {
         self.iter().fold(0, |register, code| register | code.info().register)
     }
@@ -149,7 +153,7 @@ impl fmt::Debug for CodeSet {
     }
 }
 
-/// A delay in the table, ms to us.
+/// Converts a delay of the table from ms to us.
 const fn ms(milliseconds: u32) -> u32 {
     milliseconds * 1000
 }
@@ -167,17 +171,17 @@ macro_rules! codes {
             $(#[doc = concat!("`", $name, "`: ", $raised_by, ".")] $code = $number,)*
         }
 
-        /// How many codes there are.
-        pub const CODES: usize = [$($number),*].len();
+        /// Number of codes.
+        pub const CODE_COUNT: usize = [$($number),*].len();
 
         impl Code {
-            /// Every code, by rising number.
-            pub const ALL: &'static [Code; CODES] = &[$(Code::$code),*];
+            /// All codes, in ascending order of their numbers.
+            pub const ALL: &'static [Code; CODE_COUNT] = &[$(Code::$code),*];
 
-            /// Its row of the table.
-            pub const fn info(self) -> &'static Info {
+            /// Returns the row of the table.
+            pub const fn info(self) -> &'static CodeInfo {
                 match self {
-                    $(Code::$code => const { &Info {
+                    $(Code::$code => const { &CodeInfo {
                         number: $number,
                         name: $name,
                         emergency: $emergency,
@@ -190,10 +194,10 @@ macro_rules! codes {
                 }
             }
 
-            /// Its row in words.
-            pub const fn words(self) -> Words {
+            /// Returns the explanation of the code.
+            pub const fn description(self) -> CodeDescription {
                 match self {
-                    $(Code::$code => Words { raised_by: $raised_by, cleared_by: $cleared_by },)*
+                    $(Code::$code => CodeDescription { raised_by: $raised_by, cleared_by: $cleared_by },)*
                 }
             }
         }
@@ -201,35 +205,35 @@ macro_rules! codes {
 }
 
 impl Code {
-    /// Its own number.
+    /// Returns the number of the code.
     pub const fn number(self) -> u8 {
         self as u8
     }
 
-    /// The code with this number.
+    /// Returns the code with this number.
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.iter().copied().find(|code| code.number() == number)
     }
 
-    /// Its place in [`Code::ALL`].
+    /// Returns the position of the code in [`Code::ALL`].
     pub(super) const fn index(self) -> usize {
         let mut index = 0;
-        while index < CODES {
+        while index < CODE_COUNT {
             if Self::ALL[index] as u8 == self as u8 {
                 return index;
             }
             index += 1;
         }
-        // Every code is in its own list.
-        CODES
+        // Unreachable: the list holds every code.
+        CODE_COUNT
     }
 }
 
-/// Every code with an effect.
+/// Returns all codes with an effect.
 const fn with_effect(effect: Effect) -> CodeSet {
     let mut set = CodeSet::EMPTY;
     let mut index = 0;
-    while index < CODES {
+    while index < CODE_COUNT {
         let code = Code::ALL[index];
         if code.info().effect as u8 == effect as u8 {
             set.insert(code);
@@ -239,128 +243,128 @@ const fn with_effect(effect: Effect) -> CodeSet {
     set
 }
 
-/// Every fault.
-pub const STOPPING: CodeSet = with_effect(Effect::Stops);
+/// All faults.
+pub const FAULT_CODES: CodeSet = with_effect(Effect::Stops);
 
-/// Every limit that takes the compensation away.
-pub const DROPS_COMPENSATION: CodeSet = with_effect(Effect::DropsCompensation);
+/// All limits that disable the compensation.
+pub const COMPENSATION_DROPPING_CODES: CodeSet = with_effect(Effect::DropsCompensation);
 
-// Columns: number, code, name, emergency code, bit of the error register, effect, watched, how long its
-// cause must last and be gone (ms), what raises it, what its cause goes with.
+// Columns: number, code, name, emergency code, bit of the error register, effect, when monitored, time the
+// cause must last and time it must be gone (ms), what raises the code, what ends its cause.
 codes! {
     1 CommandTimeout "command-timeout" 0x8250 [COMMUNICATION] Stops Armed 0 0
         "no set-point for `command_timeout_us`", "a set-point";
     2 HeartbeatLost "heartbeat-lost" 0x8130 [COMMUNICATION] Stops Armed 0 0
-        "the awaited heartbeat stays away", "the heartbeat comes again";
+        "the monitored heartbeat is missing", "the heartbeat returns";
     3 CanBusOff "can-bus-off" 0x8140 [COMMUNICATION] Stops Always 0 100
         "the CAN controller has left the bus", "it is back on the bus";
     4 Overcurrent "overcurrent" 0x2310 [CURRENT] Stops Always 0 10
-        "a phase current at `overcurrent_a` in any period, or at the board's comparators, which open the bridge themselves", "all below it";
+        "a phase current reaches `overcurrent_a` in any period, or the board's comparators open the bridge", "all phase currents are below it";
     5 CurrentSensorInvalid "current-sensor-invalid" 0x5210 [CURRENT] Stops Always 1 100
-        "phase currents not valid or not finite", "valid currents";
+        "a phase current is invalid or not finite", "the phase currents are valid";
     6 CurrentOffset "current-offset" 0x5211 [CURRENT] Stops Always 50 100
-        "with the bridge off, a phase current of `current_offset_a`", "with the bridge off, all below half of it";
+        "with the bridge off, a phase current reaches `current_offset_a`", "with the bridge off, all phase currents are below half of it";
     7 PhaseLost "phase-lost" 0x7122 [PROFILE] Stops Armed 20 0
-        "half of a set-point of `phase_check_a` or more is missing, and one phase below `phase_dead_a`",
-        "the bridge is off (a new try shows)";
+        "of a set-point of at least `phase_check_a`, half or more is not reached, and one phase is below `phase_dead_a`",
+        "the bridge is off (arming checks again)";
     8 BusOvervoltage "bus-overvoltage" 0x3210 [VOLTAGE] Stops Always 0 100
-        "bus at `bus_overvoltage_v`", "bus at `bus_overvoltage_clear_v` or below";
+        "the bus voltage reaches `bus_overvoltage_v`", "the bus voltage is at most `bus_overvoltage_clear_v`";
     9 BusUndervoltage "bus-undervoltage" 0x3220 [VOLTAGE] Stops Armed 2 100
-        "bus at `bus_undervoltage_v`", "bus at `bus_undervoltage_clear_v` or above";
+        "the bus voltage falls to `bus_undervoltage_v`", "the bus voltage is at least `bus_undervoltage_clear_v`";
     10 GateDriverFault "gate-driver-fault" 0x5410 [] Stops Always 0 10
-        "the gate driver says so", "it no longer does";
+        "the gate driver reports a fault", "it reports none";
     11 BridgeOvertemperature "bridge-overtemperature" 0x4210 [TEMPERATURE] Stops Always 100 1000
-        "bridge at `bridge_trip_c`", "bridge `temperature_hysteresis_c` below it";
+        "the bridge temperature reaches `bridge_trip_c`", "it is `temperature_hysteresis_c` below that";
     12 MotorOvertemperature "motor-overtemperature" 0x4310 [TEMPERATURE] Stops Always 100 1000
-        "motor at `motor_trip_c`", "motor `temperature_hysteresis_c` below it";
+        "the motor temperature reaches `motor_trip_c`", "it is `temperature_hysteresis_c` below that";
     13 EncoderLost "encoder-lost" 0x7305 [PROFILE] Stops Armed 0 100
-        "no angle to drive by: the loop has coasted for too long", "the observer has settled on an angle";
+        "no angle is known: the observer has coasted for too long", "the observer has settled";
     14 EncoderJump "encoder-jump" 0x7300 [PROFILE] Stops Armed 2 100
-        "the encoder goes on jumping farther than the shaft can turn", "it no longer does";
+        "the encoder repeatedly jumps farther than the shaft can turn", "it does not";
     15 AdcTimeout "adc-timeout" 0x5212 [] Stops Always 0 100
-        "no conversion for `sample_timeout_us`, or no bus voltage to go by", "conversions come";
+        "no conversion for `sample_timeout_us`, or no valid bus voltage", "conversions arrive";
     16 Overspeed "overspeed" 0x8400 [PROFILE] Stops Always 5 100
-        "joint at `overspeed_rad_s`", "joint at nine tenths of it or below";
+        "the joint speed reaches `overspeed_rad_s`", "the joint speed is at most 90 % of it";
     17 LoopOverrun "loop-overrun" 0x6110 [MANUFACTURER] Stops Always 0 0
-        "`overruns_in_a_row` periods in a row were too short for the loop", "a period that was not";
+        "the loop exceeded its period `overruns_in_a_row` times in a row", "a period without an overrun";
     18 ModelNotFinite "model-not-finite" 0x6103 [MANUFACTURER] Stops Always 0 100
-        "the friction model gave no finite torque", "it gives one";
+        "the friction torque of the model is not finite", "it is finite";
     19 StoreDamaged "store-damaged" 0x5530 [] Stops Always 0 0
-        "no parameter set is whole, and there may have been one", "a save";
+        "no stored parameter set is intact, and one may have been lost", "parameters are saved";
     20 SelfTestFailed "self-test-failed" 0x5220 [] Stops Always 0 0
         "the self-test failed", "it passes when repeated";
     21 WatchdogReset "watchdog-reset" 0x6010 [MANUFACTURER] Stops Always 0 0
-        "the watchdog ended the last life", "over already";
+        "the watchdog reset the processor", "the cause lies in the past";
     22 PanicBeforeReset "panic-before-reset" 0x6101 [MANUFACTURER] Stops Always 0 0
-        "a panic ended the last life", "over already";
+        "a panic reset the processor", "the cause lies in the past";
     23 StackOverflow "stack-overflow" 0x6102 [MANUFACTURER] Stops Always 0 0
-        "the guard below the stack is overwritten, or was in the last life", "a restart, which paints it anew";
+        "the guard words below the stack are overwritten, now or in the previous run", "a restart, which writes them again";
     24 Internal "internal" 0x6100 [MANUFACTURER] Stops Always 0 100
-        "the firmware caught itself: a number of the loop not finite, a clock that runs backwards",
+        "the firmware found an internal error: a value of the loop is not finite, or the clock runs backwards",
         "an observation without it";
     25 NotCommissioned "not-commissioned" 0xFF15 [PROFILE] Stops Armed 0 0
-        "nobody has confirmed that motor, encoder and gear are wired as the parameters say, or they were changed since",
-        "it is confirmed (200Ah:3)";
+        "the wiring of motor, encoder and gear is not confirmed, or its parameters were changed since",
+        "the wiring is confirmed (200Ah:3)";
     26 SystemBreak "system-break" 0x5000 [MANUFACTURER] Stops Always 0 100
-        "the chip opened the bridge: supply below 2.8 V, a clock that stopped, memory whose check bits do not fit",
+        "the microcontroller opened the bridge: supply below 2.8 V, clock failure, or a memory error (ECC, parity)",
         "an observation without it";
     27 MotorAgainst "motor-against-order" 0x7120 [PROFILE] Stops Armed 10 0
-        "the motor's induced voltage has the other sign than its speed: electrical zero or direction is half a turn off",
-        "the bridge is off (a new try shows)";
+        "induced voltage and speed of the motor have opposite signs: the electrical zero or the direction is half a turn off",
+        "the bridge is off (arming checks again)";
     28 MotorStands "motor-stands" 0x7121 [PROFILE] Stops Armed 500 0
-        "`stall_current_a` or more, and the joint has not moved since it was armed: held, or wired other than the parameters say",
-        "the bridge is off (a new try shows)";
+        "the current reaches `stall_current_a`, and the joint has not moved since it was armed: it is blocked or its wiring differs from the parameters",
+        "the bridge is off (arming checks again)";
 
     33 LoopLate "loop-late" 0xFF01 [MANUFACTURER] DropsCompensation Always 0 100
-        "one period was too short for the loop", "periods that are not";
+        "the loop exceeded its period once", "periods without an overrun";
     34 ParametersDefault "parameters-default" 0x6310 [MANUFACTURER] DropsCompensation Always 0 0
-        "no parameters were ever saved", "parameters are set";
+        "no parameters were ever saved; the defaults are in use", "parameters are set";
     35 ParametersRefused "parameters-refused" 0x6320 [MANUFACTURER] DropsCompensation Always 0 0
-        "the stored parameters are refused, the default ones in use", "parameters are set";
+        "the stored parameters are refused; the defaults are in use", "parameters are set";
     36 VelocityInvalid "velocity-invalid" 0xFF04 [PROFILE] DropsCompensation Always 5 100
         "the compensator has no velocity, measured or reference", "it has one";
     37 StoreReduced "store-reduced" 0x5531 [] Limits Always 0 0
-        "one of the two stored sets is damaged", "a save";
+        "one of the two stored sets is damaged", "parameters are saved";
     38 CanErrorPassive "can-error-passive" 0x8120 [COMMUNICATION] Limits Always 0 100
         "the CAN controller is error passive", "it is error active";
     39 VoltageLimited "voltage-limited" 0xFF07 [VOLTAGE] Limits Always 5 100
         "the loop asks for more voltage than the bus has", "it does not";
     40 CurrentLimited "current-limited" 0xFF08 [CURRENT] Limits Always 5 100
-        "the sum of set-point and compensation is beyond the current limit", "it is not";
+        "the sum of set-point and compensation exceeds the current limit", "it does not";
     41 CurrentImbalance "current-imbalance" 0xFF09 [CURRENT] Limits Always 5 100
         "the three phase currents do not add up to 0", "they do";
     42 Derated "derated" 0x4211 [TEMPERATURE] Limits Always 100 1000
-        "bridge at `bridge_derate_c`, motor at `motor_derate_c` or its copper, by the model, at `winding_derate_c`", "all `temperature_hysteresis_c` below";
+        "the bridge reaches `bridge_derate_c`, the motor `motor_derate_c`, or the modelled winding `winding_derate_c`", "all are `temperature_hysteresis_c` below";
     43 TemperatureUnknown "temperature-unknown" 0x4212 [TEMPERATURE] Limits Always 100 1000
-        "a temperature sensor gives no number; half the current is left", "it gives one";
+        "a temperature sensor gives no valid value; the current limit is halved", "all values are valid";
     44 EncoderCoasting "encoder-coasting" 0xFF0C [PROFILE] Limits Always 0 100
-        "an encoder sample is missing or not believed", "none is";
+        "an encoder sample is missing or implausible", "all samples are valid";
     45 SetpointInvalid "setpoint-invalid" 0xFF0D [COMMUNICATION] Limits Always 0 100
-        "a set-point that is no number; it counts as 0 A", "one that is";
+        "the set-point is not a number; 0 A is used", "the set-point is a number";
     46 CompensationLimited "compensation-limited" 0xFF0E [PROFILE] Limits Always 5 100
         "the torque limit of the compensation acts", "it does not";
     47 CompensationSlewed "compensation-slewed" 0xFF0F [PROFILE] Limits Always 5 100
         "the slew limit of the compensation acts", "it does not";
     48 RadialForceStale "radial-force-stale" 0xFF10 [PROFILE] Limits Always 0 100
-        "side load too old or out of its range; it fades", "a good value";
+        "the side load is too old or out of range; its effect fades out", "a valid value";
     49 PressureStale "pressure-stale" 0xFF11 [PROFILE] Limits Always 0 100
-        "pressure too old or out of its range; it fades", "a good value";
+        "the pressure is too old or out of range; its effect fades out", "a valid value";
     50 TemperatureStale "temperature-stale" 0xFF12 [PROFILE] Limits Always 0 100
-        "seal temperature too old or out of its range; it fades", "a good value";
+        "the seal temperature is too old or out of range; its effect fades out", "a valid value";
     51 OtherInputStale "other-input-stale" 0xFF13 [PROFILE] Limits Always 0 100
-        "position, acceleration, load torque, auxiliary input or campaign time too old or out of its range",
-        "good values";
+        "position, acceleration, load torque, auxiliary input or campaign time is too old or out of range",
+        "valid values";
     52 ModelOutOfBand "model-out-of-band" 0xFF14 [PROFILE] Limits Always 0 0
-        "the torque residual is outside the band the model promised", "it is inside";
+        "the torque residual is outside the band of the model", "it is inside";
     53 Stalled "stalled" 0xFF16 [PROFILE] Limits Always 500 100
-        "`stall_current_a` or more, and the joint stands, having moved before", "it moves, or less current";
+        "the current reaches `stall_current_a`, and the joint stands still after having moved", "the joint moves, or the current is lower";
     54 OverCompensated "over-compensated" 0xFF17 [PROFILE] Limits Always 0 100
-        "the model was seen to have more friction than the joint, so that its compensation would drive it; less is compensated",
-        "it has not, or other parameters are set";
+        "the model predicts more friction than the joint has, so its compensation would drive the joint; it is reduced",
+        "the prediction is not too high, or other parameters are set";
     55 RadialForceStuck "radial-force-stuck" 0xFF18 [PROFILE] Limits Always 0 100
-        "side load has been the same to the bit for 200 readings, where its noise was wider than its steps; it fades",
-        "it changes";
+        "200 identical readings of the side load, although its noise exceeds its resolution; its effect fades out",
+        "the reading changes";
     56 PressureStuck "pressure-stuck" 0xFF19 [PROFILE] Limits Always 0 100
-        "pressure has been the same to the bit for 200 readings, where its noise was wider than its steps; it fades",
-        "it changes";
+        "200 identical readings of the pressure, although its noise exceeds its resolution; its effect fades out",
+        "the reading changes";
 }

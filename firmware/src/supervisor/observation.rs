@@ -1,94 +1,96 @@
-//! What the supervisor is told: once at the start, and once a millisecond.
+//! Inputs of the supervisor: the start conditions once, an observation every millisecond.
 
 use crate::control::LoopFlags;
-use crate::store::Health;
+use crate::store::StoreHealth;
 use compensator_core::Flags;
 
 /// Why the processor started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ResetCause {
-    /// Power came, or came back.
+    /// Power was applied.
     #[default]
     PowerOn,
     /// The reset pin.
     Pin,
-    /// The firmware asked for it.
+    /// The firmware requested it.
     Software,
     /// A watchdog.
     Watchdog,
-    /// None of these, or it was not found out.
+    /// Another cause, or unknown.
     Unknown,
 }
 
-/// Which parameters are in use.
+/// Source of the parameters in use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum InUse {
-    /// Stored ones, or ones set since.
+pub enum ParameterSource {
+    /// Stored parameters, or parameters set since the start.
     #[default]
     Set,
-    /// Default ones, because none were ever saved.
+    /// Defaults, because no parameters were ever saved.
     Default,
-    /// Default ones, because the stored ones are refused.
+    /// Defaults, because the stored parameters are refused.
     DefaultRefused,
 }
 
-/// What is known at the start.
+/// Conditions at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Boot {
+pub struct SupervisorBoot {
     /// Why the processor started.
     pub reset: ResetCause,
-    /// A panic was noted before it did.
+    /// True if a panic ended the previous run.
     pub panicked: bool,
-    /// A stack overflow was noted before it did.
+    /// True if the stack overflowed in the previous run.
     pub stack_overflowed: bool,
-    /// What the parameter store was found like.
-    pub store: Health,
-    /// Which parameters are in use.
-    pub parameters: InUse,
-    /// Somebody confirmed that the joint is wired as its parameters say.
+    /// Health of the parameter store.
+    pub store: StoreHealth,
+    /// Source of the parameters in use.
+    pub parameters: ParameterSource,
+    /// True if the wiring of the joint is confirmed.
     pub commissioned: bool,
-    /// How the self-test ended.
+    /// True if the self-test passed.
     pub self_test_passed: bool,
 }
 
-impl Default for Boot {
+impl Default for SupervisorBoot {
     /// A start with nothing to report.
     fn default() -> Self {
         Self {
             reset: ResetCause::PowerOn,
             panicked: false,
             stack_overflowed: false,
-            store: Health::Sound,
-            parameters: InUse::Set,
+            store: StoreHealth::Sound,
+            parameters: ParameterSource::Set,
             commissioned: true,
             self_test_passed: true,
         }
     }
 }
 
-/// How the CAN controller takes part in its bus (ISO 11898-1).
+/// Error state of the CAN controller (ISO 11898-1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CanState {
-    /// As it should.
+    /// Error active: normal operation.
     #[default]
     Active,
-    /// It has seen so many errors that it may no longer show them to others.
+    /// Error passive: after many errors, the controller may not signal errors to other nodes.
     Passive,
-    /// It has left.
+    /// Bus-off: the controller has left the bus.
     Off,
 }
 
-/// What was measured. `None` is a quantity this board does not measure and is never watched; one that
-/// is measured but gave no number is NaN.
+/// Measurements and states since the last observation.
+///
+/// `None` marks a quantity that the board does not measure; it is not monitored. NaN marks a quantity that
+/// is measured but gave no valid value.
 #[derive(Clone, Copy, Debug)]
 pub struct Observation {
     /// Bus voltage, V.
     pub bus_voltage_v: Option<f32>,
-    /// Phase currents, A: the latest.
+    /// Latest phase currents, A.
     pub phase_currents_a: Option<[f32; 3]>,
-    /// Torque-making current, A: the latest.
+    /// Latest torque-producing current, A.
     pub current_a: f32,
-    /// What it should be, A, after all limits.
+    /// Set-point of that current after all limits, A.
     pub current_setpoint_a: f32,
     /// Joint velocity, rad/s.
     pub velocity_rad_s: f32,
@@ -96,42 +98,42 @@ pub struct Observation {
     pub bridge_temperature_c: Option<f32>,
     /// Temperature of the motor, deg C.
     pub motor_temperature_c: Option<f32>,
-    /// Temperature of the copper by its model, deg C.
+    /// Winding temperature from the thermal model, deg C.
     pub winding_temperature_c: Option<f32>,
-    /// The induced voltage has the other sign than the speed.
+    /// True if the induced voltage and the speed have opposite signs.
     pub motor_against: bool,
-    /// The joint stands under current, and has not moved since it was armed.
+    /// True if the joint carries current but has not moved since it was armed.
     pub motor_stands: bool,
-    /// It stands under current, and has moved.
+    /// True if the joint carries current, does not move, and has moved since it was armed.
     pub stalled: bool,
-    /// The model has more friction than the joint, and less of it is compensated.
+    /// True if the model predicts more friction than the joint has, and the compensation is reduced.
     pub over_compensated: bool,
-    /// The sensor of side load no longer measures.
+    /// True if the reading of the side-load sensor is stuck.
     pub radial_force_stuck: bool,
-    /// The sensor of pressure no longer measures.
+    /// True if the reading of the pressure sensor is stuck.
     pub pressure_stuck: bool,
     /// Age of the latest conversion, us.
     pub sample_age_us: Option<u32>,
-    /// The gate driver reports a fault.
+    /// True if the gate driver reports a fault.
     pub gate_driver_fault: bool,
-    /// The chip opened the bridge by itself.
+    /// True if the microcontroller opened the bridge by hardware.
     pub system_break: bool,
-    /// The guard below the stack is as it was painted.
+    /// True if the guard words below the stack are intact.
     pub stack_intact: bool,
-    /// The CAN controller.
+    /// Error state of the CAN controller.
     pub can: CanState,
-    /// A heartbeat that is awaited stays away.
+    /// True if the monitored heartbeat is missing.
     pub heartbeat_lost: bool,
-    /// Every flag the current loop has shown since the last observation.
+    /// All flags of the current loop since the last observation.
     pub loop_flags: LoopFlags,
-    /// Every flag the compensator has shown since the last observation.
+    /// All flags of the compensator since the last observation.
     pub compensator: Flags,
-    /// Whether the residual is in the promised band; `None` while that is not known.
+    /// True if the residual is inside the band of the model; `None` if that is not known.
     pub model_in_band: Option<bool>,
 }
 
 impl Default for Observation {
-    /// Nothing measured and nothing wrong.
+    /// Nothing is measured and nothing is wrong.
     fn default() -> Self {
         Self {
             bus_voltage_v: None,

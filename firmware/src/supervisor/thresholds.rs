@@ -1,73 +1,74 @@
-//! The levels and times the supervisor goes by.
+//! Levels and times of the supervisor.
 //!
-//! As a person writes them, in SI units; [`Thresholds::validate`] names what it refuses. Delays that
-//! belong to the physics of a cause and not to a joint are in the table of [`super::codes`].
+//! Users write them in SI units; [`Thresholds::validate`] names the field it refuses. Delays that depend on
+//! the physics of a cause, not on the joint, are in the table of [`super::codes`].
 
 use compensator_core::parameters::{Bound, ParameterError, check_ranges};
 
 compensator_core::named_fields! {
-    /// Levels and times.
+    /// Levels and times of the supervisor.
     pub struct Thresholds {
-        /// A set-point older than this is missing, us.
-        command_timeout_us: u32 = 100_000, 1e3..=1e5, "a joint nobody commands stops within 0.1 s";
-        /// A conversion older than this is missing, us.
+        /// Maximum age of a set-point, us.
+        command_timeout_us: u32 = 100_000, 1e3..=1e5, "a joint without commands stops within 0.1 s";
+        /// Maximum age of a converter sample, us.
         sample_timeout_us: u32 = 1000, 50.0..=1e4, "from a period of the loop to a few observations";
-        /// Loop overruns in a row that are a fault.
-        overruns_in_a_row: u32 = 3, 1.0..=100.0, "one overrun takes the compensation, a row of them the bridge";
-        /// Phase current that trips, A.
-        overcurrent_a: f32 = 40.0, 0.1..=1e3, "what the bridge and the motor's magnets bear";
-        /// Phase current that is too much with the bridge off, A.
-        current_offset_a: f32 = 1.0, 1e-3..=100.0, "an offset is a torque nobody asked for";
-        /// Set-point from which phases are watched, A.
-        phase_check_a: f32 = 3.0, 1e-2..=1e3, "below it a dead phase cannot be told from a small current";
-        /// A phase below this carries nothing, A.
+        /// Number of consecutive loop overruns that is a fault.
+        overruns_in_a_row: u32 = 3, 1.0..=100.0, "one overrun disables the compensation, several in a row open the bridge";
+        /// Phase current that trips an overcurrent fault, A.
+        overcurrent_a: f32 = 40.0, 0.1..=1e3, "rating of the bridge and of the motor's magnets";
+        /// Maximum phase current with the bridge off, A.
+        current_offset_a: f32 = 1.0, 1e-3..=100.0, "an offset causes an unwanted torque";
+        /// Set-point from which each phase is checked for an open circuit, A.
+        phase_check_a: f32 = 3.0, 1e-2..=1e3, "below it an open phase cannot be distinguished from a small current";
+        /// Phase current below which a phase counts as open, A.
         phase_dead_a: f32 = 0.3, 1e-3..=100.0, "noise of a current measurement";
-        /// Bus voltage that trips, V.
-        bus_overvoltage_v: f32 = 60.0, 6.0..=1e3, "what the bridge bears";
-        /// Bus voltage at which that is over, V.
-        bus_overvoltage_clear_v: f32 = 56.0, 6.0..=1e3, "what the bridge bears";
-        /// Bus voltage too low to drive with, V.
-        bus_undervoltage_v: f32 = 36.0, 5.0..=1e3, "what the gate driver needs";
-        /// Bus voltage at which that is over, V.
-        bus_undervoltage_clear_v: f32 = 40.0, 5.0..=1e3, "what the gate driver needs";
-        /// Bridge temperature from which current is taken back, deg C.
-        bridge_derate_c: f32 = 80.0, -20.0..=175.0, "what silicon bears";
-        /// Bridge temperature that trips, and where nothing is left, deg C.
-        bridge_trip_c: f32 = 100.0, -20.0..=175.0, "what silicon bears";
-        /// Motor temperature from which current is taken back, deg C.
-        motor_derate_c: f32 = 100.0, -20.0..=250.0, "what a winding bears";
-        /// Motor temperature that trips, and where nothing is left, deg C.
-        motor_trip_c: f32 = 120.0, -20.0..=250.0, "what a winding bears";
-        /// How far below its level a temperature has to fall, K.
-        temperature_hysteresis_c: f32 = 5.0, 0.5..=50.0, "without it a fault comes and goes with noise";
-        /// How much warmer the copper is than the stator with its thermistor, K/W of copper loss; 0 for no model.
+        /// Bus voltage that trips an overvoltage fault, V.
+        bus_overvoltage_v: f32 = 60.0, 6.0..=1e3, "rating of the bridge";
+        /// Bus voltage at which the overvoltage fault may clear, V.
+        bus_overvoltage_clear_v: f32 = 56.0, 6.0..=1e3, "rating of the bridge";
+        /// Bus voltage that trips an undervoltage fault, V.
+        bus_undervoltage_v: f32 = 36.0, 5.0..=1e3, "supply range of the gate driver";
+        /// Bus voltage at which the undervoltage fault may clear, V.
+        bus_undervoltage_clear_v: f32 = 40.0, 5.0..=1e3, "supply range of the gate driver";
+        /// Bridge temperature from which the current limit is reduced, deg C.
+        bridge_derate_c: f32 = 80.0, -20.0..=175.0, "rating of the silicon";
+        /// Bridge temperature that trips a fault; the current limit reaches 0 here, deg C.
+        bridge_trip_c: f32 = 100.0, -20.0..=175.0, "rating of the silicon";
+        /// Motor temperature from which the current limit is reduced, deg C.
+        motor_derate_c: f32 = 100.0, -20.0..=250.0, "rating of the winding";
+        /// Motor temperature that trips a fault; the current limit reaches 0 here, deg C.
+        motor_trip_c: f32 = 120.0, -20.0..=250.0, "rating of the winding";
+        /// Hysteresis of the temperature levels, K.
+        temperature_hysteresis_c: f32 = 5.0, 0.5..=50.0, "without it noise raises and clears the fault repeatedly";
+        /// Thermal resistance from the copper to the stator with its thermistor, K/W of copper loss; 0
+        /// disables the model.
         winding_k_per_w: f32 = 0.8, 0.0..=100.0, "from the data sheet, or a stall with the resistance watched";
-        /// Time constant of that, s.
+        /// Thermal time constant of the copper, s.
         winding_time_s: f32 = 30.0, 0.1..=1e4, "heat capacity of the copper times the K/W";
-        /// Copper temperature, by that model, from which current is taken back, deg C.
-        winding_derate_c: f32 = 125.0, -20.0..=300.0, "what insulation bears: class F 155 deg C";
-        /// Copper temperature where nothing is left, deg C.
-        winding_max_c: f32 = 155.0, -20.0..=300.0, "what insulation bears: class F 155 deg C";
-        /// Current at which a joint that stands is stopped, where it has not moved since it was armed, A.
-        stall_current_a: f32 = 5.0, 0.1..=1e4, "more than friction takes to break away";
-        /// Joint speed that trips, rad/s.
-        overspeed_rad_s: f32 = 14.0, 1e-2..=1e3, "a speed";
+        /// Winding temperature (from the model) from which the current limit is reduced, deg C.
+        winding_derate_c: f32 = 125.0, -20.0..=300.0, "rating of the insulation: class F 155 deg C";
+        /// Winding temperature at which the current limit reaches 0, deg C.
+        winding_max_c: f32 = 155.0, -20.0..=300.0, "rating of the insulation: class F 155 deg C";
+        /// Current from which a joint that has not moved since it was armed is stopped, A.
+        stall_current_a: f32 = 5.0, 0.1..=1e4, "must exceed the breakaway current of the friction";
+        /// Joint speed that trips an overspeed fault, rad/s.
+        overspeed_rad_s: f32 = 14.0, 1e-2..=1e3, "maximum speed of the joint";
     }
-    /// For a joint on 48 V with the current limit of the default compensator, 26 A.
+    /// Defaults for a joint on 48 V with the default current limit of 26 A.
 }
 
 impl Thresholds {
-    /// Checks every field, and those that must be in order.
+    /// Checks the range of every field and the order of related fields.
     ///
     /// # Errors
-    /// Names the field refused, its value, the bound it broke and why there is one.
+    /// Returns the refused field, its value, the violated bound and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
         let refuse = |field, value: f32, bound, why| {
             Err(ParameterError { field, value: value.into(), bound, why })
         };
         check_ranges(&Self::NAMES, &self.to_array(), &Self::RANGES)?;
-        let clears = "a level is left again on its safe side";
-        let derates = "current is taken back before the trip";
+        let clears = "the clear level must be on the safe side of the trip level";
+        let derates = "derating must begin before the trip";
         let hysteresis = self.temperature_hysteresis_c;
         for (field, value, least, why) in [
             ("bus_overvoltage_v", self.bus_overvoltage_v, self.bus_overvoltage_clear_v, clears),
@@ -81,7 +82,7 @@ impl Thresholds {
                 "bus_overvoltage_clear_v",
                 self.bus_overvoltage_clear_v,
                 self.bus_undervoltage_clear_v,
-                "between the two there must be a voltage to drive with",
+                "there must be an operating voltage between the two",
             ),
             ("bridge_trip_c", self.bridge_trip_c, self.bridge_derate_c + hysteresis, derates),
             ("motor_trip_c", self.motor_trip_c, self.motor_derate_c + hysteresis, derates),
@@ -90,13 +91,13 @@ impl Thresholds {
                 "phase_check_a",
                 self.phase_check_a,
                 2.0 * self.phase_dead_a,
-                "a phase that carries its share must not look dead",
+                "a phase that carries its share must not count as open",
             ),
             (
                 "overcurrent_a",
                 self.overcurrent_a,
                 self.current_offset_a,
-                "an offset is no overcurrent",
+                "the offset limit must be below the overcurrent level",
             ),
         ] {
             if value <= least {

@@ -1,142 +1,151 @@
-//! Sensors that fail: the bridge opens or the loop goes on, and never a duty that is no number.
+//! Tests of sensor faults. The loop opens the bridge or continues, and every duty is a number from 0 to 1.
 
 use crate::plant::Machine;
-use crate::rig::{PERIOD_S, Rig, cycles, lugre, none, parameters};
+use crate::rig::{PERIOD_S, Rig, cycles, lugre, no_compensation, parameters};
 use compensator_core::compensator::Reading;
 use firmware::control::{
-    Bridge, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags, MotorParameters, Setpoint,
-    StageSample, Valid,
+    Bridge, Covariates, CurrentLoop, CycleResult, JointCompensator, LoopFlags, MotorParameters,
+    Setpoint, StageSample, ValidChannels,
 };
 use proptest::prelude::*;
 
-fn open(cycle: &Cycle) -> bool {
+fn is_open(cycle: &CycleResult) -> bool {
     cycle.bridge == Bridge::Off
 }
 
 #[test]
-fn bad_currents_open_the_bridge_for_their_cycle_alone() {
-    let mut rig = Rig::settled(Machine::default(), parameters(), none());
+fn bridge_with_invalid_currents_opens_for_one_cycle() {
+    let mut rig = Rig::settled(Machine::default(), parameters(), no_compensation());
     rig.setpoint.current_a = 2.0;
     rig.run(cycles(0.01));
-    let good = rig.stage.measured();
+    let good = rig.stage.measure();
     let [a, b, c] = good.currents_a;
-    let all = Valid::all();
+    let all = ValidChannels::all();
     for (currents_a, valid, flag) in [
         ([f32::NAN, b, c], good.valid, LoopFlags::CURRENT_INVALID),
         ([a, f32::INFINITY, c], good.valid, LoopFlags::CURRENT_INVALID),
         ([a, b, f32::NAN], all, LoopFlags::CURRENT_INVALID),
-        ([a, b, c], Valid::BUS | Valid::ENCODER | Valid::CURRENT_B, LoopFlags::CURRENT_INVALID),
+        (
+            [a, b, c],
+            ValidChannels::BUS | ValidChannels::ENCODER | ValidChannels::CURRENT_B,
+            LoopFlags::CURRENT_INVALID,
+        ),
         ([41.0, -20.0, c], good.valid, LoopFlags::OVERCURRENT),
         ([-21.0, -21.0, c], good.valid, LoopFlags::OVERCURRENT),
         ([f32::MAX, f32::MIN, 0.0], good.valid, LoopFlags::CURRENT_INVALID),
     ] {
-        rig.stage.forged = Some(StageSample { currents_a, valid, ..good });
+        rig.stage.injected_sample = Some(StageSample { currents_a, valid, ..good });
         let cycle = rig.cycle();
-        assert!(open(&cycle) && cycle.flags.contains(flag), "{currents_a:?}: {:?}", cycle.flags);
+        assert!(is_open(&cycle) && cycle.flags.contains(flag), "{currents_a:?}: {:?}", cycle.flags);
         let cycle = rig.cycle();
-        assert!(!open(&cycle), "{:?}", cycle.flags);
+        assert!(!is_open(&cycle), "{:?}", cycle.flags);
     }
-    // The third of an unmeasured phase may be anything.
-    rig.stage.forged = Some(StageSample { currents_a: [a, b, f32::NAN], ..good });
-    assert!(!open(&rig.cycle()));
-    rig.stage.forged = Some(StageSample { currents_a: [a, b, 5.0 - a - b], valid: all, ..good });
+    // The value of an unmeasured phase is ignored.
+    rig.stage.injected_sample = Some(StageSample { currents_a: [a, b, f32::NAN], ..good });
+    assert!(!is_open(&rig.cycle()));
+    rig.stage.injected_sample =
+        Some(StageSample { currents_a: [a, b, 5.0 - a - b], valid: all, ..good });
     let cycle = rig.cycle();
-    assert!(!open(&cycle) && cycle.flags.contains(LoopFlags::CURRENT_IMBALANCE));
+    assert!(!is_open(&cycle) && cycle.flags.contains(LoopFlags::CURRENT_IMBALANCE));
     let end = rig.run(cycles(0.02));
     assert!((end.current_q_a - 2.0).abs() < 0.15, "{}", end.current_q_a);
 }
 
 #[test]
-fn the_bus_is_held_for_twenty_cycles_and_its_range_kept() {
-    let mut rig = Rig::settled(Machine::default(), parameters(), none());
+fn bus_voltage_without_measurement_is_held_for_twenty_cycles() {
+    let mut rig = Rig::settled(Machine::default(), parameters(), no_compensation());
     rig.setpoint.current_a = 1.0;
-    rig.stage.valid.remove(Valid::BUS);
+    rig.stage.valid.remove(ValidChannels::BUS);
     for _ in 0..20 {
         let cycle = rig.cycle();
-        assert!(!open(&cycle) && cycle.flags.contains(LoopFlags::BUS_INVALID));
+        assert!(!is_open(&cycle) && cycle.flags.contains(LoopFlags::BUS_INVALID));
     }
     let cycle = rig.cycle();
-    assert!(open(&cycle) && cycle.flags.contains(LoopFlags::BUS_UNKNOWN));
-    rig.stage.valid.insert(Valid::BUS);
-    assert!(!open(&rig.cycle()));
+    assert!(is_open(&cycle) && cycle.flags.contains(LoopFlags::BUS_UNKNOWN));
+    rig.stage.valid.insert(ValidChannels::BUS);
+    assert!(!is_open(&rig.cycle()));
     for (bus, flag) in [(17.9, LoopFlags::BUS_UNDERVOLTAGE), (56.1, LoopFlags::BUS_OVERVOLTAGE)] {
-        rig.stage.forged = Some(StageSample { bus_v: bus, ..rig.stage.measured() });
+        rig.stage.injected_sample = Some(StageSample { bus_v: bus, ..rig.stage.measure() });
         let cycle = rig.cycle();
-        assert!(open(&cycle) && cycle.flags.contains(flag), "{bus}");
+        assert!(is_open(&cycle) && cycle.flags.contains(flag), "{bus}");
     }
-    rig.stage.forged = Some(StageSample { bus_v: f32::NAN, ..rig.stage.measured() });
+    rig.stage.injected_sample = Some(StageSample { bus_v: f32::NAN, ..rig.stage.measure() });
     let cycle = rig.cycle();
-    assert!(!open(&cycle) && cycle.flags.contains(LoopFlags::BUS_INVALID));
+    assert!(!is_open(&cycle) && cycle.flags.contains(LoopFlags::BUS_INVALID));
     assert_eq!(cycle.bus_v, 56.1);
 }
 
 #[test]
-fn an_encoder_that_goes_is_coasted_over_then_the_bridge_opens() {
+fn bridge_with_lost_encoder_opens_after_coast_time() {
     let mut rig = Rig::settled(Machine::default(), parameters(), lugre(0.9));
     rig.control.set_compensating(true);
     rig.setpoint = Setpoint { current_a: 0.6, velocity_reference_rad_s: 1.0, age_s: 0.0 };
     rig.run(cycles(0.5));
     let before = rig.stage.plant.current()[1];
-    rig.stage.valid.remove(Valid::ENCODER);
-    let coast = cycles(f64::from(MotorParameters::default().encoder_coast_s));
-    for k in 0..coast {
+    rig.stage.valid.remove(ValidChannels::ENCODER);
+    let coast_cycles = cycles(f64::from(MotorParameters::default().encoder_coast_s));
+    for k in 0..coast_cycles {
         let cycle = rig.cycle();
         assert!(cycle.flags.contains(LoopFlags::ENCODER_COASTING | LoopFlags::ENCODER_INVALID));
-        assert!(!open(&cycle) && !cycle.residual_valid, "{k}");
+        assert!(!is_open(&cycle) && !cycle.residual_valid, "{k}");
     }
-    // Torque went on meanwhile.
+    // The torque continues during the coast time.
     assert!((rig.stage.plant.current()[1] - before).abs() < 0.2);
     let cycle = rig.cycle();
-    assert!(open(&cycle) && cycle.flags.contains(LoopFlags::ENCODER_LOST), "{:?}", cycle.flags);
+    assert!(is_open(&cycle) && cycle.flags.contains(LoopFlags::ENCODER_LOST), "{:?}", cycle.flags);
     assert!(cycle.flags.contains(LoopFlags::COMPENSATION_OFF));
     rig.run(cycles(0.01));
-    assert!(rig.stage.plant.current()[1].abs() < 0.3, "the diodes end the current");
-    // Back: open until the observer has settled, then as before.
-    rig.stage.valid.insert(Valid::ENCODER);
-    let mut waited = 0;
-    while open(&rig.cycle()) {
-        waited += 1;
+    assert!(rig.stage.plant.current()[1].abs() < 0.3, "the current continues with an open bridge");
+    // After the encoder returns, the bridge stays open until the observer has settled.
+    rig.stage.valid.insert(ValidChannels::ENCODER);
+    let mut wait_cycles = 0;
+    while is_open(&rig.cycle()) {
+        wait_cycles += 1;
     }
-    let waited = waited as f32 * PERIOD_S;
-    assert!((0.01..0.03).contains(&waited), "{waited}");
+    let wait_s = wait_cycles as f32 * PERIOD_S;
+    assert!((0.01..0.03).contains(&wait_s), "{wait_s}");
 }
 
 #[test]
-fn the_rotor_coasts_through_every_second_sample_missing() {
-    let mut rig =
-        Rig::settled(Machine { driven: Some(5.0), ..Machine::default() }, parameters(), none());
+fn field_orientation_with_every_second_sample_missing_stays_aligned() {
+    let mut rig = Rig::settled(
+        Machine { driven: Some(5.0), ..Machine::default() },
+        parameters(),
+        no_compensation(),
+    );
     rig.setpoint.current_a = 5.0;
     for k in 0..cycles(0.1) {
-        rig.stage.valid.set(Valid::ENCODER, k % 2 == 0);
-        assert!(!open(&rig.cycle()));
+        rig.stage.valid.set(ValidChannels::ENCODER, k % 2 == 0);
+        assert!(!is_open(&rig.cycle()));
     }
     let [d, q] = rig.stage.plant.current();
     assert!(d.abs() < 0.3 && (q - 5.0).abs() < 0.15, "{d} {q}");
 }
 
 #[test]
-fn an_encoder_jump_is_not_driven_by() {
-    let mut rig = Rig::settled(Machine::default(), parameters(), none());
+fn current_after_single_encoder_jump_is_unchanged() {
+    let mut rig = Rig::settled(Machine::default(), parameters(), no_compensation());
     rig.setpoint.current_a = 1.5;
     rig.run(cycles(0.01));
-    let good = rig.stage.measured();
-    rig.stage.forged = Some(StageSample { encoder: good.encoder.wrapping_add(1 << 28), ..good });
+    let good = rig.stage.measure();
+    rig.stage.injected_sample =
+        Some(StageSample { encoder: good.encoder.wrapping_add(1 << 28), ..good });
     let cycle = rig.cycle();
     assert!(cycle.flags.contains(LoopFlags::ENCODER_IMPLAUSIBLE));
-    assert!(!open(&cycle));
+    assert!(!is_open(&cycle));
     rig.run(2);
     assert!((rig.stage.plant.current()[1] - 1.5).abs() < 0.1);
 }
 
 #[test]
-fn not_driving_is_open_and_starts_without_a_bump() {
+fn bridge_enabled_after_disable_starts_without_current_peak() {
     let mut rig = Rig::settled(Machine::default(), parameters(), lugre(0.9));
     rig.control.set_compensating(true);
     rig.setpoint = Setpoint { current_a: 3.0, velocity_reference_rad_s: 1.0, age_s: 0.0 };
     rig.run(cycles(0.1));
     rig.control.set_driving(false);
     let cycle = rig.run(cycles(0.02));
-    assert!(open(&cycle));
+    assert!(is_open(&cycle));
     assert!(cycle.flags.contains(LoopFlags::BRIDGE_OFF | LoopFlags::COMPENSATION_OFF));
     rig.setpoint.current_a = 0.0;
     rig.control.set_compensating(false);
@@ -148,7 +157,8 @@ fn not_driving_is_open_and_starts_without_a_bump() {
     assert!(peak < 0.6, "{peak}");
 }
 
-fn anything() -> impl Strategy<Value = f32> {
+/// Generates plausible values, arbitrary bits and special values.
+fn any_number() -> impl Strategy<Value = f32> {
     prop_oneof![
         4 => -60.0f32..60.0,
         2 => any::<u32>().prop_map(f32::from_bits),
@@ -159,26 +169,26 @@ fn anything() -> impl Strategy<Value = f32> {
 }
 
 prop_compose! {
-    fn any_reading()(value in anything(), age_s in anything()) -> Reading<f32> {
+    fn any_reading()(value in any_number(), age_s in any_number()) -> Reading<f32> {
         Reading { value, age_s }
     }
 }
 
 prop_compose! {
     fn any_input()(
-        currents_a in [anything(), anything(), anything()],
-        bus_v in anything(),
+        currents_a in [any_number(), any_number(), any_number()],
+        bus_v in any_number(),
         encoder in any::<u32>(),
-        still in any::<bool>(),
-        valid in prop_oneof![3 => Just(Valid::all()), 1 => any::<u8>().prop_map(Valid::from_bits_truncate)],
-        setpoint in [anything(), anything(), anything()],
+        is_constant in any::<bool>(),
+        valid in prop_oneof![3 => Just(ValidChannels::all()), 1 => any::<u8>().prop_map(ValidChannels::from_bits_truncate)],
+        setpoint in [any_number(), any_number(), any_number()],
         readings in proptest::array::uniform5(any_reading()),
-        campaign_time_h in anything(),
-        orders in any::<u8>(),
+        campaign_time_h in any_number(),
+        enable_bits in any::<u8>(),
     ) -> (StageSample, Setpoint, Covariates, u8) {
         let [radial_force_n, pressure_diff_mpa, temperature_c, load_torque_nm, auxiliary] = readings;
-        // An encoder that stands still in half the samples lets the rotor be found.
-        let encoder = if still { 77 << 20 } else { encoder };
+        // In half of the samples the encoder is constant, so that the observer can settle.
+        let encoder = if is_constant { 77 << 20 } else { encoder };
         let [current_a, velocity_reference_rad_s, age_s] = setpoint;
         (
             StageSample { currents_a, bus_v, encoder, valid },
@@ -187,12 +197,13 @@ prop_compose! {
                 radial_force_n, pressure_diff_mpa, temperature_c, load_torque_nm, auxiliary,
                 campaign_time_h,
             },
-            orders,
+            enable_bits,
         )
     }
 }
 
-fn check(cycle: &Cycle) -> Result<(), TestCaseError> {
+/// Checks that the outputs are finite and that the bridge is off if there is a fault.
+fn check_cycle(cycle: &CycleResult) -> Result<(), TestCaseError> {
     if let Bridge::Drive(duty) = cycle.bridge {
         prop_assert!(duty.iter().all(|share| (0.0..=1.0).contains(share)), "{:?}", cycle);
         prop_assert!(!cycle.flags.intersects(LoopFlags::FAULTS), "{:?}", cycle);
@@ -223,26 +234,26 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn whatever_is_measured_duties_are_numbers_and_the_loop_recovers(
+    fn loop_with_arbitrary_inputs_gives_valid_duties_and_recovers(
         inputs in proptest::collection::vec(any_input(), 1..80),
     ) {
         let mut rig = Rig::settled(Machine::default(), parameters(), lugre(0.9));
         let mut fixed = CurrentLoop::new(
-            parameters().build(PERIOD_S).expect("legal"),
+            parameters().build(PERIOD_S).expect("valid parameters"),
             JointCompensator::<compensator_core::Fixed>::build(
                 &firmware::reference_joint::configuration(compensator_core::LawKind::ImprovedLugre, &[]),
                 PERIOD_S,
-            ).expect("legal"),
+            ).expect("the joint is valid"),
         );
-        for (sample, setpoint, covariates, orders) in inputs {
-            rig.control.set_driving(orders & 3 != 0);
-            rig.control.set_compensating(orders & 4 != 0);
-            fixed.set_driving(orders & 3 != 0);
-            fixed.set_compensating(orders & 4 != 0);
-            check(&rig.control.step(&sample, &setpoint, &covariates))?;
-            check(&fixed.step(&sample, &setpoint, &covariates))?;
+        for (sample, setpoint, covariates, enable_bits) in inputs {
+            rig.control.set_driving(enable_bits & 3 != 0);
+            rig.control.set_compensating(enable_bits & 4 != 0);
+            fixed.set_driving(enable_bits & 3 != 0);
+            fixed.set_compensating(enable_bits & 4 != 0);
+            check_cycle(&rig.control.step(&sample, &setpoint, &covariates))?;
+            check_cycle(&fixed.step(&sample, &setpoint, &covariates))?;
         }
-        // Well again: within 50 ms the loop drives as if nothing had been.
+        // With valid inputs, the loop works normally within 50 ms.
         rig.control.set_driving(true);
         rig.control.set_compensating(true);
         rig.setpoint = Setpoint { current_a: 1.0, velocity_reference_rad_s: 0.0, age_s: 0.0 };
@@ -254,10 +265,10 @@ proptest! {
 }
 
 #[test]
-fn the_power_stage_is_opened_whenever_the_cycle_says_so() {
-    let mut rig = Rig::settled(Machine::default(), parameters(), none());
-    let before = rig.stage.offs;
+fn power_stage_is_switched_off_in_each_cycle_with_bridge_off() {
+    let mut rig = Rig::settled(Machine::default(), parameters(), no_compensation());
+    let before = rig.stage.off_count;
     rig.control.set_driving(false);
     rig.run(5);
-    assert_eq!(rig.stage.offs, before + 5);
+    assert_eq!(rig.stage.off_count, before + 5);
 }

@@ -1,32 +1,33 @@
-//! The joint: what compensation does for it, where its limits are, and when there is to be no current.
+//! Tests of the compensated joint: benefit of the compensation, current limits, stale set-points and the residual.
 
 use crate::plant::Machine;
-use crate::rig::{PERIOD_S, Rig, cycles, lugre, none, parameters};
+use crate::rig::{PERIOD_S, Rig, cycles, lugre, no_compensation, parameters};
 use compensator_core::compensator::Reading;
 use compensator_core::{Fixed, Flags, LawKind};
 use firmware::control::{JointCompensator, LoopFlags, MotorParameters, Setpoint};
 
-/// A slow sine with two reversals a second, seen by a velocity controller at 1 kHz that knows nothing
-/// of friction; gives the rms error of velocity in rad/s, after the first period.
+/// Returns the RMS velocity error on a slow sine with two reversals per second, rad/s, without its first period.
+///
+/// The velocity controller runs at 1 kHz and has no friction model.
 fn following_error(compensating: bool) -> f64 {
     let compensator = lugre(0.9);
     let mut rig = Rig::settled(Machine::default(), parameters(), compensator);
     rig.control.set_compensating(compensating);
     let (mut squares, mut count) = (0.0, 0usize);
     let mut integral = 0.0f32;
-    let mut seen = 0.0f32;
+    let mut velocity_rad_s = 0.0f32;
     for k in 0..cycles(3.0) {
         let t = k as f64 * f64::from(PERIOD_S);
-        let wanted = 0.2 * (std::f64::consts::TAU * t).sin();
+        let reference = 0.2 * (std::f64::consts::TAU * t).sin();
         if k % 20 == 0 {
-            let error = wanted as f32 - seen;
+            let error = reference as f32 - velocity_rad_s;
             integral += 100.0 * error * 1e-3;
             rig.setpoint.current_a = 20.0 * error + integral;
-            rig.setpoint.velocity_reference_rad_s = wanted as f32;
+            rig.setpoint.velocity_reference_rad_s = reference as f32;
         }
-        seen = rig.cycle().velocity_rad_s;
+        velocity_rad_s = rig.cycle().velocity_rad_s;
         if t > 1.0 {
-            squares += (rig.stage.plant.velocity() - wanted).powi(2);
+            squares += (rig.stage.plant.velocity() - reference).powi(2);
             count += 1;
         }
     }
@@ -34,53 +35,53 @@ fn following_error(compensating: bool) -> f64 {
 }
 
 #[test]
-fn compensation_makes_a_slow_joint_follow_several_times_better() {
+fn following_error_with_compensation_is_several_times_smaller() {
     let (without, with) = (following_error(false), following_error(true));
     let factor = without / with;
     println!("following error {without:.5} rad/s without, {with:.5} with: {factor:.1} times");
     assert!((4.5..7.5).contains(&factor), "{without:.5} -> {with:.5}: {factor:.2}");
 }
 
-/// The current at which a joint at rest begins to move for good (a degree), A, on a ramp of 1 A/s.
-fn breakaway(compensating: bool) -> f64 {
+/// Returns the current at which a joint has moved by one degree on a ramp of 1 A/s from rest, A.
+fn breakaway_current(compensating: bool) -> f64 {
     let mut rig = Rig::settled(Machine::default(), parameters(), lugre(0.9));
     rig.control.set_compensating(compensating);
     for k in 0..cycles(4.0) {
         let t = k as f64 * f64::from(PERIOD_S);
         rig.setpoint.current_a = t as f32;
-        // Whoever asks for a current wants to move: slowly, forwards, and not from one moment to the next.
+        // The reference velocity gives the direction of the ramp and increases slowly.
         rig.setpoint.velocity_reference_rad_s = (0.1 * t as f32).min(0.02);
         rig.cycle();
         if rig.stage.plant.position() > 0.0175 {
             return t;
         }
     }
-    panic!("it does not move");
+    panic!("the joint does not move");
 }
 
 #[test]
-fn compensation_takes_most_of_the_breakaway_current() {
-    let (without, with) = (breakaway(false), breakaway(true));
+fn breakaway_current_with_compensation_is_several_times_smaller() {
+    let (without, with) = (breakaway_current(false), breakaway_current(true));
     println!("breakaway at {without:.2} A without, {with:.2} A with compensation");
-    // The seal's 2.2 Nm at 0.98 Nm/A, and what the ramp adds until it has moved a degree.
+    // 2.2 Nm of static friction at 0.98 Nm/A, plus the ramp's increase until the joint has moved one degree.
     assert!((2.3..2.6).contains(&without), "{without}");
     assert!((0.35..0.7).contains(&with), "{with}");
 }
 
 #[test]
-fn more_than_all_friction_is_refused() {
+fn compensator_with_scale_above_one_or_nan_is_rejected() {
     for scale in [1.001, 1.2, f32::NAN] {
         let mut joint = firmware::reference_joint::configuration(LawKind::Lugre, &[]);
         joint.compensator.scale = scale;
-        let refused = JointCompensator::<f32>::build(&joint, PERIOD_S).expect_err("over 1");
-        assert_eq!(refused.field, "scale");
+        let error = JointCompensator::<f32>::build(&joint, PERIOD_S).expect_err("invalid scale");
+        assert_eq!(error.field, "scale");
     }
 }
 
 #[test]
-fn the_limit_comes_after_the_sum() {
-    let written = MotorParameters { current_limit_a: 6.0, ..parameters() };
-    let mut rig = Rig::settled(Machine::default(), written, lugre(0.9));
+fn current_limit_applies_to_command_plus_compensation() {
+    let motor = MotorParameters { current_limit_a: 6.0, ..parameters() };
+    let mut rig = Rig::settled(Machine::default(), motor, lugre(0.9));
     rig.control.set_compensating(true);
     rig.setpoint = Setpoint { current_a: 5.5, velocity_reference_rad_s: 1.0, age_s: 0.0 };
     let cycle = rig.run(cycles(0.1));
@@ -88,7 +89,7 @@ fn the_limit_comes_after_the_sum() {
     assert_eq!(cycle.current_reference_a, 6.0);
     assert!(cycle.flags.contains(LoopFlags::CURRENT_LIMITED));
     assert!((rig.stage.plant.current()[1] - 6.0).abs() < 0.15);
-    // The compensator's own limit, 26 A, is a limit too.
+    // The compensator's own limit of 26 A applies too.
     let mut rig = Rig::settled(
         Machine { clamped: true, ..Machine::default() },
         MotorParameters { current_limit_a: 35.0, ..parameters() },
@@ -102,14 +103,14 @@ fn the_limit_comes_after_the_sum() {
 }
 
 #[test]
-fn compensation_switched_off_is_absent_bit_for_bit() {
+fn duties_with_compensation_off_equal_those_without_compensator() {
     let fixed = JointCompensator::<Fixed>::build(
         &firmware::reference_joint::configuration(LawKind::ImprovedLugre, &[]),
         PERIOD_S,
     )
-    .expect("legal");
+    .expect("the joint is valid");
     let machine = Machine::default();
-    let mut without = Rig::settled(machine, parameters(), none());
+    let mut without = Rig::settled(machine, parameters(), no_compensation());
     let mut off = Rig::settled(machine, parameters(), lugre(0.9));
     let mut fixed = Rig::settled(machine, parameters(), fixed);
     for k in 0..cycles(0.3) {
@@ -119,8 +120,10 @@ fn compensation_switched_off_is_absent_bit_for_bit() {
         without.setpoint = setpoint;
         off.setpoint = setpoint;
         fixed.setpoint = setpoint;
-        let bits = |cycle: firmware::control::Cycle| {
-            let firmware::control::Bridge::Drive(duty) = cycle.bridge else { panic!("open") };
+        let bits = |cycle: firmware::control::CycleResult| {
+            let firmware::control::Bridge::Drive(duty) = cycle.bridge else {
+                panic!("the bridge is off")
+            };
             assert_eq!(cycle.feed_forward_current_a.to_bits(), 0);
             (duty.map(f32::to_bits), cycle.current_reference_a.to_bits())
         };
@@ -131,29 +134,29 @@ fn compensation_switched_off_is_absent_bit_for_bit() {
 }
 
 #[test]
-fn an_old_set_point_is_no_current_within_a_tenth_of_a_second() {
+fn setpoint_older_than_100_ms_gives_zero_current() {
     let mut rig = Rig::settled(Machine::default(), parameters(), lugre(0.9));
     rig.control.set_compensating(true);
     rig.setpoint = Setpoint { current_a: 4.0, velocity_reference_rad_s: 1.0, age_s: 0.0 };
     rig.run(cycles(0.2));
-    let mut silent = 0.0f64;
-    let stopped = loop {
-        rig.setpoint.age_s = silent as f32;
+    let mut age_s = 0.0f64;
+    let stopped_s = loop {
+        rig.setpoint.age_s = age_s as f32;
         let cycle = rig.cycle();
         if cycle.flags.contains(LoopFlags::SETPOINT_STALE) {
             assert_eq!(cycle.current_reference_a, 0.0);
             assert!(cycle.flags.contains(LoopFlags::COMPENSATION_OFF));
-            break silent;
+            break age_s;
         }
         assert!(cycle.current_reference_a > 4.0);
-        silent += f64::from(PERIOD_S);
-        assert!(silent < 0.2);
+        age_s += f64::from(PERIOD_S);
+        assert!(age_s < 0.2);
     };
-    assert!((0.0999..0.1002).contains(&stopped), "{stopped}");
+    assert!((0.0999..0.1002).contains(&stopped_s), "{stopped_s}");
     rig.run(cycles(0.002));
     let [_, q] = rig.stage.plant.current();
-    assert!(q.abs() < 0.2, "of 5.6 A after 2 ms: {q}");
-    // Heard again: the compensation comes in at its slew limit, 0.1 Nm a cycle, from nothing.
+    assert!(q.abs() < 0.2, "{q} A remain of 5.6 A after 2 ms");
+    // With a fresh set-point, the compensation rises from zero at its slew limit of 0.1 Nm per cycle.
     rig.setpoint.age_s = 0.0;
     let cycle = rig.cycle();
     assert!(cycle.feed_forward_current_a.abs() < 0.11, "{}", cycle.feed_forward_current_a);
@@ -172,7 +175,7 @@ fn an_old_set_point_is_no_current_within_a_tenth_of_a_second() {
 }
 
 #[test]
-fn a_good_model_leaves_a_small_residual_and_a_worn_seal_a_large_one() {
+fn residual_with_worn_seal_exceeds_that_of_new_seal() {
     let residual = |coulomb: f64| {
         let machine = Machine { coulomb, static_level: coulomb + 0.7, ..Machine::default() };
         let mut rig = Rig::settled(machine, parameters(), lugre(0.9));
@@ -193,10 +196,10 @@ fn a_good_model_leaves_a_small_residual_and_a_worn_seal_a_large_one() {
         sum / f64::from(count)
     };
     let (new, worn) = (residual(1.5), residual(1.8));
-    println!("residual {new:.3} Nm new, {worn:.3} Nm with a fifth more friction");
+    println!("residual {new:.3} Nm with a new seal, {worn:.3} Nm with 20 % more friction");
     assert!(new.abs() < 0.06, "{new}");
     assert!((0.25..0.36).contains(&(worn - new)), "{new} -> {worn}");
-    // Neither is inertia taken for friction: 0.25 kg m^2 at 13 rad/s^2 are 3.3 Nm.
+    // The residual excludes the inertia torque: 0.25 kg m^2 at 13 rad/s^2 are 3.3 Nm.
     let mut rig = Rig::settled(Machine::default(), parameters(), lugre(0.9));
     rig.control.set_compensating(true);
     rig.setpoint = Setpoint { current_a: 3.5, velocity_reference_rad_s: f32::NAN, age_s: 0.0 };
@@ -211,9 +214,9 @@ fn a_good_model_leaves_a_small_residual_and_a_worn_seal_a_large_one() {
     let accelerating = sum / f64::from(count);
     assert!(accelerating.abs() < 0.15, "{accelerating}");
     let mut rig = Rig::settled(Machine::default(), parameters(), lugre(0.9));
-    assert!(!rig.cycle().residual_valid, "without a model there is no residual");
+    assert!(!rig.cycle().residual_valid, "the residual needs the compensator's model");
     rig.control.set_compensating(true);
     assert!(rig.cycle().residual_valid);
     rig.covariates.load_torque_nm = Reading { value: 0.0, age_s: 0.2 };
-    assert!(!rig.cycle().residual_valid, "a load sensor that has failed");
+    assert!(!rig.cycle().residual_valid, "the residual needs a fresh load torque");
 }

@@ -1,9 +1,12 @@
-//! The shipped current loop against an independent motor, bridge and seal.
+//! Tests of the current loop in closed loop with an independent model of motor, bridge and seal.
 //!
-//! `plant` has its own equations and shares no line with the loop or the core; `rig` puts the loop at its
-//! bridge, with quantised sensors and the PWM's delay; `background` is the whole driver, frames to switches.
-//! Limits stand on both sides wherever a number was measured: a loop that has become better overnight has
-//! usually stopped doing something.
+//! - `plant` is the model. It has its own equations and shares no code with the loop or the core.
+//! - `rig` connects the loop to the model, with quantised sensors and the delay of the PWM.
+//! - `current`, `joint`, `swap` and `faults` test the loop on this rig.
+//! - `background` tests the whole driver, from CAN frames to switches.
+//!
+//! Measured figures have a lower and an upper limit. A figure that improves without reason usually means that a
+//! part of the loop is inactive.
 
 mod background;
 mod current;

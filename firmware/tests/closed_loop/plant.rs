@@ -1,10 +1,11 @@
-//! A motor, its bridge and a joint with a rubbing seal: own equations, double precision.
+//! The plant: a motor, its bridge and a joint with a friction seal, in double precision.
 //!
-//! dq equations of the winding with back-EMF and cross-coupling, one inertia behind a rigid gear, and a
-//! seal of Maxwell slip elements (springs that slip at their share of a Stribeck level): a friction law
-//! with presliding and stiction that is not LuGre and has no bristle equation. Runge-Kutta of fourth
-//! order, 20 steps a period. The bridge gives each phase its mean voltage less what the dead time takes;
-//! open, its diodes drive the currents to 0.
+//! The winding has dq equations with back-EMF and cross-coupling. A rigid gear drives one inertia. The seal consists of
+//! Maxwell slip elements: springs that slip at their share of a Stribeck level. This friction law has presliding and
+//! stiction, but no bristle equation, so it is independent of LuGre.
+//!
+//! The closed bridge applies each phase's mean voltage minus the dead-time loss. The diodes of the open bridge drive
+//! the currents to zero. Integration is fourth-order Runge-Kutta with 20 steps per period.
 
 use std::f64::consts::TAU;
 
@@ -14,34 +15,42 @@ const STEPS: usize = 20;
 /// Slip elements of the seal.
 const ELEMENTS: usize = 8;
 
-/// The machine's constants.
+/// Constants of motor, bridge and joint.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
     pub pole_pairs: f64,
     pub gear: f64,
+    /// Phase resistance, ohm.
     pub resistance: f64,
+    /// Inductances, H.
     pub inductance_d: f64,
     pub inductance_q: f64,
-    /// Flux of the magnet, Vs.
+    /// Flux linkage of the magnet, V s.
     pub flux: f64,
-    /// At the joint, kg m^2.
+    /// Inertia at the joint, kg m^2.
     pub inertia: f64,
+    /// Bus voltage, V.
     pub bus: f64,
+    /// Dead time of the bridge, s.
     pub dead_time: f64,
-    /// Seal: Coulomb and static level Nm, Stribeck velocity rad/s, stiffness Nm/rad, viscous Nm s/rad.
+    /// Coulomb friction of the seal, Nm.
     pub coulomb: f64,
+    /// Static friction of the seal, Nm.
     pub static_level: f64,
+    /// Stribeck velocity of the seal, rad/s.
     pub stribeck_velocity: f64,
+    /// Presliding stiffness of the seal, Nm/rad.
     pub stiffness: f64,
+    /// Viscous friction, Nm s/rad.
     pub viscous: f64,
-    /// The joint does not turn.
+    /// True if the joint is fixed.
     pub clamped: bool,
-    /// The joint turns at this speed whatever the torque, rad/s.
+    /// Joint velocity if it is imposed, rad/s.
     pub driven: Option<f64>,
 }
 
 impl Default for Machine {
-    /// The motor of the loop's defaults, 2 % off in every constant and 15 % in resistance (warm).
+    /// Differs from the loop's default motor by 2 % in its constants, and by 15 % in resistance (a warm winding).
     fn default() -> Self {
         Self {
             pole_pairs: 7.0,
@@ -64,18 +73,21 @@ impl Default for Machine {
     }
 }
 
-/// What is integrated.
+/// State of the integration, or its rate of change.
 #[derive(Clone, Copy, Debug, Default)]
 struct State {
+    /// Current on the magnet's axis, A.
     d: f64,
+    /// Current across the magnet's axis, A.
     q: f64,
-    /// Joint, rad and rad/s.
+    /// Joint position, rad.
     position: f64,
+    /// Joint velocity, rad/s.
     velocity: f64,
 }
 
 impl State {
-    fn moved(self, rate: Self, dt: f64) -> Self {
+    fn advanced(self, rate: Self, dt: f64) -> Self {
         Self {
             d: self.d + rate.d * dt,
             q: self.q + rate.q * dt,
@@ -85,13 +97,14 @@ impl State {
     }
 }
 
-/// A machine in motion.
+/// A machine and its state.
 #[derive(Clone, Debug)]
 pub struct Plant {
     pub machine: Machine,
     state: State,
+    /// Fixed ends of the seal's springs, rad.
     anchors: [f64; ELEMENTS],
-    /// Load torque against positive motion, Nm.
+    /// Load torque, Nm. Positive values oppose positive motion.
     pub load: f64,
 }
 
@@ -110,84 +123,90 @@ impl Plant {
         self.state.velocity
     }
 
-    /// Current along and across the true magnet, A.
+    /// Returns the currents on the plant's d and q axes, A.
     pub fn current(&self) -> [f64; 2] {
         [self.state.d, self.state.q]
     }
 
-    /// The motor's angle, rad.
+    /// Returns the angle of the motor, rad.
     pub fn motor_angle(&self) -> f64 {
         self.state.position * self.machine.gear
     }
 
-    /// Phase currents, A.
-    pub fn phases(&self) -> [f64; 3] {
-        phases(&self.state, self.electrical(&self.state))
+    /// Returns the phase currents, A.
+    pub fn phase_currents(&self) -> [f64; 3] {
+        phase_currents(&self.state, self.electrical_angle(&self.state))
     }
 
-    fn electrical(&self, state: &State) -> f64 {
+    /// Returns the electrical angle, rad.
+    fn electrical_angle(&self, state: &State) -> f64 {
         state.position * self.machine.gear * self.machine.pole_pairs
     }
 
-    /// Level of all elements together, Nm.
-    fn level(&self, velocity: f64) -> f64 {
+    /// Returns the torque at which all elements slip, Nm.
+    fn slip_torque(&self, velocity: f64) -> f64 {
         let m = &self.machine;
         let share = (-(velocity / m.stribeck_velocity).powi(2)).exp();
         m.coulomb + (m.static_level - m.coulomb) * share
     }
 
-    /// Torque of the elements, where their anchors are, Nm.
+    /// Returns the friction torque for the present anchors, Nm.
     fn friction(&self, state: &State) -> f64 {
-        let level = self.level(state.velocity);
-        let held = self.anchors.iter().enumerate().map(|(index, anchor)| {
+        let slip_torque = self.slip_torque(state.velocity);
+        let element_torques = self.anchors.iter().enumerate().map(|(index, anchor)| {
             let (share, stiffness) = self.element(index);
-            let bound = share * level;
+            let bound = share * slip_torque;
             (stiffness * (state.position - anchor)).clamp(-bound, bound)
         });
-        held.sum::<f64>() + self.machine.viscous * state.velocity
+        element_torques.sum::<f64>() + self.machine.viscous * state.velocity
     }
 
-    /// Share of the level, and stiffness, of an element: the weak slip first.
+    /// Returns an element's share of the slip torque and its stiffness, Nm/rad. Elements with a small share slip first.
     fn element(&self, index: usize) -> (f64, f64) {
         let count = ELEMENTS as f64;
         let share = (index as f64 + 1.0) / (count * (count + 1.0) / 2.0);
         (share, self.machine.stiffness / count)
     }
 
+    /// Returns the rate of change of the state. `voltage` gives the phase voltages for phase currents.
     fn rate(&self, state: &State, voltage: impl Fn(&[f64; 3]) -> [f64; 3]) -> State {
         let m = &self.machine;
-        let angle = self.electrical(state);
-        let [a, b, c] = voltage(&phases(state, angle));
-        // Projections on the axes; a voltage common to all three drops out.
+        let angle = self.electrical_angle(state);
+        let [a, b, c] = voltage(&phase_currents(state, angle));
+        // Projections of the phase voltages on the axes. The common-mode voltage cancels.
         let third = TAU / 3.0;
-        let along = |angle: f64| {
+        let project = |angle: f64| {
             2.0 / 3.0 * (a * angle.cos() + b * (angle - third).cos() + c * (angle + third).cos())
         };
-        let (v_d, v_q) = (along(angle), along(angle + TAU / 4.0));
-        let turning = state.velocity * m.gear * m.pole_pairs;
+        let (v_d, v_q) = (project(angle), project(angle + TAU / 4.0));
+        let electrical_rad_s = state.velocity * m.gear * m.pole_pairs;
         let torque = 1.5
             * m.pole_pairs
             * (m.flux + (m.inductance_d - m.inductance_q) * state.d)
             * state.q
             * m.gear;
-        let moves = !m.clamped && m.driven.is_none();
+        let is_free = !m.clamped && m.driven.is_none();
         let acceleration = (torque - self.friction(state) - self.load) / m.inertia;
         State {
-            d: (v_d - m.resistance * state.d + turning * m.inductance_q * state.q) / m.inductance_d,
-            q: (v_q - m.resistance * state.q - turning * (m.inductance_d * state.d + m.flux))
+            d: (v_d - m.resistance * state.d + electrical_rad_s * m.inductance_q * state.q)
+                / m.inductance_d,
+            q: (v_q
+                - m.resistance * state.q
+                - electrical_rad_s * (m.inductance_d * state.d + m.flux))
                 / m.inductance_q,
             position: if m.clamped { 0.0 } else { state.velocity },
-            velocity: if moves { acceleration } else { 0.0 },
+            velocity: if is_free { acceleration } else { 0.0 },
         }
     }
 
-    /// One period with these duties, or with the bridge open.
-    pub fn period(&mut self, period: f64, duty: Option<[f64; 3]>) {
-        let (bus, lost) = (self.machine.bus, self.machine.bus * self.machine.dead_time / period);
-        // Smooth within 0.1 A, so that the integrator sees no jump.
+    /// Simulates one period, s, with the given duties. `None` is an open bridge.
+    pub fn advance(&mut self, period: f64, duty: Option<[f64; 3]>) {
+        let (bus, dead_time_v) =
+            (self.machine.bus, self.machine.bus * self.machine.dead_time / period);
+        // The transition at zero current is smooth, because the integration needs a continuous voltage.
         let voltage = |current: &[f64; 3]| -> [f64; 3] {
             std::array::from_fn(|i| match duty {
-                Some(duty) => duty[i] * bus - lost * (current[i] / 0.1).tanh(),
+                Some(duty) => duty[i] * bus - dead_time_v * (current[i] / 0.1).tanh(),
                 None => -0.5 * bus * (current[i] / 0.5).tanh(),
             })
         };
@@ -195,29 +214,31 @@ impl Plant {
         for _ in 0..STEPS {
             let s = self.state;
             let k1 = self.rate(&s, voltage);
-            let k2 = self.rate(&s.moved(k1, dt / 2.0), voltage);
-            let k3 = self.rate(&s.moved(k2, dt / 2.0), voltage);
-            let k4 = self.rate(&s.moved(k3, dt), voltage);
+            let k2 = self.rate(&s.advanced(k1, dt / 2.0), voltage);
+            let k3 = self.rate(&s.advanced(k2, dt / 2.0), voltage);
+            let k4 = self.rate(&s.advanced(k3, dt), voltage);
             for (k, weight) in [(k1, 1.0), (k2, 2.0), (k3, 2.0), (k4, 1.0)] {
-                self.state = self.state.moved(k, dt * weight / 6.0);
+                self.state = self.state.advanced(k, dt * weight / 6.0);
             }
             self.slip();
         }
     }
 
-    /// Anchors follow where their springs are stretched beyond their level.
+    /// Moves the anchors of elements whose springs exceed their slip torque.
     fn slip(&mut self) {
-        let level = self.level(self.state.velocity);
+        let slip_torque = self.slip_torque(self.state.velocity);
         for index in 0..ELEMENTS {
             let (share, stiffness) = self.element(index);
-            let reach = share * level / stiffness;
+            let max_stretch = share * slip_torque / stiffness;
             let position = self.state.position;
-            self.anchors[index] = self.anchors[index].clamp(position - reach, position + reach);
+            self.anchors[index] =
+                self.anchors[index].clamp(position - max_stretch, position + max_stretch);
         }
     }
 }
 
-fn phases(state: &State, angle: f64) -> [f64; 3] {
+/// Returns the phase currents at an electrical angle, A.
+fn phase_currents(state: &State, angle: f64) -> [f64; 3] {
     let third = TAU / 3.0;
     [0.0, third, -third]
         .map(|shift| state.d * (angle - shift).cos() - state.q * (angle - shift).sin())

@@ -1,16 +1,19 @@
-//! The loop at the plant's bridge: 12-bit currents, 14-bit encoder, duties that act a period late.
+//! The rig: the current loop on the simulated plant.
+//!
+//! Currents have 12 bits, the encoder has 14 bits. Duties act one period after the loop computes them.
 
 use crate::plant::{Machine, Plant};
 use compensator_core::LawKind;
 use firmware::control::{
-    Bridge, Broke, Compensate, Covariates, CurrentLoop, Cycle, JointCompensator, LoopFlags,
-    MotorParameters, NoCompensation, PowerStage, Setpoint, StageSample, Valid, encoder_angle,
+    Bridge, BridgeFault, Compensate, Covariates, CurrentLoop, CycleResult, JointCompensator,
+    LoopFlags, MotorParameters, NoCompensation, PowerStage, Setpoint, StageSample, ValidChannels,
+    encoder_angle,
 };
 use std::f64::consts::TAU;
 
 pub use firmware::control::PERIOD_S;
 
-/// Cycles in so many seconds.
+/// Returns the number of cycles in a time, s.
 pub fn cycles(seconds: f64) -> usize {
     (seconds / f64::from(PERIOD_S)).round() as usize
 }
@@ -18,64 +21,72 @@ pub fn cycles(seconds: f64) -> usize {
 /// The plant as a power stage.
 pub struct Stage {
     pub plant: Plant,
-    /// What acts in this period, and what was set for the next.
-    acting: Option<[f64; 3]>,
-    pending: Option<[f64; 3]>,
-    pub valid: Valid,
-    /// How long before the currents the encoder is read, s.
-    pub encoder_age: f64,
-    /// Put in the place of a sample, to see what the loop makes of it.
-    pub forged: Option<StageSample>,
-    pub offs: usize,
-    /// What the hardware says of the bridge.
-    pub broke: Option<Broke>,
-    /// The gate driver holds its fault until it has slept.
-    pub latched_fault: bool,
-    pub awake: bool,
-    /// Periods the gate driver slept.
-    pub sleeps: usize,
-    /// Added to what the shunts of phases a and b show, A.
-    pub drift: [f64; 3],
-    /// The processor's cycle counter at the start of the period.
+    /// Duties of this period; `None` with the bridge open.
+    active_duty: Option<[f64; 3]>,
+    /// Duties of the next period.
+    pending_duty: Option<[f64; 3]>,
+    /// Channels that the stage measures.
+    pub valid: ValidChannels,
+    /// Time from the encoder's sample to that of the currents, s.
+    pub encoder_age_s: f64,
+    /// Replaces the next sample.
+    pub injected_sample: Option<StageSample>,
+    /// Number of calls of `off`.
+    pub off_count: usize,
+    /// Fault that the hardware reports for the bridge.
+    pub fault: Option<BridgeFault>,
+    /// True if the gate driver holds its fault until its enable input is low.
+    pub has_latched_fault: bool,
+    /// True if the gate driver's enable input is high.
+    pub is_awake: bool,
+    /// Number of periods with the gate driver disabled.
+    pub disabled_periods: usize,
+    /// Offset of each phase's current measurement, A.
+    pub shunt_offset_a: [f64; 3],
+    /// Value of the processor's cycle counter at the start of the period.
     pub cycles: u32,
 }
 
-/// Cycles of a period, and of the loop in it.
+/// Processor cycles of a period.
 pub const PERIOD_CYCLES: u32 = 8500;
+/// Processor cycles of the loop in a period.
 const LOOP_CYCLES: u32 = 3000;
 
-/// Amperes in a step of a 12-bit converter over +-60 A.
-const CURRENT_STEP: f64 = 120.0 / 4096.0;
+/// Resolution of a 12-bit converter over +-60 A, A.
+const CURRENT_STEP_A: f64 = 120.0 / 4096.0;
 
 impl Stage {
     pub fn new(machine: Machine) -> Self {
         Self {
             plant: Plant::new(machine),
-            acting: None,
-            pending: None,
-            // Two shunts.
-            valid: Valid::CURRENT_A | Valid::CURRENT_B | Valid::BUS | Valid::ENCODER,
-            encoder_age: 0.0,
-            forged: None,
-            offs: 0,
-            broke: None,
-            latched_fault: false,
-            awake: true,
-            sleeps: 0,
-            drift: [0.0; 3],
+            active_duty: None,
+            pending_duty: None,
+            // A stage with two shunts.
+            valid: ValidChannels::CURRENT_A
+                | ValidChannels::CURRENT_B
+                | ValidChannels::BUS
+                | ValidChannels::ENCODER,
+            encoder_age_s: 0.0,
+            injected_sample: None,
+            off_count: 0,
+            fault: None,
+            has_latched_fault: false,
+            is_awake: true,
+            disabled_periods: 0,
+            shunt_offset_a: [0.0; 3],
             cycles: 0,
         }
     }
 
-    /// What an honest stage would measure now.
-    pub fn measured(&self) -> StageSample {
-        let quantised = |current: f64| ((current / CURRENT_STEP).round() * CURRENT_STEP) as f32;
+    /// Returns the sample of a stage without faults.
+    pub fn measure(&self) -> StageSample {
+        let quantised = |current: f64| ((current / CURRENT_STEP_A).round() * CURRENT_STEP_A) as f32;
         let motor = &self.plant.machine;
-        let since = self.plant.velocity() * motor.gear * self.encoder_age;
-        let turns = (self.plant.motor_angle() - since) / TAU;
+        let lag_rad = self.plant.velocity() * motor.gear * self.encoder_age_s;
+        let turns = (self.plant.motor_angle() - lag_rad) / TAU;
         StageSample {
             currents_a: std::array::from_fn(|phase| {
-                quantised(self.plant.phases()[phase] + self.drift[phase])
+                quantised(self.plant.phase_currents()[phase] + self.shunt_offset_a[phase])
             }),
             bus_v: ((self.plant.machine.bus / 0.02).round() * 0.02) as f32,
             encoder: encoder_angle(((turns - turns.floor()) * 16384.0) as u32, 14),
@@ -83,50 +94,50 @@ impl Stage {
         }
     }
 
-    /// The period passes.
-    pub fn pass(&mut self) {
-        self.plant.period(f64::from(PERIOD_S), self.acting);
-        self.acting = self.pending;
+    /// Simulates one period.
+    pub fn advance(&mut self) {
+        self.plant.advance(f64::from(PERIOD_S), self.active_duty);
+        self.active_duty = self.pending_duty;
         self.cycles = self.cycles.wrapping_add(PERIOD_CYCLES);
     }
 
-    /// Whether the bridge acts.
+    /// Returns true if the bridge is switching.
     pub fn is_on(&self) -> bool {
-        self.acting.is_some()
+        self.active_duty.is_some()
     }
 }
 
 impl PowerStage for Stage {
     fn sample(&mut self) -> StageSample {
-        self.forged.take().unwrap_or_else(|| self.measured())
+        self.injected_sample.take().unwrap_or_else(|| self.measure())
     }
-    fn broke(&mut self) -> Option<Broke> {
-        self.broke
+    fn bridge_fault(&mut self) -> Option<BridgeFault> {
+        self.fault
     }
-    fn wake(&mut self, awake: bool) {
+    fn set_awake(&mut self, awake: bool) {
         if !awake {
-            self.sleeps += 1;
+            self.disabled_periods += 1;
         }
-        self.awake = awake;
-        if self.latched_fault && !awake {
-            (self.latched_fault, self.broke) = (false, None);
+        self.is_awake = awake;
+        if self.has_latched_fault && !awake {
+            (self.has_latched_fault, self.fault) = (false, None);
         }
     }
     fn drive(&mut self, duty: [f32; 3]) {
-        // A gate driver that sleeps switches nothing.
-        self.pending = self.awake.then(|| duty.map(f64::from));
+        // A disabled gate driver keeps the switches open.
+        self.pending_duty = self.is_awake.then(|| duty.map(f64::from));
     }
     fn off(&mut self) {
-        self.offs += 1;
-        // Switches open at once.
-        (self.pending, self.acting) = (None, None);
+        self.off_count += 1;
+        // The switches open at once, not after the PWM's delay.
+        (self.pending_duty, self.active_duty) = (None, None);
     }
     fn cycles(&self) -> u32 {
         self.cycles.wrapping_add(LOOP_CYCLES)
     }
 }
 
-/// A joint on the bench.
+/// A current loop and its inputs, connected to the plant.
 pub struct Rig<C> {
     pub stage: Stage,
     pub control: CurrentLoop<C>,
@@ -134,31 +145,32 @@ pub struct Rig<C> {
     pub covariates: Covariates,
 }
 
-pub fn none() -> NoCompensation {
+pub fn no_compensation() -> NoCompensation {
     NoCompensation { current_limit_a: 26.0, torque_constant_nm_per_a: 1.0 }
 }
 
-/// The default joint's LuGre, as an identification of the plant's seal would give it.
+/// Returns the LuGre compensator of the reference joint. Its parameters approximate the plant's seal.
 pub fn lugre(scale: f32) -> JointCompensator<f32> {
     let mut joint = firmware::reference_joint::configuration(LawKind::Lugre, &[]);
     joint.compensator.scale = scale;
     joint.compensator.torque_constant_nm_per_a = 0.98;
-    JointCompensator::build(&joint, PERIOD_S).expect("the joint is legal")
+    JointCompensator::build(&joint, PERIOD_S).expect("the joint is valid")
 }
 
+/// Returns the motor parameters, with the plant's inertia.
 pub fn parameters() -> MotorParameters {
     MotorParameters { inertia_kg_m2: 0.25, ..MotorParameters::default() }
 }
 
 impl<C: Compensate> Rig<C> {
-    /// A rig whose observer has settled, bridge allowed.
-    pub fn settled(machine: Machine, written: MotorParameters, compensator: C) -> Self {
-        let motor = written.build(PERIOD_S).expect("the motor is legal");
+    /// Returns a rig with a settled observer and an enabled bridge.
+    pub fn settled(machine: Machine, motor: MotorParameters, compensator: C) -> Self {
+        let motor = motor.build(PERIOD_S).expect("the motor is valid");
         let mut rig = Self {
             stage: Stage::new(machine),
             control: CurrentLoop::new(motor, compensator),
             setpoint: Setpoint { current_a: 0.0, velocity_reference_rad_s: 0.0, age_s: 0.0 },
-            covariates: Covariates::none(),
+            covariates: Covariates::MISSING,
         };
         rig.control.set_driving(true);
         let cycle = rig.run(cycles(0.05));
@@ -166,20 +178,20 @@ impl<C: Compensate> Rig<C> {
         rig
     }
 
-    /// One cycle and the period after it.
-    pub fn cycle(&mut self) -> Cycle {
+    /// Runs one cycle of the loop and the period after it.
+    pub fn cycle(&mut self) -> CycleResult {
         let sample = self.stage.sample();
         let cycle = self.control.step(&sample, &self.setpoint, &self.covariates);
         self.stage.apply(cycle.bridge);
         if let Bridge::Drive(duty) = cycle.bridge {
             assert!(duty.iter().all(|share| (0.0..=1.0).contains(share)), "{duty:?}");
         }
-        self.stage.pass();
+        self.stage.advance();
         cycle
     }
 
-    /// So many cycles; gives the last.
-    pub fn run(&mut self, count: usize) -> Cycle {
+    /// Runs `count` cycles and returns the last result.
+    pub fn run(&mut self, count: usize) -> CycleResult {
         let mut last = self.cycle();
         for _ in 1..count {
             last = self.cycle();

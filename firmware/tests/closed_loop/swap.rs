@@ -1,10 +1,11 @@
-//! Parameters and compensators that change while the joint moves.
+//! Tests of parameter and compensator swaps while the joint moves.
 
 use crate::plant::Machine;
 use crate::rig::{PERIOD_S, Rig, cycles, lugre, parameters};
 use firmware::control::{JointCompensator, LoopFlags, MotorParameters, Setpoint};
 
-fn moving() -> Rig<JointCompensator<f32>> {
+/// Returns a compensated rig at 1 rad/s and 4 A.
+fn moving_rig() -> Rig<JointCompensator<f32>> {
     let mut rig =
         Rig::settled(Machine { driven: Some(1.0), ..Machine::default() }, parameters(), lugre(0.9));
     rig.control.set_compensating(true);
@@ -13,74 +14,74 @@ fn moving() -> Rig<JointCompensator<f32>> {
     rig
 }
 
-/// Farthest the true current is from `wanted`, A, in a time.
-fn farthest(rig: &mut Rig<JointCompensator<f32>>, seconds: f64, wanted: f64) -> f64 {
-    (0..cycles(seconds)).fold(0.0f64, |far, _| {
+/// Runs for a time and returns the maximum deviation of the plant's current from the reference, A.
+fn max_deviation(rig: &mut Rig<JointCompensator<f32>>, seconds: f64, reference_a: f64) -> f64 {
+    (0..cycles(seconds)).fold(0.0f64, |largest, _| {
         rig.cycle();
-        far.max((rig.stage.plant.current()[1] - wanted).abs())
+        largest.max((rig.stage.plant.current()[1] - reference_a).abs())
     })
 }
 
 #[test]
-fn a_swap_of_the_motors_parameters_bumps_the_current_by_less_than_a_step_of_its_ripple() {
-    let mut rig = moving();
-    let wanted = f64::from(rig.cycle().current_reference_a);
-    let ripple = farthest(&mut rig, 0.02, wanted);
-    // Every gain of both controllers and of the observer becomes another.
-    let other = MotorParameters {
+fn swap_of_motor_parameters_disturbs_current_by_less_than_its_limit() {
+    let mut rig = moving_rig();
+    let reference_a = f64::from(rig.cycle().current_reference_a);
+    let ripple = max_deviation(&mut rig, 0.02, reference_a);
+    // These parameters change every gain of both current controllers and of the observer.
+    let changed = MotorParameters {
         current_bandwidth_hz: 300.0,
         observer_bandwidth_hz: 60.0,
         resistance_ohm: 0.14,
         inductance_q_h: 110e-6,
         ..parameters()
     };
-    rig.control.swap(&other.build(PERIOD_S).expect("legal"));
-    let bump = farthest(&mut rig, 0.02, wanted);
-    println!("ripple {ripple:.3} A, after the swap {bump:.3} A");
+    rig.control.swap(&changed.build(PERIOD_S).expect("valid parameters"));
+    let disturbance = max_deviation(&mut rig, 0.02, reference_a);
+    println!("deviation {ripple:.3} A before the swap, {disturbance:.3} A after it");
     assert!((0.01..0.2).contains(&ripple), "{ripple}");
-    assert!(bump < 0.3, "{bump}");
+    assert!(disturbance < 0.3, "{disturbance}");
     assert_eq!(rig.cycle().flags & LoopFlags::FAULTS, LoopFlags::empty());
 }
 
 #[test]
-fn a_swap_of_the_compensator_changes_the_current_by_less_than_its_slew_limit_a_cycle() {
-    let mut rig = moving();
+fn swap_of_compensator_keeps_current_change_within_slew_limit() {
+    let mut rig = moving_rig();
     let old = rig.cycle().feed_forward_current_a;
     let mut before = old;
     rig.control.swap_compensator(&lugre(0.3));
     let mut largest = 0.0f32;
     let first = rig.cycle();
-    assert_eq!(first.feed_forward_current_a, old, "nothing moves in the cycle of the swap");
+    assert_eq!(first.feed_forward_current_a, old, "the current changes in the cycle of the swap");
     assert!(first.flags.contains(LoopFlags::CROSS_FADING));
-    let mut faded = 1;
+    let mut fade_cycles = 1;
     let end = loop {
         let cycle = rig.cycle();
         largest = largest.max((cycle.feed_forward_current_a - before).abs());
         before = cycle.feed_forward_current_a;
-        // Never more than the larger, nor less than the smaller of the two.
+        // The current stays between zero and its value before the swap.
         assert!(before <= old + 1e-4 && before > 0.0, "{before}");
         if !cycle.flags.contains(LoopFlags::CROSS_FADING) {
             break cycle;
         }
-        faded += 1;
+        fade_cycles += 1;
     };
-    assert!((90..=110).contains(&faded), "{faded}");
-    // 2000 Nm/s in 50 us at 0.98 Nm/A.
+    assert!((90..=110).contains(&fade_cycles), "{fade_cycles}");
+    // The slew limit: 2000 Nm/s in 50 us at 0.98 Nm/A.
     assert!((1e-4..0.102).contains(&largest), "{largest}");
-    let share = end.feed_forward_current_a / old;
-    assert!((share - 0.3 / 0.9).abs() < 0.03, "{share}");
+    let ratio = end.feed_forward_current_a / old;
+    assert!((ratio - 0.3 / 0.9).abs() < 0.03, "{ratio}");
 }
 
 #[test]
-fn a_swap_with_compensation_off_adds_nothing() {
-    let mut rig = moving();
+fn swap_with_compensation_off_adds_no_current() {
+    let mut rig = moving_rig();
     rig.control.set_compensating(false);
     rig.run(2);
     rig.control.swap_compensator(&lugre(0.9));
     let cycle = rig.cycle();
     assert!(!cycle.flags.contains(LoopFlags::CROSS_FADING));
     assert_eq!((cycle.feed_forward_current_a, cycle.current_reference_a), (0.0, 4.0));
-    // Nor does a fade outlive an order to stop.
+    // Switching compensation off also ends a cross-fade.
     rig.control.set_compensating(true);
     rig.run(cycles(0.05));
     rig.control.swap_compensator(&lugre(0.3));
@@ -90,10 +91,10 @@ fn a_swap_with_compensation_off_adds_nothing() {
 }
 
 #[test]
-fn another_encoder_zero_loses_the_rotor_until_it_is_found_again() {
-    let mut rig = moving();
-    let turned = MotorParameters { encoder_offset_rad: 0.01, ..parameters() };
-    rig.control.swap(&turned.build(PERIOD_S).expect("legal"));
+fn swap_of_encoder_offset_loses_rotor_until_observer_settles() {
+    let mut rig = moving_rig();
+    let changed = MotorParameters { encoder_offset_rad: 0.01, ..parameters() };
+    rig.control.swap(&changed.build(PERIOD_S).expect("valid parameters"));
     assert!(rig.cycle().flags.contains(LoopFlags::ENCODER_LOST));
     let cycle = rig.run(cycles(0.05));
     assert!(!cycle.flags.contains(LoopFlags::ENCODER_LOST));

@@ -1,19 +1,19 @@
-//! A driver on a bench: frames in, frames out, and a tool that reads and writes its objects.
+//! A test bench for a driver: frames in, frames out, and a tool that reads and writes its objects.
 
 use canopen_rs::Address;
 use canopen_rs::sdo::{
     decode_abort, decode_data_segment, decode_download_response, encode_data_segment,
     encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
 };
-use compensator_core::can::{Frame, Message, Node};
+use compensator_core::can::{Frame, Message, NodeId};
 use firmware::driver::{Boot, Driver, Identity};
 use firmware::node::dictionary::index;
-use firmware::node_settings::{NodeSettings, Source};
+use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::store::memory::MemoryFlash;
 
 pub type Flash = MemoryFlash<4>;
 
-pub const NODE: Node = Node::FIRST;
+pub const NODE: NodeId = NodeId::FIRST;
 
 pub struct Bench {
     pub driver: Driver<Flash>,
@@ -25,28 +25,28 @@ pub fn frame(identifier: u16, data: &[u8]) -> Frame {
 }
 
 impl Bench {
-    /// A driver fed by the bus.
+    /// Starts a driver in HIL.
     pub fn hil() -> Self {
-        Self::boot(Source::Bus, Flash::new(), &Boot::default())
+        Self::boot(InputSource::Bus, Flash::new(), &Boot::default())
     }
 
-    /// A driver on its own sensors.
+    /// Starts a driver on its own sensors.
     pub fn on_sensors() -> Self {
-        Self::boot(Source::Sensors, Flash::new(), &Boot::default())
+        Self::boot(InputSource::Sensors, Flash::new(), &Boot::default())
     }
 
-    pub fn boot(source: Source, flash: Flash, boot: &Boot) -> Self {
+    pub fn boot(source: InputSource, flash: Flash, boot: &Boot) -> Self {
         let settings = NodeSettings { node: NODE, source, ..NodeSettings::default() };
         let identity = Identity { hardware: "bench", serial: 7 };
         Self { driver: Driver::boot(settings, flash, identity, boot, 0), now_us: 0 }
     }
 
-    /// Everything it wants to send.
+    /// Returns all frames that the driver sends.
     pub fn sent(&mut self) -> Vec<Frame> {
         std::iter::from_fn(|| self.driver.transmit()).collect()
     }
 
-    /// What it sends as messages a joint knows.
+    /// Returns all sent frames that are messages of a joint.
     pub fn messages(&mut self) -> Vec<Message> {
         self.sent().iter().filter_map(|frame| Message::parse(frame).ok()).collect()
     }
@@ -55,7 +55,7 @@ impl Bench {
         self.driver.receive(&message.emit(), self.now_us);
     }
 
-    /// Lets time pass, a millisecond a tick.
+    /// Advances the time with a tick per millisecond.
     pub fn pass_ms(&mut self, milliseconds: u64) {
         for _ in 0..milliseconds {
             self.now_us += 1000;
@@ -63,7 +63,7 @@ impl Bench {
         }
     }
 
-    /// Makes it operational.
+    /// Sets the network state to operational.
     pub fn start(&mut self) {
         self.driver.receive(&frame(0, &[1, NODE.number()]), self.now_us);
     }
@@ -86,7 +86,7 @@ impl Bench {
         }
     }
 
-    /// Reads an object, or gives the abort code.
+    /// Reads an object, or returns the abort code.
     pub fn read(&mut self, index: u16, sub_index: u8) -> Result<Vec<u8>, u32> {
         let answer = self.exchange(encode_upload_request(Address::new(index, sub_index)))?;
         if answer[0] & 2 != 0 {
@@ -115,7 +115,7 @@ impl Bench {
         String::from_utf8(self.read(index, 0).expect("can be read")).expect("text")
     }
 
-    /// Writes an object, or gives the abort code.
+    /// Writes an object, or returns the abort code.
     pub fn write(&mut self, index: u16, sub_index: u8, value: &[u8]) -> Result<(), u32> {
         let at = Address::new(index, sub_index);
         if value.len() <= 4 {

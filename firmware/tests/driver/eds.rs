@@ -1,6 +1,6 @@
-//! `joint.eds` is the dictionary, for CANopen tools (CiA 306).
+//! The file `joint.eds` describes the dictionary for CANopen tools (CiA 306).
 //!
-//! The file is made from the dictionary and from what a fresh driver answers, and a test holds it to that:
+//! It is generated from the dictionary and from the answers of a new driver, and a test compares it with them:
 //! `UPDATE_TABLES=1 cargo test -p firmware --test driver eds` writes it.
 
 use super::bench::Bench;
@@ -9,7 +9,7 @@ use std::fmt::Write;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/joint.eds");
 
-/// Objects every device must have.
+/// Mandatory objects of every device.
 const MANDATORY: [u16; 3] = [index::DEVICE_TYPE, index::ERROR_REGISTER, index::IDENTITY];
 
 fn access(entry: &Entry) -> &'static str {
@@ -22,7 +22,7 @@ fn access(entry: &Entry) -> &'static str {
     }
 }
 
-/// Whether a value holds the node's number, and is the rest of it.
+/// Returns true if a value is the node number plus a constant.
 fn by_node(object: u16, sub_index: u8) -> bool {
     let is_pdo = (0x1400..0x1600).contains(&object) || (0x1800..0x1A00).contains(&object);
     object == index::EMERGENCY_IDENTIFIER
@@ -30,13 +30,13 @@ fn by_node(object: u16, sub_index: u8) -> bool {
         || is_pdo && sub_index == 1
 }
 
-/// What a fresh driver answers, in the words of the format; `None` where it changes by itself.
+/// Returns the default value in the syntax of the format; `None` if the driver changes it.
 fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> Option<String> {
     let changes = matches!(entry.access, Access::ReadOnly | Access::Input)
         || object.index == index::LAST_PANIC
         || object.index == index::REFUSAL
         || entry.data == DataType::Domain
-        // The board's own.
+        // Values of the board.
         || matches!(object.index, index::HARDWARE_VERSION)
         || object.index == index::IDENTITY && sub_index == 4;
     if changes {
@@ -49,7 +49,7 @@ fn default(bench: &mut Bench, object: &Object, sub_index: u8, entry: &Entry) -> 
     let number = value.iter().rev().fold(0u32, |number, byte| number << 8 | u32::from(*byte));
     Some(match entry.data {
         _ if by_node(object.index, sub_index) => format!("$NODEID+0x{:X}", number - 1),
-        // A float is its bits: a decimal number is none to Lely's tools.
+        // A float is written as its bits, because the tools of Lely accept no decimal number.
         DataType::Real32 => format!("0x{number:08X}"),
         _ => format!("0x{number:X}"),
     })
@@ -138,8 +138,12 @@ fn eds() -> String {
             continue;
         }
         let kind = if matches!(object.shape, Shape::Array(..)) { 8 } else { 9 };
-        let _ = writeln!(text, "ObjectType=0x{kind}\nSubNumber={}", u16::from(object.last()) + 1);
-        for sub_index in 0..=object.last() {
+        let _ = writeln!(
+            text,
+            "ObjectType=0x{kind}\nSubNumber={}",
+            u16::from(object.highest_sub_index()) + 1
+        );
+        for sub_index in 0..=object.highest_sub_index() {
             let entry = object.entry(sub_index).expect("within its last");
             let many = matches!(object.shape, Shape::Array(..)) || entry.name == "term";
             let name = match sub_index {
@@ -156,7 +160,7 @@ fn eds() -> String {
 }
 
 #[test]
-fn the_file_is_the_dictionary() {
+fn eds_file_matches_the_dictionary() {
     let now = eds();
     if std::env::var_os("UPDATE_TABLES").is_some() {
         std::fs::write(FILE, &now).expect("can be written");
@@ -168,9 +172,9 @@ fn the_file_is_the_dictionary() {
     assert_eq!(file.lines().count(), now.lines().count());
 }
 
-/// The identifiers and the layout in the EDS are those the frames have.
+/// The identifiers and the layout in the EDS match the frames.
 #[test]
-fn mapped_objects_are_as_long_as_their_frames() {
+fn pdo_mappings_have_the_length_of_their_frames() {
     let mut bench = Bench::hil();
     let words = [(index::MAPPING_RECEIVED_COMMAND, 5u16), (index::MAPPING_ANSWER, 5)];
     for (first, count) in words {

@@ -1,9 +1,9 @@
-//! What is wrong on a bus is counted, and changes nothing.
+//! Tests of invalid bus traffic: it is counted and changes nothing.
 
 use super::bench::{Bench, NODE, frame};
 use super::{moving, sample};
-use compensator_core::can::{Frame, Message, Sync};
-use firmware::node::OUTBOX;
+use compensator_core::can::{Frame, Message, SyncFrame};
+use firmware::node::OUTBOX_CAPACITY;
 use firmware::node::dictionary::index;
 use proptest::prelude::*;
 
@@ -15,7 +15,7 @@ fn armed() -> Bench {
 }
 
 #[test]
-fn wrong_frames_are_counted_each_for_what_it_is() {
+fn wrong_frames_are_counted_by_kind() {
     let mut bench = armed();
     let before = *bench.driver.counters();
     for (identifier, data) in [
@@ -38,32 +38,32 @@ fn wrong_frames_are_counted_each_for_what_it_is() {
 }
 
 #[test]
-fn syncs_lost_repeated_or_late_are_counted() {
+fn syncs_lost_duplicate_or_late_are_counted() {
     let mut bench = armed();
     for counter in [1, 2, 2, 5, 4] {
         bench.give(moving(0));
-        bench.give(Message::Sync(Sync { counter }));
+        bench.give(Message::Sync(SyncFrame { counter }));
     }
     let counters = bench.driver.counters();
     assert_eq!((counters.sync_lost, counters.sync_duplicate, counters.sync_late), (2, 1, 1));
 }
 
 #[test]
-fn a_flood_fills_the_outbox_and_no_more() {
+fn flood_of_syncs_is_limited_by_the_outbox() {
     let mut bench = armed();
     for sequence in 0..1000 {
         bench.give(moving(sequence));
-        bench.give(Message::Sync(Sync::of(sequence)));
+        bench.give(Message::Sync(SyncFrame::of(sequence)));
     }
-    assert_eq!(bench.sent().len(), OUTBOX);
-    // And then it goes on as if nothing had been.
+    assert_eq!(bench.sent().len(), OUTBOX_CAPACITY);
+    // Afterwards the driver works normally.
     assert_eq!(sample(&mut bench, 1000).len(), 3);
-    assert!(bench.number(index::FRAME_COUNTERS, 3) >= 3000 - OUTBOX as u32);
+    assert!(bench.number(index::FRAME_COUNTERS, 3) >= 3000 - OUTBOX_CAPACITY as u32);
 }
 
 proptest! {
     #[test]
-    fn any_frames_at_any_time_leave_it_whole(
+    fn random_frames_at_random_times_never_close_the_bridge(
         frames in proptest::collection::vec(
             (0u16..=0x7FF, proptest::collection::vec(any::<u8>(), 0..=8), any::<bool>(), any::<u16>()),
             0..400,
@@ -71,10 +71,10 @@ proptest! {
     ) {
         let mut bench = armed();
         for (identifier, data, aimed, later_us) in frames {
-            // Half of them at identifiers the driver listens to.
+            // Half of the frames have identifiers that the driver receives.
             let own = [0x000, 0x080, 0x301, 0x401, 0x481, 0x501, 0x681, 0x601];
             let identifier = if aimed { own[usize::from(identifier) % own.len()] } else { identifier };
-            // A restart or another number would end the test, not the driver.
+            // A restart or a new node number would end the test.
             if identifier == 0 && matches!(data.first(), Some(0x81 | 0x82)) {
                 continue;
             }
@@ -82,9 +82,9 @@ proptest! {
             bench.now_us += u64::from(later_us);
             bench.driver.receive(&frame, bench.now_us);
             bench.driver.tick(bench.now_us);
-            prop_assert!(bench.sent().len() <= OUTBOX);
-            let orders = bench.driver.orders(bench.now_us);
-            prop_assert!(!orders.bridge, "a fed joint drives nothing");
+            prop_assert!(bench.sent().len() <= OUTBOX_CAPACITY);
+            let commands = bench.driver.loop_commands(bench.now_us);
+            prop_assert!(!commands.bridge, "a joint in HIL drives nothing");
         }
         bench.start();
         bench.sent();

@@ -1,14 +1,14 @@
-//! How a driver starts, beats and reports.
+//! Tests of start, heartbeat and reports of a driver.
 
 use super::bench::{Bench, Flash, NODE, frame};
 use super::moving;
-use compensator_core::can::{Entry, JointKind, Message, Motion, Sync, Torque};
+use compensator_core::can::{JointKind, Message, MotionFrame, SyncFrame, TorqueFrame, TraceEntry};
 use firmware::driver::Boot;
 use firmware::node::dictionary::index;
-use firmware::node_settings::Source;
+use firmware::node_settings::InputSource;
 use firmware::supervisor::{Code, ResetCause};
 
-/// Code and own number of each emergency.
+/// Returns emergency code and manufacturer code of each emergency.
 fn emergencies(bench: &mut Bench) -> Vec<(u16, u8)> {
     let frames = bench.sent();
     let own = frames.iter().filter(|frame| frame.identifier() == 0x081);
@@ -17,20 +17,20 @@ fn emergencies(bench: &mut Bench) -> Vec<(u16, u8)> {
 }
 
 #[test]
-fn a_panic_of_the_last_life_is_told_and_stands_in_the_way_of_arming() {
+fn panic_before_reset_is_reported_and_prevents_arming() {
     let boot = Boot {
         cause: ResetCause::Software,
         panic: Some("panicked at src/x.rs:7: no"),
         ..Boot::default()
     };
-    let mut bench = Bench::boot(Source::Bus, Flash::new(), &boot);
+    let mut bench = Bench::boot(InputSource::Bus, Flash::new(), &boot);
     let code = Code::PanicBeforeReset;
     assert!(emergencies(&mut bench).contains(&(code.info().emergency, code.number())));
     assert_eq!(bench.text(index::LAST_PANIC), "panicked at src/x.rs:7: no");
     bench.start();
     assert_eq!(bench.number(index::STATE, 2), 2);
     assert_eq!(bench.write(index::STATE, 1, &[1]), Err(0x0800_0022));
-    assert_eq!(bench.text(index::REFUSAL), "still there: panic-before-reset");
+    assert_eq!(bench.text(index::REFUSAL), "still present: panic-before-reset");
     assert!(bench.number(index::ERROR_FIELD, 0) > 0);
     bench.write(index::STATE, 1, &[2]).unwrap();
     bench.write(index::STATE, 1, &[1]).unwrap();
@@ -38,7 +38,7 @@ fn a_panic_of_the_last_life_is_told_and_stands_in_the_way_of_arming() {
 }
 
 #[test]
-fn an_awaited_heartbeat_that_stays_away_stops_the_joint() {
+fn awaited_heartbeat_that_is_missing_disarms_the_joint() {
     let mut bench = Bench::hil();
     bench.write(index::AWAITED_HEARTBEAT, 1, &(9u32 << 16 | 50).to_le_bytes()).unwrap();
     bench.start();
@@ -59,7 +59,7 @@ fn an_awaited_heartbeat_that_stays_away_stops_the_joint() {
 }
 
 #[test]
-fn heartbeats_come_as_often_as_asked() {
+fn heartbeat_is_sent_at_the_configured_period() {
     let mut bench = Bench::hil();
     bench.write(index::HEARTBEAT, 0, &200u16.to_le_bytes()).unwrap();
     bench.sent();
@@ -69,17 +69,17 @@ fn heartbeats_come_as_often_as_asked() {
 }
 
 #[test]
-fn the_network_can_ask_for_a_restart() {
+fn nmt_reset_requests_a_restart() {
     let mut bench = Bench::hil();
-    assert!(!bench.driver.reset_wanted());
+    assert!(!bench.driver.is_reset_requested());
     bench.driver.receive(&frame(0, &[0x81, 2]), 0);
-    assert!(!bench.driver.reset_wanted());
+    assert!(!bench.driver.is_reset_requested());
     bench.driver.receive(&frame(0, &[0x81, 1]), 0);
-    assert!(bench.driver.reset_wanted());
+    assert!(bench.driver.is_reset_requested());
 }
 
 #[test]
-fn communication_restarts_without_losing_parameters() {
+fn communication_restart_keeps_the_parameters() {
     let mut bench = Bench::hil();
     bench.start();
     bench.write(index::COMPENSATOR, 1, &0.5f32.to_le_bytes()).unwrap();
@@ -89,18 +89,20 @@ fn communication_restarts_without_losing_parameters() {
 }
 
 #[test]
-fn a_trace_says_its_run_and_its_samples() {
+fn trace_entries_set_run_and_sample_number() {
     let mut bench = Bench::hil();
     bench.start();
     bench.sent();
-    for entry in [Entry::JointKind(JointKind::Prismatic), Entry::Run(41), Entry::Sequence(7)] {
+    for entry in
+        [TraceEntry::JointKind(JointKind::Prismatic), TraceEntry::Run(41), TraceEntry::Sequence(7)]
+    {
         bench.give(Message::Entry(NODE, entry));
         assert_eq!(bench.sent().len(), 1, "an SDO answer");
     }
     assert_eq!(bench.number(index::TRACE, 1), 41);
     assert_eq!(bench.number(index::TRACE, 3), 1);
     bench.give(moving(0));
-    bench.give(Message::Sync(Sync { counter: 8 }));
+    bench.give(Message::Sync(SyncFrame { counter: 8 }));
     let status = bench.messages().into_iter().find_map(|message| match message {
         Message::Status(_, status) => Some(status.sequence),
         _ => None,
@@ -109,18 +111,21 @@ fn a_trace_says_its_run_and_its_samples() {
 }
 
 #[test]
-fn a_residual_beyond_the_promise_raises_the_flag_and_counts() {
+fn residual_beyond_the_band_is_flagged_and_counted() {
     let mut bench = Bench::hil();
     bench.start();
     bench.write(index::STATE, 1, &[1]).unwrap();
     let run = |bench: &mut Bench, first: u32, wear_nm: f32| {
         for sequence in first..first + 60_000 {
-            // Sliding to and fro, and a joint whose friction is the model's and more.
+            // The joint slides back and forth; its friction is that of the model plus wear.
             let velocity_rad_s = if sequence % 2000 < 1000 { 1.0 } else { -1.0 };
             let torque_nm = (1.0 + wear_nm) * velocity_rad_s;
-            bench.give(Message::Motion(NODE, Motion { velocity_rad_s, position_rad: f32::NAN }));
-            bench.give(Message::Torque(NODE, Torque { torque_nm, load_torque_nm: f32::NAN }));
-            bench.give(Message::Sync(Sync::of(sequence)));
+            bench.give(Message::Motion(
+                NODE,
+                MotionFrame { velocity_rad_s, position_rad: f32::NAN },
+            ));
+            bench.give(Message::Torque(NODE, TorqueFrame { torque_nm, load_torque_nm: f32::NAN }));
+            bench.give(Message::Sync(SyncFrame::of(sequence)));
             bench.sent();
         }
     };

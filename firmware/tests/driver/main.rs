@@ -1,4 +1,4 @@
-//! The joint driver as the bus sees it: what a tool, a master and a careless neighbour can do.
+//! Tests of the joint driver on its bus: tools, masters and invalid traffic.
 
 mod bench;
 mod commissioning;
@@ -11,9 +11,9 @@ mod parameters;
 mod sensors;
 
 use bench::{Bench, NODE, frame};
-use compensator_core::can::{Message, Motion, Seal, Sync};
+use compensator_core::can::{Message, MotionFrame, SealFrame, SyncFrame};
 use compensator_core::{Flags, LawKind, ParameterId};
-use firmware::hil::{HilJoint, Step};
+use firmware::hil::{HilJoint, HilStep};
 use firmware::node::dictionary::index;
 use firmware::node_settings::NodeSettings;
 use firmware::parameter_set::ParameterSet;
@@ -23,20 +23,20 @@ const STATE_REFUSED: u32 = 0x0800_0022;
 
 fn moving(sequence: u32) -> Message {
     let velocity_rad_s = 2.0 * (sequence as f32 * 0.05).sin();
-    Message::Motion(NODE, Motion { velocity_rad_s, position_rad: f32::NAN })
+    Message::Motion(NODE, MotionFrame { velocity_rad_s, position_rad: f32::NAN })
 }
 
-/// Frames a joint in HIL answers a sample with.
+/// Sends one sample to a joint in HIL; returns the frames of its answer.
 fn sample(bench: &mut Bench, sequence: u32) -> Vec<Message> {
     bench.give(moving(sequence));
-    bench.give(Message::Sync(Sync::of(sequence)));
+    bench.give(Message::Sync(SyncFrame::of(sequence)));
     bench.messages()
 }
 
 #[test]
-fn it_is_quiet_until_it_is_started_and_compensates_nothing_until_it_is_armed() {
+fn driver_is_silent_until_started_and_compensates_nothing_until_armed() {
     let mut bench = Bench::hil();
-    // It says that it is there, and that it runs on default parameters.
+    // The start sends the boot-up message and an emergency for the default parameters.
     let begun = bench.sent();
     assert_eq!(begun[0], frame(0x701, &[0]));
     let code = Code::ParametersDefault;
@@ -62,7 +62,7 @@ fn it_is_quiet_until_it_is_started_and_compensates_nothing_until_it_is_armed() {
 }
 
 #[test]
-fn armed_it_gives_the_bits_of_the_core_on_the_same_frames() {
+fn armed_hil_answers_match_the_core_bit_for_bit() {
     let mut bench = Bench::hil();
     let mut set = ParameterSet::default();
     set.friction.model.law = LawKind::ImprovedLugre;
@@ -77,15 +77,16 @@ fn armed_it_gives_the_bits_of_the_core_on_the_same_frames() {
         .expect("builds");
     core.set_enabled(true);
     for sequence in 0..2000 {
-        // The pressure is heard now and then, and its age counts.
+        // The pressure is received only now and then, so its age matters.
         if sequence % 37 == 0 {
             let pressure_diff_pa = 1e5 + sequence as f32;
-            let seal = Message::Seal(NODE, Seal { radial_force_n: f32::NAN, pressure_diff_pa });
+            let seal =
+                Message::Seal(NODE, SealFrame { radial_force_n: f32::NAN, pressure_diff_pa });
             core.take(&seal);
             bench.give(seal);
         }
         core.take(&moving(sequence));
-        let Step::Reply(reply, 0) = core.sync(Sync::of(sequence)) else { panic!() };
+        let HilStep::Reply(reply, 0) = core.sync(SyncFrame::of(sequence)) else { panic!() };
         let expected = [
             Message::Answer(NODE, reply.answer),
             Message::Status(NODE, reply.status),
@@ -97,7 +98,7 @@ fn armed_it_gives_the_bits_of_the_core_on_the_same_frames() {
 }
 
 #[test]
-fn a_stop_of_the_network_disarms() {
+fn nmt_stop_disarms() {
     for command in [2, 0x80] {
         let mut bench = Bench::hil();
         bench.start();
@@ -109,7 +110,7 @@ fn a_stop_of_the_network_disarms() {
 }
 
 #[test]
-fn telemetry_comes_as_often_as_it_is_asked_for() {
+fn telemetry_is_sent_at_the_configured_rate() {
     for (every, expected) in [(0u8, 0), (1, 100), (10, 10), (255, 1)] {
         let mut bench = Bench::hil();
         bench.write(index::OPERATION, 5, &[every]).unwrap();

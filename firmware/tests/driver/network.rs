@@ -1,18 +1,19 @@
-//! A network on the driver: its record over the bus and in flash, its factors in the law, the guard of its inputs.
+//! Tests of a network on the driver: its record over the bus and in flash, its factors in the law, its input
+//! guard.
 
 use super::bench::{Bench, Flash, NODE};
 use super::{STATE_REFUSED, frame};
-use compensator_core::can::{Message, Motion, Surroundings, Sync};
+use compensator_core::can::{Message, MotionFrame, SurroundingsFrame, SyncFrame};
 use compensator_core::compensator::Reading;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::record as network_record;
-use compensator_core::network::{Network, NetworkState, Stroke, reference};
+use compensator_core::network::{Network, NetworkState, StrokeTracker, reference};
 use compensator_core::{Compensator, Fixed, Flags, Inputs, Real, record};
 use firmware::control::Covariates;
 use firmware::driver::{Boot, LoopReport};
-use firmware::node::dictionary::records::NetworkState as Object;
-use firmware::node::dictionary::{SAVE, index};
-use firmware::node_settings::Source;
+use firmware::node::dictionary::records::NetworkObject as Object;
+use firmware::node::dictionary::{SAVE_SIGNATURE, index};
+use firmware::node_settings::InputSource;
 use firmware::parameter_set::ParameterSet;
 
 fn supplied() -> ParameterSet {
@@ -22,7 +23,7 @@ fn supplied() -> ParameterSet {
     set
 }
 
-/// Gives the driver the set, in records, as a tool does.
+/// Sends the set to the driver as records, as a tool does.
 fn send(bench: &mut Bench, set: &ParameterSet) -> Result<(), u32> {
     bench.write(index::COMMIT, 5, &record::emit(&set.friction))?;
     bench.write(index::COMMIT, 7, &network_record::emit(set.network.as_ref()))?;
@@ -34,7 +35,7 @@ fn float(bench: &mut Bench, sub_index: u8) -> f32 {
 }
 
 #[test]
-fn a_network_goes_in_is_kept_in_flash_and_comes_out() {
+fn network_record_is_stored_and_read_back() {
     let mut bench = Bench::hil();
     assert_eq!(bench.read(index::COMMIT, 7).unwrap(), network_record::emit(None).as_slice());
     assert_eq!(bench.number(index::NETWORK, 1), 0);
@@ -42,14 +43,14 @@ fn a_network_goes_in_is_kept_in_flash_and_comes_out() {
     send(&mut bench, &set).unwrap();
     assert_eq!(bench.driver.set(), &set);
     assert_eq!(bench.number(index::NETWORK, 1), 1);
-    bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
-    let mut bench = Bench::boot(Source::Bus, bench.driver.into_flash(), &Boot::default());
+    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
+    let mut bench = Bench::boot(InputSource::Bus, bench.driver.into_flash(), &Boot::default());
     assert_eq!(bench.driver.set(), &set);
     assert_eq!(
         bench.read(index::COMMIT, 7).unwrap(),
         network_record::emit(set.network.as_ref()).as_slice()
     );
-    // Taken away again: the same law at its constants.
+    // Without the network, the law uses its constants.
     let bare = ParameterSet { network: None, ..set.clone() };
     send(&mut bench, &bare).unwrap();
     assert_eq!(bench.driver.set(), &bare);
@@ -57,7 +58,7 @@ fn a_network_goes_in_is_kept_in_flash_and_comes_out() {
 }
 
 #[test]
-fn what_is_damaged_or_does_not_fit_its_law_is_refused_and_nothing_changes() {
+fn network_that_is_damaged_or_does_not_fit_its_law_is_refused() {
     let mut bench = Bench::hil();
     let before = bench.driver.set().clone();
     let set = supplied();
@@ -66,10 +67,10 @@ fn what_is_damaged_or_does_not_fit_its_law_is_refused_and_nothing_changes() {
     assert_eq!(bench.write(index::COMMIT, 7, &damaged), Err(0x0609_0030));
     assert_eq!(bench.text(index::REFUSAL), "network's record is damaged (CRC)");
     assert_eq!(bench.write(index::COMMIT, 7, &damaged[..500]), Err(0x0609_0030));
-    // Longer than any value.
+    // The record is longer than any value.
     let long = [damaged.as_slice(), &[0; 8]].concat();
     assert_eq!(bench.write(index::COMMIT, 7, &long), Err(0x0504_0005));
-    // A network for another law: whole, and refused with it.
+    // A valid network for another law is refused.
     let other = ParameterSet { friction: before.friction.clone(), ..set.clone() };
     assert_eq!(send(&mut bench, &other), Err(0x0609_0030));
     let reason = bench.text(index::REFUSAL);
@@ -77,7 +78,7 @@ fn what_is_damaged_or_does_not_fit_its_law_is_refused_and_nothing_changes() {
     bench.write(index::COMMIT, 4, &[1]).unwrap();
     assert_eq!(bench.number(index::COMMIT, 1), bench.number(index::COMMIT, 2));
     assert_eq!(bench.driver.set(), &before);
-    // Samples farther apart than the evaluations of training.
+    // The samples are farther apart than the evaluations of the training.
     send(&mut bench, &set).unwrap();
     assert_eq!(bench.write(index::OPERATION, 3, &0.05f32.to_le_bytes()), Err(0x0609_0030));
     assert!(bench.text(index::REFUSAL).starts_with("network_period_s = "));
@@ -88,26 +89,26 @@ fn what_is_damaged_or_does_not_fit_its_law_is_refused_and_nothing_changes() {
 }
 
 #[test]
-fn a_power_cut_while_a_network_is_saved_leaves_the_old_set_or_the_new() {
+fn power_cut_while_saving_a_network_keeps_one_complete_set() {
     let mut bench = Bench::hil();
     let set = supplied();
     send(&mut bench, &set).unwrap();
-    bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
+    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
     let flash = bench.driver.into_flash();
     let mut newer = set.clone();
     newer.network.as_mut().unwrap().network.readout.bias[0] = 0.5;
     let (mut olds, mut news) = (0, 0);
-    // Every seventh step; the last one, at which nothing is cut any more, among them or after them.
+    // Every seventh step is cut, up to and beyond the last step of a save.
     for step in (0..400).step_by(7) {
         let mut cut: Flash = flash.clone();
-        cut.cut(step, firmware::store::memory::Torn::Nothing);
-        let mut bench = Bench::boot(Source::Bus, cut, &Boot::default());
+        cut.cut_power(step, firmware::store::memory::TornStep::Nothing);
+        let mut bench = Bench::boot(InputSource::Bus, cut, &Boot::default());
         send(&mut bench, &newer).unwrap();
-        let saved = bench.write(index::STORE, 1, &SAVE.to_le_bytes());
+        let saved = bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes());
         let mut flash = bench.driver.into_flash();
         assert_eq!(saved.is_err(), !flash.has_power());
         flash.power_on();
-        let bench = Bench::boot(Source::Bus, flash, &Boot::default());
+        let bench = Bench::boot(InputSource::Bus, flash, &Boot::default());
         let found = bench.driver.set();
         assert!(*found == set || *found == newer, "step {step}");
         olds += u32::from(*found == set);
@@ -116,22 +117,22 @@ fn a_power_cut_while_a_network_is_saved_leaves_the_old_set_or_the_new() {
     assert!(olds > 30 && news > 2, "{olds} old, {news} new");
 }
 
-/// The law and the network put together by hand, of the core's parts.
-struct ByHand<T: Real> {
+/// Law and network of the core, combined by hand.
+struct ReferenceJoint<T: Real> {
     network: Network<T, 3, 8>,
     state: NetworkState<T, 8>,
-    stroke: Stroke<T>,
+    stroke: StrokeTracker<T>,
     compensator: Compensator<T>,
 }
 
-impl<T: Real<Setting = f32>> ByHand<T> {
+impl<T: Real<Setting = f32>> ReferenceJoint<T> {
     fn new(friction: &Configuration, period_s: f32) -> Self {
         let mut compensator = Compensator::build(friction, period_s).expect("builds");
         compensator.set_enabled(true);
         Self {
             network: reference::network(),
             state: NetworkState::default(),
-            stroke: Stroke::default(),
+            stroke: StrokeTracker::default(),
             compensator,
         }
     }
@@ -147,8 +148,9 @@ impl<T: Real<Setting = f32>> ByHand<T> {
                 period_s: number(strokes.period_s),
             };
             let is_known = self.stroke.is_known(number(velocity), &strokes);
-            let fed = [number(auxiliary), number(velocity), self.compensator.bristle_torque_nm()];
-            let factors = self.network.evaluate_where(&mut self.state, &fed, is_known);
+            let network_inputs =
+                [number(auxiliary), number(velocity), self.compensator.bristle_torque_nm()];
+            let factors = self.network.evaluate_guarded(&mut self.state, &network_inputs, is_known);
             self.compensator.supply(Some(factors));
         }
         let inputs = Inputs {
@@ -164,7 +166,7 @@ impl<T: Real<Setting = f32>> ByHand<T> {
     }
 }
 
-fn gives_the_core_s_bits<T: Real<Setting = f32>>(number: u8) {
+fn check_core_bits<T: Real<Setting = f32>>(number: u8) {
     let mut bench = Bench::hil();
     let set = supplied();
     let period_s = 1.0 / 512.0;
@@ -173,20 +175,21 @@ fn gives_the_core_s_bits<T: Real<Setting = f32>>(number: u8) {
     send(&mut bench, &set).unwrap();
     bench.start();
     bench.write(index::STATE, 1, &[1]).unwrap();
-    let mut core = ByHand::<T>::new(&set.friction, period_s);
+    let mut core = ReferenceJoint::<T>::new(&set.friction, period_s);
     let mut factors_seen = 0;
     for sequence in 0..4000u32 {
         let at = sequence as f32 * period_s;
-        // To and fro, at times farther than it was trained on, under a covariate that leaves its range at times.
+        // The joint moves back and forth, sometimes farther than in the training, and the covariate sometimes
+        // leaves its range.
         let velocity = 0.3 * (2.0 * at).sin() + if sequence > 3000 { 0.3 } else { 0.0 };
         let auxiliary = 1.0 + 2.2 * (0.9 * at).sin();
         bench.give(Message::Motion(
             NODE,
-            Motion { velocity_rad_s: velocity, position_rad: f32::NAN },
+            MotionFrame { velocity_rad_s: velocity, position_rad: f32::NAN },
         ));
         let temperature_c = f32::NAN;
-        bench.give(Message::Surroundings(NODE, Surroundings { temperature_c, auxiliary }));
-        bench.give(Message::Sync(Sync::of(sequence)));
+        bench.give(Message::Surroundings(NODE, SurroundingsFrame { temperature_c, auxiliary }));
+        bench.give(Message::Sync(SyncFrame::of(sequence)));
         let answers = bench.messages();
         let [Message::Answer(_, answer), Message::Status(_, status), ..] = answers[..] else {
             panic!("{answers:?}")
@@ -201,7 +204,7 @@ fn gives_the_core_s_bits<T: Real<Setting = f32>>(number: u8) {
         factors_seen += u32::from(core.state.factors.to_array()[0].value() != 1.0);
     }
     assert!(factors_seen > 1000, "{factors_seen} samples under factors");
-    // The guard as an object: what the core counted, and the factors in force.
+    // The guard object: count of the core, and the factors in use.
     let words = bench.number(index::NETWORK, Object::OUTSIDE_COUNT);
     assert_eq!(words, core.state.outside_count);
     assert!((50..900).contains(&words), "{words} evaluations outside");
@@ -211,15 +214,15 @@ fn gives_the_core_s_bits<T: Real<Setting = f32>>(number: u8) {
 }
 
 #[test]
-fn a_supplied_joint_gives_the_bits_of_the_core_s_parts_in_both_numbers() {
-    gives_the_core_s_bits::<f32>(0);
+fn supplied_joint_matches_the_core_bit_for_bit_in_both_number_types() {
+    check_core_bits::<f32>(0);
     if cfg!(feature = "fixed") {
-        gives_the_core_s_bits::<Fixed>(1);
+        check_core_bits::<Fixed>(1);
     }
 }
 
 #[test]
-fn a_joint_on_its_sensors_is_supplied_at_the_rate_of_training_while_it_compensates() {
+fn network_on_sensors_is_evaluated_at_the_training_rate_while_compensating() {
     let mut bench = Bench::on_sensors();
     bench.start();
     send(&mut bench, &supplied()).unwrap();
@@ -235,22 +238,22 @@ fn a_joint_on_its_sensors_is_supplied_at_the_rate_of_training_while_it_compensat
         bristle_torque_nm: 1.0,
         ..LoopReport::default()
     };
-    let fed =
-        |auxiliary: f32| Covariates { auxiliary: Reading::fresh(auxiliary), ..Covariates::none() };
+    let with_auxiliary =
+        |auxiliary: f32| Covariates { auxiliary: Reading::fresh(auxiliary), ..Covariates::MISSING };
     let mut counter = 0u8;
     let mut pass = |bench: &mut Bench, velocity: f32, auxiliary: f32| {
         counter = u8::wrapping_add(counter, 1);
         bench.driver.report(&report(velocity));
-        let command = compensator_core::can::Command::new(1.0, 0.0, counter);
+        let command = compensator_core::can::CommandFrame::new(1.0, 0.0, counter);
         bench.give(Message::Command(NODE, command));
         bench.pass_ms(1);
-        bench.driver.supply(&fed(auxiliary), bench.now_us)
+        bench.driver.supply(&with_auxiliary(auxiliary), bench.now_us)
     };
     for _ in 0..20 {
         assert_eq!(pass(&mut bench, 0.1, 1.0), None);
     }
     bench.write(index::STATE, 1, &[1]).unwrap();
-    // A stroke of 0.03, known from 0.01 on; then factors move at 128 Hz.
+    // A stroke of 0.03 is known from 0.01 on; then the factors change at 128 Hz.
     let mut changes = 0;
     let mut last = None;
     for tick in 0..1000 {
@@ -262,7 +265,7 @@ fn a_joint_on_its_sensors_is_supplied_at_the_rate_of_training_while_it_compensat
     assert!((120..=129).contains(&changes), "{changes} other factors in a second");
     assert_eq!(bench.number(index::NETWORK, Object::OUTSIDE), 0);
     let before = bench.number(index::NETWORK, Object::OUTSIDE_COUNT);
-    // The covariate leaves its range: told, and faded out in a third of a second.
+    // The covariate leaves its range: reported, and faded out in a third of a second.
     for _ in 0..500 {
         pass(&mut bench, 0.03, 9.0);
     }
@@ -271,12 +274,12 @@ fn a_joint_on_its_sensors_is_supplied_at_the_rate_of_training_while_it_compensat
     assert!((62..=65).contains(&(after - before)), "{}", after - before);
     let factors = pass(&mut bench, 0.03, 9.0).expect("it compensates");
     assert!(factors.to_array().iter().all(|factor| (factor - 1.0).abs() < 1e-5), "{factors:?}");
-    // The status of the next sample says so.
+    // The status of the next sample reports it.
     bench.sent();
-    bench.give(Message::Sync(Sync::of(0)));
-    let is_told = |message: &Message| matches!(message, Message::Status(_, status) if status.flags.contains(Flags::NETWORK_OUTSIDE));
-    assert!(bench.messages().iter().any(is_told));
-    // A stop of the bus disarms it, and the network rests.
+    bench.give(Message::Sync(SyncFrame::of(0)));
+    let is_reported = |message: &Message| matches!(message, Message::Status(_, status) if status.flags.contains(Flags::NETWORK_OUTSIDE));
+    assert!(bench.messages().iter().any(is_reported));
+    // A stop of the network disarms the joint, and the network of the law rests.
     bench.driver.receive(&frame(0, &[2, 0]), bench.now_us);
     assert_eq!(pass(&mut bench, 0.03, 1.0), None);
 }

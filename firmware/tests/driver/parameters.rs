@@ -1,13 +1,13 @@
-//! Parameters: refused with a reason, committed in two steps, kept over a restart.
+//! Tests of parameters: refused with a reason, committed in two steps, kept over a restart.
 
 use super::STATE_REFUSED;
 use super::bench::{Bench, Flash};
 use compensator_core::{LawKind, ParameterId, record};
 use firmware::driver::Boot;
-use firmware::node::dictionary::{LOAD, OBJECTS, SAVE, index};
-use firmware::node_settings::Source;
+use firmware::node::dictionary::{LOAD_SIGNATURE, OBJECTS, SAVE_SIGNATURE, index};
+use firmware::node_settings::InputSource;
 use firmware::parameter_set::ParameterSet;
-use firmware::store::memory::Torn;
+use firmware::store::memory::TornStep;
 
 const SCALE: u8 = 1;
 
@@ -25,10 +25,10 @@ fn commit(bench: &mut Bench) -> Result<(), u32> {
 }
 
 #[test]
-fn every_object_can_be_read_or_says_why_not() {
+fn every_object_can_be_read_or_returns_its_abort_code() {
     let mut bench = Bench::hil();
     for object in OBJECTS {
-        for sub_index in 0..=object.last() {
+        for sub_index in 0..=object.highest_sub_index() {
             let entry = object.entry(sub_index).unwrap();
             let value = bench.read(object.index, sub_index);
             let is_list = object.index == index::ERROR_FIELD && sub_index > 0;
@@ -49,13 +49,13 @@ fn every_object_can_be_read_or_says_why_not() {
 }
 
 #[test]
-fn nothing_is_written_while_armed_and_the_rest_says_why() {
+fn write_while_armed_or_out_of_range_is_refused_with_a_reason() {
     let mut bench = Bench::hil();
     bench.start();
     bench.write(index::STATE, 1, &[1]).unwrap();
     assert_eq!(write_scale(&mut bench, 0.5), Err(STATE_REFUSED));
     assert_eq!(bench.write(index::OPERATION, 1, &[0]), Err(STATE_REFUSED));
-    assert_eq!(bench.write(index::STORE, 1, &SAVE.to_le_bytes()), Err(STATE_REFUSED));
+    assert_eq!(bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()), Err(STATE_REFUSED));
     bench.write(index::STATE, 1, &[0]).unwrap();
     write_scale(&mut bench, 0.5).unwrap();
     // Too high, read only, too long, too short, unknown.
@@ -70,7 +70,7 @@ fn nothing_is_written_while_armed_and_the_rest_says_why() {
 }
 
 #[test]
-fn staged_values_do_nothing_before_their_commit() {
+fn staged_values_have_no_effect_before_their_commit() {
     let mut bench = Bench::hil();
     let active = bench.number(index::COMMIT, 1);
     write_scale(&mut bench, 0.5).unwrap();
@@ -86,7 +86,7 @@ fn staged_values_do_nothing_before_their_commit() {
 }
 
 #[test]
-fn a_whole_record_goes_in_and_comes_out() {
+fn record_that_is_committed_is_read_back() {
     let mut bench = Bench::hil();
     let mut set = ParameterSet::default();
     set.friction.model.law = LawKind::ImprovedLugre;
@@ -104,11 +104,11 @@ fn a_whole_record_goes_in_and_comes_out() {
 }
 
 fn restarted(bench: Bench) -> Bench {
-    Bench::boot(Source::Bus, bench.driver.into_flash(), &Boot::default())
+    Bench::boot(InputSource::Bus, bench.driver.into_flash(), &Boot::default())
 }
 
 #[test]
-fn what_is_saved_outlives_a_restart_and_what_is_not_does_not() {
+fn saved_parameters_survive_a_restart() {
     let mut bench = Bench::hil();
     write_scale(&mut bench, 0.5).unwrap();
     commit(&mut bench).unwrap();
@@ -117,15 +117,15 @@ fn what_is_saved_outlives_a_restart_and_what_is_not_does_not() {
     write_scale(&mut bench, 0.5).unwrap();
     commit(&mut bench).unwrap();
     bench.write(index::OPERATION, 6, &[9]).unwrap();
-    bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
+    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
     let mut bench = restarted(bench);
-    // The node's number is another one now.
+    // The new node number is in use now.
     assert_eq!(bench.sent()[0].identifier(), 0x709);
     assert_eq!(bench.driver.set().friction.compensator.scale, 0.5);
 }
 
 #[test]
-fn the_number_is_one_the_driver_has() {
+fn number_type_that_the_driver_lacks_is_refused() {
     let mut bench = Bench::hil();
     let refused = |bench: &mut Bench, code: u8| {
         assert_eq!(bench.write(index::OPERATION, 2, &[code]), Err(0x0609_0030));
@@ -135,7 +135,7 @@ fn the_number_is_one_the_driver_has() {
     refused(&mut bench, 2);
     if cfg!(feature = "fixed") {
         bench.write(index::OPERATION, 2, &[1]).unwrap();
-        bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
+        bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
         assert_eq!(restarted(bench).number(index::OPERATION, 2), 1);
     } else {
         refused(&mut bench, 1);
@@ -143,50 +143,50 @@ fn the_number_is_one_the_driver_has() {
 }
 
 #[test]
-fn defaults_come_back_at_the_next_start() {
+fn restored_defaults_apply_from_the_next_start() {
     let mut bench = Bench::hil();
     write_scale(&mut bench, 0.5).unwrap();
     commit(&mut bench).unwrap();
-    bench.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
-    bench.write(index::RESTORE, 1, &LOAD.to_le_bytes()).unwrap();
+    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
+    bench.write(index::RESTORE, 1, &LOAD_SIGNATURE.to_le_bytes()).unwrap();
     assert_eq!(scale(&mut bench), 0.5);
     let mut bench = restarted(bench);
     assert_eq!(scale(&mut bench), 0.9);
 }
 
 #[test]
-fn a_power_cut_while_saving_leaves_the_old_set_or_the_new() {
+fn power_cut_while_saving_keeps_one_complete_set() {
     let mut first = Bench::hil();
     write_scale(&mut first, 0.5).unwrap();
     commit(&mut first).unwrap();
-    first.write(index::STORE, 1, &SAVE.to_le_bytes()).unwrap();
+    first.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
     let flash = first.driver.into_flash();
     let mut scales = Vec::new();
     for step in 0.. {
         let mut cut: Flash = flash.clone();
-        cut.cut(step, Torn::Nothing);
-        let mut bench = Bench::boot(Source::Bus, cut, &Boot::default());
+        cut.cut_power(step, TornStep::Nothing);
+        let mut bench = Bench::boot(InputSource::Bus, cut, &Boot::default());
         write_scale(&mut bench, 0.7).unwrap();
         commit(&mut bench).unwrap();
-        let saved = bench.write(index::STORE, 1, &SAVE.to_le_bytes());
+        let saved = bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes());
         let mut flash = bench.driver.into_flash();
         let was_cut = !flash.has_power();
         assert_eq!(saved.is_err(), was_cut);
         flash.power_on();
-        let mut bench = Bench::boot(Source::Bus, flash, &Boot::default());
+        let mut bench = Bench::boot(InputSource::Bus, flash, &Boot::default());
         scales.push(scale(&mut bench));
         if !was_cut {
             break;
         }
     }
-    // Every step of a save was cut, and the last save was whole.
+    // Every step of a save was cut, and the last save was complete.
     assert!(scales.len() > 50, "{}", scales.len());
     assert!(scales.iter().all(|scale| [0.5, 0.7].contains(scale)), "{scales:?}");
     assert_eq!((scales.first(), scales.last()), (Some(&0.5), Some(&0.7)));
 }
 
 #[test]
-fn the_promised_band_of_the_model_can_be_set() {
+fn model_band_can_be_set() {
     let mut bench = Bench::hil();
     bench.write(index::WATCH_PARAMETERS, 1, &0.02f32.to_le_bytes()).unwrap();
     commit(&mut bench).unwrap();

@@ -1,13 +1,13 @@
-//! A driver on its own sensors: set-points age, a joint nobody commands stops.
+//! Tests of a driver on its own sensors: set-points age, and a joint without commands stops.
 
 use super::bench::{Bench, NODE, frame};
-use compensator_core::can::{Command, Message, Sync};
-use firmware::control::MotorParameters;
+use compensator_core::can::{CommandFrame, JointKind, Message, SyncFrame};
+use firmware::control::{Covariates, MotorParameters};
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::Inputs;
-use firmware::node_settings::Source;
-use firmware::supervisor::{Code, State};
+use firmware::node::dictionary::records::InputsObject;
+use firmware::node_settings::InputSource;
+use firmware::supervisor::{Code, JointState};
 
 fn measured() -> LoopReport {
     LoopReport {
@@ -24,14 +24,14 @@ fn measured() -> LoopReport {
 }
 
 fn command(bench: &mut Bench, counter: u8) {
-    bench.give(Message::Command(NODE, Command::new(3.0, 1.0, counter)));
+    bench.give(Message::Command(NODE, CommandFrame::new(3.0, 1.0, counter)));
 }
 
-/// A joint that is measured, commanded and armed, and has been for a while.
+/// Creates a joint that has been measured, commanded and armed for a while.
 fn armed() -> Bench {
     let mut bench = Bench::on_sensors();
     bench.start();
-    // The parameters are the driver's own: said so, or compensation is held back.
+    // Commit the default parameters: otherwise compensation is not allowed.
     let staged = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
     bench.commission();
@@ -45,7 +45,7 @@ fn armed() -> Bench {
     bench
 }
 
-/// Lets time pass with the joint measured.
+/// Advances the time with measurements.
 fn pass(bench: &mut Bench, milliseconds: u64) {
     for _ in 0..milliseconds {
         bench.driver.report(&measured());
@@ -54,7 +54,7 @@ fn pass(bench: &mut Bench, milliseconds: u64) {
 }
 
 #[test]
-fn nothing_is_armed_without_measurements_and_a_set_point() {
+fn arming_without_measurements_and_set_point_is_refused() {
     let mut bench = Bench::on_sensors();
     bench.start();
     bench.pass_ms(5);
@@ -63,12 +63,13 @@ fn nothing_is_armed_without_measurements_and_a_set_point() {
     for why in ["command-timeout", "unmeasured", "not-commissioned"] {
         assert!(reason.contains(why), "{reason}");
     }
-    assert!(!bench.driver.orders(bench.now_us).bridge);
+    assert!(!bench.driver.loop_commands(bench.now_us).bridge);
 }
 
-/// Default numbers are some motor's, and this one's encoder may lie anywhere: 26 A into it may run it away.
+/// The default parameters belong to some motor, and the encoder of this one may have any offset: 26 A may make
+/// it run away.
 #[test]
-fn a_blank_joint_does_not_arm_and_no_friction_parameter_makes_it() {
+fn arming_an_uncommissioned_joint_is_refused() {
     let mut bench = Bench::on_sensors();
     bench.start();
     let tries = |bench: &mut Bench, counter: u8| {
@@ -78,7 +79,7 @@ fn a_blank_joint_does_not_arm_and_no_friction_parameter_makes_it() {
             bench.pass_ms(1);
         }
         let armed = bench.write(index::STATE, 1, &[1]).is_ok();
-        assert_eq!(bench.driver.orders(bench.now_us).bridge, armed);
+        assert_eq!(bench.driver.loop_commands(bench.now_us).bridge, armed);
         bench.write(index::STATE, 1, &[0]).unwrap();
         armed
     };
@@ -88,11 +89,11 @@ fn a_blank_joint_does_not_arm_and_no_friction_parameter_makes_it() {
     };
     assert!(!tries(&mut bench, 0));
     assert!(bench.text(index::REFUSAL).contains("not-commissioned"));
-    // Friction is no matter of wiring.
+    // Friction parameters are not part of the wiring.
     bench.write(index::PARAMETERS, 1, &0.5f32.to_le_bytes()).unwrap();
     commit(&mut bench);
     assert!(!tries(&mut bench, 10));
-    // Only what is in use can be confirmed.
+    // Only the wiring in use can be confirmed.
     let wiring = bench.number(index::COMMISSIONING, 2);
     let wrong = bench.write(index::COMMISSIONING, 3, &(wiring ^ 1).to_le_bytes());
     assert_eq!(wrong, Err(0x0609_0030));
@@ -101,7 +102,7 @@ fn a_blank_joint_does_not_arm_and_no_friction_parameter_makes_it() {
     bench.commission();
     assert_eq!(bench.number(index::COMMISSIONING, 1), 1);
     assert!(tries(&mut bench, 30));
-    // A limit may change and it stays commissioned; a direction may not. As it was, it counts again.
+    // A new limit keeps the confirmation, a new direction does not. The old direction restores it.
     let place =
         |name| MotorParameters::NAMES.iter().position(|known| *known == name).unwrap() as u8 + 1;
     let change = |bench: &mut Bench, name, to: f32| {
@@ -115,41 +116,41 @@ fn a_blank_joint_does_not_arm_and_no_friction_parameter_makes_it() {
     assert_eq!(bench.number(index::COMMISSIONING, 1), 0);
     change(&mut bench, "encoder_direction", 1.0);
     assert!(tries(&mut bench, 60));
-    // It is kept over a reset where it was saved, and a restored driver has forgotten it.
+    // The confirmation survives a reset if it was saved; restored defaults remove it.
     bench.write(index::STORE, 1, b"save").unwrap();
     let flash = bench.driver.into_flash();
-    let mut bench = Bench::boot(Source::Sensors, flash, &Boot::default());
+    let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.start();
     assert!(tries(&mut bench, 70));
     bench.write(index::RESTORE, 1, b"load").unwrap();
     let flash = bench.driver.into_flash();
-    let mut bench = Bench::boot(Source::Sensors, flash, &Boot::default());
+    let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
     bench.start();
     assert!(!tries(&mut bench, 80));
 }
 
 #[test]
-fn an_armed_joint_gets_its_set_point_with_its_age() {
+fn armed_joint_commands_the_set_point_with_its_age() {
     let bench = armed();
-    let orders = bench.driver.orders(bench.now_us + 5000);
-    assert!(orders.bridge && orders.compensation);
-    assert_eq!(orders.setpoint.current_a, 3.0);
-    assert_eq!(orders.setpoint.velocity_reference_rad_s, 1.0);
-    assert!((orders.setpoint.age_s - 0.006).abs() < 1e-6, "{}", orders.setpoint.age_s);
+    let commands = bench.driver.loop_commands(bench.now_us + 5000);
+    assert!(commands.bridge && commands.compensation);
+    assert_eq!(commands.setpoint.current_a, 3.0);
+    assert_eq!(commands.setpoint.velocity_reference_rad_s, 1.0);
+    assert!((commands.setpoint.age_s - 0.006).abs() < 1e-6, "{}", commands.setpoint.age_s);
 }
 
 #[test]
-fn a_joint_nobody_commands_stops_within_a_tenth_of_a_second_and_stays_so() {
+fn joint_without_commands_stops_within_a_tenth_of_a_second() {
     let mut bench = armed();
     pass(&mut bench, 98);
     assert!(bench.driver.is_armed());
     pass(&mut bench, 2);
-    assert_eq!(bench.driver.supervisor().state(), State::Fault);
-    assert!(!bench.driver.orders(bench.now_us).bridge);
+    assert_eq!(bench.driver.supervisor().state(), JointState::Fault);
+    assert!(!bench.driver.loop_commands(bench.now_us).bridge);
     let code = Code::CommandTimeout.info().emergency.to_le_bytes();
-    let told = bench.sent().iter().any(|f| f.identifier() == 0x81 && f.data()[..2] == code);
-    assert!(told, "an emergency");
-    // A set-point that comes back does not start it again.
+    let is_reported = bench.sent().iter().any(|f| f.identifier() == 0x81 && f.data()[..2] == code);
+    assert!(is_reported, "an emergency");
+    // A new set-point does not restart it.
     command(&mut bench, 100);
     pass(&mut bench, 5);
     assert!(!bench.driver.is_armed());
@@ -161,7 +162,7 @@ fn a_joint_nobody_commands_stops_within_a_tenth_of_a_second_and_stays_so() {
 }
 
 #[test]
-fn repeated_and_late_commands_keep_nothing_alive() {
+fn duplicate_and_late_commands_do_not_refresh_the_set_point() {
     let mut bench = armed();
     for _ in 0..99 {
         command(&mut bench, 19);
@@ -169,42 +170,42 @@ fn repeated_and_late_commands_keep_nothing_alive() {
         pass(&mut bench, 1);
     }
     pass(&mut bench, 1);
-    assert_eq!(bench.driver.supervisor().state(), State::Fault);
+    assert_eq!(bench.driver.supervisor().state(), JointState::Fault);
     let counters = bench.driver.counters();
     assert_eq!((counters.command_duplicate, counters.command_late), (99, 99));
 }
 
 #[test]
-fn it_is_told_where_the_joint_is_while_it_is_not_armed() {
+fn position_can_be_set_only_while_disarmed() {
     let mut bench = Bench::on_sensors();
     bench.start();
-    let before = bench.driver.orders(bench.now_us).home;
+    let before = bench.driver.loop_commands(bench.now_us).home;
     bench.write(index::STATE, 6, &1.25f32.to_le_bytes()).unwrap();
-    let home = bench.driver.orders(bench.now_us).home;
+    let home = bench.driver.loop_commands(bench.now_us).home;
     assert_eq!((home.position_rad, home.number), (1.25, before.number + 1));
     let refused = bench.write(index::STATE, 6, &f32::INFINITY.to_le_bytes());
     assert_eq!(refused, Err(0x0609_0030));
     assert!(bench.text(index::REFUSAL).contains("set_position_rad = inf"));
-    assert_eq!(bench.driver.orders(bench.now_us).home, home);
+    assert_eq!(bench.driver.loop_commands(bench.now_us).home, home);
 
     let mut bench = armed();
-    let home = bench.driver.orders(bench.now_us).home;
+    let home = bench.driver.loop_commands(bench.now_us).home;
     assert_eq!(bench.write(index::STATE, 6, &1f32.to_le_bytes()), Err(0x0800_0022));
     assert!(bench.text(index::REFUSAL).contains("disarm first"));
-    assert_eq!(bench.driver.orders(bench.now_us).home, home);
+    assert_eq!(bench.driver.loop_commands(bench.now_us).home, home);
     assert!(bench.driver.is_armed());
 
-    // A joint in HIL is where its frames say.
+    // A joint in HIL receives its position in frames.
     let mut bench = Bench::hil();
     bench.start();
     assert_eq!(bench.write(index::STATE, 6, &1f32.to_le_bytes()), Err(0x0800_0022));
-    assert!(bench.text(index::REFUSAL).contains("fed by the bus"));
+    assert!(bench.text(index::REFUSAL).contains("a joint in HIL"));
 }
 
 #[test]
-fn what_it_measures_goes_out_as_a_trace() {
+fn measurements_are_sent_as_a_trace() {
     let mut bench = armed();
-    bench.give(Message::Sync(Sync { counter: 1 }));
+    bench.give(Message::Sync(SyncFrame { counter: 1 }));
     let messages = bench.messages();
     let [Message::Motion(_, motion), Message::Torque(_, torque), Message::Answer(..), ..] =
         messages[..]
@@ -215,10 +216,10 @@ fn what_it_measures_goes_out_as_a_trace() {
     assert_eq!(torque.torque_nm, 2.0);
 }
 
-/// Two senders on one identifier end in bus-off: what a master sends and what a joint sends have none in common, and
-/// Motion and Torque have one sender each, as their PDOs say.
+/// Two senders with the same identifier cause bus-off. A master and a joint share no identifier, and Motion and
+/// Torque have one sender each, as their PDOs say.
 #[test]
-fn what_a_joint_sends_no_master_does() {
+fn sent_and_received_identifiers_are_disjoint() {
     const UNUSED: u32 = 1 << 31;
     for (mut bench, says) in [(armed(), true), (Bench::hil(), false)] {
         let pdos = |bench: &mut Bench, from: u16| -> Vec<u32> {
@@ -229,59 +230,80 @@ fn what_a_joint_sends_no_master_does() {
                 })
                 .collect()
         };
-        let (hears, sends) = (pdos(&mut bench, 0x1400), pdos(&mut bench, 0x1800));
+        let (received, sends) = (pdos(&mut bench, 0x1400), pdos(&mut bench, 0x1800));
         let used = |all: &[u32]| -> Vec<u32> {
             all.iter().copied().filter(|identifier| identifier & UNUSED == 0).collect()
         };
-        assert!(used(&hears).iter().all(|identifier| !used(&sends).contains(identifier)));
+        assert!(used(&received).iter().all(|identifier| !used(&sends).contains(identifier)));
         assert_eq!(used(&sends).contains(&0x481), says);
-        assert_eq!(used(&hears).contains(&0x481), !says);
+        assert_eq!(used(&received).contains(&0x481), !says);
         assert_eq!(used(&sends).contains(&0x681), says);
-        // Those of a master in the predefined connection set are none of the joint's.
+        // The identifiers of a master in the predefined connection set are not used by the joint.
         for master in [0x201, 0x301, 0x401, 0x501] {
             assert!(!sends.contains(&master) && !sends.contains(&(master | UNUSED)));
         }
     }
     let mut bench = armed();
-    bench.give(Message::Sync(Sync { counter: 1 }));
+    bench.give(Message::Sync(SyncFrame { counter: 1 }));
     let sent: Vec<u16> = bench.sent().iter().map(|frame| frame.identifier()).collect();
     assert_eq!(sent, [0x481, 0x681, 0x181, 0x281, 0x381]);
-    // What it says itself it does not take from others.
+    // A frame that the joint itself sends is not accepted from others.
     let before = bench.driver.counters().foreign;
     bench.driver.receive(&frame(0x481, &[0; 8]), bench.now_us);
     assert_eq!(bench.driver.counters().foreign, before + 1);
 }
 
 #[test]
-fn an_input_written_as_an_object_counts_as_its_frame() {
+fn input_written_as_an_object_acts_like_its_frame() {
     let mut bench = armed();
     let inputs = index::INPUTS;
-    bench.write(inputs, Inputs::LOAD_TORQUE, &2.5f32.to_le_bytes()).unwrap();
+    bench.write(inputs, InputsObject::LOAD_TORQUE, &2.5f32.to_le_bytes()).unwrap();
     pass(&mut bench, 3);
-    let covariates = bench.driver.orders(bench.now_us).covariates;
+    let covariates = bench.driver.loop_commands(bench.now_us).covariates;
     assert_eq!(covariates.load_torque_nm.value, 2.5);
     assert!((covariates.load_torque_nm.age_s - 0.003).abs() < 1.1e-3);
-    // A command by its words, and its counter counts: the same again is none.
+    // A command by its words has a counter, too: a repeated one is a duplicate.
     let fresh = |bench: &mut Bench| {
         bench.sent();
-        bench.write(inputs, Inputs::COMMAND_CURRENT, &4.0f32.to_le_bytes()).unwrap();
-        bench.write(inputs, Inputs::COMMAND_REST, &(20u32 << 24).to_le_bytes()).unwrap();
-        bench.driver.orders(bench.now_us).setpoint
+        bench.write(inputs, InputsObject::COMMAND_CURRENT, &4.0f32.to_le_bytes()).unwrap();
+        bench.write(inputs, InputsObject::COMMAND_REST, &(20u32 << 24).to_le_bytes()).unwrap();
+        bench.driver.loop_commands(bench.now_us).setpoint
     };
     assert_eq!(fresh(&mut bench).current_a, 4.0);
     let repeated = bench.driver.counters().command_duplicate;
     fresh(&mut bench);
     assert!(bench.driver.counters().command_duplicate > repeated);
-    // It is what is sent on, too.
-    bench.give(Message::Sync(Sync { counter: 1 }));
+    // It is also sent in the joint's own frame.
+    bench.give(Message::Sync(SyncFrame { counter: 1 }));
     let messages = bench.messages();
     let said =
         |message: &Message| matches!(message, Message::Torque(_, of) if of.load_torque_nm == 2.5);
     assert!(messages.iter().any(said), "{messages:?}");
 }
 
+/// Every covariate of the table has an entry of the same name in object 2004h, which acts like its frame. The
+/// test fails for a covariate without an entry, or whose frame is not evaluated.
 #[test]
-fn too_much_voltage_stops_it_and_a_row_of_overruns_too() {
+fn covariate_of_any_quantity_written_as_object_reaches_the_current_loop() {
+    for &quantity in Covariates::QUANTITIES {
+        let name = quantity.name(JointKind::Revolute);
+        let entries = InputsObject::ENTRIES.iter();
+        let place = entries.take_while(|entry| entry.name != name).count();
+        assert!(place < InputsObject::ENTRIES.len(), "{name} has no entry");
+        let value = 2.5 * quantity.info().outside_scale as f32;
+        let mut bench = armed();
+        bench.write(index::INPUTS, place as u8 + 1, &value.to_le_bytes()).unwrap();
+        let mut covariates = bench.driver.loop_commands(bench.now_us).covariates;
+        for &other in Covariates::QUANTITIES {
+            let reading = covariates.get_mut(other).unwrap();
+            assert_eq!(reading.age_s >= 0.0, other == quantity, "{name}: {other:?}");
+        }
+        assert!((covariates.get_mut(quantity).unwrap().value - 2.5).abs() < 1e-6, "{name}");
+    }
+}
+
+#[test]
+fn overvoltage_and_consecutive_overruns_stop_the_joint() {
     let mut bench = armed();
     bench.driver.report(&LoopReport { bus_voltage_v: Some(90.0), ..measured() });
     bench.pass_ms(1);
@@ -290,20 +312,20 @@ fn too_much_voltage_stops_it_and_a_row_of_overruns_too() {
     let mut bench = armed();
     bench.driver.report(&LoopReport { overruns_in_a_row: 1, ..measured() });
     assert!(bench.driver.is_armed());
-    assert!(!bench.driver.orders(bench.now_us).compensation);
+    assert!(!bench.driver.loop_commands(bench.now_us).compensation);
     bench.driver.report(&LoopReport { overruns_in_a_row: 50, ..measured() });
     assert!(bench.driver.supervisor().faults().contains(Code::LoopOverrun));
 }
 
 #[test]
-fn another_set_has_another_number() {
+fn commit_changes_the_set_number() {
     let mut bench = armed();
-    let before = bench.driver.orders(0).set_number;
+    let before = bench.driver.loop_commands(0).set_number;
     bench.write(index::STATE, 1, &[0]).unwrap();
     bench.write(index::COMPENSATOR, 1, &0.5f32.to_le_bytes()).unwrap();
     let staged = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
-    assert_ne!(bench.driver.orders(0).set_number, before);
+    assert_ne!(bench.driver.loop_commands(0).set_number, before);
     bench.driver.receive(&frame(0, &[2, 1]), 0);
-    assert!(!bench.driver.orders(0).bridge);
+    assert!(!bench.driver.loop_commands(0).bridge);
 }

@@ -1,11 +1,11 @@
-//! Flash with faults, and flash of other sizes.
+//! Flash with faults, and flash with other page and word sizes.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use firmware::store::memory::{MemoryError, MemoryFlash, PAGE};
+use firmware::store::memory::{MemoryError, MemoryFlash, PAGE_BYTES};
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
-/// Flash that others can reach while a store has it, and whose reads can be spoiled.
+/// Flash that the test shares with the store, with reads that can fail.
 #[derive(Clone, Default)]
 pub struct Shared {
     pub flash: Rc<RefCell<MemoryFlash<2>>>,
@@ -24,20 +24,20 @@ impl ReadNorFlash for Shared {
         self.flash.borrow_mut().read(offset, bytes)?;
         let left = self.good_reads.get();
         self.good_reads.set(left.saturating_sub(1));
-        if left == 0 && offset == PAGE as u32 + 64 {
+        if left == 0 && offset == PAGE_BYTES as u32 + 64 {
             bytes[0] ^= 1;
         }
         Ok(())
     }
 
     fn capacity(&self) -> usize {
-        2 * PAGE
+        2 * PAGE_BYTES
     }
 }
 
 impl NorFlash for Shared {
     const WRITE_SIZE: usize = 8;
-    const ERASE_SIZE: usize = PAGE;
+    const ERASE_SIZE: usize = PAGE_BYTES;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), MemoryError> {
         self.flash.borrow_mut().erase(from, to)
@@ -78,7 +78,7 @@ impl ReadNorFlash for Worn {
 
 impl NorFlash for Worn {
     const WRITE_SIZE: usize = 8;
-    const ERASE_SIZE: usize = PAGE;
+    const ERASE_SIZE: usize = PAGE_BYTES;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), MemoryError> {
         self.flash.erase(from, to)
@@ -89,7 +89,7 @@ impl NorFlash for Worn {
     }
 }
 
-/// Flash of other sizes: programmed by the word, erased by 512 bytes.
+/// Flash that is programmed by 4 bytes and erased by 512 bytes.
 pub struct Words(pub Vec<u8>);
 
 impl ErrorType for Words {

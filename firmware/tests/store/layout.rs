@@ -1,20 +1,20 @@
-//! How a set lies in flash, and sets that another firmware left there.
+//! The layout of a set in flash, and sets of other firmware versions.
 
 use super::load;
-use firmware::store::image::{self, COMMIT_AT, Commit, Head, UNIT};
-use firmware::store::memory::{MemoryFlash, PAGE};
-use firmware::store::{Health, LoadError, Loaded, Saved, SlotState, Store};
+use firmware::store::image::{self, COMMIT_AT, Commit, SlotHeader, UNIT_BYTES};
+use firmware::store::memory::{MemoryFlash, PAGE_BYTES};
+use firmware::store::{LoadError, LoadedSet, SaveOutcome, SlotState, Store, StoreHealth};
 
-/// A slot's bytes, made by hand.
+/// Builds the bytes of a slot.
 fn slot(version: u16, sequence: u32, payload: &[u8]) -> Vec<u8> {
-    let head = Head { version, length: payload.len() as u16, sequence }.emit();
-    let mut bytes = vec![0xFF; PAGE];
+    let head = SlotHeader { version, length: payload.len() as u16, sequence }.emit();
+    let mut bytes = vec![0xFF; PAGE_BYTES];
     let mut commit = Commit::begin();
     for (at, unit) in image::units(&head, payload) {
-        commit.take(&unit);
-        bytes[at as usize..][..UNIT].copy_from_slice(&unit);
+        commit.update(&unit);
+        bytes[at as usize..][..UNIT_BYTES].copy_from_slice(&unit);
     }
-    bytes[COMMIT_AT as usize..][..UNIT].copy_from_slice(&commit.emit());
+    bytes[COMMIT_AT as usize..][..UNIT_BYTES].copy_from_slice(&commit.emit());
     bytes
 }
 
@@ -25,14 +25,14 @@ fn flash_of(first: &[u8], second: &[u8]) -> MemoryFlash<2> {
 }
 
 #[test]
-fn layout_is_as_documented() {
+fn saved_set_has_the_documented_layout() {
     let mut store = Store::open(MemoryFlash::<2>::new());
     store.save(b"123456789").unwrap();
-    let flash = store.release();
+    let flash = store.into_flash();
     let page = flash.image().next().unwrap();
     assert_eq!(&page[..16], b"JSET\x02\x00\x09\x00\x01\x00\x00\x00\x00\x00\x00\x00");
     assert_eq!(&page[24..40], b"123456789\0\0\0\0\0\0\0");
-    assert_eq!(page[40..], [0xFF; PAGE - 40]);
+    assert_eq!(page[40..], [0xFF; PAGE_BYTES - 40]);
     let rest = [&page[..16], &page[24..40]].concat();
     let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&rest);
     assert_eq!(page[16..20], crc.to_le_bytes());
@@ -41,7 +41,7 @@ fn layout_is_as_documented() {
 }
 
 #[test]
-fn sequence_goes_round() {
+fn newest_set_is_found_when_the_sequence_wraps() {
     for (first, second, newer) in [
         (u32::MAX, 0, 1),
         (0, u32::MAX, 0),
@@ -57,21 +57,24 @@ fn sequence_goes_round() {
         assert_eq!(load(&mut store).as_deref(), Ok(expected), "{first} {second}");
         let next = [first, second][newer].wrapping_add(1);
         let saved = store.save(b"third");
-        assert_eq!(saved, Ok(Saved::Written { slot: 1 - newer, sequence: next }));
+        assert_eq!(saved, Ok(SaveOutcome::Written { slot: 1 - newer, sequence: next }));
         assert_eq!(load(&mut store).as_deref(), Ok(&b"third"[..]));
     }
 }
 
 #[test]
-fn sets_of_another_layout_are_named_and_the_newest_is_kept() {
+fn sets_of_another_layout_are_reported_and_the_newest_is_kept() {
     let mut store = Store::open(flash_of(&slot(3, 8, b"new"), &slot(3, 7, b"old")));
-    assert_eq!((load(&mut store), store.health()), (Err(LoadError::Foreign(3)), Health::Foreign));
-    // Going back to an older firmware must not cost the newer one's latest set.
-    assert_eq!(store.save(b"mine"), Ok(Saved::Written { slot: 1, sequence: 9 }));
+    assert_eq!(
+        (load(&mut store), store.health()),
+        (Err(LoadError::Foreign(3)), StoreHealth::Foreign)
+    );
+    // A save by older firmware must not overwrite the newest set of newer firmware.
+    assert_eq!(store.save(b"mine"), Ok(SaveOutcome::Written { slot: 1, sequence: 9 }));
     assert_eq!(store.slots()[0], SlotState::Foreign { version: 3, sequence: 8 });
     let mut place = [0; 8];
-    assert_eq!(store.load(&mut place), Ok(Loaded { length: 4, slot: 1, sequence: 9 }));
-    // A readable set counts even if an unknown one is newer.
+    assert_eq!(store.load(&mut place), Ok(LoadedSet { length: 4, slot: 1, sequence: 9 }));
+    // A readable set is loaded even if an unknown one is newer.
     let mut store = Store::open(flash_of(&slot(2, 3, b"mine"), &slot(3, 4, b"theirs")));
     assert_eq!(load(&mut store).as_deref(), Ok(&b"mine"[..]));
 }

@@ -1,10 +1,11 @@
-//! A joint that is well, to be spoiled in one way at a time.
+//! A healthy joint to which one cause at a time is added.
 
 use compensator_core::Flags;
 use firmware::control::LoopFlags;
-use firmware::store::Health;
+use firmware::store::StoreHealth;
 use firmware::supervisor::{
-    Boot, CanState, Code, Event, InUse, Observation, ResetCause, Supervisor, Thresholds,
+    CanState, Code, Event, Observation, ParameterSource, ResetCause, Supervisor, SupervisorBoot,
+    Thresholds,
 };
 
 /// Time between two observations, us.
@@ -12,16 +13,16 @@ pub const STEP_US: u64 = 1000;
 
 pub struct Bench {
     pub supervisor: Supervisor,
-    pub seen: Observation,
+    pub observation: Observation,
     pub now_us: u64,
-    /// Set-points come with every observation.
-    pub commanded: bool,
-    /// Periods that were too short, before each observation.
+    /// True if a set-point arrives with every observation.
+    pub has_commands: bool,
+    /// Loop overruns before each observation.
     pub overruns: u32,
     pub events: Vec<Event>,
 }
 
-pub fn well() -> Observation {
+pub fn healthy_observation() -> Observation {
     Observation {
         bus_voltage_v: Some(48.0),
         phase_currents_a: Some([0.1, -0.05, -0.05]),
@@ -34,146 +35,184 @@ pub fn well() -> Observation {
 }
 
 impl Bench {
-    pub fn boot(boot: &Boot) -> Self {
+    pub fn boot(boot: &SupervisorBoot) -> Self {
         Self {
             supervisor: Supervisor::boot(&Thresholds::default(), boot),
-            seen: well(),
+            observation: healthy_observation(),
             now_us: 1_000_000,
-            commanded: true,
+            has_commands: true,
             overruns: 0,
             events: Vec::new(),
         }
     }
 
     pub fn armed() -> Self {
-        let mut bench = Self::boot(&Boot::default());
+        let mut bench = Self::boot(&SupervisorBoot::default());
         bench.run(10 * STEP_US);
         bench.supervisor.arm(bench.now_us).unwrap();
         bench
     }
 
-    /// One observation.
+    /// Runs one observation.
     pub fn step(&mut self) {
         self.now_us += STEP_US;
-        if self.commanded {
-            self.supervisor.command_received(self.now_us);
+        if self.has_commands {
+            self.supervisor.record_command(self.now_us);
         }
         for _ in 0..self.overruns {
-            self.supervisor.loop_overrun();
+            self.supervisor.record_loop_overrun();
         }
-        // A row ends with a period that was long enough.
+        // A period without an overrun ends the row.
         if self.overruns < 3 {
-            self.supervisor.loop_on_time();
+            self.supervisor.record_loop_on_time();
         }
-        self.supervisor.observe(&self.seen, self.now_us);
+        self.supervisor.observe(&self.observation, self.now_us);
         self.events.extend(std::iter::from_fn(|| self.supervisor.take_event()));
     }
 
-    /// As many observations as are in this time.
+    /// Runs the observations of this time span.
     pub fn run(&mut self, time_us: u64) {
         (0..time_us / STEP_US).for_each(|_| self.step());
     }
 
-    /// Spoils the joint with the cause of a code; `false` mends it. `None` where the cause is what the
-    /// last life ended with, which the boot tells.
-    pub fn spoil(&mut self, code: Code, bad: bool) -> Option<()> {
-        let choose = |ill: f32, well: f32| if bad { ill } else { well };
-        let loop_flag = |flags: LoopFlags| if bad { flags } else { LoopFlags::empty() };
-        let flag = |flags: Flags| if bad { flags } else { Flags::empty() };
-        let seen = &mut self.seen;
+    /// Sets or removes the cause of a code. Returns `None` if the cause lies in the previous run, which the boot report
+    /// carries.
+    pub fn set_cause(&mut self, code: Code, present: bool) -> Option<()> {
+        let observation = &mut self.observation;
+        if let Some(flag) = raising_loop_flag(code) {
+            observation.loop_flags = if present { flag } else { LoopFlags::empty() };
+            return Some(());
+        }
+        if let Some(flags) = raising_compensator_flags(code) {
+            observation.compensator = if present { flags } else { Flags::empty() };
+            return Some(());
+        }
         match code {
-            Code::CommandTimeout => self.commanded = !bad,
-            Code::HeartbeatLost => seen.heartbeat_lost = bad,
-            Code::CanBusOff => seen.can = if bad { CanState::Off } else { CanState::Active },
-            Code::Overcurrent => {
-                seen.phase_currents_a = Some([choose(-40.0, 39.9), choose(20.0, -20.0), -20.0]);
-                // The bridge is off when it is mended.
-                if !bad {
-                    *seen = well();
-                }
-            }
-            Code::CurrentSensorInvalid => {
-                seen.phase_currents_a = Some([0.1, choose(f32::NAN, 0.0), -0.1]);
-            }
-            Code::CurrentOffset => seen.phase_currents_a = Some([choose(1.0, 0.5), 0.0, 0.0]),
-            Code::PhaseLost => {
-                seen.current_setpoint_a = choose(6.0, 0.0);
-                seen.current_a = choose(2.0, 0.0);
-                seen.phase_currents_a = Some([0.0, choose(2.0, 0.0), choose(-2.0, 0.0)]);
-            }
-            Code::BusOvervoltage => seen.bus_voltage_v = Some(choose(60.0, 56.0)),
-            Code::BusUndervoltage => seen.bus_voltage_v = Some(choose(36.0, 40.0)),
-            Code::GateDriverFault => seen.gate_driver_fault = bad,
-            Code::SystemBreak => seen.system_break = bad,
-            Code::BridgeOvertemperature => seen.bridge_temperature_c = Some(choose(100.0, 95.0)),
-            Code::MotorOvertemperature => seen.motor_temperature_c = Some(choose(120.0, 115.0)),
-            Code::MotorAgainst => seen.motor_against = bad,
-            Code::MotorStands => seen.motor_stands = bad,
-            Code::Stalled => seen.stalled = bad,
-            Code::OverCompensated => seen.over_compensated = bad,
-            Code::RadialForceStuck => seen.radial_force_stuck = bad,
-            Code::PressureStuck => seen.pressure_stuck = bad,
-            Code::EncoderLost => seen.loop_flags = loop_flag(LoopFlags::ENCODER_LOST),
-            Code::EncoderJump => seen.loop_flags = loop_flag(LoopFlags::ENCODER_IMPLAUSIBLE),
-            Code::AdcTimeout => seen.sample_age_us = Some(if bad { 1000 } else { 999 }),
-            Code::Overspeed => seen.velocity_rad_s = choose(-14.0, -12.5),
-            Code::LoopOverrun => self.overruns = if bad { 3 } else { 0 },
-            Code::ModelNotFinite => seen.compensator = flag(Flags::MODEL_NOT_FINITE),
-            Code::StoreDamaged => {
-                self.supervisor.store(if bad { Health::Damaged } else { Health::Sound });
-            }
-            Code::SelfTestFailed => self.supervisor.self_test(!bad),
-            Code::NotCommissioned => self.supervisor.commissioned(!bad),
-            Code::StackOverflow => seen.stack_intact = !bad,
-            Code::Internal => seen.loop_flags = loop_flag(LoopFlags::NOT_FINITE),
             Code::WatchdogReset | Code::PanicBeforeReset => return None,
-            Code::LoopLate => self.overruns = u32::from(bad),
+            Code::CommandTimeout => self.has_commands = !present,
+            Code::LoopOverrun => self.overruns = if present { 3 } else { 0 },
+            Code::LoopLate => self.overruns = u32::from(present),
+            Code::HeartbeatLost => observation.heartbeat_lost = present,
+            Code::CanBusOff => observation.can = can_state(present, CanState::Off),
+            Code::CanErrorPassive => observation.can = can_state(present, CanState::Passive),
+            Code::GateDriverFault => observation.gate_driver_fault = present,
+            Code::SystemBreak => observation.system_break = present,
+            Code::MotorAgainst => observation.motor_against = present,
+            Code::MotorStands => observation.motor_stands = present,
+            Code::Stalled => observation.stalled = present,
+            Code::OverCompensated => observation.over_compensated = present,
+            Code::RadialForceStuck => observation.radial_force_stuck = present,
+            Code::PressureStuck => observation.pressure_stuck = present,
+            Code::AdcTimeout => observation.sample_age_us = Some(if present { 1000 } else { 999 }),
+            Code::StackOverflow => observation.stack_intact = !present,
+            Code::ModelOutOfBand => observation.model_in_band = Some(!present),
+            Code::SelfTestFailed => self.supervisor.set_self_test_result(!present),
+            Code::NotCommissioned => self.supervisor.set_commissioned(!present),
+            Code::StoreDamaged => self.set_store_health(present, StoreHealth::Damaged),
+            Code::StoreReduced => self.set_store_health(present, StoreHealth::Reduced),
             Code::ParametersDefault => {
-                self.supervisor.parameters(if bad { InUse::Default } else { InUse::Set });
+                self.set_parameter_source(present, ParameterSource::Default);
             }
             Code::ParametersRefused => {
-                self.supervisor.parameters(if bad { InUse::DefaultRefused } else { InUse::Set });
+                self.set_parameter_source(present, ParameterSource::DefaultRefused);
             }
-            Code::VelocityInvalid => {
-                seen.compensator = flag(Flags::VELOCITY_INVALID | Flags::REFERENCE_INVALID);
-            }
-            Code::StoreReduced => {
-                self.supervisor.store(if bad { Health::Reduced } else { Health::Sound });
-            }
-            Code::CanErrorPassive => {
-                seen.can = if bad { CanState::Passive } else { CanState::Active };
-            }
-            Code::VoltageLimited => seen.loop_flags = loop_flag(LoopFlags::VOLTAGE_LIMITED),
-            Code::CurrentLimited => seen.compensator = flag(Flags::CURRENT_LIMITED),
-            Code::CurrentImbalance => seen.loop_flags = loop_flag(LoopFlags::CURRENT_IMBALANCE),
-            Code::Derated => seen.motor_temperature_c = Some(choose(100.0, 95.0)),
-            Code::TemperatureUnknown => seen.bridge_temperature_c = Some(choose(f32::NAN, 30.0)),
-            Code::EncoderCoasting => seen.loop_flags = loop_flag(LoopFlags::ENCODER_COASTING),
-            Code::SetpointInvalid => seen.loop_flags = loop_flag(LoopFlags::SETPOINT_INVALID),
-            Code::CompensationLimited => seen.compensator = flag(Flags::TORQUE_LIMITED),
-            Code::CompensationSlewed => seen.compensator = flag(Flags::SLEW_LIMITED),
-            Code::RadialForceStale => seen.compensator = flag(Flags::RADIAL_FORCE_STALE),
-            Code::PressureStale => seen.compensator = flag(Flags::PRESSURE_INVALID),
-            Code::TemperatureStale => seen.compensator = flag(Flags::TEMPERATURE_STALE),
-            Code::OtherInputStale => seen.compensator = flag(Flags::LOAD_TORQUE_STALE),
-            Code::ModelOutOfBand => seen.model_in_band = Some(!bad),
+            _ => set_measured_cause(observation, code, present),
         }
         Some(())
     }
+
+    fn set_store_health(&mut self, present: bool, health: StoreHealth) {
+        self.supervisor.set_store_health(if present { health } else { StoreHealth::Sound });
+    }
+
+    fn set_parameter_source(&mut self, present: bool, source: ParameterSource) {
+        self.supervisor.set_parameter_source(if present { source } else { ParameterSource::Set });
+    }
 }
 
-/// What a boot tells that raises a code.
-pub fn boot_with(code: Code) -> Option<Boot> {
-    let boot = Boot::default();
+fn can_state(present: bool, state: CanState) -> CanState {
+    if present { state } else { CanState::Active }
+}
+
+/// Sets a measured quantity to the raise level of a code or to its clear level.
+fn set_measured_cause(observation: &mut Observation, code: Code, present: bool) {
+    let choose = |raised: f32, cleared: f32| if present { raised } else { cleared };
+    match code {
+        Code::Overcurrent => {
+            observation.phase_currents_a = Some([choose(-40.0, 39.9), choose(20.0, -20.0), -20.0]);
+            // The bridge is off once the cause is removed.
+            if !present {
+                *observation = healthy_observation();
+            }
+        }
+        Code::CurrentSensorInvalid => {
+            observation.phase_currents_a = Some([0.1, choose(f32::NAN, 0.0), -0.1]);
+        }
+        Code::CurrentOffset => observation.phase_currents_a = Some([choose(1.0, 0.5), 0.0, 0.0]),
+        Code::PhaseLost => {
+            observation.current_setpoint_a = choose(6.0, 0.0);
+            observation.current_a = choose(2.0, 0.0);
+            observation.phase_currents_a = Some([0.0, choose(2.0, 0.0), choose(-2.0, 0.0)]);
+        }
+        Code::BusOvervoltage => observation.bus_voltage_v = Some(choose(60.0, 56.0)),
+        Code::BusUndervoltage => observation.bus_voltage_v = Some(choose(36.0, 40.0)),
+        Code::BridgeOvertemperature => {
+            observation.bridge_temperature_c = Some(choose(100.0, 95.0));
+        }
+        Code::MotorOvertemperature => observation.motor_temperature_c = Some(choose(120.0, 115.0)),
+        Code::Overspeed => observation.velocity_rad_s = choose(-14.0, -12.5),
+        Code::Derated => observation.motor_temperature_c = Some(choose(100.0, 95.0)),
+        Code::TemperatureUnknown => {
+            observation.bridge_temperature_c = Some(choose(f32::NAN, 30.0));
+        }
+        _ => panic!("{code:?} has no cause on this bench"),
+    }
+}
+
+/// A flag of the current loop that raises the code, if a flag does.
+fn raising_loop_flag(code: Code) -> Option<LoopFlags> {
     Some(match code {
-        Code::WatchdogReset => Boot { reset: ResetCause::Watchdog, ..boot },
-        Code::PanicBeforeReset => Boot { panicked: true, ..boot },
-        Code::StackOverflow => Boot { stack_overflowed: true, ..boot },
-        Code::SelfTestFailed => Boot { self_test_passed: false, ..boot },
-        Code::StoreDamaged => Boot { store: Health::Damaged, ..boot },
-        Code::StoreReduced => Boot { store: Health::Reduced, ..boot },
-        Code::ParametersDefault => Boot { parameters: InUse::Default, ..boot },
-        Code::ParametersRefused => Boot { parameters: InUse::DefaultRefused, ..boot },
+        Code::EncoderLost => LoopFlags::ENCODER_LOST,
+        Code::EncoderJump => LoopFlags::ENCODER_IMPLAUSIBLE,
+        Code::Internal => LoopFlags::NOT_FINITE,
+        Code::VoltageLimited => LoopFlags::VOLTAGE_LIMITED,
+        Code::CurrentImbalance => LoopFlags::CURRENT_IMBALANCE,
+        Code::EncoderCoasting => LoopFlags::ENCODER_COASTING,
+        Code::SetpointInvalid => LoopFlags::SETPOINT_INVALID,
+        _ => return None,
+    })
+}
+
+/// The flags of the compensator that raise the code, if flags do.
+fn raising_compensator_flags(code: Code) -> Option<Flags> {
+    Some(match code {
+        Code::ModelNotFinite => Flags::MODEL_NOT_FINITE,
+        Code::VelocityInvalid => Flags::VELOCITY_INVALID | Flags::REFERENCE_INVALID,
+        Code::CurrentLimited => Flags::CURRENT_LIMITED,
+        Code::CompensationLimited => Flags::TORQUE_LIMITED,
+        Code::CompensationSlewed => Flags::SLEW_LIMITED,
+        Code::RadialForceStale => Flags::RADIAL_FORCE_STALE,
+        Code::PressureStale => Flags::PRESSURE_INVALID,
+        Code::TemperatureStale => Flags::TEMPERATURE_STALE,
+        Code::OtherInputStale => Flags::LOAD_TORQUE_STALE,
+        _ => return None,
+    })
+}
+
+/// The boot report that raises a code, if there is one.
+pub fn boot_with(code: Code) -> Option<SupervisorBoot> {
+    let boot = SupervisorBoot::default();
+    Some(match code {
+        Code::WatchdogReset => SupervisorBoot { reset: ResetCause::Watchdog, ..boot },
+        Code::PanicBeforeReset => SupervisorBoot { panicked: true, ..boot },
+        Code::StackOverflow => SupervisorBoot { stack_overflowed: true, ..boot },
+        Code::SelfTestFailed => SupervisorBoot { self_test_passed: false, ..boot },
+        Code::StoreDamaged => SupervisorBoot { store: StoreHealth::Damaged, ..boot },
+        Code::StoreReduced => SupervisorBoot { store: StoreHealth::Reduced, ..boot },
+        Code::ParametersDefault => SupervisorBoot { parameters: ParameterSource::Default, ..boot },
+        Code::ParametersRefused => {
+            SupervisorBoot { parameters: ParameterSource::DefaultRefused, ..boot }
+        }
         _ => return None,
     })
 }

@@ -1,12 +1,13 @@
-//! What holds whatever comes, in whatever order.
+//! Invariants of the supervisor for random inputs in random order.
 
-use super::bench::{STEP_US, well};
+use super::bench::{STEP_US, healthy_observation};
 use compensator_core::Flags;
 use firmware::control::LoopFlags;
-use firmware::store::Health;
-use firmware::supervisor::codes::{DROPS_COMPENSATION, STOPPING};
+use firmware::store::StoreHealth;
+use firmware::supervisor::codes::{COMPENSATION_DROPPING_CODES, FAULT_CODES};
 use firmware::supervisor::{
-    Boot, CanState, Code, InUse, Observation, ResetCause, State, Supervisor, Thresholds,
+    CanState, Code, JointState, Observation, ParameterSource, ResetCause, Supervisor,
+    SupervisorBoot, Thresholds,
 };
 use proptest::prelude::*;
 
@@ -19,8 +20,8 @@ enum Step {
     Clear,
     Overrun(u8),
     Trip(Code),
-    Store(Health),
-    Parameters(InUse),
+    Store(StoreHealth),
+    Parameters(ParameterSource),
     SelfTest(bool),
 }
 
@@ -43,16 +44,16 @@ fn observation() -> impl Strategy<Value = Observation> {
         prop::bool::weighted(0.05),
         prop::bool::weighted(0.05),
     );
-    let seldom = || prop::bool::weighted(0.05);
-    let motor = (seldom(), seldom(), any::<bool>(), any::<bool>());
+    let rarely = || prop::bool::weighted(0.05);
+    let motor = (rarely(), rarely(), any::<bool>(), any::<bool>());
     let motor = (motor, any::<[bool; 2]>());
     let all = (measured, flags, bits, motor, any::<bool>());
-    all.prop_map(|(measured, flags, bits, motor, mostly_well)| {
+    all.prop_map(|(measured, flags, bits, motor, is_healthy)| {
         let (voltage, currents, [a, b, c, d, e, f], age) = measured;
         let (loop_bits, core_bits, can, in_band) = flags;
         let (motor, [radial_force_stuck, pressure_stuck]) = motor;
-        if mostly_well {
-            return well();
+        if is_healthy {
+            return healthy_observation();
         }
         Observation {
             bus_voltage_v: voltage,
@@ -85,13 +86,17 @@ fn observation() -> impl Strategy<Value = Observation> {
 fn step() -> impl Strategy<Value = Step> {
     let code = (0..Code::ALL.len()).prop_map(|index| Step::Trip(Code::ALL[index]));
     let health = prop::sample::select(vec![
-        Health::Sound,
-        Health::Reduced,
-        Health::Empty,
-        Health::Damaged,
-        Health::Foreign,
+        StoreHealth::Sound,
+        StoreHealth::Reduced,
+        StoreHealth::Empty,
+        StoreHealth::Damaged,
+        StoreHealth::Foreign,
     ]);
-    let in_use = prop::sample::select(vec![InUse::Set, InUse::Default, InUse::DefaultRefused]);
+    let in_use = prop::sample::select(vec![
+        ParameterSource::Set,
+        ParameterSource::Default,
+        ParameterSource::DefaultRefused,
+    ]);
     prop_oneof![
         12 => observation().prop_map(|seen| Step::Observe(Box::new(seen))),
         8 => Just(Step::Command),
@@ -106,28 +111,26 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-fn boot() -> impl Strategy<Value = Boot> {
+fn boot() -> impl Strategy<Value = SupervisorBoot> {
     let resets = vec![ResetCause::PowerOn, ResetCause::Software, ResetCause::Watchdog];
-    (prop::sample::select(resets), prop::bool::weighted(0.1)).prop_map(|(reset, panicked)| Boot {
-        reset,
-        panicked,
-        ..Boot::default()
+    (prop::sample::select(resets), prop::bool::weighted(0.1)).prop_map(|(reset, panicked)| {
+        SupervisorBoot { reset, panicked, ..SupervisorBoot::default() }
     })
 }
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 600, ..ProptestConfig::default() })]
     #[test]
-    fn nothing_arms_by_itself_and_no_fault_has_a_bridge(
+    fn random_inputs_never_arm_unrequested_nor_close_the_bridge_on_fault(
         boot in boot(),
         steps in proptest::collection::vec((step(), 0_u64..150), 1..200)
     ) {
         let mut supervisor = Supervisor::boot(&Thresholds::default(), &boot);
         let mut now_us = 10_000_000_u64;
         let mut last_command_us = None;
-        prop_assert!(!supervisor.bridge_allowed());
+        prop_assert!(!supervisor.is_bridge_allowed());
         for (step, wait) in steps {
-            // Mostly the next millisecond; now and then a long pause.
+            // Usually the next millisecond, sometimes a long pause.
             now_us += STEP_US * if wait > 130 { wait } else { 1 };
             let before = supervisor.state();
             let held = supervisor.faults();
@@ -137,10 +140,10 @@ proptest! {
                 Step::Observe(seen) => {
                     supervisor.observe(&seen, now_us);
                     let late = last_command_us.is_none_or(|last| now_us - last >= 100_000);
-                    prop_assert!(!(late && supervisor.bridge_allowed()), "armed without a set-point");
+                    prop_assert!(!(late && supervisor.is_bridge_allowed()), "armed without a set-point");
                 }
                 Step::Command => {
-                    supervisor.command_received(now_us);
+                    supervisor.record_command(now_us);
                     last_command_us = Some(now_us);
                 }
                 Step::Arm => {
@@ -164,33 +167,33 @@ proptest! {
                 }
                 Step::Overrun(times) => {
                     for _ in 0..times {
-                        supervisor.loop_overrun();
-                        prop_assert!(!supervisor.compensation_allowed());
+                        supervisor.record_loop_overrun();
+                        prop_assert!(!supervisor.is_compensation_allowed());
                     }
-                    supervisor.loop_on_time();
+                    supervisor.record_loop_on_time();
                 }
                 Step::Trip(code) => {
                     supervisor.trip(code);
-                    prop_assert!(!(STOPPING.contains(code) && supervisor.bridge_allowed()));
+                    prop_assert!(!(FAULT_CODES.contains(code) && supervisor.is_bridge_allowed()));
                 }
-                Step::Store(health) => supervisor.store(health),
-                Step::Parameters(in_use) => supervisor.parameters(in_use),
-                Step::SelfTest(passed) => supervisor.self_test(passed),
+                Step::Store(health) => supervisor.set_store_health(health),
+                Step::Parameters(in_use) => supervisor.set_parameter_source(in_use),
+                Step::SelfTest(passed) => supervisor.set_self_test_result(passed),
             }
             let state = supervisor.state();
             prop_assert!(
-                state != State::Armed || before == State::Armed || asked,
+                state != JointState::Armed || before == JointState::Armed || asked,
                 "armed without a request"
             );
-            prop_assert!(before != State::Fault || state == State::Fault || cleared);
-            prop_assert!(held.without(supervisor.faults()).is_empty() || cleared, "not held");
-            prop_assert_eq!(supervisor.bridge_allowed(), state == State::Armed);
-            prop_assert_eq!(state == State::Fault, !supervisor.faults().is_empty());
-            prop_assert!(!supervisor.compensation_allowed() || state == State::Armed);
-            let dropped = supervisor.limits().intersects(DROPS_COMPENSATION);
-            prop_assert!(!(dropped && supervisor.compensation_allowed()));
-            prop_assert!(supervisor.faults().without(STOPPING).is_empty());
-            prop_assert!(!supervisor.limits().intersects(STOPPING));
+            prop_assert!(before != JointState::Fault || state == JointState::Fault || cleared);
+            prop_assert!(held.without(supervisor.faults()).is_empty() || cleared, "a fault cleared by itself");
+            prop_assert_eq!(supervisor.is_bridge_allowed(), state == JointState::Armed);
+            prop_assert_eq!(state == JointState::Fault, !supervisor.faults().is_empty());
+            prop_assert!(!supervisor.is_compensation_allowed() || state == JointState::Armed);
+            let dropped = supervisor.limits().intersects(COMPENSATION_DROPPING_CODES);
+            prop_assert!(!(dropped && supervisor.is_compensation_allowed()));
+            prop_assert!(supervisor.faults().without(FAULT_CODES).is_empty());
+            prop_assert!(!supervisor.limits().intersects(FAULT_CODES));
             prop_assert!((0.0..=1.0).contains(&supervisor.current_share()));
             while supervisor.take_event().is_some() {}
         }

@@ -1,20 +1,20 @@
-//! Every code of the table, raised and cleared by what it is about.
+//! Raises and clears every code of the table by its own cause.
 
 use super::bench::{Bench, STEP_US, boot_with};
 use super::set;
-use firmware::supervisor::codes::{DROPS_COMPENSATION, STOPPING, register};
-use firmware::supervisor::{CODES, Code, CodeSet, Effect, Event, State, Watched};
+use firmware::supervisor::codes::{COMPENSATION_DROPPING_CODES, FAULT_CODES, register};
+use firmware::supervisor::{CODE_COUNT, Code, CodeSet, Effect, Event, JointState, Watched};
 use std::collections::HashSet;
 
-/// A set-point that is late is late on a clock of its own.
+/// Returns the time until the code is raised. The set-point timeout runs from the last set-point.
 fn raise_after_us(code: Code) -> u64 {
     let delay = u64::from(code.info().raise_after_us);
     if code == Code::CommandTimeout { delay + 100_000 } else { delay }
 }
 
-/// Codes that a cause brings along: a trip level lies beyond the derating level, a row of overruns
-/// begins with one.
-fn brought_along(code: Code) -> CodeSet {
+/// Returns other codes that the cause also raises: a trip level lies above the derating level, and a row of
+/// overruns begins with one.
+fn implied_codes(code: Code) -> CodeSet {
     match code {
         Code::BridgeOvertemperature | Code::MotorOvertemperature => set(&[Code::Derated]),
         Code::LoopOverrun => set(&[Code::LoopLate]),
@@ -22,8 +22,9 @@ fn brought_along(code: Code) -> CodeSet {
     }
 }
 
-/// An offset can only be seen with the bridge off; everything else is tried with it on.
-fn ready_for(code: Code) -> Bench {
+/// Returns a bench on which the code can be raised: a current offset needs the bridge off, all others are
+/// tested while armed.
+fn bench_for(code: Code) -> Bench {
     let mut bench = Bench::armed();
     if code == Code::CurrentOffset {
         bench.supervisor.disarm();
@@ -33,16 +34,16 @@ fn ready_for(code: Code) -> Bench {
 }
 
 #[test]
-fn every_fault_is_raised_held_and_cleared() {
+fn every_fault_is_raised_latched_and_cleared() {
     let mut tried = 0;
-    for code in Code::ALL.iter().copied().filter(|code| STOPPING.contains(*code)) {
-        let mut bench = ready_for(code);
-        if bench.spoil(code, true).is_none() {
+    for code in Code::ALL.iter().copied().filter(|code| FAULT_CODES.contains(*code)) {
+        let mut bench = bench_for(code);
+        if bench.set_cause(code, true).is_none() {
             continue;
         }
         tried += 1;
-        // Not before its time, and then at once. The first observation that sees it starts the time;
-        // a set-point's runs from the last one.
+        // The fault is raised after its delay and not before. The delay starts with the first observation
+        // of the cause; that of the set-point starts with the last set-point.
         let delay_us = raise_after_us(code);
         let first = if code == Code::CommandTimeout { 0 } else { STEP_US };
         if delay_us > 0 {
@@ -50,30 +51,30 @@ fn every_fault_is_raised_held_and_cleared() {
             assert!(bench.supervisor.faults().is_empty(), "{code:?}");
         }
         let armed = bench.supervisor.is_armed();
-        assert_eq!(bench.supervisor.bridge_allowed(), armed);
+        assert_eq!(bench.supervisor.is_bridge_allowed(), armed);
         bench.step();
         let supervisor = &mut bench.supervisor;
         assert_eq!(supervisor.faults(), set(&[code]), "{code:?}");
-        assert_eq!(supervisor.state(), State::Fault);
-        assert!(!supervisor.bridge_allowed() && !supervisor.compensation_allowed());
-        assert!(supervisor.limits().without(brought_along(code)).is_empty());
+        assert_eq!(supervisor.state(), JointState::Fault);
+        assert!(!supervisor.is_bridge_allowed() && !supervisor.is_compensation_allowed());
+        assert!(supervisor.limits().without(implied_codes(code)).is_empty());
         assert_eq!(supervisor.count_of(code), 1);
         assert!(bench.events.contains(&Event { code, raised: true }));
 
-        // It cannot be cleared while its cause is there, nor armed over. (A current that flows on with
-        // the bridge off is an offset too, but not this soon.)
+        // It can neither be cleared nor armed while its cause is present. (A current that flows with the
+        // bridge off is also an offset, but only after a longer delay.)
         bench.run(40 * STEP_US);
         if matches!(code, Code::PhaseLost | Code::MotorAgainst | Code::MotorStands) {
-            // With the bridge off nobody can tell: the cause counts as gone.
+            // With the bridge off the cause cannot be observed, so it counts as gone.
             assert!(!bench.supervisor.causes().contains(code));
         } else {
             assert_eq!(bench.supervisor.clear_faults(), Err(set(&[code])), "{code:?}");
             let refusal = bench.supervisor.arm(bench.now_us).unwrap_err();
             assert_eq!(refusal.causes, set(&[code]), "{code:?}");
             assert_eq!(refusal.to_string(), format!("not armed: {}", code.info().name));
-            // Gone is gone after its delay, and not before.
-            bench.spoil(code, false);
-            let told =
+            // The cause counts as gone after its delay and not before.
+            bench.set_cause(code, false);
+            let is_reported =
                 matches!(code, Code::StoreDamaged | Code::SelfTestFailed | Code::NotCommissioned);
             let delay_us = u64::from(code.info().clear_after_us);
             if delay_us > 0 {
@@ -81,33 +82,33 @@ fn every_fault_is_raised_held_and_cleared() {
                 assert!(bench.supervisor.causes().contains(code), "{code:?}");
                 assert_eq!(bench.supervisor.clear_faults(), Err(set(&[code])));
             }
-            if !told {
+            if !is_reported {
                 bench.step();
             }
         }
-        // The cause is gone and the fault is held, until somebody asks.
-        bench.spoil(code, false);
+        // The cause is gone, and the fault stays latched until it is cleared.
+        bench.set_cause(code, false);
         assert!(!bench.supervisor.causes().contains(code), "{code:?}");
         bench.run(3_000 * STEP_US);
         assert_eq!(bench.supervisor.faults(), set(&[code]), "{code:?}");
         assert!(bench.supervisor.arm(bench.now_us).is_err());
         assert_eq!(bench.supervisor.clear_faults(), Ok(()));
         assert_eq!(bench.supervisor.take_event(), Some(Event { code, raised: false }));
-        assert_eq!(bench.supervisor.state(), State::Safe, "cleared is not armed");
+        assert_eq!(bench.supervisor.state(), JointState::Safe, "cleared is not armed");
         assert_eq!(bench.supervisor.arm(bench.now_us), Ok(()), "{code:?}");
     }
-    // The rest is what a last life ended with.
-    let booted = [Code::WatchdogReset, Code::PanicBeforeReset];
-    assert_eq!(tried + booted.len(), STOPPING.iter().count());
+    // The other faults come from the boot report.
+    let from_boot_report = [Code::WatchdogReset, Code::PanicBeforeReset];
+    assert_eq!(tried + from_boot_report.len(), FAULT_CODES.iter().count());
 }
 
 #[test]
-fn every_limit_is_raised_stops_nothing_and_goes_by_itself() {
-    for code in Code::ALL.iter().copied().filter(|code| !STOPPING.contains(*code)) {
-        let mut bench = ready_for(code);
-        let before = bench.supervisor.compensation_allowed();
+fn every_limit_is_raised_and_clears_by_itself() {
+    for code in Code::ALL.iter().copied().filter(|code| !FAULT_CODES.contains(*code)) {
+        let mut bench = bench_for(code);
+        let before = bench.supervisor.is_compensation_allowed();
         assert!(before);
-        bench.spoil(code, true).expect("a limit has a cause");
+        bench.set_cause(code, true).expect("the bench has a cause for each limit");
         let delay_us = raise_after_us(code);
         if delay_us > 0 {
             bench.run(delay_us);
@@ -117,13 +118,13 @@ fn every_limit_is_raised_stops_nothing_and_goes_by_itself() {
         assert_eq!(bench.supervisor.limits(), set(&[code]), "{code:?}");
         assert!(bench.events.contains(&Event { code, raised: true }));
         assert!(bench.supervisor.faults().is_empty());
-        assert!(bench.supervisor.bridge_allowed(), "{code:?}");
+        assert!(bench.supervisor.is_bridge_allowed(), "{code:?}");
         let drops = code.info().effect == Effect::DropsCompensation;
-        assert_eq!(bench.supervisor.compensation_allowed(), !drops, "{code:?}");
+        assert_eq!(bench.supervisor.is_compensation_allowed(), !drops, "{code:?}");
         bench.run(200 * STEP_US);
         assert_eq!(bench.supervisor.count_of(code), 1, "{code:?}");
 
-        bench.spoil(code, false);
+        bench.set_cause(code, false);
         let delay_us = u64::from(code.info().clear_after_us);
         if delay_us > 0 {
             bench.run(delay_us);
@@ -132,12 +133,12 @@ fn every_limit_is_raised_stops_nothing_and_goes_by_itself() {
         bench.step();
         assert!(bench.supervisor.limits().is_empty(), "{code:?}");
         assert!(bench.events.contains(&Event { code, raised: false }), "{code:?}");
-        assert!(bench.supervisor.compensation_allowed() && bench.supervisor.is_armed());
+        assert!(bench.supervisor.is_compensation_allowed() && bench.supervisor.is_armed());
     }
 }
 
 #[test]
-fn what_the_last_life_ended_with_is_held_until_cleared() {
+fn code_of_the_boot_report_is_latched_until_cleared() {
     let mut tried = CodeSet::EMPTY;
     for code in Code::ALL.iter().copied() {
         let Some(boot) = boot_with(code) else { continue };
@@ -146,12 +147,12 @@ fn what_the_last_life_ended_with_is_held_until_cleared() {
         bench.run(10 * STEP_US);
         assert_eq!(bench.events, [Event { code, raised: true }]);
         assert_eq!(bench.supervisor.count_of(code), 1);
-        if STOPPING.contains(code) {
-            assert_eq!(bench.supervisor.state(), State::Fault);
+        if FAULT_CODES.contains(code) {
+            assert_eq!(bench.supervisor.state(), JointState::Fault);
             assert_eq!(bench.supervisor.faults(), set(&[code]));
             if bench.supervisor.causes().contains(code) {
                 assert_eq!(bench.supervisor.clear_faults(), Err(set(&[code])));
-                bench.spoil(code, false);
+                bench.set_cause(code, false);
             }
             assert_eq!(bench.supervisor.clear_faults(), Ok(()));
             assert_eq!(bench.supervisor.arm(bench.now_us), Ok(()));
@@ -164,7 +165,7 @@ fn what_the_last_life_ended_with_is_held_until_cleared() {
 }
 
 #[test]
-fn the_table_is_in_order() {
+fn table_rows_are_unique_and_consistent() {
     let mut numbers = HashSet::new();
     let mut names = HashSet::new();
     let mut emergencies = HashSet::new();
@@ -178,7 +179,7 @@ fn the_table_is_in_order() {
         assert!(numbers.insert(info.number) && names.insert(info.name), "{code:?}");
         assert!(emergencies.insert(info.emergency) && info.emergency != 0, "{code:?}");
         assert_eq!(info.register & register::GENERIC, register::GENERIC);
-        // CiA 301: the class of an emergency code and the bits of the register go together.
+        // CiA 301: the class of an emergency code determines the bits of the error register.
         let bit = match info.emergency >> 12 {
             2 => register::CURRENT,
             3 => register::VOLTAGE,
@@ -188,13 +189,16 @@ fn the_table_is_in_order() {
         };
         assert_eq!(info.register & bit, bit, "{code:?}");
         assert!(info.name.chars().all(|c| c.is_ascii_lowercase() || c == '-'), "{}", info.name);
-        let words = code.words();
+        let words = code.description();
         assert!(!words.raised_by.is_empty() && !words.cleared_by.is_empty());
         assert!(stops || info.watched == Watched::Always, "{code:?}");
     }
     assert_eq!((Code::from_number(0), Code::from_number(32)), (None, None));
-    assert_eq!(numbers.len(), CODES);
-    let drops = DROPS_COMPENSATION.iter().count();
-    println!("{CODES} codes: {} faults, {drops} drop compensation", STOPPING.iter().count());
-    assert!(CODES >= 26 && drops > 0);
+    assert_eq!(numbers.len(), CODE_COUNT);
+    let drops = COMPENSATION_DROPPING_CODES.iter().count();
+    println!(
+        "{CODE_COUNT} codes: {} faults, {drops} drop compensation",
+        FAULT_CODES.iter().count()
+    );
+    assert!(CODE_COUNT >= 26 && drops > 0);
 }

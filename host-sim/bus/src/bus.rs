@@ -1,19 +1,21 @@
 //! A CAN bus as a trait: in this process, of the kernel, or behind a serial line.
 //!
-//! Whoever talks to a joint (replay, node, parameters, monitor) talks to a [`Bus`] and cannot tell which.
-//! Each bus has its own clock, and waiting is said in its time: on [`Hub`], the bus in this process,
-//! time is virtual, passes in no time at all, and is the same bit for bit from run to run; on
-//! [`socket`] and [`slcan`] it is the wall clock's. A frame has the time it was on the bus, not the time
-//! somebody looked.
+//! Replay, node, parameters and monitor use the trait [`Bus`] and do not depend on the kind of bus. Each bus has its own
+//! clock, and every deadline is a time of that clock:
+//!
+//! * [`Hub`], the bus in this process, has virtual time. Two runs give the same bits.
+//! * [`socket`] and [`slcan`] use the wall clock.
+//!
+//! The time of a frame is the time at which it was on the bus, not the time at which it was read.
 //!
 //! ```text
 //! --bus loop | vcan0 | slcan:PATH|HOST:PORT      name -> Box<dyn Bus>
-//! Recorder<B>, FaultInjector<B>                  around any of them, or each other
+//! Recorder<B>, FaultInjector<B>                  around a bus, or around each other
 //! ```
 //!
-//! Frames are those of a log ([`CanFrame`]): data, remote, CAN FD and error frames, so that nothing a bus
-//! does is out of sight. A joint's own frames ([`compensator_core::can::Frame`]) are the classic ones of
-//! 11 bits: `CanFrame::from(frame)` and [`CanFrame::to_joint`] go to and fro.
+//! A bus carries all frames of a log ([`CanFrame`]): data, remote, CAN FD and error frames. The frames of a joint
+//! ([`compensator_core::can::Frame`]) are classic with 11-bit identifiers. `CanFrame::from(frame)` and
+//! [`CanFrame::to_joint`] convert between both.
 
 mod address;
 mod bits;
@@ -38,125 +40,124 @@ use rustix::time::{ClockId, Timespec, clock_gettime};
 use std::io;
 use std::time::{Duration, SystemTime};
 
-/// A frame heard.
+/// A received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
-    /// When it was on the bus, ns of the bus's clock: not later than [`Bus::now_ns`].
+    /// Time on the bus, ns of the bus clock; not later than [`Bus::now_ns`].
     pub time_ns: u64,
-    /// What it was.
+    /// The frame.
     pub frame: CanFrame,
 }
 
-/// What happened on a bus since it was opened, counted.
+/// Event counters of a bus since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Frames given to the bus.
+    /// Sent frames.
     pub sent: u64,
-    /// Frames heard from others, error frames too.
+    /// Received frames, error frames included.
     pub received: u64,
     /// Error frames among them.
     pub errors: u64,
-    /// Frames that were for us and that the kernel, or a full queue, lost.
+    /// Frames for this node that the kernel or a full queue dropped.
     pub lost: u64,
-    /// Times there was no room and sending waited.
+    /// Number of times that sending waited for room.
     pub waits: u64,
-    /// Lines of an adapter that made no sense.
+    /// Malformed lines of an adapter.
     pub garbage: u64,
-    /// Bells of an adapter: it refused something.
+    /// Refusals of an adapter (BEL).
     pub refused: u64,
 }
 
-/// Why a bus does not do what it was asked to; one line.
+/// Error of a bus; its message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
-    /// It cannot be opened.
+    /// The bus cannot be opened.
     #[error("bus {name}: {why}")]
     Open {
-        /// What was asked for.
+        /// Requested name.
         name: String,
-        /// What is wrong, and what to do.
+        /// Reason, and the remedy.
         why: String,
     },
     /// The other end is gone, or the interface is down.
     #[error("bus {name}: {why}")]
     Closed {
-        /// Which bus.
+        /// Name of the bus.
         name: String,
-        /// How that showed.
+        /// Reason.
         why: String,
     },
-    /// There was no room for a frame for too long.
+    /// There was no room for a frame within the time limit.
     #[error(
-        "bus {name}: no room to send for {waited_ms} ms: is another node there to acknowledge?"
+        "bus {name}: no room to send for {waited_ms} ms; check that another node acknowledges frames"
     )]
     Full {
-        /// Which bus.
+        /// Name of the bus.
         name: String,
-        /// How long was waited, ms.
+        /// Waiting time, ms.
         waited_ms: u64,
     },
-    /// This bus has no such frames.
+    /// This bus does not carry this kind of frame.
     #[error("bus {name}: {what} cannot be sent on it")]
     Unsupported {
-        /// Which bus.
+        /// Name of the bus.
         name: String,
-        /// Such frames.
+        /// Kind of frame.
         what: &'static str,
     },
-    /// Participants on a loop answer each other and time stands still.
+    /// Participants on a loop answer each other without end, so time does not advance.
     #[error("bus loop: {events} events in one instant: participants answer each other without end")]
     Storm {
-        /// How many.
+        /// Number of events.
         events: u32,
     },
-    /// The record of it cannot be written.
-    #[error("record of the bus: {0}")]
+    /// The recording cannot be written.
+    #[error("recording of the bus: {0}")]
     Record(#[source] io::Error),
-    /// The system refused.
+    /// The operating system returned an error.
     #[error("bus {name}: {source}")]
     Io {
-        /// Which bus.
+        /// Name of the bus.
         name: String,
-        /// What it said.
+        /// The error.
         source: io::Error,
     },
 }
 
-/// A place on a CAN bus.
+/// A node's access to a CAN bus.
 ///
-/// Own frames are not heard. Time is that of the bus, in ns: of the epoch on a real bus, from 0 on a
-/// [`Hub`].
+/// A node does not receive its own frames. Times are those of the bus clock, in ns: since the epoch on a real bus, from 0
+/// on a [`Hub`].
 pub trait Bus {
-    /// Gives a frame to the bus; waits where there is no room yet.
+    /// Sends a frame. Waits while there is no room.
     ///
     /// # Errors
-    /// What the bus does not have, a bus that is gone, a bus that takes nothing.
+    /// Returns an error if the bus does not carry this kind of frame, is closed, or has no room within the time limit.
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError>;
 
-    /// The next frame, waiting for it until the clock says `until_ns`; at once with what is there where
-    /// that time has come. `None` when it has and nothing was heard.
+    /// Returns the next frame, and waits for it until the bus time `until_ns`. Does not wait if that time has passed.
+    /// Returns `None` if no frame arrived.
     ///
     /// # Errors
-    /// A bus that is gone. What makes no sense is counted and passed over.
+    /// Returns an error if the bus is closed. Malformed input is counted and skipped.
     fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError>;
 
-    /// What the clock of the bus says.
+    /// Returns the bus time, ns.
     fn now_ns(&self) -> u64;
 
-    /// Sleeps until the clock says `until_ns` (0: not at all) without listening: what comes meanwhile is kept,
-    /// with the time at which it came, and nobody is woken for it. `false`, at once, where frames are
-    /// stamped by who hears them, so that one has to listen.
-    fn rest(&mut self, _until_ns: u64) -> bool {
+    /// Sleeps until the bus time `until_ns` (0: not at all) without receiving. Frames that arrive meanwhile are kept with
+    /// their time of arrival. Returns `false` at once if this bus stamps frames when they are read.
+    fn sleep_until(&mut self, _until_ns: u64) -> bool {
         false
     }
 
-    /// What has happened so far.
+    /// Returns the event counters.
     fn counters(&self) -> Counters;
 
-    /// As [`Bus::receive`], for so long from now.
+    /// Receives like [`Bus::receive`], with a duration from now as the limit.
     ///
     /// # Errors
-    /// As [`Bus::receive`].
+    /// See [`Bus::receive`].
     fn receive_within(&mut self, time: Duration) -> Result<Option<Received>, BusError> {
         let until_ns = self.now_ns().saturating_add(nanoseconds(time));
         self.receive(until_ns)
@@ -176,8 +177,8 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
         (**self).now_ns()
     }
 
-    fn rest(&mut self, until_ns: u64) -> bool {
-        (**self).rest(until_ns)
+    fn sleep_until(&mut self, until_ns: u64) -> bool {
+        (**self).sleep_until(until_ns)
     }
 
     fn counters(&self) -> Counters {
@@ -198,8 +199,8 @@ impl<B: Bus + ?Sized> Bus for &mut B {
         (**self).now_ns()
     }
 
-    fn rest(&mut self, until_ns: u64) -> bool {
-        (**self).rest(until_ns)
+    fn sleep_until(&mut self, until_ns: u64) -> bool {
+        (**self).sleep_until(until_ns)
     }
 
     fn counters(&self) -> Counters {
@@ -207,36 +208,35 @@ impl<B: Bus + ?Sized> Bus for &mut B {
     }
 }
 
-/// The clock of a real bus: of the epoch, as a log wants it, but it never jumps, whoever sets the time.
+/// Clock of a real bus. It counts from the epoch, and does not jump when the system time is set.
 #[derive(Clone, Copy, Debug)]
 struct WallClock {
-    /// What it is ahead of the kernel's monotonic clock, ns.
-    ahead_ns: u64,
+    /// Offset to the kernel's monotonic clock, ns.
+    offset_ns: u64,
 }
 
 impl WallClock {
     fn new() -> Self {
         let system_ns = since_epoch_ns(SystemTime::now());
-        Self { ahead_ns: system_ns.saturating_sub(monotonic_ns()) }
+        Self { offset_ns: system_ns.saturating_sub(monotonic_ns()) }
     }
 
     fn now_ns(&self) -> u64 {
-        monotonic_ns().saturating_add(self.ahead_ns)
+        monotonic_ns().saturating_add(self.offset_ns)
     }
 
-    /// Sleeps until it says `until_ns`. Said as a time and not as a duration, so that nobody has to ask
-    /// what time it is first.
+    /// Sleeps until the time `until_ns`. An absolute time avoids reading the clock first.
     #[cfg(target_os = "linux")]
     fn sleep(&self, until_ns: u64) {
-        let until = Duration::from_nanos(until_ns.saturating_sub(self.ahead_ns));
+        let until = Duration::from_nanos(until_ns.saturating_sub(self.offset_ns));
         if let Ok(until) = Timespec::try_from(until) {
-            // A signal ends it early, which a wait may.
+            // A signal may end the sleep early.
             let _ = rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, &until);
         }
     }
 
-    /// What the system's clock is ahead of this one, ns.
-    fn system_ahead_ns(&self) -> i64 {
+    /// Returns the system clock minus this clock, ns.
+    fn system_offset_ns(&self) -> i64 {
         since_epoch_ns(SystemTime::now()).cast_signed() - self.now_ns().cast_signed()
     }
 
@@ -246,7 +246,7 @@ impl WallClock {
 }
 
 fn monotonic_ns() -> u64 {
-    // Neither is negative: the clock counts from the start of the machine.
+    // Neither value is negative, because the clock counts from the start of the machine.
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec.cast_unsigned() * 1_000_000_000 + now.tv_nsec as u64
 }
@@ -259,5 +259,5 @@ fn nanoseconds(time: Duration) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// How long sending waits for room.
-const LONGEST_WAIT: Duration = Duration::from_secs(1);
+/// Time limit for sending when there is no room.
+const SEND_TIMEOUT: Duration = Duration::from_secs(1);

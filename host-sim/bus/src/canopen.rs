@@ -1,8 +1,8 @@
-//! A CANopen client: reads and writes the objects of a node, over any bus.
+//! A CANopen client that reads and writes the objects of a node, over any bus.
 //!
-//! Frames are coded by `canopen-rs`. Its own client holds values of at most 64 bytes; a parameter record
-//! has more, so the little there is to a client is here. Whatever else is on the bus while an answer is
-//! awaited is kept for whoever asks for it with [`Client::overheard`].
+//! `canopen-rs` codes the frames. Its own client is limited to values of 64 bytes, and a parameter record is larger, so
+//! the client is implemented here. Other frames that arrive while an answer is awaited are kept for
+//! [`Client::next_other_frame`].
 
 use crate::bus::{Bus, BusError, Received};
 use canopen_rs::Address;
@@ -11,46 +11,46 @@ use canopen_rs::sdo::{
     decode_upload_initiate_segmented_response, encode_data_segment,
     encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
 };
-use compensator_core::can::{Frame, Node, cob_id};
+use compensator_core::can::{Frame, NodeId, cob_id};
 use firmware::node::dictionary::{Object, index};
 use joint_trace::CanFrame;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// How long a node may take to answer.
-pub const ANSWER_TIME: Duration = Duration::from_millis(1000);
+/// Time limit for the answer of a node.
+pub const ANSWER_TIMEOUT: Duration = Duration::from_millis(1000);
 
-/// Frames kept while an answer is awaited, at most; the oldest are dropped.
-const OVERHEARD: usize = 4096;
+/// Maximum number of other frames kept while an answer is awaited. The oldest are dropped.
+const MAX_OTHER_FRAMES: usize = 4096;
 
-/// Why an object could not be read or written; one line.
+/// Error of reading or writing an object; its message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum SdoError {
-    /// The bus.
+    /// Error of the bus.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// Nobody answered.
-    #[error("node {node} does not answer: is it on the bus, and is its number right?")]
+    /// The node did not answer.
+    #[error("node {node} does not answer; check the bus and the node number")]
     Silent {
-        /// Who was asked.
+        /// Number of the node.
         node: u8,
     },
-    /// The node refused.
+    /// The node refused the request.
     #[error("{object}: refused: {} (abort code {code:08X}){}", abort_words(*.code), reason(.why))]
     Refused {
         /// The object, by name and address.
         object: String,
         /// Abort code of CiA 301.
         code: u32,
-        /// What the node says itself, where it says something.
+        /// Reason given by the node; empty if none.
         why: String,
     },
-    /// The answer makes no sense.
-    #[error("{object}: node {node} answers what CiA 301 does not know")]
+    /// The answer does not follow the protocol.
+    #[error("{object}: the answer of node {node} violates CiA 301")]
     Protocol {
         /// The object.
         object: String,
-        /// Who answered.
+        /// Number of the node.
         node: u8,
     },
     /// The value has another length than its type.
@@ -58,9 +58,9 @@ pub enum SdoError {
     Length {
         /// The object.
         object: String,
-        /// Bytes that came.
+        /// Received bytes.
         found: usize,
-        /// Bytes expected.
+        /// Expected bytes.
         expected: usize,
     },
 }
@@ -69,7 +69,7 @@ fn reason(why: &str) -> String {
     if why.is_empty() { String::new() } else { format!(": {why}") }
 }
 
-/// Abort codes in words (CiA 301, table 22).
+/// Returns the text of an abort code (CiA 301, table 22).
 fn abort_words(code: u32) -> &'static str {
     match code {
         0x0503_0000 => "toggle bit not alternated",
@@ -79,15 +79,15 @@ fn abort_words(code: u32) -> &'static str {
         0x0601_0001 => "write only",
         0x0601_0002 => "read only",
         0x0602_0000 => "no such object",
-        0x0606_0000 => "the flash would not take it",
+        0x0606_0000 => "flash write failed",
         0x0607_0012 => "too many bytes",
         0x0607_0013 => "too few bytes",
         0x0609_0011 => "no such sub-index",
         0x0609_0030 => "value out of range",
         0x0609_0031 => "value too high",
         0x0609_0032 => "value too low",
-        0x0800_0020 => "cannot be done",
-        0x0800_0022 => "not in this state",
+        0x0800_0020 => "not possible",
+        0x0800_0022 => "not possible in this state",
         _ => "refused",
     }
 }
@@ -95,35 +95,35 @@ fn abort_words(code: u32) -> &'static str {
 /// A client of one node.
 pub struct Client<B> {
     bus: B,
-    node: Node,
-    overheard: VecDeque<Received>,
+    node: NodeId,
+    other_frames: VecDeque<Received>,
 }
 
 impl<B: Bus> Client<B> {
-    /// A client of this node.
-    pub fn new(bus: B, node: Node) -> Self {
-        Self { bus, node, overheard: VecDeque::new() }
+    /// Creates a client of this node.
+    pub fn new(bus: B, node: NodeId) -> Self {
+        Self { bus, node, other_frames: VecDeque::new() }
     }
 
-    /// The bus.
+    /// Returns the bus.
     pub fn bus(&mut self) -> &mut B {
         &mut self.bus
     }
 
-    /// The bus, given back; what was overheard and not asked for is lost.
+    /// Returns the bus. Kept frames are discarded.
     pub fn into_bus(self) -> B {
         self.bus
     }
 
-    /// The next frame that came while an answer was awaited.
-    pub fn overheard(&mut self) -> Option<Received> {
-        self.overheard.pop_front()
+    /// Returns the next kept frame, which arrived while an answer was awaited.
+    pub fn next_other_frame(&mut self) -> Option<Received> {
+        self.other_frames.pop_front()
     }
 
     /// Sends a network command (CiA 301, 7.2.8.2) to this node.
     ///
     /// # Errors
-    /// As [`Bus::send`].
+    /// Returns the error of [`Bus::send`].
     pub fn command(&mut self, command: canopen_rs::NmtCommand) -> Result<(), BusError> {
         let data = [command as u8, self.node.number()];
         match Frame::new(0, &data) {
@@ -143,7 +143,7 @@ impl<B: Bus> Client<B> {
 
     fn upload(&mut self, at: Address) -> Result<Vec<u8>, SdoError> {
         let answer = self.exchange(at, encode_upload_request(at))?;
-        // Expedited: the value is in the answer, with or without its size.
+        // Expedited transfer: the answer holds the value, with or without its size.
         if answer[0] & 0xE2 == 0x42 {
             let unused = if answer[0] & 1 != 0 { usize::from(answer[0] >> 2 & 3) } else { 0 };
             return Ok(answer[4..8 - unused].to_vec());
@@ -240,7 +240,7 @@ impl<B: Bus> Client<B> {
         Ok(String::from_utf8_lossy(&bytes).trim_end().to_owned())
     }
 
-    /// Puts the node's own words for it to a refusal, where its code does not say all.
+    /// Adds the reason text of the node to a refusal whose code is not specific.
     fn with_reason<T>(&mut self, outcome: Result<T, SdoError>) -> Result<T, SdoError> {
         match outcome {
             Err(SdoError::Refused { object, code, .. })
@@ -271,7 +271,7 @@ impl<B: Bus> Client<B> {
             return Err(silent);
         };
         self.bus.send(&CanFrame::from(frame))?;
-        let until_ns = self.bus.now_ns().saturating_add(ANSWER_TIME.as_nanos() as u64);
+        let until_ns = self.bus.now_ns().saturating_add(ANSWER_TIMEOUT.as_nanos() as u64);
         while let Some(received) = self.bus.receive(until_ns)? {
             let answer = received.frame.to_joint();
             let answer = answer.filter(|frame| frame.identifier() == cob_id::SDO_ANSWER + number);
@@ -279,10 +279,10 @@ impl<B: Bus> Client<B> {
             if let Some(data) = data.filter(|data| answers(&request, data)) {
                 return Ok(data);
             }
-            if self.overheard.len() == OVERHEARD {
-                self.overheard.pop_front();
+            if self.other_frames.len() == MAX_OTHER_FRAMES {
+                self.other_frames.pop_front();
             }
-            self.overheard.push_back(received);
+            self.other_frames.push_back(received);
         }
         Err(silent)
     }
@@ -292,20 +292,20 @@ impl<B: Bus> Client<B> {
     }
 }
 
-/// Whether an answer can be that to a request, and not one to another tool on the bus: the first of a
-/// transfer names its object, the others say only what they are.
+/// Returns true if a frame can be the answer to this request, not one to another tool on the bus. The first answer of a
+/// transfer names its object; the others have only their kind.
 fn answers(request: &[u8; 8], answer: &[u8; 8]) -> bool {
     const KIND: u8 = 0xE0;
     let begins = matches!(request[0] & KIND, 0x20 | 0x40);
     if begins { request[1..4] == answer[1..4] } else { matches!(answer[0] & KIND, 0 | 0x20 | 0x80) }
 }
 
-/// An object by name and address, as `compensator.scale (2022h:1)`.
+/// Returns the name and address of an object, for example `compensator.scale (2022h:1)`.
 pub fn name(at: Address) -> String {
     let address = format!("{:04X}h:{}", at.index, at.subindex);
     let Some(object) = Object::find(at.index) else { return address };
     match object.entry(at.subindex) {
-        Some(_) if object.last() == 0 => format!("{} ({address})", object.name),
+        Some(_) if object.highest_sub_index() == 0 => format!("{} ({address})", object.name),
         Some(entry) => format!("{}.{} ({address})", object.name, entry.name),
         None => format!("{} ({address})", object.name),
     }
@@ -316,12 +316,12 @@ mod tests {
     use super::answers;
 
     #[test]
-    fn an_answer_to_somebody_else_is_none() {
-        let asked = [0x40, 0x22, 0x20, 1, 0, 0, 0, 0];
-        assert!(answers(&asked, &[0x43, 0x22, 0x20, 1, 0, 0, 0, 0]));
-        assert!(answers(&asked, &[0x80, 0x22, 0x20, 1, 0, 0, 9, 6]));
-        assert!(!answers(&asked, &[0x43, 0x02, 0x20, 2, 0, 0, 0, 0]));
-        // A segment does not name its object, but is no answer that begins a transfer.
+    fn answers_with_frame_for_another_request_returns_false() {
+        let request = [0x40, 0x22, 0x20, 1, 0, 0, 0, 0];
+        assert!(answers(&request, &[0x43, 0x22, 0x20, 1, 0, 0, 0, 0]));
+        assert!(answers(&request, &[0x80, 0x22, 0x20, 1, 0, 0, 9, 6]));
+        assert!(!answers(&request, &[0x43, 0x02, 0x20, 2, 0, 0, 0, 0]));
+        // A segment does not name its object, but it does not begin a transfer.
         let segment = [0x60, 0, 0, 0, 0, 0, 0, 0];
         assert!(answers(&segment, &[0x00, 1, 2, 3, 4, 5, 6, 7]));
         assert!(!answers(&segment, &[0x43, 0x22, 0x20, 1, 0, 0, 0, 0]));

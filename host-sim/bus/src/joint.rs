@@ -1,61 +1,61 @@
-//! A joint driver on this PC: the firmware's own background loop, with a bus in place of a controller.
+//! A joint driver on this PC: the firmware's background loop, with a [`Bus`] instead of a CAN controller.
 //!
-//! Everything on the bus is answered by the code that runs on the board. What is missing is a motor: its
-//! inputs come over the bus (replay), and asked for its own sensors it says that it has none. Its flash
-//! is kept in a file, or in memory and forgotten.
+//! The code of the board answers all frames. There is no motor: the inputs come over the bus (replay), and the driver
+//! reports its own sensors as missing. The flash is kept in a file, or in memory only.
 
 use crate::bus::{Bus, BusError, Participant};
-use compensator_core::can::Node;
+use compensator_core::can::NodeId;
 use firmware::background::{Background, BoardState, TICK_US};
 use firmware::driver::{Boot, Driver, Identity};
-use firmware::node_settings::{NodeSettings, Source};
-use firmware::store::memory::{MemoryFlash, PAGE};
+use firmware::node_settings::{InputSource, NodeSettings};
+use firmware::store::memory::{MemoryFlash, PAGE_BYTES};
 use firmware::supervisor::ResetCause;
 use joint_trace::CanFrame;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-/// Pages of flash: two slots of two pages each.
-const PAGES: usize = 4;
+/// Flash pages: two slots of two pages each.
+const FLASH_PAGES: usize = 4;
 
-/// Time between two ticks of the driver, ns.
+/// Tick period of the driver, ns.
 const TICK_NS: u64 = 1000 * TICK_US;
 
 /// A joint driver on this PC.
 pub struct JointNode {
-    /// Gone only while it restarts.
-    background: Option<Background<MemoryFlash<PAGES>>>,
+    /// `None` only during a restart.
+    background: Option<Background<MemoryFlash<FLASH_PAGES>>>,
     defaults: NodeSettings,
     file: Option<PathBuf>,
-    /// The flash as it was last written to the file.
+    /// Contents of the flash file.
     written: Vec<u8>,
     restarts: u32,
 }
 
 const IDENTITY: Identity = Identity { hardware: "PC, host-sim node", serial: 0 };
 
-/// What a driver on a PC is where nothing is stored: fed by the bus, with this number.
-pub fn defaults(node: Node) -> NodeSettings {
-    NodeSettings { node, source: Source::Bus, ..NodeSettings::default() }
+/// Returns the settings of a driver without stored ones: inputs from the bus, and this node number.
+pub fn defaults(node: NodeId) -> NodeSettings {
+    NodeSettings { node, source: InputSource::Bus, ..NodeSettings::default() }
 }
 
 impl JointNode {
-    /// Starts a driver with this number; its flash is kept in the file, where one is given.
+    /// Starts a driver with this node number. Its flash is kept in `file`, if given.
     ///
     /// # Errors
-    /// A file that cannot be read, or that is no flash of a driver.
-    pub fn start(node: Node, file: Option<&Path>) -> io::Result<Self> {
-        let mut flash = MemoryFlash::<PAGES>::new();
+    /// Returns an error if the file cannot be read or does not have the size of a driver's flash.
+    pub fn start(node: NodeId, file: Option<&Path>) -> io::Result<Self> {
+        let mut flash = MemoryFlash::<FLASH_PAGES>::new();
         let mut written = image(&flash);
         if let Some(path) = file {
             match fs::read(path) {
-                Ok(bytes) if bytes.len() == PAGES * PAGE => {
+                Ok(bytes) if bytes.len() == FLASH_PAGES * PAGE_BYTES => {
                     flash.restore(&bytes);
                     written = bytes;
                 }
                 Ok(bytes) => {
-                    let (found, expected) = (bytes.len(), PAGES * PAGE);
-                    let why = format!("{found} bytes, expected {expected}: no flash of a driver");
+                    let (found, expected) = (bytes.len(), FLASH_PAGES * PAGE_BYTES);
+                    let why =
+                        format!("{found} bytes, expected {expected}: not the flash of a driver");
                     return Err(io::Error::new(io::ErrorKind::InvalidData, why));
                 }
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
@@ -69,35 +69,35 @@ impl JointNode {
         Ok(Self { background, defaults, file, written, restarts: 0 })
     }
 
-    /// The driver, to look at.
-    pub fn driver(&self) -> Option<&Driver<MemoryFlash<PAGES>>> {
+    /// Returns the driver, for inspection.
+    pub fn driver(&self) -> Option<&Driver<MemoryFlash<FLASH_PAGES>>> {
         self.background.as_ref().map(Background::driver)
     }
 
-    /// How often it was restarted over the bus.
+    /// Returns the number of restarts over the bus.
     pub const fn restarts(&self) -> u32 {
         self.restarts
     }
 
-    /// Runs on a bus until `is_over`, asked at every tick, says so.
+    /// Runs on a bus until `is_over`, called after every frame and tick, returns true.
     ///
     /// # Errors
-    /// A bus that is gone, a file that cannot be written.
+    /// Returns an error if the bus is closed or the flash file cannot be written.
     pub fn run(
         &mut self,
         bus: &mut dyn Bus,
         mut is_over: impl FnMut(&Self) -> bool,
     ) -> Result<(), BusError> {
-        live(self, bus, |node, ticked| {
+        run_participant(self, bus, |node, ticked| {
             if ticked {
-                node.keep().map_err(BusError::Record)?;
+                node.save_flash().map_err(BusError::Record)?;
             }
             Ok(is_over(node))
         })
     }
 
-    /// Writes the flash to its file, where it has changed.
-    fn keep(&mut self) -> io::Result<()> {
+    /// Writes the flash to its file if it has changed.
+    fn save_flash(&mut self) -> io::Result<()> {
         let (Some(path), Some(driver)) = (&self.file, self.driver()) else { return Ok(()) };
         let now = image(driver.flash());
         if now != self.written {
@@ -111,7 +111,7 @@ impl JointNode {
     }
 
     fn restart_if_asked(&mut self, now_ns: u64) {
-        if self.driver().is_some_and(Driver::reset_wanted)
+        if self.driver().is_some_and(Driver::is_reset_requested)
             && let Some(background) = self.background.take()
         {
             let boot = Boot { cause: ResetCause::Software, ..Boot::default() };
@@ -123,12 +123,12 @@ impl JointNode {
     }
 }
 
-/// Lets a participant live on a bus, in the bus's time, until `is_over` says so: asked after every frame, and told whether a
-/// tick was due.
+/// Runs a participant on a bus, in bus time, until `is_over` returns true. `is_over` is called after every frame and tick;
+/// its argument is true after a tick.
 ///
 /// # Errors
-/// A bus that is gone, and what `is_over` gives.
-pub fn live<P: Participant>(
+/// Returns an error if the bus is closed, and the error of `is_over`.
+pub fn run_participant<P: Participant>(
     node: &mut P,
     bus: &mut dyn Bus,
     mut is_over: impl FnMut(&mut P, bool) -> Result<bool, BusError>,
@@ -144,11 +144,11 @@ pub fn live<P: Participant>(
         if is_over(node, ticks)? {
             return Ok(());
         }
-        // What is sent is sent before the next frame is looked at, or answers would pile up.
+        // All answers are sent before the next frame is read, so that they do not accumulate.
         while let Some(frame) = node.transmit() {
             bus.send(&frame)?;
         }
-        // A frame's stamp says what time it is: the clock is asked where nothing came.
+        // The time stamp of a frame is the time. The clock is read only if no frame came.
         now_ns = match bus.receive(due_ns)? {
             Some(received) => {
                 let time_ns = received.time_ns.max(start_ns);
@@ -160,13 +160,13 @@ pub fn live<P: Participant>(
     }
 }
 
-fn image(flash: &MemoryFlash<PAGES>) -> Vec<u8> {
+fn image(flash: &MemoryFlash<FLASH_PAGES>) -> Vec<u8> {
     flash.image().flatten().copied().collect()
 }
 
 impl Participant for JointNode {
     fn receive(&mut self, frame: &CanFrame, now_ns: u64) {
-        // A driver's controller takes classic data frames of 11 bits and drops all else.
+        // The driver's CAN controller accepts classic data frames with 11-bit identifiers only.
         if let (Some(frame), Some(background)) = (frame.to_joint(), &mut self.background) {
             background.receive(&frame, now_ns / 1000);
         }

@@ -1,15 +1,15 @@
-//! A joint driver on a CAN bus, seen from a PC.
+//! The PC side of a joint driver on a CAN bus.
 //!
 //! ```text
-//! bus (a hub in virtual time, SocketCAN, slcan; a recorder and a fault injector around any of them)
-//!  ├─ canopen   reads and writes a joint's objects
-//!  ├─ parameters  reads and writes a joint's whole set
-//!  ├─ joint     is a joint: the firmware's own driver on a bus
-//!  ├─ replay    plays a trace to a joint and holds every answer against the core, bit for bit
-//!  └─ monitor   shows a joint to a person
+//! bus (a hub in virtual time, SocketCAN, slcan; each with an optional recorder and fault injector)
+//!  ├─ canopen     reads and writes the objects of a joint
+//!  ├─ parameters  reads and writes the complete parameter set of a joint
+//!  ├─ joint       runs a joint: the firmware's driver on a bus
+//!  ├─ replay      sends a trace to a joint and compares every answer with the core, bit for bit
+//!  └─ monitor     shows the state of a joint
 //! ```
 //!
-//! Time is the bus's: a hub's is virtual, so that a minute of traffic takes milliseconds.
+//! The bus defines the time. The time of a hub is virtual, so a minute of traffic takes milliseconds.
 
 pub mod bus;
 pub mod canopen;

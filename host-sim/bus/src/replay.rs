@@ -1,17 +1,16 @@
-//! Replay: a recorded trace, played to a joint driver, every answer held against the core.
+//! Replay: a recorded trace is sent to a joint driver, and every answer is compared with the core.
 //!
 //! ```text
-//! log -> [plan]   what is sent, and when          bus -> driver
+//! log -> [plan]   frames and their times          bus -> driver
 //!                     |                                    |
-//!        [check]  the core, on the same frames  ==  Answer, Status, Telemetry
+//!        [check]  the core with the same frames ==  Answer, Status, Telemetry
 //!                     |
-//!        [report] equal or not; lost, twice, late; lateness, jitter, round trip, load
+//!        [report] equality; lost, duplicated, late; lateness, jitter, round trip, load
 //! ```
 //!
-//! The check is an equality of bits, not a tolerance: driver and core run the same code on the same
-//! frames (see [`firmware::hil`]). [`setup`] brings the driver to where this holds: fed by the bus,
-//! the trace's period, the same parameters, armed. [`mod@play`] keeps the time: as recorded, faster, or as fast
-//! as the driver answers.
+//! The check requires equal bits, because driver and core run the same code on the same frames (see [`firmware::hil`]).
+//! [`setup`] prepares the driver: inputs from the bus, the period of the trace, the same parameters, armed. [`mod@play`]
+//! keeps the time: as recorded, at a multiple of it, or as fast as the driver answers.
 
 pub mod check;
 mod in_process;
@@ -24,6 +23,6 @@ pub mod setup;
 pub use check::{Check, Tally};
 pub use in_process::{InProcessError, in_process};
 pub use plan::{Plan, PlanError};
-pub use play::{Played, Rate, play};
-pub use report::Report;
-pub use setup::{Setup, SetupError, set_up};
+pub use play::{PlayResult, Rate, play};
+pub use report::ReplayReport;
+pub use setup::{ReplaySetup, SetupError, set_up};

@@ -1,8 +1,8 @@
-//! The bus in this process, its dice and its record.
+//! Tests of the bus in this process, the fault injector and the recorder.
 //!
-//! What makes replay an equality check is asserted here: the same calls give the same frames at the same
-//! nanoseconds, faults included. Frame times are those of the wire, arbitration is that of CAN, and the
-//! rates of faults lie in bands on both sides, so that dice that never fall fail as well.
+//! A replay is an equality check because the same calls give the same frames at the same nanoseconds, faults included.
+//! Frame times are those of the wire, and arbitration is that of CAN. The rates of faults have limits on both sides, so a
+//! random sampler that never injects a fault fails too.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -20,7 +20,7 @@ fn frame(identifier: u32, data: &[u8]) -> CanFrame {
     CanFrame::Data { identifier, extended: false, length: data.len() as u8, bytes }
 }
 
-/// Answers each frame with the next identifier, and says something every millisecond.
+/// Answers each frame with the next identifier, and sends a frame every millisecond.
 #[derive(Default)]
 struct Joint {
     out: Vec<CanFrame>,
@@ -46,7 +46,7 @@ impl Participant for Joint {
 }
 
 #[test]
-fn a_participant_is_told_and_woken() {
+fn participant_receives_frames_and_ticks() {
     let hub = Hub::new();
     let joint = Rc::new(RefCell::new(Joint::default()));
     hub.attach(joint.clone());
@@ -68,7 +68,7 @@ fn a_participant_is_told_and_woken() {
 }
 
 #[test]
-fn own_frames_are_not_heard_and_all_others_hear_them() {
+fn send_reaches_all_other_ports_but_not_the_sender() {
     let hub = Hub::new();
     let mut ports = [hub.port(), hub.port(), hub.port()];
     let error = CanFrame::Error { class: 4, length: 8, bytes: [1; 8] };
@@ -78,7 +78,7 @@ fn own_frames_are_not_heard_and_all_others_hear_them() {
     for sent in [error, remote, flexible, frame(1, &[])] {
         ports[1].send(&sent).unwrap();
         for at in [0, 2] {
-            assert_eq!(ports[at].receive(0).unwrap().map(|heard| heard.frame), Some(sent));
+            assert_eq!(ports[at].receive(0).unwrap().map(|arrived| arrived.frame), Some(sent));
         }
         assert_eq!(ports[1].receive(0).unwrap(), None);
     }
@@ -86,38 +86,38 @@ fn own_frames_are_not_heard_and_all_others_hear_them() {
 }
 
 #[test]
-fn frames_take_their_time_and_the_lowest_identifier_wins() {
+fn hub_with_bit_rates_sends_lowest_identifier_first() {
     let rates = BitRates { nominal: 1_000_000, data: 1_000_000 };
     let hub = Hub::with_bit_rates(rates);
     let (mut first, mut second, mut third) = (hub.port(), hub.port(), hub.port());
     let eight = [0x55; 8];
-    // The first to send has the bus; then they contend.
+    // The first sender gets the bus; then arbitration decides.
     first.send(&frame(0x300, &eight)).unwrap();
     first.send(&frame(0x100, &eight)).unwrap();
     second.send(&frame(0x200, &eight)).unwrap();
     second.send(&CanFrame::Remote { identifier: 0x100, extended: false, length: 0 }).unwrap();
     third.send(&frame(0x081, &eight)).unwrap();
     let mut listener = hub.port();
-    let mut heard = Vec::new();
+    let mut arrived = Vec::new();
     while let Some(received) = listener.receive(10_000_000).unwrap() {
         let (identifier, remote) = match received.frame {
             CanFrame::Data { identifier, .. } => (identifier, false),
             CanFrame::Remote { identifier, .. } => (identifier, true),
             other => panic!("{other:?}"),
         };
-        heard.push((identifier, remote, received.time_ns));
+        arrived.push((identifier, remote, received.time_ns));
     }
-    let order: Vec<(u32, bool)> = heard.iter().map(|(at, remote, _)| (*at, *remote)).collect();
-    // Nobody had begun when all were waiting, so the lowest head goes first; a queue keeps its order.
+    let order: Vec<(u32, bool)> = arrived.iter().map(|(at, remote, _)| (*at, *remote)).collect();
+    // All waited before any transmission, so the lowest first frame of a queue wins; each queue keeps its order.
     assert_eq!(
         order,
         [(0x081, false), (0x200, false), (0x100, true), (0x300, false), (0x100, false)]
     );
     let mut last = 0;
-    for (_, remote, time_ns) in &heard {
+    for (_, remote, time_ns) in &arrived {
         let bits = (time_ns - last) / 1000;
         let expected = if *remote { 44..=56 } else { 111..=135 };
-        assert!(expected.contains(&bits), "{bits} bits in {heard:?}");
+        assert!(expected.contains(&bits), "{bits} bits in {arrived:?}");
         last = *time_ns;
     }
     let load = hub.load();
@@ -125,7 +125,7 @@ fn frames_take_their_time_and_the_lowest_identifier_wins() {
 }
 
 #[test]
-fn a_full_queue_makes_the_sender_wait_in_virtual_time() {
+fn send_with_full_queue_waits_in_virtual_time() {
     let hub = Hub::with_bit_rates(BitRates { nominal: 125_000, data: 125_000 });
     let (mut port, mut other) = (hub.port(), hub.port());
     for count in 0..100u8 {
@@ -140,7 +140,7 @@ fn a_full_queue_makes_the_sender_wait_in_virtual_time() {
 }
 
 #[test]
-fn answers_without_end_are_an_error() {
+fn hub_with_endless_answers_returns_storm() {
     let hub = Hub::new();
     let answering = || {
         let mut joint = Joint::default();
@@ -154,23 +154,23 @@ fn answers_without_end_are_an_error() {
 }
 
 #[test]
-fn pace_is_kept_and_changes_nothing() {
-    let heard = |pace: Option<f64>| {
+fn hub_with_limited_pace_gives_the_same_events() {
+    let arrived = |pace: Option<f64>| {
         let hub = Hub::new();
         hub.attach(Joint::default());
         let mut port = hub.port();
         pace.inspect(|rate| hub.keep_pace(*rate));
         let begin = Instant::now();
-        let heard: Vec<_> = std::iter::from_fn(|| port.receive(50_000_000).unwrap()).collect();
-        (heard, begin.elapsed())
+        let arrived: Vec<_> = std::iter::from_fn(|| port.receive(50_000_000).unwrap()).collect();
+        (arrived, begin.elapsed())
     };
-    let (fast, _) = heard(None);
-    let (slow, took) = heard(Some(0.5));
+    let (fast, _) = arrived(None);
+    let (slow, took) = arrived(Some(0.5));
     assert_eq!(fast, slow);
     assert!(took >= Duration::from_millis(95), "{took:?}");
 }
 
-/// A minute of traffic at 100 Hz through dice and record; the log, the faults, and how long it took.
+/// Runs a minute of traffic at 100 Hz through fault injector and recorder. Returns the log, the faults and the duration.
 fn minute(seed: u64) -> (Vec<u8>, [FaultCounters; 2], Duration) {
     let begin = Instant::now();
     let hub = Hub::with_bit_rates(BitRates::FASTEST);
@@ -198,14 +198,14 @@ fn minute(seed: u64) -> (Vec<u8>, [FaultCounters; 2], Duration) {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_log_and_another_another() {
+fn fault_injector_with_equal_seeds_gives_equal_logs() {
     let (first, faults, took) = minute(7);
     let (again, same, _) = minute(7);
     assert!(first == again && faults == same, "the same seed");
     assert!(first != minute(8).0, "another seed");
     assert!(first.len() > 1_000_000, "{} bytes", first.len());
     println!("a minute of traffic in {took:?}: {} lines", first.split(|b| *b == b'\n').count());
-    // What was written can be read, in the order of time.
+    // The recording can be parsed and is ordered by time.
     let mut last = 0;
     for line in first.split(|byte| *byte == b'\n').filter(|line| !line.is_empty()) {
         let line = candump::parse(line).expect("a line");
@@ -215,14 +215,14 @@ fn the_same_seed_gives_the_same_log_and_another_another() {
 }
 
 #[test]
-fn faults_come_as_often_as_said() {
+fn fault_injector_injects_faults_at_their_rates() {
     let (_, [sent, received], _) = minute(3);
     assert_eq!(sent.frames, 6000);
-    // A heartbeat a millisecond, and an answer to what got through.
+    // A heartbeat every millisecond, and an answer to each received frame.
     assert!(received.frames > 60_000, "{received:?}");
     let near = |count: u64, of: u64, rate: f64| {
         let (of, count) = (of as f64, count as f64);
-        // Four standard deviations of a binomial.
+        // Four standard deviations of a binomial distribution.
         let band = 4.0 * (of * rate * (1.0 - rate)).sqrt();
         assert!((count - of * rate).abs() <= band, "{count} of {of}, expected {rate}");
         assert!(band < 0.5 * of * rate, "a band that says something");
@@ -237,7 +237,7 @@ fn faults_come_as_often_as_said() {
     }
 }
 
-/// What a listener hears of `frames` sent through dice, a millisecond apart.
+/// Returns the frames that a listener receives of `frames`, sent through a fault injector every millisecond.
 fn through(faults: Faults, frames: u64) -> (Vec<(u64, CanFrame)>, FaultCounters) {
     let hub = Hub::new();
     let plan = FaultPlan { sent: faults, received: Faults::default() };
@@ -248,9 +248,9 @@ fn through(faults: Faults, frames: u64) -> (Vec<(u64, CanFrame)>, FaultCounters)
         bus.send(&frame(0x100, &count.to_le_bytes())).unwrap();
     }
     assert_eq!(bus.receive(frames * 1_000_000 + faults.longest_delay_ns).unwrap(), None);
-    let heard = std::iter::from_fn(|| listener.receive(0).unwrap());
-    let heard = heard.map(|received| (received.time_ns, received.frame)).collect();
-    (heard, bus.fault_counters().0)
+    let arrived = std::iter::from_fn(|| listener.receive(0).unwrap());
+    let arrived = arrived.map(|received| (received.time_ns, received.frame)).collect();
+    (arrived, bus.fault_counters().0)
 }
 
 fn number(frame: &CanFrame) -> u64 {
@@ -258,36 +258,36 @@ fn number(frame: &CanFrame) -> u64 {
 }
 
 #[test]
-fn each_fault_does_what_it_says() {
-    let (heard, _) = through(Faults::default(), 100);
+fn fault_injector_with_one_fault_injects_only_that() {
+    let (arrived, _) = through(Faults::default(), 100);
     let expected: Vec<_> =
         (0..100u64).map(|at| (at * 1_000_000, frame(0x100, &at.to_le_bytes()))).collect();
-    assert_eq!(heard, expected, "none");
+    assert_eq!(arrived, expected, "none");
 
-    let (heard, faults) = through(Faults { drop: 1.0, ..Faults::default() }, 10);
-    assert_eq!((heard.len(), faults.dropped), (0, 10));
+    let (arrived, faults) = through(Faults { drop: 1.0, ..Faults::default() }, 10);
+    assert_eq!((arrived.len(), faults.dropped), (0, 10));
 
-    let (heard, _) = through(Faults { duplicate: 1.0, ..Faults::default() }, 10);
-    let numbers: Vec<u64> = heard.iter().map(|(_, frame)| number(frame)).collect();
+    let (arrived, _) = through(Faults { duplicate: 1.0, ..Faults::default() }, 10);
+    let numbers: Vec<u64> = arrived.iter().map(|(_, frame)| number(frame)).collect();
     assert_eq!(numbers, (0..10).flat_map(|at| [at, at]).collect::<Vec<u64>>());
 
-    let (heard, _) = through(Faults { corrupt: 1.0, ..Faults::default() }, 50);
+    let (arrived, _) = through(Faults { corrupt: 1.0, ..Faults::default() }, 50);
     let flipped = |(at, (_, frame)): (u64, &(u64, CanFrame))| (number(frame) ^ at).count_ones();
-    assert!((0..50).zip(&heard).map(flipped).all(|bits| bits == 1));
+    assert!((0..50).zip(&arrived).map(flipped).all(|bits| bits == 1));
 
-    let (heard, faults) =
+    let (arrived, faults) =
         through(Faults { delay: 1.0, longest_delay_ns: 700_000, ..Faults::default() }, 200);
-    assert_eq!((heard.len(), faults.delayed), (200, 200));
+    assert_eq!((arrived.len(), faults.delayed), (200, 200));
     let late: Vec<u64> =
-        heard.iter().zip(0..).map(|((time, _), at)| time - at * 1_000_000).collect();
+        arrived.iter().zip(0..).map(|((time, _), at)| time - at * 1_000_000).collect();
     assert!(late.iter().all(|late| *late <= 700_000), "{late:?}");
     let mean = late.iter().sum::<u64>() / 200;
     assert!((300_000..400_000).contains(&mean), "{mean}");
 
-    let (heard, faults) =
+    let (arrived, faults) =
         through(Faults { reorder: 0.3, longest_delay_ns: 10_000_000, ..Faults::default() }, 300);
-    assert_eq!(heard.len(), 300);
-    let numbers: Vec<u64> = heard.iter().map(|(_, frame)| number(frame)).collect();
+    assert_eq!(arrived.len(), 300);
+    let numbers: Vec<u64> = arrived.iter().map(|(_, frame)| number(frame)).collect();
     let backwards = numbers.windows(2).filter(|pair| pair[1] < pair[0]).count() as u64;
     assert!(faults.reordered > 60 && faults.reordered < 120, "{faults:?}");
     assert!(backwards > 40 && backwards <= faults.reordered, "{backwards}");
@@ -295,14 +295,14 @@ fn each_fault_does_what_it_says() {
     sorted.sort_unstable();
     assert_eq!(sorted, (0..300).collect::<Vec<u64>>(), "none is lost");
 
-    // The last has none behind it and goes when its time is up.
-    let (heard, _) =
+    // The last frame has no next frame and is sent at its time limit.
+    let (arrived, _) =
         through(Faults { reorder: 1.0, longest_delay_ns: 5_000_000, ..Faults::default() }, 1);
-    assert_eq!(heard, [(5_000_000, frame(0x100, &[0; 8]))]);
+    assert_eq!(arrived, [(5_000_000, frame(0x100, &[0; 8]))]);
 }
 
 #[test]
-fn a_record_holds_all_that_was() {
+fn recorder_writes_all_frames() {
     let hub = Hub::new();
     hub.attach(Joint::default());
     let mut log = Vec::new();
@@ -320,14 +320,14 @@ fn a_record_holds_all_that_was() {
     ];
     let mut expected = Vec::new();
     for (at, one) in (0..).zip(&sent) {
-        while let Some(heard) = bus.receive(at * 250_000).unwrap() {
-            expected.push((heard.time_ns, heard.frame, Direction::Received));
+        while let Some(arrived) = bus.receive(at * 250_000).unwrap() {
+            expected.push((arrived.time_ns, arrived.frame, Direction::Received));
         }
         bus.send(one).unwrap();
         expected.push((at * 250_000, *one, Direction::Sent));
     }
-    while let Some(heard) = bus.receive(2_000_000).unwrap() {
-        expected.push((heard.time_ns, heard.frame, Direction::Received));
+    while let Some(arrived) = bus.receive(2_000_000).unwrap() {
+        expected.push((arrived.time_ns, arrived.frame, Direction::Received));
     }
     expected.sort_by_key(|(time_ns, ..)| *time_ns);
     bus.finish().unwrap();
@@ -342,7 +342,7 @@ fn a_record_holds_all_that_was() {
     assert_eq!(read.len(), 3 + 4, "three sent; three heartbeats and an answer");
 }
 
-/// A pipe nobody reads.
+/// A writer that fails.
 struct Broken;
 
 impl std::io::Write for Broken {
@@ -356,7 +356,7 @@ impl std::io::Write for Broken {
 }
 
 #[test]
-fn a_record_that_cannot_be_written_is_an_error() {
+fn recorder_with_failing_writer_returns_error() {
     let hub = Hub::new();
     let mut bus = Recorder::new(hub.port(), Broken, "loop", Fraction::Microseconds);
     bus.send(&frame(1, &[])).unwrap();
@@ -365,20 +365,20 @@ fn a_record_that_cannot_be_written_is_an_error() {
 }
 
 #[test]
-fn names_open_buses_or_say_what_to_do() {
+fn open_by_name_returns_bus_or_remedy() {
     let hub = Hub::new();
     let mut by_name = "loop".parse::<BusName>().unwrap().open(&hub).unwrap();
     by_name.send(&frame(1, &[9])).unwrap();
     let mut other = hub.port();
-    assert_eq!(other.receive(0).unwrap().map(|heard| heard.frame), Some(frame(1, &[9])));
+    assert_eq!(other.receive(0).unwrap().map(|arrived| arrived.frame), Some(frame(1, &[9])));
 
     for (name, advice) in [
         ("vcan99", "ip link add dev vcan99 type vcan"),
         ("can99", "ip link"),
-        ("lo", "no CAN interface"),
-        ("slcan:/dev/no-such-device", "plugged in"),
+        ("lo", "not a CAN interface"),
+        ("slcan:/dev/no-such-device", "check that it is connected"),
         ("slcan:/etc/passwd", "neither a serial device nor a socket"),
-        ("slcan:/dev/null", "no serial line"),
+        ("slcan:/dev/null", "not a serial device"),
         ("slcan:127.0.0.1:1", "refused"),
     ] {
         let bus: BusName = name.parse().unwrap();
@@ -386,7 +386,7 @@ fn names_open_buses_or_say_what_to_do() {
         let text = error.to_string();
         assert!(matches!(error, BusError::Open { .. }), "{text}");
         assert!(text.starts_with(&format!("bus {name}: ")) && text.lines().count() == 1, "{text}");
-        // A kernel without CAN says so, whatever the interface.
+        // A kernel without CAN reports that for every interface.
         assert!(text.contains(advice) || text.contains("no CAN; modprobe"), "{text}");
     }
 }

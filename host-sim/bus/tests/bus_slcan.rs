@@ -1,5 +1,5 @@
-//! slcan against an adapter in this test, which speaks with the board's own code, and against one that
-//! misbehaves: TCP, a socket in the file system, a serial line that is a pseudo-terminal.
+//! Tests of slcan with an adapter that uses the board's own code, and with one that misbehaves. The links are TCP, a socket
+//! in the file system, and a pseudo-terminal as the serial line.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -10,7 +10,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use compensator_core::can::Frame;
-use compensator_core::can::slcan::{Adapter, BitRate, LONGEST_CLASSIC, emit_frame};
+use compensator_core::can::slcan::{Adapter, BitRate, MAX_CLASSIC_LINE_BYTES, emit_frame};
 use joint_bus::bus::Address;
 use joint_bus::bus::slcan::{Options, Slcan};
 use joint_bus::bus::{Bus, BusError};
@@ -24,18 +24,18 @@ fn data(identifier: u32, extended: bool, data: &[u8]) -> CanFrame {
     CanFrame::Data { identifier, extended, length: data.len() as u8, bytes }
 }
 
-/// Is an adapter whose bus holds one joint: each frame is answered with the next identifier. Ends with
-/// the line; gives the frames it took.
+/// Runs an adapter with one joint on its bus: each frame is answered with the next identifier. Ends when the link closes.
+/// Returns the received frames.
 fn joint(mut line: impl Read + Write) -> Vec<Frame> {
-    let mut adapter = Adapter::<LONGEST_CLASSIC>::new();
+    let mut adapter = Adapter::<MAX_CLASSIC_LINE_BYTES>::new();
     let (mut bytes, mut taken) = ([0; 256], Vec::new());
     while let Ok(length @ 1..) = line.read(&mut bytes) {
         let mut out = Vec::new();
-        for heard in bytes[..length].iter().filter_map(|byte| adapter.push(*byte)) {
-            out.extend_from_slice(heard.answer);
-            if let Some(frame) = heard.frame {
+        for arrived in bytes[..length].iter().filter_map(|byte| adapter.push(*byte)) {
+            out.extend_from_slice(arrived.answer);
+            if let Some(frame) = arrived.frame {
                 let answer = Frame::new(frame.identifier() + 1, frame.data()).expect("legal");
-                let mut text = [0; LONGEST_CLASSIC + 1];
+                let mut text = [0; MAX_CLASSIC_LINE_BYTES + 1];
                 let length = emit_frame(&answer, &mut text).expect("fits");
                 out.extend_from_slice(&text[..length]);
                 taken.push(frame);
@@ -48,7 +48,7 @@ fn joint(mut line: impl Read + Write) -> Vec<Frame> {
     taken
 }
 
-/// Sends to a joint behind `address` and hears its answers; gives round trips a second.
+/// Sends frames to a joint at `address` and receives its answers. Returns round trips per second.
 fn converse(address: &str) -> f64 {
     let address = Address::parse(address).expect("an address");
     let mut bus = Slcan::open(&address, Options::default()).expect("an adapter");
@@ -57,9 +57,9 @@ fn converse(address: &str) -> f64 {
         let sent = data(u32::from(count), false, &count.to_le_bytes());
         let before_ns = bus.now_ns();
         bus.send(&sent).expect("sent");
-        let heard = bus.receive_within(SECOND).expect("open").expect("an answer");
-        assert_eq!(heard.frame, data(u32::from(count) + 1, false, &count.to_le_bytes()));
-        assert!(before_ns <= heard.time_ns && heard.time_ns <= bus.now_ns());
+        let arrived = bus.receive_within(SECOND).expect("open").expect("an answer");
+        assert_eq!(arrived.frame, data(u32::from(count) + 1, false, &count.to_le_bytes()));
+        assert!(before_ns <= arrived.time_ns && arrived.time_ns <= bus.now_ns());
     }
     let rate = 500.0 / begin.elapsed().as_secs_f64();
     let counters = bus.counters();
@@ -69,7 +69,7 @@ fn converse(address: &str) -> f64 {
 }
 
 #[test]
-fn a_joint_behind_tcp() {
+fn slcan_over_tcp_receives_answers() {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("an address").to_string();
     let peer = thread::spawn(move || {
@@ -82,7 +82,7 @@ fn a_joint_behind_tcp() {
 }
 
 #[test]
-fn a_joint_behind_a_socket_in_the_file_system() {
+fn slcan_over_unix_socket_receives_answers() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("joint");
     let listener = UnixListener::bind(&path).expect("a socket");
@@ -92,7 +92,7 @@ fn a_joint_behind_a_socket_in_the_file_system() {
 }
 
 #[test]
-fn a_joint_behind_a_serial_line() {
+fn slcan_over_serial_line_receives_answers() {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     let open = || {
         let adapter = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
@@ -109,76 +109,76 @@ fn a_joint_behind_a_serial_line() {
         }
     };
     let path = path.into_string().expect("text");
-    // The other end is gone when the last copy is dropped; reading then fails.
+    // The other end closes when the last copy is dropped; then reading fails.
     let peer = thread::spawn(move || joint(File::from(adapter)));
     println!("{:.0} round trips a second over a serial line", converse(&format!("{path}@3000000")));
     assert_eq!(peer.join().expect("no panic").len(), 500);
 }
 
-/// A peer that writes what the test tells it to, once the bus is open, and hands over what it heard.
+/// A peer that writes the texts of the test once the bus is open, and returns the received bytes.
 struct Peer {
     address: Address,
     say: mpsc::Sender<Vec<u8>>,
-    heard: JoinHandle<Vec<u8>>,
+    arrived: JoinHandle<Vec<u8>>,
 }
 
-/// Answers the commands that open the bus with these; nothing for those beyond.
+/// Answers the commands that open the bus with these texts; later commands get no answer.
 fn peer(answers: &'static [&'static [u8]]) -> Peer {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("an address").to_string();
-    let (say, told) = mpsc::channel::<Vec<u8>>();
-    let heard = thread::spawn(move || {
+    let (say, texts) = mpsc::channel::<Vec<u8>>();
+    let arrived = thread::spawn(move || {
         let mut line: TcpStream = listener.accept().expect("a host").0;
         line.set_nodelay(true).expect("set");
-        let mut heard = Vec::new();
+        let mut arrived = Vec::new();
         let mut bytes = [0; 4096];
         for answer in answers {
             let length = line.read(&mut bytes).unwrap_or(0);
-            heard.extend_from_slice(&bytes[..length]);
+            arrived.extend_from_slice(&bytes[..length]);
             line.write_all(answer).expect("written");
         }
-        for text in told {
+        for text in texts {
             line.write_all(&text).expect("written");
             thread::sleep(Duration::from_millis(5));
         }
         line.shutdown(std::net::Shutdown::Write).expect("shut");
-        let _ = line.read_to_end(&mut heard);
-        heard
+        let _ = line.read_to_end(&mut arrived);
+        arrived
     });
-    Peer { address: Address::parse(&address).expect("an address"), say, heard }
+    Peer { address: Address::parse(&address).expect("an address"), say, arrived }
 }
 
 const WELL: &[&[u8]] = &[b"\r\r\x07", b"\r", b"\r"];
 
 #[test]
-fn lines_in_pieces_garbage_bells_and_overlong_ones() {
+fn receive_with_split_malformed_and_overlong_lines_counts_them() {
     let peer = peer(WELL);
     let mut bus = Slcan::open(&peer.address, Options::default()).expect("open");
-    let say = |text: &[u8]| peer.say.send(text.to_vec()).expect("told");
+    let say = |text: &[u8]| peer.say.send(text.to_vec()).expect("sent");
     for piece in ["t", "20", "13A", "0B1", "C2\rT1FFF", "FFFF0\r"] {
         say(piece.as_bytes());
     }
-    let mut hear = || bus.receive_within(SECOND).expect("open").map(|heard| heard.frame);
-    assert_eq!(hear(), Some(data(0x201, false, &[0xA0, 0xB1, 0xC2])));
-    assert_eq!(hear(), Some(data(0x1FFF_FFFF, true, &[])));
+    let mut receive = || bus.receive_within(SECOND).expect("open").map(|arrived| arrived.frame);
+    assert_eq!(receive(), Some(data(0x201, false, &[0xA0, 0xB1, 0xC2])));
+    assert_eq!(receive(), Some(data(0x1FFF_FFFF, true, &[])));
     say(b"\xFF\x00nonsense\rt8000\r\x07O\r");
     say(&[b't'; 1000]);
     say(b"\rz\rZ\rV1013\r\rr0053\rR000000068\r");
-    assert_eq!(hear(), Some(CanFrame::Remote { identifier: 5, extended: false, length: 3 }));
-    assert_eq!(hear(), Some(CanFrame::Remote { identifier: 6, extended: true, length: 8 }));
+    assert_eq!(receive(), Some(CanFrame::Remote { identifier: 5, extended: false, length: 3 }));
+    assert_eq!(receive(), Some(CanFrame::Remote { identifier: 6, extended: true, length: 8 }));
     say(b"d0019000102030405060708090A0B\rB00000002111\r");
     let mut bytes = [0; 64];
     bytes.iter_mut().zip(0..12).for_each(|(byte, at)| *byte = at);
     let (flags, length) = (0, 12);
     let flexible = CanFrame::Flexible { identifier: 1, extended: false, flags, length, bytes };
-    assert_eq!(hear(), Some(flexible));
+    assert_eq!(receive(), Some(flexible));
     let mut bytes = [0; 64];
     bytes[0] = 0x11;
     let (flags, length) = (1, 1);
     let switched = CanFrame::Flexible { identifier: 2, extended: true, flags, length, bytes };
-    assert_eq!(hear(), Some(switched));
+    assert_eq!(receive(), Some(switched));
     let counters = bus.counters();
-    // Nonsense, an identifier out of range, a command, an overlong line; one bell.
+    // A malformed line, an identifier out of range, a command, an overlong line, and one refusal.
     assert_eq!((counters.received, counters.garbage, counters.refused), (6, 4, 1));
     let begin = Instant::now();
     assert_eq!(bus.receive_within(Duration::from_millis(50)).expect("open"), None);
@@ -187,7 +187,7 @@ fn lines_in_pieces_garbage_bells_and_overlong_ones() {
 }
 
 #[test]
-fn every_frame_is_written_as_the_format_has_it() {
+fn send_with_each_kind_of_frame_writes_its_line() {
     let peer = peer(WELL);
     let options = Options { bit_rate: BitRate::new(6).expect("a rate"), ..Options::default() };
     let mut bus = Slcan::open(&peer.address, options).expect("open");
@@ -210,23 +210,23 @@ fn every_frame_is_written_as_the_format_has_it() {
     assert_eq!(bus.counters().sent, 5);
     drop(bus);
     drop(peer.say);
-    let heard = String::from_utf8(peer.heard.join().expect("no panic")).expect("text");
+    let arrived = String::from_utf8(peer.arrived.join().expect("no panic")).expect("text");
     let zeros = "0".repeat(24);
     let lines = format!("\r\rC\rS6\rO\rt7FF101\rT000001230\rr0024\rd0109{zeros}\rb010100\rC\r");
-    assert_eq!(heard, lines);
+    assert_eq!(arrived, lines);
 }
 
 #[test]
-fn the_end_of_the_line_is_an_error_after_what_was_heard() {
+fn receive_after_closed_link_returns_frames_then_error() {
     for (last, ending) in
         [(&b"t12"[..], "in the middle of a line"), (b"", "closed by the other end")]
     {
         let peer = peer(WELL);
         let mut bus = Slcan::open(&peer.address, Options::default()).expect("open");
-        peer.say.send([b"t1230\r", last].concat()).expect("told");
+        peer.say.send([b"t1230\r", last].concat()).expect("sent");
         drop(peer.say);
-        let heard = bus.receive_within(SECOND).expect("open").map(|heard| heard.frame);
-        assert_eq!(heard, Some(data(0x123, false, &[])));
+        let arrived = bus.receive_within(SECOND).expect("open").map(|arrived| arrived.frame);
+        assert_eq!(arrived, Some(data(0x123, false, &[])));
         let error = bus.receive_within(SECOND).expect_err("closed").to_string();
         assert!(error.ends_with(ending) && error.lines().count() == 1, "{error}");
         assert!(matches!(bus.send(&data(1, false, &[])), Err(BusError::Closed { .. })));
@@ -235,7 +235,7 @@ fn the_end_of_the_line_is_an_error_after_what_was_heard() {
 }
 
 #[test]
-fn an_adapter_that_refuses_is_not_opened_and_a_silent_one_is() {
+fn open_with_refusing_adapter_fails_and_with_silent_adapter_succeeds() {
     const RATE: &[&[u8]] = &[b"\r", b"\x07"];
     const OPENING: &[&[u8]] = &[b"\x07", b"\r", b"\x07"];
     for (answers, refused) in [(RATE, "BitRate"), (OPENING, "Open")] {
@@ -246,24 +246,24 @@ fn an_adapter_that_refuses_is_not_opened_and_a_silent_one_is() {
     }
     let silent = peer(&[]);
     let mut bus = Slcan::open(&silent.address, Options::default()).expect("believed");
-    silent.say.send(b"t0010\r".to_vec()).expect("told");
-    let heard = bus.receive_within(SECOND).expect("open").map(|heard| heard.frame);
-    assert_eq!(heard, Some(data(1, false, &[])));
+    silent.say.send(b"t0010\r".to_vec()).expect("sent");
+    let arrived = bus.receive_within(SECOND).expect("open").map(|arrived| arrived.frame);
+    assert_eq!(arrived, Some(data(1, false, &[])));
 }
 
 #[test]
-fn what_an_adapter_says_before_it_is_opened_is_dropped() {
-    // Amid a frame when the host came, and others before it obeyed.
+fn open_discards_earlier_output_of_the_adapter() {
+    // A partial frame at the start, and more frames before the close command takes effect.
     let peer = peer(&[b"7788\rt1230\rt1240\r\x07", b"\r", b"\rt1250\r"]);
     let mut bus = Slcan::open(&peer.address, Options::default()).expect("open");
-    let heard = bus.receive_within(SECOND).expect("open").map(|heard| heard.frame);
-    assert_eq!(heard, Some(data(0x125, false, &[])));
+    let arrived = bus.receive_within(SECOND).expect("open").map(|arrived| arrived.frame);
+    assert_eq!(arrived, Some(data(0x125, false, &[])));
     assert_eq!(bus.counters().garbage, 0);
 }
 
-/// Nobody reads: what fits is taken, then the sender is told, and no line is torn.
+/// The peer does not read: sending fails after the link is full, and no line is split.
 #[test]
-fn a_peer_that_takes_nothing() {
+fn send_to_peer_that_does_not_read_returns_full() {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("an address").to_string();
     let (resume, resumed) = mpsc::channel::<()>();
@@ -274,10 +274,10 @@ fn a_peer_that_takes_nothing() {
             let _ = line.read(&mut bytes);
             line.write_all(b"\r").expect("written");
         }
-        resumed.recv().expect("told");
-        let mut heard = Vec::new();
-        let _ = line.read_to_end(&mut heard);
-        heard
+        resumed.recv().expect("sent");
+        let mut arrived = Vec::new();
+        let _ = line.read_to_end(&mut arrived);
+        arrived
     });
     let address = Address::parse(&address).expect("an address");
     let mut bus = Slcan::open(&address, Options::default()).expect("open");
@@ -296,8 +296,8 @@ fn a_peer_that_takes_nothing() {
     thread::sleep(Duration::from_millis(200));
     bus.send(&frame).expect("there is room again");
     drop(bus);
-    let heard = peer.join().expect("no panic");
-    let lines: Vec<&[u8]> = heard.split(|byte| *byte == b'\r').collect();
+    let arrived = peer.join().expect("no panic");
+    let lines: Vec<&[u8]> = arrived.split(|byte| *byte == b'\r').collect();
     let whole = lines.iter().filter(|line| **line == b"t12380707070707070707").count() as u64;
     assert_eq!(whole, sent + 1);
     assert_eq!(lines.len() as u64, sent + 1 + 2, "C, and nothing behind its end");

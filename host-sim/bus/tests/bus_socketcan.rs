@@ -1,8 +1,8 @@
-//! The kernel's CAN: every kind of frame against can-utils, stamps, losses, full queues, interfaces that
-//! are down or gone.
+//! Tests of the kernel's CAN: each kind of frame with can-utils, time stamps, losses, full queues, and interfaces that are
+//! down or removed.
 //!
-//! Needs an interface: `vcan0`, or the one `VCAN` names, up, with CAN FD, and can-utils. Without it each
-//! test says that it is skipped; `tests/vcan/run` gives it one, in a guest, and sets `VCAN_REQUIRED`.
+//! They need can-utils and an interface with CAN FD that is up: `vcan0`, or the one named by `VCAN`. Without it, each test
+//! reports that it is skipped. `tests/vcan/run` provides one in a guest, and sets `VCAN_REQUIRED`.
 
 #![cfg(target_os = "linux")]
 
@@ -20,7 +20,7 @@ use joint_trace::candump::{self, CanFrame, Fraction};
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// The interface, for one test at a time; `None` where there is none.
+/// Returns the interface, for one test at a time; `None` if there is none.
 fn interface() -> Option<(String, MutexGuard<'static, ()>)> {
     static ONE: Mutex<()> = Mutex::new(());
     let name = env::var("VCAN").unwrap_or("vcan0".into());
@@ -38,12 +38,12 @@ fn interface() -> Option<(String, MutexGuard<'static, ()>)> {
     Some((name, ONE.lock().unwrap_or_else(PoisonError::into_inner)))
 }
 
-/// Runs a program and asserts that it is content.
+/// Runs a program and asserts that it succeeds.
 fn run(command: &str) {
     let words: Vec<&str> = command.split_whitespace().collect();
     let output = Command::new(words[0]).args(&words[1..]).output().expect(words[0]);
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{command}: {told}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command}: {message}");
 }
 
 fn data(identifier: u32, extended: bool, data: &[u8]) -> CanFrame {
@@ -74,7 +74,7 @@ fn every_kind() -> Vec<CanFrame> {
     ]
 }
 
-/// Without the flag that says nothing but that a frame is of CAN FD; some kernels set it.
+/// Removes the flag that only marks CAN FD, which some kernels set.
 fn plain(mut frame: CanFrame) -> CanFrame {
     if let CanFrame::Flexible { flags, .. } = &mut frame {
         *flags &= 3;
@@ -82,13 +82,13 @@ fn plain(mut frame: CanFrame) -> CanFrame {
     frame
 }
 
-/// Listeners the kernel has for all frames of an interface.
+/// Returns the number of listeners of the kernel for all frames of an interface.
 fn listeners(interface: &str) -> usize {
     let list = fs::read_to_string("/proc/net/can/rcvlist_all").unwrap_or_default();
     list.lines().filter(|line| line.split_whitespace().next() == Some(interface)).count()
 }
 
-/// candump, listening by the time this returns, until it has heard so many frames.
+/// Starts candump for a number of frames. It is listening when this returns.
 fn candump(interface: &str, frames: usize) -> Child {
     let before = listeners(interface);
     let filter = format!("{interface},0:0,#FFFFFFFF");
@@ -106,27 +106,27 @@ fn candump(interface: &str, frames: usize) -> Child {
 }
 
 #[test]
-fn what_is_sent_candump_hears() {
+fn send_with_each_kind_of_frame_is_received_by_candump() {
     let Some((name, _one)) = interface() else { return };
     let frames = every_kind();
     let dump = candump(&name, frames.len());
     let mut bus = SocketCan::open(&name).expect("open");
-    assert!(bus.is_flexible());
+    assert!(bus.supports_can_fd());
     frames.iter().for_each(|frame| bus.send(frame).expect("sent"));
     let output = dump.wait_with_output().expect("candump ends");
-    let heard: Vec<CanFrame> = output
+    let arrived: Vec<CanFrame> = output
         .stdout
         .split(|byte| *byte == b'\n')
         .filter(|line| !line.is_empty())
         .map(|line| plain(candump::parse(line).expect("a line").frame))
         .collect();
-    assert_eq!(heard, frames);
+    assert_eq!(arrived, frames);
     assert_eq!(bus.counters().sent, frames.len() as u64);
-    assert_eq!(bus.receive(0).expect("open"), None, "own frames are not heard");
+    assert_eq!(bus.receive(0).expect("open"), None, "own frames are not received");
 }
 
 #[test]
-fn what_cansend_sends_is_heard() {
+fn receive_with_frames_of_cansend_returns_them() {
     let Some((name, _one)) = interface() else { return };
     let mut bus = SocketCan::open(&name).expect("open");
     for frame in every_kind() {
@@ -137,31 +137,31 @@ fn what_cansend_sends_is_heard() {
         let words = text.split_whitespace().nth(2).expect("a frame");
         let before_ns = bus.now_ns();
         run(&format!("cansend {name} {words}"));
-        let heard = bus.receive_within(SECOND).expect("open").expect(words);
-        assert_eq!(plain(heard.frame), frame, "{words}");
-        // The stamp is the kernel's: between the call and now, give or take the two clocks' reading.
+        let arrived = bus.receive_within(SECOND).expect("open").expect(words);
+        assert_eq!(plain(arrived.frame), frame, "{words}");
+        // The kernel's time stamp lies between the call and now, within the reading error of both clocks.
         let slack = 1_000_000;
-        assert!(before_ns <= heard.time_ns + slack && heard.time_ns <= bus.now_ns(), "{words}");
+        assert!(before_ns <= arrived.time_ns + slack && arrived.time_ns <= bus.now_ns(), "{words}");
     }
     let counters = bus.counters();
     assert_eq!((counters.received, counters.errors, counters.lost), (11, 1, 0));
 }
 
 #[test]
-fn a_stamp_says_when_a_frame_came_not_when_it_was_fetched() {
+fn receive_after_pause_returns_time_of_arrival() {
     let Some((name, _one)) = interface() else { return };
     let (mut bus, mut other) =
         (SocketCan::open(&name).expect("open"), SocketCan::open(&name).expect("open"));
     let before_ns = bus.now_ns();
     other.send(&data(1, false, &[])).expect("sent");
     thread::sleep(Duration::from_millis(300));
-    let heard = bus.receive(0).expect("open").expect("it waits");
-    let late_ms = heard.time_ns.saturating_sub(before_ns) / 1_000_000;
+    let arrived = bus.receive(0).expect("open").expect("it waits");
+    let late_ms = arrived.time_ns.saturating_sub(before_ns) / 1_000_000;
     assert!(late_ms < 150, "{late_ms} ms");
 }
 
 #[test]
-fn canplayer_plays_what_was_recorded() {
+fn recording_played_by_canplayer_is_unchanged() {
     let Some((name, _one)) = interface() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("trace.log");
@@ -177,14 +177,14 @@ fn canplayer_plays_what_was_recorded() {
     record.finish().expect("written");
     let mut bus = SocketCan::open(&name).expect("open");
     run(&format!("timeout 20 canplayer -I {}", path.display()));
-    let heard: Vec<CanFrame> = std::iter::from_fn(|| bus.receive(0).expect("open"))
-        .map(|heard| plain(heard.frame))
+    let arrived: Vec<CanFrame> = std::iter::from_fn(|| bus.receive(0).expect("open"))
+        .map(|arrived| plain(arrived.frame))
         .collect();
-    assert_eq!(heard, frames);
+    assert_eq!(arrived, frames);
 }
 
 #[test]
-fn a_wait_lasts_as_long_as_said() {
+fn receive_without_frames_waits_for_the_given_time() {
     let Some((name, _one)) = interface() else { return };
     let mut bus = SocketCan::open(&name).expect("open");
     let begin = Instant::now();
@@ -197,7 +197,7 @@ fn a_wait_lasts_as_long_as_said() {
 }
 
 #[test]
-fn a_full_queue_is_waited_for_but_not_for_ever() {
+fn send_with_full_queue_waits_up_to_the_limit() {
     let Some((name, _one)) = interface() else { return };
     let shape = |what: &str| {
         let command = format!("qdisc replace dev {name} root tbf {what}");
@@ -214,11 +214,11 @@ fn a_full_queue_is_waited_for_but_not_for_ever() {
     let begin = Instant::now();
     (0..400u32).for_each(|at| bus.send(&data(1, false, &at.to_le_bytes())).expect("sent"));
     let took = begin.elapsed();
-    let heard = std::iter::from_fn(|| other.receive_within(SECOND).expect("open")).take(400);
-    let heard: Vec<u32> = heard
-        .map(|heard| u32::from_le_bytes(heard.frame.data().try_into().expect("four bytes")))
+    let arrived = std::iter::from_fn(|| other.receive_within(SECOND).expect("open")).take(400);
+    let arrived: Vec<u32> = arrived
+        .map(|arrived| u32::from_le_bytes(arrived.frame.data().try_into().expect("four bytes")))
         .collect();
-    assert_eq!(heard, (0..400).collect::<Vec<u32>>(), "in order, none lost");
+    assert_eq!(arrived, (0..400).collect::<Vec<u32>>(), "in order, none lost");
     assert!(bus.counters().waits > 0);
     assert!(took > Duration::from_millis(300) && took < 5 * SECOND, "{took:?}");
 
@@ -233,7 +233,7 @@ fn a_full_queue_is_waited_for_but_not_for_ever() {
 }
 
 #[test]
-fn what_the_kernel_loses_is_counted() {
+fn counters_with_full_buffer_report_losses() {
     let Some((name, _one)) = interface() else { return };
     let (mut slow, mut sender) =
         (SocketCan::open(&name).expect("open"), SocketCan::open(&name).expect("open"));
@@ -251,7 +251,7 @@ fn what_the_kernel_loses_is_counted() {
 }
 
 #[test]
-fn interfaces_that_are_down_or_gone_or_classic() {
+fn open_with_down_missing_or_classic_interface_reports_it() {
     let Some((_, _one)) = interface() else { return };
     let fresh = "vcan7";
     let _ = Command::new("ip").args(["link", "del", fresh]).output();
@@ -267,7 +267,7 @@ fn interfaces_that_are_down_or_gone_or_classic() {
     refused("the interface is down; ip link set vcan7 mtu 72 up");
     run("ip link set vcan7 mtu 16 up");
     let mut bus = SocketCan::open(fresh).expect("open");
-    assert!(!bus.is_flexible());
+    assert!(!bus.supports_can_fd());
     let error = bus.send(&flexible(1, false, 0, 8)).expect_err("classic");
     assert!(matches!(error, BusError::Unsupported { what: "CAN FD", .. }), "{error}");
     bus.send(&data(1, false, &[])).expect("classic goes");
@@ -283,36 +283,36 @@ fn interfaces_that_are_down_or_gone_or_classic() {
     assert!(matches!(error, BusError::Closed { .. }), "{error}");
     refused("no such interface; ip link add dev vcan7 type vcan");
     let text = SocketCan::open("lo").expect_err("no CAN").to_string();
-    assert_eq!(text, "bus lo: no CAN interface");
+    assert_eq!(text, "bus lo: not a CAN interface");
 }
 
 #[test]
-fn frames_a_second_and_a_kilohertz() {
+fn bus_carries_a_kilohertz_of_samples() {
     let Some((name, _one)) = interface() else { return };
     let (mut bus, mut other) =
         (SocketCan::open(&name).expect("open"), SocketCan::open(&name).expect("open"));
     let begin = Instant::now();
-    let mut heard = 0u32;
+    let mut arrived = 0u32;
     for at in 0..20_000u32 {
         bus.send(&data(0x201, false, &[0; 8])).expect("sent");
         if at % 50 == 49 {
-            heard += std::iter::from_fn(|| other.receive(0).expect("open")).count() as u32;
+            arrived += std::iter::from_fn(|| other.receive(0).expect("open")).count() as u32;
         }
     }
-    let rate = f64::from(heard) / begin.elapsed().as_secs_f64();
-    println!("measured: {rate:.0} frames a second sent and heard by one thread");
-    assert_eq!((heard, other.counters().lost), (20_000, 0));
+    let rate = f64::from(arrived) / begin.elapsed().as_secs_f64();
+    println!("measured: {rate:.0} frames a second sent and received by one thread");
+    assert_eq!((arrived, other.counters().lost), (20_000, 0));
     assert!(rate > 1000.0);
 
-    // A joint's samples: five frames each millisecond, and one back from another thread.
+    // Samples of a joint: five frames every millisecond, and one answer from another thread.
     let samples = 2000u64;
     let answering = thread::spawn(move || {
         let mut seen = HashSet::new();
         while (seen.len() as u64) < samples {
-            let heard = other.receive_within(5 * SECOND).expect("open").expect("a sample");
-            if let CanFrame::Data { identifier: 0x080, .. } = heard.frame {
-                seen.insert(heard.frame.data().to_vec());
-                other.send(&data(0x181, false, heard.frame.data())).expect("sent");
+            let arrived = other.receive_within(5 * SECOND).expect("open").expect("a sample");
+            if let CanFrame::Data { identifier: 0x080, .. } = arrived.frame {
+                seen.insert(arrived.frame.data().to_vec());
+                other.send(&data(0x181, false, arrived.frame.data())).expect("sent");
             }
         }
         other.counters()
@@ -321,16 +321,16 @@ fn frames_a_second_and_a_kilohertz() {
     let (mut trips, mut late) = (Vec::new(), 0u64);
     for sample in 0..samples {
         let due_ns = start_ns + sample * 1_000_000;
-        assert_eq!(bus.receive(due_ns).expect("open"), None, "an answer nobody waits for");
+        assert_eq!(bus.receive(due_ns).expect("open"), None, "an answer that was not requested");
         late = late.max(bus.now_ns().saturating_sub(due_ns));
         for identifier in [0x481, 0x681, 0x401, 0x501] {
             bus.send(&data(identifier, false, &[1; 8])).expect("sent");
         }
         let sent_ns = bus.now_ns();
         bus.send(&data(0x080, false, &sample.to_le_bytes())).expect("sent");
-        let heard = bus.receive_within(SECOND).expect("open").expect("an answer");
-        assert_eq!(heard.frame, data(0x181, false, &sample.to_le_bytes()));
-        trips.push(heard.time_ns.saturating_sub(sent_ns) / 1000);
+        let arrived = bus.receive_within(SECOND).expect("open").expect("an answer");
+        assert_eq!(arrived.frame, data(0x181, false, &sample.to_le_bytes()));
+        trips.push(arrived.time_ns.saturating_sub(sent_ns) / 1000);
     }
     let took = (bus.now_ns() - start_ns) as f64 * 1e-9;
     trips.sort_unstable();

@@ -1,8 +1,8 @@
-//! Evaluations of a network by the core, for whoever holds another form of it against the core (`tests/onnx/run`).
+//! Evaluations of a network by the core, for comparison with exported forms of the network (`tests/onnx/run`).
 //!
 //! `network_steps reference DIR` writes the core's reference network as `params.toml` and `network.json`.
-//! `network_steps DIR < inputs` evaluates the network in DIR on rows of inputs, as numbers with blanks between; each row
-//! out is the factors, the share, and 1 where the inputs lay outside, in `f32`.
+//! `network_steps DIR < inputs` evaluates the network in DIR on rows of inputs, numbers separated by blanks. Each
+//! output row has the factors, the share, and 1 if the inputs were outside the ranges, in `f32`.
 
 use compensator_core::network::{NetworkState, reference};
 use friction_identification::data::JointKind;
@@ -39,7 +39,7 @@ fn evaluate(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let mut state = NetworkState::default();
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     for line in std::io::stdin().lock().lines() {
-        // Inputs that are not used lie in the middle of their range.
+        // Unused inputs are in the middle of their range.
         let mut inputs = network.inputs.each_ref().map(|range| range.middle);
         for (place, word) in inputs.iter_mut().zip(line?.split_whitespace()) {
             *place = word.parse()?;

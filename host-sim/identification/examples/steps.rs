@@ -1,10 +1,12 @@
-//! How fast the core steps on one core of this PC: a line per number and law, seconds per step.
+//! Duration of the core's step on one processor core of this PC: a line per number type and law, in seconds per step.
 //!
-//! `tests/bench` runs it. A step depends on the one before it, so this is the latency of the step,
-//! and what one joint costs; joints that do not wait for each other would overlap. The last line is
-//! a fit's: the step with its derivatives by six parameters.
+//! `tests/bench` runs this example. A step depends on the one before it, so the result is the latency of a step, the cost of
+//! one joint. Steps of independent joints would overlap. The last line is for a fit: the step with its derivatives by six
+//! parameters.
 
-use compensator_core::{Fixed, LawKind, Model, ParameterId, Parameters, Real, Sample, State};
+use compensator_core::{
+    Fixed, FrictionModel, LawKind, ModelState, ParameterId, Parameters, Real, Sample,
+};
 use friction_identification::dual::Dual;
 use std::hint::black_box;
 use std::time::Instant;
@@ -12,8 +14,8 @@ use std::time::Instant;
 const STEPS: usize = 60_000;
 const REPETITIONS: usize = 40;
 
-/// The joint, at a driver's 20 kHz, where its coefficients fit a fixed-point number.
-fn model<T: Real>(law: LawKind) -> Model<T>
+/// Returns a joint at a driver's 20 kHz, where its coefficients fit a fixed-point number.
+fn model<T: Real>(law: LawKind) -> FrictionModel<T>
 where
     T::Setting: Real<Setting = T::Setting>,
 {
@@ -38,7 +40,7 @@ where
     parameters.build(T::Setting::from_f64(50e-6)).expect("a joint that builds")
 }
 
-/// Presliding, reversals and sliding, with a side load and a pressure that change.
+/// Returns samples with presliding, reversals and sliding, under varying side load and pressure.
 fn samples<T: Real>() -> Vec<Sample<T>> {
     let sample = |i: usize| {
         let t = i as f64 * 1e-3;
@@ -56,8 +58,8 @@ fn samples<T: Real>() -> Vec<Sample<T>> {
     (0..STEPS).map(sample).collect()
 }
 
-/// The best time over all samples.
-fn best(mut run: impl FnMut()) -> f64 {
+/// Returns the shortest duration per step over all repetitions.
+fn shortest_step_s(mut run: impl FnMut()) -> f64 {
     let time = |()| {
         let begin = Instant::now();
         run();
@@ -66,13 +68,14 @@ fn best(mut run: impl FnMut()) -> f64 {
     (0..REPETITIONS).map(|_| ()).map(time).fold(f64::INFINITY, f64::min) / STEPS as f64
 }
 
-fn line<T: Real>(name: &str, law: LawKind)
+/// Measures the step of a law and prints a line.
+fn print_line<T: Real>(name: &str, law: LawKind)
 where
     T::Setting: Real<Setting = T::Setting>,
 {
     let (model, samples) = (model::<T>(law), samples::<T>());
-    let seconds = best(|| {
-        let mut state = State::default();
+    let seconds = shortest_step_s(|| {
+        let mut state = ModelState::default();
         for sample in black_box(&samples) {
             black_box(model.step(&mut state, sample));
         }
@@ -80,8 +83,8 @@ where
     println!("{name}\t{}\t{seconds:e}", law.name());
 }
 
-/// As [`line`], with the derivatives by the law's parameters.
-fn line_with_derivatives() {
+/// Measures the step with the derivatives by the law's parameters and prints a line.
+fn print_line_with_derivatives() {
     const NUMBER: usize = 6;
     let plain = model::<f64>(LawKind::Lugre);
     let law = plain.law().plain_bristles().expect("a lugre model");
@@ -90,10 +93,10 @@ fn line_with_derivatives() {
     for (index, (id, value)) in LawKind::Lugre.parameters().iter().zip(values).enumerate() {
         parameters.set(*id, Dual::parameter(value, index));
     }
-    let model: Model<Dual<NUMBER>> = parameters.build_unchecked(Dual::from_f64(50e-6));
+    let model: FrictionModel<Dual<NUMBER>> = parameters.build_unchecked(Dual::from_f64(50e-6));
     let velocities: Vec<f64> = samples::<f64>().iter().map(|s| s.velocity_rad_s).collect();
     let law = model.law().plain_bristles().expect("a lugre model");
-    let seconds = best(|| {
+    let seconds = shortest_step_s(|| {
         let mut bristle = Dual::default();
         let mut sum = [0.0; NUMBER];
         for velocity in black_box(&velocities) {
@@ -113,9 +116,9 @@ fn line_with_derivatives() {
 
 fn main() {
     for law in [LawKind::Lugre, LawKind::ImprovedLugre] {
-        line::<f32>("f32", law);
-        line::<f64>("f64", law);
-        line::<Fixed>("Fixed", law);
+        print_line::<f32>("f32", law);
+        print_line::<f64>("f64", law);
+        print_line::<Fixed>("Fixed", law);
     }
-    line_with_derivatives();
+    print_line_with_derivatives();
 }

@@ -1,19 +1,19 @@
-//! Measured logs in, clean runs out.
+//! Reading of measured logs: validation, conversion to SI units, and the split into training and test data.
 //!
-//! A friction law is only as good as the rows it is fitted on, and logs are never clean: cells
-//! are missing, clocks jump, runs follow each other in one file, and a row of text sits in the
-//! middle. This module reads CSV, Parquet and CAN logs by one contract (SI units in the column name),
-//! leaves out what cannot be believed *and says which row and why*, and hands back one [`Run`]
-//! per experiment. Three rules hold everywhere after that: nothing that has a memory (a
-//! derivative, a filter, a bristle state) ever crosses the border of a run or a gap inside it
-//! ([`segments`]); thinning out is anti-aliased ([`AntiAlias`]); and training and test data
-//! are whole stretches of time, never shuffled rows ([`split()`]).
+//! Logs have missing cells, clock jumps, several runs in one file and rows of text. This module reads CSV, Parquet,
+//! MCAP and CAN logs under one contract (SI units in the column names). It leaves out invalid rows *and reports each
+//! with its reason*, and returns one [`Run`] per experiment. Three rules hold afterwards:
 //!
-//! The way of a row: `source` (one of the formats) -> `header` (which column is what, in which unit) ->
-//! `clean` (may this row stay?) -> `close` (what do holes mean, where does a start begin?) -> `read`
-//! (several files become one [`Dataset`]).
+//! - No computation with memory (derivative, filter, bristle state) crosses the border of a run or a gap in it
+//!   ([`segments`]).
+//! - Decimation is anti-aliased ([`AntiAlias`]).
+//! - Training and test data are contiguous parts of runs, never shuffled rows ([`split()`]).
+//!
+//! A row passes through `source` (one module per format), `header` (quantity and unit of each column), `clean`
+//! (validation), `close` (missing values, recordings) and `read` (join of several files to one [`Dataset`]).
 
 mod acceleration;
+mod cell;
 mod clean;
 mod clock;
 mod close;
@@ -27,9 +27,10 @@ mod guess;
 mod header;
 mod joints;
 mod naming;
+mod options;
 mod order;
 mod read;
-mod reading;
+mod row;
 mod segment;
 mod source;
 mod split;
@@ -43,7 +44,8 @@ pub use compensator_core::quantity::{JointKind, Quantity};
 pub use dataset::{Dataset, LeftOutColumn, Measured, Run, SourceColumn};
 pub use decimate::AntiAlias;
 pub use error::{BadCell, BadRows, DataError};
-pub use read::{ReadOptions, read};
+pub use options::ReadOptions;
+pub use read::read;
 pub use segment::{GAP_FACTOR, segments};
 pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
 pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};

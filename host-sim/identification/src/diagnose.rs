@@ -6,41 +6,41 @@
 //!  -> zero      runs shifted to one phase, where the position's zero is not the shaft's        unknown_zero
 //!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order, harmonics
 //!  -> candidates     each cause as columns beside the model                              cause, candidate
-//!  -> products  of all columns by blocks: falls of the error on unseen rows              survey, gram_blocks, fall
-//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, standing, review, other_laws
-//!  -> judged    fitted anew, every run left out once; what does not gain is taken back   offer, left_out, judge, regime
-//!  -> told      size, sentence, where it shows                                           extended, finding, evidence, story
+//!  -> products  of all columns by blocks: falls of the error on unseen rows              survey, gram_blocks, error_reduction
+//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, block_errors, review, other_laws
+//!  -> judged    fitted anew, every run left out once; what does not gain is taken back   proposal, left_out, evaluation, regime
+//!  -> reported  size, sentence, where it shows                                           extended, finding, evidence, summary
 //! ```
 //!
-//! The linear fit beside the model ([`gram_blocks`]) only decides who is worth a fit. What is reported was
+//! The linear fit beside the model ([`gram_blocks`]) only decides which candidates are fitted. What is reported was
 //! fitted by the core's own step, everything jointly, and judged on held-out runs. What may be blamed, and
-//! what each cause needs to be found and told, is in [`cause`]: a file for each, and one list.
+//! what each cause needs to be found and reported, is in [`cause`]: a file for each, and one list.
 
+pub mod accepted_cause;
 pub mod baseline;
+pub mod block_errors;
 pub mod candidate;
 pub mod cause;
+pub mod error_reduction;
+pub mod evaluation;
 pub mod evidence;
 pub mod extended;
-pub mod fall;
 pub mod finding;
-pub mod found;
 pub mod gram_blocks;
 pub mod harmonics;
-pub mod judge;
 pub mod late_channel;
 pub mod left_out;
 pub mod model;
-pub mod offer;
 pub mod order;
 pub mod other_laws;
+pub mod proposal;
 pub mod regime;
 pub mod review;
 pub mod round;
 pub mod search;
 pub mod select;
 pub mod sensitivities;
-pub mod standing;
-pub mod story;
+pub mod summary;
 pub mod survey;
 pub mod thresholds;
 pub mod train_test;
@@ -48,9 +48,9 @@ pub mod uncertain_motion;
 pub mod unknown_zero;
 
 pub use cause::{Cause, Remedy};
+pub use evaluation::Gain;
 pub use extended::Size;
-pub use finding::{Finding, Rival};
-pub use judge::Gain;
+pub use finding::{ConfoundedCause, Finding};
 pub use regime::Share;
 pub use round::CandidateScore;
 pub use train_test::TrainTest;
@@ -59,7 +59,7 @@ use crate::data::{Dataset, Split};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Outcome, State};
 use crate::fit::{Predicted, identify, predict};
-use crate::log_check::{Kind, LogFinding};
+use crate::log_check::{LogFinding, LogFindingKind};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use baseline::Baseline;
@@ -67,16 +67,16 @@ use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use extended::{Observation, Unexplained};
 use gram_blocks::LeftOut;
-use late_channel::Late;
-use model::{Fits, Fitted};
-use offer::Offer;
+use late_channel::LateChannelKind;
+use model::{FitCache, FittedModel};
+use proposal::Proposal;
 use search::{Extension, Search};
 use std::time::Instant;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
 
-/// What is asked.
+/// Options of a diagnosis.
 #[derive(Clone, Debug, Default)]
-pub struct Question {
+pub struct DiagnosisOptions {
     /// The base model, if it is not to be chosen.
     pub model: Option<Spec>,
     /// A model with its values: judged as it is, then its law is fitted and extended.
@@ -90,10 +90,10 @@ pub struct Question {
     /// What is wrong with the log itself ([`crate::log_check`]): handed through to the answer.
     pub log_findings: Vec<LogFinding>,
     /// Late channels that are left as they are logged ([`late_channel`]).
-    pub as_logged: Vec<Kind>,
+    pub as_logged: Vec<LogFindingKind>,
 }
 
-/// The answer.
+/// Result of a diagnosis.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
     /// What is wrong with the log itself.
@@ -128,8 +128,8 @@ pub struct Diagnosis {
     pub auxiliary: Option<String>,
     /// What was left out of the fits that were judged there, where nothing is set apart.
     pub left_out: Option<LeftOut>,
-    /// Structure is left that no column explains: autocorrelation time in rows, 0 for none.
-    pub left_over: f64,
+    /// Autocorrelation time of a residual with structure that no column explains, in rows; 0 without such structure.
+    pub unexplained_memory_rows: f64,
     /// Time it took, s.
     pub seconds: f64,
 }
@@ -140,10 +140,10 @@ impl Diagnosis {
         self.findings.first().map_or("none", |finding| finding.cause.name())
     }
 
-    /// The extended model as it may be run elsewhere. Where each run's position was shifted to a phase of its own
-    /// ([`unknown_zero`]) nobody knows the phase on the next log, and a ripple at a wrong one is worse than none: its
-    /// amplitudes are 0, and a verdict says so.
-    pub fn handed_out(&self) -> Outcome {
+    /// Returns the extended model for use on other logs and in a driver. If each run's position was shifted to a phase of its
+    /// own ([`unknown_zero`]), the phase on another log is unknown, and a ripple with a wrong phase is worse than none.
+    /// Its amplitudes are then 0, and a verdict reports this.
+    pub fn transferable_model(&self) -> Outcome {
         let mut outcome = self.extended.clone();
         if self.log.aligned_order.is_none() {
             return outcome;
@@ -156,8 +156,8 @@ impl Diagnosis {
             (estimate.value, estimate.std_error) = (0.0, None);
         }
         outcome.verdicts.push(
-            "the ripple's amplitudes are 0 here: its phase differs from run to run, and is not known before the \
-             joint has a homed zero"
+            "the ripple's amplitudes are set to 0: its phase differs from run to run and is unknown until the joint has a \
+             homed zero"
                 .into(),
         );
         outcome
@@ -175,15 +175,15 @@ pub struct Certificates {
     pub reading: String,
 }
 
-/// The search begins anew after an offer was taken back until so many were.
-const MOST_TAKEN_BACK: usize = 4;
+/// Maximum number of causes withdrawn from proposals before the search ends.
+const MAX_WITHDRAWN_CAUSES: usize = 4;
 
-/// So far above the floor there is structure, whatever the residual remembers: an oscillation takes its memory
-/// back half a period later.
-const FAR_ABOVE: f64 = 1.5;
+/// Ratio of the error to the noise floor above which the residual has structure, whatever its autocorrelation time: the
+/// autocorrelation of an oscillation cancels half a period later.
+const STRUCTURE_FLOOR_RATIO: f64 = 1.5;
 
-/// A residual that remembers fewer rows than this does not hang together.
-const MEMORY: f64 = 1.3;
+/// Minimum autocorrelation time of a residual with structure, in rows.
+const MIN_MEMORY_ROWS: f64 = 1.3;
 
 /// Diagnoses a log.
 ///
@@ -192,7 +192,7 @@ const MEMORY: f64 = 1.3;
 pub fn diagnose(
     data: &Dataset,
     split: &Split,
-    question: &Question,
+    question: &DiagnosisOptions,
     progress: &dyn Fn(&str),
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
@@ -201,15 +201,15 @@ pub fn diagnose(
     progress("fitting the baseline");
     let mut chosen = base(&some, question)?;
     let mut log_findings = question.log_findings.clone();
-    let mut sought: Vec<Late> = Late::ALL.to_vec();
+    let mut sought: Vec<LateChannelKind> = LateChannelKind::ALL.to_vec();
     sought.retain(|late| !question.as_logged.contains(&late.kind()));
     while let Some(found) = late_channel::found(&some, &chosen.model, &sought)? {
-        progress("fitting the baseline beside a late channel");
+        progress("fitting the baseline with a delayed channel");
         log_findings.retain(|finding| finding.kind != found.late.kind());
         log_findings.push(found.finding(data.joint));
         sought.retain(|late| *late != found.late);
         let (law, logged, some_logged) = (chosen.model.spec.law, whole, some);
-        whole = found.heeded(logged.clone());
+        whole = found.lag_compensated(logged.clone());
         some = whole.thinned().into_owned();
         chosen = base(&some, question)?;
         // Beside a law that lacked what the lateness hid, another shape and time may have stood in for it.
@@ -218,7 +218,7 @@ pub fn diagnose(
         {
             log_findings.retain(|finding| finding.kind != nearer.late.kind());
             log_findings.push(nearer.finding(data.joint));
-            whole = nearer.heeded(logged);
+            whole = nearer.lag_compensated(logged);
             some = whole.thinned().into_owned();
             chosen = base(&some, question)?;
         }
@@ -226,7 +226,7 @@ pub fn diagnose(
     if let Some(weighed) = uncertain_motion::weighed(&whole, &chosen.model) {
         whole = weighed.with_floor();
         some = whole.thinned().into_owned();
-        progress("fitting the baseline to rows weighed by their motion");
+        progress("fitting the baseline to rows weighted by the uncertainty of their motion");
         chosen = base(&some, question)?;
     }
     let Baseline { model: mut base, at_rest } = chosen;
@@ -238,7 +238,7 @@ pub fn diagnose(
         some = some.without(at_rest);
     }
     let seed = question.seed;
-    let fits = Fits::new(&some);
+    let fits = FitCache::new(&some);
     let whole = match &at_rest {
         Some(at_rest) => whole.without(at_rest),
         None => whole,
@@ -252,29 +252,31 @@ pub fn diagnose(
     let mut refuted = Vec::new();
     let mut scores = Vec::new();
     let mut said = Vec::new();
-    let offer = loop {
+    let proposal = loop {
         let search = Search { log: &some, fits: &fits, base: &base, seed, progress };
         let selection = select::select(&search, &refuted)?;
-        if is_chosen && let Some(richer) = baseline::outgrown(&some, &base, &selection.extended)? {
-            progress("beginning anew with a richer law");
+        if is_chosen
+            && let Some(richer) = baseline::reselect_base_law(&some, &base, &selection.extended)?
+        {
+            progress("restarting with a richer law");
             base = richer;
             refuted.clear();
             continue;
         }
-        progress("judging on rows left out");
+        progress("evaluating on held-out rows");
         let extension = Extension { model: selection.extended, found: selection.found };
-        let offer = offer::offer(&search, &whole, extension, as_it_is.clone())?;
+        let proposal = proposal::propose(&search, &whole, extension, as_it_is.clone())?;
         if scores.is_empty() {
             scores = selection.scores;
         }
-        said.extend(selection.notes.into_iter().chain(offer.notes.clone()));
-        refuted.extend(offer.taken_back.iter().cloned());
+        said.extend(selection.notes.into_iter().chain(proposal.notes.clone()));
+        refuted.extend(proposal.taken_back.iter().cloned());
         // What was taken back may have stood in the way of another.
-        if offer.taken_back.is_empty() || refuted.len() > MOST_TAKEN_BACK {
-            break offer;
+        if proposal.taken_back.is_empty() || refuted.len() > MAX_WITHDRAWN_CAUSES {
+            break proposal;
         }
     };
-    let Offer { extension, extended, before, after, gain, left_out, .. } = offer;
+    let Proposal { extension, extended, before, after, gain, left_out, .. } = proposal;
     let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
     let mut log = whole.following(follows).into_owned();
     said.sort_unstable();
@@ -295,12 +297,13 @@ pub fn diagnose(
     );
     let found = extension.found.iter();
     let mut findings: Vec<Finding> = found.map(|found| found.finding(&extended, &log)).collect();
-    let coloured = judge::coloured_floor(&log.test_tracks, &after);
-    let noise_floor = judge::noise_floor(&log.test_tracks, log.decimate).max(coloured);
-    let left_over = left_over(&after, noise_floor);
-    let noise_floor = judge::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
+    let coloured = evaluation::coloured_floor(&log.test_tracks, &after);
+    let noise_floor = evaluation::noise_floor(&log.test_tracks, log.decimate).max(coloured);
+    let unexplained_memory_rows = unexplained_memory_rows(&after, noise_floor);
+    let noise_floor = evaluation::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
     findings.extend(observed(|cause| cause.in_log(&log)));
-    if findings.is_empty() && left_over > 0.0 && after.metrics.nrmse_std > NEGLIGIBLE {
+    if findings.is_empty() && unexplained_memory_rows > 0.0 && after.metrics.nrmse_std > NEGLIGIBLE
+    {
         let rest = Unexplained {
             after: &after,
             noise_floor,
@@ -329,7 +332,7 @@ pub fn diagnose(
         after,
         findings,
         gain,
-        left_over,
+        unexplained_memory_rows,
         seconds: begin.elapsed().as_secs_f64(),
     })
 }
@@ -340,7 +343,7 @@ fn observed(see: impl Fn(&dyn Cause) -> Option<Observation>) -> impl Iterator<It
     all.filter_map(move |cause| Some(Finding::observed(cause, see(cause)?)))
 }
 
-fn base(log: &TrainTest, question: &Question) -> Result<Baseline, SpecError> {
+fn base(log: &TrainTest, question: &DiagnosisOptions) -> Result<Baseline, SpecError> {
     match (&question.given, &question.model) {
         (Some((spec, parameters)), _) => baseline::asked_for(log, spec, Some(parameters)),
         (None, Some(spec)) => {
@@ -352,7 +355,7 @@ fn base(log: &TrainTest, question: &Question) -> Result<Baseline, SpecError> {
 }
 
 /// Errors and verdicts of a model that has been fitted.
-fn outcome(log: &TrainTest, model: &Fitted) -> Result<Outcome, SpecError> {
+fn outcome(log: &TrainTest, model: &FittedModel) -> Result<Outcome, SpecError> {
     let options = FitOptions {
         starts: 1,
         start: Some(model.parameters.clone()),
@@ -395,10 +398,10 @@ fn certificates(
     Certificates { before, after, reading }
 }
 
-/// Memory of the residual in rows, where it is more than noise; else 0.
-fn left_over(after: &Predicted, noise_floor: f64) -> f64 {
+/// Returns the autocorrelation time of the residual in rows if it is more than noise, else 0.
+fn unexplained_memory_rows(after: &Predicted, noise_floor: f64) -> f64 {
     let memory = autocorrelation_time(after.residuals.iter().map(Vec::as_slice));
     let times = after.metrics.rmse / noise_floor.max(f64::MIN_POSITIVE);
-    let hangs_together = memory > MEMORY || times > FAR_ABOVE;
+    let hangs_together = memory > MIN_MEMORY_ROWS || times > STRUCTURE_FLOOR_RATIO;
     if times > STRUCTURE && hangs_together { memory } else { 0.0 }
 }

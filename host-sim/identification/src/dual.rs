@@ -1,62 +1,62 @@
 //! Dual numbers: a value and its exact derivative by each of `N` parameters.
 //!
-//! A fit needs the derivative of every simulated torque by every parameter. Differences cost one
-//! more simulation per parameter and half the digits; a dual number carries the derivatives through the
-//! core's own step, to rounding, in one. The step is generic over its number, so this file is all it
-//! takes: the arithmetic of `a + b eps`, `eps^2 = 0`.
+//! A fit needs the derivative of every simulated torque by every parameter. Finite differences cost one more simulation
+//! per parameter and half the digits. A dual number carries the derivatives through the core's own step in one
+//! simulation, exact to rounding. The step is generic over its number type, so this file only implements the
+//! arithmetic of `a + b eps` with `eps^2 = 0`.
 //!
-//! `num-dual` has such numbers; it is not used because `Real` and its type are both foreign here (the
-//! orphan rule would want a wrapper as long as this file), and its derivative is an `Option`, whose
-//! test per operation keeps the compiler from vectorising the step.
+//! The crate `num-dual` is not used for two reasons. `Real` and its type are both foreign here, so that the orphan rule
+//! requires a wrapper as long as this file. Its derivative is an `Option`, whose test in each operation prevents
+//! vectorisation of the step.
 
 use compensator_core::number::Share;
 use compensator_core::{Real, curve};
 use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A value with its derivatives by `N` parameters. Compares by value.
+/// A value with its derivatives by `N` parameters. Comparisons use the value only.
 #[derive(Clone, Copy, Debug)]
 pub struct Dual<const N: usize> {
     /// The value.
     pub value: f64,
     /// Derivative by each parameter.
     pub gradient: [f64; N],
-    /// Made of a plain number: the derivatives are 0. IEEE arithmetic forbids the compiler to drop a
-    /// product by 0; this it knows when it compiles a step, whose velocity is a plain number, and
-    /// drops a third of the arithmetic.
+    /// True if the number was converted from an `f64`, so that all derivatives are 0. IEEE arithmetic does not allow the compiler
+    /// to remove a product with 0. With this flag it removes a third of a step's arithmetic, because the velocity is
+    /// constant.
     constant: bool,
 }
 
 impl<const N: usize> Dual<N> {
-    /// The parameter with this index, at this value.
+    /// Creates the parameter with this index, at this value.
     pub fn parameter(value: f64, index: usize) -> Self {
         let mut gradient = [0.0; N];
         gradient[index] = 1.0;
         Self { value, gradient, constant: false }
     }
 
-    /// A function of this number, by its value and derivative.
+    /// Applies a function with this value and derivative (chain rule).
     #[inline(always)]
     fn chain(self, value: f64, derivative: f64) -> Self {
         if self.constant {
             return Self::from_f64(value);
         }
-        let gradient = if N > INLINED {
-            scaled_apart(&self.gradient, derivative)
+        let gradient = if N > MAX_INLINED_DERIVATIVES {
+            scaled_outlined(&self.gradient, derivative)
         } else {
             scaled(&self.gradient, derivative)
         };
         Self { value, gradient, constant: false }
     }
 
-    /// With another value, but the same derivatives.
+    /// Returns this number with another value and the same derivatives.
     #[inline(always)]
-    fn at(self, value: f64) -> Self {
+    fn with_value(self, value: f64) -> Self {
         Self { value, ..self }
     }
 
-    /// The product with a plain number. Most of what may act on a law does not, and leaves factors of 1
-    /// and 0.
+    /// Returns the product with an `f64`. Inactive effects of a law leave factors of 1 and 0, which are handled without
+    /// arithmetic.
     #[inline(always)]
     fn times(self, factor: f64) -> Self {
         let value = self.value * factor;
@@ -69,7 +69,7 @@ impl<const N: usize> Dual<N> {
         self.chain(value, factor)
     }
 
-    /// The magnitude, without a branch on the sign.
+    /// Returns the magnitude, without a branch on the sign.
     #[inline(always)]
     fn abs_by_sign(self) -> Self {
         self.chain(self.value.abs(), 1f64.copysign(self.value))
@@ -77,8 +77,8 @@ impl<const N: usize> Dual<N> {
 
     #[inline(always)]
     fn zip(self, other: Self, value: f64, combine: impl Fn(f64, f64) -> f64) -> Self {
-        let gradient = if N > INLINED {
-            zipped_apart(&self.gradient, &other.gradient, combine)
+        let gradient = if N > MAX_INLINED_DERIVATIVES {
+            zipped_outlined(&self.gradient, &other.gradient, combine)
         } else {
             zipped(&self.gradient, &other.gradient, combine)
         };
@@ -105,18 +105,18 @@ impl<const N: usize> PartialOrd for Dual<N> {
     }
 }
 
-// Whether a side is constant is asked in each operation: the compiler answers for a law stepped alone; for a
-// law with terms a foreseen branch is cheaper than the arithmetic it saves.
+// Each operation tests whether a side is constant. For a law without terms the compiler resolves the test. For a law with
+// terms the branch is well predicted and cheaper than the arithmetic that it saves.
 impl<const N: usize> Add for Dual<N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         let value = self.value + other.value;
         if other.constant {
-            return self.at(value);
+            return self.with_value(value);
         }
         if self.constant {
-            return other.at(value);
+            return other.with_value(value);
         }
         self.zip(other, value, |a, b| a + b)
     }
@@ -128,7 +128,7 @@ impl<const N: usize> Sub for Dual<N> {
     fn sub(self, other: Self) -> Self {
         let value = self.value - other.value;
         if other.constant {
-            return self.at(value);
+            return self.with_value(value);
         }
         if self.constant {
             return other.chain(value, -1.0);
@@ -225,7 +225,7 @@ impl<const N: usize> Real for Dual<N> {
     fn up_to_curve_end(self, _: Self) -> Self {
         self
     }
-    // In these the plain number, where there is one, comes second.
+    // In these functions the constant number, if there is one, is the second operand.
     #[inline(always)]
     fn stribeck_share(self, cells_per_velocity: Self, _: Self) -> Share<Self> {
         Share::of((cells_per_velocity * self).stribeck_curve())
@@ -234,14 +234,14 @@ impl<const N: usize> Real for Dual<N> {
     fn difference_of_products(a: Self, b: Self, c: Self, d: Self) -> Self {
         a * b - d * c
     }
-    // Limits seldom act: a branch that is foreseen is cheaper than a choice of each derivative.
+    // Limits are rarely active: a predicted branch is cheaper than a selection of each derivative.
     #[inline(always)]
     fn limited_with_magnitude(self, bound: Self) -> (Self, Self) {
         let mut limited = self;
         let inside = self.value.abs() <= bound.value;
         if !inside {
-            seldom();
-            // The bound is the envelope's, which nobody fits.
+            rare_branch();
+            // The bound is that of the envelope, which is not fitted.
             limited = Self::from_f64(Real::within(self.value.or_zero_if_nan(), bound.value));
         }
         (limited, limited.abs_by_sign())
@@ -251,7 +251,7 @@ impl<const N: usize> Real for Dual<N> {
         let mut limited = self;
         let inside = self.value.abs() <= bound.value;
         if !inside {
-            seldom();
+            rare_branch();
             let sign = 1f64.copysign(self.value);
             let gradient = scaled(&bound.gradient, sign);
             limited = Self { value: bound.value * sign, gradient, constant: false };
@@ -272,8 +272,8 @@ impl<const N: usize> Real for Dual<N> {
         self.chain(self.value.atan(), 1.0 / (1.0 + self.value * self.value))
     }
     fn pow(self, exponent: Self) -> Self {
-        // At 0 the power is 0 for every positive exponent, and so are its derivatives for an
-        // exponent above 1; 1e-300 keeps the logarithm finite.
+        // At 0 the power is 0 for every positive exponent, and its derivatives are 0 for an exponent above 1. The limit 1e-300
+        // keeps the logarithm finite.
         let base = self.value.max(1e-300);
         let value = base.powf(exponent.value);
         let by_base = exponent.value * value / base;
@@ -282,8 +282,8 @@ impl<const N: usize> Real for Dual<N> {
     }
 }
 
-/// A gradient times a number. Indexed: of a long array the standard library's `map`, and iterators by value,
-/// call a function for each number, which took a quarter of a fit.
+/// Returns a gradient times a number. The loop is indexed, because `map` and iterators by value call a function for each
+/// element of a long array.
 #[inline(always)]
 fn scaled<const N: usize>(gradient: &[f64; N], factor: f64) -> [f64; N] {
     let mut scaled = [0.0; N];
@@ -294,7 +294,7 @@ fn scaled<const N: usize>(gradient: &[f64; N], factor: f64) -> [f64; N] {
     scaled
 }
 
-/// Two gradients, number by number. Indexed, as in `scaled`.
+/// Combines two gradients element by element. The loop is indexed, as in `scaled`.
 #[inline(always)]
 fn zipped<const N: usize>(
     one: &[f64; N],
@@ -309,17 +309,17 @@ fn zipped<const N: usize>(
     zipped
 }
 
-/// Derivatives up to which each operation of a step has its loop where it stands. With more, a call is small beside
-/// the loop, and a step of loops is what the compiler spends most of this crate's build on.
-const INLINED: usize = 6;
+/// Maximum number of derivatives for which operations are inlined. With more, a call is cheap compared with the loop, and
+/// inlined loops would dominate the compile time of this crate.
+const MAX_INLINED_DERIVATIVES: usize = 6;
 
 #[inline(never)]
-fn scaled_apart<const N: usize>(gradient: &[f64; N], factor: f64) -> [f64; N] {
+fn scaled_outlined<const N: usize>(gradient: &[f64; N], factor: f64) -> [f64; N] {
     scaled(gradient, factor)
 }
 
 #[inline(never)]
-fn zipped_apart<const N: usize>(
+fn zipped_outlined<const N: usize>(
     one: &[f64; N],
     other: &[f64; N],
     combine: impl Fn(f64, f64) -> f64,
@@ -327,16 +327,16 @@ fn zipped_apart<const N: usize>(
     zipped(one, other, combine)
 }
 
-/// Marks a branch as seldom taken.
+/// Marks a branch as rarely taken.
 #[cold]
-fn seldom() {}
+fn rare_branch() {}
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Derivatives by central differences of the same expression in `f64`.
-    fn holds_for(expression: fn([Dual<2>; 2]) -> Dual<2>, at: [f64; 2]) {
+    /// Compares the derivatives with central differences.
+    fn check_derivatives(expression: fn([Dual<2>; 2]) -> Dual<2>, at: [f64; 2]) {
         let seeded = |x: [f64; 2]| [Dual::parameter(x[0], 0), Dual::parameter(x[1], 1)];
         let exact = expression(seeded(at));
         for index in 0..2 {
@@ -352,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn every_operation_has_the_derivative_of_its_value() {
+    fn operations_have_derivatives_of_finite_differences() {
         let expressions: [fn([Dual<2>; 2]) -> Dual<2>; 17] = [
             |[a, b]| a + b * a - b,
             |[a, b]| a / b + b.ratio(a),
@@ -374,7 +374,7 @@ mod tests {
         ];
         for expression in expressions {
             for at in [[0.7, 1.9], [-1.3, 0.4], [2.1, -3.3], [-0.2, -0.9]] {
-                holds_for(expression, at);
+                check_derivatives(expression, at);
             }
         }
     }

@@ -1,22 +1,25 @@
 //! Fitting a model to measured runs.
 //!
 //! ```text
-//! Dataset -> tracks (unbroken stretches, as the core's samples)      track
+//! Dataset -> tracks (unbroken stretches, as the core's samples)      dataset_tracks, track
 //!         -> core model stepped along each, with derivatives         simulate, stepper, settled, delayed
-//!            (what a track at rest holds is solved for on the way: initial_state)
+//!            (with the initial bristle torque and heat)              initial_state, initial_heat
+//!            (filtered as the logged torque)                         torque_low_pass, channel
 //!         -> residual and Jacobian, reduced to a small triangle      reduce, streaming_qr
 //!         -> bounded Levenberg-Marquardt from several starts         scales, coordinates, start, minimise, solve
 //!         -> on held-out rows                                        predict, metrics
 //!         -> parameters, errors, verdicts                            statistics, identify, outcome, verdict
 //! ```
 //!
-//! The simulation is the core's step, so what is identified is what is flashed. Derivatives are exact
-//! ([`crate::dual`]). Bounds are kept by coordinates that cannot leave them.
+//! The simulation uses the core's step, so that the identified model is the one that a driver runs. Derivatives are
+//! exact ([`crate::dual`]). Coordinates keep the parameters within their bounds.
 
 pub mod channel;
 pub mod coordinates;
+pub mod dataset_tracks;
 mod delayed;
 pub mod identify;
+pub mod initial_heat;
 pub mod initial_state;
 pub mod metrics;
 pub mod minimise;
@@ -31,15 +34,16 @@ pub mod start;
 pub mod statistics;
 mod stepper;
 pub mod streaming_qr;
+pub mod torque_low_pass;
 pub mod track;
 pub mod treatment;
 mod verdict;
-pub mod warmth;
 
+pub use dataset_tracks::{tracks, tracks_with};
 pub use identify::identify;
 pub use metrics::Metrics;
 pub use outcome::{Estimate, Outcome, State};
 pub use predict::{Predicted, predict};
 pub use simulate::Resolution;
 pub use solve::{FitOptions, fit};
-pub use track::{Rows, Track, tracks, tracks_with};
+pub use track::{Rows, Track};

@@ -1,24 +1,28 @@
-//! Friction models fitted to measured logs, and what they get wrong named.
+//! Identification of friction models from measured logs, and diagnosis of their errors.
 //!
 //! ```text
 //! data -> fit (over compensator-core's own step) -> diagnose -> params
 //! ```
 //!
-//! [`data`] reads logs by the contract (CSV, Parquet, CAN traces) and splits them by whole runs; [`mod@motion`] finds
-//! the motion as it was behind what was logged of it; [`spec`] names
-//! a model, as `lugre+pressure-coulomb`; [`mod@fit`] fits it and says of each parameter whether the data
-//! determine it; [`mod@diagnose`] says what a model gets wrong, why ([`diagnose::cause`]), and what a better
-//! one gains on runs no fit has seen; [`stochastic`] sets the published method beside that; [`params`] writes
-//! the parameters as a driver reads them. Nothing here prints, plots or opens a bus.
+//! - [`data`] reads logs by the contract (CSV, Parquet, CAN traces) and splits them by whole runs.
+//! - [`mod@motion`] estimates the true motion from the logged motion.
+//! - [`spec`] parses the name of a model, such as `lugre+pressure-coulomb`.
+//! - [`mod@fit`] fits a model and reports for each parameter whether the data determine it.
+//! - [`mod@diagnose`] finds the causes of a model's error ([`diagnose::cause`]) and the gain of a better model on held-out
+//!   runs.
+//! - [`stochastic`] implements a published method for comparison.
+//! - [`params`] writes the parameters in the driver's format.
+//!
+//! This crate does not print, plot or open a bus.
 //!
 //! # Example
 //!
-//! A joint whose friction rises with pressure: columns are read, the plain law is fitted, and the
-//! diagnosis names what it lacks.
+//! The friction of a joint rises with pressure. The example reads the columns, fits a plain law, and the diagnosis names
+//! the missing cause.
 //!
 //! ```
 //! use friction_identification::data::{Dataset, SplitRule, split};
-//! use friction_identification::diagnose::{Question, diagnose};
+//! use friction_identification::diagnose::{DiagnosisOptions, diagnose};
 //! use friction_identification::fit::{FitOptions, Rows, fit, tracks};
 //! use friction_identification::spec::Spec;
 //!
@@ -33,7 +37,7 @@
 //!     };
 //!     (format!("run {index}"), (0..4).map(|c| (0..600).map(|r| row(r)[c]).collect()).collect())
 //! };
-//! let data = Dataset::of_columns(&names, (0..10).map(run))?;
+//! let data = Dataset::from_columns(&names, (0..10).map(run))?;
 //!
 //! let (spec, tracks) = (Spec::parse("linear")?, tracks(&data));
 //! let rows = Rows { tracks: &tracks, decimate: 1 };
@@ -41,7 +45,7 @@
 //! assert!(solution.converged);
 //!
 //! let parts = split(&data, &SplitRule::default(), 0)?;
-//! let found = diagnose(&data, &parts, &Question::default(), &|_| {})?;
+//! let found = diagnose(&data, &parts, &DiagnosisOptions::default(), &|_| {})?;
 //! assert_eq!(found.cause(), "pressure-coulomb");
 //! assert!(found.gain.value > 0.5);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -1,17 +1,15 @@
-//! The motion as it was, from all columns that speak of it.
+//! Reconstruction of the motion from the logged position and velocity.
 //!
-//! A bristle integrates the velocity it is given, so an error there does harm far beyond its size: with a
-//! noise of 2 mrad/s also at rest, plain LuGre with its true parameters misses by 0.37 Nm where the torque's
-//! noise is 0.020 (simulated, 250 to 1000 Hz); driven by the motion found here, by 0.028 without a position
-//! column and by 0.020 with one. What is found is the mean of a fixed-interval smoother ([`filter`]) over
-//! position and velocity, with levels of noise found from the log ([`levels`]), rest as rest ([`rest`]), and
-//! a velocity that lags its position ([`agreement`]) left out. What stays open is handed on as draws
-//! ([`Run::velocity_draws`](crate::data::Run)): a fit can ask what the open part of the motion does to its law.
+//! A bristle model integrates the velocity, so velocity noise causes errors far beyond its size, above all at rest. The
+//! reconstructed motion is the mean of a fixed-interval smoother ([`filter`]) over position and velocity. Its noise
+//! levels are estimated from the log ([`levels`]), rows at rest are detected ([`rest`]), and a velocity that lags its
+//! position ([`agreement`]) is not used. The remaining uncertainty is represented by random draws
+//! ([`Run::velocity_draws`](crate::data::Run)), with which a fit can estimate its effect on the law.
 //!
-//! Each unbroken stretch of a run is smoothed for itself; the levels are the log's. An exact velocity is handed back
-//! as it is, to the bit. Position is replaced with velocity; a measured acceleration stays as it is. Where a velocity is
-//! clean and merely late, as a drive's own is, the position is moved to its clock: a ripple of the angle must not run
-//! ahead of the torque.
+//! Each segment of a run is smoothed separately; the noise levels are those of the whole log. An exact velocity is
+//! returned bit for bit. The position is reconstructed with the velocity; a measured acceleration is not changed. If the
+//! velocity is clean and only delayed, as a drive's own velocity is, the position is shifted to its clock, so that a
+//! torque ripple over the angle stays aligned with the torque.
 
 pub mod agreement;
 pub mod columns;
@@ -23,50 +21,49 @@ pub mod rest;
 pub use columns::{DRAWS, Sensors};
 
 use crate::data::{Dataset, Quantity, Run, segments};
-use columns::{Stretch, Study};
+use columns::{MotionAnalysis, MotionSegment};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Where the draws begin: the same log, the same draws.
+/// Seed of the draws. It is constant, so that a log always gives the same draws.
 const SEED: u64 = 0x6d6f_7469_6f6e;
 
-/// The unbroken stretches of all runs: index of the run, rows.
+/// Returns the segments of all runs as (index of the run, rows).
 fn stretches(data: &Dataset) -> Vec<(usize, Range<usize>)> {
     let runs = data.runs.iter().enumerate();
     runs.flat_map(|(index, run)| segments(run).into_iter().map(move |rows| (index, rows))).collect()
 }
 
-fn stretch<'a>(run: &'a Run, rows: &Range<usize>) -> Stretch<'a> {
-    Stretch {
+fn stretch<'a>(run: &'a Run, rows: &Range<usize>) -> MotionSegment<'a> {
+    MotionSegment {
         time_s: &run.time_s[rows.clone()],
         position: run.get(Quantity::Position).map(|q| &q[rows.clone()]),
         velocity: &run.velocity[rows.clone()],
     }
 }
 
-/// What the log says of its motion sensors.
+/// Returns the properties of the log's motion sensors.
 pub fn sensors(data: &Dataset) -> Sensors {
     let places = stretches(data);
-    let all: Vec<Stretch> =
+    let all: Vec<MotionSegment> =
         places.iter().map(|(run, rows)| stretch(&data.runs[*run], rows)).collect();
-    Study::new(&all).sensors
+    MotionAnalysis::new(&all).sensors
 }
 
-/// The log with the motion as it was instead of the motion as it was logged, and what was found about the
-/// sensors. Without a position column it is the velocity alone that is smoothed, which is worse: what is
-/// lost in its noise stays lost, and the draws are wider.
+/// Replaces the logged motion by the reconstructed one, and returns it with the properties of the sensors. Without a
+/// position column only the velocity is smoothed. That is less accurate, and the draws are wider.
 pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
     let places = stretches(data);
-    let all: Vec<Stretch> =
+    let all: Vec<MotionSegment> =
         places.iter().map(|(run, rows)| stretch(&data.runs[*run], rows)).collect();
-    let study = Study::new(&all);
+    let study = MotionAnalysis::new(&all);
     let mut found = data.clone();
     if let Some(late_s) = study.sensors.velocity_late_s() {
         for (index, rows) in &places {
-            put_by_the_velocitys_clock(&mut found.runs[*index], rows.clone(), late_s);
+            align_position_time(&mut found.runs[*index], rows.clone(), late_s);
         }
     }
     for run in &mut found.runs {
@@ -75,7 +72,7 @@ pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
     if study.sensors.is_as_logged() {
         return (found, study.sensors);
     }
-    let motion = |(index, stretch): (usize, &Stretch)| {
+    let motion = |(index, stretch): (usize, &MotionSegment)| {
         let mut random = Pcg64::seed_from_u64(SEED + index as u64);
         study.motion(index, stretch, &mut || StandardNormal.sample(&mut random))
     };
@@ -85,7 +82,7 @@ pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
     }
     for ((run, rows), motion) in places.iter().zip(motions) {
         let run = &mut found.runs[*run];
-        // A stretch whose smoothing ends in no number keeps its motion as logged.
+        // If the result of a segment is not finite, its motion stays as logged.
         if !motion.is_finite() {
             run.velocity_is_smooth = false;
             continue;
@@ -103,15 +100,15 @@ pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
     (found, study.sensors)
 }
 
-/// Reads the position of a stretch where it stood `late_s` before each stamp, by straight lines between rows.
-fn put_by_the_velocitys_clock(run: &mut Run, rows: Range<usize>, late_s: f64) {
+/// Shifts the position of a segment by `late_s`, with linear interpolation between rows.
+fn align_position_time(run: &mut Run, rows: Range<usize>, late_s: f64) {
     let Some(logged) = run.get(Quantity::Position).map(<[f64]>::to_vec) else { return };
     let (time, position) = (&run.time_s[rows.clone()], &logged[rows.clone()]);
     let last = time.len() - 1;
     let mut moved = logged.clone();
     for (at, moved) in moved[rows].iter_mut().enumerate().filter(|_| last > 0) {
         let then = time[at] - late_s;
-        // Beyond the ends the outermost line goes on.
+        // Beyond the ends, the first or last line is extrapolated.
         let from = time.partition_point(|t| *t <= then).saturating_sub(1).min(last - 1);
         let step = time[from + 1] - time[from];
         if step > 0.0 {

@@ -2,17 +2,17 @@
 //!
 //! ```text
 //! base law (fitted before, by crate::fit) + inputs of a track        input
-//!   -> forwards: the core's network, the core's LuGre step           adjoint, predict
-//!   -> backwards: exact gradient by every weight                     adjoint
-//!   -> Adam, run by run, stopped by runs held out                     train
-//!   -> network.json, for driver and people                            file
+//!   -> forward pass: the core's network, the core's LuGre step       adjoint, predict
+//!   -> backward pass: exact gradient by every weight                 adjoint
+//!   -> Adam, run by run, stopped by the error of held-out runs        train
+//!   -> network.json, for the driver and for people                    file
 //! ```
 //!
-//! Gradients go through time and through the LuGre equations, as the paper has it for `sigma0`; here for all three
-//! factors at once, because levels and stiffness stand in for each other in presliding. Each LuGre step is
-//! the core's own in dual numbers, which gives its derivatives by held torque and factors to rounding; they are chained
-//! backwards by hand, and so is the recurrent layer. A library for tensors (candle, burn) would want the law written
-//! again as a graph; neither was timed.
+//! Gradients propagate through time and through the LuGre equations. The paper does this for `sigma0`; here it is done for
+//! all three factors together, because levels and stiffness are confounded in presliding. Each LuGre step is the core's
+//! own in dual numbers, which gives the derivatives by held torque and factors, exact to rounding. The chain rule of
+//! the backward pass and of the recurrent layer is written by hand. A tensor library (candle, burn) would require a second
+//! implementation of the law as a graph.
 
 #[cfg(feature = "fit")]
 mod adjoint;
@@ -24,10 +24,10 @@ mod predict;
 #[cfg(feature = "fit")]
 mod train;
 
-pub use file::{BASE, CELLS, NetworkFile, Widened, checksum};
+pub use file::{BASE, CELLS, NetworkFile, WideNetwork, checksum};
 #[cfg(feature = "fit")]
-pub use input::{Input, Supplied};
+pub use input::{NetworkInput, NetworkLaw};
 #[cfg(feature = "fit")]
-pub use predict::{Run, predict};
+pub use predict::{NetworkRun, predict};
 #[cfg(feature = "fit")]
-pub use train::{Progress, TrainOptions, Trained, train};
+pub use train::{TrainOptions, TrainedNetwork, TrainingProgress, train};

@@ -1,17 +1,14 @@
-//! Numbers as a reader wants them: as many digits as mean something, and no more.
+//! Formatting of numbers with a meaningful number of digits.
 //!
-//! A table of `0.03120000112` and `1.5e0` is noise. Here a number keeps a stated count of
-//! significant digits, stands as a plain decimal while that is short, and becomes
-//! `2.400 × 10⁻⁶` when it is not. A value with a standard error is cut where the error starts:
-//! digits behind the error's second one say nothing. The text is plain Unicode (a true minus,
-//! raised digits), so that sentences, tables and charts show the same number the same way.
+//! A number keeps a given count of significant digits. It is a plain decimal while that is short, and becomes
+//! `2.400 × 10⁻⁶` otherwise. A value with a standard error is rounded to the second digit of the error. The text is plain
+//! Unicode (a true minus, superscript digits), so that sentences, tables and charts show the same number alike.
 
-/// Decimal exponents that are written out: 0.001 is still read at a glance, 1e-4 is not.
+/// Decimal exponents of plain decimals: 0.001 is readable, 1e-4 is not.
 const PLAIN_EXPONENTS: std::ops::Range<i32> = -3..6;
 
-/// `value` with `digits` significant digits (at least one). Digits before the decimal point are
-/// never rounded away below a million: `significant(46_414.3, 4)` is `46414`. NaN and infinity
-/// are named as such.
+/// Formats `value` with `digits` significant digits (at least one). Below a million, digits before the decimal point are
+/// not rounded: `significant(46_414.3, 4)` is `46414`. NaN and infinity have names.
 pub fn significant(value: f64, digits: usize) -> String {
     if let Some(named) = special(value) {
         return named;
@@ -26,7 +23,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
 }
 
-/// A value with its standard error, both in the same unit, cut at the error's second digit:
+/// Formats a value with its standard error, both in the same unit, rounded to the error's second digit:
 /// `1.502 ± 0.010`. An error that is not a positive number is shown as a dash.
 pub fn with_error(value: f64, std_error: f64) -> String {
     if !value.is_finite() || !std_error.is_finite() || std_error <= 0.0 {
@@ -48,7 +45,7 @@ pub fn with_error(value: f64, std_error: f64) -> String {
     )
 }
 
-/// A count of things, in groups of three: `46 414` (narrow spaces that do not break).
+/// Formats a count in groups of three: `46 414` (with narrow no-break spaces).
 pub fn count(things: u64) -> String {
     let digits = things.to_string();
     let mut text = String::with_capacity(digits.len() * 2);
@@ -61,7 +58,7 @@ pub fn count(things: u64) -> String {
     text
 }
 
-/// A number with four significant digits, without an exponent where that reads well.
+/// Formats a number with four significant digits, without an exponent for common sizes.
 pub fn figure(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 {
@@ -74,7 +71,7 @@ pub fn figure(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// What has no digits: zero, NaN and the infinities.
+/// Formats values without digits: zero, NaN and the infinities.
 fn special(value: f64) -> Option<String> {
     let name = match value {
         0.0 => "0",
@@ -86,26 +83,26 @@ fn special(value: f64) -> Option<String> {
     Some(name.to_owned())
 }
 
-/// The decimal exponent of a finite value once it is rounded to `digits`: 9.99 is 10.0 in two.
+/// Returns the decimal exponent of a finite value after rounding to `digits`: 9.99 is 10.0 in two.
 fn exponent_of(value: f64, digits: usize) -> i32 {
     let text = format!("{value:.*e}", digits - 1);
     text.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0)
 }
 
-/// `value / 10^exponent`, in two steps where one power of ten would leave the range of `f64`.
+/// Returns `value / 10^exponent`, in two steps because one power of ten could leave the range of `f64`.
 fn scaled(value: f64, exponent: i32) -> f64 {
     let half = exponent / 2;
     value / 10f64.powi(half) / 10f64.powi(exponent - half)
 }
 
-/// A decimal with a true minus; never `-0.0`.
+/// Formats a decimal with a true minus; never `-0.0`.
 fn fixed(value: f64, decimals: i32) -> String {
     let text = format!("{:.*}", decimals.clamp(0, 20) as usize, value.abs());
     let is_zero = !text.contains(|c: char| ('1'..='9').contains(&c));
     if value < 0.0 && !is_zero { format!("−{text}") } else { text }
 }
 
-/// An exponent in raised digits.
+/// Formats an exponent in superscript digits.
 fn raised(exponent: i32) -> String {
     let raise = |c: char| match c.to_digit(10) {
         Some(digit) => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][digit as usize],
@@ -119,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_number_keeps_the_digits_that_were_asked_for() {
+    fn significant_keeps_requested_digits() {
         let cases = [
             (0.0312, "0.03120"),
             (1.5, "1.500"),
@@ -141,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_is_cut_where_its_error_starts() {
+    fn with_error_rounds_to_second_digit_of_error() {
         assert_eq!(with_error(1.502_34, 0.0101), "1.502 ± 0.010");
         assert_eq!(with_error(2.4e-6, 1e-8), "(2.400 ± 0.010) × 10⁻⁶");
         assert_eq!(with_error(-0.001, 0.25), "0.00 ± 0.25");
@@ -152,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_count_is_grouped() {
+    fn count_groups_by_three() {
         assert_eq!(count(7), "7");
         assert_eq!(count(46_414), "46\u{202f}414");
         assert_eq!(count(1_234_567), "1\u{202f}234\u{202f}567");

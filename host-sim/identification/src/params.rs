@@ -1,4 +1,4 @@
-//! `params.toml`: parameters as a person writes and reads them.
+//! `params.toml`: the parameters of a model in a readable file.
 //!
 //! ```toml
 //! schema = 1
@@ -9,20 +9,20 @@
 //! coulomb_torque = { value = 1.5, unit = "Nm", std_error = 0.01, state = "determined" }
 //! static_torque = 2.2                     # a bare number is in the parameter's own SI unit
 //!
-//! [envelope]                              # what the model may meet; optional
+//! [envelope]                              # limits of the model's inputs; optional
 //! velocity_max_rad_s = 10.5
 //! [choices]                               # optional
 //! damping_fades = true
 //! [compensator]                           # optional
 //! scale = 0.9
-//! [network]                               # optional: what supplies levels and stiffness
-//! file = "network.json"                   # beside this file
-//! crc32 = "9ae0daaf"                      # of its bytes: another network is refused
+//! [network]                               # optional: supplies levels and stiffness
+//! file = "network.json"                   # in the same directory
+//! crc32 = "9ae0daaf"                      # of its bytes: another network is an error
 //! ```
 //!
-//! `identify` writes it, the core takes it unchanged. What else may stand in a file, whoever reads it says
-//! ([`Section`]): a joint driver's motor, for one. Unknown keys, wrong units and values out of
-//! range are refused, each in one line that names the key.
+//! `identify` writes the file, and the core uses it unchanged. The caller defines further sections ([`Section`]), for
+//! example a joint driver's motor. Unknown keys, wrong units and values out of range are errors, each in one line that
+//! names the key.
 
 use crate::data::JointKind;
 #[cfg(feature = "fit")]
@@ -31,7 +31,7 @@ use crate::network::{BASE, NetworkFile, checksum};
 use crate::spec::Spec;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
-use compensator_core::parameters::{Choices, Envelope, Info};
+use compensator_core::parameters::{Choices, Envelope, ParameterInfo};
 use compensator_core::{LawKind, ParameterId, Parameters};
 use std::fmt::Write;
 use std::path::Path;
@@ -40,37 +40,37 @@ use toml_edit::{Document, Item, TableLike};
 /// A parameter file, read and validated.
 #[derive(Clone, Debug)]
 pub struct ParameterFile {
-    /// Units the values are in.
+    /// The joint kind, which determines the units of the values.
     pub joint: JointKind,
-    /// The model, with the rigid-body parts among its terms.
+    /// The model, with the rigid-body parts as terms.
     pub spec: Spec,
     /// Its parameters.
     pub parameters: Parameters<f64>,
-    /// How a driver is to use it.
+    /// The settings of the compensator.
     pub compensator: CompensatorParameters,
-    /// The network that supplies its levels and stiffness, where one does.
+    /// The network that supplies levels and stiffness, if there is one.
     pub network: Option<NetworkFile>,
-    /// The numbers of each further [`Section`] that was asked for, in its order; NaN where none is given.
+    /// The values of each requested [`Section`], in order; NaN for a missing value.
     pub sections: Vec<Vec<f32>>,
 }
 
-/// A further section of a file: numbers by name.
+/// A further section of a file: named numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Section {
     /// Its name, as `motor`.
     pub name: &'static str,
-    /// What may stand in it.
+    /// The names of its fields.
     pub fields: &'static [&'static str],
 }
 
 impl ParameterFile {
-    /// The friction model as a driver takes it.
+    /// Returns the friction model for a driver.
     pub fn friction(&self) -> Configuration {
         Configuration { model: self.parameters.convert(), compensator: self.compensator }
     }
 }
 
-/// Why a parameter file was refused; one line.
+/// Error in a parameter file; one line.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {what}")]
 pub struct ParameterFileError {
@@ -78,20 +78,20 @@ pub struct ParameterFileError {
     what: String,
 }
 
-/// Unit of a parameter on this kind of joint.
-pub fn unit(info: &Info, joint: JointKind) -> &'static str {
+/// Returns the unit of a parameter for a joint kind.
+pub fn unit(info: &ParameterInfo, joint: JointKind) -> &'static str {
     match joint {
         JointKind::Revolute => info.unit,
         JointKind::Prismatic => info.unit_prismatic,
     }
 }
 
-/// The unit for a reader: nothing where there is none.
+/// Returns the unit for a report; empty for a dimensionless parameter.
 pub fn unit_in_words(unit: &str) -> &str {
     if unit == "1" { "" } else { unit }
 }
 
-/// The file of a fit.
+/// Formats the parameter file of a fit.
 #[cfg(feature = "fit")]
 pub fn emit(outcome: &Outcome, joint: JointKind) -> String {
     let parameters = &outcome.parameters;
@@ -110,7 +110,7 @@ pub fn emit(outcome: &Outcome, joint: JointKind) -> String {
     text
 }
 
-/// The file of a model in the numbers of a driver: read back, it is the same model to the bit.
+/// Formats the parameter file of a driver's model. Parsing it returns the same model bit for bit.
 pub fn emit_model(model: &Parameters<f32>, joint: JointKind) -> String {
     let spec = Spec { terms: model.terms.to_vec(), ..Spec::law(model.law) };
     let mut text = head(joint, &spec.full_name());
@@ -131,7 +131,7 @@ fn head(joint: JointKind, model: &str) -> String {
     format!("schema = 1\njoint = \"{kind}\"\nmodel = \"{model}\"\n\n[parameters]\n")
 }
 
-/// Puts a section of numbers at the end of a file.
+/// Appends a section of numbers to a file.
 pub fn emit_section(name: &str, names: &[&str], values: &[f32], text: &mut String) {
     let _ = writeln!(text, "\n[{name}]");
     for (name, value) in names.iter().zip(values) {
@@ -149,10 +149,10 @@ fn emit_limits(envelope: &Envelope, choices: Choices, text: &mut String) {
     );
 }
 
-/// Reads and validates a file that may have these sections besides those of a model.
+/// Reads and validates a parameter file, which may have these sections in addition to those of a model.
 ///
 /// # Errors
-/// One line: the file, the key, what was found and what was expected; or the core's own refusal.
+/// One line: the file, the key, what was found and what was expected; or the validation error of the core.
 pub fn read(path: &Path, sections: &[Section]) -> Result<ParameterFile, ParameterFileError> {
     let refuse = |what: String| ParameterFileError { file: path.display().to_string(), what };
     let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
@@ -160,7 +160,7 @@ pub fn read(path: &Path, sections: &[Section]) -> Result<ParameterFile, Paramete
     one_line(understand(&text, sections, Some(folder))).map_err(refuse)
 }
 
-/// Reads and validates the text of a file; one that names a network wants a folder ([`read`]).
+/// Parses and validates the text of a parameter file. A file that names a network needs a directory: see [`read`].
 ///
 /// # Errors
 /// As [`read`], without the file's name.
@@ -168,12 +168,12 @@ pub fn parse(text: &str, sections: &[Section]) -> Result<ParameterFile, String> 
     one_line(understand(text, sections, None))
 }
 
-/// A key or a text of the file may go over lines, and is in the words that refuse it.
+/// Joins the lines of an error: a key or text of the file may contain line ends.
 fn one_line(read: Result<ParameterFile, String>) -> Result<ParameterFile, String> {
     read.map_err(|why| why.lines().map(str::trim).collect::<Vec<_>>().join(" "))
 }
 
-/// The network a file names, read from the folder the file lies in.
+/// Reads the network that a file names, from the directory of the file.
 fn network(
     root: &toml_edit::Table,
     spec: &Spec,
@@ -211,7 +211,7 @@ fn network(
     network.map(Some).map_err(|why| format!("network.file: {}: {why}", path.display()))
 }
 
-/// Puts the section at the end of a file that names the network beside it, whose text is this.
+/// Appends a section that names the network file, given its text.
 pub fn emit_network(file: &str, content: &str, text: &mut String) {
     let crc32 = checksum(content.as_bytes());
     let _ = write!(text, "\n[network]\nfile = {file:?}\ncrc32 = \"{crc32}\"\n");
@@ -296,7 +296,7 @@ fn number(item: &Item) -> Option<f64> {
     item.as_float().or_else(|| item.as_integer().map(|i| i as f64)).filter(|x| x.is_finite())
 }
 
-/// A bare number, or a table with a value and, where given, the right unit.
+/// Returns a bare number, or the value of a table whose unit, if given, is correct.
 fn value(key: &str, item: &Item, unit: &str) -> Result<f64, String> {
     let expected = || format!("parameters.{key}: expected a finite number in {unit}");
     let Some(table) = item.as_table_like() else { return number(item).ok_or_else(expected) };
@@ -335,7 +335,7 @@ mod tests {
         [compensator]\nscale = 0.8\n";
 
     #[test]
-    fn a_file_is_read() {
+    fn parse_with_valid_file_returns_parameters() {
         let file = parse(GOOD, &[]).unwrap();
         assert_eq!(file.parameters.get(ParameterId::CoulombTorque), 1.5);
         assert_eq!(file.parameters.get(ParameterId::StaticTorque), 2.0);
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn a_further_section_is_read_where_it_is_asked_for() {
+    fn parse_with_further_section_returns_its_values() {
         let text = format!("{GOOD}[motor]\ngear_ratio = 20\n");
         let motor = Section { name: "motor", fields: &["pole_pairs", "gear_ratio"] };
         let file = parse(&text, &[motor]).unwrap();
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn a_network_lies_beside_its_file_and_is_the_one_that_was_meant() {
+    fn read_with_network_checks_file_and_checksum() {
         let folder = tempfile::tempdir().unwrap();
         let joint = compensator_core::network::reference::joint();
         let network = NetworkFile::of_driver(&joint, JointKind::Revolute);
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn parse_with_invalid_file_names_the_error() {
         for (from, to, word) in [
             ("schema = 1", "schema = 2", "schema"),
             ("revolute", "round", "expected revolute or prismatic"),

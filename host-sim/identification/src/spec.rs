@@ -1,23 +1,23 @@
-//! Which model: a law, extension terms, and the rigid-body parts that belong to the base.
+//! Specification of a model: a law, extension terms, and the rigid-body parts of the base model.
 //!
-//! A model is named `LAW+TERM+TERM`, as `lugre+pressure-coulomb`. What the torque column holds
-//! beyond friction (`--rigid-body inertia,gravity,load,offset,delay,gain`) is not part of the name: it belongs to
-//! every model that is compared. In the core both are terms alike.
+//! A model is named `LAW+TERM+TERM`, as `lugre+pressure-coulomb`. Contributions to the torque that are not friction
+//! (`--rigid-body inertia,gravity,load,offset,delay,gain`) are not part of the name: they belong to every model that is
+//! compared. In the core both are terms.
 
 use compensator_core::{LawKind, ParameterId, Parameters, Quantity, TermKind};
 use std::fmt;
 
-/// A part of the torque column that is not friction.
+/// A contribution to the torque that is not friction.
 struct RigidBodyPart {
-    /// As in `--rigid-body`.
+    /// Its name in `--rigid-body`.
     name: &'static str,
     /// The core term that computes it.
     term: TermKind,
-    /// What it adds.
+    /// Its effect.
     effect: &'static str,
 }
 
-/// The parts. The known load is a part and no cause: how it enters the reading is fitted, not found.
+/// The parts. The known load is a part and not a cause: how it enters the reading is fitted, not diagnosed.
 const RIGID_BODY: [RigidBodyPart; 6] = [
     RigidBodyPart {
         name: "inertia",
@@ -34,30 +34,30 @@ const RIGID_BODY: [RigidBodyPart; 6] = [
     RigidBodyPart {
         name: "delay",
         term: TermKind::ChannelDelay,
-        effect: "the torque answers the motion of a moment ago, the same in all runs.",
+        effect: "the torque responds to the motion of a moment ago, the same in all runs.",
     },
-    // The scale of the torque shows against a load that is known in its own unit alone: everything else
-    // in the model is in the torque's scale.
+    // The scale of the torque is observable only against a load that is known in its own unit: everything else in the
+    // model has the torque's scale.
     RigidBodyPart { name: "gain", term: TermKind::LoadGain, effect: "a gain on the known load." },
 ];
 
-/// What a part of the rigid body adds to the torque, for a list of models; none for another term.
+/// Returns the effect of a rigid-body part on the torque, for a list of models; `None` for another term.
 pub fn rigid_body_effect(term: TermKind) -> Option<&'static str> {
     RIGID_BODY.iter().find(|part| part.term == term).map(|part| part.effect)
 }
 
-/// A model to be fitted: its law, its terms, the rigid-body parts under it.
+/// A model to be fitted: its law, its terms and its rigid-body parts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Spec {
     /// The friction law.
     pub law: LawKind,
     /// The extension terms, in the order named.
     pub terms: Vec<TermKind>,
-    /// Rigid-body parts of the base.
+    /// The rigid-body parts of the base model.
     pub rigid_body: Vec<TermKind>,
 }
 
-/// Why a model or rigid-body list was refused; one line.
+/// Error in a model name or a list of rigid-body parts; one line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct SpecError(String);
@@ -67,15 +67,15 @@ fn names(of: impl Iterator<Item = &'static str>) -> String {
 }
 
 impl Spec {
-    /// A law alone.
+    /// Returns a law without terms.
     pub fn law(law: LawKind) -> Self {
         Self { law, terms: Vec::new(), rigid_body: Vec::new() }
     }
 
-    /// Reads `LAW+TERM+...`.
+    /// Parses `LAW+TERM+...`.
     ///
     /// # Errors
-    /// Names what is unknown and what is known, or a term the law has in it already.
+    /// If a name is unknown (the message lists the known ones), or if the law already includes a term.
     pub fn parse(name: &str) -> Result<Self, SpecError> {
         let mut parts = name.split('+');
         let first = parts.next().unwrap_or_default();
@@ -90,7 +90,7 @@ impl Spec {
                 SpecError(format!("--model {name}: unknown term {part:?}, expected one of {known}"))
             })?;
             if law.includes(term) {
-                let why = format!("{} has {part} in it already", law.name());
+                let why = format!("{} already includes {part}", law.name());
                 return Err(SpecError(format!("--model {name}: {why}")));
             }
             if spec.terms.contains(&term) {
@@ -101,7 +101,7 @@ impl Spec {
         Ok(spec)
     }
 
-    /// Puts rigid-body parts under the model. A part the law or a term brings already stays once.
+    /// Adds rigid-body parts to the model. A part that the law or a term already includes is not added twice.
     #[must_use]
     pub fn on(mut self, rigid_body: &[TermKind]) -> Self {
         self.rigid_body =
@@ -110,7 +110,7 @@ impl Spec {
         self
     }
 
-    /// The parameters of the model, at their defaults.
+    /// Returns the parameters of the model at their defaults.
     ///
     /// # Errors
     /// If there are more terms than a model can carry.
@@ -125,14 +125,14 @@ impl Spec {
         Ok(parameters)
     }
 
-    /// The name with the rigid-body parts in it, as `params.toml` needs it.
+    /// Returns the name with the rigid-body parts, as in `params.toml`.
     pub fn full_name(&self) -> String {
         let parts = self.rigid_body.iter().chain(&self.terms);
         parts.fold(self.law.name().to_owned(), |name, term| name + "+" + term.name())
     }
 
-    /// What a fit of this model must have measured, by the parameters that act on it: those of the terms
-    /// that read it, and the same parameters where a law has them in it.
+    /// Returns the quantities that a fit of this model needs, with the parameters that depend on them. These are the
+    /// parameters of terms that read a quantity, also where a law includes them.
     pub fn needs(&self) -> impl Iterator<Item = (ParameterId, Quantity)> + '_ {
         let read = |id: &ParameterId| {
             let owner = TermKind::ALL.iter().find(|term| term.parameters().contains(id));
@@ -151,17 +151,17 @@ impl fmt::Display for Spec {
     }
 }
 
-/// Reads a list of rigid-body parts, `inertia,gravity,load,offset,delay,gain`.
+/// Parses a list of rigid-body parts, `inertia,gravity,load,offset,delay,gain`.
 ///
 /// # Errors
-/// Names the part that is unknown and those that are known.
+/// If a part is unknown; the message lists the known ones.
 pub fn parse_rigid_body(list: &str) -> Result<Vec<TermKind>, SpecError> {
     let mut parts = Vec::new();
     for name in list.split(',').map(str::trim).filter(|name| !name.is_empty()) {
         let part = RIGID_BODY.iter().find(|part| part.name == name);
         let part = part.ok_or_else(|| {
             let known = names(RIGID_BODY.iter().map(|part| part.name));
-            SpecError(format!("--rigid-body: unknown part {name:?}, expected of {known}"))
+            SpecError(format!("--rigid-body: unknown part {name:?}, expected one of {known}"))
         })?;
         if !parts.contains(&part.term) {
             parts.push(part.term);
@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_read_and_written() {
+    fn parse_and_display_are_inverse() {
         let spec = Spec::parse("linear+direction-asymmetry").unwrap();
         assert_eq!(spec.to_string(), "linear+direction-asymmetry");
         let spec = spec.on(&parse_rigid_body("inertia,offset").unwrap());
@@ -186,12 +186,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn parse_with_invalid_name_reports_it() {
         for (name, word) in [
             ("lugra", "unknown model \"lugra\""),
             ("lugre+pressure", "unknown term \"pressure\""),
-            ("improved-lugre+pressure-coulomb", "has pressure-coulomb in it already"),
-            ("atan+torque-offset", "has torque-offset in it already"),
+            ("improved-lugre+pressure-coulomb", "already includes pressure-coulomb"),
+            ("atan+torque-offset", "already includes torque-offset"),
             ("dahl+backlash+backlash", "named twice"),
         ] {
             let error = Spec::parse(name).unwrap_err().to_string();
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn offset_under_the_atan_law_is_its_own() {
+    fn on_with_offset_under_atan_law_keeps_the_law_offset() {
         let spec = Spec::parse("atan").unwrap().on(&[TermKind::TorqueOffset]);
         assert!(spec.rigid_body.is_empty());
     }

@@ -1,13 +1,13 @@
-//! No file, however broken, may bring the reader down: every one ends in data or in an error of
-//! one line. Three kinds are tried, from a fixed seed: bytes at random, bytes in which separators,
-//! quotes and half-numbers are frequent, and good files with a few bytes changed.
+//! Reading of damaged files: every file must give data or an error of one line, and never a panic. Three kinds are
+//! tried with a fixed seed: random bytes, bytes with frequent separators, quotes and partial numbers, and valid files
+//! with a few bytes changed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use friction_identification::data::{ReadOptions, SplitRule, read, segments, split};
 
-/// Marsaglia's xorshift: plenty for choosing bytes.
+/// Marsaglia's xorshift generator.
 struct Random(u64);
 
 impl Random {
@@ -19,14 +19,14 @@ impl Random {
     }
 }
 
-/// Reads the file in every way there is, and uses what comes out.
+/// Reads the file with all options, and uses the result.
 fn must_survive(path: &Path, random: &mut Random) {
     let options = ReadOptions { columns: vec![], skip: random.next(3), ..ReadOptions::default() };
     match read(&[path.to_path_buf()], &options, &|_, _| {}) {
         Err(error) => {
-            let said = error.to_string();
-            assert!(!said.contains(['\n', '\r']), "{said:?}");
-            assert!(said.len() < 4000, "{said}");
+            let message = error.to_string();
+            assert!(!message.contains(['\n', '\r']), "{message:?}");
+            assert!(message.len() < 4000, "{message}");
         }
         Ok(data) => {
             assert!(data.runs.iter().all(|run| !run.is_empty()));
@@ -53,7 +53,7 @@ fn folder(name: &str) -> PathBuf {
 }
 
 #[test]
-fn random_bytes_never_panic() {
+fn read_with_random_bytes_never_panics() {
     const SNIPPETS: [&[u8]; 24] = [
         b",",
         b",",
@@ -111,7 +111,7 @@ fn random_bytes_never_panic() {
 }
 
 #[test]
-fn a_good_file_with_some_bytes_changed_never_panics() {
+fn read_with_damaged_file_never_panics() {
     let mut good = b"run,time_s,velocity_rad_s,torque_nm,kp,shape\n".to_vec();
     for i in 0..60 {
         let row = format!("{},{}.5,{},{},100,sine\n", i / 20, i, i % 7, (i * 3) % 5);

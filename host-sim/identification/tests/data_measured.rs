@@ -1,8 +1,7 @@
-//! The reader on the logs of real machines.
+//! Reading of logs of real machines.
 //!
-//! The logs lie beside the project, not in it: `../shared/data` from the workspace root, or where
-//! the environment variable `MEASURED_DATA` says. Where there are none the tests say that they
-//! were skipped, and pass.
+//! The logs are not part of the project. They are in `../shared/data`, relative to the workspace root, or in the directory
+//! that the environment variable `MEASURED_DATA` names. Without them the tests print that they are skipped, and pass.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +9,7 @@ use friction_identification::data::{
     Dataset, JointKind, Quantity, ReadOptions, SplitRule, read, split,
 };
 
-/// The files, or `None` and a word about it.
+/// Returns the files, or `None` after printing that the test is skipped.
 fn measured(names: &[&str]) -> Option<Vec<PathBuf>> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let folder = std::env::var_os("MEASURED_DATA").map_or_else(beside, PathBuf::from);
@@ -28,7 +27,7 @@ fn load(files: &[PathBuf], columns: &[(&str, &str)]) -> Dataset {
 }
 
 #[test]
-fn the_positioning_system_reads_under_foreign_names() {
+fn read_with_positioning_system_maps_columns() {
     let Some(files) = measured(&["emps-train.csv", "emps-pulses.csv"]) else { return };
     let columns =
         [("time_s", "t_s"), ("velocity_m_s", "vel_m_per_s"), ("force_n", "motor_force_N")];
@@ -39,7 +38,7 @@ fn the_positioning_system_reads_under_foreign_names() {
 }
 
 #[test]
-fn the_seals_read_whole() {
+fn read_with_seals_returns_all_rows() {
     for (name, rows) in [("seal-oring.csv", 46_414), ("seal-kdn.csv", 32_439)] {
         let Some(files) = measured(&[name]) else { return };
         let data = load(&files, &[]);
@@ -49,7 +48,7 @@ fn the_seals_read_whole() {
 }
 
 #[test]
-fn the_worm_drive_and_the_servo_read_whole() {
+fn read_with_worm_drive_and_servo_returns_all_rows() {
     let Some(files) = measured(&["worm-drive.csv"]) else { return };
     let data = load(&files, &[]);
     assert_eq!((data.rows, data.bad_rows.count), (22_997, 0));

@@ -1,7 +1,7 @@
-//! Parquet files go through the same cleaning as CSV files: what is said of a row is the same.
+//! Reading of Parquet files: the same validation and the same messages as for CSV files.
 //!
-//! The files are written here, column by column, with the types pandas and polars use: nullable
-//! doubles, 32-bit floats, integers of both signs, booleans, text, several row groups.
+//! The files are written here, column by column, with the types that pandas and polars use: nullable doubles, 32-bit
+//! floats, integers of both signs, booleans, text, several row groups.
 
 use std::fs;
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ const SCHEMA: &str = "message log {
     OPTIONAL INT64 when (TIME(MICROS,true));
 }";
 
-/// Where the file is and, by dropping, when it goes.
+/// A file that is deleted when dropped.
 struct Temporary(PathBuf);
 
 impl Drop for Temporary {
@@ -45,7 +45,7 @@ fn column<T: DataType>(group: &mut SerializedRowGroupWriter<'_, fs::File>, cells
     column.close().unwrap();
 }
 
-/// `groups` row groups of `rows` rows, one run each. In the first, row 3 has no torque.
+/// Writes `groups` row groups of `rows` rows, one run each. In the first, row 3 has no torque.
 fn write(name: &str, compression: Compression, groups: usize, rows: usize) -> Temporary {
     let path = std::env::temp_dir().join(format!("{name}-{}.parquet", std::process::id()));
     let schema = Arc::new(parse_message_type(SCHEMA).unwrap());
@@ -79,7 +79,7 @@ fn read_one(file: &Temporary) -> Dataset {
 }
 
 #[test]
-fn a_table_reads_as_its_csv_would() {
+fn read_with_parquet_returns_same_data_as_csv() {
     let compressions =
         [Compression::UNCOMPRESSED, Compression::SNAPPY, Compression::ZSTD(ZstdLevel::default())];
     for (at, compression) in compressions.into_iter().enumerate() {
@@ -108,7 +108,7 @@ fn a_table_reads_as_its_csv_would() {
     }
 }
 
-/// A table of 50 rows 10 ms apart, the time in a column of this kind.
+/// Writes a table of 50 rows 10 ms apart, with times of the given type.
 fn dated<T: DataType>(name: &str, kind: &str, stamp: impl Fn(i64) -> T::T) -> Temporary {
     let path = std::env::temp_dir().join(format!("{name}-{}.parquet", std::process::id()));
     let schema = format!(
@@ -128,7 +128,7 @@ fn dated<T: DataType>(name: &str, kind: &str, stamp: impl Fn(i64) -> T::T) -> Te
 }
 
 #[test]
-fn dates_are_times_to_the_nanosecond() {
+fn read_with_dates_returns_times_to_the_nanosecond() {
     // 2024-05-01 12:00:00 UTC.
     const NOON_MS: i64 = 1_714_564_800_000;
     let files = [
@@ -160,7 +160,7 @@ fn dates_are_times_to_the_nanosecond() {
 }
 
 #[test]
-fn more_rows_than_a_batch_stay_in_step() {
+fn read_with_more_rows_than_a_batch_keeps_columns_aligned() {
     let data = read_one(&write("long", Compression::SNAPPY, 2, 20_000));
     assert_eq!(data.rows, 39_999);
     let run = &data.runs[1];
@@ -170,7 +170,7 @@ fn more_rows_than_a_batch_stay_in_step() {
 }
 
 #[test]
-fn a_damaged_table_is_an_error_and_never_a_panic() {
+fn read_with_damaged_parquet_returns_error_without_panic() {
     let good = write("good", Compression::SNAPPY, 2, 50);
     let bytes = fs::read(&good.0).unwrap();
     let path = Temporary(good.0.with_file_name(format!("damaged-{}.parquet", std::process::id())));

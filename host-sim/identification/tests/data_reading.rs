@@ -1,7 +1,7 @@
-//! The rules of the data contract, each on a file of a few rows.
+//! Rules of the data contract, each on a file of a few rows.
 //!
-//! Every test writes its file into a directory of its own, reads it through the public interface,
-//! and looks at what a user would see: runs, bad rows by their place, one-line errors.
+//! Every test writes its file into a directory of its own and reads it through the public interface. It checks what a
+//! user sees: runs, the position of bad rows, errors of one line.
 
 use std::cell::RefCell;
 use std::fs;
@@ -12,7 +12,7 @@ use friction_identification::data::{
     DataError, Dataset, JointKind, Measured, Quantity, ReadOptions, read,
 };
 
-/// A directory that goes away with its owner.
+/// A directory that is deleted when dropped.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -45,12 +45,12 @@ fn read_with(files: &[PathBuf], options: &ReadOptions) -> Result<Dataset, DataEr
 fn try_text(text: impl AsRef<[u8]>) -> Result<Dataset, String> {
     let folder = Folder::new();
     let path = folder.write("log.csv", text);
-    let said = |error: DataError| {
-        let said = error.to_string();
-        assert!(!said.contains('\n'), "an error is one line: {said:?}");
-        said.replace(&format!("{}{}", folder.0.display(), std::path::MAIN_SEPARATOR), "")
+    let message = |error: DataError| {
+        let message = error.to_string();
+        assert!(!message.contains('\n'), "an error is one line: {message:?}");
+        message.replace(&format!("{}{}", folder.0.display(), std::path::MAIN_SEPARATOR), "")
     };
-    read_with(&[path], &ReadOptions::default()).map_err(said)
+    read_with(&[path], &ReadOptions::default()).map_err(message)
 }
 
 fn text(text: impl AsRef<[u8]>) -> Dataset {
@@ -67,7 +67,7 @@ fn after_100_rows(rows: &str) -> String {
     format!("time_s,velocity_rad_s,torque_nm\n{good}{rows}")
 }
 
-/// Where the first bad row is and what is said of it.
+/// Returns row, column, found and expected of the first bad row.
 fn first_bad(data: &Dataset) -> (u64, &str, &str, &str) {
     let cell = &data.bad_rows.first[0];
     (cell.row, &cell.column, &cell.found, &cell.expected)
@@ -76,7 +76,7 @@ fn first_bad(data: &Dataset) -> (u64, &str, &str, &str) {
 const PLAIN: &str = "time_s,velocity_rad_s,torque_nm\n0.0,1.0,2.0\n0.1,1.5,2.5\n";
 
 #[test]
-fn a_plain_file_is_one_run_named_after_it() {
+fn read_with_plain_file_returns_one_run_named_after_it() {
     let data = text(PLAIN);
     assert_eq!(data.joint, JointKind::Revolute);
     assert_eq!((data.rows, data.rows_read, data.bad_rows.count), (2, 2, 0));
@@ -89,7 +89,7 @@ fn a_plain_file_is_one_run_named_after_it() {
 }
 
 #[test]
-fn every_contract_column_finds_its_place() {
+fn read_with_every_contract_column_returns_its_quantity() {
     let data = text(
         "run,time_s,velocity_m_s,force_n,position_m,acceleration_m_s2,radial_force_n,\
          pressure_diff_pa,temperature_c,load_torque_nm,flow\nA,0,1,2,3,4,5,6,7,8,9\n",
@@ -111,7 +111,7 @@ fn every_contract_column_finds_its_place() {
 }
 
 #[test]
-fn how_the_text_is_written_does_not_matter() {
+fn read_with_any_text_notation_returns_same_data() {
     let plain = text(PLAIN);
     let crlf = PLAIN.replace('\n', "\r\n");
     let semicolons = PLAIN.replace(',', ";");
@@ -143,7 +143,7 @@ fn how_the_text_is_written_does_not_matter() {
 }
 
 #[test]
-fn utf_16_is_read_as_utf_8_is() {
+fn read_with_utf_16_returns_same_data_as_utf_8() {
     let plain = text(PLAIN);
     for mark in ["\u{feff}", ""] {
         let units: Vec<u16> = format!("{mark}{PLAIN}").encode_utf16().collect();
@@ -155,30 +155,30 @@ fn utf_16_is_read_as_utf_8_is() {
 }
 
 #[test]
-fn rows_below_remarks_have_the_numbers_of_an_editor() {
+fn read_with_comments_counts_rows_as_an_editor() {
     let rows = after_100_rows("x,1,2\n");
     let data = text(format!("# one\n\n# two\n{rows}"));
     assert_eq!(first_bad(&data).0, 102 + 3);
 }
 
 #[test]
-fn a_row_of_units_is_taken_at_its_word() {
+fn read_with_row_of_units_converts_values() {
     let data = text("time_s,velocity_rad_s,torque_nm,flow\nms,rpm,mNm,l/min\n0,60,1500,3\n");
     let run = &data.runs[0];
     assert!((run.velocity[0] - std::f64::consts::TAU).abs() < 1e-12);
     assert_eq!((run.torque[0], run.extra[0][0], data.bad_rows.count), (1.5, 3.0, 0));
-    assert!(data.notes[0].contains("taken for units"));
+    assert!(data.notes[0].contains("read as units"));
 }
 
 #[test]
-fn a_decimal_comma_is_read_where_the_comma_is_free_and_told() {
+fn read_with_decimal_comma_converts_and_notes_it() {
     let data = text("time_s;velocity_rad_s;torque_nm\n0,0;1,0;2,0\n0,1;1,5;-2,5e-1\n");
     assert_eq!(data.runs[0].torque, [2.0, -0.25]);
     assert!(data.notes[0].ends_with("commas inside numbers are decimal points"));
 }
 
 #[test]
-fn files_that_are_no_table_are_told_apart() {
+fn read_with_unsupported_file_names_its_type() {
     assert_eq!(refused(""), "log.csv: found an empty file, expected a header and a row per sample");
     assert_eq!(
         refused("time_s,velocity_rad_s,torque_nm\r\n\r\n"),
@@ -198,7 +198,7 @@ fn files_that_are_no_table_are_told_apart() {
 }
 
 #[test]
-fn bad_cells_are_left_out_and_named_by_row() {
+fn read_with_bad_cell_leaves_out_row_and_reports_it() {
     for (row, column, found) in [
         ("abc,1,2", "time_s", "\"abc\""),
         ("200,NaN,2", "velocity_rad_s", "\"NaN\""),
@@ -213,7 +213,7 @@ fn bad_cells_are_left_out_and_named_by_row() {
 }
 
 #[test]
-fn ragged_rows_are_bad() {
+fn read_with_ragged_rows_leaves_them_out() {
     let data = text(after_100_rows("100,1\n101,1,2,3\n102,1,2\n"));
     assert_eq!((data.rows, data.bad_rows.count), (101, 2));
     assert_eq!(first_bad(&data), (102, "(all)", "2 cells", "3 cells as in the header"));
@@ -221,7 +221,7 @@ fn ragged_rows_are_bad() {
 }
 
 #[test]
-fn row_numbers_are_those_of_an_editor() {
+fn read_with_blank_lines_counts_rows_as_an_editor() {
     // Blank lines, CRLF and a quoted cell over three lines all come before the bad row.
     let rows = after_100_rows("").replace('\n', "\r\n");
     let rows = rows.replacen("\r\n0.0,1.0,2.0\r\n", "\r\n\r\n\r\n0.0,1.0,\"2.0\r\n\r\n\"\r\n", 1);
@@ -234,8 +234,8 @@ fn row_numbers_are_those_of_an_editor() {
 }
 
 #[test]
-fn an_unclosed_quote_is_one_bad_row_that_says_so() {
-    // The cell swallows the rest of the file, whether or not it is in the last column.
+fn read_with_unclosed_quote_reports_one_bad_row() {
+    // The cell extends to the end of the file, in any column.
     for rows in ["100,1,\"2\n101,1,2\n102,1,2\n", "100,\"1,2\n101,1,2", "100,1,\"2"] {
         let data = text(after_100_rows(rows));
         assert_eq!((data.rows, data.bad_rows.count), (100, 1));
@@ -248,7 +248,7 @@ fn an_unclosed_quote_is_one_bad_row_that_says_so() {
 }
 
 #[test]
-fn time_must_not_run_backwards_inside_a_run() {
+fn read_with_time_running_backwards_leaves_out_row() {
     let data = text(after_100_rows("98.5,1,2\n99.0,1,2\n99.5,1,2\n"));
     assert_eq!((data.rows, data.bad_rows.count), (102, 1));
     assert_eq!(first_bad(&data), (102, "time_s", "98.5", "a time not before 99 of row 101"));
@@ -256,7 +256,7 @@ fn time_must_not_run_backwards_inside_a_run() {
 }
 
 #[test]
-fn runs_may_be_interleaved_and_have_their_own_clocks() {
+fn read_with_interleaved_runs_keeps_separate_clocks() {
     let data = text(
         "time_s,run,velocity_rad_s,torque_nm\n100,b,1,1\n0,7,2,2\n101,b,3,3\n1,7,4,4\n0, a b ,5,5\n",
     );
@@ -268,14 +268,14 @@ fn runs_may_be_interleaved_and_have_their_own_clocks() {
 }
 
 #[test]
-fn a_row_without_its_run_is_bad() {
+fn read_with_row_without_run_leaves_it_out() {
     let rows: String = (0..50).map(|i| format!("a,{i},1,2\n")).collect();
     let data = text(format!("run,time_s,velocity_rad_s,torque_nm\n{rows},50,1,2\n"));
     assert_eq!(first_bad(&data), (52, "run", "an empty cell", "the run's name"));
 }
 
 #[test]
-fn more_than_five_percent_of_bad_rows_is_an_error() {
+fn read_with_over_five_percent_bad_rows_returns_error() {
     let bad = |n: usize| after_100_rows(&"x,1,2\n".repeat(n));
     assert_eq!(text(bad(5)).bad_rows.count, 5);
     assert_eq!(text(bad(5)).bad_rows.first.len(), 5);
@@ -287,7 +287,7 @@ fn more_than_five_percent_of_bad_rows_is_an_error() {
 }
 
 #[test]
-fn a_hole_in_a_covariate_is_filled_and_told() {
+fn read_with_missing_covariate_values_fills_and_notes_them() {
     let good: String = (0..40).map(|i| format!("{i},1,2,{i},x,7\n")).collect();
     let head = "time_s,velocity_rad_s,torque_nm,temperature_c,note,kp\n";
     let data = text(format!("{head}{good}40,1,2,,x,8\n41,1,2,43,x,\n42,1,2,off,x,8\n"));
@@ -295,19 +295,19 @@ fn a_hole_in_a_covariate_is_filled_and_told() {
     let run = &data.runs[0];
     assert_eq!(run.get(Quantity::Temperature).unwrap()[39..], [39.0, 41.0, 43.0, 43.0]);
     assert_eq!(run.extra[0][39..], [7.0, 8.0, 8.0, 8.0], "a setting is held");
-    let told = |words: &str| data.notes.iter().any(|note| note.ends_with(words));
+    let has_note = |words: &str| data.notes.iter().any(|note| note.ends_with(words));
     assert!(
-        told(
+        has_note(
             "temperature_c is in 41 of 43 rows and is interpolated in time between its values; row 44 holds \"off\""
         ),
         "{:?}",
         data.notes
     );
-    assert!(told("kp is in 42 of 43 rows and is held from each of its values to the next"));
+    assert!(has_note("kp is in 42 of 43 rows and is held from each of its values to the next"));
 }
 
 #[test]
-fn columns_without_a_number_are_left_out_and_named() {
+fn read_with_columns_without_numbers_leaves_them_out() {
     let data = text(
         "run,time_s,velocity_rad_s,torque_nm,shape,temperature_c,note,\n\
          a,0,1,2,sine,,x,\na,1,1,2,sine,nan,y,\nb,0,1,2,step,,z,\n",
@@ -329,7 +329,7 @@ fn columns_without_a_number_are_left_out_and_named() {
 }
 
 #[test]
-fn a_header_problem_is_an_error_of_row_one() {
+fn read_with_invalid_header_reports_row_one() {
     assert!(refused("time_s,velocity_rad_s,torque_nm,force_n\n0,1,2,3\n").starts_with(
         "log.csv: row 1, column force_n: found torque_nm as well, expected one target"
     ));
@@ -341,7 +341,7 @@ fn a_header_problem_is_an_error_of_row_one() {
 }
 
 #[test]
-fn foreign_headers_are_translated() {
+fn read_with_mapped_columns_translates_header() {
     let folder = Folder::new();
     let path = folder.write("servo.csv", "time_s,velocity_rad_s,drive_voltage_v\n0,1,2\n");
     let pair = |text: &str| {
@@ -358,7 +358,7 @@ fn foreign_headers_are_translated() {
 }
 
 #[test]
-fn several_files_become_one_data_set() {
+fn read_with_several_files_joins_them() {
     let folder = Folder::new();
     let head = "run,time_s,velocity_rad_s,torque_nm";
     let first =
@@ -388,7 +388,7 @@ fn several_files_become_one_data_set() {
 }
 
 #[test]
-fn skipping_counts_per_run() {
+fn read_with_skip_drops_rows_of_each_run() {
     let folder = Folder::new();
     let rows: String =
         (0..60).map(|i| format!("{},{i},{i},2\n", if i < 40 { "a" } else { "b" })).collect();
@@ -402,13 +402,13 @@ fn skipping_counts_per_run() {
     assert_eq!(data.rows_read, 60);
     let data = with(20).unwrap();
     assert_eq!(data.runs.len(), 1);
-    assert_eq!(data.notes, ["runs too short to skip are left out: b"]);
+    assert_eq!(data.notes, ["runs shorter than --skip are left out: b"]);
     let error = with(100).unwrap_err().to_string();
     assert!(error.starts_with("--skip 100: found no run with a row left"), "{error}");
 }
 
 #[test]
-fn progress_starts_at_zero_and_ends_at_the_total() {
+fn read_reports_progress_from_zero_to_total() {
     let folder = Folder::new();
     let files = [folder.write("a.csv", PLAIN), folder.write("b.csv", PLAIN)];
     let seen = RefCell::new(Vec::new());

@@ -1,9 +1,9 @@
-//! Each fault hidden in an exact log must be found, with its size; the exact log must list nothing.
+//! Checks of a log: each defect added to an exact log must be found with its size, and the exact log must have none.
 
 use compensator_core::ParameterId;
 use friction_identification::data::{Dataset, Run, SplitRule, split};
-use friction_identification::diagnose::{Diagnosis, Question, diagnose};
-use friction_identification::log_check::{Correct, Kind, LogFinding, check};
+use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
+use friction_identification::log_check::{Corrections, LogFinding, LogFindingKind, check};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -17,7 +17,7 @@ type Columns = [Vec<f64>; 5];
 const NAMES: [&str; 5] =
     ["time_s", "velocity_rad_s", "torque_nm", "position_rad", "gauge_torque_nm"];
 
-/// A joint swung to and fro with rests, run by run harder: bristles of 2 mrad, a sensor noise of 0.02 Nm.
+/// Simulates a joint that oscillates with rests, faster in each run: bristles of 2 mrad, torque noise of 0.02 Nm.
 fn exact(run: usize) -> Columns {
     let mut random = Pcg64::seed_from_u64(run as u64);
     let mut noise = move || -> f64 { (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0 };
@@ -52,15 +52,15 @@ fn log(spoil: impl Fn(usize, &mut Columns)) -> Dataset {
         spoil(run, &mut columns);
         (run.to_string(), columns.to_vec())
     });
-    Dataset::of_columns(&names, runs).expect("the columns of a log")
+    Dataset::from_columns(&names, runs).expect("the columns of a log")
 }
 
 fn found(spoil: impl Fn(usize, &mut Columns)) -> Vec<LogFinding> {
-    check(log(spoil), Correct::default()).findings
+    check(log(spoil), Corrections::default()).findings
 }
 
-/// The finding of a kind; nothing else may be among them, but what is `beside`.
-fn only(findings: &[LogFinding], kind: Kind, beside: &[Kind]) -> LogFinding {
+/// Returns the finding of a kind. Only the kinds in `beside` may be found as well.
+fn only(findings: &[LogFinding], kind: LogFindingKind, beside: &[LogFindingKind]) -> LogFinding {
     for finding in findings {
         let expected = finding.kind == kind || beside.contains(&finding.kind);
         assert!(expected, "not in this log: {finding:?}");
@@ -73,14 +73,14 @@ fn near(value: f64, expected: f64, within: f64) {
     assert!((value - expected).abs() < within, "{value}, expected {expected}");
 }
 
-/// Values of some rows earlier.
+/// Delays values by some rows.
 fn late(values: &[f64], rows: usize) -> Vec<f64> {
     (0..values.len()).map(|row| values[row.saturating_sub(rows)]).collect()
 }
 
 #[test]
-fn an_exact_log_lists_nothing_and_is_handed_back_to_the_bit() {
-    let checked = check(log(|_, _| ()), Correct::default());
+fn check_with_exact_log_finds_nothing_and_returns_it_unchanged() {
+    let checked = check(log(|_, _| ()), Corrections::default());
     assert_eq!(checked.findings, []);
     assert!(checked.sensors.exact);
     for (run, before) in checked.data.runs.iter().zip(log(|_, _| ()).runs) {
@@ -90,7 +90,7 @@ fn an_exact_log_lists_nothing_and_is_handed_back_to_the_bit() {
 }
 
 #[test]
-fn a_velocity_that_flickers_is_found_and_reconstructed() {
+fn check_with_noisy_velocity_reports_and_reconstructs_it() {
     let spoil = |run: usize, columns: &mut Columns| {
         let mut random = Pcg64::seed_from_u64(99 + run as u64);
         for value in &mut columns[1] {
@@ -98,57 +98,57 @@ fn a_velocity_that_flickers_is_found_and_reconstructed() {
             *value += 5e-3 * noise;
         }
     };
-    let finding = only(&found(spoil), Kind::VelocityNoise, &[]);
+    let finding = only(&found(spoil), LogFindingKind::VelocityNoise, &[]);
     near(finding.value, 5e-3, 1e-3);
     assert!(finding.corrected);
-    let as_logged = check(log(spoil), Correct { motion: false, ..Correct::default() });
-    assert!(!only(&as_logged.findings, Kind::VelocityNoise, &[]).corrected);
+    let as_logged = check(log(spoil), Corrections { motion: false, ..Corrections::default() });
+    assert!(!only(&as_logged.findings, LogFindingKind::VelocityNoise, &[]).corrected);
     assert_eq!(as_logged.data.runs, log(spoil).runs);
 }
 
 #[test]
-fn a_late_velocity_is_found() {
-    let finding = only(&found(|_, c| c[1] = late(&c[1], 3)), Kind::VelocityLag, &[]);
+fn check_with_late_velocity_reports_lag() {
+    let finding = only(&found(|_, c| c[1] = late(&c[1], 3)), LogFindingKind::VelocityLag, &[]);
     near(finding.value, 3.0 * STEP_S, 0.2 * STEP_S);
 }
 
 #[test]
-fn a_late_torque_is_found() {
+fn check_with_late_torque_reports_lag() {
     let spoil = |_: usize, columns: &mut Columns| {
         columns[2] = late(&columns[2], 6);
         // The gauge is the torque's own, or it would be early.
         columns[4] = columns[2].clone();
     };
-    let finding = only(&found(spoil), Kind::TorqueLag, &[]);
+    let finding = only(&found(spoil), LogFindingKind::TorqueLag, &[]);
     near(finding.value, 6.0 * STEP_S, 1.5 * STEP_S);
 }
 
 #[test]
-fn a_late_channel_is_found() {
-    let finding = only(&found(|_, c| c[4] = late(&c[4], 20)), Kind::ChannelLag, &[]);
+fn check_with_late_channel_reports_lag() {
+    let finding = only(&found(|_, c| c[4] = late(&c[4], 20)), LogFindingKind::ChannelLag, &[]);
     near(finding.value, 20.0 * STEP_S, 1.5 * STEP_S);
     assert_eq!(finding.columns, ["gauge_torque_nm"]);
 }
 
 #[test]
-fn a_held_channel_is_found() {
+fn check_with_held_channel_reports_it() {
     let spoil = |_: usize, columns: &mut Columns| {
         let all = columns[4].clone();
         columns[4] = (0..all.len()).map(|row| all[row - row % 4]).collect();
     };
-    let finding = only(&found(spoil), Kind::HeldChannel, &[]);
+    let finding = only(&found(spoil), LogFindingKind::HeldChannel, &[]);
     near(finding.value, 4.0 * STEP_S, 1e-9);
     assert!(!finding.corrected, "a covariate is taken as it stands");
 }
 
 #[test]
-fn of_a_torque_that_is_held_the_rows_between_are_left_out() {
+fn check_with_held_torque_leaves_out_rows_between() {
     let spoil = |_: usize, columns: &mut Columns| {
         let held = |all: &[f64]| (0..all.len()).map(|row| all[row - row % 4]).collect::<Vec<f64>>();
         (columns[2], columns[4]) = (held(&columns[2]), held(&columns[4]));
     };
-    let checked = check(log(spoil), Correct::default());
-    let held = |finding: &&LogFinding| finding.kind == Kind::HeldChannel;
+    let checked = check(log(spoil), Corrections::default());
+    let held = |finding: &&LogFinding| finding.kind == LogFindingKind::HeldChannel;
     let torque = checked.findings.iter().filter(held).find(|f| f.columns == ["torque_nm"]);
     assert!(torque.is_some_and(|finding| finding.corrected), "{:?}", checked.findings);
     let run = &checked.data.runs[0];
@@ -157,20 +157,20 @@ fn of_a_torque_that_is_held_the_rows_between_are_left_out() {
     for (row, (time, torque)) in run.time_s.iter().zip(&run.torque).enumerate() {
         assert_eq!((*time, *torque), (exact[0][4 * row], exact[2][4 * row]), "row {row}");
     }
-    let as_logged = check(log(spoil), Correct { held: false, ..Correct::default() });
+    let as_logged = check(log(spoil), Corrections { held: false, ..Corrections::default() });
     assert_eq!(as_logged.data.runs[0].len(), ROWS);
     assert!(as_logged.findings.iter().all(|finding| !finding.corrected));
 }
 
 #[test]
-fn of_a_motion_that_is_held_the_rows_between_are_left_out_and_rests_stay() {
+fn check_with_held_motion_leaves_out_rows_between_and_keeps_rests() {
     let spoil = |_: usize, columns: &mut Columns| {
         for column in [1, 3] {
             let all = columns[column].clone();
             columns[column] = (0..all.len()).map(|row| all[row - row % 3]).collect();
         }
     };
-    let checked = check(log(spoil), Correct { motion: false, ..Correct::default() });
+    let checked = check(log(spoil), Corrections { motion: false, ..Corrections::default() });
     let position = checked.findings.iter().find(|finding| finding.columns == ["position_rad"]);
     assert!(position.is_some_and(|finding| finding.corrected), "{:?}", checked.findings);
     for (index, run) in checked.data.runs.iter().enumerate() {
@@ -187,18 +187,18 @@ fn of_a_motion_that_is_held_the_rows_between_are_left_out_and_rests_stay() {
     }
 }
 
-/// The joint through the diagnosis, every run left out once; of each run four swings and a rest.
-fn diagnosed(mut data: Dataset, as_logged: Vec<Kind>) -> Diagnosis {
+/// Diagnoses the joint with each run held out once; each run is reduced to four oscillations and a rest.
+fn diagnosed(mut data: Dataset, as_logged: Vec<LogFindingKind>) -> Diagnosis {
     for run in &mut data.runs {
         *run = run.slice(0..2500);
     }
-    let parts = split(&data, &SplitRule::EachOut, 0).expect("runs to leave out");
-    let question = Question { as_logged, ..Question::default() };
+    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).expect("runs to leave out");
+    let question = DiagnosisOptions { as_logged, ..DiagnosisOptions::default() };
     diagnose(&data, &parts, &question, &|_| {}).expect("a diagnosis")
 }
 
 #[test]
-fn a_low_passed_torque_is_answered_by_a_low_passed_model() {
+fn diagnose_with_low_passed_torque_uses_low_passed_model() {
     let time_constant_s = 0.015;
     let spoil = |_: usize, columns: &mut Columns| {
         for column in [2, 4] {
@@ -210,7 +210,7 @@ fn a_low_passed_torque_is_answered_by_a_low_passed_model() {
         }
     };
     let found = diagnosed(log(spoil), Vec::new());
-    let finding = only(&found.log_findings, Kind::TorqueLag, &[]);
+    let finding = only(&found.log_findings, LogFindingKind::TorqueLag, &[]);
     assert!(finding.corrected);
     near(finding.value, time_constant_s, 0.1 * time_constant_s);
     assert_eq!(
@@ -221,70 +221,70 @@ fn a_low_passed_torque_is_answered_by_a_low_passed_model() {
     );
     let stiffness = found.extended.parameters.get(ParameterId::BristleStiffness);
     near(stiffness, 750.0, 75.0);
-    let as_logged = diagnosed(log(spoil), vec![Kind::TorqueLag]);
+    let as_logged = diagnosed(log(spoil), vec![LogFindingKind::TorqueLag]);
     assert!(as_logged.log_findings.is_empty());
     assert!(as_logged.before.metrics.rmse > 3.0 * found.after.metrics.rmse);
 }
 
 #[test]
-fn a_late_velocity_without_a_position_is_taken_later() {
+fn diagnose_with_late_velocity_without_position_shifts_it() {
     let spoiled = || {
         let names = ["time_s", "velocity_rad_s", "torque_nm"].map(str::to_owned);
         let runs = (0..RUNS).map(|run| {
             let [time, velocity, torque, ..] = exact(run);
             (run.to_string(), vec![time, late(&velocity, 7), torque])
         });
-        Dataset::of_columns(&names, runs).expect("the columns of a log")
+        Dataset::from_columns(&names, runs).expect("the columns of a log")
     };
     let found = diagnosed(spoiled(), Vec::new());
-    let finding = only(&found.log_findings, Kind::VelocityLag, &[]);
+    let finding = only(&found.log_findings, LogFindingKind::VelocityLag, &[]);
     assert!(finding.corrected);
     near(finding.value, 7.0 * STEP_S, 0.5 * STEP_S);
     assert!(found.after.metrics.rmse < 1.3 * 0.02, "{}", found.after.metrics.rmse);
 }
 
 #[test]
-fn nothing_of_an_exact_log_is_late() {
+fn diagnose_with_exact_log_finds_no_lag() {
     let found = diagnosed(log(|_, _| ()), Vec::new());
     assert!(found.log_findings.is_empty(), "{:?}", found.log_findings);
 }
 
 #[test]
-fn a_coarse_encoder_is_found() {
+fn check_with_coarse_encoder_reports_quantisation() {
     let step = std::f64::consts::TAU / 4096.0;
     let spoil = |_: usize, columns: &mut Columns| {
         columns[3].iter_mut().for_each(|value| *value = (*value / step).floor() * step);
     };
-    let finding = only(&found(spoil), Kind::Quantised, &[]);
+    let finding = only(&found(spoil), LogFindingKind::Quantised, &[]);
     near(finding.value, step, 1e-3 * step);
 }
 
 #[test]
-fn a_clipped_torque_is_found() {
+fn check_with_clipped_torque_reports_saturation() {
     let spoil = |_: usize, columns: &mut Columns| {
         columns[2].iter_mut().for_each(|value| *value = value.clamp(-1.45, 1.45));
     };
-    let finding = only(&found(spoil), Kind::Saturated, &[]);
+    let finding = only(&found(spoil), LogFindingKind::Saturated, &[]);
     near(finding.value.abs(), 1.45, 1e-12);
 }
 
 #[test]
-fn a_coarse_clock_and_a_gap_are_found() {
+fn check_with_coarse_clock_or_gap_reports_time_jump() {
     let repeated = found(|_, c| {
         c[0].iter_mut().for_each(|time| *time = (*time / 0.005).floor() * 0.005);
     });
-    let repeated = repeated.iter().find(|finding| finding.kind == Kind::TimeJump);
+    let repeated = repeated.iter().find(|finding| finding.kind == LogFindingKind::TimeJump);
     assert!(repeated.is_some_and(|finding| finding.unit == "rows"));
     let gap = found(|run, c| {
         if run == 1 {
             c[0].iter_mut().skip(2000).for_each(|time| *time += 0.5);
         }
     });
-    near(only(&gap, Kind::TimeJump, &[]).value, 0.502, 1e-6);
+    near(only(&gap, LogFindingKind::TimeJump, &[]).value, 0.502, 1e-6);
 }
 
 #[test]
-fn lost_rows_are_found_though_the_clock_runs_on() {
+fn check_with_lost_rows_and_regular_clock_reports_time_jump() {
     let spoil = |run: usize, columns: &mut Columns| {
         if run == 1 {
             // Somewhere in a fast swing, a twentieth of a second.
@@ -294,24 +294,24 @@ fn lost_rows_are_found_though_the_clock_runs_on() {
             columns[0].truncate(ROWS - 25);
         }
     };
-    let finding = only(&found(spoil), Kind::TimeJump, &[]);
+    let finding = only(&found(spoil), LogFindingKind::TimeJump, &[]);
     assert_eq!(finding.columns, ["position_rad", "time_s"]);
 }
 
 #[test]
-fn other_units_are_suspected() {
+fn check_with_other_units_reports_suspect_unit() {
     for (factor, word) in [(60.0 / std::f64::consts::TAU, "rpm"), (57.295_779_513, "degrees")] {
         let findings = found(|_, c| c[1].iter_mut().for_each(|velocity| *velocity *= factor));
-        let finding = only(&findings, Kind::UnitSuspect, &[]);
+        let finding = only(&findings, LogFindingKind::UnitSuspect, &[]);
         near(finding.value, factor, 0.01 * factor);
         assert!(finding.in_words.contains(word), "{}", finding.in_words);
     }
     let micro = found(|_, c| c[0].iter_mut().for_each(|time| *time *= 1e6));
-    assert!(micro.iter().any(|f| f.kind == Kind::UnitSuspect && f.columns == ["time_s"]));
+    assert!(micro.iter().any(|f| f.kind == LogFindingKind::UnitSuspect && f.columns == ["time_s"]));
 }
 
 #[test]
-fn a_position_that_was_integrated_is_told() {
+fn check_with_integrated_position_reports_it() {
     let spoil = |_: usize, columns: &mut Columns| {
         let (mut sum, mut step) = (0.0, 0.0);
         let [_, velocity, _, position, _] = columns;
@@ -324,7 +324,7 @@ fn a_position_that_was_integrated_is_told() {
         }
     };
     let findings = found(spoil);
-    let finding = findings.iter().find(|finding| finding.kind == Kind::UnitSuspect);
+    let finding = findings.iter().find(|finding| finding.kind == LogFindingKind::UnitSuspect);
     assert!(finding.is_some_and(|f| f.columns == ["position_rad"]), "{findings:?}");
     let set_to_zero = found(|_, c| {
         let start = c[3][0];
@@ -334,31 +334,31 @@ fn a_position_that_was_integrated_is_told() {
 }
 
 #[test]
-fn a_torque_of_the_other_sign_is_suspected() {
+fn check_with_inverted_torque_reports_suspect_sign() {
     let findings = found(|_, c| c[2].iter_mut().for_each(|torque| *torque = -*torque));
-    only(&findings, Kind::SignSuspect, &[]);
+    only(&findings, LogFindingKind::SignSuspect, &[]);
 }
 
 #[test]
-fn values_that_cannot_be_are_left_out() {
+fn check_with_impossible_values_leaves_out_rows() {
     let spoil = |run: usize, columns: &mut Columns| {
         if run == 2 {
             columns[2][700] = 9999.0;
             columns[2][2700] = -9999.0;
         }
     };
-    let checked = check(log(spoil), Correct::default());
-    let finding = only(&checked.findings, Kind::Outlier, &[]);
+    let checked = check(log(spoil), Corrections::default());
+    let finding = only(&checked.findings, LogFindingKind::Outlier, &[]);
     near(finding.value.abs(), 9999.0, 1e-9);
     assert!(finding.corrected);
     assert_eq!(checked.data.rows, RUNS * ROWS - 2);
-    let kept = check(log(spoil), Correct { outliers: false, ..Correct::default() });
+    let kept = check(log(spoil), Corrections { outliers: false, ..Corrections::default() });
     assert_eq!(kept.data.rows, RUNS * ROWS);
-    assert!(!only(&kept.findings, Kind::Outlier, &[]).corrected);
+    assert!(!only(&kept.findings, LogFindingKind::Outlier, &[]).corrected);
 }
 
 #[test]
-fn thirty_rows_are_too_little() {
+fn check_with_few_rows_reports_too_little() {
     let few = found(|_, c| c.iter_mut().for_each(|column| column.truncate(30)));
-    near(only(&few, Kind::TooLittle, &[Kind::Quantised]).value, 120.0, 1e-9);
+    near(only(&few, LogFindingKind::TooLittle, &[LogFindingKind::Quantised]).value, 120.0, 1e-9);
 }

@@ -1,12 +1,12 @@
-//! What the models reach on the logs of real machines, held in a table in git.
+//! Errors of the models on logs of real machines, compared with a table in the repository.
 //!
-//! Every number of `host-sim/measured/figures.md` is computed anew and may move by [`MAY_MOVE`] to either
-//! side: an error that has become smaller overnight has usually stopped being measured. Where others have
-//! published a figure for the same rows, ours must be near theirs ([`Row::published`], [`Case::limits`]).
-//! `UPDATE_TABLES=1 cargo test -p host-sim --test measured_figures` writes the table.
+//! Every number of `measured/figures.md` is computed again and may change by [`MAX_RELATIVE_CHANGE`] in both directions: a
+//! sudden decrease of an error usually indicates a fault of the test. Published figures for the same rows must be
+//! reproduced ([`FigureRow::published`], [`Case::limits`]).
+//! `UPDATE_TABLES=1 cargo test -p friction-identification --test measured_figures` writes the table.
 //!
-//! The logs lie beside the project, not in it: `../shared/data` from the workspace root, or where the
-//! environment variable `MEASURED_DATA` says. Where there are none the test says that it was skipped.
+//! The logs are not part of the repository. The test reads them from `../shared/data` relative to the workspace root, or
+//! from the folder in the environment variable `MEASURED_DATA`. Without them it reports that it was skipped.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -18,52 +18,52 @@ use friction_identification::fit::{FitOptions, Metrics, Rows, Track, identify, t
 use friction_identification::spec::{Spec, parse_rigid_body};
 use rayon::prelude::*;
 
-/// How far a figure may be from the table's, as a share of it.
-const MAY_MOVE: f64 = 0.02;
+/// Maximum relative deviation of a figure from the table.
+const MAX_RELATIVE_CHANGE: f64 = 0.02;
 
-/// Rows in which a joint slides, rad/s: below, the servo's position loop lets the pendulum stick.
-const SLIDES_ABOVE: f64 = 0.22;
+/// Minimum speed of sliding rows, rad/s. At lower speeds the pendulum of the servo sticks.
+const MIN_SLIDING_SPEED_RAD_S: f64 = 0.22;
 
-/// A model, and what the data's README says of the same rows.
-struct Row {
+/// A model, and the published figure for the same rows.
+struct FigureRow {
     model: &'static str,
     published: &'static str,
 }
 
-const fn row(model: &'static str) -> Row {
-    Row { model, published: "" }
+const fn row(model: &'static str) -> FigureRow {
+    FigureRow { model, published: "" }
 }
 
-const fn beside(model: &'static str, published: &'static str) -> Row {
-    Row { model, published }
+const fn published_row(model: &'static str, published: &'static str) -> FigureRow {
+    FigureRow { model, published }
 }
 
-/// What is read of the rows beyond the file.
+/// Selection or modification of the rows after reading.
 #[derive(Clone, Copy, PartialEq)]
-enum Take {
+enum RowSelection {
     AsMeasured,
-    /// The speed the run was commanded to, from its name, in place of the measured one.
+    /// Commanded speed, from the name of the run, instead of the measured one.
     CommandedSpeed,
-    /// Rows of sliding alone.
+    /// Sliding rows only.
     Sliding,
 }
 
-/// A log, how it is read and split, and the models fitted to it.
+/// A log, the options for reading and splitting it, and the models fitted to it.
 struct Case {
     title: &'static str,
     notes: &'static str,
-    /// The file, or those to fit on and to judge by.
+    /// The file, or the training file and the test file.
     files: &'static [&'static str],
     columns: &'static str,
     rigid_body: &'static str,
     skip: usize,
     decimate: usize,
     rule: fn(&Dataset, &[PathBuf]) -> SplitRule,
-    take: Take,
-    /// What the errors are printed in, and how many of it the log's unit is.
+    selection: RowSelection,
+    /// Unit of the printed errors, and its number per unit of the log.
     unit: (&'static str, f64),
-    rows: &'static [Row],
-    /// Model, column of the table, and between what it must be.
+    rows: &'static [FigureRow],
+    /// Model, column of the table, lower and upper limit.
     limits: &'static [(&'static str, usize, f64, f64)],
 }
 
@@ -77,7 +77,7 @@ impl Case {
         skip: 0,
         decimate: 1,
         rule: |_, _| SplitRule::default(),
-        take: Take::AsMeasured,
+        selection: RowSelection::AsMeasured,
         unit: ("N", 1.0),
         rows: &[],
         limits: &[],
@@ -105,18 +105,18 @@ const SERVO: Case = Case {
 const CASES: [Case; 9] = [
     Case {
         title: "O-ring of a pneumatic cylinder, last 30 % of each run held out",
-        notes: "`seal-oring.csv --rigid-body offset --tail 0.3`. The README's figure takes a force that \
-                follows the pressure whichever way the piston moves: least squares on Coulomb, viscous, offset, \
-                pressure and pressure times direction gives 1.775 N. A force that does not turn round with the \
-                motion is an error of force or bore area and no friction, so no model here has it.",
+        notes: "`seal-oring.csv --rigid-body offset --tail 0.3`. The README's model includes a force that follows the pressure in both directions alike: \
+                least squares on Coulomb, viscous, offset, pressure and pressure times direction gives \
+                1.775 N. A force that does not change its sign with the motion is an error of force or \
+                bore area and not friction, so no model here contains it.",
         files: &["seal-oring.csv"],
         rigid_body: "offset",
         rule: |_, _| SplitRule::Tail { share: 0.3 },
         rows: &[
-            beside("linear", "2.79 N"),
+            published_row("linear", "2.79 N"),
             row("stribeck"),
             row("lugre"),
-            beside("linear+pressure-coulomb", "1.76 N (pressure terms)"),
+            published_row("linear+pressure-coulomb", "1.76 N (pressure terms)"),
             row("lugre+pressure-coulomb"),
             row("improved-lugre"),
         ],
@@ -125,16 +125,16 @@ const CASES: [Case; 9] = [
     },
     Case {
         title: "Lip seal of a pneumatic cylinder, last 30 % of each run held out",
-        notes: "`seal-kdn.csv --rigid-body offset --tail 0.3`. As for the O-ring: with the part of the pressure that \
-                does not turn round, least squares gives 0.755 N.",
+        notes: "`seal-kdn.csv --rigid-body offset --tail 0.3`. As for the O-ring: with the part of the pressure that does not change its sign, least \
+                squares gives 0.755 N.",
         files: &["seal-kdn.csv"],
         rigid_body: "offset",
         rule: |_, _| SplitRule::Tail { share: 0.3 },
         rows: &[
-            beside("linear", "1.57 N"),
+            published_row("linear", "1.57 N"),
             row("stribeck"),
             row("lugre"),
-            beside("linear+pressure-coulomb", "0.74 N (pressure terms)"),
+            published_row("linear+pressure-coulomb", "0.74 N (pressure terms)"),
             row("lugre+pressure-coulomb"),
             row("improved-lugre"),
         ],
@@ -144,8 +144,8 @@ const CASES: [Case; 9] = [
     Case {
         title: "EMPS, the published protocol",
         notes: "`emps-train.csv --test emps-pulses.csv --rigid-body inertia,offset --skip 49 --decimate 10`, \
-                columns mapped. The README's relative errors are of a decimated log; here the residual is \
-                decimated, which the phase of the decimation does not touch.",
+                columns mapped. The README's relative errors are those of a decimated log; here the \
+                residual is decimated, which does not depend on the phase of the decimation.",
         files: &["emps-train.csv", "emps-pulses.csv"],
         columns: "time_s=t_s,position_m=q_m,velocity_m_s=vel_m_per_s,acceleration_m_s2=acc_m_per_s2,\
                   force_n=motor_force_N",
@@ -154,11 +154,11 @@ const CASES: [Case; 9] = [
         decimate: 10,
         rule: |_, files| SplitRule::Files(vec![files[1].clone()]),
         rows: &[
-            beside("linear", "4.0834 %, 5.9824 % held out"),
+            published_row("linear", "4.0834 %, 5.9824 % held out"),
             row("stribeck"),
             row("lugre"),
             row("lugre-asymmetric"),
-            beside("linear+direction-asymmetry", "3.1117 %, 5.39 % held out"),
+            published_row("linear+direction-asymmetry", "3.1117 %, 5.39 % held out"),
         ],
         limits: &[
             ("linear", 2, 3.9834, 4.1834),
@@ -176,26 +176,27 @@ const CASES: [Case; 9] = [
     },
     Case {
         title: "Worm drive, every second speed held out",
-        notes: "`worm-drive.csv --rigid-body offset`, held out the runs at 2, 6, 10, .. 180 rpm, both ways. Below \
-                10 rpm the motor moves in jerks: measured speeds change their sign in many rows, in which a \
-                law without a memory turns its torque round and the machine did not.",
+        notes: "`worm-drive.csv --rigid-body offset`, with the runs at 2, 6, 10, .. 180 rpm held out in both directions. Below 10 rpm the \
+                motor moves in jerks: measured speeds change their sign in many rows, where a law \
+                without memory reverses its torque, but the machine did not.",
         rule: every_second_speed,
         ..WORM
     },
     Case {
         title: "Worm drive, commanded speeds, every second held out",
-        notes: "The rows of the README's figures, as far as it can be told: it names neither rows nor split. With \
-                the commanded speed in place of the measured one and *without* an offset all three come out; with \
-                an offset Coulomb and viscous friction alone reach what the asymmetry does (0.165 mNm), because \
-                the offset is the asymmetry of the Coulomb part.",
+        notes: "The probable rows of the README's figures: the README specifies neither rows nor split. \
+                With the commanded speed instead of the measured one and *without* an offset all three \
+                figures are reproduced. With an offset, Coulomb and viscous friction alone reach the \
+                error of the asymmetry (0.165 mNm), because the offset is the asymmetry of the Coulomb \
+                part.",
         rigid_body: "",
         rule: every_second_speed,
-        take: Take::CommandedSpeed,
+        selection: RowSelection::CommandedSpeed,
         rows: &[
-            beside("linear", "0.492 mNm"),
+            published_row("linear", "0.492 mNm"),
             row("linear+torque-offset"),
-            beside("linear+direction-asymmetry", "0.164 mNm"),
-            beside("stribeck+direction-asymmetry", "0.154 mNm"),
+            published_row("linear+direction-asymmetry", "0.164 mNm"),
+            published_row("stribeck+direction-asymmetry", "0.154 mNm"),
         ],
         limits: &[("linear", 1, 0.487, 0.497), ("linear+direction-asymmetry", 1, 0.159, 0.169)],
         ..WORM
@@ -203,34 +204,34 @@ const CASES: [Case; 9] = [
     Case {
         title: "Servo with a pendulum, gain 400 held out",
         notes: "`servo-pendulum.csv --columns torque_nm=drive_voltage_v --rigid-body load,offset --hold-out \
-                kp=400`. In four rows of ten the pendulum is held at rest, where the voltage is whatever the \
-                position loop asks for: that, and the inertia, is most of the error.",
+                kp=400`. In four of ten rows the pendulum is held at rest, where the position loop determines the \
+                voltage. These rows and the inertia cause most of the error.",
         ..SERVO
     },
     Case {
         title: "Servo with a pendulum and its inertia, gain 400 held out",
-        notes: "As before with `--rigid-body load,offset,inertia`.",
+        notes: "The same with `--rigid-body load,offset,inertia`.",
         rigid_body: "load,offset,inertia",
         ..SERVO
     },
     Case {
         title: "Servo with a pendulum and its inertia, sliding rows alone, gain 400 held out",
-        notes: "The rows of the README's figures, as far as it can be told: it does not name them. Of rows faster \
-                than 0.22 rad/s, with load, inertia and offset in the base, \"load\" being the friction the load \
-                adds, ours are within 4 % of them.",
+        notes: "The probable rows of the README's figures, which the README does not specify. For rows \
+                above 0.22 rad/s, with load, inertia and offset in the base, and \"load\" as the \
+                friction caused by the load, our figures are within 4 % of them.",
         rigid_body: "load,offset,inertia",
-        take: Take::Sliding,
+        selection: RowSelection::Sliding,
         rows: &[
-            beside("linear", "0.700 V"),
+            published_row("linear", "0.700 V"),
             row("stribeck"),
-            beside("linear+load-torque-coulomb", "0.537 V"),
+            published_row("linear+load-torque-coulomb", "0.537 V"),
         ],
         limits: &[("linear", 1, 0.67, 0.73), ("linear+load-torque-coulomb", 1, 0.51, 0.565)],
         ..SERVO
     },
 ];
 
-/// The speed a run of the worm drive was commanded to, rpm: its name is `-180@2020-07-06T15:31:50`.
+/// Returns the commanded speed of a run of the worm drive, rpm, from its name, such as `-180@2020-07-06T15:31:50`.
 fn commanded_rpm(name: &str) -> f64 {
     let rpm = name.split('@').next().and_then(|text| text.parse().ok());
     rpm.unwrap_or_else(|| panic!("{name} begins with a speed"))
@@ -245,12 +246,12 @@ fn every_second_speed(data: &Dataset, _: &[PathBuf]) -> SplitRule {
     SplitRule::HoldOut { column: "run".into(), values: runs.map(|run| run.name.clone()).collect() }
 }
 
-/// The stretches of sliding in some parts.
+/// Returns the sliding stretches of some parts.
 fn sliding(data: &Dataset, parts: &[Part]) -> Vec<Part> {
     let mut found: Vec<Part> = Vec::new();
     for part in parts {
         let velocity = &data.runs[part.run].velocity;
-        for at in part.rows.clone().filter(|&at| velocity[at].abs() > SLIDES_ABOVE) {
+        for at in part.rows.clone().filter(|&at| velocity[at].abs() > MIN_SLIDING_SPEED_RAD_S) {
             match found.last_mut() {
                 Some(last) if last.run == part.run && last.rows.end == at => last.rows.end = at + 1,
                 _ => found.push(Part { run: part.run, rows: at..at + 1 }),
@@ -260,21 +261,21 @@ fn sliding(data: &Dataset, parts: &[Part]) -> Vec<Part> {
     found
 }
 
-/// A case's tracks to fit on and to judge by.
+/// Returns the training tracks and the test tracks of a case.
 fn load(case: &Case, folder: &Path) -> (Vec<Track>, Vec<Track>) {
     let files: Vec<PathBuf> = case.files.iter().map(|name| folder.join(name)).collect();
     let pairs = case.columns.split(',').filter_map(|pair| pair.split_once('='));
     let columns = pairs.map(|(ours, theirs)| (ours.to_owned(), theirs.to_owned())).collect();
     let options = ReadOptions { columns, skip: case.skip, ..ReadOptions::default() };
     let mut data = read(&files, &options, &|_, _| {}).expect("readable");
-    if case.take == Take::CommandedSpeed {
+    if case.selection == RowSelection::CommandedSpeed {
         for run in &mut data.runs {
             let speed = commanded_rpm(&run.name) * std::f64::consts::TAU / 60.0;
             run.velocity.fill(speed);
         }
     }
     let mut split = split(&data, &(case.rule)(&data, &files), 0).expect("a split");
-    if case.take == Take::Sliding {
+    if case.selection == RowSelection::Sliding {
         split.train = sliding(&data, &split.train);
         split.test = sliding(&data, &split.test);
     }
@@ -283,7 +284,7 @@ fn load(case: &Case, folder: &Path) -> (Vec<Track>, Vec<Track>) {
 
 type Figures = [f64; 4];
 
-/// RMSE and relative error, of the rows fitted on and of those held out, as the table has them.
+/// Returns RMSE and relative error of the training rows and of the held-out rows, in the order of the table.
 fn figures(case: &Case, train: Metrics, test: Metrics) -> Figures {
     let factor = case.unit.1;
     let relative = |of: Metrics| of.relative_error_percent;
@@ -300,14 +301,14 @@ fn fit(case: &Case, model: &str, train: &[Track], test: &[Track]) -> Figures {
     figures(case, outcome.train, outcome.test)
 }
 
-fn written(all: &[(usize, &Row, Figures)]) -> String {
+fn format_table(all: &[(usize, &FigureRow, Figures)]) -> String {
     let mut text = String::from(
-        "# What the models reach on measured machines\n\n\
-         Made by `UPDATE_TABLES=1 cargo test -p host-sim --test measured_figures`, which without the variable holds \
-         every number to 2 %.\n\n\
-         RMSE and relative error (`100 norm(e) / norm(y)`), of the rows fitted on and of those held out. The last column \
-         is what the README beside the logs says: \"C+V\" in the line of `linear`, and its figure with the effect \
-         in the line of the model that has it.\n",
+        "# Errors of the models on measured machines\n\n\
+         Generated by `UPDATE_TABLES=1 cargo test -p friction-identification --test measured_figures`. \
+         Without the variable the test compares every number with a tolerance of 2 %.\n\n\
+         RMSE and relative error (`100 norm(e) / norm(y)`) of the training rows and of the held-out \
+         rows. The last column contains the figure of the README of the logs: \"C+V\" in the row of \
+         `linear`, and the figure with the effect in the row of the model with this effect.\n",
     );
     for (at, case) in CASES.iter().enumerate() {
         let unit = case.unit.0;
@@ -325,8 +326,8 @@ fn written(all: &[(usize, &Row, Figures)]) -> String {
     text
 }
 
-/// The table in git: figures by section and model.
-fn known(text: &str) -> HashMap<(String, String), Figures> {
+/// Parses the table: figures by section and model.
+fn parse_table(text: &str) -> HashMap<(String, String), Figures> {
     let (mut section, mut found) = (String::new(), HashMap::new());
     for line in text.lines() {
         if let Some(title) = line.strip_prefix("## ") {
@@ -343,22 +344,22 @@ fn known(text: &str) -> HashMap<(String, String), Figures> {
 }
 
 #[test]
-fn figures_are_those_of_the_table() {
+fn figures_of_measured_logs_match_table() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let beside = || here.join("../../../shared/data");
-    let folder = std::env::var_os("MEASURED_DATA").map_or_else(beside, PathBuf::from);
+    let default_folder = || here.join("../../../shared/data");
+    let folder = std::env::var_os("MEASURED_DATA").map_or_else(default_folder, PathBuf::from);
     let missing = CASES.iter().flat_map(|case| case.files).find(|file| !folder.join(file).exists());
     if let Some(missing) = missing {
-        eprintln!("skipped: {} is not there (MEASURED_DATA)", folder.join(missing).display());
+        eprintln!("skipped: {} does not exist (MEASURED_DATA)", folder.join(missing).display());
         return;
     }
     let loaded: Vec<_> = CASES.iter().map(|case| load(case, &folder)).collect();
-    let jobs: Vec<(usize, &Row)> = CASES
+    let jobs: Vec<(usize, &FigureRow)> = CASES
         .iter()
         .enumerate()
         .flat_map(|(at, case)| case.rows.iter().map(move |row| (at, row)))
         .collect();
-    let all: Vec<(usize, &Row, Figures)> = jobs
+    let all: Vec<(usize, &FigureRow, Figures)> = jobs
         .into_par_iter()
         .map(|(at, row)| {
             let (train, test) = &loaded[at];
@@ -368,10 +369,10 @@ fn figures_are_those_of_the_table() {
 
     let table = here.join("measured/figures.md");
     if std::env::var_os("UPDATE_TABLES").is_some() {
-        fs::write(&table, written(&all)).expect("written");
+        fs::write(&table, format_table(&all)).expect("written");
     }
     let text = fs::read_to_string(&table).expect("the table");
-    let mut known = known(&text);
+    let mut known = parse_table(&text);
     let mut wrong = Vec::new();
     for (at, row, figures) in &all {
         let case = &CASES[*at];
@@ -379,8 +380,9 @@ fn figures_are_those_of_the_table() {
         match known.remove(&(case.title.to_owned(), row.model.to_owned())) {
             None => wrong.push(format!("{what}: not in the table")),
             Some(before) => {
-                let moved = |(now, then): (&f64, &f64)| (now / then - 1.0).abs() > MAY_MOVE;
-                if figures.iter().zip(&before).any(moved) {
+                let has_changed =
+                    |(now, then): (&f64, &f64)| (now / then - 1.0).abs() > MAX_RELATIVE_CHANGE;
+                if figures.iter().zip(&before).any(has_changed) {
                     wrong.push(format!("{what}: now {figures:.4?}, in the table {before:.4?}"));
                 }
             }
@@ -392,6 +394,6 @@ fn figures_are_those_of_the_table() {
             }
         }
     }
-    wrong.extend(known.keys().map(|key| format!("{key:?}: in the table, and no longer fitted")));
+    wrong.extend(known.keys().map(|key| format!("{key:?}: in the table, but not fitted")));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

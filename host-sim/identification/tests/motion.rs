@@ -1,7 +1,7 @@
-//! The motion reconstructed from imperfect sensors, judged by what it is for: plain LuGre with its *true*
-//! parameters, driven by it, must miss the torque by little more than the torque's own noise.
+//! Reconstruction of the motion from imperfect sensors. Plain LuGre with its *true* parameters, driven by the
+//! reconstructed motion, must leave little more than the torque's own noise.
 //!
-//! The joint is simulated forty times finer than the log, by the equations themselves and not by the core.
+//! The joint is simulated forty times finer than the log, by its equations and independently of the core.
 
 use friction_identification::data::{Dataset, Quantity};
 use friction_identification::motion::{DRAWS, reconstruct};
@@ -29,7 +29,7 @@ impl Lugre {
         self.stiffness * self.bristle + 0.03 * self.stiffness.sqrt() * rate + 0.3 * velocity
     }
 
-    /// The torque of a velocity that is a straight line from row to row.
+    /// Returns the torque of a velocity that is linear from row to row.
     fn along(stiffness: f64, velocity: &[f64], period_s: f64) -> Vec<f64> {
         let mut joint = Self { stiffness, bristle: 0.0 };
         let mut torque = vec![0.0];
@@ -42,7 +42,7 @@ impl Lugre {
     }
 }
 
-/// Swings, hard and gentle, ramps and rests: velocity at a time.
+/// Returns the velocity at a time: fast and slow oscillations, ramps and rests.
 fn velocity(time: f64) -> f64 {
     let (second, share) = ((time as usize) % 8, time.fract());
     let ramp = |hardness: f64, top: f64| (hardness * share.min(0.9 - share).max(0.0)).min(top);
@@ -101,10 +101,10 @@ impl World {
             columns.push(position.to_vec());
         }
         let names: Vec<String> = names.into_iter().map(str::to_owned).collect();
-        Dataset::of_columns(&names, [("0".into(), columns)]).expect("a log")
+        Dataset::from_columns(&names, [("0".into(), columns)]).expect("a log")
     }
 
-    /// What the true law leaves of the torque, over its noise.
+    /// Returns the residual of the true law, relative to the torque's noise.
     fn misses(&self, velocity: &[f64]) -> f64 {
         let found = Lugre::along(self.stiffness, velocity, self.period_s);
         let squares = found.iter().zip(&self.torque).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
@@ -126,14 +126,14 @@ impl World {
     }
 }
 
-/// As logged, and as reconstructed, over the torque's noise.
+/// Returns the residuals with the logged and the reconstructed motion, relative to the torque's noise.
 fn before_and_after(world: &World, log: &Dataset) -> (f64, f64) {
     let (found, _) = reconstruct(log);
     (world.misses(&log.runs[0].velocity), world.misses(&found.runs[0].velocity))
 }
 
 #[test]
-fn the_true_velocity_misses_by_the_noise_alone() {
+fn lugre_with_true_velocity_leaves_only_noise() {
     for (stiffness, rate) in [(1000.0, 250.0), (10_000.0, 1000.0)] {
         let world = world(stiffness, rate);
         assert!(world.misses(&world.velocity) < 1.05);
@@ -141,7 +141,7 @@ fn the_true_velocity_misses_by_the_noise_alone() {
 }
 
 #[test]
-fn a_noisy_velocity_beside_a_position_does_no_harm() {
+fn reconstruct_with_noisy_velocity_and_position_leaves_only_noise() {
     for (stiffness, rate) in [(1000.0, 250.0), (10_000.0, 500.0)] {
         let world = world(stiffness, rate);
         let (before, after) =
@@ -151,7 +151,7 @@ fn a_noisy_velocity_beside_a_position_does_no_harm() {
 }
 
 #[test]
-fn a_noisy_velocity_alone_does_little_harm() {
+fn reconstruct_with_noisy_velocity_alone_leaves_little_error() {
     for (stiffness, rate) in [(1000.0, 250.0), (4000.0, 500.0)] {
         let world = world(stiffness, rate);
         let (before, after) = before_and_after(&world, &world.log(&world.noisy(), None));
@@ -160,7 +160,7 @@ fn a_noisy_velocity_alone_does_little_harm() {
 }
 
 #[test]
-fn an_encoders_differences_do_little_harm() {
+fn reconstruct_with_encoder_differences_leaves_little_error() {
     for (bits, stiffness, most) in [(18, 3000.0, 1.15), (16, 1000.0, 1.3), (14, 500.0, 2.0)] {
         let world = world(stiffness, 250.0);
         let (velocity, position) = world.encoder(bits);
@@ -170,7 +170,7 @@ fn an_encoders_differences_do_little_harm() {
 }
 
 #[test]
-fn an_exact_log_stays_as_it_is() {
+fn reconstruct_with_exact_log_returns_it_unchanged() {
     let world = world(1000.0, 250.0);
     for position in [None, Some(world.position.as_slice())] {
         let log = world.log(&world.velocity, position);
@@ -183,10 +183,10 @@ fn an_exact_log_stays_as_it_is() {
     }
 }
 
-/// A propeller's shaft: 65 to 95 rpm in one direction, 200 rad away from where it began, logged exactly. Smoothed beside its
-/// position alone, whose first row was taken to lie anywhere within those 200 rad, the motion came out as 1e9 rad/s.
+/// A propeller shaft: 65 to 95 rpm in one direction, over 200 rad, logged exactly. An initial variance of the whole
+/// travel would lose all digits of the smoothed motion.
 #[test]
-fn a_long_way_in_one_direction_is_no_noise() {
+fn reconstruct_with_long_travel_in_one_direction_keeps_velocity() {
     let names = ["time_s", "velocity_rad_s", "torque_nm", "position_rad"].map(str::to_owned);
     let (rate, swing) = (TAU / 5.0, 1.57);
     let run = |index: usize| {
@@ -203,7 +203,7 @@ fn a_long_way_in_one_direction_is_no_noise() {
         ];
         (index.to_string(), columns)
     };
-    let log = Dataset::of_columns(&names, (0..4).map(run)).expect("a log");
+    let log = Dataset::from_columns(&names, (0..4).map(run)).expect("a log");
     let (found, sensors) = reconstruct(&log);
     let agreement = sensors.agreement.expect("a position");
     assert!((agreement.gain - 1.0).abs() < 1e-3 && !agreement.lags(), "{agreement:?}");
@@ -214,7 +214,7 @@ fn a_long_way_in_one_direction_is_no_noise() {
 }
 
 #[test]
-fn velocity_integrates_to_the_position_and_rest_is_rest() {
+fn reconstruct_velocity_integrates_to_position_and_is_zero_at_rest() {
     let world = world(1000.0, 250.0);
     let (velocity, position) = world.encoder(16);
     let (found, sensors) = reconstruct(&world.log(&velocity, Some(&position)));
@@ -232,7 +232,7 @@ fn velocity_integrates_to_the_position_and_rest_is_rest() {
 }
 
 #[test]
-fn the_draws_are_as_wide_as_the_error() {
+fn reconstruct_draws_match_the_error() {
     let world = world(1000.0, 250.0);
     for log in [
         world.log(&world.noisy(), None),
@@ -251,7 +251,7 @@ fn the_draws_are_as_wide_as_the_error() {
 }
 
 #[test]
-fn nothing_crosses_a_gap_or_a_run() {
+fn reconstruct_with_gap_or_second_run_smooths_each_segment_separately() {
     let world = world(1000.0, 250.0);
     let names = ["time_s", "velocity_rad_s", "torque_nm"].map(str::to_owned);
     let noisy = world.noisy();
@@ -262,9 +262,9 @@ fn nothing_crosses_a_gap_or_a_run() {
     };
     let rows = noisy.len();
     let first = time.iter().position(|t| *t > 12.0).expect("a row after");
-    let whole = Dataset::of_columns(&names, [("a".into(), columns(0, rows, 5.0))]);
+    let whole = Dataset::from_columns(&names, [("a".into(), columns(0, rows, 5.0))]);
     let runs = [("a".into(), columns(0, first, 0.0)), ("b".into(), columns(first, rows, 0.0))];
-    let apart = Dataset::of_columns(&names, runs);
+    let apart = Dataset::from_columns(&names, runs);
     let whole = reconstruct(&whole.expect("a log")).0;
     let apart = reconstruct(&apart.expect("a log")).0;
     let joined: Vec<f64> = apart.runs.iter().flat_map(|run| run.velocity.clone()).collect();

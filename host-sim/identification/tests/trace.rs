@@ -1,12 +1,11 @@
-//! Measured data through a CAN log and back.
+//! Round trip of measured data through a CAN log.
 //!
-//! A log must hold what a CSV file holds: the same data set, written as a log and read again, is the
-//! same to the rounding of `f32`, run by run and column by column, and so is what is told of its rows.
-//! What can go wrong on a bus or in a file is put into a good log, a fault at a time, and the message
-//! must name the file, the line, what stands there and what should.
+//! A data set that is written as a log and read again must be equal to the rounding of `f32`, run by run and column by
+//! column. Then faults of a bus or a file are put into a valid log, one at a time. The message must name the file, the
+//! line, what was found and what was expected.
 
 use compensator_core::Flags;
-use compensator_core::can::{Answer, Node, Status};
+use compensator_core::can::{AnswerFrame, NodeId, StatusFrame};
 use friction_identification::data::{
     Dataset, EmitOptions, JointKind, Measured, Quantity, ReadOptions, Run, contract, emit, read,
 };
@@ -60,7 +59,7 @@ fn gap() -> EmitOptions {
     EmitOptions { auxiliary: Some("gap".into()), ..EmitOptions::default() }
 }
 
-/// A file that is gone when the test is over.
+/// A file that is deleted at the end of the test.
 struct Log(tempfile::TempDir);
 
 impl Log {
@@ -76,15 +75,15 @@ impl Log {
 
     fn read(&self) -> Result<Dataset, String> {
         let nothing = |_: u64, _: u64| {};
-        let said = read(&[self.path()], &ReadOptions::default(), &nothing);
-        said.map_err(|error| {
+        let message = read(&[self.path()], &ReadOptions::default(), &nothing);
+        message.map_err(|error| {
             error.to_string().replace(&self.path().display().to_string(), "trace.log")
         })
     }
 }
 
 #[test]
-fn a_data_set_comes_back_from_its_log() {
+fn emit_then_read_returns_same_data() {
     let data = measured();
     let back = Log::new(&log_of(&data, &gap())).read().unwrap();
     assert_eq!(back.joint, JointKind::Revolute);
@@ -108,7 +107,7 @@ fn a_data_set_comes_back_from_its_log() {
         }
         assert_eq!(found.extra, [rounded(&run.extra[1])]);
     }
-    // The first run keeps its clock to the bit; the second begins a second after its end.
+    // The first run keeps its clock bit for bit; the second begins a second after its end.
     assert_eq!(back.runs[0].time_s, data.runs[0].time_s);
     assert_eq!(back.runs[1].time_s[0], 1.699);
     let carried = tracks_with(&back, Some("auxiliary"));
@@ -117,7 +116,7 @@ fn a_data_set_comes_back_from_its_log() {
 }
 
 #[test]
-fn a_data_set_comes_back_the_same_from_every_format() {
+fn emit_in_every_format_reads_back_the_same_data() {
     let data = measured();
     let back = |format| {
         let log = log_of(&data, &EmitOptions { format, ..gap() });
@@ -133,7 +132,7 @@ fn a_data_set_comes_back_the_same_from_every_format() {
 }
 
 #[test]
-fn columns_that_are_not_there_cost_no_frames_and_a_slide_stays_one() {
+fn emit_with_missing_columns_writes_no_frames_for_them() {
     let mut data = measured();
     data.joint = JointKind::Prismatic;
     for run in &mut data.runs {
@@ -141,7 +140,7 @@ fn columns_that_are_not_there_cost_no_frames_and_a_slide_stays_one() {
     }
     let log = log_of(&data, &EmitOptions::default());
     let lines = log.iter().filter(|byte| **byte == b'\n').count();
-    // Joint kind, two runs, their numbers of the samples said in full, and three frames a row.
+    // Joint kind, two runs with full sample numbers, and three frames per row.
     assert_eq!(lines, 1 + 2 + 3 + 2 + 3 * 1000);
     let back = Log::new(&log).read().unwrap();
     assert_eq!(back.joint, JointKind::Prismatic);
@@ -151,7 +150,7 @@ fn columns_that_are_not_there_cost_no_frames_and_a_slide_stays_one() {
 }
 
 #[test]
-fn stamps_have_the_digits_they_need_and_gaps_stay() {
+fn emit_with_fine_stamps_uses_nanoseconds_and_keeps_gaps() {
     let mut data = measured();
     data.runs.truncate(1);
     data.runs[0].time_s.iter_mut().skip(350).for_each(|time| *time += 2.0);
@@ -168,10 +167,10 @@ fn stamps_have_the_digits_they_need_and_gaps_stay() {
     }
 }
 
-/// A log with the driver's answers in it.
+/// Returns a log that also holds the driver's answers.
 fn answered() -> Vec<u8> {
     let mut log = Vec::new();
-    let mut writer = Writer::new(&mut log, "can0", Node::new(5).unwrap(), Fraction::Nanoseconds);
+    let mut writer = Writer::new(&mut log, "can0", NodeId::new(5).unwrap(), Fraction::Nanoseconds);
     for sequence in 0..1000u32 {
         let mut sample = TraceSample::EMPTY;
         sample.time_ns = 1_000_000_007 + u64::from(sequence) * 50_001;
@@ -179,10 +178,12 @@ fn answered() -> Vec<u8> {
         sample.motion.velocity_rad_s = (sequence as f32 * 0.01).sin();
         sample.torque.torque_nm = sequence as f32;
         let friction = sequence as f32 * 1.5;
-        sample.answer =
-            Some(Answer { friction_torque_nm: friction, feed_forward_current_a: 0.9 * friction });
+        sample.answer = Some(AnswerFrame {
+            friction_torque_nm: friction,
+            feed_forward_current_a: 0.9 * friction,
+        });
         let flags = if sequence % 7 == 0 { Flags::SLEW_LIMITED } else { Flags::empty() };
-        sample.status = Some(Status { flags, sequence: sample.sequence });
+        sample.status = Some(StatusFrame { flags, sequence: sample.sequence });
         writer.sample(&sample).unwrap();
     }
     log
@@ -192,7 +193,7 @@ fn samples_of(log: &[u8]) -> Vec<TraceSample> {
     let mut assembler = Assembler::default();
     let mut samples = Vec::new();
     for (at, line) in log.split(|byte| *byte == b'\n').filter(|line| !line.is_empty()).enumerate() {
-        samples.extend(assembler.take(at as u64 + 1, &candump::parse(line).unwrap()));
+        samples.extend(assembler.push(at as u64 + 1, &candump::parse(line).unwrap()));
     }
     let (last, summary) = assembler.finish();
     samples.extend(last);
@@ -201,29 +202,30 @@ fn samples_of(log: &[u8]) -> Vec<TraceSample> {
 }
 
 #[test]
-fn a_log_with_answers_is_read_and_written_to_the_byte() {
+fn writer_with_log_of_answers_reproduces_it_byte_for_byte() {
     let log = answered();
     let samples = samples_of(&log);
     assert_eq!(samples.len(), 1000);
     assert!(samples.iter().all(|sample| sample.answer.is_some() && sample.status.is_some()));
     assert_eq!(samples[999].status.unwrap().sequence, 399);
     let mut again = Vec::new();
-    let mut writer = Writer::new(&mut again, "can0", Node::new(5).unwrap(), Fraction::Nanoseconds);
+    let mut writer =
+        Writer::new(&mut again, "can0", NodeId::new(5).unwrap(), Fraction::Nanoseconds);
     samples.iter().for_each(|sample| writer.sample(sample).unwrap());
     assert!(again == log);
 }
 
 #[test]
-fn answers_of_a_driver_are_no_measurement() {
+fn read_with_driver_answers_leaves_them_out() {
     let data = Log::new(&answered()).read().unwrap();
     assert!(data.covariates.is_empty());
     let left_out: Vec<&str> = data.left_out_columns.iter().map(|c| c.name.as_str()).collect();
     assert_eq!(left_out, ["friction_torque_nm", "feed_forward_current_a", "flags"]);
-    assert!(data.left_out_columns[0].why.contains("driver's answer"));
+    assert!(data.left_out_columns[0].why.contains("computed by the driver"));
 }
 
 #[test]
-fn what_is_wrong_is_said_with_file_and_line() {
+fn read_with_faulty_log_reports_file_and_line() {
     let text = String::from_utf8(log_of(&measured(), &gap())).unwrap();
     let lines: Vec<&str> = text.lines().collect();
     let with = |at: usize, line: &str| {
@@ -237,9 +239,9 @@ fn what_is_wrong_is_said_with_file_and_line() {
     assert!(lines[motion].contains(" 481#"));
     for (at, line, bad_row, found, expected) in [
         (motion, "(0.001000) vcan0 481#00", first_row, "481 with 1 bytes, expected 8", "finite"),
-        (motion, "", first_row, "no frame of it", "a finite number"),
+        (motion, "", first_row, "no frame received", "a finite number"),
         (motion, "(0.001) vcan0 20#00", motion, "(0.001) vcan0 20#00", "three or eight"),
-        (motion, "(0.001000) vcan0 481#0000C07F00000000", first_row, "no frame of it", "finite"),
+        (motion, "(0.001000) vcan0 481#0000C07F00000000", first_row, "no frame received", "finite"),
         (
             motion + 2,
             "(0.001000) vcan0 401#00",
@@ -262,7 +264,7 @@ fn what_is_wrong_is_said_with_file_and_line() {
         with(first_row, "DROPCOUNT: dropped 1 CAN frame on 'vcan0' socket (total drops 1)");
     let notes = remark.unwrap().notes.join("; ");
     assert!(
-        notes.contains("1 lines are no frames") && notes.contains("1 samples are missing"),
+        notes.contains("1 lines are not CAN frames") && notes.contains("1 samples are missing"),
         "{notes}"
     );
     let other = with(motion, "(0.001000) vcan0 482#0000803F0000803F").unwrap_err();
@@ -288,7 +290,7 @@ fn what_is_wrong_is_said_with_file_and_line() {
 }
 
 #[test]
-fn what_cannot_be_written_is_refused() {
+fn emit_with_invalid_options_returns_error() {
     let data = measured();
     for (options, word) in [
         (EmitOptions { interface: "can 0".into(), ..gap() }, "can 0"),
@@ -305,7 +307,7 @@ fn what_cannot_be_written_is_refused() {
 }
 
 #[test]
-fn columns_can_be_renamed_as_in_any_other_file() {
+fn read_with_mapped_columns_renames_them() {
     let log = Log::new(&log_of(&measured(), &gap()));
     let columns = vec![("torque_nm".to_owned(), "load_torque_nm".to_owned())];
     let options = ReadOptions { columns, ..ReadOptions::default() };
@@ -313,7 +315,7 @@ fn columns_can_be_renamed_as_in_any_other_file() {
     assert_eq!(data.runs[0].torque[10], f64::from((5.0 * 0.01f64.sin()) as f32));
 }
 
-/// A generator of its own, so that every run tries the same logs (Marsaglia 2003).
+/// A fixed random generator, so that every run tries the same logs (Marsaglia 2003).
 struct Random(u64);
 
 impl Random {
@@ -326,7 +328,7 @@ impl Random {
 }
 
 #[test]
-fn damaged_logs_are_read_or_refused_in_one_line() {
+fn read_with_damaged_log_returns_data_or_error_of_one_line() {
     let mut data = measured();
     data.runs.iter_mut().for_each(|run| *run = run.slice(0..60));
     let sound = log_of(&data, &gap());

@@ -1,13 +1,13 @@
-//! The arm's rigid bodies at drawn states, for an implementation elsewhere to be held against: `tests/rigid_body/run`.
+//! Prints the rigid-body dynamics of the arm at random states, for a comparison in `tests/rigid_body/run`.
 //!
-//! A line each: angles (rad), speeds (rad/s), accelerations (rad/s^2) of the three joints, the torques (Nm) that give them, the mass
-//! matrix row by row (kg m^2), kinetic and potential energy (J); 23 numbers with all their digits.
+//! Each line has 23 numbers with full precision: angles (rad), speeds (rad/s), accelerations (rad/s^2) and torques (Nm) of
+//! the three joints, the mass matrix row by row (kg m^2), and the kinetic and potential energy (J).
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use simulated_machines::manipulator::rigid_body::{GRAVITY_M_S2, TABLE_2};
 
-/// States drawn.
+/// Number of random states.
 const STATES: usize = 200;
 
 fn main() {

@@ -1,19 +1,19 @@
-//! A banded rotary friction damper: three bands, two wraps each, on a drum that is moved to and fro.
+//! Banded rotary friction damper: three bands with two wraps each on an oscillating drum.
 //!
-//! A band brake grips by its own friction. Over a wrap angle `theta` the tension grows from the slack to the tight end
-//! as `exp(mu theta)` (Euler, Eytelwein), so of two wraps at `mu = 0.3` the tight end holds 43 times the slack one: that
-//! is the force. Turned round, the tight end becomes the slack one. First the slack in the band is taken up, which is
-//! travel without force beyond what the lining drags; then the band stretches, until it slips.
+//! A band brake is self-energising. Over a wrap angle `theta` the tension grows from the slack to the tight end by
+//! `exp(mu theta)` (Euler, Eytelwein). Two wraps at `mu = 0.3` give a ratio of 43. After a reversal, tight and slack end
+//! are exchanged. First the slack of the band is taken up, with only the drag of the lining. Then the band stretches
+//! until it slips.
 //!
 //! ```text
-//! drum travel -> play of width gap -> stretch, held within the slip limit -> tension difference of each band
-//! slip limit   T0 (exp(mu(v) theta) - 1), T0 the slack-end tension the preset one leaves (it saturates)
-//! force        lever sum (difference)    actuator 1, 2   the tensions of the ends: they react to the friction
+//! drum travel -> backlash of width gap -> stretch, limited by slip -> tension difference of each band
+//! slip limit   T0 (exp(mu(v) theta) - 1), T0 the slack-end tension (saturating function of the preset tension)
+//! force        lever sum (difference)    actuator 1, 2   the tensions of the ends: a reaction to the friction
 //! ```
 //!
-//! Integrated at [`STEP_S`], with noise on what is logged. Nothing here is LuGre: there is no bristle, the gap is a play
-//! operator, the stretch a stop operator, and the bands part company by their tolerances. Sizes are those that can be
-//! read off the published tests: 4 to 12 kN, half the swing after 7 to 8 mm, one direction up to a fifth stronger.
+//! The time step is [`STEP_S`], and the log has noise. The model is not LuGre: the gap is a play operator, the stretch is
+//! a stop operator, and the bands differ by their tolerances. The magnitudes follow the published tests: 4 to 12 kN,
+//! half of the force change after 7 to 8 mm, and up to 20 % more force in one direction.
 
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
@@ -25,28 +25,28 @@ const STEP_S: f64 = 1.0 / 2048.0;
 /// Wrap angle of a band, rad: two wraps.
 const WRAP_RAD: f64 = 4.0 * std::f64::consts::PI;
 
-/// Force on the moving end over difference of the tensions.
+/// Ratio of the force on the moving end to the difference of the tensions.
 const LEVER: f64 = 2.0;
 
-/// Slack-end tension the preset one cannot exceed, N.
+/// Upper limit of the slack-end tension, N.
 const SATURATION_N: f64 = 250.0;
 
-/// What the lining drags while the slack is taken up, as a share of the slip limit.
-const DRAG: f64 = 0.04;
+/// Drag of the lining while the slack is taken up, as a share of the slip limit.
+const DRAG_SHARE: f64 = 0.04;
 
 /// Noise of the logged channels: force and actuators, N; velocity, m/s.
 const FORCE_NOISE_N: f64 = 40.0;
 const VELOCITY_NOISE_M_S: f64 = 1e-4;
 
-/// One band.
+/// Parameters of one band.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Band {
-    /// Coefficient of friction in sliding, and what it has more at rest.
+    /// Coefficient of friction in sliding, and its increase at rest.
     sliding: f64,
-    at_rest_more: f64,
-    /// Speed over which the latter is lost, m/s.
+    static_increase: f64,
+    /// Stribeck velocity of this increase, m/s.
     stribeck_m_s: f64,
-    /// What the slack-end tension is more in positive direction, as a share.
+    /// Relative increase of the slack-end tension in positive direction.
     asymmetry: f64,
     /// Slack, m.
     gap_m: f64,
@@ -56,22 +56,22 @@ pub(crate) struct Band {
     share: f64,
 }
 
-/// What a band remembers.
+/// State of a band.
 #[derive(Clone, Copy, Debug, Default)]
 struct BandState {
-    /// Where in its slack, 0 to the gap.
+    /// Position within the slack, from 0 to the gap.
     play_m: f64,
     /// Tension difference, N.
     difference_n: f64,
 }
 
-/// The damper.
+/// Damper with three bands.
 #[derive(Clone, Debug)]
 pub(crate) struct BandedDamper {
     bands: [Band; 3],
 }
 
-/// What was logged in one row.
+/// One row of the log.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
     pub time_s: f64,
@@ -82,10 +82,10 @@ pub(crate) struct Row {
 }
 
 impl Band {
-    /// The largest tension difference at a speed, in a direction, N.
+    /// Returns the maximum tension difference at a velocity, N.
     fn slip_limit_n(&self, velocity: f64, tension_n: f64) -> f64 {
         let at_rest = (-(velocity / self.stribeck_m_s).powi(2)).exp();
-        let coefficient = self.sliding + self.at_rest_more * at_rest;
+        let coefficient = self.sliding + self.static_increase * at_rest;
         let preset = self.share * tension_n;
         let saturation = self.share * SATURATION_N;
         let slack_end = preset * saturation / (preset + saturation);
@@ -93,15 +93,15 @@ impl Band {
         directed * ((coefficient * WRAP_RAD).exp() - 1.0)
     }
 
-    /// Moves on by a piece of travel.
+    /// Advances the state by `travel_m`.
     fn step(&self, state: &mut BandState, travel_m: f64, velocity: f64, tension_n: f64) {
         let limit = self.slip_limit_n(velocity, tension_n);
         let room = if travel_m > 0.0 { self.gap_m - state.play_m } else { state.play_m };
         let crossed = travel_m.abs().min(room);
         state.play_m += crossed.copysign(travel_m);
         let stretched = (travel_m.abs() - crossed).copysign(travel_m);
-        // In the slack the lining drags: it goes towards a small share of the limit, over the gap.
-        let towards = DRAG * limit * travel_m.signum();
+        // In the slack, the difference approaches the drag of the lining over the width of the gap.
+        let towards = DRAG_SHARE * limit * travel_m.signum();
         let share = (crossed / self.gap_m.max(1e-9)).min(1.0);
         state.difference_n += (towards - state.difference_n) * share;
         state.difference_n =
@@ -110,8 +110,8 @@ impl Band {
 }
 
 impl BandedDamper {
-    /// A damper whose bands have their tolerances.
-    pub fn drawn(seed: u64) -> Self {
+    /// Draws a damper with the tolerances of its bands.
+    pub fn draw(seed: u64) -> Self {
         let mut random = Pcg64::seed_from_u64(seed);
         let mut about = |value: f64, share: f64| {
             let normal: f64 = random.sample(StandardNormal);
@@ -120,7 +120,7 @@ impl BandedDamper {
         Self {
             bands: std::array::from_fn(|_| Band {
                 sliding: about(0.3, 0.02),
-                at_rest_more: about(0.012, 0.2),
+                static_increase: about(0.012, 0.2),
                 stribeck_m_s: about(0.02, 0.2),
                 asymmetry: about(0.08, 0.3),
                 gap_m: about(3.5e-3, 0.15),
@@ -130,8 +130,9 @@ impl BandedDamper {
         }
     }
 
-    /// Moves the drum as `position` (m, of the time in s) says and logs at a rate in Hz, which divides that of the
-    /// integration.
+    /// Moves the drum along `position` (m, as a function of time in s) and returns the log.
+    ///
+    /// `rate_hz` must divide the integration rate.
     pub fn record(
         &self,
         tension_n: f64,
@@ -161,7 +162,7 @@ impl BandedDamper {
             }
             if step % every == 0 {
                 let difference: f64 = states.iter().map(|state| state.difference_n).sum();
-                // The slack end keeps what the preset tension leaves it; the tight end holds the difference.
+                // Both ends have the saturated preset tension; the tight end also has the difference.
                 let slack = tension_n * SATURATION_N / (tension_n + SATURATION_N);
                 let ends = [slack + (-difference).max(0.0), slack + difference.max(0.0)];
                 rows.push(Row {
@@ -183,23 +184,23 @@ mod tests {
     use std::f64::consts::TAU;
 
     fn sine(tension_n: f64) -> Vec<Row> {
-        let damper = BandedDamper::drawn(1);
+        let damper = BandedDamper::draw(1);
         damper.record(tension_n, 8.0, 256.0, 2, |t| 0.025 * (TAU * 0.5 * t).sin())
     }
 
     #[test]
-    fn forces_have_the_size_of_the_published_tests() {
+    fn record_returns_forces_in_the_range_of_the_published_tests() {
         let peak =
             |tension: f64| sine(tension).iter().map(|row| row.force_n.abs()).fold(0.0, f64::max);
         let (loose, tight) = (peak(89.0), peak(356.0));
         assert!((3e3..9e3).contains(&loose), "{loose}");
         assert!((8e3..18e3).contains(&tight), "{tight}");
-        // Four times the tension is far from four times the force.
+        // The force is far from proportional to the tension.
         assert!(tight < 3.0 * loose);
     }
 
     #[test]
-    fn it_takes_energy_over_a_cycle_and_grips_harder_one_way() {
+    fn record_over_a_cycle_dissipates_energy_and_is_asymmetric() {
         let rows = sine(160.0);
         let later = || rows.iter().skip(1024);
         let work: f64 = later().map(|row| row.force_n * row.velocity_m_s / 256.0).sum();
@@ -210,17 +211,19 @@ mod tests {
     }
 
     #[test]
-    fn a_reversal_is_travel_whatever_the_frequency() {
+    fn record_after_reversal_depends_on_travel_and_not_on_frequency() {
         let half_swing = |frequency: f64| {
-            let damper = BandedDamper::drawn(1);
+            let damper = BandedDamper::draw(1);
             let seconds = 3.0 / frequency;
             let rows =
                 damper.record(160.0, seconds, 1024.0, 2, |t| 0.025 * (TAU * frequency * t).sin());
-            // From the third crest of the position on.
+            // Rows after the third maximum of the position.
             let start = rows.len() * 9 / 12;
             let crest = rows[start].position_m;
-            let crossed =
-                rows[start..].iter().find(|row| row.force_n < 0.0).expect("it turns round");
+            let crossed = rows[start..]
+                .iter()
+                .find(|row| row.force_n < 0.0)
+                .expect("the force changes its sign");
             crest - crossed.position_m
         };
         let (slow, fast) = (half_swing(0.1), half_swing(1.0));
@@ -229,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn actuators_are_consequences_of_the_friction() {
+    fn record_returns_actuator_forces_that_follow_from_the_friction() {
         for row in sine(160.0) {
             let [one, two] = row.actuators_n;
             assert!((row.force_n - LEVER * (two - one)).abs() < 20.0 * FORCE_NOISE_N);

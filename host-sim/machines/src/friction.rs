@@ -6,10 +6,10 @@
 //! g  = F_C' + (F_S' - F_C') exp(-(v/v_s)^2)
 //! ```
 //!
-//! with both levels raised alike by side load and pressure. The print lacks the modulus and loads `F_C`
-//! alone.
+//! Side load and pressure raise both levels equally. In the paper, the absolute value is missing and only `F_C` depends
+//! on the load.
 
-/// The seal's true parameters, SI units, in the paper's names.
+/// True parameters of the seal, SI units, with the names of the paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seal {
     /// Bristle stiffness, Nm/rad.
@@ -32,20 +32,21 @@ pub struct Seal {
     pub eta3: f64,
 }
 
-/// What acts on the seal at an instant.
+/// Operating conditions of the seal at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings {
     /// Velocity, rad/s.
     pub velocity: f64,
     /// Side load, N.
     pub force: f64,
-    /// Its rate, N/s.
+    /// Rate of the side load, N/s.
     pub force_rate: f64,
     /// Pressure difference, Pa.
     pub pressure: f64,
 }
 
 impl Seal {
+    /// Returns the level `g`, Nm.
     fn level(&self, s: &Surroundings) -> f64 {
         let added = self.per_pressure * s.pressure + self.per_force * s.force;
         let ratio = s.velocity / self.stribeck_rad_s;
@@ -53,18 +54,19 @@ impl Seal {
         self.coulomb_nm + added + excess
     }
 
-    /// `dz/dt`, rad/s.
+    /// Returns `dz/dt`, rad/s.
     pub fn rate(&self, z: f64, s: &Surroundings) -> f64 {
         s.velocity - self.k0 * s.velocity.abs() * z / self.level(s) + self.eta3 * s.force_rate
     }
 
-    /// Friction torque, Nm.
+    /// Returns the friction torque, Nm.
     pub fn torque(&self, z: f64, s: &Surroundings) -> f64 {
         self.k0 * z + self.k1 * self.rate(z, s) + self.k2 * s.velocity
     }
 
-    /// Advances `z` by `dt` (s) with the classic fourth-order Runge-Kutta step; `at` gives the
-    /// surroundings at a time. Stable while `k0 |v| dt / g < 2.78`.
+    /// Integrates `z` by `dt` (s) with the classic fourth-order Runge-Kutta method.
+    ///
+    /// `at` returns the operating conditions at a time. The method is stable for `k0 |v| dt / g < 2.78`.
     pub fn advance(&self, z: f64, t: f64, dt: f64, at: impl Fn(f64) -> Surroundings) -> f64 {
         let (begin, middle, end) = (at(t), at(t + 0.5 * dt), at(t + dt));
         let a = self.rate(z, &begin);
@@ -96,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn steady_sliding_is_the_level_and_the_viscous_part() {
+    fn torque_in_steady_sliding_is_level_plus_viscous_part() {
         for velocity in [-3.0, -0.05, 0.02, 1.0] {
             let s = steady(velocity);
             let mut z = 0.0;
@@ -110,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn halving_the_step_changes_nothing_that_matters() {
+    fn advance_with_half_the_step_gives_the_same_result() {
         let at = |t: f64| steady(0.3 * (20.0 * t).sin());
         let run = |steps: u32| {
             let dt = 0.5 / f64::from(steps);

@@ -1,14 +1,19 @@
-//! An underwater joint richer than any model that is fitted to it: what the published experiments are repeated on.
+//! Simulated underwater joint for the repetition of the published experiments.
+//!
+//! It is more detailed than any model that is fitted to it.
 //!
 //! ```text
 //! bridge -> winding -> gear -> shaft with its seal -> water, propeller, leg, platform
 //!           machine            seal, shaft            load
 //! ```
-//! Its seal is not LuGre ([`seal`]). Every constant is in one table with its source ([`parameters`]), fixed before
-//! anything was measured. [`mod@bench`] drives the same seal by hand, as a test stand does; [`machine`] is
-//! what a current loop is connected to, with noise and steps in what it measures. A bus capacitor ([`supply`]), a winding that
-//! heats up ([`winding`]), a coupling with compliance and play, cogging and an eccentric magnet are there to be asked for. All of it is simulated, in
-//! double precision, by its own equations: nothing here can see the law that is judged.
+//!
+//! The seal is not a LuGre model ([`seal`]). All constants are in one table with their sources ([`parameters`]).
+//! [`mod@bench`] imposes the motion of the seal, as a test stand does. [`machine`] is the plant of a current loop, with
+//! noise and quantisation in its measurements.
+//!
+//! Optional parts are a bus capacitor ([`supply`]), a winding that heats up ([`winding`]), a coupling with compliance
+//! and backlash, cogging, and an eccentric encoder magnet. The simulation uses its own equations in double precision.
+//! It is independent of the friction law under test.
 
 pub mod bench;
 pub mod comparators;

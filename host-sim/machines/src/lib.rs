@@ -1,10 +1,9 @@
-//! Simulated machines: what judges a model must not be built from it.
+//! Simulated machines for independent tests of the friction models.
 //!
-//! Nothing in here can see `compensator-core`: this package does not depend on it. The friction is the published differential equation in its
-//! own state (bristle deflection `z` in rad), with the exact exponential, in double precision, by a
-//! fourth-order Runge-Kutta step that is a hundredth of a log's sample. The core is another state,
-//! another scheme, a table, and a step as long as the sample. Where the two agree it is not because they
-//! are the same code.
+//! This package does not depend on `compensator-core`, so an agreement of both is not due to shared code. The friction
+//! is the published differential equation. Its state is the bristle deflection `z` in rad. It uses the exact
+//! exponential, double precision, and fourth-order Runge-Kutta steps of a hundredth of a log's sample period. The core
+//! uses another state, another integration scheme, a table, and steps of a whole sample period.
 
 mod banded_damper;
 pub mod friction;

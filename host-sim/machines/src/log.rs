@@ -1,49 +1,49 @@
-//! What a simulated machine logs: runs of named columns.
+//! Log of a simulated machine: runs with named columns.
 //!
-//! Column names are those of the contract for measured data (`time_s`, `velocity_rad_s`, `torque_nm`,
-//! `pressure_diff_pa`, ...), any other name is a covariate: whoever reads logs reads these as well. A new
-//! quantity is another name, and nothing here changes.
+//! Column names follow the contract for measured data (`time_s`, `velocity_rad_s`, `torque_nm`, `pressure_diff_pa`,
+//! ...). Any other name is a covariate. Simulated logs can therefore be read like measured ones, and a new quantity
+//! needs no change here.
 
 use std::fmt::Write;
 
-/// The log of a campaign.
+/// Log of a campaign.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
     /// Names of the columns, with their units; `time_s` is the first.
     pub columns: Vec<String>,
-    /// The runs in the order they were made.
+    /// The runs in chronological order.
     pub runs: Vec<LoggedRun>,
 }
 
-/// The log of one run.
+/// Log of one run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoggedRun {
-    /// Its name, unique in the log.
+    /// Name of the run, unique in the log.
     pub name: String,
-    /// A column of equal length for each of [`Log::columns`].
+    /// Values of each of [`Log::columns`]. All columns have equal length.
     pub columns: Vec<Vec<f64>>,
 }
 
 impl LoggedRun {
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
     }
 }
 
 impl Log {
-    /// Number of rows of all runs.
+    /// Returns the number of rows of all runs.
     pub fn rows(&self) -> usize {
         self.runs.iter().map(LoggedRun::rows).sum()
     }
 
-    /// A column of a run by its name, where there is one.
+    /// Returns a column of a run by its name, or `None` if it does not exist.
     pub fn column<'a>(&self, run: &'a LoggedRun, name: &str) -> Option<&'a [f64]> {
         let at = self.columns.iter().position(|column| column == name)?;
         run.columns.get(at).map(Vec::as_slice)
     }
 
-    /// `data.csv` by the contract. Each number has the shortest digits that read back as the same number.
+    /// Returns the content of `data.csv`. Each number has the fewest digits that read back as the same number.
     pub fn csv(&self) -> String {
         let mut text = format!("run,{}\n", self.columns.join(","));
         for run in &self.runs {

@@ -1,13 +1,15 @@
-//! The manipulator of three joints driven by fluidic muscles, simulated.
+//! Simulated manipulator with three joints and fluidic muscles.
 //!
-//! The arm of the third paper (see `docs/references.md`): three joints, the masses and lengths of its Table 2, a
-//! pair of muscles at each joint, driven through valves by the control signals of its figures 3 and 5, 110 s at
-//! 1 kHz, ten repeats averaged. What the paper does not print is chosen here and said where it stands: how the
-//! arm hangs ([`rigid_body`]), the size of its muscles ([`muscle`]), and how its joints rub ([`friction`]), which
-//! is richer than any model that is fitted to it.
+//! It is the arm of the third paper (see `docs/src/reference/literature.md`). It has three joints, the masses and
+//! lengths of Table 2, and a pair of muscles at each joint. The valves receive the control signals of figures 3 and 5.
+//! Runs take 110 s at 1 kHz and are averaged over ten repeats.
 //!
-//! [`rigid_body`] and [`muscle`] are what an experimenter knows of such an arm; [`friction`] is the truth to be
-//! found; [`course`] is what the valves are told; [`mod@record`] puts them together.
+//! The paper does not give the mounting of the arm ([`rigid_body`]), the size of the muscles ([`muscle`]) and the
+//! friction of the joints ([`friction`]). These modules state the assumptions. The friction is more detailed than any
+//! model that is fitted to it.
+//!
+//! [`rigid_body`] and [`muscle`] are known to an experimenter. [`friction`] is the ground truth. [`course`] defines the
+//! set pressures of the valves. [`mod@record`] simulates the runs.
 
 pub mod course;
 pub mod friction;
@@ -25,19 +27,19 @@ use rand_pcg::Pcg64;
 /// Number of joints.
 pub const JOINTS: usize = 3;
 
-/// A campaign: the printed course first, courses of its own after it.
+/// A campaign: the course of the paper, followed by random courses.
 #[derive(Clone, Debug)]
 pub struct Campaign {
-    /// What the valves were told in each run.
+    /// Set pressures of each run.
     pub courses: Vec<Course>,
-    /// What was logged in each.
+    /// Averaged log of each run.
     pub runs: Vec<Averaged>,
 }
 
-/// Records the printed course and `others` more; the same seed, the same campaign.
+/// Records the course of the paper and `others` random courses. The same seed gives the same campaign.
 pub fn campaign(seed: u64, others: usize, how: &Recording) -> Campaign {
     let mut random = Pcg64::seed_from_u64(seed);
-    let drawn = (0..others).map(|_| Course::drawn(&mut random));
+    let drawn = (0..others).map(|_| Course::draw(&mut random));
     let courses: Vec<Course> = std::iter::once(Course::printed()).chain(drawn).collect();
     let each = (0u64..).map(|index| seed.wrapping_mul(1009).wrapping_add(index));
     let runs = courses.iter().zip(each).map(|(course, seed)| record(course, how, seed)).collect();
@@ -45,7 +47,7 @@ pub fn campaign(seed: u64, others: usize, how: &Recording) -> Campaign {
 }
 
 impl Campaign {
-    /// Its log: `time_s` and each joint's columns, named by the joint's number at their end.
+    /// Returns the log: `time_s` and the columns of each joint, with the number of the joint as suffix.
     pub fn log(&self) -> Log {
         let named = |joint: usize| {
             record::COLUMNS.iter().map(move |column| format!("{column}_{}", joint + 1))

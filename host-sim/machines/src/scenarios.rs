@@ -1,16 +1,17 @@
-//! Scenarios with something hidden: simulated joints in which one physical effect, or two, or none, is hidden.
+//! Test scenarios: simulated joints with no, one or two hidden physical effects.
 //!
-//! A diagnosis is worth what it says about joints it knows nothing of. Each scenario here is a campaign
-//! of runs on a seal drawn at random, with its own rate, sensors, motions and covariates; the data
-//! are as they would be read from a log, and [`ScenarioTruth`] holds what was hidden.
+//! A diagnosis must be tested on joints it does not know. Each scenario is a campaign of runs on a random
+//! seal, with its own sample rate, sensors, motions and covariates. The data have the form of a log, and
+//! [`ScenarioTruth`] holds the hidden effects.
 //!
 //! ```text
 //! kind ─► recipe ─► setting (seal, motions, covariates) ─► joint (physics) ─► torques ─► log
-//!                        effect, drawn and sized until it shows ──┘                └─► truth
+//!                        effect, drawn and scaled until visible ──┘                └─► truth
 //! ```
 //!
-//! Nothing here knows `compensator-core`: the state is the bristles' deflection in rad, and the
-//! integrator (`dynamics`) counts travel. A covariate that does nothing is in most logs, and moves.
+//! The module is independent of `compensator-core`. Its state is the bristle deflection in rad, and its
+//! integrator (`dynamics`) uses the travel as the independent variable. Most logs also contain covariates
+//! that vary without any effect.
 
 mod arrange;
 mod draw;
@@ -39,22 +40,24 @@ pub use truth::{Decoy, Hidden, ScenarioTruth};
 
 use crate::log::Log;
 
-/// A log and the truth behind it.
+/// A simulated log and its ground truth.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// What the machine logged.
+    /// The log of the machine.
     pub log: Log,
-    /// What was hidden.
+    /// The ground truth of the log.
     pub truth: ScenarioTruth,
 }
 
-/// Draws a scenario of a kind; the same seed gives the same bits.
+/// Draws a scenario of a kind. The same seed gives bit-identical results.
 pub fn draw(kind: Kind, seed: u64) -> Scenario {
     draw_with(kind, &[], seed, &Options::default())
 }
 
-/// Draws a scenario with some things given. `sizes` are those of the kind's effects in their order, as
-/// far as they are given; without one a size is drawn so that the effect shows.
+/// Draws a scenario with some quantities given.
+///
+/// `sizes` are the sizes of the kind's effects, in their order. A missing size is drawn so that the effect is
+/// visible.
 pub fn draw_with(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Options) -> Scenario {
     draw::draw(kind, sizes, seed, options)
 }

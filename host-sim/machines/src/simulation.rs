@@ -1,54 +1,54 @@
-//! What is asked of a simulation, and what it gives.
+//! Request and result of a simulation.
 
 use crate::log::Log;
 use crate::scenarios::Hide;
 use serde_json::Value;
 
-/// What is asked of a simulation. What is `None` is drawn, or the simulation's own.
+/// Options of a simulation. `None` selects a random value or the default of the simulation.
 #[derive(Clone, Debug, Default)]
 pub struct Request {
-    /// The same seed and request, the same log.
+    /// Seed. The same seed and request give the same log.
     pub seed: u64,
     /// Number of runs.
     pub runs: Option<usize>,
-    /// Length of each, s.
+    /// Length of each run, s.
     pub seconds: Option<f64>,
     /// Sample rate, Hz.
     pub rate_hz: Option<f64>,
-    /// Standard deviation of the torque sensor, Nm.
+    /// Standard deviation of the torque noise, Nm.
     pub noise_nm: Option<f64>,
-    /// No side load and no pressure.
+    /// True to simulate without side load and pressure.
     pub unloaded: bool,
-    /// Steady sliding only.
+    /// True to simulate steady sliding only.
     pub steady: bool,
-    /// What is to be hidden in it.
+    /// Effects to hide.
     pub hide: Vec<Hide>,
 }
 
-/// A log and the truth behind it.
+/// A simulated log and its ground truth.
 #[derive(Clone, Debug)]
 pub struct Simulated {
-    /// What was logged.
+    /// The log.
     pub log: Log,
-    /// The same as `data.csv`, rounded as its sensors round.
+    /// Content of `data.csv`, rounded to the resolution of the sensors.
     pub csv: String,
-    /// `truth.json`.
+    /// Content of `truth.json`.
     pub truth: Value,
-    /// What is hidden, a line each; empty where nothing was asked to be.
+    /// Description of the hidden effects, one line each. Empty if the request hides none.
     pub hidden: Vec<String>,
 }
 
 /// A machine, or an experiment on one.
 pub trait Simulation: Sync {
-    /// Its name on the command line and in `truth.json`.
+    /// Returns the name on the command line and in `truth.json`.
     fn name(&self) -> &'static str;
 
-    /// What it is, in a sentence without its end.
+    /// Returns a description: one sentence without a full stop.
     fn about(&self) -> &'static str;
 
-    /// Runs it.
+    /// Runs the simulation.
     ///
     /// # Errors
-    /// One line: what of the request it cannot do.
+    /// Returns a message of one line if the simulation does not support the request.
     fn simulate(&self, request: &Request) -> Result<Simulated, String>;
 }

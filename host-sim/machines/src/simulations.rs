@@ -1,6 +1,6 @@
-//! What can be simulated: one list, which `host-sim simulate` offers.
+//! The list of all simulations of `host-sim simulate`.
 //!
-//! A new machine, or a new experiment on one, is a file here with a [`Simulation`] and its line in the list.
+//! A new machine or experiment needs a file with a [`Simulation`] and an entry in the list.
 
 mod damper;
 mod manipulator;
@@ -13,6 +13,6 @@ use manipulator::Manipulator;
 use pool_tests::{Impact, JointBench, LowSpeed, VelocityTracking};
 use underwater_joint::UnderwaterJoint;
 
-/// Every simulation there is.
+/// All simulations.
 pub const SIMULATIONS: &[&dyn Simulation] =
     &[&UnderwaterJoint, &VelocityTracking, &LowSpeed, &Impact, &JointBench, &Damper, &Manipulator];

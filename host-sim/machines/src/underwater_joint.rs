@@ -1,9 +1,10 @@
-//! The underwater joint of Ding et al. on its test stand, simulated.
+//! Simulation of the underwater joint of Ding et al. on its test stand.
 //!
-//! Ranges are the paper's: 35, 70 and 100 rpm; side load 25-35 or 45-55 N; pressure difference 0-0.05 or
-//! 0.25-0.30 MPa; friction 2 to 3.5 Nm. A seal is drawn at random from a seed; each run has its own speed
-//! class, load and pressure, and moves so that every parameter shows. The torque sensor adds white noise;
-//! velocity, load and pressure are taken as exact. All of it is simulated, and says so in `truth.json`.
+//! The ranges are those of the paper: 35, 70 and 100 rpm, side load 25-35 or 45-55 N, pressure difference 0-0.05 or
+//! 0.25-0.30 MPa, and friction 2 to 3.5 Nm. The seal is drawn from a seed. Each run has its own speed, load and
+//! pressure. The motions make every parameter identifiable.
+//!
+//! The torque sensor adds white noise. Velocity, load and pressure are exact. `truth.json` marks the data as simulated.
 
 use super::friction::{Seal, Surroundings};
 use super::motion::Motion;
@@ -16,20 +17,20 @@ use serde_json::json;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-/// What is recorded, and how.
+/// Recording parameters of a campaign.
 #[derive(Clone, Copy, Debug)]
 pub struct Recording {
     /// Number of runs.
     pub runs: usize,
-    /// Length of each, s.
+    /// Length of each run, s.
     pub seconds: f64,
     /// Sample rate, Hz.
     pub rate_hz: f64,
-    /// Standard deviation of the torque sensor, Nm.
+    /// Standard deviation of the torque noise, Nm.
     pub noise_nm: f64,
-    /// Side load and pressure vary; else both are zero.
+    /// True if side load and pressure vary, false if both are zero.
     pub loaded: bool,
-    /// Only steady sliding: a log that cannot tell what the bristles do.
+    /// True for steady sliding only. Such a log does not determine the bristle parameters.
     pub steady: bool,
 }
 
@@ -46,16 +47,16 @@ impl Default for Recording {
     }
 }
 
-/// A sample of a run.
+/// One row of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// Time since the campaign began, s.
+    /// Time since the start of the campaign, s.
     pub time_s: f64,
-    /// Position since the run began, rad.
+    /// Position relative to the start of the run, rad.
     pub position_rad: f64,
     /// Velocity, rad/s.
     pub velocity_rad_s: f64,
-    /// Friction torque as the sensor shows it, Nm.
+    /// Friction torque with sensor noise, Nm.
     pub torque_nm: f64,
     /// Side load, N.
     pub radial_force_n: f64,
@@ -63,25 +64,26 @@ pub struct Row {
     pub pressure_diff_pa: f64,
 }
 
-/// What was recorded, and the truth behind it.
+/// Recorded data and their ground truth.
 #[derive(Clone, Debug)]
 pub struct Truth {
-    /// The seal that was drawn.
+    /// The drawn seal.
     pub seal: Seal,
-    /// The seed it was drawn by.
+    /// Seed of the seal.
     pub seed: u64,
-    /// How it was recorded.
+    /// Recording parameters.
     pub recording: Recording,
-    /// The runs.
+    /// Rows of each run.
     pub runs: Vec<Vec<Row>>,
 }
 
-/// Pause between runs on the campaign's clock, s.
+/// Pause between two runs in campaign time, s.
 const PAUSE_S: f64 = 60.0;
 
-/// Longest integration step, s.
-const STEP_S: f64 = 1e-5;
+/// Maximum integration step, s.
+const MAX_STEP_S: f64 = 1e-5;
 
+/// Draws a seal. Without loads, its load coefficients are 0.
 fn draw_seal(random: &mut Pcg64, loaded: bool) -> Seal {
     let mut between = |least: f64, most: f64| random.random_range(least..most);
     let coulomb_nm = between(1.2, 1.8);
@@ -102,7 +104,7 @@ fn draw_seal(random: &mut Pcg64, loaded: bool) -> Seal {
     seal
 }
 
-/// Load and pressure of a run: a level, a slow swing about it, and the swing's rate.
+/// Motion, side load and pressure of a run. The side load has a level and a slow oscillation.
 #[derive(Clone, Copy, Debug)]
 struct Condition {
     motion: Motion,
@@ -113,6 +115,7 @@ struct Condition {
 }
 
 impl Condition {
+    /// Evaluates the conditions at a time of the run, s.
     fn at(&self, t: f64) -> Surroundings {
         let w = TAU * self.swing_hz;
         Surroundings {
@@ -124,7 +127,8 @@ impl Condition {
     }
 }
 
-fn condition(random: &mut Pcg64, index: usize, seal: &Seal, how: &Recording) -> Condition {
+/// Draws the conditions of a run.
+fn draw_condition(random: &mut Pcg64, index: usize, seal: &Seal, how: &Recording) -> Condition {
     let rpm = [35.0, 70.0, 100.0][index % 3];
     let peak = rpm * TAU / 60.0;
     let motion = if how.steady {
@@ -144,7 +148,7 @@ fn condition(random: &mut Pcg64, index: usize, seal: &Seal, how: &Recording) -> 
     if !how.loaded {
         return Condition { motion, force: 0.0, swing: 0.0, swing_hz: 0.0, pressure: 0.0 };
     }
-    // All four combinations of high and low within any four runs, at other motions in the next four.
+    // Four consecutive runs contain all combinations of high and low. The next four combine them with other motions.
     let turn = index + index / 4;
     let (high_force, high_pressure) = (turn % 2 == 1, turn / 2 % 2 == 1);
     Condition {
@@ -160,11 +164,18 @@ fn condition(random: &mut Pcg64, index: usize, seal: &Seal, how: &Recording) -> 
     }
 }
 
-fn run(seal: &Seal, how: &Recording, condition: &Condition, start_s: f64, seed: u64) -> Vec<Row> {
+/// Simulates a run.
+fn simulate_run(
+    seal: &Seal,
+    how: &Recording,
+    condition: &Condition,
+    start_s: f64,
+    seed: u64,
+) -> Vec<Row> {
     let mut random = Pcg64::seed_from_u64(seed);
     let noise = Normal::new(0.0, how.noise_nm).unwrap_or_else(|_| unreachable!("a size"));
     let period = 1.0 / how.rate_hz;
-    let steps = (period / STEP_S).ceil().max(1.0);
+    let steps = (period / MAX_STEP_S).ceil().max(1.0);
     let dt = period / steps;
     let (mut z, mut position) = (0.0, 0.0);
     let rows = (how.seconds * how.rate_hz).round() as usize;
@@ -191,26 +202,26 @@ fn run(seal: &Seal, how: &Recording, condition: &Condition, start_s: f64, seed: 
         .collect()
 }
 
-/// Draws a seal and records it; the same seed and recording give the same rows.
+/// Draws a seal and records its runs. The same seed and recording give the same rows.
 pub fn record(seed: u64, how: Recording) -> Truth {
     let mut random = Pcg64::seed_from_u64(seed);
     let seal = draw_seal(&mut random, how.loaded);
     let conditions: Vec<(u64, Condition)> = (0..how.runs)
-        .map(|index| (random.random(), condition(&mut random, index, &seal, &how)))
+        .map(|index| (random.random(), draw_condition(&mut random, index, &seal, &how)))
         .collect();
     let runs = conditions
         .par_iter()
         .enumerate()
         .map(|(index, (noise_seed, condition))| {
             let start = index as f64 * (how.seconds + PAUSE_S);
-            run(&seal, &how, condition, start, *noise_seed)
+            simulate_run(&seal, &how, condition, start, *noise_seed)
         })
         .collect();
     Truth { seal, seed, recording: how, runs }
 }
 
 impl Truth {
-    /// The log of the recording, unrounded.
+    /// Returns the log of the recording, not rounded.
     pub fn log(&self) -> Log {
         type Column = (&'static str, fn(&Row) -> f64);
         const COLUMNS: [Column; 6] = [
@@ -231,7 +242,7 @@ impl Truth {
         }
     }
 
-    /// `data.csv` by the contract.
+    /// Returns the content of `data.csv`.
     pub fn csv(&self) -> String {
         let mut text = String::from(
             "run,time_s,position_rad,velocity_rad_s,torque_nm,radial_force_n,pressure_diff_pa\n",
@@ -251,7 +262,7 @@ impl Truth {
         text
     }
 
-    /// `truth.json`: what was drawn, under the names of the parameters.
+    /// Returns the content of `truth.json`: the drawn parameters by name.
     pub fn json(&self) -> serde_json::Value {
         let Seal { k0, k1, k2, coulomb_nm, static_nm, stribeck_rad_s, .. } = self.seal;
         let Recording { runs, seconds, rate_hz, noise_nm, loaded, steady } = self.recording;

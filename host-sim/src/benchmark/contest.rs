@@ -1,38 +1,38 @@
-//! The diagnosis and the rival on one unkind world, and what each is worth there.
+//! Compares the diagnosis with the regression on one unkind world.
 //!
 //! | world | right | abstained | wrong |
 //! |---|---|---|---|
 //! | nothing hidden | `none` | `unknown` | any other name |
-//! | an effect that could be seen | its name first, or within `confusable_with` of the first | `none`, `unknown` | any other name |
-//! | an effect nobody could see | `none`, `unknown`, or its name | - | any other name |
+//! | a detectable effect | its name first, or within `confusable_with` of the first | `none`, `unknown` | any other name |
+//! | an undetectable effect | `none`, `unknown`, or its name | - | any other name |
 //!
-//! Could be seen: a refit of the true structure gains three standard errors ([`UnkindTruth::detectable`]). A name that is
-//! true of the log whatever is hidden (a filtered torque *is* late) is struck out first. Processor time is that of one
-//! thread on which all is computed.
+//! An effect is detectable if a refit of the true structure gains three standard errors ([`UnkindTruth::is_detectable`]). Causes
+//! that hold for the log whatever is hidden (a filtered torque *is* late) are removed first. Processor time is that of one
+//! thread.
 
-use super::ask;
-use super::regression::regression;
+use super::diagnose_log;
+use super::regression::regress;
 use crate::simulated;
 use friction_identification::data::{Dataset, Split};
-use friction_identification::diagnose::{Diagnosis, Question};
+use friction_identification::diagnose::{Diagnosis, DiagnosisOptions};
 use friction_identification::spec::parse_rigid_body;
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use simulated_machines::scenarios::unkind::{self, UnkindTruth, UnkindWorld};
 
-/// What an answer is worth.
+/// Verdict on an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// As good as can be.
+    /// The best possible answer.
     Right,
-    /// Nothing was named where something could have been.
+    /// No cause was named for a detectable effect.
     Abstained,
-    /// A cause that is not there.
+    /// A cause was named that is not there.
     Wrong,
 }
 
 impl Verdict {
-    /// One word.
+    /// Returns the verdict as one word.
     pub const fn name(self) -> &'static str {
         match self {
             Verdict::Right => "right",
@@ -42,68 +42,68 @@ impl Verdict {
     }
 }
 
-/// What a contestant said of a world.
+/// Answer of the diagnosis or the regression for a world.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// The causes named, in order.
+    /// Named causes, in order.
     pub named: Vec<&'static str>,
-    /// Causes the first says it cannot be told from.
+    /// Causes that the first one is confusable with.
     pub confusable: Vec<&'static str>,
-    /// What that is worth.
+    /// Verdict on the answer.
     pub verdict: Verdict,
-    /// Share of the held-out error that is gone: 1 - RMSE after / RMSE before.
+    /// Reduction of the held-out error: 1 - RMSE after / RMSE before.
     pub gain: f64,
     /// Held-out RMSE of the extended model over the floor of the same rows.
     pub error_over_floor: f64,
-    /// Whether the true size lies in the 95 % interval, where the true cause was named first.
+    /// The true size lies in the 95 % interval; `None` unless the true cause was named first.
     pub size_inside: Option<bool>,
     /// Processor time, s.
     pub seconds: f64,
-    /// What stood against it, a line for whoever looks into a miss.
-    pub heard: String,
-    /// The diagnosis' own figures, for whoever asks which of them tells a right name from a wrong one.
+    /// Best candidates, one line, for analysing a miss.
+    pub candidates: String,
+    /// Further values of the diagnosis, for analysing which of them separate right from wrong names.
     pub figures: Value,
 }
 
-/// A world and the answers to it.
+/// A world with both answers.
 #[derive(Clone, Debug)]
 pub struct Contest {
     /// The truth, without its rows.
     pub truth: UnkindTruth,
     /// Rows of the log.
     pub rows: usize,
-    /// The diagnosis, where it was asked.
+    /// Answer of the diagnosis, if it was run.
     pub ours: Option<Answer>,
-    /// The rival.
+    /// Answer of the regression.
     pub rival: Answer,
 }
 
-/// The verdict on causes named in order.
+/// Returns the verdict on causes named in order.
 pub fn verdict(
     truth: &UnkindTruth,
     named: &[&'static str],
     confusable: &[&'static str],
 ) -> Verdict {
-    let struck = |name: &&&'static str| !truth.true_of_the_log.contains(*name);
-    let first = named.iter().find(struck).copied().unwrap_or("none");
+    let is_informative = |name: &&&'static str| !truth.true_of_the_log.contains(*name);
+    let first = named.iter().find(is_informative).copied().unwrap_or("none");
     let is_first = named.first() == Some(&first);
     let cause = truth.cause();
     let open = first == "none" || first == "unknown";
     if first == cause || (is_first && cause != "none" && confusable.contains(&cause)) {
         return Verdict::Right;
     }
-    match (open, truth.hidden.is_some() && !truth.detectable()) {
+    match (open, truth.hidden.is_some() && !truth.is_detectable()) {
         (true, true) => Verdict::Right,
         (true, false) => Verdict::Abstained,
         (false, _) => Verdict::Wrong,
     }
 }
 
-/// Something computed on one thread, and the processor time it took, s.
+/// Runs `work` on one thread and returns its result with the processor time, s.
 ///
 /// # Errors
-/// If no thread can be had.
-pub fn timed<T: Send>(work: impl FnOnce() -> T + Send) -> Result<(T, f64), String> {
+/// Returns an error if no thread can be created.
+pub fn time_on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<(T, f64), String> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| e.to_string())?;
     let clock = || {
         let now = clock_gettime(ClockId::ThreadCPUTime);
@@ -116,11 +116,11 @@ pub fn timed<T: Send>(work: impl FnOnce() -> T + Send) -> Result<(T, f64), Strin
     }))
 }
 
-/// Both contestants, or the rival alone, on the world of a seed.
+/// Runs the regression, and unless `rival_only` the diagnosis, on the world of a seed.
 ///
 /// # Errors
-/// One line, where the log cannot be split or diagnosed: such a world must not drop out of the count.
-pub fn contest(seed: u64, rival_only: bool) -> Result<Contest, String> {
+/// Returns one line if the log cannot be split or diagnosed, because such a world must not be dropped from the count.
+pub fn run_contest(seed: u64, rival_only: bool) -> Result<Contest, String> {
     let UnkindWorld { log, truth } = unkind::draw(seed);
     let data = simulated::dataset(&log);
     let rival = rival(&data, &truth)?;
@@ -130,9 +130,9 @@ pub fn contest(seed: u64, rival_only: bool) -> Result<Contest, String> {
 }
 
 fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
-    let (found, seconds) = timed(|| regression(data, &truth.rigid_body))?;
+    let (found, seconds) = time_on_one_thread(|| regress(data, &truth.rigid_body))?;
     Ok(Answer {
-        heard: found.words(),
+        candidates: found.describe(),
         verdict: verdict(truth, &found.named, &[]),
         named: found.named,
         confusable: Vec::new(),
@@ -148,8 +148,8 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
     let failed = |why: String| format!("seed {}: {why}", truth.seed);
     let rigid_body =
         parse_rigid_body(&truth.rigid_body.join(",")).map_err(|e| failed(e.to_string()))?;
-    let question = Question { rigid_body, ..Question::default() };
-    let (answer, seconds) = timed(|| ask(data.clone(), &question))?;
+    let question = DiagnosisOptions { rigid_body, ..DiagnosisOptions::default() };
+    let (answer, seconds) = time_on_one_thread(|| diagnose_log(data.clone(), &question))?;
     let (found, parts) = answer.map_err(failed)?;
     let named: Vec<&'static str> = found.findings.iter().map(|f| f.cause.name()).collect();
     let first = found.findings.first();
@@ -169,14 +169,14 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
             (low..=high).contains(&hidden.size)
         }),
         seconds,
-        heard: heard(&found),
+        candidates: format_candidates(&found),
         figures: figures(&found),
         named,
         confusable,
     })
 }
 
-/// What a diagnosis says of its first finding, of its gain and of its own floor.
+/// Values of a diagnosis: first finding, gain, and its own noise floor.
 fn figures(found: &Diagnosis) -> Value {
     let first = found.findings.first().map(|first| {
         json!({
@@ -193,20 +193,20 @@ fn figures(found: &Diagnosis) -> Value {
         "before_rmse": found.before.metrics.rmse,
         "after_rmse": found.after.metrics.rmse,
         "own_floor": found.noise_floor,
-        "left_over": found.left_over,
+        "left_over": found.unexplained_memory_rows,
         "after_nrmse": found.after.metrics.nrmse_std,
     })
 }
 
-/// The candidates that stood highest in a diagnosis, a line.
-pub(super) fn heard(found: &Diagnosis) -> String {
+/// Returns the best candidates of a diagnosis, one line.
+pub(super) fn format_candidates(found: &Diagnosis) -> String {
     let scores = found.scores.iter().take(5).map(|score| {
         format!("{}({}) {:.3}", score.cause.name(), score.columns.join(","), score.share)
     });
     scores.collect::<Vec<_>>().join("; ")
 }
 
-/// The floor on the rows a diagnosis was judged on, Nm.
+/// Returns the floor on the held-out rows of a diagnosis, Nm.
 fn floor_of_held_out(found: &Diagnosis, parts: &Split, truth: &UnkindTruth) -> f64 {
     let (mut sum, mut rows) = (0.0, 0usize);
     for track in &found.log.test_tracks {
@@ -231,19 +231,19 @@ impl Answer {
             "error_over_floor": self.error_over_floor,
             "size_inside": self.size_inside,
             "processor_seconds": self.seconds,
-            "heard": self.heard,
+            "candidates": self.candidates,
             "figures": self.figures,
         })
     }
 
-    /// The names, for a line.
+    /// Returns the named causes, joined by `+`.
     pub fn names(&self) -> String {
         if self.named.is_empty() { "none".into() } else { self.named.join("+") }
     }
 }
 
 impl Contest {
-    /// The contest for a machine to read.
+    /// Returns the contest as JSON.
     pub fn json(&self) -> Value {
         json!({
             "truth": self.truth.json(),
@@ -253,7 +253,7 @@ impl Contest {
         })
     }
 
-    /// The contest in one line.
+    /// Returns the contest as one line.
     pub fn line(&self) -> String {
         let truth = &self.truth;
         let ours = self.ours.as_ref().map_or("-".into(), |ours| {

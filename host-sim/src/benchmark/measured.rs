@@ -1,27 +1,26 @@
-//! Both contestants on measured logs whose answer is known.
+//! Compares the diagnosis with the regression on measured logs with a known answer.
 //!
-//! The logs lie beside the project, not in it (`../shared/data`, or where `MEASURED_DATA` says). What is known of each, and
-//! from whom, is in their README; here is what an answer is held against. A log can hold more than one effect: each of
-//! them may be named first.
+//! The logs are not part of the project: they are in `../shared/data` or the folder in `MEASURED_DATA`. Their README states
+//! what is known of each, and by whom. A log can contain several effects, and each of them may be named first.
 
-use super::ask;
-use super::contest::{self, timed};
-use super::regression::regression;
+use super::contest::{self, time_on_one_thread};
+use super::diagnose_log;
+use super::regression::regress;
 use friction_identification::data::{Dataset, ReadOptions, read};
-use friction_identification::diagnose::Question;
+use friction_identification::diagnose::DiagnosisOptions;
 use friction_identification::spec::parse_rigid_body;
 use std::path::{Path, PathBuf};
 
-/// A log, the options it wants, and what is known to be in it.
+/// A log with its reading options and known causes.
 #[derive(Clone, Copy, Debug)]
 pub struct MeasuredLog {
-    /// Its file.
+    /// File name.
     pub file: &'static str,
     columns: &'static [(&'static str, &'static str)],
     rigid_body: &'static str,
     skip: usize,
     decimate: usize,
-    /// Causes that may be named first; none where only `none` would be wrong.
+    /// Causes that may be named first; if empty, only `none` is wrong.
     pub known: &'static [&'static str],
 }
 
@@ -43,13 +42,13 @@ const EMPS: MeasuredLog = MeasuredLog {
     ..LOG
 };
 
-const ROBOT: MeasuredLog = MeasuredLog { rigid_body: "inertia,load,offset", ..LOG };
+const ROBOT_AXIS: MeasuredLog = MeasuredLog { rigid_body: "inertia,load,offset", ..LOG };
 
-/// A ripple, whether it scales the level or adds: which of the two is known of the cogging motor alone.
-const RIPPLES: &[&str] = &["torque-ripple", "position-ripple"];
+/// Ripples that scale the friction level or add to it; only for the cogging motor it is known which.
+const RIPPLE_CAUSES: &[&str] = &["torque-ripple", "position-ripple"];
 
-/// Every log, with what its README says is in it.
-pub const LOGS: &[MeasuredLog] = &[
+/// All logs with the causes that their README states.
+pub const MEASURED_LOGS: &[MeasuredLog] = &[
     MeasuredLog { file: "seal-oring.csv", known: &["pressure-coulomb"], ..LOG },
     MeasuredLog { file: "seal-kdn.csv", known: &["pressure-coulomb"], ..LOG },
     MeasuredLog { file: "emps-train.csv", ..EMPS },
@@ -68,52 +67,57 @@ pub const LOGS: &[MeasuredLog] = &[
         known: &["torque-ripple"],
         ..LOG
     },
-    MeasuredLog { file: "screw-antibacklash.csv", rigid_body: "offset", known: RIPPLES, ..LOG },
-    // The level over the preset tension, a column of no cause's own, is what `unknown` can say of it.
+    MeasuredLog {
+        file: "screw-antibacklash.csv",
+        rigid_body: "offset",
+        known: RIPPLE_CAUSES,
+        ..LOG
+    },
+    // The friction level over the preset tension follows a column without a cause of its own: `unknown`.
     MeasuredLog { file: "damper-1-actuators.csv", known: &["backlash", "unknown"], ..LOG },
     MeasuredLog { file: "damper-1.csv", known: &["backlash", "unknown"], ..LOG },
     MeasuredLog { file: "damper-2.csv", known: &["backlash", "direction-asymmetry"], ..LOG },
     MeasuredLog { file: "damper-quakes.csv", known: &["backlash", "direction-asymmetry"], ..LOG },
-    MeasuredLog { file: "robot-axis1.csv", known: RIPPLES, ..ROBOT },
-    MeasuredLog { file: "robot-axis2.csv", ..ROBOT },
+    MeasuredLog { file: "robot-axis1.csv", known: RIPPLE_CAUSES, ..ROBOT_AXIS },
+    MeasuredLog { file: "robot-axis2.csv", ..ROBOT_AXIS },
     MeasuredLog {
         file: "robot-axis3.csv",
         known: &["direction-asymmetry", "torque-ripple", "position-ripple"],
-        ..ROBOT
+        ..ROBOT_AXIS
     },
 ];
 
-/// What a contestant said of a measured log.
+/// Answer of the diagnosis or the regression for a measured log.
 #[derive(Clone, Debug)]
 pub struct MeasuredAnswer {
-    /// The causes named, with the columns they follow where they follow some.
+    /// Named causes, with their columns.
     pub named: Vec<String>,
-    /// The first.
+    /// First cause.
     pub first: &'static str,
-    /// Share of the held-out error that is gone.
+    /// Reduction of the held-out error.
     pub gain: f64,
     /// Processor time, s.
     pub seconds: f64,
-    /// What else was heard, a line.
-    pub heard: String,
+    /// Best candidates, one line.
+    pub candidates: String,
 }
 
 impl MeasuredLog {
-    /// Whether a first name is one of those known to be there.
+    /// Returns true if the first cause is a known one.
     pub fn is_right(&self, first: &str) -> bool {
         if self.known.is_empty() { first != "none" } else { self.known.contains(&first) }
     }
 
-    /// What is known, for a table.
+    /// Returns the known causes for a table.
     pub fn known(&self) -> String {
         if self.known.is_empty() { "not `none`".into() } else { self.known.join(" or ") }
     }
 
-    /// The log and what is asked of it; nothing where the file is not there.
+    /// Reads the log with its options for the diagnosis; `None` if the file does not exist.
     ///
     /// # Errors
-    /// One line, if the log cannot be read.
-    pub fn read(&self, folder: &Path) -> Result<Option<(Dataset, Question)>, String> {
+    /// Returns one line if the log cannot be read.
+    pub fn read(&self, folder: &Path) -> Result<Option<(Dataset, DiagnosisOptions)>, String> {
         let path = folder.join(self.file);
         if !path.is_file() {
             return Ok(None);
@@ -127,13 +131,17 @@ impl MeasuredLog {
         };
         let data = read(&[path], &options, &|_, _| {}).map_err(|e| failed(e.to_string()))?;
         let rigid_body = parse_rigid_body(self.rigid_body).map_err(|e| failed(e.to_string()))?;
-        Ok(Some((data, Question { decimate: self.decimate, rigid_body, ..Question::default() })))
+        Ok(Some((
+            data,
+            DiagnosisOptions { decimate: self.decimate, rigid_body, ..DiagnosisOptions::default() },
+        )))
     }
 
-    /// The answers of the diagnosis, where asked, and the rival; nothing where the file is not there.
+    /// Returns the number of rows, the answer of the diagnosis unless `rival_only`, and that of the regression; `None` if the
+    /// file does not exist.
     ///
     /// # Errors
-    /// One line, if the log cannot be read, split or diagnosed.
+    /// Returns one line if the log cannot be read, split or diagnosed.
     pub fn contest(
         &self,
         folder: &Path,
@@ -142,19 +150,19 @@ impl MeasuredLog {
         let Some((data, question)) = self.read(folder)? else { return Ok(None) };
         let failed = |why: String| format!("{}: {why}", self.file);
         let parts: Vec<&str> = self.rigid_body.split(',').filter(|p| !p.is_empty()).collect();
-        let (found, seconds) = timed(|| regression(&data, &parts))?;
+        let (found, seconds) = time_on_one_thread(|| regress(&data, &parts))?;
         let rival = MeasuredAnswer {
             first: found.named.first().copied().unwrap_or("none"),
             named: found.named.iter().map(|name| (*name).to_owned()).collect(),
             gain: found.gain,
             seconds,
-            heard: found.words(),
+            candidates: found.describe(),
         };
         if rival_only {
             return Ok(Some((data.rows, None, rival)));
         }
         let rows = data.rows;
-        let (answer, seconds) = timed(|| ask(data, &question))?;
+        let (answer, seconds) = time_on_one_thread(|| diagnose_log(data, &question))?;
         let (found, _) = answer.map_err(failed)?;
         let named = found.findings.iter().map(|finding| {
             let order =
@@ -166,13 +174,13 @@ impl MeasuredLog {
             named: named.collect(),
             gain: found.gain.value,
             seconds,
-            heard: contest::heard(&found),
+            candidates: contest::format_candidates(&found),
         };
         Ok(Some((rows, Some(ours), rival)))
     }
 }
 
-/// Where measured logs are, if anywhere.
+/// Returns the folder of the measured logs, if it exists.
 pub fn folder() -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     let folder = std::env::var_os("MEASURED_DATA").map_or_else(beside, PathBuf::from);

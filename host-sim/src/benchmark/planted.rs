@@ -1,10 +1,11 @@
-//! An effect hidden in a measured log.
+//! Hides an effect in a measured log.
 //!
-//! Simulated worlds have the sensors and the friction somebody thought of; a measured log has its own. So a friction that follows
-//! a covariate is added to the torque of real machines, in an elastic sign of its own (a stop operator, no
-//! law of ours) over a travel that is drawn, and the covariate is logged beside it: a level for each run and a slow wander
-//! within. The diagnosis has to name the cause beside what the machine has of itself. A decoy is such a column
-//! that does nothing, and must not be blamed.
+//! Simulated worlds contain sensors and friction that were programmed; a measured log has its own. Here a friction effect that
+//! follows a covariate is added to the torque of a real machine. The effect uses an elastic sign (a stop operator, no law of
+//! the core) over a random travel. The covariate is logged with it: a level for each run and a slow variation within.
+//!
+//! The diagnosis must name this cause besides those of the machine. A decoy is such a column without an effect, and must not
+//! be named.
 
 use super::stop_operator::{displacements, stop};
 use friction_identification::data::{Dataset, Quantity, Run};
@@ -12,41 +13,46 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 
-/// What is hidden.
+/// An effect to hide.
 #[derive(Clone, Copy, Debug)]
-pub struct Planted {
-    /// The cause; none of a decoy.
+pub struct PlantedEffect {
+    /// The cause; `None` for a decoy.
     pub cause: Option<&'static str>,
-    /// The covariate it follows, logged beside it.
+    /// The covariate that the effect follows.
     pub covariate: Quantity,
-    /// Least and most of that, in its unit in the contract.
+    /// Range of the covariate, in its contract unit.
     range: [f64; 2],
-    /// Torque for a covariate of -0.5 to 0.5, an elastic sign and a velocity, before it is scaled.
+    /// Unscaled torque for a covariate from -0.5 to 0.5, an elastic sign, and a velocity.
     shape: fn(f64, f64, f64) -> f64,
 }
 
-/// All of them.
-pub const PLANTED: [Planted; 5] = [
-    Planted { cause: None, covariate: Quantity::Pressure, range: [1e5, 7e5], shape: |_, _, _| 0.0 },
-    Planted {
+/// All effects.
+pub const PLANTED_EFFECTS: [PlantedEffect; 5] = [
+    PlantedEffect {
+        cause: None,
+        covariate: Quantity::Pressure,
+        range: [1e5, 7e5],
+        shape: |_, _, _| 0.0,
+    },
+    PlantedEffect {
         cause: Some("pressure-coulomb"),
         covariate: Quantity::Pressure,
         range: [1e5, 7e5],
         shape: |of, sign, _| of * sign,
     },
-    Planted {
+    PlantedEffect {
         cause: Some("radial-force-coulomb"),
         covariate: Quantity::RadialForce,
         range: [0.0, 200.0],
         shape: |of, sign, _| of * sign,
     },
-    Planted {
+    PlantedEffect {
         cause: Some("temperature-coulomb"),
         covariate: Quantity::Temperature,
         range: [10.0, 40.0],
         shape: |of, sign, _| -of * sign,
     },
-    Planted {
+    PlantedEffect {
         cause: Some("temperature-viscous"),
         covariate: Quantity::Temperature,
         range: [10.0, 40.0],
@@ -54,21 +60,21 @@ pub const PLANTED: [Planted; 5] = [
     },
 ];
 
-/// Travel of the elastic sign as a share of the median run's stroke, drawn between these by its logarithm.
-const TRAVEL: [f64; 2] = [1e-3, 2e-2];
+/// Range of the elastic sign's travel as a share of the median run's stroke; its logarithm is uniform.
+const TRAVEL_RANGE: [f64; 2] = [1e-3, 2e-2];
 
-/// How far the covariate wanders within a run, as a share of how far its level goes from run to run.
-const WANDER: f64 = 0.4;
+/// Variation of the covariate within a run, as a share of that between runs.
+const COVARIATE_WANDER_SHARE: f64 = 0.4;
 
-impl Planted {
-    /// Hides it, with an effect of `rms` in the unit of the log's torque, drawn from a seed. A log that has the column already loses
-    /// it.
+impl PlantedEffect {
+    /// Hides the effect with this RMS, in the unit of the torque, drawn from a seed. Replaces an existing column of the covariate.
     pub fn hide(&self, data: &mut Dataset, rms: f64, seed: u64) {
         let mut random = Pcg64::seed_from_u64(seed);
-        let travel =
-            median_stroke(data) * TRAVEL[0] * (TRAVEL[1] / TRAVEL[0]).powf(random.random());
+        let travel = median_stroke(data)
+            * TRAVEL_RANGE[0]
+            * (TRAVEL_RANGE[1] / TRAVEL_RANGE[0]).powf(random.random());
         let covariates: Vec<Vec<f64>> =
-            data.runs.iter().map(|run| wandering(run, &mut random)).collect();
+            data.runs.iter().map(|run| draw_covariate(run, &mut random)).collect();
         let all = || covariates.iter().flatten();
         let least = all().copied().fold(f64::INFINITY, f64::min);
         let span =
@@ -97,8 +103,8 @@ impl Planted {
     }
 }
 
-/// A level and a slow wander around it.
-fn wandering(run: &Run, random: &mut Pcg64) -> Vec<f64> {
+/// Returns a random level with a slow variation.
+fn draw_covariate(run: &Run, random: &mut Pcg64) -> Vec<f64> {
     let level: f64 = random.random();
     let waves: Vec<(f64, f64, f64)> = (1..=5u32)
         .map(|count| {
@@ -112,7 +118,7 @@ fn wandering(run: &Run, random: &mut Pcg64) -> Vec<f64> {
         let part = (time_s - begin) / duration_s;
         let wave =
             |(count, size, phase): &(f64, f64, f64)| size * (TAU * (count * part + phase)).sin();
-        level + WANDER * waves.iter().map(wave).sum::<f64>()
+        level + COVARIATE_WANDER_SHARE * waves.iter().map(wave).sum::<f64>()
     };
     run.time_s.iter().map(at).collect()
 }
@@ -142,12 +148,12 @@ mod tests {
             let velocity = time.iter().map(|time| (3.0 * time).sin()).collect();
             (run.to_string(), vec![time, velocity, vec![0.0; 400]])
         });
-        Dataset::of_columns(&names, runs).expect("the columns of a log")
+        Dataset::from_columns(&names, runs).expect("the columns of a log")
     }
 
     #[test]
-    fn an_effect_is_as_large_as_asked_and_follows_its_covariate() {
-        for planted in PLANTED {
+    fn hidden_effect_has_requested_rms_and_covariate_range() {
+        for planted in PLANTED_EFFECTS {
             let mut data = log();
             planted.hide(&mut data, 0.3, 7);
             let torques: Vec<f64> = data.runs.iter().flat_map(|run| run.torque.clone()).collect();

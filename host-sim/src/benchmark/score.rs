@@ -1,27 +1,27 @@
-//! The score of a bench of unkind worlds: a table by sensors, curves over the effect's size, the misses.
+//! Scores a set of unkind worlds: tables by sensors and by size of the effect, and the misses.
 
 use super::contest::{Answer, Contest, Verdict};
 use simulated_machines::scenarios::unkind::SensorKind;
 use std::fmt::Write;
 
-/// Lower ends of the bins of an effect's size, in floors.
-const BINS: [f64; 7] = [0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
-/// A held-out error up to so many floors is as good as can be.
-const ERROR: f64 = 1.2;
+/// Lower bounds of the bins of the effect's size, in floors.
+const EFFECT_BINS: [f64; 7] = [0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
+/// Maximum held-out error that counts as optimal, in floors.
+const MAX_OPTIMAL_ERROR: f64 = 1.2;
 
-/// How often each verdict was given.
+/// Number of answers by verdict.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// Right.
+    /// Right answers.
     pub right: usize,
-    /// Wrong names.
+    /// Wrong causes.
     pub wrong: usize,
-    /// Nothing named.
+    /// Abstentions.
     pub abstained: usize,
 }
 
 impl Count {
-    /// Counts verdicts.
+    /// Counts the verdicts of answers.
     pub fn of<'a>(answers: impl Iterator<Item = &'a Answer>) -> Self {
         let mut count = Self::default();
         for answer in answers {
@@ -55,7 +55,7 @@ fn row(text: &mut String, name: &str, contests: &[&Contest]) {
     let _ = writeln!(text, "| {name} | {} | {ours} | {rival} |", contests.len());
 }
 
-/// A share as a person reads it.
+/// Formats a share.
 fn share(good: usize, all: usize) -> String {
     format!("{good} of {all} ({:.1} %)", 100.0 * good as f64 / all.max(1) as f64)
 }
@@ -66,7 +66,7 @@ fn percentile(mut values: Vec<f64>, at: f64) -> f64 {
     values.get(index).copied().unwrap_or(f64::NAN)
 }
 
-/// Tables of a bench, without the misses and without what depends on the machine it ran on.
+/// Returns the tables, without the misses and without machine-dependent values.
 pub fn tables(contests: &[Contest]) -> String {
     let pick =
         |of: &dyn Fn(&Contest) -> bool| contests.iter().filter(|c| of(c)).collect::<Vec<_>>();
@@ -77,26 +77,26 @@ pub fn tables(contests: &[Contest]) -> String {
         row(&mut text, kind.name(), &pick(&|c| c.truth.sensor == kind));
     }
     row(&mut text, "**all**", &pick(&|_| true));
-    let _ = write!(text, "\n| what is hidden {head}");
+    let _ = write!(text, "\n| hidden effect {head}");
     row(&mut text, "nothing", &pick(&|c| c.truth.hidden.is_none()));
     let hides = |c: &Contest| c.truth.hidden.is_some();
-    row(&mut text, "what could be seen", &pick(&|c| hides(c) && c.truth.detectable()));
-    row(&mut text, "what nobody could see", &pick(&|c| hides(c) && !c.truth.detectable()));
+    row(&mut text, "detectable", &pick(&|c| hides(c) && c.truth.is_detectable()));
+    row(&mut text, "undetectable", &pick(&|c| hides(c) && !c.truth.is_detectable()));
     for plant in ["bristles", "slip-elements"] {
         row(&mut text, plant, &pick(&|c| c.truth.plant == plant));
     }
     let _ = write!(text, "\n| effect, in floors {head}");
-    for (at, from) in BINS.iter().enumerate() {
-        let to = BINS.get(at + 1).copied().unwrap_or(f64::INFINITY);
+    for (at, from) in EFFECT_BINS.iter().enumerate() {
+        let to = EFFECT_BINS.get(at + 1).copied().unwrap_or(f64::INFINITY);
         let inside = |c: &Contest| hides(c) && (*from..to).contains(&c.truth.effect_in_floors);
         row(&mut text, &format!("{from} to {to}"), &pick(&inside));
     }
-    let _ = write!(text, "\n| cause that could be seen {head}");
+    let _ = write!(text, "\n| detectable cause {head}");
     let mut causes: Vec<&str> = contests.iter().map(|c| c.truth.cause()).collect();
     causes.sort_unstable();
     causes.dedup();
     for cause in causes {
-        let own = |c: &Contest| hides(c) && c.truth.detectable() && c.truth.cause() == cause;
+        let own = |c: &Contest| hides(c) && c.truth.is_detectable() && c.truth.cause() == cause;
         row(&mut text, cause, &pick(&own));
     }
     text += "\n| | diagnosis | regression |\n|---|---|---|\n";
@@ -108,7 +108,10 @@ pub fn tables(contests: &[Contest]) -> String {
         let _ = writeln!(text, "| {what} | {ours} | {rival} |");
     };
     line("held-out error within 1.2 of the floor", &|answers| {
-        share(answers.iter().filter(|a| a.error_over_floor <= ERROR).count(), answers.len())
+        share(
+            answers.iter().filter(|a| a.error_over_floor <= MAX_OPTIMAL_ERROR).count(),
+            answers.len(),
+        )
     });
     line("true size inside its 95 % interval", &|answers| {
         let sized: Vec<bool> = answers.iter().filter_map(|a| a.size_inside).collect();
@@ -118,7 +121,7 @@ pub fn tables(contests: &[Contest]) -> String {
     text
 }
 
-/// The tables as they are kept in git.
+/// Returns the document in git with these tables.
 pub fn document(contests: &[Contest], seed: u64, tables: &str) -> String {
     let worlds = contests.len();
     format!(
@@ -129,7 +132,7 @@ pub fn document(contests: &[Contest], seed: u64, tables: &str) -> String {
     )
 }
 
-/// Processor time: median, 95th percentile, most, s.
+/// Returns the processor times: median, 95th percentile, maximum, s.
 pub fn times(contests: &[Contest]) -> String {
     let of = |side: Side| {
         let seconds: Vec<f64> = contests.iter().filter_map(side).map(|a| a.seconds).collect();
@@ -139,7 +142,7 @@ pub fn times(contests: &[Contest]) -> String {
     format!("processor time: diagnosis {}; regression {}", of(ours), of(rival))
 }
 
-/// A line for each world the diagnosis (or, where it was not asked, the rival) missed.
+/// Lists the worlds that the diagnosis missed, or the regression if the diagnosis was not run.
 pub fn misses(contests: &[Contest]) -> String {
     let mut text = String::new();
     for contest in contests {
@@ -149,8 +152,8 @@ pub fn misses(contests: &[Contest]) -> String {
         }
         let _ = writeln!(text, "{}", contest.line());
         let _ = writeln!(text, "    {}", contest.truth.description);
-        if !answer.heard.is_empty() {
-            let _ = writeln!(text, "    heard {}", answer.heard);
+        if !answer.candidates.is_empty() {
+            let _ = writeln!(text, "    candidates: {}", answer.candidates);
         }
     }
     text

@@ -1,8 +1,8 @@
-//! The elastic sign: a stop operator over a displacement, with a gap where there is backlash.
+//! The elastic sign: a stop operator over displacement, with a gap for backlash.
 
 use friction_identification::data::{Quantity, Run};
 
-/// Displacement of each row since the row before: of the logged position, or the velocity added up.
+/// Returns the displacement of each row since the row before, from the logged position or the integrated velocity.
 pub(super) fn displacements(run: &Run) -> Vec<f64> {
     let mut steps = vec![0.0; run.len()];
     for at in 1..run.len() {
@@ -17,13 +17,13 @@ pub(super) fn displacements(run: &Run) -> Vec<f64> {
     steps
 }
 
-/// `s <- clamp(s + d / travel, -1, 1)`, where after each reversal `gap` of the displacement goes by first.
+/// Evaluates `s <- clamp(s + d / travel, -1, 1)`. After each reversal the first `gap` of the displacement has no effect.
 pub(super) fn stop(displacements: &[f64], travel: f64, gap: f64) -> Vec<f64> {
     let (mut sign, mut play) = (0.0f64, 0.5 * gap);
     displacements
         .iter()
         .map(|&step| {
-            // The play is an interval of length `gap` that the step pushes along.
+            // The play is an interval of length `gap` that the step moves.
             let room = if step > 0.0 { gap - play } else { play };
             let crossed = step.abs().min(room.max(0.0));
             play += crossed.copysign(step);
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stop_takes_its_travel_to_turn() {
+    fn stop_after_reversal_turns_over_its_travel() {
         let there = vec![0.5; 8];
         let back = vec![-0.5; 8];
         let found = stop(&[there, back].concat(), 2.0, 0.0);
@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_goes_by_first() {
+    fn stop_with_gap_skips_gap_first() {
         let found = stop(&[1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0], 1.0, 2.0);
         assert_eq!(found, [0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0]);
     }

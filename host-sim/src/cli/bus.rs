@@ -1,7 +1,7 @@
-//! Arguments of the commands that are on a bus.
+//! Command-line arguments of the commands that use a CAN bus.
 
 use clap::Args;
-use compensator_core::can::Node;
+use compensator_core::can::NodeId;
 use compensator_core::can::slcan::BitRate;
 use joint_bus::bus::slcan::{Options, Slcan};
 use joint_bus::bus::{Bus, BusName, Hub, Recorder};
@@ -10,26 +10,26 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;
 
-/// Which bus, and which node on it.
+/// The bus and the node on it.
 #[derive(Args, Clone, Debug)]
 pub struct BusArguments {
-    /// The bus: loop (in this process), an interface as vcan0 or can0, slcan:PATH or slcan:HOST:PORT
+    /// Bus: loop (in this process), a SocketCAN interface such as vcan0 or can0, slcan:PATH or slcan:HOST:PORT
     #[arg(long, value_name = "BUS", default_value = "loop")]
     pub bus: BusName,
-    /// Number of the joint driver on the bus
+    /// Node number of the joint driver
     #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
-    pub node_id: Node,
-    /// Bit rate of the bus, bit/s: what an slcan adapter is opened with, and what loads are shares of. That of a
-    /// kernel's interface is set by `ip link`
+    pub node_id: NodeId,
+    /// Bit rate of the bus, bit/s. It opens an slcan adapter and is the reference of the bus load. For a SocketCAN
+    /// interface, set the bit rate with `ip link`
     #[arg(long, value_name = "BIT/S", default_value = "1000000", value_parser = bit_rate)]
     pub bit_rate: BitRate,
-    /// Write every frame, sent and received, to this file, as candump -L does
+    /// Write every sent and received frame to this file in the format of candump -L
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
 }
 
-fn node(text: &str) -> Result<Node, String> {
-    text.parse().ok().and_then(Node::new).ok_or_else(|| "expected 1 to 127".to_owned())
+fn node(text: &str) -> Result<NodeId, String> {
+    text.parse().ok().and_then(NodeId::new).ok_or_else(|| "expected 1 to 127".to_owned())
 }
 
 pub(super) fn bit_rate(text: &str) -> Result<BitRate, String> {
@@ -40,18 +40,19 @@ pub(super) fn bit_rate(text: &str) -> Result<BitRate, String> {
 }
 
 impl BusArguments {
-    /// Opens the bus, with its recorder where one was asked for.
+    /// Opens the bus. If `--record` is given, every frame is also written to that file.
     ///
     /// # Errors
-    /// One line that says what is wrong and what to do.
+    /// Returns one line with the cause and the remedy if the bus or the file cannot be opened.
     pub fn open(&self, hub: &Hub) -> Result<Box<dyn Bus>, String> {
         self.open_with(hub, false)
     }
 
-    /// The same; an slcan adapter acknowledges nothing where it is only to listen.
+    /// Opens the bus as [`BusArguments::open`] does. With `listen`, an slcan adapter is opened in listen-only mode and
+    /// acknowledges no frame.
     ///
     /// # Errors
-    /// As [`BusArguments::open`].
+    /// See [`BusArguments::open`].
     pub fn open_with(&self, hub: &Hub, listen: bool) -> Result<Box<dyn Bus>, String> {
         let opened: Result<Box<dyn Bus>, _> = match &self.bus {
             BusName::Slcan(address) => {
@@ -61,14 +62,14 @@ impl BusArguments {
             other => other.open(hub),
         };
         let bus = opened.map_err(|error| error.to_string())?;
-        self.recorded(bus)
+        self.with_recorder(bus)
     }
 
-    /// The bus, written down where that was asked for.
+    /// Wraps the bus in a recorder if `--record` is given.
     ///
     /// # Errors
-    /// A file that cannot be made, in one line.
-    pub fn recorded(&self, bus: Box<dyn Bus>) -> Result<Box<dyn Bus>, String> {
+    /// Returns one line if the record file cannot be created.
+    pub fn with_recorder(&self, bus: Box<dyn Bus>) -> Result<Box<dyn Bus>, String> {
         let Some(path) = &self.record else { return Ok(bus) };
         let file = File::create(path).map_err(|error| format!("{}: {error}", path.display()))?;
         let out = BufWriter::new(file);
@@ -76,12 +77,12 @@ impl BusArguments {
         Ok(Box::new(Recorder::new(bus, out, interface, Fraction::Microseconds)))
     }
 
-    /// What times on the bus are measured with.
+    /// Returns the name of the clock that provides the bus times.
     pub fn clock(&self) -> &'static str {
         if self.bus == BusName::Loop {
             "virtual"
         } else {
-            "monotonic, kernel stamps where there are"
+            "monotonic, kernel time stamps where available"
         }
     }
 }

@@ -1,55 +1,61 @@
-//! `compare`: all families on equal terms.
+//! `compare`: fits all model families to the same data and ranks them on held-out rows.
 
-use super::each_joint::{Told, each_joint};
+use super::each_joint::{JointResult, each_joint};
 use super::identify::choices;
 use super::identify_network;
-use super::input::{DataArguments, Input, spinner};
-use super::inside::{self, Machine};
+use super::input::{DataArguments, LogInput, spinner};
+#[cfg(feature = "papers")]
+use super::inside::{self, KnownMachine};
 use super::output::OutputArguments;
-use crate::results::provenance::Provenance;
-use crate::results::{Judged, Study, document, judged, table};
+use super::table;
 use compensator_core::LawKind;
 use compensator_core::parameters::Choices;
 use friction_identification::data::SplitRule;
 use friction_identification::fit::{FitOptions, Outcome, identify};
 use friction_identification::params;
 use friction_identification::spec::Spec;
+use friction_results::provenance::Provenance;
+use friction_results::{Comparison, FitReport, compare_fits, document};
 
 /// Arguments of `compare`.
 #[derive(clap::Args)]
-pub struct Arguments {
+pub struct CompareArguments {
     #[command(flatten)]
     data: DataArguments,
     #[command(flatten)]
     output: OutputArguments,
-    /// Only these models instead of all laws; terms as in `lugre+pressure-coulomb`
+    /// Models to compare; all laws by default. Terms are added as in `lugre+pressure-coulomb`
     #[arg(long, value_name = "MODEL,..", value_delimiter = ',')]
     models: Vec<String>,
-    /// Choices about the laws: damping_fades, printed_extended, allow_active (also laws that can give out energy)
+    /// Options of the laws: damping_fades, printed_extended, allow_active (permits laws that are not passive)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     choices: Vec<String>,
-    /// Compare inside the known dynamics of this machine: on the angles of all its joints at once, with exact gradients
-    /// (linear, extended, atan, lugre)
+    /// Fit within the known dynamics of this machine: to the angles of all joints at once, with exact gradients (models
+    /// linear, extended, atan, lugre)
     #[arg(long, value_name = "MACHINE", value_enum, conflicts_with = "choices")]
-    inside: Option<Machine>,
+    #[cfg(feature = "papers")]
+    inside: Option<KnownMachine>,
 }
 
-/// Models inside a machine unless told, and starts of each.
-const INSIDE: [&str; 4] = ["linear", "extended", "atan", "lugre"];
-const INSIDE_STARTS: usize = 3;
+/// Default models for `--inside`.
+#[cfg(feature = "papers")]
+const MACHINE_MODELS: [&str; 4] = ["linear", "extended", "atan", "lugre"];
+/// Number of starting points of each fit for `--inside`.
+#[cfg(feature = "papers")]
+const MACHINE_FIT_STARTS: usize = 3;
 
-fn specs(arguments: &Arguments) -> Result<Vec<Spec>, String> {
+fn specs(arguments: &CompareArguments) -> Result<Vec<Spec>, String> {
     if arguments.models.is_empty() {
         return Ok(LawKind::ALL.iter().copied().map(Spec::law).collect());
     }
     let parse = |name: &String| match name.as_str() {
-        identify_network::MODEL => Err(identify_network::trained_alone("compare")),
+        identify_network::MODEL => Err(identify_network::unsupported_by("compare")),
         _ => Spec::parse(name).map_err(|error| error.to_string()),
     };
     arguments.models.iter().map(parse).collect()
 }
 
-fn fits(specs: Vec<Spec>, input: &Input, chosen: Choices) -> Result<Vec<Outcome>, String> {
+fn fits(specs: Vec<Spec>, input: &LogInput, chosen: Choices) -> Result<Vec<Outcome>, String> {
     let options = FitOptions { passive: true, ..FitOptions::default() };
     let mut fits = Vec::new();
     for spec in specs {
@@ -65,13 +71,14 @@ fn fits(specs: Vec<Spec>, input: &Input, chosen: Choices) -> Result<Vec<Outcome>
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments) -> Result<(), String> {
-    if let Some(Machine::Manipulator) = arguments.inside {
-        let all = || INSIDE.map(str::to_owned).to_vec();
+pub fn run(arguments: &CompareArguments) -> Result<(), String> {
+    #[cfg(feature = "papers")]
+    if let Some(KnownMachine::Manipulator) = arguments.inside {
+        let all = || MACHINE_MODELS.map(str::to_owned).to_vec();
         let models = if arguments.models.is_empty() { all() } else { arguments.models.clone() };
         let data = &arguments.data;
         let output = &arguments.output.of_run("compare", &data.data);
-        return inside::run(data, output, &models, INSIDE_STARTS, "compare.json");
+        return inside::run(data, output, &models, MACHINE_FIT_STARTS, "compare.json");
     }
     let specs = specs(arguments)?;
     let chosen = choices(Choices::default(), &arguments.choices)?;
@@ -80,17 +87,17 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     })
 }
 
-/// The models on one joint.
+/// Compares the models on the log of one joint.
 fn compare(
-    arguments: &Arguments,
-    input: &Input,
+    arguments: &CompareArguments,
+    input: &LogInput,
     specs: Vec<Spec>,
     chosen: Choices,
-) -> Result<Told, String> {
-    input.warn();
+) -> Result<JointResult, String> {
+    input.print_log_findings();
     let fits = fits(specs, input, chosen)?;
     let mut document = document(&input.data, &input.split, &input.hashes, &fits);
-    let study = Study {
+    let study = FitReport {
         data: &input.data,
         split: &input.split,
         hashes: &input.hashes,
@@ -99,7 +106,7 @@ fn compare(
         skip: arguments.data.skip,
         fits: &fits,
     };
-    let Judged { page, summary, chosen } = judged(&study);
+    let Comparison { page, summary, chosen } = compare_fits(&study);
     let best = &fits[chosen];
     document.choose(&best.spec);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
@@ -114,11 +121,11 @@ fn compare(
     let toml = from.comments() + &params::emit(best, input.data.joint);
     let mut text = table::models(&fits, &input.data) + "\n";
     summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
-    text += &format!("\nparams.toml is {}:\n", best.spec);
+    text += &format!("\nparams.toml contains {}:\n", best.spec);
     best.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
     if fits.len() > 1 {
-        text += "What is to be said of the others is in compare.html.\n";
+        text += "The remarks on the other models are in compare.html.\n";
     }
     let files = vec![("compare.html", html), ("params.toml", toml)];
-    Ok(Told { document: ("compare.json", json), files, text })
+    Ok(JointResult { document: ("compare.json", json), files, text })
 }

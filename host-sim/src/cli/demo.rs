@@ -1,25 +1,28 @@
-//! `demo`: the whole story with nothing but this program.
+//! `demo`: runs all steps of the tool chain in one process, without hardware or a bus.
 //!
-//! A joint is drawn at random, with one effect hidden in it that its model does not know. It moves, its
-//! CAN traffic is recorded, and from there on only that recording is looked at: what the model misses, why,
-//! what a better one gains. That one is given to a joint driver, and the recording replayed to it. At the end the hidden effect is shown, and whether the diagnosis was right
-//! is said either way: a wrong one is a story that ran. The same seed is the same story.
+//! 1. Simulate a random underwater joint with one hidden effect that the friction model does not contain.
+//! 2. Record its CAN traffic. All following steps use this recording only.
+//! 3. Diagnose the recording: the missing effect, and the gain of the extended model.
+//! 4. Write the extended model to a joint driver and replay the recording to it.
+//! 5. Show the hidden effect and whether the diagnosis was right.
+//!
+//! A wrong diagnosis is reported as such and is not an error of the command. The same seed gives the same demo.
 
 use super::input::spinner;
-use super::output::{OutputArguments, say};
+use super::output::{OutputArguments, print_text};
 use crate::benchmark::{Grade, grade};
 use crate::driver_file;
-use crate::results::diagnosis;
-use crate::results::diagnosis_page::{self, Diagnosed};
 use crate::simulated;
-use compensator_core::can::Node;
+use compensator_core::can::NodeId;
 use friction_identification::data::{
     Dataset, EmitOptions, ReadOptions, Split, SplitRule, emit, read, split,
 };
-use friction_identification::diagnose::{Diagnosis, Question, diagnose};
+use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
 use friction_identification::number::figure;
 use friction_identification::params;
-use joint_bus::replay::{Plan, Setup, Tally, in_process};
+use friction_results::diagnosis;
+use friction_results::diagnosis_page::{self, DiagnosisReport};
+use joint_bus::replay::{Plan, ReplaySetup, Tally, in_process};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
@@ -29,78 +32,78 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Arguments of `demo`.
 #[derive(clap::Args)]
-pub struct Arguments {
+pub struct DemoArguments {
     #[command(flatten)]
     output: OutputArguments,
-    /// Draws joint and effect; the same seed, the same story. Without it, the time draws
+    /// Seed of the joint and of its hidden effect; by default taken from the clock. The same seed repeats the demo
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
 }
 
-/// Runs of the joint: with six, what a covariate does may lie in the two that are held out.
-const RUNS: usize = 16;
+/// Number of simulated runs. With few runs, all variation of a covariate may lie in the held-out ones.
+const RUN_COUNT: usize = 16;
 
-/// Seeds drawn by the time are below this: short enough to be typed again.
-const SEEDS: u64 = 1_000_000;
+/// Upper bound of a seed taken from the clock; a short number is easy to type again.
+const CLOCK_SEED_BOUND: u64 = 1_000_000;
 
-/// Says what is going on: on standard output, or beside it where that is for JSON.
-struct Teller {
+/// Prints the steps on standard output, unless that is reserved for JSON.
+struct StepPrinter {
     json: bool,
     begin: Instant,
 }
 
-impl Teller {
+impl StepPrinter {
     fn step(&self, text: &str) -> Result<(), String> {
         if self.json {
             return Ok(());
         }
         let seconds = self.begin.elapsed().as_secs_f64();
-        say(&format!("[{seconds:4.1} s] {text}\n"))
+        print_text(&format!("[{seconds:4.1} s] {text}\n"))
     }
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments) -> Result<(), String> {
-    let teller = Teller { json: arguments.output.json, begin: Instant::now() };
-    let seed = arguments.seed.unwrap_or_else(by_the_time);
+pub fn run(arguments: &DemoArguments) -> Result<(), String> {
+    let printer = StepPrinter { json: arguments.output.json, begin: Instant::now() };
+    let seed = arguments.seed.unwrap_or_else(seed_from_clock);
     let out = arguments.output.folder();
-    teller.step(&format!(
-        "Drawing an underwater joint and hiding one effect in it that its model does not know. \
-         Which one stays hidden until the end. (--seed {seed} is this story again.)"
+    printer.step(&format!(
+        "Simulating an underwater joint with one hidden effect that the friction model does not contain. \
+         The effect is shown at the end. (--seed {seed} repeats this demo.)"
     ))?;
-    let options = Options { runs: Some(RUNS), ..Options::default() };
+    let options = Options { runs: Some(RUN_COUNT), ..Options::default() };
     let scenario = draw_with(Kind::One(effect(seed)), &[], seed, &options);
     let truth = pretty(&scenario.truth.json())?;
     record(&scenario, &truth, &arguments.output)?;
-    teller.step(&format!(
-        "It has moved {} times, {} rows in all; its CAN traffic is in {}/trace.log.",
+    printer.step(&format!(
+        "Recorded {} runs with {} rows in all; the CAN traffic is in {}/trace.log.",
         scenario.log.runs.len(),
         scenario.log.rows(),
         out.display()
     ))?;
 
-    let (data, parts, hash) = listen(&out.join("trace.log"))?;
-    teller.step(&format!(
-        "Read {} rows back from the recording. From here on that is all there is to go by; each of its {} runs is judged by fits that have not seen it.",
+    let (data, parts, hash) = read_recording(&out.join("trace.log"))?;
+    printer.step(&format!(
+        "Read {} rows back from the recording; all following steps use only these. Each of the {} runs is held out once: the models are tested on it after a fit to the other runs.",
         data.rows,
         data.runs.len()
     ))?;
     let bar = spinner("diagnosing".into());
-    let question = Question { seed, ..Question::default() };
+    let question = DiagnosisOptions { seed, ..DiagnosisOptions::default() };
     let found = diagnose(&data, &parts, &question, &|what| bar.set_message(what.to_owned()))
         .map_err(|error| error.to_string())?;
     bar.finish_and_clear();
-    teller.step(&format!(
-        "Fitted {} and heard {} candidates for what it misses{}.",
+    printer.step(&format!(
+        "Fitted {} and evaluated {} candidate causes{}.",
         found.baseline.spec,
         found.scores.len(),
-        extension(&found)
+        describe_extension(&found)
     ))?;
 
     let document = diagnosis::document(&found, &data, &parts, std::slice::from_ref(&hash));
     let value = serde_json::to_value(&document).map_err(|error| error.to_string())?;
     let toml = params::emit(&found.extended, data.joint);
-    let about = Diagnosed {
+    let about = DiagnosisReport {
         found: &found,
         data: &data,
         split: &parts,
@@ -116,34 +119,34 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         ("params.toml", &toml),
     ];
     arguments.output.write(&files)?;
-    teller.step("Wrote the report.")?;
-    let played = deploy(&out.join("trace.log"), &toml);
-    teller.step(&deployed(&played))?;
+    printer.step("Wrote the report.")?;
+    let replay = replay_on_driver(&out.join("trace.log"), &toml);
+    printer.step(&describe_replay(&replay))?;
 
     let grade = grade(Kind::One(effect(seed)), seed, &scenario, &found);
     if arguments.output.json {
-        return say(&pretty(&summary(seed, &scenario, &grade, value, &played))?);
+        return print_text(&pretty(&json_result(seed, &scenario, &grade, value, &replay))?);
     }
-    let mut text = "\nWhat the diagnosis says, from the recording alone:\n".to_owned();
-    for (index, sentence) in document.story().iter().enumerate() {
+    let mut text = "\nDiagnosis of the recording:\n".to_owned();
+    for (index, sentence) in document.summary().iter().enumerate() {
         text += &format!("{}. {sentence}\n", index + 1);
     }
-    text += &format!("\n{}\n", reveal(&scenario, &found, &grade));
+    text += &format!("\n{}\n", describe_truth(&scenario, &found, &grade));
     text += &format!(
-        "\n{:.0} s. To be looked at: {out}/report.html. Beside it: diagnosis.json, params.toml, data.csv, trace.log, \
-         truth.json.\n",
-        teller.begin.elapsed().as_secs_f64(),
+        "\nFinished in {:.0} s. Open {out}/report.html for the report. Other files in {out}: diagnosis.json, params.toml, data.csv, \
+         trace.log, truth.json.\n",
+        printer.begin.elapsed().as_secs_f64(),
         out = out.display()
     );
-    say(&text)
+    print_text(&text)
 }
 
-fn by_the_time() -> u64 {
+fn seed_from_clock() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    (since.as_nanos() as u64 / 1000) % SEEDS
+    (since.as_nanos() as u64 / 1000) % CLOCK_SEED_BOUND
 }
 
-/// The effect a seed hides: one of the catalogue, all as likely.
+/// Returns the hidden effect of a seed. All effects of the catalogue are equally likely.
 fn effect(seed: u64) -> HiddenCause {
     let known: Vec<HiddenCause> = HiddenCause::ALL
         .into_iter()
@@ -156,11 +159,11 @@ fn pretty(value: &Value) -> Result<String, String> {
     Ok(serde_json::to_string_pretty(value).map_err(|error| error.to_string())? + "\n")
 }
 
-/// Writes what the joint did, as a table and as its CAN traffic, and the truth behind it.
+/// Writes the simulated log as `data.csv` and as CAN traffic in `trace.log`, and the truth in `truth.json`.
 fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result<(), String> {
     let mut log = Vec::new();
     let data = simulated::dataset(&scenario.log);
-    // A covariate beyond those of the contract fits into the traffic, if there is just one.
+    // The CAN traffic has room for one covariate besides the standard quantities.
     let auxiliary = data.covariates.first().cloned();
     let options = EmitOptions { auxiliary, ..EmitOptions::default() };
     emit(&data, &options, &mut log).map_err(|error| error.to_string())?;
@@ -168,55 +171,55 @@ fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result<
     output.write(&[("data.csv", &scenario.log.csv()), ("trace.log", &log), ("truth.json", truth)])
 }
 
-/// Reads the recording as `diagnose` would.
-fn listen(file: &Path) -> Result<(Dataset, Split, String), String> {
+/// Reads and splits the recording as `diagnose` does. Returns data, split and SHA-256.
+fn read_recording(file: &Path) -> Result<(Dataset, Split, String), String> {
     let files = [file.to_owned()];
     let data = read(&files, &ReadOptions::default(), &|_, _| {}).map_err(|e| e.to_string())?;
-    let parts = split(&data, &SplitRule::EachOut, 0).map_err(|e| e.to_string())?;
+    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).map_err(|e| e.to_string())?;
     Ok((data, parts, super::input::hash(file)?))
 }
 
-/// What the extension is and gains, as the end of a sentence.
-fn extension(found: &Diagnosis) -> String {
+/// Describes the extended model and its gain, as the end of a sentence.
+fn describe_extension(found: &Diagnosis) -> String {
     if found.extended.spec == found.baseline.spec {
-        return ", of which none passed".to_owned();
+        return "; all were rejected".to_owned();
     }
     format!(
-        "; extended to {}, the error on runs left out falls by {:.1} %",
+        "; the extended model {} reduces the error on held-out runs by {:.1} %",
         found.extended.spec,
         100.0 * found.gain.value
     )
 }
 
-/// Gives the extended model to a joint driver, the firmware's own code on a bus in this process, and plays
-/// the recording to it.
-fn deploy(trace: &Path, toml: &str) -> Result<Tally, String> {
+/// Writes the extended model to a joint driver in this process and replays the recording to it. The driver runs the
+/// firmware's code.
+fn replay_on_driver(trace: &Path, toml: &str) -> Result<Tally, String> {
     let friction = driver_file::parse(toml)?.friction();
-    let plan = Plan::read(trace, Node::FIRST).map_err(|error| error.to_string())?;
+    let plan = Plan::read(trace, NodeId::FIRST).map_err(|error| error.to_string())?;
     let period_s = plan.period_s as f32;
-    let setup = Setup { friction: Some(friction), network: None, number: None, period_s };
-    let played = in_process(&plan, Node::FIRST, &setup).map_err(|error| error.to_string())?;
+    let setup = ReplaySetup { friction: Some(friction), network: None, number: None, period_s };
+    let played = in_process(&plan, NodeId::FIRST, &setup).map_err(|error| error.to_string())?;
     Ok(played.tally)
 }
 
-fn deployed(played: &Result<Tally, String>) -> String {
-    match played {
+fn describe_replay(replay: &Result<Tally, String>) -> String {
+    match replay {
         Ok(tally) => format!(
-            "Gave the extended model to a joint driver (the firmware's own code, on a bus in this process) and replayed the \
-             recording to it: {} of {} answers are the core's, bit for bit.",
+            "Wrote the extended model to a joint driver (the firmware's code, on a bus in this process) and replayed the \
+             recording to it: {} of {} answers equal those of the host model, bit for bit.",
             tally.equal, tally.samples
         ),
-        Err(why) => format!("A joint driver would not run the extended model: {why}."),
+        Err(why) => format!("The joint driver rejected the extended model: {why}."),
     }
 }
 
-/// What had been hidden, and whether it was found.
-fn reveal(scenario: &Scenario, found: &Diagnosis, grade: &Grade) -> String {
+/// Describes the hidden effect and whether the diagnosis found it.
+fn describe_truth(scenario: &Scenario, found: &Diagnosis, grade: &Grade) -> String {
     let truth = &scenario.truth;
-    let mut text = String::from("What had been hidden: ");
+    let mut text = String::from("Hidden effect: ");
     for hidden in &truth.hidden {
         text += &format!(
-            "{}, which changes the torque by {} Nm RMS under {} Nm of noise. ",
+            "{}; it changes the torque by {} Nm RMS at {} Nm of sensor noise. ",
             hidden.in_words,
             figure(hidden.visible_rms_nm),
             figure(truth.noise_nm)
@@ -226,36 +229,39 @@ fn reveal(scenario: &Scenario, found: &Diagnosis, grade: &Grade) -> String {
     text += &match (grade.right, grade.named.len()) {
         (true, 1) => "The diagnosis was right.".to_owned(),
         (true, _) => format!(
-            "The diagnosis was right about the first cause, but named more than there was: {}.",
+            "The first cause of the diagnosis was right, but it named causes that are not present: {}.",
             grade.named[1..].join(", ")
         ),
         (false, _) if named == "none" => "The diagnosis was wrong: it found nothing.".to_owned(),
         (false, _) => {
             let hedged = grade.hidden.iter().any(|hidden| grade.confusable.contains(hidden));
-            let but =
-                if hedged { ", though it said that it could not tell the two apart" } else { "" };
+            let but = if hedged {
+                ", but listed the true cause as indistinguishable from it"
+            } else {
+                ""
+            };
             format!("The diagnosis was wrong: it named {named}{but}.")
         }
     };
     if let Some((size, value, [low, high])) = grade.sizes {
-        let inside = if (low..=high).contains(&size) { "lies in" } else { "is outside" };
+        let inside = if (low..=high).contains(&size) { "inside" } else { "outside" };
         text += &format!(
-            " Of the size it said {}; the true one {inside} its 95 % interval.",
+            " The estimated size is {}; the true size is {inside} the 95 % confidence interval.",
             figure(value)
         );
     }
     text
 }
 
-/// The result for a machine.
-fn summary(
+/// Returns the result of `--json`.
+fn json_result(
     seed: u64,
     scenario: &Scenario,
     grade: &Grade,
     diagnosis: Value,
-    played: &Result<Tally, String>,
+    replay: &Result<Tally, String>,
 ) -> Value {
-    let replay = match played {
+    let replay = match replay {
         Ok(tally) => json!(tally),
         Err(why) => json!({ "refused": why }),
     };

@@ -1,40 +1,41 @@
-//! `diagnose`: what the model gets wrong, why, the extension, the gain.
+//! `diagnose`: finds the effects that a friction model misses, extends the model, and measures the gain.
 
-use super::each_joint::{Told, each_joint};
+use super::each_joint::{JointResult, each_joint};
 use super::identify_network;
-use super::input::{DataArguments, Input, spinner};
+use super::input::{DataArguments, LogInput, spinner};
 use super::output::OutputArguments;
+use super::table;
 use crate::driver_file;
 use crate::loop_cost;
-use crate::results::diagnosis_page::{self, Diagnosed};
-use crate::results::provenance::Provenance;
-use crate::results::{diagnosis, table};
 use compensator_core::Parameters;
 use friction_identification::data::SplitRule;
-use friction_identification::diagnose::{Question, diagnose};
+use friction_identification::diagnose::{DiagnosisOptions, diagnose};
 use friction_identification::params::{self, ParameterFile};
 use friction_identification::spec::Spec;
+use friction_results::diagnosis;
+use friction_results::diagnosis_page::{self, DiagnosisReport};
+use friction_results::provenance::Provenance;
 use std::path::PathBuf;
 
 /// Arguments of `diagnose`.
 #[derive(clap::Args)]
-pub struct Arguments {
+pub struct DiagnoseArguments {
     #[command(flatten)]
     data: DataArguments,
     #[command(flatten)]
     output: OutputArguments,
-    /// The base model; without it the simplest of linear, stribeck and lugre the log supports
+    /// Base model; by default the simplest of linear, stribeck and lugre that the log supports
     #[arg(long, value_name = "MODEL")]
     model: Option<String>,
-    /// Judge this model as it is, then extend its law
+    /// Evaluate the model of this file without fitting it, then extend its law
     #[arg(long, value_name = "PARAMS.TOML", conflicts_with = "model")]
     params: Option<PathBuf>,
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments) -> Result<(), String> {
+pub fn run(arguments: &DiagnoseArguments) -> Result<(), String> {
     if arguments.model.as_deref() == Some(identify_network::MODEL) {
-        return Err(identify_network::trained_alone("diagnose"));
+        return Err(identify_network::unsupported_by("diagnose"));
     }
     let model = arguments.model.as_deref().map(Spec::parse).transpose();
     let given = arguments.params.as_deref().map(driver_file::read).transpose();
@@ -42,25 +43,29 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     if let (Some(path), Some(ParameterFile { network: Some(_), .. })) = (&arguments.params, &given)
     {
         return Err(format!(
-            "{}: a network supplies its levels and stiffness, and a diagnosis extends a law of constants; without the \
-             section [network] its constants are judged",
+            "{}: this model has a network, but a diagnosis extends a law with constant parameters; remove the \
+             section [network] to diagnose the model without its network",
             path.display()
         ));
     }
     let given = given.map(|file| (file.spec, file.parameters));
-    each_joint("diagnose", &arguments.data, &arguments.output, &SplitRule::EachOut, |input| {
-        diagnosed(arguments, input, model.clone(), given.clone())
-    })
+    each_joint(
+        "diagnose",
+        &arguments.data,
+        &arguments.output,
+        &SplitRule::LeaveOneRunOut,
+        |input| diagnose_joint(arguments, input, model.clone(), given.clone()),
+    )
 }
 
-/// The diagnosis of one joint.
-fn diagnosed(
-    arguments: &Arguments,
-    input: &Input,
+/// Diagnoses the log of one joint.
+fn diagnose_joint(
+    arguments: &DiagnoseArguments,
+    input: &LogInput,
     model: Option<Spec>,
     given: Option<(Spec, Parameters<f64>)>,
-) -> Result<Told, String> {
-    let question = Question {
+) -> Result<JointResult, String> {
+    let question = DiagnosisOptions {
         model,
         given,
         decimate: arguments.data.decimate as usize,
@@ -77,8 +82,8 @@ fn diagnosed(
 
     let document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
-    let mut handed_out = found.handed_out();
-    handed_out.verdicts.extend(loop_cost::warning(&handed_out.spec.terms));
+    let mut handed_out = found.transferable_model();
+    handed_out.verdicts.extend(loop_cost::late_loop_warning(&handed_out.spec.terms));
     let from = Provenance {
         command: "diagnose",
         data: &input.data,
@@ -87,7 +92,7 @@ fn diagnosed(
         verdicts: &handed_out.verdicts,
     };
     let toml = from.comments() + &params::emit(&handed_out, input.data.joint);
-    let about = Diagnosed {
+    let about = DiagnosisReport {
         found: &found,
         data: &input.data,
         split: &input.split,
@@ -101,13 +106,13 @@ fn diagnosed(
     for finding in &found.log_findings {
         text += &format!("log: {}: {}\n", finding.kind.name(), finding.in_words);
     }
-    for (index, sentence) in document.story().iter().enumerate() {
+    for (index, sentence) in document.summary().iter().enumerate() {
         text += &format!("{}. {sentence}\n", index + 1);
     }
-    if let Some(late) = loop_cost::warning(&handed_out.spec.terms) {
-        text += &format!("On the joint driver: {late}.\n");
+    if let Some(late) = loop_cost::late_loop_warning(&handed_out.spec.terms) {
+        text += &format!("Computing time on the joint driver: {late}.\n");
     }
     text += &format!("\n{}\n", table::findings(&found));
     let files = vec![("report.html", html), ("params.toml", toml)];
-    Ok(Told { document: ("diagnosis.json", json), files, text })
+    Ok(JointResult { document: ("diagnosis.json", json), files, text })
 }

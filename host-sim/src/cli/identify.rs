@@ -1,87 +1,94 @@
-//! `identify`: one model, fitted.
+//! `identify`: fits one model to measured data.
 
-use super::each_joint::{Told, each_joint};
+use super::each_joint::{JointResult, each_joint};
 use super::identify_network;
-use super::input::{DataArguments, Input, spinner};
-use super::inside::{self, Machine};
+use super::input::{DataArguments, LogInput, spinner};
+#[cfg(feature = "papers")]
+use super::inside::{self, KnownMachine};
 use super::output::OutputArguments;
+use super::table;
 use crate::driver_file;
-use crate::results::provenance::Provenance;
-use crate::results::{Study, document, page, table};
 use compensator_core::parameters::Choices;
 use compensator_core::{ParameterId, Parameters};
 use friction_identification::data::SplitRule;
 use friction_identification::fit::{FitOptions, identify};
 use friction_identification::params;
 use friction_identification::spec::Spec;
+use friction_results::provenance::Provenance;
+use friction_results::{FitReport, document, page};
 use std::path::PathBuf;
 
 /// Arguments of `identify`.
 #[derive(clap::Args)]
-pub struct Arguments {
+pub struct IdentifyArguments {
     #[command(flatten)]
     pub(super) data: DataArguments,
     #[command(flatten)]
     pub(super) output: OutputArguments,
-    /// The model: linear, extended, atan, stribeck, dahl, lugre, lugre-asymmetric, improved-lugre,
-    /// with terms as in `lugre+pressure-coulomb`; or lugre-lstm, whose levels and stiffness a network supplies
+    /// Model: linear, extended, atan, stribeck, dahl, lugre, lugre-asymmetric, improved-lugre, with terms as in
+    /// `lugre+pressure-coulomb`; or lugre-lstm, where a network scales the friction levels and the stiffness
     #[arg(long, value_name = "MODEL")]
     model: String,
-    /// Start from these parameters, and from nowhere else
+    /// Start the fit from the parameters of this file only
     #[arg(long, value_name = "PARAMS.TOML")]
     start: Option<PathBuf>,
-    /// Parameters to keep where they start
+    /// Parameters to keep at their start values
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     keep: Vec<String>,
-    /// Parameters to fit that are otherwise kept (static excesses, references)
+    /// Parameters to fit that are otherwise constant (static excesses, references)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     free: Vec<String>,
-    /// Choices about the law: damping_fades, printed_extended, allow_active (also a law that can give out energy)
+    /// Options of the law: damping_fades, printed_extended, allow_active (permits a law that is not passive)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     choices: Vec<String>,
-    /// Starting points that go all the way
+    /// Number of starting points that are optimised to convergence
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(super) starts: usize,
-    /// Fit inside the known dynamics of this machine: to the angles of all its joints at once, with exact gradients (linear,
-    /// extended, atan, lugre)
+    /// Fit within the known dynamics of this machine: to the angles of all joints at once, with exact gradients (models
+    /// linear, extended, atan, lugre)
     #[arg(long, value_name = "MACHINE", value_enum, conflicts_with_all = ["start", "keep", "free", "choices", "substeps"])]
-    inside: Option<Machine>,
-    /// Simulation steps per sample; chosen by the fit unless given
+    #[cfg(feature = "papers")]
+    inside: Option<KnownMachine>,
+    /// Simulation steps per sample; by default chosen by the fit
     #[arg(long, value_name = "N")]
     substeps: Option<usize>,
-    /// What the network of lugre-lstm is fed with: `velocity`, `held` (the torque its bristles hold), columns by
-    /// name; without it, every column of the log's own
+    /// Inputs of the network of lugre-lstm: `velocity`, `held` (the bristle torque), columns by name; by default every
+    /// additional column of the log
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     pub(super) inputs: Vec<String>,
-    /// Let strokes (the way from reversal to reversal) unlike those lugre-lstm was trained on count as outside
+    /// Treat strokes (the travel between two reversals) that differ from the training data of lugre-lstm as outside its
+    /// range
     #[arg(long)]
     pub(super) watch_strokes: bool,
-    /// Most passes over the runs when lugre-lstm is trained
+    /// Maximum number of training epochs for lugre-lstm
     #[arg(long, value_name = "N", default_value_t = 200)]
     pub(super) epochs: usize,
 }
 
-fn ids(option: &str, names: &[String]) -> Result<Vec<ParameterId>, String> {
+fn parse_parameter_names(option: &str, names: &[String]) -> Result<Vec<ParameterId>, String> {
     let id = |name: &String| {
         ParameterId::parse(name).ok_or_else(|| format!("{option}: unknown parameter {name:?}"))
     };
     names.iter().map(id).collect()
 }
 
-/// Choices, and those that are asked for by name.
+/// Returns the given choices with the named ones switched on.
 pub(super) fn choices(given: Choices, names: &[String]) -> Result<Choices, String> {
     let mut choices = given.to_array();
     for name in names {
         let place = Choices::NAMES.iter().position(|known| known == name);
         let place = place.ok_or_else(|| {
-            format!("--choices: unknown choice {name:?}, expected of {}", Choices::NAMES.join(", "))
+            format!(
+                "--choices: unknown choice {name:?}, expected one of {}",
+                Choices::NAMES.join(", ")
+            )
         })?;
         choices[place] = true;
     }
     Ok(Choices::from_array(choices))
 }
 
-/// The model's parameters, with those another set has too taken from it.
+/// Returns `base` with the values of `other` for every parameter that both models use.
 fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
     let shared = base.active().filter(|id| other.active().any(|theirs| theirs == *id));
     let mut base = base.clone();
@@ -90,8 +97,9 @@ fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments) -> Result<(), String> {
-    if let Some(Machine::Manipulator) = arguments.inside {
+pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
+    #[cfg(feature = "papers")]
+    if let Some(KnownMachine::Manipulator) = arguments.inside {
         let models = std::slice::from_ref(&arguments.model);
         let data = &arguments.data;
         let output = &arguments.output.of_run("identify", &data.data);
@@ -107,21 +115,22 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         );
     }
     let input_spec = Spec::parse(&arguments.model).map_err(|error| error.to_string())?;
-    let (fixed, freed) = (ids("--keep", &arguments.keep)?, ids("--free", &arguments.free)?);
+    let fixed = parse_parameter_names("--keep", &arguments.keep)?;
+    let freed = parse_parameter_names("--free", &arguments.free)?;
     each_joint("identify", &arguments.data, &arguments.output, &SplitRule::default(), |input| {
-        fitted(arguments, input, input_spec.clone(), fixed.clone(), freed.clone())
+        fit_joint(arguments, input, input_spec.clone(), fixed.clone(), freed.clone())
     })
 }
 
-/// The model on one joint.
-fn fitted(
-    arguments: &Arguments,
-    input: &Input,
+/// Fits the model to the log of one joint.
+fn fit_joint(
+    arguments: &IdentifyArguments,
+    input: &LogInput,
     input_spec: Spec,
     fixed: Vec<ParameterId>,
     freed: Vec<ParameterId>,
-) -> Result<Told, String> {
-    input.warn();
+) -> Result<JointResult, String> {
+    input.print_log_findings();
     let spec = input_spec.on(&input.rigid_body);
     let mut base = spec.parameters().map_err(|error| error.to_string())?;
     let start = match &arguments.start {
@@ -160,7 +169,7 @@ fn fitted(
         verdicts: &fit.verdicts,
     };
     let toml = from.comments() + &params::emit(&fit, input.data.joint);
-    let study = Study {
+    let study = FitReport {
         data: &input.data,
         split: &input.split,
         hashes: &input.hashes,
@@ -174,5 +183,5 @@ fn fitted(
     let mut text = format!("{}\n{models}\n", table::parameters(&fit, &input.data));
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
     let files = vec![("params.toml", toml), ("fit.html", html)];
-    Ok(Told { document: ("fit.json", json), files, text })
+    Ok(JointResult { document: ("fit.json", json), files, text })
 }

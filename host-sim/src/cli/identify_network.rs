@@ -1,67 +1,71 @@
-//! `identify --model lugre-lstm`: a LuGre whose levels and stiffness a network supplies.
+//! `identify --model lugre-lstm`: a LuGre model whose friction levels and stiffness are scaled by a network.
 //!
-//! First `lugre-asymmetric` is fitted as any law: its parameters are the constants the network's factors multiply, and
-//! what remains where the network is asked what it was not trained on. Then the network is trained on the runs to learn
-//! from. `params.toml` holds the constants and names `network.json` with its checksum, which holds the network
-//! ([`NetworkFile`]); every command that takes `params.toml` takes both. A network that gains nothing on the rows held
-//! out is not written.
+//! 1. `lugre-asymmetric` is fitted. Its parameters are the constants that the network's factors multiply. Outside the
+//!    range of the training data they apply alone.
+//! 2. The network is trained on the training runs.
+//!
+//! `params.toml` holds the constants, and the name and checksum of `network.json`, which holds the network
+//! ([`NetworkFile`]). Every command that reads `params.toml` also reads the network. The network is written only if it
+//! reduces the error on held-out rows.
 
-use super::each_joint::Told;
-use super::identify::Arguments;
-use super::input::{Input as Data, spinner};
-use crate::results::document;
-use crate::results::provenance::Provenance;
+use super::each_joint::JointResult;
+use super::identify::IdentifyArguments;
+use super::input::{LogInput, spinner};
 use compensator_core::Quantity;
-use compensator_core::network::MOST_INPUTS;
+use compensator_core::network::MAX_INPUTS;
 use friction_identification::data::{Dataset, contract};
 use friction_identification::fit::{FitOptions, Metrics, Outcome, Track, identify};
 use friction_identification::network::{
-    BASE, Input, NetworkFile, Progress, Supplied, TrainOptions, Trained, predict, train,
+    BASE, NetworkFile, NetworkInput, NetworkLaw, TrainOptions, TrainedNetwork, TrainingProgress,
+    predict, train,
 };
 use friction_identification::number::significant;
 use friction_identification::params;
 use friction_identification::spec::Spec;
+use friction_results::document;
+use friction_results::provenance::Provenance;
 use serde_json::json;
 
-/// The name of the model.
+/// Name of the model.
 pub(super) const MODEL: &str = "lugre-lstm";
 
-/// Why another command does not take this model.
-pub(super) fn trained_alone(command: &str) -> String {
+/// Returns the error message of a command that does not support this model.
+pub(super) fn unsupported_by(command: &str) -> String {
     format!(
-        "{MODEL}: its network is trained and judged by `identify --model {MODEL}`, beside {BASE}; {command} takes laws of \
-         constants"
+        "{MODEL}: {command} supports only laws with constant parameters; `identify --model {MODEL}` trains the network and \
+         compares it with {BASE}"
     )
 }
 
-/// Evaluations of the network a second, and steps of the law, at least: the damper at 1 Hz crosses its gap in 74 ms.
-const EVALUATIONS_HZ: f64 = 128.0;
-const STEPS_HZ: f64 = 512.0;
+/// Rate of the network evaluations, Hz. The fastest feature of the damper data, its gap at 1 Hz, lasts 74 ms.
+const EVALUATION_RATE_HZ: f64 = 128.0;
+/// Minimum rate of the integration steps of the law, Hz.
+const MIN_STEP_RATE_HZ: f64 = 512.0;
 
-/// The quantities of the contract that a network can be fed with and every run of a log has.
+/// Returns the standard quantities that can be network inputs and are present in every run.
 fn known_quantities(data: &Dataset) -> Vec<Quantity> {
     let has = |quantity: &Quantity| data.runs.iter().all(|run| run.get(*quantity).is_some());
     contract::covariates().filter(has).collect()
 }
 
-/// Reads what the network is fed with: `velocity`, `held`, and columns by name; without a list every covariate of the
-/// log's own.
-fn inputs(
+/// Parses the network inputs: `velocity`, `held`, and columns by name. An empty list selects all additional columns of
+/// the log.
+fn parse_inputs(
     names: &[String],
     quantities: &[(&str, Quantity)],
     covariates: &[String],
-) -> Result<Vec<Input>, String> {
+) -> Result<Vec<NetworkInput>, String> {
     if names.is_empty() {
-        let all: Vec<Input> = (0..covariates.len()).map(Input::Covariate).collect();
-        return if (1..=MOST_INPUTS).contains(&all.len()) {
+        let all: Vec<NetworkInput> = (0..covariates.len()).map(NetworkInput::Covariate).collect();
+        return if (1..=MAX_INPUTS).contains(&all.len()) {
             Ok(all)
         } else {
             let found = covariates.len();
-            Err(format!("--inputs: the log has {found} covariates, name 1 to {MOST_INPUTS} inputs"))
+            Err(format!("--inputs: the log has {found} covariates, name 1 to {MAX_INPUTS} inputs"))
         };
     }
-    if names.len() > MOST_INPUTS {
-        return Err(format!("--inputs: found {}, expected at most {MOST_INPUTS}", names.len()));
+    if names.len() > MAX_INPUTS {
+        return Err(format!("--inputs: found {}, expected at most {MAX_INPUTS}", names.len()));
     }
     let quantity = |name: &str| quantities.iter().find(|(known, _)| *known == name);
     let columns = || covariates.iter().map(String::as_str).chain(quantities.iter().map(|of| of.0));
@@ -69,31 +73,30 @@ fn inputs(
     names
         .iter()
         .map(|name| match (name.as_str(), covariates.iter().position(|own| own == name)) {
-            ("velocity", _) => Ok(Input::Velocity),
-            ("held", _) => Ok(Input::Held),
-            (_, Some(place)) => Ok(Input::Covariate(place)),
-            (name, None) if quantity(name).is_some() => {
-                Ok(quantity(name).map_or(Input::Velocity, |(_, of)| Input::Quantity(*of)))
-            }
+            ("velocity", _) => Ok(NetworkInput::Velocity),
+            ("held", _) => Ok(NetworkInput::Held),
+            (_, Some(place)) => Ok(NetworkInput::Covariate(place)),
+            (name, None) if quantity(name).is_some() => Ok(quantity(name)
+                .map_or(NetworkInput::Velocity, |(_, of)| NetworkInput::Quantity(*of))),
             _ => {
                 let known: Vec<&str> = known().collect();
-                Err(format!("--inputs: found {name:?}, expected of {}", known.join(", ")))
+                Err(format!("--inputs: found {name:?}, expected one of {}", known.join(", ")))
             }
         })
         .collect()
 }
 
-/// This model on one joint.
-pub(super) fn run(arguments: &Arguments, data: &Data) -> Result<Told, String> {
-    data.warn();
+/// Fits the model to the log of one joint.
+pub(super) fn run(arguments: &IdentifyArguments, data: &LogInput) -> Result<JointResult, String> {
+    data.print_log_findings();
     let quantities: Vec<(&str, Quantity)> = known_quantities(&data.data)
         .into_iter()
         .map(|quantity| (quantity.name(data.data.joint), quantity))
         .collect();
-    let fed = inputs(&arguments.inputs, &quantities, &data.data.covariates)?;
+    let inputs = parse_inputs(&arguments.inputs, &quantities, &data.data.covariates)?;
     if !data.rigid_body.is_empty() {
         return Err(format!(
-            "--rigid-body: not with --model {MODEL}, whose column is friction alone"
+            "--rigid-body: cannot be used with --model {MODEL}, which requires a torque column that contains friction only"
         ));
     }
     let spec = Spec::parse(BASE).map_err(|error| error.to_string())?;
@@ -107,77 +110,79 @@ pub(super) fn run(arguments: &Arguments, data: &Data) -> Result<Told, String> {
     let training = TrainOptions {
         seed: arguments.data.seed,
         epochs: arguments.epochs,
-        every: (1.0 / (EVALUATIONS_HZ * period_s)).round().max(1.0) as usize,
-        substeps: (STEPS_HZ * period_s).ceil().max(1.0) as usize,
+        every: (1.0 / (EVALUATION_RATE_HZ * period_s)).round().max(1.0) as usize,
+        substeps: (MIN_STEP_RATE_HZ * period_s).ceil().max(1.0) as usize,
         ..TrainOptions::default()
     };
-    let progress = |at: Progress| {
+    let progress = |at: TrainingProgress| {
         let group =
             at.group.map_or(String::new(), |group| format!(", group {} held out", group + 1));
         let loss = significant(at.loss, 3);
         bar.set_message(format!(
-            "training: pass {} of {}{group}, loss {loss}",
+            "training: epoch {} of {}{group}, loss {loss}",
             at.epoch, arguments.epochs
         ));
     };
-    let names: Vec<String> = fed
+    let names: Vec<String> = inputs
         .iter()
         .map(|input| match input {
-            Input::Velocity => "velocity".into(),
-            Input::Held => "held".into(),
-            Input::Covariate(place) => data.data.covariates[*place].clone(),
-            Input::Quantity(quantity) => quantity.name(data.data.joint).into(),
+            NetworkInput::Velocity => "velocity".into(),
+            NetworkInput::Held => "held".into(),
+            NetworkInput::Covariate(place) => data.data.covariates[*place].clone(),
+            NetworkInput::Quantity(quantity) => quantity.name(data.data.joint).into(),
         })
         .collect();
-    let asked = Asked { names, watches: arguments.watch_strokes, options: training };
-    let learnt = match *fed.as_slice() {
-        [a] => learn(&fit, [a], data, &asked, &progress),
-        [a, b] => learn(&fit, [a, b], data, &asked, &progress),
-        [a, b, c] => learn(&fit, [a, b, c], data, &asked, &progress),
-        [a, b, c, d] => learn(&fit, [a, b, c, d], data, &asked, &progress),
-        _ => Err("--inputs: none".into()),
+    let task = TrainingTask { names, watches_strokes: arguments.watch_strokes, options: training };
+    let training = match *inputs.as_slice() {
+        [a] => train_network(&fit, [a], data, &task, &progress),
+        [a, b] => train_network(&fit, [a, b], data, &task, &progress),
+        [a, b, c] => train_network(&fit, [a, b, c], data, &task, &progress),
+        [a, b, c, d] => train_network(&fit, [a, b, c, d], data, &task, &progress),
+        _ => Err("--inputs: found none, expected at least one".into()),
     }?;
     bar.finish_and_clear();
-    told(data, &fit, &learnt, &asked.names)
+    joint_result(data, &fit, &training, &task.names)
 }
 
-/// What is asked of training.
-struct Asked {
-    /// The inputs' names.
+/// Settings of the training.
+struct TrainingTask {
+    /// Names of the network inputs.
     names: Vec<String>,
-    /// Whether strokes unlike those of training count as outside.
-    watches: bool,
+    /// Whether strokes that differ from the training data count as outside the range.
+    watches_strokes: bool,
     options: TrainOptions,
 }
 
-/// What training left: the network's file, and its errors.
-struct Learnt {
+/// Result of the training.
+struct TrainingResult {
+    /// Content of `network.json`.
     network: String,
     train: Metrics,
     test: Metrics,
-    outside: f64,
+    /// Share of test rows outside the trained ranges, 0 to 1.
+    outside_share: f64,
     epochs: usize,
 }
 
-fn learn<const INPUTS: usize>(
+fn train_network<const INPUTS: usize>(
     fit: &Outcome,
-    inputs: [Input; INPUTS],
-    data: &Data,
-    asked: &Asked,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> Result<Learnt, String> {
-    let options = &asked.options;
+    inputs: [NetworkInput; INPUTS],
+    data: &LogInput,
+    task: &TrainingTask,
+    progress: &(dyn Fn(TrainingProgress) + Sync),
+) -> Result<TrainingResult, String> {
+    let options = &task.options;
     let trained = train(&fit.parameters, inputs, &data.train, options, progress);
-    let Trained { mut supplied, epochs, loss, held_out } = trained;
-    if asked.watches {
-        supplied.watch_strokes(&data.train);
+    let TrainedNetwork { mut supplied, epochs, loss, held_out } = trained;
+    if task.watches_strokes {
+        supplied.set_stroke_range(&data.train);
     }
     supplied.network.validate().map_err(|error| error.to_string())?;
-    let (train, _) = judged(&supplied, &data.train);
-    let (test, outside) = judged(&supplied, &data.test);
+    let (train, _) = evaluate(&supplied, &data.train);
+    let (test, outside_share) = evaluate(&supplied, &data.test);
     let period_s = data.train.first().map_or(1e-3, |track| track.period_s);
     let file = NetworkFile {
-        inputs: asked.names.clone(),
+        inputs: task.names.clone(),
         network: supplied.network.widened(),
         period_s: period_s * options.every as f64,
         strokes: supplied.strokes,
@@ -185,17 +190,20 @@ fn learn<const INPUTS: usize>(
     let network = file.emit(json!({
         "passes": epochs, "seed": options.seed, "loss": loss, "loss_held_out": held_out,
     }));
-    Ok(Learnt { network, train, test, outside, epochs })
+    Ok(TrainingResult { network, train, test, outside_share, epochs })
 }
 
-/// Errors on some tracks, and the share of rows outside the trained ranges.
-fn judged<const INPUTS: usize>(supplied: &Supplied<INPUTS>, tracks: &[Track]) -> (Metrics, f64) {
+/// Returns the error metrics on the tracks and the share of rows outside the trained ranges.
+fn evaluate<const INPUTS: usize>(
+    supplied: &NetworkLaw<INPUTS>,
+    tracks: &[Track],
+) -> (Metrics, f64) {
     let runs: Vec<_> = tracks.iter().map(|track| predict(supplied, track)).collect();
     let rows = || tracks.iter().zip(&runs);
     let pairs = rows().flat_map(|(track, run)| {
-        let weighed = (0..track.len()).map(|row| track.weight(row));
+        let weights = (0..track.len()).map(|row| track.weight(row));
         let both = track.torque.iter().zip(&run.torque);
-        both.zip(weighed).map(|((measured, simulated), weight)| (*measured, *simulated, weight))
+        both.zip(weights).map(|((measured, simulated), weight)| (*measured, *simulated, weight))
     });
     let metrics = Metrics::of(pairs.filter(|(.., weight)| *weight > 0.0));
     let outside = runs.iter().flat_map(|run| &run.is_outside).filter(|outside| **outside).count();
@@ -203,19 +211,24 @@ fn judged<const INPUTS: usize>(supplied: &Supplied<INPUTS>, tracks: &[Track]) ->
     (metrics, outside as f64 / count.max(1) as f64)
 }
 
-fn told(data: &Data, fit: &Outcome, learnt: &Learnt, names: &[String]) -> Result<Told, String> {
+fn joint_result(
+    data: &LogInput,
+    fit: &Outcome,
+    training: &TrainingResult,
+    names: &[String],
+) -> Result<JointResult, String> {
     let failed = |error: serde_json::Error| error.to_string();
     let base = document(&data.data, &data.split, &data.hashes, std::slice::from_ref(fit));
     let mut document = serde_json::to_value(&base).map_err(failed)?;
     let model = &mut document["models"][0];
     model["model"] = json!(MODEL);
     model["base"] = json!({"model": BASE, "train": fit.train, "test": fit.test});
-    (model["train"], model["test"]) = (json!(learnt.train), json!(learnt.test));
-    // What does not gain on rows it has not seen is not handed out.
-    let gains = learnt.test.rmse < fit.test.rmse;
+    (model["train"], model["test"]) = (json!(training.train), json!(training.test));
+    // The network is written only if it reduces the held-out error.
+    let gains = training.test.rmse < fit.test.rmse;
     model["network"] = json!({
-        "file": gains.then_some("network.json"), "inputs": names, "passes": learnt.epochs,
-        "share_of_test_rows_outside": learnt.outside,
+        "file": gains.then_some("network.json"), "inputs": names, "passes": training.epochs,
+        "share_of_test_rows_outside": training.outside_share,
     });
     let fit_json = serde_json::to_string_pretty(&document).map_err(failed)? + "\n";
     let from = Provenance {
@@ -227,37 +240,37 @@ fn told(data: &Data, fit: &Outcome, learnt: &Learnt, names: &[String]) -> Result
     };
     let mut toml = from.comments() + &params::emit(fit, data.data.joint);
     if gains {
-        params::emit_network("network.json", &learnt.network, &mut toml);
+        params::emit_network("network.json", &training.network, &mut toml);
     }
     let unit = compensator_core::Quantity::Torque.info().units[data.data.joint as usize];
     let number = |value| significant(value, 4);
     let line = |name: &str, train: &Metrics, test: &Metrics| {
         format!(
-            "{name}: {} {unit} fitted, {} {unit} held out ({:.1} % of std)\n",
+            "{name}: RMSE {} {unit} on training rows, {} {unit} on held-out rows ({:.1} % of the torque's standard deviation)\n",
             number(train.rmse),
             number(test.rmse),
             100.0 * test.nrmse_std
         )
     };
-    let mut text = line(BASE, &fit.train, &fit.test) + &line(MODEL, &learnt.train, &learnt.test);
+    let mut text =
+        line(BASE, &fit.train, &fit.test) + &line(MODEL, &training.train, &training.test);
     text += &format!(
-        "fed with {}; stopped after {} passes; {:.1} % of the rows held out lie outside its ranges\n",
+        "network inputs: {}; trained for {} epochs; {:.1} % of the held-out rows are outside the trained ranges\n",
         names.join(", "),
-        learnt.epochs,
-        100.0 * learnt.outside
+        training.epochs,
+        100.0 * training.outside_share
     );
-    text +=
-        "- a network has no parameters with errors; passivity does not hold, |y| <= max g does\n";
+    text += "- the network's weights have no standard errors; the model is not passive, but |y| <= max g holds\n";
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {BASE}: {verdict}\n"));
     let mut files = vec![("params.toml", toml)];
     if gains {
-        files.push(("network.json", learnt.network.clone()));
+        files.push(("network.json", training.network.clone()));
     } else {
         text += &format!(
-            "- on the rows held out the network is no better than {BASE}: no network.json is written\n"
+            "- network.json is not written: on held-out rows the network is no better than {BASE}\n"
         );
     }
-    Ok(Told { document: ("fit.json", fit_json), files, text })
+    Ok(JointResult { document: ("fit.json", fit_json), files, text })
 }
 
 #[cfg(test)]
@@ -265,19 +278,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn inputs_are_named_or_all_covariates() {
+    fn parse_inputs_accepts_names_or_selects_all_covariates() {
         let covariates = ["tension_n".to_owned(), "gap".to_owned()];
         let read = |names: &[&str]| {
             let quantities = [("temperature_c", Quantity::Temperature)];
             let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-            inputs(&names, &quantities, &covariates)
+            parse_inputs(&names, &quantities, &covariates)
         };
-        assert_eq!(read(&[]), Ok(vec![Input::Covariate(0), Input::Covariate(1)]));
-        assert_eq!(read(&["held", "gap"]), Ok(vec![Input::Held, Input::Covariate(1)]));
-        assert_eq!(read(&["temperature_c"]), Ok(vec![Input::Quantity(Quantity::Temperature)]));
+        assert_eq!(read(&[]), Ok(vec![NetworkInput::Covariate(0), NetworkInput::Covariate(1)]));
+        assert_eq!(
+            read(&["held", "gap"]),
+            Ok(vec![NetworkInput::Held, NetworkInput::Covariate(1)])
+        );
+        assert_eq!(
+            read(&["temperature_c"]),
+            Ok(vec![NetworkInput::Quantity(Quantity::Temperature)])
+        );
         let error = read(&["gop"]).unwrap_err();
         assert!(error.contains("velocity, held, tension_n, gap, temperature_c"), "{error}");
         assert!(read(&["gap"; 5]).unwrap_err().contains("at most 4"));
-        assert!(inputs(&[], &[], &[]).unwrap_err().contains("0 covariates"));
+        assert!(parse_inputs(&[], &[], &[]).unwrap_err().contains("0 covariates"));
     }
 }

@@ -1,24 +1,25 @@
-//! `--inside`: models fitted to the angles of a machine whose dynamics are known, all its joints at once.
+//! `--inside`: fits friction models within the known dynamics of a machine, to the angles of all joints at once.
 
-use super::input::{DataArguments, Inputs, spinner};
-use super::output::{OutputArguments, say, tell};
-use crate::papers::coupled::{ArmLog, Inside, model};
+use super::input::{DataArguments, LogInputs, spinner};
+use super::output::{OutputArguments, print_formatted, print_text};
 use friction_identification::data::SplitRule;
 use friction_identification::number::significant;
 use friction_identification::params::emit_model;
+use published_experiments::coupled::{ArmLog, InsideFit, model};
 use serde_json::{Value, json};
 
-/// Machines whose dynamics are known.
+/// Machines with known dynamics.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
-pub enum Machine {
-    /// The arm of three joints on fluidic muscles of `simulate manipulator`.
+pub enum KnownMachine {
+    /// The arm with three joints and fluidic muscles of `simulate manipulator`.
     Manipulator,
 }
 
-/// Fits these models inside the machine and writes the best on held-out runs, joint by joint.
+/// Fits the models within the machine's dynamics. Writes the parameters of the model with the smallest held-out error,
+/// one file for each joint.
 ///
 /// # Errors
-/// One line; nothing is written then.
+/// Returns one line if the data do not fit the machine; no file is written in that case.
 pub fn run(
     data: &DataArguments,
     output: &OutputArguments,
@@ -28,8 +29,8 @@ pub fn run(
 ) -> Result<(), String> {
     let models = models.iter().map(|name| model(name)).collect::<Result<Vec<_>, String>>()?;
     let joints = match data.read(&SplitRule::default())? {
-        Inputs::Several(joints) => joints,
-        Inputs::One(_) => {
+        LogInputs::Several(joints) => joints,
+        LogInputs::One(_) => {
             return Err("--inside manipulator: found the log of one joint, expected three".into());
         }
     };
@@ -42,25 +43,25 @@ pub fn run(
     if let Some(part) = mixed {
         let name = &runs[part.run].name;
         return Err(format!(
-            "--inside manipulator: run {name} is held out in part, expected whole runs"
+            "--inside manipulator: only a part of run {name} is held out, expected whole runs"
         ));
     }
     let log = ArmLog::new(&logs, &held_out, starts)?;
     let fits = models.into_iter().map(|model| {
-        let bar = spinner(format!("fitting {} inside the arm", model.name));
+        let bar = spinner(format!("fitting {} within the dynamics of the arm", model.name));
         let fit = log.fit(model);
         bar.finish_and_clear();
         fit
     });
-    let mut fits: Vec<Inside> = fits.collect::<Result<_, String>>()?;
-    let all = |fit: &Inside| fit.test_deg.iter().map(|error| error * error).sum::<f64>();
+    let mut fits: Vec<InsideFit> = fits.collect::<Result<_, String>>()?;
+    let all = |fit: &InsideFit| fit.test_deg.iter().map(|error| error * error).sum::<f64>();
     fits.sort_by(|a, b| all(a).total_cmp(&all(b)));
 
     let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
     let [train, test] = log.runs();
     let json = json!({
         "schema": 1, "inside": "manipulator", "fitted_on": train, "held_out": test,
-        "models": fits.iter().map(|fit| found(fit, &names)).collect::<Vec<_>>(),
+        "models": fits.iter().map(|fit| model_json(fit, &names)).collect::<Vec<_>>(),
     });
     let json = serde_json::to_string_pretty(&json).map_err(|error| error.to_string())? + "\n";
     let best = &fits[0];
@@ -72,11 +73,12 @@ pub fn run(
     let named: Vec<(&str, &str)> = files.iter().map(|(name, text)| (&**name, &**text)).collect();
     output.write(&named)?;
     if output.json {
-        return say(&json);
+        return print_text(&json);
     }
     let mut text = String::new();
     for fit in &fits {
-        text += &format!("{}, error of the angle (deg), held out and fitted:\n", fit.model);
+        text +=
+            &format!("{}: RMSE of the angle (deg) on held-out and on training runs:\n", fit.model);
         for (at, name) in names.iter().enumerate() {
             let [test, train] = [fit.test_deg[at], fit.train_deg[at]].map(|of| significant(of, 3));
             text += &format!("  joint {name}: {test}, {train}\n");
@@ -84,14 +86,14 @@ pub fn run(
     }
     let out = output.folder().display();
     let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
-    tell(&format!(
-        "{text}params.toml is {} in each joint\nwritten: {}\n",
+    print_formatted(&format!(
+        "{text}params.toml of each joint contains {}\nwritten: {}\n",
         best.model,
         written.join(", ")
     ))
 }
 
-fn found(fit: &Inside, names: &[&str]) -> Value {
+fn model_json(fit: &InsideFit, names: &[&str]) -> Value {
     let joint = |(at, name): (usize, &&str)| {
         let parameters = &fit.fitted.parameters[at];
         let values = parameters.active().map(|id| {

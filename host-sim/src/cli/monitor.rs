@@ -1,7 +1,7 @@
-//! `monitor`: a live view of a joint.
+//! `monitor`: shows live data of a joint.
 //!
-//! On a terminal it draws; in a pipe, or with `--json`, it prints a line of JSON a second. It listens, and
-//! asks the joint for its state twice a second; with `--listen` it sends nothing at all.
+//! On a terminal it draws a screen. In a pipe, or with `--json`, it prints one JSON object per second. It receives the
+//! joint's frames and reads state, faults and watch twice a second. With `--listen` it sends no frame.
 
 use super::bus::BusArguments;
 use crate::demo_joint;
@@ -13,17 +13,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `monitor`.
 #[derive(clap::Args)]
-pub struct Arguments {
+pub struct MonitorArguments {
     #[command(flatten)]
     bus: BusArguments,
-    /// Send nothing at all; without it state, faults and watch are read twice a second. An slcan adapter
-    /// is opened to listen, so that it acknowledges nothing either
+    /// Send no frames. Without this option, state, faults and watch are read twice a second. An slcan adapter is opened
+    /// in listen-only mode and acknowledges no frame
     #[arg(long)]
     listen: bool,
-    /// Print one JSON object a second instead of drawing; so also where standard output is no terminal
+    /// Print one JSON object per second instead of a screen; default if standard output is not a terminal
     #[arg(long)]
     json: bool,
-    /// Stop after so many seconds; without it at q or Ctrl-C
+    /// Stop after this time, s; by default at q or Ctrl-C
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
 }
@@ -36,15 +36,16 @@ fn seconds(text: &str) -> Result<f64, String> {
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command.
-pub fn run(arguments: &Arguments) -> Result<(), String> {
+pub fn run(arguments: &MonitorArguments) -> Result<(), String> {
     let lines = arguments.json || !std::io::stdout().is_terminal();
     if lines && !arguments.json {
-        eprintln!("note: standard output is no terminal: one JSON object a second, as with --json");
+        eprintln!(
+            "note: standard output is not a terminal: printing one JSON object per second, as with --json"
+        );
     }
     let is_demo = arguments.bus.bus == BusName::Loop;
     let bus = if is_demo { open_demo(arguments)? } else { open(arguments)? };
-    // SIGTERM and SIGHUP too: the terminal is given back, a record is written out.
-    // Asked a second time, it ends whatever it is in the middle of.
+    // SIGTERM and SIGHUP too: restore the terminal and flush the record. A second signal ends the process immediately.
     let stop = || {
         if STOPPED.swap(true, Ordering::Relaxed) {
             std::process::exit(1);
@@ -65,11 +66,11 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let setting = Setting { bus: name, demo: is_demo, epoch: !is_demo, ..Setting::default() };
     let again = || {
         if is_demo {
-            return Err("the demo has ended: start it again".to_owned());
+            return Err("the demo has ended; start monitor again".to_owned());
         }
-        // A record begun anew would overwrite the one there is.
+        // Opening the record again would overwrite it.
         if arguments.bus.record.is_some() {
-            return Err("the bus has gone, and what was recorded is kept: start again".to_owned());
+            return Err("the bus was closed; the record is kept; start monitor again".to_owned());
         }
         open(arguments)
     };
@@ -78,17 +79,17 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     })
 }
 
-/// The bus that was asked for.
-fn open(arguments: &Arguments) -> Result<Box<dyn Bus>, String> {
+/// Opens the bus of `--bus`.
+fn open(arguments: &MonitorArguments) -> Result<Box<dyn Bus>, String> {
     arguments.bus.open_with(&Hub::new(), arguments.listen)
 }
 
-fn open_demo(arguments: &Arguments) -> Result<Box<dyn Bus>, String> {
+fn open_demo(arguments: &MonitorArguments) -> Result<Box<dyn Bus>, String> {
     let (_, port) = demo_joint::start(arguments.bus.node_id)?;
-    arguments.bus.recorded(Box::new(port))
+    arguments.bus.with_recorder(Box::new(port))
 }
 
-/// Prints a line; a reader that has seen enough ends it.
+/// Prints a line. Returns false if the reader has closed the pipe.
 fn print(line: &str) -> Result<bool, String> {
     let mut out = std::io::stdout().lock();
     match out.write_all(line.as_bytes()).and_then(|()| out.flush()) {

@@ -1,28 +1,28 @@
-//! `node`: a joint driver on this PC.
+//! `node`: runs a joint driver on this PC, connected to a CAN bus.
 
 use super::bus::BusArguments;
-use super::output::say;
-use crate::joint_rig::MotorNode;
-use compensator_core::can::Node;
+use super::output::print_text;
+use compensator_core::can::NodeId;
 use joint_bus::bus::{BusError, BusName, Hub};
-use joint_bus::joint::{JointNode, live};
+use joint_bus::joint::{JointNode, run_participant};
+use joint_rig::MotorNode;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Arguments of `node`.
 #[derive(clap::Args)]
-pub struct Arguments {
+pub struct NodeArguments {
     #[command(flatten)]
     bus: BusArguments,
-    /// File that stands for the driver's flash: saved parameters outlive the process
+    /// File that holds the driver's flash; saved parameters are kept after the process ends
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
-    /// The driver has a motor and a joint, simulated in real time, and is commissioned: it is on its own sensors and drives.
-    /// Node 1; what is saved is forgotten with it
+    /// Simulate a motor and a joint in real time. The driver is commissioned, uses its own sensors, and can move the joint.
+    /// Node 1 only; saved parameters are lost when the process ends
     #[arg(long, conflicts_with = "flash")]
     motor: bool,
-    /// Stop after so many seconds; without it at Ctrl-C
+    /// Stop after this time, s; by default at Ctrl-C
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
 }
@@ -30,11 +30,13 @@ pub struct Arguments {
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command.
-pub fn run(arguments: &Arguments) -> Result<(), String> {
+pub fn run(arguments: &NodeArguments) -> Result<(), String> {
     if arguments.bus.bus == BusName::Loop {
-        return Err("node: nobody else is on the bus loop; give --bus vcan0, can0 or slcan:..., \
-                    or use replay, which brings its own node on loop"
-            .to_owned());
+        return Err(
+            "node: the bus loop has no other participant; give --bus vcan0, can0 or slcan:..., \
+                    or use replay, which starts its own node on loop"
+                .to_owned(),
+        );
     }
     if arguments.motor {
         return run_motor(arguments);
@@ -47,8 +49,8 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let mut bus = arguments.bus.open(&Hub::new())?;
     ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed))
         .map_err(|error| format!("Ctrl-C: {error}"))?;
-    say(&format!(
-        "node {} on {}: pre-operational, fed by the bus; Ctrl-C ends it\n",
+    print_text(&format!(
+        "node {} on {}: pre-operational, receives its inputs from the bus; stop with Ctrl-C\n",
         arguments.bus.node_id.number(),
         arguments.bus.bus
     ))?;
@@ -58,34 +60,38 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
         STOPPED.load(Ordering::Relaxed) || longest.is_some_and(|longest| start.elapsed() >= longest)
     });
     let counters = joint.driver().map(|driver| *driver.counters()).unwrap_or_default();
-    say(&format!("received {}, restarts {}\n", counters.received, joint.restarts()))?;
-    ended(outcome)
+    print_text(&format!(
+        "frames received: {}, restarts: {}\n",
+        counters.received,
+        joint.restarts()
+    ))?;
+    node_result(outcome)
 }
 
-/// A joint with its simulated motor.
-fn run_motor(arguments: &Arguments) -> Result<(), String> {
-    if arguments.bus.node_id != Node::FIRST {
+/// Runs a driver with a simulated motor and joint.
+fn run_motor(arguments: &NodeArguments) -> Result<(), String> {
+    if arguments.bus.node_id != NodeId::FIRST {
         return Err("--motor: the simulated joint is node 1".into());
     }
     let mut joint = MotorNode::commissioned()?;
     let mut bus = arguments.bus.open(&Hub::new())?;
     ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed))
         .map_err(|error| format!("Ctrl-C: {error}"))?;
-    say(&format!(
-        "node 1 on {}: pre-operational, with a simulated motor, commissioned; Ctrl-C ends it\n",
+    print_text(&format!(
+        "node 1 on {}: pre-operational, with a simulated motor, commissioned; stop with Ctrl-C\n",
         arguments.bus.bus
     ))?;
     let start = Instant::now();
     let longest = arguments.seconds.map(Duration::from_secs_f64);
-    ended(live(&mut joint, &mut bus, |_, _| {
-        let over = longest.is_some_and(|longest| start.elapsed() >= longest);
-        Ok(over || STOPPED.load(Ordering::Relaxed))
+    node_result(run_participant(&mut joint, &mut bus, |_, _| {
+        let is_over = longest.is_some_and(|longest| start.elapsed() >= longest);
+        Ok(is_over || STOPPED.load(Ordering::Relaxed))
     }))
 }
 
-fn ended(outcome: Result<(), BusError>) -> Result<(), String> {
+fn node_result(outcome: Result<(), BusError>) -> Result<(), String> {
     match outcome {
-        // A peer that hangs up ends a node on a serial line; that is how it ends.
+        // On a serial line, the peer ends the node by closing the connection.
         Err(BusError::Closed { .. }) | Ok(()) => Ok(()),
         Err(error) => Err(error.to_string()),
     }

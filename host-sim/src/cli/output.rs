@@ -1,4 +1,4 @@
-//! Where results go.
+//! Output of the commands: result files and standard output.
 
 use super::terminal;
 use clap::Args;
@@ -6,11 +6,11 @@ use rustix::termios::tcgetwinsize;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-/// Where results go.
+/// Output folder and output format.
 #[derive(Args, Clone, Debug)]
 pub struct OutputArguments {
-    /// Folder for the result files, made if it is not there; without it `out`, and of a command on logs one for each
-    /// command and log in there, as `out/diagnose-my-log`
+    /// Folder for the result files; it is created if missing. Default: `out`, and for commands that read logs a folder
+    /// named after command and log, such as `out/diagnose-my-log`
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the result as JSON instead of tables
@@ -18,38 +18,37 @@ pub struct OutputArguments {
     pub json: bool,
 }
 
-/// The folder where none is asked for.
-const OUT: &str = "out";
+/// Default output folder.
+const DEFAULT_FOLDER: &str = "out";
 
 impl OutputArguments {
-    /// Where the files go.
+    /// Returns the output folder.
     pub fn folder(&self) -> &Path {
-        self.out.as_deref().unwrap_or(Path::new(OUT))
+        self.out.as_deref().unwrap_or(Path::new(DEFAULT_FOLDER))
     }
 
-    /// The same for a command on logs: unless a folder was asked for, it is one of this command and these logs, so that
-    /// no result takes the place of another's.
+    /// Returns the output arguments of a command that reads logs. Without `--out`, the folder is named after the command
+    /// and the logs, so that results do not overwrite each other.
     #[must_use]
     pub fn of_run(&self, command: &str, logs: &[PathBuf]) -> Self {
-        let own = || Path::new(OUT).join(run_name(command, logs));
+        let own = || Path::new(DEFAULT_FOLDER).join(run_name(command, logs));
         Self { out: Some(self.out.clone().unwrap_or_else(own)), json: self.json }
     }
 
-    /// Writes all files, each whole or not at all, and none where one of the names is taken by a
-    /// folder.
+    /// Writes text files, each of them atomically. Writes none if one of the names is an existing folder.
     ///
     /// # Errors
-    /// One line that names the file.
+    /// Returns one line that names the file.
     pub fn write(&self, files: &[(&str, &str)]) -> Result<(), String> {
         let bytes: Vec<(&str, &[u8])> =
             files.iter().map(|(name, text)| (*name, text.as_bytes())).collect();
         self.write_bytes(&bytes)
     }
 
-    /// The same for files that are no text.
+    /// Writes binary files as [`OutputArguments::write`] does.
     ///
     /// # Errors
-    /// As [`OutputArguments::write`].
+    /// See [`OutputArguments::write`].
     pub fn write_bytes(&self, files: &[(&str, &[u8])]) -> Result<(), String> {
         let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
         let out = self.folder();
@@ -62,14 +61,14 @@ impl OutputArguments {
             let path = out.join(name);
             let folder = path.parent().unwrap_or(out);
             std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
-            crate::report::write_atomically(&path, content)
+            friction_results::write_atomically(&path, content)
                 .map_err(|error| failed(&path, error))?;
         }
         Ok(())
     }
 }
 
-/// `diagnose-my-log`: the first log's name as every file system takes it, and how many more there are.
+/// Returns the folder name of a command and its logs: `diagnose-my-log`, or `diagnose-my-log-and-2-more`.
 fn run_name(command: &str, logs: &[PathBuf]) -> String {
     let first = logs.first().map_or(Path::new(""), PathBuf::as_path);
     let stem = |path: &Path| path.file_stem().map(|stem| file_name(&stem.to_string_lossy()));
@@ -80,7 +79,7 @@ fn run_name(command: &str, logs: &[PathBuf]) -> String {
     name
 }
 
-/// What of a name every file system takes, at most 40 characters of it.
+/// Returns at most 40 characters of a name, with every character that a file system may reject replaced by `-`.
 pub fn file_name(name: &str) -> String {
     let kept = |letter: char| {
         if letter.is_ascii_alphanumeric() || letter == '_' { letter } else { '-' }
@@ -88,26 +87,26 @@ pub fn file_name(name: &str) -> String {
     name.chars().take(40).map(kept).collect()
 }
 
-/// Prints what a person reads: on a terminal in its width and with colour (unless `NO_COLOR` is set), else as it is.
+/// Prints a text for the user. On a terminal, the text is wrapped to its width and coloured unless `NO_COLOR` is set.
 ///
 /// # Errors
-/// As [`say`].
-pub fn tell(text: &str) -> Result<(), String> {
+/// See [`print_text`].
+pub fn print_formatted(text: &str) -> Result<(), String> {
     let out = std::io::stdout();
     if !out.is_terminal() {
-        return say(text);
+        return print_text(text);
     }
     let width = tcgetwinsize(&out).map_or(80, |size| usize::from(size.ws_col));
     let colour = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    say(&terminal::laid_out(text, width.clamp(40, 120), colour))
+    print_text(&terminal::format_for_terminal(text, width.clamp(40, 120), colour))
 }
 
-/// Prints on standard output. A reader that has seen enough (`| head`) is no error: the files are
-/// written by then.
+/// Prints a text unchanged on standard output. A closed pipe (`| head`) is not an error, because the result files are
+/// already written.
 ///
 /// # Errors
-/// One line where standard output cannot be written to, as on a full disk.
-pub fn say(text: &str) -> Result<(), String> {
+/// Returns one line if writing to standard output fails, for example on a full disk.
+pub fn print_text(text: &str) -> Result<(), String> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
@@ -122,15 +121,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_has_a_folder_of_its_own_unless_one_is_asked_for() {
+    fn of_run_without_out_option_names_folder_after_command_and_logs() {
         let logs = ["logs/my log.v2.csv", "b.csv", "c.csv"].map(PathBuf::from);
-        let asked = OutputArguments { out: Some("there".into()), json: true };
-        let not_asked = OutputArguments { out: None, json: false };
-        assert_eq!(not_asked.folder(), Path::new("out"));
+        let with_folder = OutputArguments { out: Some("there".into()), json: true };
+        let without_folder = OutputArguments { out: None, json: false };
+        assert_eq!(without_folder.folder(), Path::new("out"));
         for (output, logs, folder) in [
-            (&asked, &logs[..], "there"),
-            (&not_asked, &logs[..1], "out/diagnose-my-log-v2"),
-            (&not_asked, &logs[..], "out/diagnose-my-log-v2-and-2-more"),
+            (&with_folder, &logs[..], "there"),
+            (&without_folder, &logs[..1], "out/diagnose-my-log-v2"),
+            (&without_folder, &logs[..], "out/diagnose-my-log-v2-and-2-more"),
         ] {
             let of_run = output.of_run("diagnose", logs);
             assert_eq!(of_run.folder(), Path::new(folder));

@@ -1,33 +1,35 @@
-//! `paper`: a paper's tables and plots anew, ours beside the printed.
+//! `paper`: reproduces the tables and plots of a paper and shows our values beside the printed ones.
 
 use super::input::spinner;
-use super::output::{OutputArguments, say, tell};
-use crate::papers::{PAPERS, Paper, Request, Stopwatch, goal_table, lines, markdown, tables};
-use crate::report::{Block, Page};
+use super::output::{OutputArguments, print_formatted, print_text};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use friction_results::report::{Block, Page};
+use published_experiments::{
+    PAPERS, Paper, PaperRequest, Stopwatch, format_rows, goal_table, summary_markdown, tables,
+};
 use serde_json::json;
 use std::path::PathBuf;
 
 /// Arguments of `paper`.
 #[derive(clap::Args)]
-pub struct Arguments {
+pub struct PaperArguments {
     /// The paper
     #[arg(value_parser = papers())]
     paper: &'static dyn Paper,
     #[command(flatten)]
     output: OutputArguments,
-    /// The short form: fewer repeats and fewer conditions, about a minute
+    /// Use fewer repetitions and conditions; takes about one minute
     #[arg(long)]
     quick: bool,
-    /// Draws what is drawn; the same seed, the same numbers
+    /// Seed of the random numbers; the same seed gives the same results
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Folder of the measured logs; what needs one that is not there is left out, and said
+    /// Folder of the measured logs; results that need a missing log are skipped with a message
     #[arg(long, value_name = "DIR", default_value = "../shared/data")]
     data: PathBuf,
 }
 
-/// The names of the papers, each with what it is.
+/// Returns the parser of the paper's name; the help lists every paper with its description.
 fn papers() -> impl TypedValueParser<Value = &'static dyn Paper> {
     let values = PAPERS.iter().map(|of| PossibleValue::new(of.name()).help(of.about()));
     PossibleValuesParser::new(values)
@@ -35,11 +37,11 @@ fn papers() -> impl TypedValueParser<Value = &'static dyn Paper> {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments) -> Result<(), String> {
+pub fn run(arguments: &PaperArguments) -> Result<(), String> {
     let paper = arguments.paper;
-    let bar = spinner(format!("{}: beginning", paper.name()));
+    let bar = spinner(format!("{}: starting", paper.name()));
     let progress = |words: &str| bar.set_message(format!("{}: {words}", paper.name()));
-    let request = Request {
+    let request = PaperRequest {
         quick: arguments.quick,
         seed: arguments.seed,
         data: arguments.data.clone(),
@@ -47,13 +49,13 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     };
     let took = Stopwatch::start();
     let outcome = paper.run(&request)?;
-    let summary = markdown(paper, &request, &outcome, &took);
+    let summary = summary_markdown(paper, &request, &outcome, &took);
     bar.finish_and_clear();
     if let Some(goal) = outcome.goals.iter().find(|goal| !goal.ours.is_finite()) {
-        return Err(format!("{} is no number", goal.what));
+        return Err(format!("{} is not a finite number", goal.what));
     }
     if let Some(row) = outcome.rows.iter().find(|row| !row.ours.is_finite()) {
-        return Err(format!("{}: {}, {} is no number", row.table, row.row, row.column));
+        return Err(format!("{}: {}, {} is not a finite number", row.table, row.row, row.column));
     }
     let document = json!({
         "schema": 1, "paper": paper.name(), "quick": arguments.quick, "seed": arguments.seed,
@@ -62,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
     let form = if arguments.quick { "short form, " } else { "" };
     let mut page = Page::new(paper.title(), format!("{form}seed {}", arguments.seed));
-    let reached = outcome.goals.iter().filter(|goal| goal.reached()).count();
+    let reached = outcome.goals.iter().filter(|goal| goal.is_reached()).count();
     page.push(Block::Paragraph(paper.preface().to_owned())).push(Block::Contents);
     if !outcome.goals.is_empty() {
         let of = outcome.goals.len();
@@ -73,10 +75,10 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
             remarks.map(|goal| format!("{}: {}. {}", goal.what, goal.verdict(), goal.remark));
         page.push(Block::List(remarks.collect()));
     }
-    page.push(Block::Heading("In words".into()));
+    page.push(Block::Heading("Summary".into()));
     page.push(Block::List(outcome.summary.clone()));
     page.blocks.extend(outcome.blocks);
-    page.push(Block::Heading("All numbers, ours beside the printed".into()));
+    page.push(Block::Heading("All values: ours and printed".into()));
     page.blocks.extend(tables(&outcome.rows));
     let html = page.render();
     let mut files = vec![
@@ -87,11 +89,11 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     files.extend(outcome.files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())));
     arguments.output.write_bytes(&files)?;
     if arguments.output.json {
-        return say(&json);
+        return print_text(&json);
     }
-    let mut text = lines(&outcome.rows);
+    let mut text = format_rows(&outcome.rows);
     outcome.summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
     let out = arguments.output.folder().display();
     let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
-    tell(&format!("{text}written: {}\n", written.join(", ")))
+    print_formatted(&format!("{text}written: {}\n", written.join(", ")))
 }

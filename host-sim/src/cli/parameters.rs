@@ -1,9 +1,10 @@
 //! `params`: reads and writes a joint driver's parameters.
 //!
-//! `get` prints a file, `diff` compares with one, `set` takes one: the same format throughout, so that
-//! `params get > joint.toml`, an editor, `params diff joint.toml` and `params set joint.toml` are all there is
-//! to it. Nothing is changed half: values are staged in the driver and committed together, by the CRC of what
-//! was meant; `save` makes them outlive a reset.
+//! `get`, `diff` and `set` use the same file format. A typical session is `params get > joint.toml`, an editor,
+//! `params diff joint.toml`, and `params set joint.toml`.
+//!
+//! A change is atomic: values are staged in the driver and committed together, with the CRC of the intended set. `save`
+//! keeps the parameters over a reset.
 
 mod commission;
 mod friction_run;
@@ -12,17 +13,16 @@ mod network;
 mod status;
 
 use super::bus::BusArguments;
-use super::output::say;
+use super::output::print_text;
 use crate::driver_file;
-use crate::joint_rig::MotorNode;
 use crate::loop_cost;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
 use compensator_core::ParameterError;
-use compensator_core::can::Node;
+use compensator_core::can::NodeId;
 use compensator_core::can::slcan::BitRate;
-use firmware::node::dictionary::records::Trace;
-use firmware::node::dictionary::{LOAD, SAVE, index};
+use firmware::node::dictionary::records::TraceObject;
+use firmware::node::dictionary::{LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
 use friction_identification::data::JointKind;
 use friction_identification::params::{self, ParameterFile};
@@ -30,6 +30,7 @@ use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::joint::JointNode;
 use joint_bus::parameters::{read_set, read_staged, write_set};
+use joint_rig::MotorNode;
 use names::{choices, differences, numbers, put, unknown};
 use network::write_network;
 use serde_json::json;
@@ -38,7 +39,7 @@ use std::process::ExitCode;
 
 /// Arguments of `params`.
 #[derive(clap::Args)]
-pub struct Arguments {
+pub struct ParamsArguments {
     #[command(subcommand)]
     action: Action,
     #[command(flatten)]
@@ -48,91 +49,110 @@ pub struct Arguments {
     json: bool,
 }
 
-/// The bus, given before or after the action.
+/// The bus arguments, accepted before or after the action.
 #[derive(clap::Args)]
 struct GlobalBus {
-    /// The bus: an interface as can0, slcan:PATH or slcan:HOST:PORT; loop is a driver in this process, gone
-    /// with it
+    /// Bus: a SocketCAN interface such as can0, slcan:PATH or slcan:HOST:PORT; loop is a driver in this process that
+    /// ends with it
     #[arg(long, value_name = "BUS", global = true)]
     bus: Option<BusName>,
-    /// With --bus loop: the driver has a motor and a joint, simulated, of which it knows nothing yet
+    /// With --bus loop: simulate a motor and a joint; the driver is not commissioned
     #[arg(long, global = true)]
     motor: bool,
-    /// Number of the joint driver on the bus
+    /// Node number of the joint driver
     #[arg(long, value_name = "N", default_value_t = 1, global = true, value_parser = clap::value_parser!(u8).range(1..=127))]
     node_id: u8,
-    /// Bit rate an slcan adapter is opened with, bit/s
+    /// Bit rate for an slcan adapter, bit/s
     #[arg(long, value_name = "BIT/S", default_value = "1000000", global = true, value_parser = super::bus::bit_rate)]
     bit_rate: BitRate,
 }
 
 #[derive(Subcommand)]
 enum Action {
-    /// Print the parameters as a file, or the values of some names
+    /// Print all parameters as a file, or the values of some names
     Get {
-        /// As static_torque, compensator.scale, motor.gear_ratio; all without any
+        /// Names such as static_torque, compensator.scale, motor.gear_ratio; all by default
         #[arg(value_name = "NAME")]
         names: Vec<String>,
-        /// Write the driver's network to this file, and name it in the file that is printed
+        /// Write the driver's network to this file and refer to it in the printed file
         #[arg(long, value_name = "NETWORK.JSON", conflicts_with = "names")]
         network: Option<PathBuf>,
     },
-    /// Set parameters: NAME=VALUE, or a file
+    /// Set parameters from NAME=VALUE or from a file
     Set {
-        /// NAME=VALUE..., or PARAMS.TOML
+        /// NAME=VALUE, or a parameter file
         #[arg(value_name = "NAME=VALUE|PARAMS.TOML", required = true)]
         what: Vec<String>,
-        /// Save them too
+        /// Also save the parameters, so that the driver keeps them over a reset
         #[arg(long)]
         save: bool,
     },
-    /// Show where the driver differs from a file; exit code 1 if it does
+    /// Show the differences between the driver and a file; exit code 1 if there are any
     Diff {
-        /// The file
+        /// Parameter file
         #[arg(value_name = "PARAMS.TOML")]
         file: PathBuf,
     },
-    /// Make the driver keep its parameters and settings over a reset
+    /// Save parameters and settings, so that the driver keeps them over a reset
     Save,
-    /// Make the driver start with its defaults from the next reset on
+    /// Restore the default parameters at the next reset
     Restore,
-    /// Identity, state, faults, limits and counters of the driver
+    /// Show identity, state, faults, limits and counters of the driver
     Status,
     /// Arm the joint
     Arm,
     /// Disarm the joint
     Disarm,
-    /// Clear its faults
+    /// Clear the faults of the driver
     Clear,
-    /// Say where the joint is now, at rest and disarmed: at a stop, or as a sensor behind the gear tells
+    /// Set the current position of the joint. The joint must be at rest and disarmed, for example at an end stop
     Home {
-        /// Its position, rad
+        /// Current position, rad
         #[arg(value_name = "RAD", default_value_t = 0.0, allow_negative_numbers = true)]
         position_rad: f32,
     },
-    /// Show how motor, encoder and gear are said to be wired, and whether that was confirmed: before, the joint does not arm; or
-    /// let the driver find it out by itself (--measure)
+    /// Show or confirm the wiring parameters of motor, encoder and gear, or measure them (--measure). The joint cannot be
+    /// armed before they are confirmed
     Commission {
-        /// Confirm it: on this joint, at low current, it was seen to be so
+        /// Confirm the wiring parameters, after checking them on this joint at low current
         #[arg(long, conflicts_with_all = ["measure", "friction_run"])]
         confirm: bool,
         #[command(flatten)]
-        measure: commission::Measure,
+        measure: commission::MeasureArguments,
     },
     /// Restart the driver
     Reset,
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
-    let node = Node::new(arguments.bus.node_id)
+pub fn run(arguments: &ParamsArguments) -> Result<ExitCode, String> {
+    let bus = bus_arguments(arguments)?;
+    let hub = start_hub(&bus, arguments.bus.motor)?;
+    let mut driver = Driver { client: Client::new(bus.open(&hub)?, bus.node_id) };
+    let name = format!("node {} on {}", arguments.bus.node_id, bus.bus);
+    match run_action(&mut driver, arguments, &name, bus.record.as_deref())? {
+        ActionResult::Printed(code) => Ok(code),
+        ActionResult::Done(done) => {
+            let text = if arguments.json {
+                json!({"node": arguments.bus.node_id, "bus": bus.bus.to_string(), "done": done})
+                    .to_string()
+            } else {
+                format!("{name}: {done}")
+            };
+            print_text(&(text + "\n")).map(|()| ExitCode::SUCCESS)
+        }
+    }
+}
+
+/// Checks the arguments and returns those of the bus. A friction run records the bus to its trace.
+fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments, String> {
+    let node_id = NodeId::new(arguments.bus.node_id)
         .ok_or_else(|| "--node-id: expected 1 to 127".to_owned())?;
     let bus = arguments.bus.bus.clone().ok_or_else(|| {
-        "which joint? --bus is missing: an interface as can0, slcan:PATH, slcan:HOST:PORT, or loop (a driver \
-         in this process, gone with it)"
+        "--bus is missing: expected a SocketCAN interface such as can0, slcan:PATH, slcan:HOST:PORT, or loop (a \
+         driver in this process that ends with it)"
             .to_owned()
     })?;
-    let name = format!("node {} on {bus}", arguments.bus.node_id);
     let record = match &arguments.action {
         Action::Commission { measure, .. } => {
             measure.check()?;
@@ -140,111 +160,127 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode, String> {
         }
         _ => None,
     };
-    let bus = BusArguments { bus, node_id: node, bit_rate: arguments.bus.bit_rate, record };
+    Ok(BusArguments { bus, node_id, bit_rate: arguments.bus.bit_rate, record })
+}
+
+/// Returns the hub of the bus `loop`, with a driver attached to it. For any other bus, the hub stays empty.
+fn start_hub(bus: &BusArguments, has_motor: bool) -> Result<Hub, String> {
     let hub = Hub::new();
-    match (&bus.bus, arguments.bus.motor) {
-        (BusName::Loop, true) if node != Node::FIRST => {
+    match (&bus.bus, has_motor) {
+        (BusName::Loop, true) if bus.node_id != NodeId::FIRST => {
             return Err("--motor: the simulated joint is node 1".into());
         }
         (BusName::Loop, true) => hub.attach(MotorNode::start()?),
         (BusName::Loop, false) => {
-            hub.attach(JointNode::start(node, None).map_err(|error| error.to_string())?);
+            hub.attach(JointNode::start(bus.node_id, None).map_err(|error| error.to_string())?);
         }
-        (_, true) => return Err("--motor: goes with --bus loop".into()),
+        (_, true) => return Err("--motor: requires --bus loop".into()),
         _ => {}
     }
-    let mut driver = Driver { client: Client::new(bus.open(&hub)?, node) };
-    // What was done, in one line; what only reads has printed it.
+    Ok(hub)
+}
+
+/// Result of an action.
+enum ActionResult {
+    /// The action printed its own output.
+    Printed(ExitCode),
+    /// One line that states what was done, still to be printed.
+    Done(String),
+}
+
+/// Runs the action. `name` is the driver's name in messages, `trace` the file of a friction run.
+fn run_action(
+    driver: &mut Driver,
+    arguments: &ParamsArguments,
+    name: &str,
+    trace: Option<&Path>,
+) -> Result<ActionResult, String> {
+    let json = arguments.json;
+    let printed = |()| ActionResult::Printed(ExitCode::SUCCESS);
     let done = match &arguments.action {
         Action::Get { names, network } => {
-            let got = driver.get(names, network.as_deref(), arguments.json);
-            return got.map(|()| ExitCode::SUCCESS);
+            return driver.get(names, network.as_deref(), json).map(printed);
         }
-        Action::Diff { file } => return driver.diff(file, arguments.json),
-        Action::Status => return driver.status(arguments.json).map(|()| ExitCode::SUCCESS),
+        Action::Diff { file } => return driver.diff(file, json).map(ActionResult::Printed),
+        Action::Status => return driver.status(json).map(printed),
         Action::Set { what, save } => driver.set(what, *save)?,
         Action::Save => {
-            driver.store(index::STORE, SAVE)?;
+            driver.store(index::STORE, SAVE_SIGNATURE)?;
             "parameters and settings saved, kept over a reset".to_owned()
         }
         Action::Restore => {
-            driver.store(index::RESTORE, LOAD)?;
-            "starts with its defaults from the next reset on".to_owned()
+            driver.store(index::RESTORE, LOAD_SIGNATURE)?;
+            "default parameters will be restored at the next reset".to_owned()
         }
         Action::Arm => driver.request(1)?,
         Action::Disarm => driver.request(0)?,
         Action::Clear => "faults cleared, ".to_owned() + &driver.request(2)?,
         Action::Home { position_rad } => {
             let at = Address::new(index::STATE, 6);
-            driver.client.write(at, &position_rad.to_le_bytes()).map_err(words)?;
-            format!("its position is {position_rad} rad now")
+            driver.client.write(at, &position_rad.to_le_bytes()).map_err(sdo_message)?;
+            format!("position set to {position_rad} rad")
         }
-        Action::Commission { measure, .. } if measure.is_asked() || bus.record.is_some() => {
-            if measure.is_asked() {
-                driver.measure_motor(measure, &name, arguments.json)?;
+        Action::Commission { measure, .. } if measure.is_requested() || trace.is_some() => {
+            if measure.is_requested() {
+                driver.measure_motor(measure, name, json)?;
             }
-            if let Some(trace) = &bus.record {
-                driver.friction_run(measure, &name, trace, arguments.json)?;
+            if let Some(trace) = trace {
+                driver.friction_run(measure, name, trace, json)?;
             }
-            return Ok(ExitCode::SUCCESS);
+            return Ok(ActionResult::Printed(ExitCode::SUCCESS));
         }
         Action::Commission { confirm, .. } => {
-            let done = driver.commission(*confirm, arguments.json);
-            return done.map(|()| ExitCode::SUCCESS);
+            return driver.commission(*confirm, json).map(printed);
         }
         Action::Reset => {
             let sent = driver.client.command(NmtCommand::ResetNode);
             sent.map_err(|error| error.to_string())?;
-            "told to restart".to_owned()
+            "restart command sent".to_owned()
         }
     };
-    let text = if arguments.json {
-        json!({"node": arguments.bus.node_id, "bus": bus.bus.to_string(), "done": done}).to_string()
-    } else {
-        format!("{name}: {done}")
-    };
-    say(&(text + "\n")).map(|()| ExitCode::SUCCESS)
+    Ok(ActionResult::Done(done))
 }
 
-/// So many changes are named one by one.
-const CHANGES_NAMED: usize = 6;
+/// Maximum number of changes that are listed by name.
+const MAX_LISTED_CHANGES: usize = 6;
 
-/// Why the law of a set is not passive, where it is not and is allowed to be.
-fn is_active(set: &ParameterSet) -> Option<ParameterError> {
+/// Returns why the law is not passive; `None` if it is passive.
+fn passivity_error(set: &ParameterSet) -> Option<ParameterError> {
     let mut model = set.friction.model.clone();
     model.choices.allow_active = false;
     model.validate().err()
 }
 
+/// A joint driver on the bus.
 struct Driver {
     client: Client<Box<dyn Bus>>,
 }
 
-fn words(error: SdoError) -> String {
+fn sdo_message(error: SdoError) -> String {
     error.to_string()
 }
 
 impl Driver {
     fn number(&mut self, at_index: u16, place: u8) -> Result<u32, String> {
-        self.client.read_number(Address::new(at_index, place)).map_err(words)
+        self.client.read_number(Address::new(at_index, place)).map_err(sdo_message)
     }
 
-    /// The active set; what was staged and not committed is dropped.
+    /// Reads the active parameter set. Staged values that were not committed are discarded.
     fn read_set(&mut self) -> Result<ParameterSet, String> {
         read_set(&mut self.client).map_err(|error| error.to_string())
     }
 
-    /// Drops what is staged.
+    /// Discards the staged values.
     fn discard(&mut self) -> Result<(), String> {
-        self.client.write(Address::new(index::COMMIT, 4), &[1]).map_err(words)
+        self.client.write(Address::new(index::COMMIT, 4), &[1]).map_err(sdo_message)
     }
 
-    /// The staged set: the active one, where nothing else is.
+    /// Reads the staged parameter set. It equals the active set if nothing is staged.
     fn read_staged(&mut self) -> Result<ParameterSet, String> {
         read_staged(&mut self.client).map_err(|error| error.to_string())
     }
 
-    /// Stages a set and commits it, whole; gives its CRC.
+    /// Stages a whole set and commits it. Returns its CRC.
     fn commit(&mut self, set: &ParameterSet) -> Result<u32, String> {
         write_set(&mut self.client, set).map_err(|error| error.to_string())
     }
@@ -255,11 +291,11 @@ impl Driver {
         let beside = match (&set.network, network) {
             (Some(has), Some(path)) => Some(write_network(has, joint, path)?),
             (None, Some(path)) => {
-                return Err(format!("--network {}: the driver has none", path.display()));
+                return Err(format!("--network {}: the driver has no network", path.display()));
             }
             (Some(_), None) if names.is_empty() => {
                 eprintln!(
-                    "warning: the driver has a network, which is left out: --network NETWORK.JSON writes it beside"
+                    "warning: the driver's network is not included; use --network NETWORK.JSON to write it to a file"
                 );
                 None
             }
@@ -270,7 +306,7 @@ impl Driver {
             if let Some((name, content)) = &beside {
                 params::emit_network(name, content, &mut text);
             }
-            return say(&text);
+            return print_text(&text);
         }
         let numbers = numbers(&set)
             .into_iter()
@@ -296,34 +332,34 @@ impl Driver {
                 text += &format!("{name} = {value}\n");
             }
         }
-        say(&text)
+        print_text(&text)
     }
 
-    /// Whether the joint turns or slides: it turns, unless it was fed a log of one that slides.
+    /// Reads the kind of joint: revolute, unless a log of a prismatic joint was written to the driver.
     fn joint_kind(&mut self) -> Result<JointKind, String> {
-        let kind = self.number(index::TRACE, Trace::JOINT_KIND)?;
+        let kind = self.number(index::TRACE, TraceObject::JOINT_KIND)?;
         Ok(if kind == 0 { JointKind::Revolute } else { JointKind::Prismatic })
     }
 
-    /// The file of a joint of this kind.
+    /// Reads a parameter file and checks that it is for the same kind of joint as the driver.
     fn read_file(&mut self, path: &Path) -> Result<ParameterFile, String> {
         let file = driver_file::read(path).map_err(|error| error.to_string())?;
         let driver = self.joint_kind()?;
         if file.joint == driver {
             return Ok(file);
         }
-        let moves = |kind| if kind == JointKind::Revolute { "turns" } else { "slides" };
+        let kind_name = |kind| if kind == JointKind::Revolute { "revolute" } else { "prismatic" };
         Err(format!(
-            "{}: is of a joint that {} ({}), the driver's {} ({})",
+            "{}: found a {} joint ({}), but the driver's joint is {} ({})",
             path.display(),
-            moves(file.joint),
+            kind_name(file.joint),
             file.joint.torque_unit(),
-            moves(driver),
+            kind_name(driver),
             driver.torque_unit()
         ))
     }
 
-    /// Sets what was given; says what changed.
+    /// Sets parameters from `NAME=VALUE` items and files. Returns a summary of the changes.
     fn set(&mut self, what: &[String], save: bool) -> Result<String, String> {
         let before = self.read_set()?;
         let mut set = before.clone();
@@ -332,24 +368,24 @@ impl Driver {
                 Some((name, value)) => put(&mut set, name.trim(), value.trim())?,
                 None => {
                     let file = self.read_file(Path::new(item))?;
-                    let refused = |why| format!("{item}: {why}");
-                    driver_file::apply(&file, &mut set).map_err(refused)?;
+                    let with_name = |error| format!("{item}: {error}");
+                    driver_file::apply(&file, &mut set).map_err(with_name)?;
                 }
             }
         }
-        // Said here already what the driver would say: in the file's words, and before it is touched.
+        // The driver runs the same check. Here the error uses the file's names, and the driver stays unchanged.
         set.validate().map_err(|error| error.to_string())?;
-        if let Some(error) = is_active(&set) {
+        if let Some(error) = passivity_error(&set) {
             eprintln!(
-                "warning: allow_active: the law can give out energy and so keep the joint moving: {error}"
+                "warning: allow_active: the law is not passive, so compensation can keep the joint moving: {error}"
             );
         }
-        if let Some(late) = loop_cost::warning(set.friction.model.terms.as_slice()) {
+        if let Some(late) = loop_cost::late_loop_warning(set.friction.model.terms.as_slice()) {
             eprintln!("warning: {late}");
         }
         let active = self.commit(&set)?;
         if save {
-            self.store(index::STORE, SAVE)?;
+            self.store(index::STORE, SAVE_SIGNATURE)?;
         }
         let changed: Vec<String> = differences(&before, &set)
             .into_iter()
@@ -357,18 +393,18 @@ impl Driver {
             .collect();
         let changed = match changed.len() {
             0 => "nothing changed".to_owned(),
-            1..=CHANGES_NAMED => changed.join(", "),
+            1..=MAX_LISTED_CHANGES => changed.join(", "),
             count => format!("{count} values changed"),
         };
-        let kept = if save { "saved" } else { "until a reset, unless saved" };
+        let kept = if save { "saved" } else { "not saved: lost at a reset" };
         Ok(format!("{changed} (crc {active:08x}, {kept})"))
     }
 
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode, String> {
         let has = self.read_set()?;
         let mut wants = has.clone();
-        let refused = |why| format!("{}: {why}", path.display());
-        driver_file::apply(&self.read_file(path)?, &mut wants).map_err(refused)?;
+        let with_path = |error| format!("{}: {error}", path.display());
+        driver_file::apply(&self.read_file(path)?, &mut wants).map_err(with_path)?;
         let lines = differences(&has, &wants);
         let text = if json {
             let rows: Vec<_> = lines
@@ -383,17 +419,17 @@ impl Driver {
                 text + &format!("{name}: driver {has}, file {wants}\n")
             })
         };
-        say(&text)?;
+        print_text(&text)?;
         Ok(if lines.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
     }
 
     fn store(&mut self, at_index: u16, word: u32) -> Result<(), String> {
-        self.client.write(Address::new(at_index, 1), &word.to_le_bytes()).map_err(words)
+        self.client.write(Address::new(at_index, 1), &word.to_le_bytes()).map_err(sdo_message)
     }
 
-    /// Asks the driver for a state; says the one it is in then.
+    /// Requests a state change and returns the resulting state.
     fn request(&mut self, request: u8) -> Result<String, String> {
-        self.client.write(Address::new(index::STATE, 1), &[request]).map_err(words)?;
+        self.client.write(Address::new(index::STATE, 1), &[request]).map_err(sdo_message)?;
         self.state().map(str::to_owned)
     }
 

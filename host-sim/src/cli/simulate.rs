@@ -1,9 +1,9 @@
-//! `simulate`: a simulated machine's log and the truth behind it.
+//! `simulate`: writes the log of a simulated machine and its true parameters.
 //!
-//! Without `--hide` the log is of a joint whose load and pressure act as Ding et al. say. With it, one
-//! physical effect or two, or none, is hidden in an otherwise random campaign, for a diagnosis to find.
+//! Without `--hide`, load and pressure act on the joint as in the model of Ding et al. With `--hide`, a random campaign
+//! contains none, one or two hidden effects that a diagnosis has to find.
 
-use super::output::{OutputArguments, say};
+use super::output::{OutputArguments, print_text};
 use crate::simulated;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use friction_identification::data::{EmitOptions, emit};
@@ -13,38 +13,38 @@ use simulated_machines::{Log, Request, SIMULATIONS, Simulated, Simulation};
 
 /// Arguments of `simulate`.
 #[derive(clap::Args)]
-pub struct Arguments {
-    /// The machine
+pub struct SimulateArguments {
+    /// Simulated machine
     #[arg(value_parser = simulations())]
     scenario: &'static dyn Simulation,
     #[command(flatten)]
     output: OutputArguments,
-    /// Hide a physical effect, of SIZE in its term's unit or of one that shows; `none` and `unknown`
-    /// are causes too. Twice for two effects. What is not given below is then drawn by the seed
+    /// Hide a physical effect. SIZE is in the unit of the effect's term; by default a detectable size is drawn. CAUSE may
+    /// also be `none` or `unknown`. Repeat the option for two effects. All other settings are then drawn from the seed
     #[arg(long, value_name = "CAUSE[:SIZE]", value_parser = Hide::parse, conflicts_with_all = ["unloaded", "steady"])]
     hide: Vec<Hide>,
-    /// Draws the machine; the same seed, the same log
+    /// Seed of the machine; the same seed gives the same log
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Number of runs [default: 8]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     runs: Option<u32>,
-    /// Length of a run, s [default: 10]
+    /// Duration of a run, s [default: 10]
     #[arg(long, value_name = "S", value_parser = positive)]
     seconds: Option<f64>,
     /// Sample rate, Hz [default: 1000]
     #[arg(long, value_name = "HZ", value_parser = positive)]
     rate: Option<f64>,
-    /// Standard deviation of the torque sensor, Nm [default: 0.05]
+    /// Standard deviation of the torque sensor's noise, Nm [default: 0.05]
     #[arg(long, value_name = "NM", value_parser = positive)]
     noise: Option<f64>,
-    /// No side load and no pressure
+    /// Simulate without side load and pressure
     #[arg(long)]
     unloaded: bool,
-    /// Steady sliding only
+    /// Simulate steady sliding only
     #[arg(long)]
     steady: bool,
-    /// The CAN trace as candump, Vector or PEAK write it: trace.log, trace.asc, trace.trc
+    /// Format of the CAN trace: candump (trace.log), Vector (trace.asc) or PEAK (trace.trc)
     #[arg(long, value_name = "FORMAT", value_enum, default_value_t = TraceFormat::Candump)]
     format: TraceFormat,
 }
@@ -73,11 +73,11 @@ impl From<TraceFormat> for TextFormat {
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number > 0.0 && number <= 1e6 => Ok(number),
-        _ => Err("expected a number above 0 and up to 1e6".into()),
+        _ => Err("expected a number above 0 and at most 1e6".into()),
     }
 }
 
-/// The names of the simulations, each with what it is.
+/// Returns the parser of the machine's name; the help lists every machine with its description.
 fn simulations() -> impl TypedValueParser<Value = &'static dyn Simulation> {
     let values = SIMULATIONS.iter().map(|of| PossibleValue::new(of.name()).help(of.about()));
     PossibleValuesParser::new(values).try_map(|name| {
@@ -86,7 +86,7 @@ fn simulations() -> impl TypedValueParser<Value = &'static dyn Simulation> {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments) -> Result<(), String> {
+pub fn run(arguments: &SimulateArguments) -> Result<(), String> {
     let request = Request {
         seed: arguments.seed,
         runs: arguments.runs.map(|runs| runs as usize),
@@ -101,29 +101,31 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let json = serde_json::to_string_pretty(&truth).map_err(|e| e.to_string())? + "\n";
     let mut files = vec![("data.csv", csv.as_str()), ("truth.json", json.as_str())];
     let format = TextFormat::from(arguments.format);
-    let name = format!("trace.{}", format.ending());
+    let name = format!("trace.{}", format.extension());
     let trace = trace(&log, format).map_err(|error| format!("{name}: {error}"))?;
     files.extend(trace.as_ref().map(|trace| (name.as_str(), trace.as_str())));
     arguments.output.write(&files)?;
     if arguments.output.json {
-        return say(&json);
+        return print_text(&json);
     }
     let out = arguments.output.folder().display();
     let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
     let (runs, rows, seed) = (log.runs.len(), log.rows(), arguments.seed);
     let hidden: String = hidden.iter().map(|line| format!("{line}\n")).collect();
     let written = written.join(", ");
-    say(&format!("simulated: {runs} runs, {rows} rows, seed {seed}\n{hidden}written: {written}\n"))
+    print_text(&format!(
+        "simulated: {runs} runs, {rows} rows, seed {seed}\n{hidden}written: {written}\n"
+    ))
 }
 
-/// Rows from which on no trace is written: six frames each would be a gigabyte.
-const MOST_TRACED: usize = 2_000_000;
+/// Maximum number of rows for which a CAN trace is written. At six frames per row, this is about one gigabyte.
+const MAX_TRACED_ROWS: usize = 2_000_000;
 
-/// The log as it would have been traced on the joint's bus; none of a log of several joints, whose drivers would each
-/// have a bus's share of frames.
+/// Returns the CAN trace of the log. Returns `None` for a log of several joints, because a trace holds the frames of one
+/// driver, and for a log with more than [`MAX_TRACED_ROWS`] rows.
 fn trace(log: &Log, format: TextFormat) -> Result<Option<String>, String> {
     let is_one_joint = log.columns.iter().any(|name| ["torque_nm", "force_n"].contains(&&**name));
-    if log.rows() > MOST_TRACED || !is_one_joint {
+    if log.rows() > MAX_TRACED_ROWS || !is_one_joint {
         return Ok(None);
     }
     let data = &simulated::dataset(log);

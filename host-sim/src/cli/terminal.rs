@@ -1,26 +1,26 @@
-//! A result as a terminal shows it: lines broken between words, and colour where it helps.
+//! Formats a text for a terminal: wraps lines between words and adds colour.
 //!
-//! What a line is, its beginning tells: `1.` a sentence of an answer, `-` a thing to beware of, `log:` what is wrong
-//! with the log, `written:` where the files are. Lines of tables and pictures stay as they are.
+//! The beginning of a line selects its colour: `1.` is a sentence of the result, `-` a remark, `log:` a problem of the
+//! log, `written:` the list of files. Lines of tables stay unchanged.
 
 const BOLD: &str = "\x1b[1m";
 const DIM: &str = "\x1b[2m";
 const YELLOW: &str = "\x1b[33m";
 const CYAN: &str = "\x1b[36m";
-const PLAIN: &str = "\x1b[0m";
+const RESET: &str = "\x1b[0m";
 
-/// The text for a terminal so many columns wide.
-pub fn laid_out(text: &str, width: usize, colour: bool) -> String {
+/// Returns the text wrapped to `width` columns, with colour codes if `colour` is set.
+pub fn format_for_terminal(text: &str, width: usize, colour: bool) -> String {
     let mut whole = String::with_capacity(text.len() + 256);
     for line in text.lines() {
-        let paint = if colour { paint(line) } else { "" };
-        for (place, part) in broken(line, width).iter().enumerate() {
+        let style = if colour { line_style(line) } else { "" };
+        for (place, part) in wrap(line, width).iter().enumerate() {
             if place > 0 {
-                whole.push_str(&" ".repeat(hanging(line)));
+                whole.push_str(&" ".repeat(hanging_indent(line)));
             }
-            match paint {
+            match style {
                 "" => whole.push_str(part),
-                paint => whole.extend([paint, part.as_str(), PLAIN]),
+                style => whole.extend([style, part.as_str(), RESET]),
             }
             whole.push('\n');
         }
@@ -28,20 +28,21 @@ pub fn laid_out(text: &str, width: usize, colour: bool) -> String {
     whole
 }
 
-/// How a line begins, without its blanks.
-fn begins(line: &str, with: &str) -> bool {
+/// Returns true if the line starts with `with` after its leading blanks.
+fn starts_with_text(line: &str, with: &str) -> bool {
     line.trim_start().starts_with(with)
 }
 
-/// Whether it is a numbered sentence.
+/// Returns true if the line is a numbered sentence.
 fn is_numbered(line: &str) -> bool {
     line.split_once(". ")
         .is_some_and(|(number, _)| !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()))
 }
 
-fn paint(line: &str) -> &'static str {
+/// Returns the colour code of a line, or an empty text for the default colour.
+fn line_style(line: &str) -> &'static str {
     match line {
-        line if line.starts_with("log:") || begins(line, "- ") => YELLOW,
+        line if line.starts_with("log:") || starts_with_text(line, "- ") => YELLOW,
         line if line.starts_with("written:") => DIM,
         line if is_numbered(line) && !line.starts_with("1.") => "",
         line if is_numbered(line) => BOLD,
@@ -51,12 +52,12 @@ fn paint(line: &str) -> &'static str {
     }
 }
 
-/// How far the parts after the first are set in.
-fn hanging(line: &str) -> usize {
+/// Returns the indent of the second and following parts of a wrapped line, in columns.
+fn hanging_indent(line: &str) -> usize {
     let blanks = line.len() - line.trim_start().len();
     let bullet = if is_numbered(line) {
         line.find(". ").map_or(0, |at| at + 2)
-    } else if begins(line, "- ") {
+    } else if starts_with_text(line, "- ") {
         2
     } else {
         0
@@ -64,25 +65,26 @@ fn hanging(line: &str) -> usize {
     blanks + bullet
 }
 
-/// A line in parts of this many columns at most, broken at blanks; one word may be longer. Rows of tables, which
-/// are as wide as they are, stay whole.
-fn broken(line: &str, width: usize) -> Vec<String> {
+/// Splits a line at blanks into parts of at most `width` columns; a single longer word stays whole. Table rows are not
+/// split.
+fn wrap(line: &str, width: usize) -> Vec<String> {
     let is_table = line.contains(['═', '─']) || line.trim_start().contains("   ");
     if line.chars().count() <= width || is_table {
         return vec![line.to_owned()];
     }
-    let (inset, mut parts) = (hanging(line), vec![String::new()]);
+    let (indent, mut parts) = (hanging_indent(line), vec![String::new()]);
     let blanks = line.len() - line.trim_start().len();
     parts[0].push_str(&line[..blanks]);
     for word in line.split_whitespace() {
         let at = parts.len() - 1;
-        let room = if at == 0 { width } else { width.saturating_sub(inset) };
-        let own = parts[at].trim_start().is_empty();
-        let long = parts[at].chars().count() + usize::from(!own) + word.chars().count() > room;
-        if long && !own {
+        let room = if at == 0 { width } else { width.saturating_sub(indent) };
+        let is_empty = parts[at].trim_start().is_empty();
+        let is_too_long =
+            parts[at].chars().count() + usize::from(!is_empty) + word.chars().count() > room;
+        if is_too_long && !is_empty {
             parts.push(word.to_owned());
         } else {
-            if !own {
+            if !is_empty {
                 parts[at].push(' ');
             }
             parts[at].push_str(word);
@@ -101,30 +103,27 @@ mod tests {
         written: out/report.html\n";
 
     #[test]
-    fn no_line_is_wider_than_the_terminal_and_no_word_is_lost() {
+    fn format_for_terminal_keeps_every_word_within_the_width() {
         for width in [40, 80, 120] {
-            let laid_out = laid_out(TEXT, width, false);
-            assert!(laid_out.lines().all(|line| line.chars().count() <= width), "{laid_out}");
+            let formatted = format_for_terminal(TEXT, width, false);
+            assert!(formatted.lines().all(|line| line.chars().count() <= width), "{formatted}");
             let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
-            assert_eq!(words(&laid_out), words(TEXT));
+            assert_eq!(words(&formatted), words(TEXT));
         }
-        assert!(
-            laid_out(TEXT, 60, false).contains("\n   the logged"),
-            "{}",
-            laid_out(TEXT, 60, false)
-        );
+        let narrow = format_for_terminal(TEXT, 60, false);
+        assert!(narrow.contains("\n   the logged"), "{narrow}");
         let row =
             " lugre            0.3410     16.3 %      15.9 %     0.1602     -219690     1.1 s ";
-        assert_eq!(laid_out(row, 60, true), format!("{row}\n"));
+        assert_eq!(format_for_terminal(row, 60, true), format!("{row}\n"));
     }
 
     #[test]
-    fn colour_says_what_a_line_is() {
-        let painted = laid_out(TEXT, 80, true);
+    fn format_for_terminal_with_colour_marks_each_line() {
+        let coloured = format_for_terminal(TEXT, 80, true);
         assert!(
-            painted.starts_with(YELLOW) && painted.contains(&format!("{BOLD}1. ")),
-            "{painted}"
+            coloured.starts_with(YELLOW) && coloured.contains(&format!("{BOLD}1. ")),
+            "{coloured}"
         );
-        assert_eq!(painted.matches(PLAIN).count(), painted.lines().count());
+        assert_eq!(coloured.matches(RESET).count(), coloured.lines().count());
     }
 }

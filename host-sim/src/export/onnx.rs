@@ -1,16 +1,18 @@
-//! A network as an ONNX graph: one evaluation, its memory going in and out.
+//! Export of a network as an ONNX graph: one evaluation, with its state as input and output.
 //!
 //! ```text
 //! inputs [1, N]   output [1, 8]   cell [1, 8]   factors [1, 3]   share [1, 1]   known [1, 1]
-//!   -> one evaluation, as compensator_core::network takes it ->
+//!   -> one evaluation, as in compensator_core::network ->
 //! factors_next    output_next     cell_next     share_next       outside
 //! ```
-//! The gates' squashing functions are rational and ONNX's own LSTM has none such, so the graph is built of sums and
-//! products: what runs there is what runs on the driver, in `f32`, up to the order of sums. A loop feeds what comes out
-//! back in; it begins with `factors` and `share` at 1 and the rest at 0. `known` is 1 where the stroke is one trained
-//! on; that guard (`network::stroke`) goes along the motion, and is left to whoever runs the graph.
+//! The activation functions of the gates are rational, and ONNX's LSTM operator has no such functions. The graph
+//! therefore consists of sums and products. It computes in `f32` and equals the driver except for the order of sums.
 //!
-//! The messages are the few of `onnx.proto` (version 1.17) that a graph of tensors needs, by their numbers there.
+//! The caller feeds the outputs back as inputs, starting with `factors` and `share` at 1 and the others at 0. `known` is
+//! 1 if the current stroke is similar to those of the training data. The caller must evaluate this guard
+//! (`network::stroke`), because it needs the motion.
+//!
+//! The message types are the part of `onnx.proto` (version 1.17) that a graph of tensors needs, with its field numbers.
 
 use compensator_core::network::{CELL_LIMIT, GATES};
 use friction_identification::network::{CELLS, NetworkFile};
@@ -18,11 +20,11 @@ use prost::Message;
 
 /// `TensorProto.DataType`: `f32`.
 const FLOAT: i32 = 1;
-/// `AttributeProto.AttributeType`: a whole number.
+/// `AttributeProto.AttributeType`: an integer.
 const INT: i32 = 2;
-/// Of the operators; 13 is the first in which all used here are as they are now.
-const OPERATORS: i64 = 13;
-/// `IR_VERSION` that goes with them.
+/// Version of the operator set. Version 13 is the first that contains all operators used here in their current form.
+const OPERATOR_SET_VERSION: i64 = 13;
+/// `IR_VERSION` that belongs to this operator set.
 const IR_VERSION: i64 = 7;
 
 #[derive(Clone, PartialEq, Message)]
@@ -139,14 +141,14 @@ struct Dimension {
     dim_value: i64,
 }
 
-/// A value of one row and so many columns.
+/// Declares a value with one row and the given number of columns.
 fn row(name: &str, columns: usize) -> ValueInfo {
     let dim = [1, columns as i64].map(|dim_value| Dimension { dim_value }).to_vec();
     let tensor = TensorType { elem_type: FLOAT, shape: Some(Shape { dim }) };
     ValueInfo { name: name.into(), r#type: Some(Type { tensor_type: Some(tensor) }) }
 }
 
-/// A graph as it grows: each operator's result has a name of its own.
+/// Builds a graph. The result of each operator has a unique name.
 #[derive(Default)]
 struct Builder {
     nodes: Vec<Node>,
@@ -164,7 +166,7 @@ impl Builder {
         name.into()
     }
 
-    /// A number by itself.
+    /// Adds a scalar constant and returns its name.
     fn number(&mut self, number: f64) -> String {
         let name = format!("number_{number}");
         if !self.tensors.iter().any(|tensor| tensor.name == name) {
@@ -188,28 +190,28 @@ impl Builder {
         self.named(operator, inputs, &name)
     }
 
-    /// The operator last added has a whole number as an attribute.
-    fn with(&mut self, name: &str, i: i64) {
+    /// Adds an integer attribute to the last operator.
+    fn set_attribute(&mut self, name: &str, i: i64) {
         if let Some(node) = self.nodes.last_mut() {
             node.attribute.push(Attribute { name: name.into(), i, r#type: INT });
         }
     }
 
-    fn clip(&mut self, value: &str, least: f64, most: f64) -> String {
-        let (least, most) = (self.number(least), self.number(most));
-        self.apply("Clip", &[value, &least, &most])
+    fn clip(&mut self, value: &str, min: f64, max: f64) -> String {
+        let (min, max) = (self.number(min), self.number(max));
+        self.apply("Clip", &[value, &min, &max])
     }
 
-    /// `x (a + x^2) / (b + c x^2)` within `end`.
-    fn rational(&mut self, x: &str, end: f64, [a, b, c]: [f64; 3]) -> String {
-        let x = self.clip(x, -end, end);
+    /// `x (a + x^2) / (b + c x^2)`, with `x` clipped to `-limit..=limit`.
+    fn rational(&mut self, x: &str, limit: f64, [a, b, c]: [f64; 3]) -> String {
+        let x = self.clip(x, -limit, limit);
         let square = self.apply("Mul", &[&x, &x]);
         let [a, b, c] = [a, b, c].map(|number| self.number(number));
-        let above = self.apply("Add", &[&a, &square]);
-        let above = self.apply("Mul", &[&x, &above]);
-        let below = self.apply("Mul", &[&c, &square]);
-        let below = self.apply("Add", &[&b, &below]);
-        self.apply("Div", &[&above, &below])
+        let numerator = self.apply("Add", &[&a, &square]);
+        let numerator = self.apply("Mul", &[&x, &numerator]);
+        let denominator = self.apply("Mul", &[&c, &square]);
+        let denominator = self.apply("Add", &[&b, &denominator]);
+        self.apply("Div", &[&numerator, &denominator])
     }
 
     fn squash(&mut self, x: &str) -> String {
@@ -222,7 +224,7 @@ impl Builder {
         self.apply("Add", &[&half, &share])
     }
 
-    /// `x W + b`, or with a second product.
+    /// The sum of the bias and of `x W` for each pair of a value and its weights.
     fn sums(&mut self, parts: &[(&str, &str)], bias: &str) -> String {
         parts.iter().fold(bias.to_owned(), |sum, (value, weights)| {
             let product = self.apply("MatMul", &[value, weights]);
@@ -231,7 +233,7 @@ impl Builder {
     }
 }
 
-/// The graph of a network, as the bytes of a model.
+/// Returns the ONNX model of a network, encoded.
 pub(super) fn model(file: &NetworkFile, source: &str) -> Vec<u8> {
     let mut graph = Builder::default();
     let used = file.inputs.len();
@@ -264,12 +266,12 @@ pub(super) fn model(file: &NetworkFile, source: &str) -> Vec<u8> {
         ir_version: IR_VERSION,
         producer_name: "host-sim".into(),
         doc_string: format!(
-            "Factors on coulomb_torque, static_torque (each direction's) and bristle_stiffness of the lugre-asymmetric in \
-             {source}. One evaluation; feed what comes out back in. Begin with factors and share 1, output and cell 0; \
-             known is 1 where the stroke is one that was trained on."
+            "Factors on coulomb_torque, static_torque (of each direction) and bristle_stiffness of the model lugre-asymmetric in \
+             {source}. One evaluation; feed the outputs back as inputs. Start with factors and share 1, output and cell 0; \
+             known is 1 if the stroke is similar to those of the training data."
         ),
         graph: Some(graph),
-        opset_import: vec![OperatorSet { domain: String::new(), version: OPERATORS }],
+        opset_import: vec![OperatorSet { domain: String::new(), version: OPERATOR_SET_VERSION }],
         metadata_props: vec![
             entry("inputs", file.inputs.join(",")),
             entry("evaluation_period_s", file.period_s.to_string()),
@@ -278,14 +280,15 @@ pub(super) fn model(file: &NetworkFile, source: &str) -> Vec<u8> {
     model.encode_to_vec()
 }
 
-/// The inputs over their ranges, and 1 where one lies outside or the stroke is unknown.
+/// Adds the input guard. Returns the names of the scaled inputs and of `outside`, which is 1 if an input is outside its
+/// range or the stroke is not known.
 fn guard(graph: &mut Builder, file: &NetworkFile) -> (String, String) {
     let used = file.inputs.len();
     let ranges = &file.network.inputs[..used];
     let middle = graph.tensor("middle", &[1, used], ranges.iter().map(|range| range.middle));
     let per_unit = graph.tensor("per_unit", &[1, used], ranges.iter().map(|range| range.per_unit));
     let (zero, one) = (graph.number(0.0), graph.number(1.0));
-    // What is not a number counts as the middle, and as outside.
+    // NaN is replaced by the middle of the range and counts as outside.
     let missing = graph.apply("IsNaN", &["inputs"]);
     let from_middle = graph.apply("Sub", &["inputs", &middle]);
     let scaled = graph.apply("Mul", &[&from_middle, &per_unit]);
@@ -294,17 +297,17 @@ fn guard(graph: &mut Builder, file: &NetworkFile) -> (String, String) {
     let beyond = graph.apply("Greater", &[&size, &one]);
     let beyond = graph.apply("Or", &[&beyond, &missing]);
     let beyond = graph.apply("Cast", &[&beyond]);
-    graph.with("to", FLOAT.into());
+    graph.set_attribute("to", FLOAT.into());
     let any = graph.apply("ReduceMax", &[&beyond]);
-    graph.with("keepdims", 1);
+    graph.set_attribute("keepdims", 1);
     let unknown = graph.apply("Sub", &[&one, "known"]);
     let any = graph.apply("Max", &[&any, &unknown]);
-    // A row of one, whatever the number of inputs.
+    // One value, independent of the number of inputs.
     let outside = graph.named("Identity", &[&any], "outside");
     (graph.clip(&scaled, -1.0, 1.0), outside)
 }
 
-/// The recurrent layer; gives the name of its output.
+/// Adds the recurrent layer. Returns the name of its output.
 fn recurrent(graph: &mut Builder, file: &NetworkFile, scaled: &str) -> String {
     let (cells, used) = (&file.network.lstm.cells, file.inputs.len());
     let gates: [String; GATES] = ["forget", "input", "output", "candidate"].map(|name| {
@@ -334,7 +337,7 @@ fn recurrent(graph: &mut Builder, file: &NetworkFile, scaled: &str) -> String {
     graph.named("Mul", &[&output, &squashed], "output_next")
 }
 
-/// The readout, its bounds, the share and the slew limit.
+/// Adds the readout with its bounds, the share of the network, and the slew limit.
 fn factors(graph: &mut Builder, file: &NetworkFile, output: &str, outside: &str) {
     let network = &file.network;
     let readout = &network.readout;
@@ -348,12 +351,12 @@ fn factors(graph: &mut Builder, file: &NetworkFile, output: &str, outside: &str)
     let width = graph.tensor("width", &[1, 3], bounds.iter().map(|bound| bound.most - bound.least));
     let above = graph.apply("Mul", &[&width, &share_of_range]);
     let targets = graph.apply("Add", &[&least, &above]);
-    // The static factor is never below the Coulomb one: the first column stands in the second's place as well.
+    // The static factor must not be below the Coulomb factor. This matrix copies the first column to the second.
     let places = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     let places = graph.tensor("coulomb_twice", &[3, 3], places.into_iter());
     let floor = graph.apply("MatMul", &[&targets, &places]);
     let targets = graph.apply("Max", &[&targets, &floor]);
-    // Up by `fade` inside, down by as much outside.
+    // The share rises by `fade` per evaluation inside the range and falls by `fade` outside.
     let (one, fade, twice) =
         (graph.number(1.0), graph.number(network.fade), graph.number(2.0 * network.fade));
     let loss = graph.apply("Mul", &[&twice, outside]);

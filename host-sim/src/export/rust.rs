@@ -1,12 +1,12 @@
-//! Rust constants: every number of the model by its name, exact in `f32`.
+//! Export as Rust constants: every number of the model by its name, exact in `f32`.
 
-use super::Export;
+use super::ExportedModel;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use friction_identification::params::{ParameterFile, unit};
 use std::fmt::Write as _;
 
-/// A struct of named numbers as a constant.
+/// Writes a struct of named numbers as a constant.
 fn fields(text: &mut String, doc: &str, name: &str, kind: &str, names: &[&str], values: &[f32]) {
     let _ = writeln!(text, "\n/// {doc}\npub const {name}: {kind} = {kind} {{");
     for (field, value) in names.iter().zip(values) {
@@ -15,20 +15,20 @@ fn fields(text: &mut String, doc: &str, name: &str, kind: &str, names: &[&str], 
     text.push_str("};\n");
 }
 
-/// The file.
-pub(super) fn export(file: &ParameterFile, source: &str) -> Export {
+/// Exports the model as Rust constants.
+pub(super) fn export(file: &ParameterFile, source: &str) -> ExportedModel {
     let configuration = file.friction();
     let model = &configuration.model;
     let mut text = format!(
         "//! Friction model `{}`, written by `host-sim export {source} --to rust`.\n\
          //!\n\
-         //! `Compensator::<f32>::build(&configuration(), period_s)` validates and builds it; the numbers are\n\
-         //! exact in `f32`, so it gives the bits of the file it came from.\n\n\
+         //! `Compensator::<f32>::build(&configuration(), period_s)` validates and builds it. The numbers are\n\
+         //! exact in `f32`, so the result is bit-identical to that of the parameter file.\n\n\
          use compensator_core::compensator::CompensatorParameters;\n\
          use compensator_core::configuration::Configuration;\n\
          use compensator_core::parameters::{{Choices, Envelope}};\n\
          use compensator_core::{{LawKind, ParameterId, Parameters, TermKind}};\n\n\
-         /// The law.\n\
+         /// Friction law.\n\
          pub const LAW: LawKind = LawKind::{:?};\n\n",
         file.spec.full_name(),
         model.law
@@ -36,14 +36,14 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Export {
     let terms: Vec<String> = model.terms.iter().map(|term| format!("TermKind::{term:?}")).collect();
     let _ = writeln!(
         text,
-        "/// Its terms, in the order they act.\npub const TERMS: [TermKind; {}] = [{}];\n",
+        "/// Terms of the model, in the order of evaluation.\npub const TERMS: [TermKind; {}] = [{}];\n",
         terms.len(),
         terms.join(", ")
     );
     let active: Vec<_> = model.active().collect();
     let _ = writeln!(
         text,
-        "/// Its parameters, in the unit beside each.\npub const VALUES: [(ParameterId, f32); {}] = [",
+        "/// Parameters of the model, each in the unit beside it.\npub const VALUES: [(ParameterId, f32); {}] = [",
         active.len()
     );
     for id in &active {
@@ -54,14 +54,14 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Export {
     let choices = model.choices;
     let _ = write!(
         text,
-        "\n/// What is not a number.\npub const CHOICES: Choices = Choices {{\n    damping_fades: {},\n    \
+        "\n/// Options of the law.\npub const CHOICES: Choices = Choices {{\n    damping_fades: {},\n    \
          printed_extended: {},\n    allow_active: {},\n}};\n",
         choices.damping_fades, choices.printed_extended, choices.allow_active
     );
     let envelope = model.envelope.to_array();
     fields(
         &mut text,
-        "What the model may meet.",
+        "Valid range of the inputs.",
         "ENVELOPE",
         "Envelope",
         &Envelope::NAMES,
@@ -71,14 +71,14 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Export {
     let names = &CompensatorParameters::NAMES;
     fields(
         &mut text,
-        "How it is used.",
+        "Parameters of the compensator.",
         "COMPENSATOR",
         "CompensatorParameters",
         names,
         &compensator,
     );
     text.push_str(
-        "\n/// All of it together, to build a compensator of.\n\
+        "\n/// Returns the configuration from which a compensator is built.\n\
          pub fn configuration() -> Configuration {\n    \
              let mut model = Parameters::new(LAW);\n    \
              for term in TERMS {\n        model.add_term(term);\n    }\n    \
@@ -87,7 +87,7 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Export {
              Configuration { model, compensator: COMPENSATOR }\n}\n",
     );
     let terms = if terms.is_empty() { "" } else { ", with its feature `terms`" };
-    Export {
+    ExportedModel {
         content: text.into_bytes(),
         notes: vec![format!(
             "needs the crate compensator-core{terms}: Compensator::<f32>::build(&configuration(), period_s)"

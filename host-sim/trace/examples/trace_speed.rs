@@ -1,9 +1,9 @@
-//! How fast a CAN log is read on one core: a line each, frames per second.
+//! Speed of reading a CAN log on one core, in frames per second; one line for each reader.
 //!
-//! `tests/bench` runs it. Text to frames, by this project's reader and by that of the `socketcan` crate, and
-//! text to a joint's samples.
+//! `tests/bench` runs it. It measures text to frames, by this reader and by that of the `socketcan` crate, and text to
+//! samples of a joint.
 
-use compensator_core::can::Node;
+use compensator_core::can::NodeId;
 use joint_trace::{Assembler, Fraction, TraceSample, Writer, candump};
 use socketcan::dump::Reader;
 use std::time::Instant;
@@ -12,7 +12,7 @@ const SAMPLES: u32 = 400_000;
 
 fn main() {
     let mut log = Vec::new();
-    let mut writer = Writer::new(&mut log, "vcan0", Node::FIRST, Fraction::Microseconds);
+    let mut writer = Writer::new(&mut log, "vcan0", NodeId::FIRST, Fraction::Microseconds);
     for sequence in 0..SAMPLES {
         let mut sample = TraceSample::EMPTY;
         sample.time_ns = 1_436_509_052_000_000_000 + u64::from(sequence) * 200_000;
@@ -22,7 +22,7 @@ fn main() {
         (sample.torque.torque_nm, sample.torque.load_torque_nm) = (2.0 * value, 5.0);
         (sample.seal.radial_force_n, sample.seal.pressure_diff_pa) = (40.0, 2e5);
         sample.surroundings.temperature_c = 12.0 + value;
-        // Writing to memory does not fail.
+        // Writing to memory cannot fail.
         let _ = writer.sample(&sample);
     }
     let lines = || log.split_inclusive(|byte| *byte == b'\n');
@@ -46,7 +46,7 @@ fn main() {
     measure("host-sim, samples of a joint", &|| {
         let mut assembler = Assembler::default();
         let parsed = lines().flat_map(candump::parse);
-        let samples = parsed.filter_map(|line| assembler.take(0, &line));
+        let samples = parsed.filter_map(|line| assembler.push(0, &line));
         samples.fold(0, |sum, sample| sum ^ sample.time_ns)
     });
 }

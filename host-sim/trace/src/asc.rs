@@ -11,14 +11,14 @@
 //! End TriggerBlock
 //! ```
 //!
-//! Numbers are in the base the file says, times from the beginning of the measurement or, as it says too, from the event
-//! before. CAN FD events and all others (statistics, markers, environment variables) are passed over.
+//! The header states the base of the numbers. It also states whether a time counts from the start of the measurement or
+//! from the previous event. CAN FD events and all other events (statistics, markers, variables) are skipped.
 
 use crate::candump::{CanFrame, Direction, Fraction, Line};
-use crate::text::{Frames, LATEST_NS, data_frame, fraction_digits, nanoseconds, words};
+use crate::text::{Frames, MAX_TIME_NS, data_frame, fraction_digits, nanoseconds, words};
 use std::io::Write;
 
-/// What the lines above say of those below.
+/// Settings from the lines read so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct State {
     is_decimal: bool,
@@ -26,8 +26,8 @@ pub(crate) struct State {
     time_ns: u64,
 }
 
-/// Whether a file that begins so is one.
-pub(crate) fn is_it(head: &[u8]) -> bool {
+/// Returns true if a file with this beginning is in this format.
+pub(crate) fn is_format_of(head: &[u8]) -> bool {
     let mut lines = head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
     lines
         .by_ref()
@@ -35,7 +35,7 @@ pub(crate) fn is_it(head: &[u8]) -> bool {
         .any(|line| line.starts_with(b"base hex") || line.starts_with(b"base dec"))
 }
 
-/// Reads a line.
+/// Parses a line.
 pub(crate) fn parse<'a>(line: &'a [u8], state: &mut State) -> Frames<'a> {
     let mut words = words(line);
     let first = words.next().unwrap_or_default();
@@ -48,7 +48,7 @@ pub(crate) fn parse<'a>(line: &'a [u8], state: &mut State) -> Frames<'a> {
         return Frames::None;
     };
     let time_ns = if state.is_relative {
-        state.time_ns.saturating_add(time_ns).min(LATEST_NS)
+        state.time_ns.saturating_add(time_ns).min(MAX_TIME_NS)
     } else {
         time_ns
     };
@@ -64,7 +64,7 @@ pub(crate) fn parse<'a>(line: &'a [u8], state: &mut State) -> Frames<'a> {
     let direction = match words.next() {
         Some(b"Rx") => Direction::Received,
         Some(b"Tx") => Direction::Sent,
-        // TxRq, statistics, and whatever else has a channel.
+        // TxRq, statistics, and other events with a channel.
         _ => return Frames::None,
     };
     let (digits, extended) = match identifier {
@@ -81,8 +81,8 @@ pub(crate) fn parse<'a>(line: &'a [u8], state: &mut State) -> Frames<'a> {
     }
 }
 
-/// What stands above all lines.
-pub(crate) fn head(out: &mut Vec<u8>) {
+/// Appends the header of the file.
+pub(crate) fn emit_header(out: &mut Vec<u8>) {
     let lines: [&[u8]; 4] = [
         b"date Thu Jan 1 00:00:00.000 am 1970\n",
         b"base hex  timestamps absolute\n",
@@ -92,12 +92,12 @@ pub(crate) fn head(out: &mut Vec<u8>) {
     lines.iter().for_each(|line| out.extend_from_slice(line));
 }
 
-/// What stands below them.
-pub(crate) fn tail(out: &mut Vec<u8>) {
+/// Appends the end of the file.
+pub(crate) fn emit_footer(out: &mut Vec<u8>) {
     out.extend_from_slice(b"End TriggerBlock\n");
 }
 
-/// Appends a line; frames that are no classic data are left out. Every interface is channel 1.
+/// Appends a line. Only classic data frames are written. Every interface is channel 1.
 pub(crate) fn emit(line: &Line, fraction: Fraction, out: &mut Vec<u8>) {
     let CanFrame::Data { identifier, extended, length, bytes } = line.frame else { return };
     let (seconds, rest) = (line.time_ns / 1_000_000_000, line.time_ns % 1_000_000_000);

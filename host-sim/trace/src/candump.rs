@@ -1,4 +1,4 @@
-//! One line of a `candump -L` log, read and written.
+//! The lines of a `candump -L` log, read and written.
 //!
 //! ```text
 //! (1436509052.249713) vcan0 044#2A366C2BBA        data, 11-bit identifier
@@ -9,106 +9,106 @@
 //! (0000000001.000000) can0 20000004#000C000000000000   error frame
 //! ```
 //!
-//! The grammar is that of can-utils (`lib.h`, `candump.c`). Read from bytes, without copies: logs have
-//! millions of lines. The `socketcan` crate has such a parser; it takes microseconds only, allocates for
-//! each line, and brings the sockets with it.
+//! The grammar is that of can-utils (`lib.h`, `candump.c`). The parser reads bytes without copies, because logs have
+//! millions of lines. The parser of the `socketcan` crate is not used: it reads microseconds only, allocates for each
+//! line, and depends on the socket code.
 
 use std::fmt;
 
 /// Flag of an error frame in an identifier of eight digits.
 const ERROR_FLAG: u32 = 0x2000_0000;
-const LAST_EXTENDED: u32 = 0x1FFF_FFFF;
-const LAST_STANDARD: u32 = 0x7FF;
+const MAX_EXTENDED_IDENTIFIER: u32 = 0x1FFF_FFFF;
+const MAX_STANDARD_IDENTIFIER: u32 = 0x7FF;
 
-/// Latest stamp, s: what nanoseconds in 64 bits hold, rounded down.
-const LAST_SECOND: u64 = 18_000_000_000;
+/// Maximum time stamp, s: the range of nanoseconds in 64 bits, rounded down.
+const MAX_TIME_S: u64 = 18_000_000_000;
 
-/// Longest data of a CAN FD frame.
-const LONGEST: usize = 64;
+/// Maximum data of a CAN FD frame, in bytes.
+const MAX_FD_BYTES: usize = 64;
 
-/// A line, understood.
+/// A parsed line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Line<'a> {
-    /// The stamp, ns; of the epoch or of whatever the logger counts from.
+    /// Time stamp, ns, since the epoch or since the start of the log.
     pub time_ns: u64,
-    /// The interface, as `can0`.
+    /// Name of the interface, for example `can0`.
     pub interface: &'a [u8],
-    /// What was on the bus.
+    /// The frame on the bus.
     pub frame: CanFrame,
-    /// Which way it went, where the log says so.
+    /// Direction of the frame, if the log states it.
     pub direction: Option<Direction>,
 }
 
-/// What a line can hold.
+/// A CAN frame of any kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CanFrame {
     /// Classic data.
     Data {
-        /// 11 or 29 bits.
+        /// Identifier of 11 or 29 bits.
         identifier: u32,
-        /// Whether 29.
+        /// True if the identifier has 29 bits.
         extended: bool,
-        /// How many of the bytes count.
+        /// Number of valid bytes.
         length: u8,
-        /// The data, 0 behind its end.
+        /// Data, padded with 0.
         bytes: [u8; 8],
     },
     /// A remote request.
     Remote {
-        /// 11 or 29 bits.
+        /// Identifier of 11 or 29 bits.
         identifier: u32,
-        /// Whether 29.
+        /// True if the identifier has 29 bits.
         extended: bool,
-        /// Bytes asked for.
+        /// Number of requested bytes.
         length: u8,
     },
     /// CAN FD data.
     Flexible {
-        /// 11 or 29 bits.
+        /// Identifier of 11 or 29 bits.
         identifier: u32,
-        /// Whether 29.
+        /// True if the identifier has 29 bits.
         extended: bool,
-        /// Bit rate switched, error state, in four bits.
+        /// Four flag bits, among them bit rate switch and error state.
         flags: u8,
-        /// How many of the bytes count.
+        /// Number of valid bytes.
         length: u8,
-        /// The data, 0 behind its end.
-        bytes: [u8; LONGEST],
+        /// Data, padded with 0.
+        bytes: [u8; MAX_FD_BYTES],
     },
-    /// What the controller reports of the bus.
+    /// An error reported by the controller.
     Error {
-        /// Classes of error, a bit each.
+        /// Error classes, one bit each.
         class: u32,
-        /// How many of the bytes count.
+        /// Number of valid bytes.
         length: u8,
-        /// Details, 0 behind their end.
+        /// Details, padded with 0.
         bytes: [u8; 8],
     },
 }
 
-/// Which way a frame went.
+/// Direction of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// `R`.
+    /// Received (`R`).
     Received,
-    /// `T`.
+    /// Sent (`T`).
     Sent,
 }
 
-/// Digits behind the point of a stamp.
+/// Number of decimal digits of a time stamp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fraction {
-    /// Six, as candump writes them by default.
+    /// Six digits, the default of candump.
     #[default]
     Microseconds,
-    /// Nine.
+    /// Nine digits.
     Nanoseconds,
 }
 
-/// Which part of a line is not what it should be.
+/// The part of a line that is malformed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineError {
-    /// The stamp.
+    /// The time stamp.
     Time,
     /// The interface.
     Interface,
@@ -116,16 +116,16 @@ pub enum LineError {
     Identifier,
     /// The data.
     Data,
-    /// What follows the frame.
+    /// The text after the frame.
     Direction,
 }
 
 impl LineError {
-    /// What should stand there.
+    /// Returns a description of the expected text.
     pub const fn expected(self) -> &'static str {
         match self {
-            Self::Time => "a stamp as (1436509052.249713)",
-            Self::Interface => "an interface as can0 after the stamp",
+            Self::Time => "a time stamp such as (1436509052.249713)",
+            Self::Interface => "an interface such as can0 after the time stamp",
             Self::Identifier => "an identifier of three or eight hexadecimal digits and #",
             Self::Data => "hexadecimal data after the identifier, two digits a byte",
             Self::Direction => "nothing, R or T after the frame",
@@ -141,7 +141,7 @@ impl fmt::Display for LineError {
 
 impl std::error::Error for LineError {}
 
-/// Value of each hexadecimal digit; [`NO_DIGIT`] for all else.
+/// Value of each hexadecimal digit; [`NO_DIGIT`] for all other bytes.
 const DIGITS: [u8; 256] = {
     let mut table = [NO_DIGIT; 256];
     let mut digit = 0;
@@ -154,10 +154,10 @@ const DIGITS: [u8; 256] = {
 };
 const NO_DIGIT: u8 = 0xFF;
 
-/// Reads a line, with or without its end.
+/// Parses a line, with or without its line end.
 ///
 /// # Errors
-/// Says which part is wrong; never panics, whatever the bytes.
+/// Returns the malformed part. Never panics for any input.
 #[inline]
 pub fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
     let line = line.trim_ascii();
@@ -173,11 +173,11 @@ pub fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
     Ok(Line { time_ns, interface, frame: frame(text)?, direction })
 }
 
-/// The stamp in ns, and what follows it.
+/// Returns the time stamp in ns and the rest of the line.
 #[inline]
 fn stamp(line: &[u8]) -> Option<(u64, &[u8])> {
     let mut rest = line.strip_prefix(b"(")?;
-    // The form candump writes, whose places are known: a third of the time of the general one.
+    // Fast path for the fixed-width form that candump writes.
     if let Some((text, after)) = rest.split_first_chunk::<18>()
         && (text[10], text[17]) == (b'.', b')')
         && let (Some(seconds), Some(fraction)) = (decimals(&text[..10]), decimals(&text[11..17]))
@@ -200,7 +200,7 @@ fn stamp(line: &[u8]) -> Option<(u64, &[u8])> {
     };
     let (seconds, _, point) = number(12)?;
     let (fraction, digits, close) = number(9)?;
-    if point != b'.' || close != b')' || seconds >= LAST_SECOND {
+    if point != b'.' || close != b')' || seconds >= MAX_TIME_S {
         return None;
     }
     const UNITS: [u64; 10] =
@@ -208,7 +208,7 @@ fn stamp(line: &[u8]) -> Option<(u64, &[u8])> {
     Some((seconds * 1_000_000_000 + fraction * UNITS[digits], rest))
 }
 
-/// The number of these digits, if they are.
+/// Returns the decimal number, or `None` if a byte is not a digit.
 #[inline(always)]
 fn decimals(text: &[u8]) -> Option<u64> {
     let (mut value, mut largest) = (0u64, 0u8);
@@ -220,7 +220,7 @@ fn decimals(text: &[u8]) -> Option<u64> {
     (largest <= 9).then_some(value)
 }
 
-/// The next word, which a blank precedes, and what follows it.
+/// Returns the next word, which must follow a blank, and the rest.
 #[inline]
 fn word(text: &[u8]) -> Option<(&[u8], &[u8])> {
     let start = text.trim_ascii_start();
@@ -239,7 +239,7 @@ fn frame(text: &[u8]) -> Result<CanFrame, LineError> {
     };
     let identifier = identifier.ok_or(LineError::Identifier)?;
     let is_error = extended && identifier & ERROR_FLAG != 0;
-    let last = if extended { LAST_EXTENDED } else { LAST_STANDARD };
+    let last = if extended { MAX_EXTENDED_IDENTIFIER } else { MAX_STANDARD_IDENTIFIER };
     if !is_error && identifier > last {
         return Err(LineError::Identifier);
     }
@@ -254,7 +254,7 @@ fn frame(text: &[u8]) -> Result<CanFrame, LineError> {
         }
         [b'#', flags, data @ ..] if !is_error => {
             let flags = DIGITS[usize::from(*flags)];
-            let mut bytes = [0; LONGEST];
+            let mut bytes = [0; MAX_FD_BYTES];
             let (length, rest) = payload(data, &mut bytes).ok_or(LineError::Data)?;
             if flags == NO_DIGIT || !rest.is_empty() {
                 return Err(LineError::Data);
@@ -266,7 +266,7 @@ fn frame(text: &[u8]) -> Result<CanFrame, LineError> {
             let (length, rest) = payload(data, &mut bytes).ok_or(LineError::Data)?;
             raw_length(rest, length)?;
             Ok(if is_error {
-                CanFrame::Error { class: identifier & LAST_EXTENDED, length, bytes }
+                CanFrame::Error { class: identifier & MAX_EXTENDED_IDENTIFIER, length, bytes }
             } else {
                 CanFrame::Data { identifier, extended, length, bytes }
             })
@@ -285,10 +285,10 @@ fn hexadecimal(digits: &[u8]) -> Option<u32> {
     (wrong != NO_DIGIT).then_some(value)
 }
 
-/// Reads bytes of two digits each, a dot allowed before each; gives how many and what follows.
+/// Parses bytes of two digits each, with an optional dot before each. Returns their number and the rest.
 #[inline]
 fn payload<'a>(text: &'a [u8], bytes: &mut [u8]) -> Option<(u8, &'a [u8])> {
-    // Eight bytes without dots, as nearly every frame.
+    // Fast path: eight bytes without dots, the form of nearly every frame.
     if let (Some((digits, rest)), Ok(eight)) =
         (text.split_first_chunk::<16>(), <&mut [u8; 8]>::try_from(&mut *bytes))
     {
@@ -323,7 +323,7 @@ fn payload<'a>(text: &'a [u8], bytes: &mut [u8]) -> Option<(u8, &'a [u8])> {
     Some((length, rest))
 }
 
-/// Nothing, or the raw length code of eight bytes, as `_E`.
+/// Accepts an empty text or the raw length code of eight bytes, such as `_E`.
 #[inline]
 fn raw_length(text: &[u8], length: u8) -> Result<(), LineError> {
     match text {
@@ -333,7 +333,7 @@ fn raw_length(text: &[u8], length: u8) -> Result<(), LineError> {
     }
 }
 
-/// Appends the line, with its end, as candump writes it. A raw length code is not kept.
+/// Appends the line and its line end in the form of candump. A raw length code is not written.
 pub fn emit(line: &Line, fraction: Fraction, out: &mut Vec<u8>) {
     let (seconds, nanoseconds) = (line.time_ns / 1_000_000_000, line.time_ns % 1_000_000_000);
     out.push(b'(');
@@ -390,7 +390,7 @@ fn nibble(value: u32) -> u8 {
     b"0123456789ABCDEF"[(value & 0xF) as usize]
 }
 
-/// A number with leading zeros, at least `digits` long.
+/// Appends a number with leading zeros, at least `digits` long.
 fn decimal(number: u64, digits: usize, out: &mut Vec<u8>) {
     let mut text = [b'0'; 20];
     let (mut rest, mut start) = (number, text.len());

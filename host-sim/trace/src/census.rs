@@ -1,7 +1,7 @@
-//! What frames are in a log: their identifiers, and how many of each.
+//! The census of a log: its identifiers, and the number of frames of each.
 //!
-//! For the one question a reader has where a log lacks what was looked for: what is in it, then? Nothing is counted
-//! while a log is read as it should be; this walks the file again.
+//! An error message lists them if a log has no frames of the expected joint. The census reads the file a second time,
+//! so normal reading does not pay for it.
 
 use super::candump::CanFrame;
 use super::text::{Frames, TextFormat, TextReader};
@@ -9,30 +9,30 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, BufRead, Read};
 
-/// Identifiers told by name.
-const MOST_TOLD: usize = 12;
+/// Maximum number of identifiers listed in a message.
+const MAX_LISTED_IDENTIFIERS: usize = 12;
 
-/// Longer than any line of a log.
-const LONGEST_LINE: u64 = 4096;
+/// Maximum length of a line, in bytes. Lines of all formats are shorter.
+const MAX_LINE_BYTES: u64 = 4096;
 
-/// Frames by their identifier.
+/// Number of frames by identifier.
 #[derive(Clone, Debug, Default)]
 pub struct Census {
     counts: BTreeMap<u32, u64>,
 }
 
 impl Census {
-    /// Counts the frames of a log in any of the text formats; what is no frame is passed over.
+    /// Counts the frames of a log in any of the text formats. Lines without a frame are skipped.
     ///
     /// # Errors
-    /// As the reader.
+    /// Returns the error of the reader.
     pub fn of(mut log: impl BufRead) -> io::Result<Self> {
         let (mut census, mut line) = (Self::default(), Vec::new());
         let format = TextFormat::of(log.fill_buf()?).unwrap_or_default();
         let mut reader = TextReader::new(format);
         loop {
             line.clear();
-            if log.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)? == 0 {
+            if log.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line)? == 0 {
                 return Ok(census);
             }
             if let Frames::Line(found) = reader.read(&line)
@@ -50,11 +50,13 @@ impl fmt::Display for Census {
             return f.write_str("no frames");
         }
         f.write_str("frames ")?;
-        for (place, (identifier, count)) in self.counts.iter().take(MOST_TOLD).enumerate() {
+        for (place, (identifier, count)) in
+            self.counts.iter().take(MAX_LISTED_IDENTIFIERS).enumerate()
+        {
             let comma = if place > 0 { ", " } else { "" };
             write!(f, "{comma}{identifier:03X} ({count})")?;
         }
-        let more = self.counts.len().saturating_sub(MOST_TOLD);
+        let more = self.counts.len().saturating_sub(MAX_LISTED_IDENTIFIERS);
         if more > 0 { write!(f, " and {more} more identifiers") } else { Ok(()) }
     }
 }
@@ -64,14 +66,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_identifier_is_told_with_its_number_of_frames_up_to_a_dozen() {
+    fn census_with_many_identifiers_lists_twelve_with_their_counts() {
         let of = |log: &str| Census::of(log.as_bytes()).unwrap().to_string();
         assert_eq!(of(""), "no frames");
         assert_eq!(of("rubbish\n(1.0) can0 080#01\n"), "frames 080 (1)");
         let log = "(1.0) can0 201#00\n(1.0) can0 080#01\n(2.0) can0 201#00\n";
         assert_eq!(of(log), "frames 080 (1), 201 (2)");
         let many: String = (0..15).map(|at| format!("(1.0) can0 {at:03X}#\n")).collect();
-        let told = of(&many);
-        assert!(told.ends_with("00B (1) and 3 more identifiers"), "{told}");
+        let listed = of(&many);
+        assert!(listed.ends_with("00B (1) and 3 more identifiers"), "{listed}");
     }
 }

@@ -1,4 +1,4 @@
-//! A joint's frames among all frames.
+//! Conversion between a joint's frames and general CAN frames.
 
 use crate::candump::CanFrame;
 use compensator_core::can::Frame;
@@ -14,14 +14,14 @@ impl From<Frame> for CanFrame {
 }
 
 impl CanFrame {
-    /// As a frame a joint knows: classic data with an 11-bit identifier; `None` for any other.
+    /// Converts to a joint frame. Returns `None` unless the frame is classic data with an 11-bit identifier.
     pub fn to_joint(&self) -> Option<Frame> {
         let Self::Data { identifier, extended: false, length, bytes } = self else { return None };
         let identifier = u16::try_from(*identifier).ok()?;
         Frame::new(identifier, bytes.get(..usize::from(*length))?)
     }
 
-    /// The data there are; none of a remote request, details of an error frame.
+    /// Returns the data. A remote request has none; an error frame has its details.
     pub fn data(&self) -> &[u8] {
         let (bytes, length): (&[u8], u8) = match self {
             Self::Data { bytes, length, .. } | Self::Error { bytes, length, .. } => {
@@ -33,7 +33,7 @@ impl CanFrame {
         bytes.get(..usize::from(length)).unwrap_or(bytes)
     }
 
-    /// The data, to be changed in place.
+    /// Returns the data for modification in place.
     pub fn data_mut(&mut self) -> &mut [u8] {
         let (bytes, length): (&mut [u8], u8) = match self {
             Self::Data { bytes, length, .. } | Self::Error { bytes, length, .. } => {
@@ -52,16 +52,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_joints_frame_there_and_back() {
+    fn joint_frame_converted_both_ways_is_unchanged() {
         for data in [&[][..], &[1, 2, 3], &[255; 8]] {
             let frame = Frame::new(0x7FF, data).expect("legal");
-            let there = CanFrame::from(frame);
-            assert_eq!((there.to_joint(), there.data()), (Some(frame), data));
+            let converted = CanFrame::from(frame);
+            assert_eq!((converted.to_joint(), converted.data()), (Some(frame), data));
         }
     }
 
     #[test]
-    fn others_are_no_joints() {
+    fn to_joint_with_other_frames_returns_none() {
         let bytes = [0; 8];
         let wide = CanFrame::Data { identifier: 1, extended: true, length: 0, bytes };
         let large = CanFrame::Data { identifier: 0x800, extended: false, length: 0, bytes };

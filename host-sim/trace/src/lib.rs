@@ -1,11 +1,15 @@
-//! CAN logs of a joint: what `candump -L`, Vector's and PEAK's tools write, read and written.
+//! CAN logs of a joint in the formats of `candump -L`, Vector (ASC) and PEAK (TRC), read and written.
 //!
-//! A joint's samples travel as the process frames of [`compensator_core::can`]. A log of them holds what a
-//! CSV file of the contract holds, in `f32`: time is the stamp of the SYNC that ends a sample, a run
-//! begins where an SDO download gives its number, a gap in time is a gap. With the driver's answers in it,
-//! it also says what a replay must give, bit by bit. The way of a line: [`text`] (which format; [`candump`] and the
-//! others, text to frame) -> [`samples`] (frames to samples); [`writer`] goes the other way; [`census`] says what frames
-//! there are. What else is on the bus may be in the log, and is passed over and counted.
+//! A joint's samples are transmitted as the process frames of [`compensator_core::can`]. A log of these frames holds
+//! the same columns as a CSV log, in `f32`:
+//!
+//! * The time of a sample is the time stamp of the SYNC that ends it.
+//! * A run begins with an SDO download of its number.
+//! * The driver's answers are the reference of a replay, bit for bit.
+//!
+//! A line passes through [`text`] (format detection; [`candump`] and the other parsers) and [`samples`] (frames to
+//! samples). [`writer`] is the reverse direction. [`census`] counts the frames of a log. Frames of other devices are
+//! counted and skipped.
 
 mod asc;
 pub mod candump;

@@ -1,53 +1,55 @@
-//! Frames put together to samples.
+//! Assembly of frames into samples.
 //!
-//! A SYNC ends a sample: its stamp is the sample's time, and the two fast PDOs, motion and torque, must
-//! have come since the SYNC before. The slow ones, seal and surroundings, keep their last values, as a
-//! driver keeps them: a thermometer need not speak at every sample. The driver's answers come after the
-//! SYNC, so a sample is handed out when the next one begins. One joint on one interface is followed, the
-//! first whose inputs are seen; inputs of others are told in the [`Summary`], for two joints are two data
-//! sets. A frame of the joint that is damaged spoils its sample and no other.
+//! * A SYNC ends a sample. Its time stamp is the time of the sample.
+//! * The fast PDOs (motion, torque) must arrive between two SYNCs. The slow PDOs (seal, surroundings) keep their last
+//!   values, as in the driver.
+//! * The driver's answers follow the SYNC, so a sample is complete when the next one begins.
+//! * The assembler follows one joint on one interface: the first joint whose inputs it receives. The [`Summary`] lists
+//!   the others, because each joint is a data set of its own.
+//! * A damaged frame of the joint invalidates its own sample only.
 
 use super::candump::{CanFrame, Line};
 use compensator_core::can::{
-    Answer, Entry, Frame, FrameError, JointKind, Message, Motion, Node, Seal, Status, Surroundings,
-    Sync, Torque,
+    AnswerFrame, Frame, FrameError, JointKind, Message, MotionFrame, NodeId, SealFrame,
+    StatusFrame, SurroundingsFrame, SyncFrame, TorqueFrame, TraceEntry,
 };
 use compensator_core::quantity::Quantity;
 
-/// A sample as it was on the bus. What nobody measures, and what did not arrive, is NaN.
+/// A sample on the bus. A quantity that was not measured or not received is NaN.
 #[derive(Clone, Copy, Debug)]
 pub struct TraceSample {
-    /// Line of the SYNC in the log, from 1.
+    /// Line number of the SYNC in the log, from 1.
     pub line: u64,
-    /// Stamp of the SYNC, ns.
+    /// Time stamp of the SYNC, ns.
     pub time_ns: u64,
-    /// The run it belongs to; `None` before the first run begins.
+    /// Run number; `None` before the first run begins.
     pub run: Option<u32>,
-    /// Its number in the run, from 0; lost ones counted.
+    /// Number of the sample in the run, from 0. Lost samples count.
     pub sequence: u32,
-    /// How the joint moves.
-    pub motion: Motion,
-    /// What drives it.
-    pub torque: Torque,
-    /// What presses the seal.
-    pub seal: Seal,
-    /// What else changes friction.
-    pub surroundings: Surroundings,
-    /// What the driver made of it.
-    pub answer: Option<Answer>,
-    /// What happened on the way.
-    pub status: Option<Status>,
-    /// A frame of this sample that could not be read.
+    /// Motion of the joint.
+    pub motion: MotionFrame,
+    /// Torque at the joint.
+    pub torque: TorqueFrame,
+    /// Side load and pressure at the seal.
+    pub seal: SealFrame,
+    /// Temperature and auxiliary covariate.
+    pub surroundings: SurroundingsFrame,
+    /// Answer of the driver, if it is in the log.
+    pub answer: Option<AnswerFrame>,
+    /// Status of the driver, if it is in the log.
+    pub status: Option<StatusFrame>,
+    /// Error of a frame of this sample that could not be parsed.
     pub fault: Option<FrameError>,
 }
 
-const NO_MOTION: Motion = Motion { velocity_rad_s: f32::NAN, position_rad: f32::NAN };
-const NO_TORQUE: Torque = Torque { torque_nm: f32::NAN, load_torque_nm: f32::NAN };
-const NO_SEAL: Seal = Seal { radial_force_n: f32::NAN, pressure_diff_pa: f32::NAN };
-const NO_SURROUNDINGS: Surroundings = Surroundings { temperature_c: f32::NAN, auxiliary: f32::NAN };
+const NO_MOTION: MotionFrame = MotionFrame { velocity_rad_s: f32::NAN, position_rad: f32::NAN };
+const NO_TORQUE: TorqueFrame = TorqueFrame { torque_nm: f32::NAN, load_torque_nm: f32::NAN };
+const NO_SEAL: SealFrame = SealFrame { radial_force_n: f32::NAN, pressure_diff_pa: f32::NAN };
+const NO_SURROUNDINGS: SurroundingsFrame =
+    SurroundingsFrame { temperature_c: f32::NAN, auxiliary: f32::NAN };
 
 impl TraceSample {
-    /// A sample of which nothing is known.
+    /// A sample without any value.
     pub const EMPTY: Self = Self {
         line: 0,
         time_ns: 0,
@@ -62,22 +64,22 @@ impl TraceSample {
         fault: None,
     };
 
-    /// What was measured of a quantity, in the unit of its column in a log; NaN of what was not, and of what
-    /// no frame carries.
+    /// Returns the measured value of a quantity, in the unit of its log column. Returns NaN if it was not measured or if
+    /// no frame carries it.
     pub fn get(&self, quantity: Quantity) -> f32 {
         let mut copy = *self;
-        copy.place(quantity).map_or(f32::NAN, |value| *value)
+        copy.field_mut(quantity).map_or(f32::NAN, |value| *value)
     }
 
-    /// Sets what was measured of a quantity; of what no frame carries, nothing.
+    /// Sets the measured value of a quantity. Does nothing if no frame carries it.
     pub fn set(&mut self, quantity: Quantity, value: f32) {
-        if let Some(place) = self.place(quantity) {
-            *place = value;
+        if let Some(field) = self.field_mut(quantity) {
+            *field = value;
         }
     }
 
-    /// Where a quantity stands in the frames.
-    fn place(&mut self, quantity: Quantity) -> Option<&mut f32> {
+    /// Returns the field of a quantity, or `None` if no frame carries it.
+    fn field_mut(&mut self, quantity: Quantity) -> Option<&mut f32> {
         Some(match quantity {
             Quantity::Velocity => &mut self.motion.velocity_rad_s,
             Quantity::Position => &mut self.motion.position_rad,
@@ -92,45 +94,45 @@ impl TraceSample {
     }
 }
 
-/// What there was in a log.
+/// Counts of a log.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
     /// Lines with a frame.
     pub frames: u64,
-    /// Samples that were ended by a SYNC.
+    /// Samples completed by a SYNC.
     pub samples: u64,
-    /// Samples that are missing by the count of the SYNCs.
+    /// Missing samples, from the counter of the SYNCs.
     pub lost: u64,
-    /// Samples with an answer of the driver.
+    /// Samples with an answer from the driver.
     pub answers: u64,
     /// Error frames.
     pub errors: u64,
-    /// Frames that are no process data of the joint.
+    /// Frames that are not process data of the joint.
     pub foreign: u64,
-    /// The joint that was followed: interface and node.
+    /// Interface and node number of the joint that was followed.
     pub joint: Option<(String, u8)>,
-    /// Joints with inputs of their own that were not followed, the first few.
+    /// Other joints with inputs in the log; at most 16.
     pub others: Vec<(String, u8)>,
-    /// Whether the joint turns or slides.
+    /// Kind of the joint: revolute or prismatic.
     pub kind: JointKind,
 }
 
-/// How many joints beside the one followed are told by name.
-const MOST_OTHERS: usize = 16;
+/// Maximum number of other joints in [`Summary::others`].
+const MAX_OTHER_JOINTS: usize = 16;
 
-/// Takes frames and gives samples.
+/// Assembles frames into samples.
 #[derive(Debug)]
 pub struct Assembler {
-    joint: Option<(Box<[u8]>, Node)>,
-    /// What has come since the last SYNC, and what the slow PDOs hold.
+    joint: Option<(Box<[u8]>, NodeId)>,
+    /// Values since the last SYNC, and the last values of the slow PDOs.
     open: TraceSample,
-    heard_motion: bool,
-    heard_torque: bool,
-    /// The sample that waits for its answers.
+    has_motion: bool,
+    has_torque: bool,
+    /// The completed sample, whose answers may follow.
     closed: Option<TraceSample>,
-    /// Number and counter of the last SYNC in this run.
+    /// Sequence number and counter of the last SYNC in this run.
     last: Option<(u32, u8)>,
-    /// The number the next sample was said to have.
+    /// Sequence number announced for the next sample.
     announced: Option<u32>,
     summary: Summary,
 }
@@ -140,8 +142,8 @@ impl Default for Assembler {
         Self {
             joint: None,
             open: TraceSample::EMPTY,
-            heard_motion: false,
-            heard_torque: false,
+            has_motion: false,
+            has_torque: false,
             closed: None,
             last: None,
             announced: None,
@@ -151,9 +153,9 @@ impl Default for Assembler {
 }
 
 impl Assembler {
-    /// Takes the next line of a log; gives the sample it shows to be complete.
+    /// Processes the next line of a log. Returns the previous sample once it is complete.
     #[inline]
-    pub fn take(&mut self, number: u64, line: &Line) -> Option<TraceSample> {
+    pub fn push(&mut self, number: u64, line: &Line) -> Option<TraceSample> {
         self.summary.frames += 1;
         let frame = match &line.frame {
             CanFrame::Data { identifier, extended: false, length, bytes } => {
@@ -180,28 +182,28 @@ impl Assembler {
         }
     }
 
-    /// The last sample, and what there was.
+    /// Returns the last sample and the summary.
     pub fn finish(mut self) -> (Option<TraceSample>, Summary) {
-        let last = self.hand_out();
+        let last = self.take_completed();
         self.summary.joint = self.joint.as_ref().map(|(interface, node)| named(interface, *node));
         (last, self.summary)
     }
 
-    fn hand_out(&mut self) -> Option<TraceSample> {
+    fn take_completed(&mut self) -> Option<TraceSample> {
         let sample = self.closed.take()?;
         self.summary.samples += 1;
         self.summary.answers += u64::from(sample.answer.is_some());
         Some(sample)
     }
 
-    /// Whether the frame is of the joint that is followed; the first input decides which that is.
+    /// Returns true if the frame belongs to the followed joint. The first input selects that joint.
     #[inline]
-    fn follows(&mut self, interface: &[u8], node: Node) -> bool {
+    fn select_or_match(&mut self, interface: &[u8], node: NodeId) -> bool {
         match &self.joint {
             Some((own, own_node)) => {
                 let is_own = *own_node == node && **own == *interface;
                 if !is_own {
-                    self.other(interface, node);
+                    self.count_other(interface, node);
                 }
                 is_own
             }
@@ -212,17 +214,17 @@ impl Assembler {
         }
     }
 
-    fn other(&mut self, interface: &[u8], node: Node) {
+    fn count_other(&mut self, interface: &[u8], node: NodeId) {
         self.summary.foreign += 1;
         let others = &mut self.summary.others;
         let known =
             |other: &(String, u8)| other.1 == node.number() && other.0.as_bytes() == interface;
-        if others.len() < MOST_OTHERS && !others.iter().any(known) {
+        if others.len() < MAX_OTHER_JOINTS && !others.iter().any(known) {
             others.push(named(interface, node));
         }
     }
 
-    fn is_own(&self, interface: &[u8], node: Node) -> bool {
+    fn is_own(&self, interface: &[u8], node: NodeId) -> bool {
         self.joint.as_ref().is_some_and(|(own, number)| *number == node && **own == *interface)
     }
 
@@ -231,44 +233,44 @@ impl Assembler {
         let interface = line.interface;
         match message {
             Message::Motion(node, motion) => {
-                if self.follows(interface, node) {
+                if self.select_or_match(interface, node) {
                     self.open.motion = motion;
-                    self.heard_motion = true;
-                    return self.hand_out();
+                    self.has_motion = true;
+                    return self.take_completed();
                 }
             }
             Message::Torque(node, torque) => {
-                if self.follows(interface, node) {
+                if self.select_or_match(interface, node) {
                     self.open.torque = torque;
-                    self.heard_torque = true;
-                    return self.hand_out();
+                    self.has_torque = true;
+                    return self.take_completed();
                 }
             }
             Message::Seal(node, seal) => {
-                if self.follows(interface, node) {
+                if self.select_or_match(interface, node) {
                     self.open.seal = seal;
-                    return self.hand_out();
+                    return self.take_completed();
                 }
             }
             Message::Surroundings(node, surroundings) => {
-                if self.follows(interface, node) {
+                if self.select_or_match(interface, node) {
                     self.open.surroundings = surroundings;
-                    return self.hand_out();
+                    return self.take_completed();
                 }
             }
-            // What the joint was told to do, and did, is no part of a sample.
+            // Commands and telemetry are not part of a sample.
             Message::Command(..) | Message::Telemetry(..) => {}
             Message::Entry(node, entry) => {
-                if self.follows(interface, node) {
-                    let before = self.hand_out();
+                if self.select_or_match(interface, node) {
+                    let before = self.take_completed();
                     self.entry(entry);
                     return before;
                 }
             }
             Message::Sync(sync) => {
-                let same_bus = |(own, _): &(Box<[u8]>, Node)| **own == *interface;
+                let same_bus = |(own, _): &(Box<[u8]>, NodeId)| **own == *interface;
                 if self.joint.as_ref().is_some_and(same_bus) {
-                    let before = self.hand_out();
+                    let before = self.take_completed();
                     self.close(number, line.time_ns, sync);
                     return before;
                 }
@@ -292,45 +294,45 @@ impl Assembler {
         None
     }
 
-    fn entry(&mut self, entry: Entry) {
+    fn entry(&mut self, entry: TraceEntry) {
         match entry {
-            Entry::Run(run) => {
-                // What the slow PDOs said was of another run.
+            TraceEntry::Run(run) => {
+                // The values of the slow PDOs belong to the previous run.
                 self.open = TraceSample { run: Some(run), ..TraceSample::EMPTY };
-                (self.heard_motion, self.heard_torque) = (false, false);
+                (self.has_motion, self.has_torque) = (false, false);
                 (self.last, self.announced) = (None, Some(0));
             }
-            Entry::Sequence(number) => self.announced = Some(number),
-            Entry::JointKind(kind) => self.summary.kind = kind,
+            TraceEntry::Sequence(number) => self.announced = Some(number),
+            TraceEntry::JointKind(kind) => self.summary.kind = kind,
         }
     }
 
     #[inline]
-    fn close(&mut self, number: u64, time_ns: u64, sync: Sync) {
+    fn close(&mut self, number: u64, time_ns: u64, sync: SyncFrame) {
         let sequence = self.count(sync);
-        // A SYNC for others on the bus ends no sample of this joint.
-        if self.heard_motion || self.heard_torque || self.open.fault.is_some() {
+        // A SYNC without values of this joint ends no sample of it.
+        if self.has_motion || self.has_torque || self.open.fault.is_some() {
             let mut sample = TraceSample { line: number, time_ns, sequence, ..self.open };
             if sample.fault.is_some() {
-                // Whichever frame it was: a slow PDO would else pass with its old value.
+                // Invalidates the sample whichever frame is damaged: a slow PDO would otherwise keep its old value.
                 sample.motion = NO_MOTION;
             }
             self.closed = Some(sample);
             self.open.motion = NO_MOTION;
             self.open.torque = NO_TORQUE;
             self.open.fault = None;
-            (self.heard_motion, self.heard_torque) = (false, false);
+            (self.has_motion, self.has_torque) = (false, false);
         }
     }
 
-    /// The number of the sample this SYNC ends. Without a number said in full, a loss of a multiple of
-    /// 240 goes unseen.
+    /// Returns the sequence number of the sample that this SYNC ends. Without an announced number, the loss of a
+    /// multiple of 240 samples is not detected.
     #[inline]
-    fn count(&mut self, sync: Sync) -> u32 {
+    fn count(&mut self, sync: SyncFrame) -> u32 {
         let sequence = match (self.announced.take(), self.last) {
             (Some(announced), _) => announced,
             (None, Some((last, counter))) => {
-                let round = u32::from(Sync::LAST);
+                let round = u32::from(SyncFrame::LAST);
                 let passed = (round + u32::from(sync.counter) - u32::from(counter)) % round;
                 last.wrapping_add(if passed == 0 { round } else { passed })
             }
@@ -344,13 +346,13 @@ impl Assembler {
     }
 
     fn fault(&mut self, line: &Line, frame: &Frame, fault: FrameError) {
-        let node = Node::new((frame.identifier() & 0x7F) as u8);
+        let node = NodeId::new((frame.identifier() & 0x7F) as u8);
         let is_sync = frame.identifier() == 0x080;
-        let own = |(own, number): &(Box<[u8]>, Node)| {
+        let own = |(own, number): &(Box<[u8]>, NodeId)| {
             **own == *line.interface && (is_sync || node == Some(*number))
         };
         match &self.joint {
-            // The sample is not ended by it, and the next one's number shows that.
+            // A damaged SYNC ends no sample. The next sequence number shows the loss.
             Some(joint) if own(joint) && is_sync => {}
             Some(joint) if own(joint) => self.open.fault = Some(fault),
             _ => self.summary.foreign += 1,
@@ -358,7 +360,7 @@ impl Assembler {
     }
 }
 
-fn named(interface: &[u8], node: Node) -> (String, u8) {
+fn named(interface: &[u8], node: NodeId) -> (String, u8) {
     (String::from_utf8_lossy(interface).into_owned(), node.number())
 }
 
@@ -367,24 +369,24 @@ mod tests {
     use super::*;
     use crate::candump;
 
-    /// The samples of a log, and what there was in it.
+    /// Returns the samples and the summary of a log.
     fn assemble(log: &str) -> (Vec<TraceSample>, Summary) {
         let mut assembler = Assembler::default();
         let mut samples = Vec::new();
         for (at, line) in log.lines().enumerate() {
             let line = candump::parse(line.trim().as_bytes()).unwrap();
-            samples.extend(assembler.take(at as u64 + 1, &line));
+            samples.extend(assembler.push(at as u64 + 1, &line));
         }
         let (last, summary) = assembler.finish();
         samples.extend(last);
         (samples, summary)
     }
 
-    /// 1.0 and 2.0, as a pair of words.
+    /// Data bytes of the pair (1.0, 2.0) in `f32`.
     const ONE_TWO: &str = "0000803F00000040";
 
     #[test]
-    fn a_sync_ends_a_sample_and_answers_follow_it() {
+    fn assembler_with_sync_completes_sample_and_attaches_answers() {
         let (samples, summary) = assemble(&format!(
             "(1.000000) can0 601#2300200105000000
              (1.001000) can0 481#{ONE_TWO}
@@ -414,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_lost_is_counted_and_what_is_damaged_spoils_one_sample() {
+    fn assembler_with_lost_and_damaged_frames_counts_losses_and_invalidates_one_sample() {
         let pair = format!("(1.0) can0 481#{ONE_TWO}\n(1.0) can0 681#{ONE_TWO}\n");
         let (samples, summary) = assemble(&format!(
             "{pair}(1.0) can0 080#EF
@@ -434,12 +436,12 @@ mod tests {
         let length = FrameError::Length { identifier: 0x481, found: 4, expected: 8 };
         assert_eq!(samples[2].fault, Some(length));
         assert!(samples[2].motion.velocity_rad_s.is_nan() && samples[3].fault.is_none());
-        assert!(samples[3].torque.torque_nm.is_nan(), "a fast PDO that is missing is missing");
+        assert!(samples[3].torque.torque_nm.is_nan(), "a missing fast PDO is NaN");
         assert!(samples[4].torque.torque_nm == 1.0);
     }
 
     #[test]
-    fn one_joint_is_followed_and_the_rest_of_the_bus_passed_over() {
+    fn assembler_with_several_joints_follows_the_first() {
         let (samples, summary) = assemble(&format!(
             "(1.0) can0 080#01
              (1.0) can0 000#0102

@@ -1,12 +1,12 @@
-//! CAN logs as text, whoever wrote them: which of the formats a file is in, and its lines as frames.
+//! The text formats of CAN logs: detection of the format, and lines to frames.
 //!
-//! [`candump`] says all there is in each line. Vector's and PEAK's formats say above what the numbers
-//! below mean, so their lines are read by a [`TextReader`], which remembers it.
+//! A line of [`candump`] is complete by itself. The formats of Vector and PEAK have headers that define the following
+//! lines, so a [`TextReader`] keeps these settings.
 
 use crate::candump::{self, CanFrame, Fraction, Line, LineError};
 use crate::{asc, trc};
 
-/// A format.
+/// A text format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TextFormat {
     /// `candump -L`.
@@ -19,23 +19,23 @@ pub enum TextFormat {
 }
 
 impl TextFormat {
-    /// The format of a file that begins so; `None` if it is no CAN log.
+    /// Returns the format of a file with this beginning, or `None` if it is not a CAN log.
     pub fn of(head: &[u8]) -> Option<Self> {
-        if asc::is_it(head) {
+        if asc::is_format_of(head) {
             return Some(Self::Asc);
         }
-        if trc::is_it(head) {
+        if trc::is_format_of(head) {
             return Some(Self::Trc);
         }
         let mut lines = head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
         let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
-        // A line that is cut off by the end of the head has its stamp at least.
+        // A line that ends at the end of `head` still has a complete time stamp.
         let is_candump = first.is_some_and(|line| candump::parse(line) != Err(LineError::Time));
         is_candump.then_some(Self::Candump)
     }
 
-    /// How a file in it ends its name.
-    pub const fn ending(self) -> &'static str {
+    /// Returns the file name extension.
+    pub const fn extension(self) -> &'static str {
         match self {
             Self::Candump => "log",
             Self::Asc => "asc",
@@ -44,18 +44,18 @@ impl TextFormat {
     }
 }
 
-/// What a line is.
+/// The content of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Frames<'a> {
     /// A frame.
     Line(Line<'a>),
-    /// Something else: a remark, a setting, an event of another kind.
+    /// No frame: a comment, a setting, or another event.
     None,
-    /// It begins as a frame and is none.
+    /// A malformed frame.
     Bad(LineError),
 }
 
-/// Reads the lines of a file, in order.
+/// Reads the lines of a file in order.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TextReader {
     format: TextFormat,
@@ -64,12 +64,12 @@ pub struct TextReader {
 }
 
 impl TextReader {
-    /// For a file in that format.
+    /// Creates a reader for this format.
     pub fn new(format: TextFormat) -> Self {
         Self { format, ..Self::default() }
     }
 
-    /// Reads the next line, with or without its end. Never panics, whatever the bytes.
+    /// Parses the next line, with or without its line end. Never panics for any input.
     #[inline]
     pub fn read<'a>(&mut self, line: &'a [u8]) -> Frames<'a> {
         match self.format {
@@ -84,7 +84,7 @@ impl TextReader {
     }
 }
 
-/// Writes lines, in order.
+/// Writes lines in order.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TextWriter {
     pub format: TextFormat,
@@ -103,13 +103,13 @@ impl TextWriter {
             TextFormat::Candump => candump::emit(line, fraction, out),
             TextFormat::Asc => {
                 if is_first {
-                    asc::head(out);
+                    asc::emit_header(out);
                 }
                 asc::emit(line, fraction, out);
             }
             TextFormat::Trc => {
                 if is_first {
-                    trc::head(out);
+                    trc::emit_header(out);
                 }
                 trc::emit(line, self.lines, fraction, out);
             }
@@ -118,20 +118,20 @@ impl TextWriter {
 
     pub fn end(&self, out: &mut Vec<u8>) {
         if self.format == TextFormat::Asc && self.lines > 0 {
-            asc::tail(out);
+            asc::emit_footer(out);
         }
     }
 }
 
-/// The words of a line.
+/// Splits a line into words.
 pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
-/// Latest stamp, ns, as candump's.
-pub(crate) const LATEST_NS: u64 = 17_999_999_999_999_999_999;
+/// Maximum time stamp, ns; the same range as in candump logs.
+pub(crate) const MAX_TIME_NS: u64 = 17_999_999_999_999_999_999;
 
-/// A decimal number of units of `unit_ns`, in ns.
+/// Parses a decimal number in units of `unit_ns`. Returns ns.
 pub(crate) fn nanoseconds(text: &[u8], unit_ns: u64) -> Option<u64> {
     let text = std::str::from_utf8(text).ok()?;
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
@@ -145,10 +145,10 @@ pub(crate) fn nanoseconds(text: &[u8], unit_ns: u64) -> Option<u64> {
         place /= 10;
         time = time.checked_add(u64::from(digit - b'0') * place)?;
     }
-    (time <= LATEST_NS).then_some(time)
+    (time <= MAX_TIME_NS).then_some(time)
 }
 
-/// Digits of the fraction of a second, and the fraction in them.
+/// Returns the number of digits of a fraction of a second, and the fraction in that resolution.
 pub(crate) fn fraction_digits(nanoseconds: u64, fraction: Fraction) -> (usize, u64) {
     match fraction {
         Fraction::Microseconds => (6, nanoseconds / 1000),
@@ -156,7 +156,7 @@ pub(crate) fn fraction_digits(nanoseconds: u64, fraction: Fraction) -> (usize, u
     }
 }
 
-/// The frame after its identifier: `d` or `r`, the length, the bytes.
+/// Parses the frame after its identifier: `d` or `r`, the length, the bytes.
 pub(crate) fn data_frame<'a>(
     identifier: &[u8],
     extended: bool,
@@ -182,7 +182,7 @@ pub(crate) fn data_frame<'a>(
     }
 }
 
-/// So many bytes, each a word in hexadecimal.
+/// Parses `length` bytes, each a hexadecimal word.
 pub(crate) fn payload<'a>(
     length: u8,
     words: &mut impl Iterator<Item = &'a [u8]>,
@@ -215,7 +215,7 @@ mod tests {
         text.lines().map(|line| reader.read(line.as_bytes())).collect()
     }
 
-    /// What is 0x201 with two bytes, at 1.234 ms, received on bus 1.
+    /// Returns a frame with identifier 0x201 and two bytes, received at 1.234 ms on bus 1.
     fn example() -> Line<'static> {
         let bytes = [0x80, 0x3F, 0, 0, 0, 0, 0, 0];
         let frame = CanFrame::Data { identifier: 0x201, extended: false, length: 2, bytes };
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn asc_as_others_write_it() {
+    fn reader_with_asc_file_returns_its_frames() {
         let text = "date Wed May 1 12:00:00.000 pm 2024\nbase hex  timestamps absolute\n\
             Begin Triggerblock Wed May 1\n   0.000000 Start of measurement\n\
             0.001234 1  201             Rx   d 2 80 3F  Length = 230000 BitCount = 120 ID = 513\n\
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn trc_of_each_version() {
+    fn reader_with_each_trc_version_returns_the_same_frame() {
         for text in [
             ";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n 1 1.234 DT 1 0201 Rx - 2 80 3F",
             ";$FILEVERSION=2.0\n;$COLUMNS=N,O,T,I,d,l,D\n 1 1.234 DT 0201 Rx 2 80 3F",
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_again() {
+    fn reader_after_writer_returns_the_same_lines() {
         for format in [TextFormat::Candump, TextFormat::Asc, TextFormat::Trc] {
             for (fraction, time_ns) in
                 [(Fraction::Microseconds, 12_345_678_000), (Fraction::Nanoseconds, 12_345_678_901)]

@@ -8,27 +8,27 @@
 //!      1)         1.2  Rx         0201  8  00 00 80 3F 00 00 00 40
 //! ```
 //!
-//! Times are in ms since the start. What a line holds the version says, from 2.0 on the file itself by a letter a
-//! column: N number, O time, T type (DT data, RR remote), B bus, I identifier, d direction, R reserved, L or l length,
-//! D data. An identifier of more than four digits has 29 bits.
+//! Times are in ms since the start. The version defines the columns of a line. From version 2.0 on, the file names them
+//! with one letter each: N number, O time, T type (DT data, RR remote), B bus, I identifier, d direction, R reserved,
+//! L or l length, D data. An identifier of more than four digits has 29 bits.
 
 use crate::candump::{CanFrame, Direction, Fraction, Line, LineError};
 use crate::text::{Frames, fraction_digits, nanoseconds, payload, words};
 use std::io::Write;
 
-/// Columns a line has, as the letters of `$COLUMNS`, in order.
+/// Columns of a line in order, as the letters of `$COLUMNS`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct State {
     columns: [u8; 12],
 }
 
-/// Columns of the versions that do not name theirs.
-const VERSIONS: [(&[u8], &[u8]); 4] =
+/// Columns of the versions whose files do not name them.
+const VERSION_COLUMNS: [(&[u8], &[u8]); 4] =
     [(b"1.0", b"NOILD"), (b"1.1", b"NOdILD"), (b"1.2", b"NOBdILD"), (b"1.3", b"NOBdIRLD")];
 
 impl Default for State {
     fn default() -> Self {
-        Self::of(VERSIONS[0].1)
+        Self::of(VERSION_COLUMNS[0].1)
     }
 }
 
@@ -40,17 +40,19 @@ impl State {
     }
 }
 
-/// Whether a file that begins so is one.
-pub(crate) fn is_it(head: &[u8]) -> bool {
+/// Returns true if a file with this beginning is in this format.
+pub(crate) fn is_format_of(head: &[u8]) -> bool {
     let mut lines = head.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
     lines.find(|line| !line.is_empty()).is_some_and(|line| line.starts_with(b";$FILEVERSION="))
 }
 
-/// Reads a line.
+/// Parses a line.
 pub(crate) fn parse<'a>(line: &'a [u8], state: &mut State) -> Frames<'a> {
     let line = line.trim_ascii();
     if let Some(version) = line.strip_prefix(b";$FILEVERSION=") {
-        if let Some((_, letters)) = VERSIONS.iter().find(|(of, _)| *of == version.trim_ascii()) {
+        if let Some((_, letters)) =
+            VERSION_COLUMNS.iter().find(|(of, _)| *of == version.trim_ascii())
+        {
             *state = State::of(letters);
         }
         return Frames::None;
@@ -111,8 +113,8 @@ fn frame<'a>(line: &'a [u8], state: &State) -> Result<Frames<'a>, LineError> {
     Ok(Frames::Line(Line { time_ns, interface, frame, direction }))
 }
 
-/// What stands above all lines.
-pub(crate) fn head(out: &mut Vec<u8>) {
+/// Appends the header of the file.
+pub(crate) fn emit_header(out: &mut Vec<u8>) {
     let lines: [&[u8]; 4] = [
         b";$FILEVERSION=2.1\n",
         b";$STARTTIME=25569.0\n",
@@ -122,7 +124,7 @@ pub(crate) fn head(out: &mut Vec<u8>) {
     lines.iter().for_each(|line| out.extend_from_slice(line));
 }
 
-/// Appends a line, the `number`-th; frames that are no classic data are left out. Every interface is bus 1.
+/// Appends the line with this number. Only classic data frames are written. Every interface is bus 1.
 pub(crate) fn emit(line: &Line, number: u64, fraction: Fraction, out: &mut Vec<u8>) {
     let CanFrame::Data { identifier, extended, length, bytes } = line.frame else { return };
     let (milliseconds, rest) = (line.time_ns / 1_000_000, line.time_ns % 1_000_000);

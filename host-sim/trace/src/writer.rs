@@ -1,13 +1,12 @@
-//! Samples as the lines of a CAN log.
+//! Samples written as the lines of a CAN log.
 //!
-//! A sample becomes the frames a driver would have been told it by, all with the sample's time as their
-//! stamp: RPDOs for what is measured, then the SYNC, then the driver's answer where there is one. A run
-//! begins with its number.
+//! A sample becomes the frames that transmit it to a driver, all with the time stamp of the sample: the PDOs of its
+//! measured quantities, the SYNC, and the driver's answer if there is one. A run begins with its number.
 
 use crate::candump::{CanFrame, Fraction, Line};
 use crate::samples::TraceSample;
 use crate::text::{TextFormat, TextWriter};
-use compensator_core::can::{Entry, Message, Node, Sync};
+use compensator_core::can::{Message, NodeId, SyncFrame, TraceEntry};
 use std::io::{self, Write};
 
 /// Writes the frames of one joint.
@@ -15,7 +14,7 @@ use std::io::{self, Write};
 pub struct Writer<'a, W> {
     out: W,
     interface: &'a [u8],
-    node: Node,
+    node: NodeId,
     fraction: Fraction,
     lines: TextWriter,
     text: Vec<u8>,
@@ -23,41 +22,41 @@ pub struct Writer<'a, W> {
 }
 
 impl<'a, W: Write> Writer<'a, W> {
-    /// A writer for a joint on an interface.
-    pub fn new(out: W, interface: &'a str, node: Node, fraction: Fraction) -> Self {
+    /// Creates a writer for one joint on one interface, in the format of candump.
+    pub fn new(out: W, interface: &'a str, node: NodeId, fraction: Fraction) -> Self {
         let interface = interface.as_bytes();
         let lines = TextWriter::default();
         Self { out, interface, node, fraction, lines, text: Vec::new(), run: None }
     }
 
-    /// The same in another format than candump's.
+    /// Selects another text format.
     #[must_use]
     pub fn in_format(mut self, format: TextFormat) -> Self {
         self.lines = TextWriter::new(format);
         self
     }
 
-    /// Puts a message at the end of the log.
+    /// Appends a message to the log.
     ///
     /// # Errors
-    /// As the writer below.
+    /// Returns the error of the underlying writer.
     pub fn message(&mut self, time_ns: u64, message: &Message) -> io::Result<()> {
         self.append(time_ns, message);
         self.flush_text()
     }
 
-    /// Writes a sample: the run's number where another begins, the PDOs of what is measured, the SYNC,
-    /// and the driver's answer where there is one.
+    /// Writes a sample: the run number if a new run begins, the PDOs of the measured quantities, the SYNC, and the
+    /// driver's answer if there is one.
     ///
     /// # Errors
-    /// As the writer below.
+    /// Returns the error of the underlying writer.
     pub fn sample(&mut self, sample: &TraceSample) -> io::Result<()> {
         let (time_ns, node) = (sample.time_ns, self.node);
         let TraceSample { motion, torque, seal, surroundings, .. } = *sample;
         if sample.run != self.run
             && let Some(run) = sample.run
         {
-            self.append(time_ns, &Message::Entry(node, Entry::Run(run)));
+            self.append(time_ns, &Message::Entry(node, TraceEntry::Run(run)));
             self.run = sample.run;
         }
         self.append(time_ns, &Message::Motion(node, motion));
@@ -68,9 +67,9 @@ impl<'a, W: Write> Writer<'a, W> {
         if !(surroundings.temperature_c.is_nan() && surroundings.auxiliary.is_nan()) {
             self.append(time_ns, &Message::Surroundings(node, surroundings));
         }
-        let sync = Sync::of(sample.sequence);
+        let sync = SyncFrame::of(sample.sequence);
         if sync.counter == 1 {
-            self.append(time_ns, &Message::Entry(node, Entry::Sequence(sample.sequence)));
+            self.append(time_ns, &Message::Entry(node, TraceEntry::Sequence(sample.sequence)));
         }
         self.append(time_ns, &Message::Sync(sync));
         if let Some(answer) = sample.answer {
@@ -88,10 +87,10 @@ impl<'a, W: Write> Writer<'a, W> {
         self.lines.emit(&line, self.fraction, &mut self.text);
     }
 
-    /// Ends the log, and hands what was written on to where it goes.
+    /// Writes the end of the log and flushes the underlying writer.
     ///
     /// # Errors
-    /// As the writer below.
+    /// Returns the error of the underlying writer.
     pub fn finish(mut self) -> io::Result<()> {
         self.lines.end(&mut self.text);
         self.flush_text()?;

@@ -1,8 +1,11 @@
-//! Any text as a CAN log, of whatever format it looks like: lines that are read are written and read as the same; whole logs are planned.
+//! Fuzzes the readers of CAN logs with any text.
+//!
+//! The format is detected from the text. Every line that is read must survive writing and reading again, and the
+//! replay plan of the whole log must be consistent.
 
 #![no_main]
 
-use compensator_core::can::Node;
+use compensator_core::can::NodeId;
 use joint_bus::replay::Plan;
 use joint_trace::Assembler;
 use joint_trace::candump::{self, CanFrame, Fraction};
@@ -10,38 +13,38 @@ use joint_trace::{Frames, TextFormat, TextReader};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {
-    let (mut assembler, mut good, mut stamps) = (Assembler::default(), 0, Vec::new());
+    let (mut assembler, mut valid_lines, mut times_ns) = (Assembler::default(), 0, Vec::new());
     let mut lines = TextReader::new(TextFormat::of(data).unwrap_or_default());
     for text in data.split(|byte| *byte == b'\n') {
         let Frames::Line(line) = lines.read(text) else { continue };
-        good += 1;
-        stamps.push(line.time_ns);
+        valid_lines += 1;
+        times_ns.push(line.time_ns);
         if let CanFrame::Data { length, .. } = line.frame {
             assert!(length <= 8);
         }
         let mut written = Vec::new();
         candump::emit(&line, Fraction::Nanoseconds, &mut written);
-        let again = candump::parse(&written).expect("what is written is read");
+        let again = candump::parse(&written).expect("a written line is read");
         assert_eq!(again, line, "{}", String::from_utf8_lossy(&written));
-        let mut twice = Vec::new();
-        candump::emit(&again, Fraction::Nanoseconds, &mut twice);
-        assert_eq!(twice, written);
-        // To the joint's frame and back.
+        let mut rewritten = Vec::new();
+        candump::emit(&again, Fraction::Nanoseconds, &mut rewritten);
+        assert_eq!(rewritten, written);
+        // The conversion to a joint's frame is reversible.
         if let Some(frame) = line.frame.to_joint() {
             assert_eq!(CanFrame::from(frame), line.frame);
         }
-        if let Some(sample) = assembler.take(0, &line) {
-            assert!(stamps.contains(&sample.time_ns), "a sample at a time no frame has");
+        if let Some(sample) = assembler.push(0, &line) {
+            assert!(times_ns.contains(&sample.time_ns), "no frame has the time of the sample");
         }
     }
-    match Plan::parse(data, Node::FIRST) {
+    match Plan::parse(data, NodeId::FIRST) {
         Ok(plan) => {
-            assert!(plan.samples >= 2 && plan.samples <= good);
-            assert!(plan.frames.len() as u64 <= good);
+            assert!(plan.samples >= 2 && plan.samples <= valid_lines);
+            assert!(plan.frames.len() as u64 <= valid_lines);
             assert!(plan.frames.is_sorted_by_key(|planned| planned.due_ns));
             assert!(plan.recorded.is_empty() || plan.recorded.len() as u64 == plan.samples);
             assert!(plan.period_s.is_finite() && plan.period_s >= 0.0);
-            assert!(plan.passed_over.bad_lines * 20 <= plan.lines);
+            assert!(plan.skipped.bad_lines * 20 <= plan.lines);
         }
         Err(error) => assert_eq!(error.to_string().lines().count(), 1, "{error}"),
     }

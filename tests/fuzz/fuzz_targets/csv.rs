@@ -1,4 +1,4 @@
-//! Any bytes as a data file: an error of one line, or data that can be used.
+//! Fuzzes the reader of data files with any bytes: it returns an error of one line or usable data.
 
 #![no_main]
 
@@ -7,11 +7,11 @@ use libfuzzer_sys::fuzz_target;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-/// One file for the whole life of the process: in memory where there is such a place.
+/// The data file, one for each process. It is in memory if the system has a directory for that.
 static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
-    let memory = PathBuf::from("/dev/shm");
-    let folder = if memory.is_dir() { memory } else { std::env::temp_dir() };
-    folder.join(format!("fuzz-{}.csv", std::process::id()))
+    let shared_memory = PathBuf::from("/dev/shm");
+    let directory = if shared_memory.is_dir() { shared_memory } else { std::env::temp_dir() };
+    directory.join(format!("fuzz-{}.csv", std::process::id()))
 });
 
 fuzz_target!(|data: &[u8]| {
@@ -22,8 +22,8 @@ fuzz_target!(|data: &[u8]| {
     let data = match outcome {
         Ok(data) => data,
         Err(error) => {
-            let said = error.to_string();
-            assert!(!said.contains(['\n', '\r']) && said.len() < 4000, "{said:?}");
+            let message = error.to_string();
+            assert!(!message.contains(['\n', '\r']) && message.len() < 4000, "{message:?}");
             return;
         }
     };

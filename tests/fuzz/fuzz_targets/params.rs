@@ -1,8 +1,11 @@
-//! Any text as a parameter file: refused in one line, or a set that a driver takes, written and read as the same.
+//! Fuzzes the parser of parameter files with any text.
+//!
+//! The parser returns an error of one line or a valid file. A set that the driver accepts must survive writing and
+//! reading again.
 
 #![no_main]
 
-// The file itself: the crate it belongs to, fits, papers and pages, takes minutes to build.
+// The module alone is included, because its crate takes minutes to build.
 #[allow(dead_code)]
 #[path = "../../../host-sim/src/driver_file.rs"]
 mod driver_file;
@@ -16,25 +19,25 @@ fuzz_target!(|data: &[u8]| {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let file = match parse(text) {
         Ok(file) => file,
-        Err(why) => {
-            assert!(!why.is_empty() && !why.contains('\n'), "{why:?}");
+        Err(error) => {
+            assert!(!error.is_empty() && !error.contains('\n'), "{error:?}");
             return;
         }
     };
-    file.parameters.validate().expect("what is read is valid");
+    file.parameters.validate().expect("a parsed file is valid");
     let mut set = ParameterSet::default();
     apply(&file, &mut set);
-    // In `f32`, and with the rest of the driver, it may be refused; it is no panic.
+    // The values in f32, or together with the driver's other parameters, may be invalid. That is no error here.
     if set.validate().is_err() {
         return;
     }
     assert_eq!(record::parse(&record::emit(&set.friction)).as_ref(), Ok(&set.friction));
     let written = emit(&set, file.joint);
-    let again = parse(&written).unwrap_or_else(|why| panic!("{why}\n{written}"));
+    let again = parse(&written).unwrap_or_else(|error| panic!("{error}\n{written}"));
     let mut read = ParameterSet::default();
     apply(&again, &mut read);
     assert_eq!(emit(&read, again.joint), written);
-    // What a model does not use is not in its file.
+    // The file holds only the parameters that the model uses.
     for id in set.friction.model.active() {
         let (found, expected) = (read.friction.model.get(id), set.friction.model.get(id));
         assert_eq!(found.to_bits(), expected.to_bits(), "{}", id.name());

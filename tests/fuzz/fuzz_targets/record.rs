@@ -1,19 +1,22 @@
-//! Any bytes as a parameter record: refused, or a model that is valid, written as it was read, and that runs.
+//! Fuzzes the parsers of parameter records, parameter sets and node settings with any bytes.
+//!
+//! A parser returns an error or a valid value, which must survive writing and reading again. A parsed friction model
+//! must also run in a HIL joint with finite results.
 
 #![no_main]
 
-use compensator_core::can::{Message, Motion, Node, Seal, Sync};
+use compensator_core::can::{Message, MotionFrame, NodeId, SealFrame, SyncFrame};
 use compensator_core::configuration::Configuration;
 use compensator_core::record;
-use firmware::hil::{HilJoint, HilSetup, Number, Step};
-use firmware::parameter_set::ParameterSet;
+use firmware::hil::{HilJoint, HilSetup, HilStep, NumberType};
 use firmware::node_settings::{NodeSettings, emit_block, parse_block};
+use firmware::parameter_set::ParameterSet;
 use libfuzzer_sys::fuzz_target;
 
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
-/// With the CRC that belongs to it: dice do not find one.
-fn guarded(data: &[u8]) -> Vec<u8> {
+/// Replaces the last four bytes by the correct CRC. Random bytes almost never contain one.
+fn with_crc(data: &[u8]) -> Vec<u8> {
     let mut bytes = data.to_vec();
     if let Some((body, crc)) = bytes.split_last_chunk_mut::<4>() {
         *crc = CRC.checksum(body).to_le_bytes();
@@ -22,17 +25,24 @@ fn guarded(data: &[u8]) -> Vec<u8> {
 }
 
 fn run(configuration: &Configuration) {
-    for number in [Number::Float, Number::Fixed] {
+    for number in [NumberType::Float, NumberType::Fixed] {
         let setup = HilSetup { number, period_s: 1e-3, campaign_h: 0.0 };
-        let Ok(mut joint) = HilJoint::build(Node::FIRST, configuration, None, setup) else { continue };
+        let Ok(mut joint) = HilJoint::build(NodeId::FIRST, configuration, None, setup) else {
+            continue;
+        };
         joint.set_enabled(true);
-        let most = configuration.model.envelope.velocity_max_rad_s;
-        let speeds = [0.0, most, -most, most * 1e-3, -most * 1e-6, 2.0 * most, f32::NAN, 0.0];
+        let limit = configuration.model.envelope.velocity_max_rad_s;
+        let speeds = [0.0, limit, -limit, limit * 1e-3, -limit * 1e-6, 2.0 * limit, f32::NAN, 0.0];
         for (sequence, velocity_rad_s) in speeds.into_iter().enumerate() {
-            let seal = Seal { radial_force_n: 1e3 * sequence as f32, pressure_diff_pa: 1e6 };
-            joint.take(&Message::Seal(Node::FIRST, seal));
-            joint.take(&Message::Motion(Node::FIRST, Motion { velocity_rad_s, position_rad: 1.0 }));
-            let Step::Reply(reply, 0) = joint.sync(Sync::of(sequence as u32)) else { panic!() };
+            let seal = SealFrame { radial_force_n: 1e3 * sequence as f32, pressure_diff_pa: 1e6 };
+            joint.take(&Message::Seal(NodeId::FIRST, seal));
+            joint.take(&Message::Motion(
+                NodeId::FIRST,
+                MotionFrame { velocity_rad_s, position_rad: 1.0 },
+            ));
+            let HilStep::Reply(reply, 0) = joint.sync(SyncFrame::of(sequence as u32)) else {
+                panic!("no reply to a SYNC")
+            };
             assert!(reply.answer.friction_torque_nm.is_finite(), "{number:?} {reply:?}");
             assert!(reply.answer.feed_forward_current_a.is_finite(), "{number:?} {reply:?}");
         }
@@ -40,31 +50,31 @@ fn run(configuration: &Configuration) {
 }
 
 fuzz_target!(|data: &[u8]| {
-    for bytes in [data.to_vec(), guarded(data)] {
+    for bytes in [data.to_vec(), with_crc(data)] {
         if let Ok(configuration) = record::parse(&bytes) {
-            configuration.validate().expect("what is read is valid");
-            // By its bytes: what a model does not use may be no number at all, which equals nothing.
+            configuration.validate().expect("a parsed record is valid");
+            // Bytes are compared, because parameters that a model does not use may be NaN.
             let written = record::emit(&configuration);
             assert_eq!(record::parse(&written).map(|again| record::emit(&again)), Ok(written));
             run(&configuration);
         }
     }
     if let Ok(set) = ParameterSet::parse(data) {
-        set.validate().expect("what is read is valid");
+        set.validate().expect("a parsed set is valid");
         assert_eq!(ParameterSet::parse(&set.emit()).map(|again| again.emit()), Ok(set.emit()));
     }
     if let Some(bytes) = data.first_chunk::<{ NodeSettings::LENGTH }>()
         && let Some(settings) = NodeSettings::parse(bytes)
     {
-        settings.validate().expect("what is read is valid");
+        settings.validate().expect("parsed settings are valid");
         assert_eq!(NodeSettings::parse(&settings.emit()), Some(settings));
     }
-    // A whole block, with the record's CRC put right.
+    // A block of settings and parameters, with the correct CRC of its record.
     let mut block = data.to_vec();
     let record = NodeSettings::LENGTH..NodeSettings::LENGTH + record::LENGTH;
-    if let Some(place) = block.get_mut(record) {
-        let whole = guarded(place);
-        place.copy_from_slice(&whole);
+    if let Some(record) = block.get_mut(record) {
+        let corrected = with_crc(record);
+        record.copy_from_slice(&corrected);
     }
     for block in [data, &block] {
         if let Ok((settings, set)) = parse_block(block) {

@@ -1,4 +1,7 @@
-//! Any requests at any time to an SDO server: it answers, takes values whole or not at all, and is well again.
+//! Fuzzes the SDO server with any requests at any time.
+//!
+//! The server answers every request except an abort. It writes a value completely or not at all. After any input, a
+//! correct transfer succeeds.
 
 #![no_main]
 
@@ -7,20 +10,20 @@ use canopen_rs::sdo::{
     decode_abort, decode_data_segment, encode_data_segment, encode_download_initiate_segmented,
     encode_upload_request, encode_upload_segment_request,
 };
-use firmware::node::sdo::{Abort, LONGEST, Objects, SdoServer, Value};
+use firmware::node::sdo::{Abort, MAX_VALUE_BYTES, Objects, SdoServer, ValueBuffer};
 use libfuzzer_sys::fuzz_target;
 
-/// A value at 2000h of any length, one of four bytes at 2001h, one that refuses all at 2002h.
+/// A dictionary: 2000h holds a value of any length, 2001h a value of four bytes, 2002h rejects every access.
 #[derive(Default)]
-struct Shelf {
-    any: Vec<u8>,
+struct TestDictionary {
+    long_value: Vec<u8>,
     word: [u8; 4],
-    /// What was written, in its order.
+    /// Written values, in order.
     written: Vec<Vec<u8>>,
 }
 
-impl Objects for Shelf {
-    fn may_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
+impl Objects for TestDictionary {
+    fn check_write(&mut self, at: Address, length: Option<usize>) -> Result<(), Abort> {
         match (at.index, length) {
             (0x2000 | 0x2002, _) | (0x2001, None | Some(4)) => Ok(()),
             (0x2001, _) => Err(Abort::TooShort),
@@ -29,9 +32,9 @@ impl Objects for Shelf {
     }
 
     fn write(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
-        assert!(value.len() <= LONGEST);
+        assert!(value.len() <= MAX_VALUE_BYTES);
         match at.index {
-            0x2000 => self.any = value.to_vec(),
+            0x2000 => self.long_value = value.to_vec(),
             0x2001 => self.word = value.try_into().map_err(|_| Abort::TooLong)?,
             _ => return Err(Abort::Value),
         }
@@ -39,9 +42,9 @@ impl Objects for Shelf {
         Ok(())
     }
 
-    fn read(&mut self, at: Address, value: &mut Value) -> Result<(), Abort> {
+    fn read(&mut self, at: Address, value: &mut ValueBuffer) -> Result<(), Abort> {
         let bytes = match at.index {
-            0x2000 => &self.any[..],
+            0x2000 => &self.long_value[..],
             0x2001 => &self.word[..],
             0x2002 => return Err(Abort::WriteOnly),
             _ => return Err(Abort::NoObject),
@@ -50,30 +53,33 @@ impl Objects for Shelf {
     }
 }
 
-/// Writes and reads as a tool does; all of it must succeed.
-fn exchange(server: &mut SdoServer, shelf: &mut Shelf, value: &[u8], now_us: u64) {
+/// Writes and reads back a value as a configuration tool does. Every request must succeed.
+fn exchange(server: &mut SdoServer, dictionary: &mut TestDictionary, value: &[u8], now_us: u64) {
     let at = Address::new(0x2000, 0);
-    let mut ask = |request: &[u8; 8], shelf: &mut Shelf| {
-        let answer = server.answer(request, now_us, shelf).expect("an answer");
+    let mut send = |request: &[u8; 8], dictionary: &mut TestDictionary| {
+        let answer = server.answer(request, now_us, dictionary).expect("an answer");
         assert!(decode_abort(&answer).is_err(), "{request:02X?} aborted: {answer:02X?}");
         answer
     };
-    ask(&encode_download_initiate_segmented(at, value.len() as u32), shelf);
+    send(&encode_download_initiate_segmented(at, value.len() as u32), dictionary);
     let count = value.chunks(7).count();
-    for (place, chunk) in value.chunks(7).enumerate() {
-        let segment = encode_data_segment(chunk, place % 2 == 1, place + 1 == count);
-        ask(&segment.expect("seven bytes fit"), shelf);
+    for (position, chunk) in value.chunks(7).enumerate() {
+        let segment = encode_data_segment(chunk, position % 2 == 1, position + 1 == count);
+        send(&segment.expect("a segment holds seven bytes"), dictionary);
     }
-    assert_eq!(shelf.any, value);
-    let first = ask(&encode_upload_request(at), shelf);
+    assert_eq!(dictionary.long_value, value);
+    let first = send(&encode_upload_request(at), dictionary);
     let mut found = Vec::new();
     if first[0] & 2 != 0 {
         found.extend_from_slice(&first[4..8 - usize::from(first[0] >> 2 & 3)]);
     } else {
-        assert_eq!(u32::from_le_bytes(first[4..].try_into().expect("four")), value.len() as u32);
+        assert_eq!(
+            u32::from_le_bytes(first[4..].try_into().expect("four bytes")),
+            value.len() as u32
+        );
         let mut toggle = false;
         loop {
-            let answer = ask(&encode_upload_segment_request(toggle), shelf);
+            let answer = send(&encode_upload_segment_request(toggle), dictionary);
             let segment = decode_data_segment(&answer).expect("a segment");
             assert_eq!(segment.toggle, toggle);
             found.extend_from_slice(segment.data);
@@ -87,27 +93,28 @@ fn exchange(server: &mut SdoServer, shelf: &mut Shelf, value: &[u8], now_us: u64
 }
 
 fuzz_target!(|data: &[u8]| {
-    let (mut server, mut shelf, mut now_us) = (SdoServer::new(), Shelf::default(), 0u64);
-    // Nine bytes a request: how much later, and what.
+    let (mut server, mut dictionary, mut now_us) =
+        (SdoServer::new(), TestDictionary::default(), 0u64);
+    // Nine bytes for each step: the square root of the delay in units of 100 us, and the request.
     for step in data.as_chunks::<9>().0 {
-        let [later, request @ ..] = *step;
-        now_us += u64::from(later) * u64::from(later) * 100;
-        let (writes, aborts) = (shelf.written.len(), server.aborts());
-        let before = (shelf.any.clone(), shelf.word);
-        let answer = server.answer(&request, now_us, &mut shelf);
-        assert_eq!(answer.is_none(), request[0] & 0xE0 == 0x80, "silent to {request:02X?}");
+        let [delay, request @ ..] = *step;
+        now_us += u64::from(delay) * u64::from(delay) * 100;
+        let (writes, aborts) = (dictionary.written.len(), server.aborts());
+        let before = (dictionary.long_value.clone(), dictionary.word);
+        let answer = server.answer(&request, now_us, &mut dictionary);
+        assert_eq!(answer.is_none(), request[0] & 0xE0 == 0x80, "request {request:02X?}");
         let aborted = answer.is_some_and(|answer| decode_abort(&answer).is_ok());
         assert_eq!(server.aborts() - aborts, u32::from(aborted));
         if aborted {
             assert_eq!(
-                (shelf.any.clone(), shelf.word),
+                (dictionary.long_value.clone(), dictionary.word),
                 before,
-                "a refused write changed something"
+                "a rejected write changed a value"
             );
         }
-        assert!(shelf.written.len() - writes <= 1);
+        assert!(dictionary.written.len() - writes <= 1);
     }
-    // Whatever was, a tool that begins anew is served.
-    let value = data.get(..data.len().min(LONGEST)).filter(|value| !value.is_empty());
-    exchange(&mut server, &mut shelf, value.unwrap_or(b"a value of some length"), now_us);
+    // After any input, a new transfer succeeds.
+    let value = data.get(..data.len().min(MAX_VALUE_BYTES)).filter(|value| !value.is_empty());
+    exchange(&mut server, &mut dictionary, value.unwrap_or(b"a value of some length"), now_us);
 });

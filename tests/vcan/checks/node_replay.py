@@ -219,7 +219,7 @@ def a_monitor_beside_a_replay_sees_what_goes_on():
             until(lambda: '"state":"safe"' in monitor.text().splitlines()[-1], "the end of the replay", 20)
         told = [json.loads(line) for line in monitor.text().splitlines() if line.endswith("}")]
     busy = max(told, key=lambda one: one["samples_per_s"])
-    equal((busy["state"], busy["fed_by"], busy["nmt"]), ("armed", "the bus", "operational"))
+    equal((busy["state"], busy["input_source"], busy["nmt"]), ("armed", "the bus", "operational"))
     assert 900 < busy["samples_per_s"] < 1100 and 900 < busy["answers_per_s"] < 1100, busy
     assert busy["frames_per_s"] > 4000 and 0 < busy["bus_load"] < 1, busy
     moved = busy["quantities"]["velocity_rad_s"]

@@ -1,103 +1,107 @@
-//! The device's side: what an adapter answers, without the bus behind it.
+//! The device side of slcan: answers of an adapter, independent of the bus.
 //!
-//! A joint's emulated board is its own adapter: bytes of its UART come in here, frames go to the driver,
-//! answers and [`super::emit_frame`]'s lines go back. As adapters do, it takes the bit rate while closed
-//! only, sends while open only, and refuses with a bell.
+//! The emulated board of a joint is its own adapter. Bytes of its UART enter here and frames go to the driver.
+//! Answers and the lines of [`super::emit_frame`] go back. As other adapters do, it accepts a bit rate only while
+//! closed, sends only while open, and answers an error with BELL.
 
-use super::{Command, Kind, LONGEST_CLASSIC, Line, Piece, Splitter, parse};
+use super::{
+    AdapterCommand, FrameKind, LinePiece, LineSplitter, MAX_CLASSIC_LINE_BYTES, SlcanLine, parse,
+};
 use crate::can::Frame;
 
-/// What became of a line.
+/// Reply to a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Heard {
-    /// To be written back at once.
+pub struct AdapterReply {
+    /// Bytes to write back to the host.
     pub answer: &'static [u8],
-    /// For the bus.
+    /// Frame to send on the bus.
     pub frame: Option<Frame>,
 }
 
-impl Heard {
+impl AdapterReply {
     const DONE: Self = Self { answer: b"\r", frame: None };
     const REFUSED: Self = Self { answer: b"\x07", frame: None };
 }
 
-/// An adapter's state. Longer lines than `N` are refused.
+/// An slcan adapter. Lines longer than `N` bytes are rejected.
 #[derive(Clone, Debug, Default)]
-pub struct Adapter<const N: usize = LONGEST_CLASSIC> {
-    splitter: Splitter<N>,
+pub struct Adapter<const N: usize = MAX_CLASSIC_LINE_BYTES> {
+    splitter: LineSplitter<N>,
     open: bool,
-    listens: bool,
+    listen_only: bool,
     refused: u32,
     foreign: u32,
 }
 
 impl<const N: usize> Adapter<N> {
-    /// Closed, as adapters start.
+    /// Creates a closed adapter.
     pub const fn new() -> Self {
-        let splitter = Splitter::new();
-        Self { splitter, open: false, listens: false, refused: 0, foreign: 0 }
+        let splitter = LineSplitter::new();
+        Self { splitter, open: false, listen_only: false, refused: 0, foreign: 0 }
     }
 
-    /// Whether the host wants to hear the bus: frames go to it while this is so.
+    /// Returns true while the bus is open; received frames are then forwarded to the host.
     pub const fn is_open(&self) -> bool {
         self.open
     }
 
-    /// Lines refused so far.
+    /// Number of rejected lines.
     pub const fn refused(&self) -> u32 {
         self.refused
     }
 
-    /// Frames taken that are no joint's: 29 bits, or remote.
+    /// Number of accepted frames that a joint does not use: 29-bit identifiers or remote requests.
     pub const fn foreign(&self) -> u32 {
         self.foreign
     }
 
-    /// Takes a byte from the host; says what became of its line where it ended one.
-    pub fn push(&mut self, byte: u8) -> Option<Heard> {
+    /// Processes a byte from the host; returns the reply if the byte completes a line.
+    pub fn push(&mut self, byte: u8) -> Option<AdapterReply> {
         let line = match self.splitter.push(byte)? {
-            Piece::Line(line) => parse(line).ok(),
-            Piece::Refused | Piece::Overlong => None,
+            LinePiece::Line(line) => parse(line).ok(),
+            LinePiece::Refused | LinePiece::Overlong => None,
         };
-        let heard = match line {
-            // An empty line clears what was left of another: hosts begin with some.
-            Some(Line::Done) => Heard::DONE,
-            Some(Line::Frame(view)) if self.open && !self.listens => {
+        let reply = match line {
+            // Hosts start with empty lines to flush an incomplete one.
+            Some(SlcanLine::Done) => AdapterReply::DONE,
+            Some(SlcanLine::Frame(view)) if self.open && !self.listen_only => {
                 let header = view.header();
-                let classic = matches!(header.kind, Kind::Data | Kind::Remote);
+                let classic = matches!(header.kind, FrameKind::Data | FrameKind::Remote);
                 let frame = view.frame();
                 self.foreign = self.foreign.saturating_add(u32::from(classic && frame.is_none()));
                 match (classic, header.extended) {
-                    (false, _) => Heard::REFUSED,
-                    (true, false) => Heard { answer: b"z\r", frame },
-                    (true, true) => Heard { answer: b"Z\r", frame },
+                    (false, _) => AdapterReply::REFUSED,
+                    (true, false) => AdapterReply { answer: b"z\r", frame },
+                    (true, true) => AdapterReply { answer: b"Z\r", frame },
                 }
             }
-            Some(Line::Command(command)) => obey(&mut self.open, &mut self.listens, command),
-            _ => Heard::REFUSED,
+            Some(SlcanLine::Command(command)) => {
+                execute(&mut self.open, &mut self.listen_only, command)
+            }
+            _ => AdapterReply::REFUSED,
         };
-        self.refused = self.refused.saturating_add(u32::from(heard == Heard::REFUSED));
-        Some(heard)
+        self.refused = self.refused.saturating_add(u32::from(reply == AdapterReply::REFUSED));
+        Some(reply)
     }
 }
 
-fn obey(open: &mut bool, listens: &mut bool, command: Command) -> Heard {
+fn execute(open: &mut bool, listen_only: &mut bool, command: AdapterCommand) -> AdapterReply {
     let done = match command {
-        Command::Version => return Heard { answer: b"V1013\r", frame: None },
-        Command::SerialNumber => return Heard { answer: b"N0001\r", frame: None },
-        Command::Status => return Heard { answer: b"F00\r", frame: None },
-        Command::Open | Command::Listen => {
+        AdapterCommand::Version => return AdapterReply { answer: b"V1013\r", frame: None },
+        AdapterCommand::SerialNumber => return AdapterReply { answer: b"N0001\r", frame: None },
+        AdapterCommand::Status => return AdapterReply { answer: b"F00\r", frame: None },
+        AdapterCommand::Open | AdapterCommand::Listen => {
             let closed = !*open;
             if closed {
-                *listens = command == Command::Listen;
+                *listen_only = command == AdapterCommand::Listen;
             }
             *open = true;
             closed
         }
-        Command::Close => core::mem::take(open),
-        Command::BitRate(_) => !*open,
-        Command::Stamps(on) => !on,
-        Command::DataRate(_) => false,
+        AdapterCommand::Close => core::mem::take(open),
+        AdapterCommand::BitRate(_) => !*open,
+        AdapterCommand::Stamps(on) => !on,
+        AdapterCommand::DataRate(_) => false,
     };
-    if done { Heard::DONE } else { Heard::REFUSED }
+    if done { AdapterReply::DONE } else { AdapterReply::REFUSED }
 }

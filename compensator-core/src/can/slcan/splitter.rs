@@ -1,35 +1,35 @@
-//! Bytes into lines.
+//! Splits a byte stream into lines.
 
 use super::{DONE, REFUSED};
 use heapless::Vec;
 
-/// What a byte completed.
+/// Part of the stream completed by a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Piece<'a> {
-    /// A line, without its end; an empty one is an answer.
+pub enum LinePiece<'a> {
+    /// A line without its end. An empty line is an answer.
     Line(&'a [u8]),
-    /// The bell: something was refused. What stood before it on its line is gone.
+    /// BELL: the adapter reports an error. Text before it on the line is discarded.
     Refused,
-    /// A line longer than any: gone.
+    /// The line was too long and is discarded.
     Overlong,
 }
 
-/// Collects bytes until they are a line of up to `N`. A line feed is nothing: some end lines with both.
+/// Collects bytes into lines of up to `N` bytes. Line feeds are ignored, because some devices end lines with CR LF.
 #[derive(Clone, Debug, Default)]
-pub struct Splitter<const N: usize> {
+pub struct LineSplitter<const N: usize> {
     bytes: Vec<u8, N>,
     overlong: bool,
     ended: bool,
 }
 
-impl<const N: usize> Splitter<N> {
-    /// With nothing collected.
+impl<const N: usize> LineSplitter<N> {
+    /// Creates an empty splitter.
     pub const fn new() -> Self {
         Self { bytes: Vec::new(), overlong: false, ended: false }
     }
 
-    /// Takes a byte; gives what it completed.
-    pub fn push(&mut self, byte: u8) -> Option<Piece<'_>> {
+    /// Processes a byte; returns the part that it completes.
+    pub fn push(&mut self, byte: u8) -> Option<LinePiece<'_>> {
         if self.ended {
             self.clear();
         }
@@ -37,11 +37,11 @@ impl<const N: usize> Splitter<N> {
             b'\n' => None,
             REFUSED => {
                 self.ended = true;
-                Some(Piece::Refused)
+                Some(LinePiece::Refused)
             }
             DONE => {
                 self.ended = true;
-                Some(if self.overlong { Piece::Overlong } else { Piece::Line(&self.bytes) })
+                Some(if self.overlong { LinePiece::Overlong } else { LinePiece::Line(&self.bytes) })
             }
             byte => {
                 self.overlong |= self.bytes.push(byte).is_err();
@@ -50,15 +50,15 @@ impl<const N: usize> Splitter<N> {
         }
     }
 
-    /// Forgets a line begun.
+    /// Discards an incomplete line.
     pub fn clear(&mut self) {
         self.bytes.clear();
         self.overlong = false;
         self.ended = false;
     }
 
-    /// Whether a line has begun and not ended.
-    pub fn is_amid_line(&self) -> bool {
+    /// Returns true if a line has begun and not ended.
+    pub fn has_partial_line(&self) -> bool {
         !self.ended && (self.overlong || !self.bytes.is_empty())
     }
 }

@@ -1,21 +1,21 @@
-//! What a loop does with the compensator.
+//! A current loop that uses the compensator.
 
 use crate::friction;
 use compensator_core::{Compensator, Inputs, ParameterError};
 
-/// A loop at 20 kHz.
+/// Sample period of the loop, s: 20 kHz.
 const PERIOD_S: f32 = 50e-6;
 
-/// Steps of one second.
+/// Number of steps in one second.
 const STEPS: u32 = 20_000;
 
-/// Commanded by the motion controller, A.
+/// Current commanded by the motion controller, A.
 const COMMAND_A: f32 = 0.5;
 
-/// Runs the loop for a second; returns the largest current it gave, A.
+/// Runs the loop for one second and returns the largest current, A.
 ///
 /// # Errors
-/// The model is refused: which parameter, and why.
+/// Returns the refused parameter and the reason.
 pub fn largest_current_a() -> Result<f32, ParameterError> {
     let mut compensator = Compensator::<f32>::build(&friction::configuration(), PERIOD_S)?;
     compensator.set_enabled(true);
@@ -24,7 +24,7 @@ pub fn largest_current_a() -> Result<f32, ParameterError> {
         // Up to 1 rad/s and back.
         let share = step as f32 / STEPS as f32;
         let velocity_rad_s = if share < 0.5 { 2.0 * share } else { 2.0 - 2.0 * share };
-        // 1 bar, read just now.
+        // A fresh reading of 1 bar.
         let inputs = Inputs::velocity(velocity_rad_s).with_pressure_pa(1e5, 0.0);
         let output = compensator.step(&inputs);
         let (current_a, _flags) = compensator.sum(COMMAND_A, &output);
@@ -35,9 +35,10 @@ pub fn largest_current_a() -> Result<f32, ParameterError> {
 
 #[cfg(test)]
 mod tests {
-    /// Coulomb, pressure and viscous torque at 1 rad/s, and what `scale` and the torque constant make of them.
+    /// The friction is Coulomb, pressure and viscous torque at 1 rad/s, scaled and divided by the torque
+    /// constant.
     #[test]
-    fn the_loop_adds_the_friction_to_the_command() {
+    fn loop_adds_the_friction_current_to_the_command() {
         let friction_nm = 1.07 + 2.4e-6 * 1e5 + 0.41;
         let expected_a = super::COMMAND_A + 0.8 * friction_nm / 0.9;
         let found_a = super::largest_current_a().unwrap();

@@ -1,20 +1,20 @@
 //! Friction model `improved-lugre`, written by `host-sim export params.toml --to rust`.
 //!
-//! `Compensator::<f32>::build(&configuration(), period_s)` validates and builds it; the numbers are
-//! exact in `f32`, so it gives the bits of the file it came from.
+//! `Compensator::<f32>::build(&configuration(), period_s)` validates and builds it. The numbers are
+//! exact in `f32`, so the result is bit-identical to that of the parameter file.
 
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
 use compensator_core::parameters::{Choices, Envelope};
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 
-/// The law.
+/// Friction law.
 pub const LAW: LawKind = LawKind::ImprovedLugre;
 
-/// Its terms, in the order they act.
+/// Terms of the model, in the order of evaluation.
 pub const TERMS: [TermKind; 0] = [];
 
-/// Its parameters, in the unit beside each.
+/// Parameters of the model, each in the unit beside it.
 pub const VALUES: [(ParameterId, f32); 11] = [
     (ParameterId::CoulombTorque, 1.07), // Nm
     (ParameterId::StaticTorque, 1.62), // Nm
@@ -29,14 +29,14 @@ pub const VALUES: [(ParameterId, f32); 11] = [
     (ParameterId::RadialForceRate, 1.1e-6), // rad/N
 ];
 
-/// What is not a number.
+/// Options of the law.
 pub const CHOICES: Choices = Choices {
     damping_fades: true,
     printed_extended: false,
     allow_active: false,
 };
 
-/// What the model may meet.
+/// Valid range of the inputs.
 pub const ENVELOPE: Envelope = Envelope {
     velocity_max_rad_s: 12.0,
     radial_force_max_n: 100.0,
@@ -47,7 +47,7 @@ pub const ENVELOPE: Envelope = Envelope {
     campaign_max_h: 2000.0,
 };
 
-/// How it is used.
+/// Parameters of the compensator.
 pub const COMPENSATOR: CompensatorParameters = CompensatorParameters {
     scale: 0.8,
     torque_limit_nm: 6.0,
@@ -59,7 +59,7 @@ pub const COMPENSATOR: CompensatorParameters = CompensatorParameters {
     fade_s: 0.4,
 };
 
-/// All of it together, to build a compensator of.
+/// Returns the configuration from which a compensator is built.
 pub fn configuration() -> Configuration {
     let mut model = Parameters::new(LAW);
     for term in TERMS {

@@ -1,8 +1,8 @@
-//! The compensator in a loop of one's own: no driver, no RTIC, no bus.
+//! The compensator in a user's own loop: no driver, no RTIC, no bus.
 //!
-//! The model lies in `friction.rs`, which `host-sim export params.toml --to rust --out src` wrote. A loop builds the
-//! compensator once, outside its interrupt, and calls `step` and `sum` in it. Here a `for` stands for the timer and a
-//! triangle for the encoder; on the emulated board the largest current is printed:
+//! `friction.rs` holds the model; `host-sim export params.toml --to rust --out src` wrote it. A loop builds
+//! the compensator once, outside its interrupt, and calls `step` and `sum` in it. Here a `for` loop
+//! replaces the timer and a triangle the encoder. On the emulated board the largest current is printed:
 //!
 //! ```sh
 //! cargo run -p bare-loop --profile firmware --target thumbv7em-none-eabihf
@@ -35,7 +35,7 @@ mod image {
     #[cortex_m_rt::entry]
     fn main() -> ! {
         match super::current_loop::largest_current_a() {
-            // As a whole number: printing a float takes more flash than the compensator.
+            // As an integer: printing a float takes more flash than the compensator.
             Ok(current_a) => hprintln!("largest current {} mA", (current_a * 1000.0) as i32),
             Err(refusal) => hprintln!("the model is refused: {}", refusal.field),
         }

@@ -1,12 +1,12 @@
-//! Which updates are counted, and for which inputs.
+//! The measured updates and their inputs.
 //!
-//! Every update is a function of its own, called as firmware would call it: state and parameters
-//! behind pointers, a velocity in a register or inputs behind a pointer. Each is driven through
-//! sequences of samples that visit rest, presliding, sliding both ways, reversals, speeds beyond the
-//! Stribeck range and beyond the envelope, infinities and NaN, and, for the whole compensator,
-//! missing, stale and illegal readings. *Every single* update is counted; the least and the
-//! largest count are printed. Where the two are equal, the step has one path. The whole current loop is
-//! counted in `current_loop`, the interrupt around it in `interrupt`.
+//! Each update is a separate function, called as firmware would call it: state and parameters behind
+//! pointers, a velocity in a register or inputs behind a pointer. The input sequences visit rest,
+//! presliding, sliding in both directions, reversals, speeds beyond the Stribeck range and beyond the
+//! envelope, infinities and NaN. For the whole compensator they also contain missing, stale and illegal
+//! readings. *Every single* update is counted; the smallest and the largest count are printed. If the two
+//! are equal, the step has one path. `current_loop` measures the whole current loop, `interrupt` the
+//! interrupt around it.
 
 mod current_loop;
 mod guards;
@@ -17,7 +17,7 @@ use super::print_line;
 use compensator_core::compensator::Reading;
 use compensator_core::effect::NoEffect;
 use compensator_core::law::bristle::Bristles;
-use compensator_core::model::{Law, Model, Sample, State};
+use compensator_core::model::{FrictionModel, Law, ModelState, Sample};
 use compensator_core::network::reference::{self as reference_network, CELLS, INPUTS};
 use compensator_core::network::{AugmentedLugre, Factors, Network, NetworkState};
 use compensator_core::{Compensator, Fixed, Inputs, LawKind, Real, TermKind};
@@ -26,7 +26,7 @@ use compensator_core::{ParameterId as Id, term::LookupFormula};
 use firmware::control::PERIOD_S;
 use firmware::reference_joint::configuration;
 
-/// Velocities that visit every class; NaN and infinity become 0 and the limit in fixed point.
+/// Velocities of every class. In fixed point NaN and infinity become 0 and the limit.
 const VELOCITIES: [f32; 24] = [
     0.0,
     0.0,
@@ -55,26 +55,26 @@ const VELOCITIES: [f32; 24] = [
 ];
 
 #[cfg(feature = "terms")]
-const UNKNOWN: &[TermKind] = &[TermKind::LookupTable];
+const LOOKUP_TERM: &[TermKind] = &[TermKind::LookupTable];
 
 #[cfg(feature = "terms")]
 const TWO_TERMS: &[TermKind] = &[TermKind::TemperatureViscous, TermKind::PositionRipple];
 
-/// Updates at one velocity before the next: enough to preslide, to slip and to settle.
-const UPDATES: usize = 20;
+/// Updates at one velocity: enough to preslide, to slip and to settle.
+const UPDATES_PER_VELOCITY: usize = 20;
 
 fn velocities() -> impl Iterator<Item = f32> {
-    VELOCITIES.into_iter().flat_map(|velocity| core::iter::repeat_n(velocity, UPDATES))
+    VELOCITIES.into_iter().flat_map(|velocity| core::iter::repeat_n(velocity, UPDATES_PER_VELOCITY))
 }
 
-fn model<T: Real<Setting = f32>>(law: LawKind, terms: &[TermKind]) -> Model<T> {
+fn model<T: Real<Setting = f32>>(law: LawKind, terms: &[TermKind]) -> FrictionModel<T> {
     match configuration(law, terms).model.build(PERIOD_S) {
         Ok(model) => model,
         Err(refused) => panic!("{refused}"),
     }
 }
 
-/// Counts each update of a sequence and prints the least and the largest count.
+/// Counts each update of a sequence and prints the smallest and the largest count.
 fn measure<S: Clone, I>(
     clock: &mut Clock,
     name: &str,
@@ -83,17 +83,17 @@ fn measure<S: Clone, I>(
     inputs: impl Iterator<Item = I>,
     mut call: impl FnMut(&mut S, &I) -> Arguments,
 ) {
-    let (mut least, mut most) = (u32::MAX, 0);
+    let (mut min, mut max) = (u32::MAX, 0);
     for input in inputs {
         let before = state.clone();
         let count = clock.count(function, || {
             state = before.clone();
             call(&mut state, &input)
         });
-        least = least.min(count);
-        most = most.max(count);
+        min = min.min(count);
+        max = max.max(count);
     }
-    print_line!("cost | {name} | {least} | {most}");
+    print_line!("cost | {name} | {min} | {max}");
 }
 
 fn address<T>(of: &T) -> usize {
@@ -108,7 +108,7 @@ extern "C" fn lugre_fixed(law: &Bristles<Fixed>, state: &mut Fixed, velocity: i3
     law.step(state, Fixed::from_bits(velocity), &NoEffect).to_bits()
 }
 
-/// Step and sum: a commanded current in, the limited current out.
+/// Step and sum: from a commanded current to the limited current.
 extern "C" fn joint_f32(
     joint: &mut Compensator<f32>,
     inputs: &Inputs<f32>,
@@ -132,7 +132,7 @@ extern "C" fn joint_fixed(
     current.to_bits()
 }
 
-fn law<T: Real>(model: &Model<T>) -> &Bristles<T> {
+fn law<T: Real>(model: &FrictionModel<T>) -> &Bristles<T> {
     match model.law() {
         Law::Lugre(law) => &law.0,
         Law::ImprovedLugre(law) => &law.bristles,
@@ -153,7 +153,7 @@ fn sample<T: Real>(velocity: f32) -> Sample<T> {
     }
 }
 
-/// Readings that are well, and in every 20 updates some that are missing, stale, illegal or NaN.
+/// ValidChannels readings, with some that are missing, stale, illegal or NaN in every 20 updates.
 fn inputs<T: Real>(update: usize, velocity: f32) -> Inputs<T> {
     let number = |value: f32| T::from_f64(value.into());
     let fresh = |value| Reading::fresh(number(value));
@@ -170,7 +170,7 @@ fn inputs<T: Real>(update: usize, velocity: f32) -> Inputs<T> {
         auxiliary: fresh(0.4),
         campaign_time_h: number(1.0),
     };
-    match update % UPDATES {
+    match update % UPDATES_PER_VELOCITY {
         3 => inputs.radial_force_n = aged(50.0, 0.2),
         4 => inputs.radial_force_n = fresh(f32::NAN),
         5 => inputs.radial_force_n = fresh(-1.0),
@@ -194,19 +194,19 @@ fn inputs<T: Real>(update: usize, velocity: f32) -> Inputs<T> {
 fn measure_model<T: Real>(
     clock: &mut Clock,
     name: &str,
-    model: &Model<T>,
+    model: &FrictionModel<T>,
     samples: impl Iterator<Item = Sample<T>>,
 ) {
-    let function = Model::<T>::step as *const ();
-    measure(clock, name, function, State::<T>::default(), samples, |state, sample| Arguments {
-        words: [address(model), address(state), address(sample)],
-        float: 0.0,
+    let function = FrictionModel::<T>::step as *const ();
+    measure(clock, name, function, ModelState::<T>::default(), samples, |state, sample| {
+        Arguments { words: [address(model), address(state), address(sample)], float: 0.0 }
     });
 }
 
-/// The friction damper's model of named causes: a gap, a level for each direction, a level that saturates with a column.
+/// The friction damper's model with named causes: backlash, asymmetric levels, and a level that saturates
+/// with a column.
 #[cfg(feature = "terms")]
-fn damper() -> Model<f32> {
+fn damper() -> FrictionModel<f32> {
     let terms = [TermKind::Backlash, TermKind::DirectionAsymmetry, TermKind::LookupTable];
     let model = configuration(LawKind::Lugre, &terms).model;
     let model = model
@@ -237,7 +237,7 @@ fn measure_f32(clock: &mut Clock) {
     {
         let with_terms = model::<f32>(LawKind::ImprovedLugre, TWO_TERMS);
         measure_model(clock, "improved LuGre + temperature + ripple, f32", &with_terms, samples());
-        let with_unknown = model::<f32>(LawKind::ImprovedLugre, UNKNOWN);
+        let with_unknown = model::<f32>(LawKind::ImprovedLugre, LOOKUP_TERM);
         measure_model(clock, "improved LuGre + unknown, f32", &with_unknown, samples());
         measure_model(
             clock,
@@ -284,7 +284,7 @@ fn measure_fixed(clock: &mut Clock) {
     let improved = model::<Fixed>(LawKind::ImprovedLugre, &[]);
     #[cfg(feature = "terms")]
     {
-        let with_unknown = model::<Fixed>(LawKind::ImprovedLugre, UNKNOWN);
+        let with_unknown = model::<Fixed>(LawKind::ImprovedLugre, LOOKUP_TERM);
         let samples = velocities().map(sample::<Fixed>);
         measure_model(clock, "improved LuGre + unknown, Fixed", &with_unknown, samples);
     }
@@ -344,7 +344,7 @@ extern "C" fn supplied_f32(
 
 type Reference<T> = Network<T, INPUTS, CELLS>;
 
-/// The network outside the loop, and the law it supplies in it.
+/// Measures the network outside the loop, and the law it supplies inside.
 fn measure_network(clock: &mut Clock) {
     let network = reference_network::network::<f32>();
     let readings = || velocities().map(|v| [v, 0.5 * v, 2.0 * v]);
@@ -374,7 +374,7 @@ fn measure_network(clock: &mut Clock) {
     print_line!("ram | NetworkState<f32>, 8 cells | {}", size_of::<NetworkState<f32, CELLS>>());
 }
 
-/// Prints every line of the table this binary knows.
+/// Prints every line of the table.
 pub fn print_all(clock: &mut Clock) {
     #[cfg(feature = "c-reference")]
     c_reference::measure_c(clock);
@@ -386,15 +386,15 @@ pub fn print_all(clock: &mut Clock) {
     measure_network(clock);
     print_line!("ram | Compensator<f32> | {}", size_of::<Compensator<f32>>());
     print_line!("ram | Compensator<Fixed> | {}", size_of::<Compensator<Fixed>>());
-    print_line!("ram | Model<f32> | {}", size_of::<Model<f32>>());
-    print_line!("ram | State<f32> | {}", size_of::<State<f32>>());
+    print_line!("ram | Model<f32> | {}", size_of::<FrictionModel<f32>>());
+    print_line!("ram | State<f32> | {}", size_of::<ModelState<f32>>());
     print_line!("ram | CurrentLoop<f32> | {}", size_of::<current_loop::Loop>());
 }
 
 #[cfg(feature = "c-reference")]
 mod c_reference {
     //! The laws of `tests/cost/reference.c`, driven through velocities at which they are finite.
-    #![allow(unsafe_code)] // Declares C functions; they are called by the clock alone.
+    #![allow(unsafe_code)] // Declares C functions, which only the clock calls.
 
     use super::{Arguments, Clock, address, measure, print_line, velocities};
 
@@ -405,7 +405,7 @@ mod c_reference {
     unsafe extern "C" {
         fn lugre_step(law: *const Law, state: *mut f32, velocity: f32) -> f32;
         fn improved_lugre_step(law: *const Law, state: *mut f32, sample: *const [f32; 4]) -> f32;
-        // newlib's expf reports overflow here.
+        // newlib's expf reports overflows through it.
         #[allow(dead_code)]
         fn __errno() -> *mut i32;
     }

@@ -1,28 +1,28 @@
-//! Counts the instructions of one function call, exactly, with a clock that counts forties.
+//! Counts the instructions of one function call exactly, with a clock that ticks every 40 instructions.
 //!
-//! QEMU with `-icount shift=0` lets one nanosecond pass per instruction, and the SysTick of
-//! mps2-an386 runs at 25 MHz: one tick is 40 instructions. A call of `n` instructions that begins
-//! `p` instructions after a tick sees `floor((p + n) / 40)` ticks. Summed over 40 beginnings one
-//! instruction apart, this is `n` *exactly* (Hermite's identity), whatever the first one was. So a
-//! call is repeated from the same state with 0..40 delays, each 3 instructions longer than the one
-//! before: 3 and 40 share no divisor, so all forty beginnings occur.
+//! QEMU with `-icount shift=0` advances one nanosecond per instruction, and the SysTick of mps2-an386 runs
+//! at 25 MHz: one tick is 40 instructions. A call of `n` instructions that begins `p` instructions after a
+//! tick sees `floor((p + n) / 40)` ticks. Summed over 40 starts one instruction apart, this is `n`
+//! *exactly* (Hermite's identity), whatever the first start was. A call is therefore repeated from the same
+//! state with 40 delays, each 3 instructions longer than the previous one: 3 and 40 share no divisor, so
+//! all forty starts occur.
 //!
-//! Writing the counter restarts its tick, which makes the beginnings repeatable. Everything between
-//! the two readings is in one assembly block, so nothing of the compiler's is counted but the
-//! function: of its first instruction to its return, the return included, the `blx` that calls it
-//! not. [`Clock::start`] checks all this on functions of known length, and panics if it fails.
+//! Writing the counter restarts its tick, which makes the starts repeatable. Everything between the two
+//! readings is in one assembly block, so only the function is counted: from its first instruction to its
+//! return, including the return but not the `blx` that calls it. [`Clock::start`] checks this with
+//! functions of known length and panics on a mismatch.
 //!
-//! Instructions are not cycles: a `vdiv.f32` counts 1 here and takes 14 cycles on the chip. They
-//! are what an emulator can say, the same on every machine and in every run.
-#![allow(unsafe_code)] // The block that times a call, and the yardsticks, are assembly.
+//! Instructions are not cycles: a `vdiv.f32` counts 1 here and takes 14 cycles on the chip. Instruction
+//! counts are what an emulator can provide; they are the same on every machine and in every run.
+#![allow(unsafe_code)] // The block that times a call, and the reference functions, are assembly.
 
 use core::arch::global_asm;
 use cortex_m::peripheral::{SYST, syst::SystClkSource};
 
-/// Instructions in a tick.
-const TICK: u32 = 40;
+/// Instructions per tick.
+const INSTRUCTIONS_PER_TICK: u32 = 40;
 
-/// The registers a function is called with: three words or pointers, and one `f32`.
+/// Register values for the call: three words or pointers, and one `f32`.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct Arguments {
@@ -33,7 +33,7 @@ pub struct Arguments {
 /// A running SysTick.
 pub struct Clock {
     counter: *mut u32,
-    /// Instructions between the readings that are not the function's.
+    /// Instructions between the readings that do not belong to the function.
     overhead: u32,
 }
 
@@ -46,30 +46,30 @@ impl Clock {
         timer.enable_counter();
         let mut clock =
             Self { counter: core::ptr::from_ref(&timer.cvr).cast_mut().cast(), overhead: 0 };
-        let nothing = Arguments { words: [0; 3], float: 0.0 };
-        clock.overhead = clock.count(yardstick_1 as *const (), || nothing) - 1;
+        let no_arguments = Arguments { words: [0; 3], float: 0.0 };
+        clock.overhead = clock.count(yardstick_1 as *const (), || no_arguments) - 1;
         let yardsticks = [(yardstick_8 as *const (), 8), (yardstick_100 as *const (), 100)];
         for (function, length) in yardsticks {
-            let counted = clock.count(function, || nothing);
+            let counted = clock.count(function, || no_arguments);
             assert!(counted == length, "a function of {length} instructions counts {counted}");
         }
         clock
     }
 
-    /// Instructions of one call of `function`. It is called 40 times; `prepare` puts its state back
-    /// before each call.
+    /// Returns the instructions of one call of `function`. It is called 40 times; `prepare` restores its
+    /// state before each call.
     pub fn count(&mut self, function: *const (), mut prepare: impl FnMut() -> Arguments) -> u32 {
         let ticks = |delay| {
-            // SAFETY: `counter` is SysTick's current-value register, owned by the clock; `function`
-            // is one of this binary's own, made for these arguments.
+            // SAFETY: `counter` is the current-value register of SysTick, owned by the clock; `function`
+            // belongs to this binary and has these arguments.
             unsafe { timed_call(&prepare(), self.counter, function, delay) }
         };
-        (1..=TICK).map(ticks).sum::<u32>() - self.overhead
+        (1..=INSTRUCTIONS_PER_TICK).map(ticks).sum::<u32>() - self.overhead
     }
 }
 
-// `timed_call` restarts the tick, waits 3 instructions per unit of delay, and returns the ticks
-// between the readings before and after the call. Below it functions of 1, 8 and 100 instructions.
+// `timed_call` restarts the tick, waits 3 instructions per unit of delay, and returns the ticks between the
+// readings before and after the call. Reference functions of 1, 8 and 100 instructions follow.
 global_asm!(
     ".fpu fpv4-sp-d16",
     ".thumb_func",

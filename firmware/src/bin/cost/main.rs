@@ -1,9 +1,9 @@
-//! What the core costs on a Cortex-M4F: instructions, RAM, and fingerprints of its output bits.
+//! Measures the cost of the core on a Cortex-M4F: instructions, RAM, and fingerprints of its output bits.
 //!
-//! In QEMU (`cargo cost`) it prints all three; on a PC the fingerprints alone, for the comparison.
-//! `tests/cost/run` runs both and holds the result against the table in git. Lines read
-//! `kind | name | numbers`. How instructions are counted is told in `clock`; which updates are
-//! counted, and for which inputs, in `cases`.
+//! In QEMU (`cargo cost`) it prints all three; on a PC only the fingerprints, for comparison.
+//! `tests/cost/run` runs both and compares the result with the table in git. Lines have the form `kind |
+//! name | numbers`. `clock` explains how instructions are counted; `cases` lists the measured updates and
+//! their inputs.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

@@ -1,24 +1,24 @@
-//! Flash in RAM that outlives resets, and in a file of the host's that outlives the emulator.
+//! Emulated flash: in RAM that survives a reset, or in a file of the host that survives the emulator.
 //!
-//! The rules are those of the STM32G474's ([`MemoryFlash`]). Every double word programmed and every page
-//! erased goes into the file at its own place before the step counts as done, so an emulator that is killed leaves what
-//! a chip does whose power is cut. Without a file the bytes are kept in RAM that start-up leaves alone
-//! ([`super::kept`]): they outlive a reset of the machine.
+//! It follows the rules of the STM32G474 ([`MemoryFlash`]). Each double word programmed and each page
+//! erased is written to the file before the step counts as done. An emulator that is killed therefore
+//! leaves what a chip leaves after a power cut. Without a file, the bytes are in RAM that start-up code
+//! does not clear ([`super::kept`]).
 
 use super::kept::{Kept, LENGTH, PAGES};
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use firmware::store::memory::{DOUBLE_WORD, MemoryError, MemoryFlash, PAGE};
+use firmware::store::memory::{DOUBLE_WORD_BYTES, MemoryError, MemoryFlash, PAGE_BYTES};
 use semihosting::fs::File;
 use semihosting::io::{self, Read, Seek, SeekFrom, Write};
 
-/// Why the flash refused.
+/// Reason why an operation failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlashError {
-    /// Its own rules.
+    /// The rules of the flash were violated.
     Rule(MemoryError),
-    /// The host could not write its file.
+    /// The host could not write the file.
     File,
 }
 
@@ -37,42 +37,44 @@ impl From<MemoryError> for FlashError {
     }
 }
 
-/// Why there is no flash.
+/// Reason why the flash could not be opened.
 #[derive(Clone, Copy, Debug)]
 pub enum OpenError {
-    /// The file can be neither opened nor made, or not read.
+    /// The file can be neither opened, created nor read.
     Host,
-    /// It is no flash of a driver: so many bytes.
+    /// The file has this length, bytes, which is not that of a driver's flash.
     Length(u64),
 }
 
-/// Where the bytes are kept.
-enum Copy {
+/// Storage of the bytes.
+enum Storage {
     File(File),
     Kept(Kept),
 }
 
-/// The flash.
+/// The emulated flash.
 pub struct BoardFlash {
     memory: MemoryFlash<PAGES>,
-    copy: Copy,
+    copy: Storage,
 }
 
 impl BoardFlash {
-    /// Flash that is kept over a reset, and no longer.
+    /// Returns flash that only survives a reset.
     pub fn kept(mut kept: Kept) -> Self {
         let mut memory = MemoryFlash::new();
         if kept.is_warm() {
             memory.restore(kept.bytes());
         } else {
-            memory.image().zip(kept.bytes_mut().chunks_mut(PAGE)).for_each(|(page, place)| {
-                place.copy_from_slice(page);
-            });
+            memory.image().zip(kept.bytes_mut().chunks_mut(PAGE_BYTES)).for_each(
+                |(page, place)| {
+                    place.copy_from_slice(page);
+                },
+            );
         }
-        Self { memory, copy: Copy::Kept(kept) }
+        Self { memory, copy: Storage::Kept(kept) }
     }
 
-    /// Flash in this file, made where there is none.
+    /// Returns flash in this file, which is created if it does not exist.
     ///
     /// # Errors
     /// See [`OpenError`].
@@ -94,20 +96,20 @@ impl BoardFlash {
             }
             length => return Err(OpenError::Length(length)),
         }
-        Ok(Self { memory, copy: Copy::File(file) })
+        Ok(Self { memory, copy: Storage::File(file) })
     }
 
-    /// Copies what changed.
-    fn keep(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        for at in (from..to).step_by(DOUBLE_WORD) {
-            let mut unit = [0; DOUBLE_WORD];
+    /// Writes a changed range to the storage.
+    fn save_range(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        for at in (from..to).step_by(DOUBLE_WORD_BYTES) {
+            let mut unit = [0; DOUBLE_WORD_BYTES];
             self.memory.read(at, &mut unit)?;
             match &mut self.copy {
-                Copy::File(file) => file
+                Storage::File(file) => file
                     .seek(SeekFrom::Start(u64::from(at)))
                     .and_then(|_| file.write_all(&unit))
                     .map_err(|_| FlashError::File)?,
-                Copy::Kept(kept) => {
+                Storage::Kept(kept) => {
                     let place = kept.bytes_mut().get_mut(at as usize..).unwrap_or_default();
                     place.iter_mut().zip(unit).for_each(|(place, byte)| *place = byte);
                 }
@@ -134,18 +136,19 @@ impl ReadNorFlash for BoardFlash {
 }
 
 impl NorFlash for BoardFlash {
-    const WRITE_SIZE: usize = DOUBLE_WORD;
-    const ERASE_SIZE: usize = PAGE;
+    const WRITE_SIZE: usize = DOUBLE_WORD_BYTES;
+    const ERASE_SIZE: usize = PAGE_BYTES;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         self.memory.erase(from, to)?;
-        self.keep(from, to)
+        self.save_range(from, to)
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
-        for (at, unit) in (offset..).step_by(DOUBLE_WORD).zip(bytes.chunks(DOUBLE_WORD)) {
+        for (at, unit) in (offset..).step_by(DOUBLE_WORD_BYTES).zip(bytes.chunks(DOUBLE_WORD_BYTES))
+        {
             self.memory.write(at, unit)?;
-            self.keep(at, at + DOUBLE_WORD as u32)?;
+            self.save_range(at, at + DOUBLE_WORD_BYTES as u32)?;
         }
         Ok(())
     }

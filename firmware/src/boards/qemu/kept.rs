@@ -1,21 +1,21 @@
-//! Bytes that a reset leaves alone: the flash, where no file keeps it, and whether this start is one after a reset.
+//! RAM that survives a reset: the flash if no file holds it, and whether this start follows a reset.
 //!
-//! They lie in `.uninit`, which start-up neither clears nor fills. A machine that is switched on has zeros
-//! there, so a mark tells the two apart.
-#![allow(unsafe_code)] // A static that start-up does not make.
+//! It is in `.uninit`, which start-up code neither clears nor initialises. After power-up that memory holds
+//! zeros, so a marker distinguishes the two cases.
+#![allow(unsafe_code)] // Accesses a static that start-up code does not initialise.
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
-use firmware::store::memory::PAGE;
+use firmware::store::memory::PAGE_BYTES;
 
-/// Pages of the flash: two slots of two pages each.
+/// Number of pages: two slots of two pages each.
 pub const PAGES: usize = 4;
 
-/// Bytes of the flash.
-pub const LENGTH: usize = PAGES * PAGE;
+/// Length of the flash, bytes.
+pub const LENGTH: usize = PAGES * PAGE_BYTES;
 
-/// "kept", "over": unlike anything memory holds by itself.
+/// Marker of valid content ("kept", "over").
 const MARK: [u32; 2] = [0x6B65_7074, 0x6F76_6572];
 
 #[repr(C)]
@@ -24,31 +24,31 @@ struct Area {
     bytes: [u8; LENGTH],
 }
 
-struct Place(UnsafeCell<MaybeUninit<Area>>);
+struct AreaCell(UnsafeCell<MaybeUninit<Area>>);
 
-// SAFETY: `Kept` is the only way to it, and `TAKEN` lets there be one.
-unsafe impl Sync for Place {}
+// SAFETY: only `Kept` accesses it, and `TAKEN` allows one `Kept`.
+unsafe impl Sync for AreaCell {}
 
 #[unsafe(link_section = ".uninit.qemu.kept")]
-static PLACE: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
+static AREA: AreaCell = AreaCell(UnsafeCell::new(MaybeUninit::uninit()));
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
-/// What was kept.
+/// The memory that survives a reset.
 pub struct Kept {
     area: &'static mut Area,
     warm: bool,
 }
 
 impl Kept {
-    /// Takes it; `None` if it was taken before.
+    /// Takes the memory; `None` if it is already taken.
     pub fn take() -> Option<Self> {
         if TAKEN.swap(true, Ordering::Relaxed) {
             return None;
         }
-        // SAFETY: nobody else has it, and RAM holds some value, which is a legal `Area` whatever its bits.
-        // The volatile read keeps the compiler from knowing that nothing was ever written there.
+        // SAFETY: no other reference exists, and any bit pattern is a valid `Area`. The volatile read
+        // prevents the compiler from assuming that the memory was never written.
         unsafe {
-            let place = PLACE.0.get().cast::<Area>();
+            let place = AREA.0.get().cast::<Area>();
             let mark = (&raw const (*place).mark).read_volatile();
             let warm = mark == MARK;
             if !warm {
@@ -59,17 +59,17 @@ impl Kept {
         }
     }
 
-    /// Whether this start followed a reset, and not power.
+    /// Returns true if this start follows a reset, not power-up.
     pub const fn is_warm(&self) -> bool {
         self.warm
     }
 
-    /// The bytes kept.
+    /// Returns the bytes.
     pub const fn bytes(&self) -> &[u8; LENGTH] {
         &self.area.bytes
     }
 
-    /// The bytes kept, to change.
+    /// Returns the bytes for writing.
     pub const fn bytes_mut(&mut self) -> &mut [u8; LENGTH] {
         &mut self.area.bytes
     }

@@ -1,5 +1,5 @@
-//! The registers this board writes, by their addresses (RM0090): no crate of the chip is needed for so few.
-#![allow(unsafe_code)] // Registers; this file alone knows how to reach one.
+//! Addresses of the registers that this board uses (RM0090). So few need no crate for the chip.
+#![allow(unsafe_code)] // Only this file accesses registers.
 
 use cortex_m::interrupt::InterruptNumber;
 
@@ -17,34 +17,34 @@ pub mod timer {
     pub const COMPARE_1: usize = 0x34;
     pub const BREAK: usize = 0x44;
     pub const ENABLE: u32 = 1 << 0;
-    /// The break input has opened the bridge.
-    pub const BROKE: u32 = 1 << 7;
-    pub const OUTPUTS_ON: u32 = 1 << 15;
+    /// Set when the break input has opened the bridge.
+    pub const BREAK_FLAG: u32 = 1 << 7;
+    pub const MAIN_OUTPUT_ENABLE: u32 = 1 << 15;
 }
 
-/// A register of this board's.
+/// Reads a register.
 pub fn read(register: usize) -> u32 {
-    // SAFETY: a register of a peripheral that is always there; those that reading changes are one owner's.
+    // SAFETY: a register that always exists. Registers with read side effects have one owner.
     unsafe { (register as *const u32).read_volatile() }
 }
 
-/// As [`read`].
+/// Writes a register.
 pub fn write(register: usize, value: u32) {
-    // SAFETY: as above.
+    // SAFETY: see `read`.
     unsafe { (register as *mut u32).write_volatile(value) }
 }
 
-/// Gives the peripherals of this board their clock.
+/// Enables the clocks of the peripherals that this board uses.
 pub fn start_clocks() {
     const ENABLE_APB1: usize = RCC + 0x40;
     const ENABLE_APB2: usize = RCC + 0x44;
-    const ONLY_TIM5: u32 = 1 << 3;
-    const TIM1_AND_USART1: u32 = 1 << 0 | 1 << 4;
-    write(ENABLE_APB1, read(ENABLE_APB1) | ONLY_TIM5);
-    write(ENABLE_APB2, read(ENABLE_APB2) | TIM1_AND_USART1);
+    const TIM5_ENABLE: u32 = 1 << 3;
+    const TIM1_AND_USART1_ENABLE: u32 = 1 << 0 | 1 << 4;
+    write(ENABLE_APB1, read(ENABLE_APB1) | TIM5_ENABLE);
+    write(ENABLE_APB2, read(ENABLE_APB2) | TIM1_AND_USART1_ENABLE);
 }
 
-/// The interrupts that are somebody's.
+/// The interrupts that this board uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Line {
     Serial = 37,

@@ -1,12 +1,12 @@
-//! The parameter store's flash: the last four pages of the second bank.
+//! The flash of the parameter store: the last four pages of the second bank.
 //!
-//! The image is in the first bank and is read on while a page of the second is erased, so an erase of 25 ms
-//! stalls nobody. Only while the option bytes keep two banks (DBANK, as delivered): else there is no flash
-//! here, every access fails, and the driver says that its store is damaged.
+//! The image is in the first bank, from which the core reads while a page of the second is erased. An erase
+//! of 25 ms therefore does not stall the current loop. This requires that the option bytes select two banks
+//! (DBANK, the factory setting). Otherwise every access fails and the driver reports a damaged store.
 //!
-//! A double word that was torn by a loss of power has check bits that do not fit. Reading it raises the
-//! non-maskable interrupt. [`ecc_error`] is that interrupt: during a read of ours it becomes an `Err`;
-//! anywhere else the image itself has rotted, and the firmware stops.
+//! A double word that was torn by a power cut has wrong check bits. Reading it raises the non-maskable
+//! interrupt, which calls [`ecc_error`]. During a read of the store the error becomes an `Err`. At any
+//! other time the image itself is damaged, and the firmware stops.
 
 use super::watchdog;
 use core::sync::atomic::{AtomicU8, Ordering};
@@ -17,41 +17,43 @@ use embedded_storage::nor_flash::{
     check_write,
 };
 
-/// Bytes of a page.
-const PAGE: usize = 2048;
-const _: () = assert!(MAX_ERASE_SIZE == PAGE && WRITE_SIZE == 8, "two banks of 2 KB pages");
-/// Two slots of two pages each, at the end of 512 KB.
-const SIZE: usize = 4 * PAGE;
-const BASE: u32 = (512 * 1024 - SIZE) as u32;
+/// Length of a page, bytes.
+const PAGE_BYTES: usize = 2048;
+const _: () = assert!(MAX_ERASE_SIZE == PAGE_BYTES && WRITE_SIZE == 8, "two banks of 2 KB pages");
+/// Length of the store, bytes: two slots of two pages each, at the end of 512 KB.
+const STORE_BYTES: usize = 4 * PAGE_BYTES;
+const STORE_OFFSET: u32 = (512 * 1024 - STORE_BYTES) as u32;
 
-/// Nobody reads; a read is under way; a read met check bits that do not fit.
-const IDLE: u8 = 0;
-const READING: u8 = 1;
-const FAILED: u8 = 2;
-static READ: AtomicU8 = AtomicU8::new(IDLE);
+/// States of a read: none, active, and failed with an ECC error.
+const READ_NONE: u8 = 0;
+const READ_ACTIVE: u8 = 1;
+const READ_FAILED: u8 = 2;
+static READ_STATE: AtomicU8 = AtomicU8::new(READ_NONE);
 
-/// The non-maskable interrupt. Says whether it was a read of ours; if not, nothing can be trusted.
+/// Handles an ECC error. Returns true if it occurred during a read of the store; if not, the image is
+/// damaged.
 pub fn ecc_error() -> bool {
     let status = pac::FLASH.eccr().read();
-    let ours = READ.load(Ordering::Relaxed) != IDLE && (status.eccd() || status.eccd2());
-    if ours {
-        // Written as read: its flags are cleared by ones.
+    let is_store_read =
+        READ_STATE.load(Ordering::Relaxed) != READ_NONE && (status.eccd() || status.eccd2());
+    if is_store_read {
+        // Writing the value back clears its flags, which are cleared by ones.
         pac::FLASH.eccr().write_value(status);
-        READ.store(FAILED, Ordering::Relaxed);
+        READ_STATE.store(READ_FAILED, Ordering::Relaxed);
     }
-    ours
+    is_store_read
 }
 
-/// Why the flash refused.
+/// Reason why an operation failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlashError {
     /// Not aligned, or beyond the end.
     Bounds(NorFlashErrorKind),
-    /// Check bits do not fit.
+    /// The check bits are wrong.
     Ecc,
-    /// The option bytes make it one bank.
+    /// The option bytes select a single bank.
     OneBank,
-    /// The controller refused to erase or program.
+    /// The controller refused an erase or a program operation.
     Refused,
 }
 
@@ -70,13 +72,13 @@ impl From<NorFlashErrorKind> for FlashError {
     }
 }
 
-/// The store's flash.
+/// The flash of the parameter store.
 pub struct StoreFlash(Option<Flash<'static, Blocking>>);
 
 impl StoreFlash {
-    /// Takes the flash; where the option bytes are others, it refuses from then on.
+    /// Creates the flash. With other option bytes every access fails.
     pub fn new(flash: Peri<'static, peripherals::FLASH>) -> Self {
-        // Asked first, for embassy would panic.
+        // Checked first, because embassy would panic.
         let two_banks = pac::FLASH.optr().read().dbank();
         Self(two_banks.then(|| Flash::new_blocking(flash)))
     }
@@ -96,11 +98,11 @@ impl ReadNorFlash for StoreFlash {
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         check_read(self, offset, bytes.len())?;
         let flash = self.inner()?;
-        READ.store(READING, Ordering::SeqCst);
-        let read = flash.blocking_read(BASE + offset, bytes);
-        // The interrupt comes with the access, not with the next instruction.
+        READ_STATE.store(READ_ACTIVE, Ordering::SeqCst);
+        let read = flash.blocking_read(STORE_OFFSET + offset, bytes);
+        // The interrupt occurs with the access, which must complete before the state is read.
         cortex_m::asm::dsb();
-        let sound = READ.swap(IDLE, Ordering::SeqCst) == READING;
+        let sound = READ_STATE.swap(READ_NONE, Ordering::SeqCst) == READ_ACTIVE;
         match (read, sound) {
             (Ok(()), true) => Ok(()),
             (_, false) => Err(FlashError::Ecc),
@@ -109,29 +111,29 @@ impl ReadNorFlash for StoreFlash {
     }
 
     fn capacity(&self) -> usize {
-        SIZE
+        STORE_BYTES
     }
 }
 
 impl NorFlash for StoreFlash {
     const WRITE_SIZE: usize = WRITE_SIZE;
-    const ERASE_SIZE: usize = PAGE;
+    const ERASE_SIZE: usize = PAGE_BYTES;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         check_erase(self, from, to)?;
-        for page in (from..to).step_by(PAGE) {
-            // The background lives, it only waits; whether the loop does is looked at.
-            watchdog::feed();
-            let (start, end) = (BASE + page, BASE + page + PAGE as u32);
+        for page in (from..to).step_by(PAGE_BYTES) {
+            // The background only waits here, so it refreshes the watchdog if the loop runs.
+            watchdog::refresh_if_loop_runs();
+            let (start, end) = (STORE_OFFSET + page, STORE_OFFSET + page + PAGE_BYTES as u32);
             self.inner()?.blocking_erase(start, end).map_err(|_| FlashError::Refused)?;
         }
-        watchdog::feed();
+        watchdog::refresh_if_loop_runs();
         Ok(())
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         check_write(self, offset, bytes.len())?;
-        watchdog::feed();
-        self.inner()?.blocking_write(BASE + offset, bytes).map_err(|_| FlashError::Refused)
+        watchdog::refresh_if_loop_runs();
+        self.inner()?.blocking_write(STORE_OFFSET + offset, bytes).map_err(|_| FlashError::Refused)
     }
 }

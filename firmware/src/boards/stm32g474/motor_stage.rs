@@ -1,8 +1,8 @@
-//! The motor as the current loop sees it: bridge, shunts and encoder together.
+//! The motor hardware that the current loop uses: bridge, shunts and encoder.
 //!
-//! The library's `LoopTask` is the interrupt; this is the [`PowerStage`] it works on. Counts become SI units
-//! here, with the offsets the shunts' amplifiers had at the start. The encoder is read in the interrupt, so
-//! its angle is that of the frame before; `encoder_delay_s` says so to the loop.
+//! The library's `LoopTask` runs in the interrupt; this module provides its [`PowerStage`]. Counts are
+//! converted to SI units with the offsets that were measured at the start. The encoder is read in the
+//! interrupt, so its angle belongs to the previous frame; `encoder_delay_s` accounts for that.
 
 use super::power_stage::{Counts, Stage};
 use super::{pins, scales};
@@ -15,17 +15,17 @@ use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::{pac, rcc};
 use embedded_hal::delay::DelayNs;
 use embedded_hal_bus::spi::ExclusiveDevice;
-use firmware::control::{Broke, PowerStage, StageSample, Valid, encoder_angle};
+use firmware::control::{BridgeFault, PowerStage, StageSample, ValidChannels, encoder_angle};
 use firmware::sensors::as504x::{ANGLE_BITS, As504x};
 use firmware::sensors::shunt::{OFFSET_SAMPLES, OffsetFinder, Shunt};
 
-/// Periods the gate driver's amplifiers have to wake up, 5 ms.
-const WAKING: u32 = 100;
+/// Periods until the amplifiers of the gate driver are awake, 5 ms.
+const WAKE_PERIODS: u32 = 100;
 
-/// The encoder on its bus.
+/// The encoder on its SPI bus.
 pub type Encoder = As504x<ExclusiveDevice<Spi<'static, Blocking, Master>, Output<'static>, Cycles>>;
 
-/// Waits by counting cycles.
+/// Delay by counting cycles.
 pub struct Cycles;
 
 impl DelayNs for Cycles {
@@ -38,7 +38,7 @@ impl DelayNs for Cycles {
 pub struct MotorStage {
     pub stage: Stage,
     pub encoder: Encoder,
-    /// Of phases a and b; `None` where no offset was found.
+    /// Scaling of phases a and b; `None` if its offset was refused.
     pub shunts: [Option<Shunt>; 2],
 }
 
@@ -51,13 +51,13 @@ impl PowerStage for MotorStage {
     }
 
     #[inline(always)]
-    fn broke(&mut self) -> Option<Broke> {
-        self.stage.broke()
+    fn bridge_fault(&mut self) -> Option<BridgeFault> {
+        self.stage.bridge_fault()
     }
 
     #[inline(always)]
-    fn wake(&mut self, awake: bool) {
-        self.stage.wake(awake);
+    fn set_awake(&mut self, awake: bool) {
+        self.stage.set_awake(awake);
     }
 
     #[inline(always)]
@@ -76,49 +76,49 @@ impl PowerStage for MotorStage {
     }
 }
 
-/// What the loop is given for these counts.
+/// Converts the counts of one period to SI units.
 #[inline(always)]
 fn sample(counts: Counts, shunts: &[Option<Shunt>; 2], encoder: Option<u32>) -> StageSample {
     let [a, b] = shunts;
     let a = a.as_ref().and_then(|shunt| shunt.current_a(counts.phase_a));
     let b = b.as_ref().and_then(|shunt| shunt.current_a(counts.phase_b));
-    let mut valid = Valid::BUS;
-    valid.set(Valid::CURRENT_A, a.is_some());
-    valid.set(Valid::CURRENT_B, b.is_some());
-    valid.set(Valid::ENCODER, encoder.is_some());
+    let mut valid = ValidChannels::BUS;
+    valid.set(ValidChannels::CURRENT_A, a.is_some());
+    valid.set(ValidChannels::CURRENT_B, b.is_some());
+    valid.set(ValidChannels::ENCODER, encoder.is_some());
     StageSample {
         currents_a: [a.unwrap_or(0.0), b.unwrap_or(0.0), 0.0],
-        // Half a count more, so that no power is a low voltage and not a missing one.
+        // Half a count is added, so that an unpowered bus reads as a low voltage and not as a missing one.
         bus_v: (f32::from(counts.bus) + 0.5) * scales::VOLTS_PER_COUNT,
         encoder: encoder.unwrap_or(0),
         valid,
     }
 }
 
-/// Amplifiers' offsets: the bridge is off, so what is measured is no current.
-pub fn find_offsets(stage: &mut Stage) -> [Option<Shunt>; 2] {
+/// Measures the offsets of the amplifiers. The bridge is off, so no current flows.
+pub fn measure_offsets(stage: &mut Stage) -> [Option<Shunt>; 2] {
     let mut finders = [OffsetFinder::default(); 2];
-    for _ in 0..WAKING {
+    for _ in 0..WAKE_PERIODS {
         stage.wait();
     }
     for _ in 0..OFFSET_SAMPLES {
         let counts = stage.wait();
         for (finder, counts) in finders.iter_mut().zip([counts.phase_a, counts.phase_b]) {
-            finder.take(counts);
+            finder.add_sample(counts);
         }
     }
-    // The fault a gate driver shows while it wakes is forgotten.
+    // Clears the fault that a gate driver reports while it wakes.
     stage.off();
     finders.map(|finder| finder.shunt(scales::AMPERES_PER_COUNT))
 }
 
-/// Whether the encoder's clock is what was meant: the divider in the register, of the clock there is.
-pub fn encoder_clock_is_right() -> bool {
+/// Returns true if divider and source of the encoder's clock have the expected values.
+pub fn has_correct_encoder_clock() -> bool {
     let divider = 2 << pac::SPI1.cr1().read().br().to_bits();
     divider == scales::ENCODER_DIVIDER && rcc::frequency::<SPI1>().0 == scales::CORE_HZ
 }
 
-/// Sets the encoder's bus up.
+/// Sets up the encoder's bus.
 pub fn encoder(wired: pins::Encoder) -> Encoder {
     let mut config = spi::Config::default();
     config.mode = spi::MODE_1;

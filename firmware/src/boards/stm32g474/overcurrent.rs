@@ -1,15 +1,19 @@
-//! Overcurrent opens the bridge by hardware: six comparators on the shunts, at the timer's break.
+//! Overcurrent opens the bridge in hardware: six comparators on the shunts act on the break input of the
+//! timer.
 //!
 //! ```text
-//! amplifier a -+-> COMP3 above, COMP6 below     levels: converters inside the chip, T to either side of the middle
+//! amplifier a -+-> COMP3 above, COMP6 below     levels: internal DACs, T on either side of the middle
 //! amplifier b -+-> COMP1 above, COMP2 below                                         -> break of TIM1, filtered
-//! mean of a, b --> COMP5 above, COMP7 below     half of T: the mean shows half of what flows in phase c
+//! mean of a, b --> COMP5 above, COMP7 below     half of T: the mean shows half of the current in phase c
 //! ```
-//! A processor that hangs leaves the timer its last duties, and the vector stands while the rotor turns. Nothing that runs is
-//! needed here: levels and inputs are set once, and locked before the break is. A comparator has one level, and a current is
-//! too large in either direction, so each phase takes two; of two phases alone the third would be left with twice the level.
-//! A low side's shunt shows its current while that side conducts, once a period: a duty so high that this time is shorter
-//! than the amplifier's lag and the break's filter is not seen, and `modulation_max` forbids it.
+//! If the processor hangs, the timer keeps its last duties, and the voltage vector stands still while the
+//! rotor turns. The comparators need no software: levels and inputs are set once and locked before the
+//! break is.
+//!
+//! A comparator has one level and a current may be too large in either direction, so each phase needs two.
+//! With two phases only, the third would have twice the level. A low-side shunt shows its current only
+//! while that switch conducts, once a period. At a very high duty this time is shorter than the amplifier's
+//! lag and the break filter, and the current is not seen; `modulation_max` excludes such duties.
 
 use super::{pins, scales};
 use embassy_stm32::gpio::Flex;
@@ -18,19 +22,19 @@ use embassy_stm32::pac::dac::{Dac, vals as dac};
 use embassy_stm32::peripherals::{DAC2, DAC3, DAC4};
 use embassy_stm32::{pac, rcc};
 
-/// Which of the two pins of a comparator.
-const FIRST: bool = false;
-const SECOND: bool = true;
+/// Selects one of the two input pins of a comparator.
+const FIRST_PIN: bool = false;
+const SECOND_PIN: bool = true;
 
-/// What the converters' interface needs of a bus above 160 MHz (RM0440, DAC_MCR HFSEL).
+/// DAC interface setting for a bus above 160 MHz (RM0440, DAC_MCR HFSEL).
 const BUS_ABOVE_160_MHZ: u8 = 0b10;
 
-/// Comparators at the break, by their number less one.
-pub const AT_BREAK: [usize; 6] = [0, 1, 2, 4, 5, 6];
+/// Comparators connected to the break, by their number minus one.
+pub const BREAK_COMPARATORS: [usize; 6] = [0, 1, 2, 4, 5, 6];
 
-/// Sets levels and comparators up, and locks the comparators until the next reset.
+/// Sets up levels and comparators, and locks the comparators until the next reset.
 pub fn set_up(wired: pins::Overcurrent) {
-    // Pins of an analog input alone: that is how a reset leaves them, and nobody else has them now.
+    // Analog inputs: the state after a reset, which must stay, so the pins are never released.
     for mut pin in [
         Flex::new(wired.phase_a),
         Flex::new(wired.phase_b),
@@ -43,21 +47,21 @@ pub fn set_up(wired: pins::Overcurrent) {
     rcc::enable_and_reset::<DAC2>();
     rcc::enable_and_reset::<DAC3>();
     rcc::enable_and_reset::<DAC4>();
-    level(pac::DAC3, 0, scales::BREAK_ABOVE);
-    level(pac::DAC3, 1, scales::BREAK_BELOW);
-    level(pac::DAC4, 1, scales::BREAK_BELOW);
-    level(pac::DAC4, 0, scales::BREAK_MEAN_ABOVE);
-    level(pac::DAC2, 0, scales::BREAK_MEAN_BELOW);
-    // Below its level a comparator is to say so: its output is turned.
-    compare(pac::COMP3, FIRST, comp::Inm::DACA, comp::Polarity::NOT_INVERTED);
-    compare(pac::COMP6, FIRST, comp::Inm::DACA, comp::Polarity::INVERTED);
-    compare(pac::COMP1, FIRST, comp::Inm::DACA, comp::Polarity::NOT_INVERTED);
-    compare(pac::COMP2, SECOND, comp::Inm::DACA, comp::Polarity::INVERTED);
-    compare(pac::COMP5, FIRST, comp::Inm::DACA, comp::Polarity::NOT_INVERTED);
-    compare(pac::COMP7, FIRST, comp::Inm::DACB, comp::Polarity::INVERTED);
+    set_level(pac::DAC3, 0, scales::BREAK_ABOVE);
+    set_level(pac::DAC3, 1, scales::BREAK_BELOW);
+    set_level(pac::DAC4, 1, scales::BREAK_BELOW);
+    set_level(pac::DAC4, 0, scales::BREAK_MEAN_ABOVE);
+    set_level(pac::DAC2, 0, scales::BREAK_MEAN_BELOW);
+    // A comparator below its level must signal, so its output is inverted.
+    set_up_comparator(pac::COMP3, FIRST_PIN, comp::Inm::DACA, comp::Polarity::NOT_INVERTED);
+    set_up_comparator(pac::COMP6, FIRST_PIN, comp::Inm::DACA, comp::Polarity::INVERTED);
+    set_up_comparator(pac::COMP1, FIRST_PIN, comp::Inm::DACA, comp::Polarity::NOT_INVERTED);
+    set_up_comparator(pac::COMP2, SECOND_PIN, comp::Inm::DACA, comp::Polarity::INVERTED);
+    set_up_comparator(pac::COMP5, FIRST_PIN, comp::Inm::DACA, comp::Polarity::NOT_INVERTED);
+    set_up_comparator(pac::COMP7, FIRST_PIN, comp::Inm::DACB, comp::Polarity::INVERTED);
 }
 
-fn level(converter: Dac, channel: usize, counts: u16) {
+fn set_level(converter: Dac, channel: usize, counts: u16) {
     converter.mcr().modify(|w| {
         w.set_hfsel(BUS_ABOVE_160_MHZ);
         w.set_mode(channel, dac::Mode::NORMAL_INT_BUFDIS);
@@ -66,7 +70,7 @@ fn level(converter: Dac, channel: usize, counts: u16) {
     converter.cr().modify(|w| w.set_en(channel, true));
 }
 
-fn compare(comparator: Comp, pin: bool, level: comp::Inm, polarity: comp::Polarity) {
+fn set_up_comparator(comparator: Comp, pin: bool, level: comp::Inm, polarity: comp::Polarity) {
     comparator.csr().write(|w| {
         w.set_inpsel(pin);
         w.set_inmsel(level);

@@ -1,16 +1,16 @@
-//! What is wired to what: the one table to change for another board with this chip.
+//! The wiring of the board: the one table to change for another board with this chip.
 //!
-//! Types check it: a pin that cannot be what it is used for does not compile (embassy knows every pin's
-//! functions), and a peripheral named twice is moved twice, which does not compile either. The break input,
-//! in `power_stage`, and the gate driver's enable for a firmware that is dying are set by number.
+//! The compiler checks it: embassy knows the functions of every pin, and a peripheral named twice would be
+//! moved twice. Two entries are set by number instead: the break input (in `power_stage`) and the gate
+//! driver's enable for a panic.
 
 use embassy_stm32::{Peri, Peripherals, pac, peripherals};
 
-/// The gate driver's enable again, by port and number: a panic has no pins of its own.
+/// Enable pin of the gate driver by port and number, because a panic handler does not own the pins.
 pub const GATE_ENABLE: (pac::gpio::Gpio, usize) = (pac::GPIOC, 6);
-/// The pressure sensor's lines as pins, for when its bus is freed by hand: the table's `pressure`.
+/// Clock pin of the pressure sensor's bus, for a manual recovery; see `pressure` in the table.
 pub const PRESSURE_CLOCK: (pac::gpio::Gpio, usize) = (pac::GPIOA, 15);
-/// The other.
+/// Data pin of the pressure sensor's bus.
 pub const PRESSURE_DATA: (pac::gpio::Gpio, usize) = (pac::GPIOB, 7);
 
 macro_rules! wiring {
@@ -32,7 +32,7 @@ macro_rules! wiring {
             $(pub $field: $group,)*
         }
 
-        /// Hands each part of the board what is wired to it.
+        /// Splits the peripherals into the parts of the board.
         pub fn wiring(p: Peripherals) -> Wiring {
             Wiring { $($field: $group { $($name: p.$what,)* },)* }
         }
@@ -52,7 +52,7 @@ wiring! {
         fault  = PB10, "fault of the gate driver, low when there is one: TIM1_BKIN, function 12";
         enable = PC6,  "wakes the gate driver";
     }
-    /// What is sampled with the PWM.
+    /// Inputs sampled synchronously with the PWM.
     currents: Currents {
         adc_a   = ADC1, "converts phase a and the bus";
         adc_b   = ADC2, "converts phase b at the same moment";
@@ -60,14 +60,14 @@ wiring! {
         phase_b = PA1,  "amplified shunt, phase b: ADC2_IN2, COMP1_INP";
         bus     = PC0,  "divided bus voltage: ADC1_IN6";
     }
-    /// The shunts again, where further comparators reach them.
+    /// The shunt signals at the inputs of further comparators.
     overcurrent: Overcurrent {
         phase_a   = PB11, "tied to PA0: COMP6_INP";
         phase_b   = PA3,  "tied to PA1: COMP2_INP";
         mean_high = PB13, "10 k each from PA0 and PA1, their mean: COMP5_INP";
         mean_low  = PB14, "tied to PB13: COMP7_INP";
     }
-    /// What is sampled now and then.
+    /// Inputs sampled slowly.
     slow: Slow {
         adc                = ADC3, "converts temperatures";
         bridge_temperature = PB0,  "thermistor at the bridge: ADC3_IN12";
@@ -95,7 +95,7 @@ wiring! {
         receive    = PA11,   "FDCAN1_RX";
         transmit   = PB9,    "FDCAN1_TX";
     }
-    /// What has no pins.
+    /// Peripherals without pins.
     inside: Inside {
         watchdog = IWDG,  "resets a firmware that hangs";
         flash    = FLASH, "holds the parameters, in its second bank";

@@ -1,19 +1,22 @@
-//! The bridge and what is sampled with it.
+//! The bridge and the conversions that are synchronous with it.
 //!
-//! TIM1 counts up and down; a half bridge's high side conducts while the count is below its compare value. At
-//! the top all low sides conduct, half-way through a pause of the high sides: there the shunts are sampled,
-//! by the timer itself, and there new duties count. So a period of the loop is from top to top; its duties act in
-//! the next, whose middle is 1.5 periods after the sample, as the loop's parameters have it.
+//! TIM1 counts up and down; the high side of a half bridge conducts while the count is below its compare
+//! value. At the top all low sides conduct, in the middle of their on-time. There the timer triggers the
+//! conversions of the shunts, and new duties take effect. A period of the loop is therefore from top to
+//! top. Its duties act in the next period, whose middle is 1.5 periods after the sample, as the parameters
+//! of the loop assume.
 //!
-//! *Off* is the main output enable (MOE) off: all six outputs go to their idle level, low, driven. The break
-//! input does the same by hardware within a microsecond; software then finds the break flag and tells. MOE is
-//! never set by hardware (no automatic re-enable), and dead time, idle levels and break are locked at the start.
-//! Gate driver and overcurrent comparators ([`super::overcurrent`]) share that input. Who it was is told apart by the
-//! gate driver's pin: it holds its fault until it has slept.
+//! *Off* means that the main output enable (MOE) is cleared: all six outputs are driven to their idle
+//! level, low. The break input does the same in hardware within a microsecond; software then finds the
+//! break flag and reports it. Hardware never sets MOE (no automatic output enable). Dead time, idle levels
+//! and break are locked at the start. Gate driver and overcurrent comparators ([`super::overcurrent`])
+//! share the break input. The pin of the gate driver distinguishes them, because it holds its fault until
+//! the driver has slept.
 //!
-//! The chip itself breaks too: a crystal that stops (CSS), a processor that locks up, flash or RAM whose check bits do
-//! not fit, a supply below 2.8 V (PVD). Those are wired to the timer's break in SYSCFG before the break is locked, and
-//! there they stay until the next reset, whatever the firmware does. The gate driver's enable is a second way off.
+//! The chip itself can also break: on a crystal failure (CSS), a processor lockup, an ECC or parity error,
+//! or a supply below 2.8 V (PVD). SYSCFG connects these to the break of the timer before the break is
+//! locked, and they stay connected until the next reset. The gate driver's enable is a second, independent
+//! way to switch off.
 
 use super::scales::{DEAD_TIME, PWM_TOP};
 use super::{overcurrent, pins};
@@ -25,17 +28,17 @@ use embassy_stm32::timer::complementary_pwm::ComplementaryPwmPin;
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::triggers::TIM1_TRGO2;
 use embassy_stm32::{Peri, pac, rcc};
-use firmware::control::Broke;
+use firmware::control::BridgeFault;
 
 /// Alternate function of the break input.
 const BREAK_FUNCTION: u8 = 12;
 const TIMER: pac::timer::TimAdv = pac::TIM1;
 
-/// Level of the supply that opens the bridge: 2.8 V (PWR_CR2, PLS), 0.1 V above the highest brown-out level and 15 %
-/// below the nominal 3.3 V, to which a regulator holds it.
-const SUPPLY_LEVEL: u8 = 0b101;
+/// Supply level that opens the bridge: 2.8 V (PWR_CR2, PLS). It is 0.1 V above the highest brown-out level
+/// and 15 % below the regulated nominal 3.3 V.
+const SUPPLY_BREAK_LEVEL: u8 = 0b101;
 
-/// Raw counts of a period.
+/// Raw counts of one period.
 #[derive(Clone, Copy)]
 pub struct Counts {
     pub phase_a: u16,
@@ -43,7 +46,7 @@ pub struct Counts {
     pub bus: u16,
 }
 
-/// The bridge, closed by nobody but [`Stage::drive`].
+/// The bridge. Only [`Stage::drive`] closes it.
 pub struct Stage {
     adc_a: InjectedAdc<'static, ADC1, 2>,
     adc_b: InjectedAdc<'static, ADC2, 1>,
@@ -53,7 +56,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Sets everything up; the bridge is off, the gate driver asleep, the timer not started.
+    /// Sets up bridge and converters. The bridge is off, the gate driver asleep and the timer stopped.
     pub fn new(
         bridge: pins::Bridge,
         currents: pins::Currents,
@@ -65,7 +68,8 @@ impl Stage {
         set_up_timer();
         let mut break_pin = Flex::new(bridge.fault);
         break_pin.set_as_af_unchecked(BREAK_FUNCTION, AfType::input(Pull::Up));
-        // The pins become the timer's only now that it holds them at their idle level. They stay so for good.
+        // The pins are connected to the timer only now that it holds them at their idle level, and stay
+        // connected.
         let kind = OutputType::PushPull;
         core::mem::forget((
             PwmPin::<TIM1, _>::new(bridge.a_high, kind),
@@ -75,7 +79,7 @@ impl Stage {
             ComplementaryPwmPin::<TIM1, _>::new(bridge.b_low, kind),
             ComplementaryPwmPin::<TIM1, _>::new(bridge.c_low, kind),
         ));
-        // 42.5 MHz: a current is held for 0.3 us, and the slower bus divider comes after it.
+        // At 42.5 MHz a current is sampled for 0.3 us. The slower bus divider follows it.
         let adc_a = Adc::new(currents.adc_a, Default::default()).setup_injected_conversions(
             [
                 (currents.phase_a.degrade_adc(), SampleTime::CYCLES12_5),
@@ -94,21 +98,22 @@ impl Stage {
         Self { adc_a, adc_b, _timer: bridge.timer, break_pin, enable }
     }
 
-    /// Starts the timer and wakes the gate driver. Says whether duties count from the top on, as they should.
+    /// Starts the timer and wakes the gate driver. Returns true if duties take effect at the top, as
+    /// required.
     pub fn start(&mut self) -> bool {
         TIMER.cr1().modify(|w| w.set_cen(true));
-        let at_top = count_duties_from_the_top();
+        let is_aligned = align_updates_to_top();
         self.enable.set_high();
-        at_top
+        is_aligned
     }
 
-    /// Waits for a conversion, without the interrupt: for the start.
+    /// Waits for a conversion by polling, for the start.
     pub fn wait(&mut self) -> Counts {
         while !self.is_due() {}
         self.counts()
     }
 
-    /// Whether a conversion is there; asks once.
+    /// Returns true if a conversion is complete, and clears its flag.
     #[inline(always)]
     pub fn is_due(&mut self) -> bool {
         let due = pac::ADC1.isr().read().jeos();
@@ -121,7 +126,7 @@ impl Stage {
         due
     }
 
-    /// The counts converted last. Phase b is converted in the time of phase a.
+    /// Returns the latest counts. Phases a and b are converted simultaneously.
     #[inline(always)]
     pub fn counts(&mut self) -> Counts {
         let [phase_a, bus] = self.adc_a.read_injected_samples();
@@ -129,45 +134,45 @@ impl Stage {
         Counts { phase_a, phase_b, bus }
     }
 
-    /// Cycles since the last top: since the sample.
+    /// Returns the cycles since the last top, that is since the sample.
     #[inline(always)]
     pub fn since_trigger(&self) -> u32 {
         since_top()
     }
 
-    /// Whether the gate driver, a comparator or the chip has opened the bridge, or would.
+    /// Returns the source that has opened the bridge, or would open it.
     #[inline(always)]
-    pub fn broke(&self) -> Option<Broke> {
+    pub fn bridge_fault(&self) -> Option<BridgeFault> {
         let flags = TIMER.sr().read();
         match (flags.sbif(), flags.bif(0)) {
-            (true, _) => Some(Broke::System),
-            (_, true) if self.break_pin.is_low() => Some(Broke::GateDriver),
-            (_, true) => Some(Broke::Overcurrent),
+            (true, _) => Some(BridgeFault::System),
+            (_, true) if self.break_pin.is_low() => Some(BridgeFault::GateDriver),
+            (_, true) => Some(BridgeFault::Overcurrent),
             _ => None,
         }
     }
 
-    /// Wakes the gate driver, or puts it to sleep.
+    /// Wakes the gate driver or puts it to sleep.
     #[inline(always)]
-    pub fn wake(&mut self, awake: bool) {
+    pub fn set_awake(&mut self, awake: bool) {
         self.enable.set_level(awake.into());
     }
 
-    /// Sets the duties of the next period; closes the bridge where it is open and nothing broke it.
+    /// Sets the duties of the next period. Closes the bridge if it is open and no break is active.
     #[inline(always)]
     pub fn drive(&mut self, duty: [f32; 3]) {
         set_duties(duty);
-        if self.broke().is_none() && !TIMER.bdtr().read().moe() {
+        if self.bridge_fault().is_none() && !TIMER.bdtr().read().moe() {
             TIMER.bdtr().modify(|w| w.set_moe(true));
         }
     }
 
-    /// Opens all switches at once. When they close again, it is with no voltage.
+    /// Opens all switches at once. When they close again, the voltage is zero.
     #[inline(always)]
     pub fn off(&mut self) {
         TIMER.bdtr().modify(|w| w.set_moe(false));
         set_duties([0.5; 3]);
-        // Stays up while the input is still active.
+        // The flag stays set while its input is active.
         TIMER.sr().write(|w| {
             w.0 = u32::MAX;
             w.set_bif(0, false);
@@ -176,22 +181,22 @@ impl Stage {
     }
 }
 
-/// Opens all switches both ways at once: for whoever is about to end this life, and has nothing but registers.
+/// Opens all switches in both ways, with register accesses only: for panics and faults.
 pub fn open_bridge() {
     TIMER.bdtr().modify(|w| w.set_moe(false));
     let (port, pin) = pins::GATE_ENABLE;
     port.bsrr().write(|w| w.set_br(pin, true));
 }
 
-/// A break that was the store's own, a read of a double word torn by a loss of power, is none of the bridge's.
-pub fn forget_system_break() {
+/// Clears a system break caused by a read of the parameter store, which does not concern the bridge.
+pub fn clear_system_break() {
     TIMER.sr().write(|w| {
         w.0 = u32::MAX;
         w.set_sbif(false);
     });
 }
 
-/// Cycles since the last top of the PWM: since the currents were sampled.
+/// Returns the cycles since the last top of the PWM, that is since the currents were sampled.
 #[inline(always)]
 pub fn since_top() -> u32 {
     let (top, count) = (u32::from(PWM_TOP), u32::from(TIMER.cnt().read().cnt()));
@@ -205,19 +210,20 @@ pub fn since_top() -> u32 {
 #[inline(always)]
 fn set_duties(duty: [f32; 3]) {
     for (channel, duty) in duty.into_iter().enumerate() {
-        // A cast holds to the range, and takes NaN for 0.
+        // The cast saturates and converts NaN to 0.
         let compare = (duty * f32::from(PWM_TOP)) as u16;
         TIMER.ccr(channel).write(|w| w.set_ccr(compare.min(PWM_TOP)));
     }
 }
 
-/// What of the chip itself opens the bridge. Each of these bits can be set once and cleared by a reset alone.
+/// Connects faults of the chip to the break. Only a reset clears these bits.
 fn wire_chip_faults_to_break() {
     pac::PWR.cr2().write(|w| {
-        w.set_pls(SUPPLY_LEVEL);
+        w.set_pls(SUPPLY_BREAK_LEVEL);
         w.set_pvde(true);
     });
-    // A crystal that stops: the timer breaks, the core goes on with its own oscillator, NMI tells.
+    // If the crystal stops, the timer breaks, the core continues with its internal oscillator, and the NMI
+    // reports it.
     pac::RCC.cr().modify(|w| w.set_csson(true));
     pac::SYSCFG.cfgr2().modify(|w| {
         w.set_cll(true);
@@ -229,7 +235,7 @@ fn wire_chip_faults_to_break() {
 
 fn set_up_timer() {
     wire_chip_faults_to_break();
-    // A halt in the debugger opens the bridge, or the last duties would stand.
+    // A debugger halt opens the bridge; otherwise the last duties would persist.
     pac::DBGMCU.apb2fzr().modify(|w| w.set_tim1(true));
     TIMER.cr1().write(|w| {
         w.set_cms(vals::Cms::CENTER_ALIGNED1);
@@ -246,7 +252,7 @@ fn set_up_timer() {
         });
     }
     set_duties([0.5; 3]);
-    // Channel 4 has no pin: it rises a count before the top, and starts the conversions.
+    // Channel 4 has no pin: it rises one count before the top and starts the conversions.
     TIMER.ccr(3).write(|w| w.set_ccr(PWM_TOP - 1));
     TIMER.cr2().write(|w| w.set_mms2(vals::Mms2::COMPARE_OC4));
     TIMER.ccer().write(|w| {
@@ -256,20 +262,22 @@ fn set_up_timer() {
         }
         w.set_cce(3, true);
     });
-    // One input of several sources, high when one of them is: the gate driver's pin is turned.
+    // One active-high input with several sources; the pin of the gate driver is inverted.
     TIMER.af1().write(|w| {
         w.set_bkine(true);
         w.set_bkinp(vals::Bkinp::INVERTED);
-        overcurrent::AT_BREAK.into_iter().for_each(|comparator| w.set_bkcmpe(comparator, true));
+        overcurrent::BREAK_COMPARATORS
+            .into_iter()
+            .for_each(|comparator| w.set_bkcmpe(comparator, true));
     });
     TIMER.bdtr().write(|w| {
         w.set_dtg(DEAD_TIME);
-        // Off is driven low, and not left floating.
+        // The outputs are driven low when off, not left floating.
         w.set_ossi(vals::Ossi::IDLE_LEVEL);
         w.set_ossr(vals::Ossr::IDLE_LEVEL);
         w.set_bke(0, true);
         w.set_bkp(0, vals::Bkp::ACTIVE_HIGH);
-        // 8 samples at a sixteenth of the timer's clock, 0.75 us: switching rings for some tenths.
+        // 8 samples at 1/16 of the timer clock, 0.75 us: switching rings for some tenths of a microsecond.
         w.set_bkf(0, vals::FilterValue::FDTS_DIV16_N8);
         w.set_aoe(false);
         w.set_moe(false);
@@ -278,12 +286,13 @@ fn set_up_timer() {
     TIMER.egr().write(|w| w.set_ug(true));
 }
 
-/// Duties count from every second turning point on; which of the two is settled by when the counter of
-/// turning points was written. So it is written until they count from the top.
-fn count_duties_from_the_top() -> bool {
+/// Makes the duties take effect at the top. They are updated at every second turning point; which of the
+/// two depends on the moment at which the repetition counter is written. It is therefore written until the
+/// updates occur at the top.
+fn align_updates_to_top() -> bool {
     for _ in 0..8 {
         TIMER.rcr().write(|w| w.set_rep(1));
-        // The one under way was counted with the old value.
+        // The current repetition still uses the old value.
         for _ in 0..2 {
             TIMER.sr().modify(|w| {
                 w.0 = u32::MAX;
@@ -294,7 +303,7 @@ fn count_duties_from_the_top() -> bool {
         if TIMER.cr1().read().dir() == vals::Dir::DOWN {
             return true;
         }
-        // One turning point with the other count moves the next by one.
+        // One repetition with the other count shifts the update by one turning point.
         TIMER.rcr().write(|w| w.set_rep(0));
         TIMER.sr().modify(|w| {
             w.0 = u32::MAX;

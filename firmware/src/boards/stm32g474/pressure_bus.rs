@@ -1,8 +1,9 @@
-//! The pressure sensor's bus: I2C1, and its two lines by hand where somebody holds them.
+//! The bus of the pressure sensor: I2C1, with manual control of its lines for a recovery.
 //!
-//! What the controller knows of a bus it keeps until it is switched off: a start that nobody ended, an arbitration lost to
-//! a glitch, the bus error it may see without one (ES0430). `PE` low for three of its clocks forgets that, registers stay
-//! (RM0440, software reset of I2C). The lines are the pins' meanwhile, open drain as before.
+//! The controller keeps its view of the bus until it is disabled: an unfinished start, an arbitration lost
+//! to a glitch, a false bus error (ES0430). Clearing `PE` for three of its clocks resets that state and
+//! keeps the registers (RM0440, software reset of I2C). Meanwhile the lines are controlled as open-drain
+//! pins.
 
 use super::pins::{self, PRESSURE_CLOCK as CLOCK, PRESSURE_DATA as DATA};
 use super::scales;
@@ -15,23 +16,24 @@ use embedded_hal::i2c::{ErrorType, Operation};
 use firmware::sensors::bus_recovery::{BusWires, recover};
 use firmware::sensors::ms5837::SensorBus;
 
-/// How long a transfer may take before it is given up.
-const TRANSFER: Duration = Duration::from_micros(1000);
+/// Timeout of a transfer.
+const TRANSFER_TIMEOUT: Duration = Duration::from_micros(1000);
 
-/// Half a clock by hand, 5 us: 100 kHz, which every sensor follows. Interrupts go on meanwhile.
-const HALF_CLOCK: u32 = scales::CORE_HZ / 200_000;
+/// Half a clock period of manual control, 5 us: 100 kHz, which every sensor supports. Interrupts stay
+/// enabled.
+const HALF_CLOCK_CYCLES: u32 = scales::CORE_HZ / 200_000;
 
-/// The bus.
+/// The I2C bus with recovery.
 pub struct PressureBus {
     i2c: I2c<'static, Blocking, Master>,
 }
 
 impl PressureBus {
-    /// Sets it up.
+    /// Sets up the bus.
     pub fn new(pins: pins::Pressure) -> Self {
         let mut config = Config::default();
         config.frequency = scales::PRESSURE_CLOCK;
-        config.timeout = TRANSFER;
+        config.timeout = TRANSFER_TIMEOUT;
         Self { i2c: I2c::new_blocking(pins.i2c, pins.clock, pins.data, config) }
     }
 }
@@ -45,7 +47,7 @@ impl embedded_hal::i2c::I2c for PressureBus {
         embedded_hal::i2c::I2c::transaction(&mut self.i2c, address, steps)
     }
 
-    // As the driver has them: its `transaction` is another path, which the image would hold as well.
+    // Forwarded separately: embassy's `transaction` is another code path, which would also be in the image.
     fn write(&mut self, address: u8, bytes: &[u8]) -> Result<(), Error> {
         embedded_hal::i2c::I2c::write(&mut self.i2c, address, bytes)
     }
@@ -64,7 +66,7 @@ impl SensorBus for PressureBus {
         for (port, pin) in [CLOCK, DATA] {
             port.moder().modify(|w| w.set_moder(pin, Moder::OUTPUT));
         }
-        // Held for good shows as a sensor that stays silent.
+        // A bus that stays held shows as a sensor without answers.
         recover(&mut lines);
         for (port, pin) in [CLOCK, DATA] {
             port.moder().modify(|w| w.set_moder(pin, Moder::ALTERNATE));
@@ -76,7 +78,7 @@ impl SensorBus for PressureBus {
 /// The two lines as pins.
 struct Lines;
 
-fn put((port, pin): (Gpio, usize), released: bool) {
+fn set_line((port, pin): (Gpio, usize), released: bool) {
     port.bsrr().write(|w| if released { w.set_bs(pin, true) } else { w.set_br(pin, true) });
 }
 
@@ -86,11 +88,11 @@ fn is_high((port, pin): (Gpio, usize)) -> bool {
 
 impl BusWires for Lines {
     fn clock(&mut self, released: bool) {
-        put(CLOCK, released);
+        set_line(CLOCK, released);
     }
 
     fn data(&mut self, released: bool) {
-        put(DATA, released);
+        set_line(DATA, released);
     }
 
     fn clock_is_high(&mut self) -> bool {
@@ -102,6 +104,6 @@ impl BusWires for Lines {
     }
 
     fn wait(&mut self) {
-        cortex_m::asm::delay(HALF_CLOCK);
+        cortex_m::asm::delay(HALF_CLOCK_CYCLES);
     }
 }

@@ -1,6 +1,6 @@
-//! What changes slowly: temperatures, side load, pressure.
+//! The slow sensors: temperatures, side load, pressure.
 //!
-//! Converted twice, away from the top of the PWM; see `sensors::quiet` for why.
+//! Each is converted twice, away from the top of the PWM; see `sensors::quiet` for the reason.
 
 use super::power_stage::since_top;
 use super::pressure_bus::PressureBus;
@@ -8,13 +8,13 @@ use super::{pins, scales};
 use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime};
 use embassy_stm32::peripherals::{ADC3, ADC4, PB0, PB1, PB12};
-use firmware::sensors::Local;
+use firmware::sensors::LocalReadings;
 use firmware::sensors::ms5837::Ms5837;
 use firmware::sensors::quiet::convert_twice;
-use firmware::sensors::shunt::RANGE;
+use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
 
-/// Long enough for a divider of 10 k: 6 us.
-const SETTLE: SampleTime = SampleTime::CYCLES247_5;
+/// Sampling time, long enough for a divider of 10 k: 6 us.
+const SAMPLING_TIME: SampleTime = SampleTime::CYCLES247_5;
 
 /// The slow sensors.
 pub struct SlowSensors {
@@ -24,12 +24,12 @@ pub struct SlowSensors {
     forces: Adc<'static, ADC4>,
     force: Peri<'static, PB12>,
     pressure: Ms5837<PressureBus>,
-    /// What side load and pressure last were.
-    last: Local,
+    /// Latest side load, pressure and temperature.
+    last: LocalReadings,
 }
 
 impl SlowSensors {
-    /// Sets the converters and the sensor bus up.
+    /// Sets up the converters and the sensor bus.
     pub fn new(slow: pins::Slow, pressure: pins::Pressure) -> Self {
         Self {
             temperatures: Adc::new(slow.adc, Default::default()),
@@ -38,17 +38,17 @@ impl SlowSensors {
             forces: Adc::new(slow.force_adc, Default::default()),
             force: slow.force,
             pressure: Ms5837::new(PressureBus::new(pressure)),
-            last: Local::default(),
+            last: LocalReadings::default(),
         }
     }
 
-    /// Temperatures of bridge and motor, deg C; NaN where a sensor is broken.
+    /// Returns the temperatures of bridge and motor, deg C; NaN if a sensor is broken.
     pub fn temperatures_c(&mut self) -> [f32; 2] {
         let bridge = share(convert_twice(wait_for_quiet, || {
-            self.temperatures.blocking_read(&mut self.bridge, SETTLE)
+            self.temperatures.blocking_read(&mut self.bridge, SAMPLING_TIME)
         }));
         let motor = share(convert_twice(wait_for_quiet, || {
-            self.temperatures.blocking_read(&mut self.motor, SETTLE)
+            self.temperatures.blocking_read(&mut self.motor, SAMPLING_TIME)
         }));
         [
             scales::BRIDGE_THERMISTOR.temperature_c(bridge),
@@ -56,31 +56,31 @@ impl SlowSensors {
         ]
     }
 
-    /// Side load and pressure, with what is new.
-    pub fn poll(&mut self, now_us: u64) -> Local {
+    /// Reads side load and pressure and returns the latest readings.
+    pub fn poll(&mut self, now_us: u64) -> LocalReadings {
         let local = &mut self.last;
         if scales::HAS_STRAIN_GAUGE {
             let at = share(convert_twice(wait_for_quiet, || {
-                self.forces.blocking_read(&mut self.force, SETTLE)
+                self.forces.blocking_read(&mut self.force, SAMPLING_TIME)
             }));
             if let Some(force_n) = scales::STRAIN_GAUGE.force_n(at) {
-                local.radial_force(force_n, now_us);
+                local.set_radial_force(force_n, now_us);
             }
         }
-        // A sensor that fails is not heard: its last value ages, and is said to be stale.
+        // If the sensor fails, its last value ages and is reported as stale.
         if let Ok(Some(found)) = self.pressure.poll(now_us) {
-            local.pressure_diff(found.pressure_pa - scales::INSIDE_PA, now_us);
-            local.temperature(found.temperature_c, now_us);
+            local.set_pressure_diff(found.pressure_pa - scales::INSIDE_PA, now_us);
+            local.set_temperature(found.temperature_c, now_us);
         }
         *local
     }
 }
 
-/// Returns in the part of a period that is free: within one, for the timer runs on.
+/// Waits for the quiet part of the period. It takes less than one period, because the timer keeps running.
 fn wait_for_quiet() {
     while !scales::QUIET.contains(since_top()) {}
 }
 
 fn share(counts: u16) -> f32 {
-    f32::from(counts) / f32::from(RANGE)
+    f32::from(counts) / f32::from(CONVERTER_RANGE_COUNTS)
 }

@@ -1,4 +1,4 @@
-//! Clocks, why there was a reset, and who this board is.
+//! Clocks, reset cause and serial number.
 
 use super::scales;
 use embassy_stm32::pac::rcc::regs::Csr;
@@ -10,7 +10,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, pac};
 use firmware::supervisor::ResetCause;
 
-/// 170 MHz for all.
+/// Returns the clock configuration: 170 MHz for core and buses.
 pub fn clocks() -> Config {
     let mut config = Config::default();
     let rcc = &mut config.rcc;
@@ -28,7 +28,7 @@ pub fn clocks() -> Config {
     rcc.ahb_pre = AHBPrescaler::DIV1;
     rcc.apb1_pre = APBPrescaler::DIV1;
     rcc.apb2_pre = APBPrescaler::DIV1;
-    // The core's supply is lifted above 150 MHz.
+    // The core voltage must be boosted above 150 MHz.
     rcc.boost = true;
     rcc.mux.fdcansel = mux::Fdcansel::PCLK1;
     rcc.mux.adc12sel = mux::Adcsel::SYS;
@@ -36,15 +36,15 @@ pub fn clocks() -> Config {
     config
 }
 
-/// Why there was a reset; the flags are then cleared for the next.
+/// Returns the reset cause and clears its flags.
 pub fn reset_cause() -> ResetCause {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
     cause(flags)
 }
 
-/// Every reset pulls the pin as well, so the pin says something only where nothing else does; loss of power is
-/// a brown-out.
+/// Every reset also sets the pin flag, so the pin counts only if no other flag is set. A brown-out counts
+/// as power-on.
 fn cause(flags: Csr) -> ResetCause {
     if flags.iwdgrstf() || flags.wwdgrstf() {
         ResetCause::Watchdog
@@ -59,23 +59,23 @@ fn cause(flags: Csr) -> ResetCause {
     }
 }
 
-/// Highest brown-out level: the chip is held in reset below 2.8 V (option byte BOR_LEV), where flash and converters
-/// are still within their data sheet. As delivered it is the lowest, 1.7 V.
+/// Required brown-out level, the highest: it holds the chip in reset below 2.8 V (option byte BOR_LEV),
+/// where flash and converters are still within their data sheet. The factory setting is the lowest, 1.7 V.
 const BROWN_OUT_LEVEL: u8 = 4;
 
-/// Says where the option bytes hold another brown-out level than docs/bring-up.md has set.
-pub fn tell_brown_out_level() {
+/// Logs a warning if the option bytes hold another brown-out level than docs/src/how-to/bring-up.md requires.
+pub fn check_brown_out_level() {
     let level = pac::FLASH.optr().read().bor_lev();
     if level != BROWN_OUT_LEVEL {
         defmt::warn!(
-            "brown-out level {=u8}, meant is {=u8}: see docs/bring-up.md",
+            "brown-out level {=u8}, expected {=u8}: see docs/src/how-to/bring-up.md",
             level,
             BROWN_OUT_LEVEL
         );
     }
 }
 
-/// A number of this very chip: its 96-bit identity, folded by a CRC.
+/// Returns a serial number: the CRC of the chip's 96-bit unique ID.
 pub fn serial() -> u32 {
     crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC).checksum(&embassy_stm32::uid::uid())
 }

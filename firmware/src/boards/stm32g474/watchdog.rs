@@ -1,37 +1,36 @@
-//! The independent watchdog: fed only while both the current loop and the background are alive.
+//! The independent watchdog: it is refreshed only while both the current loop and the background run.
 //!
-//! It runs on an oscillator of its own and cannot be stopped. The background feeds it, which shows that
-//! the background lives; and only where the loop has counted periods since, which shows that one. A reset
-//! opens the bridge.
+//! It has its own oscillator and cannot be stopped. The background refreshes it, but only if the loop has
+//! counted periods since the last time. When it expires, the processor is reset, which opens the bridge.
 
 use super::scales;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, pac, peripherals};
 
-/// Periods of the loop.
-static BEATS: AtomicU32 = AtomicU32::new(0);
-/// Periods at the last feed.
-static SEEN: AtomicU32 = AtomicU32::new(0);
+/// Number of loop periods.
+static LOOP_PERIODS: AtomicU32 = AtomicU32::new(0);
+/// Number of loop periods at the last refresh.
+static PERIODS_AT_REFRESH: AtomicU32 = AtomicU32::new(0);
 
-/// The loop lives.
+/// Counts a period of the loop.
 #[inline]
-pub fn beat() {
-    // A load and a store: nobody else writes it, and it must not cost a loop of exclusives.
-    BEATS.store(BEATS.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+pub fn count_period() {
+    // A separate load and store: there is no other writer, and an exclusive access would need a loop.
+    LOOP_PERIODS.store(LOOP_PERIODS.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
 }
 
-/// Starts it. In a debugger's halt it stands still.
+/// Starts the watchdog. It pauses while a debugger halts the core.
 pub fn start(watchdog: Peri<'static, peripherals::IWDG>) {
     pac::DBGMCU.apb1lfzr().modify(|w| w.set_iwdg(true));
     IndependentWatchdog::new(watchdog, scales::WATCHDOG_US).unleash();
 }
 
-/// The background lives; feeds where the loop does, too.
-pub fn feed() {
-    let beats = BEATS.load(Ordering::Relaxed);
-    if beats != SEEN.load(Ordering::Relaxed) {
-        SEEN.store(beats, Ordering::Relaxed);
+/// Refreshes the watchdog if the loop has counted a period since the last call. The background calls it.
+pub fn refresh_if_loop_runs() {
+    let periods = LOOP_PERIODS.load(Ordering::Relaxed);
+    if periods != PERIODS_AT_REFRESH.load(Ordering::Relaxed) {
+        PERIODS_AT_REFRESH.store(periods, Ordering::Relaxed);
         pac::IWDG.kr().write(|w| w.set_key(pac::iwdg::vals::Key::RESET));
     }
 }

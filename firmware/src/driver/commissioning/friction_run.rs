@@ -1,173 +1,176 @@
-//! The drive moves its joint by itself, so that a log of it shows what friction there is.
+//! Friction run: the drive moves its joint so that a log shows its friction.
 //!
 //! ```text
-//! speeds from the fastest down, each three quarters of the one before:  there -> back -> next
-//! a pass ends near the end of the range, or after PASS ms
+//! speeds from the fastest to the slowest, each 0.75 of the one before:  forward -> backward -> next
+//! a pass ends near the end of the range, or after MAX_PASS_MS.
 //! ```
-//! Downwards, because a stop or a held joint shows soonest at speed, where it costs least travel. Every pass begins with a
-//! reversal, which is what presliding is known by. No model is in force: what the log shows is all the drive's own torque.
-//! Bounded like any run: current, travel, time and the master's sign of life; beside them the speed, and a joint that does not
-//! follow. It runs in the background, a step a millisecond, and asks [`crate::control::velocity_loop`] for its speed.
+//! The speed decreases, because a stop or a held joint is detected soonest at high speed, where it costs the
+//! least travel. Every pass starts with a reversal, which shows presliding. No model is active: the log shows
+//! the torque of the drive alone. Current, travel, time and the master's confirmation are bounded, and also the
+//! speed and a joint that does not follow. The run is a step per millisecond in the background, and commands
+//! [`crate::control::velocity_loop`].
 
-use super::{Reason, Step};
+use super::{AbortReason, CommissioningStep};
 
-/// What a run may do.
+/// Limits of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrictionBounds {
-    /// Largest current, A.
+    /// Maximum current, A.
     pub current_a: f32,
-    /// How far the joint may go to either side of where it began, rad.
+    /// Maximum travel to either side of the start, rad.
     pub travel_rad: f32,
     /// Speed of the first passes, rad/s.
     pub speed_rad_s: f32,
-    /// Acceleration it reverses with, rad/s^2.
+    /// Acceleration of the reversals, rad/s^2.
     pub acceleration_rad_s2: f32,
 }
 
-/// What is seen of the joint.
+/// Measured state of the joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
-    /// Position, rad, from any zero.
+pub struct FrictionSample {
+    /// Position from an arbitrary zero, rad.
     pub position_rad: f32,
     /// Velocity, rad/s.
     pub velocity_rad_s: f32,
-    /// Current the velocity loop asked for last, A.
-    pub asked_a: f32,
+    /// Last current command of the velocity loop, A.
+    pub commanded_a: f32,
 }
 
-/// Speeds, and how much of the one before the next is: from 2 rad/s down to 0.05. Half as many find the friction to 2.4 %,
-/// these to 1.9 %, twice as many to 1.8 % (docs/closed-loop.md).
-const LEVELS: u8 = 14;
-const NEXT: f32 = 0.75;
-/// Milliseconds a pass takes at most: at the lowest speed it moves by a seventh of a radian.
-const PASS: u32 = 2500;
-/// Share of the travel in which a pass turns back.
-const TURNS_AT: f32 = 0.9;
-/// What velocity loop and observer are late, s.
-const LATE_S: f32 = 0.05;
-/// Milliseconds at the current's bound that are a joint that does not follow.
-const HELD: u32 = 300;
-/// Share of the current's bound that is at it.
-const AT_BOUND: f32 = 0.98;
-/// Speed that is too much: so many times what is asked for, and so much more, rad/s.
-const TOO_FAST: f32 = 1.5;
-const TOO_FAST_RAD_S: f32 = 0.3;
-/// Milliseconds a run may take.
-const LONGEST: u32 = 2 * LEVELS as u32 * PASS + 1000;
+/// Number of speeds, and the ratio of each to the one before: from 2 rad/s down to 0.05. docs/src/reference/closed-loop.md
+/// shows the effect of half and twice as many.
+const SPEED_LEVELS: u8 = 14;
+const SPEED_RATIO: f32 = 0.75;
+/// Maximum duration of a pass, ms: at the lowest speed the joint moves by 0.14 rad.
+const MAX_PASS_MS: u32 = 2500;
+/// Share of the travel at which a pass reverses.
+const TURN_BACK_SHARE: f32 = 0.9;
+/// Delay of velocity loop and observer, s.
+const LOOP_DELAY_S: f32 = 0.05;
+/// Time at the current limit after which the joint counts as held, ms.
+const MAX_HELD_MS: u32 = 300;
+/// Share of the current limit that counts as at the limit.
+const CURRENT_BOUND_SHARE: f32 = 0.98;
+/// Maximum speed: factor on the commanded speed, plus a margin, rad/s.
+const OVERSPEED_FACTOR: f32 = 1.5;
+const OVERSPEED_MARGIN_RAD_S: f32 = 0.3;
+/// Maximum duration of a run, ms.
+const MAX_RUN_MS: u32 = 2 * SPEED_LEVELS as u32 * MAX_PASS_MS + 1000;
 
 /// A run, and how the last one ended.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionRun {
-    step: Step,
-    reason: Reason,
+    step: CommissioningStep,
+    reason: AbortReason,
     bounds: FrictionBounds,
     level: u8,
     backwards: bool,
     speed_rad_s: f32,
-    /// Position it began at, rad; none before the first step.
+    /// Position at the start, rad; `None` before the first step.
     from_rad: Option<f32>,
-    /// Milliseconds of the pass, of the run, and at the current's bound.
-    pass: u32,
-    all: u32,
-    held: u32,
+    /// Duration of the pass, of the run, and at the current limit, ms.
+    pass_ms: u32,
+    run_ms: u32,
+    held_ms: u32,
 }
 
 impl Default for FrictionRun {
     fn default() -> Self {
         Self {
-            step: Step::Idle,
-            reason: Reason::None,
+            step: CommissioningStep::Idle,
+            reason: AbortReason::None,
             bounds: FrictionBounds::default(),
             level: 0,
             backwards: false,
             speed_rad_s: 0.0,
             from_rad: None,
-            pass: 0,
-            all: 0,
-            held: 0,
+            pass_ms: 0,
+            run_ms: 0,
+            held_ms: 0,
         }
     }
 }
 
 impl FrictionRun {
-    /// Begins a run.
+    /// Starts a run.
     pub fn begin(bounds: FrictionBounds) -> Self {
         let speed_rad_s = bounds.speed_rad_s;
-        Self { step: Step::Rubbing, bounds, speed_rad_s, ..Self::default() }
+        Self { step: CommissioningStep::Rubbing, bounds, speed_rad_s, ..Self::default() }
     }
 
-    /// Ends a run; one that has ended stays as it is.
-    pub fn end(&mut self, reason: Reason) {
+    /// Ends a run; has no effect after the end.
+    pub fn end(&mut self, reason: AbortReason) {
         if self.is_running() {
-            (self.step, self.reason) = (Step::Aborted, reason);
+            (self.step, self.reason) = (CommissioningStep::Aborted, reason);
         }
     }
 
-    /// Whether it moves the joint.
+    /// Returns true while it moves the joint.
     pub fn is_running(&self) -> bool {
-        self.step == Step::Rubbing
+        self.step == CommissioningStep::Rubbing
     }
 
-    /// Where it is.
-    pub const fn step(&self) -> Step {
+    /// Returns the present step.
+    pub const fn step(&self) -> CommissioningStep {
         self.step
     }
 
-    /// Why it ended.
-    pub const fn reason(&self) -> Reason {
+    /// Returns the reason of the end.
+    pub const fn reason(&self) -> AbortReason {
         self.reason
     }
 
-    /// What it may do.
+    /// Returns the limits of the run.
     pub const fn bounds(&self) -> &FrictionBounds {
         &self.bounds
     }
 
-    /// Once a millisecond, while it runs: the velocity the joint is to have, rad/s.
-    pub fn take(&mut self, seen: &Seen) -> f32 {
-        self.all += 1;
-        self.pass += 1;
-        let Seen { position_rad, velocity_rad_s, asked_a } = *seen;
+    /// Runs a step, once a millisecond; returns the target velocity, rad/s.
+    pub fn next_speed_rad_s(&mut self, sample: &FrictionSample) -> f32 {
+        self.run_ms += 1;
+        self.pass_ms += 1;
+        let FrictionSample { position_rad, velocity_rad_s, commanded_a } = *sample;
         let from_rad = *self.from_rad.get_or_insert(position_rad);
         let at_rad = position_rad - from_rad;
-        let at_bound = asked_a.abs() >= AT_BOUND * self.bounds.current_a;
-        self.held = if at_bound { self.held + 1 } else { 0 };
-        let too_fast = TOO_FAST * self.bounds.speed_rad_s + TOO_FAST_RAD_S;
-        let ended = if self.all > LONGEST {
-            Reason::Time
-        } else if self.held > HELD {
-            Reason::JointHeld
+        let at_bound = commanded_a.abs() >= CURRENT_BOUND_SHARE * self.bounds.current_a;
+        self.held_ms = if at_bound { self.held_ms + 1 } else { 0 };
+        let too_fast = OVERSPEED_FACTOR * self.bounds.speed_rad_s + OVERSPEED_MARGIN_RAD_S;
+        let ended = if self.run_ms > MAX_RUN_MS {
+            AbortReason::Time
+        } else if self.held_ms > MAX_HELD_MS {
+            AbortReason::JointHeld
         } else if velocity_rad_s.abs() > too_fast {
-            Reason::TooFast
+            AbortReason::TooFast
         } else if at_rad.abs() > self.bounds.travel_rad {
-            Reason::Travel
+            AbortReason::Travel
         } else {
-            Reason::None
+            AbortReason::None
         };
-        // A number that is none passes no comparison above, and this one.
-        if ended != Reason::None || !(at_rad + velocity_rad_s).is_finite() {
-            self.end(if ended == Reason::None { Reason::NoAnswer } else { ended });
+        // NaN passes none of the comparisons above, so it is checked here.
+        if ended != AbortReason::None || !(at_rad + velocity_rad_s).is_finite() {
+            self.end(if ended == AbortReason::None { AbortReason::NoAnswer } else { ended });
             return 0.0;
         }
         let (ahead_rad, speed_rad_s) =
             if self.backwards { (-at_rad, -velocity_rad_s) } else { (at_rad, velocity_rad_s) };
-        let stops_in_rad =
-            speed_rad_s * (LATE_S + 0.5 * speed_rad_s.max(0.0) / self.bounds.acceleration_rad_s2);
-        if self.pass >= PASS || ahead_rad + stops_in_rad > TURNS_AT * self.bounds.travel_rad {
+        let stops_in_rad = speed_rad_s
+            * (LOOP_DELAY_S + 0.5 * speed_rad_s.max(0.0) / self.bounds.acceleration_rad_s2);
+        if self.pass_ms >= MAX_PASS_MS
+            || ahead_rad + stops_in_rad > TURN_BACK_SHARE * self.bounds.travel_rad
+        {
             self.turn_back();
         }
         if self.backwards { -self.speed_rad_s } else { self.speed_rad_s }
     }
 
     fn turn_back(&mut self) {
-        self.pass = 0;
+        self.pass_ms = 0;
         self.backwards = !self.backwards;
         if !self.backwards {
             self.level += 1;
-            self.speed_rad_s *= NEXT;
+            self.speed_rad_s *= SPEED_RATIO;
         }
-        if self.level >= LEVELS {
-            self.step = Step::Done;
+        if self.level >= SPEED_LEVELS {
+            self.step = CommissioningStep::Done;
             self.speed_rad_s = 0.0;
         }
     }
@@ -184,13 +187,18 @@ mod tests {
         acceleration_rad_s2: 20.0,
     };
 
-    /// A joint that follows at once, but for what `moves` makes of it; how far it went, and the speeds it was asked for.
+    /// Simulates a joint that follows immediately, modified by `moves`. Returns the run, its largest excursion
+    /// and the targets.
     fn run(moves: impl Fn(u32, f32) -> (f32, f32)) -> (FrictionRun, f32, Vec<f32>) {
         let mut run = FrictionRun::begin(BOUNDS);
-        let (mut at, mut farthest, mut speed, mut asked_a) = (3.0f32, 0.0f32, 0.0f32, 0.0f32);
+        let (mut at, mut farthest, mut speed, mut commanded_a) = (3.0f32, 0.0f32, 0.0f32, 0.0f32);
         let mut speeds = Vec::new();
         for ms in 0..200_000 {
-            let target = run.take(&Seen { position_rad: at, velocity_rad_s: speed, asked_a });
+            let target = run.next_speed_rad_s(&FrictionSample {
+                position_rad: at,
+                velocity_rad_s: speed,
+                commanded_a,
+            });
             if !run.is_running() {
                 break;
             }
@@ -198,7 +206,7 @@ mod tests {
                 speeds.push(target);
             }
             let wanted = speed + (target - speed).clamp(-0.02, 0.02);
-            (speed, asked_a) = moves(ms, wanted);
+            (speed, commanded_a) = moves(ms, wanted);
             at += 1e-3 * speed;
             farthest = farthest.max((at - 3.0).abs());
         }
@@ -206,29 +214,29 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_down_its_speeds_both_ways_and_stays_in_its_range() {
+    fn friction_run_uses_all_speeds_in_both_directions_within_its_travel() {
         let (run, farthest, speeds) = run(|_, speed| (speed, 1.0));
-        assert_eq!((run.step(), run.reason()), (Step::Done, Reason::None));
+        assert_eq!((run.step(), run.reason()), (CommissioningStep::Done, AbortReason::None));
         assert!((0.4..0.5).contains(&farthest), "{farthest}");
-        assert_eq!(speeds.len(), 2 * usize::from(LEVELS));
+        assert_eq!(speeds.len(), 2 * usize::from(SPEED_LEVELS));
         assert!(speeds.chunks(2).all(|pair| pair[0] == -pair[1] && pair[0] > 0.0));
         assert!(speeds[26] < 0.05 && speeds[26] > 0.04, "{}", speeds[26]);
     }
 
     #[test]
-    fn each_bound_ends_it() {
-        // It stands at its current's bound; runs off; is not stopped at the end; says nothing.
+    fn friction_run_ends_at_each_limit() {
+        // Held at the current limit; too fast; not stopped at the end of travel; NaN.
         let (held, ..) = run(|_, _| (0.0, 8.0));
-        assert_eq!(held.reason(), Reason::JointHeld);
+        assert_eq!(held.reason(), AbortReason::JointHeld);
         let (fast, ..) = run(|ms, speed| (if ms > 50 { 3.5 } else { speed }, 1.0));
-        assert_eq!(fast.reason(), Reason::TooFast);
+        assert_eq!(fast.reason(), AbortReason::TooFast);
         let (on, farthest, _) = run(|_, speed| (speed.abs().max(0.5), 1.0));
-        assert_eq!(on.reason(), Reason::Travel);
+        assert_eq!(on.reason(), AbortReason::Travel);
         assert!(farthest < 0.51);
         let (none, ..) = run(|_, _| (f32::NAN, 1.0));
-        assert_eq!(none.reason(), Reason::NoAnswer);
-        // And one that never gets anywhere: by time, within a minute and a half.
+        assert_eq!(none.reason(), AbortReason::NoAnswer);
+        // A joint that does not move ends by time, within 90 s.
         let (slow, ..) = run(|_, _| (0.0, 1.0));
-        assert_eq!(slow.step(), Step::Done);
+        assert_eq!(slow.step(), CommissioningStep::Done);
     }
 }

@@ -1,54 +1,54 @@
-//! How far a run is, and why it ended: numbers on the bus, and their names.
+//! Steps of a run and reasons for its end: their numbers on the bus and their names.
 
-/// Where a run is, by its number on the bus.
+/// Step of a run, by its number on the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd)]
 #[repr(u8)]
-pub enum Step {
-    /// Nothing was begun.
+pub enum CommissioningStep {
+    /// Not started.
     #[default]
     Idle = 0,
     /// Offsets of the current sensors.
     Offsets = 1,
-    /// Half the current along a field that stands.
+    /// Half the current along a field at rest.
     HalfCurrent = 2,
-    /// All of it.
+    /// Full current along a field at rest.
     FullCurrent = 3,
     /// Inductance along the field.
     InductanceAlong = 4,
-    /// Inductance across it.
+    /// Inductance across the field.
     InductanceAcross = 5,
-    /// The field turns slowly, phases a, b, c following each other.
+    /// The field turns slowly, in the phase sequence a, b, c.
     SlowForward = 6,
-    /// And back.
+    /// The field turns slowly in the opposite direction.
     SlowBack = 7,
-    /// The same, faster.
+    /// The field turns fast, in the phase sequence a, b, c.
     FastForward = 8,
-    /// And back.
+    /// The field turns fast in the opposite direction.
     FastBack = 9,
-    /// The current goes down.
+    /// The current is reduced to 0.
     Down = 10,
-    /// All was found.
+    /// Completed.
     Done = 11,
-    /// It was ended: see [`Reason`].
+    /// Aborted: see [`AbortReason`].
     Aborted = 12,
-    /// The joint moves to and fro, for its friction to be seen.
+    /// Friction run: the joint moves back and forth.
     Rubbing = 13,
 }
 
 macro_rules! reasons {
     ($($number:literal $reason:ident $name:literal $words:literal;)*) => {
-        /// Why a run ended before its end.
+        /// Reason why a run ended early.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[repr(u8)]
-        pub enum Reason {
-            /// It did not.
+        pub enum AbortReason {
+            /// It did not end early.
             #[default]
             None = 0,
             $(#[doc = $words] $reason = $number,)*
         }
 
-        impl Reason {
-            /// The reason of a number, its name and what it means.
+        impl AbortReason {
+            /// Returns name and meaning of a reason by its number.
             pub fn describe(number: u8) -> Option<(&'static str, &'static str)> {
                 match number {
                     $($number => Some(($name, $words)),)*
@@ -60,19 +60,19 @@ macro_rules! reasons {
 }
 
 reasons! {
-    1 Stopped "stopped" "somebody ordered it to stop, or disarmed the joint";
+    1 Stopped "stopped" "a stop was commanded, or the joint was disarmed";
     2 Fault "fault" "the supervisor stopped it: see the faults";
     3 NoAnswer "no-answer" "the current loop gives no measurement: the bridge does not close";
-    4 NoCurrent "no-current" "no current comes at two fifths of the bus voltage: a phase is open, or the current asked for is too much for it";
-    5 Overcurrent "overcurrent" "the current went beyond half as much again as was asked for";
+    4 NoCurrent "no-current" "no current flows at two fifths of the bus voltage: a phase is open, or the commanded current is too high for this voltage";
+    5 Overcurrent "overcurrent" "the current exceeded 1.5 times the commanded current";
     6 NotAlong "current-not-along-voltage" "the current does not point where the voltage does: a phase is open, or shunts and phases are not in the same order";
-    7 RotorStands "rotor-does-not-follow" "the encoder does not turn with the field: the joint is held, the current too little, or the encoder is on another shaft";
-    8 PolePairsUnclear "pole-pairs-unclear" "turns of the field in one of the encoder are no whole number: the rotor slips";
+    7 RotorStands "rotor-does-not-follow" "the encoder does not turn with the field: the joint is held, the current is too low, or the encoder is on another shaft";
+    8 PolePairsUnclear "pole-pairs-unclear" "the turns of the field per encoder turn are not a whole number: the rotor slips";
     9 LagTooGreat "lag-too-great" "friction holds the rotor more than 60 degrees behind the field: more current is needed";
-    10 Travel "travel" "the joint would leave the range it was given";
-    11 InductanceUnclear "inductance-unclear" "the square wave makes no current to measure by";
+    10 Travel "travel" "the joint would leave its permitted travel";
+    11 InductanceUnclear "inductance-unclear" "the current response to the square wave is too small";
     12 Time "time" "it took longer than a minute";
-    13 OutOfRange "out-of-range" "what was found is no motor: a value is outside the range of its parameter";
-    14 TooFast "too-fast" "the joint moved faster than it was told to by half as much again";
-    15 JointHeld "joint-held" "the joint does not follow its speed at the current it was given: it is held or at a stop, or the current is too little";
+    13 OutOfRange "out-of-range" "a measured value is outside the range of its parameter";
+    14 TooFast "too-fast" "the joint moved faster than 1.5 times the commanded speed";
+    15 JointHeld "joint-held" "the joint does not follow its speed at the permitted current: it is held or at a stop, or the current is too low";
 }

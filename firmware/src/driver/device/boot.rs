@@ -1,23 +1,24 @@
-//! How a device begins: what the flash holds, or the defaults, and what the last life ended with.
+//! Start of a device: from the flash or the defaults, with the result of the previous run.
 
 use super::network::LiveNetwork;
 use super::pdos::TRANSMIT_PDOS;
 use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
-use crate::control::velocity_loop::{VelocityGains, VelocityLoop, VelocityOrder};
+use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::driver::counters::Counters;
-use crate::driver::live::{Home, Live, LoopReport};
-use crate::driver::motor_watch::{MotorSight, MotorWatch};
-use crate::driver::over_compensation::OverCompensation;
+use crate::driver::loop_data::{Home, LoopReport};
+use crate::driver::motor_watch::{MotorState, MotorWatch};
+use crate::driver::over_compensation::OverCompensationWatch;
 use crate::driver::profile::Profile;
+use crate::driver::received::ReceivedInputs;
 use crate::driver::staging::Staging;
-use crate::hil::{HilJoint, Reply};
+use crate::hil::{HilJoint, HilReply};
 use crate::node::Outbox;
 use crate::node::sdo::Abort;
-use crate::node_settings::{BLOCK_LENGTH, NodeSettings, parse_block};
+use crate::node_settings::{BlockError, MAX_BLOCK_BYTES, NodeSettings, parse_block};
 use crate::parameter_set::ParameterSet;
 use crate::sensors::stuck::StuckWatch;
 use crate::store::{LoadError, Store};
-use crate::supervisor::{self, CanState, InUse, Supervisor};
+use crate::supervisor::{self, CanState, ParameterSource, Supervisor};
 use compensator_core::can::JointKind;
 use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
@@ -31,35 +32,21 @@ impl<F: NorFlash> Device<F> {
         now_us: u64,
     ) -> Self {
         let mut store = Store::open(flash);
-        let mut block = [0; BLOCK_LENGTH];
-        let loaded = store.load(&mut block).map(|loaded| loaded.length);
-        let fresh = || (defaults, ParameterSet::default());
-        let mut why = None;
-        let ((settings, set), parameters) = match loaded {
-            Ok(length) => match parse_block(block.get(..length).unwrap_or_default()) {
-                Ok(both) => (both, InUse::Set),
-                Err(error) => {
-                    why = Some(error);
-                    (fresh(), InUse::DefaultRefused)
-                }
-            },
-            Err(LoadError::Empty | LoadError::Damaged) => (fresh(), InUse::Default),
-            // There is a set, of another firmware.
-            Err(LoadError::Foreign(_) | LoadError::TooSmall { .. }) => {
-                (fresh(), InUse::DefaultRefused)
-            }
-        };
-        // A stored set that cannot be built for its period is as good as refused.
+        let LoadedSet { settings, set, parameters, refusal } =
+            LoadedSet::load(&mut store, defaults);
+        // A stored set that cannot be built for its period counts as refused.
         let setup = settings.hil_setup();
         let network = set.network.as_ref();
         let (hil, parameters) = match HilJoint::build(settings.node, &set.friction, network, setup)
         {
             Ok(hil) => (hil, parameters),
-            Err(_) => (HilJoint::without_model(settings.node, setup), InUse::DefaultRefused),
+            Err(_) => {
+                (HilJoint::without_model(settings.node, setup), ParameterSource::DefaultRefused)
+            }
         };
         let supervisor = Supervisor::boot(
             &set.thresholds,
-            &supervisor::Boot {
+            &supervisor::SupervisorBoot {
                 reset: boot.cause,
                 panicked: boot.panic.is_some(),
                 stack_overflowed: boot.stack_overflowed,
@@ -69,12 +56,6 @@ impl<F: NorFlash> Device<F> {
                 self_test_passed: boot.self_test_passed,
             },
         );
-        let mut last_panic = String::new();
-        for letter in boot.panic.unwrap_or_default().chars() {
-            if last_panic.push(letter).is_err() {
-                break;
-            }
-        }
         let mut device = Self {
             counters: Counters::default(),
             watch: watch(&set.watch, &settings),
@@ -82,7 +63,7 @@ impl<F: NorFlash> Device<F> {
             staging: Staging::new(set),
             identity,
             errors: Deque::new(),
-            last_panic,
+            last_panic: truncated(boot.panic.unwrap_or_default()),
             run: 0,
             joint_kind: JointKind::default(),
             store,
@@ -92,9 +73,9 @@ impl<F: NorFlash> Device<F> {
             outbox: Outbox::default(),
             hil,
             hil_armed: false,
-            live: Live::default(),
+            received: ReceivedInputs::default(),
             inputs: NOT_RECEIVED,
-            reply: Reply::NONE,
+            reply: HilReply::NONE,
             report: LoopReport::default(),
             report_seen: true,
             can: CanState::Active,
@@ -104,22 +85,68 @@ impl<F: NorFlash> Device<F> {
             home: Home::default(),
             profile: Profile::default(),
             commissioning: commissioning::Run::default(),
-            over: OverCompensation::default(),
+            over: OverCompensationWatch::default(),
             radial_force_watch: StuckWatch::default(),
             pressure_watch: StuckWatch::default(),
             compensation_left: 1.0,
             velocity: VelocityLoop::default(),
             velocity_gains: VelocityGains::default(),
-            velocity_order: VelocityOrder::default(),
+            velocity_command: VelocityCommand::default(),
             motor_watch: MotorWatch::default(),
-            motor_sight: MotorSight::default(),
+            motor_state: MotorState::default(),
             drive_counter: 0,
             identifiers: [None; TRANSMIT_PDOS],
             now_us,
         };
-        if let Some(error) = why {
+        if let Some(error) = refusal {
             device.staging.refuse(Abort::Value, error);
         }
         device
     }
+}
+
+/// Settings and parameters at the start.
+struct LoadedSet {
+    settings: NodeSettings,
+    set: ParameterSet,
+    parameters: ParameterSource,
+    /// Why the stored block was refused.
+    refusal: Option<BlockError>,
+}
+
+impl LoadedSet {
+    /// Loads settings and parameters from the store; the defaults replace a block that is missing or refused.
+    fn load<F: NorFlash>(store: &mut Store<F>, defaults: NodeSettings) -> Self {
+        let mut block = [0; MAX_BLOCK_BYTES];
+        let default = |parameters, refusal| Self {
+            settings: defaults,
+            set: ParameterSet::default(),
+            parameters,
+            refusal,
+        };
+        match store.load(&mut block).map(|loaded| loaded.length) {
+            Ok(length) => match parse_block(block.get(..length).unwrap_or_default()) {
+                Ok((settings, set)) => {
+                    Self { settings, set, parameters: ParameterSource::Set, refusal: None }
+                }
+                Err(error) => default(ParameterSource::DefaultRefused, Some(error)),
+            },
+            Err(LoadError::Empty | LoadError::Damaged) => default(ParameterSource::Default, None),
+            // A set of another firmware is stored.
+            Err(LoadError::Foreign(_) | LoadError::TooSmall { .. }) => {
+                default(ParameterSource::DefaultRefused, None)
+            }
+        }
+    }
+}
+
+/// Returns a text, truncated to the size of the string.
+fn truncated<const N: usize>(text: &str) -> String<N> {
+    let mut string = String::new();
+    for letter in text.chars() {
+        if string.push(letter).is_err() {
+            break;
+        }
+    }
+    string
 }

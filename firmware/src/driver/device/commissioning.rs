@@ -1,54 +1,55 @@
-//! Commissioning by the driver itself, as objects: order, bounds, progress, what was found. The run is
-//! [`crate::driver::commissioning`]'s.
+//! The objects of commissioning: command, limits, progress and results. [`crate::driver::commissioning`] has the
+//! procedure.
 //!
-//! A run arms the joint for itself alone, in spite of nobody having confirmed its wiring and of nothing else: every fault stops
-//! it. The master lives as long as it writes that it goes on, within `command_timeout_us`. What is found is staged.
-//! A friction run moves a joint that is commissioned, through the velocity loop and without compensation; it finds nothing by
-//! itself: what the joint says of itself meanwhile, logged, is what it is for.
+//! A motor measurement arms the joint for itself only. It does not need confirmed wiring, but every fault stops
+//! it. The master must write "continue" within `command_timeout_us`. The results are staged.
+//!
+//! A friction run moves a commissioned joint through the velocity loop, without compensation. It has no results
+//! of its own: its purpose is the log of what the joint sends meanwhile.
 
-use super::{Device, Source, State};
+use super::{Device, InputSource, JointState};
 use crate::control::Setpoint;
-use crate::control::probe::ProbeOrder;
+use crate::control::probe::ProbeCommand;
 use crate::control::transform::{Rotating, Rotation, binary_angle};
-use crate::driver::commissioning::friction_run::{FrictionBounds, FrictionRun, Seen};
-use crate::driver::commissioning::{Bounds, Commissioning, Reason};
-use crate::node::dictionary::records::CommissioningRun;
+use crate::driver::commissioning::friction_run::{FrictionBounds, FrictionRun, FrictionSample};
+use crate::driver::commissioning::{AbortReason, Commissioning, CommissioningBounds};
+use crate::node::dictionary::records::CommissioningRunObject;
 use crate::node::sdo::Abort;
-use compensator_core::parameters::Digits;
+use compensator_core::parameters::ShortNumber;
 use embedded_storage::nor_flash::NorFlash;
 
-/// Share of the current limit a run takes where nobody says.
+/// Default current of a run, as a share of the current limit.
 const CURRENT_SHARE: f32 = 0.3;
-/// How far the joint may go to either side where nobody says, rad.
+/// Default travel of the joint to either side, rad.
 const TRAVEL_RAD: f32 = 0.5;
-/// Farthest it may be let go, rad: a turn, for a motor without gear.
+/// Maximum travel, rad: a turn, for a motor without gear.
 const TRAVEL_MAX_RAD: f32 = 6.3;
-/// Speed of a friction run's first passes where nobody says, rad/s: above the Stribeck curve of a seal, and 0.2 rad from there
-/// to rest and back with the run's acceleration.
+/// Default speed of the first passes of a friction run, rad/s. It is above the Stribeck curve of a seal, and 0.2
+/// rad suffice to stop and reverse with the run's acceleration.
 const SPEED_RAD_S: f32 = 2.0;
-/// Acceleration a friction run reverses with, rad/s^2, where the joint's own is not less.
+/// Acceleration of a friction run, rad/s^2, unless the joint's own limit is lower.
 const ACCELERATION_RAD_S2: f32 = 20.0;
-/// Least current that is measured well, A: 20 times the sensors' noise.
+/// Minimum current for a good measurement, A: 20 times the noise of the sensors.
 const CURRENT_MIN_A: f32 = 0.5;
 
-/// Orders.
+/// Commands.
 const STOP: u8 = 0;
 const MEASURE: u8 = 1;
-const GO_ON: u8 = 2;
-const RUB: u8 = 3;
+const CONTINUE: u8 = 2;
+const FRICTION_RUN: u8 = 3;
 
-/// The run and what it was told.
+/// The runs and their settings.
 #[derive(Debug)]
 pub(super) struct Run {
     run: Commissioning,
     friction: FrictionRun,
-    /// The last one was a friction run.
-    rubs: bool,
-    /// A; 0 for a share of the limit.
+    /// The last run was a friction run.
+    is_friction_run: bool,
+    /// Current in A; 0 selects a share of the limit.
     current_a: f32,
     travel_rad: f32,
     speed_rad_s: f32,
-    /// When the master last gave a sign of life.
+    /// Time of the master's last confirmation.
     alive_us: u64,
 }
 
@@ -57,7 +58,7 @@ impl Default for Run {
         Self {
             run: Commissioning::default(),
             friction: FrictionRun::default(),
-            rubs: false,
+            is_friction_run: false,
             current_a: 0.0,
             travel_rad: TRAVEL_RAD,
             speed_rad_s: SPEED_RAD_S,
@@ -67,50 +68,55 @@ impl Default for Run {
 }
 
 impl<F: NorFlash> Device<F> {
-    /// Whether the bridge is the commissioning's.
-    pub(super) fn commissions(&self) -> bool {
-        self.measures() || self.rubs()
+    /// Returns true if commissioning controls the bridge.
+    pub(super) fn is_commissioning(&self) -> bool {
+        self.is_measuring_motor() || self.is_friction_run()
     }
 
-    /// Whether it measures its motor: nothing is known of it then.
-    pub(super) fn measures(&self) -> bool {
+    /// Returns true while the motor is measured: its parameters are unknown.
+    pub(super) fn is_measuring_motor(&self) -> bool {
         self.commissioning.run.is_running()
     }
 
-    /// Whether it moves for its friction to be seen.
-    pub(super) fn rubs(&self) -> bool {
+    /// Returns true during a friction run.
+    pub(super) fn is_friction_run(&self) -> bool {
         self.commissioning.friction.is_running()
     }
 
-    /// What the interrupt is to do for it.
-    pub(super) fn probe(&self) -> Option<ProbeOrder> {
-        self.commissioning.run.order()
+    /// Returns the command for the measurement in the interrupt.
+    pub(super) fn probe(&self) -> Option<ProbeCommand> {
+        self.commissioning.run.probe_command()
     }
 
-    /// The set-point; of a joint that commissions itself, none, as old as the master's sign of life.
+    /// Returns the set-point. During commissioning its current is 0, and its age counts from the master's last
+    /// confirmation.
     pub(super) fn commanded(&self, now_us: u64) -> Setpoint {
-        if !self.commissions() {
-            return self.driven(self.live.setpoint(now_us));
+        if !self.is_commissioning() {
+            return self.with_velocity_command(self.received.setpoint(now_us));
         }
         let age_s = now_us.saturating_sub(self.commissioning.alive_us) as f32 * 1e-6;
         let nothing = Setpoint { current_a: 0.0, velocity_reference_rad_s: 0.0, age_s };
-        if self.rubs() { self.driven(nothing) } else { nothing }
+        if self.is_friction_run() { self.with_velocity_command(nothing) } else { nothing }
     }
 
-    /// The velocity a friction run wants, rad/s, and the current it may take, A.
+    /// Returns the target velocity of a friction run, rad/s, and its current limit, A.
     pub(super) fn friction_target(&mut self) -> (f32, f32) {
-        let seen = Seen {
+        let sample = FrictionSample {
             position_rad: self.report.turned_rad,
             velocity_rad_s: self.report.velocity_rad_s,
-            asked_a: self.velocity_order.current_a,
+            commanded_a: self.velocity_command.current_a,
         };
         let run = &mut self.commissioning.friction;
-        (run.take(&seen), run.bounds().current_a)
+        (run.next_speed_rad_s(&sample), run.bounds().current_a)
     }
 
     fn commissioning_current_a(&self) -> f32 {
-        let told_a = self.commissioning.current_a;
-        if told_a > 0.0 { told_a } else { CURRENT_SHARE * self.set().motor.current_limit_a }
+        let requested_a = self.commissioning.current_a;
+        if requested_a > 0.0 {
+            requested_a
+        } else {
+            CURRENT_SHARE * self.set().motor.current_limit_a
+        }
     }
 
     pub(in crate::driver) fn write_commissioning(
@@ -119,23 +125,25 @@ impl<F: NorFlash> Device<F> {
         word: u32,
     ) -> Result<(), Abort> {
         let (name, least, most) = match place {
-            CommissioningRun::ORDER => return self.order_commissioning(word as u8),
-            CommissioningRun::CURRENT => {
+            CommissioningRunObject::ORDER => return self.order_commissioning(word as u8),
+            CommissioningRunObject::CURRENT => {
                 ("current_a", CURRENT_MIN_A, self.set().motor.current_limit_a)
             }
-            CommissioningRun::SPEED => ("speed_rad_s", 1e-2, self.set().motor.velocity_max_rad_s),
+            CommissioningRunObject::SPEED => {
+                ("speed_rad_s", 1e-2, self.set().motor.velocity_max_rad_s)
+            }
             _ => ("travel_rad", 1e-3, TRAVEL_MAX_RAD),
         };
         let number = f32::from_bits(word);
         if !(number >= least && number <= most) {
-            let [number, least, most] = [number, least, most].map(|n| Digits(n.into()));
+            let [number, least, most] = [number, least, most].map(|n| ShortNumber(n.into()));
             let why = format_args!("{name} = {number}: must be {least} to {most}");
             return Err(self.staging.refuse(Abort::Value, why));
         }
         let run = &mut self.commissioning;
         *match place {
-            CommissioningRun::CURRENT => &mut run.current_a,
-            CommissioningRun::SPEED => &mut run.speed_rad_s,
+            CommissioningRunObject::CURRENT => &mut run.current_a,
+            CommissioningRunObject::SPEED => &mut run.speed_rad_s,
             _ => &mut run.travel_rad,
         } = number;
         Ok(())
@@ -143,16 +151,16 @@ impl<F: NorFlash> Device<F> {
 
     fn order_commissioning(&mut self, order: u8) -> Result<(), Abort> {
         match order {
-            STOP if self.commissions() => self.disarm(),
+            STOP if self.is_commissioning() => self.disarm(),
             STOP => {}
-            // A sign of life, also where nothing runs: a run that has ended is not begun again by a master that has not seen
-            // it yet, and one that ended for want of it can be cleared.
-            GO_ON => self.sign_of_commissioning(),
+            // "Continue" is accepted without a run, too. A master that has not yet seen the end of a run must
+            // not start it again, and a run that ended for lack of confirmation can be cleared.
+            CONTINUE => self.confirm_master(),
             MEASURE => return self.begin_commissioning(),
-            RUB => return self.begin_friction_run(),
+            FRICTION_RUN => return self.begin_friction_run(),
             _ => {
                 let why = format_args!(
-                    "order = {order}: must be 0 (stop), 1 (measure the motor), 2 (go on) or 3 (friction run)"
+                    "order = {order}: must be 0 (stop), 1 (measure the motor), 2 (continue) or 3 (friction run)"
                 );
                 return Err(self.staging.refuse(Abort::Value, why));
             }
@@ -160,22 +168,22 @@ impl<F: NorFlash> Device<F> {
         Ok(())
     }
 
-    fn sign_of_commissioning(&mut self) {
+    fn confirm_master(&mut self) {
         self.commissioning.alive_us = self.now_us;
-        self.supervisor.command_received(self.now_us);
+        self.supervisor.record_command(self.now_us);
     }
 
-    /// What stands against either run.
+    /// Checks the conditions of both runs.
     fn may_begin(&mut self) -> Result<(), Abort> {
-        if self.settings.source == Source::Bus {
-            let why = "a joint fed by the bus drives no motor to be measured (2001h:1)";
+        if self.settings.source == InputSource::Bus {
+            let why = "a joint in HIL drives no motor that could be measured (2001h:1)";
             return Err(self.staging.refuse(Abort::State, why));
         }
         if self.is_armed() {
             let why = "the joint is armed: disarm first";
             return Err(self.staging.refuse(Abort::State, why));
         }
-        self.sign_of_commissioning();
+        self.confirm_master();
         Ok(())
     }
 
@@ -193,7 +201,7 @@ impl<F: NorFlash> Device<F> {
             acceleration_rad_s2: acceleration,
         };
         self.commissioning.friction = FrictionRun::begin(bounds);
-        self.commissioning.rubs = true;
+        self.commissioning.is_friction_run = true;
         self.begin_velocity(acceleration);
         Ok(())
     }
@@ -204,38 +212,38 @@ impl<F: NorFlash> Device<F> {
             self.blocking = refusal.causes.fault_bits();
             self.staging.refuse(Abort::State, refusal)
         })?;
-        let bounds = Bounds {
+        let bounds = CommissioningBounds {
             current_a: self.commissioning_current_a(),
             travel_rad: self.commissioning.travel_rad,
             gear_ratio: self.set().motor.gear_ratio,
             bus_v: self.report.bus_voltage_v.unwrap_or(0.0),
         };
         self.commissioning.run.begin(bounds);
-        self.commissioning.rubs = false;
+        self.commissioning.is_friction_run = false;
         Ok(())
     }
 
-    /// Ends a run for a reason; the joint is disarmed by whoever calls this.
-    pub(super) fn end_commissioning(&mut self, reason: Reason) {
+    /// Ends a run for a reason; the caller disarms the joint.
+    pub(super) fn end_commissioning(&mut self, reason: AbortReason) {
         self.commissioning.run.end(reason);
         self.commissioning.friction.end(reason);
     }
 
-    /// The supervisor has looked: what it stopped has ended.
+    /// Ends a run that the supervisor has stopped.
     pub(super) fn watch_commissioning(&mut self) {
-        if self.commissions() && !self.supervisor.is_armed() {
-            let fault = self.supervisor.state() == State::Fault;
-            self.end_commissioning(if fault { Reason::Fault } else { Reason::Stopped });
+        if self.is_commissioning() && !self.supervisor.is_armed() {
+            let fault = self.supervisor.state() == JointState::Fault;
+            self.end_commissioning(if fault { AbortReason::Fault } else { AbortReason::Stopped });
         }
     }
 
-    /// A report came: a step of the run. Ended, it leaves the joint disarmed.
+    /// Runs a step of the measurement with a report. At its end the joint is disarmed.
     pub(super) fn step_commissioning(&mut self) {
-        if !self.measures() {
+        if !self.is_measuring_motor() {
             return;
         }
-        let found_all = self.commissioning.run.take(&self.report.probe);
-        if !self.measures() {
+        let found_all = self.commissioning.run.process_block(&self.report.probe);
+        if !self.is_measuring_motor() {
             self.supervisor.disarm();
         }
         if found_all {
@@ -243,7 +251,7 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Stages what was found. The joint's positive direction stays where the encoder had it, and the gear's efficiency.
+    /// Stages the measured values. The joint's positive direction and the efficiency of the gear are kept.
     fn stage_found(&mut self) {
         let found = *self.commissioning.run.found();
         let mut set = self.staging.staged();
@@ -261,12 +269,12 @@ impl<F: NorFlash> Device<F> {
         self.staging.stage(set);
     }
 
-    pub(in crate::driver) fn commissioning_object(&self) -> CommissioningRun {
+    pub(in crate::driver) fn commissioning_object(&self) -> CommissioningRunObject {
         let run = &self.commissioning.run;
         let found = run.found();
         let joint = &self.set().friction.compensator;
         let motor = &self.set().motor;
-        // Of the current that turns the rotor, what friction holds it back by.
+        // Friction holds the rotor back by this part of the current.
         let efficiency =
             joint.torque_constant_nm_per_a / (motor.torque_constant_nm_per_a * motor.gear_ratio);
         let pulls_nm = found.torque_constant_nm_per_a() * motor.gear_ratio * efficiency;
@@ -274,12 +282,12 @@ impl<F: NorFlash> Device<F> {
         let along_a = behind.inverse_park(Rotating { d: run.bounds().current_a, q: 0.0 });
         let friction_nm = pulls_nm * along_a.beta;
         let friction = &self.commissioning.friction;
-        let (step, reason) = if self.commissioning.rubs {
+        let (step, reason) = if self.commissioning.is_friction_run {
             (friction.step(), friction.reason())
         } else {
             (run.step(), run.reason())
         };
-        CommissioningRun {
+        CommissioningRunObject {
             order: 0,
             current_a: self.commissioning_current_a().to_bits(),
             travel_rad: self.commissioning.travel_rad.to_bits(),

@@ -1,41 +1,42 @@
-//! The network of a joint on its own sensors: evaluated in the background, at the rate it was trained with.
+//! The network of a joint on its own sensors: evaluated in the background at the rate of its training.
 //!
-//! It reads what the current loop last reported and what the compensator is told of the joint; its factors go down with
-//! the orders. A tick comes once a millisecond, so an evaluation is late by that at most. A joint in HIL has its own
-//! ([`crate::hil`]), in step with the samples.
+//! Its inputs are the last report of the current loop and the covariates. Its factors are sent with the
+//! commands. A tick comes every millisecond, so an evaluation is at most that late. A joint in HIL has its own
+//! network ([`crate::hil`]), in step with the samples.
 
 use super::Device;
-use crate::control::Covariates;
-use crate::driver::live::LoopReport;
+use crate::control::covariates::{Covariates, MotionReadings};
+use crate::driver::loop_data::LoopReport;
 use crate::hil::NetworkGuard;
-use crate::node::dictionary::records::NetworkState;
-use crate::node_settings::{NodeSettings, Source};
+use crate::node::dictionary::records::NetworkObject;
+use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
-use compensator_core::network::{Factors, Supplier};
+use compensator_core::network::{FactorSupplier, Factors};
 use compensator_core::{Flags, Inputs, compensator::Reading};
 use embedded_storage::nor_flash::NorFlash;
 
-/// A network and when it is due.
+/// A network and the time of its next evaluation.
 #[derive(Debug, Default)]
 pub(super) struct LiveNetwork {
-    supplier: Option<Supplier<f32>>,
+    supplier: Option<FactorSupplier<f32>>,
     due_us: u64,
-    /// Friction was compensated at the last look.
+    /// Friction was compensated at the last call.
     is_on: bool,
 }
 
 impl LiveNetwork {
-    /// The set's, where the joint is on its own sensors; one that cannot be built was refused at its commit.
+    /// Creates the network of a set, for a joint on its own sensors. A network that cannot be built was refused
+    /// at its commit.
     pub(super) fn of(set: &ParameterSet, settings: &NodeSettings) -> Self {
-        let network = set.network.as_ref().filter(|_| settings.source == Source::Sensors);
+        let network = set.network.as_ref().filter(|_| settings.source == InputSource::Sensors);
         let hold_s = set.friction.compensator.hold_s;
-        let supplier = network.and_then(|network| Supplier::build(network, hold_s).ok());
+        let supplier = network.and_then(|network| FactorSupplier::build(network, hold_s).ok());
         Self { supplier, ..Self::default() }
     }
 
-    /// What it last had to say of its inputs, as flags of the compensator.
+    /// Returns the state of the input guard, as flags of the compensator.
     pub(super) fn flags(&self) -> Flags {
-        let is_outside = |supplier: &Supplier<f32>| supplier.state().is_outside;
+        let is_outside = |supplier: &FactorSupplier<f32>| supplier.state().is_outside;
         match &self.supplier {
             Some(supplier) if self.is_on && is_outside(supplier) => Flags::NETWORK_OUTSIDE,
             _ => Flags::empty(),
@@ -61,7 +62,7 @@ impl LiveNetwork {
         let is_first = !self.is_on;
         self.is_on = true;
         if is_first || now_us >= self.due_us {
-            // Evaluations missed are not made up for.
+            // Missed evaluations are skipped.
             let on_time = !is_first && now_us < self.due_us.saturating_add(period_us);
             self.due_us = if on_time { self.due_us } else { now_us }.saturating_add(period_us);
             supplier.evaluate(&inputs(report, covariates), report.bristle_torque_nm);
@@ -80,22 +81,20 @@ impl LiveNetwork {
     }
 }
 
-/// What a network is told; the velocity is the observer's.
+/// Returns the inputs of the network; the velocity is that of the observer.
 fn inputs(report: &LoopReport, covariates: &Covariates) -> Inputs<f32> {
     let aged = |value: f32| match report.sample_age_us {
         Some(age_us) => Reading { value, age_s: age_us as f32 * 1e-6 },
         None => Reading::missing(),
     };
-    Inputs {
+    let motion = MotionReadings {
         velocity_rad_s: aged(report.velocity_rad_s),
+        velocity_reference_rad_s: Reading::missing(),
         position_rad: aged(report.position_rad),
-        radial_force_n: covariates.radial_force_n,
-        pressure_diff_mpa: covariates.pressure_diff_mpa,
-        temperature_c: covariates.temperature_c,
-        load_torque_nm: covariates.load_torque_nm,
-        auxiliary: covariates.auxiliary,
-        ..Inputs::missing()
-    }
+        acceleration_rad_s2: Reading::missing(),
+    };
+    // The campaign time is not an input of a network.
+    Inputs { campaign_time_h: 0.0, ..covariates.inputs(motion) }
 }
 
 impl<F: NorFlash> Device<F> {
@@ -106,16 +105,16 @@ impl<F: NorFlash> Device<F> {
         now_us: u64,
     ) -> Option<Factors<f32>> {
         let compensates =
-            self.supervisor.bridge_allowed() && self.supervisor.compensation_allowed();
+            self.supervisor.is_bridge_allowed() && self.supervisor.is_compensation_allowed();
         self.network.supply(compensates, &self.report, covariates, now_us)
     }
 
-    /// The network as an object: all zeros and factors of 1 where there is none.
-    pub(in crate::driver) fn network_state(&self) -> NetworkState {
+    /// Returns the network object: zeros and factors of 1 if there is no network.
+    pub(in crate::driver) fn network_state(&self) -> NetworkObject {
         let has = self.set().network.is_some();
         let guard = match self.settings.source {
-            Source::Bus => self.hil.network_guard(),
-            Source::Sensors => self.network.guard(),
+            InputSource::Bus => self.hil.network_guard(),
+            InputSource::Sensors => self.network.guard(),
         };
         let none = NetworkGuard {
             is_outside: false,
@@ -124,7 +123,7 @@ impl<F: NorFlash> Device<F> {
             factors: Factors::default(),
         };
         let guard = guard.unwrap_or(none);
-        NetworkState {
+        NetworkObject {
             present: has.into(),
             outside: guard.is_outside.into(),
             outside_count: guard.outside_count,

@@ -1,15 +1,15 @@
 //! Transmit PDOs and their identifiers, which a master may change while the joint is disarmed.
 
-use super::{Device, Message, Source};
+use super::{Device, InputSource, Message};
 use crate::node::sdo::Abort;
 use compensator_core::can::{Frame, cob_id};
 use embedded_storage::nor_flash::NorFlash;
 
-/// Transmit PDOs, and the place of the drive's among them.
+/// Number of transmit PDOs, and the index of the drive's PDO.
 pub const TRANSMIT_PDOS: usize = 6;
-pub const DRIVE_SLOT: usize = 5;
+pub const DRIVE_PDO: usize = 5;
 
-/// Bit of a PDO's identifier that says it is not used.
+/// Bit of a PDO identifier that marks it as unused.
 pub const PDO_UNUSED: u32 = 1 << 31;
 
 impl<F: NorFlash> Device<F> {
@@ -24,35 +24,36 @@ impl<F: NorFlash> Device<F> {
         self.transmit(slot, message.emit().data());
     }
 
-    /// Sends a transmit PDO under the identifier it has, where it is used.
+    /// Sends a transmit PDO with its identifier, if it is in use.
     pub(super) fn transmit(&mut self, slot: usize, data: &[u8]) {
         let identifier = self.identifier(slot);
         if identifier & PDO_UNUSED == 0
-            && let Some(frame) = Frame::new(identifier as u16 & Frame::LAST_IDENTIFIER, data)
+            && let Some(frame) = Frame::new(identifier as u16 & Frame::MAX_IDENTIFIER, data)
         {
             self.outbox.push(frame);
         }
     }
 
-    /// Identifier of a transmit PDO, as its object has it: with bit 31 where it is not used.
+    /// Returns the identifier of a transmit PDO as in its object; bit 31 is set if the PDO is unused.
     pub(in crate::driver) fn identifier(&self, slot: usize) -> u32 {
         if let Some(Some(given)) = self.identifiers.get(slot) {
             return *given;
         }
-        let of_sensors = if self.settings.source == Source::Sensors { 0 } else { PDO_UNUSED };
+        let of_sensors = if self.settings.source == InputSource::Sensors { 0 } else { PDO_UNUSED };
         let (base, unused) = match slot {
             0 => (cob_id::TPDO_1, 0),
             1 => (cob_id::TPDO_2, 0),
             2 => (cob_id::TPDO_3, 0),
             3 => (cob_id::TPDO_4, of_sensors),
             4 => (cob_id::TPDO_5, of_sensors),
-            // There is no sixth place: a master gives it one, most likely that of an f32 frame it does not want.
+            // The predefined set has no sixth identifier. A master usually assigns that of a PDO it does not
+            // need.
             _ => (cob_id::TPDO_1, PDO_UNUSED),
         };
         (u32::from(base) + u32::from(self.settings.node.number())) | unused
     }
 
-    /// A master gives a transmit PDO another identifier, or says that it is not to be used (bit 31).
+    /// Sets the identifier of a transmit PDO, or marks it as unused (bit 31).
     pub(in crate::driver) fn set_identifier(
         &mut self,
         slot: usize,
@@ -60,7 +61,7 @@ impl<F: NorFlash> Device<F> {
     ) -> Result<(), Abort> {
         // Bit 30 forbids remote requests, which are never answered.
         let number = identifier & !(PDO_UNUSED | 1 << 30);
-        // Those that CiA 301 leaves to PDOs: the predefined set's, and the free ones behind SDO.
+        // The identifiers that CiA 301 permits for PDOs: the predefined set, and the free ones above SDO.
         let legal = (0x181..=0x57F).contains(&number) || (0x680..=0x6FF).contains(&number);
         if !legal && identifier & PDO_UNUSED == 0 {
             let why =
@@ -73,8 +74,8 @@ impl<F: NorFlash> Device<F> {
         Ok(())
     }
 
-    /// The communication starts anew: with the identifiers it had.
-    pub(in crate::driver) fn forget_identifiers(&mut self) {
+    /// Resets the identifiers, when the communication restarts.
+    pub(in crate::driver) fn reset_identifiers(&mut self) {
         self.identifiers = [None; TRANSMIT_PDOS];
     }
 

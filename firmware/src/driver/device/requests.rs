@@ -1,17 +1,17 @@
-//! What a tool may ask of a driver, and what it answers where that cannot be.
+//! Requests of a tool to a driver, and their refusals.
 
 use super::network::LiveNetwork;
 use super::{Device, Home, watch};
 use crate::hil::HilJoint;
 use crate::node::sdo::Abort;
-use crate::node_settings::{NodeSettings, Source, emit_block};
+use crate::node_settings::{InputSource, NodeSettings, emit_block};
 use crate::parameter_set::ParameterSet;
-use crate::supervisor::{self, Code, InUse};
-use compensator_core::parameters::Digits;
+use crate::supervisor::{self, Code, ParameterSource};
+use compensator_core::parameters::ShortNumber;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
-    /// A request to the state machine: 0 disarm, 1 arm, 2 clear faults.
+    /// Executes a request to the state machine: 0 disarm, 1 arm, 2 clear faults.
     pub(in crate::driver) fn request(&mut self, request: u8) -> Result<(), Abort> {
         match request {
             0 => {
@@ -22,12 +22,14 @@ impl<F: NorFlash> Device<F> {
             2 => self.supervisor.clear_faults().map_err(|left| {
                 self.blocking = left.fault_bits();
                 if left.contains(Code::GateDriverFault) {
-                    // It may hold its fault until it has slept, and the bridge is off: asked again, it is gone.
+                    // The gate driver may latch its fault until it has slept, and the bridge is off. The next
+                    // request succeeds.
                     self.gate_resets = self.gate_resets.wrapping_add(1);
-                    let why = format_args!("{} (its driver was reset: ask again)", Still(left));
+                    let why =
+                        format_args!("{} (its driver was reset: ask again)", RemainingFaults(left));
                     return self.staging.refuse(Abort::State, why);
                 }
-                self.staging.refuse(Abort::State, Still(left))
+                self.staging.refuse(Abort::State, RemainingFaults(left))
             }),
             _ => Err(self.staging.refuse(
                 Abort::Value,
@@ -38,17 +40,16 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Somebody knows where the joint is, rad: at rest at a stop, or from a sensor behind the gear.
+    /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.
     pub(in crate::driver) fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
-        if self.settings.source == Source::Bus {
-            let why =
-                "set_position_rad: the position of a joint fed by the bus comes with its frames";
+        if self.settings.source == InputSource::Bus {
+            let why = "set_position_rad: a joint in HIL receives its position over the bus";
             return Err(self.staging.refuse(Abort::State, why));
         }
         if !position_rad.is_finite() {
             let why = format_args!(
                 "set_position_rad = {}: must be a finite number",
-                Digits(position_rad.into())
+                ShortNumber(position_rad.into())
             );
             return Err(self.staging.refuse(Abort::Value, why));
         }
@@ -57,31 +58,30 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn arm(&mut self) -> Result<(), Abort> {
-        if self.commissions() {
-            let why =
-                "the joint commissions itself: wait until it has ended, or stop it (200Ch:1 = 0)";
+        if self.is_commissioning() {
+            let why = "commissioning is running: wait until it has ended, or stop it (200Ch:1 = 0)";
             return Err(self.staging.refuse(Abort::State, why));
         }
-        if self.settings.source == Source::Sensors {
+        if self.settings.source == InputSource::Sensors {
             self.begin_velocity(self.set().motor.acceleration_max_rad_s2);
             return self.supervisor.arm(self.now_us).map_err(|refusal| {
                 self.blocking = refusal.causes.fault_bits();
                 self.staging.refuse(Abort::State, refusal)
             });
         }
-        // A joint in HIL drives nothing: no set-point and no bus voltage is needed, but no fault either.
-        let causes = self.in_the_way();
+        // A joint in HIL drives nothing: it needs no set-point and no bus voltage, but must have no fault.
+        let causes = self.hil_blocking_codes();
         if !causes.is_empty() {
             self.blocking = causes.fault_bits();
-            return Err(self.staging.refuse(Abort::State, Still(causes)));
+            return Err(self.staging.refuse(Abort::State, RemainingFaults(causes)));
         }
         self.hil_armed = true;
         self.hil.set_enabled(true);
         Ok(())
     }
 
-    /// What stops a joint in HIL: faults, and a master that has gone.
-    pub(super) fn in_the_way(&self) -> supervisor::CodeSet {
+    /// Returns the codes that stop a joint in HIL: faults, and a lost master.
+    pub(super) fn hil_blocking_codes(&self) -> supervisor::CodeSet {
         let mut causes = self.supervisor.faults();
         if self.supervisor.causes().contains(Code::HeartbeatLost) {
             causes.insert(Code::HeartbeatLost);
@@ -89,38 +89,38 @@ impl<F: NorFlash> Device<F> {
         causes
     }
 
-    /// Makes the staged set the active one, all at once.
+    /// Makes the staged set the active one.
     pub(in crate::driver) fn commit(&mut self, meant: u32) -> Result<(), Abort> {
-        let set = self.staging.committed(meant)?;
+        let set = self.staging.validate_commit(meant)?;
         let network = set.network.as_ref();
         let setup = self.settings.hil_setup();
         let hil = HilJoint::build(self.settings.node, &set.friction, network, setup);
         let hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
-        set.builds().map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        set.check_buildable().map_err(|error| self.staging.refuse(Abort::Value, error))?;
         let thresholds = self.supervisor.configure(&set.thresholds);
         thresholds.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.hil = hil;
         self.watch = watch(&set.watch, &self.settings);
         self.network = LiveNetwork::of(&set, &self.settings);
         self.staging.activate(set);
-        self.forget_over_compensation();
-        self.supervisor.parameters(InUse::Set);
-        self.see_to_commissioned();
+        self.reset_over_compensation();
+        self.supervisor.set_parameter_source(ParameterSource::Set);
+        self.update_commissioned();
         self.set_number = self.set_number.wrapping_add(1);
         Ok(())
     }
 
-    /// Somebody has seen that the joint is wired as its parameters say: those of this CRC, and no others.
+    /// Confirms that the joint is wired as its parameters say; `seen` is the CRC of these wiring parameters.
     pub(in crate::driver) fn commission(&mut self, seen: u32) -> Result<(), Abort> {
         let wiring = self.staging.active().wiring_crc();
         if seen != wiring {
             let why = format_args!(
-                "confirm = {seen:08x}: the wiring in use has the crc {wiring:08x}, and only that can be confirmed"
+                "confirm = {seen:08x}: the wiring in use has the crc {wiring:08x}, and only this can be confirmed"
             );
             return Err(self.staging.refuse(Abort::Value, why));
         }
         self.settings.commissioned = seen;
-        self.see_to_commissioned();
+        self.update_commissioned();
         Ok(())
     }
 
@@ -128,12 +128,12 @@ impl<F: NorFlash> Device<F> {
         self.settings.commissioned == self.staging.active().wiring_crc()
     }
 
-    fn see_to_commissioned(&mut self) {
+    fn update_commissioned(&mut self) {
         let confirmed = self.is_commissioned();
-        self.supervisor.commissioned(confirmed);
+        self.supervisor.set_commissioned(confirmed);
     }
 
-    /// Takes other settings; the node's number counts from the next start.
+    /// Applies other settings; a new node number is used from the next start.
     pub(in crate::driver) fn set_settings(&mut self, settings: NodeSettings) -> Result<(), Abort> {
         let set = self.staging.active();
         let watch = watch(&set.watch, &settings);
@@ -144,7 +144,7 @@ impl<F: NorFlash> Device<F> {
         self.watch = watch;
         self.network = live;
         self.settings = settings;
-        self.live.forget_command();
+        self.received.reset_command();
         Ok(())
     }
 
@@ -154,14 +154,14 @@ impl<F: NorFlash> Device<F> {
         self.write_block(&block)
     }
 
-    /// Stores the defaults; they count from the next start, as CiA 301 has it.
+    /// Stores the defaults; they apply from the next start, as in CiA 301.
     pub(in crate::driver) fn restore_defaults(&mut self) -> Result<(), Abort> {
         self.write_block(&emit_block(&self.defaults, &ParameterSet::default()))
     }
 
     fn write_block(&mut self, block: &[u8]) -> Result<(), Abort> {
         let saved = self.store.save(block);
-        self.supervisor.store(self.store.health());
+        self.supervisor.set_store_health(self.store.health());
         match saved {
             Ok(_) => Ok(()),
             Err(error) => Err(self.staging.refuse(Abort::Hardware, error)),
@@ -169,12 +169,12 @@ impl<F: NorFlash> Device<F> {
     }
 }
 
-/// Faults that stand in the way, by name.
-struct Still(supervisor::CodeSet);
+/// Faults that are still present, by name.
+struct RemainingFaults(supervisor::CodeSet);
 
-impl core::fmt::Display for Still {
+impl core::fmt::Display for RemainingFaults {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str("still there:")?;
+        f.write_str("still present:")?;
         self.0.iter().try_for_each(|code: Code| write!(f, " {}", code.info().name))
     }
 }

@@ -1,8 +1,10 @@
-//! What the objects read as: the device's state, value by value.
+//! Values of the objects that report the device's state.
 
-use super::{Counters, Device, Reply, State};
-use crate::node::dictionary::records::{self, Inputs, Measured, Outputs, WatchState};
-use crate::node_settings::Source;
+use super::{Counters, Device, HilReply, JointState};
+use crate::node::dictionary::records::{
+    self, InputsObject, MeasuredObject, OutputsObject, WatchObject,
+};
+use crate::node_settings::InputSource;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -14,14 +16,14 @@ impl<F: NorFlash> Device<F> {
         self.hil.inbox().sequence()
     }
 
-    pub(in crate::driver) fn state_object(&self) -> records::State {
+    pub(in crate::driver) fn state_object(&self) -> records::StateObject {
         let state = match self.supervisor.state() {
-            State::Fault => 2,
+            JointState::Fault => 2,
             _ if self.is_armed() => 1,
             _ => 0,
         };
         let (faults, limits) = (self.supervisor.faults(), self.supervisor.limits());
-        records::State {
+        records::StateObject {
             state,
             faults: faults.fault_bits(),
             limits: limits.limit_bits(),
@@ -34,31 +36,31 @@ impl<F: NorFlash> Device<F> {
         Counters { sent: self.outbox.sent(), not_sent: self.outbox.lost(), ..self.counters }
     }
 
-    pub(in crate::driver) const fn last_inputs(&self) -> Inputs {
+    pub(in crate::driver) const fn last_inputs(&self) -> InputsObject {
         self.inputs
     }
 
-    pub(in crate::driver) fn measured(&self) -> Measured {
-        let told = &self.inputs;
+    pub(in crate::driver) fn measured(&self) -> MeasuredObject {
+        let received = &self.inputs;
         match self.settings.source {
-            Source::Bus => Measured {
-                velocity_rad_s: told.velocity_rad_s,
-                position_rad: told.position_rad,
-                torque_nm: told.torque_nm,
-                load_torque_nm: told.load_torque_nm,
+            InputSource::Bus => MeasuredObject {
+                velocity_rad_s: received.velocity_rad_s,
+                position_rad: received.position_rad,
+                torque_nm: received.torque_nm,
+                load_torque_nm: received.load_torque_nm,
             },
-            Source::Sensors => Measured {
+            InputSource::Sensors => MeasuredObject {
                 velocity_rad_s: self.report.velocity_rad_s.to_bits(),
                 position_rad: self.report.position_rad.to_bits(),
                 torque_nm: self.report.motor_torque_nm.to_bits(),
-                load_torque_nm: told.load_torque_nm,
+                load_torque_nm: received.load_torque_nm,
             },
         }
     }
 
-    pub(in crate::driver) fn last_outputs(&self) -> Outputs {
-        let Reply { answer, status, telemetry } = self.reply;
-        Outputs {
+    pub(in crate::driver) fn last_outputs(&self) -> OutputsObject {
+        let HilReply { answer, status, telemetry } = self.reply;
+        OutputsObject {
             friction_torque_nm: answer.friction_torque_nm.to_bits(),
             feed_forward_current_a: answer.feed_forward_current_a.to_bits(),
             flags: status.flags.bits(),
@@ -72,13 +74,13 @@ impl<F: NorFlash> Device<F> {
         self.supervisor.counts().get(place).copied()
     }
 
-    pub(in crate::driver) fn watch_state(&self) -> WatchState {
-        /// Whether the model is in its band is not known before the first window is full.
+    pub(in crate::driver) fn watch_state(&self) -> WatchObject {
+        /// Before the first window is complete, it is unknown whether the model is in its band.
         const UNKNOWN: u32 = 2;
         let Some(watch) = &self.watch else {
-            return WatchState { in_band: UNKNOWN, ..Default::default() };
+            return WatchObject { in_band: UNKNOWN, ..Default::default() };
         };
-        WatchState {
+        WatchObject {
             in_band: watch.in_band().map_or(UNKNOWN, u32::from),
             windows: watch.windows(),
             windows_out_of_band: watch.windows_out_of_band(),

@@ -1,24 +1,24 @@
-//! Objects of several values: each entry with its name, type and access, and the place of its value.
+//! Objects with several values: each entry with name, type and access, and a struct for the values.
 //!
-//! The macro `record` makes of one list both what a tool sees, [`Entry`] by entry, and a struct that the driver
-//! fills by name and never by position. A new entry is a row here; the compiler then asks for its value.
-//! Entries that are written, or sent in process frames, have a constant for their sub-index as well.
+//! From one list, the macro `record` generates both the [`Entry`] list that tools see and a struct that the
+//! driver fills by field name. A new entry is one row here; the compiler then requires its value. Entries
+//! that are written, or mapped to process frames, also get a constant for their sub-index.
 
 /// Type of a value, by its number in CiA 301.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum DataType {
-    /// Eight bits with a sign.
+    /// 8-bit signed integer.
     Integer8 = 0x02,
-    /// Sixteen bits with a sign.
+    /// 16-bit signed integer.
     Integer16 = 0x03,
-    /// Thirty-two bits with a sign.
+    /// 32-bit signed integer.
     Integer32 = 0x04,
-    /// Eight bits.
+    /// 8-bit unsigned integer.
     Unsigned8 = 0x05,
-    /// Sixteen bits.
+    /// 16-bit unsigned integer.
     Unsigned16 = 0x06,
-    /// Thirty-two bits.
+    /// 32-bit unsigned integer.
     Unsigned32 = 0x07,
     /// `f32`.
     Real32 = 0x08,
@@ -29,7 +29,7 @@ pub enum DataType {
 }
 
 impl DataType {
-    /// Length in bytes; `None` where it varies.
+    /// Returns the length in bytes; `None` if it varies.
     pub const fn length(self) -> Option<usize> {
         match self {
             Self::Unsigned8 | Self::Integer8 => Some(1),
@@ -40,43 +40,43 @@ impl DataType {
     }
 }
 
-/// Who may do what.
+/// Access rights of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Never changes.
+    /// The value is constant.
     Const,
-    /// The driver changes it.
+    /// Only the driver changes the value.
     ReadOnly,
-    /// A tool may write it.
+    /// A tool may write the value.
     ReadWrite,
-    /// A tool may write it, and a process frame does: what a receive PDO is mapped to must be writable.
+    /// A tool or a process frame may write the value. Objects mapped to a receive PDO must be writable.
     Input,
-    /// A tool may write it; there is nothing to read.
+    /// A tool may write the value but not read it.
     WriteOnly,
 }
 
-/// One value.
+/// One value of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// Name, in the words of the rest of the project; empty on a board.
+    /// Name, as used in the rest of the project; empty on a board.
     pub name: &'static str,
-    /// Its type.
+    /// Type of the value.
     pub data: DataType,
-    /// Who may do what.
+    /// Access rights of a value.
     pub access: Access,
 }
 
 pub(super) const fn entry(name: &'static str, data: DataType, access: Access) -> Entry {
-    Entry { name: kept(name), data, access }
+    Entry { name: name_on_host(name), data, access }
 }
 
-/// A name as the dictionary has it: nothing in a driver's image, where nobody asks for it. Tools know the names from
+/// Returns the name on a host and an empty string on a board, to save flash. Tools take the names from
 /// their own copy of this dictionary or from `joint.eds`.
-pub(super) const fn kept(name: &'static str) -> &'static str {
+pub(super) const fn name_on_host(name: &'static str) -> &'static str {
     if cfg!(target_os = "none") { "" } else { name }
 }
 
-/// The sub-index of an entry; a name that is not there does not compile where the result is a constant.
+/// Returns the sub-index of an entry. In a constant, an unknown name does not compile.
 const fn sub_index(names: &[&str], name: &str) -> u8 {
     let mut place = 0;
     while place < names.len() {
@@ -102,23 +102,29 @@ macro_rules! record {
     }) => {
         $(#[$doc])*
         ///
-        /// Values are words; a float is its bits.
+        /// All values are `u32`; a float is stored as its bits.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs)]
         pub struct $record { $(pub $field: u32),* }
 
         #[allow(missing_docs)]
         impl $record {
-            /// The entries, from sub-index 1 on.
+            /// The entries, starting with sub-index 1.
             pub const ENTRIES: &'static [Entry] =
                 &[$(entry(stringify!($field), DataType::$data, Access::$access)),*];
 
-            #[allow(dead_code)] // A record whose places nobody asks for by name.
+            #[allow(dead_code)] // Records without sub-index constants do not use it.
             const NAMES: &'static [&'static str] = &[$(stringify!($field)),*];
 
             $($(pub const $AT: u8 = sub_index(Self::NAMES, stringify!($field));)?)*
 
-            /// The values, in the order of the entries.
+            /// Returns a record with this word in every entry.
+            #[allow(dead_code)] // Used by some records only.
+            pub const fn filled(word: u32) -> Self {
+                Self { $($field: word),* }
+            }
+
+            /// Returns the values in the order of the entries.
             pub const fn words(&self) -> [u32; Self::ENTRIES.len()] {
                 [$(self.$field),*]
             }
@@ -127,8 +133,8 @@ macro_rules! record {
 }
 
 record! {
-    /// Who the device is.
-    Identity {
+    /// Identity of the device.
+    IdentityObject {
         vendor_id: Unsigned32, Const;
         product_code: Unsigned32, Const;
         revision_number: Unsigned32, Const;
@@ -137,32 +143,32 @@ record! {
 }
 
 record! {
-    /// Identifiers of the server of objects.
-    SdoServer {
+    /// COB-IDs of the SDO server.
+    SdoServerObject {
         client_to_server: Unsigned32, Const;
         server_to_client: Unsigned32, Const;
     }
 }
 
 record! {
-    /// Identifier of a PDO, and how it travels.
-    Pdo {
+    /// COB-ID and transmission type of a PDO.
+    PdoObject {
         cob_id: Unsigned32, Const;
         transmission_type: Unsigned8, Const;
     }
 }
 
 record! {
-    /// Identifier of a transmit PDO, which a master may change, and how it travels.
-    TransmitPdo {
+    /// COB-ID (which a master may change) and transmission type of a transmit PDO.
+    TransmitPdoObject {
         cob_id: Unsigned32, ReadWrite;
         transmission_type: Unsigned8, Const;
     }
 }
 
 record! {
-    /// What a trace says of the samples that follow.
-    Trace {
+    /// Run, sequence and joint kind of the samples that follow in a trace.
+    TraceObject {
         run: Unsigned32, ReadWrite, RUN;
         sequence: Unsigned32, ReadWrite, SEQUENCE;
         joint_kind: Unsigned32, ReadWrite, JOINT_KIND;
@@ -170,8 +176,8 @@ record! {
 }
 
 record! {
-    /// How the driver takes part in the bus.
-    Operation {
+    /// Settings of the node on its bus.
+    OperationObject {
         source: Unsigned8, ReadWrite, SOURCE;
         number: Unsigned8, ReadWrite, NUMBER;
         period_s: Real32, ReadWrite, PERIOD_S;
@@ -183,8 +189,8 @@ record! {
 }
 
 record! {
-    /// The state machine.
-    State {
+    /// State machine of the joint.
+    StateObject {
         request: Unsigned8, WriteOnly, REQUEST;
         state: Unsigned8, ReadOnly;
         faults: Unsigned32, ReadOnly;
@@ -195,8 +201,8 @@ record! {
 }
 
 record! {
-    /// What last came in process frames. Written as an object it counts as if it had come in its frame.
-    Inputs {
+    /// Last inputs from process frames. Writing the object has the effect of receiving its frame.
+    InputsObject {
         velocity_rad_s: Real32, Input, VELOCITY;
         position_rad: Real32, Input, POSITION;
         torque_nm: Real32, Input, TORQUE;
@@ -210,8 +216,9 @@ record! {
     }
 }
 
-impl Inputs {
-    /// Sets the entry at a sub-index; gives both words of its frame, which is every two entries.
+impl InputsObject {
+    /// Sets the entry at a sub-index and returns both words of its frame. Two consecutive entries form a
+    /// frame.
     pub fn set(&mut self, sub_index: u8, word: u32) -> Option<[u32; 2]> {
         let pairs = [
             [&mut self.velocity_rad_s, &mut self.position_rad],
@@ -228,8 +235,8 @@ impl Inputs {
 }
 
 record! {
-    /// What was last answered in process frames.
-    Outputs {
+    /// Last outputs in process frames.
+    OutputsObject {
         friction_torque_nm: Real32, ReadOnly, FRICTION_TORQUE;
         feed_forward_current_a: Real32, ReadOnly, FEED_FORWARD_CURRENT;
         flags: Unsigned32, ReadOnly, FLAGS;
@@ -240,8 +247,8 @@ record! {
 }
 
 record! {
-    /// What the joint last measured of itself; one in HIL, what it was told.
-    Measured {
+    /// Last measurements of the joint. For a joint in HIL, its received inputs.
+    MeasuredObject {
         velocity_rad_s: Real32, ReadOnly, VELOCITY;
         position_rad: Real32, ReadOnly, POSITION;
         torque_nm: Real32, ReadOnly, TORQUE;
@@ -250,8 +257,8 @@ record! {
 }
 
 record! {
-    /// Whether the model keeps its promise.
-    WatchState {
+    /// State of the model watch.
+    WatchObject {
         in_band: Unsigned8, ReadOnly;
         windows: Unsigned32, ReadOnly;
         windows_out_of_band: Unsigned32, ReadOnly;
@@ -261,8 +268,8 @@ record! {
 }
 
 record! {
-    /// The network that supplies the law, where there is one: the guard of its inputs, and its factors.
-    NetworkState {
+    /// State of the network that supplies the law, if one is used: input guard and factors.
+    NetworkObject {
         present: Unsigned8, ReadOnly, PRESENT;
         outside: Unsigned8, ReadOnly, OUTSIDE;
         outside_count: Unsigned32, ReadOnly, OUTSIDE_COUNT;
@@ -274,8 +281,8 @@ record! {
 }
 
 record! {
-    /// The staged parameter set, and what takes it.
-    Commit {
+    /// The staged parameter set, with the commands to commit or discard it.
+    CommitObject {
         active_crc: Unsigned32, ReadOnly;
         staged_crc: Unsigned32, ReadOnly;
         commit: Unsigned32, WriteOnly, COMMIT;
@@ -287,8 +294,8 @@ record! {
 }
 
 record! {
-    /// Whether the joint is wired as its parameters say: confirmed by writing back the CRC of the wiring in use.
-    Commissioning {
+    /// State of the wiring confirmation. A tool confirms by writing back the CRC of the wiring in use.
+    CommissioningObject {
         commissioned: Unsigned8, ReadOnly;
         wiring_crc: Unsigned32, ReadOnly, WIRING_CRC;
         confirm: Unsigned32, WriteOnly, CONFIRM;
@@ -296,8 +303,8 @@ record! {
 }
 
 record! {
-    /// The driver finds out by itself what motor it drives: what it may do, how far it is, what it found.
-    CommissioningRun {
+    /// The automatic commissioning run: its limits, its progress and its results.
+    CommissioningRunObject {
         order: Unsigned8, WriteOnly, ORDER;
         current_a: Real32, ReadWrite, CURRENT;
         travel_rad: Real32, ReadWrite, TRAVEL;
@@ -320,15 +327,15 @@ record! {
 
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
-        /// What came in and could not be used, and what was lost.
+        /// Counters of received, sent, unusable and lost frames.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         pub struct Counters { $($(#[$doc])* pub $name: u32),* }
 
-        /// What the frames and answers are counted as, in the order of their sub-indices.
+        /// Names of the counters, in the order of their sub-indices.
         pub const FRAME_COUNTERS: &[&str] = &[$(stringify!($name)),*];
 
         impl Counters {
-            /// The counts, in the order of [`FRAME_COUNTERS`].
+            /// Returns the counts in the order of [`FRAME_COUNTERS`].
             pub const fn words(&self) -> [u32; FRAME_COUNTERS.len()] {
                 [$(self.$name),*]
             }
@@ -337,36 +344,36 @@ macro_rules! counters {
 }
 
 counters! {
-    /// Frames taken in.
+    /// Frames received.
     received,
     /// Frames sent.
     sent,
-    /// Frames there was no room for.
+    /// Frames dropped because the send queue was full.
     not_sent,
-    /// Frames of others.
+    /// Frames for other nodes.
     foreign,
-    /// Process frames that came while the node was not operational.
+    /// Process frames received while the node was not operational.
     passed_over,
-    /// Frames of ours with too few or too many bytes.
+    /// Frames for this node with a wrong number of bytes.
     wrong_length,
-    /// Frames of ours whose content is not legal.
+    /// Frames for this node with illegal content.
     wrong_content,
-    /// SYNCs that never came.
+    /// SYNC frames lost.
     sync_lost,
-    /// SYNCs that came twice.
+    /// SYNC frames received twice.
     sync_duplicate,
-    /// SYNCs that came after a later one.
+    /// SYNC frames received after a later one.
     sync_late,
-    /// Commands that came twice.
+    /// Command frames received twice.
     command_duplicate,
-    /// Commands that never came.
+    /// Command frames lost.
     command_lost,
-    /// Commands that came after a later one.
+    /// Command frames received after a later one.
     command_late,
-    /// Object requests refused.
+    /// SDO requests refused.
     sdo_refused,
-    /// Times the controller lost what came in.
+    /// Times the controller lost received frames.
     receiver_overrun,
-    /// Times the controller left the bus.
+    /// Times the controller went bus-off.
     bus_off,
 }

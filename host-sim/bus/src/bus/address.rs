@@ -1,17 +1,17 @@
-//! Where an slcan adapter is, as the command line has it.
+//! The address of an slcan adapter on the command line.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// Where an adapter is.
+/// Address of an adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {
     /// A serial device, or a socket in the file system.
     Path {
-        /// Where.
+        /// Path in the file system.
         path: PathBuf,
-        /// Baud rate of the serial line, as `@3000000` behind the path; as it is set without. USB
-        /// adapters take any.
+        /// Baud rate of the serial line, written as `@3000000` after the path. `None` keeps the current
+        /// rate. USB adapters accept any rate.
         baud: Option<u32>,
     },
     /// `HOST:PORT`.
@@ -19,8 +19,8 @@ pub enum Address {
 }
 
 impl Address {
-    /// An address as the command line has it. With a slash it is a path; otherwise `HOST:PORT` if it
-    /// looks so. `None` where it is empty.
+    /// Parses an address. A text with a slash is a path; otherwise `HOST:PORT` is a TCP address. Returns
+    /// `None` for an empty text.
     pub fn parse(text: &str) -> Option<Self> {
         let port = text.rsplit_once(':').filter(|(host, port)| {
             !text.contains('/') && !host.is_empty() && port.parse::<u16>().is_ok()

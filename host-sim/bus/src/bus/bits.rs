@@ -1,32 +1,33 @@
-//! How long a frame is on the wire.
+//! The duration of a frame on the wire.
 //!
-//! A bit is added after five equal ones, so the length of a frame follows its content, its checksum
-//! included: 111 to 135 bits for eight bytes with an 11-bit identifier, the gap of three bits behind it
-//! counted. Classic frames are counted bit by bit with their CRC-15; of CAN FD, the stuffing of the
-//! checksum is fixed, so its value is not needed, and the bits between BRS and the checksum's end run at
-//! the data rate. Acknowledged always, no errors.
+//! Bit stuffing adds a bit after five equal ones, so the length of a frame depends on its content and its checksum. A
+//! frame of eight bytes with an 11-bit identifier has 111 to 135 bits, the gap of three bits included.
+//!
+//! Classic frames are counted bit by bit with their CRC-15. The checksum of CAN FD has fixed stuffing, so its value is not
+//! needed. The bits of CAN FD between BRS and the end of the checksum use the data rate. Every frame is assumed to be
+//! acknowledged and free of errors.
 
 use joint_trace::CanFrame;
 
-/// Bits from the checksum's delimiter to the gap's end: CRC delimiter, ACK, its delimiter, 7 EOF, 3 gap.
-const TAIL: u64 = 13;
-/// An error flag as two nodes superpose it, its delimiter, the gap.
+/// Bits after the checksum: CRC delimiter, ACK, its delimiter, 7 EOF, 3 gap.
+const TRAILER_BITS: u64 = 13;
+/// Bits of an error frame: superposed flags of two nodes, delimiter, gap.
 const ERROR_BITS: u64 = 12 + 8 + 3;
 
 /// Bit rates of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitRates {
-    /// bit/s of all but the data of CAN FD with switched rate; above 0.
+    /// Nominal bit rate, bit/s, above 0.
     pub nominal: u32,
-    /// bit/s of those; above 0.
+    /// Bit rate of CAN FD data with switched rate, bit/s, above 0.
     pub data: u32,
 }
 
 impl BitRates {
-    /// Classic CAN at 1 Mbit/s, CAN FD's data at 5.
+    /// Nominal rate of 1 Mbit/s, data rate of 5 Mbit/s.
     pub const FASTEST: Self = Self { nominal: 1_000_000, data: 5_000_000 };
 
-    /// Time the frame and the gap behind it take, ns, rounded up.
+    /// Returns the duration of the frame and the following gap, ns, rounded up.
     pub fn duration_ns(self, frame: &CanFrame) -> u64 {
         let (nominal, data) = length(frame);
         let time = |bits: u64, rate: u32| (bits * 1_000_000_000).div_ceil(u64::from(rate.max(1)));
@@ -34,7 +35,7 @@ impl BitRates {
     }
 }
 
-/// Bits at the nominal rate and at the data rate, the gap included.
+/// Returns the number of bits at the nominal rate and at the data rate, the gap included.
 fn length(frame: &CanFrame) -> (u64, u64) {
     let mut wire = Wire::default();
     match *frame {
@@ -42,12 +43,12 @@ fn length(frame: &CanFrame) -> (u64, u64) {
             wire.classic(identifier, extended, false, length);
             frame.data().iter().for_each(|byte| wire.push(u32::from(*byte), 8));
             wire.push(u32::from(wire.checksum), 15);
-            (wire.bits + TAIL, 0)
+            (wire.bits + TRAILER_BITS, 0)
         }
         CanFrame::Remote { identifier, extended, length } => {
             wire.classic(identifier, extended, true, length);
             wire.push(u32::from(wire.checksum), 15);
-            (wire.bits + TAIL, 0)
+            (wire.bits + TRAILER_BITS, 0)
         }
         CanFrame::Flexible { identifier, extended, flags, .. } => {
             let (switched, passive) = (flags & 1 != 0, flags >> 1 & 1);
@@ -58,32 +59,36 @@ fn length(frame: &CanFrame) -> (u64, u64) {
             let data = frame.data();
             let padding = usize::from(padded(data.len() as u8)).saturating_sub(data.len());
             wire.push(u32::from(passive), 1);
-            wire.push(code(data.len()), 4);
+            wire.push(length_code(data.len()), 4);
             data.iter().for_each(|byte| wire.push(u32::from(*byte), 8));
             (0..padding).for_each(|_| wire.push(0, 8));
-            // A bit of fixed stuffing first and after every four: of stuff count, its parity, checksum.
+            // Fixed stuffing: a bit first and after every four bits of stuff count, parity and checksum.
             let checksum = if data.len() + padding > 16 { 4 + 21 } else { 4 + 17 };
             let fast = wire.bits - arbitration + checksum + 1 + checksum / 4;
-            if switched { (arbitration + TAIL, fast) } else { (arbitration + fast + TAIL, 0) }
+            if switched {
+                (arbitration + TRAILER_BITS, fast)
+            } else {
+                (arbitration + fast + TRAILER_BITS, 0)
+            }
         }
         CanFrame::Error { .. } => (ERROR_BITS, 0),
     }
 }
 
-/// Bytes of CAN FD by length code.
-const LENGTHS: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
+/// Data lengths of CAN FD by length code, in bytes.
+const FD_LENGTHS_BYTES: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
-/// Length code of CAN FD that has room for so many bytes, up to 64.
-fn code(bytes: usize) -> u32 {
-    LENGTHS.iter().position(|length| bytes <= usize::from(*length)).unwrap_or(15) as u32
+/// Returns the smallest length code of CAN FD for a number of bytes up to 64.
+fn length_code(bytes: usize) -> u32 {
+    FD_LENGTHS_BYTES.iter().position(|length| bytes <= usize::from(*length)).unwrap_or(15) as u32
 }
 
-/// The bytes that CAN FD sends for so many, up to 64: the rest are filled up.
+/// Returns the padded data length of CAN FD for a number of bytes up to 64.
 pub(super) fn padded(bytes: u8) -> u8 {
-    LENGTHS[code(usize::from(bytes)) as usize]
+    FD_LENGTHS_BYTES[length_code(usize::from(bytes)) as usize]
 }
 
-/// Bits put on the wire, with those that stuffing adds.
+/// The bits on the wire, stuffing included.
 #[derive(Default)]
 struct Wire {
     bits: u64,
@@ -93,7 +98,7 @@ struct Wire {
 }
 
 impl Wire {
-    /// Start of frame and all up to the control field.
+    /// Pushes the start of frame up to the control field.
     fn arbitration(&mut self, identifier: u32, extended: bool, remote: bool) {
         self.push(0, 1);
         if extended {
@@ -112,7 +117,7 @@ impl Wire {
         self.push(u32::from(length.min(8)), 4);
     }
 
-    /// The last `count` bits of a number, the highest first.
+    /// Pushes the lowest `count` bits of a number, the highest first.
     fn push(&mut self, number: u32, count: u32) {
         for place in (0..count).rev() {
             let bit = number >> place & 1 == 1;
@@ -144,20 +149,20 @@ mod tests {
     }
 
     #[test]
-    fn the_checksum_is_crc_15_can() {
+    fn checksum_of_test_vector_equals_crc_15_can() {
         let mut wire = Wire::default();
         b"123456789".iter().for_each(|byte| wire.push(u32::from(*byte), 8));
         assert_eq!(wire.checksum, 0x059E);
     }
 
-    /// A frame whose fields alternate has no stuffing before its checksum; bounds are those of the books.
+    /// The bounds are those of the CAN standard.
     #[test]
-    fn lengths_are_those_of_the_standard() {
+    fn length_with_random_frames_stays_within_the_standard() {
         let mut seen = (u64::MAX, 0);
         let mut state = 1u64;
         for _ in 0..20_000 {
             state = state.wrapping_mul(0x5851_F42D_4C95_7F2D).wrapping_add(0x1405_7B7E_F767_814F);
-            // Few different bytes, so that long runs of equal bits come up.
+            // Few different bytes give long runs of equal bits.
             let bytes =
                 state.to_be_bytes().map(|byte| [0, 0xFF, 0x55, 0x3C][usize::from(byte >> 6)]);
             let (bits, fast) = length(&data((state >> 40) as u32 & 0x7FF, false, &bytes));
@@ -169,16 +174,15 @@ mod tests {
         assert!(seen.0 <= 112 && seen.1 >= 128, "{seen:?}");
     }
 
-    /// Worked out by hand. SOF 0, 0x555, RTR 0, IDE 0, r0 0, DLC 0001, 0x55: no five equal bits before the
-    /// checksum; 27 bits, 15 of checksum, 13 behind, and what the checksum stuffs, at most three.
+    /// Calculated by hand. SOF 0, 0x555, RTR 0, IDE 0, r0 0, DLC 0001, 0x55 have no five equal bits. So the frame has 27
+    /// bits, 15 bits of checksum with at most three stuffed bits, and 13 bits of trailer.
     #[test]
-    fn a_frame_by_hand() {
+    fn length_with_known_frames_equals_hand_calculation() {
         let (bits, _) = length(&data(0x555, false, &[0x55]));
         assert!((55..=58).contains(&bits), "{bits}");
-        // All zero: a checksum of zero too, 34 zero bits, a bit stuffed after five, then every four more
-        // with the stuffed bit breaking each run: 34 bits hold 6 whole fives.
+        // All bits are zero, the checksum included. Of 34 zero bits, a bit is stuffed after each run of five.
         let (bits, _) = length(&data(0, false, &[]));
-        assert_eq!(bits, 34 + 6 + TAIL);
+        assert_eq!(bits, 34 + 6 + TRAILER_BITS);
         assert_eq!(
             BitRates { nominal: 500_000, data: 1 }.duration_ns(&data(0, false, &[])),
             106_000
@@ -186,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn can_fd_runs_its_data_faster() {
+    fn duration_with_switched_rate_is_shorter() {
         let bytes = [0x55; 64];
         let frame = |flags, length| CanFrame::Flexible {
             identifier: 0x555,
@@ -199,7 +203,7 @@ mod tests {
         let slow = length(&frame(0, 64));
         assert_eq!(slow.1, 0);
         let (nominal, fast) = length(&frame(1, 64));
-        assert_eq!(nominal, 17 + TAIL);
+        assert_eq!(nominal, 17 + TRAILER_BITS);
         assert!((5 + 512 + 32..=5 + 512 + 34).contains(&fast), "{fast}");
         let (_, short) = length(&frame(1, 16));
         assert!((5 + 128 + 27..=5 + 128 + 29).contains(&short), "{short}");

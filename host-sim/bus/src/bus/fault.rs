@@ -1,97 +1,96 @@
-//! A bus on which things go wrong, by the dice.
+//! A fault injector around a bus.
 //!
-//! Each frame, either way, may be lost, come twice, late, with a bit flipped, or after the one that
-//! follows it; each with its own probability, each counted. Dice are seeded and thrown the same number
-//! of times for every frame, for each way apart: the same frames meet the same faults however their
-//! sending and receiving interleave, and one probability changed leaves the other faults where they were.
+//! A frame in either direction may be lost, duplicated, delayed, corrupted by one bit, or moved behind the next frame.
+//! Each fault has its own probability and counter. The random sampler has a seed and draws the same number of values for
+//! every frame, separately for each direction. So the same frames get the same faults however sending and receiving
+//! interleave, and a changed probability does not move the other faults.
 //!
-//! On a real bus a flipped bit is caught by the checksum; here it stands for what comes after that: a
-//! gateway, a driver, a program at fault. A late frame that was sent goes out at the next call once its
-//! time has come.
+//! On a real bus, the checksum detects a flipped bit. Here it represents a fault after the checksum: in a gateway, a
+//! driver, or a program. A delayed frame is sent at the first call after its time.
 
 use super::{Bus, BusError, Counters, Received};
 use joint_trace::CanFrame;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// How likely each fault is for a frame, 0 to 1.
+/// Probability of each fault for a frame, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// Lost.
+    /// The frame is lost.
     pub drop: f64,
-    /// There twice.
+    /// The frame is duplicated.
     pub duplicate: f64,
-    /// A bit of its data flipped; of its identifier where it has no data.
+    /// One bit of the data is flipped, or of the identifier if there are no data.
     pub corrupt: f64,
-    /// Late by up to `longest_delay_ns`.
+    /// The frame is delayed by up to `longest_delay_ns`.
     pub delay: f64,
-    /// Held back until the next frame has passed, but not longer than `longest_delay_ns`.
+    /// The frame is moved behind the next frame, but delayed by at most `longest_delay_ns`.
     pub reorder: f64,
-    /// Latest that a frame is let through, ns.
+    /// Maximum delay, ns.
     pub longest_delay_ns: u64,
 }
 
-/// Faults of both ways.
+/// Faults of both directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FaultPlan {
-    /// Of frames sent.
+    /// Faults of sent frames.
     pub sent: Faults,
-    /// Of frames heard.
+    /// Faults of received frames.
     pub received: Faults,
 }
 
-/// Faults that happened on one way.
+/// Fault counters of one direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FaultCounters {
-    /// Frames that came.
+    /// Frames in total.
     pub frames: u64,
-    /// Of them lost.
+    /// Lost frames.
     pub dropped: u64,
-    /// Doubled.
+    /// Duplicated frames.
     pub duplicated: u64,
-    /// With a bit flipped.
+    /// Corrupted frames.
     pub corrupted: u64,
-    /// Late.
+    /// Delayed frames.
     pub delayed: u64,
-    /// Held back behind the next.
+    /// Frames moved behind the next.
     pub reordered: u64,
 }
 
-/// Around a bus.
+/// Injects faults into the frames of a bus.
 pub struct FaultInjector<B> {
     bus: B,
-    sent: Way,
-    received: Way,
+    sent: FaultChannel,
+    received: FaultChannel,
 }
 
 impl<B: Bus> FaultInjector<B> {
-    /// With its dice at the start of this seed.
+    /// Creates a fault injector around a bus, with a seed for its random sampler.
     pub fn new(bus: B, plan: FaultPlan, seed: u64) -> Self {
-        let way = |faults, number| Way {
+        let channel = |faults, number| FaultChannel {
             faults,
-            dice: Pcg64Mcg::seed_from_u64(seed.wrapping_mul(2).wrapping_add(number)),
+            sampler: Pcg64Mcg::seed_from_u64(seed.wrapping_mul(2).wrapping_add(number)),
             held: Vec::new(),
             counters: FaultCounters::default(),
         };
-        Self { bus, sent: way(plan.sent, 0), received: way(plan.received, 1) }
+        Self { bus, sent: channel(plan.sent, 0), received: channel(plan.received, 1) }
     }
 
-    /// What happened to frames sent and heard.
+    /// Returns the counters of sent and of received frames.
     pub fn fault_counters(&self) -> (FaultCounters, FaultCounters) {
         (self.sent.counters, self.received.counters)
     }
 
-    /// Other faults from now on; the dice go on.
+    /// Sets other faults. The random sampler continues.
     pub fn set_plan(&mut self, plan: FaultPlan) {
         (self.sent.faults, self.received.faults) = (plan.sent, plan.received);
     }
 
-    /// The bus inside.
+    /// Returns the inner bus.
     pub fn bus(&self) -> &B {
         &self.bus
     }
 
-    /// Sends what is due.
+    /// Sends the frames that are due.
     fn send_due(&mut self) -> Result<(), BusError> {
         while let Some(due) = self.sent.take_due(self.bus.now_ns()) {
             self.bus.send(&due.frame)?;
@@ -139,30 +138,30 @@ impl<B: Bus> Bus for FaultInjector<B> {
     }
 }
 
-/// One way.
-struct Way {
+/// One direction.
+struct FaultChannel {
     faults: Faults,
-    dice: Pcg64Mcg,
-    /// Frames on their way, in the order they go on.
-    held: Vec<Held>,
+    sampler: Pcg64Mcg,
+    /// Held frames, in the order in which they are due.
+    held: Vec<HeldFrame>,
     counters: FaultCounters,
 }
 
 #[derive(Clone, Copy)]
-struct Held {
+struct HeldFrame {
     due_ns: u64,
-    /// Whether it waits for another to pass.
-    behind_next: bool,
+    /// True if it waits for the next frame.
+    waits_for_next: bool,
     late: bool,
     received: Received,
 }
 
-impl Way {
-    /// Throws the dice for a frame and holds what becomes of it.
+impl FaultChannel {
+    /// Draws the faults of a frame and holds the result until it is due.
     fn pass(&mut self, mut received: Received, now_ns: u64) {
         let faults = self.faults;
-        let [drop, duplicate, corrupt, delay, reorder]: [f64; 5] = self.dice.random();
-        let (late, place): (f64, u64) = (self.dice.random(), self.dice.random());
+        let [drop, duplicate, corrupt, delay, reorder]: [f64; 5] = self.sampler.random();
+        let (late, place): (f64, u64) = (self.sampler.random(), self.sampler.random());
         let counters = &mut self.counters;
         counters.frames += 1;
         if drop < faults.drop {
@@ -172,7 +171,7 @@ impl Way {
         if corrupt < faults.corrupt && flip(&mut received.frame, place) {
             counters.corrupted += 1;
         }
-        let mut held = Held { due_ns: now_ns, behind_next: false, late: false, received };
+        let mut held = HeldFrame { due_ns: now_ns, waits_for_next: false, late: false, received };
         if delay < faults.delay {
             counters.delayed += 1;
             held.late = true;
@@ -180,7 +179,7 @@ impl Way {
         } else if reorder < faults.reorder {
             counters.reordered += 1;
             held.due_ns = now_ns.saturating_add(faults.longest_delay_ns);
-            held.behind_next = true;
+            held.waits_for_next = true;
             held.late = true;
         }
         let twice = (duplicate < faults.duplicate).then_some(held);
@@ -188,11 +187,11 @@ impl Way {
         let passed = held.due_ns == now_ns;
         self.insert(held);
         if passed {
-            // Whoever waited for a frame to pass goes on right behind this one.
-            let waits = |held: &mut Held| held.behind_next && held.due_ns > now_ns;
-            let waiting: Vec<Held> = self.held.extract_if(.., waits).collect();
+            // Frames that waited for the next frame follow this one.
+            let waits = |held: &mut HeldFrame| held.waits_for_next && held.due_ns > now_ns;
+            let waiting: Vec<HeldFrame> = self.held.extract_if(.., waits).collect();
             for held in waiting {
-                self.insert(Held { due_ns: now_ns, behind_next: false, ..held });
+                self.insert(HeldFrame { due_ns: now_ns, waits_for_next: false, ..held });
             }
         }
         if let Some(twice) = twice {
@@ -200,8 +199,8 @@ impl Way {
         }
     }
 
-    /// In the order of time; at one time, of coming.
-    fn insert(&mut self, held: Held) {
+    /// Inserts a frame, ordered by due time and then by arrival.
+    fn insert(&mut self, held: HeldFrame) {
         let at = self.held.partition_point(|other| other.due_ns <= held.due_ns);
         self.held.insert(at, held);
     }
@@ -221,7 +220,7 @@ impl Way {
     }
 }
 
-/// Flips a bit; an error frame without data has none to flip.
+/// Flips one bit. Returns false for an error frame without data.
 fn flip(frame: &mut CanFrame, place: u64) -> bool {
     let data = frame.data_mut();
     if !data.is_empty() {

@@ -1,38 +1,36 @@
 //! A bus in this process, in virtual time.
 //!
-//! Two sorts of station. A [`Port`] is a [`Bus`] for whoever asks and waits; a [`Participant`] is asked: a
-//! joint driver is told its frames and woken when it wants to be. Time passes only while somebody waits
-//! on a port, from one event to the next, so a minute of traffic takes as long as its computing does, and
-//! the same calls give the same frames at the same nanoseconds, always. Everything runs in the thread that
-//! waits.
+//! There are two kinds of station. A [`Port`] is a [`Bus`] whose caller sends and waits. A [`Participant`], such as a joint
+//! driver, is called with its frames and at the times it requests. Time advances only while a caller waits on a port, from
+//! one event to the next. So the same calls give the same frames at the same nanoseconds. Everything runs in the thread
+//! that waits.
 //!
-//! At one instant, frames arrive before anybody is woken, and stations have their turn in the order in
-//! which they joined. Without bit rates a frame takes no time. With them each takes what it would on the
-//! wire, one after the other, and of several stations that want to send the lowest identifier wins;
-//! within a station first come, first served, as in the kernel's queue.
+//! At one instant, frames arrive before participants are called, and stations are served in the order in which they
+//! joined. Without bit rates, a frame takes no time. With bit rates, each frame takes its time on the wire, and the lowest
+//! identifier wins the arbitration. Within a station, frames are sent in order, as in the kernel's queue.
 
-use super::{BitRates, Bus, BusError, Counters, LONGEST_WAIT, Received, nanoseconds};
+use super::{BitRates, Bus, BusError, Counters, Received, SEND_TIMEOUT, nanoseconds};
 use joint_trace::CanFrame;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// Frames a port may have waiting, as many as a Linux interface by default has room for.
-const QUEUE: usize = 10;
-/// Events in one instant that are taken for a storm.
-const STORM: u32 = 1_000_000;
+/// Maximum number of waiting frames of a port; the default of a Linux interface.
+const MAX_QUEUED_FRAMES: usize = 10;
+/// Maximum number of events in one instant before [`BusError::Storm`].
+const MAX_EVENTS_PER_INSTANT: u32 = 1_000_000;
 
-/// A station that is told and woken, as a joint driver is. Times are those of the hub, which is busy while
-/// it tells: a participant has no port of its own.
+/// A station that the hub calls, such as a joint driver. Times are those of the hub. A participant must not own a port,
+/// because the hub is borrowed during the call.
 pub trait Participant {
-    /// A frame was on the bus.
+    /// Processes a frame on the bus.
     fn receive(&mut self, frame: &CanFrame, now_ns: u64);
 
-    /// The time it asked for has come; it gives the next, or `None` to be told frames only.
+    /// Runs at a requested time. Returns the next requested time, or `None` for none.
     fn tick(&mut self, now_ns: u64) -> Option<u64>;
 
-    /// The next frame it wants to send; asked until there is none, after each of the others.
+    /// Returns the next frame to send. Called until it returns `None`, after each of the other methods.
     fn transmit(&mut self) -> Option<CanFrame>;
 }
 
@@ -50,37 +48,36 @@ impl<P: Participant + ?Sized> Participant for Rc<RefCell<P>> {
     }
 }
 
-/// The bus itself; a clone is the same bus.
+/// The bus. A clone is a handle of the same bus.
 #[derive(Clone, Default)]
 pub struct Hub(Rc<RefCell<Wire>>);
 
 impl Hub {
-    /// A bus on which frames take no time.
+    /// Creates a bus on which frames take no time.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// A bus on which frames take their time, and wait for each other.
+    /// Creates a bus on which frames take their time on the wire.
     pub fn with_bit_rates(rates: BitRates) -> Self {
         let wire = Wire { rates: Some(rates), ..Wire::default() };
         Self(Rc::new(RefCell::new(wire)))
     }
 
-    /// Lets virtual time pass no faster than `rate` times the wall clock's from now on: for whoever
-    /// watches. What happens stays the same.
+    /// Limits the speed of virtual time to `rate` times the wall clock, for live display. The events stay the same.
     pub fn keep_pace(&self, rate: f64) {
         let mut wire = self.0.borrow_mut();
         wire.pace = Some((Instant::now(), wire.now_ns, rate.max(1e-6)));
     }
 
-    /// A new place on the bus.
+    /// Adds a port to the bus.
     pub fn port(&self) -> Port {
         let mut wire = self.0.borrow_mut();
         wire.stations.push(Station::default());
         Port { wire: self.0.clone(), station: wire.stations.len() - 1 }
     }
 
-    /// Puts a participant on the bus, and wakes it for the first time, now.
+    /// Adds a participant to the bus. Its first tick is now.
     pub fn attach(&self, participant: impl Participant + 'static) {
         let mut wire = self.0.borrow_mut();
         let wake_ns = Some(wire.now_ns);
@@ -88,30 +85,30 @@ impl Hub {
         wire.stations.push(Station { participant, wake_ns, ..Station::default() });
     }
 
-    /// What the clock says, ns from the start.
+    /// Returns the bus time, ns from the start.
     pub fn now_ns(&self) -> u64 {
         self.0.borrow().now_ns
     }
 
-    /// Lets time pass; what ports hear waits for them.
+    /// Advances the time. Frames for ports wait in their queues.
     ///
     /// # Errors
-    /// [`BusError::Storm`].
+    /// Returns [`BusError::Storm`].
     pub fn run_until(&self, until_ns: u64) -> Result<(), BusError> {
         let mut wire = self.0.borrow_mut();
         while wire.step(until_ns)? {}
-        wire.pass_to(until_ns);
+        wire.advance_to(until_ns);
         Ok(())
     }
 
-    /// Share of the time so far in which a frame was on the wire, 0 to 1; 0 without bit rates.
+    /// Returns the bus load so far, 0 to 1; 0 without bit rates.
     pub fn load(&self) -> f64 {
         let wire = self.0.borrow();
         if wire.now_ns == 0 { 0.0 } else { wire.busy_ns as f64 / wire.now_ns as f64 }
     }
 }
 
-/// A place on a [`Hub`]. What it hears waits for it; dropped, it hears nothing more.
+/// A port of a [`Hub`]. Received frames wait in its queue. A dropped port receives nothing.
 pub struct Port {
     wire: Rc<RefCell<Wire>>,
     station: usize,
@@ -120,13 +117,13 @@ pub struct Port {
 impl Bus for Port {
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
         let mut wire = self.wire.borrow_mut();
-        let deadline = wire.now_ns.saturating_add(nanoseconds(LONGEST_WAIT));
-        if wire.rates.is_some() && wire.stations[self.station].queue.len() >= QUEUE {
+        let deadline = wire.now_ns.saturating_add(nanoseconds(SEND_TIMEOUT));
+        if wire.rates.is_some() && wire.stations[self.station].queue.len() >= MAX_QUEUED_FRAMES {
             wire.stations[self.station].counters.waits += 1;
-            while wire.stations[self.station].queue.len() >= QUEUE {
+            while wire.stations[self.station].queue.len() >= MAX_QUEUED_FRAMES {
                 if !wire.step(deadline)? {
-                    wire.pass_to(deadline);
-                    let waited_ms = LONGEST_WAIT.as_millis() as u64;
+                    wire.advance_to(deadline);
+                    let waited_ms = SEND_TIMEOUT.as_millis() as u64;
                     return Err(BusError::Full { name: "loop".into(), waited_ms });
                 }
             }
@@ -143,10 +140,10 @@ impl Bus for Port {
             if let Some(received) = wire.stations[self.station].inbox.pop_front() {
                 return Ok(Some(received));
             }
-            // Also where that time has passed: what was sent at this instant arrives at it.
+            // Also if that time has passed, because frames sent at this instant arrive at it.
             let until_ns = until_ns.max(wire.now_ns);
             if !wire.step(until_ns)? {
-                wire.pass_to(until_ns);
+                wire.advance_to(until_ns);
                 return Ok(None);
             }
         }
@@ -163,10 +160,10 @@ impl Bus for Port {
 
 impl Drop for Port {
     fn drop(&mut self) {
-        // Never busy but where a participant owns a port against the rule; no panic while dropping.
+        // Borrowed only if a participant owns a port, which is not allowed. Dropping must not panic.
         if let Ok(mut wire) = self.wire.try_borrow_mut() {
             let station = &mut wire.stations[self.station];
-            station.deaf = true;
+            station.is_closed = true;
             station.inbox.clear();
         }
     }
@@ -179,18 +176,18 @@ struct Station {
     participant: Option<Box<dyn Participant>>,
     wake_ns: Option<u64>,
     counters: Counters,
-    deaf: bool,
+    is_closed: bool,
 }
 
 impl Station {
-    /// Takes what a participant wants to send.
+    /// Queues the frames that the participant sends.
     fn collect(&mut self, events: &mut u32) -> Result<(), BusError> {
         let Some(participant) = &mut self.participant else { return Ok(()) };
         while let Some(frame) = participant.transmit() {
             self.queue.push_back(frame);
             self.counters.sent += 1;
             *events += 1;
-            if *events > STORM {
+            if *events > MAX_EVENTS_PER_INSTANT {
                 return Err(BusError::Storm { events: *events });
             }
         }
@@ -203,40 +200,40 @@ struct Wire {
     now_ns: u64,
     rates: Option<BitRates>,
     stations: Vec<Station>,
-    /// Who sends, what, and when it will have been sent.
-    flight: Option<(usize, CanFrame, u64)>,
+    /// Sender, frame and end time of the current transmission.
+    transmission: Option<(usize, CanFrame, u64)>,
     busy_ns: u64,
     events: u32,
     pace: Option<(Instant, u64, f64)>,
 }
 
 impl Wire {
-    /// Lets the next event happen that is not after `until_ns`; says whether there was one.
+    /// Processes the next event up to `until_ns`. Returns false if there is none.
     fn step(&mut self, until_ns: u64) -> Result<bool, BusError> {
-        self.begin_flight();
-        let arrival = self.flight.map(|(_, _, end_ns)| end_ns);
+        self.begin_transmission();
+        let arrival = self.transmission.map(|(_, _, end_ns)| end_ns);
         let wake = (self.stations.iter().enumerate())
             .filter_map(|(at, station)| Some((station.wake_ns?, at)))
             .min();
         let arrives_first = arrival.is_some_and(|end| wake.is_none_or(|(time, _)| end <= time));
         let next = if arrives_first { arrival } else { wake.map(|(time, _)| time) };
         let Some(time) = next.filter(|time| *time <= until_ns) else { return Ok(false) };
-        self.pass_to(time);
+        self.advance_to(time);
         self.events += 1;
-        if self.events > STORM {
+        if self.events > MAX_EVENTS_PER_INSTANT {
             return Err(BusError::Storm { events: self.events });
         }
         if arrives_first {
-            self.land()?;
+            self.end_transmission()?;
         } else if let Some((_, at)) = wake {
             self.wake(at)?;
         }
         Ok(true)
     }
 
-    /// If nobody sends, whoever wins begins to.
-    fn begin_flight(&mut self) {
-        if self.flight.is_some() {
+    /// Starts the next transmission if the wire is free.
+    fn begin_transmission(&mut self) {
+        if self.transmission.is_some() {
             return;
         }
         let ready = self.stations.iter().enumerate();
@@ -245,14 +242,14 @@ impl Wire {
         let Some(frame) = self.stations[winner].queue.pop_front() else { return };
         let duration_ns = self.rates.map_or(0, |rates| rates.duration_ns(&frame));
         self.busy_ns += duration_ns;
-        self.flight = Some((winner, frame, self.now_ns + duration_ns));
+        self.transmission = Some((winner, frame, self.now_ns + duration_ns));
     }
 
-    /// The frame has been sent: all others hear it.
-    fn land(&mut self) -> Result<(), BusError> {
-        let Some((sender, frame, time_ns)) = self.flight.take() else { return Ok(()) };
+    /// Ends the transmission: all other stations receive the frame.
+    fn end_transmission(&mut self) -> Result<(), BusError> {
+        let Some((sender, frame, time_ns)) = self.transmission.take() else { return Ok(()) };
         for (at, station) in self.stations.iter_mut().enumerate() {
-            if at == sender || station.deaf {
+            if at == sender || station.is_closed {
                 continue;
             }
             station.counters.received += 1;
@@ -271,13 +268,13 @@ impl Wire {
     fn wake(&mut self, at: usize) -> Result<(), BusError> {
         let station = &mut self.stations[at];
         let Some(participant) = &mut station.participant else { return Ok(()) };
-        // Not again at this instant, or time would stand still.
+        // Later than this instant, so that time advances.
         let next = participant.tick(self.now_ns);
         station.wake_ns = next.map(|time| time.max(self.now_ns + 1));
         station.collect(&mut self.events)
     }
 
-    fn pass_to(&mut self, time_ns: u64) {
+    fn advance_to(&mut self, time_ns: u64) {
         if time_ns <= self.now_ns {
             return;
         }
@@ -290,7 +287,7 @@ impl Wire {
     }
 }
 
-/// What wins when several begin at once: the lowest, as on the wire, where 0 is dominant.
+/// Returns the arbitration value of a frame; the lowest wins, because 0 is dominant on the wire.
 fn priority(frame: &CanFrame) -> u64 {
     let (identifier, extended, remote) = match *frame {
         CanFrame::Data { identifier, extended, .. }

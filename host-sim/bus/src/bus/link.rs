@@ -1,7 +1,7 @@
-//! Bytes to and fro: a serial device, a TCP connection, a socket in the file system.
+//! A byte stream: a serial device, a TCP connection, or a socket in the file system.
 //!
-//! Never blocks; waiting is [`Link::wait`]'s. A serial device is set raw, with eight bits and no handshake,
-//! and locked, so that two programs do not share an adapter by mistake.
+//! Reading and writing never block; [`Link::wait`] waits. A serial device is set to raw mode with eight bits and no
+//! handshake. It is also locked, so that two programs do not share an adapter by mistake.
 
 use super::address::Address;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -16,10 +16,10 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
 
-/// How long a TCP connection may take to come about.
-const CONNECT: Duration = Duration::from_secs(3);
+/// Time limit for a TCP connection.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// An open line.
+/// An open byte stream.
 #[derive(Debug)]
 pub(super) enum Link {
     Serial(File),
@@ -28,16 +28,18 @@ pub(super) enum Link {
 }
 
 impl Link {
-    /// Opens it.
+    /// Opens the stream at an address.
     ///
     /// # Errors
-    /// Why not, and what to do, in words.
+    /// Returns the reason and the remedy.
     pub(super) fn open(address: &Address) -> Result<Self, String> {
         match address {
             Address::Tcp(host) => connect(host),
             Address::Path { path, baud } => {
                 let kind = fs::metadata(path).map_err(|error| match error.kind() {
-                    ErrorKind::NotFound => "no such device or socket; is it plugged in?".into(),
+                    ErrorKind::NotFound => {
+                        "no such device or socket; check that it is connected".into()
+                    }
                     _ => error.to_string(),
                 })?;
                 if kind.file_type().is_socket() {
@@ -53,7 +55,7 @@ impl Link {
         }
     }
 
-    /// Reads what there is: `None` if nothing yet, 0 bytes if the other end is gone.
+    /// Reads the available bytes. Returns `None` if there are none, and 0 if the other end is closed.
     pub(super) fn read(&mut self, bytes: &mut [u8]) -> io::Result<Option<usize>> {
         let read = match self {
             Self::Serial(file) => file.read(bytes),
@@ -63,7 +65,7 @@ impl Link {
         would_block(read)
     }
 
-    /// Writes as much as there is room for: `None` if there is none.
+    /// Writes as many bytes as there is room for. Returns `None` if there is none.
     pub(super) fn write(&mut self, bytes: &[u8]) -> io::Result<Option<usize>> {
         let written = match self {
             Self::Serial(file) => file.write(bytes),
@@ -73,7 +75,7 @@ impl Link {
         would_block(written)
     }
 
-    /// Waits until there is something to read, or room to write if `write`.
+    /// Waits until there are bytes to read, or room to write if `write` is set.
     pub(super) fn wait(&self, write: bool, time: Duration) -> io::Result<()> {
         let flags = if write { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
         wait(self.as_fd(), flags, time).map(|_| ())
@@ -90,10 +92,10 @@ impl AsFd for Link {
     }
 }
 
-/// Waits for this; says whether it came about. A signal ends the wait early.
+/// Waits for an event. Returns true if it occurred. A signal ends the wait early.
 pub(super) fn wait(fd: BorrowedFd, flags: PollFlags, time: Duration) -> io::Result<bool> {
     let mut fds = [PollFd::from_borrowed_fd(fd, flags)];
-    // Longer than a day is a day: whoever waits looks again.
+    // Limited to a day, which the caller repeats.
     let time = time.min(Duration::from_secs(86_400));
     let time = Timespec { tv_sec: time.as_secs() as i64, tv_nsec: time.subsec_nanos().into() };
     match poll(&mut fds, Some(&time)) {
@@ -114,9 +116,9 @@ fn would_block(done: io::Result<usize>) -> io::Result<Option<usize>> {
 }
 
 fn connect(host: &str) -> Result<Link, String> {
-    let mut why = "no such host".to_owned();
+    let mut why = "unknown host".to_owned();
     for address in host.to_socket_addrs().map_err(|error| error.to_string())? {
-        let connected = TcpStream::connect_timeout(&address, CONNECT).and_then(|stream| {
+        let connected = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT).and_then(|stream| {
             stream.set_nodelay(true)?;
             stream.set_nonblocking(true)?;
             Ok(stream)
@@ -130,18 +132,18 @@ fn connect(host: &str) -> Result<Link, String> {
 }
 
 fn serial(path: &Path, baud: Option<u32>) -> Result<File, String> {
-    // Not to wait for a carrier, and not to become our controlling terminal.
+    // Does not wait for a carrier, and does not become the controlling terminal.
     let flags = OFlags::NOCTTY | OFlags::NONBLOCK;
     let file = (OpenOptions::new().read(true).write(true))
         .custom_flags(flags.bits() as i32)
         .open(path)
         .map_err(|error| match error.kind() {
             ErrorKind::PermissionDenied => {
-                format!("{error}; join its group (often dialout) or run as root")
+                format!("{error}; join the group of the device (often dialout) or run as root")
             }
             _ => error.to_string(),
         })?;
-    let mut line = termios::tcgetattr(&file).map_err(|_| "no serial line".to_owned())?;
+    let mut line = termios::tcgetattr(&file).map_err(|_| "not a serial device".to_owned())?;
     file.try_lock().map_err(|_| "in use by another program".to_owned())?;
     line.make_raw();
     line.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
@@ -149,7 +151,7 @@ fn serial(path: &Path, baud: Option<u32>) -> Result<File, String> {
     line.special_codes[SpecialCodeIndex::VMIN] = 1;
     line.special_codes[SpecialCodeIndex::VTIME] = 0;
     if let Some(baud) = baud {
-        line.set_speed(baud).map_err(|_| format!("no baud rate of {baud}"))?;
+        line.set_speed(baud).map_err(|_| format!("the device has no baud rate of {baud}"))?;
     }
     let set = termios::tcsetattr(&file, OptionalActions::Now, &line);
     set.and_then(|()| termios::tcflush(&file, QueueSelector::IOFlush))

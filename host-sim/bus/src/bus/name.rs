@@ -1,13 +1,13 @@
-//! What stands behind `--bus`.
+//! The argument of `--bus`.
 
 use super::{Address, Bus, BusError, Hub, slcan};
 use std::fmt;
 use std::str::FromStr;
 
-/// Most bytes of an interface's name.
-const LONGEST_INTERFACE: usize = 15;
+/// Maximum length of an interface name, in bytes.
+const MAX_INTERFACE_BYTES: usize = 15;
 
-/// A bus by its name on the command line.
+/// Name of a bus on the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BusName {
     /// `loop`: in this process.
@@ -18,10 +18,10 @@ pub enum BusName {
     Slcan(Address),
 }
 
-/// A name that names no bus; one line.
+/// Error of a name that selects no bus; its message is one line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "bus {name:?}: {why}; expected loop, an interface as vcan0, slcan:/dev/ttyACM0 or slcan:HOST:PORT"
+    "bus {name:?}: {why}; expected loop, an interface such as vcan0, slcan:/dev/ttyACM0 or slcan:HOST:PORT"
 )]
 pub struct BusNameError {
     name: String,
@@ -44,15 +44,15 @@ impl FromStr for BusName {
             return Err(error("empty"));
         }
         if let Some((kind, _)) = name.split_once(':') {
-            return Err(error(if kind == "slcan" { "no address" } else { "no such kind of bus" }));
+            return Err(error(if kind == "slcan" { "no address" } else { "unknown kind of bus" }));
         }
-        if name.len() > LONGEST_INTERFACE {
-            return Err(error("longer than an interface's 15 letters"));
+        if name.len() > MAX_INTERFACE_BYTES {
+            return Err(error("longer than 15 letters"));
         }
         if !name.bytes().all(|byte| byte.is_ascii_graphic() && byte != b'/')
             || name.starts_with('.')
         {
-            return Err(error("no name of an interface"));
+            return Err(error("not the name of an interface"));
         }
         Ok(Self::SocketCan(name.into()))
     }
@@ -69,10 +69,10 @@ impl fmt::Display for BusName {
 }
 
 impl BusName {
-    /// A place on that bus; for `loop`, on this hub.
+    /// Opens the bus. `loop` opens a port of this hub.
     ///
     /// # Errors
-    /// [`BusError::Open`], with what to do about it.
+    /// Returns [`BusError::Open`] with the remedy.
     pub fn open(&self, hub: &Hub) -> Result<Box<dyn Bus>, BusError> {
         match self {
             Self::Loop => Ok(Box::new(hub.port())),
@@ -83,13 +83,13 @@ impl BusName {
             Self::SocketCan(interface) => Ok(Box::new(super::socket::SocketCan::open(interface)?)),
             #[cfg(not(target_os = "linux"))]
             Self::SocketCan(interface) => {
-                let why = "interfaces of the kernel are Linux's; use slcan:PATH or loop here";
+                let why = "CAN interfaces need Linux; use slcan:PATH or loop";
                 Err(BusError::Open { name: interface.clone(), why: why.into() })
             }
         }
     }
 
-    /// What a log calls it: an interface's name without blanks, 15 letters at most.
+    /// Returns the interface name for a log: without blanks, at most 15 letters.
     pub fn interface(&self) -> &str {
         match self {
             Self::Loop => "loop",
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_there_and_back() {
+    fn name_parsed_and_displayed_is_unchanged() {
         for name in [
             "loop",
             "vcan0",
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn others_are_refused_in_one_line() {
+    fn parse_with_invalid_name_returns_one_line_error() {
         for name in ["", "slcan:", "tcp:1.2.3.4:5", "an-interface-too-long", "can 0", "../x", "a/b"]
         {
             let error = name.parse::<BusName>().expect_err(name).to_string();

@@ -1,8 +1,8 @@
-//! A bus that is written down as it is used.
+//! A recorder around a bus.
 //!
-//! Lines are those of `candump -L -x`: what was sent ends with `T`, what was heard with `R`. A frame heard
-//! is read some time after it was on the bus, so lines are held back a moment and written in the order of
-//! their stamps; [`Recorder::finish`] writes what is left and says whether all went well.
+//! The lines are those of `candump -L -x`: a sent frame ends with `T`, a received one with `R`. A received frame is read
+//! some time after it was on the bus. So lines are held for a short time and written in the order of their time stamps.
+//! [`Recorder::finish`] writes the rest and reports errors.
 
 use super::{Bus, BusError, Counters, Received};
 use joint_trace::CanFrame;
@@ -10,11 +10,11 @@ use joint_trace::candump::{Direction, Fraction, Line, emit};
 use std::collections::VecDeque;
 use std::io::Write;
 
-/// How far behind the latest stamp a line may come, ns; and how many lines are held back for it.
-const WINDOW_NS: u64 = 100_000_000;
-const WINDOW_LINES: usize = 1024;
+/// Maximum delay of a line against the latest time stamp, ns, and the maximum number of held lines.
+const REORDER_WINDOW_NS: u64 = 100_000_000;
+const MAX_HELD_LINES: usize = 1024;
 
-/// Writes down what goes through it.
+/// Records the frames that pass through it.
 pub struct Recorder<B, W: Write> {
     bus: B,
     out: W,
@@ -25,7 +25,7 @@ pub struct Recorder<B, W: Write> {
 }
 
 impl<B, W: Write> Recorder<B, W> {
-    /// Around a bus. `interface` is what lines call it, without blanks; `out` should have a buffer.
+    /// Creates a recorder around a bus. `interface` is the name in the lines, without blanks. `out` should be buffered.
     pub fn new(bus: B, out: W, interface: &str, fraction: Fraction) -> Self {
         let interface: String =
             interface.chars().map(|sign| if sign.is_whitespace() { '_' } else { sign }).collect();
@@ -33,12 +33,17 @@ impl<B, W: Write> Recorder<B, W> {
         Self { bus, out, interface, fraction, held, text }
     }
 
-    fn hold(&mut self, time_ns: u64, frame: CanFrame, way: Direction) -> Result<(), BusError> {
+    fn hold(
+        &mut self,
+        time_ns: u64,
+        frame: CanFrame,
+        direction: Direction,
+    ) -> Result<(), BusError> {
         let at = self.held.partition_point(|(earlier, ..)| *earlier <= time_ns);
-        self.held.insert(at, (time_ns, frame, way));
+        self.held.insert(at, (time_ns, frame, direction));
         let latest = self.held.back().map_or(0, |(latest, ..)| *latest);
         while let Some((time_ns, ..)) = self.held.front()
-            && (self.held.len() > WINDOW_LINES || latest - time_ns > WINDOW_NS)
+            && (self.held.len() > MAX_HELD_LINES || latest - time_ns > REORDER_WINDOW_NS)
         {
             self.write_first()?;
         }
@@ -54,10 +59,10 @@ impl<B, W: Write> Recorder<B, W> {
         self.out.write_all(&self.text).map_err(BusError::Record)
     }
 
-    /// Writes what is held back.
+    /// Writes the held lines.
     ///
     /// # Errors
-    /// [`BusError::Record`].
+    /// Returns [`BusError::Record`].
     pub fn flush(&mut self) -> Result<(), BusError> {
         while !self.held.is_empty() {
             self.write_first()?;
@@ -65,15 +70,15 @@ impl<B, W: Write> Recorder<B, W> {
         self.out.flush().map_err(BusError::Record)
     }
 
-    /// Writes all there is and ends. Dropping does so too, but cannot say what went wrong.
+    /// Writes the held lines and ends the recording. Dropping does the same, but cannot report errors.
     ///
     /// # Errors
-    /// [`BusError::Record`].
+    /// Returns [`BusError::Record`].
     pub fn finish(mut self) -> Result<(), BusError> {
         self.flush()
     }
 
-    /// The bus inside.
+    /// Returns the inner bus.
     pub fn bus(&self) -> &B {
         &self.bus
     }
@@ -88,7 +93,7 @@ impl<B, W: Write> Drop for Recorder<B, W> {
 
 impl<B: Bus, W: Write> Bus for Recorder<B, W> {
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
-        // The time before: an answer may be on the bus before this call is done.
+        // Read before sending, because an answer may be on the bus before the call returns.
         let time_ns = self.bus.now_ns();
         self.bus.send(frame)?;
         self.hold(time_ns, *frame, Direction::Sent)
@@ -106,8 +111,8 @@ impl<B: Bus, W: Write> Bus for Recorder<B, W> {
         self.bus.now_ns()
     }
 
-    fn rest(&mut self, until_ns: u64) -> bool {
-        self.bus.rest(until_ns)
+    fn sleep_until(&mut self, until_ns: u64) -> bool {
+        self.bus.sleep_until(until_ns)
     }
 
     fn counters(&self) -> Counters {

@@ -1,39 +1,40 @@
-//! A bus behind an slcan adapter, or an emulated board that speaks slcan as its UART.
+//! A bus behind an slcan adapter, or behind the UART of an emulated board that uses slcan.
 //!
-//! Opening closes the adapter first and drops what it still had to say, then sets the bit rate and opens
-//! it. Adapters answer each command; one that does not is believed, one that rings the bell is not.
-//! After that lines are taken as they come: frames are heard, answers mean nothing more than that, bells
-//! and lines without sense are counted. A frame's time is the time its line was read. The text itself is
+//! Opening closes the adapter first, discards its pending output, sets the bit rate, and opens it. A missing answer to a
+//! command is accepted; a refusal (BEL) is an error. After that, frames are received, and refusals and malformed lines are
+//! counted. The time of a frame is the time at which its line was read. The text is coded by
 //! [`compensator_core::can::slcan`], the same code as on the board.
 
 use super::address::Address;
 use super::bits::padded;
 use super::link::Link;
-use super::{Bus, BusError, Counters, LONGEST_WAIT, Received, WallClock};
+use super::{Bus, BusError, Counters, Received, SEND_TIMEOUT, WallClock};
 use compensator_core::can::slcan::{
-    BitRate, Command, Header, Kind, LONGEST, Line, Piece, Splitter, View, emit, emit_command, parse,
+    AdapterCommand, BitRate, FrameHeader, FrameKind, FrameView, LinePiece, LineSplitter,
+    MAX_LINE_BYTES, SlcanLine, emit, emit_command, parse,
 };
 use joint_trace::CanFrame;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// How long an adapter has to answer a command.
-const ANSWER: Duration = Duration::from_millis(300);
-/// Silence after which an adapter that was closed has nothing more to say; and the most that is waited.
-const SILENCE: Duration = Duration::from_millis(30);
-const SILENCE_AT_LAST: Duration = Duration::from_millis(500);
+/// Time limit for the answer to a command.
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(300);
+/// Silence after which a closed adapter has sent all its output.
+const SILENCE_AFTER_CLOSE: Duration = Duration::from_millis(30);
+/// Time limit for that silence.
+const SILENCE_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Frames read ahead before no more are read for now.
-const INBOX: usize = 4096;
+/// Maximum number of frames read ahead.
+const MAX_INBOX_FRAMES: usize = 4096;
 
-/// How an adapter is to be set.
+/// Settings of an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
     /// Bit rate of the bus.
     pub bit_rate: BitRate,
-    /// Bit rate of CAN FD's data, Mbit/s; `None` leaves it, for adapters that know nothing of it.
+    /// Bit rate of CAN FD data, Mbit/s; `None` sets none, for adapters without CAN FD.
     pub data_rate: Option<u8>,
-    /// To hear the bus only, and not to acknowledge.
+    /// True to receive only, without acknowledging frames.
     pub listen: bool,
 }
 
@@ -43,13 +44,13 @@ impl Default for Options {
     }
 }
 
-/// A bus behind an adapter. Dropped, it closes the adapter.
+/// A bus behind an adapter. Dropping it closes the adapter.
 #[derive(Debug)]
 pub struct Slcan {
     link: Link,
     name: String,
-    intake: Intake,
-    /// Text that had no room on the line yet.
+    decoder: LineDecoder,
+    /// Text that is not written yet.
     outbox: Vec<u8>,
     clock: WallClock,
     closed: Option<String>,
@@ -59,77 +60,77 @@ impl Slcan {
     /// Opens an adapter and, through it, the bus.
     ///
     /// # Errors
-    /// [`BusError::Open`]: nothing there, or the adapter refused.
+    /// Returns [`BusError::Open`] if there is no adapter or it refuses.
     pub fn open(address: &Address, options: Options) -> Result<Self, BusError> {
         let name = format!("slcan:{address}");
         let error = |why: String| BusError::Open { name: name.clone(), why };
         let mut bus = Self {
             link: Link::open(address).map_err(error)?,
             name: name.clone(),
-            intake: Intake::default(),
+            decoder: LineDecoder::default(),
             outbox: Vec::new(),
             clock: WallClock::new(),
             closed: None,
         };
-        // Empty lines first: they end whatever somebody before us left unfinished.
+        // Empty lines first: they end a line that an earlier program left unfinished.
         bus.outbox.extend_from_slice(b"\r\r");
-        bus.command(Command::Close)?;
+        bus.command(AdapterCommand::Close)?;
         bus.wait_for_silence()?;
-        let mut commands = vec![Command::BitRate(options.bit_rate)];
-        commands.extend(options.data_rate.map(Command::DataRate));
-        commands.push(if options.listen { Command::Listen } else { Command::Open });
+        let mut commands = vec![AdapterCommand::BitRate(options.bit_rate)];
+        commands.extend(options.data_rate.map(AdapterCommand::DataRate));
+        commands.push(if options.listen { AdapterCommand::Listen } else { AdapterCommand::Open });
         for command in commands {
-            bus.intake.answer = None;
+            bus.decoder.answer = None;
             bus.command(command)?;
             bus.wait_for_answer()?;
-            if bus.intake.answer == Some(false) {
+            if bus.decoder.answer == Some(false) {
                 return Err(error(format!("the adapter refuses {command:?}")));
             }
         }
-        bus.intake.counters = Counters::default();
+        bus.decoder.counters = Counters::default();
         Ok(bus)
     }
 
-    fn command(&mut self, command: Command) -> Result<(), BusError> {
+    fn command(&mut self, command: AdapterCommand) -> Result<(), BusError> {
         let mut text = [0; 8];
         let length = emit_command(command, &mut text).unwrap_or(0);
         self.outbox.extend_from_slice(&text[..length]);
         self.write_out()
     }
 
-    /// Drops what comes until nothing does.
+    /// Discards input until the adapter is silent.
     fn wait_for_silence(&mut self) -> Result<(), BusError> {
         let start = Instant::now();
         let mut last = start;
         let mut bytes = [0; 4096];
-        // Some answers must come; who says nothing at all gets the time of an answer.
-        let mut patience = ANSWER;
-        while last.elapsed() < patience && start.elapsed() < SILENCE_AT_LAST {
-            self.pause(false, patience.saturating_sub(last.elapsed()))?;
+        // The first answer may take the full time limit.
+        let mut limit = ANSWER_TIMEOUT;
+        while last.elapsed() < limit && start.elapsed() < SILENCE_TIMEOUT {
+            self.pause(false, limit.saturating_sub(last.elapsed()))?;
             match self.link.read(&mut bytes) {
-                Ok(Some(0)) => return Err(self.gone("closed by the other end")),
-                Ok(Some(_)) => (last, patience) = (Instant::now(), SILENCE),
+                Ok(Some(0)) => return Err(self.closed_error("closed by the other end")),
+                Ok(Some(_)) => (last, limit) = (Instant::now(), SILENCE_AFTER_CLOSE),
                 Ok(None) => {}
-                Err(error) => return Err(self.gone(&error.to_string())),
+                Err(error) => return Err(self.closed_error(&error.to_string())),
             }
         }
-        self.intake.splitter.clear();
+        self.decoder.splitter.clear();
         Ok(())
     }
 
     fn wait_for_answer(&mut self) -> Result<(), BusError> {
         let start = Instant::now();
-        while self.intake.answer.is_none() && start.elapsed() < ANSWER {
-            self.pause(false, ANSWER.saturating_sub(start.elapsed()))?;
+        while self.decoder.answer.is_none() && start.elapsed() < ANSWER_TIMEOUT {
+            self.pause(false, ANSWER_TIMEOUT.saturating_sub(start.elapsed()))?;
             self.read_in();
             if let Some(why) = self.closed.clone() {
-                return Err(self.gone(&why));
+                return Err(self.closed_error(&why));
             }
         }
         Ok(())
     }
 
-    fn gone(&self, why: &str) -> BusError {
+    fn closed_error(&self, why: &str) -> BusError {
         BusError::Closed { name: self.name.clone(), why: why.into() }
     }
 
@@ -138,7 +139,7 @@ impl Slcan {
         self.link.wait(write, time).map_err(failed)
     }
 
-    /// Writes all that is to be written, reading meanwhile, or both ends could wait for each other.
+    /// Writes the pending text. Reads meanwhile, so that both ends do not wait for each other.
     fn write_out(&mut self) -> Result<(), BusError> {
         let start = Instant::now();
         while !self.outbox.is_empty() {
@@ -146,38 +147,38 @@ impl Slcan {
                 Ok(Some(written)) => {
                     self.outbox.drain(..written);
                 }
-                Ok(None) if start.elapsed() < LONGEST_WAIT => {
-                    self.intake.counters.waits += 1;
-                    self.pause(true, LONGEST_WAIT.saturating_sub(start.elapsed()))?;
+                Ok(None) if start.elapsed() < SEND_TIMEOUT => {
+                    self.decoder.counters.waits += 1;
+                    self.pause(true, SEND_TIMEOUT.saturating_sub(start.elapsed()))?;
                     self.read_in();
                     if let Some(why) = &self.closed {
-                        return Err(self.gone(why));
+                        return Err(self.closed_error(why));
                     }
                 }
                 Ok(None) => return Ok(()),
                 Err(error) => {
                     let why = error.to_string();
                     self.closed.get_or_insert(why.clone());
-                    return Err(self.gone(&why));
+                    return Err(self.closed_error(&why));
                 }
             }
         }
         Ok(())
     }
 
-    /// Reads what there is, up to a bound: from who never stops talking, somebody must take frames.
+    /// Reads the available input, up to a bound, so that an adapter that never pauses cannot block.
     fn read_in(&mut self) {
         let mut bytes = [0; 4096];
-        while self.closed.is_none() && self.intake.inbox.len() < INBOX {
+        while self.closed.is_none() && self.decoder.inbox.len() < MAX_INBOX_FRAMES {
             match self.link.read(&mut bytes) {
                 Ok(Some(0)) => {
-                    let amid = self.intake.splitter.is_amid_line();
+                    let amid = self.decoder.splitter.has_partial_line();
                     let end = if amid { " in the middle of a line" } else { "" };
                     self.closed = Some(format!("closed by the other end{end}"));
                 }
                 Ok(Some(length)) => {
                     let now_ns = self.clock.now_ns();
-                    bytes[..length].iter().for_each(|byte| self.intake.take(*byte, now_ns));
+                    bytes[..length].iter().for_each(|byte| self.decoder.push(*byte, now_ns));
                     if length < bytes.len() {
                         return;
                     }
@@ -189,114 +190,114 @@ impl Slcan {
     }
 }
 
-/// What is made of the bytes that come.
+/// Decodes the received bytes.
 #[derive(Debug, Default)]
-struct Intake {
-    splitter: Splitter<LONGEST>,
+struct LineDecoder {
+    splitter: LineSplitter<MAX_LINE_BYTES>,
     inbox: VecDeque<Received>,
-    /// Whether the last answer was that it is done, or the bell; `None` where none came since asked.
+    /// True if the last answer was positive, false if it was a refusal, `None` before an answer.
     answer: Option<bool>,
     counters: Counters,
 }
 
-impl Intake {
-    fn take(&mut self, byte: u8, time_ns: u64) {
+impl LineDecoder {
+    fn push(&mut self, byte: u8, time_ns: u64) {
         match self.splitter.push(byte) {
             None => {}
-            Some(Piece::Refused) => {
+            Some(LinePiece::Refused) => {
                 self.answer = Some(false);
                 self.counters.refused += 1;
             }
-            Some(Piece::Overlong) => self.counters.garbage += 1,
-            Some(Piece::Line(line)) => match parse(line) {
-                Ok(Line::Frame(view)) => {
-                    self.inbox.push_back(Received { time_ns, frame: heard(&view) });
+            Some(LinePiece::Overlong) => self.counters.garbage += 1,
+            Some(LinePiece::Line(line)) => match parse(line) {
+                Ok(SlcanLine::Frame(view)) => {
+                    self.inbox.push_back(Received { time_ns, frame: frame_of(&view) });
                     self.counters.received += 1;
                 }
-                Ok(Line::Done) => self.answer = Some(true),
-                Ok(Line::Sent { .. } | Line::Told { .. }) => {}
-                Ok(Line::Command(_)) | Err(_) => self.counters.garbage += 1,
+                Ok(SlcanLine::Done) => self.answer = Some(true),
+                Ok(SlcanLine::Sent { .. } | SlcanLine::Report { .. }) => {}
+                Ok(SlcanLine::Command(_)) | Err(_) => self.counters.garbage += 1,
             },
         }
     }
 }
 
-/// The frame of a line.
-fn heard(view: &View) -> CanFrame {
-    let Header { kind, identifier, extended, length } = view.header();
+/// Converts the frame of a line.
+fn frame_of(view: &FrameView) -> CanFrame {
+    let FrameHeader { kind, identifier, extended, length } = view.header();
     let fill = |bytes: &mut [u8]| {
         bytes.iter_mut().zip(view.bytes()).for_each(|(to, from)| *to = from);
     };
     match kind {
-        Kind::Remote => CanFrame::Remote { identifier, extended, length },
-        Kind::Data => {
+        FrameKind::Remote => CanFrame::Remote { identifier, extended, length },
+        FrameKind::Data => {
             let mut bytes = [0; 8];
             fill(&mut bytes);
             CanFrame::Data { identifier, extended, length, bytes }
         }
-        Kind::Flexible | Kind::Switched => {
+        FrameKind::Flexible | FrameKind::Switched => {
             let mut bytes = [0; 64];
             fill(&mut bytes);
-            let flags = u8::from(kind == Kind::Switched);
+            let flags = u8::from(kind == FrameKind::Switched);
             CanFrame::Flexible { identifier, extended, flags, length, bytes }
         }
     }
 }
 
-/// The line of a frame, if there is one.
-fn line(frame: &CanFrame, out: &mut [u8]) -> Option<usize> {
+/// Writes the line of a frame. Returns its length, or `None` for frames without a line.
+fn emit_line(frame: &CanFrame, out: &mut [u8]) -> Option<usize> {
     let (kind, identifier, extended, length) = match *frame {
         CanFrame::Data { identifier, extended, length, .. } => {
-            (Kind::Data, identifier, extended, length)
+            (FrameKind::Data, identifier, extended, length)
         }
         CanFrame::Remote { identifier, extended, length } => {
-            (Kind::Remote, identifier, extended, length)
+            (FrameKind::Remote, identifier, extended, length)
         }
         CanFrame::Flexible { identifier, extended, flags, length, .. } => {
-            let kind = if flags & 1 == 1 { Kind::Switched } else { Kind::Flexible };
+            let kind = if flags & 1 == 1 { FrameKind::Switched } else { FrameKind::Flexible };
             (kind, identifier, extended, padded(length))
         }
         CanFrame::Error { .. } => return None,
     };
     let mut data = [0; 64];
     data.iter_mut().zip(frame.data()).for_each(|(to, from)| *to = *from);
-    let data = if kind == Kind::Remote { &[][..] } else { data.get(..usize::from(length))? };
-    emit(&Header { kind, identifier, extended, length }, data, out)
+    let data = if kind == FrameKind::Remote { &[][..] } else { data.get(..usize::from(length))? };
+    emit(&FrameHeader { kind, identifier, extended, length }, data, out)
 }
 
 impl Bus for Slcan {
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
         if let Some(why) = &self.closed {
-            return Err(self.gone(why));
+            return Err(self.closed_error(why));
         }
-        let mut text = [0; LONGEST + 1];
+        let mut text = [0; MAX_LINE_BYTES + 1];
         let what =
             if matches!(frame, CanFrame::Error { .. }) { "error frames" } else { "this frame" };
-        let length = line(frame, &mut text)
+        let length = emit_line(frame, &mut text)
             .ok_or_else(|| BusError::Unsupported { name: self.name.clone(), what })?;
-        // What is left of a line goes first: no line is torn.
+        // The rest of an unfinished line is sent first.
         self.write_out()?;
         if !self.outbox.is_empty() {
-            let waited_ms = LONGEST_WAIT.as_millis() as u64;
+            let waited_ms = SEND_TIMEOUT.as_millis() as u64;
             return Err(BusError::Full { name: self.name.clone(), waited_ms });
         }
         self.outbox.extend_from_slice(&text[..length]);
         self.write_out()?;
-        self.intake.counters.sent += 1;
+        self.decoder.counters.sent += 1;
         Ok(())
     }
 
     fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError> {
         loop {
-            if let Some(received) = self.intake.inbox.pop_front() {
+            if let Some(received) = self.decoder.inbox.pop_front() {
                 return Ok(Some(received));
             }
             self.read_in();
-            if !self.intake.inbox.is_empty() {
+            if !self.decoder.inbox.is_empty() {
                 continue;
             }
             if let Some(why) = &self.closed {
-                return Err(self.gone(why));
+                return Err(self.closed_error(why));
             }
             let left = self.clock.left(until_ns);
             if left.is_zero() {
@@ -314,23 +315,23 @@ impl Bus for Slcan {
     }
 
     fn counters(&self) -> Counters {
-        self.intake.counters
+        self.decoder.counters
     }
 }
 
 impl Drop for Slcan {
     fn drop(&mut self) {
-        // An adapter that is not told goes on talking to nobody.
+        // Without the close command, the adapter would keep sending.
         let start = Instant::now();
         self.outbox.extend_from_slice(b"C\r");
-        while !self.outbox.is_empty() && start.elapsed() < SILENCE {
+        while !self.outbox.is_empty() && start.elapsed() < SILENCE_AFTER_CLOSE {
             let Ok(Some(written)) = self.link.write(&self.outbox) else { return };
             self.outbox.drain(..written);
         }
-        // Once it answers it has taken all that was sent. Whoever hangs up earlier may take that back:
-        // QEMU drops what it has not read.
+        // The answer shows that the adapter has read everything. QEMU discards unread input when the
+        // connection closes.
         self.read_in();
-        self.intake.answer = None;
+        self.decoder.answer = None;
         let _ = self.wait_for_answer();
     }
 }

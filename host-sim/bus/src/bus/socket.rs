@@ -1,14 +1,15 @@
-//! An interface of the kernel: `can0`, `vcan0`.
+//! A CAN interface of the Linux kernel, for example `can0` or `vcan0`.
 //!
-//! Classic CAN and CAN FD through one raw socket, error frames with them, own frames not. The kernel
-//! stamps a frame when it comes, so that latencies are those of the bus and not of this program's turn;
-//! stamps are brought to the clock that does not jump. What has come is fetched all at once: on a busy
-//! bus a call of the system costs more than what is done with a frame. The kernel drops frames that nobody
-//! fetches in time and counts them; the count is asked for, so that no loss goes unseen. Where the
-//! interface's queue is full (ENOBUFS, which no poll waits for) sending tries again for up to a second.
+//! One raw socket carries classic CAN, CAN FD and error frames; own frames are not received.
+//!
+//! * The kernel stamps a frame on arrival, so a latency does not include the scheduling of this program. The stamps are
+//!   converted to a clock that does not jump.
+//! * All waiting frames are fetched in one system call, because on a busy bus the calls dominate the cost.
+//! * The kernel drops frames that are not fetched in time. Its drop counter is reported in [`Counters::lost`].
+//! * If the queue of the interface is full (ENOBUFS, which poll does not report), sending retries for up to a second.
 
 use super::link::wait;
-use super::{Bus, BusError, Counters, LONGEST_WAIT, Received, WallClock, nanoseconds};
+use super::{Bus, BusError, Counters, Received, SEND_TIMEOUT, WallClock, nanoseconds};
 use joint_trace::CanFrame;
 use nix::sys::socket::{ControlMessageOwned, MsgFlags, MultiHeaders, RecvMsg, recvmmsg};
 use nix::sys::time::TimeSpec;
@@ -27,78 +28,82 @@ use std::os::fd::{AsFd, AsRawFd};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Room asked for in the kernel, bytes: some 5,000 frames; it may give less.
-const BUFFER: usize = 4 << 20;
-/// Frames fetched at once, and the size of the largest.
-const BATCH: usize = 32;
-const LARGEST: usize = 72;
-/// How often the system's clock is compared with ours, ns: whoever sets it shifts stamps for so long.
-const COMPARED_EVERY_NS: u64 = 100_000_000;
-/// Between two tries to send.
-const PAUSE: Duration = Duration::from_micros(200);
+/// Requested receive buffer in the kernel, bytes: about 5,000 frames.
+const RECEIVE_BUFFER_BYTES: usize = 4 << 20;
+/// Maximum number of frames in one fetch.
+const BATCH_FRAMES: usize = 32;
+/// Size of the largest frame in the kernel, bytes.
+const MAX_FRAME_BYTES: usize = 72;
+/// Interval between comparisons of the system clock with ours, ns. After a change of the system time, stamps are wrong for
+/// at most this time.
+const CLOCK_COMPARISON_INTERVAL_NS: u64 = 100_000_000;
+/// Pause between two attempts to send.
+const SEND_RETRY_PAUSE: Duration = Duration::from_micros(200);
 
-/// `SO_MEMINFO` and the place of the drops in it (`linux/sock_diag.h`).
+/// `SO_MEMINFO` and the index of the drop counter in it (`linux/sock_diag.h`).
 const SO_MEMINFO: i32 = 55;
 const SOL_SOCKET: i32 = 1;
-const DROPS: usize = 8;
+const DROP_COUNTER_INDEX: usize = 8;
 
-/// Kind of interface that is CAN (`ARPHRD_CAN`), and the packet of CAN FD.
-const CAN_KIND: u32 = 280;
-const FLEXIBLE_MTU: u32 = 72;
+/// Interface type of CAN (`ARPHRD_CAN`).
+const CAN_INTERFACE_TYPE: u32 = 280;
+/// MTU of an interface with CAN FD, bytes.
+const CAN_FD_MTU_BYTES: u32 = 72;
 
-/// An interface of the kernel.
+/// A CAN interface of the kernel.
 #[derive(Debug)]
 pub struct SocketCan {
     socket: CanFdSocket,
     name: String,
     flexible: bool,
     clock: WallClock,
-    /// What the system's clock was ahead of ours when they were last compared, and the stamp then, ns.
-    ahead_ns: i64,
+    /// System clock minus our clock at the last comparison, ns.
+    system_offset_ns: i64,
+    /// System time of the last comparison, ns.
     compared_ns: u64,
-    /// Frames fetched and not yet asked for.
-    heard: VecDeque<Received>,
-    /// The last time there was no more to fetch.
+    /// Fetched frames that were not returned yet.
+    fetched: VecDeque<Received>,
+    /// True if the last fetch emptied the kernel's queue.
     drained: bool,
     counters: Counters,
 }
 
 impl SocketCan {
-    /// Opens an interface that is there and up.
+    /// Opens an interface, which must exist and be up.
     ///
     /// # Errors
-    /// [`BusError::Open`], with the command that mends it.
+    /// Returns [`BusError::Open`] with the command that corrects the cause.
     pub fn open(interface: &str) -> Result<Self, BusError> {
         let error = |why: String| BusError::Open { name: interface.into(), why };
         inspect(interface).map_err(error)?;
         let socket =
-            CanFdSocket::open(interface).map_err(|cause| error(refusal(interface, cause)))?;
+            CanFdSocket::open(interface).map_err(|cause| error(open_error(interface, cause)))?;
         let set = || {
             socket.set_nonblocking(true)?;
             socket.set_recv_timestamp(true)?;
             socket.set_error_filter_accept_all()
         };
         set().map_err(|cause| error(cause.to_string()))?;
-        // Beyond the administrator's limit only root may go.
-        if sockopt::set_socket_recv_buffer_size_force(&socket, BUFFER).is_err() {
-            let _ = sockopt::set_socket_recv_buffer_size(&socket, BUFFER);
+        // Only root may exceed the administrator's limit.
+        if sockopt::set_socket_recv_buffer_size_force(&socket, RECEIVE_BUFFER_BYTES).is_err() {
+            let _ = sockopt::set_socket_recv_buffer_size(&socket, RECEIVE_BUFFER_BYTES);
         }
-        let flexible = property(interface, "mtu").is_none_or(|mtu| mtu >= FLEXIBLE_MTU);
+        let flexible = property(interface, "mtu").is_none_or(|mtu| mtu >= CAN_FD_MTU_BYTES);
         Ok(Self {
             socket,
             name: interface.into(),
             flexible,
             clock: WallClock::new(),
-            ahead_ns: 0,
+            system_offset_ns: 0,
             compared_ns: 0,
-            heard: VecDeque::with_capacity(BATCH),
+            fetched: VecDeque::with_capacity(BATCH_FRAMES),
             drained: false,
             counters: Counters::default(),
         })
     }
 
-    /// Whether the interface takes CAN FD.
-    pub const fn is_flexible(&self) -> bool {
+    /// Returns true if the interface supports CAN FD.
+    pub const fn supports_can_fd(&self) -> bool {
         self.flexible
     }
 
@@ -109,19 +114,20 @@ impl SocketCan {
             Some(Errno::NETDOWN) => {
                 closed(&format!("the interface is down; ip link set {} up", self.name))
             }
-            Some(Errno::NODEV | Errno::NXIO) => closed("the interface is gone"),
+            Some(Errno::NODEV | Errno::NXIO) => closed("the interface was removed"),
             _ => BusError::Io { name, source },
         }
     }
 
-    /// Fetches what has come, without waiting.
+    /// Fetches all waiting frames without blocking.
     fn fetch(&mut self) -> Result<(), BusError> {
-        // Made anew: a call leaves in the headers how much it put there, and the next would have no more room.
-        let mut headers = MultiHeaders::<()>::preallocate(BATCH, Some(nix::cmsg_space!(TimeSpec)));
-        let mut frames = [[0; LARGEST]; BATCH];
+        // Allocated for each call, because a call stores the used length in the headers, which limits the next one.
+        let mut headers =
+            MultiHeaders::<()>::preallocate(BATCH_FRAMES, Some(nix::cmsg_space!(TimeSpec)));
+        let mut frames = [[0; MAX_FRAME_BYTES]; BATCH_FRAMES];
         let mut slices = frames.each_mut().map(|frame| [IoSliceMut::new(frame)]);
         let (socket, flags) = (self.socket.as_raw_fd(), MsgFlags::MSG_DONTWAIT);
-        let mut found = [(0, None); BATCH];
+        let mut found = [(0, None); BATCH_FRAMES];
         let count = match recvmmsg(socket, &mut headers, &mut slices, flags, None) {
             Ok(messages) => {
                 let places = found.iter_mut().zip(messages);
@@ -130,35 +136,35 @@ impl SocketCan {
             Err(nix::Error::EAGAIN | nix::Error::EINTR) => 0,
             Err(error) => return Err(self.failed(error.into())),
         };
-        self.drained = count < BATCH;
+        self.drained = count < BATCH_FRAMES;
         for (bytes, (length, stamp_ns)) in frames.iter().zip(found).take(count) {
             let Some(frame) = from_kernel(&bytes[..length]) else { continue };
             let time_ns = match stamp_ns {
-                Some(stamp_ns) => self.ours(stamp_ns),
+                Some(stamp_ns) => self.bus_time_ns(stamp_ns),
                 None => self.clock.now_ns(),
             };
             self.counters.received += 1;
             self.counters.errors += u64::from(matches!(frame, CanFrame::Error { .. }));
-            self.heard.push_back(Received { time_ns, frame });
+            self.fetched.push_back(Received { time_ns, frame });
         }
         Ok(())
     }
 
-    /// What our clock said when the system's said this.
-    fn ours(&mut self, stamp_ns: u64) -> u64 {
-        if stamp_ns.abs_diff(self.compared_ns) > COMPARED_EVERY_NS {
+    /// Converts a time of the system clock to the bus clock.
+    fn bus_time_ns(&mut self, stamp_ns: u64) -> u64 {
+        if stamp_ns.abs_diff(self.compared_ns) > CLOCK_COMPARISON_INTERVAL_NS {
             self.compared_ns = stamp_ns;
-            self.ahead_ns = self.clock.system_ahead_ns();
+            self.system_offset_ns = self.clock.system_offset_ns();
         }
-        stamp_ns.saturating_add_signed(-self.ahead_ns)
+        stamp_ns.saturating_add_signed(-self.system_offset_ns)
     }
 
-    /// Frames the kernel dropped for this socket.
+    /// Returns the number of frames that the kernel dropped for this socket.
     fn lost(&self) -> u64 {
         let mut bytes = [0; 4 * 9];
-        let told = self.socket.get_socket_option_bytes(SOL_SOCKET, SO_MEMINFO, &mut bytes);
+        let option = self.socket.get_socket_option_bytes(SOL_SOCKET, SO_MEMINFO, &mut bytes);
         let (words, _) = bytes.as_chunks::<4>();
-        told.map_or(0, |_| u32::from_ne_bytes(words[DROPS]).into())
+        option.map_or(0, |_| u32::from_ne_bytes(words[DROP_COUNTER_INDEX]).into())
     }
 }
 
@@ -176,16 +182,16 @@ impl Bus for SocketCan {
                 Some(Errno::NOBUFS | Errno::AGAIN) => {}
                 _ => return Err(self.failed(error)),
             }
-            // Asked for here and not before: for most frames there is room.
-            if start.is_some_and(|start| start.elapsed() >= LONGEST_WAIT) {
-                let waited_ms = LONGEST_WAIT.as_millis() as u64;
+            // The clock is read only here, because most frames find room at once.
+            if start.is_some_and(|start| start.elapsed() >= SEND_TIMEOUT) {
+                let waited_ms = SEND_TIMEOUT.as_millis() as u64;
                 return Err(BusError::Full { name: self.name.clone(), waited_ms });
             }
             if start.is_none() {
                 self.counters.waits += 1;
                 start = Some(Instant::now());
             }
-            thread::sleep(PAUSE);
+            thread::sleep(SEND_RETRY_PAUSE);
         }
         self.counters.sent += 1;
         Ok(())
@@ -193,7 +199,7 @@ impl Bus for SocketCan {
 
     fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError> {
         loop {
-            if let Some(received) = self.heard.pop_front() {
+            if let Some(received) = self.fetched.pop_front() {
                 return Ok(Some(received));
             }
             let left = self.clock.left(until_ns);
@@ -205,7 +211,7 @@ impl Bus for SocketCan {
             if came {
                 self.fetch()?;
             }
-            if self.heard.is_empty() && self.clock.left(until_ns).is_zero() {
+            if self.fetched.is_empty() && self.clock.left(until_ns).is_zero() {
                 return Ok(None);
             }
         }
@@ -215,7 +221,7 @@ impl Bus for SocketCan {
         self.clock.now_ns()
     }
 
-    fn rest(&mut self, until_ns: u64) -> bool {
+    fn sleep_until(&mut self, until_ns: u64) -> bool {
         if until_ns > 0 {
             self.clock.sleep(until_ns);
         }
@@ -227,7 +233,7 @@ impl Bus for SocketCan {
     }
 }
 
-/// A number the kernel tells of an interface; `None` where it tells nothing.
+/// Returns a numeric property of an interface, or `None` if the kernel does not provide it.
 fn property(interface: &str, what: &str) -> Option<u32> {
     let text = fs::read_to_string(format!("/sys/class/net/{interface}/{what}")).ok()?;
     let text = text.trim();
@@ -237,19 +243,19 @@ fn property(interface: &str, what: &str) -> Option<u32> {
     }
 }
 
-/// What is wrong with an interface, as far as can be seen from outside.
+/// Checks the type and state of an interface.
 fn inspect(interface: &str) -> Result<(), String> {
     let Some(kind) = property(interface, "type") else { return Ok(()) };
-    if kind != CAN_KIND {
-        return Err("no CAN interface".into());
+    if kind != CAN_INTERFACE_TYPE {
+        return Err("not a CAN interface".into());
     }
     let up = property(interface, "flags").is_none_or(|flags| flags & 1 == 1);
     if up { Ok(()) } else { Err(format!("the interface is down; {}", bring_up(interface))) }
 }
 
-/// Why the kernel does not open it.
-fn refusal(interface: &str, cause: io::Error) -> String {
-    // Names are looked up first, so a kernel without CAN says that there is no such interface.
+/// Returns the reason why an interface cannot be opened, and the remedy.
+fn open_error(interface: &str, cause: io::Error) -> String {
+    // The kernel looks up the name first, so without CAN support it reports an unknown interface.
     let family = socket(AddressFamily::CAN, SocketType::RAW, None);
     if matches!(family, Err(Errno::AFNOSUPPORT)) {
         return "this kernel has no CAN; modprobe can-raw vcan, or use loop or slcan:".into();
@@ -260,7 +266,7 @@ fn refusal(interface: &str, cause: io::Error) -> String {
             bring_up(interface)
         ),
         Some(Errno::NODEV | Errno::NXIO) => {
-            "no such interface; ip link shows those there are".into()
+            "no such interface; ip link lists the existing ones".into()
         }
         _ => cause.to_string(),
     }
@@ -282,7 +288,7 @@ fn identifier(number: u32, extended: bool) -> Option<Id> {
     }
 }
 
-/// When a frame came, ns of the system's clock, where the kernel says so.
+/// Returns the arrival time of a frame, ns of the system clock, if the kernel provides it.
 fn stamp_ns(message: &RecvMsg<'_, '_, ()>) -> Option<u64> {
     message.cmsgs().ok()?.find_map(|about| match about {
         ControlMessageOwned::ScmTimestampns(stamp) => Some(nanoseconds(Duration::from(stamp))),
@@ -306,8 +312,8 @@ fn to_kernel(frame: &CanFrame) -> Option<CanAnyFrame> {
     })
 }
 
-/// A frame as the kernel hands it over (`struct can_frame`, `struct canfd_frame` of `linux/can.h`);
-/// `None` for what is neither.
+/// Parses a frame of the kernel (`struct can_frame`, `struct canfd_frame` of `linux/can.h`). Returns `None` if the size
+/// matches neither.
 fn from_kernel(bytes: &[u8]) -> Option<CanFrame> {
     const EXTENDED: u32 = 1 << 31;
     const REMOTE: u32 = 1 << 30;
@@ -342,26 +348,26 @@ fn from_kernel(bytes: &[u8]) -> Option<CanFrame> {
 mod tests {
     use super::*;
 
-    fn kernels(word: u32, length: u8, flags: u8, data: &[u8]) -> Vec<u8> {
+    fn kernel_frame(word: u32, length: u8, flags: u8, data: &[u8]) -> Vec<u8> {
         let head = [&word.to_ne_bytes()[..], &[length, flags, 0, 0]].concat();
         [&head, data].concat()
     }
 
     #[test]
-    fn frames_of_the_kernel_are_understood() {
-        let frame = |word, length| from_kernel(&kernels(word, length, 0, &[7; 8])).unwrap();
+    fn from_kernel_with_each_kind_of_frame_returns_it() {
+        let frame = |word, length| from_kernel(&kernel_frame(word, length, 0, &[7; 8])).unwrap();
         let bytes = [7, 7, 0, 0, 0, 0, 0, 0];
         let data = CanFrame::Data { identifier: 0x123, extended: false, length: 2, bytes };
         assert_eq!(frame(0x123, 2), data);
         let identifier = 0x1FFF_FFFF;
         let data = CanFrame::Data { identifier, extended: true, length: 8, bytes: [7; 8] };
-        // A length beyond the data is what raw length codes would give.
+        // A raw length code can exceed the data length.
         assert_eq!(frame(0x9FFF_FFFF, 15), data);
         let remote = CanFrame::Remote { identifier: 0x123, extended: false, length: 4 };
         assert_eq!(frame(0x4000_0123, 4), remote);
         let error = CanFrame::Error { class: 0x4, length: 8, bytes: [7; 8] };
         assert_eq!(frame(0x2000_0004, 8), error);
-        let found = from_kernel(&kernels(0x123, 12, 0xF5, &[9; 64])).unwrap();
+        let found = from_kernel(&kernel_frame(0x123, 12, 0xF5, &[9; 64])).unwrap();
         assert_eq!((found.data(), found.data().len()), (&[9; 12][..], 12));
         assert!(matches!(found, CanFrame::Flexible { identifier: 0x123, flags: 5, .. }));
         for length in [0, 7, 15, 17, 71] {

@@ -1,58 +1,58 @@
-//! What the keys do: pure, so that a test can press them.
+//! The keys of the monitor. The functions are pure, so that tests can call them.
 
 use super::sdo_poller::Request;
 use super::view_data::View;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
-/// Windows of the charts, s.
-pub const WINDOWS_S: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0];
+/// Durations of the charts, s.
+pub const CHART_DURATIONS_S: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0];
 
-/// What a key asks of whoever runs the monitor.
+/// Action that a key requests from the monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// End.
+    /// Quit.
     Quit,
-    /// Hold the screen, or let it go.
+    /// Freeze or release the display.
     Pause,
-    /// Begin least and most anew.
-    ForgetRanges,
-    /// Ask the joint for this.
+    /// Reset the minimum and maximum.
+    ResetRanges,
+    /// Send a request to the joint.
     Request(Request),
-    /// Nothing but to draw.
+    /// Draw only.
     Redraw,
 }
 
-/// How the screen stands.
+/// State of the controls.
 #[derive(Debug)]
 pub struct Controls {
-    /// Nothing is ever sent.
+    /// True if the monitor sends nothing.
     pub listen: bool,
-    /// The screen as it was when it was held.
+    /// Frozen view.
     pub held: Option<View>,
-    /// The keys are shown.
+    /// True while the help is shown.
     pub help: bool,
-    /// Arming waits for a yes.
+    /// True while arming awaits confirmation.
     pub confirm: bool,
-    /// Lines the log is scrolled back.
+    /// Number of lines that the log is scrolled back.
     pub scroll: usize,
-    /// Something to be told until the next key.
+    /// Hint, shown until the next key.
     pub hint: Option<&'static str>,
     window: usize,
 }
 
 impl Controls {
-    /// As at the start: ten seconds.
+    /// Creates the initial controls, with charts of ten seconds.
     pub fn new(listen: bool) -> Self {
         let (held, hint) = (None, None);
         Self { listen, held, help: false, confirm: false, scroll: 0, hint, window: 3 }
     }
 
-    /// How far back charts go, s.
+    /// Returns the duration of the charts, s.
     pub fn window_s(&self) -> f64 {
-        WINDOWS_S[self.window.min(WINDOWS_S.len() - 1)]
+        CHART_DURATIONS_S[self.window.min(CHART_DURATIONS_S.len() - 1)]
     }
 
-    /// A key was pressed.
+    /// Processes a key.
     pub fn press(&mut self, key: &KeyEvent) -> Option<Action> {
         if key.kind == KeyEventKind::Release {
             return None;
@@ -67,7 +67,7 @@ impl Controls {
         }
         if self.confirm {
             self.confirm = false;
-            // Anything but a yes is a no.
+            // Any other key cancels.
             if letter == 'y' {
                 return Some(Action::Request(Request::Arm));
             }
@@ -84,8 +84,8 @@ impl Controls {
             (_, 'q') => return Some(Action::Quit),
             (_, ' ') => return Some(Action::Pause),
             (_, 'r') => {
-                self.hint = Some("min and max begin anew");
-                return Some(Action::ForgetRanges);
+                self.hint = Some("min and max reset");
+                return Some(Action::ResetRanges);
             }
             (_, 'd' | 'a' | 'c') if self.listen => {
                 self.hint = Some("listening only: nothing is sent; start without --listen");
@@ -94,7 +94,7 @@ impl Controls {
             (_, 'c') => return Some(Action::Request(Request::ClearFaults)),
             (_, 'a') => self.confirm = true,
             (_, '?' | 'h') => self.help = !self.help,
-            (_, '+' | '=') => self.window = (self.window + 1).min(WINDOWS_S.len() - 1),
+            (_, '+' | '=') => self.window = (self.window + 1).min(CHART_DURATIONS_S.len() - 1),
             (_, '-' | '_') => self.window = self.window.saturating_sub(1),
             (KeyCode::Up, _) => self.scroll += 1,
             (KeyCode::Down, _) => self.scroll = self.scroll.saturating_sub(1),
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn arming_takes_a_yes_and_disarming_none() {
+    fn press_arm_requires_confirmation_and_disarm_does_not() {
         let mut keys = Controls::new(false);
         for no in ['n', 'a', ' ', 'c', 'x'] {
             assert_eq!(press(&mut keys, 'a'), Some(Action::Redraw));
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn who_listens_asks_for_nothing() {
+    fn press_while_listening_sends_no_request() {
         let mut keys = Controls::new(true);
         for letter in ['a', 'y', 'd', 'c'] {
             assert!(!matches!(press(&mut keys, letter), Some(Action::Request(_))), "{letter}");
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn windows_have_ends_and_control_c_quits() {
+    fn press_beyond_durations_stays_and_control_c_quits() {
         let mut keys = Controls::new(false);
         for _ in 0..20 {
             press(&mut keys, '+');

@@ -1,10 +1,8 @@
-//! What is known of a joint from the frames on its bus.
+//! The state of a joint, from the frames on its bus.
 //!
-//! Frames and times in, a [`View`] out: nothing here reads a clock, a bus or a terminal. Everything that
-//! is known carries the time it was heard, so that a view can say how old it is: a joint that has fallen
-//! silent must not look like one that stands still. SYNCs are judged by the driver's own code
-//! ([`Inbox`]). Faults and limits come from emergencies at once, and from objects for those that were
-//! there before.
+//! Frames and times in, a [`View`] out. This module reads no clock, bus or terminal. Every value has its time of
+//! reception, so a view can show its age: a silent joint must not look like a joint at rest. The driver's own code
+//! ([`SampleAssembler`]) checks the SYNCs. Emergencies report new faults and limits at once; objects report the earlier ones.
 
 use super::rates::{PerSecond, Rates};
 use super::sdo_poller::{Request, SdoReply};
@@ -16,66 +14,68 @@ use crate::bus::{BitRates, Received};
 use canopen_rs::NmtState;
 use canopen_rs::emcy::EmergencyMessage;
 use canopen_rs::nmt::decode_heartbeat;
-use compensator_core::can::{Entry, Frame, Inbox, JointKind, Message, Node, Sync, SyncOutcome};
+use compensator_core::can::{
+    Frame, JointKind, Message, NodeId, SampleAssembler, SyncFrame, SyncOutcome, TraceEntry,
+};
 use compensator_core::compensator::Flags;
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::NetworkState;
+use firmware::node::dictionary::records::NetworkObject;
 use firmware::supervisor::Code;
 use joint_trace::CanFrame;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-/// Events that are kept.
-const EVENTS: usize = 500;
-/// Without a SYNC for so long the next one begins anew: what was lost meanwhile cannot be counted.
+/// Maximum number of kept events.
+const MAX_EVENTS: usize = 500;
+/// Pause after which the SYNC counter restarts, ns, because losses in the pause cannot be counted.
 const SYNC_PAUSE_NS: u64 = 1_000_000_000;
-/// Without a frame of the joint for so long it is silent, if it has no slower heartbeat.
-const SILENT_NS: u64 = 3_000_000_000;
-/// Objects this old are stale: four rounds of reading.
+/// Time without a frame after which a joint counts as silent, ns, unless its heartbeat is slower.
+const SILENCE_TIMEOUT_NS: u64 = 3_000_000_000;
+/// Age after which objects are stale, ns: four polling rounds.
 const OBJECTS_STALE_NS: u64 = 2_000_000_000;
 
-/// Time since an earlier one, s.
+/// Returns the age of a time, s.
 fn age_s(at_ns: u64, now_ns: u64) -> f64 {
     now_ns.saturating_sub(at_ns) as f64 * 1e-9
 }
 
-/// What is known of a joint.
+/// The state of a joint.
 #[derive(Debug)]
 pub struct JointView {
-    node: Node,
+    node: NodeId,
     start_ns: u64,
-    inbox: Inbox,
+    inbox: SampleAssembler,
     kind: JointKind,
     series: [Series; Quantity::ALL.len()],
     rates: Rates,
     syncs: SyncCounts,
     last_sync_ns: Option<u64>,
-    /// When the losses that are one line of the log began, ns, and how many there were.
+    /// Start time, ns, and number of the losses in the current log line.
     losses: (u64, u64),
     nmt: Option<NmtState>,
     heartbeat_ns: Option<u64>,
     heartbeat_step_ns: Option<u64>,
-    heard_ns: Option<u64>,
+    last_frame_ns: Option<u64>,
     silent: bool,
     flags: Option<(u64, Flags)>,
-    /// Time on the wire over that at 1 Mbit/s.
+    /// Bus load at the set bit rate, relative to 1 Mbit/s.
     load_scale: f64,
-    /// Values of the objects that are read, by index and sub-index.
+    /// Polled object values with their times, by index and sub-index.
     objects: BTreeMap<(u16, u8), (u64, u32)>,
-    /// Numbers of the codes that are there.
+    /// Numbers of the active codes.
     codes: BTreeSet<u8>,
     emergencies: u64,
     error_frames: u64,
     events: VecDeque<Event>,
-    events_ever: u64,
+    event_count: u64,
 }
 
 impl JointView {
-    /// Nothing is known yet.
-    pub fn new(node: Node, start_ns: u64) -> Self {
+    /// Creates a view without data.
+    pub fn new(node: NodeId, start_ns: u64) -> Self {
         Self {
             node,
             start_ns,
-            inbox: Inbox::new(node),
+            inbox: SampleAssembler::new(node),
             kind: JointKind::default(),
             series: Default::default(),
             rates: Rates::new(start_ns),
@@ -85,7 +85,7 @@ impl JointView {
             nmt: None,
             heartbeat_ns: None,
             heartbeat_step_ns: None,
-            heard_ns: None,
+            last_frame_ns: None,
             silent: false,
             flags: None,
             load_scale: 1.0,
@@ -94,21 +94,21 @@ impl JointView {
             emergencies: 0,
             error_frames: 0,
             events: VecDeque::new(),
-            events_ever: 0,
+            event_count: 0,
         }
     }
 
-    /// Puts a line into the log.
+    /// Appends an event to the log.
     pub fn log(&mut self, time_ns: u64, kind: EventKind, text: impl Into<String>) {
-        if self.events.len() == EVENTS {
+        if self.events.len() == MAX_EVENTS {
             self.events.pop_front();
         }
-        self.events_ever += 1;
+        self.event_count += 1;
         self.events.push_back(Event { time_ns, kind, text: text.into() });
     }
 
-    /// Takes in a frame that was heard. `true` where the joint has shown up, or is in another state.
-    pub fn take(&mut self, received: &Received) -> bool {
+    /// Processes a received frame. Returns true if the joint appeared or changed its state.
+    pub fn receive(&mut self, received: &Received) -> bool {
         let Received { time_ns, ref frame } = *received;
         self.count(time_ns, frame);
         if matches!(frame, CanFrame::Error { .. }) {
@@ -120,16 +120,16 @@ impl JointView {
         let identifier = frame.identifier();
         let is_joints = matches!(identifier.wrapping_sub(number), 0x080 | 0x180 | 0x280 | 0x380)
             || matches!(identifier.wrapping_sub(number), 0x580 | 0x700);
-        let mut news = false;
+        let mut has_news = false;
         if is_joints {
-            news = self.heard_ns.is_none() || self.silent;
+            has_news = self.last_frame_ns.is_none() || self.silent;
             if self.silent {
-                self.log(time_ns, EventKind::Good, "the joint is heard again");
+                self.log(time_ns, EventKind::Good, "the joint sends again");
             }
-            (self.heard_ns, self.silent) = (Some(time_ns), false);
+            (self.last_frame_ns, self.silent) = (Some(time_ns), false);
         }
         if identifier == 0x700 + number {
-            return self.heartbeat(&frame, time_ns) || news;
+            return self.heartbeat(&frame, time_ns) || has_news;
         }
         if identifier == 0x080 + number {
             self.emergency(&frame, time_ns);
@@ -138,10 +138,10 @@ impl JointView {
         if let Ok(message) = Message::parse(&frame) {
             self.message(&message, time_ns);
         }
-        news
+        has_news
     }
 
-    /// Takes in a frame the monitor itself has sent: it loads the bus too.
+    /// Counts a frame that the monitor sent, which is part of the bus load.
     pub fn sent(&mut self, time_ns: u64, frame: &CanFrame) {
         self.count(time_ns, frame);
     }
@@ -178,15 +178,15 @@ impl JointView {
                 self.push(Quantity::Residual, time_ns, of.residual_torque_nm);
             }
             Message::Status(_, of) => self.flags = Some((time_ns, of.flags)),
-            Message::Entry(_, Entry::JointKind(kind)) => self.kind = kind,
+            Message::Entry(_, TraceEntry::JointKind(kind)) => self.kind = kind,
             _ => {}
         }
     }
 
-    fn sync(&mut self, sync: Sync, time_ns: u64) {
+    fn sync(&mut self, sync: SyncFrame, time_ns: u64) {
         let paused = |last: u64| time_ns.saturating_sub(last) > SYNC_PAUSE_NS;
         if self.last_sync_ns.is_some_and(paused) {
-            self.inbox = Inbox::new(self.node);
+            self.inbox = SampleAssembler::new(self.node);
         }
         self.last_sync_ns = Some(time_ns);
         match self.inbox.sync(sync) {
@@ -203,13 +203,13 @@ impl JointView {
         }
     }
 
-    /// A second of losses is a line, or a bad cable would drive everything else out of the log.
+    /// Logs losses, one line per second, so that a bad cable does not displace all other events.
     fn log_loss(&mut self, lost: u8, time_ns: u64) {
         let line = |count: u64| format!("{count} SYNC{} lost", if count == 1 { "" } else { "s" });
         let (begun_ns, count) = self.losses;
-        let goes_on = time_ns.saturating_sub(begun_ns) < SYNC_PAUSE_NS && count > 0;
+        let continues = time_ns.saturating_sub(begun_ns) < SYNC_PAUSE_NS && count > 0;
         let was = line(count);
-        if goes_on && let Some(event) = self.events.back_mut().filter(|event| event.text == was) {
+        if continues && let Some(event) = self.events.back_mut().filter(|event| event.text == was) {
             self.losses.1 += u64::from(lost);
             event.text = line(self.losses.1);
             return;
@@ -223,13 +223,13 @@ impl JointView {
         let Ok(state) = decode_heartbeat(data) else { return false };
         if state == NmtState::Initialising {
             self.log(time_ns, EventKind::Warning, "the joint has started");
-            // What was there before the start need not be there after it.
+            // Codes and objects from before the start are not valid.
             (self.heartbeat_ns, self.heartbeat_step_ns) = (None, None);
             self.codes.clear();
             self.objects.clear();
         } else {
             let step_ns = self.heartbeat_ns.map(|before| time_ns.saturating_sub(before));
-            // Smoothed: an adapter may hand over several at once.
+            // Smoothed, because an adapter may deliver several heartbeats at once.
             self.heartbeat_step_ns = match (self.heartbeat_step_ns, step_ns) {
                 (Some(usual_ns), Some(step_ns)) => Some((3 * usual_ns + step_ns) / 4),
                 (usual_ns, step_ns) => usual_ns.or(step_ns),
@@ -264,7 +264,7 @@ impl JointView {
         };
         let text = match (raised, Code::from_number(number)) {
             (true, Some(known)) => {
-                format!("{what} {name} ({code:04X}h): {}", known.words().raised_by)
+                format!("{what} {name} ({code:04X}h): {}", known.description().raised_by)
             }
             (true, None) => format!("{what} {name} ({code:04X}h)"),
             (false, _) => format!("{what} {name} is over"),
@@ -272,7 +272,7 @@ impl JointView {
         self.log(time_ns, kind, text);
     }
 
-    /// Takes in what the joint told when it was asked.
+    /// Processes the reply to a request.
     pub fn on_reply(&mut self, reply: SdoReply, now_ns: u64) {
         match reply {
             SdoReply::Value(at, value) => self.object(at.index, at.subindex, value, now_ns),
@@ -314,46 +314,46 @@ impl JointView {
         }
     }
 
-    /// Notices what is not heard any more.
+    /// Checks whether the joint is silent.
     pub fn tick(&mut self, now_ns: u64) {
-        let limit_ns = self.heartbeat_limit_ns().max(SILENT_NS);
-        let late = |heard: u64| now_ns.saturating_sub(heard) > limit_ns;
-        if !self.silent && self.heard_ns.is_some_and(late) {
+        let limit_ns = self.heartbeat_limit_ns().max(SILENCE_TIMEOUT_NS);
+        let is_late = |last_ns: u64| now_ns.saturating_sub(last_ns) > limit_ns;
+        if !self.silent && self.last_frame_ns.is_some_and(is_late) {
             self.silent = true;
-            self.log(now_ns, EventKind::Fault, "the joint has fallen silent");
+            self.log(now_ns, EventKind::Fault, "the joint is silent");
         }
     }
 
     fn heartbeat_limit_ns(&self) -> u64 {
-        self.heartbeat_step_ns.map_or(SILENT_NS, |step_ns| step_ns.saturating_mul(5) / 2)
+        self.heartbeat_step_ns.map_or(SILENCE_TIMEOUT_NS, |step_ns| step_ns.saturating_mul(5) / 2)
     }
 
-    /// Whether the joint would answer if it were asked: not in the network state *stopped*.
+    /// Returns true if the joint serves objects, that is, unless its network state is *stopped*.
     pub fn serves_objects(&self) -> bool {
         self.nmt != Some(NmtState::Stopped)
     }
 
-    /// Begins least and most of every quantity anew.
-    pub fn forget_ranges(&mut self) {
-        self.series.iter_mut().for_each(Series::forget_range);
+    /// Resets the minimum and maximum of every quantity.
+    pub fn reset_ranges(&mut self) {
+        self.series.iter_mut().for_each(Series::reset_range);
     }
 
-    /// Least and most of every quantity since this was last asked.
+    /// Returns the minimum and maximum of every quantity since the last call.
     pub fn take_line_ranges(&mut self) -> [Option<[f32; 2]>; Quantity::ALL.len()] {
         self.series.each_mut().map(Series::take_line_range)
     }
 
-    /// The bit rate that the load is a share of, bit/s; above 0.
+    /// Sets the bit rate for the bus load, bit/s, above 0.
     pub fn set_bit_rate(&mut self, bit_rate: u32) {
         self.load_scale = f64::from(BitRates::FASTEST.nominal) / f64::from(bit_rate.max(1));
     }
 
-    /// Lines ever put into the log.
-    pub const fn events_ever(&self) -> u64 {
-        self.events_ever
+    /// Returns the number of events logged so far.
+    pub const fn event_count(&self) -> u64 {
+        self.event_count
     }
 
-    /// All of it, at this time.
+    /// Returns the view at a time.
     pub fn view(&self, now_ns: u64, lens: &Lens) -> View {
         let object =
             |index: u16, place: u8| self.objects.get(&(index, place)).map(|(_, value)| *value);
@@ -370,7 +370,7 @@ impl JointView {
             time_ns: now_ns,
             elapsed_s: age_s(self.start_ns, now_ns),
             window_s: lens.window_s,
-            heard_age_s: self.heard_ns.map(|at_ns| age_s(at_ns, now_ns)),
+            last_frame_age_s: self.last_frame_ns.map(|at_ns| age_s(at_ns, now_ns)),
             silent: self.silent,
             nmt: self.nmt.map(nmt_name),
             heartbeat: Heartbeat {
@@ -403,13 +403,13 @@ impl JointView {
                 windows_out: object(index::WATCH, 3).unwrap_or(0),
                 largest_in_bands: object(index::WATCH, 5).map(f32::from_bits),
             }),
-            network: object(index::NETWORK, NetworkState::PRESENT).filter(|has| *has != 0).map(
+            network: object(index::NETWORK, NetworkObject::PRESENT).filter(|has| *has != 0).map(
                 |_| {
                     let number = |place| object(index::NETWORK, place);
                     Network {
-                        outside: number(NetworkState::OUTSIDE).is_some_and(|outside| outside != 0),
-                        outside_count: number(NetworkState::OUTSIDE_COUNT).unwrap_or(0),
-                        share: number(NetworkState::SHARE).map(f32::from_bits),
+                        outside: number(NetworkObject::OUTSIDE).is_some_and(|outside| outside != 0),
+                        outside_count: number(NetworkObject::OUTSIDE_COUNT).unwrap_or(0),
+                        share: number(NetworkObject::SHARE).map(f32::from_bits),
                     }
                 },
             ),
@@ -445,18 +445,18 @@ impl JointView {
         }
     }
 
-    /// Notes that a request is on its way.
+    /// Logs a request that is being sent.
     pub fn requested(&mut self, request: Request, now_ns: u64) {
-        self.log(now_ns, EventKind::Note, format!("{}: asked for", request.name()));
+        self.log(now_ns, EventKind::Note, format!("{}: requested", request.name()));
     }
 }
 
-/// A code's name, or its number where this version does not know it.
+/// Returns the name of a code, or its number if it is unknown.
 fn code_name(number: u8) -> String {
     Code::from_number(number).map_or_else(|| format!("code-{number}"), |c| c.info().name.to_owned())
 }
 
-/// Names of flags in the words of the rest; bits of a newer driver by their place.
+/// Returns the names of flags. Unknown flags of a newer driver are named by their bit.
 fn flag_names(flags: Flags) -> Vec<String> {
     let known = flags.iter_names().map(|(name, _)| name.to_lowercase().replace('_', "-"));
     let rest = flags.bits() & !Flags::all().bits();
@@ -464,7 +464,7 @@ fn flag_names(flags: Flags) -> Vec<String> {
     known.chain(unknown).collect()
 }
 
-/// A network state in words.
+/// Returns the name of a network state.
 fn nmt_name(state: NmtState) -> &'static str {
     match state {
         NmtState::Initialising => "starting",
@@ -474,7 +474,7 @@ fn nmt_name(state: NmtState) -> &'static str {
     }
 }
 
-/// A state of the joint in words.
+/// Returns the name of a joint state.
 fn state_name(value: u32) -> &'static str {
     match value {
         0 => "safe",

@@ -1,42 +1,42 @@
-//! How much there was on the bus in the second that has passed.
+//! Rates of the bus traffic over the last second.
 //!
-//! Counted in slots of a tenth of a second; a rate is that of the last ten whole ones, or of as many as
-//! there have been since the start.
+//! Events are counted in slots of a tenth of a second. A rate is that of the last ten complete slots, or of all complete
+//! slots since the start.
 
 use std::collections::VecDeque;
 
 /// Length of a slot, ns.
 const SLOT_NS: u64 = 100_000_000;
-/// Slots in a rate.
-const SLOTS: u64 = 10;
+/// Number of slots of a rate.
+const RATE_SLOTS: u64 = 10;
 
-/// What is counted.
+/// Counts of a slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Count {
     /// New SYNCs.
     pub samples: u64,
     /// Answers of the joint.
     pub answers: u64,
-    /// Frames of anybody.
+    /// All frames.
     pub frames: u64,
-    /// Time they take on the wire, ns.
+    /// Their duration on the wire, ns.
     pub wire_ns: u64,
 }
 
-/// What there was per second.
+/// Rates per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PerSecond {
     /// New SYNCs, 1/s.
     pub samples: f64,
     /// Answers of the joint, 1/s.
     pub answers: f64,
-    /// Frames of anybody, 1/s.
+    /// All frames, 1/s.
     pub frames: f64,
-    /// Share of the time in which the wire was in use, 0 to 1.
+    /// Bus load, 0 to 1.
     pub load: f64,
 }
 
-/// Counts of the last second.
+/// Counter of the last second.
 #[derive(Clone, Debug)]
 pub struct Rates {
     slots: VecDeque<(u64, Count)>,
@@ -44,29 +44,29 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// Counts from this time on.
+    /// Starts counting at a time.
     pub fn new(start_ns: u64) -> Self {
         Self { slots: VecDeque::new(), first: start_ns / SLOT_NS }
     }
 
-    /// The slot of this time, to count in.
+    /// Returns the slot of a time.
     pub fn at(&mut self, time_ns: u64) -> &mut Count {
         let number = time_ns / SLOT_NS;
         if self.slots.back().is_none_or(|(last, _)| *last < number) {
             self.slots.push_back((number, Count::default()));
-            while self.slots.len() > SLOTS as usize + 1 {
+            while self.slots.len() > RATE_SLOTS as usize + 1 {
                 self.slots.pop_front();
             }
         }
-        // There is one: it has just been put there.
+        // Not empty: a slot was just added.
         let last = self.slots.len() - 1;
         &mut self.slots[last].1
     }
 
-    /// What there was in the second before this time.
+    /// Returns the rates of the second before a time.
     pub fn per_second(&self, now_ns: u64) -> PerSecond {
         let end = now_ns / SLOT_NS;
-        let begin = end.saturating_sub(SLOTS).max(self.first);
+        let begin = end.saturating_sub(RATE_SLOTS).max(self.first);
         if end <= begin {
             return PerSecond::default();
         }
@@ -77,8 +77,8 @@ impl Rates {
             sum.frames += of.frames;
             sum.wire_ns += of.wire_ns;
         }
-        // Ten slots are a second; whole numbers stay exact.
-        let rate = |count: u64| (count * SLOTS) as f64 / (end - begin) as f64;
+        // Ten slots are one second, so whole numbers stay exact.
+        let rate = |count: u64| (count * RATE_SLOTS) as f64 / (end - begin) as f64;
         PerSecond {
             samples: rate(sum.samples),
             answers: rate(sum.answers),
@@ -95,7 +95,7 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     #[test]
-    fn a_rate_is_that_of_the_last_second() {
+    fn per_second_returns_rates_of_the_last_second() {
         let mut rates = Rates::new(5000 * MS);
         assert_eq!(rates.per_second(5050 * MS), PerSecond::default());
         for at in 5000..8000u64 {

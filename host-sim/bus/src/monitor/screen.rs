@@ -1,8 +1,7 @@
-//! The terminal, taken and given back whatever happens.
+//! Set-up and restoration of the terminal.
 //!
-//! While it is taken, keys come one by one, nothing is echoed and another page is shown. It is given back
-//! at the end, when an error is passed up, and before a panic speaks, so that what it says can be read.
-//! Signals are the command line's: they end the loop, and the loop ends here.
+//! During monitoring, keys arrive one by one without echo, on the alternate screen. The terminal is restored at the end,
+//! after an error, and before a panic prints its message. The command line handles signals: they end the loop.
 
 use ratatui::DefaultTerminal;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -11,56 +10,56 @@ use std::io::{self, IsTerminal};
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-/// Gives the terminal back when it goes.
-struct Taken;
+/// Restores the terminal when dropped.
+struct TerminalGuard;
 
-impl Drop for Taken {
+impl Drop for TerminalGuard {
     fn drop(&mut self) {
         ratatui::restore();
     }
 }
 
-/// Takes the terminal for as long as `run` runs.
+/// Runs `run` with the terminal set up.
 ///
 /// # Errors
-/// No terminal that can be taken; and what `run` says.
+/// Returns an error if the terminal cannot be set up, and the error of `run`.
 pub fn with_terminal<T>(
     run: impl FnOnce(&mut DefaultTerminal) -> Result<T, String>,
 ) -> Result<T, String> {
-    // Puts a hook before the panic handler there is: it gives the terminal back first.
+    // Installs a panic hook that restores the terminal first.
     let taken = ratatui::try_init();
-    let guard = Taken;
+    let guard = TerminalGuard;
     let mut terminal = taken.map_err(|error| failed(&error))?;
     let outcome = run(&mut terminal);
     drop(guard);
     outcome
 }
 
-/// Where keys come from.
+/// Source of the keys.
 pub struct Keyboard(Option<File>);
 
 impl Keyboard {
-    /// The terminal on standard input; where that is something else, the one the process was started from.
+    /// Opens the terminal of standard input, or else the controlling terminal.
     pub fn open() -> Self {
         let elsewhere = !io::stdin().is_terminal();
         Self(elsewhere.then(|| File::open("/dev/tty").ok()).flatten())
     }
 
-    /// Waits so long, or until a key is pressed; says whether the terminal has gone (its window was closed, its
-    /// connection lost).
+    /// Waits for a key, at most for this time. Returns true if the terminal was closed or its connection was lost.
     pub fn has_gone_within(&self, wait: Duration) -> bool {
         let stdin = io::stdin();
         let source = self.0.as_ref().map_or(stdin.as_fd(), |file| file.as_fd());
         let mut sources = [PollFd::from_borrowed_fd(source, PollFlags::IN)];
         let wait =
             Timespec { tv_sec: wait.as_secs() as i64, tv_nsec: i64::from(wait.subsec_nanos()) };
-        // Interrupted by a signal, as by a change of its size: asked again soon.
-        let heard = poll(&mut sources, Some(&wait)).is_ok();
-        heard && sources[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
+        // A signal, for example a change of size, may interrupt the wait.
+        let has_result = poll(&mut sources, Some(&wait)).is_ok();
+        has_result
+            && sources[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
     }
 }
 
-/// A terminal that does not do what it was asked to, in one line.
+/// Returns the one-line message of a terminal error.
 pub fn failed(error: &io::Error) -> String {
     format!("terminal: {error}")
 }

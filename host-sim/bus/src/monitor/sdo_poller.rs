@@ -1,38 +1,38 @@
-//! What the monitor asks a joint, without ever waiting for it.
+//! Polling of a joint's objects without waiting.
 //!
-//! Twice a second the state, the faults and limits and what the watch over the model says are read, one
-//! object after the other; a request (arm, disarm, clear faults) goes before all reading, and where it is
-//! refused the joint's own words for it are fetched. Frames go in, frames come out, the time is passed in.
+//! Twice a second, the poller reads the state, the faults and limits, and the residual watch, one object after the other.
+//! A request (arm, disarm, clear faults) has priority. If it is refused, the poller reads the joint's reason. Frames go
+//! in, frames come out, and the time is an argument.
 //!
-//! An SDO server serves one client (CiA 301), and another program may be that client. So where a request
-//! of somebody else is heard, nothing is read for a while; what the joint answers *them* is understood
-//! as well. Who does not answer is asked ever less often, and a joint that is stopped not at all. A
-//! monitor that only listens asks nothing, ever.
+//! An SDO server serves one client (CiA 301), which may be another program. So the poller pauses after a request of
+//! another client, and evaluates the answers to that client too. A joint that does not answer is polled less often, and a
+//! stopped joint not at all. A monitor that only listens sends nothing.
 
 use canopen_rs::Address;
 use canopen_rs::sdo::{
     decode_abort, decode_data_segment, decode_upload_initiate_segmented_response,
     encode_upload_request, encode_upload_segment_request,
 };
-use compensator_core::can::{Frame, Message, Node, cob_id};
+use compensator_core::can::{Frame, Message, NodeId, cob_id};
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::NetworkState;
+use firmware::node::dictionary::records::NetworkObject;
 use std::collections::VecDeque;
 
-/// Time between two rounds of reading, ns.
-const ROUND_NS: u64 = 500_000_000;
-/// Longest time between two, where nobody answers, ns.
-const LONGEST_ROUND_NS: u64 = 16_000_000_000;
-/// How long an answer is awaited, ns.
-const ANSWER_NS: u64 = 300_000_000;
-/// How long nothing is read where somebody else asks, ns; and where a trace says what it is.
-const HOLD_NS: u64 = 1_000_000_000;
-const TRACE_HOLD_NS: u64 = 20_000_000;
-/// How long nothing is sent to a bus that takes nothing, ns.
-const FULL_NS: u64 = 10_000_000_000;
+/// Time between two polling rounds, ns.
+const POLL_PERIOD_NS: u64 = 500_000_000;
+/// Maximum time between two polling rounds of a joint that does not answer, ns.
+const MAX_POLL_PERIOD_NS: u64 = 16_000_000_000;
+/// Time limit for an answer, ns.
+const ANSWER_TIMEOUT_NS: u64 = 300_000_000;
+/// Polling pause after a request of another client, ns.
+const OTHER_CLIENT_PAUSE_NS: u64 = 1_000_000_000;
+/// Polling pause after an entry of a replayed trace, ns.
+const TRACE_PAUSE_NS: u64 = 20_000_000;
+/// Sending pause after a full bus, ns.
+const FULL_BUS_PAUSE_NS: u64 = 10_000_000_000;
 
-/// What is read in a round.
-pub const WATCHED: [Address; 12] = [
+/// Objects read in a polling round.
+pub const POLLED_OBJECTS: [Address; 12] = [
     Address::new(index::STATE, 2),
     Address::new(index::STATE, 3),
     Address::new(index::STATE, 4),
@@ -41,25 +41,25 @@ pub const WATCHED: [Address; 12] = [
     Address::new(index::WATCH, 3),
     Address::new(index::WATCH, 5),
     Address::new(index::OPERATION, 1),
-    Address::new(index::NETWORK, NetworkState::PRESENT),
-    Address::new(index::NETWORK, NetworkState::OUTSIDE),
-    Address::new(index::NETWORK, NetworkState::OUTSIDE_COUNT),
-    Address::new(index::NETWORK, NetworkState::SHARE),
+    Address::new(index::NETWORK, NetworkObject::PRESENT),
+    Address::new(index::NETWORK, NetworkObject::OUTSIDE),
+    Address::new(index::NETWORK, NetworkObject::OUTSIDE_COUNT),
+    Address::new(index::NETWORK, NetworkObject::SHARE),
 ];
 
 /// A request to a joint's state machine, with the number it has on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Switch the bridge, or the compensation of a fed joint, off.
+    /// Switch the bridge off; for a HIL joint, the compensation.
     Disarm = 0,
     /// Switch it on.
     Arm = 1,
-    /// Forget the faults whose cause is gone.
+    /// Clear the faults whose cause is removed.
     ClearFaults = 2,
 }
 
 impl Request {
-    /// In words.
+    /// Returns the name of the request.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Disarm => "disarm",
@@ -69,14 +69,14 @@ impl Request {
     }
 }
 
-/// What came of asking.
+/// Result of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SdoReply {
-    /// An object has this value.
+    /// The value of an object.
     Value(Address, u32),
-    /// A request was taken.
+    /// A request was accepted.
     Done(Request),
-    /// A request was refused: abort code of CiA 301, and the joint's own words, maybe none.
+    /// A request was refused: abort code of CiA 301, and the reason of the joint, which may be empty.
     Refused(Request, u32, String),
     /// A request was not answered.
     Unanswered(Request),
@@ -86,7 +86,7 @@ pub enum SdoReply {
 enum Job {
     Read,
     Write(Request),
-    /// Why it was refused: so much of the text has come, and how the next segment toggles.
+    /// The reason of a refusal: the received part, and the toggle bit of the next segment.
     Reason {
         request: Request,
         code: u32,
@@ -102,10 +102,10 @@ struct Pending {
     job: Job,
 }
 
-/// Asks a joint.
+/// Polls the objects of a joint.
 #[derive(Debug)]
 pub struct SdoPoller {
-    node: Node,
+    node: NodeId,
     listen: bool,
     round: VecDeque<Address>,
     pending: Option<Pending>,
@@ -117,8 +117,8 @@ pub struct SdoPoller {
 }
 
 impl SdoPoller {
-    /// Asks this node, or only listens.
-    pub fn new(node: Node, listen: bool) -> Self {
+    /// Creates a poller of a node. With `listen`, it sends nothing.
+    pub fn new(node: NodeId, listen: bool) -> Self {
         Self {
             node,
             listen,
@@ -127,51 +127,51 @@ impl SdoPoller {
             requests: VecDeque::new(),
             follow_up: None,
             next_round_ns: 0,
-            pace_ns: ROUND_NS,
+            pace_ns: POLL_PERIOD_NS,
             hold_until_ns: 0,
         }
     }
 
-    /// Whether it asks nothing, ever.
+    /// Returns true if it never sends.
     pub const fn only_listens(&self) -> bool {
         self.listen
     }
 
-    /// Whether reading waits for another client.
+    /// Returns true during a pause for another client.
     pub fn is_held(&self, now_ns: u64) -> bool {
         now_ns < self.hold_until_ns
     }
 
-    /// Asks for this next; nothing where it only listens.
+    /// Queues a request. Does nothing if the poller only listens.
     pub fn request(&mut self, request: Request) {
         if self.listen {
             return;
         }
-        // A joint that is to be disarmed is not armed first.
+        // A request to disarm cancels a pending request to arm.
         if request == Request::Disarm {
             self.requests.clear();
         }
         self.requests.push_back(request);
     }
 
-    /// The joint has shown up, or is in another state: it is asked soon.
+    /// Polls soon, because the joint appeared or changed its state.
     pub fn wake(&mut self, now_ns: u64) {
-        self.pace_ns = ROUND_NS;
+        self.pace_ns = POLL_PERIOD_NS;
         self.next_round_ns = self.next_round_ns.min(now_ns);
     }
 
-    /// The bus had no room for what was sent.
+    /// Pauses sending, because the bus had no room.
     pub fn bus_is_full(&mut self, now_ns: u64) {
         self.drop_round();
         self.pending = None;
-        self.hold_until_ns = now_ns.saturating_add(FULL_NS);
+        self.hold_until_ns = now_ns.saturating_add(FULL_BUS_PAUSE_NS);
     }
 
     fn drop_round(&mut self) {
         self.round.clear();
     }
 
-    /// What is to be sent now; and what came of a request nobody answered.
+    /// Returns the frame to send now, and the result of a request without an answer.
     pub fn poll(&mut self, now_ns: u64, serves: bool) -> (Option<Frame>, Option<SdoReply>) {
         if self.listen {
             return (None, None);
@@ -188,7 +188,7 @@ impl SdoPoller {
                 }
                 Job::Read => {
                     self.drop_round();
-                    self.pace_ns = (2 * self.pace_ns).min(LONGEST_ROUND_NS);
+                    self.pace_ns = (2 * self.pace_ns).min(MAX_POLL_PERIOD_NS);
                     self.next_round_ns = now_ns + self.pace_ns;
                     None
                 }
@@ -207,21 +207,21 @@ impl SdoPoller {
         if let Some(data) = self.follow_up.take() {
             return Some(data);
         }
-        // A request does not wait for a value that is awaited.
+        // A request does not wait for the answer to a poll.
         let reading = matches!(&self.pending, Some(Pending { job: Job::Read, .. }) | None);
         if reading && let Some(request) = self.requests.pop_front() {
             self.drop_round();
             let at = Address::new(index::STATE, 1);
             self.await_answer(at, Job::Write(request), now_ns);
             let [low, high] = at.index.to_le_bytes();
-            // Expedited, one byte.
+            // Expedited transfer of one byte.
             return Some([0x2F, low, high, at.subindex, request as u8, 0, 0, 0]);
         }
         if self.pending.is_some() || self.is_held(now_ns) || !serves {
             return None;
         }
         if self.round.is_empty() && now_ns >= self.next_round_ns {
-            self.round.extend(WATCHED);
+            self.round.extend(POLLED_OBJECTS);
             self.next_round_ns = now_ns + self.pace_ns;
         }
         let at = self.round.pop_front()?;
@@ -230,15 +230,15 @@ impl SdoPoller {
     }
 
     fn await_answer(&mut self, at: Address, job: Job, now_ns: u64) {
-        self.pending = Some(Pending { at, until_ns: now_ns + ANSWER_NS, job });
+        self.pending = Some(Pending { at, until_ns: now_ns + ANSWER_TIMEOUT_NS, job });
     }
 
-    /// Takes in a frame that was on the bus, where it is of the joint's objects.
-    pub fn take(&mut self, frame: &Frame, now_ns: u64) -> Option<SdoReply> {
+    /// Processes a frame on the bus that belongs to the joint's objects.
+    pub fn receive(&mut self, frame: &Frame, now_ns: u64) -> Option<SdoReply> {
         let number = u16::from(self.node.number());
         if frame.identifier() == cob_id::SDO_REQUEST + number {
             let of_trace = matches!(Message::parse(frame), Ok(Message::Entry(..)));
-            let hold_ns = if of_trace { TRACE_HOLD_NS } else { HOLD_NS };
+            let hold_ns = if of_trace { TRACE_PAUSE_NS } else { OTHER_CLIENT_PAUSE_NS };
             self.hold_until_ns = self.hold_until_ns.max(now_ns + hold_ns);
             self.drop_round();
             return None;
@@ -253,7 +253,7 @@ impl SdoPoller {
         let at = Address::new(u16::from_le_bytes([answer[1], answer[2]]), answer[3]);
         let ours = self.pending.take_if(|pending| pending.at == at);
         if ours.is_some() {
-            self.pace_ns = ROUND_NS;
+            self.pace_ns = POLL_PERIOD_NS;
         }
         match ours.map(|pending| pending.job) {
             Some(Job::Write(request)) => match decode_abort(&answer) {
@@ -265,7 +265,7 @@ impl SdoPoller {
                     None
                 }
                 Err(_) => {
-                    // What it led to is read at once.
+                    // The result is read at once.
                     self.next_round_ns = now_ns;
                     Some(SdoReply::Done(request))
                 }
@@ -283,9 +283,9 @@ impl SdoPoller {
                 self.follow_up = Some(encode_upload_segment_request(false));
                 None
             }
-            // Whoever asked for it.
+            // The answer may belong to another client.
             Some(Job::Read) | None => {
-                let value = expedited(&answer).filter(|_| WATCHED.contains(&at))?;
+                let value = expedited(&answer).filter(|_| POLLED_OBJECTS.contains(&at))?;
                 let mut word = [0; 4];
                 word.iter_mut().zip(value).for_each(|(to, from)| *to = *from);
                 Some(SdoReply::Value(at, u32::from_le_bytes(word)))
@@ -314,7 +314,7 @@ impl SdoPoller {
     }
 }
 
-/// The value in an answer that holds one, with or without its size.
+/// Returns the value of an expedited answer, with or without its size.
 fn expedited(answer: &[u8; 8]) -> Option<&[u8]> {
     if answer[0] & 0xE2 != 0x42 {
         return None;

@@ -1,22 +1,22 @@
-//! A quantity over time, kept for as long as a screen can show it.
+//! A quantity over time, for the duration that a screen can show.
 //!
-//! A joint says its quantities a thousand times a second; a screen has some hundred dots across. So the
-//! past is kept in short buckets, the least and the most of each: a spike of one sample is seen at any
-//! window, and ten minutes take a few megabytes. Where nothing was heard there is no bucket, and a chart
-//! has a gap. Least and most of all that was heard are kept beside, until they are asked to begin anew.
+//! A joint sends its quantities a thousand times a second, but a screen has a few hundred columns. So values are kept in
+//! short buckets with their minimum and maximum. A spike of one sample is visible in any window, and ten minutes take a
+//! few megabytes. Without values there is no bucket, and the chart has a gap. The total minimum and maximum are kept
+//! until they are reset.
 
 use std::collections::VecDeque;
 
 /// Length of a bucket, ns.
 const BUCKET_NS: u64 = 5_000_000;
-/// Longest past that is kept, s.
-pub const LONGEST_S: u64 = 600;
-/// Buckets that are kept, at most.
-const KEPT: usize = (LONGEST_S * 1_000_000_000 / BUCKET_NS) as usize;
-/// A value this old is stale, ns, unless values come slower by habit.
+/// Kept duration, s.
+pub const KEPT_S: u64 = 600;
+/// Maximum number of buckets.
+const MAX_BUCKETS: usize = (KEPT_S * 1_000_000_000 / BUCKET_NS) as usize;
+/// Age after which a value is stale, ns, unless the usual period is longer.
 const STALE_NS: u64 = 500_000_000;
-/// Steps between values beyond which there is a gap, or the last one is stale.
-const GAP_STEPS: f64 = 5.0;
+/// Number of usual periods after which there is a gap or a value is stale.
+const GAP_PERIODS: f64 = 5.0;
 
 #[derive(Clone, Copy, Debug)]
 struct Bucket {
@@ -30,7 +30,7 @@ struct Bucket {
 pub struct Series {
     buckets: VecDeque<Bucket>,
     last: Option<(u64, f32)>,
-    /// The latest value was no number: nobody measures the quantity.
+    /// True if the latest value was NaN: the quantity is not measured.
     unmeasured: bool,
     /// Usual time between values, ns.
     step_ns: Option<f64>,
@@ -44,7 +44,7 @@ fn widen(range: &mut Option<[f32; 2]>, value: f32) {
 }
 
 impl Series {
-    /// Takes in a value; one that is no finite number says that nobody measures it.
+    /// Adds a value. A value that is not finite means that the quantity is not measured.
     pub fn push(&mut self, time_ns: u64, value: f32) {
         self.unmeasured = !value.is_finite();
         if self.unmeasured {
@@ -52,7 +52,7 @@ impl Series {
         }
         if let Some((before_ns, _)) = self.last {
             let step_ns = time_ns.saturating_sub(before_ns) as f64;
-            // A pause is no habit.
+            // A pause does not change the usual period.
             let usual_ns = self.step_ns.unwrap_or(step_ns);
             self.step_ns = Some(usual_ns + 0.05 * (step_ns.min(2e9) - usual_ns));
         }
@@ -61,13 +61,13 @@ impl Series {
         widen(&mut self.line_range, value);
         let number = time_ns / BUCKET_NS;
         match self.buckets.back_mut() {
-            // Stamps may be a little out of order.
+            // Time stamps may be slightly out of order.
             Some(bucket) if number <= bucket.number => {
                 bucket.least = bucket.least.min(value);
                 bucket.most = bucket.most.max(value);
             }
             _ => {
-                if self.buckets.len() == KEPT {
+                if self.buckets.len() == MAX_BUCKETS {
                     self.buckets.pop_front();
                 }
                 self.buckets.push_back(Bucket { number, least: value, most: value });
@@ -75,39 +75,39 @@ impl Series {
         }
     }
 
-    /// The latest value and when it came.
+    /// Returns the latest value and its time.
     pub const fn last(&self) -> Option<(u64, f32)> {
         self.last
     }
 
-    /// Whether the latest thing heard was that nobody measures it.
+    /// Returns true if the quantity is reported as not measured.
     pub const fn is_unmeasured(&self) -> bool {
         self.unmeasured
     }
 
-    /// Age from which on a value is stale, ns.
+    /// Returns the age after which a value is stale, ns.
     pub fn stale_ns(&self) -> u64 {
-        let habit_ns = self.step_ns.map_or(0.0, |step_ns| GAP_STEPS * step_ns);
+        let habit_ns = self.step_ns.map_or(0.0, |step_ns| GAP_PERIODS * step_ns);
         (habit_ns as u64).max(STALE_NS)
     }
 
-    /// Least and most since the start, or since they were forgotten.
+    /// Returns the minimum and maximum since the last reset.
     pub const fn range(&self) -> Option<[f32; 2]> {
         self.range
     }
 
-    /// Begins least and most anew.
-    pub fn forget_range(&mut self) {
+    /// Resets the minimum and maximum.
+    pub fn reset_range(&mut self) {
         self.range = None;
     }
 
-    /// Least and most since this was last asked.
+    /// Returns the minimum and maximum since the last call.
     pub fn take_line_range(&mut self) -> Option<[f32; 2]> {
         self.line_range.take()
     }
 
-    /// Least and most by column of the window that ends now, the oldest first; and how many columns
-    /// without a value are usual, because values come slower than columns.
+    /// Returns the minimum and maximum of each column of the window that ends now, the oldest first. Also returns the usual
+    /// number of empty columns, because values may be slower than columns.
     pub fn columns(
         &self,
         now_ns: u64,
@@ -119,7 +119,7 @@ impl Series {
             return (columns, 0);
         };
         let column_ns = column_ns.max(1);
-        // Columns keep their places in time, or a chart would flicker as it rolls.
+        // Columns are aligned in time, so that a rolling chart does not flicker.
         let end = now_ns / column_ns;
         let first_ns = (end + 1).saturating_sub(count as u64) * column_ns;
         let start = self.buckets.partition_point(|of| (of.number + 1) * BUCKET_NS <= first_ns);
@@ -133,7 +133,7 @@ impl Series {
             }
         }
         let step_ns = self.step_ns.unwrap_or(0.0).max(BUCKET_NS as f64);
-        let bridged = (GAP_STEPS * step_ns / column_ns as f64).ceil() as usize;
+        let bridged = (GAP_PERIODS * step_ns / column_ns as f64).ceil() as usize;
         (columns, bridged.max(1))
     }
 }
@@ -145,7 +145,7 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     #[test]
-    fn a_spike_of_one_sample_is_seen_at_any_window() {
+    fn columns_with_spike_of_one_sample_show_it_in_any_window() {
         let mut series = Series::default();
         for at in 0..20_000u64 {
             series.push(at * MS, if at == 12_345 { 9.0 } else { 1.0 });
@@ -156,7 +156,7 @@ mod tests {
             assert_eq!(peaks, 1, "{window_s}");
         }
         assert_eq!(series.range(), Some([1.0, 9.0]));
-        series.forget_range();
+        series.reset_range();
         series.push(20_001 * MS, 2.0);
         assert_eq!(series.range(), Some([2.0, 2.0]));
         assert_eq!(series.take_line_range(), Some([1.0, 9.0]));
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_is_a_gap_that_rolls() {
+    fn columns_after_silence_have_a_moving_gap() {
         let mut series = Series::default();
         (0..1000).for_each(|at| series.push(at * MS, 0.5));
         let filled = |now_ms: u64| {
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_values_are_no_gaps_and_stale_later() {
+    fn series_with_slow_values_has_no_gaps_and_later_staleness() {
         let mut series = Series::default();
         assert_eq!(series.stale_ns(), STALE_NS);
         (0..20).for_each(|at| series.push(at * 1000 * MS, at as f32));
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nobody_measures_is_no_value() {
+    fn push_with_nan_reports_not_measured() {
         let mut series = Series::default();
         series.push(0, 1.0);
         series.push(MS, f32::NAN);
@@ -202,12 +202,12 @@ mod tests {
     }
 
     #[test]
-    fn the_past_is_bounded_and_odd_calls_do_no_harm() {
+    fn series_with_many_values_stays_bounded() {
         let mut series = Series::default();
-        (0..2 * KEPT as u64).for_each(|at| series.push(at * BUCKET_NS, 0.0));
-        assert_eq!(series.buckets.len(), KEPT);
+        (0..2 * MAX_BUCKETS as u64).for_each(|at| series.push(at * BUCKET_NS, 0.0));
+        assert_eq!(series.buckets.len(), MAX_BUCKETS);
         series.push(3, 7.0);
-        assert_eq!(series.buckets.len(), KEPT);
+        assert_eq!(series.buckets.len(), MAX_BUCKETS);
         for (now_ns, window_ns, count) in [(0, 0, 0), (0, 1, 5), (u64::MAX / 2, 10, 3), (5, 5, 1)] {
             assert_eq!(series.columns(now_ns, window_ns, count).0.len(), count);
         }

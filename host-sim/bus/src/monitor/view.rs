@@ -1,15 +1,14 @@
 //! Draws a [`View`] on a terminal of any size.
 //!
 //! ```text
-//! bus, node, how alive                                    header
+//! bus, node, liveness                                     header
 //! charts: name, value, unit, min, max | state, faults, limits, flags, model, traffic
-//! log: emergencies, state changes, what was asked for
+//! log: emergencies, state changes, requests
 //! keys                                                    footer
 //! ```
 //!
-//! What is old is dimmed and says its age, in every place, because a frozen picture of a healthy joint is
-//! the worst a monitor can show. Where the terminal is small, charts go first, then the log; state and
-//! values stay.
+//! Old values are dimmed and show their age everywhere, so that a silent joint does not look healthy. On a small terminal,
+//! charts are omitted first, then the log. State and values stay.
 
 mod chart;
 mod panel;
@@ -22,18 +21,18 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 
-/// What a screen is told besides the joint.
+/// Settings of the screen.
 #[derive(Clone, Debug, Default)]
 pub struct Setting {
     /// Name of the bus.
     pub bus: String,
-    /// What is shown is a simulation in this process.
+    /// True for a simulation in this process.
     pub demo: bool,
-    /// The clock of the bus is that of the epoch; else it counts from the start.
+    /// True if the bus time counts from the epoch; otherwise it counts from the start.
     pub epoch: bool,
-    /// Why there is no bus, where there is none.
+    /// Reason for a closed bus; `None` if it is open.
     pub gone: Option<String>,
-    /// Reading objects waits for another client.
+    /// True during a polling pause for another client.
     pub asks_later: bool,
 }
 
@@ -43,7 +42,7 @@ const WARN: Style = Style::new().fg(Color::Yellow);
 const GOOD: Style = Style::new().fg(Color::Green);
 const BANNER: Style = Style::new().fg(Color::Black).bg(Color::Yellow);
 
-/// An age in words that fit: `0.3 s`, `12 s`, `3 min`, `2 h`.
+/// Formats an age: `0.3 s`, `12 s`, `3 min`, `2 h`.
 fn age(seconds: f64) -> String {
     match seconds {
         s if s < 9.95 => format!("{s:.1} s"),
@@ -53,7 +52,7 @@ fn age(seconds: f64) -> String {
     }
 }
 
-/// A number with four digits or so, in seven letters.
+/// Formats a number with about four digits, in at most seven characters.
 fn short(value: f32) -> String {
     match value.abs() {
         0.0 => "0.000".to_owned(),
@@ -65,7 +64,7 @@ fn short(value: f32) -> String {
     }
 }
 
-/// Draws all of it.
+/// Draws the complete screen.
 pub fn draw(frame: &mut Frame, live: &View, controls: &Controls, setting: &Setting) {
     let area = frame.area();
     if area.is_empty() {
@@ -91,7 +90,7 @@ pub fn draw(frame: &mut Frame, live: &View, controls: &Controls, setting: &Setti
         chart::draw(frame, view, left);
         panel::draw(frame, view, controls, setting, right);
     } else {
-        // One below the other: values without charts, then as much of the state as there is room for.
+        // Stacked: values without charts, then as much of the state as fits.
         let values = middle.height.min(5);
         let [above, below] =
             Layout::vertical([Constraint::Length(values), Constraint::Min(0)]).areas(middle);
@@ -120,8 +119,8 @@ fn header(view: &View, controls: &Controls, setting: &Setting, width: u16) -> Pa
     let alive = if setting.gone.is_some() {
         Span::styled(" NO BUS ", BAD.add_modifier(Modifier::REVERSED))
     } else {
-        match (view.heard_age_s, view.silent) {
-            (None, _) => Span::styled(" not heard yet ", BANNER),
+        match (view.last_frame_age_s, view.silent) {
+            (None, _) => Span::styled(" no frame yet ", BANNER),
             (Some(age_s), true) => {
                 let text = format!(" SILENT for {} ", age(age_s));
                 Span::styled(text, BAD.add_modifier(Modifier::REVERSED))
@@ -159,7 +158,7 @@ fn footer(controls: &Controls, setting: &Setting, width: u16) -> Paragraph<'stat
     Paragraph::new(Line::styled(text, DIM))
 }
 
-/// The time of an event: of the day in UTC, or s from the start.
+/// Formats the time of an event: time of day in UTC, or s from the start.
 fn stamp(time_ns: u64, epoch: bool) -> String {
     let seconds = time_ns / 1_000_000_000;
     let millis = time_ns / 1_000_000 % 1000;
@@ -188,7 +187,7 @@ fn draw_log(frame: &mut Frame, view: &View, controls: &Controls, setting: &Setti
     let end = view.events.len() - back;
     let shown = &view.events[end.saturating_sub(room)..end];
     let lines: Vec<Line> = if view.events.is_empty() {
-        vec![Line::styled(" nothing yet", DIM)]
+        vec![Line::styled(" no events yet", DIM)]
     } else {
         shown.iter().map(|event| log_line(event, setting)).collect()
     };
@@ -206,7 +205,7 @@ fn log_line(event: &Event, setting: &Setting) -> Line<'static> {
     Line::from(vec![time, Span::styled(event.text.clone(), style)])
 }
 
-/// A place in the middle, as large as there is room for.
+/// Returns a centred area, limited to the available room.
 fn middle(area: Rect, width: u16, height: u16) -> Rect {
     let (width, height) = (width.min(area.width), height.min(area.height));
     let (x, y) = (area.x + (area.width - width) / 2, area.y + (area.height - height) / 2);
@@ -215,16 +214,16 @@ fn middle(area: Rect, width: u16, height: u16) -> Rect {
 
 const HELP: [&str; 11] = [
     "q, Ctrl-C     quit",
-    "space         hold the screen; data is taken in meanwhile",
+    "space         freeze the display; data is still recorded",
     "+ -           longer or shorter charts, 1 s to 10 min",
-    "r             begin min and max anew",
+    "r             reset min and max",
     "d             disarm the joint, at once",
-    "a             arm it; asks first",
-    "c             clear faults whose cause is gone",
+    "a             arm it, after confirmation",
+    "c             clear faults whose cause is removed",
     "up, down, PgUp, PgDn, End   scroll the log",
     "",
-    "Grey is old: its age stands beside it. Min and max are since r.",
-    "Loads are of 1 Mbit/s, or of --bit-rate. ? or Esc closes this.",
+    "Grey values are old; their age is shown. Min and max count from r.",
+    "Bus load is for 1 Mbit/s, or --bit-rate. ? or Esc closes this.",
 ];
 
 fn draw_help(frame: &mut Frame, area: Rect) {
@@ -237,9 +236,9 @@ fn draw_help(frame: &mut Frame, area: Rect) {
 fn draw_confirm(frame: &mut Frame, area: Rect, view: &View) {
     let place = middle(area, 56, 5);
     let what = match view.source {
-        Some("the bus") => "It is fed by the bus and drives nothing.",
+        Some("the bus") => "Its inputs come from the bus; it drives no motor.",
         Some(_) => "It drives a motor: keep clear of the joint.",
-        None => "Not known whether it drives a motor: keep clear.",
+        None => "It may drive a motor: keep clear of the joint.",
     };
     let text = vec![
         Line::styled(format!(" Arm joint {}?", view.node), BAD),

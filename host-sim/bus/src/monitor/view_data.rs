@@ -1,4 +1,4 @@
-//! What is to be seen of a joint at one time: plain data, for a screen or a line of JSON.
+//! The view of a joint at one time: plain data for a screen or a line of JSON.
 
 use super::rates::PerSecond;
 use compensator_core::can::JointKind;
@@ -13,9 +13,9 @@ pub enum Quantity {
     Friction,
     /// Current of the compensation.
     FeedForward,
-    /// Current commanded in all.
+    /// Total commanded current.
     Current,
-    /// Torque no part of the model explains.
+    /// Residual torque that the model does not explain.
     Residual,
 }
 
@@ -24,7 +24,7 @@ impl Quantity {
     pub const ALL: [Self; 5] =
         [Self::Velocity, Self::Friction, Self::FeedForward, Self::Current, Self::Residual];
 
-    /// Its name, short enough for a narrow screen.
+    /// Returns the name, short enough for a narrow screen.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Velocity => "velocity",
@@ -35,7 +35,7 @@ impl Quantity {
         }
     }
 
-    /// Its unit for this kind of joint.
+    /// Returns the unit for this kind of joint.
     pub const fn unit(self, kind: JointKind) -> &'static str {
         match (self, kind) {
             (Self::FeedForward | Self::Current, _) => "A",
@@ -57,48 +57,48 @@ impl Quantity {
     }
 }
 
-/// How much is to be seen.
+/// Extent of a view.
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
-    /// How far back charts go, s.
+    /// Duration of the charts, s.
     pub window_s: f64,
     /// Columns of a chart.
     pub columns: usize,
-    /// Lines of the log, the latest.
+    /// Number of the latest log events.
     pub events: usize,
 }
 
-/// A quantity as it is seen.
+/// The view of a quantity.
 #[derive(Clone, Debug)]
 pub struct Reading {
-    /// Which.
+    /// The quantity.
     pub quantity: Quantity,
-    /// In this unit.
+    /// Its unit.
     pub unit: &'static str,
-    /// The latest value; `None` until one was heard.
+    /// Latest value; `None` before the first one.
     pub value: Option<f32>,
-    /// The joint says that nobody measures it.
+    /// True if the joint reports the quantity as not measured.
     pub unmeasured: bool,
     /// Age of the value, s.
     pub age_s: Option<f64>,
-    /// It is older than values usually are.
+    /// True if the value is older than usual.
     pub stale: bool,
-    /// Least and most since they were last forgotten.
+    /// Minimum and maximum since the last reset.
     pub range: Option<[f32; 2]>,
-    /// Least and most by column, the oldest first.
+    /// Minimum and maximum of each column, the oldest first.
     pub columns: Vec<Option<[f32; 2]>>,
-    /// So many empty columns are no gap.
+    /// Number of consecutive empty columns that are not a gap.
     pub bridged: usize,
 }
 
-/// The joint's sign of life.
+/// The heartbeat of a joint.
 #[derive(Clone, Copy, Debug)]
 pub struct Heartbeat {
-    /// Age of the last, s; `None` until one was heard.
+    /// Age of the last heartbeat, s; `None` before the first one.
     pub age_s: Option<f64>,
-    /// Usual time between two, s.
+    /// Usual period, s.
     pub period_s: Option<f64>,
-    /// It stays away.
+    /// True if the heartbeat is overdue.
     pub late: bool,
 }
 
@@ -109,132 +109,131 @@ pub struct Codes {
     pub faults: Vec<String>,
     /// Limits.
     pub limits: Vec<String>,
-    /// They were read from the joint; else known from its emergencies alone.
+    /// True if read from the joint; otherwise known from emergencies only.
     pub read: bool,
 }
 
-/// Whether the model keeps what its identification promised.
+/// State of the residual watch.
 #[derive(Clone, Copy, Debug)]
 pub struct Band {
-    /// The residual is in the promised band.
+    /// True if the residual is inside the band of the model.
     pub in_band: bool,
-    /// Windows judged; 0 while there is nothing to judge yet.
+    /// Number of evaluated windows.
     pub windows: u32,
-    /// Windows outside.
+    /// Number of windows outside the band.
     pub windows_out: u32,
-    /// Largest mean, in bands.
+    /// Largest mean residual, in band widths.
     pub largest_in_bands: Option<f32>,
 }
 
-/// The network that supplies the law, of a joint that has one.
+/// State of the network, for a joint that has one.
 #[derive(Clone, Copy, Debug)]
 pub struct Network {
-    /// Its last evaluation lay outside of what it was trained on.
+    /// True if the last evaluation was outside the training range.
     pub outside: bool,
-    /// So many did.
+    /// Number of such evaluations.
     pub outside_count: u32,
-    /// How much of what it says is in force, 0 (the law's constants) to 1.
+    /// Applied share of the network's output, from 0 (constants of the law) to 1.
     pub share: Option<f32>,
 }
 
-/// SYNCs that did not come as they should, since the start.
+/// SYNC errors since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SyncCounts {
-    /// Never came.
+    /// Lost SYNCs.
     pub lost: u64,
-    /// Came twice.
+    /// Duplicated SYNCs.
     pub duplicate: u64,
-    /// Came after a later one.
+    /// SYNCs that arrived after a later one.
     pub late: u64,
 }
 
-/// What kind of event.
+/// Kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventKind {
-    /// Something is wrong.
+    /// A fault.
     Fault,
-    /// Something is not as it should be.
+    /// A warning.
     Warning,
-    /// Something is right again.
+    /// A recovery.
     Good,
-    /// Something happened.
+    /// A note.
     Note,
 }
 
-/// A line of the log.
+/// An event of the log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// When, ns of the bus's clock.
+    /// Bus time, ns.
     pub time_ns: u64,
-    /// What kind.
+    /// Kind of the event.
     pub kind: EventKind,
-    /// What.
+    /// Text.
     pub text: String,
 }
 
-/// All that is to be seen.
+/// The view of a joint.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// The joint's number.
+    /// Node number.
     pub node: u8,
-    /// What the clock of the bus says, ns.
+    /// Bus time, ns.
     pub time_ns: u64,
     /// Time since the start, s.
     pub elapsed_s: f64,
-    /// How far back charts go, s.
+    /// Duration of the charts, s.
     pub window_s: f64,
-    /// Age of the joint's last frame, s; `None` until one was heard.
-    pub heard_age_s: Option<f64>,
-    /// It was heard and is not any more.
+    /// Age of the last frame of the joint, s; `None` before the first one.
+    pub last_frame_age_s: Option<f64>,
+    /// True if the joint sent frames before and is silent now.
     pub silent: bool,
     /// Network state.
     pub nmt: Option<&'static str>,
     /// Heartbeat.
     pub heartbeat: Heartbeat,
-    /// State of the joint; `None` until it was read.
+    /// State of the joint; `None` before it was read.
     pub state: Option<&'static str>,
-    /// What feeds it.
+    /// Source of the inputs.
     pub source: Option<&'static str>,
-    /// Age of what was read, s.
+    /// Age of the read objects, s.
     pub objects_age_s: Option<f64>,
-    /// It is too old to be relied on.
+    /// True if the read objects are stale.
     pub objects_stale: bool,
     /// Faults and limits.
     pub codes: Codes,
-    /// Flags of the compensator by name, their age in s, and whether that is too old.
+    /// Names of the compensator's flags, their age in s, and true if they are stale.
     pub flags: Option<(Vec<String>, f64, bool)>,
-    /// The watch over the model.
+    /// Residual watch.
     pub band: Option<Band>,
-    /// The network; `None` without one, and until it was read.
+    /// Network; `None` without one, and before it was read.
     pub network: Option<Network>,
     /// The quantities, in the order of [`Quantity::ALL`].
     pub readings: [Reading; Quantity::ALL.len()],
     /// Traffic.
     pub rates: PerSecond,
-    /// Bit rate the load is a share of, bit/s.
+    /// Bit rate for the bus load, bit/s.
     pub bit_rate: u32,
-    /// SYNCs that did not come as they should.
+    /// SYNC errors.
     pub syncs: SyncCounts,
-    /// Age of the last SYNC, s; `None` until one was heard.
+    /// Age of the last SYNC, s; `None` before the first one.
     pub sync_age_s: Option<f64>,
     /// Emergencies since the start.
     pub emergencies: u64,
     /// Error frames since the start.
     pub error_frames: u64,
-    /// The log, the latest last.
+    /// Log, the latest event last.
     pub events: Vec<Event>,
 }
 
-/// `null` for what is no number, which JSON has no word for.
+/// Converts a value; NaN and infinity become `null`, because JSON has no such numbers.
 fn number(value: Option<f32>) -> Value {
-    // To the digits an f32 has, not to those of its double.
+    // With the digits of an f32, not of its f64.
     let shortest = value.filter(|value| value.is_finite()).map(|value| value.to_string());
     shortest.and_then(|text| text.parse::<f64>().ok()).map_or(Value::Null, |value| json!(value))
 }
 
 impl View {
-    /// As JSON; `ranges` are least and most of every quantity since the object before. Events are those
-    /// of the view.
+    /// Converts to JSON. `ranges` are the minimum and maximum of every quantity since the previous object.
     pub fn json(&self, bus: &str, ranges: &[Option<[f32; 2]>; Quantity::ALL.len()]) -> Value {
         let mut quantities = Map::new();
         for (reading, range) in self.readings.iter().zip(ranges) {
@@ -267,13 +266,13 @@ impl View {
             "elapsed_s": self.elapsed_s,
             "bus": bus,
             "node": self.node,
-            "heard_age_s": self.heard_age_s,
+            "last_frame_age_s": self.last_frame_age_s,
             "silent": self.silent,
             "nmt": self.nmt,
             "heartbeat_age_s": self.heartbeat.age_s,
             "heartbeat_late": self.heartbeat.late,
             "state": self.state.map(str::to_lowercase),
-            "fed_by": self.source,
+            "input_source": self.source,
             "objects_age_s": self.objects_age_s,
             "objects_stale": self.objects_stale,
             "faults": self.codes.faults,

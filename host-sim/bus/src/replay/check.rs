@@ -1,43 +1,45 @@
-//! Every answer of a driver, held against the core.
+//! Comparison of every answer of a driver with the core.
 //!
-//! A joint of its own, fed with the frames as they were sent, says what must come back. Answers carry the
-//! number of their sample, so one that is lost, comes twice, late or in another order is told from one
-//! that is wrong; a wrong one differs in at least one bit, and is shown with both values.
+//! A HIL joint in this process receives the same frames and computes the expected answers. Answers carry the number of
+//! their sample, so a lost, duplicated, late or reordered answer is distinguished from a wrong one. A wrong answer differs
+//! in at least one bit, and is listed with both values.
 
-use compensator_core::can::{Answer, Frame, Message, Node, Status, Sync, Telemetry};
-use firmware::hil::{HilJoint, Reply, Step};
+use compensator_core::can::{
+    AnswerFrame, Frame, Message, NodeId, StatusFrame, SyncFrame, TelemetryFrame,
+};
+use firmware::hil::{HilJoint, HilReply, HilStep};
 use serde::Serialize;
 use std::collections::VecDeque;
 
-/// Samples that may wait for their answers, at most; older ones are lost.
-const WAITING: usize = 4096;
-/// Answered samples kept, to tell a repeated answer from a wrong one.
-const ANSWERED: usize = 256;
-/// Mismatches shown.
-const SHOWN: usize = 10;
+/// Maximum number of samples that wait for answers. Older ones count as lost.
+const MAX_WAITING_SAMPLES: usize = 4096;
+/// Number of answered samples kept, to recognise duplicated answers.
+const KEPT_ANSWERED_SAMPLES: usize = 256;
+/// Maximum number of listed mismatches.
+const MAX_LISTED_MISMATCHES: usize = 10;
 
-/// What came of the answers.
+/// Counts of the answers.
 #[derive(Clone, Debug, Default, Serialize, PartialEq)]
 pub struct Tally {
-    /// SYNCs sent.
+    /// Sent SYNCs.
     pub samples: u64,
-    /// Samples whose answer and status came and agree with the core in every bit.
+    /// Samples whose answer and status agree with the core in every bit.
     pub equal: u64,
-    /// Telemetry frames that came and agree in every bit.
+    /// Telemetry frames that agree in every bit.
     pub telemetry_equal: u64,
-    /// Samples, or telemetry frames, that differ.
+    /// Samples or telemetry frames that differ.
     pub mismatches: u64,
-    /// Samples nobody answered.
+    /// Samples without an answer.
     pub lost: u64,
-    /// Answers that came twice.
+    /// Duplicated answers.
     pub duplicated: u64,
-    /// Answers that came after a later one's.
+    /// Answers that arrived after a later sample's answer.
     pub reordered: u64,
-    /// Answers to no sample that was sent.
+    /// Answers that belong to no sent sample.
     pub unexpected: u64,
-    /// Answers equal to those in the log, where it has some.
+    /// Answers equal to the recorded ones.
     pub recorded_equal: u64,
-    /// Answers in the log.
+    /// Recorded answers in the log.
     pub recorded: u64,
     /// The first mismatches.
     pub shown: Vec<Mismatch>,
@@ -46,42 +48,42 @@ pub struct Tally {
 /// An answer that differs.
 #[derive(Clone, Debug, Serialize, PartialEq)]
 pub struct Mismatch {
-    /// Which sample, from 0.
+    /// Number of the sample, from 0.
     pub sample: u64,
-    /// Which number of it.
+    /// Name of the value.
     pub what: &'static str,
-    /// What the driver said.
+    /// Value of the driver.
     pub found: String,
-    /// What the core says.
+    /// Value of the core.
     pub expected: String,
 }
 
-/// A sample on its way.
+/// A sample without an answer.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     sample: u64,
     sent_ns: u64,
-    reply: Reply,
+    reply: HilReply,
 }
 
-/// The core beside a driver.
+/// Compares a driver with the core.
 #[derive(Debug)]
 pub struct Check {
-    node: Node,
+    node: NodeId,
     core: HilJoint,
     waiting: VecDeque<Waiting>,
     answered: VecDeque<Waiting>,
-    /// So many of those that wait, the oldest, are not counted on any more.
+    /// Number of the oldest waiting samples whose answers are not expected.
     given_up: usize,
-    /// The answer whose status has not come yet.
-    answer: Option<Answer>,
+    /// The answer whose status has not arrived yet.
+    answer: Option<AnswerFrame>,
     tally: Tally,
     round_trips_ns: Vec<u64>,
 }
 
 impl Check {
-    /// A check with a joint as the driver is set up; it is on.
-    pub fn new(node: Node, mut core: HilJoint) -> Self {
+    /// Creates a check with a joint that is set up like the driver. The joint is enabled.
+    pub fn new(node: NodeId, mut core: HilJoint) -> Self {
         core.set_enabled(true);
         Self {
             node,
@@ -95,7 +97,7 @@ impl Check {
         }
     }
 
-    /// A message is being sent at this time of the bus.
+    /// Records a message that is sent at the bus time `now_ns`.
     pub fn sent(&mut self, message: &Message, now_ns: u64) {
         let Message::Sync(sync) = message else {
             self.core.take(message);
@@ -104,12 +106,12 @@ impl Check {
         self.sync(*sync, now_ns);
     }
 
-    fn sync(&mut self, sync: Sync, now_ns: u64) {
+    fn sync(&mut self, sync: SyncFrame, now_ns: u64) {
         let sample = self.tally.samples;
         self.tally.samples += 1;
-        // A log may hold a SYNC twice; a driver passes over what the core passes over.
-        let Step::Reply(reply, _) = self.core.sync(sync) else { return };
-        if self.waiting.len() == WAITING {
+        // A log may contain a SYNC twice. The driver ignores it as the core does.
+        let HilStep::Reply(reply, _) = self.core.sync(sync) else { return };
+        if self.waiting.len() == MAX_WAITING_SAMPLES {
             self.waiting.pop_front();
             self.given_up = self.given_up.saturating_sub(1);
             self.tally.lost += 1;
@@ -117,23 +119,27 @@ impl Check {
         self.waiting.push_back(Waiting { sample, sent_ns: now_ns, reply });
     }
 
-    /// Samples that wait for their answers.
+    /// Returns the number of samples that wait for answers.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Of them, those whose answers are still counted on.
+    /// Returns the number of waiting samples whose answers are expected.
     pub fn outstanding(&self) -> usize {
         self.waiting.len() - self.given_up
     }
 
-    /// Counts on no answer to what was sent so far; one that comes all the same is as good as any.
+    /// Stops expecting answers to the samples sent so far. An answer that still arrives counts.
     pub fn give_up(&mut self) {
         self.given_up = self.waiting.len();
     }
 
-    /// A frame came. Gives the number of a sample that is answered with it, and what was answered.
-    pub fn received(&mut self, frame: &Frame, time_ns: u64) -> Option<(u64, Answer, Status)> {
+    /// Processes a received frame. Returns the number of the sample it completes, with its answer and status.
+    pub fn received(
+        &mut self,
+        frame: &Frame,
+        time_ns: u64,
+    ) -> Option<(u64, AnswerFrame, StatusFrame)> {
         match Message::parse(frame).ok()? {
             Message::Answer(node, answer) if node == self.node => {
                 self.answer = Some(answer);
@@ -148,7 +154,11 @@ impl Check {
         }
     }
 
-    fn status(&mut self, status: Status, time_ns: u64) -> Option<(u64, Answer, Status)> {
+    fn status(
+        &mut self,
+        status: StatusFrame,
+        time_ns: u64,
+    ) -> Option<(u64, AnswerFrame, StatusFrame)> {
         let answer = self.answer.take();
         let number = |waiting: &Waiting| waiting.reply.status.sequence == status.sequence;
         let Some(place) = self.waiting.iter().position(number) else {
@@ -163,13 +173,13 @@ impl Check {
         self.waiting.drain(..place);
         self.given_up = self.given_up.saturating_sub(place + 1);
         let sample = self.waiting.pop_front()?;
-        if self.answered.len() == ANSWERED {
+        if self.answered.len() == KEPT_ANSWERED_SAMPLES {
             self.answered.pop_front();
         }
         self.answered.push_back(sample);
         self.round_trips_ns.push(time_ns.saturating_sub(sample.sent_ns));
         let Some(answer) = answer else {
-            // Its status came, its answer did not.
+            // The status arrived without its answer.
             self.tally.lost += 1;
             return None;
         };
@@ -199,8 +209,8 @@ impl Check {
         Some((sample.sample, answer, status))
     }
 
-    fn telemetry(&mut self, telemetry: Telemetry) {
-        // It follows the status of its sample.
+    fn telemetry(&mut self, telemetry: TelemetryFrame) {
+        // Telemetry follows the status of its sample.
         let Some(sample) = self.answered.back().copied() else {
             self.tally.unexpected += 1;
             return;
@@ -231,13 +241,12 @@ impl Check {
     }
 
     fn show(&mut self, sample: u64, what: &'static str, found: String, expected: String) {
-        if self.tally.shown.len() < SHOWN {
+        if self.tally.shown.len() < MAX_LISTED_MISMATCHES {
             self.tally.shown.push(Mismatch { sample, what, found, expected });
         }
     }
 
-    /// Ends the check: what still waits is lost. Gives what came of it, and the time from each SYNC to
-    /// the status that answered it, ns.
+    /// Ends the check. Waiting samples count as lost. Returns the counts and the round-trip times from SYNC to status, ns.
     pub fn finish(mut self) -> (Tally, Vec<u64>) {
         self.tally.lost += self.waiting.len() as u64;
         (self.tally, self.round_trips_ns)
@@ -245,7 +254,7 @@ impl Check {
 }
 
 impl Tally {
-    /// Whether every sample was answered, and every answer is the core's.
+    /// Returns true if every sample was answered and every answer equals the core's.
     pub fn holds(&self) -> bool {
         self.equal > 0 && self.mismatches == 0 && self.lost == 0 && self.unexpected == 0
     }
@@ -254,41 +263,43 @@ impl Tally {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use compensator_core::can::Motion;
+    use compensator_core::can::MotionFrame;
     use firmware::node_settings::NodeSettings;
     use firmware::parameter_set::ParameterSet;
 
     fn joint() -> HilJoint {
         let set = ParameterSet::default();
-        HilJoint::build(Node::FIRST, &set.friction, None, NodeSettings::default().hil_setup())
+        HilJoint::build(NodeId::FIRST, &set.friction, None, NodeSettings::default().hil_setup())
             .unwrap()
     }
 
-    /// Sends so many samples, and gives the frames a driver answers with, by sample.
+    /// Sends `count` samples. Returns the frames of a driver's answers by sample.
     fn answers(check: &mut Check, count: u32) -> Vec<[Frame; 3]> {
         let mut driver = joint();
         driver.set_enabled(true);
         let mut all = Vec::new();
         for sequence in 0..count {
             let velocity_rad_s = 0.5 * (sequence as f32 * 0.1).sin();
-            let motion =
-                Message::Motion(Node::FIRST, Motion { velocity_rad_s, position_rad: f32::NAN });
-            let sync = Message::Sync(Sync::of(sequence));
+            let motion = Message::Motion(
+                NodeId::FIRST,
+                MotionFrame { velocity_rad_s, position_rad: f32::NAN },
+            );
+            let sync = Message::Sync(SyncFrame::of(sequence));
             driver.take(&motion);
             check.sent(&motion, 0);
             check.sent(&sync, 1000);
-            let Step::Reply(reply, 0) = driver.sync(Sync::of(sequence)) else { panic!() };
+            let HilStep::Reply(reply, 0) = driver.sync(SyncFrame::of(sequence)) else { panic!() };
             all.push([
-                Message::Answer(Node::FIRST, reply.answer).emit(),
-                Message::Status(Node::FIRST, reply.status).emit(),
-                Message::Telemetry(Node::FIRST, reply.telemetry).emit(),
+                Message::Answer(NodeId::FIRST, reply.answer).emit(),
+                Message::Status(NodeId::FIRST, reply.status).emit(),
+                Message::Telemetry(NodeId::FIRST, reply.telemetry).emit(),
             ]);
         }
         all
     }
 
     fn check() -> Check {
-        Check::new(Node::FIRST, joint())
+        Check::new(NodeId::FIRST, joint())
     }
 
     fn give(check: &mut Check, frames: &[Frame]) {
@@ -298,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn right_answers_hold() {
+    fn check_with_equal_answers_holds() {
         let mut check = check();
         for frame in answers(&mut check, 500).iter().flatten() {
             check.received(frame, 3000);
@@ -310,9 +321,9 @@ mod tests {
     }
 
     #[test]
-    fn one_wrong_bit_anywhere_is_found() {
+    fn check_with_one_wrong_bit_reports_one_mismatch() {
         for (frame, bit) in (0..2).flat_map(|frame| (0..64).map(move |bit| (frame, bit))) {
-            // The number of the sample is not an answer but its address.
+            // The sample number is the address of the answer, not part of it.
             if frame == 1 && bit >= 32 {
                 continue;
             }
@@ -331,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_repeated_and_reordered_answers_are_no_mismatches() {
+    fn check_with_lost_duplicated_and_reordered_answers_reports_no_mismatch() {
         let mut check = check();
         let frames = answers(&mut check, 10);
         let order = [0, 1, 1, 3, 4, 3, 5, 6, 7, 9];
@@ -345,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_that_was_given_up_still_counts() {
+    fn check_with_answer_after_give_up_counts_it() {
         let mut check = check();
         let frames = answers(&mut check, 10);
         check.give_up();
@@ -359,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_does_not_hold() {
+    fn check_without_answers_does_not_hold() {
         let mut check = check();
         answers(&mut check, 10);
         let (tally, _) = check.finish();

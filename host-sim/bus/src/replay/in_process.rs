@@ -1,31 +1,35 @@
-//! A replay without a bus of the kernel: to a driver in this process, in virtual time.
+//! A replay to a driver in this process, in virtual time.
 
-use super::{Check, Plan, Played, Rate, Setup, SetupError, play, set_up};
+use super::{Check, Plan, PlayResult, Rate, ReplaySetup, SetupError, play, set_up};
 use crate::bus::{BusError, Hub};
 use crate::canopen::Client;
 use crate::joint::JointNode;
-use compensator_core::can::Node;
+use compensator_core::can::NodeId;
 use std::io;
 
-/// Why there was no replay; one line.
+/// Error of a replay in this process; its message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum InProcessError {
-    /// The driver would not start.
+    /// The driver cannot start.
     #[error("driver: {0}")]
     Start(#[from] io::Error),
-    /// It refused what it was to be set up for.
+    /// The set-up failed.
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// The bus in this process.
+    /// Error of the bus.
     #[error(transparent)]
     Bus(#[from] BusError),
 }
 
-/// Plays a plan, as fast as can be, to a driver that is started for it.
+/// Starts a driver and plays a plan to it at the maximum rate.
 ///
 /// # Errors
 /// See [`InProcessError`].
-pub fn in_process(plan: &Plan, node: Node, setup: &Setup) -> Result<Played, InProcessError> {
+pub fn in_process(
+    plan: &Plan,
+    node: NodeId,
+    setup: &ReplaySetup,
+) -> Result<PlayResult, InProcessError> {
     let hub = Hub::new();
     hub.attach(JointNode::start(node, None)?);
     let mut client = Client::new(hub.port(), node);

@@ -1,12 +1,12 @@
-//! What of a log is played, and when.
+//! The replay plan: which frames of a log are sent, and at what time.
 //!
-//! The inputs of one joint and the SYNCs are, in the log's order and times; whatever number the joint had,
-//! the frames go to the one that is tested. What the joint answered when it was recorded is kept beside
-//! for comparison. Everything else that a log holds (other nodes, CAN FD, remote requests, error
-//! frames) is counted and passed over. Bad lines are counted; more than one in twenty is an error.
+//! A plan contains the inputs of one joint and the SYNCs, in the order and with the times of the log. The frames get the
+//! node number of the tested joint. Recorded answers of the joint are kept for comparison. All other content (other nodes,
+//! CAN FD, remote requests, error frames) is counted and skipped. More than one malformed line in twenty is an error.
 
 use compensator_core::can::{
-    Answer, Entry, Frame, FrameError, Inbox, Message, Node, Status, SyncOutcome,
+    AnswerFrame, Frame, FrameError, Message, NodeId, SampleAssembler, StatusFrame, SyncOutcome,
+    TraceEntry,
 };
 use joint_trace::{CanFrame, Census, Frames, LineError, TextFormat, TextReader};
 use sha2::{Digest, Sha256};
@@ -14,25 +14,25 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
-/// Samples an answer may come late by, at most.
-const LATEST: usize = 4096;
+/// Maximum latency of an answer, in samples.
+const MAX_LATENCY_SAMPLES: usize = 4096;
 
-/// Share of bad lines that is too much.
-const BAD_LINES_MAX: f64 = 0.05;
+/// Maximum share of malformed lines before the log is rejected.
+const MAX_BAD_LINE_SHARE: f64 = 0.05;
 
-/// A frame and its time.
+/// A frame to send, and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Planned {
+pub struct PlannedFrame {
     /// Time from the first frame, ns.
     pub due_ns: u64,
-    /// What is sent.
+    /// The message.
     pub message: Message,
 }
 
-/// What a log held besides.
+/// Counts of the skipped content of a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PassedOver {
-    /// Frames of other nodes, and answers.
+pub struct SkippedFrames {
+    /// Frames of other nodes.
     pub foreign: u64,
     /// Frames of the joint with a wrong length or content.
     pub damaged: u64,
@@ -42,91 +42,91 @@ pub struct PassedOver {
     pub remote: u64,
     /// Error frames.
     pub error: u64,
-    /// Frames stamped before the one that stands before them; played with it.
+    /// Frames with a time stamp before that of the previous frame; sent together with it.
     pub backwards: u64,
-    /// Lines that are no frames, where each should be one.
+    /// Lines without a valid frame.
     pub bad_lines: u64,
 }
 
-/// What is played.
+/// The frames to send, and the recorded answers.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The frames, by rising time.
-    pub frames: Vec<Planned>,
-    /// SYNCs among them.
+    /// Frames, ordered by time.
+    pub frames: Vec<PlannedFrame>,
+    /// Number of SYNCs.
     pub samples: u64,
-    /// Time from SYNC to SYNC, s: the median.
+    /// Median time between SYNCs, s.
     pub period_s: f64,
-    /// What the joint answered when it was recorded, by sample; empty where it did not.
-    pub recorded: Vec<Option<Recorded>>,
-    /// What was passed over.
-    pub passed_over: PassedOver,
-    /// SHA-256 of the log, in hexadecimal.
+    /// Recorded answers by sample; empty if the log has none.
+    pub recorded: Vec<Option<RecordedAnswer>>,
+    /// Skipped content.
+    pub skipped: SkippedFrames,
+    /// SHA-256 of the log, hexadecimal.
     pub sha256: String,
-    /// Lines of the log.
+    /// Number of lines of the log.
     pub lines: u64,
-    /// The first bad line: its number and what is expected.
+    /// Number of the first malformed line, and the expected text.
     pub first_bad: Option<(u64, &'static str)>,
 }
 
 /// A recorded answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Recorded {
+pub struct RecordedAnswer {
     /// TPDO 1.
-    pub answer: Answer,
+    pub answer: AnswerFrame,
     /// TPDO 2.
-    pub status: Status,
+    pub status: StatusFrame,
 }
 
-/// Why a log cannot be played; one line.
+/// Error of a log that cannot be replayed; its message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("{file}: {source}")]
     Read {
         /// The file.
         file: String,
-        /// What the system said.
+        /// The error.
         source: std::io::Error,
     },
-    /// Too many lines are no frames.
+    /// Too many lines are malformed.
     #[error(
-        "{file}: {bad} of {lines} lines are no frames of a CAN log, the first is line {first}: expected {expected}"
+        "{file}: {bad} of {lines} lines are not frames of a CAN log, the first is line {first}: expected {expected}"
     )]
     Bad {
         /// The file.
         file: String,
-        /// How many.
+        /// Number of malformed lines.
         bad: u64,
-        /// Of how many.
+        /// Number of lines.
         lines: u64,
-        /// The first of them.
+        /// First malformed line.
         first: u64,
-        /// What should stand there.
+        /// Expected text.
         expected: &'static str,
     },
-    /// No joint was fed in it.
+    /// The log has no inputs of a joint.
     #[error(
         "{file}: {samples} SYNCs (080) and {motions} Motion frames (480 + node) of a joint, expected at least 2 and 1; found {census}"
     )]
     Empty {
         /// The file.
         file: String,
-        /// SYNCs there are.
+        /// Number of SYNCs.
         samples: u64,
-        /// Motion frames there are.
+        /// Number of motion frames.
         motions: u64,
-        /// What is in it.
+        /// Frames of the log.
         census: Census,
     },
 }
 
 impl Plan {
-    /// Reads a log, for the node that is to be tested.
+    /// Reads a log and plans its replay to `node`.
     ///
     /// # Errors
     /// See [`PlanError`].
-    pub fn read(path: &Path, node: Node) -> Result<Self, PlanError> {
+    pub fn read(path: &Path, node: NodeId) -> Result<Self, PlanError> {
         let file = path.display().to_string();
         let failed = |source| PlanError::Read { file: file.clone(), source };
         let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?);
@@ -146,11 +146,11 @@ impl Plan {
         builder.finish(&file, sha256, || Census::of(BufReader::new(File::open(path)?)))
     }
 
-    /// A plan of a log in memory.
+    /// Plans the replay of a log in memory.
     ///
     /// # Errors
-    /// As [`Plan::read`].
-    pub fn parse(log: &[u8], node: Node) -> Result<Self, PlanError> {
+    /// See [`Plan::read`].
+    pub fn parse(log: &[u8], node: NodeId) -> Result<Self, PlanError> {
         let mut builder = Builder::new(node, TextFormat::of(log));
         log.split_inclusive(|byte| *byte == b'\n').for_each(|line| builder.line(line));
         let sha256 = Sha256::digest(log).iter().map(|byte| format!("{byte:02x}")).collect();
@@ -159,16 +159,17 @@ impl Plan {
 }
 
 struct Builder {
-    node: Node,
+    node: NodeId,
     reader: TextReader,
-    /// Whether every line must be a frame, as candump's are.
+    /// True if every line must be a frame, as in candump logs.
     is_candump: bool,
-    /// The joint that is followed: its interface and number; the first whose inputs are seen.
-    joint: Option<(Vec<u8>, Node)>,
-    /// Counts the samples as the joint does, once the log has said where they count from.
-    inbox: Inbox,
-    counts: bool,
-    /// The number in its run of each SYNC's sample; `None` for one that ends none.
+    /// Interface and node of the followed joint: the first one with inputs.
+    joint: Option<(Vec<u8>, NodeId)>,
+    /// Counts the samples as the joint does.
+    inbox: SampleAssembler,
+    /// True once the log has given a sample number.
+    has_sample_numbers: bool,
+    /// Sample number of each SYNC; `None` for a SYNC that ends no sample.
     numbers: Vec<Option<u32>>,
     plan: Plan,
     first_ns: Option<u64>,
@@ -176,18 +177,18 @@ struct Builder {
     motions: u64,
     /// Times of SYNCs, ns.
     syncs: Vec<u64>,
-    answer: Option<Answer>,
+    answer: Option<AnswerFrame>,
 }
 
 impl Builder {
-    fn new(node: Node, format: Option<TextFormat>) -> Self {
+    fn new(node: NodeId, format: Option<TextFormat>) -> Self {
         let format = format.unwrap_or_default();
         let plan = Plan {
             frames: Vec::new(),
             samples: 0,
             period_s: 0.0,
             recorded: Vec::new(),
-            passed_over: PassedOver::default(),
+            skipped: SkippedFrames::default(),
             sha256: String::new(),
             lines: 0,
             first_bad: None,
@@ -197,8 +198,8 @@ impl Builder {
             reader: TextReader::new(format),
             is_candump: format == TextFormat::Candump,
             joint: None,
-            inbox: Inbox::new(node),
-            counts: false,
+            inbox: SampleAssembler::new(node),
+            has_sample_numbers: false,
             numbers: Vec::new(),
             plan,
             first_ns: None,
@@ -214,7 +215,7 @@ impl Builder {
             return;
         }
         self.plan.lines += 1;
-        let over = &mut self.plan.passed_over;
+        let over = &mut self.plan.skipped;
         let line = match self.reader.read(text) {
             Frames::Line(line) => line,
             Frames::None if !self.is_candump => return,
@@ -236,14 +237,14 @@ impl Builder {
             Ok(message) => self.message(message, line.interface, line.time_ns),
             Err(FrameError::Foreign(_)) => over.foreign += 1,
             Err(_) => {
-                let ours = self.is_ours(&frame, line.interface);
-                let over = &mut self.plan.passed_over;
-                *if ours { &mut over.damaged } else { &mut over.foreign } += 1;
+                let is_own = self.is_own_frame(&frame, line.interface);
+                let over = &mut self.plan.skipped;
+                *if is_own { &mut over.damaged } else { &mut over.foreign } += 1;
             }
         }
     }
 
-    fn is_ours(&self, frame: &Frame, interface: &[u8]) -> bool {
+    fn is_own_frame(&self, frame: &Frame, interface: &[u8]) -> bool {
         let number = (frame.identifier() & 0x7F) as u8;
         self.joint.as_ref().is_some_and(|(own, node)| own == interface && node.number() == number)
     }
@@ -251,25 +252,25 @@ impl Builder {
     fn message(&mut self, message: Message, interface: &[u8], time_ns: u64) {
         let is_answer =
             matches!(message, Message::Answer(..) | Message::Status(..) | Message::Telemetry(..));
-        let ours = match (&self.joint, message.node()) {
+        let is_own = match (&self.joint, message.node()) {
             (Some((own, _)), None) => own == interface,
             (Some((own, joint)), Some(node)) => own == interface && *joint == node,
-            // Nobody is followed yet: the first to be fed is, from its first frame on.
+            // The first joint with inputs is followed, from its first frame on.
             (None, Some(node)) if !is_answer => {
                 self.joint = Some((interface.to_vec(), node));
                 true
             }
             (None, _) => false,
         };
-        if !ours {
-            self.plan.passed_over.foreign += 1;
+        if !is_own {
+            self.plan.skipped.foreign += 1;
             return;
         }
         match message {
             Message::Answer(_, answer) => return self.answer = Some(answer),
             Message::Status(_, status) => {
                 if let Some(answer) = self.answer.take() {
-                    self.record(Recorded { answer, status });
+                    self.record(RecordedAnswer { answer, status });
                 }
                 return;
             }
@@ -278,7 +279,7 @@ impl Builder {
         }
         let first_ns = *self.first_ns.get_or_insert(time_ns);
         if time_ns < self.last_ns {
-            self.plan.passed_over.backwards += 1;
+            self.plan.skipped.backwards += 1;
         }
         self.last_ns = self.last_ns.max(time_ns);
         let due_ns = self.last_ns - first_ns;
@@ -295,20 +296,22 @@ impl Builder {
                     self.inbox.end_sample();
                 }
             }
-            Message::Entry(_, Entry::JointKind(_)) => {}
-            Message::Entry(_, Entry::Run(_) | Entry::Sequence(_)) => self.counts = true,
+            Message::Entry(_, TraceEntry::JointKind(_)) => {}
+            Message::Entry(_, TraceEntry::Run(_) | TraceEntry::Sequence(_)) => {
+                self.has_sample_numbers = true
+            }
             Message::Motion(..) => self.motions += 1,
             _ => {}
         }
-        self.plan.frames.push(Planned { due_ns, message });
+        self.plan.frames.push(PlannedFrame { due_ns, message });
     }
 
-    /// Puts an answer to the sample it answers: with several on their way that is not the last. Where the
-    /// log has not said yet which number the samples have, the last is all there is to go by.
-    fn record(&mut self, recorded: Recorded) {
+    /// Assigns an answer to its sample by the sample number. Without sample numbers in the log, assigns it to the last
+    /// sample.
+    fn record(&mut self, recorded: RecordedAnswer) {
         let number = Some(recorded.status.sequence);
-        let latest = self.numbers.len().saturating_sub(LATEST);
-        let place = if self.counts {
+        let latest = self.numbers.len().saturating_sub(MAX_LATENCY_SAMPLES);
+        let place = if self.has_sample_numbers {
             self.numbers.iter().skip(latest).rposition(|known| *known == number)
         } else {
             self.numbers.len().checked_sub(1 + latest)
@@ -319,7 +322,7 @@ impl Builder {
         }
     }
 
-    /// `census` says what is in the log, where that has to be said.
+    /// Completes the plan. `census` is called only for an error message.
     fn finish(
         mut self,
         file: &str,
@@ -327,9 +330,9 @@ impl Builder {
         census: impl FnOnce() -> io::Result<Census>,
     ) -> Result<Plan, PlanError> {
         let plan = &mut self.plan;
-        let (bad, lines) = (plan.passed_over.bad_lines, plan.lines);
+        let (bad, lines) = (plan.skipped.bad_lines, plan.lines);
         if let Some((first, expected)) = plan.first_bad
-            && bad as f64 > BAD_LINES_MAX * lines as f64
+            && bad as f64 > MAX_BAD_LINE_SHARE * lines as f64
         {
             return Err(PlanError::Bad { file: file.into(), bad, lines, first, expected });
         }
@@ -345,7 +348,7 @@ impl Builder {
             self.syncs.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0).collect();
         let middle = steps.len() / 2;
         if !steps.is_empty() {
-            // To a microsecond, the resolution of most logs: a period of 1 ms is one, not 0.999998.
+            // Rounded to a microsecond, the resolution of most logs, so that 1 ms is not read as 0.999998 ms.
             let median_ns = *steps.select_nth_unstable(middle).1;
             plan.period_s = (median_ns as f64 / 1000.0).round() * 1e-6;
         }
@@ -377,8 +380,8 @@ mod tests {
 (10.001900) can0 080#03\n";
 
     #[test]
-    fn inputs_of_the_joint_are_played_to_the_node_that_is_tested() {
-        let plan = Plan::parse(LOG.as_bytes(), Node::new(3).unwrap()).unwrap();
+    fn plan_with_several_nodes_addresses_the_tested_node() {
+        let plan = Plan::parse(LOG.as_bytes(), NodeId::new(3).unwrap()).unwrap();
         let sent: Vec<_> =
             plan.frames.iter().map(|planned| (planned.due_ns, planned.message.emit())).collect();
         let identifiers: Vec<u16> = sent.iter().map(|(_, frame)| frame.identifier()).collect();
@@ -386,7 +389,7 @@ mod tests {
         let times: Vec<u64> = sent.iter().map(|(due_ns, _)| *due_ns / 1000).collect();
         assert_eq!(times, [0, 0, 1000, 1000, 1900]);
         assert_eq!(plan.samples, 3);
-        let over = plan.passed_over;
+        let over = plan.skipped;
         assert_eq!((over.foreign, over.damaged), (2, 1));
         assert_eq!((over.flexible, over.remote, over.error), (1, 1, 1));
         assert_eq!(plan.recorded[0].unwrap().answer.friction_torque_nm, 1.0);
@@ -396,13 +399,13 @@ mod tests {
     }
 
     #[test]
-    fn a_recorded_answer_belongs_to_the_sample_of_its_number() {
+    fn plan_with_late_answers_assigns_them_by_sample_number() {
         let log = "(1.000) can0 601#2300200107000000\n(1.000) can0 481#0000803F0000C07F\n\
             (1.000) can0 080#01\n(1.001) can0 080#02\n(1.002) can0 080#02\n(1.003) can0 080#03\n\
             (1.004) can0 181#0000803F00000000\n(1.004) can0 281#0000000000000000\n\
             (1.004) can0 181#0000004000000000\n(1.004) can0 281#0000000002000000\n\
             (1.005) can0 181#0000404000000000\n(1.005) can0 281#0000000009000000\n";
-        let plan = Plan::parse(log.as_bytes(), Node::new(9).unwrap()).unwrap();
+        let plan = Plan::parse(log.as_bytes(), NodeId::new(9).unwrap()).unwrap();
         let torques: Vec<_> = (plan.recorded.iter())
             .map(|recorded| recorded.map(|recorded| recorded.answer.friction_torque_nm))
             .collect();
@@ -410,14 +413,14 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_played_is_refused_in_one_line() {
-        let node = Node::FIRST;
+    fn parse_without_joint_inputs_returns_one_line_error() {
+        let node = NodeId::FIRST;
         let error = Plan::parse(b"time_s,velocity_rad_s\n0,1\n", node).unwrap_err().to_string();
         assert!(
-            error.contains("2 of 2 lines are no frames of a CAN log, the first is line 1"),
+            error.contains("2 of 2 lines are not frames of a CAN log, the first is line 1"),
             "{error}"
         );
-        // Two SYNCs and commands, but nobody says how the joint moves.
+        // Two SYNCs and commands, but no motion.
         let log = b"(1.0) can0 301#0000000000000000\n(1.0) can0 080#01\n(1.1) can0 080#02\n";
         let error = Plan::parse(log, node).unwrap_err().to_string();
         assert_eq!(

@@ -1,11 +1,12 @@
-//! Plays a plan to a driver, in time.
+//! Plays a plan to a driver on time.
 //!
-//! Each frame has its time. Until then this program sleeps where the kernel keeps and stamps what comes, and
-//! takes answers in by the dozen ([`HEARD_AT_ONCE`]): to be woken for each costs more than they do. A timer of
-//! the kernel wakes late, by nearly the same every time: how late is learned, and so much earlier it is set
-//! ([`EARLIEST_NS`] at most); where it wakes too early all the same the clock is watched. After a stall what
-//! is due goes out faster than planned, but never in a burst ([`HURRY`]). As fast as the driver answers, so
-//! many samples are on their way at most ([`WINDOW`]).
+//! Each frame has its time. Until then the player sleeps, while the kernel stores and stamps the answers. Answers are read
+//! in batches ([`ANSWER_BATCH_FRAMES`]), because a wake-up for each answer costs more than its processing.
+//!
+//! A kernel timer wakes late by a nearly constant time. The player estimates this time and sets the timer earlier by it
+//! ([`MAX_TIMER_ADVANCE_NS`] at most). If it wakes too early, it polls the clock. After a stall, late frames are sent
+//! faster than planned, but not in a burst ([`CATCH_UP_FACTOR`]). At the maximum rate, the number of unanswered samples is
+//! limited ([`MAX_OUTSTANDING_SAMPLES`]).
 
 use super::check::{Check, Tally};
 use super::plan::Plan;
@@ -13,104 +14,85 @@ use crate::bus::{Bus, BusError, Received};
 use joint_trace::CanFrame;
 use std::time::Instant;
 
-/// How fast a plan is played.
+/// Rate of a replay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
-    /// So many times as fast as it was recorded.
+    /// A multiple of the recorded rate.
     Times(f64),
     /// As fast as the driver answers.
     Max,
 }
 
-/// Samples on their way, at most, as fast as the driver answers.
-pub const WINDOW: usize = 16;
+/// Maximum number of unanswered samples at the maximum rate.
+pub const MAX_OUTSTANDING_SAMPLES: usize = 16;
 
-/// How long before its time a timer is set, at most, ns.
-pub const EARLIEST_NS: u64 = 200_000;
+/// Maximum advance of a timer against its frame, ns.
+pub const MAX_TIMER_ADVANCE_NS: u64 = 200_000;
 
-/// Frames sent before the answers to them, which wait in the kernel, are taken in together.
-pub const HEARD_AT_ONCE: usize = 32;
+/// Number of sent frames before their answers, which wait in the kernel, are read.
+pub const ANSWER_BATCH_FRAMES: usize = 32;
 
-/// A wait longer than this is one that listens, ns.
-const LONGEST_REST_NS: u64 = 2_000_000;
+/// Maximum wait without reading answers, ns.
+const MAX_SLEEP_NS: u64 = 2_000_000;
 
-/// How many times as fast as planned frames go out that are late.
-pub const HURRY: u64 = 4;
+/// Factor by which late frames are sent faster than planned.
+pub const CATCH_UP_FACTOR: u64 = 4;
 
-/// How long an answer is awaited, as fast as the driver answers, before more is sent without it, ns.
-const PATIENCE_NS: u64 = 500_000_000;
+/// Time limit for an answer at the maximum rate, ns. Then the next samples are sent without it.
+const ANSWER_TIMEOUT_NS: u64 = 500_000_000;
 
-/// So many windows without any answer, and the driver is taken for gone. In less than these a SYNC with a wrong
-/// count is over, after which a driver hears nothing until the count comes round.
-const SILENT_WINDOWS: u32 = 16;
+/// Number of windows without any answer after which the driver counts as silent. After a SYNC with a wrong count, a driver
+/// ignores SYNCs until the count matches again; this takes fewer windows.
+const MAX_SILENT_WINDOWS: u32 = 16;
 
-/// How long the next answer is awaited after the last frame, ns.
-const LINGER_NS: u64 = 1_000_000_000;
+/// Time limit for the next answer after the last frame, ns.
+const FINAL_ANSWER_TIMEOUT_NS: u64 = 1_000_000_000;
 
-/// How a plan was played.
+/// Result of a replay.
 #[derive(Clone, Debug)]
-pub struct Played {
-    /// What came of the answers.
+pub struct PlayResult {
+    /// Counts of the answers.
     pub tally: Tally,
-    /// From each SYNC to the status that answered it, ns.
+    /// Round-trip times from SYNC to status, ns.
     pub round_trips_ns: Vec<u64>,
-    /// How late each frame was sent, ns; empty as fast as the driver answers.
+    /// Lateness of each frame, ns; empty at the maximum rate.
     pub lateness_ns: Vec<u64>,
-    /// How far each step from SYNC to SYNC was from the plan's, ns; empty as fast as the driver answers.
+    /// Deviation of each time between SYNCs from the plan, ns; empty at the maximum rate.
     pub jitter_ns: Vec<u64>,
-    /// From the first frame to the last, ns of the bus's clock.
+    /// Duration from the first frame to the last, ns of bus time.
     pub duration_ns: u64,
-    /// The same as this PC's clock has it, ns: a virtual clock may stand still.
+    /// The same duration on this PC's clock, ns, because a virtual clock may stand still.
     pub elapsed_ns: u64,
-    /// Time frames would take on a wire of 1 Mbit/s, sent and received, ns.
+    /// Duration of all frames on a wire at 1 Mbit/s, ns.
     pub wire_ns: u64,
-    /// Frames sent.
+    /// Number of sent frames.
     pub frames: u64,
-    /// SYNCs sent within a fifth of the planned step after the one before.
+    /// SYNCs sent less than a fifth of the planned time after the previous SYNC.
     pub bursts: u64,
 }
 
-/// What is told on the way.
-pub struct Progress {
-    /// Samples sent so far.
+/// Progress of a replay.
+pub struct ReplayProgress {
+    /// Number of sent samples.
     pub samples: u64,
-    /// Of so many.
+    /// Number of samples of the plan.
     pub of: u64,
 }
 
-/// Plays it.
+/// Plays a plan to the driver on a bus, and checks its answers.
 ///
 /// # Errors
-/// A bus that is gone, or takes nothing.
+/// Returns an error if the bus is closed or has no room.
 pub fn play(
     bus: &mut dyn Bus,
     plan: &Plan,
     rate: Rate,
     mut check: Check,
-    tell: &mut dyn FnMut(Progress),
-) -> Result<Played, BusError> {
+    report_progress: &mut dyn FnMut(ReplayProgress),
+) -> Result<PlayResult, BusError> {
     let start_ns = bus.now_ns();
     let begin = Instant::now();
-    let mut player = Player {
-        plan,
-        played: Played {
-            tally: Tally::default(),
-            round_trips_ns: Vec::new(),
-            lateness_ns: Vec::new(),
-            jitter_ns: Vec::new(),
-            duration_ns: 0,
-            elapsed_ns: 0,
-            wire_ns: 0,
-            frames: 0,
-            bursts: 0,
-        },
-        recorded: (0, 0),
-        last_sync: None,
-        last: None,
-        early_ns: 0,
-        unheard: 0,
-        silent_windows: 0,
-    };
+    let mut player = Player::new(plan);
     let mut samples = 0;
     for planned in &plan.frames {
         let (due_ns, now_ns) = match rate {
@@ -120,7 +102,7 @@ pub fn play(
             }
             Rate::Max => {
                 player.make_room(bus, &mut check)?;
-                if player.silent_windows == SILENT_WINDOWS {
+                if player.silent_windows == MAX_SILENT_WINDOWS {
                     break;
                 }
                 let now_ns = bus.now_ns();
@@ -131,94 +113,123 @@ pub fn play(
         let frame = CanFrame::from(message.emit());
         check.sent(message, now_ns);
         bus.send(&frame)?;
-        player.played.frames += 1;
-        player.played.wire_ns += crate::bus::BitRates::FASTEST.duration_ns(&frame);
+        player.result.frames += 1;
+        player.result.wire_ns += crate::bus::BitRates::FASTEST.duration_ns(&frame);
         let is_sync = matches!(message, compensator_core::can::Message::Sync(_));
         if let Rate::Times(times) = rate {
-            player.played.lateness_ns.push(now_ns.saturating_sub(due_ns));
+            player.result.lateness_ns.push(now_ns.saturating_sub(due_ns));
             if is_sync {
-                player.step(due_ns, now_ns, times);
+                player.record_step(due_ns, now_ns, times);
             }
         }
         if is_sync {
             samples += 1;
             if samples % 1000 == 0 {
-                tell(Progress { samples, of: plan.samples });
+                report_progress(ReplayProgress { samples, of: plan.samples });
             }
         }
     }
-    let mut until_ns = bus.now_ns() + LINGER_NS;
-    player.played.duration_ns = bus.now_ns() - start_ns;
-    player.played.elapsed_ns = begin.elapsed().as_nanos() as u64;
-    while check.waiting() > 0 {
-        let Some(received) = bus.receive(until_ns)? else { break };
-        let waited = check.waiting();
-        player.take(&mut check, &received);
-        if check.waiting() < waited {
-            // A driver that is behind catches up; one that says no more is not waited for.
-            until_ns = bus.now_ns() + LINGER_NS;
-        }
-    }
-    // The telemetry of the last sample follows its status.
-    let until_ns = bus.now_ns() + LINGER_NS / 100;
-    while let Some(received) = bus.receive(until_ns)? {
-        player.take(&mut check, &received);
-    }
+    player.result.duration_ns = bus.now_ns() - start_ns;
+    player.result.elapsed_ns = begin.elapsed().as_nanos() as u64;
+    player.read_final_answers(bus, &mut check)?;
     let (tally, round_trips_ns) = check.finish();
     let (recorded_equal, recorded) = player.recorded;
     let tally = Tally { recorded_equal, recorded, ..tally };
-    Ok(Played { tally, round_trips_ns, ..player.played })
+    Ok(PlayResult { tally, round_trips_ns, ..player.result })
 }
 
 struct Player<'a> {
     plan: &'a Plan,
-    played: Played,
-    /// Answers equal to recorded ones, and recorded ones.
+    result: PlayResult,
+    /// Number of answers equal to recorded ones, and number of recorded answers.
     recorded: (u64, u64),
-    /// The last SYNC: when it was due, and when it was sent, ns.
+    /// Due time and send time of the last SYNC, ns.
     last_sync: Option<(u64, u64)>,
-    /// The last frame: when it was due, and when it was sent, ns.
+    /// Due time and send time of the last frame, ns.
     last: Option<(u64, u64)>,
-    /// How much before its time a timer is set, ns.
-    early_ns: u64,
-    /// Frames sent since somebody looked what has come.
-    unheard: usize,
-    /// Windows in a row nobody answered.
+    /// Current advance of the timer, ns.
+    timer_advance_ns: u64,
+    /// Number of frames sent since answers were read.
+    sent_since_read: usize,
+    /// Number of consecutive windows without an answer.
     silent_windows: u32,
 }
 
-impl Player<'_> {
-    /// Waits until a frame is due, and gives the time at which it is sent.
+impl<'a> Player<'a> {
+    fn new(plan: &'a Plan) -> Self {
+        Self {
+            plan,
+            result: PlayResult {
+                tally: Tally::default(),
+                round_trips_ns: Vec::new(),
+                lateness_ns: Vec::new(),
+                jitter_ns: Vec::new(),
+                duration_ns: 0,
+                elapsed_ns: 0,
+                wire_ns: 0,
+                frames: 0,
+                bursts: 0,
+            },
+            recorded: (0, 0),
+            last_sync: None,
+            last: None,
+            timer_advance_ns: 0,
+            sent_since_read: 0,
+            silent_windows: 0,
+        }
+    }
+
+    /// Reads the answers that follow the last frame.
+    fn read_final_answers(&mut self, bus: &mut dyn Bus, check: &mut Check) -> Result<(), BusError> {
+        let mut until_ns = bus.now_ns() + FINAL_ANSWER_TIMEOUT_NS;
+        while check.waiting() > 0 {
+            let Some(received) = bus.receive(until_ns)? else { break };
+            let waited = check.waiting();
+            self.take(check, &received);
+            if check.waiting() < waited {
+                // A slow driver gets more time; a silent one does not.
+                until_ns = bus.now_ns() + FINAL_ANSWER_TIMEOUT_NS;
+            }
+        }
+        // The telemetry of the last sample follows its status.
+        let until_ns = bus.now_ns() + FINAL_ANSWER_TIMEOUT_NS / 100;
+        while let Some(received) = bus.receive(until_ns)? {
+            self.take(check, &received);
+        }
+        Ok(())
+    }
+
+    /// Waits until a frame is due. Returns the time at which it is sent, ns.
     fn wait(&mut self, bus: &mut dyn Bus, check: &mut Check, due_ns: u64) -> Result<u64, BusError> {
         let (last_due_ns, last_ns) = self.last.unwrap_or((due_ns, 0));
-        let least_ns = (due_ns - last_due_ns) / HURRY;
+        let least_ns = (due_ns - last_due_ns) / CATCH_UP_FACTOR;
         let mut send_ns = due_ns.max(last_ns + least_ns);
-        let wake_ns = send_ns.saturating_sub(self.early_ns);
-        let short = self.last.is_some() && wake_ns < last_ns + LONGEST_REST_NS;
-        if short && bus.rest(0) {
-            self.unheard += 1;
-            if self.unheard == HEARD_AT_ONCE {
-                self.hear(bus, check, 0)?;
+        let wake_ns = send_ns.saturating_sub(self.timer_advance_ns);
+        let short = self.last.is_some() && wake_ns < last_ns + MAX_SLEEP_NS;
+        if short && bus.sleep_until(0) {
+            self.sent_since_read += 1;
+            if self.sent_since_read == ANSWER_BATCH_FRAMES {
+                self.read_answers(bus, check, 0)?;
             }
             if wake_ns > last_ns {
-                bus.rest(wake_ns);
+                bus.sleep_until(wake_ns);
             }
         } else {
-            self.hear(bus, check, wake_ns)?;
+            self.read_answers(bus, check, wake_ns)?;
         }
         let mut now_ns = bus.now_ns();
         if wake_ns > last_ns {
-            self.learn(now_ns.saturating_sub(wake_ns));
+            self.adapt_timer_advance(now_ns.saturating_sub(wake_ns));
         }
-        if now_ns > send_ns + EARLIEST_NS {
-            // Somebody else had the processor, maybe since before the last frame got to the bus.
-            send_ns = now_ns + least_ns.min(EARLIEST_NS);
+        if now_ns > send_ns + MAX_TIMER_ADVANCE_NS {
+            // Another program had the processor, perhaps since before the last frame reached the bus.
+            send_ns = now_ns + least_ns.min(MAX_TIMER_ADVANCE_NS);
         }
         while now_ns < send_ns {
             std::hint::spin_loop();
             let before_ns = std::mem::replace(&mut now_ns, bus.now_ns());
             if now_ns == before_ns {
-                // On a virtual clock nothing passes by itself: waiting is what makes time pass.
+                // A virtual clock advances only while the caller waits.
                 if let Some(received) = bus.receive(send_ns)? {
                     self.take(check, &received);
                 }
@@ -229,38 +240,39 @@ impl Player<'_> {
         Ok(now_ns)
     }
 
-    /// Takes in what comes until then.
-    fn hear(
+    /// Reads answers until the given time.
+    fn read_answers(
         &mut self,
         bus: &mut dyn Bus,
         check: &mut Check,
         until_ns: u64,
     ) -> Result<(), BusError> {
-        self.unheard = 0;
+        self.sent_since_read = 0;
         while let Some(received) = bus.receive(until_ns)? {
             self.take(check, &received);
         }
         Ok(())
     }
 
-    /// A timer woke so much late. Set so much early that one in five wakes before its frame is due: earlier
-    /// ones cost the processor, later ones the frame. What is later than any timer was somebody else's turn.
-    fn learn(&mut self, late_ns: u64) {
+    /// Adapts the advance to the lateness of a timer. The advance settles where one timer in five wakes before its frame is
+    /// due: waking earlier costs processor time, waking later delays the frame. A larger lateness than any timer's comes
+    /// from scheduling and is ignored.
+    fn adapt_timer_advance(&mut self, late_ns: u64) {
         const STEP_NS: u64 = 500;
-        self.early_ns = match late_ns {
-            late_ns if late_ns > EARLIEST_NS => self.early_ns,
-            late_ns if late_ns > self.early_ns => self.early_ns + STEP_NS,
-            _ => self.early_ns.saturating_sub(4 * STEP_NS),
+        self.timer_advance_ns = match late_ns {
+            late_ns if late_ns > MAX_TIMER_ADVANCE_NS => self.timer_advance_ns,
+            late_ns if late_ns > self.timer_advance_ns => self.timer_advance_ns + STEP_NS,
+            _ => self.timer_advance_ns.saturating_sub(4 * STEP_NS),
         };
     }
 
-    /// Waits until another sample may be sent.
+    /// Waits until the next sample may be sent.
     fn make_room(&mut self, bus: &mut dyn Bus, check: &mut Check) -> Result<(), BusError> {
-        if check.outstanding() < WINDOW {
+        if check.outstanding() < MAX_OUTSTANDING_SAMPLES {
             return Ok(());
         }
-        let until_ns = bus.now_ns().saturating_add(PATIENCE_NS);
-        while check.outstanding() >= WINDOW {
+        let until_ns = bus.now_ns().saturating_add(ANSWER_TIMEOUT_NS);
+        while check.outstanding() >= MAX_OUTSTANDING_SAMPLES {
             match bus.receive(until_ns)? {
                 Some(received) => self.take(check, &received),
                 None => {
@@ -272,18 +284,18 @@ impl Player<'_> {
         Ok(())
     }
 
-    fn step(&mut self, due_ns: u64, now_ns: u64, times: f64) {
+    fn record_step(&mut self, due_ns: u64, now_ns: u64, times: f64) {
         if let Some((last_due_ns, last_ns)) = self.last_sync {
             let (planned_ns, taken_ns) = (due_ns - last_due_ns, now_ns - last_ns);
-            self.played.jitter_ns.push(planned_ns.abs_diff(taken_ns));
+            self.result.jitter_ns.push(planned_ns.abs_diff(taken_ns));
             let usual_ns = (self.plan.period_s * 1e9 / times) as u64;
-            self.played.bursts += u64::from(planned_ns > 0 && taken_ns < usual_ns / 5);
+            self.result.bursts += u64::from(planned_ns > 0 && taken_ns < usual_ns / 5);
         }
         self.last_sync = Some((due_ns, now_ns));
     }
 
     fn take(&mut self, check: &mut Check, received: &Received) {
-        self.played.wire_ns += crate::bus::BitRates::FASTEST.duration_ns(&received.frame);
+        self.result.wire_ns += crate::bus::BitRates::FASTEST.duration_ns(&received.frame);
         let Some(frame) = received.frame.to_joint() else { return };
         let Some((sample, answer, status)) = check.received(&frame, received.time_ns) else {
             return;
@@ -292,7 +304,7 @@ impl Player<'_> {
         let recorded = self.plan.recorded.get(sample as usize).copied().flatten();
         if let Some(recorded) = recorded {
             self.recorded.1 += 1;
-            let words = |answer: compensator_core::can::Answer| {
+            let words = |answer: compensator_core::can::AnswerFrame| {
                 (answer.friction_torque_nm.to_bits(), answer.feed_forward_current_a.to_bits())
             };
             let same = words(answer) == words(recorded.answer) && status == recorded.status;

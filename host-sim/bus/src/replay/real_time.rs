@@ -1,23 +1,22 @@
-//! What the kernel is asked for, so that frames leave in time.
+//! Kernel settings for sending frames on time.
 //!
-//! Unasked, Linux puts off a thread's timers by up to 50 us to wake once for several, and gives the
-//! processor in turns: on a busy machine with one processor, the driver that a frame wakes runs before
-//! the next frame is sent. Timers of their own anybody may have. Priority is for root, or for whom
-//! `limits.conf` grants `nice`; a replay that gets none goes on without, and its report says so. It sleeps
-//! between frames, so nobody starves.
+//! By default, Linux delays the timers of a thread by up to 50 us to combine wake-ups. It also schedules threads in turn:
+//! on a busy processor, the driver that a frame wakes may run before the next frame is sent. Every user may set precise
+//! timers. A higher priority needs root, or `nice` in `limits.conf`. Without it the replay continues, and its report
+//! says so. The replay sleeps between frames, so other threads still run.
 
-/// Highest priority below real time.
-const HIGHEST: i32 = -20;
+/// Nice value of the highest priority below real time.
+const HIGHEST_PRIORITY_NICE: i32 = -20;
 
-/// Asks for punctual timers and priority, for this thread; says whether it got priority.
+/// Requests precise timers and priority for this thread. Returns true if the priority was granted.
 #[cfg(target_os = "linux")]
 pub fn request_real_time() -> bool {
-    // 1 ns is as good as none; 0 would be the default.
+    // 1 ns is effectively no slack; 0 would select the default.
     let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
-    rustix::process::setpriority_process(None, HIGHEST).is_ok()
+    rustix::process::setpriority_process(None, HIGHEST_PRIORITY_NICE).is_ok()
 }
 
-/// Asks for nothing, and got none.
+/// Does nothing on other systems. Returns false.
 #[cfg(not(target_os = "linux"))]
 pub fn request_real_time() -> bool {
     false

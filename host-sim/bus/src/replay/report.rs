@@ -1,8 +1,8 @@
-//! What a replay showed: `replay.json`, and the same in a few lines.
+//! The report of a replay: `replay.json` and a text of a few lines.
 
 use super::Tally;
 use super::plan::Plan;
-use super::play::{Played, Rate};
+use super::play::{PlayResult, Rate};
 use crate::bus::BitRates;
 use serde::Serialize;
 use std::fmt::Write;
@@ -10,23 +10,23 @@ use std::fmt::Write;
 /// Quantiles of times, us.
 #[derive(Clone, Copy, Debug, Default, Serialize, PartialEq)]
 pub struct Quantiles {
-    /// Half are below.
+    /// Median.
     pub p50: f64,
-    /// 99 % are below.
+    /// 99 % quantile.
     pub p99: f64,
-    /// 99.9 % are below.
+    /// 99.9 % quantile.
     pub p999: f64,
-    /// The largest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl Quantiles {
-    /// Of times in ns; `None` where there are none.
+    /// Computes the quantiles of times in ns. Returns `None` for an empty slice.
     pub fn of(times_ns: &[u64]) -> Option<Self> {
         let mut sorted = times_ns.to_vec();
         sorted.sort_unstable();
         let last = sorted.len().checked_sub(1)?;
-        // The smallest value at least that share of the values is not above.
+        // The smallest value that is not exceeded by at least this share of the values.
         let at = |share: f64| {
             let rank = (share * sorted.len() as f64).ceil() as usize;
             sorted[rank.saturating_sub(1).min(last)] as f64 * 1e-3
@@ -35,94 +35,93 @@ impl Quantiles {
     }
 }
 
-/// What a replay showed.
+/// Report of a replay.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
-    /// Version of this file.
+pub struct ReplayReport {
+    /// Version of the file format.
     pub schema: u32,
     /// The log.
     pub trace: String,
-    /// SHA-256 of it.
+    /// SHA-256 of the log.
     pub trace_sha256: String,
     /// The bus.
     pub bus: String,
     /// The node.
     pub node: u8,
-    /// The number it computes with: `f32` or `fixed`.
+    /// Number type: `f32` or `fixed`.
     pub number: &'static str,
-    /// Times as fast as recorded; absent as fast as the driver answers.
+    /// Multiple of the recorded rate; absent at the maximum rate.
     pub rate: Option<f64>,
-    /// What times are measured with.
+    /// Clock of the measured times.
     pub clock: &'static str,
-    /// Whether the kernel gave the replay priority, which lateness depends on.
+    /// True if the kernel granted priority, which affects the lateness.
     pub raised_priority: bool,
-    /// Time from SYNC to SYNC the driver was built for, s.
+    /// Period of the driver, s.
     pub period_s: f32,
-    /// Whether every sample was answered with the core's bits.
+    /// True if every sample was answered with the bits of the core.
     pub holds: bool,
-    /// What came of the answers.
+    /// Counts of the answers.
     pub answers: Tally,
-    /// SYNCs in the log; more than were sent where the driver fell silent.
+    /// SYNCs in the log. Fewer are sent if the driver stops answering.
     pub samples_in_log: u64,
-    /// Frames sent.
+    /// Sent frames.
     pub frames: u64,
-    /// How long it took, s of the bus's clock.
+    /// Duration, s of bus time.
     pub seconds: f64,
-    /// How late frames were sent, us.
+    /// Lateness of frames, us.
     pub lateness_us: Option<Quantiles>,
-    /// How far steps from SYNC to SYNC were from the plan's, us.
+    /// Deviation of the time between SYNCs from the plan, us.
     pub jitter_us: Option<Quantiles>,
-    /// From SYNC to status, us.
+    /// Time from SYNC to status, us.
     pub round_trip_us: Option<Quantiles>,
-    /// SYNCs sent within a fifth of the planned step after the one before.
+    /// SYNCs sent less than a fifth of the planned time after the previous SYNC.
     pub bursts: u64,
-    /// How long it took, s of this PC's clock.
+    /// Duration, s of this PC's clock.
     pub elapsed_seconds: f64,
     /// Bit rate of the bus, bit/s.
     pub bit_rate: u32,
-    /// Time the frames take on a wire of that rate, s.
+    /// Duration of the frames on a wire of that rate, s.
     pub wire_seconds: f64,
-    /// Share of the time they take; above 1 they would not fit. None as fast as the driver answers on a virtual
-    /// clock, where no time passes.
+    /// Bus load; above 1 the frames do not fit. `None` at the maximum rate on a virtual clock, which stands still.
     pub bus_load: Option<f64>,
-    /// Lines of the log passed over: other nodes', damaged, CAN FD, remote, error, no log at all.
+    /// Skipped lines: other nodes, damaged, CAN FD, remote, error, malformed.
     pub passed_over: [u64; 6],
 }
 
-/// What a report says besides what was measured.
-pub struct About<'a> {
+/// Description of a replay for its report.
+pub struct ReplayDescription<'a> {
     /// The log.
     pub trace: &'a str,
     /// The bus.
     pub bus: &'a str,
     /// The node.
     pub node: u8,
-    /// The number it computes with.
+    /// Number type.
     pub number: &'static str,
-    /// What times are measured with.
+    /// Clock of the measured times.
     pub clock: &'static str,
-    /// Whether the kernel gave the replay priority.
+    /// True if the kernel granted priority.
     pub raised_priority: bool,
-    /// Time from SYNC to SYNC, s.
+    /// Time between SYNCs, s.
     pub period_s: f32,
-    /// How fast it was played.
+    /// Rate of the replay.
     pub rate: Rate,
-    /// Whether the bus's clock is virtual: it tells nothing of how long anything takes.
+    /// True if the bus time is virtual, so durations have no meaning.
     pub is_virtual: bool,
     /// Bit rate of the bus, bit/s; above 0.
     pub bit_rate: u32,
 }
 
-impl Report {
-    /// A report of a plan played.
-    pub fn new(about: &About, plan: &Plan, played: Played) -> Self {
-        let over = plan.passed_over;
+impl ReplayReport {
+    /// Creates the report of a replay.
+    pub fn new(about: &ReplayDescription, plan: &Plan, played: PlayResult) -> Self {
+        let over = plan.skipped;
         let seconds = played.duration_ns as f64 * 1e-9;
         let at_fastest = f64::from(BitRates::FASTEST.nominal);
         let wire_seconds =
             played.wire_ns as f64 * 1e-9 * at_fastest / f64::from(about.bit_rate.max(1));
         let stands_still = about.is_virtual && about.rate == Rate::Max;
-        // On a virtual clock every answer comes at once.
+        // On a virtual clock, every answer arrives at once.
         let measured = |times: &[u64]| Quantiles::of(times).filter(|_| !about.is_virtual);
         Self {
             schema: 1,
@@ -162,10 +161,26 @@ impl Report {
         }
     }
 
-    /// The report in a few lines.
+    /// Returns the report as a text of a few lines.
     pub fn text(&self) -> String {
-        let tally = &self.answers;
         let mut text = String::new();
+        self.write_answers(&mut text);
+        self.write_traffic(&mut text);
+        self.write_times(&mut text);
+        let [foreign, damaged, flexible, remote, error, bad] = self.passed_over;
+        if self.passed_over.iter().any(|count| *count > 0) {
+            let _ = writeln!(
+                text,
+                "  skipped: {foreign} of other nodes, {damaged} damaged, {flexible} CAN FD, {remote} remote, {error} error, {bad} malformed lines"
+            );
+        }
+        let _ = writeln!(text, "  trace sha256 {}", self.trace_sha256);
+        text
+    }
+
+    /// Appends the verdict and the counts of the answers.
+    fn write_answers(&self, text: &mut String) {
+        let tally = &self.answers;
         let verdict = if self.holds { "holds" } else { "DOES NOT HOLD" };
         let _ = writeln!(
             text,
@@ -181,7 +196,7 @@ impl Report {
         }
         let _ = writeln!(
             text,
-            "  mismatches {}, lost {}, twice {}, late {}, unexpected {}; telemetry equal {}",
+            "  mismatches {}, lost {}, duplicated {}, reordered {}, unexpected {}; telemetry equal {}",
             tally.mismatches,
             tally.lost,
             tally.duplicated,
@@ -192,7 +207,7 @@ impl Report {
         if tally.samples < self.samples_in_log {
             let _ = writeln!(
                 text,
-                "  the driver fell silent: {} of {} samples were not sent",
+                "  the driver stopped answering: {} of {} samples were not sent",
                 self.samples_in_log - tally.samples,
                 self.samples_in_log
             );
@@ -200,10 +215,15 @@ impl Report {
         if tally.recorded > 0 {
             let _ = writeln!(
                 text,
-                "  equal to the answers in the log: {} of {} (others, if the joint had other parameters then)",
+                "  equal to the answers in the log: {} of {} (they differ if the joint had other parameters then)",
                 tally.recorded_equal, tally.recorded
             );
         }
+    }
+
+    /// Appends the traffic, the duration and the bus load.
+    fn write_traffic(&self, text: &mut String) {
+        let tally = &self.answers;
         let rate = match self.rate {
             Some(rate) => format!("{rate}x"),
             None => "max".to_owned(),
@@ -211,7 +231,7 @@ impl Report {
         let bus = format!("{} kbit/s", self.bit_rate / 1000);
         let load = match self.bus_load {
             Some(load) if load > 1.0 => {
-                format!("{load:.1} times what a bus of {bus} carries")
+                format!("{load:.1} times the capacity of a bus of {bus}")
             }
             Some(load) => format!("load of a bus of {bus} {:.1} %", 100.0 * load),
             None => format!("{:.3} s on a bus of {bus}, at least", self.wire_seconds),
@@ -225,6 +245,10 @@ impl Report {
             if self.raised_priority { ", raised priority" } else { "" },
             if took > 0.0 { tally.samples as f64 / took } else { 0.0 },
         );
+    }
+
+    /// Appends the quantiles of lateness, jitter and round trip.
+    fn write_times(&self, text: &mut String) {
         let rows = [
             ("lateness", self.lateness_us),
             ("jitter", self.jitter_us),
@@ -239,15 +263,6 @@ impl Report {
                 );
             }
         }
-        let [foreign, damaged, flexible, remote, error, bad] = self.passed_over;
-        if self.passed_over.iter().any(|count| *count > 0) {
-            let _ = writeln!(
-                text,
-                "  passed over: {foreign} of others, {damaged} damaged, {flexible} CAN FD, {remote} remote, {error} error, {bad} bad lines"
-            );
-        }
-        let _ = writeln!(text, "  trace sha256 {}", self.trace_sha256);
-        text
     }
 }
 
@@ -256,7 +271,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantiles_are_values_that_occurred() {
+    fn quantiles_of_times_returns_values_that_occurred() {
         let times: Vec<u64> = (1..=1000).rev().map(|n| n * 1000).collect();
         let of = Quantiles::of(&times).unwrap();
         assert_eq!((of.p50, of.p99, of.p999, of.max), (500.0, 990.0, 999.0, 1000.0));

@@ -1,15 +1,13 @@
-//! Acceleration from velocity, on the time stamps as they are.
+//! Acceleration as the derivative of the velocity, on the original time stamps.
 //!
-//! A plain difference of two neighbours multiplies the noise by 1/dt and trusts every jitter of
-//! the clock. Savitzky and Golay's way is better: lay a parabola through a window of samples by
-//! least squares and take *its* slope. Their famous fixed weights need an even grid, which logs do
-//! not have, so the parabola is fitted anew at every sample, in polynomials that are orthogonal on
-//! exactly the time stamps of the window (Forsythe's recurrence). That needs no matrix, and stays
-//! exact where a matrix of powers of time would be ill-conditioned.
+//! A plain difference of two neighbours multiplies the noise by 1/dt and the jitter of the clock. The method of Savitzky
+//! and Golay is better: fit a parabola to a window of samples by least squares, and use *its* slope. Its fixed weights
+//! need a uniform grid, which logs do not have. So the parabola is fitted at every sample, in polynomials that are
+//! orthogonal on the time stamps of the window (Forsythe's recurrence). That needs no matrix, and stays accurate where a
+//! matrix of powers of time would be ill-conditioned.
 //!
-//! The window slides up to the ends of a segment and stops there; the parabola is then read off
-//! centre. It never reaches across a gap. A velocity without noise ([`Run::velocity_is_smooth`]) needs no window:
-//! there the slope is a spline's.
+//! At the ends of a segment the window stops, and the slope is evaluated off its centre. It never crosses a gap. A
+//! velocity without noise ([`Run::velocity_is_smooth`]) needs no window: its slope is that of a spline.
 
 use std::borrow::Cow;
 
@@ -18,11 +16,12 @@ use compensator_core::quantity::Quantity;
 use super::dataset::Run;
 use super::segment::segments;
 
-/// Samples in the window of the derivative: itself and seven on either side.
+/// Samples in the window of the derivative: the sample and seven on either side.
 pub const DERIVATIVE_WINDOW: usize = 15;
 
 impl Run {
-    /// The measured acceleration, or else the slope of the velocity in rad/s2 or m/s2. Zero where a segment is a single sample.
+    /// Returns the measured acceleration, or else the derivative of the velocity, rad/s2 or m/s2. It is zero in a
+    /// segment of one sample.
     pub fn acceleration_or_derived(&self) -> Cow<'_, [f64]> {
         if let Some(known) = self.get(Quantity::Acceleration) {
             return Cow::Borrowed(known);
@@ -40,11 +39,11 @@ impl Run {
     }
 }
 
-/// The time derivative of `values` without noise over one unbroken stretch: the slope of the natural cubic spline
-/// through them. Stamps that repeat give their rows one slope.
+/// Returns the time derivative of values without noise over one segment: the slope of their natural cubic spline. Rows
+/// with repeated stamps get one slope.
 ///
-/// A motion of six even rows a period keeps 99 % of its acceleration; a parabola over
-/// fifteen rows is two and a half periods long there, and loses it.
+/// At six rows a period, the spline keeps 99 % of the acceleration. A parabola over fifteen rows would span two and a
+/// half periods and lose it.
 pub fn spline_derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
     let knots: Vec<usize> =
         (0..time.len()).filter(|&at| at == 0 || time[at] > time[at - 1]).collect();
@@ -54,7 +53,7 @@ pub fn spline_derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
     let step = |k: usize| time[knots[k + 1]] - time[knots[k]];
     let rise = |k: usize| (values[knots[k + 1]] - values[knots[k]]) / step(k);
     let last = knots.len() - 1;
-    // Slopes m of the spline, a tridiagonal system solved downwards and back:
+    // The slopes m of the spline solve a tridiagonal system, by elimination and back substitution:
     // m[k-1] / h[k-1] + 2 m[k] (1 / h[k-1] + 1 / h[k]) + m[k+1] / h[k] = 3 (rise[k-1] / h[k-1] + rise[k] / h[k]).
     let (mut above, mut slopes) = (vec![0.0; knots.len()], vec![0.0; knots.len()]);
     (above[0], slopes[0]) = (0.5, 1.5 * rise(0));
@@ -78,10 +77,10 @@ pub fn spline_derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The time derivative of `values` over one unbroken stretch, by a local parabola.
+/// Returns the time derivative of values over one segment, by a local parabola.
 ///
-/// `time` must not decrease; stamps may repeat. Where the window holds only two different time
-/// stamps the parabola becomes a line, and where it holds one the slope is given as zero.
+/// `time` must not decrease; stamps may repeat. With two different stamps in the window the parabola becomes a line,
+/// and with one the slope is zero.
 pub fn derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
     let n = time.len().min(values.len());
     let window = DERIVATIVE_WINDOW.min(n);
@@ -94,9 +93,9 @@ pub fn derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The slope at time `at` of the parabola that fits the samples best.
+/// Returns the slope at time `at` of the least-squares parabola.
 fn slope(time: &[f64], values: &[f64], at: f64) -> f64 {
-    // In units of the window's own length the recurrence works on numbers near one.
+    // In units of the window's length, the recurrence works on numbers near one.
     let length = time[time.len() - 1] - time[0];
     if length <= 0.0 {
         return 0.0;
@@ -124,7 +123,7 @@ fn slope(time: &[f64], values: &[f64], at: f64) -> f64 {
         p2_y += p2 * y;
     }
     let line = p1_y / p1_p1;
-    // With two different stamps p2 vanishes on all samples; what is left of it is rounding.
+    // With two different stamps p2 is zero on all samples, except for rounding.
     let curve = if p2_p2 > 1e-18 * count { p2_y / p2_p2 } else { 0.0 };
     // Derivatives at u = 0: p1' = 1, p2' = 2 u - a - mean.
     (line + curve * (-a - mean_u)) / length
@@ -134,7 +133,7 @@ fn slope(time: &[f64], values: &[f64], at: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// An uneven grid, deterministic, with steps between 5 and 15 ms.
+    /// Returns a non-uniform, deterministic grid with steps between 5 and 15 ms.
     fn uneven(n: usize) -> Vec<f64> {
         let mut t = 1000.0;
         (0..n)
@@ -146,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parabola_is_differentiated_exactly_on_an_uneven_grid_up_to_its_ends() {
+    fn derivative_of_parabola_on_uneven_grid_is_exact_up_to_the_ends() {
         let time = uneven(60);
         let values: Vec<f64> = time.iter().map(|t| 3.0 + 2.0 * (t - 1000.0).powi(2)).collect();
         for (slope, t) in derivative(&time, &values).iter().zip(&time) {
@@ -155,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spline_follows_six_rows_a_period_on_an_uneven_grid_with_repeated_stamps() {
+    fn spline_derivative_with_six_rows_a_period_and_repeated_stamps_follows_sine() {
         let mut time = uneven(400);
         time.insert(100, time[100]);
         let omega = 2.0 * std::f64::consts::PI / 0.06;
@@ -170,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_is_followed_and_noise_is_damped() {
+    fn derivative_of_noisy_sine_follows_it_and_reduces_noise() {
         let time = uneven(2000);
         let noise = |i: usize| 1e-3 * (((i * 48271) % 1009) as f64 / 504.0 - 1.0);
         let values: Vec<f64> =
@@ -188,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn no_slope_crosses_a_gap() {
+    fn acceleration_or_derived_with_gap_does_not_cross_it() {
         let mut run = Run::default();
         for i in 0..40 {
             run.time_s.push(if i < 20 { 0.0 } else { 100.0 } + 0.01 * f64::from(i));
@@ -198,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn few_or_equal_stamps_give_finite_slopes() {
+    fn derivative_with_few_or_equal_stamps_is_finite() {
         assert_eq!(derivative(&[], &[]), [] as [f64; 0]);
         assert_eq!(derivative(&[1.0], &[5.0]), [0.0]);
         assert_eq!(derivative(&[1.0, 1.0, 1.0], &[1.0, 2.0, 3.0]), [0.0; 3]);
@@ -208,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_measured_acceleration_is_taken_as_it_is() {
+    fn acceleration_or_derived_with_measured_acceleration_returns_it() {
         let run = Run { time_s: vec![0.0, 1.0], velocity: vec![0.0, 1.0], ..Run::default() }
             .with(Quantity::Acceleration, vec![7.0, 8.0]);
         assert_eq!(*run.acceleration_or_derived(), [7.0, 8.0]);

@@ -1,76 +1,70 @@
-//! May this row stay?
+//! Row-by-row validation of a log.
 //!
-//! All file formats end here, row by row, so that a log means the same in each. A row must have its
-//! run, a finite time, velocity and torque, and a time that is not before the row kept last in the same
-//! run; otherwise it is left out, counted and (the first few) named. Time stamps may *repeat*: a logger faster
-//! than its clock writes such rows, and all of them are measurements. Runs may be interleaved row by row; each has its
-//! own clock.
+//! Every file format passes its rows to one [`Cleaner`], so that a log means the same in each format. A row needs a
+//! run name, a finite time, a velocity and a torque. Its time must not be before that of the last accepted row of the
+//! same run. Other rows are left out and counted, and the first few are reported. Time stamps may *repeat*: a logger
+//! that is faster than its clock writes such rows, and all of them are measurements. Runs may be interleaved row by
+//! row; each has its own clock.
 //!
-//! What only the whole file can show is decided when it is over (`close`): a velocity that is empty in every other row
-//! is a channel of its own in a merged log, in one row of a hundred it is a bad row. Until then holes are NaN.
+//! Some decisions need the whole file and are made at its end (`close`). A velocity that is empty in every other row
+//! belongs to a separate channel of a merged log; in one row of a hundred it is a bad row. Missing values are NaN
+//! until then.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
+use super::cell::is_list;
 use super::clock::Clock;
-use super::columns::{Column, FINITE, Label, Tally, is_nothing};
+use super::columns::{ColumnTally, FINITE, OptionalValues, RunLabel, is_missing_value};
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
 use super::header::{Layout, OptionalColumn};
-use super::reading::is_list;
-use super::split::same;
+use super::row::LogRow;
+use super::split::are_equal;
 use compensator_core::quantity::JointKind;
 
-/// More than this share of bad rows in a file is an error: such a file is misread, not noisy.
+/// Maximum share of bad rows in a file. Above it, the file is probably misread and reading fails.
 pub const MAX_BAD_SHARE: f64 = 0.05;
 
-/// More runs than this in a file is an error: then the run column is not one.
+/// Maximum number of runs in a file. More indicate that the run column holds something else.
 pub const MAX_RUNS: usize = 100_000;
 
-/// No machine moves, pushes or heats like this. The core's `f32` squares such numbers, which must stay
-/// finite; a fit's sums of squares must, too. A clock or a foreign covariate may count as it likes.
-const LARGEST: f64 = 1e15;
+/// Maximum magnitude of a measured value. The core squares values in `f32`, and a fit sums squares; both must stay
+/// finite. Time and covariates that the contract does not define are not limited.
+const MAX_MAGNITUDE: f64 = 1e15;
 
-/// What is wrong with a cell, if anything, as what is expected instead.
-fn complaint(cell: Option<f64>, counts: bool) -> Option<&'static str> {
+/// Returns what a cell should hold instead, or `None` if its value is valid.
+fn value_error(cell: Option<f64>, is_unbounded: bool) -> Option<&'static str> {
     match cell {
-        Some(value) if value.abs() <= LARGEST || counts && value.is_finite() => None,
-        Some(value) if value.is_finite() => Some("a size of at most 1e15"),
+        Some(value) if value.abs() <= MAX_MAGNITUDE || is_unbounded && value.is_finite() => None,
+        Some(value) if value.is_finite() => Some("a magnitude of at most 1e15"),
         _ => Some(FINITE),
     }
 }
 
-/// The same, with what helps where the cell is a list.
-fn expected(complaint: &'static str, cell: &[u8]) -> &'static str {
+/// Returns the expected content of a rejected cell, with a hint if the cell holds a list.
+fn expected_content(error: &'static str, cell: &[u8]) -> &'static str {
     if is_list(cell) {
         "a number; of a list, --columns NAME=COLUMN[0] takes the first"
     } else {
-        complaint
+        error
     }
 }
 
-/// One row of a file, whatever its format.
-pub(super) trait Row {
-    /// The cell as a number; may be NaN or infinite; `None` where it is none.
-    fn number(&self, column: usize) -> Option<f64>;
-    /// The cell as text without surrounding blanks.
-    fn text(&self, column: usize) -> Cow<'_, [u8]>;
-}
-
-/// A file's clean rows.
+/// The valid rows of a file.
 #[derive(Debug)]
 pub(super) struct FileData {
     pub joint: JointKind,
     pub runs: Vec<CleanRun>,
-    /// The optional columns that stayed.
+    /// The optional columns that are kept.
     pub optional: Vec<OptionalColumn>,
     pub left_out: Vec<LeftOutColumn>,
     pub notes: Vec<String>,
     pub sources: Vec<SourceColumn>,
-    /// What the times count from, ns since 1970, where the file says it.
+    /// Origin of the times, ns since 1970; `None` if the file does not state it.
     pub origin_ns: Option<i128>,
-    /// Whether the runs' names are the file's own.
+    /// True if the file names its runs.
     pub has_runs: bool,
     pub rows: usize,
     pub bad: BadRows,
@@ -79,7 +73,7 @@ pub(super) struct FileData {
 /// One run of a file.
 #[derive(Debug)]
 pub(super) struct CleanRun {
-    /// `None` if the file has no run column and is one start.
+    /// `None` if the file has no run column and holds one recording.
     pub name: Option<String>,
     /// Time, velocity, torque.
     pub required: [Vec<f64>; 3],
@@ -88,87 +82,88 @@ pub(super) struct CleanRun {
     pub labels: Vec<(String, String)>,
 }
 
-/// A run while it is read. Holes are NaN.
+/// A run that is being read. Missing values are NaN.
 #[derive(Debug)]
 pub(super) struct OpenRun {
     pub name: Box<[u8]>,
     /// Time, velocity (or position), torque.
     pub required: [Vec<f64>; 3],
-    pub optional: Vec<Column>,
-    pub labels: Vec<Label>,
-    /// Rows of the file, as an editor counts them.
-    pub lines: Vec<u64>,
-    /// Rows that were taken.
-    pub taken: usize,
+    pub optional: Vec<OptionalValues>,
+    pub labels: Vec<RunLabel>,
+    /// Row numbers in the file, as an editor counts them.
+    pub row_numbers: Vec<u64>,
+    /// Number of accepted rows.
+    pub accepted: usize,
 }
 
-/// The texts a column holds.
+/// The distinct texts of a column.
 #[derive(Debug, Default)]
-pub(super) struct Texts {
-    pub seen: Vec<Box<[u8]>>,
-    /// Whether there are more than are kept.
-    pub many: bool,
+pub(super) struct DistinctTexts {
+    pub values: Vec<Box<[u8]>>,
+    /// True if the column holds more texts than are kept.
+    pub is_truncated: bool,
     last: usize,
-    /// Whether it changes inside a run.
+    /// True if the text changes inside a run.
     pub changes: bool,
 }
 
-impl Texts {
-    /// Kept at most: more values do not name joints.
-    const MOST: usize = 32;
+impl DistinctTexts {
+    /// Maximum number of texts that are kept. A column with more does not name joints.
+    const MAX_VALUES: usize = 32;
 
-    fn see(&mut self, text: &[u8]) {
-        if self.seen.get(self.last).is_some_and(|last| **last == *text) {
+    fn insert(&mut self, text: &[u8]) {
+        if self.values.get(self.last).is_some_and(|last| **last == *text) {
             return;
         }
-        match self.seen.iter().position(|seen| **seen == *text) {
+        match self.values.iter().position(|known| **known == *text) {
             Some(at) => self.last = at,
-            None if self.seen.len() < Self::MOST => {
-                self.last = self.seen.len();
-                self.seen.push(text.into());
+            None if self.values.len() < Self::MAX_VALUES => {
+                self.last = self.values.len();
+                self.values.push(text.into());
             }
-            None => self.many = true,
+            None => self.is_truncated = true,
         }
     }
 
-    /// For a message.
+    /// Lists the texts for a message.
     pub fn listed(&self) -> String {
         let texts: Vec<String> =
-            self.seen.iter().map(|text| String::from_utf8_lossy(text).into_owned()).collect();
-        if self.many { format!("{} ..", listed(&texts)) } else { listed(&texts) }
+            self.values.iter().map(|text| String::from_utf8_lossy(text).into_owned()).collect();
+        if self.is_truncated { format!("{} ..", listed(&texts)) } else { listed(&texts) }
     }
 }
 
-/// Takes rows and keeps the good ones.
+/// Collects the valid rows of a file and counts the others.
 pub(super) struct Cleaner<'a> {
     pub(super) file: &'a Path,
     pub(super) layout: Layout,
     pub(super) clock: Clock,
     pub(super) runs: Vec<OpenRun>,
     by_name: HashMap<Box<[u8]>, usize>,
-    /// The run of the row before: mostly that of the next one, too.
+    /// The run of the previous row. The next row mostly belongs to it too.
     current: usize,
-    /// The run of the row taken last.
+    /// The run of the last accepted row.
     previous: Option<usize>,
-    /// Of the optional columns.
-    pub(super) tallies: Vec<Tally>,
-    /// Of velocity and torque.
-    pub(super) holes: [Tally; 2],
-    /// Rows with neither.
-    pub(super) apart: usize,
-    /// Of the columns that may name joints, and of those rows are chosen by.
-    pub(super) joint_names: Vec<Texts>,
-    pub(super) chosen_by: Vec<Texts>,
-    /// Rows that were not chosen.
-    pub(super) elsewhere: usize,
+    /// One for each optional column.
+    pub(super) tallies: Vec<ColumnTally>,
+    /// Cells without a value in the velocity and the torque column.
+    pub(super) missing: [ColumnTally; 2],
+    /// Number of rows with neither velocity nor torque.
+    pub(super) covariate_only_rows: usize,
+    /// Texts of the columns that may name joints.
+    pub(super) joint_names: Vec<DistinctTexts>,
+    /// Texts of the columns that `--where` names.
+    pub(super) selection_texts: Vec<DistinctTexts>,
+    /// Number of rows that `--where` excludes.
+    pub(super) unselected_rows: usize,
     pub(super) rows: usize,
     pub(super) bad: BadRows,
 }
 
 impl<'a> Cleaner<'a> {
     pub fn new(file: &'a Path, layout: Layout) -> Self {
-        let tallies = layout.optional.iter().map(|_| Tally::default()).collect();
-        let texts = |count| std::iter::repeat_with(Texts::default).take(count).collect();
+        let tallies = layout.optional.iter().map(|_| ColumnTally::default()).collect();
+        let texts = |count| std::iter::repeat_with(DistinctTexts::default).take(count).collect();
         Cleaner {
             file,
             clock: Clock::new(layout.required[0]),
@@ -177,114 +172,117 @@ impl<'a> Cleaner<'a> {
             current: 0,
             previous: None,
             tallies,
-            holes: Default::default(),
-            apart: 0,
+            missing: Default::default(),
+            covariate_only_rows: 0,
             joint_names: texts(layout.joint_names.len()),
-            chosen_by: texts(layout.only.len()),
-            elsewhere: 0,
+            selection_texts: texts(layout.only.len()),
+            unselected_rows: 0,
             rows: 0,
             bad: BadRows::default(),
             layout,
         }
     }
 
-    /// Takes one row, counted as [`BadCell::row`] says. Fails only if there are too many runs.
-    pub fn take(&mut self, number: u64, row: &impl Row) -> Result<(), DataError> {
-        if !self.is_chosen(row) {
-            self.elsewhere += 1;
+    /// Adds a row with its number as defined by [`BadCell::row`].
+    ///
+    /// # Errors
+    /// If the file holds more than [`MAX_RUNS`] runs.
+    pub fn add_row(&mut self, number: u64, row: &impl LogRow) -> Result<(), DataError> {
+        if !self.is_selected(row) {
+            self.unselected_rows += 1;
             return Ok(());
         }
         self.rows += 1;
         let time = self.clock.time_s(row);
-        if let Some(complaint) = complaint(time, true) {
-            self.leave_out_cell(number, row, 0, complaint);
+        if let Some(error) = value_error(time, true) {
+            self.reject_cell(number, row, 0, error);
             return Ok(());
         }
         let mut values = [time.unwrap_or_default(), f64::NAN, f64::NAN];
         for (at, value) in values.iter_mut().enumerate().skip(1) {
             let cell = self.layout.required[at].value(row);
-            match complaint(cell, false) {
+            match value_error(cell, false) {
                 None => *value = cell.unwrap_or_default(),
-                Some(complaint) if cell.is_none_or(f64::is_nan) => {
+                Some(error) if cell.is_none_or(f64::is_nan) => {
                     let column = self.layout.required[at].index;
                     let text = row.text(column);
-                    if !is_nothing(&text) {
-                        self.leave_out_cell(number, row, at, complaint);
+                    if !is_missing_value(&text) {
+                        self.reject_cell(number, row, at, error);
                         return Ok(());
                     }
                     let name = &self.layout.names[column];
-                    self.holes[at - 1].no_number(self.file, number, name, &text, FINITE);
+                    self.missing[at - 1].add_other(self.file, number, name, &text, FINITE);
                 }
-                Some(complaint) => {
-                    self.leave_out_cell(number, row, at, complaint);
+                Some(error) => {
+                    self.reject_cell(number, row, at, error);
                     return Ok(());
                 }
             }
         }
-        let Some(run) = self.run_of(number, row)? else { return Ok(()) };
-        let is_apart = values[1].is_nan() && values[2].is_nan();
-        self.apart += usize::from(is_apart);
+        let Some(run) = self.run_index(number, row)? else { return Ok(()) };
+        let is_covariate_only = values[1].is_nan() && values[2].is_nan();
+        self.covariate_only_rows += usize::from(is_covariate_only);
         let open = &mut self.runs[run];
         let at = open.required[0].len();
         for (kept, value) in open.required.iter_mut().zip(values) {
             kept.push(value);
         }
-        for (tally, value) in self.holes.iter_mut().zip(&values[1..]) {
+        for (tally, value) in self.missing.iter_mut().zip(&values[1..]) {
             tally.numbers += usize::from(!value.is_nan());
         }
-        open.lines.push(number);
-        open.taken += 1;
+        open.row_numbers.push(number);
+        open.accepted += 1;
         let optional = self.layout.optional.iter().zip(&mut self.tallies);
         for ((column, tally), (kept, label)) in
             optional.zip(open.optional.iter_mut().zip(&mut open.labels))
         {
             let cell = column.reading.value(row);
-            match complaint(cell, column.quantity.is_none()) {
+            match value_error(cell, column.quantity.is_none()) {
                 None => {
-                    tally.number();
-                    tally.apart += usize::from(is_apart);
-                    kept.put(at, cell.unwrap_or_default());
+                    tally.add_number();
+                    tally.covariate_only += usize::from(is_covariate_only);
+                    kept.set(at, cell.unwrap_or_default());
                 }
-                Some(complaint) => {
+                Some(error) => {
                     let index = column.reading.index;
                     let (name, text) = (&self.layout.names[index], row.text(index));
-                    let expected = expected(complaint, &text);
-                    tally.no_number(self.file, number, name, &text, expected);
-                    label.see(&text);
+                    let expected = expected_content(error, &text);
+                    tally.add_other(self.file, number, name, &text, expected);
+                    label.add(&text);
                 }
             }
         }
         for (texts, column) in self.joint_names.iter_mut().zip(&self.layout.joint_names) {
             let before = texts.last;
-            texts.see(&row.text(column.index));
+            texts.insert(&row.text(column.index));
             texts.changes |= before != texts.last && self.previous == Some(run);
         }
         self.previous = Some(run);
         Ok(())
     }
 
-    /// Whether `--where` takes the row.
-    fn is_chosen(&mut self, row: &impl Row) -> bool {
-        let mut is_chosen = true;
-        for (only, texts) in self.layout.only.iter().zip(&mut self.chosen_by) {
+    /// Returns true if `--where` selects the row.
+    fn is_selected(&mut self, row: &impl LogRow) -> bool {
+        let mut is_selected = true;
+        for (only, texts) in self.layout.only.iter().zip(&mut self.selection_texts) {
             let text = row.text(only.index);
-            texts.see(&text);
+            texts.insert(&text);
             let text = String::from_utf8_lossy(&text);
-            is_chosen &= only.values.iter().any(|value| same(&text, value));
+            is_selected &= only.values.iter().any(|value| are_equal(&text, value));
         }
-        is_chosen
+        is_selected
     }
 
-    /// Leaves a row out for one of its required cells: of time, velocity, torque.
-    fn leave_out_cell(&mut self, number: u64, row: &impl Row, at: usize, complaint: &'static str) {
+    /// Leaves a row out because of a required cell: 0 time, 1 velocity, 2 torque.
+    fn reject_cell(&mut self, number: u64, row: &impl LogRow, at: usize, error: &'static str) {
         let column = self.layout.required[at].index;
         let text = row.text(column);
-        let expected = expected(complaint, &text);
-        self.leave_out(number, Some(column), quoted(&text), expected);
+        let expected = expected_content(error, &text);
+        self.reject_row(number, Some(column), quoted(&text), expected);
     }
 
-    /// Counts a row that is left out; `column` is `None` where no single cell is to blame.
-    pub fn leave_out(&mut self, row: u64, column: Option<usize>, found: String, expected: &str) {
+    /// Leaves a row out and counts it. `column` is `None` if no single cell is the cause.
+    pub fn reject_row(&mut self, row: u64, column: Option<usize>, found: String, expected: &str) {
         self.bad.count += 1;
         if self.bad.first.len() < NAMED_BAD_ROWS {
             let column = column.map_or("(all)", |at| self.layout.names[at].as_str()).into();
@@ -293,20 +291,20 @@ impl<'a> Cleaner<'a> {
         }
     }
 
-    /// Counts a row whose cells are too few or too many.
-    pub fn leave_out_ragged(&mut self, row: u64, found: String) {
+    /// Leaves a row out because it has too few or too many cells.
+    pub fn reject_ragged_row(&mut self, row: u64, found: String) {
         self.rows += 1;
         let expected = format!("{} cells as in the header", self.layout.names.len());
-        self.leave_out(row, None, found, &expected);
+        self.reject_row(row, None, found, &expected);
     }
 
-    /// The run the row belongs to, opened if it is new; `None` if the row does not say.
-    fn run_of(&mut self, number: u64, row: &impl Row) -> Result<Option<usize>, DataError> {
+    /// Returns the index of the row's run, which it adds if it is new. Returns `None` if the row has no run name.
+    fn run_index(&mut self, number: u64, row: &impl LogRow) -> Result<Option<usize>, DataError> {
         let name = match self.layout.run {
             Some(column) => {
                 let name = row.text(column);
                 if name.is_empty() {
-                    self.leave_out(number, Some(column), quoted(&name), "the run's name");
+                    self.reject_row(number, Some(column), quoted(&name), "the run's name");
                     return Ok(None);
                 }
                 name
@@ -325,8 +323,8 @@ impl<'a> Cleaner<'a> {
                 file: self.file.into(),
                 row: number,
                 column: self.layout.run.map_or("run", |at| &self.layout.names[at]).into(),
-                found: format!("a run more after {MAX_RUNS} of them"),
-                expected: format!("at most {MAX_RUNS} runs; is this column the row's number?"),
+                found: format!("more than {MAX_RUNS} run names"),
+                expected: format!("at most {MAX_RUNS} runs; does this column hold row numbers?"),
             }));
         }
         let columns = self.layout.optional.len();
@@ -335,10 +333,10 @@ impl<'a> Cleaner<'a> {
         self.runs.push(OpenRun {
             name: name.as_ref().into(),
             required: Default::default(),
-            optional: std::iter::repeat_with(Column::default).take(columns).collect(),
-            labels: std::iter::repeat_with(Label::default).take(columns).collect(),
-            lines: Vec::new(),
-            taken: 0,
+            optional: std::iter::repeat_with(OptionalValues::default).take(columns).collect(),
+            labels: std::iter::repeat_with(RunLabel::default).take(columns).collect(),
+            row_numbers: Vec::new(),
+            accepted: 0,
         });
         Ok(Some(self.current))
     }

@@ -1,87 +1,89 @@
-//! Cells of a time column, made into seconds.
+//! Conversion of a time column to seconds.
 //!
-//! A log's clock may count anything: seconds, milliseconds, nanoseconds since 1970, or write the date out
-//! (`2024-05-01T12:00:00.25Z`). Nanoseconds since 1970 have nineteen digits, of which a 64-bit number keeps sixteen:
-//! taken as they are, rows 200 ns apart would share a stamp. So such stamps and dates are read as whole nanoseconds
-//! and counted from the file's first one, the origin, which is kept: several files of one campaign
-//! share its clock again when they are joined.
+//! A log's clock may count seconds, milliseconds or nanoseconds since 1970, or hold dates
+//! (`2024-05-01T12:00:00.25Z`). Nanoseconds since 1970 have nineteen digits, but an `f64` keeps only sixteen: rows
+//! 200 ns apart would get the same stamp. Such stamps and dates are therefore read as whole nanoseconds and counted
+//! from the first stamp of the file, the origin. The origin is kept, so that joined files of one campaign share a
+//! clock.
 
-use super::clean::Row;
-use super::reading::Reading;
+use super::cell::CellReader;
+use super::row::LogRow;
 use chrono::{DateTime, NaiveDateTime, NaiveTime, Timelike};
 
-/// Stamps from here on, ns (three years), count from 1970 and not from when the logger was switched on.
-const EPOCH_NS: i128 = 100_000_000_000_000_000;
+/// Stamps of at least this size, ns (three years), count from 1970. Smaller ones count from the start of the logger.
+const MIN_EPOCH_NS: i128 = 100_000_000_000_000_000;
 
-/// Whole numbers above this are no longer exact in 64 bits.
-const EXACT: f64 = 9_007_199_254_740_992.0;
+/// Limit below which an `f64` represents every whole number exactly: 2^53.
+const MAX_EXACT_INTEGER: f64 = 9_007_199_254_740_992.0;
 
 /// The clock of a file.
 #[derive(Debug, Clone)]
 pub(super) struct Clock {
-    pub reading: Reading,
-    /// What the seconds count from, ns since 1970; `None` while it is what the column counts from.
+    pub reading: CellReader,
+    /// Origin of the seconds, ns since 1970; `None` while the column's own origin is used.
     pub origin_ns: Option<i128>,
-    started: bool,
+    is_started: bool,
 }
 
 impl Clock {
-    pub fn new(reading: Reading) -> Self {
-        Self { reading, origin_ns: None, started: false }
+    pub fn new(reading: CellReader) -> Self {
+        Self { reading, origin_ns: None, is_started: false }
     }
 
-    /// The time of a row, s; `None` if the cell is none.
+    /// Returns the time of a row, s, or `None` if the cell holds no time.
     #[inline]
-    pub fn time_s(&mut self, row: &impl Row) -> Option<f64> {
+    pub fn time_s(&mut self, row: &impl LogRow) -> Option<f64> {
         match self.reading.raw(row) {
-            // Seconds as they are: the contract's own column.
+            // The contract's own column: seconds without a conversion.
             Some(value) if self.reading.conversion.is_none() && self.origin_ns.is_none() => {
-                self.started = true;
+                self.is_started = true;
                 Some(value)
             }
-            Some(value) => self.counted(row, value),
-            None => self.since(date(&row.text(self.reading.index))?),
+            Some(value) => self.convert_count(row, value),
+            None => self.seconds_since_origin(parse_date_ns(&row.text(self.reading.index))?),
         }
     }
 
-    fn counted(&mut self, row: &impl Row, value: f64) -> Option<f64> {
+    fn convert_count(&mut self, row: &impl LogRow, value: f64) -> Option<f64> {
         let Some(conversion) = self.reading.conversion else { return Some(value) };
         let whole = if value.fract() != 0.0 || !value.is_finite() {
             None
-        } else if value.abs() < EXACT {
+        } else if value.abs() < MAX_EXACT_INTEGER {
             Some(value as i128)
         } else {
             std::str::from_utf8(&row.text(self.reading.index)).ok()?.trim().parse().ok()
         };
         let stamp = whole.and_then(|whole: i128| whole.checked_mul(conversion.nanoseconds()));
         match (stamp, self.origin_ns) {
-            (Some(stamp), _) if self.origin_ns.is_some() || !self.started && stamp >= EPOCH_NS => {
-                self.since(stamp)
+            (Some(stamp), _)
+                if self.origin_ns.is_some() || !self.is_started && stamp >= MIN_EPOCH_NS =>
+            {
+                self.seconds_since_origin(stamp)
             }
             (_, Some(origin)) => Some(conversion.apply(value) - origin as f64 / 1e9),
             _ => {
-                self.started = true;
+                self.is_started = true;
                 Some(conversion.apply(value))
             }
         }
     }
 
-    /// Seconds since the origin, which the first stamp sets.
-    fn since(&mut self, stamp_ns: i128) -> Option<f64> {
-        if self.started && self.origin_ns.is_none() {
-            // A date among plain seconds is no time of theirs.
+    /// Returns the seconds since the origin. The first stamp sets the origin.
+    fn seconds_since_origin(&mut self, stamp_ns: i128) -> Option<f64> {
+        if self.is_started && self.origin_ns.is_none() {
+            // A date in a column of plain seconds has no common origin with them.
             return None;
         }
-        self.started = true;
+        self.is_started = true;
         let origin = *self.origin_ns.get_or_insert(stamp_ns);
         Some((stamp_ns - origin) as f64 / 1e9)
     }
 }
 
-/// A date and time of day, with an offset from UTC or without, or a time of day alone, in ns.
-fn date(text: &[u8]) -> Option<i128> {
+/// Parses a date and time of day with or without an offset from UTC, or a time of day alone. Returns ns.
+fn parse_date_ns(text: &[u8]) -> Option<i128> {
     let text = std::str::from_utf8(text).ok()?.trim().trim_matches('"');
-    // A quick look first: a column of words is asked for each of its rows.
+    // Quick rejection: a column of words calls this for each of its rows.
     if !text.as_bytes().first()?.is_ascii_digit() || !text.contains(':') {
         return None;
     }
@@ -111,11 +113,11 @@ fn date(text: &[u8]) -> Option<i128> {
     Some(seconds * 1_000_000_000 + i128::from(time.nanosecond()))
 }
 
-/// The origin as a person reads it.
-pub(super) fn origin(origin_ns: i128) -> String {
+/// Formats the origin for a message.
+pub(super) fn format_origin(origin_ns: i128) -> String {
     let seconds = origin_ns.div_euclid(1_000_000_000) as i64;
     match DateTime::from_timestamp(seconds, 0) {
-        // Times of day without a date.
+        // A time of day without a date.
         Some(stamp) if seconds < 86_400 => {
             format!("{:02}:{:02}:{:02}", stamp.hour(), stamp.minute(), stamp.second())
         }
@@ -132,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dates_are_read_as_they_are_written() {
+    fn parse_date_ns_with_common_formats_returns_nanoseconds() {
         let noon = 1_714_564_800_000_000_000;
         for text in [
             "2024-05-01T12:00:00Z",
@@ -143,14 +145,14 @@ mod tests {
             "2024/05/01 12:00:00.000",
             "\"2024-05-01T12:00:00.000000000\"",
         ] {
-            assert_eq!(date(text.as_bytes()), Some(noon), "{text}");
+            assert_eq!(parse_date_ns(text.as_bytes()), Some(noon), "{text}");
         }
-        assert_eq!(date(b"2024-05-01T12:00:00.123456789Z"), Some(noon + 123_456_789));
-        assert_eq!(date(b"00:01:00.5"), Some(60_500_000_000));
+        assert_eq!(parse_date_ns(b"2024-05-01T12:00:00.123456789Z"), Some(noon + 123_456_789));
+        assert_eq!(parse_date_ns(b"00:01:00.5"), Some(60_500_000_000));
         for text in ["", "noon", "12", "2024-05-01", "2024-13-01T12:00:00Z"] {
-            assert_eq!(date(text.as_bytes()), None, "{text}");
+            assert_eq!(parse_date_ns(text.as_bytes()), None, "{text}");
         }
-        assert_eq!(origin(noon), "2024-05-01 12:00:00 UTC");
-        assert_eq!(origin(60_500_000_000), "00:01:00");
+        assert_eq!(format_origin(noon), "2024-05-01 12:00:00 UTC");
+        assert_eq!(format_origin(60_500_000_000), "00:01:00");
     }
 }

@@ -1,103 +1,108 @@
-//! A file is over: what its holes mean, which columns stay, where its starts begin.
+//! Evaluation of a file at its end: missing values, columns that are kept, starts of recordings.
 //!
-//! The order matters. Several joints in one file are refused before anything is said of clocks that run backwards,
-//! which is what two joints look like. Then each run is put in order and cut into starts (`order`), the optional columns
-//! are judged and filled (`fill`), and last the rows go that lack a velocity or a torque: as rows of another channel where
-//! the file is a merge of several, as bad rows where it is not.
+//! The order matters. A file of several joints is rejected first, because two joints also look like a clock that runs
+//! backwards. Then the rows of each run are ordered and split into recordings (`order`), and the optional columns are
+//! evaluated and filled (`fill`). Last, rows without a velocity or a torque are removed. They count as rows of another
+//! channel if the file merges several channels, and as bad rows if not.
 //!
-//! A merge shows in this: a velocity or a torque that is in fewer than [`OF_ANOTHER`] of the rows, at regular distances; or
-//! rows that hold neither, and values of columns that hold nothing elsewhere.
+//! A file is a merge if velocity or torque occurs in a smaller share of rows than [`MERGED_CHANNEL_SHARE`], at regular
+//! distances. It is a partial merge if rows with neither hold values of columns that are rare elsewhere.
 
 use std::mem::take;
 use std::ops::Range;
 
 use super::clean::{CleanRun, Cleaner, FileData, MAX_BAD_SHARE, OpenRun};
 use super::clock;
-use super::columns::{FINITE, Fate, is_nothing};
+use super::columns::{ColumnUse, FINITE, is_missing_value};
 use super::contract::RUN;
 use super::dataset::LeftOutColumn;
 use super::error::{BadCell, DataError, NAMED_BAD_ROWS};
 use super::fill::{Fill, fill};
 use super::header::Layout;
-use super::order::{PAUSE, order, starts};
+use super::order::{MIN_PAUSE_S, check_order, recordings};
 use super::segment::{GAP_FACTOR, median_step};
 use super::velocity::differences;
 
-/// A velocity or torque in a smaller share of the rows is a channel with stamps of its own.
-const OF_ANOTHER: f64 = 0.6;
+/// Maximum share of rows with a value of velocity or torque for it to be a channel with its own stamps.
+const MERGED_CHANNEL_SHARE: f64 = 0.6;
 
-/// A covariate in a smaller share of the rows that hold a velocity or a torque is one, too.
-const SLOW: f64 = 0.5;
+/// Maximum share of rows with a value of a covariate, among the rows with velocity or torque, for the covariate to be
+/// such a channel.
+const SEPARATE_COVARIATE_SHARE: f64 = 0.5;
 
-/// Of the rows with neither velocity nor torque, the share that such covariates must account for.
-const EXPLAINED: f64 = 0.9;
+/// Minimum share of the rows with neither velocity nor torque that such covariates must explain.
+const MIN_EXPLAINED_SHARE: f64 = 0.9;
 
-/// One start of a run: rows that stay, in order.
-struct Start {
-    /// The run it is of, and its number in it where there are several.
+/// One recording of a run: the rows that are kept, in order.
+struct Recording {
+    /// Index of the run.
     run: usize,
+    /// Number of the recording in the run, from 1; `None` if there is only one.
     number: Option<usize>,
     rows: Range<usize>,
 }
 
-/// What the file is, by its holes.
+/// How the channels of a file are merged.
 #[derive(Clone, Copy, PartialEq)]
-enum Channels {
-    /// One row, one sample.
-    One,
-    /// Velocity and torque come together, other columns in rows of their own.
-    Beside,
-    /// Velocity and torque have stamps of their own.
+enum ChannelLayout {
+    /// Each row is one sample of all columns.
+    Single,
+    /// Velocity and torque share rows; other columns have rows of their own.
+    SeparateCovariates,
+    /// Velocity and torque have rows of their own.
     Merged,
 }
 
 impl Cleaner<'_> {
-    /// Judges the columns, fills and cuts, and closes the file.
+    /// Evaluates the columns, fills missing values, splits recordings and returns the data.
+    ///
+    /// # Errors
+    /// If the file holds no rows, several joints, too many bad rows, or text in a column that `--columns` names.
     pub fn finish(mut self) -> Result<FileData, DataError> {
-        self.refuse_nothing()?;
-        self.refuse_several_joints()?;
-        let fates = self.fates()?;
-        let channels = self.channels();
+        self.check_not_empty()?;
+        self.check_single_joint()?;
+        let uses = self.column_uses()?;
+        let channels = self.channel_layout();
         let mut repeated = 0;
-        let mut all: Vec<Start> = Vec::new();
+        let mut all: Vec<Recording> = Vec::new();
         let mut runs = take(&mut self.runs);
         for (at, run) in runs.iter_mut().enumerate() {
-            repeated += self.put_in_order(run);
+            repeated += self.remove_backward_rows(run);
             let is_one = self.layout.run.is_some();
-            let whole = 0..run.lines.len();
-            let found = if is_one { vec![whole] } else { starts(&run.required[0]) };
+            let whole = 0..run.row_numbers.len();
+            let found = if is_one { vec![whole] } else { recordings(&run.required[0]) };
             let several = found.len() > 1;
             all.extend(found.into_iter().filter(|rows| !rows.is_empty()).enumerate().map(
-                |(number, rows)| Start { run: at, number: several.then_some(number + 1), rows },
+                |(number, rows)| Recording { run: at, number: several.then_some(number + 1), rows },
             ));
         }
-        let fates = self.lacking(fates, &mut runs, &all);
-        let filled = self.fill_optional(&fates, &mut runs, &all);
-        if channels == Channels::Merged {
+        let uses = self.drop_incomplete_columns(uses, &mut runs, &all);
+        let filled = self.fill_optional(&uses, &mut runs, &all);
+        if channels == ChannelLayout::Merged {
             fill_velocity(&mut runs, &all);
         }
-        let (mut clean, mut passed) = (Vec::new(), 0);
-        for start in &all {
-            let (run, others) = self.cut(&mut runs[start.run], start, &fates, channels);
+        let (mut clean, mut other_rows) = (Vec::new(), 0);
+        for recording in &all {
+            let (run, others) = self.extract(&mut runs[recording.run], recording, &uses, channels);
             clean.extend(run);
-            passed += others;
+            other_rows += others;
         }
-        self.judge()?;
-        self.tell_columns(&fates, &filled, &clean);
-        self.tell_rows(channels, passed, repeated, all.len() - runs.len());
+        self.check_bad_share()?;
+        self.add_column_notes(&uses, &filled, &clean);
+        self.add_row_notes(channels, other_rows, repeated, all.len() - runs.len());
         let Layout { joint, run, optional, left_out, notes, mut sources, .. } = self.layout;
         let has_runs = run.is_some();
-        for ((column, filled), fate) in optional.iter().zip(&filled).zip(&fates) {
+        for ((column, filled), column_use) in optional.iter().zip(&filled).zip(&uses) {
             if let Some(source) = sources.iter_mut().find(|of| of.name == column.name) {
                 source.filled = filled.map_or(0, |(rows, _)| rows);
-                source.fill = filled.map(|(_, how)| how.words());
+                source.fill = filled.map(|(_, method)| method.description());
             }
-            if *fate != Fate::Numeric {
+            if *column_use != ColumnUse::Numeric {
                 sources.retain(|source| source.name != column.name);
             }
         }
-        let optional = optional.into_iter().zip(&fates);
-        let optional = optional.filter(|(_, fate)| **fate == Fate::Numeric);
+        let optional = optional.into_iter().zip(&uses);
+        let optional = optional.filter(|(_, column_use)| **column_use == ColumnUse::Numeric);
         let optional = optional.map(|(column, _)| column).collect();
         let (rows, bad, origin_ns) = (self.rows, self.bad, self.clock.origin_ns);
         Ok(FileData {
@@ -114,17 +119,17 @@ impl Cleaner<'_> {
         })
     }
 
-    fn refuse_nothing(&self) -> Result<(), DataError> {
+    fn check_not_empty(&self) -> Result<(), DataError> {
         if self.rows > 0 {
             return Ok(());
         }
-        let mut chosen = self.layout.only.iter().zip(&self.chosen_by);
-        if let Some((only, texts)) = chosen.next_back().filter(|_| self.elsewhere > 0) {
+        let mut selection = self.layout.only.iter().zip(&self.selection_texts);
+        if let Some((only, texts)) = selection.next_back().filter(|_| self.unselected_rows > 0) {
             let column = &self.layout.names[only.index];
             let asked = format!("{column}={}", only.values.join(","));
             return Err(DataError::Request {
                 what: format!("{}: --where {asked}", self.file.display()),
-                found: format!("none of {} rows", self.elsewhere),
+                found: format!("none of {} rows", self.unselected_rows),
                 expected: format!("one of {}", texts.listed()),
             });
         }
@@ -135,11 +140,13 @@ impl Cleaner<'_> {
         })
     }
 
-    fn refuse_several_joints(&self) -> Result<(), DataError> {
+    fn check_single_joint(&self) -> Result<(), DataError> {
         for (column, texts) in self.layout.joint_names.iter().zip(&self.joint_names) {
-            let several = !texts.many && texts.seen.len() > 1 && (column.is_sure || texts.changes);
+            let names_joints = column.is_certain || texts.changes;
+            let several = !texts.is_truncated && texts.values.len() > 1 && names_joints;
             if several {
-                let (names, column) = (texts.seen.iter(), self.layout.names[column.index].clone());
+                let (names, column) =
+                    (texts.values.iter(), self.layout.names[column.index].clone());
                 return Err(DataError::SeveralJoints {
                     file: self.file.into(),
                     place: format!("in column {column}"),
@@ -151,37 +158,40 @@ impl Cleaner<'_> {
         Ok(())
     }
 
-    /// What becomes of the optional columns; one that was asked for and is text is an error.
-    fn fates(&self) -> Result<Vec<Fate>, DataError> {
-        let fates: Vec<Fate> = self.tallies.iter().map(|tally| tally.fate()).collect();
-        let columns = self.layout.optional.iter().zip(&self.tallies).zip(&fates);
-        for ((column, tally), fate) in columns {
-            if column.mapped && *fate == Fate::Text {
+    /// Decides how the optional columns are used. A column of text that `--columns` names is an error.
+    fn column_uses(&self) -> Result<Vec<ColumnUse>, DataError> {
+        let uses: Vec<ColumnUse> = self.tallies.iter().map(|tally| tally.column_use()).collect();
+        let columns = self.layout.optional.iter().zip(&self.tallies).zip(&uses);
+        for ((column, tally), column_use) in columns {
+            if column.is_mapped && *column_use == ColumnUse::Text {
                 return Err(DataError::Cell(tally.first_bad[0].clone()));
             }
         }
-        Ok(fates)
+        Ok(uses)
     }
 
-    fn channels(&self) -> Channels {
-        let [velocities, torques] = &self.holes;
-        let both = self.rows - self.apart.min(self.rows);
+    fn channel_layout(&self) -> ChannelLayout {
+        let [velocities, torques] = &self.missing;
+        let both = self.rows - self.covariate_only_rows.min(self.rows);
         let fewest = velocities.numbers.min(torques.numbers);
-        if fewest > 0 && (fewest as f64) < OF_ANOTHER * both as f64 && self.is_regular() {
-            return Channels::Merged;
+        let is_rare = (fewest as f64) < MERGED_CHANNEL_SHARE * both as f64;
+        if fewest > 0 && is_rare && self.is_regular() {
+            return ChannelLayout::Merged;
         }
-        let is_slow = |numbers: usize| (numbers as f64) < SLOW * both as f64;
-        let slow = self.tallies.iter().filter(|tally| is_slow(tally.numbers - tally.apart));
-        let explained: usize = slow.map(|tally| tally.apart).sum();
-        if self.apart > 0 && explained as f64 >= EXPLAINED * self.apart as f64 {
-            return Channels::Beside;
+        let is_slow = |numbers: usize| (numbers as f64) < SEPARATE_COVARIATE_SHARE * both as f64;
+        let slow =
+            self.tallies.iter().filter(|tally| is_slow(tally.numbers - tally.covariate_only));
+        let explained: usize = slow.map(|tally| tally.covariate_only).sum();
+        let rows = self.covariate_only_rows;
+        if rows > 0 && explained as f64 >= MIN_EXPLAINED_SHARE * rows as f64 {
+            return ChannelLayout::SeparateCovariates;
         }
-        Channels::One
+        ChannelLayout::Single
     }
 
-    /// Whether the rarer of velocity and torque comes at regular distances, in rows.
+    /// Returns true if the rarer of velocity and torque occurs at regular distances, in rows.
     fn is_regular(&self) -> bool {
-        let rarer = 1 + usize::from(self.holes[1].numbers < self.holes[0].numbers);
+        let rarer = 1 + usize::from(self.missing[1].numbers < self.missing[0].numbers);
         let mut distances = Vec::new();
         for run in &self.runs {
             let there = run.required[rarer].iter().enumerate().filter(|(_, value)| !value.is_nan());
@@ -199,43 +209,50 @@ impl Cleaner<'_> {
         long <= 2 * usual + 1
     }
 
-    /// Takes out the rows whose clock goes back; how many repeat a stamp.
-    fn put_in_order(&mut self, run: &mut OpenRun) -> usize {
-        let rows = run.lines.len();
+    /// Removes the rows whose clock goes back, and returns how many rows repeat a stamp.
+    fn remove_backward_rows(&mut self, run: &mut OpenRun) -> usize {
+        let rows = run.row_numbers.len();
         for column in &mut run.optional {
             column.values.resize(if column.values.is_empty() { 0 } else { rows }, f64::NAN);
         }
-        let found = order(&run.required[0], self.layout.run.is_some());
-        for &(row, before) in &found.back {
+        let found = check_order(&run.required[0], self.layout.run.is_some());
+        for &(row, before) in &found.backward {
             let time = &run.required[0];
-            let expected =
-                format!("a time not before {} of row {}", time[before], run.lines[before]);
+            let number = run.row_numbers[before];
+            let expected = format!("a time not before {} of row {number}", time[before]);
             let column = self.layout.required[0].index;
-            self.leave_out(run.lines[row], Some(column), time[row].to_string(), &expected);
+            self.reject_row(run.row_numbers[row], Some(column), time[row].to_string(), &expected);
         }
-        if !found.back.is_empty() {
+        if !found.backward.is_empty() {
             let mut keep = vec![true; rows];
-            found.back.iter().for_each(|(row, _)| keep[*row] = false);
+            found.backward.iter().for_each(|(row, _)| keep[*row] = false);
             let optional = run.optional.iter_mut().map(|column| &mut column.values);
             run.required.iter_mut().chain(optional).for_each(|column| retain(column, &keep));
-            retain(&mut run.lines, &keep);
+            retain(&mut run.row_numbers, &keep);
         }
         found.repeated
     }
 
-    /// Columns of which whole starts hold no value are none, where that concerns more rows than may be bad.
-    fn lacking(&mut self, mut fates: Vec<Fate>, runs: &mut [OpenRun], all: &[Start]) -> Vec<Fate> {
-        for (at, fate) in fates.iter_mut().enumerate().filter(|(_, fate)| **fate == Fate::Numeric) {
-            let is_empty = |start: &&Start| {
-                let values = &runs[start.run].optional[at].values;
+    /// Leaves out a numeric column that has no value in whole recordings, if these hold more rows than may be bad.
+    fn drop_incomplete_columns(
+        &mut self,
+        mut uses: Vec<ColumnUse>,
+        runs: &mut [OpenRun],
+        all: &[Recording],
+    ) -> Vec<ColumnUse> {
+        let numeric =
+            |(_, column_use): &(usize, &mut ColumnUse)| **column_use == ColumnUse::Numeric;
+        for (at, column_use) in uses.iter_mut().enumerate().filter(numeric) {
+            let is_empty = |recording: &&Recording| {
+                let values = &runs[recording.run].optional[at].values;
                 values
-                    .get(start.rows.clone())
+                    .get(recording.rows.clone())
                     .is_none_or(|values| values.iter().all(|v| v.is_nan()))
             };
-            let empty: Vec<&Start> = all.iter().filter(is_empty).collect();
-            let rows: usize = empty.iter().map(|start| start.rows.len()).sum();
+            let empty: Vec<&Recording> = all.iter().filter(is_empty).collect();
+            let rows: usize = empty.iter().map(|recording| recording.rows.len()).sum();
             if rows as f64 > MAX_BAD_SHARE * self.rows as f64 {
-                *fate = Fate::Empty;
+                *column_use = ColumnUse::Empty;
                 let name = self.run_name(&runs[empty[0].run], empty[0].number);
                 let column = &self.layout.optional[at];
                 let why = format!("run {} holds no value of it", name.unwrap_or_default());
@@ -244,83 +261,84 @@ impl Cleaner<'_> {
             }
         }
         for run in runs {
-            let rows = run.lines.len();
-            for (column, fate) in run.optional.iter_mut().zip(&fates) {
-                if *fate == Fate::Numeric {
+            let rows = run.row_numbers.len();
+            for (column, column_use) in run.optional.iter_mut().zip(&uses) {
+                if *column_use == ColumnUse::Numeric {
                     column.values.resize(rows, f64::NAN);
                 } else {
                     column.values = Vec::new();
                 }
             }
         }
-        fates
+        uses
     }
 
-    /// Fills the optional columns: of each, the rows and how.
+    /// Fills the optional columns. Returns for each the number of filled rows and the method.
     fn fill_optional(
         &self,
-        fates: &[Fate],
+        uses: &[ColumnUse],
         runs: &mut [OpenRun],
-        all: &[Start],
+        all: &[Recording],
     ) -> Vec<Option<(usize, Fill)>> {
-        let fill_column = |(at, fate): (usize, &Fate)| {
+        let fill_column = |(at, column_use): (usize, &ColumnUse)| {
             let is_whole = |run: &OpenRun| run.optional[at].values.iter().all(|v| !v.is_nan());
-            if *fate != Fate::Numeric || runs.iter().all(is_whole) {
+            if *column_use != ColumnUse::Numeric || runs.iter().all(is_whole) {
                 return None;
             }
-            let how = match self.layout.optional[at].quantity {
+            let method = match self.layout.optional[at].quantity {
                 Some(_) => Fill::Interpolate,
-                None => Fill::suiting(runs.iter().flat_map(|run| &run.optional[at].values)),
+                None => Fill::for_values(runs.iter().flat_map(|run| &run.optional[at].values)),
             };
             let mut filled = 0;
-            for start in all {
-                let run = &mut runs[start.run];
-                let time = &run.required[0][start.rows.clone()];
-                let values = &mut run.optional[at].values[start.rows.clone()];
-                filled += fill(time, values, how, f64::INFINITY);
+            for recording in all {
+                let run = &mut runs[recording.run];
+                let time = &run.required[0][recording.rows.clone()];
+                let values = &mut run.optional[at].values[recording.rows.clone()];
+                filled += fill(time, values, method, f64::INFINITY);
             }
-            Some((filled, how))
+            Some((filled, method))
         };
-        fates.iter().enumerate().map(fill_column).collect()
+        uses.iter().enumerate().map(fill_column).collect()
     }
 
-    /// The rows of a start that stay, as a run, and how many are another channel's.
-    fn cut(
+    /// Extracts the complete rows of a recording as a run. Also returns the number of rows of other channels.
+    fn extract(
         &mut self,
         run: &mut OpenRun,
-        start: &Start,
-        fates: &[Fate],
-        channels: Channels,
+        recording: &Recording,
+        uses: &[ColumnUse],
+        channels: ChannelLayout,
     ) -> (Option<CleanRun>, usize) {
-        let rows = start.rows.clone();
-        let is_whole = rows.len() == run.lines.len();
+        let rows = recording.rows.clone();
+        let is_whole = rows.len() == run.row_numbers.len();
         let part = |column: &mut Vec<f64>| {
             if is_whole { take(column) } else { column[rows.clone()].to_vec() }
         };
         let mut required = run.required.each_mut().map(part);
-        let numeric = || fates.iter().enumerate().filter(|(_, fate)| **fate == Fate::Numeric);
+        let is_numeric = |(_, column_use): &(usize, &ColumnUse)| **column_use == ColumnUse::Numeric;
+        let numeric = || uses.iter().enumerate().filter(is_numeric);
         let mut optional: Vec<Vec<f64>> =
             numeric().map(|(at, _)| part(&mut run.optional[at].values)).collect();
-        let there = |values: &Vec<f64>| {
+        let extent = |values: &Vec<f64>| {
             let first = values.iter().position(|value| !value.is_nan()).unwrap_or(values.len());
             let last = values.iter().rposition(|value| !value.is_nan()).unwrap_or_default();
             first..last + 1
         };
-        let moving = there(&required[1]);
-        let mut passed = 0;
+        let with_velocity = extent(&required[1]);
+        let mut other_rows = 0;
         let mut keep = vec![true; rows.len()];
         for (row, keep) in keep.iter_mut().enumerate() {
             let [no_velocity, no_torque] = [1, 2].map(|at| required[at][row].is_nan());
             let lacking = optional.iter().position(|column| column[row].is_nan());
             *keep = !no_velocity && !no_torque && lacking.is_none();
-            let is_others = match channels {
-                Channels::One => false,
-                Channels::Beside => no_velocity && no_torque,
-                // Before the first velocity and behind the last there is nothing to interpolate.
-                Channels::Merged => no_torque || !moving.contains(&row),
+            let is_other_channel = match channels {
+                ChannelLayout::Single => false,
+                ChannelLayout::SeparateCovariates => no_velocity && no_torque,
+                // Before the first and after the last velocity there is nothing to interpolate.
+                ChannelLayout::Merged => no_torque || !with_velocity.contains(&row),
             };
-            if is_others {
-                passed += 1;
+            if is_other_channel {
+                other_rows += 1;
             } else if !*keep {
                 let lacking = || numeric().nth(lacking.unwrap_or_default()).map_or(0, |of| of.0);
                 let index = match (no_velocity, no_torque) {
@@ -328,7 +346,7 @@ impl Cleaner<'_> {
                     (_, true) => self.layout.required[2].index,
                     _ => self.layout.optional[lacking()].reading.index,
                 };
-                self.leave_out_hole(run.lines[rows.start + row], index);
+                self.reject_missing_value(run.row_numbers[rows.start + row], index);
             }
         }
         if keep.contains(&false) {
@@ -336,32 +354,32 @@ impl Cleaner<'_> {
             columns.for_each(|column| retain(column, &keep));
         }
         if required[0].is_empty() {
-            return (None, passed);
+            return (None, other_rows);
         }
         if self.layout.is_position {
             required[1] = differences(&required[0], &required[1]);
         }
         required.iter_mut().chain(&mut optional).for_each(Vec::shrink_to_fit);
-        let columns = self.layout.optional.iter().zip(&run.labels).zip(fates);
-        let labels = columns.filter(|(_, fate)| **fate == Fate::Text).filter_map(|(column, _)| {
-            let (column, label) = column;
-            Some((column.name.clone(), label.text(run.taken)?))
+        let columns = self.layout.optional.iter().zip(&run.labels).zip(uses);
+        let text = columns.filter(|(_, column_use)| **column_use == ColumnUse::Text);
+        let labels = text.filter_map(|((column, label), _)| {
+            Some((column.name.clone(), label.text(run.accepted)?))
         });
         let labels = labels.collect();
-        let name = self.run_name(run, start.number);
-        (Some(CleanRun { name, required, optional, labels }), passed)
+        let name = self.run_name(run, recording.number);
+        (Some(CleanRun { name, required, optional, labels }), other_rows)
     }
 
-    /// Counts a row for a cell that holds no value.
-    fn leave_out_hole(&mut self, row: u64, column: usize) {
-        let mut seen = self.holes.iter().chain(&self.tallies).flat_map(|tally| &tally.first_bad);
+    /// Leaves out a row because of a cell without a value.
+    fn reject_missing_value(&mut self, row: u64, column: usize) {
+        let mut cells = self.missing.iter().chain(&self.tallies).flat_map(|tally| &tally.first_bad);
         let name = &self.layout.names[column];
-        let cell = seen.find(|cell| cell.row == row && cell.column == *name);
+        let cell = cells.find(|cell| cell.row == row && cell.column == *name);
         let found = cell.map_or("no value".into(), |cell| cell.found.clone());
-        self.leave_out(row, Some(column), found, FINITE);
+        self.reject_row(row, Some(column), found, FINITE);
     }
 
-    /// A run's name: the file's own, or its number among the starts.
+    /// Returns a run's name: the file's own, or the number of the recording.
     fn run_name(&self, run: &OpenRun, number: Option<usize>) -> Option<String> {
         match self.layout.run {
             Some(_) => Some(String::from_utf8_lossy(&run.name).into_owned()),
@@ -369,8 +387,8 @@ impl Cleaner<'_> {
         }
     }
 
-    /// Refuses a file of too many bad rows.
-    fn judge(&mut self) -> Result<(), DataError> {
+    /// Returns an error if the file has too many bad rows.
+    fn check_bad_share(&mut self) -> Result<(), DataError> {
         self.bad.first.sort_by_key(|cell| cell.row);
         self.bad.first.dedup_by_key(|cell| cell.row);
         self.bad.first.truncate(NAMED_BAD_ROWS);
@@ -383,10 +401,10 @@ impl Cleaner<'_> {
         }
     }
 
-    /// Says which columns do not stay, and which were filled.
-    fn tell_columns(
+    /// Adds notes on the columns that are left out or filled.
+    fn add_column_notes(
         &mut self,
-        fates: &[Fate],
+        uses: &[ColumnUse],
         filled: &[Option<(usize, Fill)>],
         clean: &[CleanRun],
     ) {
@@ -394,36 +412,37 @@ impl Cleaner<'_> {
             clean.iter().all(|run| run.labels.iter().any(|(label, _)| label == name))
         };
         let file = self.file.display();
-        for (at, (column, fate)) in self.layout.optional.iter().zip(fates).enumerate() {
+        for (at, (column, column_use)) in self.layout.optional.iter().zip(uses).enumerate() {
             let (name, header) = (&column.name, &self.layout.names[column.reading.index]);
             let tally = &self.tallies[at];
-            if let Some((_, how)) = filled[at] {
+            if let Some((_, method)) = filled[at] {
                 let (numbers, rows) = (tally.numbers, self.rows);
-                let words = how.words();
-                // Texts stand in quotes there, and so do the words for nothing.
+                let description = method.description();
+                // `found` holds texts in quotes, and also the words for a missing value.
                 let is_text = |cell: &&BadCell| {
                     cell.found.starts_with('"')
-                        && !is_nothing(cell.found.trim_matches('"').as_bytes())
+                        && !is_missing_value(cell.found.trim_matches('"').as_bytes())
                 };
                 let text = match tally.first_bad.iter().find(is_text) {
                     Some(cell) => format!("; row {} holds {}", cell.row, cell.found),
                     None => String::new(),
                 };
-                let there = format!("{name} is in {numbers} of {rows} rows");
-                self.layout.notes.push(format!("{file}: {there} and is {words}{text}"));
+                let count = format!("{name} is in {numbers} of {rows} rows");
+                self.layout.notes.push(format!("{file}: {count} and is {description}{text}"));
             }
-            let is_told = self.layout.left_out.iter().any(|column| column.name == *header);
-            let why = match fate {
-                Fate::Numeric => continue,
-                Fate::Empty if is_told => continue,
-                Fate::Empty => "it holds no value",
-                Fate::Text if is_label(name) => "it is text (kept as a label of each run)",
-                Fate::Text => "it is text that changes inside a run",
+            let is_reported = self.layout.left_out.iter().any(|column| column.name == *header);
+            let why = match column_use {
+                ColumnUse::Numeric => continue,
+                ColumnUse::Empty if is_reported => continue,
+                ColumnUse::Empty => "it holds no value",
+                ColumnUse::Text if is_label(name) => "it is text (kept as a label of each run)",
+                ColumnUse::Text => "it is text that changes inside a run",
             };
             self.layout.left_out.push(LeftOutColumn { name: header.clone(), why: why.into() });
         }
-        let lost = self.layout.optional.iter().zip(fates);
-        for (column, _) in lost.filter(|(column, fate)| column.mapped && **fate == Fate::Empty) {
+        let lost = self.layout.optional.iter().zip(uses);
+        let lost = lost.filter(|(column, of)| column.is_mapped && **of == ColumnUse::Empty);
+        for (column, _) in lost {
             let (name, header) = (&column.name, &self.layout.names[column.reading.index]);
             let asked = format!("--columns {name}={header}");
             self.layout
@@ -432,62 +451,68 @@ impl Cleaner<'_> {
         }
     }
 
-    /// Says what else became of the rows.
-    fn tell_rows(&mut self, channels: Channels, passed: usize, repeated: usize, starts: usize) {
-        let mut said = Vec::new();
-        if self.elsewhere > 0 {
+    /// Adds notes on the rows that are not in the data, and on the clock.
+    fn add_row_notes(
+        &mut self,
+        channels: ChannelLayout,
+        other_rows: usize,
+        repeated: usize,
+        extra_recordings: usize,
+    ) {
+        let mut notes = Vec::new();
+        if self.unselected_rows > 0 {
             let asked =
                 self.layout.only.iter().map(|only| {
                     format!("{}={}", self.layout.names[only.index], only.values.join(","))
                 });
             let asked: Vec<String> = asked.collect();
-            said.push(format!("{} rows are not of {}", self.elsewhere, asked.join(" and ")));
+            notes.push(format!("{} rows are not of {}", self.unselected_rows, asked.join(" and ")));
         }
         if let Some(origin) = self.clock.origin_ns {
-            said.push(format!("times count from {}", clock::origin(origin)));
+            notes.push(format!("times count from {}", clock::format_origin(origin)));
         }
         if self.layout.is_position {
-            said.push("no velocity is logged: it is the difference of the positions".into());
+            notes.push("no velocity is logged: it is the difference of the positions".into());
         }
         match channels {
-            Channels::Merged => said.push(format!(
-                "velocity and torque have stamps of their own: the {passed} rows without a torque are passed over, \
-                 and the velocity is interpolated in time where the torque has its rows"
+            ChannelLayout::Merged => notes.push(format!(
+                "velocity and torque have separate time stamps: {other_rows} rows without a torque are ignored, and \
+                 the velocity is interpolated in time at the rows with a torque"
             )),
-            Channels::Beside => said.push(format!(
-                "{passed} rows hold neither velocity nor torque, only columns with stamps of their own"
+            ChannelLayout::SeparateCovariates => notes.push(format!(
+                "{other_rows} rows hold neither velocity nor torque, only columns with separate time stamps"
             )),
-            Channels::One => {}
+            ChannelLayout::Single => {}
         }
-        if starts > 0 {
-            said.push(format!(
-                "there is no column {RUN}: {} starts are told apart by pauses of more than {} s, or by the clock, \
-                 which begins anew",
-                starts + 1,
-                PAUSE.0
+        if extra_recordings > 0 {
+            notes.push(format!(
+                "there is no column {RUN}: the file is split into {} runs, at pauses of more than {MIN_PAUSE_S} s and \
+                 where the clock restarts",
+                extra_recordings + 1,
             ));
         }
         if repeated > 0 {
-            said.push(format!("{repeated} rows repeat the time stamp before them and are kept"));
+            notes.push(format!("{repeated} rows repeat the time stamp before them and are kept"));
         }
         let file = self.file.display();
-        self.layout.notes.extend(said.into_iter().map(|words| format!("{file}: {words}")));
+        self.layout.notes.extend(notes.into_iter().map(|note| format!("{file}: {note}")));
     }
 }
 
-/// In a merge of channels, interpolates the velocity between stamps of its own that are no gap apart.
-fn fill_velocity(runs: &mut [OpenRun], all: &[Start]) {
-    for start in all {
-        let [time, velocity, _] = &mut runs[start.run].required;
-        let (time, velocity) = (&time[start.rows.clone()], &mut velocity[start.rows.clone()]);
-        let there = time.iter().zip(&*velocity).filter(|(_, value)| !value.is_nan());
-        let own: Vec<f64> = there.map(|(time, _)| *time).collect();
+/// Interpolates the velocity of merged channels between its own stamps, unless they are a gap apart.
+fn fill_velocity(runs: &mut [OpenRun], all: &[Recording]) {
+    for recording in all {
+        let [time, velocity, _] = &mut runs[recording.run].required;
+        let rows = recording.rows.clone();
+        let (time, velocity) = (&time[rows.clone()], &mut velocity[rows]);
+        let measured = time.iter().zip(&*velocity).filter(|(_, value)| !value.is_nan());
+        let own: Vec<f64> = measured.map(|(time, _)| *time).collect();
         let reach = median_step(&own).map_or(0.0, |step| GAP_FACTOR * step);
         fill(time, velocity, Fill::Interpolate, reach);
     }
 }
 
-/// Keeps what is to be kept.
+/// Removes the rows of a column for which `keep` is false.
 fn retain<T>(column: &mut Vec<T>, keep: &[bool]) {
     let mut keep = keep.iter();
     column.retain(|_| *keep.next().unwrap_or(&false));

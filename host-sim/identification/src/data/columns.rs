@@ -1,48 +1,47 @@
-//! Which optional columns may stay.
+//! Decision which optional columns of a file are kept.
 //!
-//! Nothing in a header tells a covariate from a column of remarks, and the file is read only
-//! once. So every optional column is read as numbers, NaN standing for what is none, and judged
-//! when the file is over: a column without a single number is text or empty and is left out (text
-//! that is the same throughout each run lives on as a label of the run); a column with numbers
-//! stays, and the rows in which it has none are filled (`fill`): a thermometer that is read once a second is
-//! no reason to lose the other rows. Memory for a column is taken only once its first number has been seen.
+//! A header does not distinguish a covariate from a column of comments, and the file is read only once. So every
+//! optional column is read as numbers, with NaN for other cells, and evaluated at the end of the file. A column without
+//! a single number is text or empty and is left out. Text that is constant in each run is kept as a label of the run.
+//! A column with numbers is kept, and its missing values are filled (`fill`): a thermometer that is read once a second
+//! is no reason to lose the other rows. Memory for a column is allocated only at its first number.
 
 use std::path::Path;
 
 use super::error::{BadCell, NAMED_BAD_ROWS, quoted};
 
-/// What has been seen of one optional column.
+/// Counts of the cells of one optional column.
 #[derive(Debug, Default)]
-pub(super) struct Tally {
+pub(super) struct ColumnTally {
     pub numbers: usize,
     /// Numbers in rows that hold neither velocity nor torque.
-    pub apart: usize,
+    pub covariate_only: usize,
     pub texts: usize,
     empties: usize,
-    /// The first cells that are no numbers.
+    /// The first cells that are not numbers.
     pub first_bad: Vec<BadCell>,
 }
 
-/// What becomes of an optional column.
+/// How an optional column is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Fate {
+pub(super) enum ColumnUse {
     /// It is a covariate.
     Numeric,
     /// It is text.
     Text,
-    /// It holds nothing.
+    /// It holds no values.
     Empty,
 }
 
-impl Tally {
+impl ColumnTally {
     /// Counts a finite number.
-    pub fn number(&mut self) {
+    pub fn add_number(&mut self) {
         self.numbers += 1;
     }
 
-    /// Counts anything else.
-    pub fn no_number(&mut self, file: &Path, row: u64, column: &str, cell: &[u8], expected: &str) {
-        if is_nothing(cell) {
+    /// Counts any other cell.
+    pub fn add_other(&mut self, file: &Path, row: u64, column: &str, cell: &[u8], expected: &str) {
+        if is_missing_value(cell) {
             self.empties += 1;
         } else {
             self.texts += 1;
@@ -58,39 +57,39 @@ impl Tally {
         }
     }
 
-    /// Judges the column. A few stray words make bad rows; more words than numbers make it text
-    /// in which some words happen to look like numbers (part codes, say).
-    pub fn fate(&self) -> Fate {
+    /// Decides how the column is used. A few words among numbers are bad cells. With more words than numbers, the
+    /// column is text in which some words look like numbers, such as part codes.
+    pub fn column_use(&self) -> ColumnUse {
         if self.texts > self.numbers {
-            Fate::Text
+            ColumnUse::Text
         } else if self.numbers > 0 {
-            Fate::Numeric
+            ColumnUse::Numeric
         } else {
-            Fate::Empty
+            ColumnUse::Empty
         }
     }
 }
 
-/// What a numeric cell should hold.
+/// The expected content of a numeric cell.
 pub(super) const FINITE: &str = "a finite number";
 
-/// Whether the cell says that there is no value, in one of the usual ways.
-pub(super) fn is_nothing(cell: &[u8]) -> bool {
+/// Returns true if the cell states in one of the usual ways that there is no value.
+pub(super) fn is_missing_value(cell: &[u8]) -> bool {
     let cell = cell.trim_ascii();
     ["", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf"]
         .iter()
         .any(|word| cell.eq_ignore_ascii_case(word.as_bytes()))
 }
 
-/// Numbers of one optional column of one run, aligned with the run's rows once it is closed.
+/// Numbers of one optional column in one run. They are aligned with the run's rows once it is closed.
 #[derive(Debug, Default)]
-pub(super) struct Column {
+pub(super) struct OptionalValues {
     pub values: Vec<f64>,
 }
 
-impl Column {
-    /// Puts a number at `row`; rows before it without one are NaN.
-    pub fn put(&mut self, row: usize, value: f64) {
+impl OptionalValues {
+    /// Sets the number of `row`. Earlier rows without a number become NaN.
+    pub fn set(&mut self, row: usize, value: f64) {
         if self.values.len() < row {
             self.values.resize(row, f64::NAN);
         }
@@ -98,17 +97,17 @@ impl Column {
     }
 }
 
-/// The text an optional column holds throughout a run, as far as one has been seen.
+/// The text of an optional column, if it is constant throughout a run.
 #[derive(Debug, Default)]
-pub(super) struct Label {
+pub(super) struct RunLabel {
     text: Option<Box<[u8]>>,
     rows: usize,
     varies: bool,
 }
 
-impl Label {
-    /// Takes note of the cell.
-    pub fn see(&mut self, cell: &[u8]) {
+impl RunLabel {
+    /// Adds a cell.
+    pub fn add(&mut self, cell: &[u8]) {
         self.rows += 1;
         match &self.text {
             _ if self.varies => {}
@@ -121,9 +120,10 @@ impl Label {
         }
     }
 
-    /// The text, if every one of `rows` rows holds it.
+    /// Returns the text if each of `rows` rows holds it.
     pub fn text(&self, rows: usize) -> Option<String> {
-        let text = self.text.as_ref().filter(|text| self.rows == rows && !is_nothing(text))?;
+        let text =
+            self.text.as_ref().filter(|text| self.rows == rows && !is_missing_value(text))?;
         Some(String::from_utf8_lossy(text).into_owned())
     }
 }
@@ -132,40 +132,44 @@ impl Label {
 mod tests {
     use super::*;
 
-    fn fate(cells: &[&str]) -> Fate {
-        let mut tally = Tally::default();
+    fn column_use(cells: &[&str]) -> ColumnUse {
+        let mut tally = ColumnTally::default();
         for cell in cells {
             match cell.parse::<f64>() {
-                Ok(value) if value.is_finite() => tally.number(),
-                _ => tally.no_number(Path::new("f"), 2, "c", cell.as_bytes(), FINITE),
+                Ok(value) if value.is_finite() => tally.add_number(),
+                _ => tally.add_other(Path::new("f"), 2, "c", cell.as_bytes(), FINITE),
             }
         }
-        tally.fate()
+        tally.column_use()
     }
 
     #[test]
-    fn a_column_is_judged_by_all_its_cells() {
-        assert_eq!(fate(&["1", "x", "2", ""]), Fate::Numeric);
-        assert_eq!(fate(&["sine", "step"]), Fate::Text);
-        assert_eq!(fate(&["7", "7b", "c"]), Fate::Text);
-        assert_eq!(fate(&["", "NaN", "inf", "null"]), Fate::Empty);
-        assert_eq!(fate(&["", "", "", "1"]), Fate::Numeric, "then three rows are filled");
-        assert_eq!(fate(&[]), Fate::Empty);
+    fn column_use_with_mixed_cells_follows_the_majority() {
+        assert_eq!(column_use(&["1", "x", "2", ""]), ColumnUse::Numeric);
+        assert_eq!(column_use(&["sine", "step"]), ColumnUse::Text);
+        assert_eq!(column_use(&["7", "7b", "c"]), ColumnUse::Text);
+        assert_eq!(column_use(&["", "NaN", "inf", "null"]), ColumnUse::Empty);
+        assert_eq!(
+            column_use(&["", "", "", "1"]),
+            ColumnUse::Numeric,
+            "then three rows are filled"
+        );
+        assert_eq!(column_use(&[]), ColumnUse::Empty);
     }
 
     #[test]
-    fn a_column_is_filled_up_with_nan() {
-        let mut column = Column::default();
-        column.put(2, 5.0);
+    fn optional_values_with_skipped_rows_holds_nan() {
+        let mut column = OptionalValues::default();
+        column.set(2, 5.0);
         assert!(column.values[0].is_nan() && column.values[1].is_nan());
         assert_eq!(column.values[2..], [5.0]);
     }
 
     #[test]
-    fn a_label_is_one_text_in_every_row() {
+    fn run_label_with_constant_text_returns_it() {
         let close = |cells: &[&str], rows| {
-            let mut label = Label::default();
-            cells.iter().for_each(|cell| label.see(cell.as_bytes()));
+            let mut label = RunLabel::default();
+            cells.iter().for_each(|cell| label.add(cell.as_bytes()));
             label.text(rows)
         };
         assert_eq!(close(&["a", "a"], 2).as_deref(), Some("a"));

@@ -1,25 +1,24 @@
-//! The contract: which column of a log means what.
+//! The contract: names and meaning of a log's columns.
 //!
-//! The names, and the units in them, are those of the core's table of quantities
-//! ([`compensator_core::quantity`]): time, velocity and torque must be there, every other quantity of the
-//! table may be, and any name beyond is a covariate of its own. A new row in that table is read, kept,
-//! written and simulated without a change here.
+//! The names and their units are those of the core's table of quantities ([`compensator_core::quantity`]). Time,
+//! velocity and torque are required, every other quantity of the table is optional, and any other name is a covariate.
+//! A new row of that table is read, kept, written and simulated without a change here.
 
 use compensator_core::quantity::{JointKind, Quantity};
 
-/// The column that says which run a row belongs to.
+/// The column of the run's name.
 pub const RUN: &str = "run";
 
 /// The column of time.
 pub const TIME: &str = "time_s";
 
-/// Columns of the target, each with the joint kind it decides.
+/// Columns of the target, each with its joint kind.
 pub(super) const TARGETS: [(&str, JointKind); 2] = both_kinds(Quantity::Torque);
 
-/// Columns of the velocity, likewise.
+/// Columns of the velocity, each with its joint kind.
 pub(super) const VELOCITIES: [(&str, JointKind); 2] = both_kinds(Quantity::Velocity);
 
-/// Columns of the position, likewise.
+/// Columns of the position, each with its joint kind.
 pub(super) const POSITIONS: [(&str, JointKind); 2] = both_kinds(Quantity::Position);
 
 const fn both_kinds(quantity: Quantity) -> [(&'static str, JointKind); 2] {
@@ -27,27 +26,27 @@ const fn both_kinds(quantity: Quantity) -> [(&'static str, JointKind); 2] {
     [(quantity.name(turns), turns), (quantity.name(slides), slides)]
 }
 
-/// Quantities a log may have besides time, velocity and torque. What the core calls auxiliary has no name of
-/// its own in a log: it is one of the covariates.
+/// Returns the optional quantities of a log: all except time, velocity and torque. The core's auxiliary quantity has
+/// no name of its own in a log; it is one of the covariates.
 pub fn optional() -> impl Iterator<Item = Quantity> {
     use Quantity as Is;
     let other = [Is::Velocity, Is::Torque, Is::CampaignTime, Is::Auxiliary];
     Quantity::ALL.iter().copied().filter(move |quantity| !other.contains(quantity))
 }
 
-/// Known quantities a model may be told that are not the joint's own motion: side load, pressure, and so on.
+/// Returns the known quantities that are not motion of the joint itself: side load, pressure, and so on.
 pub fn covariates() -> impl Iterator<Item = Quantity> {
     optional().filter(|of| !matches!(of, Quantity::Position | Quantity::Acceleration))
 }
 
-/// The optional quantity with this column name, in the units of a joint of this kind.
+/// Returns the optional quantity with a column name, in the units of a joint kind.
 pub(super) fn parse_optional(name: &str, kind: JointKind) -> Option<Quantity> {
     let (quantity, of) = Quantity::parse(name)?;
     let fits = of.is_none_or(|of| of == kind) && optional().any(|known| known == quantity);
     fits.then_some(quantity)
 }
 
-/// All names of the contract, none twice.
+/// Returns all names of the contract, each once.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     let pairs = [Quantity::Velocity, Quantity::Torque].into_iter().chain(optional());
     let names = pairs.flat_map(|quantity| {
@@ -62,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_contract_names_each_column_once() {
+    fn names_returns_each_column_once() {
         let all: Vec<&str> = names().collect();
         for name in ["run", "time_s", "velocity_m_s", "force_n", "position_rad", "temperature_c"] {
             assert_eq!(all.iter().filter(|known| **known == name).count(), 1, "{name}");
@@ -71,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn an_optional_column_is_one_in_the_units_of_its_joint() {
+    fn parse_optional_with_unit_of_other_joint_kind_returns_none() {
         use JointKind::{Prismatic, Revolute};
         assert_eq!(parse_optional("position_m", Prismatic), Some(Quantity::Position));
         assert_eq!(parse_optional("position_m", Revolute), None);

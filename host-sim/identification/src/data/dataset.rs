@@ -1,13 +1,12 @@
-//! The data as every other module sees them: runs of plain columns.
+//! The data set: runs with columns of numbers.
 //!
-//! A [`Run`] is one experiment: columns of equal length in time order, SI units, no NaN and no
-//! infinity anywhere. Columns, not rows, because fits and tests walk along one quantity at a time.
-//! A [`Dataset`] is all runs of all files that were given, which share one joint kind and one list
-//! of columns; a column one file lacks is absent in all, so a regressor never changes its meaning
-//! from run to run.
+//! A [`Run`] is one experiment: columns of equal length in time order, in SI units, all values finite. Data are stored
+//! by column, because fits and tests process one quantity at a time. A [`Dataset`] holds all runs of all files. The
+//! runs share one joint kind and one list of columns. A column that one file lacks is absent in all, so that a
+//! regressor has the same meaning in every run.
 //!
-//! A rotary and a linear joint differ only in the units they are printed with: "torque" below
-//! means a force in N, and "velocity" m/s, when the joint is [`JointKind::Prismatic`].
+//! A rotary and a linear joint differ only in units: for [`JointKind::Prismatic`], "torque" below is a force in N, and
+//! "velocity" is in m/s.
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -16,47 +15,47 @@ use super::contract;
 use super::error::BadRows;
 use compensator_core::quantity::{JointKind, Quantity};
 
-/// Everything that was read, cleaned and skipped.
+/// All data that were read and validated.
 #[derive(Debug, Clone)]
 pub struct Dataset {
     /// The joint kind, by the target column: `torque_nm` or `force_n`.
     pub joint: JointKind,
-    /// The runs in the order they first appear in the files. None is empty.
+    /// The runs in the order of their first row in the files. None is empty.
     pub runs: Vec<Run>,
     /// The files, in the order given.
     pub files: Vec<PathBuf>,
     /// Rows in `runs`, after skipping.
     pub rows: usize,
-    /// Rows of data the files hold, bad ones included.
+    /// Rows in the files, including bad ones.
     pub rows_read: usize,
-    /// Rows left out because a cell could not be believed.
+    /// Rows left out because of an invalid cell.
     pub bad_rows: BadRows,
     /// Names of the extra numeric columns, in the order of [`Run::extra`].
     pub covariates: Vec<String>,
-    /// Columns that are in a file but not in the runs, each with the reason.
+    /// Columns of the files that are not in the runs, with the reason.
     pub left_out_columns: Vec<LeftOutColumn>,
-    /// What else a careful reader should know, a sentence each.
+    /// Notes for the report, one sentence each.
     pub notes: Vec<String>,
-    /// Where each column comes from, `time_s` first; empty of what was never in a file.
+    /// Origin of each column, `time_s` first; empty for data that were not read from a file.
     pub sources: Vec<SourceColumn>,
 }
 
-/// Where a column of the data comes from.
+/// The origin of a column.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SourceColumn {
-    /// Its name in the contract, or its own.
+    /// Its name in the contract, or its own name.
     pub name: String,
-    /// Its name in the (first) file.
+    /// Its name in the first file.
     pub header: String,
-    /// The unit it is in there, where `--columns` says it.
+    /// Its unit in the file, if `--columns` gives one.
     pub unit: Option<String>,
-    /// Rows that held no value of it and were filled, in all files.
+    /// Number of filled rows in all files.
     pub filled: usize,
-    /// How they were, as the end of a sentence.
+    /// How they were filled, as the end of a sentence.
     pub fill: Option<&'static str>,
 }
 
-/// A column that is in a file but not in the data.
+/// A column of a file that is not in the data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOutColumn {
     /// Its name in the file.
@@ -70,7 +69,7 @@ pub struct LeftOutColumn {
 pub struct Run {
     /// Its name, unique in the data set.
     pub name: String,
-    /// Which of [`Dataset::files`] it is from.
+    /// Index of its file in [`Dataset::files`].
     pub file: usize,
     /// Time in s. Never decreasing; a step may be zero where a logger's clock is coarse.
     pub time_s: Vec<f64>,
@@ -78,18 +77,17 @@ pub struct Run {
     pub velocity: Vec<f64>,
     /// The torque (Nm) or force (N) to be explained.
     pub torque: Vec<f64>,
-    /// What else was measured, in the units of its column; see [`Run::get`].
+    /// The other measured columns, in their units; see [`Run::get`].
     pub measured: Measured,
     /// Extra columns, parallel to [`Dataset::covariates`].
     pub extra: Vec<Vec<f64>>,
     /// Text columns that hold one value throughout the run: (column, value).
     pub labels: Vec<(String, String)>,
-    /// How the motion may also have been: a few draws of the true velocity minus [`Run::velocity`], rad/s or
-    /// m/s, a value per row, from what is known of it ([`crate::motion`]). Empty where the velocity is taken
-    /// as it stands.
+    /// Random draws of the true velocity minus [`Run::velocity`], rad/s or m/s, one value per row. They represent the
+    /// uncertainty of the reconstructed motion ([`crate::motion`]). Empty if the velocity is used as logged.
     pub velocity_draws: Vec<Vec<f64>>,
-    /// Whether [`Run::velocity`] is free of noise to speak of: exact as logged, or smoothed already
-    /// ([`crate::motion`]). Its slope may then be taken from row to row.
+    /// True if [`Run::velocity`] has negligible noise: exact as logged, or smoothed ([`crate::motion`]). Its
+    /// derivative may then be taken from row to row.
     pub velocity_is_smooth: bool,
 }
 
@@ -98,7 +96,7 @@ pub struct Run {
 pub struct Measured([Option<Vec<f64>>; Quantity::ALL.len()]);
 
 impl Run {
-    /// The column of a quantity, in its unit in the contract.
+    /// Returns the column of a quantity, in its unit in the contract.
     pub fn get(&self, quantity: Quantity) -> Option<&[f64]> {
         match quantity {
             Quantity::CampaignTime => Some(&self.time_s),
@@ -108,7 +106,7 @@ impl Run {
         }
     }
 
-    /// Sets the column of a quantity, as long as time is.
+    /// Sets the column of a quantity. `values` must be as long as the time.
     pub fn set(&mut self, quantity: Quantity, values: Vec<f64>) {
         match quantity {
             Quantity::CampaignTime => self.time_s = values,
@@ -118,27 +116,27 @@ impl Run {
         }
     }
 
-    /// As [`Run::set`], for a run in one expression.
+    /// Sets a column and returns the run. See [`Run::set`].
     #[must_use]
     pub fn with(mut self, quantity: Quantity, values: Vec<f64>) -> Self {
         self.set(quantity, values);
         self
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.time_s.len()
     }
 
-    /// Whether there are no rows. Never so in a [`Dataset`].
+    /// Returns true if there are no rows. No run in a [`Dataset`] is empty.
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
     }
 
-    /// Rows `range` as a run of its own, with the same name and labels.
+    /// Returns the rows of `range` as a run with the same name and labels.
     ///
     /// # Panics
-    /// If the range does not lie inside the run.
+    /// If the range is not inside the run.
     pub fn slice(&self, range: Range<usize>) -> Run {
         let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
         let mut part = self.map_columns(cut);
@@ -146,14 +144,14 @@ impl Run {
         part
     }
 
-    /// A copy in which every numeric column, time too, went through `f`, which treats all alike.
+    /// Applies `f` to every numeric column including time. `f` must treat all columns alike.
     #[cfg(feature = "fit")]
     pub(crate) fn with_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
         let time_s = f(&self.time_s);
         Run { time_s, ..self.map_columns(f) }
     }
 
-    /// A copy in which every numeric column but time went through `f`; time is empty.
+    /// Applies `f` to every numeric column except time. The time of the result is empty.
     pub(super) fn map_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
         Run {
             name: self.name.clone(),
@@ -171,13 +169,12 @@ impl Run {
 }
 
 impl Dataset {
-    /// A data set that was never in a file: each run with a column of equal length for each of the names,
-    /// which are those of the contract ([`super::read()`]); any other name is a covariate.
+    /// Creates a data set from columns. `names` are names of the contract ([`super::read()`]) or covariates. Each run
+    /// has one column of equal length per name. The values are not validated.
     ///
     /// # Errors
-    /// One line: a required column is missing, or a run's columns differ in number or length. Values are
-    /// taken as they are: whoever is not sure of them writes a file and reads it.
-    pub fn of_columns(
+    /// One line: a required column is missing, or a run's columns differ in number or length.
+    pub fn from_columns(
         names: &[String],
         runs: impl IntoIterator<Item = (String, Vec<Vec<f64>>)>,
     ) -> Result<Self, String> {
@@ -230,8 +227,8 @@ impl Dataset {
         Ok(data)
     }
 
-    /// A column of a run by the name it has in the contract or in [`Dataset::covariates`].
-    /// Position, velocity and acceleration answer to the names of either joint kind.
+    /// Returns a column of a run by its name in the contract or in [`Dataset::covariates`]. Position, velocity and
+    /// acceleration are found under the names of both joint kinds.
     pub fn column<'a>(&self, run: &'a Run, name: &str) -> Option<&'a [f64]> {
         if let Some(known) = Quantity::parse(name).and_then(|(quantity, _)| run.get(quantity)) {
             return Some(known);
@@ -240,9 +237,8 @@ impl Dataset {
         run.extra.get(at).map(Vec::as_slice)
     }
 
-    /// The one value `column` has throughout a run, as text: the run's name for `run`, a label,
-    /// or a numeric column that does not change. `None` where there is no such column or it
-    /// changes inside the run.
+    /// Returns the value that `column` has throughout a run, as text: the run's name for `run`, a label, or a constant
+    /// numeric column. Returns `None` if there is no such column or if it changes inside the run.
     pub fn constant(&self, run: &Run, column: &str) -> Option<String> {
         if column == "run" {
             return Some(run.name.clone());
@@ -255,8 +251,8 @@ impl Dataset {
         values.iter().all(|&v| v == first).then(|| first.to_string())
     }
 
-    /// Names of all columns that are constant in every run, `run` first: what
-    /// [`SplitRule::HoldOut`](super::SplitRule::HoldOut) can go by.
+    /// Returns the names of all columns that are constant in every run, `run` first. These can be used with
+    /// [`SplitRule::HoldOut`](super::SplitRule::HoldOut).
     pub fn constant_columns(&self) -> Vec<String> {
         let mut names: Vec<String> = vec!["run".into()];
         if let Some(run) = self.runs.first() {
@@ -285,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slice_has_the_rows_of_every_column() {
+    fn slice_keeps_the_rows_of_every_column() {
         let part = run().slice(1..4);
         assert_eq!(part.time_s, [1.0, 2.0, 3.0]);
         assert_eq!(part.velocity, [0.0, 2.0, 3.0]);
@@ -293,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn constants_come_from_the_name_the_labels_and_the_columns() {
+    fn constant_returns_names_labels_and_constant_columns() {
         let data = Dataset {
             joint: JointKind::Revolute,
             runs: vec![run()],

@@ -1,30 +1,28 @@
-//! Thinning out without folding noise down.
+//! Decimation with an anti-aliasing filter.
 //!
-//! Keeping every R-th sample is tempting and wrong: whatever vibrates above the new Nyquist
-//! frequency reappears below it, looking like slow motion. So values are low-pass filtered first,
-//! by the filter that identification papers use (and MATLAB's `decimate`): Chebyshev type I of
-//! order eight, 0.05 dB ripple, cut off at 0.8 of the new Nyquist frequency. It runs forwards and
-//! then backwards, so it shifts nothing in time.
+//! If only every R-th sample is kept, vibration above the new Nyquist frequency appears below it as slow motion. So
+//! values are low-pass filtered first, with the filter of identification papers and of MATLAB's `decimate`: Chebyshev
+//! type I of order eight, 0.05 dB ripple, cut-off at 0.8 of the new Nyquist frequency. It is applied forwards and
+//! backwards, so it causes no delay.
 //!
-//! What is thinned out is the *residual* of a simulation at the full rate, and its derivatives, not the
-//! log: a law that is not linear must see the velocity as it was. Near a reversal the sign of a decimated
-//! velocity is a coin toss worth twice the Coulomb torque; on EMPS it moves the published error between
-//! 4.1 and 6.3 % with the phase of the decimation, this way by 0.001 %.
+//! The *residual* of a simulation at the full rate and its derivatives are decimated, not the log: a nonlinear law needs
+//! the original velocity. Near a reversal, the sign of a decimated velocity depends on the phase of the decimation, and
+//! with it twice the Coulomb torque.
 //!
-//! Two things differ from MATLAB's filter. The gain at rest is exactly 1 (an even order has its ripple
-//! there, and would shrink everything by 1.1 %). And the ends are not mirrored: the filter starts
-//! as if the first value had lasted forever, which no noisy end sample can throw off.
+//! There are two differences to MATLAB's filter. The gain at zero frequency is exactly 1 (with an even order, the ripple
+//! would reduce it by 1.1 %). And the ends are not mirrored: the filter starts as if the first value had been constant
+//! before, so that a noisy end sample has no large effect.
 
 use std::f64::consts::PI;
 
-/// Two poles and two zeros: `(b0 + b1 z^-1 + b2 z^-2) / (1 + a1 z^-1 + a2 z^-2)`.
+/// A filter section: `(b0 + b1 z^-1 + b2 z^-2) / (1 + a1 z^-1 + a2 z^-2)`.
 #[derive(Debug, Clone, Copy)]
 struct Biquad {
     b: [f64; 3],
     a: [f64; 2],
 }
 
-/// The low-pass filter that must come before keeping every R-th sample.
+/// The low-pass filter that is applied before keeping every R-th sample.
 #[derive(Debug, Clone)]
 pub struct AntiAlias {
     factor: usize,
@@ -32,11 +30,10 @@ pub struct AntiAlias {
 }
 
 impl AntiAlias {
-    /// The filter for a decimation by `factor` (2 or more).
+    /// Designs the filter for a decimation by `factor` (2 or more).
     ///
-    /// The textbook way: the poles of the analogue Chebyshev filter lie on an ellipse; the
-    /// bilinear transform carries them into the unit circle, with the cut-off pre-warped so that
-    /// it lands where it should. All zeros go to the Nyquist frequency.
+    /// The poles of the analogue Chebyshev filter are on an ellipse. The bilinear transform maps them into the unit
+    /// circle, with pre-warped cut-off. All zeros are at the Nyquist frequency.
     pub fn new(factor: usize) -> AntiAlias {
         const ORDER: f64 = 8.0;
         const RIPPLE_DB: f64 = 0.05;
@@ -46,7 +43,7 @@ impl AntiAlias {
             let v = (1.0 / epsilon).asinh() / ORDER;
             (v.sinh(), v.cosh())
         };
-        // Half the bilinear transform's `2 / T`, folded into the frequency.
+        // The factor `2 / T` of the bilinear transform is included in the frequency.
         let warped = (PI * CUT_OFF / (2.0 * factor as f64)).tan();
         let section = |pair: usize| {
             let angle = PI * (2 * pair + 1) as f64 / (2.0 * ORDER);
@@ -55,16 +52,15 @@ impl AntiAlias {
             let scale = (1.0 - re) * (1.0 - re) + im * im;
             let a1 = -2.0 * (1.0 - re * re - im * im) / scale;
             let a2 = ((1.0 + re) * (1.0 + re) + im * im) / scale;
-            // (1 + z^-1)^2 sums to 4 at rest. 1 + a1 + a2 is 4 |s|^2 / scale, and written so it
-            // keeps its digits for a large factor.
+            // (1 + z^-1)^2 sums to 4 at zero frequency. 1 + a1 + a2 is 4 |s|^2 / scale; this form keeps its digits
+            // for a large factor.
             let b0 = (re * re + im * im) / scale;
             Biquad { b: [b0, 2.0 * b0, b0], a: [a1, a2] }
         };
         AntiAlias { factor, sections: [section(3), section(2), section(1), section(0)] }
     }
 
-    /// Filters one unbroken stretch and keeps the last value of each `factor`; what is left over at
-    /// the end is dropped.
+    /// Filters one segment and keeps the last value of each `factor`. Remaining values at the end are dropped.
     pub fn thin(&self, mut values: Vec<f64>) -> Vec<f64> {
         for section in &self.sections {
             section.run(values.iter_mut());
@@ -77,11 +73,11 @@ impl AntiAlias {
 }
 
 impl Biquad {
-    /// One pass, in the transposed direct form, starting at rest at the first value.
+    /// Filters once, in the transposed direct form, from the steady state of the first value.
     fn run<'a>(&self, mut values: impl Iterator<Item = &'a mut f64>) {
         let Biquad { b, a } = self;
         let Some(first) = values.next() else { return };
-        // At rest with gain 1 the output is the input, and this is what the states then hold.
+        // In the steady state with gain 1 the output equals the input, which gives the states.
         let mut late = (b[2] - a[1]) * *first;
         let mut early = (b[1] - a[0]) * *first + late;
         for value in std::iter::once(first).chain(values) {
@@ -102,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn the_poles_are_those_of_the_textbook_filter() {
+    fn new_returns_poles_of_the_textbook_filter() {
         // scipy.signal.cheby1(8, 0.05, 0.08, output="sos")
         let expected = [
             (-1.82049686, 0.830859740),
@@ -119,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_motion_passes_unshifted() {
+    fn thin_with_slow_motion_does_not_shift_it() {
         // 5 Hz, a tenth of the new Nyquist frequency of 50 Hz.
         let wave = |t: f64| (2.0 * PI * 5.0 * t).sin();
         let thin = AntiAlias::new(10).thin(sampled(4000, wave));
@@ -131,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn vibration_above_the_new_nyquist_frequency_is_gone() {
+    fn thin_with_vibration_above_nyquist_removes_it() {
         // 90 Hz would fold down to 10 Hz at full size.
         let thin = AntiAlias::new(10).thin(sampled(4000, |t| (2.0 * PI * 90.0 * t).sin()));
         let largest = |rows: &[f64]| rows.iter().fold(0.0f64, |m, v| m.max(v.abs()));
@@ -140,11 +136,11 @@ mod tests {
     }
 
     #[test]
-    fn a_very_large_factor_stays_stable() {
+    fn thin_with_very_large_factor_is_stable() {
         let thin = AntiAlias::new(5000).thin(sampled(1_000_000, |t| 3.0 + t));
         assert_eq!(thin.len(), 200);
         for (row, value) in thin.iter().enumerate() {
-            // The ends are taken to rest, and a ramp does not: off by some 2.5 new steps there.
+            // The filter starts from a steady state, which a ramp is not: off by some 2.5 new steps there.
             let allowed = if (40..160).contains(&row) { 1e-3 } else { 15.0 };
             let expected = 3.0 + (5000 * row + 4999) as f64 * 0.001;
             assert!((value - expected).abs() < allowed, "{value} at {row}");
@@ -152,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn too_short_a_stretch_leaves_nothing_and_a_constant_stays() {
+    fn thin_with_short_segment_returns_nothing_and_keeps_a_constant() {
         assert!(AntiAlias::new(10).thin(vec![1.0; 9]).is_empty());
         let thin = AntiAlias::new(10).thin(vec![0.7; 100]);
         assert!(thin.iter().all(|value| (value - 0.7).abs() < 1e-12));

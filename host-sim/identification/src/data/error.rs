@@ -1,33 +1,31 @@
-//! What can be wrong with a log, said in one line.
+//! Errors of reading a log, as messages of one line.
 //!
-//! Whoever reads an error of this module has a file open in an editor next to it. So every
-//! message has the same order: the file, the row as the editor counts it (the header is row 1),
-//! the column, what stands there, and what should have. A message never spans two lines, however
-//! odd the file: [`quoted`] cuts and escapes whatever is repeated from it.
+//! The reader of a message usually has the file open in an editor. So every message has the same order: the file, the
+//! row as the editor counts it (the header is row 1), the column, what was found and what was expected. A message is
+//! always one line: [`quoted`] truncates and escapes all text that is repeated from the file.
 //!
-//! A single bad row is not an error. It becomes a [`BadCell`] in [`BadRows`], is left out, and is
-//! reported at the end; only too many of them stop the reading.
+//! A single bad row is not an error. It becomes a [`BadCell`] in [`BadRows`], is left out and reported. Only too many
+//! bad rows stop the reading.
 
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// How many bad rows are kept by name; the rest are only counted.
+/// Number of bad rows that are reported in detail; the others are only counted.
 pub(super) const NAMED_BAD_ROWS: usize = 5;
 
-/// One place in one file, what was found there and what was expected.
+/// A cell of a file, what was found there and what was expected.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BadCell {
-    /// The file, as it was named by the caller.
+    /// The file, as given by the caller.
     pub file: PathBuf,
-    /// The row, counted from 1 with the header as row 1. For Parquet, the row the same table
-    /// would have in a CSV file.
+    /// The row, counted from 1 with the header as row 1. For Parquet, the row of the same table as a CSV file.
     pub row: u64,
     /// The column's name in the file.
     pub column: String,
-    /// What stands there, quoted and cut short where it is text.
+    /// What was found; quoted and truncated if it is text.
     pub found: String,
-    /// What should stand there.
+    /// What was expected.
     pub expected: String,
 }
 
@@ -42,9 +40,9 @@ impl fmt::Display for BadCell {
 /// The rows that were left out.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct BadRows {
-    /// How many.
+    /// Number of rows.
     pub count: usize,
-    /// The first few of each file by name, in file order; at most one cell per row.
+    /// The first rows of each file in detail, in file order, with one cell per row.
     pub first: Vec<BadCell>,
 }
 
@@ -54,12 +52,12 @@ pub enum DataError {
     /// The file cannot be opened or read to its end.
     #[error("{}: cannot be read: {}", file.display(), one_line(&source.to_string()))]
     Io {
-        /// The file, as it was named by the caller.
+        /// The file, as given by the caller.
         file: PathBuf,
-        /// What the operating system says.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// Something is wrong at one place in the file, and the file is of no use with it.
+    /// A cell is invalid, and the file cannot be used because of it.
     #[error("{0}")]
     Cell(BadCell),
     /// More than [`MAX_BAD_SHARE`](super::MAX_BAD_SHARE) of the rows are bad.
@@ -67,35 +65,35 @@ pub enum DataError {
     TooManyBad {
         /// The first bad row of the file.
         first: BadCell,
-        /// How many rows of the file are bad.
+        /// Number of bad rows of the file.
         bad: usize,
-        /// How many rows the file has.
+        /// Number of rows of the file.
         rows: usize,
     },
-    /// Something is wrong with the file as a whole.
+    /// The file as a whole is invalid.
     #[error("{}: found {found}, expected {expected}", file.display())]
     File {
-        /// The file, as it was named by the caller.
+        /// The file, as given by the caller.
         file: PathBuf,
         /// What was found.
         found: String,
         /// What was expected.
         expected: String,
     },
-    /// A log of several joints, of which one is to be taken at a time.
+    /// The log holds several joints, of which one must be selected.
     #[error("{}: found {} joints {place} ({}), expected one: --where {column}={}", file.display(), joints.len(), listed(joints), first(joints))]
     SeveralJoints {
-        /// The file, as it was named by the caller.
+        /// The file, as given by the caller.
         file: PathBuf,
-        /// Where they are, as the end of a sentence.
+        /// Where the joints are, as the end of a sentence.
         place: String,
-        /// What [`ReadOptions::only`](super::ReadOptions::only) is to name.
+        /// The column to use in [`ReadOptions::only`](super::ReadOptions::only).
         column: String,
         /// The joints, in the order of the file.
         joints: Vec<String>,
     },
-    /// The caller asked for something these data cannot give: an unknown name in `--columns`, a
-    /// hold-out that holds nothing out.
+    /// The request cannot be met with these data: for example an unknown name in `--columns`, or a hold-out that
+    /// selects no rows.
     #[error("{what}: found {found}, expected {expected}")]
     Request {
         /// The option or argument.
@@ -107,12 +105,12 @@ pub enum DataError {
     },
 }
 
-/// The first of some names, fit to be typed.
+/// Formats the first of some names.
 fn first(names: &[String]) -> String {
     names.first().map(|name| listed(std::slice::from_ref(name))).unwrap_or_default()
 }
 
-/// An error in the header row.
+/// Creates an error in the header row.
 pub(super) fn at_header(file: &Path, column: &str, found: &str, expected: &str) -> DataError {
     DataError::Cell(BadCell {
         file: file.into(),
@@ -123,23 +121,23 @@ pub(super) fn at_header(file: &Path, column: &str, found: &str, expected: &str) 
     })
 }
 
-/// Text from a file, fit to be repeated in a message: one line, at most 40 characters, quoted.
+/// Quotes text from a file for a message: one line, at most 40 characters.
 pub(super) fn quoted(bytes: &[u8]) -> String {
-    const LONGEST: usize = 40;
+    const MAX_CHARS: usize = 40;
     let bytes = bytes.trim_ascii();
     if bytes.is_empty() {
         return "an empty cell".into();
     }
-    // Only the start is looked at: an unclosed quote can make a cell as long as the file.
-    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4 * LONGEST)]);
-    let mut short: String = text.chars().take(LONGEST).collect();
-    if short.len() < bytes.len() && text.chars().count() > LONGEST {
+    // Only the start is decoded: an unclosed quote can make a cell as long as the file.
+    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4 * MAX_CHARS)]);
+    let mut short: String = text.chars().take(MAX_CHARS).collect();
+    if short.len() < bytes.len() && text.chars().count() > MAX_CHARS {
         short.push_str("..");
     }
     format!("\"{}\"", one_line(&short))
 }
 
-/// The text with control characters and line ends written as escapes.
+/// Replaces control characters and line ends with escapes.
 pub(super) fn one_line(text: &str) -> String {
     let mut line = String::with_capacity(text.len());
     for c in text.chars() {
@@ -152,21 +150,21 @@ pub(super) fn one_line(text: &str) -> String {
     line
 }
 
-/// A list of names for a message; a long one is cut.
+/// Lists names for a message. A long list is truncated.
 pub(super) fn listed<S: AsRef<str>>(names: &[S]) -> String {
-    const LONGEST: usize = 30;
+    const MAX_NAMES: usize = 30;
     if names.is_empty() {
         return "none".into();
     }
     let shown: Vec<String> = names
         .iter()
-        .take(LONGEST)
+        .take(MAX_NAMES)
         .map(|name| {
             let name: String = name.as_ref().chars().take(40).collect();
             one_line(&name)
         })
         .collect();
-    let more = names.len().saturating_sub(LONGEST);
+    let more = names.len().saturating_sub(MAX_NAMES);
     if more > 0 { format!("{} and {more} more", shown.join(", ")) } else { shown.join(", ") }
 }
 
@@ -175,7 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cell_is_told_in_one_line_with_file_row_and_column() {
+    fn bad_cell_display_is_one_line_with_file_row_and_column() {
         let cell = BadCell {
             file: "a.csv".into(),
             row: 7,
@@ -183,22 +181,22 @@ mod tests {
             found: quoted(b" off\r\nline "),
             expected: "a finite number".into(),
         };
-        let said = cell.to_string();
+        let message = cell.to_string();
         let expected =
             r#"a.csv: row 7, column torque\nnm: found "off\r\nline", expected a finite number"#;
-        assert_eq!(said, expected);
+        assert_eq!(message, expected);
     }
 
     #[test]
-    fn long_text_is_cut_and_an_empty_cell_has_a_name() {
+    fn quoted_with_long_text_truncates_it() {
         assert_eq!(quoted(b"   "), "an empty cell");
-        let said = quoted("é".repeat(1000).as_bytes());
-        assert!(said.chars().count() < 50, "{said}");
-        assert!(said.ends_with("..\""));
+        let text = quoted("é".repeat(1000).as_bytes());
+        assert!(text.chars().count() < 50, "{text}");
+        assert!(text.ends_with("..\""));
     }
 
     #[test]
-    fn a_long_list_of_names_is_cut() {
+    fn listed_with_many_names_truncates_the_list() {
         let names: Vec<String> = (0..100).map(|i| format!("c{i}")).collect();
         assert!(listed(&names).ends_with("and 70 more"));
         assert_eq!(listed::<&str>(&[]), "none");

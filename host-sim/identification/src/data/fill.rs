@@ -1,13 +1,13 @@
-//! Cells without a value, filled.
+//! Filling of missing values.
 //!
-//! A slow channel says something in every hundredth row, and a tool that merges channels by their stamps writes a row for
-//! each of them. What was measured in between nobody knows; what is likely depends on what it is. A quantity of a machine
-//! (a temperature, a pressure, a position) goes from one value to the next and is interpolated in time; a
-//! setting (a gain, a code, anything with a handful of values) jumps, and is held. Before its first and behind its last value
-//! either is held. The torque is never filled: it is what a model is judged by.
+//! A slow channel has a value in every hundredth row, and a tool that merges channels by their stamps writes a row for
+//! each stamp. The values between are unknown; the likely ones depend on the column. A physical quantity (temperature,
+//! pressure, position) changes continuously and is interpolated in time. A setting (a gain, a code, anything with a few
+//! distinct values) changes in steps, so its last value is held. Before the first and after the last value, both are
+//! held. The torque is never filled: models are evaluated on it.
 
-/// More values than this are no settings.
-const FEW: usize = 10;
+/// Maximum number of distinct values of a setting.
+const MAX_SETTING_VALUES: usize = 10;
 
 /// How a column is filled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,20 +17,20 @@ pub(super) enum Fill {
 }
 
 impl Fill {
-    /// As the end of a sentence.
-    pub fn words(self) -> &'static str {
+    /// Describes the method, as the end of a sentence.
+    pub fn description(self) -> &'static str {
         match self {
             Self::Interpolate => "interpolated in time between its values",
             Self::Hold => "held from each of its values to the next",
         }
     }
 
-    /// What suits a column that is no known quantity, by its values; NaN are none.
-    pub fn suiting<'a>(values: impl Iterator<Item = &'a f64>) -> Self {
+    /// Returns the method for a column of no known quantity, by its values. NaN values are ignored.
+    pub fn for_values<'a>(values: impl Iterator<Item = &'a f64>) -> Self {
         let mut distinct: Vec<f64> = Vec::new();
         for value in values.filter(|value| !value.is_nan()) {
             if !distinct.contains(value) {
-                if distinct.len() == FEW {
+                if distinct.len() == MAX_SETTING_VALUES {
                     return Self::Interpolate;
                 }
                 distinct.push(*value);
@@ -40,13 +40,13 @@ impl Fill {
     }
 }
 
-/// Fills the NaN of a column, given the rows' times, and says how many there were; where nothing else is there, none is
-/// filled. Holes between values further apart than `reach` (s) stay.
-pub(super) fn fill(time: &[f64], values: &mut [f64], how: Fill, reach: f64) -> usize {
+/// Fills the NaN values of a column and returns their number. A column of only NaN is left unchanged. `max_span_s` is
+/// the maximum distance of two values between which rows are filled.
+pub(super) fn fill(time: &[f64], values: &mut [f64], method: Fill, max_span_s: f64) -> usize {
     let Some(first) = values.iter().position(|value| !value.is_nan()) else { return 0 };
     let mut filled = 0;
     let mut last = first;
-    if reach.is_infinite() {
+    if max_span_s.is_infinite() {
         let value = values[first];
         values[..first].fill(value);
         filled += first;
@@ -57,10 +57,10 @@ pub(super) fn fill(time: &[f64], values: &mut [f64], how: Fill, reach: f64) -> u
         }
         let (before, now) = (values[last], values[row]);
         let span = time[row] - time[last];
-        if row > last + 1 && span <= reach {
+        if row > last + 1 && span <= max_span_s {
             for at in last + 1..row {
                 let share = if span > 0.0 { (time[at] - time[last]) / span } else { 1.0 };
-                values[at] = match how {
+                values[at] = match method {
                     Fill::Hold => before,
                     Fill::Interpolate => before + share * (now - before),
                 };
@@ -69,7 +69,7 @@ pub(super) fn fill(time: &[f64], values: &mut [f64], how: Fill, reach: f64) -> u
         }
         last = row;
     }
-    if reach.is_infinite() {
+    if max_span_s.is_infinite() {
         let value = values[last];
         filled += values.len() - last - 1;
         values[last + 1..].fill(value);
@@ -81,34 +81,34 @@ pub(super) fn fill(time: &[f64], values: &mut [f64], how: Fill, reach: f64) -> u
 mod tests {
     use super::*;
 
-    const NO: f64 = f64::NAN;
+    const MISSING: f64 = f64::NAN;
 
     #[test]
-    fn quantities_are_interpolated_and_settings_held() {
+    fn fill_interpolates_quantities_and_holds_settings() {
         let time = [0.0, 1.0, 2.0, 4.0, 5.0, 6.0];
-        let column = [NO, 10.0, NO, NO, 40.0, NO];
+        let column = [MISSING, 10.0, MISSING, MISSING, 40.0, MISSING];
         let mut values = column;
         assert_eq!(fill(&time, &mut values, Fill::Interpolate, f64::INFINITY), 4);
         assert_eq!(values, [10.0, 10.0, 17.5, 32.5, 40.0, 40.0]);
         let mut values = column;
         fill(&time, &mut values, Fill::Hold, f64::INFINITY);
         assert_eq!(values, [10.0, 10.0, 10.0, 10.0, 40.0, 40.0]);
-        assert_eq!(fill(&time, &mut [NO; 6], Fill::Hold, f64::INFINITY), 0);
+        assert_eq!(fill(&time, &mut [MISSING; 6], Fill::Hold, f64::INFINITY), 0);
     }
 
     #[test]
-    fn what_is_out_of_reach_stays_empty() {
+    fn fill_with_distant_values_leaves_rows_missing() {
         let time = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
-        let mut values = [NO, 1.0, NO, 3.0, NO, NO];
+        let mut values = [MISSING, 1.0, MISSING, 3.0, MISSING, MISSING];
         assert_eq!(fill(&time, &mut values, Fill::Interpolate, 2.0), 1);
         assert_eq!(values[2], 2.0);
         assert!(values[0].is_nan() && values[5].is_nan());
     }
 
     #[test]
-    fn a_handful_of_values_are_settings() {
-        assert_eq!(Fill::suiting([1.0, NO, 2.0, 1.0].iter()), Fill::Hold);
+    fn for_values_with_few_distinct_values_returns_hold() {
+        assert_eq!(Fill::for_values([1.0, MISSING, 2.0, 1.0].iter()), Fill::Hold);
         let many: Vec<f64> = (0..20).map(f64::from).collect();
-        assert_eq!(Fill::suiting(many.iter()), Fill::Interpolate);
+        assert_eq!(Fill::for_values(many.iter()), Fill::Interpolate);
     }
 }

@@ -1,12 +1,13 @@
-//! Which column of a foreign log is likely meant: for error messages only, never to read by.
+//! Suggestion of the column that probably holds a quantity, for error messages only.
 //!
-//! A user who is told `expected --columns velocity_rad_s=NAME` must open the file to find the name. Where exactly one
-//! column is called what such columns are called (`dq_3`, `speed_rpm`, `effort`), the message names it, with
-//! the unit its name ends in.
+//! A message `expected --columns velocity_rad_s=NAME` sends the user to the file to find the name. If exactly one column
+//! has a typical name of the quantity (`dq_3`, `speed_rpm`, `effort`), the message names it, with the unit at the end
+//! of its name.
 
-use super::{contract, unit};
+use super::contract;
+use super::unit;
 
-/// Words that name a quantity in logs as they are met: drives, ROS, MATLAB.
+/// Words that name a quantity in logs of drives, ROS and MATLAB.
 const WORDS: [(&str, &[&str]); 3] = [
     ("time", &["time", "timestamp", "stamp", "t", "clock", "secs", "%time", "zeit"]),
     (
@@ -19,10 +20,10 @@ const WORDS: [(&str, &[&str]); 3] = [
     ("torque", &["torque", "tau", "effort", "moment", "force", "trq", "drehmoment", "kraft"]),
 ];
 
-/// A longer name is not repeated, bytes.
-const LONGEST: usize = 60;
+/// Maximum length of a suggested name, bytes.
+const MAX_NAME_BYTES: usize = 60;
 
-/// A column for that name of the contract, with the unit to be said, where exactly one is likely.
+/// Returns the column that probably holds a contract name, with its unit, if exactly one does.
 pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
     let (_, words) = WORDS.iter().find(|(of, _)| about.starts_with(of))?;
@@ -33,8 +34,8 @@ pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     };
     let mut likely = columns.iter().filter(|name| is_alike(name));
     let name = likely.next().filter(|_| likely.next().is_none())?;
-    // What cannot be typed is no help; a file that is no table may hold anything.
-    if name.len() > LONGEST || name.contains(char::is_control) {
+    // A name that cannot be typed does not help, and a file that is not a table may hold anything.
+    if name.len() > MAX_NAME_BYTES || name.contains(char::is_control) {
         return None;
     }
     Some(match unit::in_name(contract_name, name).filter(|_| *name != "%time") {
@@ -43,7 +44,7 @@ pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     })
 }
 
-/// The column of the contract that a name would be but for its unit, and that unit: `pressure_diff_bar`.
+/// Returns the contract name of a quantity and the unit that `name` ends in, as for `pressure_diff_bar`.
 pub(super) fn other_unit(name: &str) -> Option<(&'static str, &'static str)> {
     contract::names().find_map(|contract_name| {
         let unit = unit::in_name(contract_name, name)?;
@@ -57,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_column_is_named_where_one_alone_is_likely() {
+    fn column_with_one_probable_name_returns_it() {
         let columns = ["t (ms)", "speed_rpm", "tau_3", "dq_des", "note"];
         assert_eq!(column("time_s", &columns).as_deref(), Some("t (ms):ms"));
         assert_eq!(column("velocity_rad_s", &columns), None, "speed_rpm or dq_des");
@@ -67,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn a_covariate_in_another_unit_is_seen() {
+    fn other_unit_with_covariate_in_known_unit_returns_it() {
         assert_eq!(other_unit("pressure_diff_bar"), Some(("pressure_diff_pa", "bar")));
         assert_eq!(other_unit("temperature_k"), Some(("temperature_c", "K")));
         assert_eq!(other_unit("position_deg"), Some(("position_rad", "deg")));

@@ -1,34 +1,34 @@
 //! Several joints side by side in one table: `velocity_rad_s_1`, `torque_nm_1`, `velocity_rad_s_2`, ...
 //!
-//! Where a header has no target of its own but targets with a number behind their names, each number is a joint. Its columns
-//! are those of the contract with that number behind them, and any other name that comes with the number
-//! of every joint; what has no number (time, temperature) is of all. Reading is of one joint at a time:
-//! `--where joint=2` says which, and the others' columns are left out.
+//! If a header has no plain target but targets with a number as suffix, each number identifies a joint. The columns
+//! of a joint are the contract names with its number, and every other name that occurs with the numbers of all
+//! joints. Columns without a number (time, temperature) belong to all joints. One joint is read at a time:
+//! `--where joint=2` selects it, and the columns of the others are left out.
 
 use std::path::Path;
 
 use super::contract::{self, POSITIONS, TARGETS, VELOCITIES};
 use super::error::{DataError, listed};
-use super::read::ReadOptions;
+use super::options::ReadOptions;
 use compensator_core::quantity::JointKind;
 
-/// The column `--where` names where joints stand side by side.
+/// The name that `--where` uses to select one of several joints side by side.
 pub(super) const JOINT: &str = "joint";
 
-/// A header of which one joint was taken.
+/// A header reduced to one joint.
 #[derive(Debug, Default)]
 pub(super) struct OneJoint {
-    /// The names as one joint would have them, in the order of the file.
+    /// The names without the joint's number, in the order of the file.
     pub names: Vec<String>,
-    /// Columns of other joints, by their place in the file.
+    /// Indices of the columns that belong to other joints.
     pub others: Vec<usize>,
-    /// The same for a reader, in a line.
+    /// A note on the other joints, for the report.
     pub note: Option<String>,
-    /// Whether the header holds joints side by side at all.
+    /// True if the header holds joints side by side.
     pub is_chosen: bool,
 }
 
-/// A name and the number behind it.
+/// Splits a name into its stem and its number suffix.
 fn numbered(name: &str) -> Option<(&str, &str)> {
     let (head, number) = name.rsplit_once('_')?;
     let is_number = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
@@ -39,7 +39,7 @@ fn is_of(table: &[(&str, JointKind)], name: &str) -> bool {
     table.iter().any(|(known, _)| *known == name)
 }
 
-/// Numbers of the joints side by side in a header, in their order; none where the header has a target of its own.
+/// Returns the numbers of the joints side by side, in their order. Empty if the header has a plain target.
 fn numbers(names: &[String], options: &ReadOptions) -> Vec<String> {
     let is_target = |name: &str| is_of(&TARGETS, name);
     let given = options.columns.iter().any(|(ours, _)| is_target(ours));
@@ -61,10 +61,10 @@ fn numbers(names: &[String], options: &ReadOptions) -> Vec<String> {
     found
 }
 
-/// Takes one joint of a header: the one that is asked for, or the only one.
+/// Reduces a header to one joint: the selected one, or the only one.
 ///
 /// # Errors
-/// [`DataError::SeveralJoints`] where there are several and none is asked for.
+/// [`DataError::SeveralJoints`] if there are several and none is selected.
 pub(super) fn one_joint(
     file: &Path,
     names: &[String],
@@ -83,7 +83,7 @@ pub(super) fn one_joint(
                 return Err(DataError::Request {
                     what: format!("{}: --where {JOINT}={}", file.display(), values.join(",")),
                     found: format!("no joint {unknown}"),
-                    expected: format!("of {}", listed(&joints)),
+                    expected: format!("one of {}", listed(&joints)),
                 });
             }
             values.iter().collect()
@@ -118,7 +118,7 @@ pub(super) fn one_joint(
     let others: Vec<&String> = joints.iter().filter(|number| *number != joint).collect();
     taken.note = (!others.is_empty()).then(|| {
         let count = taken.others.len();
-        format!("{}: {count} columns are of other joints ({})", file.display(), listed(&others))
+        format!("{}: {count} columns belong to other joints ({})", file.display(), listed(&others))
     });
     Ok(taken)
 }
@@ -138,15 +138,15 @@ mod tests {
     const ARM: &str = "time_s,torque_nm_1,velocity_rad_s_1,tension_1,torque_nm_2,velocity_rad_s_2,tension_2,cell_1";
 
     #[test]
-    fn a_joint_has_its_own_columns_and_those_of_all() {
+    fn one_joint_with_selection_keeps_own_and_common_columns() {
         let second = take(ARM, Some("2")).unwrap();
-        assert_eq!(second.note.unwrap(), "arm.csv: 3 columns are of other joints (1)");
+        assert_eq!(second.note.unwrap(), "arm.csv: 3 columns belong to other joints (1)");
         assert_eq!(second.names[4..], ["torque_nm", "velocity_rad_s", "tension", "cell_1"]);
         assert_eq!(second.others, [1, 2, 3]);
     }
 
     #[test]
-    fn several_are_told_and_an_unknown_one_refused() {
+    fn one_joint_with_several_or_unknown_joint_returns_error() {
         let several = take(ARM, None).unwrap_err();
         assert!(
             several.contains("2 joints side by side (1, 2)") && several.contains("--where joint=1"),
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_of_one_joint_is_left_alone() {
+    fn one_joint_with_table_of_one_joint_leaves_names_unchanged() {
         let plain = take("time_s,velocity_rad_s,torque_nm,current_1,torque_nm_2", None).unwrap();
         assert!(!plain.is_chosen && plain.others.is_empty());
         let only = take("time_s,velocity_rad_s_4,torque_nm_4", None).unwrap();

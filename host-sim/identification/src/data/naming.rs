@@ -1,38 +1,40 @@
-//! What the columns are called, after `--columns` has had its say.
+//! The names of a file's columns after `--columns` is applied.
 //!
-//! A pair `torque_nm=tau_3` does two things: the column `tau_3` now answers to `torque_nm`, and a
-//! column that called itself `torque_nm` no longer does. Both together let a user read a file
-//! whose names are foreign as well as one whose names are misleading, and swap two columns.
-//! Behind the foreign name a unit may stand (`dq_3:deg/s`) and before it the element of a list (`velocity[2]`);
-//! a column whose own name holds a colon or brackets is found first.
+//! A pair `torque_nm=tau_3` has two effects: the column `tau_3` gets the name `torque_nm`, and a column whose own
+//! name is `torque_nm` loses it. With both, a user can read files with other names and files with misleading names,
+//! and can swap two columns. The file name may be followed by a unit (`dq_3:deg/s`) and by the element of a list
+//! (`velocity[2]`). A column whose own name holds a colon or brackets takes precedence.
 
 use std::path::Path;
 
+use super::cell::CellReader;
 use super::contract;
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
 use super::guess;
-use super::reading::Reading;
 use super::unit::{self, conversion};
 
-/// The names of a file's columns, own and given.
+/// The names of a file's columns: those in the file and those given with `--columns`.
 pub(super) struct Naming<'a> {
-    /// As they are in the file.
+    /// The names in the file.
     names: &'a [String],
-    /// As `--columns` gives them.
+    /// The pairs of `--columns`.
     mapped: Vec<Mapped<'a>>,
 }
 
-/// A pair of `--columns`, found in the file.
+/// A pair of `--columns` with its column in the file.
 struct Mapped<'a> {
     name: &'a str,
-    reading: Reading,
-    /// The unit as it was given.
+    reading: CellReader,
+    /// The unit as given.
     unit: Option<&'a str>,
 }
 
 impl<'a> Naming<'a> {
-    /// Refuses a header that is none, names that occur twice, and pairs that make no sense.
+    /// Applies the pairs of `--columns`.
+    ///
+    /// # Errors
+    /// If the header holds only numbers or a name twice, or if a pair is invalid.
     pub fn new(
         file: &Path,
         names: &'a [String],
@@ -42,33 +44,33 @@ impl<'a> Naming<'a> {
         Ok(Naming { names, mapped: mapped_columns(file, names, mapping)? })
     }
 
-    /// The column that answers to a name.
-    pub fn find(&self, wanted: &str) -> Option<Reading> {
+    /// Returns the column with a name.
+    pub fn find(&self, wanted: &str) -> Option<CellReader> {
         self.columns().find(|(_, name)| *name == wanted).map(|(reading, _)| reading)
     }
 
-    /// Whether `--columns` gives this contract name.
+    /// Returns true if `--columns` maps this contract name.
     pub fn is_mapped(&self, wanted: &str) -> bool {
         self.mapped.iter().any(|mapped| mapped.name == wanted)
     }
 
-    /// The unit `--columns` gives with this contract name.
+    /// Returns the unit that `--columns` gives for this contract name.
     pub fn unit(&self, wanted: &str) -> Option<&'a str> {
         self.mapped.iter().find(|mapped| mapped.name == wanted)?.unit
     }
 
-    /// Every column with the name it answers to, in file order. A column that was given two names
-    /// comes twice, one whose name was given to another not at all.
-    pub fn columns(&self) -> impl Iterator<Item = (Reading, &'a str)> {
+    /// Returns every column with its name, in file order. A column with two given names occurs twice. A column whose
+    /// name was given to another does not occur.
+    pub fn columns(&self) -> impl Iterator<Item = (CellReader, &'a str)> {
         self.names.iter().enumerate().flat_map(|(index, own)| {
             let given = self.mapped.iter().filter(move |mapped| mapped.reading.index == index);
             let is_used_up = given.clone().next().is_some() || self.is_mapped(own);
-            let own = (!is_used_up).then_some((Reading::plain(index), own.as_str()));
+            let own = (!is_used_up).then_some((CellReader::plain(index), own.as_str()));
             given.map(move |mapped| (mapped.reading, mapped.name)).chain(own)
         })
     }
 
-    /// Of which columns of the file an optional column may be meant, in other units: words for a reader.
+    /// Returns a note for each covariate that may be an optional quantity in another unit.
     pub fn hints(&self) -> Vec<String> {
         let own = self.columns().filter(|(reading, name)| self.names[reading.index] == *name);
         own.filter_map(|(_, name)| {
@@ -76,7 +78,7 @@ impl<'a> Naming<'a> {
             let is_there = self.find(contract_name).is_some();
             (!is_there).then(|| {
                 format!(
-                    "{name} is taken as a column of its own; --columns {contract_name}={name}:{unit} reads it as \
+                    "{name} is read as a covariate; --columns {contract_name}={name}:{unit} reads it as \
                      {contract_name}"
                 )
             })
@@ -84,7 +86,7 @@ impl<'a> Naming<'a> {
         .collect()
     }
 
-    /// The columns whose name was given to another.
+    /// Returns the columns whose name was given to another column.
     pub fn replaced(&self) -> Vec<LeftOutColumn> {
         let mut replaced = Vec::new();
         for &Mapped { name: contract_name, reading, .. } in &self.mapped {
@@ -99,8 +101,8 @@ impl<'a> Naming<'a> {
         replaced
     }
 
-    /// The error for missing columns; `wanted` holds whether each is missing, its names in words, and the one to
-    /// be given. Where a column of the file is likely meant, the pair to type is named.
+    /// Returns the error for missing columns. `wanted` holds for each: is it missing, its name in the message, and
+    /// its contract name. If a column of the file probably matches, the message suggests the pair.
     pub fn missing(&self, file: &Path, wanted: &[(bool, &str, &str)]) -> DataError {
         let missing = || wanted.iter().filter(|(is_missing, ..)| *is_missing);
         let names: Vec<&str> = missing().map(|(_, name, _)| *name).collect();
@@ -119,7 +121,7 @@ impl<'a> Naming<'a> {
     }
 }
 
-/// Refuses a header that cannot be one.
+/// Rejects a header of numbers, or with duplicate names.
 fn check_names(file: &Path, names: &[String]) -> Result<(), DataError> {
     if !names.is_empty() && names.iter().all(|name| name.parse::<f64>().is_ok()) {
         let expected = "the columns' names (time_s, velocity_rad_s, torque_nm ..)";
@@ -138,7 +140,7 @@ fn check_names(file: &Path, names: &[String]) -> Result<(), DataError> {
     Ok(())
 }
 
-/// The pairs, found in the file.
+/// Resolves the pairs of `--columns` in the file.
 fn mapped_columns<'a>(
     file: &Path,
     names: &[String],
@@ -161,7 +163,7 @@ fn mapped_columns<'a>(
         if mapped.iter().any(|earlier| earlier.name == name) {
             return refuse(format!("{name} twice"), "each contract name once".into());
         }
-        let Some(Source { index, element, unit }) = source(names, foreign) else {
+        let Some(ForeignColumn { index, element, unit }) = find_foreign(names, foreign) else {
             let column = without_unit(foreign);
             let expected = format!("one of {}", listed(names));
             return in_file(format!("no column {column}"), expected);
@@ -172,31 +174,32 @@ fn mapped_columns<'a>(
                 Ok(conversion) => Some(conversion),
                 Err(expected) => return refuse(format!("the unit {unit}"), expected),
             },
-            // ROS stamps its plain-text logs so, always.
+            // ROS always stamps its plain-text logs in nanoseconds.
             None if own == "%time" => conversion(name, "ns").ok(),
             None => {
                 if let Some(unit) = unit::in_name(name, own).filter(|_| own != name) {
-                    let found = format!("a name that ends in {unit} and no unit");
-                    let expected = format!("{name}={foreign}:{unit}, or the unit it is in");
+                    let found = format!("a name that ends in {unit}, without a unit");
+                    let expected = format!("{name}={foreign}:{unit}, or the unit of the column");
                     return in_file(found, expected);
                 }
                 None
             }
         };
-        mapped.push(Mapped { name, reading: Reading { index, element, conversion }, unit });
+        mapped.push(Mapped { name, reading: CellReader { index, element, conversion }, unit });
     }
     Ok(mapped)
 }
 
-/// What a foreign name of `--columns` means.
-struct Source<'a> {
+/// A file name of `--columns` with its parts resolved.
+struct ForeignColumn<'a> {
     index: usize,
     element: Option<usize>,
     unit: Option<&'a str>,
 }
 
-/// The column, element and unit: as it stands, else with the unit split off, else with the element, else both.
-fn source<'a>(names: &[String], foreign: &'a str) -> Option<Source<'a>> {
+/// Resolves a name of `--columns`: as a whole first, then without the unit, then without the element, then without
+/// both.
+fn find_foreign<'a>(names: &[String], foreign: &'a str) -> Option<ForeignColumn<'a>> {
     let find = |wanted: &str| names.iter().position(|name| name == wanted);
     let either = |text: &str| {
         let element = || {
@@ -206,14 +209,14 @@ fn source<'a>(names: &[String], foreign: &'a str) -> Option<Source<'a>> {
         find(text).map(|index| (index, None)).or_else(element)
     };
     if let Some((index, element)) = either(foreign) {
-        return Some(Source { index, element, unit: None });
+        return Some(ForeignColumn { index, element, unit: None });
     }
     let (head, unit) = foreign.rsplit_once(':')?;
     let (index, element) = either(head.trim_end())?;
-    Some(Source { index, element, unit: Some(unit.trim()) })
+    Some(ForeignColumn { index, element, unit: Some(unit.trim()) })
 }
 
-/// A foreign name that no column has, without what is likely its unit.
+/// Returns a name that no column has, without its probable unit.
 fn without_unit(foreign: &str) -> &str {
     let split = foreign.rsplit_once(':');
     split.filter(|(_, symbol)| unit::is_symbol(symbol)).map_or(foreign, |(head, _)| head)

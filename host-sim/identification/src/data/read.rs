@@ -1,10 +1,9 @@
-//! Files in, one data set out.
+//! Reading of several files into one data set.
 //!
-//! Each file is cleaned for itself, so that what is told about a row is told in terms of its own
-//! file. Then the files must fit together: one joint kind, distinct run names, and the same
-//! columns, because a regressor that exists in some runs only would explain the difference between
-//! files. Clocks that say when they count from are set to the earliest, so that a campaign keeps its own. Last, `skip`
-//! drops the start of each run (the logger's own filters were still settling).
+//! Each file is validated separately, so that messages refer to the rows of that file. Then the files are joined. They
+//! must have one joint kind, distinct run names and the same columns: a regressor that exists in some runs only would
+//! explain the difference between files. Clocks with a known origin are set to the earliest one, so that the files of
+//! a campaign keep a common clock. Finally `skip` drops the start of each run, while the logger's filters settle.
 
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -14,24 +13,16 @@ use compensator_core::quantity::Quantity;
 use super::clean::{CleanRun, FileData};
 use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::error::{BadRows, DataError};
+use super::options::ReadOptions;
 use super::source::read_file;
 
-/// How files are to be read.
-#[derive(Debug, Clone, Default)]
-pub struct ReadOptions {
-    /// Pairs of contract name and foreign name, the latter with its unit where that is not the contract's
-    /// (`dq_3:deg/s`), and an element where its cells are lists (`velocity[2]`).
-    pub columns: Vec<(String, String)>,
-    /// Only rows in which each of these columns is one of its values.
-    pub only: Vec<(String, Vec<String>)>,
-    /// How many samples to drop at the start of each run.
-    pub skip: usize,
-}
-
-/// Reads, cleans and joins the files. `progress` is told the bytes done and the bytes in total.
+/// Reads, validates and joins the files. `progress` is called with the bytes done and the bytes in total.
 ///
-/// Runs are named as in the file (a file without a `run` column is one run of the file's own
-/// name), and with several files as `file:run`.
+/// Runs keep their names in the file; a file without a `run` column is one run with the file's name. With several
+/// files, runs are named `file:run`.
+///
+/// # Errors
+/// If a file cannot be read, is misread (too many bad rows), or does not fit the others.
 pub fn read(
     files: &[PathBuf],
     options: &ReadOptions,
@@ -53,7 +44,7 @@ pub fn read(
     Ok(data)
 }
 
-/// The sizes in bytes; fails if a file is not there, is given twice or is no file.
+/// Returns the sizes, bytes. Fails if a file does not exist, is given twice or is a directory.
 fn sizes(files: &[PathBuf]) -> Result<Vec<u64>, DataError> {
     if files.is_empty() {
         return Err(DataError::Request {
@@ -75,7 +66,7 @@ fn sizes(files: &[PathBuf]) -> Result<Vec<u64>, DataError> {
             return Err(wrong("a directory", "a CSV or Parquet file"));
         }
         if !seen.insert(path.canonicalize().map_err(failed)?) {
-            // The same rows on both sides of a split would make any model look good.
+            // The same rows on both sides of a split would understate the held-out error.
             return Err(wrong("the file given twice", "each file once"));
         }
         Ok(about.len())
@@ -83,10 +74,10 @@ fn sizes(files: &[PathBuf]) -> Result<Vec<u64>, DataError> {
     files.iter().map(size).collect()
 }
 
-/// An optional column: what it measures, `None` of an extra covariate, and its name.
-type Place = (Option<Quantity>, String);
+/// An optional column: its quantity (`None` for an extra covariate) and its name.
+type ColumnKey = (Option<Quantity>, String);
 
-/// Makes one data set of the files.
+/// Joins the files to one data set.
 fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
     let joint = parts[0].joint;
     for (part, file) in parts.iter().zip(files) {
@@ -121,7 +112,7 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
     let origins: Option<Vec<i128>> = parts.iter().map(|part| part.origin_ns).collect();
     let earliest = origins.and_then(|origins| origins.into_iter().min());
     for (at, part) in parts.into_iter().enumerate() {
-        let later_s = match (part.origin_ns, earliest) {
+        let offset_s = match (part.origin_ns, earliest) {
             (Some(origin), Some(earliest)) => (origin - earliest) as f64 / 1e9,
             _ => 0.0,
         };
@@ -142,8 +133,8 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
             .map(|column| shared.iter().position(|s| s.0 == column.quantity && s.1 == column.name))
             .collect();
         for mut clean in part.runs {
-            if later_s > 0.0 {
-                clean.required[0].iter_mut().for_each(|time| *time += later_s);
+            if offset_s > 0.0 {
+                clean.required[0].iter_mut().for_each(|time| *time += offset_s);
             }
             let name = match (&clean.name, files.len()) {
                 (Some(run), 1) if part.has_runs => run.clone(),
@@ -156,8 +147,8 @@ fn join(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
     Ok(data)
 }
 
-/// Adds where a file's columns come from; only those that all files share.
-fn join_sources(sources: &mut Vec<SourceColumn>, of_file: Vec<SourceColumn>, shared: &[Place]) {
+/// Adds the origins of a file's columns, for the columns that all files share.
+fn join_sources(sources: &mut Vec<SourceColumn>, of_file: Vec<SourceColumn>, shared: &[ColumnKey]) {
     for (at, source) in of_file.into_iter().enumerate() {
         match sources.iter_mut().find(|known| known.name == source.name) {
             Some(known) => {
@@ -173,21 +164,25 @@ fn join_sources(sources: &mut Vec<SourceColumn>, of_file: Vec<SourceColumn>, sha
     }
 }
 
-/// The optional columns all files have, in the order of the first; the others get a note.
-fn shared_columns(files: &[PathBuf], parts: &[FileData], notes: &mut Vec<String>) -> Vec<Place> {
+/// Returns the optional columns that all files have, in the order of the first file. The others get a note.
+fn shared_columns(
+    files: &[PathBuf],
+    parts: &[FileData],
+    notes: &mut Vec<String>,
+) -> Vec<ColumnKey> {
     let has = |part: &FileData, quantity: Option<Quantity>, name: &str| {
         part.optional.iter().any(|column| column.quantity == quantity && column.name == name)
     };
-    let mut shared: Vec<Place> = Vec::new();
-    let mut told: Vec<&str> = Vec::new();
+    let mut shared: Vec<ColumnKey> = Vec::new();
+    let mut reported: Vec<&str> = Vec::new();
     for column in parts.iter().flat_map(|part| &part.optional) {
         let lacking = parts.iter().position(|part| !has(part, column.quantity, &column.name));
         match lacking {
             None if !has_pair(&shared, column.quantity, &column.name) => {
                 shared.push((column.quantity, column.name.clone()));
             }
-            Some(at) if !told.contains(&column.name.as_str()) => {
-                told.push(&column.name);
+            Some(at) if !reported.contains(&column.name.as_str()) => {
+                reported.push(&column.name);
                 let (name, file) = (&column.name, files[at].display());
                 notes.push(format!("{name} is left out: {file} does not have it"));
             }
@@ -197,18 +192,17 @@ fn shared_columns(files: &[PathBuf], parts: &[FileData], notes: &mut Vec<String>
     shared
 }
 
-fn has_pair(columns: &[Place], quantity: Option<Quantity>, name: &str) -> bool {
+fn has_pair(columns: &[ColumnKey], quantity: Option<Quantity>, name: &str) -> bool {
     columns.iter().any(|column| column.0 == quantity && column.1 == name)
 }
 
-/// Puts a run's columns where they belong. `places` says for each of them which of the shared
-/// columns it is.
+/// Builds a run. `places` holds the index of each column among the shared columns.
 fn make_run(
     name: String,
     file: usize,
     clean: CleanRun,
     places: &[Option<usize>],
-    shared: &[Place],
+    shared: &[ColumnKey],
 ) -> Run {
     let [time_s, velocity, torque] = clean.required;
     let mut run =
@@ -228,7 +222,7 @@ fn make_run(
     run
 }
 
-/// File names without their endings, numbered where two are the same.
+/// Returns the file names without their extensions, numbered if two are equal.
 fn distinct_stems(files: &[PathBuf]) -> Vec<String> {
     let mut stems: Vec<String> = Vec::new();
     for file in files {
@@ -245,7 +239,7 @@ fn distinct_stems(files: &[PathBuf]) -> Vec<String> {
     stems
 }
 
-/// Skips and decimates, and counts what is left.
+/// Drops the first samples of each run and counts the remaining rows.
 fn shorten(data: &mut Dataset, options: &ReadOptions) -> Result<(), DataError> {
     for run in &mut data.runs {
         let start = options.skip.min(run.len());
@@ -264,7 +258,7 @@ fn shorten(data: &mut Dataset, options: &ReadOptions) -> Result<(), DataError> {
     }
     if !too_short.is_empty() {
         let names = super::error::listed(&too_short);
-        data.notes.push(format!("runs too short to skip are left out: {names}"));
+        data.notes.push(format!("runs shorter than --skip are left out: {names}"));
     }
     data.runs.retain(|run| !run.is_empty());
     data.rows = data.runs.iter().map(Run::len).sum();

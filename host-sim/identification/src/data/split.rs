@@ -1,15 +1,13 @@
-//! What a model is fitted on, and what it is judged by.
+//! Split of a data set into training and test data.
 //!
-//! Two neighbouring samples of a log are all but the same measurement. Shuffle rows into a
-//! training and a test set, and every test row has its twin in the training set: any model looks
-//! good, and the more it has memorised the better. So only whole stretches are held out here, and
-//! the longer the better: whole files, whole runs, all runs at one setting, the end of each run,
-//! or, where a single run is all there is, blocks of time. Or nothing is set apart, and every run is judged by
-//! a fit of its own that has not seen it ([`SplitRule::EachOut`]).
+//! Two neighbouring samples of a log are nearly the same measurement. If rows are shuffled into a training and a test
+//! set, every test row has a close neighbour in the training set, and every model looks good, most of all one that
+//! memorises. So only contiguous data are held out, the longer the better: whole files, whole runs, all runs at one
+//! setting, the end of each run, or blocks of time if there is only one run. Alternatively each run is evaluated with a
+//! fit on the others ([`SplitRule::LeaveOneRunOut`]).
 //!
-//! Held-out runs lie spread over the order of the files, since that order mostly is one of speed,
-//! load or date, and a test at one end of it would be a test of extrapolation. The seed shifts
-//! the pattern; the same seed always gives the same split.
+//! Held-out runs are spread over the order of the files. That order is mostly one of speed, load or date, and a test at
+//! one end of it would test extrapolation. The seed shifts the pattern; the same seed gives the same split.
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -17,37 +15,37 @@ use std::path::PathBuf;
 use super::dataset::{Dataset, Run};
 use super::error::{DataError, listed};
 
-/// The share of runs, blocks or rows that is held out if nobody says otherwise.
+/// Default share of runs, blocks or rows that is held out.
 pub const DEFAULT_TEST_SHARE: f64 = 0.3;
 
-/// Into how many blocks of equally many rows a single run is cut.
+/// Number of blocks of equal length into which a single run is split.
 pub const TIME_BLOCKS: usize = 10;
 
-/// How to choose what is held out.
+/// Rule that selects the held-out data.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SplitRule {
-    /// This share (0 to 1, both excluded) of the runs, spread over their order; of a single run,
-    /// blocks of time. At least one run or block goes to either side.
+    /// Hold out this share (0 to 1, both excluded) of the runs, spread over their order. A single run is split into
+    /// blocks of time. Both sides get at least one run or block.
     Spread {
         /// The share to hold out.
         share: f64,
     },
-    /// Every run is fitted on, and every run is judged, by a fit on the others.
-    EachOut,
-    /// The last share (0 to 1, both excluded) of the rows of each run.
+    /// Evaluate each run with a fit on all other runs.
+    LeaveOneRunOut,
+    /// Hold out the last share (0 to 1, both excluded) of the rows of each run.
     Tail {
         /// The share to hold out.
         share: f64,
     },
-    /// All runs in which `column` is one of `values`. The column is `run`, a label, or a numeric
-    /// column that is constant in each run.
+    /// Hold out all runs in which `column` holds one of `values`. The column is `run`, a label, or a numeric column
+    /// that is constant in each run.
     HoldOut {
         /// The column's name.
         column: String,
         /// The values, as text; numbers are compared as numbers.
         values: Vec<String>,
     },
-    /// All runs of these files, which must be among [`Dataset::files`] as they were given.
+    /// Hold out all runs of these files, which must be among [`Dataset::files`].
     Files(Vec<PathBuf>),
 }
 
@@ -58,7 +56,7 @@ impl Default for SplitRule {
 }
 
 impl SplitRule {
-    /// Understands `COLUMN=VALUE[,VALUE..]`.
+    /// Parses `COLUMN=VALUE[,VALUE..]`.
     pub fn parse_hold_out(text: &str) -> Result<SplitRule, DataError> {
         let parsed = text.split_once('=').map(|(column, values)| {
             let values: Vec<String> = values.split(',').map(|v| v.trim().to_string()).collect();
@@ -75,36 +73,36 @@ impl SplitRule {
     }
 }
 
-/// Some consecutive rows of one run.
+/// Consecutive rows of one run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part {
     /// Index into [`Dataset::runs`].
     pub run: usize,
-    /// Its rows; never empty.
+    /// The rows; never empty.
     pub rows: Range<usize>,
 }
 
-/// What to fit on and what to judge by; no row is in both, but where each run is left out once and all are.
+/// The training and test data. No row is in both, except with [`SplitRule::LeaveOneRunOut`], where all rows are.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Split {
     /// The parts to fit on, in the order of the data.
     pub train: Vec<Part>,
-    /// The parts to judge by, in the order of the data.
+    /// The parts to test on, in the order of the data.
     pub test: Vec<Part>,
 }
 
 impl Split {
-    /// Whether nothing is set apart and every run is to be judged by a fit on the others.
-    pub fn leaves_each_out(&self) -> bool {
+    /// Returns true if each run is to be tested with a fit on the others.
+    pub fn is_leave_one_run_out(&self) -> bool {
         self.train == self.test
     }
 
-    /// Names of the runs that have rows to fit on.
+    /// Returns the names of the runs with training rows.
     pub fn train_runs(&self, data: &Dataset) -> Vec<String> {
         names(data, &self.train)
     }
 
-    /// Names of the runs that have rows held out.
+    /// Returns the names of the runs with test rows.
     pub fn test_runs(&self, data: &Dataset) -> Vec<String> {
         names(data, &self.test)
     }
@@ -118,7 +116,7 @@ fn names(data: &Dataset, parts: &[Part]) -> Vec<String> {
 }
 
 impl Dataset {
-    /// These parts as a data set of their own, each part a run. Parts of one run share its name.
+    /// Returns these parts as a data set in which each part is a run. Parts of one run share its name.
     pub fn select(&self, parts: &[Part]) -> Dataset {
         let slice = |part: &Part| self.runs[part.run].slice(part.rows.clone());
         let runs: Vec<Run> = parts.iter().map(slice).collect();
@@ -138,7 +136,10 @@ impl Dataset {
     }
 }
 
-/// Splits by the rule. Fails if either side would be empty or the rule asks for what is not there.
+/// Splits a data set.
+///
+/// # Errors
+/// If either side is empty or the rule names something that the data do not contain.
 pub fn split(data: &Dataset, rule: &SplitRule, seed: u64) -> Result<Split, DataError> {
     let split = match rule {
         SplitRule::Spread { share } if data.runs.len() == 1 => {
@@ -148,7 +149,7 @@ pub fn split(data: &Dataset, rule: &SplitRule, seed: u64) -> Result<Split, DataE
             let held = spread(data.runs.len(), checked(*share)?, seed);
             whole_runs(data, |at, _| held.contains(&at))
         }
-        SplitRule::EachOut => {
+        SplitRule::LeaveOneRunOut => {
             let all = whole_runs(data, |_, _| false).train;
             Split { train: all.clone(), test: all }
         }
@@ -166,7 +167,7 @@ pub fn split(data: &Dataset, rule: &SplitRule, seed: u64) -> Result<Split, DataE
     if split.train.is_empty() || split.test.is_empty() {
         let empty = if split.test.is_empty() { "test" } else { "train" };
         let found =
-            format!("{} runs, {} rows, and nothing left to {empty} on", data.runs.len(), data.rows);
+            format!("{} runs, {} rows, and no rows left to {empty} on", data.runs.len(), data.rows);
         return Err(request("split", found, "rows on either side".into()));
     }
     Ok(split)
@@ -176,7 +177,7 @@ fn request(what: &str, found: String, expected: String) -> DataError {
     DataError::Request { what: what.into(), found, expected }
 }
 
-/// The share, if it is one.
+/// Returns the share if it is valid.
 fn checked(share: f64) -> Result<f64, DataError> {
     if share > 0.0 && share < 1.0 {
         return Ok(share);
@@ -184,14 +185,14 @@ fn checked(share: f64) -> Result<f64, DataError> {
     Err(request("test share", share.to_string(), "a number between 0 and 1".into()))
 }
 
-/// About `share` of `0..n`, evenly spread, at least one and not all. The seed shifts the pattern
-/// by less than its own period; with seed 0 it is centred.
+/// Selects about `share` of `0..n`, evenly spread, at least one and not all. The seed shifts the pattern by less than
+/// its period; with seed 0 it is centred.
 fn spread(n: usize, share: f64, seed: u64) -> Vec<usize> {
     if n < 2 {
         return Vec::new();
     }
     let held = ((n as f64 * share).round() as usize).clamp(1, n - 1);
-    // The golden ratio's multiples fill the unit interval evenly, whatever seeds are tried.
+    // Multiples of the golden ratio fill the unit interval evenly for any set of seeds.
     let shift = (0.5 + 0.618_033_988_749_894_9 * (seed % 1_000_000) as f64).fract();
     let period = n as f64 / held as f64;
     (0..held).map(|k| (((k as f64 + shift) * period) as usize).min(n - 1)).collect()
@@ -214,7 +215,7 @@ fn time_blocks(run: &Run, share: f64, seed: u64) -> Split {
         let rows = block * run.len() / blocks..(block + 1) * run.len() / blocks;
         let side = if held.contains(&block) { &mut split.test } else { &mut split.train };
         match side.last_mut() {
-            // Blocks next to each other are one stretch.
+            // Adjacent blocks are one part.
             Some(part) if part.rows.end == rows.start => part.rows.end = rows.end,
             _ => side.push(Part { run: 0, rows }),
         }
@@ -241,14 +242,14 @@ fn hold_out(data: &Dataset, column: &str, values: &[String]) -> Result<Split, Da
     let mut settings = Vec::with_capacity(data.runs.len());
     for run in &data.runs {
         let Some(setting) = data.constant(run, column) else {
-            let found = format!("no one value of {column} in run {}", run.name);
+            let found = format!("no constant value of {column} in run {}", run.name);
             let there = data.constant_columns();
             return Err(request(&what, found, format!("one of {}", listed(&there))));
         };
         settings.push(setting);
     }
     for value in values {
-        if !settings.iter().any(|setting| same(setting, value)) {
+        if !settings.iter().any(|setting| are_equal(setting, value)) {
             let mut there = settings.clone();
             there.sort_unstable();
             there.dedup();
@@ -256,11 +257,11 @@ fn hold_out(data: &Dataset, column: &str, values: &[String]) -> Result<Split, Da
             return Err(request(&what, found, format!("one of {}", listed(&there))));
         }
     }
-    Ok(whole_runs(data, |at, _| values.iter().any(|value| same(&settings[at], value))))
+    Ok(whole_runs(data, |at, _| values.iter().any(|value| are_equal(&settings[at], value))))
 }
 
-/// Equal as text, or as numbers: `400` is `400.0`.
-pub(super) fn same(setting: &str, value: &str) -> bool {
+/// Returns true if the texts are equal, also as numbers: `400` equals `400.0`.
+pub(super) fn are_equal(setting: &str, value: &str) -> bool {
     setting == value
         || matches!((setting.parse::<f64>(), value.parse::<f64>()), (Ok(a), Ok(b)) if a == b)
 }
@@ -271,7 +272,7 @@ mod tests {
     use super::*;
     use compensator_core::quantity::JointKind;
 
-    /// `n` runs of ten rows, named by number; two files; kp is 100 in even runs, 400 in odd ones.
+    /// Returns `n` runs of ten rows, named by number, in two files; kp is 100 in even runs and 400 in odd ones.
     fn data(n: usize) -> Dataset {
         let run = |at: usize| Run {
             name: at.to_string(),
@@ -302,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn held_out_runs_lie_spread_over_the_order() {
+    fn split_with_default_rule_spreads_held_out_runs() {
         assert_eq!(test_runs(&data(7), &SplitRule::default(), 0), [1, 5]);
         assert_eq!(test_runs(&data(10), &SplitRule::default(), 0), [1, 5, 8]);
         assert_eq!(test_runs(&data(2), &SplitRule::default(), 0), [1]);
@@ -319,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn every_row_is_on_one_side_whatever_the_rule() {
+    fn split_with_any_share_puts_every_row_on_one_side() {
         for n in [1, 2, 5, 16] {
             let data = data(n);
             for share in [0.01, 0.3, 0.5, 0.99] {
@@ -338,16 +339,16 @@ mod tests {
     }
 
     #[test]
-    fn where_each_is_left_out_all_are_on_both_sides() {
+    fn split_with_leave_one_run_out_has_all_runs_on_both_sides() {
         let data = data(3);
-        let each = split(&data, &SplitRule::EachOut, 0).unwrap();
-        assert!(each.leaves_each_out());
+        let each = split(&data, &SplitRule::LeaveOneRunOut, 0).unwrap();
+        assert!(each.is_leave_one_run_out());
         assert_eq!((each.train.len(), each.test_runs(&data).len()), (3, 3));
-        assert!(!split(&data, &SplitRule::default(), 0).unwrap().leaves_each_out());
+        assert!(!split(&data, &SplitRule::default(), 0).unwrap().is_leave_one_run_out());
     }
 
     #[test]
-    fn a_single_run_is_split_by_blocks_of_time() {
+    fn split_with_single_run_holds_out_blocks_of_time() {
         let data = data(1);
         let split = split(&data, &SplitRule::default(), 0).unwrap();
         let rows = |parts: &[Part]| parts.iter().map(|part| part.rows.clone()).collect::<Vec<_>>();
@@ -359,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tail_is_the_end_of_each_run() {
+    fn split_with_tail_holds_out_end_of_each_run() {
         let data = data(2);
         let split = split(&data, &SplitRule::Tail { share: 0.3 }, 9).unwrap();
         assert_eq!(split.train, [Part { run: 0, rows: 0..7 }, Part { run: 1, rows: 0..7 }]);
@@ -367,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_held_out_by_name_label_and_setting() {
+    fn split_with_hold_out_selects_by_name_label_and_setting() {
         let data = data(4);
         let held = |text| test_runs(&data, &SplitRule::parse_hold_out(text).unwrap(), 0);
         assert_eq!(held("run=1,3"), [1, 3]);
@@ -376,28 +377,28 @@ mod tests {
     }
 
     #[test]
-    fn a_hold_out_of_nothing_says_what_there_is() {
+    fn split_with_unknown_hold_out_lists_available_values() {
         let data = data(4);
-        let said = |text| {
+        let message = |text| {
             let rule = SplitRule::parse_hold_out(text);
             rule.and_then(|rule| split(&data, &rule, 0)).unwrap_err().to_string()
         };
         assert_eq!(
-            said("kp=200"),
+            message("kp=200"),
             "hold-out kp=200: found no run with kp=200, expected one of 100, 400"
         );
         assert_eq!(
-            said("velocity_rad_s=3"),
-            "hold-out velocity_rad_s=3: found no one value of velocity_rad_s in run 0, expected \
+            message("velocity_rad_s=3"),
+            "hold-out velocity_rad_s=3: found no constant value of velocity_rad_s in run 0, expected \
              one of run, shape, kp"
         );
-        assert!(said("kp=100,400").contains("nothing left to train on"));
-        assert!(said("kp").contains("expected COLUMN=VALUE"));
-        assert!(said("kp=").contains("expected COLUMN=VALUE"));
+        assert!(message("kp=100,400").contains("no rows left to train on"));
+        assert!(message("kp").contains("expected COLUMN=VALUE"));
+        assert!(message("kp=").contains("expected COLUMN=VALUE"));
     }
 
     #[test]
-    fn whole_files_can_be_held_out() {
+    fn split_with_files_holds_out_their_runs() {
         let data = data(4);
         assert_eq!(test_runs(&data, &SplitRule::Files(vec!["b.csv".into()]), 0), [2, 3]);
         let error = split(&data, &SplitRule::Files(vec!["c.csv".into()]), 0).unwrap_err();
@@ -405,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_that_are_none_are_refused() {
+    fn split_with_invalid_share_returns_error() {
         for share in [0.0, 1.0, -0.3, f64::NAN] {
             assert!(split(&data(4), &SplitRule::Tail { share }, 0).is_err());
         }

@@ -1,31 +1,33 @@
-//! Measured data as a CAN log.
+//! Export of measured data as a CAN log.
 //!
-//! Each row becomes the frames a driver would have been told it by ([`Writer`]). A run's own clock goes
-//! on: runs whose times follow each other keep them, others are put behind the one before with a second
-//! between. Stamps count from the first row; nanoseconds are written where microseconds would round. Values are rounded to `f32`, as a driver holds them. Names of runs that are no numbers
-//! become numbers, and covariates but the chosen one stay behind.
+//! Each row becomes the frames that a driver would receive ([`Writer`]). Runs whose times follow each other keep their
+//! clock; other runs are placed one second after the previous one. Stamps count from the first row, and are in
+//! nanoseconds if microseconds would round them. Values are rounded to `f32`, as in a driver. Run names that are not
+//! numbers are replaced by numbers. Covariates are left out, except the selected one.
 
-use super::{Dataset, Quantity, Run, contract};
-use compensator_core::can::{Entry, Message, Node};
+use super::contract;
+use super::dataset::{Dataset, Run};
+use compensator_core::can::{Message, NodeId, TraceEntry};
+use compensator_core::quantity::Quantity;
 use joint_trace::{Fraction, TextFormat, TraceSample, Writer};
 use std::collections::HashSet;
 use std::io::{self, Write};
 
-/// Between runs that overlap in time, ns.
+/// Pause between runs that overlap in time, ns.
 const BETWEEN_RUNS_NS: i64 = 1_000_000_000;
 
-/// How a log is to be written.
+/// Options of the export.
 #[derive(Clone, Debug)]
 pub struct EmitOptions {
-    /// Name of the interface.
+    /// Name of the CAN interface.
     pub interface: String,
-    /// The joint's number on the bus.
-    pub node: Node,
+    /// Node id of the joint.
+    pub node: NodeId,
     /// Stamp of the first row, s.
     pub start_s: u32,
-    /// The covariate of the data set that travels as the auxiliary one.
+    /// The covariate that is written as the auxiliary quantity.
     pub auxiliary: Option<String>,
-    /// The format; in another than candump's the interface has no name.
+    /// The format. Only candump's has an interface name.
     pub format: TextFormat,
 }
 
@@ -33,7 +35,7 @@ impl Default for EmitOptions {
     fn default() -> Self {
         Self {
             interface: "vcan0".into(),
-            node: Node::FIRST,
+            node: NodeId::FIRST,
             start_s: 0,
             auxiliary: None,
             format: TextFormat::Candump,
@@ -41,19 +43,19 @@ impl Default for EmitOptions {
     }
 }
 
-/// Why a log could not be written; one line.
+/// Error of the export; one line.
 #[derive(Debug, thiserror::Error)]
 pub enum EmitError {
     /// Writing failed.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// The interface's name would break a line.
+    /// The interface name is invalid in a log line.
     #[error("interface {0:?}: expected a name of up to 15 letters and digits, as can0")]
     Interface(String),
     /// The data set has no such covariate.
     #[error("auxiliary column {0:?}: not among the covariates of the data")]
     Auxiliary(String),
-    /// A time that is too far from the first for a stamp.
+    /// A time is too far from the first one for a stamp.
     #[error("run {run}: a time of {time_s} s after the first: expected less than 30 years")]
     Time {
         /// The run.
@@ -66,7 +68,7 @@ pub enum EmitError {
 /// Writes a data set as the log of one joint.
 ///
 /// # Errors
-/// A name, column or time that has no place in such a log, or what the writer below says.
+/// If a name, column or time is invalid in such a log, or if writing fails.
 pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<(), EmitError> {
     let interface = options.interface.as_str();
     let legal = !interface.is_empty()
@@ -88,7 +90,7 @@ pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<()
     let fraction = if whole { Fraction::Microseconds } else { Fraction::Nanoseconds };
     let mut writer = Writer::new(out, interface, options.node, fraction).in_format(options.format);
     let first = stamps.iter().flatten().next().copied().unwrap_or_default();
-    writer.message(first, &Message::Entry(options.node, Entry::JointKind(data.joint)))?;
+    writer.message(first, &Message::Entry(options.node, TraceEntry::JointKind(data.joint)))?;
     for ((run, number), stamps) in data.runs.iter().zip(run_numbers(data)).zip(&stamps) {
         let own = auxiliary.and_then(|at| run.extra.get(at)).map(Vec::as_slice);
         for (row, time_ns) in stamps.iter().enumerate() {
@@ -103,7 +105,7 @@ pub fn emit(data: &Dataset, options: &EmitOptions, out: impl Write) -> Result<()
     Ok(writer.finish()?)
 }
 
-/// A row, in the numbers of the bus.
+/// Converts a row to a sample of the bus.
 fn sample(run: &Run, row: usize, auxiliary: Option<&[f64]>) -> TraceSample {
     let mut sample = TraceSample::EMPTY;
     let required = [Quantity::Velocity, Quantity::Torque];
@@ -118,7 +120,7 @@ fn sample(run: &Run, row: usize, auxiliary: Option<&[f64]>) -> TraceSample {
     sample
 }
 
-/// The numbers the runs get: their names where all are numbers, else 1, 2, 3.
+/// Returns the numbers of the runs: their names if all are distinct numbers, else 1, 2, 3.
 pub fn run_numbers(data: &Dataset) -> Vec<u32> {
     let parsed: Option<Vec<u32>> = data.runs.iter().map(|run| run.name.parse().ok()).collect();
     let distinct =
@@ -126,22 +128,22 @@ pub fn run_numbers(data: &Dataset) -> Vec<u32> {
     parsed.filter(distinct).unwrap_or_else(|| (1..=data.runs.len() as u32).collect())
 }
 
-/// The stamps of each run's rows, ns.
+/// Returns the stamps of each run's rows, ns.
 fn stamps(data: &Dataset, start_s: u32) -> Result<Vec<Vec<u64>>, EmitError> {
-    const LONGEST_S: f64 = 9e8;
+    const MAX_DURATION_S: f64 = 9e8;
     let firsts = data.runs.iter().flat_map(|run| run.time_s.first());
     let origin = firsts.copied().fold(f64::INFINITY, f64::min);
     let start = i64::from(start_s) * 1_000_000_000;
     let mut end: Option<i64> = None;
     let mut stamps = Vec::with_capacity(data.runs.len());
     for run in &data.runs {
-        let late = run.time_s.iter().find(|time| **time - origin > LONGEST_S);
+        let late = run.time_s.iter().find(|time| **time - origin > MAX_DURATION_S);
         if let Some(time_s) = late {
             return Err(EmitError::Time { run: run.name.clone(), time_s: time_s - origin });
         }
         let since = |time: f64| start + ((time - origin) * 1e9).round() as i64;
         let first = run.time_s.first().map_or(start, |time| since(*time));
-        // Where the clock of this run does not follow that of the run before, it is set on.
+        // If the clock of this run does not follow that of the previous run, it is shifted.
         let shift = end.filter(|end| first <= *end).map_or(0, |end| end + BETWEEN_RUNS_NS - first);
         let stamped = run.time_s.iter().map(|time| (since(*time) + shift).max(0) as u64);
         let stamped: Vec<u64> = stamped.collect();

@@ -1,13 +1,13 @@
-//! Velocity from position, for a log that has none.
+//! Velocity from position, for a log without a velocity.
 //!
-//! A plain difference, and on purpose: it is what most drives log as their velocity, and the reconstruction of the motion
-//! ([`crate::motion`]) knows it by its delay of half a row and takes the position instead. Anything smoother would round
-//! off the reversals before they are looked at. Nothing is carried over a gap.
+//! A plain difference is used on purpose. Most drives log the same as their velocity, and the reconstruction of the
+//! motion ([`crate::motion`]) recognises it by its delay of half a row and uses the position instead. A smoother
+//! estimate would distort the reversals. No difference is taken over a gap.
 
 use super::segment::segments_of;
 
-/// A position's differences from row to row over each unbroken stretch, its first row as its second: the velocity of
-/// an encoder that logs none. It is late by half a row, which the reconstruction of the motion knows to tell.
+/// Returns the differences of a position from row to row in each segment. The first row gets the value of the second.
+/// The result is late by half a row.
 pub(super) fn differences(time: &[f64], position: &[f64]) -> Vec<f64> {
     let mut velocity = vec![0.0; time.len()];
     for rows in segments_of(time) {
@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_difference_crosses_a_gap_or_divides_by_nothing() {
+    fn differences_with_gap_or_zero_step_stays_in_segment() {
         let time = [0.0, 1.0, 2.0, 3.0, 3.0, 100.0, 101.0];
         let position = [0.0, 2.0, 4.0, 6.0, 6.0, 500.0, 501.0];
         assert_eq!(differences(&time, &position), [2.0, 2.0, 2.0, 2.0, 2.0, 1.0, 1.0]);

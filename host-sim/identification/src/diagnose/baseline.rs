@@ -1,45 +1,53 @@
-//! The model a log is held against first.
+//! Selection of the base law.
 //!
-//! The simplest law the log supports: linear, then with the Stribeck curve, then with bristles. A law
-//! with more parameters is taken if it lowers `n ln(SSE) + k ln n`, with `n` the number of *independent*
-//! rows; bristles whose Stribeck curve is not worth it go without one. A log of steady sliding gets no bristles,
-//! and no cause that only bristles could show.
+//! The base law is the simplest law that the log supports. The search for causes compares every
+//! extended model with it. The laws are the linear law, the law with a Stribeck curve, and the
+//! LuGre law with bristles.
+//!
+//! A law with more parameters is selected if it lowers `n ln(SSE) + k ln n`. Here `n` is the number
+//! of *independent* rows and `k` the number of parameters. If a log supports bristles but not their
+//! Stribeck curve, the Dahl law is selected.
+//!
+//! A log of steady sliding supports no bristles. The search then excludes the causes that require
+//! bristles.
 
-use super::model::{Fitted, again};
+use super::model::{FittedModel, again};
 use super::train_test::{AtRest, TrainTest};
 use crate::fit::scales::Scales;
-use crate::fit::solve::ENOUGH_TO_COMPARE;
+use crate::fit::solve::COMPARISON_TOLERANCE;
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Track, fit};
 use crate::spec::{Spec, SpecError};
 use ParameterId as Id;
 use compensator_core::{LawKind, ParameterId, Parameters};
 
-/// The laws, the simplest first.
+/// Laws in order of increasing complexity.
 const LADDER: [LawKind; 3] = [LawKind::Linear, LawKind::Stribeck, LawKind::Lugre];
 
-/// Starting points of a baseline's fit that go all the way.
+/// Number of starting points that a fit of the base law follows to convergence.
 const STARTS: usize = 2;
 
-/// Simulations per parameter of a baseline's fit. A law the log does not support crawls along a valley, and
-/// is not taken; what is reported is fitted to the end.
+/// Simulations per parameter in a fit of the base law. A law that the log does not support
+/// converges slowly and is rejected anyway. Reported models are fitted to convergence.
 const PATIENCE: usize = 8;
 
-/// Breakaway over Coulomb level beyond which a Stribeck curve is none: 1.8 is what is printed of seals, 3 is rare.
+/// Largest plausible ratio of breakaway torque to Coulomb torque. Published values for seals reach
+/// 1.8, and 3 is rare.
 const HIGHEST_BREAKAWAY: f64 = 4.0;
 
-/// Stribeck velocity, as a share of the top speed, where the search for it ends.
+/// Lower bound of the Stribeck velocity, as a share of the log's top speed.
 const SLOWEST_CURVE: f64 = 1e-3;
 
-/// Fits a law, from scratch or from given parameters.
+/// Returns the fit of a law. It starts from the given parameters, or from scratch if there are
+/// none.
 ///
 /// # Errors
-/// If there are more terms than the core takes.
+/// Returns an error if there are more terms than the core accepts.
 fn fitted(
     log: &TrainTest,
     spec: &Spec,
     start: Option<&Parameters<f64>>,
-) -> Result<Fitted, SpecError> {
+) -> Result<FittedModel, SpecError> {
     let base = match start {
         Some(start) => start.clone(),
         None => spec.parameters()?,
@@ -48,11 +56,11 @@ fn fitted(
         starts: STARTS,
         start: start.cloned(),
         patience: PATIENCE,
-        enough: ENOUGH_TO_COMPARE,
+        tolerance: COMPARISON_TOLERANCE,
         ..FitOptions::default()
     };
     let solution = fit(spec, &base, log.train_rows(), &options);
-    Ok(Fitted {
+    Ok(FittedModel {
         spec: spec.clone(),
         parameters: solution.parameters(),
         free: solution.coordinates.ids().collect(),
@@ -63,34 +71,35 @@ fn fitted(
     })
 }
 
-/// The model a log is held against, and what it cannot be judged by.
+/// The base model of a log, and the rows that it cannot be evaluated on.
 #[derive(Clone, Debug)]
 pub struct Baseline {
-    /// The model.
-    pub model: Fitted,
-    /// Rows at rest, if it has nothing to say of them.
+    /// The base model.
+    pub model: FittedModel,
+    /// Rows at rest, if the base model does not describe them.
     pub at_rest: Option<AtRest>,
 }
 
-/// Chooses a law.
+/// Returns the base model that is selected for a log.
 ///
 /// # Errors
-/// If the rigid-body parts alone are more terms than the core takes.
+/// Returns an error if the rigid-body terms alone are more terms than the core accepts.
 pub fn choose(log: &TrainTest) -> Result<Baseline, SpecError> {
     let whole_ladder = |log: &TrainTest| without_curve(log, climb(log, &LADDER)?);
     let best = whole_ladder(log)?;
     if best.spec.law.has_bristles() {
         return judged(log, best, whole_ladder);
     }
-    // Where rows at rest are left out, a law with bristles has just been found no better: what is left are
-    // the others.
+    // The selection has rejected the laws with bristles. Without the rows at rest, only the other
+    // laws remain.
     judged(log, best, |log| climb(log, &LADDER[..2]))
 }
 
-/// Fits a law that was asked for, from given parameters or from scratch.
+/// Returns the base model for a requested law. The fit starts from the given parameters, or from
+/// scratch.
 ///
 /// # Errors
-/// If there are more terms than the core takes.
+/// Returns an error if there are more terms than the core accepts.
 pub fn asked_for(
     log: &TrainTest,
     spec: &Spec,
@@ -99,20 +108,24 @@ pub fn asked_for(
     judged(log, fitted(log, spec, start)?, |log| fitted(log, spec, start))
 }
 
-/// A law with bristles has something to say of a joint at rest. Where the encoder's step is wider than the bristles bend it is
-/// wrong there, though: the torque runs through all that stiction can hold and the angle stands still. Such rows are left
-/// out where the law fitted without them misses the rows in motion by less than this share of the squared error it made
-/// of them before; where a law is right at rest, leaving rows out changes little. Of measured logs the joints of an arm
-/// under slow position control lie at 0.35 to 0.74 (one goes from 0.102 to 0.040 Nm, its floor), an industrial robot's
-/// third axis at 0.85 and the friction damper, whose residual force at rest is real, at 1.00.
-const MISLED: f64 = 0.8;
+/// Largest ratio of squared errors at which rows at rest are excluded for a law with bristles,
+/// dimensionless.
+///
+/// The ratio compares the squared error on rows in motion, fitted without and with the rows at
+/// rest. A law with bristles predicts the torque at rest. If the encoder step is wider than the
+/// deflection of the bristles, this prediction is wrong: the torque changes while the angle stands
+/// still. A small ratio shows that rows at rest distort the fit in motion. If the law is correct at
+/// rest, the ratio is close to 1.
+const MAX_MOTION_ERROR_RATIO: f64 = 0.8;
 
-/// The model, or another one without the rows at rest, where it has nothing to say of them, or what it says there misleads
-/// it in motion.
+/// Returns the base model for a fitted law.
+///
+/// The rows at rest are excluded if the law does not describe them or if they distort its fit in
+/// motion. The law is then refitted without them.
 fn judged(
     log: &TrainTest,
-    model: Fitted,
-    again: impl Fn(&TrainTest) -> Result<Fitted, SpecError>,
+    model: FittedModel,
+    again: impl Fn(&TrainTest) -> Result<FittedModel, SpecError>,
 ) -> Result<Baseline, SpecError> {
     let squares = |log: &TrainTest| {
         let metrics = model.on_train(log).metrics;
@@ -123,15 +136,17 @@ fn judged(
     };
     let moving = log.clone().without(&at_rest);
     let unmisled = again(&moving)?;
-    let in_motion = |model: &Fitted| model.on_train(&moving).metrics.sse;
-    if model.spec.law.has_bristles() && in_motion(&unmisled) > MISLED * in_motion(&model) {
+    let in_motion = |model: &FittedModel| model.on_train(&moving).metrics.sse;
+    if model.spec.law.has_bristles()
+        && in_motion(&unmisled) > MAX_MOTION_ERROR_RATIO * in_motion(&model)
+    {
         return Ok(Baseline { model, at_rest: None });
     }
     Ok(Baseline { model: unmisled, at_rest: Some(at_rest) })
 }
 
-fn climb(log: &TrainTest, ladder: &[LawKind]) -> Result<Fitted, SpecError> {
-    let mut best: Option<Fitted> = None;
+fn climb(log: &TrainTest, ladder: &[LawKind]) -> Result<FittedModel, SpecError> {
+    let mut best: Option<FittedModel> = None;
     for law in ladder {
         let next = fitted(log, &Spec::law(*law).on(&log.rigid_body), None)?;
         best = match best {
@@ -142,12 +157,14 @@ fn climb(log: &TrainTest, ladder: &[LawKind]) -> Result<Fitted, SpecError> {
     best.map_or_else(|| fitted(log, &Spec::law(LawKind::Linear), None), Ok)
 }
 
-/// The bristles alone (Dahl's), where a log wants bristles and does not show their Stribeck curve: with parameters that nothing
-/// determines, a fit to some of the runs goes wild on the others, and every cause with it. On `damper-2.csv` (a level of
-/// 11393 +- 18259 N) a difference between the directions then lost ninefold on rows left out. Such a fit may also end at
-/// bristles that never slip (a static torque of 113 levels on a drawn slip-element joint, where Dahl's law misses by 0.17 Nm
-/// and a law without bristles by 0.56): a log whose LuGre is refused is asked without the curve before it goes without bristles.
-fn without_curve(log: &TrainTest, best: Fitted) -> Result<Fitted, SpecError> {
+/// Returns the Dahl law if the log supports bristles but not their Stribeck curve; otherwise
+/// `best`.
+///
+/// If the log does not determine a parameter, a fit to some of the runs is inaccurate on the
+/// others. This error hides the causes. A LuGre fit may also end at bristles that never slip. If
+/// the LuGre law was rejected, the Dahl law is therefore compared with the best law without
+/// bristles.
+fn without_curve(log: &TrainTest, best: FittedModel) -> Result<FittedModel, SpecError> {
     let plain = || fitted(log, &Spec::law(LawKind::Dahl).on(&log.rigid_body), None);
     if best.spec.law == LawKind::Lugre {
         let plain = plain()?;
@@ -157,16 +174,19 @@ fn without_curve(log: &TrainTest, best: Fitted) -> Result<Fitted, SpecError> {
     Ok(if is_worth_it(log, &best, &plain) { plain } else { best })
 }
 
-/// The richer law as a base: where it turns out to be worth it beside the causes that were found, for as long as those were missing
-/// their error may have hidden a Stribeck curve; and where nothing was found beside bristles alone.
+/// Returns the LuGre law as the new base law of a log whose base law is the Dahl law.
+///
+/// It is returned if the log supports it beside the accepted causes, or if no cause was accepted.
+/// While causes are missing in the model, their error may hide a Stribeck curve. Returns `None` for
+/// any other base law and for an implausible Stribeck curve.
 ///
 /// # Errors
-/// If there are more terms than the core takes.
-pub fn outgrown(
+/// Returns an error if there are more terms than the core accepts.
+pub fn reselect_base_law(
     log: &TrainTest,
-    base: &Fitted,
-    extended: &Fitted,
-) -> Result<Option<Fitted>, SpecError> {
+    base: &FittedModel,
+    extended: &FittedModel,
+) -> Result<Option<FittedModel>, SpecError> {
     if base.spec.law != LawKind::Dahl {
         return Ok(None);
     }
@@ -186,7 +206,7 @@ pub fn outgrown(
             parameters.set(id, from.get(id));
         }
     }
-    let start = Fitted {
+    let start = FittedModel {
         free: Vec::new(),
         resolution: richer.resolution,
         spec,
@@ -198,11 +218,14 @@ pub fn outgrown(
     Ok(is_worth_it(log, extended, &with_causes).then_some(richer))
 }
 
-/// Whether the bristles of a law would have to be bent further than the joint ever goes, hold more than it ever did, or are as
-/// soft as may be: then
-/// they are a spring that stands for something else, and no friction. (On `bldc-cogging.csv`, driven at constant speeds, Dahl's
-/// law would hold 437 Nm, where the torque never exceeds 7.)
-fn never_slips(log: &TrainTest, model: &Fitted) -> bool {
+/// Returns true if the bristles of a law act as a spring and not as friction.
+///
+/// This is the case if one of these conditions holds:
+///
+/// - They deflect further than the longest stroke.
+/// - They hold more than the largest measured torque.
+/// - Their stiffness is at its lower bound.
+fn never_slips(log: &TrainTest, model: &FittedModel) -> bool {
     let parameters = &model.parameters;
     let level = parameters.get(Id::StaticTorque).max(parameters.get(Id::CoulombTorque));
     let stiffness = Id::BristleStiffness;
@@ -225,10 +248,12 @@ fn never_slips(log: &TrainTest, model: &Fitted) -> bool {
             || parameters.get(Id::CoulombTorque) > largest)
 }
 
-/// Whether bristles have a Stribeck curve that stands for something else: a breakaway of more than so many Coulomb levels, or one that
-/// is over at a thousandth of the top speed. A track that begins at rest with more torque than the law can
-/// hold (EMPS begins with 89 N, 20 N of them friction) would have it so.
-fn has_wild_curve(log: &TrainTest, model: &Fitted) -> bool {
+/// Returns true if the Stribeck curve of bristles is implausible.
+///
+/// The ratio of breakaway to Coulomb torque is then too high, or the Stribeck velocity is at its
+/// lower bound. A track that starts at rest with more torque than the law can hold leads to such a
+/// curve.
+fn has_wild_curve(log: &TrainTest, model: &FittedModel) -> bool {
     let parameters = &model.parameters;
     let has_curve = parameters.law.parameters().contains(&Id::StribeckVelocity);
     let slowest = 1.01 * SLOWEST_CURVE * Scales::of(&log.train_tracks).speed;
@@ -239,14 +264,15 @@ fn has_wild_curve(log: &TrainTest, model: &Fitted) -> bool {
             || parameters.get(Id::StribeckVelocity) < slowest)
 }
 
-/// Training rows over the autocorrelation time of what a model leaves of them.
-pub fn independent_rows(log: &TrainTest, model: &Fitted) -> f64 {
+/// Returns the number of training rows divided by the model's residual autocorrelation time in
+/// rows.
+pub fn independent_rows(log: &TrainTest, model: &FittedModel) -> f64 {
     let predicted = model.on_train(log);
     let memory = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
     predicted.metrics.rows as f64 / memory
 }
 
-fn is_worth_it(log: &TrainTest, simple: &Fitted, rich: &Fitted) -> bool {
+fn is_worth_it(log: &TrainTest, simple: &FittedModel, rich: &FittedModel) -> bool {
     if never_slips(log, rich) || has_wild_curve(log, rich) {
         return false;
     }

@@ -7,7 +7,7 @@
 //! there, has no candidate: nothing is invented.
 
 use super::sensitivities::{Exact, Sensitivities};
-use super::train_test::{Follows, TrainTest};
+use super::train_test::{FollowedColumn, TrainTest};
 use crate::spec::Spec;
 use compensator_core::{ParameterId, Sample, TermKind};
 
@@ -56,7 +56,7 @@ pub struct Candidate {
     /// Columns of the log it needs.
     pub columns: Vec<String>,
     /// What it follows, for a cause that may follow any column.
-    pub follows: Option<Follows>,
+    pub follows: Option<FollowedColumn>,
     /// Its columns.
     pub regressors: Vec<Regressor>,
     /// Where a fit with it begins.
@@ -72,9 +72,9 @@ pub struct Candidate {
     /// Index of the extra covariate it reads.
     pub extra: Option<usize>,
     /// Whether it is only there to be held against its own cause: what would look alike without it, and is never named.
-    pub is_foil: bool,
+    pub is_null_model: bool,
     /// Whether it is only there to be named beside another cause that explains the same, and never for itself.
-    pub is_only_rival: bool,
+    pub is_comparison_only: bool,
 }
 
 impl Candidate {
@@ -91,22 +91,22 @@ impl Candidate {
             comparisons: 1.0,
             weight: 1.0,
             extra: None,
-            is_foil: false,
-            is_only_rival: false,
+            is_null_model: false,
+            is_comparison_only: false,
         }
     }
 
-    /// Held against its own cause, see [`Candidate::is_foil`].
+    /// Held against its own cause, see [`Candidate::is_null_model`].
     #[must_use]
-    pub fn as_foil(mut self) -> Self {
-        (self.is_foil, self.weight) = (true, 0.0);
+    pub fn as_null_model(mut self) -> Self {
+        (self.is_null_model, self.weight) = (true, 0.0);
         self
     }
 
-    /// Named beside others alone, see [`Candidate::is_only_rival`].
+    /// Named beside others alone, see [`Candidate::is_comparison_only`].
     #[must_use]
-    pub fn as_rival(mut self) -> Self {
-        (self.is_only_rival, self.weight) = (true, 0.0);
+    pub fn as_comparison_only(mut self) -> Self {
+        (self.is_comparison_only, self.weight) = (true, 0.0);
         self
     }
 
@@ -133,7 +133,7 @@ impl Candidate {
 
     /// The column it follows; its index, where that is an extra covariate.
     #[must_use]
-    pub fn following(mut self, follows: Follows, extra: Option<usize>) -> Self {
+    pub fn following(mut self, follows: FollowedColumn, extra: Option<usize>) -> Self {
         (self.follows, self.extra) = (Some(follows), extra);
         self
     }
@@ -147,12 +147,12 @@ impl Candidate {
 
     /// Whether it is a curve of any shape.
     pub fn is_any_shape(&self) -> bool {
-        self.follows.as_ref().is_some_and(Follows::is_any_shape)
+        self.follows.as_ref().is_some_and(FollowedColumn::is_any_shape)
     }
 }
 
 /// What candidates stand beside: a log, and a model that has been fitted to it.
-pub struct Beside<'a> {
+pub struct FitContext<'a> {
     /// The log.
     pub log: &'a TrainTest,
     /// The model.
@@ -161,7 +161,7 @@ pub struct Beside<'a> {
     pub at: &'a Sensitivities,
 }
 
-impl Beside<'_> {
+impl FitContext<'_> {
     /// Whether the model has this term already, as such or in its law.
     pub fn has(&self, term: TermKind) -> bool {
         let spec = self.spec;

@@ -1,12 +1,17 @@
-//! What a residual can be blamed on: a file for each cause, and the one list of them.
+//! Possible causes of a residual: one file per cause, and the list of all causes.
 //!
-//! A cause is more than a term of the driver's model. It has a name and a meaning, a remedy (which may be a
-//! term, or to correct a column, or nothing), a size in words, and a plane in which it shows. It is found
-//! in one of three ways: as [`Cause::candidates`] weighed beside a fitted model and fitted with everything
-//! else; [`Cause::in_log`], in the log itself before there is a model; or [`Cause::in_rest`], in what is left
-//! when no candidate passed. The search, the sentences and the report ask a cause for what they need and know
-//! none by name, so a new one is its file and a row in [`ALL`]. How causes stand to each other (one yields to
-//! another, one comes after all others) is a property of the cause, too.
+//! A cause has a name, a meaning, a remedy, a size in words, and a plane in which it shows. The
+//! remedy may be a term of the driver's model, a corrected column, or nothing. A cause is found in
+//! one of three ways:
+//!
+//! - As [`Cause::candidates`], which are evaluated beside a fitted model and then fitted with all
+//!   other parameters.
+//! - [`Cause::in_log`]: in the log, without a model.
+//! - [`Cause::in_rest`]: in the remaining residual, if no candidate passed.
+//!
+//! The search, the summary and the report use only this trait. A new cause therefore needs one file
+//! and one row in [`ALL`]. Relations between causes are also properties of the cause: it may yield
+//! to another one, or be considered after all others.
 
 mod backlash;
 mod channel_delay;
@@ -34,13 +39,13 @@ pub mod definition;
 
 pub use definition::{Cause, Remedy};
 
-use super::candidate::{Beside, Candidate};
-use super::train_test::Follows;
+use super::candidate::{Candidate, FitContext};
+use super::train_test::FollowedColumn;
 use compensator_core::term::MAX_TERMS;
 use compensator_core::{ParameterId, TermKind};
 use std::ops::Deref;
 
-/// Every cause, in the order candidates are weighed in.
+/// All causes, in the order in which their candidates are evaluated.
 pub const ALL: &[&dyn Cause] = &[
     &radial_force_coulomb::RadialForceCoulomb,
     &pressure_coulomb::PressureCoulomb,
@@ -64,24 +69,25 @@ pub const ALL: &[&dyn Cause] = &[
     &unknown::Unknown,
 ];
 
-/// The cause a term explains; none for a part of the rigid body that is known beforehand.
+/// Returns the cause that a term represents; `None` for a part of the rigid body that is known
+/// beforehand.
 pub fn of_term(term: TermKind) -> Option<&'static dyn Cause> {
     ALL.iter().copied().find(|cause| cause.remedy().term() == Some(term))
 }
 
-/// The causes that act through a parameter of a law.
+/// Returns the causes that act through a parameter of a law.
 pub fn acting_through(id: ParameterId) -> impl Iterator<Item = &'static dyn Cause> {
     ALL.iter().copied().filter(move |cause| cause.acts_on().contains(&id))
 }
 
-/// A candidate and the cause it is of.
-pub struct Suspect {
+/// A candidate and its cause.
+pub struct CauseCandidate {
     /// The cause.
     pub cause: &'static dyn Cause,
     candidate: Candidate,
 }
 
-impl Deref for Suspect {
+impl Deref for CauseCandidate {
     type Target = Candidate;
 
     fn deref(&self) -> &Candidate {
@@ -89,39 +95,41 @@ impl Deref for Suspect {
     }
 }
 
-impl Suspect {
-    /// What it says, whatever its settings.
-    pub fn claim(&self) -> Claim {
-        Claim::new(self.cause, self.candidate.follows.as_ref())
+impl CauseCandidate {
+    /// Returns the identity of the candidate, independent of its settings.
+    pub fn claim(&self) -> CauseIdentity {
+        CauseIdentity::new(self.cause, self.candidate.follows.as_ref())
     }
 }
 
-/// What a suspect says, whatever its settings: a cause, and the column it follows (whether as a share of
-/// the level), where it may follow any.
+/// Identity of a candidate, independent of its settings.
+///
+/// It consists of the cause and, for a cause that may follow any column, of the column and whether
+/// it scales the level.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Claim {
+pub struct CauseIdentity {
     /// The cause.
     pub cause: &'static dyn Cause,
     follows: Option<(String, bool)>,
 }
 
-impl Claim {
-    /// The claim of a cause that follows this.
-    pub fn new(cause: &'static dyn Cause, follows: Option<&Follows>) -> Self {
+impl CauseIdentity {
+    /// Creates the identity of a cause that follows this column.
+    pub fn new(cause: &'static dyn Cause, follows: Option<&FollowedColumn>) -> Self {
         Self { cause, follows: follows.map(|follows| (follows.column.clone(), follows.level)) }
     }
 }
 
-/// The candidates of all causes beside a model that has been fitted; none where it takes no more terms.
-pub fn suspects(beside: &Beside) -> Vec<Suspect> {
-    if beside.at.parameters.terms.len() >= MAX_TERMS {
+/// Returns the candidates of all causes for a fitted model; empty if the model has the maximum number of terms.
+pub fn cause_candidates(context: &FitContext) -> Vec<CauseCandidate> {
+    if context.at.parameters.terms.len() >= MAX_TERMS {
         return Vec::new();
     }
-    let in_the_model = |cause: &dyn Cause| cause.remedy().term().is_some_and(|t| beside.has(t));
+    let in_the_model = |cause: &dyn Cause| cause.remedy().term().is_some_and(|t| context.has(t));
     let open = ALL.iter().copied().filter(|cause| !in_the_model(*cause));
     open.flat_map(|cause| {
-        let candidates = cause.candidates(beside).into_iter();
-        candidates.map(move |candidate| Suspect { cause, candidate })
+        let candidates = cause.candidates(context).into_iter();
+        candidates.map(move |candidate| CauseCandidate { cause, candidate })
     })
     .collect()
 }
@@ -131,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cause_with_a_term_has_its_name() {
+    fn causes_with_term_have_name_of_term() {
         for cause in ALL {
             if let Some(term) = cause.remedy().term() {
                 assert_eq!(cause.name(), term.name());
@@ -142,7 +150,27 @@ mod tests {
     }
 
     #[test]
-    fn names_differ() {
+    fn meaning_of_size_follows_its_sign() {
+        let of = |name: &str, size: f64| {
+            let cause = ALL.iter().find(|cause| cause.name() == name).expect("a cause");
+            cause.meaning_of(size)
+        };
+        for (name, positive, negative) in [
+            ("time-drift", "rises", "falls"),
+            ("pressure-coulomb", "grows", "falls"),
+            ("radial-force-coulomb", "grows", "falls"),
+            ("temperature-coulomb", "falls", "rises"),
+            ("temperature-viscous", "falls", "rises"),
+            ("warm-up", "falls", "rises"),
+        ] {
+            assert!(of(name, 0.25).contains(positive), "{name}: {}", of(name, 0.25));
+            assert!(of(name, -0.25).contains(negative), "{name}: {}", of(name, -0.25));
+        }
+        assert_eq!(of("torque-offset", -1.0), of("torque-offset", 1.0));
+    }
+
+    #[test]
+    fn cause_names_are_unique() {
         let mut names: Vec<&str> = ALL.iter().map(|cause| cause.name()).collect();
         names.sort_unstable();
         names.dedup();
@@ -150,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn causes_act_through_the_parameters_they_change() {
+    fn acting_through_returns_causes_of_parameter() {
         let through = |id| acting_through(id).map(|cause| cause.name()).collect::<Vec<_>>();
         assert_eq!(
             through(ParameterId::ViscousFriction),

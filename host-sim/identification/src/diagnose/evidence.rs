@@ -1,57 +1,58 @@
-//! Where a cause shows: what a residual is to be drawn over, as values.
+//! Planes in which a residual shows the shape of its cause.
 //!
-//! Each cause has a plane in which the base model's residual must have a shape and the extended model's
-//! none: pressure raises the level, so what the base model misses along the motion rises with pressure; a
-//! ripple is a wave over the position folded by its order. A cause says which plane; a report draws it.
+//! In the plane of a cause, the residual of the base model has a characteristic shape, and that of
+//! the extended model has none. Pressure, for example, raises the friction level, so the residual
+//! along the motion rises with pressure. A ripple is a wave over the position, folded by its order.
+//! A cause selects its plane. The report draws the plot.
 
-/// What a residual is drawn over.
+/// Quantity on the horizontal axis of a residual plot.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Over {
-    /// A column of the log.
+pub enum PlaneAxis {
+    /// Value of a column of the log.
     Column(String),
-    /// The size of a column, whatever its sign.
+    /// Absolute value of a column.
     SizeOf(String),
-    /// Change of a column per way travelled, where the joint moves.
+    /// Change of a column per travel, on rows in motion.
     ChangePerTravel(String),
-    /// The position within a turn, in degrees.
+    /// Position within a turn, in degrees.
     Turn,
-    /// The position times an order, folded to one wave, in degrees.
+    /// Position times an order, folded to one period, in degrees.
     Folded(f64),
-    /// The speed.
+    /// Speed.
     Speed,
-    /// The acceleration.
+    /// Acceleration.
     Acceleration,
-    /// Time at rest before breaking away, for so long a way after it.
+    /// Time at rest before breakaway, for rows within this travel after it.
     RestBefore(f64),
-    /// Travel since the last reversal, up to this.
+    /// Travel since the last reversal, up to this limit.
     SinceReversal(f64),
-    /// Time since the campaign began, h.
+    /// Time since the start of the campaign, h.
     CampaignTime,
-    /// The rate of the simulated torque.
+    /// Rate of the simulated torque.
     TorqueRate,
 }
 
-/// As what a residual is looked at.
+/// Representation of a residual in a plot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seen {
+pub enum ResidualView {
     /// With its own sign.
     Plain,
-    /// Along the motion: positive where the log resists more than the model.
+    /// Along the motion: positive if the log resists more than the model.
     Along,
-    /// Over velocity: what a viscous coefficient misses.
+    /// Divided by velocity: the error of the viscous coefficient.
     PerVelocity,
 }
 
-/// How wide the bins are.
+/// Spacing of the bins of a plot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Spacing {
-    /// All the same.
+    /// Equal widths.
     Even,
-    /// Narrow at zero, where friction changes fastest.
+    /// Narrow at zero, because friction changes fastest there.
     NarrowAtZero,
-    /// By the logarithm.
+    /// Logarithmic widths.
     Logarithmic,
-    /// One for each run, where there are several.
+    /// One bin for each run, if there are several runs.
     Runs,
 }
 
@@ -60,55 +61,61 @@ pub enum Spacing {
 pub struct Plane {
     /// Title of the chart.
     pub title: String,
-    /// What it is drawn over.
-    pub over: Over,
-    /// As what.
-    pub seen: Seen,
-    /// How wide the bins are.
+    /// Horizontal axis.
+    pub axis: PlaneAxis,
+    /// Representation of the residual.
+    pub view: ResidualView,
+    /// Spacing of the bins.
     pub spacing: Spacing,
-    /// Whether the outermost hundredth on either side is left out, where one row stands for many.
+    /// True if the outermost hundredth on either side is excluded, because its bins contain few
+    /// rows.
     pub trimmed: bool,
-    /// What the cause looks like here, in a sentence.
-    pub says: String,
+    /// Description of the cause's shape in this plot, in one sentence.
+    pub description: String,
 }
 
 impl Plane {
-    /// With even bins.
-    pub fn new(title: impl Into<String>, over: Over, seen: Seen, says: impl Into<String>) -> Self {
+    /// Creates a plane with even bins that is not trimmed.
+    pub fn new(
+        title: impl Into<String>,
+        axis: PlaneAxis,
+        view: ResidualView,
+        description: impl Into<String>,
+    ) -> Self {
         Self {
             title: title.into(),
-            over,
-            seen,
+            axis,
+            view,
             spacing: Spacing::Even,
             trimmed: false,
-            says: says.into(),
+            description: description.into(),
         }
     }
 
-    /// With other bins.
+    /// Returns the plane with this spacing of its bins.
     #[must_use]
     pub fn spaced(self, spacing: Spacing) -> Self {
         Self { spacing, ..self }
     }
 
-    /// Without its ends.
+    /// Returns the plane without the outermost hundredth on either side.
     #[must_use]
     pub fn trimmed(self) -> Self {
         Self { trimmed: true, ..self }
     }
 }
 
-/// Where a finding shows.
+/// Plot that shows a finding.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Evidence {
-    /// In a plane.
+    /// Residual in a plane.
     Plane(Plane),
-    /// Over speed, with a line for each direction.
+    /// Residual over speed, with one line for each direction.
     ByDirection {
-        /// As what the residual is looked at.
-        seen: Seen,
-        /// What the cause looks like, in a sentence.
-        says: String,
+        /// Representation of the residual.
+        view: ResidualView,
+        /// Description of the cause's shape, in one sentence.
+        description: String,
     },
 }
 

@@ -1,7 +1,7 @@
 //! What a cause is read from once it is found: the joint fit, or what is left.
 
 use super::evidence::Evidence;
-use super::train_test::Follows;
+use super::train_test::FollowedColumn;
 use super::train_test::TrainTest;
 use crate::data::JointKind;
 use crate::fit::predict::Predicted;
@@ -49,7 +49,7 @@ pub struct Extended<'a> {
     /// The log it was fitted on.
     pub log: &'a TrainTest,
     /// The column the finding follows, if its cause may follow any.
-    pub follows: Option<&'a Follows>,
+    pub follows: Option<&'a FollowedColumn>,
 }
 
 impl Extended<'_> {

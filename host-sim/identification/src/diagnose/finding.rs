@@ -1,47 +1,48 @@
-//! A finding: the cause, how large it is, how sure that is, and one sentence for a person.
+//! A finding: a cause with its size, its significance and a description in one sentence.
 
 use super::cause::definition::Cause;
 use super::evidence::Evidence;
 use super::extended::{Observation, Size};
 
-/// Another cause that would explain what a finding explains.
+/// A cause that this log cannot distinguish from a finding.
 #[derive(Clone, Debug)]
-pub struct Rival {
+pub struct ConfoundedCause {
     /// The cause.
     pub cause: &'static dyn Cause,
-    /// Columns of the log it follows.
+    /// Columns of the log that it follows.
     pub columns: Vec<String>,
-    /// Share of the finding's effect it can take over.
+    /// Share of the finding's effect that it also explains.
     pub share: f64,
 }
 
-/// One cause of what the model gets wrong.
+/// One cause of the base model's error.
 #[derive(Clone, Debug)]
 pub struct Finding {
     /// The cause.
     pub cause: &'static dyn Cause,
-    /// Columns of the log it follows.
+    /// Columns of the log that it follows.
     pub columns: Vec<String>,
-    /// How large it is.
+    /// Size with its interval.
     pub size: Size,
-    /// Of a periodic cause, its order with a standard error.
+    /// Order of a periodic cause, with its standard error.
     pub order: Option<(f64, f64)>,
-    /// Probability that the best of all causes looks so good where nothing is hidden.
+    /// Probability that the best of all candidates reaches this error reduction under the null
+    /// hypothesis.
     pub p_value: f64,
-    /// Share of resampled logs in which it is the best of all.
+    /// Share of resampled logs in which it is the best candidate.
     pub stability: f64,
-    /// Share of the squared residual that goes when it comes, and that nothing else takes.
+    /// Share of the squared residual that only this cause explains.
     pub share_of_residual: f64,
-    /// Causes that would explain the same.
-    pub confusable_with: Vec<Rival>,
-    /// One sentence.
+    /// Causes that this log cannot distinguish from it.
+    pub confusable_with: Vec<ConfoundedCause>,
+    /// Description in one sentence.
     pub in_words: String,
-    /// Where it shows.
+    /// Plot that shows it.
     pub evidence: Option<Evidence>,
 }
 
 impl Finding {
-    /// Of a cause that is found without a fit of its own.
+    /// Creates the finding of a cause that was observed without a fit.
     pub fn observed(cause: &'static dyn Cause, seen: Observation) -> Self {
         Self {
             cause,

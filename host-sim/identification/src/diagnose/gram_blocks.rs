@@ -9,10 +9,10 @@
 //!
 //! *Unseen rows.* Every block is judged by a fit that has not seen it, in two ways ([`LeftOut`]). Where an eighth of
 //! every run is left out at a time, a cause must *describe* what happens within the runs it was fitted on;
-//! where whole runs are left out, it must *extrapolate* to runs nobody has seen. A covariate that is constant in
+//! where whole runs are left out, it must *extrapolate* to runs that no fit has used. A covariate that is constant in
 //! each of a few runs can only be shown to describe.
 
-use super::fall::Fall;
+use super::error_reduction::ErrorReduction;
 use super::thresholds::{ALIKE, BETTER};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
@@ -80,13 +80,13 @@ struct Fold {
     held: DMatrix<f64>,
 }
 
-/// How a candidate is asked.
+/// Options of a candidate's evaluation.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked {
-    /// How many it was chosen from for its agreement with the residual.
+pub struct CandidateOptions {
+    /// Number of alternatives it was chosen from by its agreement with the residual.
     pub comparisons: f64,
-    /// Whether the surer of two ways to weigh its falls may speak for it ([`Fall::surer`]).
-    pub evened: bool,
+    /// True if the more certain of two block weightings may be used ([`ErrorReduction::block_weighted_error`]).
+    pub block_weighted: bool,
 }
 
 /// What the linear fit of a candidate beside the base says.
@@ -96,12 +96,12 @@ pub struct CandidateFit {
     pub candidate: usize,
     /// Coefficients of its columns, in their own units.
     pub coefficients: Vec<f64>,
-    /// Fall of the sum of squares, Nm^2.
+    /// Reduction of the sum of squares, Nm^2.
     pub gain: f64,
-    /// Fall of the sum of squares on stretches left out of the fit.
-    pub unseen: Fall,
-    /// Likewise on whole runs left out; none where there are fewer than three.
-    pub unseen_runs: Option<Fall>,
+    /// Reduction of the sum of squares on held-out stretches.
+    pub unseen: ErrorReduction,
+    /// Reduction on held-out runs; `None` if there are fewer than three runs.
+    pub unseen_runs: Option<ErrorReduction>,
     /// Probability that the best of all candidates gains so much on unseen rows where nothing is hidden.
     pub p_value: f64,
     /// Share of the resampled logs in which it has the largest gain; set by [`GramBlocks::stability`].
@@ -270,8 +270,8 @@ impl GramBlocks {
         self.by_run.iter().map(sum).collect()
     }
 
-    /// Tries every candidate, each as it is `asked`; a probability pays for all of them.
-    pub fn try_all(&self, asked: &[Asked]) -> Vec<CandidateFit> {
+    /// Tries every candidate, each with its `options`; a probability pays for all of them.
+    pub fn try_all(&self, options: &[CandidateOptions]) -> Vec<CandidateFit> {
         let base = self.sse();
         let stretches = self.unseen(&self.base, LeftOut::Stretches);
         let runs = self.unseen(&self.base, LeftOut::Runs);
@@ -290,12 +290,14 @@ impl GramBlocks {
                     })
                     .collect();
                 let after = self.unseen(&columns, LeftOut::Stretches);
-                let Asked { comparisons, evened } = asked[candidate];
-                let weigh = |fall: Fall| if evened { fall.surer() } else { fall };
-                let unseen = weigh(Fall::between(&stretches, &after));
+                let CandidateOptions { comparisons, block_weighted } = options[candidate];
+                let weigh = |fall: ErrorReduction| {
+                    if block_weighted { fall.block_weighted_error() } else { fall }
+                };
+                let unseen = weigh(ErrorReduction::between(&stretches, &after));
                 let unseen_runs = runs.as_ref().map(|before| {
                     let after = self.per_group(&self.unseen(&columns, LeftOut::Runs));
-                    weigh(Fall::between(before, &after))
+                    weigh(ErrorReduction::between(before, &after))
                 });
                 CandidateFit {
                     candidate,
@@ -311,12 +313,12 @@ impl GramBlocks {
     }
 
     /// By how much a candidate is better on stretches left out where laws of other shapes have taken theirs.
-    pub fn beside_other_laws(&self, candidate: usize) -> Fall {
+    pub fn beside_other_laws(&self, candidate: usize) -> ErrorReduction {
         let laws: Vec<usize> = self.base.iter().copied().chain(self.others.clone()).collect();
         let both: Vec<usize> =
             laws.iter().copied().chain(self.candidates[candidate].clone()).collect();
         let unseen = |columns: &[usize]| self.unseen(columns, LeftOut::Stretches);
-        Fall::between(&unseen(&laws), &unseen(&both))
+        ErrorReduction::between(&unseen(&laws), &unseen(&both))
     }
 
     /// Share of the candidate's effect another one can take over: 1 where no data of this kind
@@ -367,10 +369,10 @@ impl GramBlocks {
     /// The share of the candidate's effect another one can take over, where that is so much, and the candidate so
     /// little better, that the log does not tell them apart.
     pub fn alike(&self, candidate: usize, other: usize) -> Option<f64> {
-        /// Nothing could tell two causes apart that share this much, whatever the noise says.
-        const THE_SAME: f64 = 0.995;
+        /// Shared part of the effect above which two causes count as identical, whatever the noise is.
+        const INDISTINGUISHABLE_SHARE: f64 = 0.995;
         let (share, better) = self.confusion(candidate, other);
-        (share > THE_SAME || (share > ALIKE && better < BETTER)).then_some(share)
+        (share > INDISTINGUISHABLE_SHARE || (share > ALIKE && better < BETTER)).then_some(share)
     }
 
     /// In what share of resampled logs each candidate has the largest gain; `weight` scales a gain

@@ -1,59 +1,64 @@
-//! The orders of an additive ripple, chosen one beside the other.
+//! Selection of the orders of an additive ripple.
 //!
-//! Cogging and gear mesh are a few sines of the angle: a fundamental, its multiples, the neighbours of either
-//! where a machine is not quite round. The spectrum over the angle ([`super::order`]) proposes; what decides is
-//! least squares. A proposal's sine and cosine, rid of what the base model's own parameters and the orders
-//! already chosen can explain, take so much off the squares of the residual:
+//! Cogging and gear mesh add a few sines of the angle to the torque. These are a fundamental, its
+//! multiples, and neighbours of both if a machine is not perfectly round. The spectrum over the
+//! angle ([`super::order`]) proposes orders, and least squares selects them. The sine and cosine of
+//! a proposal are made orthogonal to the regressors of the base model and to the chosen orders.
+//! They then reduce the residual's sum of squares by:
 //!
 //! ```text
-//! fall(n) = |P e|^2,  P the projection onto {sin n q, cos n q} beside base and chosen orders
+//! fall(n) = |P e|^2,  P the projection onto {sin n q, cos n q}, orthogonal to base and chosen orders
 //! ```
 //!
-//! The order is moved to where the fall is largest (a spectrum is as coarse as the range of the angle), and the
-//! best proposal is chosen if it takes off enough. Multiples of a chosen order are always proposed: the
-//! spectrum holds them against their neighbourhood, but a gear that has a fundamental has them for a reason.
+//! The order is refined to the largest reduction, because the range of the angle limits the
+//! resolution of the spectrum. The best proposal is chosen if its reduction is large enough.
+//! Multiples of a chosen order are always proposed. The spectrum compares each of them only with
+//! its neighbourhood, although a gear with a fundamental usually has multiples.
 
 use super::order::{Peak, Point, peaks};
 use super::sensitivities::Sensitivities;
 use super::train_test::TrainTest;
 use std::f64::consts::TAU;
 
-/// Rows looked at, at most: of more, every second, third, ...
+/// Largest number of rows that are evaluated. A longer log is subsampled evenly.
 const MOST_ROWS: usize = 60_000;
 
-/// Peaks of a spectrum that are tried.
+/// Number of spectral peaks that are evaluated for each order.
 const PROPOSALS: usize = 6;
 
-/// Multiples of a chosen order that are tried.
+/// Multiples of a chosen order that are evaluated.
 const MULTIPLES: [f64; 3] = [2.0, 3.0, 4.0];
 
-/// An additional order takes off at least this share of the squares the first one took: less is not worth
-/// two parameters and two sines in every sample of a driver.
+/// Smallest error reduction of an additional order, as a share of the largest one. A smaller
+/// reduction does not justify two parameters and two sines in every sample of a driver.
 const LEAST_OF_FIRST: f64 = 0.02;
 
-/// A ripple is seen over so many of its periods at least; a slower one is a slope of the residual.
+/// Fewest periods of a ripple in the range of the angle. A slower ripple cannot be distinguished
+/// from a trend.
 const PERIODS: f64 = 2.0;
 
-/// Probability that the largest of all peaks of a spectrum without a ripple is as high.
+/// Significance level: the probability that the largest peak of a spectrum without a ripple is as
+/// high.
 const SIGNIFICANT: f64 = 0.01;
 
-/// Steps of the search for the best order about a proposal, each of which narrows it by 0.618.
+/// Number of golden-section steps that refine an order. Each step narrows the interval by the
+/// factor 0.618.
 const NARROWINGS: usize = 14;
 
-/// Orders of a ripple, the strongest first, and from how many they were chosen.
+/// Orders of a ripple, the strongest first, and the number of alternatives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Orders {
-    /// 1/rad.
+    /// Orders, 1/rad.
     pub orders: Vec<f64>,
-    /// How many orders the range of the angle can tell apart.
+    /// Number of orders that the range of the angle can distinguish.
     pub independent: f64,
 }
 
-/// Rows of a log as columns of the angle, and what is already explained.
+/// Rows of a log as functions of the angle, and a basis of the explained part.
 struct Rows {
     position: Vec<f64>,
     residual: Vec<f64>,
-    /// Columns of unit length, at right angles to each other.
+    /// Orthonormal columns.
     basis: Vec<Vec<f64>>,
 }
 
@@ -82,12 +87,13 @@ impl Rows {
         rows
     }
 
-    /// What of a column the basis cannot make, at unit length; none where nothing is left.
+    /// Returns the part of a column that is orthogonal to the basis, at unit length; `None` for a
+    /// dependent column.
     fn beside(&self, mut column: Vec<f64>) -> Option<Vec<f64>> {
-        /// Share of a column's length below which it is made of the others.
+        /// Share of a column's length below which it counts as linearly dependent.
         const DEPENDENT: f64 = 1e-6;
         let before = dot(&column, &column).sqrt();
-        // Twice: once leaves rounding of the size of what was taken away.
+        // The second pass removes the rounding error of the first.
         for _ in 0..2 {
             for own in &self.basis {
                 let share = dot(own, &column);
@@ -102,7 +108,7 @@ impl Rows {
         Some(column)
     }
 
-    /// Takes a column into the basis and its share out of the residual.
+    /// Adds a column to the basis and removes its projection from the residual.
     fn explain(&mut self, column: Vec<f64>) {
         if let Some(column) = self.beside(column) {
             let share = dot(&column, &self.residual);
@@ -117,7 +123,7 @@ impl Rows {
         [sine, cosine]
     }
 
-    /// By how much the squares of the residual fall with this order.
+    /// Returns the reduction of the residual's sum of squares by this order, Nm^2.
     fn fall(&self, order: f64) -> f64 {
         let [sine, cosine] = self.wave(order);
         let Some(sine) = self.beside(sine) else { return 0.0 };
@@ -130,18 +136,21 @@ impl Rows {
         of_sine * of_sine + of_cosine * of_cosine
     }
 
-    /// The whole order next to one that was found, if these rows hardly tell the two apart: what is on a shaft
-    /// has a whole order, and one that is off by 0.003, as fits the noise of a robot's axis better by a few percent, is out of
-    /// step by half a radian a hundred radians on, in a run that was left out.
+    /// Returns the nearest whole order if it explains the residual nearly as well; otherwise
+    /// `order`.
+    ///
+    /// A ripple of the shaft has a whole order. Noise makes a fitted order slightly wrong. The
+    /// phase error grows with the angle and becomes large in a held-out run many turns away.
     fn whole(&self, order: f64, fall: f64, apart: f64) -> f64 {
-        /// Of the fall.
+        /// Smallest error reduction of the whole order, as a share of that of the given order.
         const AS_WELL: f64 = 0.8;
         let whole = order.round();
         let near = whole >= 1.0 && (whole - order).abs() < apart;
         if near && self.fall(whole) >= AS_WELL * fall { whole } else { order }
     }
 
-    /// The order within `reach` of a proposal at which the fall is largest, and that fall.
+    /// Returns the order within `reach` of a proposal with the largest error reduction, and that
+    /// reduction.
     fn sharpened(&self, order: f64, reach: f64) -> (f64, f64) {
         let golden = 0.5 * (5f64.sqrt() - 1.0);
         let (mut low, mut high) = (order - reach, order + reach);
@@ -162,9 +171,13 @@ impl Rows {
     }
 }
 
-/// The strongest orders of what a fitted model leaves over, at most `count`, up to `most`; none near those
-/// in `taken`, which belong to another cause. `turns` says whether a whole turn of the joint is a whole number of
-/// periods of what is on its shaft: then a whole order that does as well is taken, and was chosen from fewer.
+/// Returns the strongest orders in the residual of a fitted model, at most `count` and not above
+/// `most`.
+///
+/// Orders close to those in `taken` are excluded, because they belong to another cause. `turns` is
+/// true if a whole turn of the joint is a whole number of periods. A whole order that fits nearly
+/// as well is then preferred, and the number of alternatives is smaller. Returns `None` if no order
+/// passes.
 pub fn strongest(
     log: &TrainTest,
     at: &Sensitivities,
@@ -185,7 +198,7 @@ fn strongest_of(
 ) -> Option<Orders> {
     let ends = |(low, high): (f64, f64), q: &f64| (low.min(*q), high.max(*q));
     let (low, high) = rows.position.iter().fold((f64::INFINITY, f64::NEG_INFINITY), ends);
-    // Two orders closer than this make one wave over the range.
+    // Two orders closer than this cannot be distinguished over the range.
     let apart = TAU / (high - low);
     let mut found = Orders { orders: Vec::new(), independent: 1.0 };
     let mut first = 0.0;
@@ -236,7 +249,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
-    /// A shaft that turns to and fro over thirteen turns, a torque of these orders and sizes, noise.
+    /// Returns rows of a shaft that oscillates over thirteen turns, with torques of these orders
+    /// and sizes, and noise.
     fn rows(waves: &[(f64, f64)]) -> Rows {
         rows_of(waves, 3)
     }
@@ -255,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_order_of_the_shaft_is_found_whole() {
+    fn harmonics_with_whole_order_returns_whole_order() {
         let found = strongest_of(rows(&[(7.0, 0.5), (14.0, 0.2)]), 300.0, 2, &[1.0], true);
         assert_eq!(found.as_ref().map(|found| found.orders.clone()), Some(vec![7.0, 14.0]));
         assert!(found.unwrap().independent <= 300.0);
@@ -264,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fundamental_its_double_and_a_neighbour_are_found_in_that_order() {
+    fn harmonics_with_three_orders_returns_them_in_order() {
         let found =
             strongest_of(rows(&[(7.0, 0.5), (14.0, 0.2), (6.0, 0.12)]), 300.0, 4, &[1.0], false);
         let orders = found.unwrap().orders;
@@ -275,10 +289,10 @@ mod tests {
     }
 
     #[test]
-    fn once_a_turn_is_left_to_gravity_and_noise_has_no_order() {
-        let beside = strongest_of(rows(&[(1.0, 0.5)]), 300.0, 1, &[1.0], false);
-        assert!(beside.is_none_or(|found| (found.orders[0] - 1.0).abs() > 0.5));
-        // One spectrum in a hundred has so high a peak by its own word.
+    fn harmonics_with_order_one_or_noise_is_empty() {
+        let context = strongest_of(rows(&[(1.0, 0.5)]), 300.0, 1, &[1.0], false);
+        assert!(context.is_none_or(|found| (found.orders[0] - 1.0).abs() > 0.5));
+        // At the significance level, one spectrum in a hundred has a peak.
         let alarms = (0..30)
             .filter(|seed| strongest_of(rows_of(&[], *seed), 300.0, 4, &[1.0], false).is_some());
         let alarms = alarms.count();
@@ -286,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_base_explains_is_no_ripple() {
+    fn harmonics_with_explained_ripple_is_empty() {
         let mut rows = rows(&[(9.0, 0.5)]);
         let wave = rows.wave(9.0);
         wave.into_iter().for_each(|column| rows.explain(column));

@@ -13,12 +13,12 @@
 //! velocity is that of the later time. The friction that is fitted is the shaft's; nothing of either is handed to a driver.
 
 use super::baseline::independent_rows;
-use super::model::{Fitted, again};
+use super::model::{FittedModel, again};
 use super::train_test::TrainTest;
 use crate::data::{JointKind, Quantity};
 use crate::fit::Track;
-use crate::fit::channel::{Shape, TorqueLowPass};
-use crate::log_check::{Kind, LogFinding};
+use crate::fit::torque_low_pass::{LowPassShape, TorqueLowPass};
+use crate::log_check::{LogFinding, LogFindingKind};
 use crate::number::figure;
 use crate::spec::SpecError;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -41,22 +41,22 @@ const FEWEST_ROWS: usize = 100;
 
 /// Which channel is late, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Late {
+pub enum LateChannelKind {
     /// The torque went through a low-pass.
     LowPassedTorque,
     /// The velocity is that of an earlier time.
     Velocity,
 }
 
-impl Late {
+impl LateChannelKind {
     /// Both.
     pub const ALL: [Self; 2] = [Self::LowPassedTorque, Self::Velocity];
 
     /// The kind of finding it is.
-    pub fn kind(self) -> Kind {
+    pub fn kind(self) -> LogFindingKind {
         match self {
-            Self::LowPassedTorque => Kind::TorqueLag,
-            Self::Velocity => Kind::VelocityLag,
+            Self::LowPassedTorque => LogFindingKind::TorqueLag,
+            Self::Velocity => LogFindingKind::VelocityLag,
         }
     }
 
@@ -72,34 +72,36 @@ impl Late {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LateChannel {
     /// Which.
-    pub late: Late,
+    pub late: LateChannelKind,
     /// How late, s.
     pub time_s: f64,
     /// Of a low-pass, how it answers.
-    pub shape: Shape,
+    pub shape: LowPassShape,
     /// Squared error with it, as a share of that without.
     pub share_left: f64,
 }
 
 impl LateChannel {
     /// The log with this taken into account.
-    pub fn heeded(&self, log: TrainTest) -> TrainTest {
+    pub fn lag_compensated(&self, log: TrainTest) -> TrainTest {
         match self.late {
-            Late::LowPassedTorque => {
+            LateChannelKind::LowPassedTorque => {
                 log.through_low_pass(TorqueLowPass { time_s: self.time_s, shape: self.shape })
             }
-            Late::Velocity => log.with_later_velocity(self.time_s),
+            LateChannelKind::Velocity => log.with_later_velocity(self.time_s),
         }
     }
 
     /// What kind of low-pass.
     fn kind_in_words(&self) -> String {
         match self.shape {
-            Shape::FirstOrder => {
-                format!("a low-pass of about {} Hz", figure(1.0 / (TAU * self.time_s)))
+            LowPassShape::FirstOrder => {
+                format!("a low-pass filter of about {} Hz", figure(1.0 / (TAU * self.time_s)))
             }
-            Shape::SecondOrder => "a low-pass of second order".into(),
-            Shape::RunningMean => format!("a mean over {} ms", figure(2e3 * self.time_s)),
+            LowPassShape::SecondOrder => "a second-order low-pass filter".into(),
+            LowPassShape::RunningMean => {
+                format!("a moving average over {} ms", figure(2e3 * self.time_s))
+            }
         }
     }
 
@@ -108,20 +110,20 @@ impl LateChannel {
         let lower = figure(100.0 * (1.0 - self.share_left));
         let milliseconds = figure(1e3 * self.time_s);
         let quantity = match self.late {
-            Late::LowPassedTorque => Quantity::Torque,
-            Late::Velocity => Quantity::Velocity,
+            LateChannelKind::LowPassedTorque => Quantity::Torque,
+            LateChannelKind::Velocity => Quantity::Velocity,
         };
         let column = quantity.name(joint);
         let in_words = match self.late {
-            Late::LowPassedTorque => format!(
-                "{column} went through {} before it was logged, {milliseconds} ms late: with one the base model's \
-                 squared error is {lower} % lower. The model's torque goes through the same before the two are compared, \
-                 so that what is fitted is the friction at the shaft.",
+            LateChannelKind::LowPassedTorque => format!(
+                "{column} passed {} before it was logged, with a delay of {milliseconds} ms: with this filter the base model's \
+                 squared error is {lower} % lower. The model's torque is filtered in the same way before the comparison, so that \
+                 the fitted friction is that of the shaft.",
                 self.kind_in_words()
             ),
-            Late::Velocity => format!(
-                "{column} comes {milliseconds} ms late, as differences through a filter do: with the velocity of so much later \
-                 the base model's squared error is {lower} % lower, and that one is taken."
+            LateChannelKind::Velocity => format!(
+                "{column} is {milliseconds} ms late, as filtered differences are: with the velocity advanced by this time the \
+                 base model's squared error is {lower} % lower. The advanced velocity is used."
             ),
         };
         LogFinding {
@@ -141,8 +143,8 @@ impl LateChannel {
 /// If the model has as many terms as the core takes.
 pub fn found(
     log: &TrainTest,
-    base: &Fitted,
-    sought: &[Late],
+    base: &FittedModel,
+    sought: &[LateChannelKind],
 ) -> Result<Option<LateChannel>, SpecError> {
     if !base.spec.law.has_bristles() {
         return Ok(None);
@@ -152,7 +154,8 @@ pub fn found(
     let mut best: Option<LateChannel> = None;
     for late in sought.iter().copied().filter(|late| late.may_be_in(log)) {
         let Some((channel, fitted)) = best_time(log, (base, without), late) else { continue };
-        if late == Late::LowPassedTorque && delayed(log, without, channel.time_s)?.sse <= fitted.sse
+        if late == LateChannelKind::LowPassedTorque
+            && delayed(log, without, channel.time_s)?.sse <= fitted.sse
         {
             continue;
         }
@@ -166,19 +169,19 @@ pub fn found(
 /// The channel with which the base model, begun from `base`, fits best, if it is worth it against the same `without`.
 fn best_time(
     log: &TrainTest,
-    (base, without): (&Fitted, &Fitted),
-    late: Late,
-) -> Option<(LateChannel, Fitted)> {
+    (base, without): (&FittedModel, &FittedModel),
+    late: LateChannelKind,
+) -> Option<(LateChannel, FittedModel)> {
     let period = log.train_tracks.first()?.period_s;
-    let at = |time_s: f64, shape: Shape, from: &Fitted| {
+    let at = |time_s: f64, shape: LowPassShape, from: &FittedModel| {
         let channel = LateChannel { late, time_s, shape, share_left: 1.0 };
-        again(channel.heeded(log.clone()).train_rows(), from)
+        again(channel.lag_compensated(log.clone()).train_rows(), from)
     };
     let times = (0..=TRIED).map(|step| 0.5 * period * 2f64.powi(step));
-    let mut best: Option<(f64, Fitted)> = None;
+    let mut best: Option<(f64, FittedModel)> = None;
     let mut worse = 0;
     for time in times.filter(|time| *time <= LONGEST_S) {
-        let fitted = at(time, Shape::FirstOrder, base);
+        let fitted = at(time, LowPassShape::FirstOrder, base);
         if best.as_ref().is_none_or(|(_, best)| fitted.sse < best.sse) {
             (best, worse) = (Some((time, fitted)), 0);
         } else {
@@ -190,7 +193,7 @@ fn best_time(
         }
     }
     let (coarse_s, roughly) = best?;
-    let refined = |shape: Shape| {
+    let refined = |shape: LowPassShape| {
         let (mut time, mut fitted) = (coarse_s, at(coarse_s, shape, base));
         let mut step = 2f64.sqrt();
         for _ in 0..REFINED {
@@ -207,13 +210,13 @@ fn best_time(
         (LateChannel { late, time_s: time, shape, share_left }, fitted)
     };
     let rows = independent_rows(log, &roughly);
-    let is_worth_it = |fitted: &Fitted| rows * (without.sse / fitted.sse).ln() > cost(rows);
+    let is_worth_it = |fitted: &FittedModel| rows * (without.sse / fitted.sse).ln() > cost(rows);
     if !is_worth_it(&roughly) {
         return None;
     }
     let shapes = match late {
-        Late::LowPassedTorque => Shape::ALL.as_slice(),
-        Late::Velocity => &[Shape::FirstOrder],
+        LateChannelKind::LowPassedTorque => LowPassShape::ALL.as_slice(),
+        LateChannelKind::Velocity => &[LowPassShape::FirstOrder],
     };
     let all = shapes.iter().map(|shape| refined(*shape));
     let (channel, fitted) = all.min_by(|a, b| a.1.sse.total_cmp(&b.1.sse))?;
@@ -239,7 +242,7 @@ fn cost(rows: f64) -> f64 {
 }
 
 /// The base with a delay, from about this one on.
-fn delayed(log: &TrainTest, base: &Fitted, delay_s: f64) -> Result<Fitted, SpecError> {
+fn delayed(log: &TrainTest, base: &FittedModel, delay_s: f64) -> Result<FittedModel, SpecError> {
     if base.spec.rigid_body.contains(&TermKind::ChannelDelay) {
         return Ok(base.clone());
     }
@@ -253,7 +256,7 @@ fn delayed(log: &TrainTest, base: &Fitted, delay_s: f64) -> Result<Fitted, SpecE
             parameters.set(id, base.parameters.get(id));
         }
         parameters.set(Id::ChannelDelay, share * delay_s);
-        let start = Fitted { spec: spec.clone(), parameters, ..base.clone() };
+        let start = FittedModel { spec: spec.clone(), parameters, ..base.clone() };
         let fitted = again(log.train_rows(), &start);
         if fitted.sse < best.sse {
             best = fitted;

@@ -1,13 +1,19 @@
-//! A model judged on rows that a fit of its own has not seen, every run left out once.
+//! Held-out predictions: each row is predicted by a fit without it.
 //!
-//! Whole runs are left out where there are three or more; with many, several at a time. Of one or two runs,
-//! where a cause can only be shown to describe (its column is constant in each of a few runs), and where a run went
-//! more than `FASTER` times as fast as all others (what a law does there nobody can know from them), a stretch of each
-//! run is left out instead. A stretch is simulated on the way, since the bristles remember what was before it,
-//! and counts for nothing in the fit. Every fit begins at the one that has seen all.
+//! Whole runs are held out if there are three or more. With many runs, several are held out at a
+//! time. A stretch of each run is held out instead in these cases:
+//!
+//! - There are only one or two runs.
+//! - A log can only show that a cause describes, because its column is constant in each of a few
+//!   runs.
+//! - A run is more than `FASTER` times as fast as all others, which then do not determine the law
+//!   at its speed.
+//!
+//! A held-out stretch is still simulated, because the bristles depend on the previous motion. Its
+//! rows have the weight 0 in the fit. Every fit starts from the fit to all rows.
 
 use super::gram_blocks::{LeftOut, STRETCHES};
-use super::model::{Fitted, again};
+use super::model::{FittedModel, again};
 use super::train_test::TrainTest;
 use crate::fit::Track;
 use crate::fit::metrics::Metrics;
@@ -15,17 +21,17 @@ use crate::fit::predict::{Predicted, predict};
 use crate::fit::{Rows, track};
 use rayon::prelude::*;
 
-/// Most fits of each model that are made.
+/// Largest number of fits of a model with whole runs held out.
 const MOST_FITS: usize = 8;
 
-/// A run that went so many times as fast as any other cannot be judged by a fit on those: on a drawn joint of which one run
-/// of three slides, the fit on the two that creep missed that one by 14 times what the fit on all leaves.
+/// Ratio of speeds above which a run cannot be predicted by a fit to the others. Slower runs do not
+/// determine the law at its speed.
 const FASTER: f64 = 3.0;
 
-/// Fewest runs that can be left out whole.
+/// Fewest runs for which whole runs are held out.
 pub const FEWEST_RUNS: usize = 3;
 
-/// The group a row belongs to that is left out as one.
+/// Returns the index of the group with which a row is held out.
 fn group(log: &TrainTest, track: &Track, row: usize, left_out: LeftOut) -> usize {
     match left_out {
         LeftOut::Runs => track.run % MOST_FITS,
@@ -36,8 +42,8 @@ fn group(log: &TrainTest, track: &Track, row: usize, left_out: LeftOut) -> usize
     }
 }
 
-/// What a model makes of every row of the log, fitted without it.
-pub fn predict_left_out(log: &TrainTest, model: &Fitted, left_out: LeftOut) -> Predicted {
+/// Returns the prediction of every row of the log by a fit without it.
+pub fn predict_left_out(log: &TrainTest, model: &FittedModel, left_out: LeftOut) -> Predicted {
     let log = &*log.following(model.follows.as_ref());
     let groups: Vec<Vec<usize>> = log
         .train_tracks
@@ -67,8 +73,13 @@ pub fn predict_left_out(log: &TrainTest, model: &Fitted, left_out: LeftOut) -> P
     whole
 }
 
-/// The model fitted without one group; none where nothing of that group, or nothing else, is there.
-fn part(log: &TrainTest, model: &Fitted, groups: &[Vec<usize>], own: usize) -> Option<Predicted> {
+/// Returns the prediction by a fit without one group; `None` if the group or the rest is empty.
+fn part(
+    log: &TrainTest,
+    model: &FittedModel,
+    groups: &[Vec<usize>],
+    own: usize,
+) -> Option<Predicted> {
     let mut others: Vec<Track> = Vec::with_capacity(groups.len());
     let mut any = false;
     for (track, groups) in log.train_tracks.iter().zip(groups) {
@@ -78,7 +89,7 @@ fn part(log: &TrainTest, model: &Fitted, groups: &[Vec<usize>], own: usize) -> O
         }
         let mut track = track.clone();
         if groups.contains(&own) {
-            track.weigh(|row| f64::from(u8::from(groups[row] != own)));
+            track.scale_weights(|row| f64::from(u8::from(groups[row] != own)));
         }
         others.push(track);
     }
@@ -89,7 +100,7 @@ fn part(log: &TrainTest, model: &Fitted, groups: &[Vec<usize>], own: usize) -> O
     Some(predict(&fitted.parameters, log.train_rows(), model.resolution))
 }
 
-/// Errors of what has been put together.
+/// Returns the errors of the combined prediction.
 fn metrics(log: &TrainTest, whole: &Predicted) -> Metrics {
     let rows = log.train_tracks.iter().zip(&whole.torque).zip(&whole.residuals);
     Metrics::of(rows.flat_map(|((track, torque), residuals)| {
@@ -97,20 +108,22 @@ fn metrics(log: &TrainTest, whole: &Predicted) -> Metrics {
             let row = at * log.decimate;
             let weight = track.weight(row);
             let measured = track.torque[row];
-            // Thinned out, the residual is a filtered one: it stands for itself.
+            // A decimated residual is filtered. The simulated torque is then the measured torque
+            // minus the residual.
             let simulated = if log.decimate > 1 { measured - residuals[at] } else { torque[row] };
             (weight > 0.0).then_some((measured, simulated, weight))
         })
     }))
 }
 
-/// What can be left out of a log at a time.
+/// Returns the rows that are held out of a log at a time.
 pub fn unit(log: &TrainTest) -> LeftOut {
-    let runs = track::runs(&log.train_tracks);
+    let runs = track::run_count(&log.train_tracks);
     if runs >= FEWEST_RUNS && !goes_beyond(log) { LeftOut::Runs } else { LeftOut::Stretches }
 }
 
-/// Whether some runs that would be left out together go `FASTER` than all others.
+/// Returns true if runs that are held out together are more than `FASTER` times as fast as all
+/// others.
 pub fn goes_beyond(log: &TrainTest) -> bool {
     let mut fastest = [0.0f64; MOST_FITS];
     for track in &log.train_tracks {
@@ -135,13 +148,13 @@ mod tests {
             let torque = velocity.iter().map(|velocity| velocity.signum()).collect();
             (run.to_string(), vec![time, velocity, torque])
         });
-        let data = Dataset::of_columns(&names, runs).expect("the columns of a log");
-        let parts = split(&data, &SplitRule::EachOut, 0).expect("runs to leave out");
+        let data = Dataset::from_columns(&names, runs).expect("the columns of a log");
+        let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).expect("runs to leave out");
         unit(&TrainTest::new(&data, &parts, 1, &[]))
     }
 
     #[test]
-    fn a_run_that_alone_is_fast_is_left_out_stretch_by_stretch() {
+    fn unit_with_single_fast_run_is_stretches() {
         assert_eq!(left_out([1.0, 0.4, 0.9]), LeftOut::Runs);
         assert_eq!(left_out([0.1, 1.0, 0.2]), LeftOut::Stretches);
     }

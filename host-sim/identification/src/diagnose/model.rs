@@ -1,90 +1,92 @@
-//! A model on its way: fitted, extended by a candidate, shortened by a term.
+//! Fitted models of a search: a base law, extended by a candidate or reduced by a term.
 //!
-//! A search asks for the same fit again and again: after a claim has fallen it begins anew, and comes by the models
-//! it has seen. [`Fits`] keeps what was fitted on its log, by where each fit began.
+//! A search repeats fits. After a rejected cause it starts again and reaches models that it has
+//! already fitted. [`FitCache`] stores the fits on its log by their starting point.
 
 use super::candidate::{Candidate, InitialGuess};
 use super::gram_blocks::CandidateFit;
-use super::train_test::Follows;
+use super::train_test::FollowedColumn;
 use super::train_test::TrainTest;
 use crate::fit::predict::{Predicted, predict};
 use crate::fit::simulate::Resolution;
-use crate::fit::solve::ENOUGH_TO_COMPARE;
+use crate::fit::solve::COMPARISON_TOLERANCE;
 use crate::fit::{FitOptions, Rows, fit};
 use crate::spec::{Spec, SpecError};
 use compensator_core::{ParameterId, Parameters, TermKind};
 use std::cell::RefCell;
 
-/// Simulations per parameter of a fit that only has to tell causes apart; what is reported is fitted to
-/// the end.
+/// Simulations per parameter in a fit of the search, which only has to distinguish causes. Reported
+/// models are fitted to convergence.
 const PATIENCE: usize = 3;
 
-/// A fit goes on, so many times, while it gains less than this share of what the linear fit promised,
+/// Largest number of additional fits after a fit that ended early.
 const MORE_FITS: usize = 4;
 
+/// Share of the linear fit's gain at which no additional fit is made.
 const PROMISED: f64 = 0.95;
 
-/// and gets so much nearer to it each time: what a bend of the law takes back from the promise no more fits bring.
+/// Smallest progress of an additional fit, as a share of the missing gain. Below it, the
+/// nonlinearity of the law causes the difference, and additional fits do not remove it.
 const NEARER: f64 = 0.1;
 
-/// A model on its way.
+/// A fitted model of a search.
 #[derive(Clone, Debug)]
-pub struct Fitted {
-    /// Law, terms, rigid body.
+pub struct FittedModel {
+    /// Law, terms and rigid body.
     pub spec: Spec,
-    /// Values.
+    /// Parameter values.
     pub parameters: Parameters<f64>,
-    /// Parameters that were fitted.
+    /// Parameters that the fit determined.
     pub free: Vec<ParameterId>,
-    /// Parameters that are kept.
+    /// Parameters that the fit kept constant.
     pub fixed: Vec<ParameterId>,
-    /// How finely it was stepped.
+    /// Time resolution of the simulation.
     pub resolution: Resolution,
-    /// Sum of squares on the training rows.
+    /// Sum of squares on the training rows, Nm^2.
     pub sse: f64,
-    /// The column one of its terms follows, if that may follow any.
-    pub follows: Option<Follows>,
+    /// Column that one of its terms follows, for a term that may follow any column.
+    pub follows: Option<FollowedColumn>,
 }
 
-impl Fitted {
-    /// What it makes of the training rows.
+impl FittedModel {
+    /// Returns the prediction of the training rows.
     pub fn on_train(&self, log: &TrainTest) -> Predicted {
         let log = log.following(self.follows.as_ref());
         predict(&self.parameters, log.train_rows(), self.resolution)
     }
 
-    /// What it makes of the held-out rows.
+    /// Returns the prediction of the held-out rows.
     pub fn on_test(&self, log: &TrainTest) -> Predicted {
         let log = log.following(self.follows.as_ref());
         predict(&self.parameters, log.test_rows(), self.resolution)
     }
 }
 
-/// Where a fit begins, and what it keeps.
+/// Starting point of a fit, and the parameters that it keeps constant.
 #[derive(Clone, Debug, PartialEq)]
 struct Start {
     spec: Spec,
     parameters: Parameters<f64>,
     fixed: Vec<ParameterId>,
-    /// The column one of the terms follows, if that may follow any.
-    follows: Option<Follows>,
+    /// Column that one of the terms follows, for a term that may follow any column.
+    follows: Option<FollowedColumn>,
     resolution: Resolution,
 }
 
-/// What was fitted on a log.
-pub struct Fits<'a> {
+/// Fits on one log, by their starting point.
+pub struct FitCache<'a> {
     log: &'a TrainTest,
-    made: RefCell<Vec<(Start, Fitted)>>,
+    made: RefCell<Vec<(Start, FittedModel)>>,
 }
 
-impl<'a> Fits<'a> {
-    /// None yet.
+impl<'a> FitCache<'a> {
+    /// Creates an empty cache.
     pub fn new(log: &'a TrainTest) -> Self {
         Self { log, made: RefCell::default() }
     }
 
-    /// The fit from a start, made once.
-    fn from(&self, start: &Start) -> Fitted {
+    /// Returns the fit from a start. A repeated call returns the stored fit.
+    fn from(&self, start: &Start) -> FittedModel {
         let known =
             self.made.borrow().iter().find(|(own, _)| own == start).map(|(_, fit)| fit.clone());
         known.unwrap_or_else(|| {
@@ -95,19 +97,20 @@ impl<'a> Fits<'a> {
     }
 }
 
-/// Fits a model from a start, at a resolution known to do. The log follows what the model follows.
-fn refit(log: &TrainTest, start: &Start) -> Fitted {
+/// Returns the fit from a start at a sufficient time resolution. `log` must follow the column of
+/// the start.
+fn refit(log: &TrainTest, start: &Start) -> FittedModel {
     let options = FitOptions {
         starts: 1,
         start: Some(start.parameters.clone()),
         fixed: start.fixed.clone(),
         resolution: Some(start.resolution),
         patience: PATIENCE,
-        enough: ENOUGH_TO_COMPARE,
+        tolerance: COMPARISON_TOLERANCE,
         ..FitOptions::default()
     };
     let solution = fit(&start.spec, &start.parameters, log.train_rows(), &options);
-    Fitted {
+    FittedModel {
         spec: start.spec.clone(),
         parameters: solution.parameters(),
         free: solution.coordinates.ids().collect(),
@@ -118,33 +121,33 @@ fn refit(log: &TrainTest, start: &Start) -> Fitted {
     }
 }
 
-/// The same model fitted to other rows, from where it stands.
-pub fn again(rows: Rows, model: &Fitted) -> Fitted {
+/// Returns the model refitted to other rows, starting from its parameters.
+pub fn again(rows: Rows, model: &FittedModel) -> FittedModel {
     let options = FitOptions {
         starts: 1,
         start: Some(model.parameters.clone()),
         fixed: model.fixed.clone(),
         resolution: Some(model.resolution),
         patience: PATIENCE,
-        enough: ENOUGH_TO_COMPARE,
+        tolerance: COMPARISON_TOLERANCE,
         ..FitOptions::default()
     };
     let solution = fit(&model.spec, &model.parameters, rows, &options);
     let parameters = solution.parameters();
     let free = solution.coordinates.ids().collect();
-    Fitted { parameters, free, sse: solution.reduced.sum_of_squares(), ..model.clone() }
+    FittedModel { parameters, free, sse: solution.reduced.sum_of_squares(), ..model.clone() }
 }
 
-/// Puts a candidate's term into a model and fits everything again.
+/// Returns the model with the candidate's term and all parameters refitted.
 ///
 /// # Errors
-/// If there are more terms than the core takes.
+/// Returns an error if there are more terms than the core accepts.
 pub fn with_candidate(
-    fits: &Fits,
-    model: &Fitted,
+    fits: &FitCache,
+    model: &FittedModel,
     candidate: &Candidate,
     linear: &CandidateFit,
-) -> Result<Fitted, SpecError> {
+) -> Result<FittedModel, SpecError> {
     let mut spec = model.spec.clone();
     spec.terms.push(candidate.term);
     let mut parameters = spec.parameters()?;
@@ -165,7 +168,8 @@ pub fn with_candidate(
     let follows = candidate.follows.clone().or_else(|| model.follows.clone());
     let mut start = Start { spec, parameters, fixed, follows, resolution: model.resolution };
     let mut fitted = fits.from(&start);
-    // A short fit may stop on its way: what the linear fit promised should at least be kept.
+    // A short fit may end early. Additional fits continue it until it keeps the gain of the linear
+    // fit.
     for _ in 0..MORE_FITS {
         let missing = PROMISED * linear.gain - (model.sse - fitted.sse);
         if missing <= 0.0 {
@@ -181,17 +185,17 @@ pub fn with_candidate(
     Ok(fitted)
 }
 
-/// The model without one of its terms, everything else fitted again. `follows` is the column that is still
-/// followed then.
+/// Returns the model without one of its terms and all other parameters refitted. `follows` is the
+/// column that the remaining terms follow.
 ///
 /// # Errors
-/// If there are more terms than the core takes.
+/// Returns an error if there are more terms than the core accepts.
 pub fn without(
-    fits: &Fits,
-    model: &Fitted,
+    fits: &FitCache,
+    model: &FittedModel,
     term: TermKind,
-    follows: Option<&Follows>,
-) -> Result<Fitted, SpecError> {
+    follows: Option<&FollowedColumn>,
+) -> Result<FittedModel, SpecError> {
     let mut spec = model.spec.clone();
     spec.terms.retain(|own| *own != term);
     let mut parameters = spec.parameters()?;

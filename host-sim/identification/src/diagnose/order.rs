@@ -1,17 +1,21 @@
-//! The order of a ripple, found blind.
+//! Blind estimation of the order of a ripple.
 //!
-//! An eccentric seal, a gear mesh, a scratched shaft: the level of the friction follows the angle `n`
-//! times a turn, and nobody says what `n` is. The residual `e`, weighed with what the level does to the
-//! torque there (`h`, which changes sign with the direction), is looked at as a function of the angle:
+//! An eccentric seal, a gear mesh or a scratched shaft changes the friction level `n` times per
+//! turn, and `n` is unknown. The residual `e` is weighted with the derivative `h` of the torque by
+//! the level, which changes sign with the direction. The spectrum of the product over the angle `q`
+//! is:
 //!
 //! ```text
-//! S(n) = sum_rows h e exp(-i n q)      for all n from LEAST to MOST, by one Fourier transform
+//! S(n) = sum_rows h e exp(-i n q)      for all n from LEAST to most, by one Fourier transform
 //! ```
 //!
-//! The rows are laid on an even grid of angles first (linear weights, their roll-off divided out). What
-//! a ripple must stand out from is its neighbourhood: the median power of the orders around it, which
-//! also holds whatever slow structure the residual has. Where nothing is hidden, the ratio is distributed
-//! exponentially, and the best of `M` orders reaches `P` with probability `1 - (1 - exp(-P))^M`.
+//! The rows are first distributed on an even grid of angles with linear weights, and the spectrum
+//! is corrected for the roll-off of these weights. A ripple must exceed its neighbourhood, the
+//! median power of the orders around it. The neighbourhood also contains slow structure of the
+//! residual.
+//!
+//! Under the null hypothesis, the ratio of powers has an exponential distribution. The best of `M`
+//! orders then reaches `P` with probability `1 - (1 - exp(-P))^M`.
 
 use super::train_test::TrainTest;
 use crate::data::JointKind;
@@ -22,23 +26,25 @@ use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftDirection};
 use std::f64::consts::PI;
 
-/// Lowest order looked for, 1/rad.
+/// Lowest order of the search, 1/rad.
 const LEAST: f64 = 0.5;
 
-/// Highest order looked for on a joint that turns, 1/rad.
+/// Highest order of the search for a revolute joint, 1/rad.
 const MOST_REVOLUTE: f64 = 300.0;
 
-/// And on one that slides, 1/m: a lead of 2 mm.
+/// Highest order of the search for a prismatic joint, 1/m. It corresponds to a lead of 2 mm.
 const MOST_PRISMATIC: f64 = 3200.0;
 
-/// Longest transform.
+/// Largest number of points of the Fourier transform.
 const LONGEST: usize = 1 << 22;
 
-/// Half the neighbourhood an order is compared with, in independent orders.
+/// Half width of the neighbourhood of an order, in independent orders.
 const NEIGHBOURS: usize = 64;
 
-/// The highest order a log can show: one that half of the rows in motion see twice a period. A higher one looks from row to
-/// row like another, and of 21 rad/s at 25 Hz four orders up to 36 were made that fitted each other's leavings.
+/// Returns the highest order that a log can show, 1/rad or 1/m.
+///
+/// Half of the rows in motion must sample a wave at least twice per period. A higher order is
+/// aliased to a lower one.
 pub fn most(log: &TrainTest) -> f64 {
     let sought = match log.train.joint {
         JointKind::Revolute => MOST_REVOLUTE,
@@ -50,31 +56,34 @@ pub fn most(log: &TrainTest) -> f64 {
     if step > 0.0 { sought.min(PI / step) } else { sought }
 }
 
-/// A row: angle, rad; level derivative times residual.
+/// A row: its position, and the product of level derivative and residual.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     /// Position, rad.
     pub position: f64,
-    /// `h e`.
+    /// Product `h e` of the module documentation.
     pub weighed: f64,
 }
 
-/// An order that stands out.
+/// A peak of the spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
-    /// The order, 1/rad.
+    /// Order, 1/rad.
     pub order: f64,
-    /// Its power over that of its neighbourhood.
+    /// Ratio of its power to that of its neighbourhood.
     pub prominence: f64,
-    /// Probability that the best of all orders reaches this where there is none.
+    /// Probability that the best of all orders reaches this prominence under the null hypothesis.
     pub p_value: f64,
-    /// How many orders the range of the angle can tell apart.
+    /// Number of orders that the range of the angle can distinguish.
     pub independent: f64,
 }
 
 impl Peak {
-    /// The order, or the whole one next to it where the range of the angle cannot tell the two apart (what is on a
-    /// shaft has so many periods a turn), and from how many it was chosen. `most` is the highest order looked for.
+    /// Returns the order and the number of orders from which it was chosen.
+    ///
+    /// If the range of the angle cannot distinguish it from the nearest whole order, the whole
+    /// order is returned. A ripple of the shaft has a whole number of periods per turn. `most` is
+    /// the highest order of the search.
     pub fn whole(&self, most: f64) -> (f64, f64) {
         let apart = (most - LEAST) / self.independent;
         let whole = self.order.round();
@@ -86,7 +95,8 @@ impl Peak {
     }
 }
 
-/// The orders that stand out most, at most `count`, the most prominent first.
+/// Returns the most prominent orders, at most `count`, the most prominent first. Returns none if
+/// the position does not vary.
 pub fn peaks(points: &[Point], most: f64, count: usize) -> Vec<Peak> {
     let positions = || points.iter().map(|point| point.position);
     let (least_q, most_q) =
@@ -95,7 +105,7 @@ pub fn peaks(points: &[Point], most: f64, count: usize) -> Vec<Peak> {
     if !(range.is_finite() && range > 0.0) {
         return Vec::new();
     }
-    // Four grid points in the shortest wave, and a range padded to twice its length.
+    // The grid has four points in the shortest wave. The range is padded to twice its length.
     let spacing = std::f64::consts::PI / (2.0 * most);
     let length = ((2.0 * range / spacing).ceil() as usize + 4).next_power_of_two().min(LONGEST);
     let spacing = spacing.max(2.0 * range / (length as f64 - 4.0));
@@ -107,8 +117,8 @@ pub fn peaks(points: &[Point], most: f64, count: usize) -> Vec<Peak> {
         grid[cell].re += point.weighed * (1.0 - share);
         grid[cell + 1].re += point.weighed * share;
     }
-    // A power of two: the one algorithm instead of a planner, which brings every other into the build, and another
-    // with other last bits for each kind of processor.
+    // A power of two needs only one algorithm. A planner adds all others to the build, and its last
+    // bits depend on the processor.
     Radix4::new(length, FftDirection::Forward).process(&mut grid);
     let step = std::f64::consts::TAU / (length as f64 * spacing);
     let first =
@@ -119,7 +129,7 @@ pub fn peaks(points: &[Point], most: f64, count: usize) -> Vec<Peak> {
     }
     let power: Vec<f64> = (first..=last)
         .map(|bin| {
-            // Linear weights damp a wave by sinc^2 of half its phase per cell.
+            // Linear weights attenuate a wave by sinc^2 of half its phase per cell.
             let half = 0.5 * bin as f64 * step * spacing;
             let damped = (half.sin() / half).powi(2);
             grid[bin].norm_sqr() / (damped * damped)
@@ -152,11 +162,13 @@ pub fn peaks(points: &[Point], most: f64, count: usize) -> Vec<Peak> {
     found
 }
 
-/// Mean power of noise around each order, from the median of the powers there (an exponential
-/// distribution's median is `ln 2` of its mean): a ripple among them does not move it.
+/// Returns the mean power of the noise around each order, from the median of the powers there.
+///
+/// The median of an exponential distribution is `ln 2` of its mean. A ripple hardly changes the
+/// median.
 fn neighbourhood(power: &[f64], half: usize) -> Vec<f64> {
     let half = half.clamp(8, power.len() / 2);
-    // Medians on a coarse raster; in between the nearest.
+    // The medians are computed on a coarse grid, and each order uses that of its cell.
     let stride = (half / 4).max(1);
     let medians: Vec<f64> = (0..power.len().div_ceil(stride))
         .map(|cell| {
@@ -191,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn orders_are_found_from_1_to_250() {
+    fn peaks_with_ripple_returns_orders_from_1_to_250() {
         for order in [1.0, 3.7, 17.0, 64.25, 249.0] {
             let peak = peaks(&log(order, 0.3, 1), MOST_REVOLUTE, 3)[0];
             assert!((peak.order - order).abs() < 0.05, "{order}: {peak:?}");
@@ -200,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_no_order() {
+    fn peaks_with_noise_has_no_significant_order() {
         let alarms = (0..40)
             .filter(|seed| peaks(&log(1.0, 0.0, *seed), MOST_REVOLUTE, 1)[0].p_value < 0.05)
             .count();
@@ -208,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_joint_that_stands_still_has_no_orders() {
+    fn peaks_without_motion_is_empty() {
         let still = vec![Point { position: 1.0, weighed: 0.5 }; 100];
         assert!(peaks(&still, MOST_REVOLUTE, 3).is_empty());
     }

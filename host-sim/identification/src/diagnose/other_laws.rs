@@ -1,30 +1,32 @@
-//! What a law of another shape would do: columns that no cause may live on.
+//! Regressors of friction laws with another shape: a null model for every finding.
 //!
-//! No joint is its law. Where a seal gives way in several steps, or its friction falls with speed by another curve, or late,
-//! the residual holds that wherever the joint reverses, slows down or speeds up; and whatever goes with the motion too (a
-//! load that swings with it, an acceleration, a drag) explains a part. So every finding is asked in the review what it
-//! still gains where bristles of other stiffnesses, levels that fall off at other speeds, and those a moment late, have taken
-//! theirs. On 78 drawn worlds true causes kept 0.37 to 1.2 of their gain; of what was named wrongly a third, an inertia, drags,
-//! loads and curves over the speed, kept -0.1 to 0.13, the rest 0.6 and more.
+//! No joint follows its friction law exactly. A seal may yield in several steps. Its friction may
+//! fall with speed along another curve, or with a delay. The residual then has structure wherever
+//! the joint reverses, decelerates or accelerates. A cause that depends on the motion explains part
+//! of this structure: a load that moves with the joint, an acceleration or a drag.
+//!
+//! The review therefore computes what a finding still gains beside these regressors: bristles of
+//! other stiffnesses, levels that fall at other speeds, and delayed levels. A true cause keeps a
+//! large part of its gain. A cause that only describes the error of the law loses it.
 
-use super::candidate::{Beside, Regressor, Row, row};
+use super::candidate::{FitContext, Regressor, Row, row};
 use super::sensitivities::Exact;
 use super::train_test::TrainTest;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// Bristles of these multiples of the model's stiffness.
+/// Stiffnesses of the bristles, as multiples of the model's stiffness.
 const STIFFNESSES: [f64; 2] = [4.0, 0.25];
 
-/// Levels that fall off above these shares of the log's top speed. At 0.4 the curve is nearly that of a drag, and a true one
-/// would lose to it.
+/// Speeds above which the levels fall, as shares of the log's top speed. At a larger share, the
+/// curve resembles a drag and would take the gain of a true drag.
 const SPEEDS: [f64; 2] = [0.05, 0.15];
 
-/// Of the speeds of a log, so many percent lie below its top speed.
+/// Percentile of the speeds of a log that counts as its top speed.
 const TOP_PERCENT: usize = 95;
 
-/// The columns of other laws beside a model.
-pub fn columns(beside: &Beside) -> Vec<Regressor> {
-    let stiffness = beside.at.parameters.get(Id::BristleStiffness);
+/// Returns the regressors of other laws beside a model.
+pub fn columns(context: &FitContext) -> Vec<Regressor> {
+    let stiffness = context.at.parameters.get(Id::BristleStiffness);
     let bristles = |times: f64| {
         let settings = vec![(Id::BacklashTravel, 0.0), (Id::BristleStiffness, times * stiffness)];
         Regressor::Exact(Exact { kind: TermKind::Backlash, settings, derivative: None })
@@ -35,7 +37,7 @@ pub fn columns(beside: &Beside) -> Vec<Regressor> {
             r.level * (-share * share).exp()
         })
     };
-    // The same, later by a moment, less itself: friction remembers the speed it had.
+    // Change of the level by a short delay, to first order: friction may depend on the past speed.
     let remembers = |speed: f64| {
         row(move |r: &Row| {
             let share = r.sample.velocity_rad_s / speed;
@@ -43,8 +45,8 @@ pub fn columns(beside: &Beside) -> Vec<Regressor> {
             r.level * (-share * share).exp() * rate
         })
     };
-    let bristles_of = STIFFNESSES.into_iter().filter(|_| beside.spec.law.has_bristles());
-    let top = top_speed(beside.log);
+    let bristles_of = STIFFNESSES.into_iter().filter(|_| context.spec.law.has_bristles());
+    let top = top_speed(context.log);
     let speeds = SPEEDS.into_iter().map(|share| share * top).filter(|speed| *speed > 0.0);
     let of_speed = speeds.flat_map(|speed| [falls_off(speed), remembers(speed)]);
     bristles_of.map(bristles).chain(of_speed).collect()

@@ -1,4 +1,6 @@
-//! Where in the motion a model is wrong.
+//! Shares of the squared error by motion regime, direction, column and run.
+//!
+//! The shares show where a model is inaccurate. Errors are in Nm.
 
 use super::sensitivities::Sensitivities;
 use super::train_test::TrainTest;
@@ -6,36 +8,36 @@ use crate::data::contract;
 use crate::fit::Track;
 use compensator_core::Quantity;
 
-/// Below this share of the largest speed a joint rests.
+/// Speed below which a joint is at rest, as a share of the largest speed.
 const AT_REST: f64 = 1e-3;
 
-/// Bristles that hold less than this share of the level have not broken away.
+/// Share of the friction level below which bristles have not broken away.
 const HELD: f64 = 0.9;
 
-/// Travel after a reversal or a rest, in presliding travels, that counts as its own regime.
+/// Travel after a reversal or a rest that forms a regime of its own, in presliding travels.
 const AFTER: f64 = 20.0;
 
-/// What a joint is doing.
+/// Motion regime of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Regime {
-    /// It stands still.
+    /// At rest.
     Rest,
-    /// It moves within the travel of the bristles.
+    /// In motion within the deflection of the bristles.
     Presliding,
-    /// It has just left rest.
+    /// In motion shortly after a rest.
     Breakaway,
-    /// It has just turned round.
+    /// In motion shortly after a reversal.
     Reversal,
-    /// It slides.
+    /// Sliding.
     Sliding,
 }
 
 impl Regime {
-    /// All of them.
+    /// All regimes.
     pub const ALL: [Self; 5] =
         [Self::Rest, Self::Presliding, Self::Breakaway, Self::Reversal, Self::Sliding];
 
-    /// As in reports.
+    /// Returns the name for reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rest => "rest",
@@ -47,24 +49,27 @@ impl Regime {
     }
 }
 
-/// A part of the rows and what of the error lies there.
+/// A part of the rows, and its share of the squared error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Share {
-    /// What part.
+    /// Name of the part.
     pub name: String,
-    /// Its share of the rows.
+    /// Share of the rows.
     pub of_rows: f64,
-    /// Its share of the squared error.
+    /// Share of the squared error.
     pub of_error: f64,
-    /// Standard error of that share, over the runs.
+    /// Standard error of `of_error`, over the tracks.
     pub uncertainty: f64,
-    /// RMSE within the part, Nm.
+    /// RMS error within the part, Nm.
     pub rmse: f64,
-    /// Mean of the error within the part, Nm.
+    /// Mean error within the part, Nm.
     pub mean: f64,
 }
 
-/// The regime of every row of a track; `presliding` is the travel of the bristles, rad.
+/// Returns the regime of every row of a track.
+///
+/// `bristle` is the signed share of the level that the bristles hold. `presliding` is the
+/// deflection of the bristles, rad, and `fastest` the largest speed, rad/s.
 pub fn regimes(track: &Track, bristle: &[f64], presliding: f64, fastest: f64) -> Vec<Regime> {
     let mut travelled = f64::INFINITY;
     let mut after = Regime::Sliding;
@@ -91,7 +96,7 @@ pub fn regimes(track: &Track, bristle: &[f64], presliding: f64, fastest: f64) ->
         .collect()
 }
 
-/// The squared error of a model by regime.
+/// Returns the shares of a model's squared error by regime.
 pub fn by_regime(tracks: &[Track], at: &Sensitivities) -> Vec<Share> {
     use compensator_core::ParameterId as Id;
     let parameters = &at.parameters;
@@ -111,7 +116,7 @@ pub fn by_regime(tracks: &[Track], at: &Sensitivities) -> Vec<Share> {
     shares(tracks, at, &parts, |track, row, regime| all[track][row] == *regime)
 }
 
-/// The squared error of a model by direction.
+/// Returns the shares of a model's squared error by direction.
 pub fn by_direction(tracks: &[Track], at: &Sensitivities) -> Vec<Share> {
     let parts = [("forwards".to_owned(), 1.0), ("backwards".to_owned(), -1.0)];
     shares(tracks, at, &parts, |track, row, sign| {
@@ -119,7 +124,7 @@ pub fn by_direction(tracks: &[Track], at: &Sensitivities) -> Vec<Share> {
     })
 }
 
-/// The squared error of a model by parts of the rows.
+/// Returns the shares of a model's squared error by these parts of the rows.
 pub fn shares<P>(
     tracks: &[Track],
     at: &Sensitivities,
@@ -146,7 +151,7 @@ pub fn shares<P>(
                 by_track.push((own, squares(index)));
             }
             let share = error / total;
-            // The share of a ratio of sums, linearised: how far each track pulls it.
+            // Linearised standard error of a ratio of sums, from the deviation of each track.
             let pulls: f64 = by_track.iter().map(|(own, all)| (own - share * all).powi(2)).sum();
             let n = count.max(1) as f64;
             Share {
@@ -161,8 +166,10 @@ pub fn shares<P>(
         .collect()
 }
 
-/// The squared error of a model by the lowest, middle and highest third of every column that varies, and
-/// by run: name of the column, its parts.
+/// Returns the shares of a model's squared error by column and by run, with the name of each
+/// column.
+///
+/// Each column that varies is divided into its lowest, middle and highest third.
 pub fn by_column(log: &TrainTest, at: &Sensitivities) -> Vec<(String, Vec<Share>)> {
     type Read<'a> = Box<dyn Fn(usize, usize) -> f64 + 'a>;
     let tracks = &log.test_tracks;
@@ -176,7 +183,7 @@ pub fn by_column(log: &TrainTest, at: &Sensitivities) -> Vec<(String, Vec<Share>
         if log.varies(name) {
             let scale = quantity.info().outside_scale;
             let read = move |t: usize, r: usize| {
-                scale * quantity.of_sample(sample(t, r)).unwrap_or_default()
+                scale * quantity.value_in(sample(t, r)).unwrap_or_default()
             };
             columns.push((name.to_owned(), Box::new(read)));
         }

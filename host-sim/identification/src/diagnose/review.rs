@@ -2,31 +2,30 @@
 //!
 //! What only correlated with a cause that was not yet in falls here: with all others in, it must still gain on
 //! rows left out, by the same rules it entered by. So does a curve that is the last bend of a named cause's
-//! own effect. And each finding that stays is told from what would explain the same.
+//! own effect. Each finding that stays is compared with the causes that would explain the same.
 
-use super::cause::{Claim, Suspect};
-use super::finding::Rival;
-use super::found::Found;
+use super::accepted_cause::AcceptedCause;
+use super::block_errors::BlockErrors;
+use super::cause::{CauseCandidate, CauseIdentity};
+use super::finding::ConfoundedCause;
 use super::gram_blocks::CandidateFit;
-use super::model::{Fitted, with_candidate, without};
+use super::model::{FittedModel, with_candidate, without};
 use super::round::Round;
 use super::search::{Extension, Search};
 use super::select::{at_bound, better, share};
-use super::standing::Standing;
 use super::thresholds::{ALIKE, ANY_SHAPE, BETTER, MATERIAL, SHORTLISTED};
-use super::train_test::Follows;
+use super::train_test::FollowedColumn;
 use crate::spec::SpecError;
 
 /// Resampled logs the stability is counted over.
 const RESAMPLES: usize = 60;
 
-/// A trifle, less than [`MATERIAL`] of the whole squared error, must be the best of all candidates in this share of resampled
-/// logs: near the floor there is always something that gains a percent. Of 240 drawn worlds it takes one wrong name, and one
-/// that was right though nobody could have seen it; half and twice as much take the same.
-const SEEN: f64 = 0.05;
+/// Minimum share of resampled logs in which a cause must be the best of all candidates, if it removes less than
+/// [`MATERIAL`] of the whole squared error. Near the floor some candidate always gains about a percent.
+const MIN_STABILITY: f64 = 0.05;
 
-fn is_any_shape(found: &Found) -> bool {
-    found.follows.as_ref().is_some_and(Follows::is_any_shape)
+fn is_any_shape(found: &AcceptedCause) -> bool {
+    found.follows.as_ref().is_some_and(FollowedColumn::is_any_shape)
 }
 
 /// Takes every finding out once, the last one first, and weighs all candidates in its place; returns what
@@ -34,7 +33,7 @@ fn is_any_shape(found: &Found) -> bool {
 ///
 /// # Errors
 /// If there are more terms than the core takes.
-pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, SpecError> {
+pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<CauseIdentity>, SpecError> {
     let Search { log, base, seed, progress, .. } = *search;
     let mut lost_claims = Vec::new();
     let mut left = extension.found.len();
@@ -43,10 +42,10 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
         let index = left - 1;
         let rest = extension.without(search, index)?;
         let Extension { model, found } = &mut *extension;
-        let claim = Claim::new(found[index].cause, found[index].follows.as_ref());
-        progress(&format!("hearing {} against all others", claim.cause.name()));
+        let claim = CauseIdentity::new(found[index].cause, found[index].follows.as_ref());
+        progress(&format!("comparing {} with all other causes", claim.cause.name()));
         let round = Round::new(log, &rest);
-        let same = |candidate: &Suspect| candidate.claim() == claim;
+        let same = |candidate: &CauseCandidate| candidate.claim() == claim;
         let own = round
             .fits
             .iter()
@@ -55,10 +54,10 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
             .cloned();
         let better = better(search, model, &round, claim.cause);
         let unique = better.describes;
-        let all = Standing::of_model(log, base, round.length);
+        let all = BlockErrors::of_model(log, base, round.length);
         let read = match &corrected {
             Some(model) if !is_misreading(&found[index]) => {
-                Standing::of_model(log, model, round.length)
+                BlockErrors::of_model(log, model, round.length)
             }
             _ => all.clone(),
         };
@@ -66,13 +65,13 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
             let candidate = &round.candidates[fit.candidate];
             // It is asked about by name here: no other candidate, only its own settings, are paid for.
             let p = unique.probability(candidate.regressors.len(), candidate.comparisons);
-            let named = all.sse() - round.standing.sse();
-            round.against(fit.candidate, &better, p).is_some()
+            let named = all.sse() - round.block_errors.sse();
+            round.rejection_reason(fit.candidate, &better, p).is_some()
                 || unique.value < MATERIAL * log.beyond_floor(read.sse())
                 || (is_any_shape(&found[index]) && unique.value < ANY_SHAPE * named)
                 || unique.at_least() <= 0.0
                 || !stands_alone(&round, fit)
-                || is_overshadowed(&round, &claim, unique.value)
+                || is_dominated(&round, &claim, unique.value)
         });
         if !lost
             && let Some(own) = &own
@@ -89,7 +88,7 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
             // It was in the place of another: gone, and the others are reviewed anew.
             *model = rest;
             let gone = found.remove(index);
-            lost_claims.push(Claim::new(gone.cause, gone.follows.as_ref()));
+            lost_claims.push(CauseIdentity::new(gone.cause, gone.follows.as_ref()));
             left = found.len();
             continue;
         }
@@ -99,10 +98,10 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
         let stability: f64 =
             (0..candidates.len()).filter(|c| same(&candidates[*c])).map(|c| wins[c]).sum();
         let taken = share(&unique, &all);
-        if stability < SEEN && taken < MATERIAL && !is_any_shape(&found[index]) {
+        if stability < MIN_STABILITY && taken < MATERIAL && !is_any_shape(&found[index]) {
             *model = rest;
             let gone = found.remove(index);
-            lost_claims.push(Claim::new(gone.cause, gone.follows.as_ref()));
+            lost_claims.push(CauseIdentity::new(gone.cause, gone.follows.as_ref()));
             left = found.len();
             continue;
         }
@@ -127,7 +126,7 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<Claim>, 
 /// Of what a candidate gains, so much must be left where laws of other shapes have taken theirs. On drawn worlds what was there
 /// kept 0.37 and more, what was not 0.13 and less or nearly all; twice as much takes a true drag,
 /// half as much lets one drag pass that is not there.
-const BY_ITSELF: f64 = 0.25;
+const MIN_INDEPENDENT_SHARE: f64 = 0.25;
 
 /// Whether a candidate is more than a part of what a law of another shape would explain. Not asked where what the columns
 /// promise is not what a fit gains: of causes that bend the bristles themselves, of ripples, and where they promise nothing.
@@ -135,20 +134,19 @@ fn stands_alone(round: &Round, fit: &CandidateFit) -> bool {
     let cause = round.candidates[fit.candidate].cause;
     let by_itself = round.gram.beside_other_laws(fit.candidate).value;
     cause.is_nonlinear()
-        || cause.is_underrated()
+        || cause.is_poorly_linearised()
         || fit.unseen.value <= 0.0
-        || by_itself >= BY_ITSELF * fit.unseen.value
+        || by_itself >= MIN_INDEPENDENT_SHARE * fit.unseen.value
 }
 
 /// A torque that follows a column whichever way the joint moves: calibration or a load, no friction.
-fn is_misreading(found: &Found) -> bool {
+fn is_misreading(found: &AcceptedCause) -> bool {
     found.follows.as_ref().is_some_and(|follows| !follows.level)
 }
 
-/// The base law with the misread torque in it alone, where there is one beside other causes: friction is no trifle for being small
-/// beside a bore's area that is off. On seven runs of a kidney-shaped seal a torque over the pressure takes 83 % of the
-/// squared error, and the pressure on the level, a quarter of the friction, 2.8 %.
-fn corrected(search: &Search, extension: &Extension) -> Result<Option<Fitted>, SpecError> {
+/// Returns the base law with the measurement error of the torque only, if there is one besides other causes. A friction
+/// cause may be small compared with such an error, for example a wrong area of a bore, and still be relevant.
+fn corrected(search: &Search, extension: &Extension) -> Result<Option<FittedModel>, SpecError> {
     if extension.found.len() < 2 || !extension.found.iter().any(is_misreading) {
         return Ok(None);
     }
@@ -162,7 +160,7 @@ fn corrected(search: &Search, extension: &Extension) -> Result<Option<Fitted>, S
 
 /// Whether another named cause passes in a finding's place and promises more than twice what the finding takes, and yet was
 /// not taken, for its own fit did not keep that: what is there is neither, and the finding stands in for it.
-fn is_overshadowed(round: &Round, claim: &Claim, takes: f64) -> bool {
+fn is_dominated(round: &Round, claim: &CauseIdentity, takes: f64) -> bool {
     let others = round.passed().into_iter().filter(|fit| {
         let other = &round.candidates[fit.candidate];
         other.cause != claim.cause && !other.is_any_shape()
@@ -176,12 +174,12 @@ fn is_overshadowed(round: &Round, claim: &Claim, takes: f64) -> bool {
 /// decided beside a model that lacked the others.
 fn displaced(
     search: &Search,
-    model: &Fitted,
-    rest: &Fitted,
+    model: &FittedModel,
+    rest: &FittedModel,
     round: &Round,
     own: &CandidateFit,
-    lost: &[Claim],
-) -> Result<Option<(Found, Fitted)>, SpecError> {
+    lost: &[CauseIdentity],
+) -> Result<Option<(AcceptedCause, FittedModel)>, SpecError> {
     let cause = round.candidates[own.candidate].cause;
     let may = |fit: &CandidateFit| {
         let candidate = &round.candidates[fit.candidate];
@@ -203,12 +201,13 @@ fn displaced(
             round.fits.iter().filter(|fit| round.candidates[fit.candidate].cause == named);
         settings.filter(|fit| may(fit)).max_by(|a, b| a.gain.total_cmp(&b.gain))
     });
-    let mut best = (Standing::of_model(search.log, model, round.length), None);
-    let merit = |standing: &Standing| standing.better_than(&round.standing).describes.at_least();
+    let mut best = (BlockErrors::of_model(search.log, model, round.length), None);
+    let merit =
+        |standing: &BlockErrors| standing.better_than(&round.block_errors).describes.at_least();
     for fit in passed.into_iter().chain(named).chain(by_name) {
         let candidate = &round.candidates[fit.candidate];
         let fitted = with_candidate(search.fits, rest, candidate, fit)?;
-        let standing = Standing::of_model(search.log, &fitted, round.length);
+        let standing = BlockErrors::of_model(search.log, &fitted, round.length);
         // A cause of the catalogue goes before a curve over its own column that is little better.
         let is_by_name = by_name.is_some_and(|named| named.candidate == fit.candidate);
         let handicap = if is_by_name && best.1.is_none() { ALIKE } else { 1.0 };
@@ -221,23 +220,24 @@ fn displaced(
     let (standing, Some((fit, fitted))) = best else { return Ok(None) };
     let mut fit = fit.clone();
     let cause = round.candidates[fit.candidate].cause;
-    let better = standing.better_than(&round.standing).by_way_of(cause);
+    let better = standing.better_than(&round.block_errors).weighted_for(cause);
     (fit.unseen, fit.unseen_runs) = (better.describes, better.extrapolates);
-    Ok(Some((Found::chosen(&round.candidates[fit.candidate], fit), fitted)))
+    Ok(Some((AcceptedCause::chosen(&round.candidates[fit.candidate], fit), fitted)))
 }
 
 /// The strongest first, by what each takes alone at the least, where what this log cannot tell from another counts
 /// [`SHORTLISTED`]: the first is what somebody acts on. (A servo's load, measured, before an imbalance that takes a third more and may be
 /// an inertia or a delay.) What has a name comes before what only follows a column: it says what to mend. (The damper's play, measured,
 /// before its tension.) And a gain error of a column comes after the friction that follows the same column.
-fn order(found: &mut Vec<Found>) {
-    let told = |found: &Found| if found.rivals.is_empty() { 1.0 } else { SHORTLISTED };
-    let strength = |found: &Found| told(found) * found.fit.unseen.at_least();
-    let is_nameless = |found: &Found| found.follows.is_some();
+fn order(found: &mut Vec<AcceptedCause>) {
+    let weight = |found: &AcceptedCause| if found.rivals.is_empty() { 1.0 } else { SHORTLISTED };
+    let strength = |found: &AcceptedCause| weight(found) * found.fit.unseen.at_least();
+    let is_nameless = |found: &AcceptedCause| found.follows.is_some();
     found.sort_by(|a, b| {
         is_nameless(a).cmp(&is_nameless(b)).then(strength(b).total_cmp(&strength(a)))
     });
-    let is_gain_error = |f: &Found| f.follows.as_ref().is_some_and(|follows| !follows.level);
+    let is_gain_error =
+        |f: &AcceptedCause| f.follows.as_ref().is_some_and(|follows| !follows.level);
     for index in 0..found.len() {
         let friction = (index + 1..found.len()).find(|other| {
             found[*other].columns == found[index].columns && !is_gain_error(&found[*other])
@@ -250,9 +250,9 @@ fn order(found: &mut Vec<Found>) {
 }
 
 /// Causes that would explain what a finding explains.
-fn rivals(round: &Round, fit: &CandidateFit) -> Vec<Rival> {
+fn rivals(round: &Round, fit: &CandidateFit) -> Vec<ConfoundedCause> {
     let own = &round.candidates[fit.candidate];
-    let mut named: Vec<Rival> = Vec::new();
+    let mut named: Vec<ConfoundedCause> = Vec::new();
     for (other, candidate) in round.candidates.iter().enumerate() {
         let follows_any = candidate.follows.is_some();
         // A curve over a column of the catalogue can be bent into any of its causes; over a column the
@@ -260,14 +260,18 @@ fn rivals(round: &Round, fit: &CandidateFit) -> Vec<Rival> {
         let flexible = follows_any && own.follows.is_none() && candidate.extra.is_none();
         let another_setting = candidate.cause == own.cause && !follows_any;
         let same_column = follows_any && candidate.columns == own.columns;
-        if flexible || another_setting || same_column || candidate.is_foil || other == fit.candidate
+        if flexible
+            || another_setting
+            || same_column
+            || candidate.is_null_model
+            || other == fit.candidate
         {
             continue;
         }
         if let Some(share) = round.gram.alike(fit.candidate, other) {
             match named.iter_mut().find(|rival| rival.cause == candidate.cause) {
                 Some(known) => known.share = known.share.max(share),
-                None => named.push(Rival {
+                None => named.push(ConfoundedCause {
                     cause: candidate.cause,
                     columns: candidate.columns.clone(),
                     share,
@@ -282,15 +286,15 @@ fn rivals(round: &Round, fit: &CandidateFit) -> Vec<Rival> {
 /// finding's place, and held against it on unseen rows.
 fn fitted_rivals(
     search: &Search,
-    model: &Fitted,
-    rest: &Fitted,
+    model: &FittedModel,
+    rest: &FittedModel,
     round: &Round,
     fit: &CandidateFit,
-    known: &[Rival],
-) -> Result<Vec<Rival>, SpecError> {
+    known: &[ConfoundedCause],
+) -> Result<Vec<ConfoundedCause>, SpecError> {
     let own = round.candidates[fit.candidate].cause;
-    let own_standing = Standing::of_model(search.log, model, round.length);
-    let mut found: Vec<Rival> = Vec::new();
+    let own_standing = BlockErrors::of_model(search.log, model, round.length);
+    let mut found: Vec<ConfoundedCause> = Vec::new();
     for cause in super::cause::ALL.iter().copied().filter(|c| c.is_nonlinear() && *c != own) {
         let settings = round.fits.iter().filter(|f| round.candidates[f.candidate].cause == cause);
         let best = settings.max_by(|a, b| a.unseen.value.total_cmp(&b.unseen.value));
@@ -304,12 +308,14 @@ fn fitted_rivals(
         }
         let candidate = &round.candidates[best.candidate];
         let fitted = with_candidate(search.fits, rest, candidate, best)?;
-        let standing = Standing::of_model(search.log, &fitted, round.length);
-        let all = own_standing.better_than(&round.standing).describes.value;
-        let share = standing.better_than(&round.standing).describes.value / all;
-        if share > ALIKE && own_standing.better_than(&standing).describes.in_errors() < BETTER {
+        let standing = BlockErrors::of_model(search.log, &fitted, round.length);
+        let all = own_standing.better_than(&round.block_errors).describes.value;
+        let share = standing.better_than(&round.block_errors).describes.value / all;
+        if share > ALIKE
+            && own_standing.better_than(&standing).describes.in_standard_errors() < BETTER
+        {
             let columns = candidate.columns.clone();
-            found.push(Rival { cause, columns, share: share.min(1.0) });
+            found.push(ConfoundedCause { cause, columns, share: share.min(1.0) });
         }
     }
     Ok(found)

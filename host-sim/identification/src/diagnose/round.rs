@@ -1,27 +1,31 @@
 //! One round: all candidates beside a fitted model.
 
-use super::candidate::Beside;
-use super::cause::{Cause, Suspect, suspects};
-use super::fall::Fall;
-use super::gram_blocks::{Asked, CandidateFit, GramBlocks};
-use super::model::Fitted;
+use super::block_errors::{BlockErrors, Improvement};
+use super::candidate::FitContext;
+use super::cause::{Cause, CauseCandidate, cause_candidates};
+use super::error_reduction::ErrorReduction;
+use super::gram_blocks::{CandidateFit, CandidateOptions, GramBlocks};
+use super::model::FittedModel;
 use super::other_laws;
 use super::sensitivities::sensitivities;
-use super::standing::{Better, Standing};
 use super::survey::{block_length, survey};
-use super::thresholds::{CHANCE, EXTRAPOLATES, IMITATED, MATERIAL};
+use super::thresholds::{CHANCE, CONFOUNDED_MATERIAL, EXTRAPOLATES, MATERIAL};
 use super::train_test::TrainTest;
 
-/// Runs from which on their scatter is an error.
-const MANY: usize = 5;
+/// Minimum number of held-out runs for which their scatter is used as a standard error.
+const MIN_RUNS_FOR_SCATTER: usize = 5;
 
-/// Share of the squared error beyond the floor that a cause must take to be more than a trifle, where that is `beyond` of
-/// all of it.
+/// Returns the minimum share of the squared error above the floor that a cause must remove to be material. `beyond` is the
+/// part of the squared error that lies above the floor, 0 to 1.
 pub fn material(cause: &dyn Cause, beyond: f64) -> f64 {
-    if cause.is_imitated() { MATERIAL.max(IMITATED * beyond) } else { MATERIAL }
+    if cause.is_confounded_with_model_error() {
+        MATERIAL.max(CONFOUNDED_MATERIAL * beyond)
+    } else {
+        MATERIAL
+    }
 }
 
-/// What a candidate got in a round, for the report.
+/// Result of a candidate in a round, for the report.
 #[derive(Clone, Debug)]
 pub struct CandidateScore {
     /// The cause.
@@ -34,28 +38,28 @@ pub struct CandidateScore {
     pub order: Option<f64>,
     /// The linear fit.
     pub fit: CandidateFit,
-    /// Fall of the squared error on unseen rows as a share of it.
+    /// Reduction of the squared error on held-out rows, as a share of the squared error.
     pub share: f64,
     /// Standard error of that share.
     pub share_error: f64,
-    /// What stood against it; empty where it passed.
-    pub against: String,
-    /// Whether it passed.
+    /// Reason for the rejection; empty if the candidate passed.
+    pub rejected_because: String,
+    /// True if the candidate passed all criteria.
     pub passed: bool,
 }
 
 /// A fitted model with all its candidates.
 pub struct Round {
-    /// Who is weighed.
-    pub candidates: Vec<Suspect>,
-    /// What is known of them.
+    /// The candidates of this round.
+    pub candidates: Vec<CauseCandidate>,
+    /// Products of their columns by blocks.
     pub gram: GramBlocks,
-    /// How they did.
+    /// Their linear fits.
     pub fits: Vec<CandidateFit>,
-    /// How those did that are only there to be held against their own cause.
-    foils: Vec<CandidateFit>,
-    /// The model on unseen rows.
-    pub standing: Standing,
+    /// Linear fits of the null models, which only test their own cause.
+    null_models: Vec<CandidateFit>,
+    /// Errors of the model on held-out rows.
+    pub block_errors: BlockErrors,
     /// Rows of a block.
     pub length: usize,
     /// Squared error beyond the floor, Nm^2.
@@ -64,93 +68,108 @@ pub struct Round {
 }
 
 impl Round {
-    /// Asks all candidates beside a model.
-    pub fn new(log: &TrainTest, model: &Fitted) -> Self {
+    /// Evaluates all candidates together with a fitted model.
+    pub fn new(log: &TrainTest, model: &FittedModel) -> Self {
         let log = &*log.following(model.follows.as_ref());
         let at = sensitivities(&model.parameters, &model.free, &log.train_tracks, model.resolution);
-        let beside = Beside { log, spec: &model.spec, at: &at };
-        let candidates = suspects(&beside);
+        let context = FitContext { log, spec: &model.spec, at: &at };
+        let candidates = cause_candidates(&context);
         let length = block_length(log, &at);
-        let gram = survey(log, &at, &candidates, &other_laws::columns(&beside), length);
-        let asked: Vec<Asked> = candidates
+        let gram = survey(log, &at, &candidates, &other_laws::columns(&context), length);
+        let options: Vec<CandidateOptions> = candidates
             .iter()
-            .map(|own| Asked { comparisons: own.comparisons, evened: !own.cause.is_imitated() })
+            .map(|own| CandidateOptions {
+                comparisons: own.comparisons,
+                block_weighted: !own.cause.is_confounded_with_model_error(),
+            })
             .collect();
-        let all = gram.try_all(&asked).into_iter();
-        let all = all.filter(|fit| !candidates[fit.candidate].is_only_rival);
-        let (foils, fits) = all.partition(|fit| candidates[fit.candidate].is_foil);
-        let standing = Standing::of(&gram);
-        let excess = log.beyond_floor(standing.sse());
+        let all = gram.try_all(&options).into_iter();
+        let all = all.filter(|fit| !candidates[fit.candidate].is_comparison_only);
+        let (null_models, fits) = all.partition(|fit| candidates[fit.candidate].is_null_model);
+        let block_errors = BlockErrors::of(&gram);
+        let excess = log.beyond_floor(block_errors.sse());
         let only_describe = candidates.iter().map(|c| log.can_only_describe(&c.columns)).collect();
-        Self { candidates, gram, fits, foils, standing, length, excess, only_describe }
+        Self { candidates, gram, fits, null_models, block_errors, length, excess, only_describe }
     }
 
-    /// What stands against a model with this candidate in it, that is so much better.
-    pub fn against(&self, candidate: usize, better: &Better, probability: f64) -> Option<String> {
-        let Better { describes, extrapolates } = better;
+    /// Returns why a model with this candidate and this improvement is rejected; `None` if it is accepted.
+    pub fn rejection_reason(
+        &self,
+        candidate: usize,
+        better: &Improvement,
+        probability: f64,
+    ) -> Option<String> {
+        let Improvement { describes, extrapolates } = better;
         if describes.value <= 0.0 {
-            return Some("gains nothing on unseen rows".into());
+            return Some("does not reduce the error on held-out rows".into());
         }
         if probability >= CHANCE {
-            return Some(format!("may be chance, p = {probability:.2}"));
+            return Some(format!("not significant, p = {probability:.2}"));
         }
-        let beyond = self.excess / self.standing.sse().max(f64::MIN_POSITIVE);
+        let beyond = self.excess / self.block_errors.sse().max(f64::MIN_POSITIVE);
         let least = material(self.candidates[candidate].cause, beyond);
         if describes.value < least * self.excess {
             let share = 100.0 * describes.value / self.excess;
-            return Some(format!("a trifle, {share:.1} % of what is beyond the floor"));
+            return Some(format!(
+                "negligible, {share:.1} % of the squared error above the noise floor"
+            ));
         }
-        // The scatter of three or four runs says nothing of itself.
-        let enough = |runs: &Fall| if runs.observations < MANY { 0.0 } else { EXTRAPOLATES };
-        let fails = |runs: &Fall| runs.value <= 0.0 || runs.in_errors() < enough(runs);
+        // With three or four runs, the scatter is too uncertain for a test.
+        let enough = |runs: &ErrorReduction| {
+            if runs.observations < MIN_RUNS_FOR_SCATTER { 0.0 } else { EXTRAPOLATES }
+        };
+        let fails =
+            |runs: &ErrorReduction| runs.value <= 0.0 || runs.in_standard_errors() < enough(runs);
         if !self.only_describe[candidate] && extrapolates.as_ref().is_some_and(fails) {
-            return Some("fails on runs left out".into());
+            return Some("does not reduce the error on held-out runs".into());
         }
         None
     }
 
-    fn stands_against(&self, fit: &CandidateFit) -> Option<String> {
-        let better = Better { describes: fit.unseen, extrapolates: fit.unseen_runs };
-        self.against(fit.candidate, &better, fit.p_value)
+    fn linear_rejection_reason(&self, fit: &CandidateFit) -> Option<String> {
+        let better = Improvement { describes: fit.unseen, extrapolates: fit.unseen_runs };
+        self.rejection_reason(fit.candidate, &better, fit.p_value)
     }
 
-    /// What would look like this candidate without its cause, and does as well; a sentence's end.
-    pub fn foiled(&self, candidate: usize) -> Option<String> {
+    /// Returns a reason for rejection if a null model of the candidate explains the residual equally well.
+    pub fn explained_by_null_model(&self, candidate: usize) -> Option<String> {
         let cause = self.candidates[candidate].cause;
         let is_own = |fit: &&CandidateFit| self.candidates[fit.candidate].cause == cause;
         let own = self.fits.iter().filter(is_own).map(|fit| fit.unseen.at_least());
         let own = own.fold(f64::NEG_INFINITY, f64::max);
-        let as_good = |foil: &&CandidateFit| {
-            foil.unseen.at_least() >= own || self.gram.alike(candidate, foil.candidate).is_some()
+        let as_good = |null_model: &&CandidateFit| {
+            null_model.unseen.at_least() >= own
+                || self.gram.alike(candidate, null_model.candidate).is_some()
         };
-        let foil = self.foils.iter().filter(is_own).find(as_good);
-        foil.map(|_| "bristles of several stiffnesses explain as much".into())
+        let null_model = self.null_models.iter().filter(is_own).find(as_good);
+        null_model
+            .map(|_| "bristles of several stiffnesses explain the residual equally well".into())
     }
 
-    /// Whether a candidate's column changes too seldom to be judged by runs left out.
+    /// Returns true if a candidate's column changes too rarely for an evaluation on held-out runs.
     pub fn only_describes(&self, candidate: usize) -> bool {
         self.only_describe[candidate]
     }
 
-    /// What a fall counts for when candidates are compared.
-    pub fn merit(&self, candidate: usize, better: &Better) -> f64 {
+    /// Returns the score by which fitted candidates are compared.
+    pub fn merit(&self, candidate: usize, better: &Improvement) -> f64 {
         better.describes.at_least() * self.candidates[candidate].weight
     }
 
-    /// The same of the linear fit.
-    pub fn promised(&self, fit: &CandidateFit) -> f64 {
+    /// Returns the same score for the linear fit.
+    pub fn linear_merit(&self, fit: &CandidateFit) -> f64 {
         fit.unseen.at_least() * self.candidates[fit.candidate].weight
     }
 
-    /// The best setting of each cause the linear fit may underrate and that is not among `tried`.
-    pub fn second_chances(&self, tried: &[&'static dyn Cause]) -> Vec<CandidateFit> {
+    /// Returns the best setting of each poorly linearised cause that is not among `tried`.
+    pub fn poorly_linearised_fits(&self, tried: &[&'static dyn Cause]) -> Vec<CandidateFit> {
         let mut chances: Vec<CandidateFit> = Vec::new();
         let mut order: Vec<&CandidateFit> = self.fits.iter().collect();
         order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         for fit in order {
             let cause = self.candidates[fit.candidate].cause;
             let had = |t: &CandidateFit| self.candidates[t.candidate].cause == cause;
-            let may = cause.is_underrated() && fit.gain > MATERIAL * self.excess;
+            let may = cause.is_poorly_linearised() && fit.gain > MATERIAL * self.excess;
             if may && !tried.contains(&cause) && !chances.iter().any(had) {
                 chances.push(fit.clone());
             }
@@ -158,23 +177,23 @@ impl Round {
         chances
     }
 
-    /// Candidates that passed, the best first.
+    /// Returns the candidates that passed, best first.
     pub fn passed(&self) -> Vec<&CandidateFit> {
-        let passed = self.fits.iter().filter(|fit| self.stands_against(fit).is_none());
+        let passed = self.fits.iter().filter(|fit| self.linear_rejection_reason(fit).is_none());
         let mut passed: Vec<&CandidateFit> = passed.collect();
-        passed.sort_by(|a, b| self.promised(b).total_cmp(&self.promised(a)));
+        passed.sort_by(|a, b| self.linear_merit(b).total_cmp(&self.linear_merit(a)));
         passed
     }
 
-    /// All of them for the report, the best first.
+    /// Returns the scores of all candidates for the report, best first.
     pub fn scores(&self) -> Vec<CandidateScore> {
-        let sse = self.standing.sse().max(f64::MIN_POSITIVE);
+        let sse = self.block_errors.sse().max(f64::MIN_POSITIVE);
         let mut scores: Vec<CandidateScore> = self
             .fits
             .iter()
             .map(|fit| {
                 let candidate = &self.candidates[fit.candidate];
-                let against = self.stands_against(fit);
+                let rejection = self.linear_rejection_reason(fit);
                 CandidateScore {
                     cause: candidate.cause,
                     columns: candidate.columns.clone(),
@@ -182,8 +201,8 @@ impl Round {
                     order: candidate.order,
                     share: fit.unseen.value / sse,
                     share_error: fit.unseen.error / sse,
-                    passed: against.is_none(),
-                    against: against.unwrap_or_default(),
+                    passed: rejection.is_none(),
+                    rejected_because: rejection.unwrap_or_default(),
                     fit: fit.clone(),
                 }
             })
@@ -199,13 +218,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_wrong_law_looks_like_must_take_more_the_more_is_left() {
+    fn material_of_confounded_cause_grows_with_error_above_floor() {
         let of = |name: &str| *ALL.iter().find(|cause| cause.name() == name).expect("a cause");
         for beyond in [0.05, 0.5, 1.0] {
             assert_eq!(material(of("pressure-coulomb"), beyond), MATERIAL);
         }
         assert_eq!(material(of("quadratic-drag"), 0.05), MATERIAL);
-        assert_eq!(material(of("quadratic-drag"), 1.0), IMITATED);
-        assert!(material(of("quadratic-drag"), 0.5) < IMITATED);
+        assert_eq!(material(of("quadratic-drag"), 1.0), CONFOUNDED_MATERIAL);
+        assert!(material(of("quadratic-drag"), 0.5) < CONFOUNDED_MATERIAL);
     }
 }

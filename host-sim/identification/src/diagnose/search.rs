@@ -1,40 +1,40 @@
-//! What a search for causes works on, and what it has come to so far.
+//! Inputs of a search for causes, and the extension that it has found so far.
 
-use super::found::Found;
-use super::model::{Fits, Fitted, without};
+use super::accepted_cause::AcceptedCause;
+use super::model::{FitCache, FittedModel, without};
 use super::train_test::TrainTest;
 use crate::spec::SpecError;
 
-/// What stays the same in a search.
+/// Inputs that stay constant during a search.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
     /// The log.
     pub log: &'a TrainTest,
-    /// What was fitted on it.
-    pub fits: &'a Fits<'a>,
-    /// The base law fitted.
-    pub base: &'a Fitted,
-    /// For what is drawn at random.
+    /// Fits on this log.
+    pub fits: &'a FitCache<'a>,
+    /// The fitted base law.
+    pub base: &'a FittedModel,
+    /// Seed of the random sampler.
     pub seed: u64,
-    /// Told what is being done.
+    /// Receives a description of each step of the work.
     pub progress: &'a dyn Fn(&str),
 }
 
-/// The base law with the causes found so far.
+/// The base law with the causes accepted so far.
 #[derive(Clone, Debug)]
 pub struct Extension {
-    /// The model.
-    pub model: Fitted,
-    /// The causes in it.
-    pub found: Vec<Found>,
+    /// The extended model.
+    pub model: FittedModel,
+    /// Causes in the model.
+    pub found: Vec<AcceptedCause>,
 }
 
 impl Extension {
-    /// The model without one of the causes, everything else fitted again.
+    /// Returns the model without one of the causes and all other parameters refitted.
     ///
     /// # Errors
-    /// If there are more terms than the core takes.
-    pub fn without(&self, search: &Search, index: usize) -> Result<Fitted, SpecError> {
+    /// Returns an error if there are more terms than the core accepts.
+    pub fn without(&self, search: &Search, index: usize) -> Result<FittedModel, SpecError> {
         if self.found.len() == 1 {
             return Ok(search.base.clone());
         }

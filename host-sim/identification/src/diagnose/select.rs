@@ -6,17 +6,17 @@
 //! is: in the end every finding is taken out once and has to win its place again ([`super::review`]).
 //!
 //! The linear fit beside the model only says who is worth a fit, and where that begins. Whether a cause
-//! enters is decided by the fitted model, on the same yardstick ([`super::standing`]).
+//! enters is decided by the fitted model, on the same yardstick ([`super::block_errors`]).
 
-use super::cause::{Cause, Claim, Suspect};
-use super::fall::Fall;
-use super::found::Found;
+use super::accepted_cause::AcceptedCause;
+use super::block_errors::{BlockErrors, Improvement};
+use super::cause::{Cause, CauseCandidate, CauseIdentity};
+use super::error_reduction::ErrorReduction;
 use super::gram_blocks::CandidateFit;
-use super::model::{Fitted, with_candidate};
+use super::model::{FittedModel, with_candidate};
 use super::review::review;
 use super::round::{CandidateScore, Round};
 use super::search::{Extension, Search};
-use super::standing::{Better, Standing};
 use super::thresholds::{CHANCE, SHORTLISTED};
 use crate::spec::SpecError;
 use compensator_core::ParameterId;
@@ -34,9 +34,9 @@ const SEARCHES: usize = 3;
 #[derive(Clone, Debug)]
 pub struct Selection {
     /// The extended model.
-    pub extended: Fitted,
+    pub extended: FittedModel,
     /// The causes, strongest first.
-    pub found: Vec<Found>,
+    pub found: Vec<AcceptedCause>,
     /// All candidates beside the base law, best first.
     pub scores: Vec<CandidateScore>,
     /// What was weighed and did not hold, a sentence each.
@@ -47,10 +47,10 @@ pub struct Selection {
 ///
 /// # Errors
 /// If the base already has as many terms as the core takes.
-pub fn select(search: &Search, refuted: &[Claim]) -> Result<Selection, SpecError> {
+pub fn select(search: &Search, refuted: &[CauseIdentity]) -> Result<Selection, SpecError> {
     let mut extension = Extension { model: search.base.clone(), found: Vec::new() };
     let (mut scores, mut notes) = (Vec::new(), Vec::new());
-    let mut refuted: Vec<Claim> = refuted.to_vec();
+    let mut refuted: Vec<CauseIdentity> = refuted.to_vec();
     // Named causes have their say first; a curve of any shape may then have what is left, and shows in
     // the review which of them only stood in for it.
     for allow_any_shape in [false, true] {
@@ -82,7 +82,7 @@ pub fn select(search: &Search, refuted: &[Claim]) -> Result<Selection, SpecError
 struct Turn<'a> {
     search: &'a Search<'a>,
     /// Not these: a review has taken them out.
-    refuted: &'a [Claim],
+    refuted: &'a [CauseIdentity],
     /// Curves of any shape.
     allow_any_shape: bool,
     scores: &'a mut Vec<CandidateScore>,
@@ -90,7 +90,7 @@ struct Turn<'a> {
 }
 
 impl Turn<'_> {
-    fn admits(&self, candidate: &Suspect) -> bool {
+    fn admits(&self, candidate: &CauseCandidate) -> bool {
         let refuted = self.refuted.contains(&candidate.claim());
         !refuted && (self.allow_any_shape || !candidate.is_any_shape())
     }
@@ -99,7 +99,7 @@ impl Turn<'_> {
     fn extend(&mut self, extension: &mut Extension) -> Result<(), SpecError> {
         while extension.found.len() < MOST_FINDINGS {
             let Extension { model, found } = &mut *extension;
-            (self.search.progress)(&format!("weighing all causes (round {})", found.len() + 1));
+            (self.search.progress)(&format!("evaluating all causes (round {})", found.len() + 1));
             let mut round = Round::new(self.search.log, model);
             if self.scores.is_empty() {
                 *self.scores = round.scores();
@@ -108,14 +108,14 @@ impl Turn<'_> {
             round.fits.retain(|fit| self.admits(&candidates[fit.candidate]));
             let Some((chosen, fitted)) = self.choose(model, &round)? else { break };
             let candidate = &round.candidates[chosen.candidate];
-            found.push(Found::chosen(candidate, chosen));
+            found.push(AcceptedCause::chosen(candidate, chosen));
             *model = fitted;
         }
         Ok(())
     }
 
     /// Who is worth a fit, the most promising first, at most two settings of a cause.
-    fn queue(&self, model: &Fitted, round: &Round) -> Vec<CandidateFit> {
+    fn queue(&self, model: &FittedModel, round: &Round) -> Vec<CandidateFit> {
         let mut variants: Vec<&'static dyn Cause> = Vec::new();
         let mut queue: Vec<CandidateFit> = Vec::new();
         for fit in round.passed() {
@@ -136,22 +136,22 @@ impl Turn<'_> {
     /// turn where that leaves structure.
     fn choose(
         &mut self,
-        model: &Fitted,
+        model: &FittedModel,
         round: &Round,
-    ) -> Result<Option<(CandidateFit, Fitted)>, SpecError> {
+    ) -> Result<Option<(CandidateFit, FittedModel)>, SpecError> {
         let mut winner: Option<Winner> = None;
         let shown = |winner: &Option<Winner>| winner.as_ref().map_or(0.0, |winner| winner.merit);
         let mut tried: Vec<&'static dyn Cause> = Vec::new();
         for fit in self.queue(model, round) {
             let cause = round.candidates[fit.candidate].cause;
             let enough = if cause.is_nonlinear() { 0.25 * SHORTLISTED } else { SHORTLISTED };
-            if tried.len() < MOST_FITTED && round.promised(&fit) >= enough * shown(&winner) {
+            if tried.len() < MOST_FITTED && round.linear_merit(&fit) >= enough * shown(&winner) {
                 tried.push(cause);
                 self.fit(model, round, fit, &mut winner)?;
             }
         }
         if shown(&winner) < SHORTLISTED * round.excess {
-            for fit in round.second_chances(&tried) {
+            for fit in round.poorly_linearised_fits(&tried) {
                 self.fit(model, round, fit, &mut winner)?;
             }
         }
@@ -161,7 +161,7 @@ impl Turn<'_> {
     /// Fits one candidate with everything else and lets it win if nothing stands against it and it is the best.
     fn fit(
         &mut self,
-        model: &Fitted,
+        model: &FittedModel,
         round: &Round,
         mut fit: CandidateFit,
         winner: &mut Option<Winner>,
@@ -170,20 +170,21 @@ impl Turn<'_> {
         let candidate = &round.candidates[fit.candidate];
         progress(&format!("fitting {}+{}", model.spec, candidate.cause.name()));
         let fitted = with_candidate(fits, model, candidate, &fit)?;
-        let better = Standing::of_model(log, &fitted, round.length).better_than(&round.standing);
-        let better = better.by_way_of(candidate.cause);
+        let better =
+            BlockErrors::of_model(log, &fitted, round.length).better_than(&round.block_errors);
+        let better = better.weighted_for(candidate.cause);
         let all = round.candidates.len() as f64 * candidate.comparisons;
         let probability = better.describes.probability(candidate.regressors.len(), all);
-        let against = at_bound(&fitted, candidate)
+        let rejection = at_bound(&fitted, candidate)
             .map(|id| format!("its fit ends at the bound of {}", id.name()))
             .or_else(|| candidate.cause.contradicted(&fitted.parameters).map(str::to_owned))
-            .or_else(|| round.against(fit.candidate, &better, probability))
-            .or_else(|| round.foiled(fit.candidate));
-        if let Some(against) = against {
+            .or_else(|| round.rejection_reason(fit.candidate, &better, probability))
+            .or_else(|| round.explained_by_null_model(fit.candidate));
+        if let Some(reason) = rejection {
             if fit.p_value < CHANCE {
                 let (cause, columns) = (candidate.cause.name(), candidate.columns.join(", "));
                 self.notes
-                    .push(format!("{cause} ({columns}) was weighed and not taken: {against}"));
+                    .push(format!("{cause} ({columns}) was evaluated and rejected: {reason}"));
             }
             return Ok(());
         }
@@ -201,16 +202,16 @@ impl Turn<'_> {
 struct Winner {
     merit: f64,
     fit: CandidateFit,
-    fitted: Fitted,
+    fitted: FittedModel,
 }
 
 /// A parameter of the candidate's term that the fit drove to its bound: there the term stands in for something
 /// else.
-pub fn at_bound(fitted: &Fitted, candidate: &Suspect) -> Option<ParameterId> {
-    /// Of the bound.
-    const NEAR: f64 = 0.01;
+pub fn at_bound(fitted: &FittedModel, candidate: &CauseCandidate) -> Option<ParameterId> {
+    /// Distance from a bound within which a value counts as at the bound, as a share of the bound.
+    const BOUND_TOLERANCE: f64 = 0.01;
     let near = |value: f64, bound: f64| {
-        bound != 0.0 && bound.abs() < 1e6 && (value - bound).abs() <= NEAR * bound.abs()
+        bound != 0.0 && bound.abs() < 1e6 && (value - bound).abs() <= BOUND_TOLERANCE * bound.abs()
     };
     let own = candidate.term.parameters().iter().copied();
     own.filter(|id| fitted.free.contains(id)).find(|id| {
@@ -219,9 +220,9 @@ pub fn at_bound(fitted: &Fitted, candidate: &Suspect) -> Option<ParameterId> {
     })
 }
 
-/// In pure sliding two causes may be one and the same, as an offset of the sensor and a difference between
-/// the directions. Where this log cannot tell them apart, the one that yields is left to be named as not
-/// told apart from the other.
+/// In pure sliding two causes may be identical, for example an offset of the sensor and a difference between
+/// the directions. If this log cannot distinguish them, the yielding one is removed here and later named as confounded with
+/// the other.
 fn yield_in_sliding(round: &Round, shortlist: &mut Vec<CandidateFit>) {
     let place = |shortlist: &[CandidateFit], cause: &'static dyn Cause| {
         shortlist.iter().position(|fit| round.candidates[fit.candidate].cause == cause)
@@ -237,12 +238,17 @@ fn yield_in_sliding(round: &Round, shortlist: &mut Vec<CandidateFit>) {
 }
 
 /// By how much a model is better than without one of its causes.
-pub fn better(search: &Search, model: &Fitted, rest: &Round, cause: &dyn Cause) -> Better {
-    let standing = Standing::of_model(search.log, model, rest.length);
-    standing.better_than(&rest.standing).by_way_of(cause)
+pub fn better(
+    search: &Search,
+    model: &FittedModel,
+    rest: &Round,
+    cause: &dyn Cause,
+) -> Improvement {
+    let standing = BlockErrors::of_model(search.log, model, rest.length);
+    standing.better_than(&rest.block_errors).weighted_for(cause)
 }
 
 /// A fall as a share of another model's squared error on the same unseen rows.
-pub fn share(fall: &Fall, of: &Standing) -> f64 {
+pub fn share(fall: &ErrorReduction, of: &BlockErrors) -> f64 {
     (fall.value / of.sse().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }

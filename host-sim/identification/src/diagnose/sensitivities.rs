@@ -1,15 +1,17 @@
-//! What a fitted model does, row by row, and how that changes with each of its parameters.
+//! Simulation of a fitted model with its derivatives, row by row.
 //!
-//! The residual of a fitted model can be asked many questions, and most need not run the model again. If
-//! the level `g` of the friction followed the shaft angle, the torque would change by the angle's wave
-//! times what the torque changes by when `g` does; that derivative comes out of the core's own step in
-//! dual numbers, once. So one simulation serves every cause that moves a level, the viscous part, or
-//! adds a torque. Only what bends the bristles otherwise (a changing side load, play, contact age, the
-//! curve's exponent) is simulated for itself ([`exact`]).
+//! Most candidates do not need a simulation of their own. Suppose that the friction level `g`
+//! varied with the shaft angle. The torque would change by the wave of the angle times the
+//! derivative of the torque by `g`. The core's step computes this derivative in dual numbers. One
+//! simulation therefore serves every cause that changes a level or the viscous part, or that adds a
+//! torque.
+//!
+//! Only a cause that changes the dynamics of the bristles is simulated separately ([`exact`]).
+//! Examples are a changing side load, backlash, contact age and the exponent of the Stribeck curve.
 
 use crate::dual::Dual;
 use crate::fit::Track;
-use crate::fit::channel::{LowPass, passed};
+use crate::fit::channel::{TrackLowPass, filter_column};
 use crate::fit::initial_state::initial_state;
 use crate::fit::simulate::{Resolution, simulate, simulate_shaft};
 use crate::fit::treatment;
@@ -17,46 +19,45 @@ use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Real, TermKind};
 use rayon::prelude::*;
 
-/// A model and what it does on each track.
+/// A model and its simulation on each track.
 #[derive(Clone, Debug)]
 pub struct Sensitivities {
-    /// The free parameters, a column each.
+    /// Free parameters, with one column of the Jacobian each.
     pub free: Vec<ParameterId>,
-    /// The model.
+    /// Parameter values of the model.
     pub parameters: Parameters<f64>,
-    /// How finely it was stepped.
+    /// Time resolution of the simulation.
     pub resolution: Resolution,
-    /// The tracks, in order.
+    /// Simulations in the order of the tracks.
     pub tracks: Vec<TrackSensitivities>,
 }
 
-/// A model along one track, at the full rate.
+/// Simulation of a model along one track, at the full rate.
 #[derive(Clone, Debug)]
 pub struct TrackSensitivities {
-    /// Simulated torque as its channel shows it, Nm.
+    /// Simulated torque after the low-pass of the torque channel, Nm.
     pub torque: Vec<f64>,
-    /// Simulated torque at the shaft, Nm; so are `added`, `level` and `viscous`.
+    /// Simulated torque at the shaft, Nm. `added`, `level` and `viscous` also refer to the shaft.
     pub shaft_torque: Vec<f64>,
-    /// Measured minus simulated, Nm, times the root of the row's weight.
+    /// Measured minus simulated torque, Nm, times the square root of the row's weight.
     pub residual: Vec<f64>,
-    /// Share of the level the bristles hold, signed; 0 for a law without bristles.
+    /// Signed share of the level that the bristles hold; 0 for a law without bristles.
     pub bristle: Vec<f64>,
-    /// Derivative by each free parameter.
+    /// Derivative of the torque by each free parameter.
     pub jacobian: Vec<Vec<f64>>,
-    /// Change of the torque where both levels are raised by 1 Nm.
+    /// Change of the torque if both levels rise by 1 Nm.
     pub added: Vec<f64>,
-    /// Change of the torque where the level is scaled by `1 + x`, per `x`, Nm.
+    /// Change of the torque per `x` if the level is scaled by `1 + x`, Nm.
     pub level: Vec<f64>,
-    /// The viscous part, Nm.
+    /// Viscous part of the torque, Nm.
     pub viscous: Vec<f64>,
-    /// What the bristles held at the start, where that had to be solved for, and how long it is
-    /// remembered.
+    /// Torque that the bristles held at the start, Nm, if it had to be estimated.
     pub held: Option<f64>,
-    /// Derivative by it.
+    /// Derivative of the torque by `held`; it decays as the bristles slip.
     pub memory: Vec<f64>,
 }
 
-/// Follows a model along tracks.
+/// Returns the simulation of a model along tracks, with its derivatives.
 pub fn sensitivities(
     parameters: &Parameters<f64>,
     free: &[ParameterId],
@@ -64,7 +65,8 @@ pub fn sensitivities(
     resolution: Resolution,
 ) -> Sensitivities {
     let mut parameters = parameters.clone();
-    // As in the fit: the declared speed limits the step, and all that was measured is to be seen.
+    // As in the fit, the declared speed limit is removed. It would restrict the step of the
+    // simulation.
     parameters.envelope.velocity_max_rad_s = f32::MAX;
     let levels = parameters.active().filter(|id| treatment::of(*id).is_level);
     let mut columns = free.to_vec();
@@ -122,11 +124,11 @@ fn along<const N: usize>(
     };
     let level_now = parameters.get(Id::CoulombTorque).abs().max(f64::MIN_POSITIVE);
     let bristles = parameters.law.has_bristles();
-    let mut channel = LowPass::of_torque(track);
+    let mut channel = TrackLowPass::for_torque(track);
     simulate_shaft(&dual, track, held, resolution, |row, torque: Dual<N>, bristle: Dual<N>| {
         let gradient = &torque.gradient;
         let shown =
-            channel.as_mut().map_or(torque.value, |channel| channel.pass(row, torque.value));
+            channel.as_mut().map_or(torque.value, |channel| channel.filter(row, torque.value));
         out.torque.push(shown);
         out.shaft_torque.push(torque.value);
         out.residual.push(track.weight(row).sqrt() * (track.torque[row] - shown));
@@ -140,23 +142,26 @@ fn along<const N: usize>(
         out.viscous.push(viscous.map_or_else(plain, |i| gradient[i] * coefficient));
         true
     });
-    out.jacobian = out.jacobian.into_iter().map(|column| passed(track, column)).collect();
+    out.jacobian = out.jacobian.into_iter().map(|column| filter_column(track, column)).collect();
     out
 }
 
-/// An effect that is simulated for itself: a term with these settings, and the parameter whose
-/// derivative is its column, or none where the column is the whole difference it makes.
+/// An effect that needs a separate simulation: a term with these settings.
+///
+/// Its column is the derivative by one parameter, or the whole difference that the term makes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exact {
-    /// The term.
+    /// Term of the effect.
     pub kind: TermKind,
-    /// Its settings.
+    /// Settings of the term.
     pub settings: Vec<(ParameterId, f64)>,
-    /// Derivative by this one, at its value in `settings` or its default.
+    /// Parameter of the derivative, at its value in `settings` or its default. `None` selects the
+    /// whole difference.
     pub derivative: Option<ParameterId>,
 }
 
-/// The column of an effect along one track, Nm per unit of its parameter.
+/// Returns the column of an effect along one track, Nm per unit of its parameter. It is 0 if the
+/// term cannot be added to the model.
 pub fn exact(
     model: &Sensitivities,
     track: &Track,

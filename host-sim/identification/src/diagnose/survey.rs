@@ -1,13 +1,13 @@
 //! A fitted model and all candidates beside it, walked along the log once and kept as a [`GramBlocks`].
 
 use super::candidate::{Regressor, Row};
-use super::cause::Suspect;
+use super::cause::CauseCandidate;
 use super::gram_blocks::{Block, GramBlocks, STRETCHES};
 use super::sensitivities::{Sensitivities, TrackSensitivities, exact};
 use super::train_test::TrainTest;
 use crate::data::AntiAlias;
 use crate::fit::Track;
-use crate::fit::channel::passed;
+use crate::fit::channel::filter_column;
 use crate::fit::statistics::autocorrelation_time;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -31,7 +31,7 @@ pub fn block_length(log: &TrainTest, model: &Sensitivities) -> usize {
 pub fn survey(
     log: &TrainTest,
     model: &Sensitivities,
-    candidates: &[Suspect],
+    candidates: &[CauseCandidate],
     other_laws: &[Regressor],
     length: usize,
 ) -> GramBlocks {
@@ -51,7 +51,7 @@ fn blocks(
     model: &Sensitivities,
     track: &Track,
     at: &TrackSensitivities,
-    (candidates, other_laws): (&[Suspect], &[Regressor]),
+    (candidates, other_laws): (&[CauseCandidate], &[Regressor]),
     length: usize,
 ) -> Vec<Block> {
     let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
@@ -74,7 +74,7 @@ fn blocks(
                         extra: extra.map_or(0.0, |extra| extra[row]),
                     })
                 };
-                passed(track, (0..track.len()).map(row).collect())
+                filter_column(track, (0..track.len()).map(row).collect())
             }
         });
     }

@@ -1,118 +1,120 @@
-//! The log as the diagnosis looks at it: runs to learn from, runs to judge by, and the columns that
-//! may be blamed.
+//! The log of a diagnosis: training runs, held-out runs, and the covariates that may be a cause.
 //!
-//! A column can explain a residual without being a cause of it: a motor current *is* the torque in other
-//! units, and knows of every error the model makes. Such columns are kept out, and named. What tells
-//! them is that they follow the torque from sample to sample, which pressure or temperature cannot.
+//! A column may explain a residual without being its cause. A motor current *is* the torque in
+//! another unit, so it contains every error of the model. Such columns are excluded, and a note
+//! lists them. They are recognised by their correlation with the torque from sample to sample,
+//! which pressure or temperature cannot have.
 
-use super::judge::noise_floor;
+use super::evaluation::noise_floor;
 use crate::data::{Dataset, Quantity, Run, Split, contract};
-use crate::fit::channel::TorqueLowPass;
+use crate::fit::initial_heat::record_earlier_stretches;
 use crate::fit::scales::Scales;
-use crate::fit::{Rows, Track, track, warmth};
+use crate::fit::torque_low_pass::TorqueLowPass;
+use crate::fit::{Rows, Track, dataset_tracks};
 use compensator_core::TermKind;
 use compensator_core::term::LookupFormula;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// A column whose steps from sample to sample correlate with the torque's by more than this is
-/// taken for another reading of the torque.
+/// Correlation of sample-to-sample changes above which a column counts as another reading of the
+/// torque.
 const SAME_STEPS: f64 = 0.5;
 
-/// Likewise for the values themselves.
+/// Correlation of values above which a column counts as another reading of the torque.
 const SAME_VALUES: f64 = 0.95;
 
-/// Two columns this much alike are one column under two names.
+/// Correlation above which two columns count as one column with two names.
 const SAME_COLUMN: f64 = 0.9999;
 
-/// Share of the 95th percentile of the speed below which a joint rests.
+/// Speed below which a joint is at rest, as a share of the 95th percentile of the speed.
 const REST: f64 = 0.04;
 
-/// Rows at rest are left out where their mean squared error is more than so many times that in motion.
+/// Ratio of the mean squared errors at rest and in motion above which rows at rest are excluded.
 const WORSE_AT_REST: f64 = 1.0;
 
-/// Training rows a search through all causes looks at, at most, if there are runs enough to choose from.
+/// Largest number of training rows in a search over all causes, if there are enough runs to choose
+/// from.
 const MOST_SEARCHED: usize = 150_000;
 
-/// Runs a search looks at at least.
+/// Fewest training runs in a search that is limited in this way.
 const FEWEST_RUNS: usize = 12;
 
-/// A column with less than this share of its variance within runs is constant in each of them.
+/// Share of a column's variance within runs below which it counts as constant in each run.
 const CONSTANT: f64 = 0.05;
 
-/// So many runs can show whether a column that is constant in each of them extrapolates.
+/// Fewest runs that can show whether a column that is constant in each of them extrapolates.
 const MANY_RUNS: usize = 8;
 
-/// The column a cause that may follow any has followed, and how.
+/// Column that a cause follows which may follow any, and how it follows it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Follows {
+pub struct FollowedColumn {
     /// Name of the column.
     pub column: String,
-    /// Whether it is one of the log's extra covariates.
+    /// True for one of the log's extra covariates.
     pub extra: bool,
-    /// A share of the friction level; else a torque of its own.
+    /// True for a share of the friction level; false for a separate torque.
     pub level: bool,
-    /// A torque of its own, proportional to the column: a gain that is off.
+    /// True for a separate torque proportional to the column, as for a gain error.
     pub proportional: bool,
-    /// The level's formula over the column, if it follows one.
+    /// Formula of the level over the column, if it follows one.
     pub formula: LookupFormula,
 }
 
-impl Follows {
-    /// Whether it is a curve of any shape, which comes after named causes.
+impl FollowedColumn {
+    /// Returns true for a curve of any shape, which is considered after the named causes.
     pub fn is_any_shape(&self) -> bool {
         !self.proportional && self.formula == LookupFormula::None
     }
 }
 
-/// What is diagnosed. A value: what is left out or followed makes another one.
+/// The log of a diagnosis. Excluding rows or following a column creates another value.
 #[derive(Clone, Debug)]
 pub struct TrainTest {
-    /// Runs to fit on.
+    /// Training runs.
     pub train: Arc<Dataset>,
-    /// Runs no fit sees.
+    /// Held-out runs.
     pub test: Arc<Dataset>,
     /// Tracks of `train`.
     pub train_tracks: Vec<Track>,
     /// Tracks of `test`.
     pub test_tracks: Vec<Track>,
-    /// Keep one residual in this many, anti-aliased.
+    /// Decimation: one residual in this many is kept, after an anti-alias filter.
     pub decimate: usize,
     /// Parts of the torque column that are not friction.
     pub rigid_body: Vec<TermKind>,
-    /// Extra covariates that may be blamed, as indices of [`Run::extra`].
+    /// Extra covariates that may be a cause, as indices of [`Run::extra`].
     pub extras: Vec<usize>,
-    /// Where the campaign's clock begins, s.
+    /// Start of the campaign's clock, s.
     pub campaign_start_s: f64,
-    /// What a careful reader should know, a sentence each.
+    /// Notes on the log, one sentence each.
     pub notes: Vec<String>,
-    /// Whether nothing is set apart, and each run is judged by a fit on the others.
+    /// True if no run is set apart and each run is evaluated with a fit to the others.
     pub leaves_each_out: bool,
-    /// Error the best possible model would make on the training rows, Nm RMS.
+    /// Noise floor on the training rows: the error of the best possible model, Nm RMS.
     pub floor_nm: f64,
-    /// Where runs were shifted to a common phase of a ripple, its order ([`super::unknown_zero`]).
+    /// Order of the ripple to whose phase the runs were shifted, if any ([`super::unknown_zero`]).
     pub aligned_order: Option<u32>,
 }
 
-/// Rows at rest that do not count.
+/// Rows at rest that are excluded from the evaluation.
 #[derive(Clone, Debug)]
 pub struct AtRest {
-    /// Speed below which a joint rests, rad/s.
+    /// Speed below which a joint is at rest, rad/s.
     slowest: f64,
-    /// How many training rows that is.
+    /// Number of training rows at rest.
     rows: usize,
 }
 
 impl TrainTest {
-    /// Cuts a data set as `split` says.
+    /// Creates the log from a data set and its split.
     pub fn new(data: &Dataset, split: &Split, decimate: usize, rigid_body: &[TermKind]) -> Self {
         let (train, test) = (data.select(&split.train), data.select(&split.test));
         let decimate = decimate.max(1);
-        let campaign_start_s = track::campaign_start(data);
-        let tracks = |data: &Dataset| track::tracks_since(data, None, campaign_start_s);
+        let campaign_start_s = dataset_tracks::campaign_start(data);
+        let tracks = |data: &Dataset| dataset_tracks::tracks_since(data, None, campaign_start_s);
         let train_tracks = tracks(&train);
         let mut log = Self {
-            leaves_each_out: split.leaves_each_out(),
+            leaves_each_out: split.is_leave_one_run_out(),
             floor_nm: noise_floor(&train_tracks, decimate),
             test_tracks: tracks(&test),
             train_tracks,
@@ -125,16 +127,17 @@ impl TrainTest {
             notes: Vec::new(),
             aligned_order: None,
         };
-        // What the runs left out rubbed warms those that come after them. Where each run is left out once, both are all
-        // runs, and know it of themselves; together each would lie over itself, and no clock would be common.
+        // Held-out runs also heat the runs after them, so that both sets share one record. If each
+        // run is held out once, both sets contain all runs, and each set has its own record. A
+        // common record would then contain every run twice.
         if !log.leaves_each_out {
-            warmth::remember(log.train_tracks.iter_mut().chain(&mut log.test_tracks));
+            record_earlier_stretches(log.train_tracks.iter_mut().chain(&mut log.test_tracks));
         }
         (log.extras, log.notes) = log.choose_extras();
         log
     }
 
-    /// The log with a torque that went through this low-pass.
+    /// Returns the log with this low-pass in the torque channel.
     #[must_use]
     pub fn through_low_pass(mut self, low_pass: TorqueLowPass) -> Self {
         for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
@@ -143,37 +146,38 @@ impl TrainTest {
         self
     }
 
-    /// The log with the velocity and acceleration of so much later in each row, s.
+    /// Returns the log with the velocity and acceleration of `delay_s` later in each row.
     #[must_use]
     pub fn with_later_velocity(mut self, delay_s: f64) -> Self {
         for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
-            track.take_velocity_later(delay_s);
+            track.advance_velocity(delay_s);
         }
         self
     }
 
-    /// The log with its floor found anew, after rows have been weighed.
+    /// Returns the log with its noise floor recomputed, after its rows have been weighted.
     #[must_use]
     pub fn with_floor(mut self) -> Self {
         self.floor_nm = noise_floor(&self.train_tracks, self.decimate);
         self
     }
 
-    /// How far a sum of squared errors on the training rows is above what the best possible model would leave, Nm^2.
+    /// Returns the part of a sum of squared errors on the training rows above the noise floor,
+    /// Nm^2.
     pub fn beyond_floor(&self, sse: f64) -> f64 {
         let weights = |track: &Track| (0..track.len()).map(|row| track.weight(row)).sum::<f64>();
         let rows = self.train_tracks.iter().map(weights).sum::<f64>() / self.decimate as f64;
-        // A floor is an estimate: what is left beside it is not counted as nothing.
+        // The floor is an estimate, so that at least a hundredth of the error remains.
         (sse - rows * self.floor_nm * self.floor_nm).max(0.01 * sse)
     }
 
-    /// The same as a share of it, of a mean square on any rows of the log.
+    /// Returns the share of a mean square above the noise floor, for any rows of the log.
     pub fn share_beyond_floor(&self, mean_square: f64) -> f64 {
         (1.0 - self.floor_nm * self.floor_nm / mean_square.max(f64::MIN_POSITIVE)).max(0.01)
     }
 
-    /// Whether one of these columns hardly changes within a run, and there are few runs: then leaving runs out
-    /// asks what nobody can know.
+    /// Returns true if one of these columns is nearly constant within each run and there are few
+    /// runs. Held-out runs then cannot show whether a cause extrapolates.
     pub fn can_only_describe(&self, columns: &[String]) -> bool {
         let runs = &self.train.runs;
         let between = |name: &String| {
@@ -184,9 +188,9 @@ impl TrainTest {
         runs.len() < MANY_RUNS && columns.iter().any(between)
     }
 
-    /// The log as a model sees it: with the covariate that one of its terms follows, if it follows one, as
-    /// the auxiliary column.
-    pub fn following(&self, follows: Option<&Follows>) -> Cow<'_, Self> {
+    /// Returns the log for a model that follows this column. An extra covariate becomes the
+    /// auxiliary column.
+    pub fn following(&self, follows: Option<&FollowedColumn>) -> Cow<'_, Self> {
         let Some(follows) = follows.filter(|follows| follows.extra) else {
             return Cow::Borrowed(self);
         };
@@ -205,9 +209,11 @@ impl TrainTest {
         })
     }
 
-    /// Rows at rest, where a law does worse there than in motion: at rest the joint holds whatever it was left with, of which
-    /// a law without bristles knows nothing, and one with bristles only what the angle tells. `squares` gives the law's
-    /// squared error on the training rows that count and their number.
+    /// Returns the rows at rest if a law is less accurate there than in motion.
+    ///
+    /// A joint at rest holds a torque that depends on its past. A law without bristles does not
+    /// predict it, and a law with bristles predicts it from the angle only. `squares` returns the
+    /// law's squared error on the included training rows, and their number.
     pub fn worse_at_rest(&self, squares: impl Fn(&Self) -> (f64, usize)) -> Option<AtRest> {
         let slowest = REST * Scales::of(&self.train_tracks).speed;
         let (moving, count) = squares(&self.clone().excluding(slowest));
@@ -217,13 +223,13 @@ impl TrainTest {
         (!as_good).then(|| AtRest { slowest, rows: rows - count })
     }
 
-    /// Leaves rows at rest out of all judgement, and says so.
+    /// Returns the log without the rows at rest, with a note on them.
     #[must_use]
     pub fn without(self, at_rest: &AtRest) -> Self {
         let mut log = self.excluding(at_rest.slowest);
         log.notes.push(format!(
-            "{} rows at rest are not judged: what a joint at rest holds, between nothing and all of its stiction, this log's \
-             motion does not tell",
+            "{} rows at rest are not evaluated: a joint at rest may hold any torque up to its stiction, and this log's motion \
+             does not determine which",
             at_rest.rows
         ));
         log
@@ -233,13 +239,13 @@ impl TrainTest {
         for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
             let moves: Vec<bool> =
                 track.samples.iter().map(|s| s.velocity_rad_s.abs() >= slowest).collect();
-            track.weigh(|row| f64::from(u8::from(moves[row])));
+            track.scale_weights(|row| f64::from(u8::from(moves[row])));
         }
         self
     }
 
-    /// Only so many training runs, evenly spread, that a search through all causes stays short; what is
-    /// found is fitted on all of them.
+    /// Returns the log with fewer training runs, evenly spread, to limit the time of a search over
+    /// all causes. The result is refitted on all runs.
     pub fn thinned(&self) -> Cow<'_, Self> {
         let rows: usize = self.train_tracks.iter().map(Track::len).sum();
         let most = self.train.runs.len() / FEWEST_RUNS;
@@ -252,17 +258,17 @@ impl TrainTest {
         Cow::Owned(log)
     }
 
-    /// Rows to fit on.
+    /// Returns the training rows.
     pub fn train_rows(&self) -> Rows<'_> {
         Rows { tracks: &self.train_tracks, decimate: self.decimate }
     }
 
-    /// Rows to judge by.
+    /// Returns the held-out rows.
     pub fn test_rows(&self) -> Rows<'_> {
         Rows { tracks: &self.test_tracks, decimate: self.decimate }
     }
 
-    /// Whether the runs have a column of the contract and it is not constant.
+    /// Returns true if the runs have a column with this name and it is not constant.
     pub fn varies(&self, name: &str) -> bool {
         let column = |run| self.train.column(run, name).unwrap_or_default();
         let mut values = self.train.runs.iter().flat_map(column).copied();
@@ -270,8 +276,8 @@ impl TrainTest {
         values.any(|value| value != first)
     }
 
-    /// Whether time goes on from run to run, as on a campaign's clock. Where every run begins at the same time
-    /// nothing is known of what came before which.
+    /// Returns true if time continues from run to run, as on the clock of a campaign. If every run
+    /// starts at the same time, the order of the runs is unknown.
     pub fn has_campaign_clock(&self) -> bool {
         let ends = |run: &Run| Some((*run.time_s.first()?, *run.time_s.last()?));
         let apart = self.test.runs.iter().filter(|_| !self.leaves_each_out);
@@ -281,31 +287,31 @@ impl TrainTest {
         runs.windows(2).all(|pair| pair[0].1 <= pair[1].0)
     }
 
-    /// Name of the position column, for findings.
+    /// Returns the name of the position column, for findings.
     pub fn position_name(&self) -> &'static str {
         Quantity::Position.name(self.train.joint)
     }
 
-    /// Name of the velocity column, for findings.
+    /// Returns the name of the velocity column, for findings.
     pub fn velocity_name(&self) -> &'static str {
         Quantity::Velocity.name(self.train.joint)
     }
 
-    /// Mean temperature over the training rows, deg C.
+    /// Returns the mean temperature over the training rows, deg C.
     pub fn mean_temperature_c(&self) -> f64 {
         let samples = || self.train_tracks.iter().flat_map(|track| &track.samples);
         let rows = samples().count().max(1) as f64;
         samples().map(|sample| sample.temperature_c).sum::<f64>() / rows
     }
 
-    /// Seconds from the first row of the campaign to its last.
+    /// Returns the time from the start of the campaign to its last row, s.
     pub fn campaign_s(&self) -> f64 {
         let runs = self.train.runs.iter().chain(&self.test.runs);
         let ends = runs.flat_map(|run| run.time_s.last()).copied();
         (ends.fold(f64::NEG_INFINITY, f64::max) - self.campaign_start_s).max(1e-9)
     }
 
-    /// The covariates that may be blamed, and why others may not.
+    /// Returns the covariates that may be a cause, and a note on each excluded one.
     fn choose_extras(&self) -> (Vec<usize>, Vec<String>) {
         let known: Vec<&str> = contract::covariates()
             .chain([Quantity::Velocity, Quantity::Position])
@@ -325,8 +331,8 @@ impl TrainTest {
                     correlation(runs, |run| steps(run, &of), |run| steps(run, &torque)).abs();
                 if alike > SAME_VALUES || in_step > SAME_STEPS {
                     notes.push(format!(
-                        "{name} follows the torque itself (correlation {alike:.3}, of its steps {in_step:.3}): it \
-                         is another reading of it and is not blamed"
+                        "{name} follows the torque itself (correlation {alike:.3}, of its differences {in_step:.3}): \
+                         it is another reading of the torque and is not used as a covariate"
                     ));
                     continue;
                 }
@@ -347,7 +353,7 @@ impl TrainTest {
     }
 }
 
-/// Share of a column's variance that lies within runs.
+/// Returns the share of a column's variance that lies within runs.
 fn within_runs(runs: &[Vec<f64>]) -> f64 {
     let (mut within, mut all) = (0.0, 0.0);
     let rows: usize = runs.iter().map(Vec::len).sum();
@@ -360,14 +366,15 @@ fn within_runs(runs: &[Vec<f64>]) -> f64 {
     if all > 0.0 { within / all } else { 1.0 }
 }
 
-/// Correlation of two columns over all rows of all runs; 0 where one does not vary.
+/// Returns the correlation of two columns over all rows of all runs; 0 if one of them is constant.
 pub fn correlation(
     runs: &[Run],
     a: impl Fn(&Run) -> Vec<f64>,
     b: impl Fn(&Run) -> Vec<f64>,
 ) -> f64 {
     let (mut n, mut sum, mut squares, mut product) = (0.0, [0.0; 2], [0.0; 2], 0.0);
-    // Shifted by the first value: the variance of a pressure of 1e5 must not drown in its square.
+    // The values are shifted by the first one. Otherwise the variance of a pressure of 1e5 is lost
+    // in the rounding error of its square.
     let mut shift = None;
     for run in runs {
         for (x, y) in a(run).into_iter().zip(b(run)) {
@@ -392,7 +399,7 @@ mod tests {
     use super::*;
     use crate::data::{BadRows, JointKind, Part};
 
-    /// Runs of ten seconds, a minute apart, on one clock.
+    /// Returns runs of ten seconds, a minute apart, on one clock.
     fn campaign(runs: usize) -> Dataset {
         let run = |index: usize| Run {
             name: index.to_string(),
@@ -416,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_remember_what_rubbed_before_them_whichever_way_they_are_judged() {
+    fn new_with_any_split_records_earlier_stretches() {
         let data = campaign(4);
         let part = |run: usize| Part { run, rows: 0..1000 };
         let all: Vec<Part> = (0..4).map(part).collect();
@@ -424,7 +431,7 @@ mod tests {
         let apart = Split { train: vec![part(0), part(1), part(3)], test: vec![part(2)] };
         let before = |split: &Split| -> Vec<usize> {
             let log = TrainTest::new(&data, split, 1, &[]);
-            log.train_tracks.iter().map(|track| track.earlier.len()).collect()
+            log.train_tracks.iter().map(|track| track.earlier_stretches.len()).collect()
         };
         assert_eq!(before(&each_once), [0, 1, 2, 3]);
         assert_eq!(before(&apart), [0, 1, 3]);

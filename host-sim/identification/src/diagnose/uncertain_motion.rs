@@ -1,13 +1,16 @@
-//! What each row can be judged by, where the motion is not known exactly.
+//! Weights of the rows of a log whose motion is uncertain.
 //!
-//! A bristle turns an error of a micrometre into newtons: at rest and at reversals a model with its true
-//! parameters misses by ten times the torque's noise if it is driven by a noisy motion, and a sum of squares lets
-//! those few rows decide. So a fitted law is driven by draws of the motion as it may have been as well
-//! ([`Track::velocity_draws`]); what the draws' torques differ by, row by row, is an error no model can avoid.
-//! A row then counts as `s^2 / (s^2 + m^2)`: `m` that error, `s` what the law misses rows of sure motion by. The
-//! floor, what the best possible model would leave, has both the torque's noise and `m` in it.
+//! A bristle turns a position error of a micrometre into newtons. With a noisy motion, even a model
+//! with its true parameters misses rows at rest and at reversals by many times the torque noise.
+//! These few rows would dominate a sum of squares.
+//!
+//! A fitted law is therefore also simulated with draws of the motion within its uncertainty
+//! ([`Track::velocity_draws`]). The spread of the simulated torques in each row is an error that no
+//! model can avoid. A row has the weight `s^2 / (s^2 + m^2)`, where `m` is this error and `s` is
+//! the law's residual on rows with a certain motion. Both are in Nm. The noise floor contains the
+//! torque noise and `m`.
 
-use super::model::Fitted;
+use super::model::FittedModel;
 use super::train_test::TrainTest;
 use crate::fit::Track;
 use crate::fit::initial_state::initial_state;
@@ -16,15 +19,16 @@ use crate::fit::simulate::{Resolution, simulate};
 use compensator_core::Parameters;
 use rayon::prelude::*;
 
-/// Rows on either side that a row's error is averaged with: three draws say little of a single one.
+/// Rows on either side over which a row's error is averaged, because three draws are too few for a
+/// single row.
 const NEIGHBOURS: usize = 2;
 
-/// The median of the magnitude of normal numbers, in standard deviations.
+/// Median of the magnitude of a standard normal variable.
 const MEDIAN: f64 = 0.6745;
 
-/// The log with every row weighed by what the uncertain motion does to this model there; none where the motion is
-/// taken as exact.
-pub fn weighed(log: &TrainTest, model: &Fitted) -> Option<TrainTest> {
+/// Returns the log with each row weighted by the effect of the uncertain motion on this model.
+/// Returns `None` if the motion counts as exact.
+pub fn weighed(log: &TrainTest, model: &FittedModel) -> Option<TrainTest> {
     if log.train_tracks.iter().chain(&log.test_tracks).all(|track| track.velocity_draws.is_empty())
     {
         return None;
@@ -43,14 +47,14 @@ pub fn weighed(log: &TrainTest, model: &Fitted) -> Option<TrainTest> {
         let scale = *scale.get_or_insert_with(|| typical(tracks, &residuals));
         for track in tracks.iter_mut().filter(|track| !track.motion_error.is_empty()) {
             let error = std::mem::take(&mut track.motion_error);
-            track.weigh(|row| 1.0 / (1.0 + (error[row] / scale).powi(2)));
+            track.scale_weights(|row| 1.0 / (1.0 + (error[row] / scale).powi(2)));
             track.motion_error = error;
         }
     }
     Some(log)
 }
 
-/// The model's torque along a track, the motion shifted by one of its draws.
+/// Returns the model's torque along a track, Nm. `draw` shifts the motion.
 fn follow(
     parameters: &Parameters<f64>,
     track: &Track,
@@ -74,7 +78,7 @@ fn follow(
     torques
 }
 
-/// RMS difference that the draws make in each row.
+/// Returns the RMS difference of the draws' torques in each row, Nm; empty if there are no draws.
 fn errors(
     parameters: &Parameters<f64>,
     track: &Track,
@@ -100,7 +104,8 @@ fn errors(
         .collect()
 }
 
-/// What the model misses rows by whose motion is sure: by the median, which the others do not move.
+/// Returns the typical residual on rows with a certain motion, Nm. The other rows hardly change the
+/// median.
 fn typical(tracks: &[Track], residuals: &[Vec<f64>]) -> f64 {
     let judged = tracks.iter().zip(residuals).flat_map(|(track, residual)| {
         let rows = residual.iter().enumerate().filter(|(row, _)| track.is_included(*row));

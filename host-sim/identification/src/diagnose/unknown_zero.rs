@@ -1,20 +1,24 @@
-//! A ripple whose phase differs from run to run, because the position's zero is not the shaft's.
+//! A ripple whose phase differs between runs, because the position's zero is not fixed to the
+//! shaft.
 //!
-//! A logger that integrates the velocity begins every run at the same angle, wherever the shaft stands. A ripple
-//! of the shaft is then a wave of its own phase in each run, and averages out over all of them. Where every run
-//! begins at the same position, whole orders are asked run by run:
+//! A logger that integrates the velocity starts every run at the same angle, independent of the
+//! shaft. A ripple of the shaft then has another phase in each run and averages out over all runs.
+//! If every run starts at the same position, whole orders are tested run by run:
 //!
 //! ```text
-//! fit {1, sin n q, cos n q} to one half of a run's residual, judge it on the other half, and the other way round
+//! fit {1, sin n q, cos n q} to one half of a run's residual, evaluate it on the other half, and vice versa
 //! ```
 //!
-//! Noise has phases too, so what counts is the fall of the error on the halves a phase has not seen, over runs as
-//! observations ([`super::fall`]). If an order passes, the position of each run is shifted until its wave has the
-//! phase 0, and the causes of the angle are weighed on that. The phase is found in each run for itself, as the
-//! torque a bristle holds at its start is: no fit of other runs can know it, and no driver without a homed zero.
+//! Noise also has a phase. The test therefore uses the error reduction on the held-out halves, with
+//! runs as observations ([`super::error_reduction`]). If an order passes, the position of each run
+//! is shifted until its wave has the phase 0. The causes that depend on the angle are evaluated
+//! with this position.
+//!
+//! The phase is fitted in each run separately, as is the bristle torque at its start. Fits to other
+//! runs do not determine it, and a driver needs a homed zero to use it.
 
-use super::fall::Fall;
-use super::model::Fitted;
+use super::error_reduction::ErrorReduction;
+use super::model::FittedModel;
 use super::sensitivities::sensitivities;
 use super::thresholds::{CHANCE, MATERIAL};
 use super::train_test::TrainTest;
@@ -23,23 +27,25 @@ use compensator_core::TermKind;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
-/// Highest whole order that is asked: a shaft's own turn, a few bearings, a spur gear.
+/// Highest whole order that is tested. It covers one turn of the shaft, some bearings and a spur
+/// gear.
 const MOST: u32 = 40;
 
-/// Runs it takes.
+/// Fewest runs for the test.
 const FEWEST_RUNS: usize = 5;
 
-/// Periods of the wave a half of a run has to hold for its phase to mean something.
+/// Fewest periods of the wave in one half of a run that determine its phase.
 const LEAST_PERIODS: f64 = 0.25;
 
-/// Rows of a run as angle and residual.
+/// Rows of a run: angle, rad, and residual, Nm.
 type Rows = Vec<(f64, f64)>;
 
-/// The log with each run's position shifted to a common phase, if a ripple shows whose phase differs between runs.
-pub fn aligned(log: &TrainTest, model: &Fitted) -> Option<TrainTest> {
+/// Returns the log with each run's position shifted to a common phase, if a ripple has another
+/// phase in each run.
+pub fn aligned(log: &TrainTest, model: &FittedModel) -> Option<TrainTest> {
     let runs = &log.train.runs;
-    // What is set apart has a zero of its own, and no residual is asked of it: only where every run is left out once are
-    // the runs that judge those that were shifted.
+    // A run that is set apart has its own zero, and its residual is not evaluated. The shift
+    // therefore requires that each run is held out once.
     if !log.leaves_each_out {
         return None;
     }
@@ -74,15 +80,15 @@ pub fn aligned(log: &TrainTest, model: &Fitted) -> Option<TrainTest> {
     shifted.test_tracks = shifted.train_tracks.clone();
     shifted.aligned_order = Some(order);
     shifted.notes.push(format!(
-        "every run begins at the same position, so its zero is not the shaft's: a ripple of {order} a turn was sought with a \
-         phase of its own in each run, and takes {:.0} % of the squared error on halves of runs it has not seen; positions are \
-         shifted to a common phase. A driver needs a homed zero, and a log with it, before it can run such a term",
+        "every run starts at the same position, so the position's zero is not fixed to the shaft: a ripple of {order} periods per \
+         turn, fitted with its own phase in each run, removes {:.0} % of the squared error on held-out halves of the runs; the \
+         positions are shifted to a common phase. A driver needs a homed zero, and a log recorded with it, to use such a term",
         100.0 * fall.value / squares.max(f64::MIN_POSITIVE)
     ));
     Some(shifted)
 }
 
-/// Whether every run begins at one position, and some end elsewhere.
+/// Returns true if every run starts at the same position and some end elsewhere.
 fn begin_alike(runs: &[Run]) -> bool {
     let ends: Option<Vec<(f64, f64)>> = runs
         .iter()
@@ -93,8 +99,8 @@ fn begin_alike(runs: &[Run]) -> bool {
         && ends.iter().any(|(start, end)| start != end)
 }
 
-/// Angle and residual of the rows that count, by runs.
-fn residuals(log: &TrainTest, model: &Fitted) -> Vec<Rows> {
+/// Returns angle and residual of the included rows, by run.
+fn residuals(log: &TrainTest, model: &FittedModel) -> Vec<Rows> {
     let at = sensitivities(&model.parameters, &[], &log.train_tracks, model.resolution);
     let mut by_run = vec![Rows::new(); log.train.runs.len()];
     for (track, at) in log.train_tracks.iter().zip(&at.tracks) {
@@ -105,7 +111,8 @@ fn residuals(log: &TrainTest, model: &Fitted) -> Vec<Rows> {
     by_run
 }
 
-/// Least squares of `{1, sin n q, cos n q}`; none where the rows do not tell the three apart.
+/// Returns the least-squares coefficients of `{1, sin n q, cos n q}`; `None` if the rows do not
+/// determine them.
 fn wave(rows: &[(f64, f64)], order: f64) -> Option<[f64; 3]> {
     let (mut products, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for (q, e) in rows {
@@ -118,17 +125,18 @@ fn wave(rows: &[(f64, f64)], order: f64) -> Option<[f64; 3]> {
     Some([solved[0], solved[1], solved[2]])
 }
 
-/// Fall of the squared error on the half of each run that a phase has not seen, over runs.
-fn fall(by_run: &[Rows], order: f64) -> Fall {
+/// Returns the reduction of the squared error on the held-out half of each run, over runs.
+fn fall(by_run: &[Rows], order: f64) -> ErrorReduction {
     let of_run = |rows: &Rows| -> f64 {
         let (first, second) = rows.split_at(rows.len() / 2);
         unseen(first, second, order) + unseen(second, first, order)
     };
     let falls: Vec<f64> = by_run.iter().map(of_run).collect();
-    Fall::of(falls.iter().copied())
+    ErrorReduction::of(falls.iter().copied())
 }
 
-/// By how much a wave fitted to some rows is better on others than their mean is.
+/// Returns the error reduction of a wave on other rows, compared with the mean. Both are fitted to
+/// `seen`. Returns 0 if `seen` contains too few periods.
 fn unseen(seen: &[(f64, f64)], other: &[(f64, f64)], order: f64) -> f64 {
     let ends = seen.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (q, _)| {
         (f64::min(low, *q), f64::max(high, *q))
@@ -148,7 +156,7 @@ fn unseen(seen: &[(f64, f64)], other: &[(f64, f64)], order: f64) -> f64 {
         .sum()
 }
 
-/// The data set with each run's position shifted.
+/// Returns the data set with each run's position shifted.
 fn moved(data: &Dataset, shifts: &[f64]) -> Dataset {
     let mut moved = data.clone();
     for (run, shift) in moved.runs.iter_mut().zip(shifts) {
@@ -166,7 +174,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
-    /// Runs of two turns each, a wave of this size and order with a phase of its own in each, noise of 1.
+    /// Returns runs of two turns with unit noise and a wave of this size and order, whose phase
+    /// differs between runs.
     fn runs(size: f64, order: f64, seed: u64) -> Vec<Rows> {
         let mut random = Pcg64::seed_from_u64(seed);
         (0..12)
@@ -184,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wave_with_a_phase_in_each_run_falls_on_halves_it_has_not_seen_and_noise_does_not() {
+    fn fall_with_phase_per_run_is_significant_and_with_noise_is_not() {
         let hidden = runs(0.8, 3.0, 1);
         let best = (1..=MOST).max_by(|a, b| {
             let at_least = |n: &u32| fall(&hidden, f64::from(*n)).at_least();

@@ -1,69 +1,32 @@
-//! What the torque's channel makes of a torque.
+//! The torque's measuring channel, applied to simulated torques.
 //!
-//! A current or a load cell is filtered before it is logged. A first-order low-pass of time constant `tau` answers a
-//! torque `T` with
+//! A first-order low-pass of time constant `tau` with input `T` follows, row by row,
 //!
 //! ```text
 //! y -> y + (T - y) (1 - exp(-dt / tau))
 //! ```
 //!
-//! row by row. Filters of a higher order are nearer to several such stages one behind the other, each with its part of the
-//! lateness; an averaging logger is a running mean, `y = (1 / w) integral of T over the last w`, late by `w / 2`. Taken off
-//! the measured torque any of them would blow up whatever noise came after it; so it is put on the model's torque instead,
-//! on its derivatives and on every column that is held beside them, and what is fitted remains the friction at the shaft.
-//! What came before a track is the first measured torque.
+//! Filters of a higher order are approximated by several such stages in series, each with its share of the delay. An
+//! averaging logger is a moving average, `y = (1 / w) integral of T over the last w`, with delay `w / 2`. Removing the
+//! filter from the measured torque would amplify the noise added after it. The filter is therefore applied to the
+//! model's torque, to its derivatives and to every column compared with them: the fitted friction is that of the
+//! shaft. Before the first row the input is taken as the first measured torque.
 
+use super::torque_low_pass::{LowPassShape, MAX_STAGES, TorqueLowPass};
 use super::track::Track;
 use compensator_core::Real;
 
-/// Most stages of a low-pass.
-const MOST_STAGES: usize = 2;
-
-/// How a low-pass answers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Shape {
-    /// One stage of first order.
-    #[default]
-    FirstOrder,
-    /// Two of them, each half as late.
-    SecondOrder,
-    /// The mean of the last moments.
-    RunningMean,
-}
-
-impl Shape {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::FirstOrder, Self::SecondOrder, Self::RunningMean];
-
-    fn stages(self) -> usize {
-        match self {
-            Self::FirstOrder => 1,
-            Self::SecondOrder => MOST_STAGES,
-            Self::RunningMean => 0,
-        }
-    }
-}
-
-/// What a torque went through before it was logged.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TorqueLowPass {
-    /// How late it makes a torque, s; 0 for none.
-    pub time_s: f64,
-    /// How it answers.
-    pub shape: Shape,
-}
-
-/// A low-pass on its way along a track.
-pub struct LowPass<'a, T> {
+/// State of a track's low-pass filter, advanced row by row.
+pub struct TrackLowPass<'a, T> {
     track: &'a Track,
     low_pass: TorqueLowPass,
-    /// Share of the way to its input that a stage goes in one of the track's own periods.
-    share: f64,
-    held: [T; MOST_STAGES],
+    /// Gain of a stage for the track's own period, see [`TorqueLowPass::stage_gain`].
+    gain: f64,
+    outputs: [T; MAX_STAGES],
     mean: RunningMean<T>,
 }
 
-/// What a running mean remembers: the integral of what went in, at the end of each row.
+/// State of a moving average: the integral of its input at the end of each row.
 struct RunningMean<T> {
     before: T,
     times_s: Vec<f64>,
@@ -76,8 +39,8 @@ impl<T: Real<Setting = T>> RunningMean<T> {
         Self { before, times_s: Vec::new(), integrals: Vec::new(), from: 0 }
     }
 
-    /// The mean over the last `window_s` where `value` goes in for `period_s`.
-    fn pass(&mut self, value: T, period_s: f64, window_s: f64) -> T {
+    /// Holds the input at `value` for `period_s` and returns the mean over the last `window_s`.
+    fn advance(&mut self, value: T, period_s: f64, window_s: f64) -> T {
         let (then_s, integral) = match (self.times_s.last(), self.integrals.last()) {
             (Some(time_s), Some(integral)) => (*time_s, *integral),
             _ => (0.0, T::zero()),
@@ -106,14 +69,14 @@ impl<T: Real<Setting = T>> RunningMean<T> {
     }
 }
 
-impl<'a, T: Real<Setting = T>> LowPass<'a, T> {
-    /// The low-pass of a track's torque, if it has one, from its first measured torque.
-    pub fn of_torque(track: &'a Track) -> Option<Self> {
+impl<'a, T: Real<Setting = T>> TrackLowPass<'a, T> {
+    /// Creates the filter for a torque, starting from the first measured torque; `None` if the track has no filter.
+    pub fn for_torque(track: &'a Track) -> Option<Self> {
         Self::new(track, track.torque_low_pass, T::from_f64(*track.torque.first()?))
     }
 
-    /// The same for what is added to a torque, from nothing.
-    pub fn of_changes(track: &'a Track) -> Option<Self> {
+    /// Creates the filter for an increment of the torque, starting from 0; `None` if the track has no filter.
+    pub fn for_increment(track: &'a Track) -> Option<Self> {
         Self::new(track, track.torque_low_pass, T::zero())
     }
 
@@ -121,54 +84,49 @@ impl<'a, T: Real<Setting = T>> LowPass<'a, T> {
         (low_pass.time_s > 0.0).then(|| Self {
             track,
             low_pass,
-            share: share(track.period_s, low_pass),
-            held: [before; MOST_STAGES],
+            gain: low_pass.stage_gain(track.period_s),
+            outputs: [before; MAX_STAGES],
             mean: RunningMean::new(before),
         })
     }
 
-    /// What comes out in a row into which this goes.
-    pub fn pass(&mut self, row: usize, value: T) -> T {
+    /// Advances by one row with this input and returns the output.
+    pub fn filter(&mut self, row: usize, value: T) -> T {
         let ratio = self.track.period_ratio.as_ref().map(|ratios| ratios[row]);
-        if self.low_pass.shape == Shape::RunningMean {
+        if self.low_pass.shape == LowPassShape::RunningMean {
             let period_s = self.track.period_s * ratio.unwrap_or(1.0);
-            return self.mean.pass(value, period_s, 2.0 * self.low_pass.time_s);
+            return self.mean.advance(value, period_s, 2.0 * self.low_pass.time_s);
         }
-        let of_row = |ratio: f64| share(self.track.period_s * ratio, self.low_pass);
-        let share = T::from_f64(ratio.map_or(self.share, of_row));
-        self.held.iter_mut().take(self.low_pass.shape.stages()).fold(value, |value, held| {
-            *held = *held + (value - *held) * share;
-            *held
+        let row_gain = |ratio: f64| self.low_pass.stage_gain(self.track.period_s * ratio);
+        let gain = T::from_f64(ratio.map_or(self.gain, row_gain));
+        self.outputs.iter_mut().take(self.low_pass.shape.stages()).fold(value, |value, output| {
+            *output = *output + (value - *output) * gain;
+            *output
         })
     }
 }
 
-/// Share of the way to its input that a stage goes in a period.
-fn share(period_s: f64, low_pass: TorqueLowPass) -> f64 {
-    let of_stage_s = low_pass.time_s / low_pass.shape.stages().max(1) as f64;
-    -(-period_s / of_stage_s).exp_m1()
-}
-
-/// What white noise remembers behind a track's low-pass, from one row to the next and two rows on, as shares of its variance;
-/// nothing without a low-pass.
-pub fn autocorrelation(track: &Track) -> [f64; 2] {
-    /// So many times the lateness the answer to a blow is followed: what comes after is below 1e-6 of it.
-    const FOLLOWED: f64 = 16.0;
+/// Returns the autocorrelation of filtered white noise at lags of one and two rows; 0 without a filter.
+pub fn noise_autocorrelation(track: &Track) -> [f64; 2] {
+    /// Length of the impulse response, in delays of the filter; the remainder is below 1e-6.
+    const RESPONSE_DELAYS: f64 = 16.0;
     let even = Track::even(Vec::new(), Vec::new(), track.period_s);
-    let Some(mut low_pass) = LowPass::new(&even, track.torque_low_pass, 0.0) else {
+    let Some(mut low_pass) = TrackLowPass::new(&even, track.torque_low_pass, 0.0) else {
         return [0.0; 2];
     };
-    let rows = (FOLLOWED * track.torque_low_pass.time_s / track.period_s).ceil() as usize + 3;
-    let answer: Vec<f64> =
-        (0..rows).map(|row| low_pass.pass(row, if row == 0 { 1.0 } else { 0.0 })).collect();
-    let after = |rows: usize| answer.iter().zip(&answer[rows..]).map(|(a, b)| a * b).sum::<f64>();
-    [1, 2].map(|rows| after(rows) / after(0))
+    let rows =
+        (RESPONSE_DELAYS * track.torque_low_pass.time_s / track.period_s).ceil() as usize + 3;
+    let response: Vec<f64> =
+        (0..rows).map(|row| low_pass.filter(row, if row == 0 { 1.0 } else { 0.0 })).collect();
+    let product =
+        |lag: usize| response.iter().zip(&response[lag..]).map(|(a, b)| a * b).sum::<f64>();
+    [1, 2].map(|lag| product(lag) / product(0))
 }
 
-/// A column beside a model's torque, as the torque's channel shows it.
-pub fn passed(track: &Track, column: Vec<f64>) -> Vec<f64> {
-    let Some(mut low_pass) = LowPass::of_changes(track) else { return column };
-    column.into_iter().enumerate().map(|(row, value)| low_pass.pass(row, value)).collect()
+/// Filters a column that is added to the model's torque.
+pub fn filter_column(track: &Track, column: Vec<f64>) -> Vec<f64> {
+    let Some(mut low_pass) = TrackLowPass::for_increment(track) else { return column };
+    column.into_iter().enumerate().map(|(row, value)| low_pass.filter(row, value)).collect()
 }
 
 #[cfg(test)]
@@ -179,54 +137,54 @@ mod tests {
     use compensator_core::{LawKind, ParameterId as Id, Parameters, Sample};
 
     #[test]
-    fn a_step_comes_through_as_the_time_constant_says() {
+    fn filter_column_with_step_follows_time_constant() {
         let mut track = Track::even(vec![Sample::default(); 500], vec![0.0; 500], 1e-3);
-        track.torque_low_pass = TorqueLowPass { time_s: 0.05, shape: Shape::FirstOrder };
-        let out = passed(&track, vec![2.0; 500]);
+        track.torque_low_pass = TorqueLowPass { time_s: 0.05, shape: LowPassShape::FirstOrder };
+        let out = filter_column(&track, vec![2.0; 500]);
         let expected = 2.0 * (1.0 - (-0.1f64 / 0.05).exp());
         assert!((out[99] - expected).abs() < 1e-12, "{}", out[99]);
-        // Uneven rows of the same time in all.
+        // Uneven rows of the same total time.
         track.period_ratio = Some([0.5, 1.5].repeat(250));
-        let uneven = passed(&track, vec![2.0; 500]);
+        let uneven = filter_column(&track, vec![2.0; 500]);
         assert!((uneven[99] - expected).abs() < 1e-12, "{}", uneven[99]);
     }
 
     #[test]
-    fn every_shape_is_late_by_its_time_and_its_edge_its_own() {
-        let step = |shape: Shape, ratios: Option<Vec<f64>>| {
+    fn filter_column_with_every_shape_has_same_delay_and_own_edge() {
+        let step = |shape: LowPassShape, ratios: Option<Vec<f64>>| {
             let mut track = Track::even(vec![Sample::default(); 500], vec![0.0; 500], 1e-3);
             track.torque_low_pass = TorqueLowPass { time_s: 0.03, shape };
             track.period_ratio = ratios;
-            passed(&track, vec![1.0; 500])
+            filter_column(&track, vec![1.0; 500])
         };
-        // What is missing of a step, summed over time, is how late it comes; a row less, for it answers within its row.
+        // The integral of (1 - step response) is the delay, less one row: the response starts within its row.
         let late_s = |out: &[f64]| out.iter().map(|y| 1e-3 * (1.0 - y)).sum::<f64>();
-        for shape in Shape::ALL {
+        for shape in LowPassShape::ALL {
             let out = step(shape, None);
             let late = late_s(&out);
             assert!((late - 0.03).abs() < 1.2e-3, "{shape:?}: {late} s");
             let uneven = step(shape, Some([0.5, 1.5].repeat(250)));
-            let apart = (uneven[99] - out[99]).abs() + (uneven[9] - out[9]).abs();
-            // A second stage sees the first one's rows as steps.
-            let most = if shape == Shape::SecondOrder { 0.01 } else { 1e-9 };
+            let difference = (uneven[99] - out[99]).abs() + (uneven[9] - out[9]).abs();
+            // The second stage holds the first stage's output constant within a row.
+            let tolerance = if shape == LowPassShape::SecondOrder { 0.01 } else { 1e-9 };
             assert!(
-                apart < most,
-                "{shape:?}: uneven rows of the same time in all differ by {apart}"
+                difference < tolerance,
+                "{shape:?}: uneven rows of the same total time differ by {difference}"
             );
         }
-        let [first, second, mean] = Shape::ALL.map(|shape| step(shape, None));
+        let [first, second, mean] = LowPassShape::ALL.map(|shape| step(shape, None));
         assert!(first[4] > 2.0 * second[4] && (mean[29] - 0.5).abs() < 1e-9 && mean[59] > 0.999);
         assert!(first[99] < 0.98 && second[99] < 0.995);
     }
 
     #[test]
-    fn a_models_derivatives_go_through_it_too() {
+    fn simulate_with_low_pass_filters_derivatives() {
         let velocity = |row: usize| 0.5 * (0.02 * row as f64).sin();
         let samples = (0..2000)
             .map(|row| Sample { velocity_rad_s: velocity(row), ..Sample::default() })
             .collect();
         let mut track = Track::even(samples, vec![0.1; 2000], 1e-3);
-        track.torque_low_pass = TorqueLowPass { time_s: 0.02, shape: Shape::RunningMean };
+        track.torque_low_pass = TorqueLowPass { time_s: 0.02, shape: LowPassShape::RunningMean };
         let joint = |coulomb: f64| {
             Parameters::<f64>::new(LawKind::Linear)
                 .with(Id::CoulombTorque, coulomb)
@@ -248,7 +206,7 @@ mod tests {
             assert!((torque.gradient[0] - difference).abs() < 1e-8, "row {row}");
             true
         });
-        // Late, and never further than the friction goes.
+        // Delayed, and bounded by the friction level.
         assert!(low[0].abs() < 0.2 && low.iter().all(|torque| torque.abs() < 1.66));
     }
 }

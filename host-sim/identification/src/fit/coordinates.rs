@@ -1,23 +1,22 @@
-//! The coordinates a fit moves in.
+//! Coordinates of a fit, which keep parameters within their bounds.
 //!
-//! An optimiser without bounds is simple and well kept; bounds are brought in by coordinates that
-//! cannot leave them. A stiffness or a Stribeck velocity moves by its logarithm, so 1e3 and 1e6 are
-//! equally far from 3e4. `F_S = F_C sqrt(1 + u^2)` cannot fall below `F_C`. What cannot be negative is
-//! `scale (cosh u - 1)`: it can reach 0, and moves by its logarithm where it is large. All else is itself. The change of coordinates is made in dual numbers,
-//! so its derivative is exact too.
+//! The optimiser itself has no bounds. A stiffness or a Stribeck velocity is represented by its logarithm, so that 1e3
+//! and 1e6 are equally far from 3e4. `F_S = F_C sqrt(1 + u^2)` cannot fall below `F_C`. A parameter that cannot be
+//! negative is `scale (cosh u - 1)`, which can reach 0 and is logarithmic for large values. All others are their own
+//! coordinate. The change of coordinates uses dual numbers, so that its derivative is exact.
 //!
-//! What the data do not determine would run off along its valley. A weak prior holds it near its start:
-//! one more row per such coordinate, worth one measured row, with a width of a decade. A parameter the
-//! data do determine (an error of a percent, say) is moved by it by less than a hundredth of its error.
+//! An undetermined parameter would diverge along its valley. A weak prior keeps it near its start: one additional row
+//! per coordinate, equivalent to one measured row, with a width of one decade. For a parameter with an error of one
+//! percent, the prior causes a shift of less than a hundredth of that error.
 
 use super::scales::Scales;
 use super::treatment::{self, Values};
 use compensator_core::{ParameterId, Parameters, Real};
 
-/// How one parameter is moved.
+/// Coordinate of one parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Scale {
-    /// `p = exp(u)`, with `u` kept between two logarithms.
+    /// `p = exp(u)`, with `u` between two logarithms.
     Logarithmic(f64, f64),
     /// `p = other sqrt(1 + u^2)`.
     NotBelow(ParameterId),
@@ -27,25 +26,24 @@ enum Scale {
     Plain,
 }
 
-/// The free parameters of a fit, in coordinates; the others stay as they are.
+/// Coordinates of the free parameters of a fit; the others are constant.
 #[derive(Clone, Debug)]
 pub struct Coordinates {
     base: Parameters<f64>,
     free: Vec<(ParameterId, Scale)>,
-    /// Where the prior is centred: the start.
+    /// Centre of the prior: the start.
     centre: Vec<f64>,
-    /// Noise of a row, Nm; what a width of the prior costs.
+    /// Noise of a row, Nm: the residual of the prior at one width.
     noise: f64,
 }
 
-/// Largest argument of the hyperbolic cosine: a factor of 1e17.
-const LARGEST_ARGUMENT: f64 = 40.0;
+/// Largest argument of the hyperbolic cosine, a factor of 1e17.
+const MAX_COSH_ARGUMENT: f64 = 40.0;
 
 impl Coordinates {
-    /// Coordinates for `free`, with every other parameter as in `base`.
+    /// Creates coordinates for `free`, with every other parameter as in `base`.
     ///
-    /// `scales` say how large a parameter that cannot be negative is expected to be, from where on
-    /// its coordinate is proportional, and between which bounds a positive one is sought.
+    /// `scales` determine the typical size of parameters that cannot be negative, and the bounds of positive ones.
     pub fn new(base: &Parameters<f64>, free: &[ParameterId], scales: &Scales) -> Self {
         let scale = |id: ParameterId| match treatment::of(id).values {
             Values::Any => Scale::Plain,
@@ -68,7 +66,7 @@ impl Coordinates {
         coordinates
     }
 
-    /// The prior's rows: index of the coordinate, its derivative, its residual.
+    /// Returns the rows of the prior: index of the coordinate, derivative, residual.
     pub fn prior<'a>(&'a self, point: &'a [f64]) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
         self.free.iter().enumerate().filter_map(move |(index, (_, scale))| {
             let width = match scale {
@@ -82,22 +80,22 @@ impl Coordinates {
         })
     }
 
-    /// The free parameters.
+    /// Returns the free parameters.
     pub fn ids(&self) -> impl Iterator<Item = ParameterId> + '_ {
         self.free.iter().map(|(id, _)| *id)
     }
 
-    /// Number of free parameters.
+    /// Returns the number of free parameters.
     pub fn len(&self) -> usize {
         self.free.len()
     }
 
-    /// Whether nothing is free.
+    /// Returns true if no parameter is free.
     pub fn is_empty(&self) -> bool {
         self.free.is_empty()
     }
 
-    /// The parameters at a point, in the number of the coordinates.
+    /// Returns the parameters at a point, in the number type of the coordinates.
     pub fn parameters<T: Real>(&self, point: &[T]) -> Parameters<T> {
         let mut parameters = self.base.convert::<T>();
         let half = T::from_f64(0.5);
@@ -112,11 +110,11 @@ impl Coordinates {
                         u.at_least(T::from_f64(*least)).at_most(T::from_f64(*most)).exp()
                     }
                     Scale::NotNegative(size) => {
-                        let u = u.within(T::from_f64(LARGEST_ARGUMENT));
+                        let u = u.within(T::from_f64(MAX_COSH_ARGUMENT));
                         let cosh = (u.exp() + (-u).exp()) * half;
                         T::from_f64(*size) * (cosh - T::one())
                     }
-                    // Within its legal range, which only a degenerate log reaches the end of.
+                    // Limited to its legal range, whose ends only a degenerate log reaches.
                     Scale::Plain => {
                         let info = id.info();
                         u.at_least(T::from_f64(info.lower)).at_most(T::from_f64(info.upper))
@@ -130,8 +128,8 @@ impl Coordinates {
         parameters
     }
 
-    /// The point of some parameters. On a bound, a little inside it: there the coordinate has a
-    /// slope to leave by.
+    /// Returns the point of some parameters. A value at a bound is moved slightly inside it, where the coordinate has a
+    /// nonzero derivative.
     pub fn point(&self, parameters: &Parameters<f64>) -> Vec<f64> {
         let inverse_root = |ratio: f64| (ratio * ratio - 1.0).max(1e-4).sqrt();
         self.free
@@ -152,26 +150,26 @@ impl Coordinates {
             .collect()
     }
 
-    /// Whether a coordinate moves by its logarithm and has a prior, so that its error is relative and
-    /// never larger than the prior's width.
+    /// Returns true if a coordinate is logarithmic with a prior, so that its error is relative and at most the prior's
+    /// width.
     pub fn is_held_by_prior(&self, index: usize) -> bool {
         matches!(self.free[index].1, Scale::Logarithmic(..) | Scale::NotNegative(_))
     }
 
-    /// Whether a free parameter stands at a bound of its coordinate or of its legal range.
-    pub fn at_bound(&self, index: usize, point: &[f64], parameters: &Parameters<f64>) -> bool {
+    /// Returns true if a free parameter is at a bound of its coordinate or of its legal range.
+    pub fn is_at_bound(&self, index: usize, point: &[f64], parameters: &Parameters<f64>) -> bool {
         let (id, scale) = self.free[index];
         let value = parameters.get(id);
         let info = id.info();
         let coordinate = match scale {
             Scale::NotBelow(_) | Scale::NotNegative(_) => point[index].abs() < 2e-2,
-            // Within a percent: a bound is approached, seldom reached.
+            // Within one percent, because a bound is approached but rarely reached.
             Scale::Logarithmic(least, most) => {
                 point[index] < least + 0.01 || point[index] > most - 0.01
             }
             Scale::Plain => false,
         };
-        // Legal ones are brought a rounding inside.
+        // Values at the end of the legal range are moved inside it by a rounding.
         let rounding = |bound: f64| 2e-6 * bound.abs();
         let (least, most) = (info.lower + rounding(info.lower), info.upper - rounding(info.upper));
         coordinate || value <= least || value >= most
@@ -195,7 +193,7 @@ mod tests {
     };
 
     #[test]
-    fn a_point_gives_its_parameters_back() {
+    fn parameters_of_point_equal_original_parameters() {
         let base = Parameters::<f64>::new(LawKind::Lugre)
             .with(Id::CoulombTorque, 1.5)
             .with(Id::StaticTorque, 2.2)
@@ -212,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn no_point_leaves_the_bounds() {
+    fn parameters_of_any_point_are_within_bounds() {
         let base = Parameters::<f64>::new(LawKind::Lugre);
         let coordinates = Coordinates::new(&base, LawKind::Lugre.parameters(), &SCALES);
         for size in [-1e9, -3.0, 0.0, 1e-9, 3.0, 1e9] {

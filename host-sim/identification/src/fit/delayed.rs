@@ -1,16 +1,14 @@
-//! A delay between channels, in time.
+//! Channel delay of a model, applied to the log's velocity.
 //!
-//! The driver's delay line counts its own steps. A log is stepped at another rate, and finer where that is
-//! needed, so a simulation of a log takes the delay out of the model and drives it with the velocity of an
-//! earlier time instead.
+//! The driver's delay line counts its own steps. A log is simulated at another rate, partly with finer steps. A
+//! simulation therefore removes the delay from the model and uses a delayed velocity instead.
 
 use super::track::Track;
 use compensator_core::{ParameterId, Parameters, Real, TermKind};
 
-/// The model without its delay, and the delayed velocities, if it has one.
+/// Returns the model without its delay, and the delayed velocities if it has one.
 ///
-/// The velocity `d` ago lies on the straight line between samples; before the track began it is the first
-/// one.
+/// Delayed velocities are interpolated linearly between samples. Before the track, the first velocity is used.
 pub fn undelayed<T: Real<Setting = T>>(
     parameters: &Parameters<T>,
     track: &Track,

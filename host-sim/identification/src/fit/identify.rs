@@ -1,9 +1,9 @@
-//! A fit and what it says: values, errors, metrics, verdicts.
+//! Identification: a fit with estimates, standard errors, metrics and verdicts.
 
 use super::outcome::{Estimate, Outcome, State};
 use super::predict::predict;
 use super::scales::Scales;
-use super::solve::{FitOptions, Solution, fit, unseen};
+use super::solve::{FitOptions, Solution, fit, unobserved_parameters};
 use super::statistics::{autocorrelation_time, inverse_information};
 use super::track::{Rows, Track};
 use super::verdict::verdicts;
@@ -16,18 +16,18 @@ use compensator_core::{ParameterId, Parameters};
 use nalgebra::DMatrix;
 use std::time::Instant;
 
-/// A relative standard error of a positive parameter above this is "not determined": values from
-/// half to twice as large are within two errors. (The prior alone gives 2.3.)
-const LOOSE: f64 = 0.5;
+/// Relative standard error of a positive parameter above which it is "not determined": values from half to twice as large
+/// are then within two standard errors. The prior alone gives 2.3.
+const MAX_RELATIVE_ERROR: f64 = 0.5;
 
-/// For other parameters: two standard errors change the torque by more than this share of its RMS,
-/// and the value is not three of them away from nothing.
-const LOOSE_EFFECT: f64 = 0.2;
+/// Effect of two standard errors on the torque, as a share of its RMS, above which any other parameter is "not determined",
+/// unless its value differs from 0 by three standard errors.
+const MAX_ERROR_EFFECT: f64 = 0.2;
 
-/// Derivatives below this share of the torque's RMS are none.
-const NO_EFFECT: f64 = 1e-9;
+/// Derivative that counts as 0, as a share of the torque's RMS.
+const NEGLIGIBLE_EFFECT: f64 = 1e-9;
 
-/// Fits a model on the training rows and judges it on the others.
+/// Fits a model to the training rows and evaluates it on the test rows.
 ///
 /// # Errors
 /// If the model carries more terms than the core takes.
@@ -40,26 +40,26 @@ pub fn identify(
 ) -> Result<Outcome, SpecError> {
     let begin = Instant::now();
     let mut made_passive = Vec::new();
-    let (mut solution, mut parameters) = fitted(spec, base, train, test, options);
+    let (mut solution, mut parameters) = fit_legal(spec, base, train, test, options);
     if options.passive {
         let mut steps = 0;
         let mut options = FitOptions { starts: 1, ..options.clone() };
         while let Some(step) = towards_passivity(&mut parameters, &mut options, steps) {
-            // What the rows would have is told once.
-            if made_passive.iter().all(|earlier: &Passive| earlier.id != step.id) {
+            // The unconstrained value of a parameter is reported once.
+            if made_passive.iter().all(|earlier: &PassivityChange| earlier.id != step.id) {
                 made_passive.push(step);
             }
             steps += 1;
             options.start = Some(parameters.clone());
             let evaluations = solution.evaluations;
-            (solution, parameters) = fitted(spec, &parameters, train, test, &options);
+            (solution, parameters) = fit_legal(spec, &parameters, train, test, &options);
             solution.evaluations += evaluations;
         }
     }
     let predicted = predict(&parameters, train, solution.resolution);
     let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
-    let unseen = unseen(spec, train.tracks);
-    let (estimates, correlation) = estimates(&solution, &parameters, train, time, &unseen);
+    let unobserved = unobserved_parameters(spec, train.tracks);
+    let (estimates, correlation) = estimates(&solution, &parameters, train, time, &unobserved);
     let train_metrics = predicted.metrics;
     let rows = train_metrics.rows as f64;
     let count = solution.coordinates.len() as f64;
@@ -79,20 +79,20 @@ pub fn identify(
         verdicts: Vec::new(),
         parameters,
     };
-    outcome.verdicts = verdicts(&outcome, &unseen, &predicted, train.tracks);
-    for Passive { id, says } in made_passive {
-        // Where the rows would have it and the law may not: its own words in place of "kept".
+    outcome.verdicts = verdicts(&outcome, &unobserved, &predicted, train.tracks);
+    for PassivityChange { id, note } in made_passive {
+        // The parameter is at its passivity bound, although it was fixed in the last fit.
         if let Some(estimate) = outcome.estimates.iter_mut().find(|e| Some(e.id) == id) {
             estimate.state = State::AtBound;
         }
-        outcome.verdicts.push(says);
+        outcome.verdicts.push(note);
     }
-    accept_what_was_fitted(&mut outcome);
+    ensure_loadable(&mut outcome);
     Ok(outcome)
 }
 
-/// A fit, its parameters legal and their envelope declared.
-fn fitted(
+/// Fits a model, moves its parameters into their legal ranges and declares the envelope.
+fn fit_legal(
     spec: &Spec,
     base: &Parameters<f64>,
     train: Rows,
@@ -106,64 +106,63 @@ fn fitted(
     (solution, parameters)
 }
 
-/// What was done to a law so that it gives out no energy.
-struct Passive {
-    /// The parameter that was brought to its bound, if one was.
+/// A change that made a law passive.
+struct PassivityChange {
+    /// The parameter that was moved to its bound, if any.
     id: Option<Id>,
-    /// In words.
-    says: String,
+    /// Note for the user.
+    note: String,
 }
 
-/// Brings a law that can give out energy one step nearer to one that cannot, for the rest to be fitted anew; `None`
-/// where it is passive, or nothing helps. First the damping fades with speed, as a film takes over from the
-/// asperities: that leaves its size to the rows, and is passive for all but the largest. Then what is too large goes
-/// to its bound.
+/// Changes a law that is not passive in one step towards passivity, after which the other parameters are fitted again.
+/// Returns `None` if the law is passive or no step is left. The first step lets the damping fade with speed, as a film
+/// separates the asperities: the rows still determine its size, and the law is passive except for very large
+/// values. Further steps move values that are too large to their bound.
 fn towards_passivity(
     parameters: &mut Parameters<f64>,
     options: &mut FitOptions,
     steps: usize,
-) -> Option<Passive> {
-    // The bound falls as the other parameters follow: each time it is taken with more room.
-    const INSIDE: [f64; 5] = [0.95, 0.95, 0.8, 0.5, 0.2];
+) -> Option<PassivityChange> {
+    // Share of the bound to use in each step: the bound falls as the other parameters adapt.
+    const BOUND_SHARES: [f64; 5] = [0.95, 0.95, 0.8, 0.5, 0.2];
     if parameters.choices.allow_active {
         return None;
     }
-    let inside = INSIDE.get(steps)?;
+    let inside = BOUND_SHARES.get(steps)?;
     let viscous = parameters.get(Id::ViscousFriction);
     if parameters.law.has_bristles() && viscous < 0.0 {
         parameters.set(Id::ViscousFriction, 0.0);
         options.fixed.push(Id::ViscousFriction);
-        let says = format!(
-            "viscous_friction: at its bound, 0: these rows would have it {}, and below 0 it drives instead of braking",
+        let note = format!(
+            "viscous_friction: at its bound, 0: the rows alone give {}, and a negative value drives the joint instead of braking it",
             significant(viscous, 3)
         );
-        return Some(Passive { id: Some(Id::ViscousFriction), says });
+        return Some(PassivityChange { id: Some(Id::ViscousFriction), note });
     }
     let largest = parameters.active_damping()?;
     let damping = significant(parameters.get(Id::BristleDamping), 3);
     if !parameters.choices.damping_fades && !options.fixed.contains(&Id::BristleDamping) {
         parameters.choices.damping_fades = true;
-        let says = format!(
-            "the bristle damping fades with speed (damping_fades): a constant one, {damping} on these rows, could give \
-             out energy, of which {} is the most that cannot",
+        let note = format!(
+            "the bristle damping fades with speed (damping_fades): a constant damping, {damping} on these rows, can give out \
+             energy; the largest passive value is {}",
             significant(largest, 3)
         );
-        return Some(Passive { id: None, says });
+        return Some(PassivityChange { id: None, note });
     }
     parameters.set(Id::BristleDamping, inside * largest);
     if !options.fixed.contains(&Id::BristleDamping) {
         options.fixed.push(Id::BristleDamping);
     }
-    let says = format!(
-        "bristle_damping: at its bound: these rows would have it {damping}, and more than {} can give out energy",
+    let note = format!(
+        "bristle_damping: at its bound: the rows alone give {damping}, and more than {} can give out energy",
         significant(largest, 3)
     );
-    Some(Passive { id: Some(Id::BristleDamping), says })
+    Some(PassivityChange { id: Some(Id::BristleDamping), note })
 }
 
-/// Brings what a degenerate log drove to the end of its legal range a rounding of `f32` inside it. What was
-/// kept is as legal as it was given, and may be a choice with a number: the last column's, a rounding below,
-/// is the one before it.
+/// Moves free parameters at the end of their legal range inside it by a rounding of `f32`. Fixed parameters keep their
+/// value. Some of them are indices, for which a rounding below a column selects the column before it.
 fn keep_legal(parameters: &mut Parameters<f64>, free: impl Iterator<Item = Id>) {
     const ROUNDING: f64 = 1e-6;
     for id in free {
@@ -181,16 +180,16 @@ fn keep_legal(parameters: &mut Parameters<f64>, free: impl Iterator<Item = Id>) 
     }
 }
 
-/// The core takes no larger envelope.
-const LARGEST_ENVELOPE: f64 = 1e9;
+/// Largest envelope that the core accepts.
+const MAX_ENVELOPE: f64 = 1e9;
 
-/// The envelope the data cover, with room; what they do not cover keeps its default.
+/// Declares the envelope that the data cover, with a margin. Quantities without data keep their default.
 fn declare_envelope(parameters: &mut Parameters<f64>, train: &[Track], test: &[Track]) {
     let samples = || train.iter().chain(test).flat_map(|track| &track.samples);
     let covers = |field: &mut f32, of: fn(&compensator_core::Sample<f64>) -> f64, room: f64| {
         let largest = samples().map(of).map(f64::abs).fold(0.0, f64::max);
         if largest > 0.0 {
-            *field = (largest * room).clamp(1e-9, LARGEST_ENVELOPE) as f32;
+            *field = (largest * room).clamp(1e-9, MAX_ENVELOPE) as f32;
         }
     };
     parameters.envelope = Envelope::default();
@@ -203,10 +202,10 @@ fn declare_envelope(parameters: &mut Parameters<f64>, train: &[Track], test: &[T
     covers(&mut envelope.campaign_max_h, |s| s.campaign_time_h, 2.0);
 }
 
-/// The file must load into the core as it is. A law the data want active (damping beyond passivity, friction
-/// that falls with speed) is written with that choice stated; what the core refuses all the same is said.
-fn accept_what_was_fitted(outcome: &mut Outcome) {
-    // As the driver will hold them: rounding to f32 can cross a bound.
+/// Ensures that the core accepts the parameters. For a law that is not passive (damping above the passivity bound, friction
+/// that falls with speed) this sets `allow_active`. If the core still rejects the parameters, a verdict reports it.
+fn ensure_loadable(outcome: &mut Outcome) {
+    // In the driver's number type, because rounding to f32 can cross a bound.
     let refusal = |parameters: &Parameters<f64>| {
         let rounded = parameters.convert::<f32>();
         parameters.validate().and_then(|()| rounded.validate()).err()
@@ -215,19 +214,20 @@ fn accept_what_was_fitted(outcome: &mut Outcome) {
     outcome.parameters.choices.allow_active = true;
     match refusal(&outcome.parameters) {
         None => outcome.verdicts.push(format!(
-            "the law can give out energy and so keep a joint moving ({error}); params.toml says allow_active, and a \
-             driver that runs it warns. `identify` without --choices allow_active fits one that cannot"
+            "the law can give out energy and so keep a joint moving ({error}); params.toml sets allow_active, and a driver \
+             warns when it runs the law. `identify` without --choices allow_active fits a passive law"
         )),
-        Some(error) => outcome.verdicts.push(format!("the core refuses these parameters: {error}")),
+        Some(error) => outcome.verdicts.push(format!("the core rejects these parameters: {error}")),
     }
 }
 
+/// Returns the estimates of all parameters, and the correlation matrix of the free ones.
 fn estimates(
     solution: &Solution,
     parameters: &Parameters<f64>,
     rows: Rows,
     time: f64,
-    unseen: &[ParameterId],
+    unobserved: &[ParameterId],
 ) -> (Vec<Estimate>, DMatrix<f64>) {
     let reduced = &solution.reduced;
     let count = solution.coordinates.len();
@@ -235,7 +235,7 @@ fn estimates(
     let spare = reduced.rows.saturating_sub(count).max(1) as f64;
     let variance = time * reduced.sum_of_squares() / spare;
     let covariance = inverse_information(reduced) * variance;
-    // d(parameter)/d(coordinate), exactly, by the same dual numbers as the fit.
+    // d(parameter)/d(coordinate), exact to rounding, from the same dual numbers as the fit.
     let seeded: Vec<Dual<40>> =
         solution.point.iter().enumerate().map(|(i, u)| Dual::parameter(*u, i)).collect();
     let natural = solution.coordinates.parameters(&seeded);
@@ -250,26 +250,26 @@ fn estimates(
         let (point, start) =
             (solution.point[index], solution.coordinates.point(&solution.start)[index]);
         let value = parameters.get(id);
-        if solution.coordinates.at_bound(index, &solution.point, parameters) {
+        if solution.coordinates.is_at_bound(index, &solution.point, parameters) {
             return State::AtBound;
         }
         let moved = (point - start).abs() > 1e-6 * (1.0 + start.abs());
-        if !moved && norm(index) < NO_EFFECT * torque {
+        if !moved && norm(index) < NEGLIGIBLE_EFFECT * torque {
             return State::AtStart;
         }
         let positive = id.info().lower > 0.0;
-        // What the parameter does to the torque, per unit of it.
+        // RMS change of the torque per unit of the parameter.
         let effect = norm(index) / change[(index, index)].abs().max(f64::MIN_POSITIVE);
-        let loose = if solution.coordinates.is_held_by_prior(index) {
-            covariance[(index, index)].sqrt() > LOOSE
+        let is_loose = if solution.coordinates.is_held_by_prior(index) {
+            covariance[(index, index)].sqrt() > MAX_RELATIVE_ERROR
         } else if positive {
-            error > LOOSE * value.abs()
+            error > MAX_RELATIVE_ERROR * value.abs()
         } else {
-            // Not told from nothing, or free to do much.
+            // Not significantly different from 0, or with a large effect of its error.
             value.abs() < 2.0 * error
-                || 2.0 * error * effect > LOOSE_EFFECT * torque && value.abs() < 3.0 * error
+                || 2.0 * error * effect > MAX_ERROR_EFFECT * torque && value.abs() < 3.0 * error
         };
-        if loose || !error.is_finite() { State::NotDetermined } else { State::Determined }
+        if is_loose || !error.is_finite() { State::NotDetermined } else { State::Determined }
     };
     let estimates = parameters
         .active()
@@ -282,7 +282,7 @@ fn estimates(
                     Estimate { id, value, std_error: Some(error.min(f64::MAX)), state }
                 }
                 None => {
-                    let lost = unseen.contains(&id) || solution.collinear.contains(&id);
+                    let lost = unobserved.contains(&id) || solution.collinear.contains(&id);
                     let state = if lost { State::NotDetermined } else { State::AtStart };
                     Estimate { id, value, std_error: None, state }
                 }

@@ -1,59 +1,61 @@
-//! What the bristles hold where a track begins.
+//! Bristle torque at the start of a track.
 //!
-//! A joint at rest, or just leaving it, holds any torque between plus and minus the static level: what its past left there.
-//! The log does not say; its first torque does, with a sensor's noise, and an error there lasts as long as
-//! the joint stays in presliding, which may be the whole run. So the held torque of each such track is one
-//! more unknown, and one that is of no interest. It is solved for given the parameters (the output is all but
-//! linear in it), and its derivative column is projected out of the Jacobian, so that the standard errors
-//! know it was not known. A track that begins sliding forgets its start within a few rows, and so does this.
+//! A joint at rest holds any torque between plus and minus the static level, depending on its past. Only the first
+//! measured torque indicates this value, with the sensor's noise, and an error persists as long as the joint stays in
+//! presliding. The held torque of each such track is therefore a nuisance parameter. It is solved for given the other
+//! parameters (the output is almost linear in it), and its derivative column is projected out of the Jacobian, so that
+//! the standard errors include its uncertainty. For a track that starts sliding, the initial state decays within a few
+//! rows.
 //!
-//! Where the rows of a joint at rest ask for more than the static level, the bristles hold the level: it is no unknown then, and moves with the
-//! level's parameters. Taken for an unknown there, a robot's axis that begins at rest (measured) had derivatives by level and
-//! stiffness of the wrong sign, and fits of it ended where they began.
+//! If the rows of a joint at rest require more than the static level, the bristles hold the level. The held torque then
+//! depends on the level's parameters and is not a nuisance parameter. Otherwise the derivatives by level and stiffness
+//! would have the wrong sign.
 
 use super::simulate::{Resolution, simulate};
 use super::track::Track;
 use crate::dual::Dual;
 use compensator_core::{ParameterId, Parameters, Real};
 
-/// Below this share of the track's largest speed its first sample counts as at rest.
-const AT_REST: f64 = 1e-3;
+/// Speed below which the first sample counts as at rest, as a share of the track's largest speed.
+const MAX_REST_SPEED_RATIO: f64 = 1e-3;
 
-/// The start is forgotten where the bristle torque depends on it by less than this.
-const FORGOTTEN: f64 = 1e-6;
+/// Derivative of the bristle torque by its initial value below which the initial value is negligible.
+const NEGLIGIBLE_MEMORY: f64 = 1e-6;
 
-/// Solutions for the held torque; the second one corrects for what is not linear.
+/// Number of Gauss-Newton steps for the held torque; the second one corrects the nonlinearity.
 const ITERATIONS: usize = 2;
 
-/// The start of a track.
+/// Initial state of a track.
 #[derive(Clone, Debug)]
 pub struct InitialState {
-    /// Torque the bristles hold, Nm.
+    /// Initial bristle torque, Nm.
     pub held: f64,
-    /// Derivative of the torque by it, for the rows from the first until it is forgotten; none where it is no unknown.
+    /// Derivative of the torque by `held`, for the first rows until it is negligible. Empty if `held` is not a nuisance
+    /// parameter.
     pub memory: Vec<f64>,
-    /// Where the bristles hold all they can: the sign.
+    /// Sign of the bristle torque if it is at the level.
     at_level: Option<f64>,
-    /// Whether the track begins sliding.
+    /// True if the track starts sliding.
     slides: bool,
 }
 
 impl InitialState {
-    /// The held torque, Nm, with its derivatives by the parameters.
+    /// Returns the held torque, Nm, with its derivatives by the parameters.
     pub fn held_by<T: Real<Setting = T>>(&self, parameters: &Parameters<T>) -> T {
-        let all = |sign| T::from_f64(sign) * level(parameters, self.slides);
-        self.at_level.map_or(T::from_f64(self.held), all)
+        let at_level = |sign| T::from_f64(sign) * level(parameters, self.slides);
+        self.at_level.map_or(T::from_f64(self.held), at_level)
     }
 }
 
-/// Coulomb levels a track may begin with. Of a breakaway 1.8 levels are what is printed of seals; with no bound but the static level a log that begins under
-/// more torque than any law holds at rest would raise that to it, at a Stribeck velocity of nothing: 669 N on the positioning system, with 20 N of friction.
-const MOST_HELD: f64 = 2.0;
+/// Largest initial bristle torque, in Coulomb levels. Published breakaway torques of seals reach 1.8 levels. If only the
+/// static level limited it, a log that starts under more torque than any law holds at rest would raise the static level
+/// to that torque, at a vanishing Stribeck velocity.
+const MAX_HELD_COULOMB_LEVELS: f64 = 2.0;
 
-/// The most a track begins with, Nm. One that slides holds no breakaway torque: beginning there it would show, in steady sliding too, how
-/// soft the bristles are that come down from it.
+/// Returns the largest initial bristle torque, Nm. A sliding track does not start at the breakaway torque: the decay from it
+/// would show the bristle stiffness even in steady sliding.
 fn level<T: Real<Setting = T>>(parameters: &Parameters<T>, slides: bool) -> T {
-    // Written so that a NaN, which a wild step of the fit may bring, is no level.
+    // NaN, which a diverging step of the fit may produce, must not become a level.
     let larger = |a: T, b: T| if a.value() > b.value() { a } else { b };
     let coulomb = larger(parameters.get(ParameterId::CoulombTorque), T::zero());
     let has_static = parameters.law.parameters().contains(&ParameterId::StaticTorque);
@@ -62,18 +64,18 @@ fn level<T: Real<Setting = T>>(parameters: &Parameters<T>, slides: bool) -> T {
     } else {
         coulomb
     };
-    let most = coulomb * T::from_f64(MOST_HELD);
+    let most = coulomb * T::from_f64(MAX_HELD_COULOMB_LEVELS);
     if held.value() > most.value() { most } else { held }
 }
 
-/// Solves for the held torque of a track; `None` where the law has no bristles.
+/// Solves for the held torque of a track; `None` if the law has no bristles.
 pub fn initial_state(
     parameters: &Parameters<f64>,
     track: &Track,
     resolution: Resolution,
 ) -> Option<InitialState> {
     let fastest = track.samples.iter().map(|s| s.velocity_rad_s.abs()).fold(0.0, f64::max);
-    let slides = track.samples[0].velocity_rad_s.abs() > AT_REST * fastest;
+    let slides = track.samples[0].velocity_rad_s.abs() > MAX_REST_SPEED_RATIO * fastest;
     if !parameters.law.has_bristles() {
         return None;
     }
@@ -96,7 +98,7 @@ pub fn initial_state(
             products += weighed * (track.torque[row] - torque.value);
             squares += weighed * derivative;
             start.memory.push(derivative);
-            bristle.gradient[0].abs() > FORGOTTEN
+            bristle.gradient[0].abs() > NEGLIGIBLE_MEMORY
         });
         if squares > 0.0 && products.is_finite() {
             start.held = (start.held + products / squares).clamp(-level, level);

@@ -1,4 +1,4 @@
-//! How far a simulation is from what was measured.
+//! Error metrics of a simulation.
 
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ pub struct Metrics {
     pub rmse: f64,
     /// `sum(e^2)`, Nm^2 or N^2.
     pub sse: f64,
-    /// RMSE over the standard deviation of `y`: 1 is as good as the mean.
+    /// RMSE over the standard deviation of `y`; the mean of `y` as a model has 1.
     pub nrmse_std: f64,
     /// RMSE over `max(y) - min(y)`.
     pub nrmse_range: f64,
@@ -22,8 +22,8 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// Metrics of rows `(measured, simulated, weight)`. Of no rows, all zero; a spread of 0 counts as
-    /// the smallest number, so that the ratios stay finite.
+    /// Computes the metrics of rows `(measured, simulated, weight)`. Without rows, all metrics are 0. A spread of 0 is replaced
+    /// by the smallest positive number, so that the ratios stay finite.
     pub fn of(weighed: impl Iterator<Item = (f64, f64, f64)>) -> Self {
         let (mut rows, mut weights, mut sse, mut sum, mut squares) = (0usize, 0.0, 0.0, 0.0, 0.0);
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn metrics_are_as_defined() {
+    fn of_four_rows_matches_definitions() {
         let pairs = [(1.0, 0.0, 1.0), (3.0, 3.0, 1.0), (-2.0, -1.0, 1.0), (2.0, 2.0, 1.0)];
         let metrics = Metrics::of(pairs.into_iter());
         assert_eq!(metrics.sse, 2.0);
@@ -71,15 +71,15 @@ mod tests {
     }
 
     #[test]
-    fn a_row_of_half_the_weight_counts_half() {
-        let twice = Metrics::of([(1.0, 0.0, 1.0), (2.0, 2.0, 0.5)].into_iter());
-        assert!((twice.rmse - (1.0f64 / 1.5).sqrt()).abs() < 1e-12);
-        let unseen = Metrics::of([(1.0, 0.0, 1.0), (9.0, 2.0, 0.0)].into_iter());
-        assert_eq!(unseen.rmse, 1.0);
+    fn of_row_with_half_weight_counts_half() {
+        let half = Metrics::of([(1.0, 0.0, 1.0), (2.0, 2.0, 0.5)].into_iter());
+        assert!((half.rmse - (1.0f64 / 1.5).sqrt()).abs() < 1e-12);
+        let unweighted = Metrics::of([(1.0, 0.0, 1.0), (9.0, 2.0, 0.0)].into_iter());
+        assert_eq!(unweighted.rmse, 1.0);
     }
 
     #[test]
-    fn no_rows_and_constant_rows_stay_finite() {
+    fn of_no_rows_and_constant_rows_is_finite() {
         assert_eq!(Metrics::of(std::iter::empty()), Metrics::default());
         let constant = Metrics::of([(1.0, 0.5, 1.0), (1.0, 0.5, 1.0)].into_iter());
         assert!(constant.nrmse_std.is_finite() && constant.nrmse_range.is_finite());

@@ -1,9 +1,8 @@
-//! Levenberg-Marquardt from a point to the nearest minimum.
+//! Levenberg-Marquardt optimiser from a point to the nearest minimum.
 //!
-//! The optimiser is the `levenberg-marquardt` crate, MINPACK's `lmder` in Rust: it says how it ended
-//! and is held to MINPACK's own tests. It sees not the tall Jacobian but its triangle
-//! ([`super::reduce`]), which has the same steps and the same cost, so two million rows take no
-//! more of its time than ten.
+//! The optimiser is the `levenberg-marquardt` crate, MINPACK's `lmder` in Rust, which passes MINPACK's own tests. It
+//! works on the triangular factor of the Jacobian ([`super::reduce`]), which gives the same steps and the same cost.
+//! Its time is therefore independent of the number of rows.
 
 use super::coordinates::Coordinates;
 use super::reduce::reduce;
@@ -14,23 +13,23 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn, OMatrix, OVector};
 
-/// When the optimiser stops.
+/// Criteria for stopping the optimiser.
 #[derive(Clone, Copy, Debug)]
-pub struct Stop {
-    /// Simulations per parameter after which it gives up.
+pub struct StopCriteria {
+    /// Maximum number of simulations per parameter.
     pub patience: usize,
-    /// Where a step would lower the sum of squares by less than this share of one row's.
-    pub enough: f64,
+    /// The optimiser stops if a step would lower the sum of squares by less than this share of one row's.
+    pub tolerance: f64,
 }
 
 struct Problem<'a> {
     coordinates: &'a Coordinates,
     rows: Rows<'a>,
     resolution: Resolution,
-    stop: Stop,
+    stop: StopCriteria,
     point: DVector<f64>,
     reduced: Reduced,
-    /// The best point so far: an optimiser that gives up on a trial step must not end there.
+    /// The best point so far. The optimiser may stop at a worse trial point.
     best: (DVector<f64>, Reduced),
     evaluations: usize,
 }
@@ -41,15 +40,15 @@ impl Problem<'_> {
             && self.reduced.residual.iter().chain(&self.reduced.factor).all(|x| x.is_finite())
     }
 
-    /// Whether what is left of the residual is out of the parameters' reach: the whole step of Gauss
-    /// and Newton would not gain [`Stop::enough`], and need not be tried.
+    /// Returns true if a full Gauss-Newton step would gain less than [`StopCriteria::tolerance`].
     fn is_settled(&self) -> bool {
-        let reach: f64 = self.reduced.residual.iter().map(|r| r * r).sum();
-        reach < self.enough() * self.reduced.sum_of_squares()
+        let reducible: f64 = self.reduced.residual.iter().map(|r| r * r).sum();
+        reducible < self.relative_tolerance() * self.reduced.sum_of_squares()
     }
 
-    fn enough(&self) -> f64 {
-        self.stop.enough / self.reduced.rows.max(1) as f64
+    /// Returns the tolerance as a share of the whole sum of squares.
+    fn relative_tolerance(&self) -> f64 {
+        self.stop.tolerance / self.reduced.rows.max(1) as f64
     }
 }
 
@@ -74,7 +73,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 
     fn residuals(&self) -> Option<OVector<f64, Dyn>> {
         let count = self.point.len();
-        // A step that blew up is a bad step, not the end of the fit.
+        // A diverged step must be rejected by the optimiser instead of ending the fit.
         let all = self.reduced.residual.iter().copied().chain([self.reduced.rest]);
         let all = all.map(|r| if self.is_finite() { r } else { 1e100 });
         Some(DVector::from_iterator(count + 1, all))
@@ -90,16 +89,16 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     }
 }
 
-/// Where the optimiser ended.
+/// End point of the optimiser.
 #[derive(Clone, Debug)]
 pub struct Minimum {
     /// The point.
     pub point: Vec<f64>,
-    /// The reduced problem there.
+    /// The reduced problem at this point.
     pub reduced: Reduced,
-    /// Simulations with derivatives it took.
+    /// Number of simulations with derivatives.
     pub evaluations: usize,
-    /// Whether it converged, or gave up at its limit.
+    /// True if it converged, false if it stopped at its limit.
     pub converged: bool,
 }
 
@@ -109,20 +108,20 @@ pub fn minimise(
     from: &[f64],
     rows: Rows,
     resolution: Resolution,
-    stop: Stop,
+    stop: StopCriteria,
 ) -> Minimum {
     let reduced = reduce(coordinates, from, rows, resolution);
     minimise_from(coordinates, from, reduced, rows, resolution, stop)
 }
 
-/// As [`minimise`], where the problem at `from` is known.
+/// Runs the optimiser from a point where the reduced problem is known.
 pub fn minimise_from(
     coordinates: &Coordinates,
     from: &[f64],
     reduced: Reduced,
     rows: Rows,
     resolution: Resolution,
-    stop: Stop,
+    stop: StopCriteria,
 ) -> Minimum {
     if coordinates.is_empty() {
         return Minimum { point: Vec::new(), reduced, evaluations: 1, converged: true };
@@ -133,7 +132,7 @@ pub fn minimise_from(
         Problem { coordinates, rows, resolution, stop, point, reduced, best, evaluations: 1 };
     let optimiser = LevenbergMarquardt::new()
         .with_patience(stop.patience)
-        .with_ftol(problem.enough())
+        .with_ftol(problem.relative_tolerance())
         .with_xtol(1e-7)
         .with_gtol(1e-10);
     let (problem, report) = optimiser.minimize(problem);

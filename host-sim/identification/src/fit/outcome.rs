@@ -1,8 +1,8 @@
-//! What a fit says: every parameter with its error and whether the data determine it at all.
+//! Result of a fit: every parameter with its standard error and whether the data determine it.
 //!
-//! A fit always returns numbers. Whether they mean anything is told per parameter ([`State`]) and, for
-//! what a person would want to know, in words ([`Outcome::verdicts`]). "Not determined" is not
-//! "wrong": in steady sliding the bristle stiffness does not reach the output, so any value fits.
+//! A fit always returns numbers. [`State`] tells for each parameter whether its value is meaningful, and
+//! [`Outcome::verdicts`] explains the result in sentences. "Not determined" does not mean "wrong": in steady sliding
+//! the bristle stiffness does not affect the output, so any value fits.
 
 use super::metrics::Metrics;
 use super::simulate::Resolution;
@@ -10,21 +10,21 @@ use crate::spec::Spec;
 use compensator_core::{ParameterId, Parameters};
 use nalgebra::DMatrix;
 
-/// What the data say of a parameter.
+/// Whether the data determine a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It has a value and an error that is small beside what matters.
+    /// The error is small enough.
     Determined,
-    /// Values far apart fit as well.
+    /// Very different values fit equally well.
     NotDetermined,
-    /// It never moved from where the fit began: nothing depends on it.
+    /// The value did not change from its start, because no row depends on it.
     AtStart,
-    /// The best value lies at the edge of what is allowed.
+    /// The best value lies at a bound.
     AtBound,
 }
 
 impl State {
-    /// As in `fit.json`.
+    /// Returns the name used in `fit.json`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Determined => "determined",
@@ -38,43 +38,43 @@ impl State {
 /// A fitted parameter.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// Which.
+    /// The parameter.
     pub id: ParameterId,
-    /// Its value, in its unit.
+    /// Value, in the parameter's unit.
     pub value: f64,
-    /// Standard error, `None` where it was kept fixed.
+    /// Standard error; `None` if the parameter was fixed.
     pub std_error: Option<f64>,
-    /// What the data say of it.
+    /// Whether the data determine it.
     pub state: State,
 }
 
-/// A fit, whole.
+/// Complete result of a fit.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The model.
     pub spec: Spec,
     /// The fitted parameters, ready for the core.
     pub parameters: Parameters<f64>,
-    /// Each parameter of the model.
+    /// Estimates of all parameters of the model.
     pub estimates: Vec<Estimate>,
-    /// Correlation of the estimates that have an error, in their order.
+    /// Correlation of the estimates with a standard error, in the order of `estimates`.
     pub correlation: DMatrix<f64>,
-    /// Errors on the rows fitted on.
+    /// Errors on the training rows.
     pub train: Metrics,
-    /// Errors on the rows held out.
+    /// Errors on the held-out rows.
     pub test: Metrics,
     /// `n ln(SSE/n) + k ln n` of the training rows: smaller is better.
     pub bic: f64,
-    /// Time the fit took, s.
+    /// Duration of the fit, s.
     pub seconds: f64,
-    /// Simulations with derivatives the best start and its refinements took.
+    /// Number of simulations with derivatives, over all starts and refinements.
     pub evaluations: usize,
-    /// How finely the simulation stepped.
+    /// Resolution of the simulation.
     pub resolution: Resolution,
-    /// Neighbouring rows that count as one observation in the standard errors.
+    /// Number of neighbouring rows that count as one observation in the standard errors.
     pub autocorrelation_time: f64,
-    /// Whether the optimiser converged.
+    /// True if the optimiser converged.
     pub converged: bool,
-    /// What a person should know, a sentence each.
+    /// Notes for the user, one sentence each.
     pub verdicts: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! What a model makes of rows it is not fitted on.
+//! Simulation of a fitted model on any rows.
 
 use super::initial_state::initial_state;
 use super::metrics::Metrics;
@@ -8,18 +8,18 @@ use crate::data::AntiAlias;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters};
 
-/// A simulation of rows beside what was measured.
+/// Simulated rows compared with the measurement.
 #[derive(Clone, Debug)]
 pub struct Predicted {
     /// Simulated torque, track by track, at the full rate.
     pub torque: Vec<Vec<f64>>,
-    /// Measured minus simulated, track by track, decimated as asked; each times the root of the row's weight.
+    /// Measured minus simulated torque times the square root of the row's weight, track by track, decimated as requested.
     pub residuals: Vec<Vec<f64>>,
     /// Errors over all rows.
     pub metrics: Metrics,
-    /// Largest share of the level the bristle torque reached; 0 for a law without bristles.
+    /// Largest bristle torque, as a share of the level; 0 for a law without bristles.
     pub saturation: f64,
-    /// Share of the rows in which the bristles were neither at rest nor fully slipping.
+    /// Share of the rows in which the bristles are neither relaxed nor fully slipping.
     pub presliding: f64,
 }
 

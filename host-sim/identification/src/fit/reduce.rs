@@ -1,7 +1,7 @@
-//! Residual and derivatives of a model along its rows, reduced to a small triangle.
+//! Residual and derivatives of a model on its rows, reduced to a small triangular factor.
 //!
-//! Value and derivative come from one simulation in dual numbers. Rows go into a streaming QR
-//! ([`super::streaming_qr`]) as they are simulated, so that the tall Jacobian is never there.
+//! Values and derivatives come from one simulation in dual numbers. Each simulated row goes into a streaming QR
+//! ([`super::streaming_qr`]), so that the tall Jacobian is never stored.
 
 use super::coordinates::Coordinates;
 use super::initial_state::initial_state;
@@ -13,15 +13,15 @@ use crate::dual::Dual;
 use compensator_core::Parameters;
 use rayon::prelude::*;
 
-/// Residual and derivatives at a point, reduced.
+/// Returns the reduced residual and derivatives at a point.
 pub fn reduce(
     coordinates: &Coordinates,
     point: &[f64],
     rows: Rows,
     resolution: Resolution,
 ) -> Reduced {
-    // The number of derivatives is part of a dual number's type; a few sizes serve all, for each has every law and term
-    // compiled for it.
+    // The number of derivatives is part of a dual number's type. A few sizes are enough: every law and term is compiled for
+    // each of them.
     match point.len() {
         0..=4 => reduce_with::<4>(coordinates, point, rows, resolution),
         5..=6 => reduce_with::<6>(coordinates, point, rows, resolution),
@@ -43,13 +43,13 @@ fn reduce_with<const N: usize>(
         point.iter().enumerate().map(|(index, u)| Dual::parameter(*u, index)).collect();
     let parameters = coordinates.parameters(&seeded);
     let plain: Parameters<f64> = coordinates.parameters(point);
-    let one = |track: &Track| {
+    let reduce_track = |track: &Track| {
         let start = initial_state(&plain, track, resolution);
         let held = start.as_ref().map(|start| start.held_by(&parameters));
         let mut qr = StreamingQr::new(count);
         if rows.decimate > 1 {
-            let along = Along { parameters: &parameters, track, held, resolution };
-            push_decimated(&mut qr, &along, rows.decimate, count);
+            let simulation = TrackSimulation { parameters: &parameters, track, held, resolution };
+            push_decimated(&mut qr, &simulation, rows.decimate, count);
             return qr;
         }
         let mut beginning = start.map(|start| (StreamingQr::new(count + 1), start.memory));
@@ -74,8 +74,8 @@ fn reduce_with<const N: usize>(
             None => qr,
         }
     };
-    // Collected before it is merged: the same sum in the same order, whatever the threads did.
-    let factors: Vec<StreamingQr> = rows.tracks.par_iter().map(one).collect();
+    // All factors are collected before they are merged, so that the sum does not depend on the order of the threads.
+    let factors: Vec<StreamingQr> = rows.tracks.par_iter().map(reduce_track).collect();
     let mut prior = StreamingQr::new(count);
     let mut derivatives = vec![0.0; count];
     for (index, derivative, residual) in coordinates.prior(point) {
@@ -87,30 +87,30 @@ fn reduce_with<const N: usize>(
     factors.into_iter().fold(prior, StreamingQr::merged).finish()
 }
 
-/// A model on its way along a track.
-struct Along<'a, const N: usize> {
+/// Arguments of a simulation of one track.
+struct TrackSimulation<'a, const N: usize> {
     parameters: &'a Parameters<Dual<N>>,
     track: &'a Track,
     held: Option<Dual<N>>,
     resolution: Resolution,
 }
 
-/// Simulates at the full rate and thins out the *residual* (and its derivatives): a law that is not
-/// linear in velocity must see the velocity as it was.
+/// Simulates at the full rate and decimates the *residual* and its derivatives. The velocity itself must not be decimated,
+/// because the law is not linear in it.
 fn push_decimated<const N: usize>(
     qr: &mut StreamingQr,
-    along: &Along<N>,
+    simulation: &TrackSimulation<N>,
     factor: usize,
     count: usize,
 ) {
-    let Along { parameters, track, held, resolution } = *along;
+    let TrackSimulation { parameters, track, held, resolution } = *simulation;
     let mut columns = vec![Vec::with_capacity(track.len()); count + 1];
     simulate(parameters, track, held, resolution, |row, torque, _| {
-        let judged = track.weight(row).sqrt();
+        let root_weight = track.weight(row).sqrt();
         for (column, g) in columns[..count].iter_mut().zip(&torque.gradient) {
-            column.push(-g * judged);
+            column.push(-g * root_weight);
         }
-        columns[count].push((track.torque[row] - torque.value) * judged);
+        columns[count].push((track.torque[row] - torque.value) * root_weight);
         true
     });
     let filter = AntiAlias::new(factor);
@@ -132,7 +132,7 @@ mod tests {
 
     const ROWS: usize = 600;
 
-    /// A joint that begins at rest under `at_rest`, and moves to and fro from row 60 on.
+    /// Joint that starts at rest under the torque `at_rest`, Nm, and oscillates from row 60.
     fn track(at_rest: f64) -> Track {
         let at = |row: usize| row.saturating_sub(60) as f64 * 5e-3;
         let velocity = |row: usize| 0.4 * (6.0 * at(row)).sin();
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_are_those_of_the_squared_error_whatever_a_track_begins_with() {
+    fn reduce_with_any_initial_torque_has_gradient_of_squared_error() {
         let model = Parameters::<f64>::new(LawKind::Lugre)
             .with(Id::CoulombTorque, 1.2)
             .with(Id::StaticTorque, 1.9)
@@ -151,7 +151,7 @@ mod tests {
             .with(Id::BristleDamping, 0.5)
             .with(Id::ViscousFriction, 0.4);
         let free = LawKind::Lugre.parameters();
-        // Within the level; more than it, backwards; by far more than the law can hold at rest.
+        // Below the level; above it, in the other direction; far above any torque that the law can hold at rest.
         for at_rest in [0.7, -2.4, 9.0] {
             let tracks = [track(at_rest)];
             let coordinates = Coordinates::new(&model, free, &Scales::of(&tracks));
@@ -169,16 +169,16 @@ mod tests {
                 let column = |row: usize| here.factor[row * count + index];
                 let slope: f64 =
                     (0..=index).map(|row| 2.0 * here.residual[row] * column(row)).sum();
-                let moved = |by: f64| {
+                let shifted = |by: f64| {
                     let mut point = point.clone();
                     point[index] += by;
                     at(&point).sum_of_squares()
                 };
-                let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+                let difference = (shifted(1e-5) - shifted(-1e-5)) / 2e-5;
                 let size = here.sum_of_squares();
-                let apart = (slope - difference).abs();
+                let error = (slope - difference).abs();
                 assert!(
-                    apart < 0.02 * size,
+                    error < 0.02 * size,
                     "{at_rest} Nm, {}: {slope} {difference} of {size}",
                     id.name()
                 );

@@ -1,29 +1,29 @@
-//! How large things are in a data set: what starting values and bounds are made from.
+//! Typical magnitudes in a data set, from which starting values and bounds are derived.
 
 use super::track::Track;
 
-/// The sizes of a data set that starting values are made from.
+/// Typical magnitudes of a data set.
 #[derive(Clone, Copy, Debug)]
 pub struct Scales {
     /// 95th percentile of the speed, rad/s.
     pub speed: f64,
     /// Root mean square of the torque, Nm.
     pub torque: f64,
-    /// Median over the tracks of the distance travelled per track, rad.
+    /// Median over the tracks of the distance travelled, rad.
     pub travel: f64,
-    /// Length of the campaign, s.
+    /// Duration of the campaign, s.
     pub campaign_s: f64,
     /// Mean temperature, deg C.
     pub temperature_c: f64,
-    /// Noise of the torque, Nm, from its second differences: what a smooth torque would not have.
-    /// Never more than the noise there is by much, where the motion is smooth.
+    /// Noise of the torque, Nm, from its second differences, which are small for a smooth torque. If the motion is smooth,
+    /// the estimate is at most slightly too large.
     pub noise: f64,
     /// Median sample period, s.
     pub period_s: f64,
 }
 
 impl Scales {
-    /// Sizes of some tracks.
+    /// Computes the magnitudes of some tracks.
     pub fn of(tracks: &[Track]) -> Self {
         let samples = || tracks.iter().flat_map(|track| &track.samples);
         let rows = samples().count().max(1) as f64;
@@ -49,13 +49,13 @@ impl Scales {
     }
 }
 
-/// The median keeps breakaways and reversals out; a second difference of white noise has `sqrt 6`
-/// times its standard deviation, and 0.6745 of that as median magnitude.
+/// Returns the noise of the torque, Nm. The median excludes breakaways and reversals. The second difference of white noise
+/// has `sqrt 6` times its standard deviation, and 0.6745 of that as median magnitude.
 fn noise(tracks: &[Track]) -> f64 {
     white_noise(tracks.iter().map(|track| track.torque.as_slice()))
 }
 
-/// Standard deviation of the white noise in some unbroken series, as in [`Scales::noise`].
+/// Returns the standard deviation of the white noise in some unbroken series, as in [`Scales::noise`].
 pub fn white_noise<'a>(series: impl Iterator<Item = &'a [f64]>) -> f64 {
     let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
     let mut differences: Vec<f64> =

@@ -1,38 +1,37 @@
-//! The core's model stepped along a track, in any number.
+//! Simulation of the core's model along a track, generic over the number type.
 //!
-//! A log at 100 Hz or 1 kHz is coarse for a bristle: backward Euler is first order, and its error at
-//! the log's own period would be taken up by `sigma0` and `sigma1` (at 1 kHz it is 0.5 % of `F_S` in
-//! presliding). A simulation may therefore take several sub-steps a sample, the inputs following a straight
-//! line between samples, and may be *extrapolated*: two simulations, one with twice the sub-steps of the
-//! other, go side by side, and `2 fine - coarse` has the first-order error gone (Richardson). Both are the
-//! core's step. [`crate::fit::solve`] chooses.
+//! A log at 100 Hz or 1 kHz is coarse for a bristle. Backward Euler is a first-order method, and `sigma0` and `sigma1`
+//! would absorb its error at the log's own period (at 1 kHz it is 0.5 % of `F_S` in presliding). A simulation
+//! may therefore take several sub-steps per sample, with linearly interpolated inputs. It may also be *extrapolated*:
+//! two simulations, one with twice the sub-steps of the other, run side by side, and `2 fine - coarse` cancels
+//! the first-order error (Richardson extrapolation). Both use the core's step. [`crate::fit::solve`] chooses the
+//! resolution.
 //!
-//! Sub-steps are for bristles on the move. Most rows of most logs slide, or rest, where one step is as good;
-//! `settled` says where, so that an extrapolated simulation costs little more than a plain one.
+//! Sub-steps matter only while bristles move. In most rows of most logs the joint slides or rests, and one step is
+//! as accurate. `settled` finds these rows, so that an extrapolated simulation costs little more than a plain one.
 
-use super::channel::LowPass;
+use super::channel::TrackLowPass;
 use super::delayed::undelayed;
 use super::settled::Pilot;
-use super::stepper::{Stepper, Varying};
+use super::stepper::{Stepper, TrackRow, Varying, track_rows};
 use super::track::Track;
 use compensator_core::effect::NoEffect;
 use compensator_core::{Parameters, Real};
 
-/// How finely a simulation steps.
+/// Step size of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resolution {
-    /// Steps of the core per sample; at least 1. Of the coarser simulation, where there are two.
+    /// Steps of the core per sample, at least 1; those of the coarser simulation if there are two.
     pub substeps: usize,
-    /// Whether a second simulation with twice the sub-steps takes the first-order error off, where the
-    /// bristles move.
+    /// If true, a second simulation with twice the sub-steps cancels the first-order error while bristles move.
     pub extrapolated: bool,
 }
 
 impl Resolution {
-    /// One step per sample: what a driver does at the log's rate.
+    /// One step per sample, as a driver does at the log's rate.
     pub const PLAIN: Self = Self { substeps: 1, extrapolated: false };
 
-    /// The next finer one: extrapolated first, then with twice the sub-steps.
+    /// Returns the next finer resolution: extrapolated first, then with twice the sub-steps.
     #[must_use]
     pub fn finer(self) -> Self {
         let substeps = if self.extrapolated { 2 * self.substeps } else { self.substeps };
@@ -40,11 +39,11 @@ impl Resolution {
     }
 }
 
-/// Steps a model along a track and hands each sample's torque to `sink` as the torque's channel shows it, with the
-/// bristle torque; stops early where `sink` returns `false`.
+/// Simulates a model along a track and passes each row's torque, filtered by the torque's channel, and bristle torque to
+/// `sink`. Stops when `sink` returns `false`.
 ///
-/// `held` is the bristle torque at the start, or `None` where the track begins sliding
-/// ([`super::initial_state`]). Parameters are not checked: a fit passes through illegal values.
+/// `held` is the bristle torque at the start, or `None` if the track starts sliding ([`super::initial_state`]).
+/// Parameters are not validated, because a fit passes through illegal values.
 pub fn simulate<T: Real<Setting = T>>(
     parameters: &Parameters<T>,
     track: &Track,
@@ -52,18 +51,15 @@ pub fn simulate<T: Real<Setting = T>>(
     resolution: Resolution,
     mut sink: impl FnMut(usize, T, T) -> bool,
 ) {
-    let Some(mut low_pass) = LowPass::of_torque(track) else {
+    let Some(mut low_pass) = TrackLowPass::for_torque(track) else {
         return simulate_shaft(parameters, track, held, resolution, sink);
     };
     simulate_shaft(parameters, track, held, resolution, |row, torque, bristle| {
-        sink(row, low_pass.pass(row, torque), bristle)
+        sink(row, low_pass.filter(row, torque), bristle)
     });
 }
 
-/// The same with the torque as it is at the shaft, whatever its channel makes of it.
-///
-/// `held` is the bristle torque at the start, or `None` where the track begins sliding
-/// ([`super::initial_state`]). Parameters are not checked: a fit passes through illegal values.
+/// Simulates a model as [`simulate`] does, with the torque at the shaft, before the torque's channel.
 pub fn simulate_shaft<T: Real<Setting = T>>(
     parameters: &Parameters<T>,
     track: &Track,
@@ -74,9 +70,13 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
     let (parameters, delayed) = &undelayed(parameters, track);
     let varying = &Varying::of::<T>(track);
     let mut single = Stepper::new(parameters, track, varying, held, 1);
-    let even = track.period_ratio.is_none();
-    if resolution == Resolution::PLAIN && even && single.model.is_plain() && delayed.is_none() {
-        // The common case of plain bristles, with the law chosen once instead of at each sample.
+    let is_even = track.period_ratio.is_none();
+    if resolution == Resolution::PLAIN
+        && is_even
+        && single.model.has_no_terms()
+        && delayed.is_none()
+    {
+        // The common case of plain bristles: the law is selected once instead of at each sample.
         if let Some(law) = single.model.law().plain_bristles() {
             let bristle = &mut single.state.bristle_torque_nm;
             for (row, sample) in track.samples.iter().enumerate() {
@@ -88,73 +88,91 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
             return;
         }
     }
-    let delayed = |row: usize| delayed.as_ref().map(|v| [v[row.saturating_sub(1)], v[row]]);
-    let rows = || {
-        let before = track.samples.iter().take(1).chain(&track.samples);
-        before.zip(&track.samples).enumerate().map(|(row, (before, sample))| {
-            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
-            (row, before, sample, ratio)
-        })
-    };
-    if !resolution.extrapolated {
-        let mut stepper = Stepper::new(parameters, track, varying, held, resolution.substeps);
-        for (row, before, sample, ratio) in rows() {
-            let torque = stepper.row(before, sample, delayed(row), ratio);
-            if !sink(row, torque, stepper.state.bristle_torque_nm) {
+    if resolution.extrapolated {
+        let substeps = resolution.substeps;
+        let mut stepper = ExtrapolatedStepper {
+            pilot: Pilot::new(parameters, track, held),
+            single,
+            coarse: Stepper::new(parameters, track, varying, held, substeps),
+            fine: Stepper::new(parameters, track, varying, held, 2 * substeps),
+            was_extrapolated: true,
+        };
+        for row in track_rows(track, delayed.as_deref()) {
+            let (torque, bristle) = stepper.step(&row);
+            if !sink(row.index, torque, bristle) {
                 return;
             }
         }
         return;
     }
-    let mut pilot = Pilot::new(parameters, track, held);
-    let mut coarse = Stepper::new(parameters, track, varying, held, resolution.substeps);
-    let mut fine = Stepper::new(parameters, track, varying, held, 2 * resolution.substeps);
-    // Whether the two were the last to step.
-    let mut both = true;
-    for (row, before, sample, ratio) in rows() {
-        let velocities = delayed(row);
-        let share = pilot.share_of_fine(before, sample, velocities, ratio);
-        if share > 0.0 && !both {
-            (coarse.state, fine.state) = (single.state, single.state);
+    let mut stepper = Stepper::new(parameters, track, varying, held, resolution.substeps);
+    for row in track_rows(track, delayed.as_deref()) {
+        let torque = stepper.step(&row);
+        if !sink(row.index, torque, stepper.state.bristle_torque_nm) {
+            return;
         }
-        if share < 1.0 && both {
-            single.state = fine.state;
-            single.state.bristle_torque_nm = extrapolated_bristle(&coarse, &fine);
+    }
+}
+
+/// Three simulations of one model: one step per row, and two step sizes for Richardson extrapolation.
+struct ExtrapolatedStepper<'a, T: Real> {
+    /// Decides how much of a row is taken from the extrapolation.
+    pilot: Pilot<'a>,
+    /// One step per row.
+    single: Stepper<'a, T>,
+    coarse: Stepper<'a, T>,
+    /// Twice the sub-steps of `coarse`.
+    fine: Stepper<'a, T>,
+    /// True if the last row came from the extrapolation alone.
+    was_extrapolated: bool,
+}
+
+impl<T: Real<Setting = T>> ExtrapolatedStepper<'_, T> {
+    /// Simulates a row and returns its torque and bristle torque, Nm.
+    #[inline(always)]
+    fn step(&mut self, row: &TrackRow<T>) -> (T, T) {
+        let share = self.pilot.fine_share(row);
+        if share > 0.0 && !self.was_extrapolated {
+            (self.coarse.state, self.fine.state) = (self.single.state, self.single.state);
+        }
+        if share < 1.0 && self.was_extrapolated {
+            self.single.state = self.fine.state;
+            self.single.state.bristle_torque_nm = self.extrapolated_bristle();
         }
         let mut torque = T::zero();
         if share > 0.0 {
-            let first = coarse.row(before, sample, velocities, ratio);
-            let second = fine.row(before, sample, velocities, ratio);
+            let first = self.coarse.step(row);
+            let second = self.fine.step(row);
             torque = second + (second - first);
         }
         if share < 1.0 {
-            let plain = single.row(before, sample, velocities, ratio);
+            let plain = self.single.step(row);
             if share > 0.0 {
                 let share = T::from_f64(share);
-                let bristle = extrapolated_bristle(&coarse, &fine);
-                let own = &mut single.state.bristle_torque_nm;
+                let bristle = self.extrapolated_bristle();
+                let own = &mut self.single.state.bristle_torque_nm;
                 *own = *own + (bristle - *own) * share;
                 torque = plain + (torque - plain) * share;
             } else {
                 torque = plain;
             }
         }
-        both = share >= 1.0;
-        let bristle = if both {
-            extrapolated_bristle(&coarse, &fine)
+        self.was_extrapolated = share >= 1.0;
+        let bristle = if self.was_extrapolated {
+            self.extrapolated_bristle()
         } else {
-            single.state.bristle_torque_nm
+            self.single.state.bristle_torque_nm
         };
-        if !sink(row, torque, bristle) {
-            return;
-        }
+        (torque, bristle)
     }
-}
 
-/// What the bristles hold, the first-order error gone, Nm.
-fn extrapolated_bristle<T: Real<Setting = T>>(coarse: &Stepper<T>, fine: &Stepper<T>) -> T {
-    let (first, second) = (coarse.state.bristle_torque_nm, fine.state.bristle_torque_nm);
-    second + (second - first)
+    /// Returns the bristle torque without the first-order error, Nm.
+    #[inline(always)]
+    fn extrapolated_bristle(&self) -> T {
+        let [first, second] =
+            [&self.coarse, &self.fine].map(|stepper| stepper.state.bristle_torque_nm);
+        second + (second - first)
+    }
 }
 
 #[cfg(test)]
@@ -165,7 +183,7 @@ mod tests {
     use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
     use compensator_core::{LawKind, ParameterId as Id, TermKind};
 
-    /// A joint moving to and fro while its auxiliary covariate sweeps.
+    /// Joint with oscillating velocity and a swept auxiliary covariate.
     fn track() -> Track {
         let at = |row: usize| row as f64 * 5e-3;
         let sample = |row| Sample {
@@ -177,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn knots_of_the_unknown_term_have_the_slopes_differences_have() {
+    fn simulate_with_lookup_knots_has_derivatives_of_finite_differences() {
         let mut base = Parameters::<f64>::new(LawKind::Lugre)
             .with(Id::CoulombTorque, 1.5)
             .with(Id::StaticTorque, 2.0)
@@ -191,7 +209,7 @@ mod tests {
             base.set(*id, 0.05 * (index as f64 * 1.7).sin());
         }
         let track = track();
-        // Steps of one size: how rows of one step and of many mix has no derivative here.
+        // Steps of one size: the mixing weight of an extrapolated simulation has no derivative here.
         let resolution = Resolution { substeps: 2, extrapolated: false };
         let torques = |parameters: &Parameters<f64>| {
             let mut torques = Vec::new();
@@ -211,21 +229,21 @@ mod tests {
             true
         });
         for (index, id) in knots.iter().enumerate() {
-            let moved = |by: f64| torques(&base.clone().with(*id, base.get(*id) + by));
-            let (less, more) = (moved(-1e-5), moved(1e-5));
+            let shifted = |by: f64| torques(&base.clone().with(*id, base.get(*id) + by));
+            let (less, more) = (shifted(-1e-5), shifted(1e-5));
             let mut largest = 0.0f64;
             for (row, dual) in found.iter().enumerate() {
                 let slope = (more[row] - less[row]) / 2e-5;
-                let apart = (dual.gradient[index] - slope).abs();
+                let difference = (dual.gradient[index] - slope).abs();
                 assert!(
-                    apart < 1e-5,
+                    difference < 1e-5,
                     "{} at {row}: {:?}, {slope}",
                     id.name(),
                     dual.gradient[index]
                 );
                 largest = largest.max(slope.abs());
             }
-            assert!(largest > 0.5, "{}: a knot no row passes tests nothing", id.name());
+            assert!(largest > 0.5, "{}: no row reaches this knot", id.name());
         }
     }
 }

@@ -1,11 +1,11 @@
-//! A model fitted to rows: starts, optimiser, sub-steps.
+//! Fit of a model to rows: starting points, optimiser, resolution.
 //!
-//! Bounded Levenberg-Marquardt ([`super::minimise`]) from several starting points ([`super::start`]). A
-//! log's period is coarse for a bristle; the simulation is refined ([`Resolution`]) until a finer one
-//! would move no parameter by more than a tenth of its standard error.
+//! A bounded Levenberg-Marquardt optimiser ([`super::minimise`]) runs from several starting points
+//! ([`super::start`]). A log's period is coarse for a bristle. The simulation is therefore refined ([`Resolution`])
+//! until a finer one would move no parameter by more than a tenth of its standard error.
 
 use super::coordinates::Coordinates;
-use super::minimise::{Minimum, Stop, minimise, minimise_from};
+use super::minimise::{Minimum, StopCriteria, minimise, minimise_from};
 use super::predict::predict;
 use super::reduce::reduce;
 use super::scales::Scales;
@@ -18,48 +18,49 @@ use super::treatment;
 use crate::spec::Spec;
 use compensator_core::{ParameterId, Parameters, Quantity};
 
-/// A finer simulation must not move a parameter by more than this many standard errors.
+/// Largest movement of a parameter by a finer simulation, in standard errors.
 const STEP_TOLERANCE: f64 = 0.1;
 
-/// Sub-steps of the coarser simulation at which refining ends, whatever it still moves.
-const MOST_SUBSTEPS: usize = 4;
+/// Maximum number of sub-steps of the coarser simulation.
+const MAX_SUBSTEPS: usize = 4;
 
-/// Simulations per parameter after which the optimiser gives up; a fit that takes more crawls along a
-/// valley the data leave open.
-const PATIENCE: usize = 20;
+/// Maximum number of simulations per parameter. A fit that needs more moves slowly along a valley that the data do not
+/// determine.
+const DEFAULT_PATIENCE: usize = 20;
 
-/// A fit ends where a step would lower the sum of squares by less than this share of one row's: parameters
-/// are then within a thirtieth of a standard error of the optimum.
-const ENOUGH: f64 = 1e-3;
+/// A fit ends if a step would lower the sum of squares by less than this share of one row's. The parameters are then
+/// within a thirtieth of a standard error of the optimum.
+const DEFAULT_TOLERANCE: f64 = 1e-3;
 
-/// The same for fits that are only compared with others, or go on at a finer resolution: a third of a
-/// standard error. The last tenth of the way to the optimum takes half of a fit's simulations.
-pub const ENOUGH_TO_COMPARE: f64 = 0.1;
+/// Tolerance of fits that are only compared with others, or continue at a finer resolution: a third of a standard
+/// error. The last tenth of the distance to the optimum would take half of a fit's simulations.
+pub const COMPARISON_TOLERANCE: f64 = 0.1;
 
-/// The same for fits of which only the best goes on, or that go on at a finer resolution.
-const PATIENCE_ON_THE_WAY: usize = 5;
+/// Maximum number of simulations per parameter of a fit that continues at a finer resolution, or only if it is the best.
+const INTERMEDIATE_PATIENCE: usize = 5;
 
-/// How a fit is done.
+/// Options of a fit.
 #[derive(Clone, Debug)]
 pub struct FitOptions {
-    /// Plain steps of the simulation per sample; `None` to choose the resolution.
+    /// Plain simulation steps per sample; `None` to choose the resolution.
     pub substeps: Option<usize>,
-    /// Exactly this resolution, known to do; `None` to choose it.
+    /// Resolution that is known to be fine enough; `None` to choose it.
     pub resolution: Option<Resolution>,
-    /// How many starting points go all the way; at least 1.
+    /// Number of starting points that are fitted to the end; at least 1.
     pub starts: usize,
-    /// Start here, and here only.
+    /// The only starting point; `None` to search for starting points.
     pub start: Option<Parameters<f64>>,
-    /// Parameters to keep at their value.
+    /// Parameters that keep their value.
     pub fixed: Vec<ParameterId>,
-    /// Optional parameters to fit too (the static excesses of the improved law).
+    /// Optional parameters to fit as well (the static excesses of the improved law).
     pub freed: Vec<ParameterId>,
-    /// Fit a law that cannot give out energy, as a joint driver asks for; else the law as the rows want it.
+    /// If true, fits a passive law, one that dissipates energy only, as a joint driver requires. If false, the rows alone
+    /// determine the law.
     pub passive: bool,
-    /// Simulations per parameter after which the optimiser gives up.
+    /// Maximum number of simulations per parameter.
     pub patience: usize,
-    /// Where a step would lower the sum of squares by less than this share of one row's, the fit ends.
-    pub enough: f64,
+    /// The fit ends if a step would lower the sum of squares by less than this share of one row's.
+    pub tolerance: f64,
 }
 
 impl Default for FitOptions {
@@ -72,76 +73,106 @@ impl Default for FitOptions {
             fixed: Vec::new(),
             freed: Vec::new(),
             passive: false,
-            patience: PATIENCE,
-            enough: ENOUGH,
+            patience: DEFAULT_PATIENCE,
+            tolerance: DEFAULT_TOLERANCE,
         }
     }
 }
 
-/// A fit's end point.
+/// Result of a fit.
 #[derive(Clone, Debug)]
 pub struct Solution {
-    /// The coordinates it was found in.
+    /// Coordinates of the fit.
     pub coordinates: Coordinates,
-    /// The point.
+    /// The optimum in these coordinates.
     pub point: Vec<f64>,
-    /// Parameters left where they were: what they do, others do as well.
+    /// Parameters that were kept, because their effect is a combination of others.
     pub collinear: Vec<ParameterId>,
-    /// Where it began.
+    /// Starting point.
     pub start: Parameters<f64>,
-    /// The reduced problem there.
+    /// The reduced problem at the optimum.
     pub reduced: Reduced,
-    /// How finely the simulation stepped.
+    /// Resolution of the simulation.
     pub resolution: Resolution,
-    /// Simulations with derivatives that were made.
+    /// Number of simulations with derivatives.
     pub evaluations: usize,
-    /// Whether the optimiser converged, or gave up at its limit.
+    /// True if the optimiser converged, false if it stopped at its limit.
     pub converged: bool,
 }
 
 impl Solution {
-    /// The parameters found.
+    /// Returns the fitted parameters.
     pub fn parameters(&self) -> Parameters<f64> {
         self.coordinates.parameters(&self.point)
     }
+
+    /// Moves the solution to the end point of another run of the optimiser.
+    fn moved_to(self, minimum: Minimum) -> Self {
+        let Minimum { point, reduced, evaluations, converged } = minimum;
+        Self { point, reduced, converged, evaluations: self.evaluations + evaluations, ..self }
+    }
 }
 
-/// Fits a model to rows: starts, optimiser, sub-steps.
+/// Fits a model to rows.
 ///
-/// # Errors
-/// If the model carries more terms than the core takes.
+/// If there are several starts, or if the resolution is still to be chosen, all fits but the last one stop early.
 pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions) -> Solution {
     let scales = Scales::of(rows.tracks);
-    let base = &seeing_all(base.clone());
+    let base = &without_speed_limit(base.clone());
     let free = free_parameters(spec, base, rows.tracks, options);
-    let given = options.substeps.is_some() || options.resolution.is_some();
-    let refines = spec.law.has_bristles() && !given;
+    let is_given = options.substeps.is_some() || options.resolution.is_some();
+    let refines = spec.law.has_bristles() && !is_given;
     let plain = Resolution { substeps: options.substeps.unwrap_or(1).max(1), extrapolated: false };
-    let mut resolution = options.resolution.unwrap_or(plain);
+    let resolution = options.resolution.unwrap_or(plain);
     let candidates = match &options.start {
-        Some(start) => vec![seeing_all(start.clone())],
+        Some(start) => vec![without_speed_limit(start.clone())],
         None => start::candidates(spec, base, &free, rows, &scales, resolution, options.starts),
     };
     let (collinear, at_first) = match candidates.first() {
         Some(start) => collinear(start, &free, rows, &scales),
         None => Default::default(),
     };
-    // Where nothing had to go, the first fit begins at the very point the collinear were sought at.
-    let mut at_first = at_first.filter(|_| collinear.is_empty() && resolution == Resolution::PLAIN);
-    let free: Vec<ParameterId> = free.into_iter().filter(|id| !collinear.contains(id)).collect();
-    let mut evaluations = 0;
-    let last = Stop { patience: options.patience, enough: options.enough };
-    // Where more is to come, no fit goes all the way but the last.
-    let is_last = candidates.len() < 2 && !refines;
-    let on_the_way = Stop {
-        patience: last.patience.min(PATIENCE_ON_THE_WAY),
-        enough: last.enough.max(ENOUGH_TO_COMPARE),
+    // Without collinear parameters, the first fit begins at the point where they were searched for.
+    let at_first = at_first.filter(|_| collinear.is_empty() && resolution == Resolution::PLAIN);
+    let free = free.into_iter().filter(|id| !collinear.contains(id)).collect();
+    let last = StopCriteria { patience: options.patience, tolerance: options.tolerance };
+    let intermediate = StopCriteria {
+        patience: last.patience.min(INTERMEDIATE_PATIENCE),
+        tolerance: last.tolerance.max(COMPARISON_TOLERANCE),
     };
-    let stop = if is_last { last } else { on_the_way };
+    let is_last = candidates.len() < 2 && !refines;
+    let starts = Starts { candidates, free, collinear, at_first };
+    let stop = if is_last { last } else { intermediate };
+    let mut best = fit_starts(starts, rows, &scales, resolution, stop);
+    if refines {
+        best = refine(best, rows, intermediate);
+    }
+    if is_last { best } else { converge(best, rows, last) }
+}
+
+/// Starting points of a fit.
+struct Starts {
+    candidates: Vec<Parameters<f64>>,
+    free: Vec<ParameterId>,
+    collinear: Vec<ParameterId>,
+    /// The reduced problem at the first candidate, if it is known.
+    at_first: Option<Reduced>,
+}
+
+/// Fits from every starting point and returns the solution with the smallest error.
+fn fit_starts(
+    starts: Starts,
+    rows: Rows,
+    scales: &Scales,
+    resolution: Resolution,
+    stop: StopCriteria,
+) -> Solution {
+    let Starts { candidates, free, collinear, mut at_first } = starts;
+    let mut evaluations = 0;
     let best = candidates
         .iter()
         .map(|start| {
-            let coordinates = Coordinates::new(start, &free, &scales);
+            let coordinates = Coordinates::new(start, &free, scales);
             let from = coordinates.point(start);
             let at_start = at_first.take();
             let at_start =
@@ -160,48 +191,46 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
             }
         })
         .min_by(|a, b| a.reduced.sum_of_squares().total_cmp(&b.reduced.sum_of_squares()));
-    let Some(mut best) = best else { unreachable!("there is always one candidate") };
-    // Residuals that hang together make for larger standard errors, and need less.
-    let time = if refines {
-        let predicted = predict(&best.parameters(), rows, resolution);
-        autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice))
-    } else {
-        1.0
-    };
-    while refines && resolution.substeps < MOST_SUBSTEPS {
-        let finer = resolution.finer();
-        let again = reduce(&best.coordinates, &best.point, rows, finer);
-        evaluations += 1;
-        if step_in_standard_errors(&best.reduced, &again) < STEP_TOLERANCE * time.sqrt() {
+    let Some(best) = best else { unreachable!("there is always one candidate") };
+    Solution { evaluations, ..best }
+}
+
+/// Refines the resolution until a finer one would move no parameter by a relevant amount.
+fn refine(mut best: Solution, rows: Rows, stop: StopCriteria) -> Solution {
+    // Autocorrelated residuals mean larger standard errors, so that a coarser resolution is enough.
+    let predicted = predict(&best.parameters(), rows, best.resolution);
+    let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
+    while best.resolution.substeps < MAX_SUBSTEPS {
+        let finer = best.resolution.finer();
+        let refined = reduce(&best.coordinates, &best.point, rows, finer);
+        best.evaluations += 1;
+        if step_in_standard_errors(&best.reduced, &refined) < STEP_TOLERANCE * time.sqrt() {
             break;
         }
-        resolution = finer;
-        let Minimum { point, reduced, evaluations: used, converged } =
-            minimise(&best.coordinates, &best.point, rows, resolution, on_the_way);
-        evaluations += used;
-        best = Solution { point, reduced, resolution, converged, ..best };
+        let minimum = minimise(&best.coordinates, &best.point, rows, finer, stop);
+        best = Solution { resolution: finer, ..best.moved_to(minimum) };
     }
-    if !is_last {
-        let Solution { coordinates, point, reduced, .. } = best;
-        let Minimum { point, reduced, evaluations: used, converged } =
-            minimise_from(&coordinates, &point, reduced, rows, resolution, last);
-        evaluations += used;
-        best = Solution { coordinates, point, reduced, converged, ..best };
-    }
-    best.evaluations = evaluations;
     best
 }
 
-/// The declared speed limits the step; a fit is to see all that was measured, wherever it begins.
-fn seeing_all(mut parameters: Parameters<f64>) -> Parameters<f64> {
+/// Continues a fit with the final stop criteria.
+fn converge(best: Solution, rows: Rows, stop: StopCriteria) -> Solution {
+    let reduced = best.reduced.clone();
+    let minimum =
+        minimise_from(&best.coordinates, &best.point, reduced, rows, best.resolution, stop);
+    best.moved_to(minimum)
+}
+
+/// Removes the declared speed limit, which would clip measured velocities in a simulation.
+fn without_speed_limit(mut parameters: Parameters<f64>) -> Parameters<f64> {
     parameters.envelope.velocity_max_rad_s = f32::MAX;
     parameters
 }
 
-/// Free parameters whose effect is, to rounding, a combination of those before them: in sliding, a
-/// difference of the two directions' Coulomb levels is an offset. Left free, the pair would run off
-/// to infinity hand in hand; the later one (a term, if one is a term) stays where it is. With them,
-/// where the parameters were looked at in the order of `free`, the problem at the start.
+/// Returns the free parameters whose effect is, to rounding, a combination of those before them. In sliding, for
+/// example, a difference between the Coulomb levels of both directions is an offset. If both were free, they would
+/// diverge together; the later one (a term, if one is a term) keeps its value. Also returns the reduced problem at the
+/// start, if the parameters were examined in the order of `free`.
 fn collinear(
     start: &Parameters<f64>,
     free: &[ParameterId],
@@ -218,8 +247,8 @@ fn collinear(
     let coordinates = Coordinates::new(start, &ordered, scales);
     let reduced = reduce(&coordinates, &coordinates.point(start), rows, Resolution::PLAIN);
     let count = ordered.len();
-    // The factor's diagonal is what a column has beyond those before it. The prior is too weak to
-    // make a difference: no collinear has one.
+    // The factor's diagonal is the part of a column that is independent of those before it. Collinear parameters have no
+    // prior.
     let norm =
         |j: usize| (0..=j).map(|i| reduced.factor[i * count + j].powi(2)).sum::<f64>().sqrt();
     let is_collinear = |j: &usize| {
@@ -230,25 +259,25 @@ fn collinear(
     (collinear, (ordered == free).then_some(reduced))
 }
 
-/// The parameters of a model the rows can say anything of at all.
+/// Returns the parameters of a model that the fit varies.
 fn free_parameters(
     spec: &Spec,
     base: &Parameters<f64>,
     tracks: &[Track],
     options: &FitOptions,
 ) -> Vec<ParameterId> {
-    let unseen = unseen(spec, tracks);
+    let unobserved = unobserved_parameters(spec, tracks);
     base.active()
-        .filter(|id| !options.fixed.contains(id) && !unseen.contains(id))
-        .filter(|id| !treatment::of(*id).kept || options.freed.contains(id))
+        .filter(|id| !options.fixed.contains(id) && !unobserved.contains(id))
+        .filter(|id| !treatment::of(*id).is_fixed_by_default || options.freed.contains(id))
         .collect()
 }
 
-/// Parameters that act on a quantity which is not there, or 0 throughout.
-pub fn unseen(spec: &Spec, tracks: &[Track]) -> Vec<ParameterId> {
-    let silent = |quantity: Quantity| {
+/// Returns the parameters of quantities that are absent from the log, or 0 in all rows.
+pub fn unobserved_parameters(spec: &Spec, tracks: &[Track]) -> Vec<ParameterId> {
+    let is_absent = |quantity: Quantity| {
         let mut samples = tracks.iter().flat_map(|track| &track.samples);
-        samples.all(|sample| quantity.of_sample(sample).is_none_or(|value| value == 0.0))
+        samples.all(|sample| quantity.value_in(sample).is_none_or(|value| value == 0.0))
     };
-    spec.needs().filter(|(_, quantity)| silent(*quantity)).map(|(id, _)| id).collect()
+    spec.needs().filter(|(_, quantity)| is_absent(*quantity)).map(|(id, _)| id).collect()
 }

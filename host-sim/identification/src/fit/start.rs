@@ -1,15 +1,15 @@
-//! Where a fit begins.
+//! Starting points of a fit.
 //!
-//! A bristle model has valleys: a stiffness ten times too low fits presliding as viscosity. The
-//! quantities that enter linearly (Coulomb, viscous, offset, inertia, gravity) come from ordinary
-//! least squares on the sliding rows, which has no valleys; the others (stiffness, Stribeck velocity,
-//! excess of the static level) are laid out on a coarse grid around what speed and travel suggest. The
-//! grid is judged on a part of the rows, the best few are improved there, and the best of those go on.
+//! The error of a bristle model has local minima: a stiffness ten times too low fits presliding as viscosity.
+//! Quantities that enter linearly (Coulomb, viscous, offset, inertia, gravity) come from ordinary least squares on the
+//! sliding rows. The others (stiffness, Stribeck velocity, excess of the static level) form a coarse grid around
+//! values that follow from speed and travel. The grid is evaluated on a part of the rows. The best few points are
+//! improved there, and the best of those are returned.
 
 use super::coordinates::Coordinates;
 use super::initial_state::initial_state;
 use super::metrics::Metrics;
-use super::minimise::{Stop, minimise};
+use super::minimise::{StopCriteria, minimise};
 use super::scales::Scales;
 use super::simulate::{Resolution, simulate};
 use super::track::{Rows, Track};
@@ -20,16 +20,16 @@ use compensator_core::{ParameterId, Parameters, Sample, TermKind};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Rows the grid is judged on.
+/// Number of rows on which the grid is evaluated.
 const TRIAL_ROWS: usize = 20_000;
 
-/// How far a trial goes: far enough to tell one valley from another.
-const TRIAL: Stop = Stop { patience: 3, enough: 1.0 };
+/// Stop criteria of a trial fit, which only has to distinguish local minima.
+const TRIAL: StopCriteria = StopCriteria { patience: 3, tolerance: 1.0 };
 
-/// A parameter and what it multiplies.
+/// A parameter and the regressor that it multiplies.
 type LinearPart = (ParameterId, fn(&Sample<f64>) -> f64);
 
-/// Parts of the torque that are linear, each with the parameter that scales it.
+/// Returns the linear parts of the torque, each with the parameter that scales it.
 fn linear_parts(spec: &Spec, base: &Parameters<f64>) -> Vec<LinearPart> {
     let mut parts: Vec<LinearPart> = vec![
         (Id::CoulombTorque, |s| s.velocity_rad_s.signum()),
@@ -69,7 +69,7 @@ fn set_linear_parts(
                 continue;
             }
             let row = DVector::from_iterator(count, parts.iter().map(|(_, part)| part(sample)));
-            // A start is a guess: what is no number has no part in it.
+            // Rows with NaN or infinity are skipped.
             if !row.iter().all(|value| value.is_finite()) {
                 continue;
             }
@@ -77,10 +77,10 @@ fn set_linear_parts(
             right.axpy(*torque, &row, 1.0);
         }
     }
-    // Scaled to a unit diagonal, so that the cut-off means the same for every unit.
+    // The matrix is scaled to a unit diagonal, so that the cut-off does not depend on units.
     let scale = products.diagonal().map(|d: f64| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scaled = DMatrix::from_fn(count, count, |i, j| products[(i, j)] * scale[i] * scale[j]);
-    // Rows are numbers, their products may be too large to be: no singular values would be found then.
+    // Products of finite rows may overflow. The decomposition would then not terminate.
     if !scaled.iter().all(|entry| entry.is_finite()) {
         return;
     }
@@ -92,7 +92,7 @@ fn set_linear_parts(
     }
 }
 
-/// The best few starting points for the free parameters.
+/// Returns the best few starting points for the free parameters.
 pub fn candidates(
     spec: &Spec,
     base: &Parameters<f64>,
@@ -110,7 +110,7 @@ pub fn candidates(
     first.set(Id::CoulombTorque, coulomb);
     first.set(Id::CoulombTorqueNegative, coulomb);
     for id in ParameterId::ALL {
-        // What the caller keeps fixed stays as it was given.
+        // Fixed parameters keep the value from the caller.
         if !free.contains(id) && base.active().any(|active| active == *id) {
             let temperature = *id == Id::TemperatureReference;
             first.set(*id, if temperature { scales.temperature_c } else { base.get(*id) });
@@ -140,10 +140,10 @@ pub fn candidates(
         });
         errors.sum()
     };
-    let mut judged: Vec<_> = grid.into_par_iter().map(|start| (cost(&start), start)).collect();
-    judged.sort_by(|a, b| a.0.total_cmp(&b.0));
-    judged.truncate(2 * count.max(1));
-    let mut improved: Vec<_> = judged
+    let mut evaluated: Vec<_> = grid.into_par_iter().map(|start| (cost(&start), start)).collect();
+    evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    evaluated.truncate(2 * count.max(1));
+    let mut improved: Vec<_> = evaluated
         .into_par_iter()
         .map(|(_, start)| {
             let coordinates = Coordinates::new(&start, free, scales);
@@ -157,6 +157,7 @@ pub fn candidates(
     improved.into_iter().map(|(_, start)| start).collect()
 }
 
+/// Returns the grid of nonlinear parameters.
 fn grid(
     spec: &Spec,
     free: &[ParameterId],
@@ -169,7 +170,7 @@ fn grid(
     };
     let stribeck = values(Id::StribeckVelocity, &[0.01, 0.05, 0.25].map(|s| s * scales.speed));
     let excess = values(Id::StaticTorque, &[1.1, 1.6].map(|ratio| ratio * coulomb));
-    // The travel over which the bristles take up the load: presliding.
+    // Presliding travel, over which the bristles build up the torque.
     let travels = [1e-4, 1e-3, 1e-2, 1e-1].map(|share| coulomb / (share * scales.travel));
     let stiffness = values(Id::BristleStiffness, &travels);
     let slope = values(Id::AtanSlope, &[1.0, 10.0, 100.0].map(|s| s / scales.speed));
@@ -201,7 +202,7 @@ fn grid(
             }
         }
     }
-    // Axes a law does not have repeat the same point.
+    // Parameters that a law does not have would repeat the same point.
     let own = |start: &Parameters<f64>| -> Vec<u64> {
         let ids = spec.law.parameters().iter();
         ids.map(|id| start.get(*id).to_bits()).collect()
@@ -211,7 +212,7 @@ fn grid(
     grid
 }
 
-/// Some whole tracks, spread over all, of about [`TRIAL_ROWS`] rows; a long one is cut.
+/// Returns evenly chosen tracks of about [`TRIAL_ROWS`] rows in total; long tracks are cut.
 fn trial_tracks(tracks: &[Track]) -> Vec<Track> {
     let rows: usize = tracks.iter().map(Track::len).sum();
     let stride = rows.div_ceil(TRIAL_ROWS).clamp(1, tracks.len().max(1));

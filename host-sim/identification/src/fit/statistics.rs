@@ -1,43 +1,42 @@
-//! Standard errors, correlations, and what they rest on.
+//! Standard errors and correlations.
 //!
-//! At the optimum the covariance of the coordinates is `s^2 (J'J)^-1`, carried over to the parameters
-//! with the exact derivative of the change of coordinates. Residuals of a log are not independent:
-//! what the model lacks is smooth, and a hundred neighbouring rows may be one observation. `s^2` is
-//! therefore multiplied by the residual's integrated autocorrelation time (1 for white noise), as for
-//! any correlated series. Directions no row determines get an error as large as the numbers allow, and
-//! no infinity.
+//! At the optimum the covariance of the coordinates is `s^2 (J'J)^-1`. It is transformed to the parameters with the
+//! exact derivative of the change of coordinates. The residuals of a log are not independent: model errors are smooth,
+//! and a hundred neighbouring rows may be one observation. `s^2` is therefore multiplied by the residual's integrated
+//! autocorrelation time (1 for white noise). Directions that no row determines get a very large but finite error.
 
 use super::streaming_qr::Reduced;
 use nalgebra::{DMatrix, DVector};
 
-/// Singular values below this share of the largest are no information.
-const NO_INFORMATION: f64 = 1e-13;
+/// Smallest singular value that counts as information, as a share of the largest.
+const MIN_SINGULAR_VALUE_RATIO: f64 = 1e-13;
 
-/// Covariance of the coordinates for unit residual variance, `(J'J)^-1`.
+/// Returns the covariance of the coordinates for unit residual variance, `(J'J)^-1`.
 pub fn inverse_information(reduced: &Reduced) -> DMatrix<f64> {
     let n = reduced.residual.len();
     if n == 0 {
         return DMatrix::zeros(0, 0);
     }
-    // Singular values of what is no number are searched for without end.
+    // The singular value decomposition does not terminate on NaN or infinity.
     if !reduced.factor.iter().all(|entry| entry.is_finite()) {
         return DMatrix::from_element(n, n, f64::MAX);
     }
     let factor = DMatrix::from_row_slice(n, n, &reduced.factor);
-    // Columns scaled to unit length first: units must not decide what is information.
+    // The columns are scaled to unit length first, so that the cut-off does not depend on units.
     let lengths = DVector::from_iterator(n, factor.column_iter().map(|c| c.norm()));
     let scale = lengths.map(|length| if length > 0.0 { 1.0 / length } else { 1.0 });
     let scaled = DMatrix::from_fn(n, n, |i, j| factor[(i, j)] * scale[j]);
     let svd = scaled.svd(false, true);
     let Some(right) = svd.v_t else { return DMatrix::from_element(n, n, f64::MAX) };
     let largest = svd.singular_values.max().max(f64::MIN_POSITIVE);
-    let inverse = svd.singular_values.map(|s| 1.0 / s.max(NO_INFORMATION * largest).powi(2));
+    let inverse =
+        svd.singular_values.map(|s| 1.0 / s.max(MIN_SINGULAR_VALUE_RATIO * largest).powi(2));
     let covariance = right.transpose() * DMatrix::from_diagonal(&inverse) * right;
     DMatrix::from_fn(n, n, |i, j| covariance[(i, j)] * scale[i] * scale[j])
 }
 
-/// How far the optimum would move, in standard errors of the parameter that moves most, if residual and
-/// derivatives at a point were those of `other` instead of `at`.
+/// Returns how far the optimum would move if residual and derivatives at a point were those of `other` instead of `at`, in
+/// standard errors of the parameter that moves most.
 pub fn step_in_standard_errors(at: &Reduced, other: &Reduced) -> f64 {
     let n = at.residual.len();
     if n == 0 || at.rows <= n {
@@ -47,7 +46,7 @@ pub fn step_in_standard_errors(at: &Reduced, other: &Reduced) -> f64 {
         let factor = DMatrix::from_row_slice(n, n, &of.factor);
         factor.transpose() * DVector::from_column_slice(&of.residual)
     };
-    // What is still to go to the optimum of `at` itself is no difference between the two.
+    // The remaining step to the optimum of `at` itself is subtracted.
     let gradient = gradient(other) - gradient(at);
     let covariance = inverse_information(other);
     let variance = at.sum_of_squares() / (at.rows - n) as f64;
@@ -59,11 +58,10 @@ pub fn step_in_standard_errors(at: &Reduced, other: &Reduced) -> f64 {
     (0..n).map(in_errors).fold(0.0, f64::max)
 }
 
-/// Integrated autocorrelation time of a residual in rows, at least 1: how many neighbouring rows
-/// are one observation. `tracks` are unbroken stretches.
+/// Returns the integrated autocorrelation time of a residual in rows, at least 1: the number of neighbouring rows that
+/// count as one observation. `tracks` are unbroken stretches.
 ///
-/// The sum of autocorrelations is cut where pairs of them turn negative (Geyer 1992) or fall into
-/// the noise of the estimate.
+/// The sum of autocorrelations ends where they become negative (Geyer 1992) or fall below the noise of the estimate.
 pub fn autocorrelation_time<'a>(tracks: impl Iterator<Item = &'a [f64]> + Clone) -> f64 {
     let rows: usize = tracks.clone().map(<[f64]>::len).sum();
     let squares: f64 = tracks.clone().flatten().map(|r| r * r).sum();
@@ -79,7 +77,7 @@ pub fn autocorrelation_time<'a>(tracks: impl Iterator<Item = &'a [f64]> + Clone)
     let noise = 2.0 / (rows as f64).sqrt();
     let mut time = 1.0;
     let mut lag = 1;
-    // Lags grow geometrically once correlation is long: a time of 1000 rows needs no 1000 sums.
+    // Long lags grow geometrically, so that a long autocorrelation time needs few sums.
     while lag < rows / 4 {
         let stride = (lag / 8).max(1);
         let here = correlation(lag);
@@ -97,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_number_ends_and_says_nothing() {
+    fn inverse_information_with_nan_is_maximal() {
         let reduced = Reduced {
             factor: vec![1.0, f64::NAN, 0.0, f64::NAN],
             residual: vec![0.0; 2],
@@ -117,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn white_noise_has_time_one_and_filtered_noise_what_theory_says() {
+    fn autocorrelation_time_of_white_and_filtered_noise_matches_theory() {
         let white = noise(50_000);
         let time = autocorrelation_time([white.as_slice()].into_iter());
         assert!((1.0..1.05).contains(&time), "{time}");
@@ -136,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn information_is_inverted_and_its_absence_is_large_not_infinite() {
+    fn inverse_information_of_singular_factor_is_large_and_finite() {
         let reduced = |factor: [f64; 4]| Reduced {
             factor: factor.to_vec(),
             residual: vec![0.0; 2],

@@ -1,33 +1,33 @@
-//! A model on its way along a track, some steps of the core to a row.
+//! Stepping a model along a track, with one or more steps of the core per row.
 
+use super::initial_heat::initial_heat;
 use super::track::Track;
-use super::warmth::heat;
-use compensator_core::{Model, Parameters, Quantity, Real, Sample, State};
+use compensator_core::{FrictionModel, ModelState, Parameters, Quantity, Real, Sample};
 
-/// The numbers of a sample that change along a track.
+/// The fields of a sample that vary along a track.
 ///
-/// A dual number carries all its derivatives wherever it is written, and a sample has a dozen numbers: only
-/// what changes is written anew.
+/// Writing a dual number copies all its derivatives, and a sample has a dozen fields. A stepper therefore writes only
+/// the fields that vary.
 pub struct Varying {
     quantities: Vec<Quantity>,
-    position_trust: bool,
+    position_weight: bool,
     radial_force_change: bool,
-    lookup_trust: bool,
-    /// Plain numbers: writing all of them is quicker than asking.
+    lookup_weight: bool,
+    /// If true, all fields are written. For plain numbers this is faster than the checks.
     all: bool,
 }
 
 impl Varying {
-    /// Everything.
+    /// All fields.
     pub const ALL: Self = Self {
         quantities: Vec::new(),
-        position_trust: true,
+        position_weight: true,
         radial_force_change: true,
-        lookup_trust: true,
+        lookup_weight: true,
         all: true,
     };
 
-    /// What changes along a track that is stepped in the number `T`.
+    /// Returns the fields that vary along a track, for a simulation in the number type `T`.
     pub fn of<T>(track: &Track) -> Self {
         let all = size_of::<T>() <= size_of::<f64>();
         let first = &track.samples[0];
@@ -38,24 +38,53 @@ impl Varying {
         let quantities = Quantity::ALL.iter().copied();
         Self {
             quantities: quantities
-                .filter(|quantity| varies(&|sample| quantity.of_sample(sample)))
+                .filter(|quantity| varies(&|sample| quantity.value_in(sample)))
                 .collect(),
-            position_trust: varies(&|sample| Some(sample.position_trust)),
+            position_weight: varies(&|sample| Some(sample.position_weight)),
             radial_force_change: varies(&|sample| Some(sample.radial_force_change_n)),
-            lookup_trust: varies(&|sample| Some(sample.lookup_trust)),
+            lookup_weight: varies(&|sample| Some(sample.lookup_weight)),
             all,
         }
     }
 }
 
-/// A model on its way along a track.
+/// One row of a track, as a stepper needs it.
+pub struct TrackRow<'a, T> {
+    /// Index of the row in the track.
+    pub index: usize,
+    /// Sample of the row before; the row's own for the first row.
+    pub before: &'a Sample<f64>,
+    /// Sample of the row.
+    pub sample: &'a Sample<f64>,
+    /// Velocities of both rows for a model with a channel delay, rad/s; `None` to use the samples' own.
+    pub delayed: Option<[T; 2]>,
+    /// Time since the row before, in periods of the track.
+    pub ratio: f64,
+}
+
+/// Returns the rows of a track, with these delayed velocities, rad/s, if there are any.
+pub fn track_rows<'a, T: Real>(
+    track: &'a Track,
+    delayed: Option<&'a [T]>,
+) -> impl Iterator<Item = TrackRow<'a, T>> {
+    let before = track.samples.iter().take(1).chain(&track.samples);
+    before.zip(&track.samples).enumerate().map(move |(index, (before, sample))| TrackRow {
+        index,
+        before,
+        sample,
+        delayed: delayed.map(|v| [v[index.saturating_sub(1)], v[index]]),
+        ratio: track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[index]),
+    })
+}
+
+/// Model and state of a simulation along a track.
 pub struct Stepper<'a, T: Real> {
     /// The model for the track's own sample period.
-    pub model: Model<T>,
-    /// What it remembers.
-    pub state: State<T>,
-    /// The model for the sample period at hand, where periods vary.
-    rescaled: Model<T>,
+    pub model: FrictionModel<T>,
+    /// The model's state.
+    pub state: ModelState<T>,
+    /// The model for the current row's period, if periods vary.
+    rescaled: FrictionModel<T>,
     ratio: f64,
     substeps: usize,
     varying: &'a Varying,
@@ -63,8 +92,7 @@ pub struct Stepper<'a, T: Real> {
 }
 
 impl<'a, T: Real<Setting = T>> Stepper<'a, T> {
-    /// A model at the start of a track. `held` is the bristle torque there, Nm, or `None` where the joint
-    /// slides.
+    /// Places a model at the start of a track. `held` is the bristle torque there, Nm, or `None` if the joint slides.
     pub fn new(
         parameters: &Parameters<T>,
         track: &Track,
@@ -73,33 +101,26 @@ impl<'a, T: Real<Setting = T>> Stepper<'a, T> {
         substeps: usize,
     ) -> Self {
         let period = T::from_f64(track.period_s / substeps as f64);
-        let model: Model<T> = parameters.build_unchecked(period);
-        let held = held.unwrap_or_else(|| sliding(&model, track));
-        let state = State::holding(held).warmed(heat(parameters, track));
+        let model: FrictionModel<T> = parameters.build_unchecked(period);
+        let held = held.unwrap_or_else(|| sliding_bristle_torque(&model, track));
+        let state = ModelState::holding(held).with_heat(initial_heat(parameters, track));
         let mut input = track.samples[0].map(T::from_f64);
-        // A change within the sample is shared among its steps.
+        // The force change of a sample is divided among its sub-steps.
         input.radial_force_change_n =
             T::from_f64(track.samples[0].radial_force_change_n / substeps as f64);
         Self { rescaled: model.clone(), model, ratio: 1.0, state, substeps, varying, input }
     }
 
-    /// Steps from the row before to this one, `ratio` sample periods later, the inputs following a straight
-    /// line; returns the torque at its end, Nm. `delayed` are the velocities of both rows, where they are
-    /// not the samples' own.
-    pub fn row(
-        &mut self,
-        before: &Sample<f64>,
-        sample: &Sample<f64>,
-        delayed: Option<[T; 2]>,
-        ratio: f64,
-    ) -> T {
+    /// Simulates a row and returns the torque at its end, Nm.
+    pub fn step(&mut self, row: &TrackRow<T>) -> T {
+        let TrackRow { before, sample, delayed, ratio, .. } = *row;
         if ratio != self.ratio {
             self.ratio = ratio;
             self.rescaled.rescale_period(&self.model, T::from_f64(ratio));
         }
         let mut torque = T::zero();
         for step in 1..=self.substeps {
-            self.between(before, sample, step);
+            self.interpolate_input(before, sample, step);
             if let Some([from, to]) = delayed {
                 let share = T::from_f64(step as f64 / self.substeps as f64);
                 self.input.velocity_rad_s = from + (to - from) * share;
@@ -109,41 +130,41 @@ impl<'a, T: Real<Setting = T>> Stepper<'a, T> {
         torque
     }
 
-    /// Sets the input to the sample that lies at the end of this step, on the way from `before` to `now`.
+    /// Sets the input to the sample at the end of this sub-step, interpolated between `before` and `now`.
     #[inline(always)]
-    fn between(&mut self, before: &Sample<f64>, now: &Sample<f64>, step: usize) {
+    fn interpolate_input(&mut self, before: &Sample<f64>, now: &Sample<f64>, step: usize) {
         let steps = self.substeps as f64;
         let share = step as f64 / steps;
         let last = step == self.substeps;
         let on_line = |from: f64, to: f64| if last { to } else { from + (to - from) * share };
         if self.varying.all {
             self.input = Sample {
-                position_trust: T::from_f64(now.position_trust),
+                position_weight: T::from_f64(now.position_weight),
                 radial_force_change_n: T::from_f64(now.radial_force_change_n / steps),
-                lookup_trust: T::from_f64(now.lookup_trust),
+                lookup_weight: T::from_f64(now.lookup_weight),
                 ..before.zip(now, |from, to| T::from_f64(on_line(from, to)))
             };
             return;
         }
         for quantity in &self.varying.quantities {
-            if let (Some(from), Some(to)) = (quantity.of_sample(before), quantity.of_sample(now)) {
+            if let (Some(from), Some(to)) = (quantity.value_in(before), quantity.value_in(now)) {
                 quantity.set_in_sample(&mut self.input, T::from_f64(on_line(from, to)));
             }
         }
-        if self.varying.position_trust {
-            self.input.position_trust = T::from_f64(now.position_trust);
+        if self.varying.position_weight {
+            self.input.position_weight = T::from_f64(now.position_weight);
         }
         if self.varying.radial_force_change {
             self.input.radial_force_change_n = T::from_f64(now.radial_force_change_n / steps);
         }
-        if self.varying.lookup_trust {
-            self.input.lookup_trust = T::from_f64(now.lookup_trust);
+        if self.varying.lookup_weight {
+            self.input.lookup_weight = T::from_f64(now.lookup_weight);
         }
     }
 }
 
-/// The bristle torque of a joint that slides where the track begins: the Coulomb level.
-fn sliding<T: Real<Setting = T>>(model: &Model<T>, track: &Track) -> T {
+/// Returns the bristle torque of a joint that slides at the start of the track: the Coulomb level, Nm.
+fn sliding_bristle_torque<T: Real<Setting = T>>(model: &FrictionModel<T>, track: &Track) -> T {
     let coulomb = model.law().sliding_torque();
     coulomb.copy_sign(T::from_f64(track.samples[0].velocity_rad_s))
 }

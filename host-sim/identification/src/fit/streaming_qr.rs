@@ -1,17 +1,16 @@
-//! Least squares in little memory: the triangle of a tall matrix.
+//! Least squares in little memory: the triangular factor of a tall matrix.
 //!
-//! All that a Gauss-Newton or Levenberg-Marquardt step needs of a Jacobian with two million rows is
-//! its triangular factor. Rows `[J | r]` are taken in as they are simulated, block by block, by
-//! Householder reflections (the "tall skinny QR"); triangles of different tracks are merged the same
-//! way, in parallel. Unlike the sum `J'J` this loses no digits, so a parameter the data hardly
-//! determine is told from one they do not determine at all.
+//! A Gauss-Newton or Levenberg-Marquardt step needs only the triangular factor of the Jacobian, not its millions of
+//! rows. Rows `[J | r]` are added as they are simulated and reduced block by block with Householder reflections
+//! ("tall skinny QR"). Factors of different tracks are merged in the same way, in parallel. Unlike the product `J'J`
+//! this loses no digits. A weakly determined parameter can therefore be distinguished from an undetermined one.
 
-/// Rows reduced at a time.
-const BLOCK: usize = 64;
+/// Number of rows reduced at a time.
+const BLOCK_ROWS: usize = 64;
 
-/// Sum of products, eight at a time: one sum would wait for itself at each row.
+/// Returns the scalar product, with eight partial sums: a single sum would be limited by the latency of the addition.
 #[inline(always)]
-fn product(a: &[f64; BLOCK], b: &[f64; BLOCK]) -> f64 {
+fn product(a: &[f64; BLOCK_ROWS], b: &[f64; BLOCK_ROWS]) -> f64 {
     let mut sums = [0.0; 8];
     for (a, b) in a.as_chunks::<8>().0.iter().zip(b.as_chunks::<8>().0) {
         for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
@@ -21,63 +20,63 @@ fn product(a: &[f64; BLOCK], b: &[f64; BLOCK]) -> f64 {
     sums.iter().sum()
 }
 
-/// The triangular factor of the rows taken in so far; the last column is the residual.
+/// Triangular factor of the rows added so far. The last column is the residual.
 #[derive(Clone, Debug)]
 pub struct StreamingQr {
     columns: usize,
     /// Upper triangle, row-major, `columns` by `columns`.
     factor: Vec<f64>,
-    /// Rows not yet reduced, column-major with stride [`BLOCK`].
+    /// Rows not yet reduced, column-major with stride [`BLOCK_ROWS`].
     pending: Vec<f64>,
     waiting: usize,
     rows: usize,
 }
 
 impl StreamingQr {
-    /// No rows yet; `parameters` columns and the residual.
+    /// Creates a factor without rows, with `parameters` columns and the residual.
     pub fn new(parameters: usize) -> Self {
         let columns = parameters + 1;
         Self {
             columns,
             factor: vec![0.0; columns * columns],
-            pending: vec![0.0; columns * BLOCK],
+            pending: vec![0.0; columns * BLOCK_ROWS],
             waiting: 0,
             rows: 0,
         }
     }
 
-    /// Takes in a row of derivatives and its residual.
+    /// Adds a row of derivatives and its residual.
     #[inline]
     pub fn push(&mut self, derivatives: &[f64], residual: f64) {
-        self.put(0, derivatives, residual);
+        self.push_from(0, derivatives, residual);
     }
 
-    /// Takes in a row whose first derivative stands apart from the others.
+    /// Adds a row whose first derivative is given separately.
     pub fn push_with(&mut self, first: f64, others: &[f64], residual: f64) {
         self.pending[self.waiting] = first;
-        self.put(1, others, residual);
+        self.push_from(1, others, residual);
     }
 
     #[inline]
-    fn put(&mut self, from: usize, derivatives: &[f64], residual: f64) {
-        let (pending, _) = self.pending.as_chunks_mut::<BLOCK>();
+    fn push_from(&mut self, from: usize, derivatives: &[f64], residual: f64) {
+        let (pending, _) = self.pending.as_chunks_mut::<BLOCK_ROWS>();
         for (column, value) in pending[from..].iter_mut().zip(derivatives) {
             column[self.waiting] = *value;
         }
         pending[self.columns - 1][self.waiting] = residual;
         self.waiting += 1;
         self.rows += 1;
-        if self.waiting == BLOCK {
+        if self.waiting == BLOCK_ROWS {
             self.reduce();
         }
     }
 
-    /// Counts the rows taken in so far as no data.
+    /// Resets the number of rows to 0, so that the rows added so far do not count as data.
     pub fn forget_rows(&mut self) {
         self.rows = 0;
     }
 
-    /// Takes in all that another one has.
+    /// Merges another factor into this one.
     #[must_use]
     pub fn merged(mut self, mut other: Self) -> Self {
         let rows = self.rows + other.rows;
@@ -90,8 +89,7 @@ impl StreamingQr {
         self
     }
 
-    /// The same rows with the first parameter solved for and gone: what is left of the others'
-    /// derivatives at right angles to its own.
+    /// Eliminates the first parameter: the derivatives of the others are projected orthogonally to its own.
     #[must_use]
     pub fn without_first(mut self) -> Self {
         self.reduce();
@@ -105,17 +103,19 @@ impl StreamingQr {
 
     fn reduce(&mut self) {
         let columns = self.columns;
-        // Rows that are not there count as zeros: a loop of fixed length takes several at a time.
-        for column in self.pending.chunks_exact_mut(BLOCK) {
+        // Missing rows are filled with zeros: a loop of fixed length can be vectorised.
+        for column in self.pending.chunks_exact_mut(BLOCK_ROWS) {
             column[self.waiting..].fill(0.0);
         }
         let mut pending = self.pending.as_mut_slice();
         for pivot in 0..columns {
-            let Some((reflector, rest)) = pending.split_first_chunk_mut::<BLOCK>() else { break };
+            let Some((reflector, rest)) = pending.split_first_chunk_mut::<BLOCK_ROWS>() else {
+                break;
+            };
             pending = rest;
             let norm_below = product(reflector, reflector);
-            // A column whose square is no normal number is none: one over that square is infinite, and times zero
-            // not a number. What a stiff bristle remembers of its start fades to 1e-160 within a few rows.
+            // A column whose square is not a normal number is skipped: the inverse of the square would be infinite, and its
+            // product with 0 NaN. The influence of a stiff bristle's initial state decays to 1e-160 within a few rows.
             if norm_below < f64::MIN_POSITIVE {
                 continue;
             }
@@ -127,7 +127,7 @@ impl StreamingQr {
             let head = diagonal + norm.copysign(diagonal);
             let scale = 1.0 / (norm * norm + norm * diagonal.abs());
             row[0] = -norm.copysign(diagonal);
-            let (others, _) = pending.as_chunks_mut::<BLOCK>();
+            let (others, _) = pending.as_chunks_mut::<BLOCK_ROWS>();
             for (entry, column) in row[1..].iter_mut().zip(others) {
                 let factor = (head * *entry + product(reflector, column)) * scale;
                 *entry -= factor * head;
@@ -139,8 +139,8 @@ impl StreamingQr {
         self.waiting = 0;
     }
 
-    /// The factor of the derivatives (row-major, upper, `n` by `n`), the residual turned by the
-    /// same reflections (its first `n` entries), and the norm of what no parameter can reach.
+    /// Returns the factor of the derivatives (row-major, upper, `n` by `n`), the first `n` entries of the residual after the
+    /// same reflections, and the norm of the irreducible residual.
     pub fn finish(mut self) -> Reduced {
         self.reduce();
         let n = self.columns - 1;
@@ -154,7 +154,7 @@ impl StreamingQr {
     }
 }
 
-/// What is left of a tall least-squares problem.
+/// A tall least-squares problem in reduced form.
 #[derive(Clone, Debug)]
 pub struct Reduced {
     /// Triangular factor of the Jacobian, row-major.
@@ -163,12 +163,12 @@ pub struct Reduced {
     pub residual: Vec<f64>,
     /// Norm of the residual outside it.
     pub rest: f64,
-    /// How many rows there were.
+    /// Number of rows.
     pub rows: usize,
 }
 
 impl Reduced {
-    /// Sum of squared residuals.
+    /// Returns the sum of squared residuals.
     pub fn sum_of_squares(&self) -> f64 {
         self.residual.iter().map(|r| r * r).sum::<f64>() + self.rest * self.rest
     }
@@ -179,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_column_that_has_faded_away_leaves_the_others() {
+    fn without_first_with_vanishing_column_keeps_other_columns() {
         let mut qr = StreamingQr::new(2);
         for i in 0..100 {
             let slope = f64::from(i) * 0.01;
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn triangle_has_the_products_of_the_rows() {
+    fn merged_factor_has_products_of_all_rows() {
         let row = |i: usize| {
             let x = i as f64 * 0.37;
             ([1.0, x.sin(), (2.0 * x).cos() * 1e-4], (0.3 * x).cos() + 0.1 * x.sin())

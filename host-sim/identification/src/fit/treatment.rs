@@ -1,49 +1,49 @@
-//! How a fit and a diagnosis treat each parameter: one table.
+//! How a fit and a diagnosis treat each parameter, in one table.
 //!
-//! A parameter without a row is free and may have any value: most parameters of terms are such. A row says
-//! what else is known of it: that it is positive and over which decades it is sought, that it cannot be
-//! negative and how large it may be expected to be, that it is not below another, that it is kept unless a
-//! fit is told to free it, that the friction level is proportional to it.
+//! A parameter without a row is free and may have any value, as most parameters of terms. A row restricts the values
+//! (positive within a range, not negative with a typical size, not below another parameter), fixes a parameter unless
+//! the options free it, or marks it as a friction level.
 
 use super::scales::Scales;
 use ParameterId as Id;
 use compensator_core::ParameterId;
 
-/// What values a fit seeks.
+/// Values that a fit may choose.
 #[derive(Clone, Copy)]
 pub enum Values {
-    /// Any.
+    /// Any value.
     Any,
-    /// Positive ones, by their logarithm, within its legal range and this one, beyond which it does on these
-    /// rows what it does at the bound.
+    /// Positive values, on a logarithmic scale, within the legal range and this one. Beyond this range the effect on the rows
+    /// is that at the bound.
     Positive(fn(&Scales) -> (f64, f64)),
-    /// None below 0; a size that may be expected.
+    /// Values from 0, with this typical size.
     NotNegative(fn(&Scales) -> f64),
-    /// None below those of another.
+    /// Values from that of another parameter.
     NotBelow(ParameterId),
 }
 
-/// How a parameter is treated.
+/// Treatment of a parameter.
 #[derive(Clone, Copy)]
 pub struct Treatment {
-    /// What values are sought.
+    /// Values that a fit may choose.
     pub values: Values,
-    /// Whether it stays where it starts unless it is freed: what is chosen, or hardly ever determined.
-    pub kept: bool,
-    /// Whether the friction level is proportional to all such together.
+    /// True if the parameter keeps its start value unless the options free it: choices, and parameters that data rarely
+    /// determine.
+    pub is_fixed_by_default: bool,
+    /// True for the parameters to which, together, the friction level is proportional.
     pub is_level: bool,
-    /// What it means that it ended at its bound.
+    /// Meaning of a value at the bound, for the report.
     pub at_bound: &'static str,
 }
 
 const FREE: Treatment = Treatment {
     values: Values::Any,
-    kept: false,
+    is_fixed_by_default: false,
     is_level: false,
-    at_bound: "the edge of its legal range",
+    at_bound: "the end of its legal range",
 };
 
-const KEPT: Treatment = Treatment { kept: true, ..FREE };
+const FIXED: Treatment = Treatment { is_fixed_by_default: true, ..FREE };
 
 const LEVEL: Treatment = Treatment { is_level: true, ..FREE };
 
@@ -59,24 +59,27 @@ const fn not_below(other: ParameterId, at_bound: &'static str) -> Treatment {
     Treatment { values: Values::NotBelow(other), at_bound, ..LEVEL }
 }
 
-/// As far as it is legal.
-const LEGAL: fn(&Scales) -> (f64, f64) = |_| (0.0, f64::INFINITY);
+/// No restriction besides the legal range.
+const LEGAL_RANGE: fn(&Scales) -> (f64, f64) = |_| (0.0, f64::INFINITY);
 
-const NOT_THERE: &str = "0 fits best, the effect is not there";
+const NO_EFFECT: &str = "0 fits best, the effect is absent";
 
-/// How this parameter is treated.
+/// Returns the treatment of a parameter.
 pub fn of(id: ParameterId) -> Treatment {
     match id {
         Id::CoulombTorque | Id::CoulombTorqueNegative => Treatment {
             values: Values::Positive(|scales| (1e-4 * scales.torque, 1e3 * scales.torque)),
             ..LEVEL
         },
-        Id::StaticTorque => not_below(Id::CoulombTorque, "F_S = F_C, no Stribeck effect is seen"),
-        Id::StaticTorqueNegative => {
-            not_below(Id::CoulombTorqueNegative, "F_S = F_C backwards, no Stribeck effect is seen")
+        Id::StaticTorque => {
+            not_below(Id::CoulombTorque, "F_S = F_C, the data show no Stribeck effect")
         }
+        Id::StaticTorqueNegative => not_below(
+            Id::CoulombTorqueNegative,
+            "F_S = F_C backwards, the data show no Stribeck effect",
+        ),
         Id::StribeckVelocity => positive(|scales| (1e-3 * scales.speed, 1e1 * scales.speed)),
-        // Presliding over a hundred times the travel, or a millionth of it.
+        // Presliding travel from a millionth to a hundred times the travel of a track.
         Id::BristleStiffness => positive(|scales| {
             (0.01 * scales.torque / scales.travel, 1e6 * scales.torque / scales.travel)
         }),
@@ -85,40 +88,40 @@ pub fn of(id: ParameterId) -> Treatment {
         }
         Id::AtanSlope => positive(|scales| (1e-2 / scales.speed, 1e4 / scales.speed)),
         Id::RadialForceCoulomb | Id::PressureCoulomb | Id::LoadCoulomb => LEVEL,
-        Id::RadialForceStaticExcess => KEPT,
-        Id::PressureStaticExcess => Treatment { is_level: true, ..KEPT },
-        Id::TemperatureReference | Id::BacklashStiffnessRatio | Id::BacklashUnloaded => KEPT,
+        Id::RadialForceStaticExcess => FIXED,
+        Id::PressureStaticExcess => Treatment { is_level: true, ..FIXED },
+        Id::TemperatureReference | Id::BacklashStiffnessRatio | Id::BacklashUnloaded => FIXED,
         Id::RippleOrder
         | Id::TorqueRippleOrder1
         | Id::TorqueRippleOrder2
         | Id::TorqueRippleOrder3
         | Id::TorqueRippleOrder4
         | Id::StribeckExponent
-        | Id::DwellTime => positive(LEGAL),
-        Id::DwellTravel => Treatment { values: Values::Positive(LEGAL), ..KEPT },
+        | Id::DwellTime => positive(LEGAL_RANGE),
+        Id::DwellTravel => Treatment { values: Values::Positive(LEGAL_RANGE), ..FIXED },
         Id::DwellGain => {
-            Treatment { is_level: true, ..not_negative(|scales| 0.1 * scales.torque, NOT_THERE) }
+            Treatment { is_level: true, ..not_negative(|scales| 0.1 * scales.torque, NO_EFFECT) }
         }
         Id::DriftTime => positive(|scales| (1e-2 * scales.campaign_s, 1e2 * scales.campaign_s)),
-        Id::BacklashTravel => not_negative(|scales| 0.01 * scales.travel, NOT_THERE),
-        Id::ChannelDelay => not_negative(|scales| scales.period_s, NOT_THERE),
-        // Which column, and over which range, is chosen; what happens along it is fitted.
-        Id::LookupColumn | Id::LookupLower | Id::LookupUpper | Id::LookupFormula => KEPT,
-        Id::LookupScale => positive(LEGAL),
-        Id::WarmUpEnergy | Id::WarmUpCooling => positive(LEGAL),
+        Id::BacklashTravel => not_negative(|scales| 0.01 * scales.travel, NO_EFFECT),
+        Id::ChannelDelay => not_negative(|scales| scales.period_s, NO_EFFECT),
+        // Column and range are choices; only the curve is fitted.
+        Id::LookupColumn | Id::LookupLower | Id::LookupUpper | Id::LookupFormula => FIXED,
+        Id::LookupScale => positive(LEGAL_RANGE),
+        Id::WarmUpEnergy | Id::WarmUpCooling => positive(LEGAL_RANGE),
         _ => FREE,
     }
 }
 
-/// Between which values a positive parameter is sought, well inside its legal range.
+/// Returns the range in which a positive parameter is searched, inside its legal range.
 pub fn bounds(id: ParameterId, range: fn(&Scales) -> (f64, f64), scales: &Scales) -> (f64, f64) {
     let (least, most) = range(scales);
-    // Of a torque or a motion of next to nothing there may be no such range: then it is a point.
+    // For a vanishing torque or motion the range may be empty: then it is a single value.
     let least = least.max(id.info().lower).min(id.info().upper);
     (least, most.min(id.info().upper).max(least))
 }
 
-/// The size that may be expected of a parameter that cannot be negative; 1 of any other.
+/// Returns the typical size of a parameter that cannot be negative, and 1 for any other.
 pub fn typical(id: ParameterId, scales: &Scales) -> f64 {
     match of(id).values {
         Values::NotNegative(typical) => typical(scales),

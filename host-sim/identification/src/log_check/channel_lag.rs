@@ -1,42 +1,45 @@
-//! Another reading of the torque that comes late or early: an actuator's force on another bus.
+//! Another reading of the torque with a delay: for example an actuator's force on another bus.
 //!
-//! Such a column follows the torque; where it follows the torque of some rows ago much better than that of its
-//! own row, its channel is late. Columns that do not follow the torque closely are not judged: what they do
-//! may be physics.
+//! Such a column follows the torque. If it follows the torque of some rows ago much better than that of its own row,
+//! its channel is delayed. Columns that do not follow the torque closely are not evaluated: their delay may be physical.
 
 use super::column::Column;
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 use crate::data::segments;
 use crate::number::figure;
 use nalgebra::DMatrix;
 
-/// Correlation with the torque, at the best shift, from which a column is another reading of it.
-const FOLLOWS: f64 = 0.9;
+/// Minimum correlation with the torque, at the best shift, for a column to be another reading of it.
+const MIN_CORRELATION: f64 = 0.9;
 
-/// What is left of the torque unexplained at the best shift, over what is left without a shift.
-const BETTER: f64 = 0.6;
+/// Maximum residual variance at the best shift, relative to that without a shift.
+const MAX_RESIDUAL_RATIO: f64 = 0.6;
 
-/// Longest shift looked for, s, and in rows.
-const LONGEST: (f64, usize) = (0.25, 300);
+/// Maximum shift that is searched, s.
+const MAX_SHIFT_S: f64 = 0.25;
 
-/// Columns that are judged together, at most.
-const MOST: usize = 6;
+/// Maximum shift that is searched, rows.
+const MAX_SHIFT_ROWS: usize = 300;
 
-/// Shortest shift that is told, rows.
-const SHORTEST: usize = 2;
+/// Maximum number of columns that are evaluated together.
+const MAX_COLUMNS: usize = 6;
 
-/// Rows looked at, at most.
-const ROWS: usize = 40_000;
+/// Minimum shift that is reported, rows.
+const MIN_SHIFT_ROWS: usize = 2;
+
+/// Maximum number of rows that are evaluated.
+const MAX_ROWS: usize = 40_000;
 
 pub fn channel_lag(log: &Log) -> Vec<LogFinding> {
     let step_s = log.sensors.step_s;
     if step_s <= 0.0 {
         return Vec::new();
     }
-    let longest = ((LONGEST.0 / step_s) as usize).clamp(SHORTEST + 1, LONGEST.1);
+    let longest = ((MAX_SHIFT_S / step_s) as usize).clamp(MIN_SHIFT_ROWS + 1, MAX_SHIFT_ROWS);
     let others = || log.columns.iter().filter(|column| column.quantity.is_none());
     let mut found = Vec::new();
-    let mut tell = |columns: &[&Column], shift: i64| {
+    let mut report = |columns: &[&Column], shift: i64| {
         let names: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
         let seconds = shift as f64 * step_s;
         let late = if shift > 0 { "late" } else { "early" };
@@ -46,7 +49,7 @@ pub fn channel_lag(log: &Log) -> Vec<LogFinding> {
             ("is", "It is taken as it stands")
         };
         found.push(LogFinding {
-            kind: Kind::ChannelLag,
+            kind: LogFindingKind::ChannelLag,
             value: seconds,
             unit: "s".into(),
             corrected: false,
@@ -61,25 +64,25 @@ pub fn channel_lag(log: &Log) -> Vec<LogFinding> {
     };
     let alone: Vec<(&Column, i64)> =
         others().filter_map(|column| Some((column, shift(log, &[column], longest)?))).collect();
-    alone.iter().for_each(|(column, shift)| tell(&[*column], *shift));
+    alone.iter().for_each(|(column, shift)| report(&[*column], *shift));
     if alone.is_empty() {
-        // Two actuators on either side: neither follows the torque, their difference does.
+        // Two antagonistic actuators: neither follows the torque, but their difference does.
         let unit = log.data.joint.torque_unit();
         let varies = |column: &&Column| column.pairs().any(|(before, now)| before != now);
         let group: Vec<&Column> =
             others().filter(|column| column.unit == unit).filter(varies).collect();
         if let Some(shift) =
-            (2..=MOST).contains(&group.len()).then(|| shift(log, &group, longest)).flatten()
+            (2..=MAX_COLUMNS).contains(&group.len()).then(|| shift(log, &group, longest)).flatten()
         {
-            tell(&group, shift);
+            report(&group, shift);
         }
     }
     found
 }
 
-/// Rows by which columns are late, if they are another reading of the torque together.
+/// Returns the delay of the columns in rows, if together they are another reading of the torque.
 fn shift(log: &Log, columns: &[&Column], longest: usize) -> Option<i64> {
-    let stride = log.data.rows.div_ceil(ROWS).max(1);
+    let stride = log.data.rows.div_ceil(MAX_ROWS).max(1);
     let mut parts: Vec<Part> = Vec::new();
     for (index, run) in log.data.runs.iter().enumerate() {
         let longest_rows = segments(run).into_iter().max_by_key(std::ops::Range::len)?;
@@ -96,26 +99,29 @@ fn shift(log: &Log, columns: &[&Column], longest: usize) -> Option<i64> {
     if parts.is_empty() {
         return None;
     }
-    let left = |shift: i64| left(&parts, shift, longest);
+    let residual = |shift: i64| residual_share(&parts, shift, longest);
     let reach = longest as i64;
-    let (least, shift) =
-        (-reach..=reach).map(|shift| (left(shift), shift)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let follows = least < 1.0 - FOLLOWS * FOLLOWS && least < BETTER * left(0);
-    (follows && shift.abs() < reach && shift.unsigned_abs() as usize >= SHORTEST).then_some(shift)
+    let (least, shift) = (-reach..=reach)
+        .map(|shift| (residual(shift), shift))
+        .min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let follows =
+        least < 1.0 - MIN_CORRELATION * MIN_CORRELATION && least < MAX_RESIDUAL_RATIO * residual(0);
+    let is_long = shift.unsigned_abs() as usize >= MIN_SHIFT_ROWS;
+    (follows && shift.abs() < reach && is_long).then_some(shift)
 }
 
-/// A stretch of the torque and of the columns.
+/// A segment of the torque and of the columns.
 struct Part<'a> {
     torque: &'a [f64],
     columns: Vec<&'a [f64]>,
 }
 
-/// What the columns, `shift` rows later, leave of the torque's variance, as a share.
-fn left(parts: &[Part], shift: i64, longest: usize) -> f64 {
+/// Returns the share of the torque's variance that the columns, `shift` rows later, do not explain.
+fn residual_share(parts: &[Part], shift: i64, longest: usize) -> f64 {
     let count = parts[0].columns.len();
     let mut products = DMatrix::<f64>::zeros(count + 1, count + 1);
     for part in parts {
-        // The same torques for every shift, or the shifts could not be compared.
+        // The same torque rows for every shift, so that the shifts are comparable.
         let rows = longest..part.torque.len() - longest;
         let start = (rows.start as i64 + shift) as usize;
         let mut all: Vec<&[f64]> =
@@ -131,7 +137,7 @@ fn left(parts: &[Part], shift: i64, longest: usize) -> f64 {
             }
         }
     }
-    // The last pivot of a Cholesky factor is the root of what the others leave of the last column.
+    // The last pivot of a Cholesky factor is the square root of the last column's residual.
     let total = products[(count, count)];
     products.fill_upper_triangle_with_lower_triangle();
     products.cholesky().map_or(1.0, |factor| factor.l()[(count, count)].powi(2) / total)

@@ -3,40 +3,40 @@
 use crate::data::{Dataset, contract};
 use compensator_core::quantity::Quantity;
 
-/// A column.
+/// A numeric column of a log.
 pub struct Column<'a> {
     pub name: String,
     pub unit: String,
     pub quantity: Option<Quantity>,
-    /// A slice per run.
+    /// The values of each run.
     pub runs: Vec<&'a [f64]>,
 }
 
 impl Column<'_> {
-    /// All values.
+    /// Returns all values.
     pub fn values(&self) -> impl Iterator<Item = f64> {
         self.runs.iter().flat_map(|run| run.iter().copied())
     }
 
-    /// Neighbours within runs.
+    /// Returns all pairs of neighbouring values within runs.
     pub fn pairs(&self) -> impl Iterator<Item = (f64, f64)> {
         self.runs.iter().flat_map(|run| run.windows(2).map(|w| (w[0], w[1])))
     }
 
-    /// Whether it is one of the joint's own motion.
+    /// Returns true if the column is position, velocity or acceleration of the joint.
     pub fn is_motion(&self) -> bool {
         use Quantity::{Acceleration, Position, Velocity};
         matches!(self.quantity, Some(Position | Velocity | Acceleration))
     }
 
-    /// Distance between two quantiles, that share from either end.
+    /// Returns the distance between the quantiles `share` and `1 - share`.
     pub fn range(&self, share: f64) -> f64 {
         let mut all: Vec<f64> = self.values().collect();
         quantile(&mut all, 1.0 - share) - quantile(&mut all, share)
     }
 }
 
-/// Every numeric column but time.
+/// Returns every numeric column except time.
 pub fn all(data: &Dataset) -> Vec<Column<'_>> {
     let known = [Quantity::Velocity, Quantity::Torque].into_iter().chain(contract::optional());
     let mut columns: Vec<Column> = Vec::new();
@@ -58,7 +58,7 @@ pub fn all(data: &Dataset) -> Vec<Column<'_>> {
     columns
 }
 
-/// The unit at the end of a column's name; of its own where the name tells none.
+/// Returns the unit at the end of a column's name, or "as logged" if there is none.
 fn unit(name: &str) -> String {
     const UNITS: [(&str, &str); 15] = [
         ("_rad_s2", "rad/s2"),
@@ -81,7 +81,7 @@ fn unit(name: &str) -> String {
     found.map_or("as logged", |(_, unit)| unit).into()
 }
 
-/// A quantile; 0 of nothing.
+/// Returns a quantile; 0 for no values.
 pub fn quantile(values: &mut [f64], share: f64) -> f64 {
     if values.is_empty() {
         return 0.0;

@@ -1,53 +1,53 @@
-//! A channel that is held over several rows: its sensor is read less often than the log is written.
+//! Channels that are held over several rows: the sensor is read less often than the log is written.
 //!
-//! Equal values in a row are not it by themselves: a joint rests, a coarse column stays within a step, a
-//! smooth one may be printed with few digits. Held is a column that changes every so many rows, nearly always
-//! after the same number, and then by more than its smallest step. Where several are held, which of them is read
-//! last is told.
+//! Repeated values alone are not enough: a joint rests, a quantised column stays within a step, a smooth one may be
+//! printed with few digits. A column is held if it changes nearly always after the same number of rows, and then by more
+//! than its smallest step. If several are held, the report states which is read last.
 //!
-//! A covariate is taken as it stands: a value in between was never measured. A torque that stands still while the
-//! joint goes on is wrong in every row but the first, and so is a motion that stands still under a live torque: of such
-//! a log the rows are kept in which the held channel is read anew ([`fresh_rows`]). Where both are held nothing is left out,
-//! as they may be read at different times.
+//! A held covariate is used as logged: its values in between were never measured. A torque that is held while the joint
+//! moves is wrong in every row but the first, and so is a held motion under a live torque. Then only the rows in which
+//! the held channel is read anew are kept ([`fresh_rows`]). If both are held no row is left out, because they may be
+//! read at different times.
 
 use super::column::{Column, quantile};
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 use crate::data::{Dataset, Run};
 use crate::motion::quantum::quantum;
 use crate::number::figure;
 
-/// Changes it takes to tell.
-const FEWEST: usize = 40;
+/// Minimum number of changes for a decision.
+const MIN_CHANGES: usize = 40;
 
-/// Share of the holds that last as long as usual, within a row or a quarter.
-const ALIKE: f64 = 0.75;
+/// Minimum share of the holds of usual length, within a row or a quarter of it.
+const MIN_REGULAR_SHARE: f64 = 0.75;
 
-/// Share of the changes that are larger than the column's smallest step.
-const LARGE: f64 = 0.6;
+/// Minimum share of the changes that exceed the column's smallest step.
+const MIN_LARGE_SHARE: f64 = 0.6;
 
-/// Share of the changes that follow another column's at the same distance.
-const FOLLOWS: f64 = 0.7;
+/// Minimum share of the changes that follow another column's at the same distance.
+const MIN_FOLLOWING_SHARE: f64 = 0.7;
 
-/// A column that is held.
+/// A held column.
 struct Held {
     column: usize,
     rows: f64,
-    /// Where it changes: run and row.
+    /// The changes, as (run, row).
     changes: Vec<(usize, usize)>,
 }
 
-/// Rows of each run in which the torque, or the motion, is read anew, where one of the two is held.
+/// The rows of each run in which the held torque or motion is read anew.
 pub struct FreshRows {
-    /// Whether it is the motion that is held; else it is the torque.
-    pub of_motion: bool,
-    /// The rows, run by run.
+    /// True if the motion is held, false if the torque is.
+    pub is_motion_held: bool,
+    /// The rows of each run.
     pub runs: Vec<Vec<usize>>,
 }
 
 impl FreshRows {
-    /// The log in those rows alone.
+    /// Returns the log with these rows only.
     #[must_use]
-    pub fn of(&self, data: &Dataset) -> Dataset {
+    pub fn select(&self, data: &Dataset) -> Dataset {
         let mut kept = data.clone();
         for (run, rows) in kept.runs.iter_mut().zip(&self.runs) {
             *run = run.with_columns(|column| {
@@ -59,7 +59,7 @@ impl FreshRows {
     }
 }
 
-/// See [`FreshRows`]; none where nothing is to be corrected.
+/// Returns the [`FreshRows`], or `None` if nothing is to be corrected.
 pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
     if !log.correct.held {
         return None;
@@ -68,7 +68,7 @@ pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
         let index = log.columns.iter().position(|column| column.name == name)?;
         held_column(log, index)
     };
-    // A coarse angle of an even motion changes every so many rows as well; its velocity then does not.
+    // A quantised angle of a uniform motion also changes at regular distances, but its velocity does not.
     let velocity = held(log.velocity());
     let motion = match log.column(log.position()) {
         Some(_) => held(log.position()).filter(|held| {
@@ -76,7 +76,7 @@ pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
         }),
         None => velocity,
     };
-    let (of_motion, held) = match (motion, held(log.torque())) {
+    let (is_motion_held, held) = match (motion, held(log.torque())) {
         (Some(motion), None) => (true, motion),
         (None, Some(torque)) => (false, torque),
         _ => return None,
@@ -86,7 +86,7 @@ pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
         let mut rows = vec![0];
         for row in 1..values.len() {
             let last = rows[rows.len() - 1];
-            // Equal values may be read anew as well: a joint rests.
+            // Equal values may also be new readings: the joint rests.
             if values[row] != values[row - 1] || row - last >= most {
                 rows.push(row);
             }
@@ -94,24 +94,28 @@ pub fn fresh_rows(log: &Log) -> Option<FreshRows> {
         rows
     };
     let runs = log.columns[held.column].runs.iter().map(fresh).collect();
-    Some(FreshRows { of_motion, runs })
+    Some(FreshRows { is_motion_held, runs })
 }
 
-/// Whether rows are left out for a column that is held.
+/// Returns true if rows are left out because this column is held.
 fn is_corrected(log: &Log, fresh: Option<&FreshRows>, column: &Column) -> bool {
-    let of_motion = column.name == log.position() || column.name == log.velocity();
-    fresh.is_some_and(|fresh| if fresh.of_motion { of_motion } else { column.name == log.torque() })
+    let is_motion = column.name == log.position() || column.name == log.velocity();
+    fresh.is_some_and(
+        |fresh| {
+            if fresh.is_motion_held { is_motion } else { column.name == log.torque() }
+        },
+    )
 }
 
 pub fn held(log: &Log) -> Vec<LogFinding> {
     let found: Vec<Held> =
         (0..log.columns.len()).filter_map(|index| held_column(log, index)).collect();
     let fresh = fresh_rows(log);
-    let told = found.iter().map(|held| {
+    let findings = found.iter().map(|held| {
         let column = &log.columns[held.column];
         let corrected = is_corrected(log, fresh.as_ref(), column);
         let done = if corrected {
-            "The rows between are left out: what stands there is of an earlier time."
+            "The rows between are left out: their values are of an earlier time."
         } else {
             "It is taken as it stands."
         };
@@ -127,7 +131,7 @@ pub fn held(log: &Log) -> Vec<LogFinding> {
             None => String::new(),
         };
         LogFinding {
-            kind: Kind::HeldChannel,
+            kind: LogFindingKind::HeldChannel,
             columns: vec![column.name.clone()],
             value: held.rows * log.sensors.step_s,
             unit: "s".into(),
@@ -140,7 +144,7 @@ pub fn held(log: &Log) -> Vec<LogFinding> {
             ),
         }
     });
-    told.collect()
+    findings.collect()
 }
 
 fn held_column(log: &Log, index: usize) -> Option<Held> {
@@ -166,20 +170,20 @@ fn held_column(log: &Log, index: usize) -> Option<Held> {
             last = row;
         }
     }
-    if lengths.len() < FEWEST || (large as f64) < LARGE * jumps as f64 {
+    if lengths.len() < MIN_CHANGES || (large as f64) < MIN_LARGE_SHARE * jumps as f64 {
         return None;
     }
     let usual = quantile(&mut lengths.clone(), 0.5);
     let within = (0.25 * usual).max(if usual > 2.0 { 1.0 } else { 0.0 });
     let alike = lengths.iter().filter(|length| (**length - usual).abs() <= within).count();
-    if usual < 2.0 || (alike as f64) < ALIKE * lengths.len() as f64 {
+    if usual < 2.0 || (alike as f64) < MIN_REGULAR_SHARE * lengths.len() as f64 {
         return None;
     }
     let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
     Some(Held { column: index, rows: if usual > 3.0 { mean } else { usual }, changes })
 }
 
-/// By how many rows `held` changes after `other`, if it does so regularly and less than half a hold later.
+/// Returns by how many rows `held` changes after `other`, if it does so regularly and within half a hold.
 fn after(held: &Held, other: &Held) -> Option<usize> {
     if (held.rows - other.rows).abs() > 0.1 * other.rows {
         return None;
@@ -195,6 +199,6 @@ fn after(held: &Held, other: &Held) -> Option<usize> {
         }
     }
     let (rows, count) = counts.iter().enumerate().max_by_key(|(_, count)| **count)?;
-    let regular = *count as f64 >= FOLLOWS * held.changes.len() as f64;
+    let regular = *count as f64 >= MIN_FOLLOWING_SHARE * held.changes.len() as f64;
     (regular && rows > 0 && rows as f64 <= 0.5 * held.rows).then_some(rows)
 }

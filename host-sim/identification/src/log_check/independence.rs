@@ -1,38 +1,39 @@
-//! Too few rows, or too few that tell something of their own.
+//! Logs with too few independent rows.
 //!
-//! Thirty rows are no runs, and a million rows of one steady slide are one measurement. What a friction law
-//! is told comes with the motion: a reversal, or another speed. So beside the rows the *events* are counted:
-//! changes of direction, and changes of the speed by a tenth of the usual one that last.
+//! Rows of one steady motion are one measurement, however many there are. A friction law is determined by changes of the
+//! motion: reversals and other speeds. So in addition to the rows, the *events* are counted: changes of direction, and
+//! lasting changes of speed by a tenth of the usual speed.
 
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 
-/// Fewer rows than this are too few for a law of eight parameters, whatever they hold.
-const FEWEST_ROWS: usize = 300;
+/// Minimum number of rows for a law of eight parameters.
+const MIN_ROWS: usize = 300;
 
-/// Fewer events than this say nothing of a scatter.
-const FEWEST_EVENTS: usize = 4;
+/// Minimum number of events for an estimate of scatter.
+const MIN_EVENTS: usize = 4;
 
-/// A change of speed that is an event, as a share of the 95th percentile.
-const CHANGE: f64 = 0.1;
+/// Minimum change of velocity of an event, as a share of the 95th percentile of speed.
+const MIN_CHANGE: f64 = 0.1;
 
 pub fn too_little(log: &Log) -> Vec<LogFinding> {
     let rows = log.data.rows;
     let finding = |value: usize, unit: &str, in_words: String| LogFinding {
-        kind: Kind::TooLittle,
+        kind: LogFindingKind::TooLittle,
         columns: vec![log.velocity().into(), log.torque().into()],
         value: value as f64,
         unit: unit.into(),
         corrected: false,
         in_words,
     };
-    if rows < FEWEST_ROWS {
+    if rows < MIN_ROWS {
         let words = format!(
-            "{rows} rows are too few: laws with one parameter more or less cannot be told apart on them."
+            "{rows} rows are too few: laws that differ by one parameter cannot be distinguished with them."
         );
         return vec![finding(rows, "rows", words)];
     }
     let events = events(log);
-    if events < FEWEST_EVENTS {
+    if events < MIN_EVENTS {
         let words = format!(
             "{rows} rows hold {events} changes of speed or direction: rows of one steady motion repeat each other \
              and are not independent."
@@ -42,9 +43,9 @@ pub fn too_little(log: &Log) -> Vec<LogFinding> {
     Vec::new()
 }
 
-/// Changes of velocity, each by more than [`CHANGE`] since the last one; each run begins one.
+/// Counts the changes of velocity of at least [`MIN_CHANGE`] since the last one. Each run begins with an event.
 fn events(log: &Log) -> usize {
-    let change = CHANGE * log.sensors.speed;
+    let change = MIN_CHANGE * log.sensors.speed;
     let mut count = 0;
     for run in &log.data.runs {
         let mut last: Option<f64> = None;

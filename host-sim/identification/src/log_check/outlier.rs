@@ -1,24 +1,24 @@
-//! Values that cannot be: a 9999 for a reading that failed, a bit that flipped.
+//! Impossible values: a 9999 for a failed reading, a flipped bit.
 //!
-//! A value is one only beyond all doubt: far outside what 99 % of its column spans, alone with at most two
-//! neighbours of its kind, and off both of its neighbours by as much. Its row is left out.
+//! The criterion is strict. Such a value is far outside the range of 99 % of its column, occurs in at most three
+//! consecutive rows, and differs from the values before and after by as much. Its row is left out.
 
 use super::column::{Column, all, quantile};
-use super::{Kind, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
 use crate::data::{Dataset, Run};
 use crate::number::figure;
 use std::collections::BTreeSet;
 
-/// Distance from the median in spans of the middle 98 %. A shock is a few spans; a failed reading is tens.
-const FAR: f64 = 8.0;
+/// Minimum distance from the median, in ranges of the middle 98 %. A shock is a few ranges, a failed reading tens.
+const MIN_DISTANCE: f64 = 8.0;
 
-/// Rows next to each other that fail together, at most.
-const TOGETHER: usize = 3;
+/// Maximum number of consecutive failed rows.
+const MAX_CONSECUTIVE_ROWS: usize = 3;
 
-/// A column with more such values than this share has two levels, not failures.
-const MOST: f64 = 0.01;
+/// Maximum share of such values. A column with more has two levels instead of failures.
+const MAX_SHARE: f64 = 0.01;
 
-/// Finds them, and leaves their rows out if `correct`.
+/// Finds impossible values, and leaves out their rows if `correct` is true.
 pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let mut found = Vec::new();
     let mut rows: BTreeSet<(usize, usize)> = BTreeSet::new();
@@ -34,7 +34,7 @@ pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
             (true, _) => "their rows are left out",
         };
         found.push(LogFinding {
-            kind: Kind::Outlier,
+            kind: LogFindingKind::Outlier,
             columns: vec![column.name.clone()],
             value: farthest,
             unit: column.unit.clone(),
@@ -73,10 +73,10 @@ fn without(run: &Run, bad: &BTreeSet<usize>) -> Run {
     run.with_columns(keep)
 }
 
-/// A row, as (run, row).
+/// A cell, as (run, row).
 type Place = (usize, usize);
 
-/// Rows with values that cannot be, and that of the farthest.
+/// Returns the cells with impossible values, and the farthest of them.
 fn failed(column: &Column) -> Option<(Vec<Place>, Place)> {
     let mut all: Vec<f64> = column.values().collect();
     let middle = quantile(&mut all, 0.5);
@@ -84,13 +84,13 @@ fn failed(column: &Column) -> Option<(Vec<Place>, Place)> {
     if span <= 0.0 {
         return None;
     }
-    let is_far = |value: f64| (value - middle).abs() > FAR * span;
+    let is_far = |value: f64| (value - middle).abs() > MIN_DISTANCE * span;
     let (mut places, mut farthest) = (Vec::new(), (0.0, (0, 0)));
     for (index, run) in column.runs.iter().enumerate() {
         let mut row = 0;
         while row < run.len() {
             let end = (row..run.len()).find(|at| !is_far(run[*at])).unwrap_or(run.len());
-            if end > row && end - row <= TOGETHER {
+            if end > row && end - row <= MAX_CONSECUTIVE_ROWS {
                 places.extend((row..end).map(|row| (index, row)));
                 for at in row..end {
                     let distance = (run[at] - middle).abs();
@@ -102,6 +102,6 @@ fn failed(column: &Column) -> Option<(Vec<Place>, Place)> {
             row = end.max(row + 1);
         }
     }
-    let most = (MOST * all.len() as f64).max(1.0);
+    let most = (MAX_SHARE * all.len() as f64).max(1.0);
     (!places.is_empty() && places.len() as f64 <= most).then_some((places, farthest.1))
 }

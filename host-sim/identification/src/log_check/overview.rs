@@ -1,14 +1,13 @@
-//! What a log is, in a few lines: told after every reading, before anything is made of it.
+//! Summary of a log in a few lines, printed after every reading.
 //!
-//! Most logs that are read wrongly are read wrongly at a glance: a rate of 1 Hz, a speed of 3000 rad/s, half of the rows
-//! left out. So rows, runs, rate and the range of each column with its unit are said each time, and where each column
-//! comes from.
+//! Most misread logs show at a glance: a rate of 1 Hz, a speed of 3000 rad/s, half of the rows left out. So the
+//! summary states rows, runs, rate, and the range, unit and origin of each column.
 
 use super::column::{Column, all, quantile};
 use crate::data::{Dataset, SourceColumn};
 use crate::number::figure;
 
-/// What a log is.
+/// Summary of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Overview {
     /// Number of runs.
@@ -17,36 +16,36 @@ pub struct Overview {
     pub rows: usize,
     /// Rows that were left out as bad.
     pub rows_left_out: usize,
-    /// The usual rate of the slowest and of the fastest run, Hz; 0 where no run has two rows.
+    /// Median rate of the slowest and of the fastest run, Hz; 0 if no run has two rows.
     pub rate_hz: [f64; 2],
-    /// Time within runs, all together, s.
+    /// Total time within runs, s.
     pub seconds: f64,
     /// Time first, then all columns.
     pub columns: Vec<ColumnOverview>,
 }
 
-/// What a column is.
+/// Summary of a column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnOverview {
     /// Its name in the contract, or its own.
     pub name: String,
     /// The unit of its values here.
     pub unit: String,
-    /// Its least and its largest value.
+    /// Its minimum and maximum.
     pub range: [f64; 2],
-    /// Where it comes from; `None` of what was never in a file.
+    /// Its origin; `None` for data that were not read from a file.
     pub source: Option<SourceColumn>,
 }
 
-/// A median step by which two runs' rates are different.
-const DIFFERENT: f64 = 1.1;
+/// Minimum ratio of two rates that are reported as a range.
+const MIN_RATE_RATIO: f64 = 1.1;
 
-/// A number in four digits: rounded first, or 99.9999 were 100.00 and 100 were 100.0.
+/// Formats a number with four digits. It is rounded first, so that 99.9999 and 100 are formatted alike.
 fn rounded(value: f64) -> String {
     figure(format!("{value:.3e}").parse().unwrap_or(value))
 }
 
-/// Looks at a log as it was read.
+/// Summarises a log.
 pub fn overview(data: &Dataset) -> Overview {
     let source = |name: &str| data.sources.iter().find(|source| source.name == name).cloned();
     let span = |values: &mut dyn Iterator<Item = f64>| {
@@ -84,12 +83,12 @@ pub fn overview(data: &Dataset) -> Overview {
 }
 
 impl Overview {
-    /// In lines for a terminal, with what else the reading told.
+    /// Returns the summary in lines for a terminal, with the notes of the reader.
     pub fn lines(&self, data: &Dataset) -> Vec<String> {
         let [slowest, fastest] = self.rate_hz.map(rounded);
         let rate = match self.rate_hz {
             [_, 0.0] => "no rate".into(),
-            [least, most] if most > DIFFERENT * least => format!("{slowest} to {fastest} Hz"),
+            [least, most] if most > MIN_RATE_RATIO * least => format!("{slowest} to {fastest} Hz"),
             _ => format!("{fastest} Hz"),
         };
         let plural = if self.runs == 1 { "run" } else { "runs" };
@@ -125,14 +124,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_is_told_in_a_few_lines() {
+    fn lines_with_two_runs_summarises_log() {
         let names = ["time_s", "velocity_rad_s", "torque_nm", "flow"].map(str::to_owned);
         let run = |name: &str, rate: f64| {
             let time: Vec<f64> = (0..101).map(|i| f64::from(i) / rate).collect();
             let speed = time.iter().map(|t| t.sin()).collect();
             (name.to_owned(), vec![time.clone(), speed, vec![2.0; 101], vec![-3.0; 101]])
         };
-        let data = Dataset::of_columns(&names, [run("a", 100.0), run("b", 50.0)]).unwrap();
+        let data = Dataset::from_columns(&names, [run("a", 100.0), run("b", 50.0)]).unwrap();
         let lines = overview(&data).lines(&data);
         assert_eq!(
             lines,

@@ -1,10 +1,11 @@
-//! A position that was integrated from the velocity and begins at the same value in each run.
+//! Positions that were integrated from the velocity, with the same start value in each run.
 //!
-//! An encoder that is set to zero before each run tells nothing apart from a joint that always starts there, and is
-//! not named. Where the position is a sum of the velocity, the angle of the shaft is not known from run to run, and an effect that is periodic in it has
-//! another phase in each.
+//! An encoder that is reset before each run looks like a joint that always starts at the same place; this is not
+//! reported. If the position is a sum of the velocity, the true shaft angle is unknown, and an effect that is periodic
+//! in it has a different phase in each run.
 
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 use crate::number::figure;
 
 pub fn position_zero(log: &Log) -> Vec<LogFinding> {
@@ -14,7 +15,7 @@ pub fn position_zero(log: &Log) -> Vec<LogFinding> {
     let Some(column) = log.column(log.position()) else { return Vec::new() };
     let starts: Vec<f64> = column.runs.iter().filter_map(|run| run.first().copied()).collect();
     vec![LogFinding {
-        kind: Kind::UnitSuspect,
+        kind: LogFindingKind::UnitSuspect,
         columns: vec![column.name.clone()],
         value: starts[0],
         unit: column.unit.clone(),

@@ -1,19 +1,20 @@
-//! Columns in coarse steps.
+//! Columns with coarse quantisation.
 //!
-//! Every number in a file has steps; a coarse one is a step that is a share of what the column spans, or, of a
-//! position, one whose derivative from row to row is a share of the usual speed. The smoother knows the
-//! position's step; of other columns it is only told.
+//! Every number in a file is quantised. A column is coarse if its step is a relevant share of its range. A position is
+//! coarse if its difference from row to row has steps of a relevant share of the usual speed. The smoother allows for
+//! the position's step; the steps of other columns are only reported.
 
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 use crate::motion::quantum::quantum;
 use crate::number::figure;
 use compensator_core::quantity::Quantity;
 
-/// A step of a position a row, as a share of the 95th percentile of speed.
-const OF_SPEED: f64 = 0.02;
+/// Minimum step of a position per row, as a share of the 95th percentile of speed.
+const MIN_SPEED_SHARE: f64 = 0.02;
 
-/// A step of any other column, as a share of what its middle 90 % span.
-const OF_RANGE: f64 = 0.02;
+/// Minimum step of any other column, as a share of the range of its middle 90 %.
+const MIN_RANGE_SHARE: f64 = 0.02;
 
 pub fn quantised(log: &Log) -> Vec<LogFinding> {
     let mut found = Vec::new();
@@ -25,21 +26,21 @@ pub fn quantised(log: &Log) -> Vec<LogFinding> {
         }
         let step = quantum(column.runs.iter().copied());
         let is_coarse = if is_position {
-            step > OF_SPEED * log.sensors.speed * log.sensors.step_s
+            step > MIN_SPEED_SHARE * log.sensors.speed * log.sensors.step_s
         } else {
-            step > OF_RANGE * column.range(0.05)
+            step > MIN_RANGE_SHARE * column.range(0.05)
         };
         if step <= 0.0 || !is_coarse {
             continue;
         }
         let corrected = is_position && log.correct.motion && !log.sensors.exact;
         let done = if corrected {
-            "the motion is reconstructed with that in mind"
+            "the motion is reconstructed with that step"
         } else {
             "it is taken as it stands"
         };
         found.push(LogFinding {
-            kind: Kind::Quantised,
+            kind: LogFindingKind::Quantised,
             columns: vec![column.name.clone()],
             value: step,
             unit: column.unit.clone(),

@@ -1,19 +1,23 @@
-//! Columns that stand at an end of their range: a clipped sensor, a drive at its limit.
+//! Columns that are clipped at an end of their range: a saturated sensor, a drive at its limit.
 //!
-//! At a clipped end many rows hold the very same extreme value, next to each other, while elsewhere the
-//! column hardly ever repeats itself.
+//! At a clipped end, many consecutive rows hold exactly the same extreme value, while elsewhere the column rarely
+//! repeats itself.
 
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 use crate::number::figure;
 
-/// Rows at the end in a row that are a stand.
-const STAND: usize = 4;
+/// Minimum number of consecutive rows with the extreme value.
+const MIN_CONSECUTIVE_ROWS: usize = 4;
 
-/// Rows in stands, at least, and their share of all.
-const FEWEST: (usize, f64) = (12, 1e-3);
+/// Minimum number of such rows in total.
+const MIN_ROWS: usize = 12;
 
-/// Away from its ends the column repeats the value before in no more than this share of rows.
-const REPEATS: f64 = 0.1;
+/// Minimum share of such rows.
+const MIN_SHARE: f64 = 1e-3;
+
+/// Maximum share of rows, away from the ends, that repeat the previous value.
+const MAX_REPEAT_SHARE: f64 = 0.1;
 
 pub fn saturated(log: &Log) -> Vec<LogFinding> {
     let mut found = Vec::new();
@@ -22,7 +26,7 @@ pub fn saturated(log: &Log) -> Vec<LogFinding> {
             column.values().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], value| {
                 [least.min(value), most.max(value)]
             });
-        // Behind its last value a filled column stands.
+        // A filled column is constant after its last value.
         let filled = log.data.sources.iter().any(|of| of.name == column.name && of.filled > 0);
         if ends[0] == ends[1] || filled {
             continue;
@@ -34,17 +38,17 @@ pub fn saturated(log: &Log) -> Vec<LogFinding> {
                 repeats += usize::from(before == value);
             }
         }
-        if inside == 0 || repeats as f64 > REPEATS * inside as f64 {
+        if inside == 0 || repeats as f64 > MAX_REPEAT_SHARE * inside as f64 {
             continue;
         }
         let rows: usize = column.values().count();
         for end in ends {
             let standing: usize = column.runs.iter().map(|run| standing(run, end)).sum();
-            if standing < FEWEST.0 || (standing as f64) < FEWEST.1 * rows as f64 {
+            if standing < MIN_ROWS || (standing as f64) < MIN_SHARE * rows as f64 {
                 continue;
             }
             found.push(LogFinding {
-                kind: Kind::Saturated,
+                kind: LogFindingKind::Saturated,
                 columns: vec![column.name.clone()],
                 value: end,
                 unit: column.unit.clone(),
@@ -62,8 +66,8 @@ pub fn saturated(log: &Log) -> Vec<LogFinding> {
     found
 }
 
-/// Rows of a run in stands at a value.
+/// Returns the number of rows in sequences of the extreme value.
 fn standing(run: &[f64], end: f64) -> usize {
     let stands = run.split(|value| *value != end).map(<[f64]>::len);
-    stands.filter(|length| *length >= STAND).sum()
+    stands.filter(|length| *length >= MIN_CONSECUTIVE_ROWS).sum()
 }

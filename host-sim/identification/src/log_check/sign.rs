@@ -1,14 +1,15 @@
-//! A torque that pushes along the motion.
+//! A torque or velocity with inverted sign.
 //!
-//! The contract counts the torque positive when it drives positive velocity, so a joint with friction takes
-//! power: the mean of torque times velocity is positive. Inertia and gravity give back what they take. Where
-//! the joint gives power throughout, one of the two columns has the other sign.
+//! In the contract, a positive torque drives positive velocity, so a joint with friction consumes power: the mean of
+//! torque times velocity is positive. Inertia and gravity return what they take. If the joint delivers power on average,
+//! one of the two columns has the wrong sign.
 
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 
-/// Mean power over the mean of its size below which the sign is doubted: friction alone gives +0.9 and more, a
-/// gear that is back-driven by a load hovers around 0.
-const GIVES: f64 = -0.25;
+/// Mean power relative to its mean magnitude, below which the sign is doubtful. Friction alone gives +0.9 and more; a
+/// gear that a load drives backwards gives about 0.
+const MAX_POWER_RATIO: f64 = -0.25;
 
 pub fn sign(log: &Log) -> Vec<LogFinding> {
     let (mut power, mut size) = (0.0, 0.0);
@@ -18,12 +19,12 @@ pub fn sign(log: &Log) -> Vec<LogFinding> {
             size += (torque * velocity).abs();
         }
     }
-    if size <= 0.0 || power / size >= GIVES {
+    if size <= 0.0 || power / size >= MAX_POWER_RATIO {
         return Vec::new();
     }
     let torque = log.torque();
     vec![LogFinding {
-        kind: Kind::SignSuspect,
+        kind: LogFindingKind::SignSuspect,
         columns: vec![log.torque().into(), log.velocity().into()],
         value: power / size,
         unit: "of the power".into(),

@@ -1,26 +1,27 @@
-//! A clock that repeats its stamps or misses rows, and rows that are missing although the clock runs on.
+//! Clocks that repeat stamps or have gaps, and rows that are missing although the clock is regular.
 //!
-//! Nothing with a memory crosses a gap (each unbroken stretch is a track of its own), so a gap is told but is
-//! no harm. Rows lost without a gap are: the position jumps by what no velocity beside it explains.
+//! No computation with memory crosses a gap (each segment is a track of its own), so a gap is reported but does no
+//! harm. Rows lost without a gap do: the position jumps by more than its velocity explains.
 
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 use crate::data::segments;
 use crate::motion::columns::quantile;
 use crate::number::figure;
 
-/// Share of rows that repeat the stamp before them from which it is told.
-const REPEATED: f64 = 1e-3;
+/// Minimum share of rows that repeat the previous stamp.
+const MIN_REPEATED_SHARE: f64 = 1e-3;
 
-/// A displacement off its velocity by more than so many of the 99th percentile of such differences is a jump.
-const JUMP: f64 = 10.0;
+/// Minimum difference between displacement and integrated velocity of a jump, in 99th percentiles of this difference.
+const MIN_JUMP_RATIO: f64 = 10.0;
 
-/// And by at least so many rows of usual travel.
-const ROWS: f64 = 3.0;
+/// Minimum size of a jump, in rows of usual travel.
+const MIN_JUMP_ROWS: f64 = 3.0;
 
 pub fn jumps(log: &Log) -> Vec<LogFinding> {
     let mut found = Vec::new();
     let finding = |columns: Vec<String>, value: f64, unit: &str, in_words: String| LogFinding {
-        kind: Kind::TimeJump,
+        kind: LogFindingKind::TimeJump,
         columns,
         value,
         unit: unit.into(),
@@ -40,12 +41,12 @@ pub fn jumps(log: &Log) -> Vec<LogFinding> {
     let time = || vec!["time_s".to_owned()];
     if gaps > 0 {
         let words = format!(
-            "The log has {gaps} gaps, the longest of {} s: each stretch between them is taken for itself.",
+            "The log has {gaps} gaps, the longest of {} s: each segment between them is used separately.",
             figure(longest)
         );
         found.push(finding(time(), longest, "s", words));
     }
-    if repeated as f64 > REPEATED * steps as f64 {
+    if repeated as f64 > MIN_REPEATED_SHARE * steps as f64 {
         let words = format!(
             "{repeated} rows repeat the stamp of the row before: the clock is coarser than the rows. They are kept."
         );
@@ -63,7 +64,7 @@ pub fn jumps(log: &Log) -> Vec<LogFinding> {
     found
 }
 
-/// How often the position jumps, and by how much at most.
+/// Returns how often the position jumps, and the largest jump.
 fn lost(log: &Log) -> Option<(usize, f64)> {
     let position = log.column(log.position())?;
     if !log.sensors.agreement.is_some_and(|agreement| agreement.is_clear()) {
@@ -80,7 +81,8 @@ fn lost(log: &Log) -> Option<(usize, f64)> {
         }
     }
     let usual = quantile(off.iter().copied(), 0.99).max(4.0 * log.sensors.position_noise);
-    let least = (JUMP * usual).max(ROWS * log.sensors.speed * log.sensors.step_s);
+    let least =
+        (MIN_JUMP_RATIO * usual).max(MIN_JUMP_ROWS * log.sensors.speed * log.sensors.step_s);
     let count = off.iter().filter(|off| **off > least).count();
     let largest = off.iter().copied().fold(0.0, f64::max);
     (count > 0 && (count as f64) < 0.01 * off.len() as f64).then_some((count, largest))

@@ -1,55 +1,59 @@
-//! A torque that is late against the motion: a filter, another bus.
+//! A torque that is delayed against the motion, by a filter or another bus.
 //!
-//! At a reversal friction changes sides. Bristles and backlash take a *travel* for it, a late channel takes a
-//! *time*: where the joint turns hard the one is short and the other is not. A joint that leaves its turning
-//! point with acceleration `a` has gone a travel `L` after `sqrt(2 L / a)`, so over many reversals
+//! At a reversal friction changes its sign. Bristles and backlash need a *travel* for the change, a delayed channel a
+//! *time*. A joint that leaves its turning point with acceleration `a` has moved by a travel `L` after `sqrt(2 L / a)`,
+//! so over many reversals
 //!
 //! ```text
 //! time from the turn to the middle of the change = lag + sqrt(L) sqrt(2 / a)
 //! ```
 //!
-//! and the intercept is the lag. It takes reversals of different hardness. A low-pass filter is seen in part
-//! only: on soft bristles most of its delay looks like more travel (of 16 ms, 3.6 are seen at 2 mrad).
+//! and the intercept is the lag. This needs reversals of different acceleration. A low-pass filter is detected only in
+//! part: with soft bristles, most of its delay looks like additional travel.
 
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 use crate::data::segments;
 use crate::number::figure;
 use std::ops::Range;
 
-/// Reversals it takes.
-const FEWEST: usize = 12;
+/// Minimum number of reversals.
+const MIN_REVERSALS: usize = 12;
 
-/// Hardest over gentlest decile of `sqrt(2 / a)`.
-const DIFFERENT: f64 = 1.5;
+/// Minimum ratio of the outer deciles of `sqrt(2 / a)`.
+const MIN_DECILE_RATIO: f64 = 1.5;
 
-/// Standard errors, and rows, from which a lag is told.
-const TELLS: (f64, f64) = (4.0, 1.5);
+/// Minimum lag that is reported, standard errors.
+const MIN_LAG_ERRORS: f64 = 4.0;
+
+/// Minimum lag that is reported, rows.
+const MIN_LAG_ROWS: f64 = 1.5;
 
 /// Speed at which a joint has left its turn, as a share of the 95th percentile.
-const LEFT: f64 = 0.1;
+const LEFT_SPEED_SHARE: f64 = 0.1;
 
-/// Rows from having left a turn over which the torque's level is taken: a filter has followed by then.
-const SETTLED: Range<usize> = 8..16;
+/// Rows after a turn over which the level of the torque is averaged. A filter has settled by then.
+const LEVEL_ROWS: Range<usize> = 8..16;
 
-/// Rows a turn may take, to either side.
-const TURN: usize = 60;
+/// Maximum duration of a turn on either side, rows.
+const MAX_TURN_ROWS: usize = 60;
 
 pub fn torque_lag(log: &Log) -> Vec<LogFinding> {
     let mut turns = turns(log);
-    if turns.len() < FEWEST {
+    if turns.len() < MIN_REVERSALS {
         return Vec::new();
     }
     turns.sort_by(|a, b| a.0.total_cmp(&b.0));
     let tenth = turns.len() / 10;
-    if turns[turns.len() - 1 - tenth].0 < DIFFERENT * turns[tenth].0 {
+    if turns[turns.len() - 1 - tenth].0 < MIN_DECILE_RATIO * turns[tenth].0 {
         return Vec::new();
     }
     let Some((lag, error)) = intercept(&turns) else { return Vec::new() };
-    if lag < TELLS.0 * error || lag < TELLS.1 * log.sensors.step_s {
+    if lag < MIN_LAG_ERRORS * error || lag < MIN_LAG_ROWS * log.sensors.step_s {
         return Vec::new();
     }
     vec![LogFinding {
-        kind: Kind::TorqueLag,
+        kind: LogFindingKind::TorqueLag,
         columns: vec![log.torque().into()],
         value: lag,
         unit: "s".into(),
@@ -64,9 +68,9 @@ pub fn torque_lag(log: &Log) -> Vec<LogFinding> {
     }]
 }
 
-/// Each reversal as (`sqrt(2/a)`, time from the turn to the middle of the torque's change).
+/// Returns for each reversal (`sqrt(2/a)`, time from the turn to the middle of the torque's change).
 fn turns(log: &Log) -> Vec<(f64, f64)> {
-    let left = LEFT * log.sensors.speed;
+    let left = LEFT_SPEED_SHARE * log.sensors.speed;
     let mut found = Vec::new();
     for run in &log.smoothed.runs {
         for rows in segments(run) {
@@ -90,21 +94,23 @@ fn turn(
     left: f64,
 ) -> Option<(f64, f64)> {
     let side = velocity[row].signum();
-    // Rows in which it has left the turn, on either side, without turning again.
-    let after = (row..time.len().min(row + TURN)).find(|at| velocity[*at] * side > left)?;
-    let before = (row.saturating_sub(TURN)..row).rev().find(|at| -velocity[*at] * side > left)?;
+    // Rows in which the joint has left the turn, on either side, without turning again.
+    let after =
+        (row..time.len().min(row + MAX_TURN_ROWS)).find(|at| velocity[*at] * side > left)?;
+    let before =
+        (row.saturating_sub(MAX_TURN_ROWS)..row).rev().find(|at| -velocity[*at] * side > left)?;
     let one_way = (row..after).all(|at| velocity[at] * side > 0.0)
         && (before..row).all(|at| velocity[at] * side < 0.0);
-    if !one_way || before < SETTLED.end || after + SETTLED.end >= time.len() {
+    if !one_way || before < LEVEL_ROWS.end || after + LEVEL_ROWS.end >= time.len() {
         return None;
     }
     let share = velocity[row - 1] / (velocity[row - 1] - velocity[row]);
     let zero = time[row - 1] + share * (time[row] - time[row - 1]);
     let acceleration = (velocity[after] - velocity[before]) / (time[after] - time[before]);
     let level = |from: usize, to: usize| torque[from..to].iter().sum::<f64>() / (to - from) as f64;
-    let Range { start, end } = SETTLED;
+    let Range { start, end } = LEVEL_ROWS;
     let (low, high) = (level(before - end, before - start), level(after + start, after + end));
-    // Levels before and after, where there is a change to speak of.
+    // The change of the level must be significant.
     let settled = torque[after + start..after + end].iter();
     let scatter = settled.map(|t| (t - high).abs()).fold(0.0, f64::max);
     if (high - low) * side < 4.0 * scatter {
@@ -119,7 +125,7 @@ fn turn(
     Some(((2.0 / acceleration.abs()).sqrt(), then - zero))
 }
 
-/// The intercept of a robust line, with its standard error.
+/// Fits a robust line and returns its intercept with the standard error.
 fn intercept(turns: &[(f64, f64)]) -> Option<(f64, f64)> {
     let mut weights = vec![1.0; turns.len()];
     let mut result = None;

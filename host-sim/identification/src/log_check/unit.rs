@@ -1,14 +1,15 @@
-//! Columns that may be in other units than their names say.
+//! Columns whose unit may differ from the unit in their name.
 //!
-//! Where there is a position, its derivative over time must be the velocity: a factor of 9.55 is revolutions per
-//! minute, 57.3 degrees, 1000 a millimetre or a millisecond. Without one, only what no machine does is told.
+//! If there is a position, its derivative must be the velocity: a factor of 9.55 indicates revolutions per minute, 57.3
+//! degrees, and 1000 millimetres or milliseconds. Without a position, only values that no machine reaches are reported.
 
-use super::{Kind, Log, LogFinding};
+use super::finding::{LogFinding, LogFindingKind};
+use super::log::Log;
 use crate::number::figure;
 use compensator_core::quantity::{JointKind, Quantity};
 
-/// What a velocity over the derivative of its position says.
-const GAINS: [(f64, &str); 8] = [
+/// Probable causes of a ratio between the velocity and the derivative of the position.
+const KNOWN_GAINS: [(f64, &str); 8] = [
     (60.0 / std::f64::consts::TAU, "the velocity may be in rpm"),
     (
         std::f64::consts::TAU / 60.0,
@@ -25,113 +26,130 @@ const GAINS: [(f64, &str); 8] = [
     (std::f64::consts::TAU, "the position may be in turns"),
 ];
 
-/// A gain this near to one of the table is it; as far from 1 it is another's.
-const NEAR: f64 = 0.03;
+/// Maximum relative difference to a gain of the table.
+const MAX_GAIN_DIFFERENCE: f64 = 0.03;
 
-/// A gain off by more than this is told, whatever it is.
-const OFF: f64 = 0.05;
+/// Minimum difference of a gain from 1 that is reported.
+const MIN_GAIN_ERROR: f64 = 0.05;
 
-/// Rates at which no one logs friction, Hz: a clock in other units. The slowest of the measured logs at hand, steady
-/// speeds of a worm drive, has 4 Hz.
-const RATES_HZ: (f64, f64) = (2.5, 2e5);
+/// Plausible rates of a log of friction, Hz. Slow logs of steady speeds have about 4 Hz.
+const PLAUSIBLE_RATES_HZ: (f64, f64) = (2.5, 2e5);
 
-/// Rates that a clock in other units is likely to have in truth, Hz.
-const LIKELY_HZ: (f64, f64) = (10.0, 1e5);
+/// Probable true rates of a log whose clock has another unit, Hz.
+const PROBABLE_RATES_HZ: (f64, f64) = (10.0, 1e5);
 
-/// Units of time a clock may be in, as parts of a second.
-const CLOCKS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
+/// Units of time that a clock may have, as (units per second, name).
+const CLOCK_UNITS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
 
-/// Speeds no joint has, rad/s (10,500 rpm) and m/s.
-const FASTEST: [f64; 2] = [1.1e3, 30.0];
+/// Maximum plausible speed of a joint: rad/s (10,500 rpm) and m/s.
+const MAX_SPEEDS: [f64; 2] = [1.1e3, 30.0];
 
-/// A pressure difference that never exceeds this, Pa, is a hand's breadth of water, which bends no seal.
-const LEAST_PRESSURE: f64 = 1e3;
+/// Minimum plausible maximum of a pressure difference, Pa: 0.1 m of water, which does not deform a seal.
+const MIN_PRESSURE_PA: f64 = 1e3;
 
-/// Seals burn above, °C.
-const HOTTEST: f64 = 200.0;
+/// Maximum plausible temperature, °C. Seals burn above it.
+const MAX_TEMPERATURE_C: f64 = 200.0;
 
 pub fn units(log: &Log) -> Vec<LogFinding> {
     let mut found = Vec::new();
-    let sensors = &log.sensors;
-    let mut tell = |columns: &[&str], value: f64, unit: &str, in_words: String| {
-        found.push(LogFinding {
-            kind: Kind::UnitSuspect,
-            columns: columns.iter().map(|name| (*name).to_owned()).collect(),
-            value,
-            unit: unit.into(),
-            corrected: false,
-            in_words,
-        });
+    found.extend(velocity_gain(log));
+    found.extend(clock_rate(log));
+    found.extend(speed_limit(log));
+    found.extend(covariate_limits(log));
+    found
+}
+
+fn finding(columns: &[&str], value: f64, unit: &str, in_words: String) -> LogFinding {
+    LogFinding {
+        kind: LogFindingKind::UnitSuspect,
+        columns: columns.iter().map(|name| (*name).to_owned()).collect(),
+        value,
+        unit: unit.into(),
+        corrected: false,
+        in_words,
+    }
+}
+
+/// Compares the velocity with the derivative of the position.
+fn velocity_gain(log: &Log) -> Option<LogFinding> {
+    let gain = log.sensors.agreement.filter(|agreement| agreement.is_clear())?.gain;
+    let is_near = |of: f64| (gain.abs() / of - 1.0).abs() < MAX_GAIN_DIFFERENCE;
+    let known = KNOWN_GAINS.iter().find(|(of, _)| is_near(*of));
+    let cause = match known {
+        _ if gain < 0.0 => "one of them has the other sign",
+        Some((_, cause)) => cause,
+        None if (gain - 1.0).abs() > MIN_GAIN_ERROR => "one of them has another scale",
+        None => return None,
     };
-    if let Some(agreement) = sensors.agreement.filter(|agreement| agreement.is_clear()) {
-        let gain = agreement.gain;
-        let reading = GAINS.iter().find(|(of, _)| (gain.abs() / of - 1.0).abs() < NEAR);
-        let columns = [log.velocity(), log.position()];
-        let factor = figure(gain);
-        if gain < 0.0 {
-            let words = format!(
-                "The velocity is {factor} times the derivative of the position: one of them has the other sign. \
-                 Nothing is changed."
-            );
-            tell(&columns, gain, "times dq/dt", words);
-        } else if let Some((_, reading)) = reading {
-            let words = format!(
-                "The velocity is {factor} times the derivative of the position: {reading}. Nothing is changed."
-            );
-            tell(&columns, gain, "times dq/dt", words);
-        } else if (gain - 1.0).abs() > OFF {
-            let words = format!(
-                "The velocity is {factor} times the derivative of the position: one of them has another scale. \
-                 Nothing is changed."
-            );
-            tell(&columns, gain, "times dq/dt", words);
-        }
+    let factor = figure(gain);
+    let words = format!(
+        "The velocity is {factor} times the derivative of the position: {cause}. Nothing is changed."
+    );
+    Some(finding(&[log.velocity(), log.position()], gain, "times dq/dt", words))
+}
+
+/// Compares the rate of the log with plausible rates.
+fn clock_rate(log: &Log) -> Option<LogFinding> {
+    let rate = 1.0 / log.sensors.step_s;
+    let is_plausible = (PLAUSIBLE_RATES_HZ.0..PLAUSIBLE_RATES_HZ.1).contains(&rate);
+    let has_rate = log.sensors.step_s > 0.0;
+    if !has_rate || is_plausible {
+        return None;
     }
-    let rate = 1.0 / sensors.step_s;
-    if sensors.step_s > 0.0 && !(RATES_HZ.0..RATES_HZ.1).contains(&rate) {
-        let likely = |(part, _): &&(f64, &str)| (LIKELY_HZ.0..LIKELY_HZ.1).contains(&(rate * part));
-        let hint = match CLOCKS.iter().find(likely) {
-            Some((_, unit)) => format!("may be in {unit} (--columns time_s=NAME:{unit})"),
-            None => "may not be in seconds".into(),
-        };
-        let rate_in_words = figure(rate);
-        let words = format!(
-            "By its stamps the log has {rate_in_words} rows a second: the time {hint}. Nothing is changed."
-        );
-        tell(&["time_s"], rate, "Hz", words);
-    }
+    let is_probable = |(part, _): &&(f64, &str)| {
+        (PROBABLE_RATES_HZ.0..PROBABLE_RATES_HZ.1).contains(&(rate * part))
+    };
+    let hint = match CLOCK_UNITS.iter().find(is_probable) {
+        Some((_, unit)) => format!("may be in {unit} (--columns time_s=NAME:{unit})"),
+        None => "may not be in seconds".into(),
+    };
+    let rate_in_words = figure(rate);
+    let words = format!(
+        "By its stamps the log has {rate_in_words} rows a second: the time {hint}. Nothing is changed."
+    );
+    Some(finding(&["time_s"], rate, "Hz", words))
+}
+
+/// Compares the speed with the maximum plausible one.
+fn speed_limit(log: &Log) -> Option<LogFinding> {
     let (velocity, unit) = (log.velocity(), log.data.joint.velocity_unit());
     let (fastest, other) = match log.data.joint {
-        JointKind::Revolute => (FASTEST[0], "rpm"),
-        JointKind::Prismatic => (FASTEST[1], "mm/s"),
+        JointKind::Revolute => (MAX_SPEEDS[0], "rpm"),
+        JointKind::Prismatic => (MAX_SPEEDS[1], "mm/s"),
     };
-    if sensors.speed > fastest {
-        let speed = figure(sensors.speed);
-        let words = format!(
-            "The velocity reaches {speed} {unit} by its column's unit, which no joint does: it may be in {other} \
-             (--columns {velocity}=NAME:{other}). Nothing is changed."
-        );
-        tell(&[velocity], sensors.speed, unit, words);
+    let speed = log.sensors.speed;
+    if speed.is_nan() || speed <= fastest {
+        return None;
     }
-    for column in &log.columns {
+    let words = format!(
+        "The velocity reaches {} {unit} by its column's unit, which no joint does: it may be in {other} \
+         (--columns {velocity}=NAME:{other}). Nothing is changed.",
+        figure(speed)
+    );
+    Some(finding(&[velocity], speed, unit, words))
+}
+
+/// Compares pressures and temperatures with plausible values.
+fn covariate_limits(log: &Log) -> Vec<LogFinding> {
+    let check = |column: &super::column::Column| {
         let largest = column.values().map(f64::abs).fold(0.0, f64::max);
         let (name, figure) = (&column.name, figure(largest));
         match column.quantity {
-            Some(Quantity::Pressure) if largest > 0.0 && largest < LEAST_PRESSURE => {
+            Some(Quantity::Pressure) if largest > 0.0 && largest < MIN_PRESSURE_PA => {
                 let words = format!(
                     "{name} never exceeds {figure} Pa: it may be in bar or MPa (--columns {name}=NAME:bar). Nothing is \
                      changed."
                 );
-                tell(&[name], largest, "Pa", words);
+                Some(finding(&[name], largest, "Pa", words))
             }
-            Some(Quantity::Temperature) if largest > HOTTEST => {
+            Some(Quantity::Temperature) if largest > MAX_TEMPERATURE_C => {
                 let words = format!(
                     "{name} reaches {figure} °C: it may be in kelvin (--columns {name}=NAME:K). Nothing is changed."
                 );
-                tell(&[name], largest, "°C", words);
+                Some(finding(&[name], largest, "°C", words))
             }
-            _ => {}
+            _ => None,
         }
-    }
-    found
+    };
+    log.columns.iter().filter_map(check).collect()
 }

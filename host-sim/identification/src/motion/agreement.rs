@@ -1,110 +1,116 @@
-//! The velocity column beside the derivative of the position column.
+//! Comparison of the velocity column with the derivative of the position column.
 //!
-//! The position is smoothed alone, and the logged velocity is regressed on the velocity and the acceleration
-//! found: `v_logged = gain v + (-gain lag) a`. A smoothed value is the mean of the truth given the log, so such a
-//! regression is not biased by its noise. What is left over is the noise of the column, or that of the position.
+//! The position is smoothed alone, and the logged velocity is regressed on the resulting velocity and acceleration:
+//! `v_logged = gain v + (-gain lag) a`. A smoothed value is the mean of the true value given the log, so its noise does
+//! not bias the regression. The residual is the noise of the velocity column, or that of the position.
 
 use super::filter::{Series, smooth};
 use super::levels::{Levels, likeliest};
 use nalgebra::{DMatrix, DVector};
 
-/// Rows looked at, at most, spread over the log.
-const ROWS: usize = 20_000;
+/// Maximum number of rows that are evaluated, spread over the log.
+const MAX_ROWS: usize = 20_000;
 
-/// Rows a regression needs.
-const FEWEST: usize = 30;
+/// Minimum number of rows for the regression.
+const MIN_ROWS: usize = 30;
 
-/// What the position's derivative leaves of the velocity, as a share of it, where the two are one motion; and
-/// the relative standard error of a gain that is known.
-const SCATTER: f64 = 0.1;
-const GAIN_ERROR: f64 = 0.01;
+/// Maximum residual of the velocity, as a share of its RMS, for the columns to describe the same motion.
+const MAX_RESIDUAL_SHARE: f64 = 0.1;
 
-/// A velocity later (or earlier) than the position's derivative by more than so many rows lags.
-const LAG_ROWS: f64 = 0.35;
+/// Maximum relative standard error of a gain that counts as known.
+const MAX_GAIN_ERROR: f64 = 0.01;
 
-/// Standard errors of a lag that is one.
-const LAG_ERRORS: f64 = 4.0;
+/// Minimum delay between velocity and derivative of the position that counts as a lag, rows.
+const MIN_LAG_ROWS: f64 = 0.35;
 
-/// Rows by which a difference from row to row is late, and how near a lag must be to that to be it.
-const DIFFERENCE: (f64, f64) = (0.5, 0.1);
+/// Minimum lag, standard errors.
+const MIN_LAG_ERRORS: f64 = 4.0;
 
-/// What the shifted derivative leaves of a velocity that is merely late, as a share of it. A drive's own
-/// velocity, 1.1 rows late, leaves 0.001; a filtered difference of 16 bits 0.01.
-const MERELY: f64 = 3e-3;
+/// Delay of a difference from row to row, rows.
+const DIFFERENCE_LAG_ROWS: f64 = 0.5;
 
-/// What a filtered velocity leaves hangs together from row to row: a lag-one correlation above this. White noise
-/// leaves 0; a difference through a low-pass of 2 Hz, logged at 73 Hz, 0.9.
-const COLOURED: f64 = 0.5;
+/// Maximum deviation from that delay, rows.
+const DIFFERENCE_LAG_TOLERANCE_ROWS: f64 = 0.1;
 
-/// What is left is the velocity's own, and not the position's, from so many standard deviations on that the position
-/// alone leaves open. Those are a model's, hence not 2.
-const OWN: f64 = 4.0;
+/// Maximum residual of a velocity that is only delayed, as a share of its RMS. A drive's own velocity leaves about
+/// 0.001, a filtered difference of 16 bits 0.01.
+const PURE_DELAY_RESIDUAL: f64 = 3e-3;
 
-/// Standard errors beyond which a sign is sure.
-const SURE: f64 = 2.0;
+/// Minimum lag-one correlation of the residual of a filtered velocity. White noise gives 0; a difference through a
+/// low-pass filter of 2 Hz, logged at 73 Hz, gives 0.9.
+const MIN_FILTERED_CORRELATION: f64 = 0.5;
 
-/// A velocity beside the derivative of its position.
+/// Minimum residual that is attributed to the velocity and not to the position, in standard deviations of the velocity
+/// given the position alone. These depend on a model, so 2 would not be enough.
+const MIN_OWN_RESIDUAL: f64 = 4.0;
+
+/// Standard errors at which the sign of a coefficient counts as known.
+const SIGN_ERRORS: f64 = 2.0;
+
+/// Comparison of a velocity with the derivative of its position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Agreement {
     /// Logged velocity over the position's derivative.
     pub gain: f64,
     /// Its standard error.
     pub gain_error: f64,
-    /// Rows by which the logged velocity is late.
+    /// Delay of the logged velocity, rows.
     pub lag_rows: f64,
     /// Its standard error.
     pub lag_error_rows: f64,
-    /// Standard deviation of what is left, per median step.
+    /// Standard deviation of the residual, per median step.
     pub scatter: f64,
     /// RMS of the position's derivative, per median step.
     pub speed: f64,
-    /// Variance of the position's noise by itself, its rounding aside.
+    /// Variance of the position's noise alone, without its rounding.
     pub position_variance: f64,
-    /// Correlation of what is left from one row to the next.
+    /// Correlation of the residual from one row to the next.
     pub left_correlation: f64,
-    /// Standard deviation of the velocity as the position alone leaves it, per median step.
+    /// Standard deviation of the velocity given the position alone, per median step.
     pub open: f64,
-    /// Whether the logged velocity has more of what changes fast than the position knows of: it was not made from it.
+    /// True if the logged velocity has more fast components than the position: it was not derived from it.
     pub is_its_own: bool,
 }
 
 impl Agreement {
-    /// Whether the two are one motion, whatever its scale, and the gain is known to a percent.
+    /// Returns true if both columns describe the same motion, at any scale, and the gain is known to a percent.
     pub fn is_clear(&self) -> bool {
-        let moves = self.scatter < SCATTER * self.gain.abs() * self.speed;
-        moves && self.gain_error < GAIN_ERROR * self.gain.abs()
+        let moves = self.scatter < MAX_RESIDUAL_SHARE * self.gain.abs() * self.speed;
+        moves && self.gain_error < MAX_GAIN_ERROR * self.gain.abs()
     }
 
-    /// Whether the velocity is late or early beyond doubt.
+    /// Returns true if the velocity is significantly late or early.
     pub fn lags(&self) -> bool {
         let lag = self.lag_rows.abs();
-        self.is_clear() && lag > LAG_ROWS && lag > LAG_ERRORS * self.lag_error_rows
+        self.is_clear() && lag > MIN_LAG_ROWS && lag > MIN_LAG_ERRORS * self.lag_error_rows
     }
 }
 
 impl Agreement {
-    /// Whether the velocity was low-passed, so that what it is off by lasts: no white noise, and to be averaged with
-    /// nothing. The position alone then knows the motion better.
+    /// Returns true if the velocity was low-pass filtered, so that its error is correlated and cannot be averaged. Then
+    /// the position alone gives the better motion.
     pub fn is_filtered(&self) -> bool {
-        self.left_correlation > COLOURED && self.scatter > OWN * self.open
+        self.left_correlation > MIN_FILTERED_CORRELATION
+            && self.scatter > MIN_OWN_RESIDUAL * self.open
     }
 
-    /// Whether the velocity is as good as the position, and only its clock is another. Which of the two clocks is the
-    /// torque's the log does not say. Differences of the position through a filter are late and the position is not; a drive's
-    /// own velocity, which knows more than the logged position, comes out of one loop with its torque.
-    pub fn is_merely_late(&self) -> bool {
-        let is_difference = (self.lag_rows - DIFFERENCE.0).abs() < DIFFERENCE.1;
+    /// Returns true if the velocity is as accurate as the position and only has a different delay. The log does not
+    /// show which of the two clocks the torque has. Filtered differences of the position are late, the position is not.
+    /// A drive's own velocity, which is more accurate than the logged position, shares a control loop with its torque.
+    pub fn is_pure_delay(&self) -> bool {
+        let is_difference =
+            (self.lag_rows - DIFFERENCE_LAG_ROWS).abs() < DIFFERENCE_LAG_TOLERANCE_ROWS;
         let is_known = self.lags() && !is_difference && self.is_its_own;
-        is_known && self.scatter < MERELY * self.gain.abs() * self.speed
+        is_known && self.scatter < PURE_DELAY_RESIDUAL * self.gain.abs() * self.speed
     }
 }
 
-/// Holds the two against each other; every series has a position.
+/// Compares velocity and position. Every series must have a position.
 pub fn agreement(all: &[Series]) -> Agreement {
     let mut alone: Vec<Series> = Vec::new();
     let mut velocities: Vec<Vec<f64>> = Vec::new();
     let rows: usize = all.iter().map(Series::len).sum();
-    let stride = rows.div_ceil(ROWS).max(1);
+    let stride = rows.div_ceil(MAX_ROWS).max(1);
     for series in all.iter().filter(|s| s.len() > 10) {
         let part = series.part(0..(series.len() / stride).max(10));
         velocities.push(part.velocity.clone().unwrap_or_default());
@@ -114,7 +120,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
         return Agreement { gain: 1.0, ..Agreement::default() };
     }
     let Levels { noise, jump } = likeliest(&alone);
-    // Weighted sums of the normal equations, robust by leaving the worst tail out in a second round.
+    // Weighted sums of the normal equations. The later rounds leave out the largest residuals.
     let mut table: Vec<[f64; 4]> = Vec::new();
     let (mut starts, mut open, mut opened) = (Vec::new(), 0.0, 0.0);
     for (series, logged) in alone.iter().zip(&velocities) {
@@ -124,7 +130,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
         let inner = logged.iter().enumerate().take(series.len() - ends).skip(ends);
         for (row, logged) in inner {
             let state = found.states[row];
-            // The polygon's acceleration belongs to the middle of the step after the row.
+            // The acceleration of the polygon belongs to the middle of the step after the row.
             let bend = 0.5 * (state[2] + found.states[row - 1][2]);
             let jerk = state[2] - found.states[row - 1][2];
             table.push([*logged, state[1], bend, jerk]);
@@ -132,7 +138,7 @@ pub fn agreement(all: &[Series]) -> Agreement {
             opened += 1.0;
         }
     }
-    if table.len() < FEWEST {
+    if table.len() < MIN_ROWS {
         return Agreement { gain: 1.0, ..Agreement::default() };
     }
     let mut limit = f64::INFINITY;
@@ -173,15 +179,15 @@ pub fn agreement(all: &[Series]) -> Agreement {
         };
         let mut sizes: Vec<f64> = table.iter().map(|row| left(row).abs()).collect();
         let at = sizes.len() * 19 / 20;
-        // Twice the 95th percentile is four standard deviations: what lies beyond is another matter.
+        // Twice the 95th percentile is four standard deviations. Residuals beyond it are not noise.
         limit = 2.0 * *sizes.select_nth_unstable_by(at, f64::total_cmp).1;
     }
     result
 }
 
-/// Whether a logged velocity has more of what changes fast than the position's derivative does: in `v_logged = b0 v + b1 a + b2 j`
-/// (`j` the third derivative) a factor of `b2 < 0` raises fast waves. Differences of the position through any filter lose
-/// them; a mere delay of `d` has `b2 = d^2 / 2`.
+/// Returns true if a logged velocity has more fast components than the position's derivative. In the regression
+/// `v_logged = b0 v + b1 a + b2 j` (`j` is the third derivative), `b2 < 0` amplifies fast components. Filtered
+/// differences of the position attenuate them; a pure delay of `d` gives `b2 = d^2 / 2`.
 fn is_its_own(rows: &[&[f64; 4]]) -> bool {
     let columns = DMatrix::from_fn(rows.len(), 3, |row, column| rows[row][column + 1]);
     let logged = DVector::from_fn(rows.len(), |row, _| rows[row][0]);
@@ -189,10 +195,10 @@ fn is_its_own(rows: &[&[f64; 4]]) -> bool {
     let Some(inverse) = products.try_inverse() else { return false };
     let found = &inverse * (columns.transpose() * &logged);
     let left = (&logged - &columns * &found).norm_squared() / rows.len() as f64;
-    found[2] * found[0].signum() < -SURE * (left * inverse[(2, 2)]).sqrt()
+    found[2] * found[0].signum() < -SIGN_ERRORS * (left * inverse[(2, 2)]).sqrt()
 }
 
-/// Lag-one correlation of what is left, never from one series to the next.
+/// Returns the lag-one correlation of the residual. Pairs across two series are excluded.
 fn correlation(table: &[[f64; 4]], starts: &[usize], left: &impl Fn(&[f64; 4]) -> f64) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for (at, row) in table.iter().enumerate() {

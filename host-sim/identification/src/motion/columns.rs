@@ -1,8 +1,8 @@
-//! Columns of a log in, the motion as it was out.
+//! Estimation of the motion from the columns of a log.
 //!
-//! Levels first, over all stretches; then rest; then each stretch smoothed with its own roughness and its rest
-//! known. Where the velocity turns out to be exact (no noise to speak of, none at rest, in step with the
-//! position) it is handed back as it is, to the bit.
+//! First the noise levels are estimated over all segments, then rest is detected, then each segment is smoothed with
+//! its own roughness and its rows at rest. If the velocity is exact (negligible noise, also at rest, and no lag against
+//! the position) it is returned bit for bit.
 
 use super::agreement::{Agreement, agreement};
 use super::filter::{Noise, Series, draw};
@@ -10,35 +10,38 @@ use super::levels::{Levels, adapt, likeliest, noise_alone};
 use super::quantum::{quantum, unstepped};
 use super::rest::at_rest;
 
-/// Draws of what is left open: three give a row's variance to a factor of two, and all rows together
-/// theirs to a percent.
+/// Number of draws of the uncertain motion. Three give a row's variance to a factor of two, and that of all rows
+/// together to a percent.
 pub const DRAWS: usize = 3;
 
-/// A velocity whose noise is below this share of the 95th percentile of speed is exact, if it is at rest
-/// where the joint is.
-const EXACT: f64 = 1e-4;
+/// Maximum noise of an exact velocity, as a share of the 95th percentile of speed.
+const MAX_EXACT_NOISE: f64 = 1e-4;
 
-/// Standard deviations of the noise to either side of zero by which a joint turns.
-const TURNS: f64 = 5.0;
+/// Minimum speed in both directions for a joint to reverse, standard deviations of the noise.
+const MIN_REVERSAL_SPEED: f64 = 5.0;
 
-/// What a sum leaves of the travel, over what the trapezoid leaves, where the position is such a sum.
-const SUM: f64 = 0.1;
+/// Maximum residual of a rectangle sum, relative to that of the trapezoid sum, for a position that is such a sum.
+const MAX_SUM_RESIDUAL: f64 = 0.1;
 
-/// Runs that begin alike, from which it is no chance.
-const FEWEST_ALIKE: usize = 3;
+/// Minimum number of segments with equal start for it not to be chance.
+const MIN_EQUAL_STARTS: usize = 3;
 
-/// Rows from which a stretch has a noise of its own.
-const LONG_ENOUGH: usize = 100;
+/// Minimum length of a segment with its own noise level, rows.
+const MIN_NOISE_ROWS: usize = 100;
 
-/// Variances of two stretches differ by no more than this: a median of zeros is not a noise of zero.
-const LOUDEST: f64 = 1e3;
+/// Maximum ratio of the noise variances of a segment and of the log. It prevents a noise of zero if most differences
+/// are zero.
+const MAX_VARIANCE_RATIO: f64 = 1e3;
 
-/// A quantile of the size of noise, and where it lies for a normal one of deviation 1.
-const NINETY: (f64, f64) = (0.9, 1.645);
+/// Quantile of the magnitude of noise from which its standard deviation is estimated.
+const NOISE_QUANTILE: f64 = 0.9;
 
-/// One unbroken stretch as it is in the log.
+/// That quantile for a normal distribution of standard deviation 1.
+const NORMAL_QUANTILE: f64 = 1.645;
+
+/// One segment of a log.
 #[derive(Clone, Copy, Debug)]
-pub struct Stretch<'a> {
+pub struct MotionSegment<'a> {
     /// Time, s.
     pub time_s: &'a [f64],
     /// Position, rad or m.
@@ -47,28 +50,28 @@ pub struct Stretch<'a> {
     pub velocity: &'a [f64],
 }
 
-/// The motion of a stretch.
+/// The reconstructed motion of a segment.
 #[derive(Clone, Debug, Default)]
-pub struct Motion {
-    /// Position, where there was one.
+pub struct SegmentMotion {
+    /// Position, if it is logged.
     pub position: Option<Vec<f64>>,
     /// Velocity; its trapezoid sum is the displacement.
     pub velocity: Vec<f64>,
     /// Draws of the true velocity minus this one.
     pub draws: Vec<Vec<f64>>,
-    /// Rows at rest, `true` each.
+    /// True for rows at rest.
     pub at_rest: Vec<bool>,
 }
 
-impl Motion {
-    /// Whether every number of it is one.
+impl SegmentMotion {
+    /// Returns true if all values are finite.
     pub fn is_finite(&self) -> bool {
         let mut all = self.position.iter().chain([&self.velocity]).chain(&self.draws).flatten();
         all.all(|value| value.is_finite())
     }
 }
 
-/// What was found about the sensors.
+/// Properties of the motion sensors.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sensors {
     /// Median step, s.
@@ -77,59 +80,59 @@ pub struct Sensors {
     pub speed: f64,
     /// Standard deviation of the position's noise, rad or m; 0 without a position.
     pub position_noise: f64,
-    /// Step of a quantised position, rad or m; 0 where it is not.
+    /// Step of a quantised position, rad or m; 0 if it is not quantised.
     pub position_quantum: f64,
     /// Standard deviation of the velocity's noise, rad/s or m/s.
     pub velocity_noise: f64,
-    /// The same over the rows at rest alone; 0 where none rests.
+    /// The same for the rows at rest; 0 if there are none.
     pub noise_at_rest: f64,
-    /// Rows at rest.
+    /// Number of rows at rest.
     pub rows_at_rest: usize,
-    /// The velocity beside the position's derivative, where there is a position.
+    /// Comparison of the velocity with the position's derivative, if there is a position.
     pub agreement: Option<Agreement>,
-    /// Whether the velocity column was left out, because it lags the position or was low-passed.
+    /// True if the velocity is not used, because it lags the position or was low-pass filtered.
     pub from_position_alone: bool,
-    /// Whether the position column was left out: it was integrated from the velocity, or runs by another
-    /// clock than a velocity that is as good.
+    /// True if the position is not used, because it was integrated from the velocity, or has another delay than a
+    /// velocity of equal accuracy.
     pub from_velocity_alone: bool,
-    /// Whether the position is a sum of the velocity that begins at the same value in each run.
+    /// True if the position is a sum of the velocity with the same start value in each run.
     pub position_integrated: bool,
-    /// RMS of the velocity over the rows at rest; [`Sensors::noise_at_rest`] leaves the worst tenth out.
+    /// RMS of the velocity over the rows at rest. [`Sensors::noise_at_rest`] excludes the largest tenth.
     pub flicker_at_rest: f64,
-    /// Whether the velocity is exact, and taken as it stands.
+    /// True if the velocity is exact and used as logged.
     pub exact: bool,
-    /// Whether it is taken as it stands because there is no position and the joint neither rests nor turns: in
-    /// one-way sliding no bristle integrates the noise, and what looks like noise may be the motion.
+    /// True if the velocity is used as logged because there is no position and the joint neither rests nor reverses. In
+    /// one-way sliding no bristle integrates the noise, and apparent noise may be motion.
     pub steady: bool,
 }
 
 impl Sensors {
-    /// By how much a clean velocity is late (early: negative) against the position, s, where it keeps its clock and
-    /// the position is moved to it.
+    /// Returns the delay of a clean velocity against the position, s (negative: early), if the position is to be
+    /// shifted to the velocity's clock.
     pub fn velocity_late_s(&self) -> Option<f64> {
         let late =
-            self.agreement.filter(|found| self.from_velocity_alone && found.is_merely_late())?;
+            self.agreement.filter(|found| self.from_velocity_alone && found.is_pure_delay())?;
         Some(late.lag_rows * self.step_s)
     }
 
-    /// Whether the motion is the one that was logged.
+    /// Returns true if the motion is used as logged.
     pub fn is_as_logged(&self) -> bool {
         self.exact || self.steady
     }
 }
 
-/// What was found of all stretches together, and each of them ready to be smoothed.
+/// Analysis of all segments together, from which each can be smoothed.
 #[derive(Clone, Debug)]
-pub struct Study {
-    /// What was found about the sensors.
+pub struct MotionAnalysis {
+    /// Properties of the sensors.
     pub sensors: Sensors,
     all: Vec<Series>,
     levels: Option<Levels>,
 }
 
-impl Study {
-    /// Looks at all stretches: levels of noise, lag, rest.
-    pub fn new(stretches: &[Stretch]) -> Self {
+impl MotionAnalysis {
+    /// Analyses all segments: noise levels, lag, rest.
+    pub fn new(stretches: &[MotionSegment]) -> Self {
         let steps = stretches.iter().flat_map(|s| s.time_s.windows(2).map(|w| w[1] - w[0]));
         let step_s = median(steps);
         let speed =
@@ -142,11 +145,11 @@ impl Study {
         study.sensors.position_quantum = quantum(stretches.iter().filter_map(|s| s.position));
         let step = study.sensors.position_quantum;
         study.all = stretches.iter().map(|s| series(s, step_s, step)).collect();
-        study.look(stretches);
+        study.analyse(stretches);
         study
     }
 
-    fn look(&mut self, stretches: &[Stretch]) {
+    fn analyse(&mut self, stretches: &[MotionSegment]) {
         let Self { sensors, all, levels: found } = self;
         let step_s = sensors.step_s;
         let has_position = all.iter().all(|s| s.position.is_some());
@@ -155,7 +158,7 @@ impl Study {
             sensors.agreement = Some(found);
             let unstepped = sensors.position_quantum == 0.0;
             sensors.position_integrated = unstepped && start_alike(stretches) && is_sum(stretches);
-            sensors.from_velocity_alone = sensors.position_integrated || found.is_merely_late();
+            sensors.from_velocity_alone = sensors.position_integrated || found.is_pure_delay();
             let is_worse = found.lags() || found.is_filtered();
             sensors.from_position_alone = is_worse && !sensors.from_velocity_alone;
         }
@@ -172,8 +175,8 @@ impl Study {
             sensors.position_noise = (levels.noise.position + step * step / 12.0).sqrt();
         }
         sensors.velocity_noise = levels.noise.velocity.sqrt() / step_s;
-        // A velocity that is smooth and wrong leaves its error with the position; rest is judged by what the
-        // position does by itself.
+        // A velocity that is smooth and wrong adds its error to the position's noise. So rest is detected with the
+        // noise of the position alone.
         let alone = sensors.agreement.map(|found| found.position_variance).filter(|v| *v > 0.0);
         let position = levels.noise.position.min(alone.unwrap_or(f64::INFINITY));
         let noise = Noise { position, ..levels.noise };
@@ -182,7 +185,7 @@ impl Study {
             series.at_rest = at_rest(series, &noise, step, sensors.speed * step_s);
         }
         let resting = all.iter().zip(stretches).flat_map(|(series, stretch)| {
-            // Inside: a start may be a row off.
+            // Only inner rows: the start of a rest may be a row off.
             let inside = series.at_rest.windows(3).map(|near| near.iter().all(|rests| *rests));
             inside.zip(&stretch.velocity[1..]).filter(|(rests, _)| *rests)
         });
@@ -190,12 +193,12 @@ impl Study {
         let squares: f64 = speeds.iter().map(|v| v * v).sum();
         sensors.flicker_at_rest = (squares / speeds.len().max(1) as f64).sqrt();
         sensors.rows_at_rest = speeds.len();
-        sensors.noise_at_rest = quantile(speeds.into_iter(), NINETY.0) / NINETY.1;
-        let nothing = EXACT * sensors.speed;
+        sensors.noise_at_rest = quantile(speeds.into_iter(), NOISE_QUANTILE) / NORMAL_QUANTILE;
+        let nothing = MAX_EXACT_NOISE * sensors.speed;
         sensors.exact = !sensors.from_position_alone
             && (own_noise / step_s).min(sensors.velocity_noise) < nothing
             && sensors.noise_at_rest < nothing;
-        let sign = TURNS * sensors.velocity_noise;
+        let sign = MIN_REVERSAL_SPEED * sensors.velocity_noise;
         let turns = stretches.iter().any(|stretch| {
             let beyond = |side: f64| stretch.velocity.iter().any(|v| side * v > sign);
             beyond(1.0) && beyond(-1.0)
@@ -205,18 +208,18 @@ impl Study {
         *found = Some(levels);
     }
 
-    /// The motion of a stretch. `normal` gives independent standard normal numbers for the draws.
+    /// Returns the motion of a segment. `normal` returns independent standard normal numbers for the draws.
     pub fn motion(
         &self,
         index: usize,
-        stretch: &Stretch,
+        stretch: &MotionSegment,
         normal: &mut dyn FnMut() -> f64,
-    ) -> Motion {
+    ) -> SegmentMotion {
         match (&self.levels, self.all.get(index)) {
             (Some(levels), Some(series)) if !self.sensors.is_as_logged() && series.len() > 2 => {
                 motion(series, stretch, levels, &self.sensors, normal)
             }
-            _ => Motion {
+            _ => SegmentMotion {
                 position: stretch.position.map(<[f64]>::to_vec),
                 velocity: stretch.velocity.to_vec(),
                 draws: if self.sensors.is_as_logged() {
@@ -230,8 +233,8 @@ impl Study {
     }
 }
 
-/// Whether the position begins at one value in stretch after stretch, and ends elsewhere: it was integrated.
-fn start_alike(stretches: &[Stretch]) -> bool {
+/// Returns true if the position starts at one value in all segments and ends elsewhere: it was integrated.
+fn start_alike(stretches: &[MotionSegment]) -> bool {
     let ends: Vec<(f64, f64)> = stretches
         .iter()
         .filter_map(|s| s.position.and_then(|q| Some((*q.first()?, *q.last()?))))
@@ -239,12 +242,12 @@ fn start_alike(stretches: &[Stretch]) -> bool {
     let Some((first, _)) = ends.first() else { return false };
     let moved = ends.iter().filter(|(start, end)| start != end).count();
     let alike = ends.iter().filter(|(start, _)| start == first).count();
-    ends.len() >= FEWEST_ALIKE && alike == ends.len() && 2 * moved > ends.len()
+    ends.len() >= MIN_EQUAL_STARTS && alike == ends.len() && 2 * moved > ends.len()
 }
 
-/// Whether the position is the sum of velocity times step, row by row, to the last digits: an exact position is not,
-/// as it knows what the velocity does between rows; an encoder's differences are, but come in steps.
-fn is_sum(stretches: &[Stretch]) -> bool {
+/// Returns true if the position is the sum of velocity times step, row by row, to the last digits. A measured position
+/// is not: it includes the motion between rows. An encoder's differences are, but they are quantised.
+fn is_sum(stretches: &[MotionSegment]) -> bool {
     let mut off: [Vec<f64>; 2] = Default::default();
     for stretch in stretches {
         let Some(q) = stretch.position else { return false };
@@ -258,21 +261,21 @@ fn is_sum(stretches: &[Stretch]) -> bool {
         }
     }
     let [rectangle, trapezoid] = off.map(|off| quantile(off.into_iter(), 0.9));
-    rectangle < SUM * trapezoid
+    rectangle < MAX_SUM_RESIDUAL * trapezoid
 }
 
-/// Variance of a stretch's velocity noise over that of the log: a sensor that is read at another speed, or another
-/// rate, is another sensor. 1 where the stretch is too short to say.
+/// Returns the noise variance of a segment's velocity relative to that of the log. It differs if the speed or the rate
+/// differs. Returns 1 for a short segment.
 fn loudness(series: &Series, own_noise: f64) -> f64 {
-    if series.len() < LONG_ENOUGH || own_noise <= 0.0 {
+    if series.len() < MIN_NOISE_ROWS || own_noise <= 0.0 {
         return 1.0;
     }
     let here = noise_alone(std::slice::from_ref(series));
-    (here / own_noise).powi(2).clamp(1.0 / LOUDEST, LOUDEST)
+    (here / own_noise).powi(2).clamp(1.0 / MAX_VARIANCE_RATIO, MAX_VARIANCE_RATIO)
 }
 
-/// A stretch as the filter takes it.
-fn series(stretch: &Stretch, step_s: f64, quantum: f64) -> Series {
+/// Converts a segment to the input of the filter.
+fn series(stretch: &MotionSegment, step_s: f64, quantum: f64) -> Series {
     let origin = stretch.position.and_then(|q| q.first()).copied().unwrap_or_default();
     let from_first: Option<Vec<f64>> =
         stretch.position.map(|q| q.iter().map(|q| q - origin).collect());
@@ -295,18 +298,18 @@ fn series(stretch: &Stretch, step_s: f64, quantum: f64) -> Series {
 
 fn motion(
     series: &Series,
-    stretch: &Stretch,
+    stretch: &MotionSegment,
     levels: &Levels,
     sensors: &Sensors,
     normal: &mut dyn FnMut() -> f64,
-) -> Motion {
+) -> SegmentMotion {
     let step_s = sensors.step_s;
     let (jumps, smoothed) = adapt(series, levels);
     let still = |row: usize, value: f64| if series.at_rest[row] { 0.0 } else { value };
     let velocity: Vec<f64> =
         smoothed.states.iter().enumerate().map(|(row, x)| still(row, x[1] / step_s)).collect();
     let origin = stretch.position.and_then(|q| q.first()).copied().unwrap_or_default();
-    // A position that was left out stays as it is.
+    // A position that is not used stays as logged.
     let as_logged = || stretch.position.map(<[f64]>::to_vec);
     let position = series.position.as_ref().map(|_| {
         let mut held = 0.0;
@@ -325,15 +328,15 @@ fn motion(
             drawn.iter().enumerate().map(|(row, v)| still(row, v / step_s)).collect()
         })
         .collect();
-    Motion { position, velocity, draws, at_rest: series.at_rest.clone() }
+    SegmentMotion { position, velocity, draws, at_rest: series.at_rest.clone() }
 }
 
-/// The median of the values above 0; 0 without any.
+/// Returns the median of the values above 0; 0 if there are none.
 pub fn median(values: impl Iterator<Item = f64>) -> f64 {
     quantile(values.filter(|v| *v > 0.0), 0.5)
 }
 
-/// A quantile; 0 of nothing.
+/// Returns a quantile; 0 for no values.
 pub fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut all: Vec<f64> = values.collect();
     if all.is_empty() {

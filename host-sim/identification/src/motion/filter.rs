@@ -1,69 +1,69 @@
-//! A Kalman filter forward, its smoother backward, and draws of what both leave open.
+//! Kalman filter, fixed-interval smoother, and random draws of the remaining uncertainty.
 //!
-//! The state is position, velocity and acceleration, and the motion is what a simulation makes of a log: a
-//! polygon of the velocity, a straight line from row to row. So position is *exactly* the trapezoid sum
-//! of velocity, and a bristle driven by the smoothed velocity is driven by the smoothed displacement:
+//! The state is position, velocity and acceleration. The velocity is a polygon, as a simulation interpolates a log:
+//! linear from row to row. So the position is *exactly* the trapezoid sum of the velocity, and a bristle driven by the
+//! smoothed velocity moves by the smoothed displacement:
 //!
 //! ```text
 //! q' = q + v dt + a dt^2/2      v' = v + a dt      a' = a + w,  w ~ N(0, lambda)
 //! ```
 //!
-//! Backward goes the smoother of Bryson and Frazier (de Jong's form), which inverts no matrix and gives the
-//! smoothed `w` with its variance besides. Time is counted in median steps, velocity and acceleration per such
-//! step, so that all three are of one size.
+//! The backward pass is the smoother of Bryson and Frazier in de Jong's form. It inverts no matrix, and also gives the
+//! smoothed `w` with its variance. Time is counted in median steps, and velocity and acceleration are per such step, so
+//! that all three states have similar size.
 
-/// Position, velocity, acceleration; per median step.
+/// Position, velocity and acceleration, per median step.
 pub type State = [f64; 3];
 
 type Matrix = [[f64; 3]; 3];
 
-/// Steps shorter than this share of the median are a coarse clock's repeated stamps; as long as this.
-const SHORTEST_STEP: f64 = 0.01;
+/// Minimum step, as a share of the median step. Shorter steps come from a coarse clock that repeats stamps.
+const MIN_STEP: f64 = 0.01;
 
-/// One unbroken stretch of measurements.
+/// The measurements of one segment.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
-    /// Steps between rows over the median one, one fewer than rows.
+    /// Steps between rows, relative to the median step; one fewer than rows.
     pub steps: Vec<f64>,
-    /// Measured position, if there is one, from the first.
+    /// MeasurementUpdate position relative to the first one, if there is one.
     pub position: Option<Vec<f64>>,
-    /// Variance a rounding leaves each measured position with; empty where positions are not rounded.
+    /// Variance of each position due to rounding; empty if positions are not rounded.
     pub rounding: Vec<f64>,
-    /// Measured velocity per median step, if it is to be believed.
+    /// MeasurementUpdate velocity per median step, if it is used.
     pub velocity: Option<Vec<f64>>,
-    /// Variance of the velocity's noise in this series over that in all.
+    /// Variance of the velocity's noise in this series, relative to that of all series.
     pub loudness: f64,
-    /// Rows at rest, `true` each.
+    /// True for rows at rest.
     pub at_rest: Vec<bool>,
 }
 
 impl Series {
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.steps.len() + 1
     }
 
-    /// Whether there are no rows. Never so: a series without steps is one row.
+    /// Returns true if there are no rows. A series without steps has one row.
     pub fn is_empty(&self) -> bool {
         self.at_rest.is_empty()
     }
 
-    /// Variance of a row's position, noise and rounding.
+    /// Returns the variance of a row's position from noise and rounding.
     pub fn position_variance(&self, row: usize, noise: &Noise) -> f64 {
         noise.position + self.rounding.get(row).copied().unwrap_or_default()
     }
 
-    /// Variance of its velocities.
+    /// Returns the variance of the velocities.
     pub fn velocity_variance(&self, noise: &Noise) -> f64 {
         self.loudness * noise.velocity
     }
 
-    /// A step as the filter takes it.
+    /// Returns a step as the filter uses it, at least a hundredth of the median step.
     pub fn step(&self, row: usize) -> f64 {
-        self.steps[row].max(SHORTEST_STEP)
+        self.steps[row].max(MIN_STEP)
     }
 
-    /// Some of its rows.
+    /// Returns consecutive rows as a series.
     pub fn part(&self, rows: std::ops::Range<usize>) -> Self {
         let cut = |column: &Option<Vec<f64>>| column.as_ref().map(|all| all[rows.clone()].to_vec());
         Self {
@@ -77,38 +77,38 @@ impl Series {
     }
 }
 
-/// Variances of the measurements.
+/// Variances of the measurement noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Of the position, its rounding aside.
+    /// Variance of the position without its rounding.
     pub position: f64,
-    /// Of the velocity, per median step.
+    /// Variance of the velocity, per median step.
     pub velocity: f64,
 }
 
-/// What the smoother makes of a series.
+/// Result of the smoother.
 #[derive(Clone, Debug, Default)]
 pub struct Smoothed {
     /// Means, row by row.
     pub states: Vec<State>,
     /// Variances of position and velocity, row by row.
     pub variances: Vec<[f64; 2]>,
-    /// Expected squares of the jumps `w` after each row, over the step; one fewer than rows.
+    /// Expected squares of the jumps `w` after each row, divided by the step; one fewer than rows.
     pub jumps: Vec<f64>,
 }
 
-/// One scalar measurement: which entry of the state, value, variance.
+/// The update of the filter by one scalar measurement.
 #[derive(Clone, Copy, Default)]
-struct Measured {
+struct MeasurementUpdate {
     entry: usize,
     error: f64,
     variance: f64,
     gain: State,
-    /// What of a deviation of the measured entry is left: `1 - gain[entry]`, without that difference.
+    /// `1 - gain[entry]`, computed without that difference.
     left: f64,
 }
 
-impl Measured {
+impl MeasurementUpdate {
     /// `(I - gain e') P`, row by row.
     fn less(&self, p: &Matrix) -> Matrix {
         let of = p[self.entry];
@@ -135,7 +135,7 @@ fn transposed(p: &Matrix) -> Matrix {
     [0, 1, 2].map(|i| [p[0][i], p[1][i], p[2][i]])
 }
 
-/// The measurements of a row, of which there are at most two; at rest the velocity is known to be zero.
+/// Returns the measurements of a row, at most two. At rest the velocity is known to be zero.
 fn measured(series: &Series, noise: &Noise, row: usize) -> [Option<(usize, f64, f64)>; 2] {
     let position =
         series.position.as_ref().map(|q| (0, q[row], series.position_variance(row, noise)));
@@ -147,18 +147,16 @@ fn measured(series: &Series, noise: &Noise, row: usize) -> [Option<(usize, f64, 
     [position, velocity]
 }
 
-/// Variance of the velocity at rest over that of a measured one: as good as known, and still a number a
-/// filter can divide by.
+/// Variance of the velocity at rest, relative to that of a measured one: almost exact, but not a division by zero.
 const AT_REST: f64 = 1e-8;
 
-/// Where the motion begins, before anything is measured but where it stands.
+/// Returns the initial state: the first position, at rest.
 fn origin(series: &Series) -> State {
     [series.position.as_ref().and_then(|q| q.first()).copied().unwrap_or_default(), 0.0, 0.0]
 }
 
-/// How far from there the first row's state may be: the largest travel from a row to the next. As wide as all of the
-/// travel would be too much: of 200 rad in one direction and a noise of 1e-7 rad, 18 digits, the variance would come
-/// out as anything, and with it the motion.
+/// Returns the initial variances: the squares of the largest travel between two rows. The whole travel would be too
+/// large: with 200 rad in one direction and a noise of 1e-7 rad, the variance would lose all of its digits.
 fn wide(series: &Series) -> State {
     let square = |largest: f64| largest * largest + f64::MIN_POSITIVE;
     let largest = |values: &mut dyn Iterator<Item = f64>| {
@@ -197,10 +195,10 @@ fn times(p: &Matrix, r: &State) -> State {
     p.map(|row| row[0] * r[0] + row[1] * r[1] + row[2] * r[2])
 }
 
-/// A pass of the filter: predictions and what each measurement did to them.
+/// A forward pass of the filter: predictions and updates.
 struct Filtered {
     predicted: Vec<(State, Matrix)>,
-    measured: Vec<[Option<Measured>; 2]>,
+    measured: Vec<[Option<MeasurementUpdate>; 2]>,
     log_likelihood: f64,
 }
 
@@ -227,12 +225,13 @@ fn filter(series: &Series, noise: &Noise, jumps: &[f64], keep: bool) -> Filtered
             }
             let error = value - x[entry];
             let gain = p[entry].map(|of| of / total);
-            let here = Measured { entry, error, variance: total, gain, left: variance / total };
+            let here =
+                MeasurementUpdate { entry, error, variance: total, gain, left: variance / total };
             (0..3).for_each(|i| x[i] += gain[i] * error);
-            // Joseph's form, which stays positive where a measurement is as good as exact.
+            // Joseph's form, which stays positive for an almost exact measurement.
             p = here.less(&transposed(&here.less(&p)));
             (0..3).for_each(|i| (0..3).for_each(|j| p[i][j] += variance * gain[i] * gain[j]));
-            // The first few only say where the motion begins.
+            // The first measurements only determine the initial state.
             seen += 1;
             if seen > 3 && !series.at_rest[row] {
                 pass.log_likelihood -= 0.5 * (total.ln() + error * error / total);
@@ -252,13 +251,13 @@ fn filter(series: &Series, noise: &Noise, jumps: &[f64], keep: bool) -> Filtered
     pass
 }
 
-/// Logarithm of the likelihood of what was measured, rows at rest aside. `jumps` holds the variance of `w`
+/// Returns the logarithm of the likelihood of the measurements, without rows at rest. `jumps` holds the variance of `w`
 /// after each row, per median step.
 pub fn log_likelihood(series: &Series, noise: &Noise, jumps: &[f64]) -> f64 {
     filter(series, noise, jumps, false).log_likelihood
 }
 
-/// The motion given all that was measured.
+/// Returns the smoothed motion.
 pub fn smooth(series: &Series, noise: &Noise, jumps: &[f64]) -> Smoothed {
     let pass = filter(series, noise, jumps, true);
     let rows = series.len();
@@ -296,18 +295,17 @@ pub fn smooth(series: &Series, noise: &Noise, jumps: &[f64]) -> Smoothed {
     out
 }
 
-/// One draw of the true velocity minus the smoothed one, per median step, row by row.
+/// Draws the true velocity minus the smoothed one, per median step, row by row.
 ///
-/// A motion is drawn from the model with the measurements it would give, and smoothed as the log is: how
-/// far that misses is a draw of how far the log's smoother misses (Durbin and Koopman). `normal` gives
-/// independent standard normal numbers.
+/// A motion and its measurements are drawn from the model and smoothed like the log. The error of this smoothing is a
+/// draw of the error of the log's smoothing (Durbin and Koopman). `normal` returns independent standard normal numbers.
 pub fn draw(
     series: &Series,
     noise: &Noise,
     jumps: &[f64],
     normal: &mut dyn FnMut() -> f64,
 ) -> Vec<f64> {
-    // Where it begins does not matter to how far it is missed.
+    // The initial state does not affect the error.
     let mut x: State = [0.0; 3];
     let rows = series.len();
     let mut drawn = Series {
@@ -319,15 +317,16 @@ pub fn draw(
         velocity: Some(Vec::with_capacity(rows)),
     };
     let mut truth = Vec::with_capacity(rows);
-    // Where the log is at rest the drawn motion is told its own velocity, which is not zero.
-    let told = |row: usize| if series.at_rest[row] { AT_REST } else { 1.0 };
+    // Where the log is at rest, the drawn motion is measured with the variance of rest; its velocity is not zero.
+    let variance_ratio = |row: usize| if series.at_rest[row] { AT_REST } else { 1.0 };
     for row in 0..rows {
         truth.push(x[1]);
         if let Some(position) = &mut drawn.position {
             position.push(x[0] + series.position_variance(row, noise).sqrt() * normal());
         }
         if let Some(velocity) = &mut drawn.velocity {
-            velocity.push(x[1] + (told(row) * series.velocity_variance(noise)).sqrt() * normal());
+            let variance = variance_ratio(row) * series.velocity_variance(noise);
+            velocity.push(x[1] + variance.sqrt() * normal());
         }
         if let Some(jump) = jumps.get(row) {
             x = forward(&x, series.step(row));
@@ -338,8 +337,8 @@ pub fn draw(
     truth.iter().zip(smoothed).map(|(truth, found)| truth - found).collect()
 }
 
-/// The smoothed velocities of `drawn`, with the gains of `series`: the filter is linear, and its gains do
-/// not ask what was measured.
+/// Returns the smoothed velocities of `drawn` with the gains of `series`. The filter is linear, so its gains do not
+/// depend on the measured values.
 fn smooth_as(series: &Series, drawn: &Series, noise: &Noise, jumps: &[f64]) -> Vec<f64> {
     let rows = series.len();
     let (position, velocity) = (drawn.position.as_deref(), drawn.velocity.as_deref());

@@ -1,54 +1,59 @@
-//! How noisy the sensors are and how roughly the joint moves: found from the log.
+//! Estimation of the sensors' noise and of the roughness of the motion.
 //!
-//! Three numbers are wanted: the variance of the position, of the velocity, and of the jumps of the
-//! acceleration. Where the measurements are evenly rough, the likelihood of the filter's own prediction errors
-//! tells them apart: what is noise comes back at once with the other sign, what is motion stays. That is
-//! maximised over a few stretches of the log. What a rounding leaves ([`super::quantum`]) is known and comes on top.
+//! Three variances are estimated: of the position, of the velocity, and of the jumps of the acceleration. The likelihood
+//! of the filter's prediction errors separates them: noise reverses its sign at once, motion persists. It is maximised
+//! over a few parts of the log. The variance due to rounding ([`super::quantum`]) is known and added.
 //!
-//! A joint does not move evenly roughly: it glides, and then it turns about. One roughness for all would either
-//! smear the turns or leave the noise in the glide. So each row has its own ([`adapt`]): a heavy-tailed jump,
-//! as a normal one whose variance is itself drawn, and expected given the log (the EM of Student's t), with
-//! neighbours counted in, since a turn lasts a few rows.
+//! The roughness of a motion is not uniform: a joint slides, then reverses. A single roughness would either smooth the
+//! reversals or keep the noise of the sliding. So each row has its own ([`adapt`]): a heavy-tailed jump, modelled as
+//! normal with a random variance, whose expectation is estimated (the EM algorithm of Student's t). Neighbouring rows
+//! are included, because a reversal lasts a few rows.
 
 use super::filter::{Noise, Series, Smoothed, log_likelihood, smooth};
 
-/// Rows of the log the likelihood is maximised on, and in how many stretches.
-const JUDGED: (usize, usize) = (4000, 8);
+/// Maximum number of rows on which the likelihood is evaluated.
+const MAX_EVALUATED_ROWS: usize = 4000;
 
-/// A first step in the logarithm of a variance, and when to stop.
-const STEPS: (f64, f64) = (3.0, 0.1);
+/// Number of parts of the log that these rows come from.
+const EVALUATED_PARTS: usize = 8;
 
-/// How many rows a row's own roughness is worth against what is usual: 3 as for a Student's t of three degrees,
-/// the heaviest tail with a variance.
+/// Initial step of the search in the logarithm of a variance.
+const FIRST_STEP: f64 = 3.0;
+
+/// Step at which the search ends.
+const LAST_STEP: f64 = 0.1;
+
+/// Weight of the usual roughness against a row's own, rows: 3 as in a Student's t of three degrees of freedom, the
+/// heaviest tail with a finite variance.
 const USUAL_WEIGHT: f64 = 3.0;
 
 /// Rows on either side that share a roughness.
 const NEIGHBOURS: usize = 2;
 
-/// Rounds of [`adapt`]; the fifth moves the result by less than the noise.
+/// Rounds of [`adapt`]. The fifth changes the result by less than the noise.
 const ROUNDS: usize = 5;
 
-/// The usual roughness is no less than this share of the likeliest single one: a log that rests half of
-/// its time must not forbid its joint to start.
-const LEAST_USUAL: f64 = 1e-3;
+/// Minimum usual roughness, as a share of the most likely uniform one. Otherwise a log with much rest would suppress
+/// the starts of the motion.
+const MIN_USUAL_ROUGHNESS: f64 = 1e-3;
 
-/// The acceleration at a start or a stop is this percentile of all.
-const HARDEST: usize = 99;
+/// Percentile of the accelerations that is used for starts and stops.
+const EDGE_PERCENTILE: usize = 99;
 
-/// Least variance of a noise, as a share of the mean square of a row's travel: a hundred-thousandth of the
-/// travel. A filter that is told less loses its last digits.
-const ROUNDING: f64 = 1e-10;
+/// Minimum variance of the noise, as a share of the mean square of a row's travel. Smaller values exceed the
+/// numerical precision of the filter.
+const MIN_NOISE_VARIANCE: f64 = 1e-10;
 
-/// What was found.
+/// Estimated noise and roughness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Levels {
-    /// Of the sensors.
+    /// Noise of the sensors.
     pub noise: Noise,
     /// Variance of a jump of the acceleration per median step.
     pub jump: f64,
 }
 
-/// The likeliest levels for all series together.
+/// Returns the most likely levels for all series together.
 pub fn likeliest(all: &[Series]) -> Levels {
     let judged = judged(all);
     let squares = |of: &dyn Fn(&Series) -> Option<Vec<f64>>| {
@@ -62,15 +67,15 @@ pub fn likeliest(all: &[Series]) -> Levels {
     let fourth = |column: Option<&Vec<f64>>| -> Option<Vec<f64>> {
         column.map(|values| differences(values, 4))
     };
-    // The median of the squares of fourth differences: few turns are among them.
+    // The median of the squares of fourth differences, which contains few reversals.
     let velocity_scale =
         squares(&|s| s.velocity.clone().or_else(|| s.position.as_ref().map(|q| differences(q, 1))))
             .max(f64::MIN_POSITIVE);
     let start = [
         (median_square(&judged, |s| fourth(s.position.as_ref())) / FOURTH)
-            .max(ROUNDING * velocity_scale),
+            .max(MIN_NOISE_VARIANCE * velocity_scale),
         (median_square(&judged, |s| fourth(s.velocity.as_ref())) / FOURTH)
-            .max(ROUNDING * velocity_scale),
+            .max(MIN_NOISE_VARIANCE * velocity_scale),
         1e-6 * velocity_scale,
     ];
     let has = [
@@ -78,7 +83,11 @@ pub fn likeliest(all: &[Series]) -> Levels {
         judged.iter().any(|s| s.velocity.is_some()),
         true,
     ];
-    let floor = [ROUNDING * velocity_scale, ROUNDING * velocity_scale, f64::MIN_POSITIVE];
+    let floor = [
+        MIN_NOISE_VARIANCE * velocity_scale,
+        MIN_NOISE_VARIANCE * velocity_scale,
+        f64::MIN_POSITIVE,
+    ];
     let levels =
         |at: &[f64; 3]| Levels { noise: Noise { position: at[0], velocity: at[1] }, jump: at[2] };
     let likelihood = |at: &[f64; 3]| -> f64 {
@@ -90,8 +99,8 @@ pub fn likeliest(all: &[Series]) -> Levels {
     };
     let mut at = start;
     let mut best = likelihood(&at);
-    let mut step = STEPS.0;
-    while step > STEPS.1 {
+    let mut step = FIRST_STEP;
+    while step > LAST_STEP {
         let mut moved = false;
         for index in [2, 1, 0] {
             if !has[index] {
@@ -116,20 +125,20 @@ pub fn likeliest(all: &[Series]) -> Levels {
     levels(&at)
 }
 
-/// Standard deviation of the velocities' noise per median step, from themselves alone.
+/// Returns the standard deviation of the velocities' noise per median step, from the velocities alone.
 pub fn noise_alone(all: &[Series]) -> f64 {
     let fourth = |s: &Series| s.velocity.as_ref().map(|values| differences(values, 4));
     (median_square(&judged(all), fourth) / FOURTH).sqrt()
 }
 
-/// Variance of the fourth difference of white noise over its own: 1 + 16 + 36 + 16 + 1.
+/// Ratio of the variance of the fourth difference of white noise to its own: 1 + 16 + 36 + 16 + 1.
 const FOURTH: f64 = 70.0;
 
 fn differences(values: &[f64], order: usize) -> Vec<f64> {
     (0..order).fold(values.to_vec(), |v, _| v.windows(2).map(|w| w[1] - w[0]).collect())
 }
 
-/// The median of the squares, as a mean square of normal numbers has it.
+/// Returns the median of the squares, scaled to the mean square of normal numbers.
 fn median_square(all: &[Series], of: impl Fn(&Series) -> Option<Vec<f64>>) -> f64 {
     /// Median of the square of a standard normal number.
     const MEDIAN: f64 = 0.4549;
@@ -142,35 +151,35 @@ fn median_square(all: &[Series], of: impl Fn(&Series) -> Option<Vec<f64>>) -> f6
     *squares.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN
 }
 
-/// Stretches of the log, evenly spread over its series.
+/// Returns parts of the log, evenly spread over its series.
 fn judged(all: &[Series]) -> Vec<Series> {
     let rows: usize = all.iter().map(Series::len).sum();
-    if rows <= JUDGED.0 {
+    if rows <= MAX_EVALUATED_ROWS {
         return all.to_vec();
     }
     let long: Vec<&Series> = all.iter().filter(|s| s.len() > 20).collect();
-    let count = JUDGED.1;
-    let each = JUDGED.0 / count;
+    let count = EVALUATED_PARTS;
+    let each = MAX_EVALUATED_ROWS / count;
     (0..count)
         .filter_map(|index| {
             let series = *long.get(index * long.len() / count)?;
             let room = series.len().saturating_sub(each);
-            // Somewhere else in each: a log that starts at rest must not be judged by its rest.
+            // A different place in each: the start of a log is often at rest.
             let start = room * (2 * index + 1) / (2 * count);
             Some(series.part(start..(start + each).min(series.len())))
         })
         .collect()
 }
 
-/// The roughness of each row, and the motion smoothed with it.
+/// Returns the roughness of each row, and the motion smoothed with it.
 pub fn adapt(series: &Series, levels: &Levels) -> (Vec<f64>, Smoothed) {
     let rows = series.len();
     let mut jumps = vec![levels.jump; rows - 1];
     let mut usual = levels.jump;
     let mut smoothed = smooth(series, &levels.noise, &jumps);
-    // A joint starts and stops as it does elsewhere, at most.
+    // A joint starts and stops with at most the acceleration that it has elsewhere.
     let mut sizes: Vec<f64> = smoothed.states.iter().map(|x| x[2].abs()).collect();
-    let at = (sizes.len() - 1) * HARDEST / 100;
+    let at = (sizes.len() - 1) * EDGE_PERCENTILE / 100;
     let edge = sizes.select_nth_unstable_by(at, f64::total_cmp).1.powi(2).max(levels.jump);
     for _ in 0..ROUNDS {
         let mut sums = vec![0.0; rows];
@@ -188,7 +197,7 @@ pub fn adapt(series: &Series, levels: &Levels) -> (Vec<f64>, Smoothed) {
             }
         }
         if moving > 0.0 {
-            usual = (moving / inverse).max(LEAST_USUAL * levels.jump);
+            usual = (moving / inverse).max(MIN_USUAL_ROUGHNESS * levels.jump);
         }
         free_edges(series, &mut jumps, edge);
         smoothed = smooth(series, &levels.noise, &jumps);
@@ -196,7 +205,7 @@ pub fn adapt(series: &Series, levels: &Levels) -> (Vec<f64>, Smoothed) {
     (jumps, smoothed)
 }
 
-/// Where a joint stops or starts its acceleration may be any: `edge` is the variance of its jump.
+/// Allows any acceleration where a joint stops or starts: `edge` is the variance of its jump.
 fn free_edges(series: &Series, jumps: &mut [f64], edge: f64) {
     let rows = series.len();
     for row in 0..rows.saturating_sub(1) {

@@ -1,43 +1,44 @@
-//! Which rows are at rest.
+//! Detection of rows at rest.
 //!
-//! At rest a velocity sensor flickers about zero, and a bristle integrates the flicker: with a noise of
-//! 2 mrad/s, plain LuGre with its true parameters misses by ten times the torque's noise, nearly all of it
-//! here. So rest is decided, not averaged: a window of rows rests where its position neither runs nor bends by
-//! more than its noise would, or, without a position, where the mean and the slope of its velocity are those
-//! of noise about zero. A row rests if any window that holds it does.
+//! At rest the velocity has noise about zero, and a bristle model integrates it. This causes most of the error of such
+//! a model, so rest is decided and not averaged. A window of rows is at rest if its position has no slope and no
+//! curvature beyond its noise. Without a position, mean and slope of its velocity must be those of noise about zero. A
+//! row is at rest if any window that contains it is.
 //!
-//! The window is as long as it takes to tell a hundredth of the usual speed from nothing. What rests for less
-//! is left to the smoother. A window cannot say to the row where a joint starts, and a row at a start is a
-//! thousandth of a radian; so each end of a rest is laid anew, where a start fits best that sets in with a
-//! jump, a ramp or a bend of the velocity (one free size, least squares, each row tried).
+//! The window is long enough to distinguish a hundredth of the usual speed from rest. Shorter rests are left to the
+//! smoother. A window does not locate the start of a motion to a row, and a row at a start is a thousandth of a radian.
+//! So each end of a rest is estimated again: every row is tried as the start of a jump, a ramp or a bend of the velocity
+//! (one free size, least squares).
 
 use super::filter::{Noise, Series};
 use std::ops::Range;
 
-/// A speed below this share of the 95th percentile of speed is rest, if it lasts for a window.
-const SLOW: f64 = 0.01;
+/// Maximum speed of rest, as a share of the 95th percentile of speed, if it lasts for a window.
+const MAX_REST_SPEED: f64 = 0.01;
 
-/// Standard errors within which a mean, a slope or a bend counts as none.
-const WITHIN: f64 = 3.0;
+/// Maximum mean, slope or curvature that counts as zero, standard errors.
+const MAX_ERRORS: f64 = 3.0;
 
-/// Scatter over what the noise makes, above which something moves.
-const SCATTER: f64 = 1.7;
+/// Maximum scatter at rest, relative to the noise.
+const MAX_SCATTER: f64 = 1.7;
 
-/// What a polynomial leaves of a turn, in standard deviations of the noise.
-const TURN: f64 = 1.3;
+/// Maximum residual of a polynomial at a reversal, standard deviations of the noise.
+const MAX_REVERSAL_RESIDUAL: f64 = 1.3;
 
-/// So many standard deviations from its level a row is not at rest.
-const OFF: f64 = 5.0;
+/// Maximum distance of a row at rest from its level, standard deviations.
+const MAX_LEVEL_DISTANCE: f64 = 5.0;
 
-/// A window's own scatter, so many times, is its noise where that is less: that of a few rows may be half
-/// of what it should by chance.
-const QUIETER: f64 = 3.0;
+/// Factor by which a window's own scatter may be below the noise: that of a few rows may be half of it by chance.
+const SCATTER_FACTOR: f64 = 3.0;
 
-/// What is left of a rest must be so many rows.
-const SHORTEST: usize = 3;
+/// Minimum length of a rest, rows.
+const MIN_REST_ROWS: usize = 3;
 
-/// Shortest and longest window, rows.
-const WINDOW: (usize, usize) = (8, 120);
+/// Minimum length of the window, rows.
+const MIN_WINDOW_ROWS: usize = 8;
+
+/// Maximum length of the window, rows.
+const MAX_WINDOW_ROWS: usize = 120;
 
 /// Finds the rows at rest. `step` is that of a quantised position, `speed` the 95th percentile of the speed, per
 /// median step.
@@ -48,33 +49,35 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
         series.position.as_ref().map(|q| (q, (noise.position + step * step / 12.0).sqrt()));
     let by_velocity = series.velocity.as_ref().map(|v| (v, series.velocity_variance(noise).sqrt()));
     let window = match (by_position, by_velocity) {
-        (Some((_, sigma)), _) => (WITHIN * 12f64.sqrt() * sigma / (SLOW * speed)).powf(2.0 / 3.0),
-        (None, Some((_, sigma))) => (WITHIN * sigma / (SLOW * speed)).powi(2),
+        (Some((_, sigma)), _) => {
+            (MAX_ERRORS * 12f64.sqrt() * sigma / (MAX_REST_SPEED * speed)).powf(2.0 / 3.0)
+        }
+        (None, Some((_, sigma))) => (MAX_ERRORS * sigma / (MAX_REST_SPEED * speed)).powi(2),
         (None, None) => return found,
     };
-    let window = (window.ceil().min(1e6) as usize).clamp(WINDOW.0, WINDOW.1);
+    let window = (window.ceil().min(1e6) as usize).clamp(MIN_WINDOW_ROWS, MAX_WINDOW_ROWS);
     if rows < window {
         return found;
     }
     let rests = |from: usize| {
         let position = by_position.is_none_or(|(q, sigma)| {
             let shape = Shape::of(&q[from..from + window]);
-            shape.runs(sigma) < WITHIN
-                && shape.bends(sigma) < WITHIN
-                && shape.scatter < SCATTER * sigma
+            shape.runs(sigma) < MAX_ERRORS
+                && shape.bends(sigma) < MAX_ERRORS
+                && shape.scatter < MAX_SCATTER * sigma
         });
         let velocity = by_velocity.is_none_or(|(v, sigma)| {
             let shape = Shape::of(&v[from..from + window]);
             if by_position.is_some() {
-                // The position decides; a velocity at rest may stand beside zero for a while.
-                return shape.mean.abs() < WITHIN * sigma;
+                // The position decides; the velocity at rest may have an offset for a while.
+                return shape.mean.abs() < MAX_ERRORS * sigma;
             }
-            // By its own scatter where that is less: a slow steady slide is not the noise of a fast one.
-            let mean =
-                shape.mean.abs() * (window as f64).sqrt() / sigma.min(QUIETER * shape.scatter);
-            (mean < WITHIN || mean.is_nan())
-                && shape.runs(sigma) < WITHIN
-                && shape.scatter < SCATTER * sigma
+            // Its own scatter is used if it is less: a slow steady slide has less noise than a fast one.
+            let mean = shape.mean.abs() * (window as f64).sqrt()
+                / sigma.min(SCATTER_FACTOR * shape.scatter);
+            (mean < MAX_ERRORS || mean.is_nan())
+                && shape.runs(sigma) < MAX_ERRORS
+                && shape.scatter < MAX_SCATTER * sigma
         });
         position && velocity
     };
@@ -91,7 +94,7 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
         let before = if index > 0 { rough[index - 1].end } else { 0 };
         let after = rough.get(index + 1).map_or(rows, |next| next.start);
         let columns = [(by_position, true), (by_velocity, false)];
-        let seen = Seen { columns, rest: rest.clone(), window };
+        let seen = Rest { columns, rest: rest.clone(), window };
         if by_position.is_some() && seen.is_a_turn(rows) {
             continue;
         }
@@ -99,7 +102,7 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
         let start = if rest.start == 0 { 0 } else { seen.start(before) };
         let near = seen.near(rows);
         let (start, end) = (start.max(near.start), end.min(near.end));
-        if end >= start + SHORTEST {
+        if end >= start + MIN_REST_ROWS {
             found[start..end].fill(true);
         }
     }
@@ -111,27 +114,27 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
     found
 }
 
-/// Whether what was taken for rest goes one way on the whole: then it is a slow slide, window by window as
-/// quiet as rest.
+/// Returns true if the rows at rest move in one direction on average. Then they are a slow slide, of which each window
+/// looks like rest.
 fn creeps(velocity: &[f64], at_rest: &[bool]) -> bool {
     let resting = || velocity.iter().zip(at_rest).filter(|(_, rests)| **rests).map(|(v, _)| v);
     let count = resting().count() as f64;
     let (sum, squares) = resting().fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
-    count > 0.0 && sum * sum > WITHIN * WITHIN * squares
+    count > 0.0 && sum * sum > MAX_ERRORS * MAX_ERRORS * squares
 }
 
 /// A column with the standard deviation of its noise, if there is one.
 type WithNoise<'a> = Option<(&'a Vec<f64>, f64)>;
 
-/// What a rest is seen through: columns with their noise, `true` for a position.
-struct Seen<'a> {
+/// A rest with the columns that show it; `true` marks a position.
+struct Rest<'a> {
     columns: [(WithNoise<'a>, bool); 2],
     rest: Range<usize>,
     window: usize,
 }
 
-impl Seen<'_> {
-    /// The first row after the rest; rows from `limit` on are another's.
+impl Rest<'_> {
+    /// Returns the first row after the rest. Rows from `limit` belong to another rest.
     fn end(&self, limit: usize) -> usize {
         let Range { start, end } = self.rest;
         let first = (start + 1).max(end.saturating_sub(2 * self.window));
@@ -140,19 +143,19 @@ impl Seen<'_> {
         self.best(candidates, |at, by| (by > 0 && at + by < last).then(|| at + by), last - first)
     }
 
-    /// The first row of the rest.
+    /// Returns the first row of the rest.
     fn start(&self, limit: usize) -> usize {
         let Range { start, end } = self.rest;
         let last = (end - 1).min(start + 2 * self.window);
         let first = start.saturating_sub(self.window).max(limit);
         let candidates = start.saturating_sub(self.window / 2).max(first + 2).min(last)..last + 1;
         let back = |at: usize, by: usize| (at >= first + by).then(|| at - by);
-        // Counted from the last row: backwards a stop is a start.
+        // Counted from the last row: in reverse a stop is a start.
         self.best(candidates, |at, by| if by > 0 { back(at, by) } else { None }, last - first)
     }
 
-    /// The row of `candidates` from which a start fits best. `row(at, by)` is the row `by` rows into the
-    /// motion, `None` beyond what is looked at.
+    /// Returns the row of `candidates` at which a start fits best. `row(at, by)` is the row `by` rows after the start,
+    /// or `None` outside the evaluated rows.
     fn best(
         &self,
         candidates: Range<usize>,
@@ -178,7 +181,7 @@ impl Seen<'_> {
                         square += shape * shape / (sigma * sigma);
                     }
                 }
-                // What such a start explains of all that is not rest.
+                // The variance that such a start explains.
                 let explained = if square > 0.0 { product * product / square } else { 0.0 };
                 if explained > best.0 {
                     best = (explained, at);
@@ -188,28 +191,28 @@ impl Seen<'_> {
         best.1
     }
 
-    /// Whether one bend of the motion explains the rest and half its length on either side: a joint
-    /// that turns stands within a step of its encoder, too.
+    /// Returns true if one bend of the motion explains the rest and half its length on either side. A reversing joint
+    /// also stays within one encoder step for some rows.
     fn is_a_turn(&self, rows: usize) -> bool {
         let half = (self.rest.end - self.rest.start).div_ceil(2);
         let (from, to) = (self.rest.start.saturating_sub(half), (self.rest.end + half).min(rows));
         self.columns.iter().all(|(column, is_position)| {
             let Some((values, sigma)) = column else { return true };
             let degree = if *is_position { 3 } else { 2 };
-            left_by_polynomial(&values[from..to], degree) < TURN * sigma
+            left_by_polynomial(&values[from..to], degree) < MAX_REVERSAL_RESIDUAL * sigma
         })
     }
 
-    /// Whether a row is so far from rest that it does not.
+    /// Returns true if a row is too far from the level to be at rest.
     fn is_off(&self, row: usize, middle: usize) -> bool {
         self.columns.iter().any(|(column, is_position)| {
             let Some((values, sigma)) = column else { return false };
             let level = if *is_position { self.level(values, middle) } else { 0.0 };
-            (values[row] - level).abs() > OFF * sigma
+            (values[row] - level).abs() > MAX_LEVEL_DISTANCE * sigma
         })
     }
 
-    /// The rows around the middle of the rest, as far as none is off.
+    /// Returns the rows around the middle of the rest, up to the first that is off.
     fn near(&self, rows: usize) -> Range<usize> {
         let middle = self.middle();
         let is_off = |row: &usize| self.is_off(*row, middle);
@@ -222,7 +225,7 @@ impl Seen<'_> {
         self.rest.start + (self.rest.end - self.rest.start) / 2
     }
 
-    /// The position at rest: the mean over the middle of it.
+    /// Returns the position at rest: the mean over its middle.
     fn level(&self, values: &[f64], middle: usize) -> f64 {
         let half = (self.rest.end - self.rest.start) / 4;
         let part = &values[middle - half..=middle + half];
@@ -230,7 +233,7 @@ impl Seen<'_> {
     }
 }
 
-/// A window of values as level, slope, bend and what is left.
+/// Mean, slope, curvature and residual of a window.
 struct Shape {
     mean: f64,
     slope: f64,
@@ -268,25 +271,25 @@ impl Shape {
         }
     }
 
-    /// The slope in its standard errors.
+    /// Returns the slope in standard errors.
     fn runs(&self, sigma: f64) -> f64 {
         debug_assert!(self.count > 0.0);
         self.slope.abs() / sigma
     }
 
-    /// The bend in its standard errors.
+    /// Returns the curvature in standard errors.
     fn bends(&self, sigma: f64) -> f64 {
         self.bend.abs() / sigma
     }
 }
 
-/// RMS of what the best polynomial of a degree leaves of values on an even grid.
+/// Returns the RMS residual of the best polynomial of a degree on an even grid.
 fn left_by_polynomial(values: &[f64], degree: usize) -> f64 {
     let count = values.len();
     let middle = 0.5 * (count as f64 - 1.0);
     let grid: Vec<f64> = (0..count).map(|i| (i as f64 - middle) / middle.max(1.0)).collect();
     let mut left: Vec<f64> = values.iter().map(|value| value - values[0]).collect();
-    // Forsythe's recurrence: polynomials orthogonal on the grid, one after another.
+    // Forsythe's recurrence: polynomials orthogonal on the grid.
     let (mut before, mut now) = (vec![0.0; count], vec![1.0; count]);
     let mut norm_before = 1.0;
     for order in 0..=degree {
@@ -305,7 +308,7 @@ fn left_by_polynomial(values: &[f64], degree: usize) -> f64 {
         .sqrt()
 }
 
-/// Squared norms of the linear and the quadratic orthogonal polynomial on `count` even points.
+/// Returns the squared norms of the linear and the quadratic orthogonal polynomial on `count` even points.
 fn norms(count: f64) -> (f64, f64) {
     let n2 = count * count;
     (count * (n2 - 1.0) / 12.0, count * (n2 - 1.0) * (n2 - 4.0) / 180.0)

@@ -1,66 +1,66 @@
-//! The squared error along a track and its exact derivative by every weight.
+//! The squared error along a track and its exact derivative by every weight (adjoint method).
 //!
-//! Forwards as in [`super::predict()`], keeping what the way back needs; backwards from the last row to the first.
-//! An input that is the law's own state closes a loop, which the way back follows too. Where an evaluation lies
-//! outside the network's ranges the derivative takes it as inside: tracks to train on lie inside.
+//! The forward pass simulates as [`super::predict()`] does and stores the intermediate values. The backward pass goes from
+//! the last row to the first. It includes the loop that exists if the law's own state is an input. Evaluations outside
+//! the network's ranges are differentiated as if they were inside, because training tracks define the ranges.
 
 use super::file::CELLS;
-use super::input::{Input, Supplied};
+use super::input::{NetworkInput, NetworkLaw};
 use crate::dual::Dual;
 use crate::fit::Track;
 use compensator_core::Real;
 use compensator_core::network::{
-    Activations, CELL_LIMIT, FACTORS, Factors, GATES, Hidden, NetworkState, Trace, sigmoid, squash,
-    squash_slope,
+    CELL_LIMIT, FACTOR_COUNT, Factors, GATES, LstmActivations, LstmState, NetworkState,
+    NetworkTrace, sigmoid, squash, squash_slope,
 };
 
-/// What the law's step depends on: the held torque and the factors.
-const BY: usize = 1 + FACTORS;
+/// Number of derivatives of a step of the law: by the held torque and by the factors.
+const LAW_DERIVATIVES: usize = 1 + FACTOR_COUNT;
 
-/// A step of the law: derivatives of the held torque after it, and of the torque.
+/// Derivatives of a step of the law: of the bristle torque after it, and of the torque.
 struct LawStep {
-    held: [f64; BY],
-    torque: [f64; BY],
+    held: [f64; LAW_DERIVATIVES],
+    torque: [f64; LAW_DERIVATIVES],
 }
 
-/// An evaluation of the network.
+/// Intermediate values of an evaluation of the network.
 struct Evaluation<const INPUTS: usize> {
     scaled: [f64; INPUTS],
-    /// Whether each input was held at an end of its range.
+    /// True for each input that was limited to its range.
     is_limited: [bool; INPUTS],
-    before: Hidden<f64, CELLS>,
-    after: Hidden<f64, CELLS>,
-    activations: Activations<f64, CELLS>,
-    sums: [f64; FACTORS],
-    /// Whether the static factor was raised to the Coulomb one.
+    before: LstmState<f64, CELLS>,
+    after: LstmState<f64, CELLS>,
+    activations: LstmActivations<f64, CELLS>,
+    sums: [f64; FACTOR_COUNT],
+    /// True if the static factor was raised to the Coulomb factor.
     is_raised: bool,
-    /// Whether each factor moved by all it may.
-    is_slewed: [bool; FACTORS],
+    /// True for each factor whose change was limited.
+    is_slewed: [bool; FACTOR_COUNT],
 }
 
-/// Half the mean squared error of a track, each row in units of `scale` (Nm or N), and its derivative by every weight,
-/// added to `gradient`.
+/// Returns half the mean squared error of a track, in units of `scale` (Nm or N), and adds its derivative by every weight to
+/// `gradient`.
 pub(super) fn loss<const INPUTS: usize>(
-    supplied: &Supplied<INPUTS>,
+    supplied: &NetworkLaw<INPUTS>,
     track: &Track,
     scale: f64,
     gradient: &mut [f64],
 ) -> f64 {
-    let (steps, evaluations, errors) = forwards(supplied, track, scale);
-    backwards(supplied, &steps, &evaluations, &errors, gradient);
+    let (steps, evaluations, errors) = forward(supplied, track, scale);
+    backward(supplied, &steps, &evaluations, &errors, gradient);
     let rows = track.len().max(1) as f64;
-    // Each of the errors is the derivative of the loss by its row's torque.
+    // Each error is the derivative of the loss by the torque of its row.
     errors.iter().map(|error| 0.5 * error * error).sum::<f64>() * scale * scale * rows
 }
 
-type Tape<const INPUTS: usize> = (Vec<LawStep>, Vec<Evaluation<INPUTS>>, Vec<f64>);
+type ForwardPass<const INPUTS: usize> = (Vec<LawStep>, Vec<Evaluation<INPUTS>>, Vec<f64>);
 
-fn forwards<const INPUTS: usize>(
-    supplied: &Supplied<INPUTS>,
+fn forward<const INPUTS: usize>(
+    supplied: &NetworkLaw<INPUTS>,
     track: &Track,
     scale: f64,
-) -> Tape<INPUTS> {
-    let law = supplied.law::<Dual<BY>>(track);
+) -> ForwardPass<INPUTS> {
+    let law = supplied.law::<Dual<LAW_DERIVATIVES>>(track);
     let mut held = supplied.held_at_start(track);
     let mut state = NetworkState::<f64, CELLS>::default();
     let (mut steps, mut evaluations, mut errors) = (Vec::new(), Vec::new(), Vec::new());
@@ -84,7 +84,7 @@ fn forwards<const INPUTS: usize>(
     (steps, evaluations, errors)
 }
 
-fn dual_factors(factors: &Factors<f64>) -> Factors<Dual<BY>> {
+fn dual_factors(factors: &Factors<f64>) -> Factors<Dual<LAW_DERIVATIVES>> {
     Factors {
         coulomb: Dual::parameter(factors.coulomb, 1),
         static_level: Dual::parameter(factors.static_level, 2),
@@ -92,15 +92,16 @@ fn dual_factors(factors: &Factors<f64>) -> Factors<Dual<BY>> {
     }
 }
 
-/// An evaluation by the core's network, with what it did on its way.
+/// Evaluates the core's network and records the intermediate values.
 fn evaluate<const INPUTS: usize>(
-    supplied: &Supplied<INPUTS>,
+    supplied: &NetworkLaw<INPUTS>,
     state: &mut NetworkState<f64, CELLS>,
     inputs: &[f64; INPUTS],
 ) -> Evaluation<INPUTS> {
     let network = &supplied.network;
     let (before, from) = (state.hidden, state.factors.to_array());
-    let Trace { scaled, activations, sums, targets } = network.evaluate_traced(state, inputs, true);
+    let NetworkTrace { scaled, activations, sums, targets } =
+        network.evaluate_traced(state, inputs, true);
     let [coulomb, static_level, _] = targets.to_array();
     let far = |factor: usize| (targets.to_array()[factor] - from[factor]).abs() > network.slew;
     Evaluation {
@@ -115,15 +116,15 @@ fn evaluate<const INPUTS: usize>(
     }
 }
 
-fn backwards<const INPUTS: usize>(
-    supplied: &Supplied<INPUTS>,
+fn backward<const INPUTS: usize>(
+    supplied: &NetworkLaw<INPUTS>,
     steps: &[LawStep],
     evaluations: &[Evaluation<INPUTS>],
     errors: &[f64],
     gradient: &mut [f64],
 ) {
     let mut by_held = 0.0;
-    let mut by_factors = [0.0; FACTORS];
+    let mut by_factors = [0.0; FACTOR_COUNT];
     let mut by_output = [0.0; CELLS];
     let mut by_cell = [0.0; CELLS];
     for row in (0..errors.len()).rev() {
@@ -141,7 +142,7 @@ fn backwards<const INPUTS: usize>(
             back_through_readout(supplied, at, &by_sums, &mut by_output, gradient);
             let by_inputs = back_through_lstm(supplied, at, &mut by_output, &mut by_cell, gradient);
             for (index, input) in supplied.inputs.iter().enumerate() {
-                if *input == Input::Held && !at.is_limited[index] {
+                if *input == NetworkInput::Held && !at.is_limited[index] {
                     by_held += by_inputs[index] * supplied.network.inputs[index].per_unit;
                 }
             }
@@ -149,14 +150,15 @@ fn backwards<const INPUTS: usize>(
     }
 }
 
-/// From the factors in force to the readout's sums; what is left is for the factors before.
+/// Propagates derivatives from the active factors to the readout's sums. The remainder in `by_factors` belongs to the previous
+/// factors.
 fn back_through_factors<const INPUTS: usize>(
-    supplied: &Supplied<INPUTS>,
+    supplied: &NetworkLaw<INPUTS>,
     at: &Evaluation<INPUTS>,
-    by_factors: &mut [f64; FACTORS],
-) -> [f64; FACTORS] {
-    let mut by_targets = [0.0; FACTORS];
-    for factor in 0..FACTORS {
+    by_factors: &mut [f64; FACTOR_COUNT],
+) -> [f64; FACTOR_COUNT] {
+    let mut by_targets = [0.0; FACTOR_COUNT];
+    for factor in 0..FACTOR_COUNT {
         if !at.is_slewed[factor] {
             by_targets[factor] = std::mem::take(&mut by_factors[factor]);
         }
@@ -171,9 +173,9 @@ fn back_through_factors<const INPUTS: usize>(
 }
 
 fn back_through_readout<const INPUTS: usize>(
-    supplied: &Supplied<INPUTS>,
+    supplied: &NetworkLaw<INPUTS>,
     at: &Evaluation<INPUTS>,
-    by_sums: &[f64; FACTORS],
+    by_sums: &[f64; FACTOR_COUNT],
     by_output: &mut [f64; CELLS],
     gradient: &mut [f64],
 ) {
@@ -189,9 +191,10 @@ fn back_through_readout<const INPUTS: usize>(
     }
 }
 
-/// From outputs and cells after an evaluation to those before it; returns the derivative by the scaled inputs.
+/// Propagates derivatives from outputs and cells after an evaluation to those before it. Returns the derivatives by the scaled
+/// inputs.
 fn back_through_lstm<const INPUTS: usize>(
-    supplied: &Supplied<INPUTS>,
+    supplied: &NetworkLaw<INPUTS>,
     at: &Evaluation<INPUTS>,
     by_output: &mut [f64; CELLS],
     by_cell: &mut [f64; CELLS],
@@ -259,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn the_derivative_is_that_of_differences() {
+    fn loss_gradient_matches_finite_differences() {
         let base = Parameters::new(LawKind::LugreAsymmetric)
             .with(Id::CoulombTorque, 9.0)
             .with(Id::StaticTorque, 10.0)
@@ -271,11 +274,11 @@ mod tests {
             .with(Id::ViscousFriction, 2.0);
         let track = track();
         let options = TrainOptions { seed: 3, ..TrainOptions::default() };
-        let inputs = [Input::Covariate(0), Input::Velocity, Input::Held];
+        let inputs = [NetworkInput::Covariate(0), NetworkInput::Velocity, NetworkInput::Held];
         let mut supplied = untrained(&base, inputs, std::slice::from_ref(&track), &options);
         let mut weights = Vec::new();
         supplied.network.for_each_weight(|weight| weights.push(weight));
-        // Away from the small weights training starts at, so that every path carries something.
+        // The weights are larger than those at the start of training, so that every path has an effect.
         weights.iter_mut().enumerate().for_each(|(i, w)| *w += 0.4 * (i as f64 * 1.7).sin());
         assert!(supplied.network.set_weights(weights.iter().copied()));
         let mut gradient = vec![0.0; weights.len()];
@@ -284,7 +287,7 @@ mod tests {
         let squares: f64 = plain.iter().zip(&track.torque).map(|(s, m)| (s - m).powi(2)).sum();
         assert!((value - 0.5 * squares / 400.0 / 25.0).abs() < 1e-12 * value);
         let count = gradient.len();
-        let mut moved = |index: usize, by: f64| {
+        let mut shifted = |index: usize, by: f64| {
             let mut weights = weights.clone();
             weights[index] += by;
             supplied.network.set_weights(weights.into_iter());
@@ -292,13 +295,13 @@ mod tests {
         };
         let mut wrong = 0;
         for (index, derivative) in gradient.iter().enumerate() {
-            let slope = (moved(index, 1e-6) - moved(index, -1e-6)) / 2e-6;
-            let apart = (slope - derivative).abs();
-            wrong += usize::from(apart > 1e-6 + 1e-4 * slope.abs());
+            let slope = (shifted(index, 1e-6) - shifted(index, -1e-6)) / 2e-6;
+            let error = (slope - derivative).abs();
+            wrong += usize::from(error > 1e-6 + 1e-4 * slope.abs());
         }
         let largest = gradient.iter().fold(0.0f64, |most, g| most.max(g.abs()));
-        assert!(largest > 1e-2, "a gradient of nothing: {largest}");
-        // A kink (a slew limit just reached) within the difference's step may spoil one.
+        assert!(largest > 1e-2, "the gradient is almost 0: {largest}");
+        // Limits that become active within the step of a difference may affect single derivatives.
         assert!(wrong <= 2, "{wrong} of {} wrong", gradient.len());
     }
 }

@@ -1,4 +1,4 @@
-//! `network.json`: a trained network as a file.
+//! The file `network.json` of a trained network.
 //!
 //! ```json
 //! {
@@ -13,12 +13,13 @@
 //! }
 //! ```
 //!
-//! Inputs are `velocity`, `held` (the torque the law's bristles hold), and columns of the log by name. Ranges are in
-//! the columns' units: the middle, and one over half the width. Weights are in the order of
-//! [`Network::for_each_weight`]. `params.toml` beside it names this file with its checksum ([`checksum`]).
+//! Inputs are `velocity`, `held` (the bristle torque of the law), and columns of the log by name. Ranges are in the
+//! columns' units: the middle, and the inverse of half the width. Weights are in the order of
+//! [`Network::for_each_weight`]. The `params.toml` in the same folder contains the name of this file and its checksum ([`checksum`]).
 
 use compensator_core::network::{
-    FactorBounds, Feed, InputRange, JointNetwork, Lstm, MOST_INPUTS, Network, Readout, StrokeRange,
+    FactorBounds, InputRange, InputSource, JointNetwork, Lstm, MAX_INPUTS, Network, Readout,
+    StrokeRange,
 };
 use compensator_core::{JointKind, Quantity};
 use serde::{Deserialize, Serialize};
@@ -27,24 +28,24 @@ use serde_json::{Value, json};
 /// Cells of the recurrent layer.
 pub const CELLS: usize = 8;
 
-/// A network of any number of inputs up to [`MOST_INPUTS`]; what is not used weighs nothing.
-pub type Widened = Network<f64, MOST_INPUTS, CELLS>;
+/// A network with up to [`MAX_INPUTS`] inputs; unused inputs have weights of 0.
+pub type WideNetwork = Network<f64, MAX_INPUTS, CELLS>;
 
-/// The law a network's factors multiply.
+/// Name of the law whose parameters the factors multiply.
 pub const BASE: &str = "lugre-asymmetric";
 
 const FACTOR_NAMES: [&str; 3] = ["coulomb", "static", "stiffness"];
 
-/// What a `network.json` holds.
+/// Content of a `network.json`.
 #[derive(Clone, Debug)]
 pub struct NetworkFile {
-    /// What its inputs are fed with, by name.
+    /// Names of the inputs.
     pub inputs: Vec<String>,
     /// Ranges (in the columns' units), weights, bounds and rates.
-    pub network: Widened,
-    /// Time from one evaluation to the next, s.
+    pub network: WideNetwork,
+    /// Time between evaluations, s.
     pub period_s: f64,
-    /// The strokes it was trained on, where those are watched.
+    /// Range of trained strokes, if strokes are monitored.
     pub strokes: Option<StrokeRange<f64>>,
 }
 
@@ -68,10 +69,10 @@ struct Strokes {
     reversal: f64,
 }
 
-/// The text, field by field. What is said of training and of the base is for people.
+/// Fields of the file. `training` and `base` are information for people.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Written {
+struct FileFields {
     schema: u32,
     cells: usize,
     inputs: Vec<String>,
@@ -89,18 +90,18 @@ struct Written {
     training: Value,
 }
 
-/// CRC-32 (ISO-HDLC) of a file's bytes, as `params.toml` has it: eight digits.
+/// Returns the CRC-32 (ISO-HDLC) of a file's bytes as eight hexadecimal digits, as in `params.toml`.
 pub fn checksum(bytes: &[u8]) -> String {
     let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
     format!("{:08x}", crc.checksum(bytes))
 }
 
 impl NetworkFile {
-    /// The text of the file; `training` is said beside it.
+    /// Returns the text of the file, with `training` as additional information.
     pub fn emit(&self, training: Value) -> String {
         let Self { inputs, network, period_s, strokes } = self;
         let used = inputs.len();
-        let written = Written {
+        let written = FileFields {
             schema: 1,
             cells: CELLS,
             inputs: inputs.clone(),
@@ -135,9 +136,9 @@ impl NetworkFile {
     /// Reads and validates the text of a file.
     ///
     /// # Errors
-    /// One line: what was found, what was expected, and where; or the core's own refusal.
+    /// One line: the found value, the expected value and the place; or the error of the core's validation.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let written: Written = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let written: FileFields = serde_json::from_str(text).map_err(|error| error.to_string())?;
         if written.schema != 1 {
             return Err(format!("schema: found {}, expected 1", written.schema));
         }
@@ -145,8 +146,8 @@ impl NetworkFile {
             return Err(format!("cells: found {}, expected {CELLS}", written.cells));
         }
         let used = written.inputs.len();
-        if !(1..=MOST_INPUTS).contains(&used) {
-            return Err(format!("inputs: found {used}, expected 1 to {MOST_INPUTS}"));
+        if !(1..=MAX_INPUTS).contains(&used) {
+            return Err(format!("inputs: found {used}, expected 1 to {MAX_INPUTS}"));
         }
         for (name, found, expected) in [
             ("ranges", written.ranges.len(), used),
@@ -191,38 +192,42 @@ impl NetworkFile {
         Ok(Self { inputs: written.inputs, network, period_s, strokes })
     }
 
-    /// The network as a driver takes it: in `f32`, its inputs by what a driver reads. A column that has no place of
-    /// its own in the driver comes as its auxiliary covariate; there is one of those.
+    /// Converts the network for a driver: to `f32`, with inputs as the driver's quantities. A column without a quantity of its
+    /// own becomes the auxiliary covariate, of which there is one.
     ///
     /// # Errors
-    /// One line: an input no driver can feed, or the core's refusal.
+    /// One line: an input that no driver can supply, or the error of the core's validation.
     pub fn for_driver(&self) -> Result<JointNetwork, String> {
         let mut feeds = heapless::Vec::new();
         let mut own: Option<&str> = None;
         let mut network = self.network.clone();
         for (name, range) in self.inputs.iter().zip(&mut network.inputs) {
             let feed = match name.as_str() {
-                "held" => Feed::Held,
-                "velocity" => Feed::Of(Quantity::Velocity),
-                name => match Quantity::parse(name).map(|(quantity, _)| Feed::Of(quantity)) {
-                    Some(feed) if feed.number().is_some() => feed,
-                    Some(_) => return Err(format!("inputs: a driver has no reading of {name:?}")),
-                    None => {
-                        if let Some(other) = own.replace(name) {
-                            return Err(format!(
-                                "inputs: {other:?} and {name:?} are columns of this log's own, and a driver has one place \
-                                 for such, its auxiliary covariate"
-                            ));
+                "held" => InputSource::Held,
+                "velocity" => InputSource::Of(Quantity::Velocity),
+                name => {
+                    match Quantity::parse(name).map(|(quantity, _)| InputSource::Of(quantity)) {
+                        Some(feed) if feed.number().is_some() => feed,
+                        Some(_) => {
+                            return Err(format!("inputs: a driver does not measure {name:?}"));
                         }
-                        Feed::Of(Quantity::Auxiliary)
+                        None => {
+                            if let Some(other) = own.replace(name) {
+                                return Err(format!(
+                                    "inputs: {other:?} and {name:?} are custom columns of this log, and a driver has only one custom \
+                                 input, its auxiliary covariate"
+                                ));
+                            }
+                            InputSource::Of(Quantity::Auxiliary)
+                        }
                     }
-                },
+                }
             };
-            if let Feed::Of(quantity) = feed {
+            if let InputSource::Of(quantity) = feed {
                 range.middle *= quantity.info().inside_scale;
                 range.per_unit /= quantity.info().inside_scale;
             }
-            // No more than there are places.
+            // The number of inputs is at most the capacity.
             let _ = feeds.push(feed);
         }
         let strokes = self.strokes.map(|range| StrokeRange {
@@ -241,17 +246,17 @@ impl NetworkFile {
         Ok(joint)
     }
 
-    /// The file of a driver's network: read back and taken for a driver, it is the same network to the bit.
+    /// Creates the file of a driver's network. Reading it back and converting it for a driver gives the same bits.
     pub fn of_driver(joint: &JointNetwork, kind: JointKind) -> Self {
-        let mut network: Widened = joint.network.convert();
+        let mut network: WideNetwork = joint.network.convert();
         let mut inputs = Vec::new();
         for (feed, range) in joint.feeds.iter().zip(&mut network.inputs) {
             inputs.push(match feed {
-                Feed::Held => "held".to_owned(),
-                Feed::Of(Quantity::Velocity) => "velocity".to_owned(),
-                Feed::Of(quantity) => quantity.name(kind).to_owned(),
+                InputSource::Held => "held".to_owned(),
+                InputSource::Of(Quantity::Velocity) => "velocity".to_owned(),
+                InputSource::Of(quantity) => quantity.name(kind).to_owned(),
             });
-            if let Feed::Of(quantity) = feed {
+            if let InputSource::Of(quantity) = feed {
                 range.middle /= quantity.info().inside_scale;
                 range.per_unit *= quantity.info().inside_scale;
             }
@@ -266,34 +271,36 @@ impl NetworkFile {
     }
 }
 
-/// How many weights a network of so many inputs has.
+/// Returns the number of weights of a network with `used` inputs.
 fn count(used: usize) -> usize {
     match used {
         1 => Network::<f64, 1, CELLS>::WEIGHTS,
         2 => Network::<f64, 2, CELLS>::WEIGHTS,
         3 => Network::<f64, 3, CELLS>::WEIGHTS,
-        _ => Network::<f64, MOST_INPUTS, CELLS>::WEIGHTS,
+        _ => Network::<f64, MAX_INPUTS, CELLS>::WEIGHTS,
     }
 }
 
-/// Whether each weight of a widened network, in its order, is one of the inputs in use.
+/// Returns for each weight of a wide network, in order, whether it belongs to a used input.
 fn in_use(used: usize) -> impl Iterator<Item = bool> {
-    // A cell is a bias, the inputs and the cells, each for four gates; behind the cells comes the readout.
-    let cell = move |row: usize| !(1 + used..1 + MOST_INPUTS).contains(&row);
-    let rows = (0..CELLS).flat_map(move |_| (0..1 + MOST_INPUTS + CELLS).map(cell));
+    // A cell has a bias, the inputs and the cells, each for four gates. The readout follows after the cells.
+    let cell = move |row: usize| !(1 + used..1 + MAX_INPUTS).contains(&row);
+    let rows = (0..CELLS).flat_map(move |_| (0..1 + MAX_INPUTS + CELLS).map(cell));
     rows.flat_map(|is_used| [is_used; 4]).chain(std::iter::repeat(true))
 }
 
-fn weights(network: &Widened, used: usize) -> Vec<f64> {
+/// Returns the weights of the used inputs.
+fn weights(network: &WideNetwork, used: usize) -> Vec<f64> {
     let mut all = Vec::new();
     network.for_each_weight(|weight| all.push(weight));
     all.into_iter().zip(in_use(used)).filter_map(|(weight, used)| used.then_some(weight)).collect()
 }
 
-fn set_weights(network: &mut Widened, used: usize, weights: &[f64]) {
+/// Sets the weights of the used inputs, and all others to 0.
+fn set_weights(network: &mut WideNetwork, used: usize, weights: &[f64]) {
     let mut given = weights.iter().copied();
     let spread = in_use(used).map(|used| if used { given.next().unwrap_or_default() } else { 0.0 });
-    network.set_weights(spread.take(Widened::WEIGHTS));
+    network.set_weights(spread.take(WideNetwork::WEIGHTS));
 }
 
 #[cfg(test)]
@@ -317,13 +324,13 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_read_as_it_was_written() {
+    fn parse_of_emitted_text_returns_same_network() {
         let file = file();
         let text = file.emit(json!({"passes": 3}));
         let read = NetworkFile::parse(&text).unwrap();
         assert_eq!((&read.inputs, &read.network), (&file.inputs, &file.network));
         assert_eq!((read.period_s, read.strokes), (file.period_s, file.strokes));
-        // Three inputs have the weights of three, in the core's order.
+        // A file with three inputs has the weights of a network with three inputs, in the core's order.
         let mut three = Vec::new();
         reference::network::<f64>().for_each_weight(|weight| three.push(weight));
         assert_eq!(weights(&file.network, 3), three);
@@ -331,14 +338,14 @@ mod tests {
     }
 
     #[test]
-    fn a_driver_s_network_comes_back_to_the_bit() {
+    fn of_driver_and_for_driver_return_same_bits() {
         let joint = file().for_driver().unwrap();
         assert_eq!(joint, reference::joint());
         let back = NetworkFile::of_driver(&joint, JointKind::Revolute);
         assert_eq!(back.inputs, ["auxiliary", "velocity", "held"]);
         let text = back.emit(Value::Null);
         assert_eq!(NetworkFile::parse(&text).unwrap().for_driver().unwrap(), joint);
-        // In the unit inside: MPa.
+        // The internal unit of pressure is MPa.
         let mut pressure = file();
         pressure.inputs[0] = "pressure_diff_pa".into();
         pressure.network.inputs[0] = InputRange::new(1e6, 3e6, 0.0);
@@ -348,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn parse_with_invalid_field_names_it() {
         let good = file().emit(Value::Null);
         for (from, to, word) in [
             ("\"schema\": 1", "\"schema\": 2", "schema: found 2"),
@@ -369,12 +376,12 @@ mod tests {
             assert!(error.contains(word), "{from} -> {to}: {error}");
             assert_eq!(error.lines().count(), 1, "{error}");
         }
-        let fed = |names: [&str; 3]| {
+        let error_for = |names: [&str; 3]| {
             let mut file = file();
             file.inputs = names.map(str::to_owned).into();
             file.for_driver().unwrap_err()
         };
-        assert!(fed(["kp", "kd", "held"]).contains("\"kp\" and \"kd\""));
-        assert!(fed(["time_s", "velocity", "held"]).contains("no reading of \"time_s\""));
+        assert!(error_for(["kp", "kd", "held"]).contains("\"kp\" and \"kd\""));
+        assert!(error_for(["time_s", "velocity", "held"]).contains("does not measure \"time_s\""));
     }
 }

@@ -1,38 +1,38 @@
-//! A supplied law along a track, in plain numbers: what a driver would do.
+//! Simulation of a law with a network along a track, in `f64`, as a driver does.
 
-use super::input::Supplied;
+use super::input::NetworkLaw;
 use crate::fit::Track;
-use compensator_core::network::{Factors, NetworkState, Stroke};
+use compensator_core::network::{Factors, NetworkState, StrokeTracker};
 
-/// A supplied law on its way along a track, row by row.
+/// Simulated law with a network along a track, one value per row.
 #[derive(Clone, Debug, Default)]
-pub struct Run {
+pub struct NetworkRun {
     /// Torque, Nm or N.
     pub torque: Vec<f64>,
-    /// The factors in force.
+    /// Active factors.
     pub factors: Vec<Factors<f64>>,
-    /// Whether the last evaluation was outside the ranges.
+    /// True if the inputs of the last evaluation were outside the trained ranges.
     pub is_outside: Vec<bool>,
-    /// How much the network has to say, 0 (the constants) to 1: outside the ranges it falls, inside it comes back.
+    /// Weight of the network, from 0 (constant parameters) to 1. It decreases outside the trained ranges and recovers inside.
     pub share: Vec<f64>,
-    /// Evaluations outside the ranges.
+    /// Number of evaluations outside the ranges.
     pub outside_count: u32,
 }
 
-/// Simulates a supplied law along a track.
-pub fn predict<const INPUTS: usize>(supplied: &Supplied<INPUTS>, track: &Track) -> Run {
+/// Simulates a law with a network along a track.
+pub fn predict<const INPUTS: usize>(supplied: &NetworkLaw<INPUTS>, track: &Track) -> NetworkRun {
     let law = supplied.law::<f64>(track);
     let mut held = supplied.held_at_start(track);
     let mut state = NetworkState::default();
-    let mut run = Run::default();
-    let mut stroke = Stroke::default();
+    let mut run = NetworkRun::default();
+    let mut stroke = StrokeTracker::default();
     for row in 0..track.len() {
         if row % supplied.every == 0 {
             let velocity = track.samples[row].velocity_rad_s;
             let is_known =
                 supplied.strokes.as_ref().is_none_or(|range| stroke.is_known(velocity, range));
             let inputs = supplied.read(track, row, held);
-            supplied.network.evaluate_where(&mut state, &inputs, is_known);
+            supplied.network.evaluate_guarded(&mut state, &inputs, is_known);
         }
         let mut torque = 0.0;
         for step in 0..supplied.substeps {

@@ -1,14 +1,14 @@
-//! Adam over the runs to learn from, for as many passes as runs held out ask for.
+//! Training with Adam and early stopping by cross-validation.
 //!
-//! A dozen tests are few, and two or three of them set apart are a poor judge: which level they happen to have
-//! decides. So the runs are parted into groups, each is held out once while the others are learned from, and the
-//! mean of what they leave says after how many passes to stop; then all are learned from for that long. Held out are
-//! whole runs, never rows of one. The same seed gives the same weights on any number of threads: every
-//! training has a generator of its own, and no clock is asked.
+//! A dozen tests are too few for a fixed validation set: the result would depend on the friction level of the chosen runs.
+//! The runs are therefore divided into groups. Each group is held out once while the others train, and the mean
+//! held-out loss determines the number of passes. Then all runs train for this number of passes. Whole runs are held
+//! out, never rows of a run. The same seed gives the same weights on any number of threads: every training has its own
+//! random sampler and does not use the time.
 
 use super::adjoint;
 use super::file::CELLS;
-use super::input::{Input, Supplied};
+use super::input::{NetworkInput, NetworkLaw};
 use super::predict::predict;
 use crate::fit::Track;
 use compensator_core::Parameters;
@@ -17,20 +17,20 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-/// How a network is trained.
+/// Options of a training.
 #[derive(Clone, Debug)]
 pub struct TrainOptions {
-    /// The same seed, the same weights.
+    /// Seed of the random sampler. The same seed gives the same weights.
     pub seed: u64,
-    /// Most passes over all runs.
+    /// Maximum number of passes over all runs.
     pub epochs: usize,
-    /// Groups of runs, each held out once to say when to stop; below 2 all passes are made.
+    /// Number of groups of runs, each held out once for early stopping; below 2 all passes are made.
     pub groups: usize,
-    /// Rows from one evaluation of the network to the next.
+    /// Number of rows between evaluations of the network.
     pub every: usize,
-    /// Steps of the law in a row.
+    /// Number of steps of the law per row.
     pub substeps: usize,
-    /// The largest step of Adam, falling to a fiftieth along half a cosine.
+    /// Initial learning rate of Adam, which decreases to a fiftieth along half a cosine.
     pub rate: f64,
 }
 
@@ -40,63 +40,63 @@ impl Default for TrainOptions {
     }
 }
 
-/// Where training stands.
+/// Progress of a training.
 #[derive(Clone, Copy, Debug)]
-pub struct Progress {
-    /// The group that is held out; `None` where all runs are learned from.
+pub struct TrainingProgress {
+    /// Index of the held-out group; `None` if all runs train.
     pub group: Option<usize>,
-    /// Passes made.
+    /// Number of completed passes.
     pub epoch: usize,
-    /// Mean loss on the runs learned from: half the mean squared error over the torque's variance.
+    /// Mean loss of the training runs: half the mean squared error over the torque's variance.
     pub loss: f64,
-    /// The same on the group held out, where it was looked at.
+    /// Mean loss of the held-out group, if it was evaluated in this pass.
     pub held_out: Option<f64>,
 }
 
 /// A trained network.
 #[derive(Clone, Debug)]
-pub struct Trained<const INPUTS: usize> {
+pub struct TrainedNetwork<const INPUTS: usize> {
     /// The law and its network.
-    pub supplied: Supplied<INPUTS>,
-    /// Passes after which training was stopped.
+    pub supplied: NetworkLaw<INPUTS>,
+    /// Number of passes of the final training.
     pub epochs: usize,
-    /// Mean loss on the runs learned from in the last pass.
+    /// Mean loss of the training runs in the last pass.
     pub loss: f64,
-    /// Mean loss on groups held out, at as many passes.
+    /// Mean loss of the held-out groups after this number of passes.
     pub held_out: Option<f64>,
 }
 
-/// Bounds of the factors: a level of a fifth to two and a half times the base law's, a stiffness that may all but vanish
-/// while a gap is crossed. On the damper's twelve tests the levels span 0.45 to 1.35 of their common one.
+/// Bounds of the factors of Coulomb level, static level and stiffness. They contain the range of levels of the damper's
+/// tests with a margin. The stiffness almost vanishes while a gap is crossed.
 const BOUNDS: [(f64, f64); 3] = [(0.2, 2.5), (0.2, 3.0), (0.02, 4.0)];
 
-/// Most a factor moves in an evaluation: across a gap, which takes the damper at 1 Hz some ten of 128 Hz, the
-/// stiffness must be able to fall and rise again.
-const SLEW: f64 = 0.5;
+/// Maximum change of a factor per evaluation. The stiffness must fall and rise again while a gap is crossed, which takes the
+/// damper about ten evaluations.
+const MAX_FACTOR_STEP: f64 = 0.5;
 
-/// Share the network loses in an evaluation outside: gone after a quarter of a second at 128 Hz.
-const FADE: f64 = 1.0 / 32.0;
+/// Decrease of the network's weight per evaluation outside its ranges: it is 0 after a quarter of a second at 128 Hz.
+const FADE_PER_EVALUATION: f64 = 1.0 / 32.0;
 
-/// Room around the range seen in training, as a share of its half-width.
-const ROOM: f64 = 0.05;
+/// Margin around the range of the training data, as a share of its half-width.
+const RANGE_MARGIN: f64 = 0.05;
 
-/// Gradients are shortened to this length: a run in which the factors ring would else throw the weights far.
-const LONGEST_GRADIENT: f64 = 1.0;
+/// Maximum norm of a gradient. Longer gradients are scaled down, for example in a run with oscillating factors.
+const MAX_GRADIENT_NORM: f64 = 1.0;
 
-/// The smallest rate, as a share of the largest.
-const LAST_RATE: f64 = 0.02;
+/// Final learning rate, as a share of the initial one.
+const FINAL_RATE_SHARE: f64 = 0.02;
 
-/// Passes from one look at the runs held out to the next.
-const LOOK_EVERY: usize = 5;
+/// Number of passes between evaluations of the held-out runs.
+const EVALUATION_PASSES: usize = 5;
 
 /// Trains a network on some runs.
 pub fn train<const INPUTS: usize>(
     base: &Parameters<f64>,
-    inputs: [Input; INPUTS],
+    inputs: [NetworkInput; INPUTS],
     tracks: &[Track],
     options: &TrainOptions,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> Trained<INPUTS> {
+    progress: &(dyn Fn(TrainingProgress) + Sync),
+) -> TrainedNetwork<INPUTS> {
     let begin = untrained(base, inputs, tracks, options);
     let all: Vec<usize> = (0..tracks.len()).collect();
     let groups = groups(tracks.len(), options);
@@ -109,19 +109,19 @@ pub fn train<const INPUTS: usize>(
             descend(begin.clone(), tracks, parts, options, progress).2
         })
         .collect();
-    let looks = curves.iter().map(Vec::len).min().unwrap_or(0);
-    let means = (0..looks).map(|at| {
+    let evaluations = curves.iter().map(Vec::len).min().unwrap_or(0);
+    let means = (0..evaluations).map(|at| {
         let mean = curves.iter().map(|curve| curve[at]).sum::<f64>() / curves.len() as f64;
-        (mean, (at + 1) * LOOK_EVERY)
+        (mean, (at + 1) * EVALUATION_PASSES)
     });
     let best = means.min_by(|(one, _), (other, _)| one.total_cmp(other));
     let epochs = best.map_or(options.epochs, |(_, epochs)| epochs.min(options.epochs));
     let parts = Parts { learn: all, held_out: &[], group: None, epochs };
     let (supplied, loss, _) = descend(begin, tracks, parts, options, progress);
-    Trained { supplied, epochs, loss, held_out: best.map(|(mean, _)| mean) }
+    TrainedNetwork { supplied, epochs, loss, held_out: best.map(|(mean, _)| mean) }
 }
 
-/// Which runs are learned from, which looked at, and for how many passes.
+/// Training runs, held-out runs and number of passes.
 struct Parts<'a> {
     learn: Vec<usize>,
     held_out: &'a [usize],
@@ -129,14 +129,14 @@ struct Parts<'a> {
     epochs: usize,
 }
 
-/// Makes the passes; returns the network, the loss of the last pass, and the loss held out at every look.
+/// Trains for a number of passes. Returns the network, the loss of the last pass, and the held-out losses.
 fn descend<const INPUTS: usize>(
-    mut supplied: Supplied<INPUTS>,
+    mut supplied: NetworkLaw<INPUTS>,
     tracks: &[Track],
     parts: Parts,
     options: &TrainOptions,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> (Supplied<INPUTS>, f64, Vec<f64>) {
+    progress: &(dyn Fn(TrainingProgress) + Sync),
+) -> (NetworkLaw<INPUTS>, f64, Vec<f64>) {
     let mut random = Pcg64Mcg::seed_from_u64(options.seed ^ 0x5eed);
     let scale = deviation(tracks);
     let mut learn = parts.learn;
@@ -145,10 +145,10 @@ fn descend<const INPUTS: usize>(
     let mut adam = Adam::new(weights.len());
     let (mut last, mut curve) = (f64::INFINITY, Vec::new());
     for epoch in 0..parts.epochs {
-        // The same schedule whatever is held out: stopped early it is the beginning of the longest.
+        // The schedule does not depend on the number of passes, so that a shorter training equals the start of a longer one.
         let share = epoch as f64 / options.epochs as f64;
         let falling = 0.5 * (1.0 + (std::f64::consts::PI * share).cos());
-        let rate = options.rate * (LAST_RATE + (1.0 - LAST_RATE) * falling);
+        let rate = options.rate * (FINAL_RATE_SHARE + (1.0 - FINAL_RATE_SHARE) * falling);
         let mut total = 0.0;
         for index in (1..learn.len()).rev() {
             learn.swap(index, random.random_range(0..=index));
@@ -160,25 +160,25 @@ fn descend<const INPUTS: usize>(
             supplied.network.set_weights(weights.iter().copied());
         }
         last = total / learn.len().max(1) as f64;
-        let looks = !parts.held_out.is_empty() && (epoch + 1) % LOOK_EVERY == 0;
+        let looks = !parts.held_out.is_empty() && (epoch + 1) % EVALUATION_PASSES == 0;
         let held_out = looks.then(|| {
             let losses = parts.held_out.iter().map(|run| loss(&supplied, &tracks[*run], scale));
             losses.sum::<f64>() / parts.held_out.len() as f64
         });
         curve.extend(held_out);
-        progress(Progress { group: parts.group, epoch: epoch + 1, loss: last, held_out });
+        progress(TrainingProgress { group: parts.group, epoch: epoch + 1, loss: last, held_out });
     }
     (supplied, last, curve)
 }
 
-/// The loss of a run in plain numbers.
-fn loss<const INPUTS: usize>(supplied: &Supplied<INPUTS>, track: &Track, scale: f64) -> f64 {
+/// Returns the loss of a run, computed in `f64`.
+fn loss<const INPUTS: usize>(supplied: &NetworkLaw<INPUTS>, track: &Track, scale: f64) -> f64 {
     let run = predict(supplied, track);
     let squares = run.torque.iter().zip(&track.torque).map(|(s, m)| (s - m).powi(2));
     0.5 * squares.sum::<f64>() / (scale * scale * track.len().max(1) as f64)
 }
 
-/// The runs parted into groups by lot; none where each could not hold one and leave two.
+/// Divides the runs into groups at random. Returns no groups if there are too few runs.
 fn groups(count: usize, options: &TrainOptions) -> Vec<Vec<usize>> {
     if options.groups < 2 || count < options.groups.max(3) {
         return Vec::new();
@@ -192,30 +192,30 @@ fn groups(count: usize, options: &TrainOptions) -> Vec<Vec<usize>> {
     (0..options.groups).map(of).collect()
 }
 
-/// A network at the start of training: its ranges those of the tracks, its factors 1.
+/// Creates an untrained network, with the ranges of the tracks and factors of 1.
 pub(super) fn untrained<const INPUTS: usize>(
     base: &Parameters<f64>,
-    inputs: [Input; INPUTS],
+    inputs: [NetworkInput; INPUTS],
     tracks: &[Track],
     options: &TrainOptions,
-) -> Supplied<INPUTS> {
+) -> NetworkLaw<INPUTS> {
     let bounds = BOUNDS.map(|(least, most)| FactorBounds { least, most });
     let network = Network {
         inputs: [InputRange::new(-1.0, 1.0, 0.0); INPUTS],
         lstm: Lstm::zero(),
         readout: Readout::zero(),
         bounds,
-        slew: SLEW,
-        fade: FADE,
+        slew: MAX_FACTOR_STEP,
+        fade: FADE_PER_EVALUATION,
     };
     let (every, substeps) = (options.every.max(1), options.substeps.max(1));
     let mut supplied =
-        Supplied { base: base.clone(), inputs, network, strokes: None, every, substeps };
+        NetworkLaw { base: base.clone(), inputs, network, strokes: None, every, substeps };
     supplied.network.inputs = inputs.map(|input| range(&supplied, input, tracks));
     let mut random = Pcg64Mcg::seed_from_u64(options.seed);
     let size = 1.0 / ((INPUTS + CELLS) as f64).sqrt();
     for cell in &mut supplied.network.lstm.cells {
-        // A forget gate that begins open: the memory a gap needs is some ten evaluations.
+        // The forget gate starts open, because a gap requires a memory of about ten evaluations.
         cell.bias[0] = 1.0;
         for weight in cell.input.iter_mut().chain(&mut cell.recurrent).flatten() {
             *weight = size * random.random_range(-1.0..1.0);
@@ -230,7 +230,7 @@ pub(super) fn untrained<const INPUTS: usize>(
     supplied
 }
 
-/// The readout's sum at which a factor is 1.
+/// Returns the readout's sum for a factor of 1, by bisection.
 fn sum_for_one(bounds: &FactorBounds<f64>) -> f64 {
     let share = (1.0 - bounds.least) / (bounds.most - bounds.least);
     let (mut below, mut above) = (-6.0, 6.0);
@@ -241,15 +241,15 @@ fn sum_for_one(bounds: &FactorBounds<f64>) -> f64 {
     below
 }
 
-/// The range of an input over some tracks, with room. The held torque's is as far as it can go.
+/// Returns the range of an input over some tracks, with a margin. The range of the held torque is its largest possible one.
 fn range<const INPUTS: usize>(
-    supplied: &Supplied<INPUTS>,
-    input: Input,
+    supplied: &NetworkLaw<INPUTS>,
+    input: NetworkInput,
     tracks: &[Track],
 ) -> InputRange<f64> {
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
     for track in tracks {
-        if input == Input::Held {
+        if input == NetworkInput::Held {
             most = supplied.law::<f64>(track).largest_held_nm(supplied.network.bounds[1].most);
             least = -most;
             continue;
@@ -259,12 +259,12 @@ fn range<const INPUTS: usize>(
             (least, most) = (least.min(value), most.max(value));
         }
     }
-    let room = ROOM * 0.5 * (most - least);
-    // A column that never moved in training: a tenth of it is as far as it is known.
+    let room = RANGE_MARGIN * 0.5 * (most - least);
+    // For a constant column the range is 10 % of its value.
     InputRange::new(least - room, most + room, 1e-9 + 0.1 * most.abs())
 }
 
-/// Standard deviation of the torque of some tracks.
+/// Returns the standard deviation of the torque of some tracks.
 fn deviation(tracks: &[Track]) -> f64 {
     let torques = || tracks.iter().flat_map(|track| &track.torque);
     let rows = torques().count().max(1) as f64;
@@ -273,7 +273,7 @@ fn deviation(tracks: &[Track]) -> f64 {
     (squares / rows).sqrt().max(f64::MIN_POSITIVE)
 }
 
-/// Adam (Kingma and Ba 2015), with the constants of its paper.
+/// Adam optimiser (Kingma and Ba 2015), with the constants of the paper.
 struct Adam {
     mean: Vec<f64>,
     square: Vec<f64>,
@@ -292,7 +292,7 @@ impl Adam {
         if !length.is_finite() {
             return;
         }
-        let shortened = (LONGEST_GRADIENT / length).min(1.0);
+        let shortened = (MAX_GRADIENT_NORM / length).min(1.0);
         self.steps += 1;
         let of_mean = 1.0 - MEAN.powi(self.steps);
         let of_square = 1.0 - SQUARE.powi(self.steps);
@@ -311,11 +311,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_run_is_in_one_group() {
-        for (count, asked) in [(12, 3), (7, 2), (3, 3)] {
-            let options = TrainOptions { groups: asked, seed: 5, ..TrainOptions::default() };
+    fn groups_contain_every_run_once() {
+        for (count, group_count) in [(12, 3), (7, 2), (3, 3)] {
+            let options = TrainOptions { groups: group_count, seed: 5, ..TrainOptions::default() };
             let groups = groups(count, &options);
-            assert_eq!(groups.len(), asked);
+            assert_eq!(groups.len(), group_count);
             let mut all = groups.concat();
             all.sort_unstable();
             assert_eq!(all, (0..count).collect::<Vec<_>>());
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn a_factor_begins_at_one() {
+    fn sum_for_one_gives_factor_of_one() {
         for (least, most) in BOUNDS {
             let bounds = FactorBounds { least, most };
             let factor = least + (most - least) * sigmoid(sum_for_one(&bounds));

@@ -1,34 +1,34 @@
-//! The paper's rule held against a world with nothing hidden.
+//! Calibration of the paper's rule with a reference without missing physics.
 //!
-//! A permitted spread is large for two reasons: the data vary, and the output hardly depends on the
-//! parameter. The second is there without any missing physics, and it is most of the number. The same
-//! certificate for the fitted model's own torque with the sensor's noise, on the same inputs, has it alone;
-//! the ratio of the two has the first alone. By the *calibrated* rule the parameter with the largest ratio is
-//! the one to be improved, and none is where no ratio stands out.
+//! A permitted spread is large for two reasons: the data vary, or the output hardly depends on the parameter. The second
+//! reason does not indicate missing physics, but usually dominates. A reference certificate, computed for the fitted
+//! model's own torque with the sensor's noise on the same inputs, contains only the second reason. The ratio of both
+//! certificates contains only the first. By the *calibrated* rule, the parameter with the largest ratio is to be
+//! improved, and none if no ratio is significant.
 
 use super::certificate::{Certificate, is_unlimited};
 use super::settings::Settings;
-use super::study::{Residual, Study};
+use super::study::{CertificateStudy, ResidualSource};
 use crate::fit::Track;
 use compensator_core::{ParameterId, Parameters};
 
-/// A ratio up to this is what worlds with nothing hidden have too (39 of 40 of them, measured;
-/// `docs/stochastic-extension.md`).
-pub const TELLING: f64 = 1.15;
+/// Ratio above which a parameter is significant: simulated joints without missing physics rarely exceed it
+/// (`docs/src/explanation/stochastic-extension.md`).
+pub const SIGNIFICANT_RATIO: f64 = 1.15;
 
-/// What the calibrated rule says.
+/// Result of the calibrated rule.
 #[derive(Clone, Debug)]
 pub struct Calibrated {
-    /// Permitted spread over that of a world with nothing hidden: geometric mean over the classes in
-    /// which that world determines the parameter. A parameter that no class determines has none.
+    /// Permitted spread divided by that of the reference: geometric mean over the classes in which the reference determines
+    /// the parameter. A parameter that no class determines has no ratio.
     pub ratios: Vec<(ParameterId, f64)>,
-    /// The parameter with the largest ratio, where it is more than [`TELLING`].
+    /// The parameter with the largest ratio, if that is more than [`SIGNIFICANT_RATIO`].
     pub verdict: Option<ParameterId>,
-    /// The certificate of the world with nothing hidden.
+    /// The reference certificate.
     pub nothing_hidden: Certificate,
 }
 
-/// A certificate and what the calibrated rule says.
+/// Computes a certificate and the result of the calibrated rule.
 pub fn certify_calibrated(
     parameters: &Parameters<f64>,
     free: &[ParameterId],
@@ -36,14 +36,14 @@ pub fn certify_calibrated(
     settings: &Settings,
 ) -> (Certificate, Calibrated) {
     let begin = std::time::Instant::now();
-    let study = Study::new(parameters, free, tracks, settings);
-    let mut certificate = study.certify(Residual::Measured);
+    let study = CertificateStudy::new(parameters, free, tracks, settings);
+    let mut certificate = study.certify(ResidualSource::Measured);
     certificate.seconds = begin.elapsed().as_secs_f64();
-    let calibrated = Calibrated::of(&certificate, study.certify(Residual::NoiseAlone));
+    let calibrated = Calibrated::of(&certificate, study.certify(ResidualSource::NoiseAlone));
     (certificate, calibrated)
 }
 
-/// What the calibrated rule says.
+/// Returns the result of the calibrated rule.
 pub fn calibrated_verdict(
     parameters: &Parameters<f64>,
     free: &[ParameterId],
@@ -54,7 +54,7 @@ pub fn calibrated_verdict(
 }
 
 impl Calibrated {
-    /// Holds a certificate against one of a world with nothing hidden, of the same parameters and classes.
+    /// Compares a certificate with a reference certificate of the same parameters and classes.
     pub fn of(certificate: &Certificate, nothing_hidden: Certificate) -> Self {
         let ratio = |(measured, quiet): (&Vec<f64>, &Vec<f64>)| -> Option<f64> {
             let logarithms: Vec<f64> = measured
@@ -76,7 +76,7 @@ impl Calibrated {
             .filter_map(|(id, ratio)| ratio.map(|ratio| (*id, ratio)))
             .collect();
         let largest = ratios.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        let verdict = largest.filter(|(_, ratio)| *ratio > TELLING).map(|(id, _)| *id);
+        let verdict = largest.filter(|(_, ratio)| *ratio > SIGNIFICANT_RATIO).map(|(id, _)| *id);
         Self { ratios, verdict, nothing_hidden }
     }
 }

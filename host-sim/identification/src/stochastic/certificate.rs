@@ -1,23 +1,22 @@
-//! What a stochastic extension found: the paper's Table III for this log.
+//! Result of a stochastic extension: the paper's Table III for this log.
 //!
-//! `cv` ranks: each parameter's permitted coefficient of variation while the others stay. `cv_together` is
-//! what is certified, `P0 <= rho` with all parameters varying at once: the same spreads times one share per
-//! class. A coefficient that nothing limits ends at [`CV_MOST`] and says "not determined", no more.
+//! `cv` is each parameter's permitted coefficient of variation with the others constant, and ranks the parameters.
+//! `cv_together` is the certified result, `P0 <= rho` with all parameters varying: the same spreads times one share per
+//! class. An unlimited coefficient is set to [`MAX_CV`] and means "not determined".
 
-use super::draw::{Reason, coefficient_of_variation, spread_at};
+use super::draw::{ExclusionReason, coefficient_of_variation, spread_at};
 use super::levels::{Counts, Levels};
 use super::settings::{Form, Settings};
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters};
 use serde_json::{Map, Value, json};
 
-/// No coefficient of variation is larger. Its central 95 % reach from a fifth of the fitted value to five
-/// times it; whatever may vary so far is not determined, and how much farther is a matter of where one stops
-/// trying. (A normal number, as in the paper, has negative values within its central 95 % from 0.51 on: a
-/// stiffness with a coefficient of 17 is no stiffness.)
-pub const CV_MOST: f64 = 1.0;
+/// Largest coefficient of variation. Its central 95 % reach from a fifth to five times the fitted value; a parameter with
+/// such a spread is not determined. (A normal distribution, as in the paper, has negative values within its central
+/// 95 % from a coefficient of 0.51, which is impossible for a stiffness.)
+pub const MAX_CV: f64 = 1.0;
 
-/// Equal coefficients are ranked as eq. 9 lists the parameters.
+/// Order of parameters with equal coefficients, as in eq. 9.
 const ORDER: [Id; 6] = [
     Id::BristleStiffness,
     Id::BristleDamping,
@@ -29,77 +28,76 @@ const ORDER: [Id; 6] = [
 
 /// A parameter that is not in the certificate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LeftOut {
-    /// Which.
+pub struct ExcludedParameter {
+    /// The parameter.
     pub parameter: ParameterId,
-    /// Why.
-    pub why: Reason,
+    /// Reason for the exclusion.
+    pub why: ExclusionReason,
 }
 
-/// What was found in a speed class.
+/// Result of a speed class.
 #[derive(Clone, Debug)]
 pub(super) struct Class {
     pub name: String,
     /// Standard deviation of each parameter's logarithm, alone.
     pub spreads: Vec<f64>,
-    /// The share of them all may have together.
+    /// Common share of these spreads if all parameters vary.
     pub share: f64,
-    /// Of each sampled vector, ascending.
+    /// Violation probability of each sampled vector, ascending.
     pub violations: Vec<f64>,
     pub violation_at_fit: f64,
 }
 
-/// How far the parameters of a model may vary before it leaves the data.
+/// Permitted variation of a model's parameters.
 #[derive(Clone, Debug)]
 pub struct Certificate {
-    /// Speed classes, the slowest first.
+    /// Speed classes, slowest first.
     pub classes: Vec<String>,
     /// The certified parameters.
     pub parameters: Vec<ParameterId>,
-    /// Coefficient of variation permitted to each parameter alone, `[parameter][class]`, in the form
-    /// asked for.
+    /// Permitted coefficient of variation of each parameter alone, `[parameter][class]`, in the requested form.
     pub cv: Vec<Vec<f64>>,
-    /// The same with all parameters varying at once.
+    /// Permitted coefficient of variation with all parameters varying.
     pub cv_together: Vec<Vec<f64>>,
-    /// Standard deviation of the logarithm, alone, `[parameter][class]`; what `cv` is made of.
+    /// Standard deviation of each parameter's logarithm alone, `[parameter][class]`, from which `cv` follows.
     pub spread: Vec<Vec<f64>>,
-    /// Share of the spreads alone that all may have together, per class.
+    /// Common share of the spreads if all parameters vary, per class.
     pub share_together: Vec<f64>,
     /// The paper's "cumulative randomness" per class: the sum of `cv` over the parameters.
     pub sum_cv_by_class: Vec<f64>,
-    /// Its mean over the classes.
+    /// Mean of `sum_cv_by_class`.
     pub sum_cv: f64,
-    /// The parameter with the largest `cv`, by the mean over the classes. By the paper's rule, the one
-    /// to be improved. Of no parameters at all, the first that was asked for.
+    /// The parameter with the largest mean `cv` over the classes, which the paper's rule would improve. Without certified
+    /// parameters, the first requested one.
     pub verdict: ParameterId,
     /// `P0` per class, all parameters varying: the (1 - alpha) quantile of the violation probability.
     pub violation: Vec<f64>,
-    /// The largest violation probability of any sampled vector, per class. It bounds the true quantile with
-    /// probability 1 - delta/2, which is what eq. 6 is about.
+    /// Largest violation probability of any sampled vector, per class. It bounds the true quantile with probability
+    /// 1 - delta/2 (eq. 6).
     pub largest_violation: Vec<f64>,
-    /// Violation probability of the fitted parameters themselves. Above `rho` no variance could be
-    /// certified: the fit is off there, and the class' range is laid around it.
+    /// Violation probability of the fitted parameters themselves. Above `rho` no variance could be certified, and the class'
+    /// range is centred on the fit.
     pub violation_at_fit: Vec<f64>,
-    /// Parameters that were asked for and are not certified.
-    pub left_out: Vec<LeftOut>,
-    /// Parameters nothing limits alone, in at least one class.
+    /// Requested parameters that are not certified.
+    pub left_out: Vec<ExcludedParameter>,
+    /// Parameters whose spread alone is unlimited in at least one class.
     pub unlimited: Vec<ParameterId>,
-    /// What it holds for.
+    /// Confidence and accuracy.
     pub levels: Levels,
-    /// What was sampled.
+    /// Numbers of samples.
     pub counts: Counts,
     /// The form of `cv` and `cv_together`.
     pub form: Form,
-    /// Simulations of a trial that were made, whole or in part. Threads settle some of them for each
-    /// other, so the number is not quite the same each time; the results are.
+    /// Number of simulated trials, complete or in part. It varies slightly between runs, because threads stop early when the
+    /// result is known; the results do not vary.
     pub simulations: usize,
-    /// Time it took, s.
+    /// Duration of the computation, s.
     pub seconds: f64,
 }
 
-/// Whether a spread is as large as any that is tried: nothing limits it.
+/// Returns true if a spread reaches the largest value of the search.
 pub(super) fn is_unlimited(spread: f64) -> bool {
-    spread > 0.999 * spread_at(CV_MOST)
+    spread > 0.999 * spread_at(MAX_CV)
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -112,11 +110,11 @@ impl Certificate {
         certified: &[ParameterId],
         parameters: &Parameters<f64>,
         settings: &Settings,
-        left_out: Vec<LeftOut>,
+        left_out: Vec<ExcludedParameter>,
     ) -> Self {
         let counts = settings.counts();
         let in_form = |id: ParameterId, spread: f64| {
-            let cv = if is_unlimited(spread) { CV_MOST } else { coefficient_of_variation(spread) };
+            let cv = if is_unlimited(spread) { MAX_CV } else { coefficient_of_variation(spread) };
             settings.form.of(cv, parameters.get(id))
         };
         let table = |of: &dyn Fn(usize, &Class) -> f64| -> Vec<Vec<f64>> {
@@ -127,7 +125,7 @@ impl Certificate {
         let sum_cv_by_class: Vec<f64> =
             (0..classes.len()).map(|class| cv.iter().map(|row| row[class]).sum()).collect();
         let unlimited = |index: &usize| classes.iter().any(|c| is_unlimited(c.spreads[*index]));
-        let quantile = settings.levels.vectors_that_must_pass(counts.sampled_vectors);
+        let quantile = settings.levels.required_passing_vectors(counts.sampled_vectors);
         let at =
             |class: &Class, rank: usize| class.violations.get(rank - 1).copied().unwrap_or(0.0);
         Self {
@@ -153,21 +151,21 @@ impl Certificate {
         }
     }
 
-    /// A parameter's coefficient of variation, the mean over the classes; `None` where it is not certified.
+    /// Returns a parameter's mean coefficient of variation over the classes; `None` if it is not certified.
     pub fn mean_cv(&self, id: ParameterId) -> Option<f64> {
         let index = self.parameters.iter().position(|own| *own == id)?;
         self.cv.get(index).map(|row| mean(row))
     }
 
-    /// Speed classes in which the fit is itself outside the data's range too often, so that the range
-    /// was laid around it.
+    /// Returns the speed classes in which the fit itself is outside the data's range too often, so that the range is centred on
+    /// the fit.
     pub fn around_the_fit(&self) -> Vec<&str> {
         let off = |at_fit: &f64| *at_fit > self.levels.rho;
         let classes = self.classes.iter().zip(&self.violation_at_fit);
         classes.filter(|(_, at_fit)| off(at_fit)).map(|(name, _)| name.as_str()).collect()
     }
 
-    /// As `diagnosis.json` takes it. `cv` is each parameter's mean over the classes, so that `sum_cv` is
+    /// Returns the certificate as in `diagnosis.json`. `cv` is each parameter's mean over the classes, so that `sum_cv` is
     /// both its sum and the mean of the classes' sums. The same log gives the same bytes.
     pub fn json(&self) -> Value {
         let by_name = |values: &dyn Fn(usize) -> Value| -> Value {
@@ -202,16 +200,20 @@ impl Certificate {
     }
 }
 
-fn verdict(certified: &[ParameterId], cv: &[Vec<f64>], left_out: &[LeftOut]) -> ParameterId {
+fn verdict(
+    certified: &[ParameterId],
+    cv: &[Vec<f64>],
+    left_out: &[ExcludedParameter],
+) -> ParameterId {
     let rank = |id: &ParameterId| ORDER.iter().position(|own| own == id).unwrap_or(ORDER.len());
     let ranked = certified.iter().zip(cv).map(|(id, row)| (mean(row), *id));
     let largest = ranked.max_by(|a, b| {
-        // Coefficients that differ by rounding alone are equal.
+        // Coefficients that differ only by rounding are equal.
         let equal = (a.0 - b.0).abs() <= 1e-9 * (a.0 + b.0);
         if equal { rank(&b.1).cmp(&rank(&a.1)) } else { a.0.total_cmp(&b.0) }
     });
-    let asked = left_out.first().map_or(Id::CoulombTorque, |out| out.parameter);
-    largest.map_or(asked, |(_, id)| id)
+    let requested = left_out.first().map_or(Id::CoulombTorque, |out| out.parameter);
+    largest.map_or(requested, |(_, id)| id)
 }
 
 #[cfg(test)]
@@ -237,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_go_over_parameters_and_means_over_classes() {
+    fn assemble_sums_over_parameters_and_averages_over_classes() {
         let certificate = certificate(Form::SigmaOverMean);
         assert_eq!(certificate.verdict, Id::BristleStiffness);
         assert!((certificate.cv[0][0] - 0.2).abs() < 5e-3);
@@ -251,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn the_printed_form_has_the_parameters_unit() {
+    fn assemble_with_printed_form_depends_on_parameter_unit() {
         let (proper, printed) =
             (certificate(Form::SigmaOverMean), certificate(Form::PrintedVarianceOverMean));
         let expected = proper.cv[1][0].powi(2) * 1e4;
@@ -259,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn json_is_what_the_schema_asks_for_and_finite() {
+    fn json_with_printed_form_has_finite_numbers() {
         let json = certificate(Form::PrintedVarianceOverMean).json();
         assert!(json["sum_cv"].is_f64());
         let cv = json["cv"].as_object().unwrap();
@@ -268,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn ties_are_ranked_as_the_paper_lists_the_parameters() {
+    fn verdict_with_equal_cv_follows_order_of_paper() {
         let ids =
             [Id::StaticTorque, Id::StribeckVelocity, Id::BristleDamping, Id::BristleStiffness];
         let cv = vec![vec![3.0], vec![3.0], vec![3.0], vec![3.0]];

@@ -1,8 +1,8 @@
-//! Speed classes: runs of like speed are certified together (Ding et al., Table II and III).
+//! Speed classes: runs of similar speed are certified together (Ding et al., Table II and III).
 //!
-//! The paper set 35, 70 and 100 rpm. A log says no such thing, so its runs are sorted by the speed
-//! they typically move at and parted at the largest gaps. A gap counts from a ratio of `GAP` on;
-//! a log that sweeps all speeds in every run is one class, and that is right.
+//! The paper used 35, 70 and 100 rpm. A log does not contain set speeds. Its runs are therefore sorted by their typical
+//! speed and divided at the largest gaps with a ratio of at least `MIN_CLASS_SPEED_RATIO`. A log that sweeps all speeds in
+//! every run forms a single class.
 
 use crate::data::JointKind;
 use crate::fit::Track;
@@ -10,19 +10,19 @@ use crate::number::significant;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Neighbouring speeds this many times apart are two classes. The paper's 70 and 100 rpm are 1.43.
-const GAP: f64 = 1.2;
+/// Minimum ratio of neighbouring speeds in different classes. The ratio of the paper's 70 and 100 rpm is 1.43.
+const MIN_CLASS_SPEED_RATIO: f64 = 1.2;
 
-/// Samples a track's speed is judged by.
-const LOOKED_AT: usize = 2000;
+/// Maximum number of samples for estimating a run's speed.
+const MAX_SPEED_SAMPLES: usize = 2000;
 
-/// Below this share of its largest speed a joint counts as at rest.
-const AT_REST: f64 = 0.05;
+/// Speed below which a joint counts as at rest, as a share of its largest speed.
+const MAX_REST_SPEED_RATIO: f64 = 0.05;
 
-/// Runs of like speed.
+/// Runs of similar speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeedClass {
-    /// As `35 rpm` or `0.12 m/s`.
+    /// Name, such as `35 rpm` or `0.12 m/s`.
     pub name: String,
     /// Median of the runs' typical speeds, rad/s or m/s.
     pub speed: f64,
@@ -30,16 +30,16 @@ pub struct SpeedClass {
     pub tracks: Vec<usize>,
 }
 
-/// Median speed of a run while it moves, rad/s, from its tracks.
+/// Returns the median speed of a run in motion, rad/s, from its tracks.
 fn typical_speed(tracks: &[Track], of_run: &[usize]) -> f64 {
     let own = || of_run.iter().filter_map(|index| tracks.get(*index));
-    let stride = (own().map(Track::len).sum::<usize>() / LOOKED_AT).max(1);
+    let stride = (own().map(Track::len).sum::<usize>() / MAX_SPEED_SAMPLES).max(1);
     let mut speeds: Vec<f64> = own()
         .flat_map(|track| track.samples.iter().step_by(stride))
         .map(|sample| sample.velocity_rad_s.abs())
         .collect();
     let fastest = speeds.iter().copied().fold(0.0, f64::max);
-    speeds.retain(|speed| *speed > AT_REST * fastest);
+    speeds.retain(|speed| *speed > MAX_REST_SPEED_RATIO * fastest);
     median(&mut speeds).unwrap_or(0.0)
 }
 
@@ -55,7 +55,7 @@ fn name(speed: f64, joint: JointKind) -> String {
     }
 }
 
-/// Sorts runs into at most `most` classes, the slowest first.
+/// Sorts runs into at most `most` classes, slowest first.
 pub fn speed_classes(tracks: &[Track], joint: JointKind, most: usize) -> Vec<SpeedClass> {
     let mut runs: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (index, track) in tracks.iter().enumerate() {
@@ -65,7 +65,8 @@ pub fn speed_classes(tracks: &[Track], joint: JointKind, most: usize) -> Vec<Spe
         runs.into_values().map(|of_run| (typical_speed(tracks, &of_run), of_run)).collect();
     speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
     let ratio = |at: usize| speeds[at].0 / speeds[at - 1].0.max(f64::MIN_POSITIVE);
-    let mut gaps: Vec<usize> = (1..speeds.len()).filter(|at| ratio(*at) >= GAP).collect();
+    let mut gaps: Vec<usize> =
+        (1..speeds.len()).filter(|at| ratio(*at) >= MIN_CLASS_SPEED_RATIO).collect();
     gaps.sort_by(|a, b| ratio(*b).total_cmp(&ratio(*a)));
     gaps.truncate(most.max(1) - 1);
     gaps.sort_unstable();
@@ -100,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn the_papers_three_speeds_are_found_and_named() {
+    fn speed_classes_of_three_speeds_have_names() {
         let rpm = |rpm: f64| rpm * TAU / 60.0;
         let tracks: Vec<Track> = [100.0, 35.0, 70.0, 34.0, 71.0, 101.0, 35.0]
             .iter()
@@ -114,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn at_most_so_many_and_one_where_speeds_are_alike() {
+    fn speed_classes_are_limited_and_merge_equal_speeds() {
         let tracks: Vec<Track> = (0..8).map(|run| track(run, 2f64.powi(run as i32))).collect();
         assert_eq!(speed_classes(&tracks, JointKind::Revolute, 3).len(), 3);
         let tracks: Vec<Track> = (0..8).map(|run| track(run, 0.12)).collect();
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn segments_of_a_run_stay_together() {
+    fn speed_classes_keep_segments_of_run_together() {
         let tracks = [track(0, 1.0), track(1, 5.0), track(0, 1.1)];
         let classes = speed_classes(&tracks, JointKind::Revolute, 3);
         assert_eq!(classes[0].tracks, [0, 2]);

@@ -1,14 +1,14 @@
-//! Parameter vectors around the fitted one (Ding et al., eq. 4 and 9), in relative parameters.
+//! Random parameter vectors around the fitted one (Ding et al., eq. 4 and 9), with relative deviations.
 //!
 //! ```text
-//! xi_i = mean_i exp(s_i z_i)        z normal, kept within its central 95 % as in the paper
-//! CV_i = sqrt(exp(s_i^2) - 1)       of the log-normal this is; s_i itself while it is small
+//! xi_i = mean_i exp(s_i z_i)        z normal, truncated to its central 95 % as in the paper
+//! CV_i = sqrt(exp(s_i^2) - 1)       of the log-normal distribution; about s_i if it is small
 //! ```
 //!
-//! Draws are common: each vector's `z` is the same for every speed class, every set of variances that
-//! is tried, and a model before and after its extension. What differs is then the model.
+//! All comparisons use common random numbers: each vector's `z` is the same for every speed class, every tested set of
+//! variances, and a model before and after its extension. Differences are then caused by the model.
 //!
-//! Load coefficients vary with the level they add to. The paper compares its improved model's
+//! Load coefficients vary with the level that they add to. The paper compares its improved model's
 //! `F_C + k_C1 dP + k_C2 F_L`, as one `F_composite`, with the plain model's `F_C`.
 
 use ParameterId as Id;
@@ -17,20 +17,20 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
-/// The central 95 % of the normal distribution end here.
-pub const END: f64 = 1.96;
+/// Limit of the central 95 % of the normal distribution, in standard deviations.
+pub const TRUNCATION_SIGMAS: f64 = 1.96;
 
-/// Below this magnitude a parameter is 0: it has no relative spread.
-const NOTHING: f64 = 1e-12;
+/// Magnitude below which a parameter counts as 0 and has no relative spread.
+const MIN_MAGNITUDE: f64 = 1e-12;
 
-/// Levels that cannot cross: the core refuses a static level below its Coulomb level.
+/// Pairs of levels: the core rejects a static level below its Coulomb level.
 const LEVELS: [(Id, Id); 2] =
     [(Id::CoulombTorque, Id::StaticTorque), (Id::CoulombTorqueNegative, Id::StaticTorqueNegative)];
 
-/// Coefficients that add to the Coulomb level.
+/// Coefficients of terms that add to the Coulomb level.
 const LOADS: [Id; 3] = [Id::RadialForceCoulomb, Id::PressureCoulomb, Id::LoadCoulomb];
 
-/// Parameters that choose, place or date something. A spread of theirs would mean nothing.
+/// Parameters that are choices, positions or reference values, for which a spread has no meaning.
 const CHOICES: [Id; 5] = [
     Id::TemperatureReference,
     Id::LookupColumn,
@@ -39,48 +39,51 @@ const CHOICES: [Id; 5] = [
     Id::BacklashStiffnessRatio,
 ];
 
-/// Why a parameter is not in a certificate.
+/// Reason why a parameter is not in a certificate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reason {
+pub enum ExclusionReason {
     /// The model does not have it.
     NotInModel,
-    /// Its value is 0, of which there is no share.
+    /// Its value is 0, so that it has no relative spread.
     Zero,
-    /// It varies with the Coulomb level it adds to.
+    /// It varies with the Coulomb level that it adds to.
     Composite,
-    /// It is a choice, not a size.
+    /// It is a choice, not a magnitude.
     Choice,
 }
 
-impl Reason {
-    /// As the end of a sentence that begins with the parameter's name.
+impl ExclusionReason {
+    /// Returns the end of a sentence that begins with the parameter's name.
     pub fn in_words(self) -> &'static str {
         match self {
             Self::NotInModel => "is not a parameter of this model",
-            Self::Zero => "is 0, of which no share can be taken",
-            Self::Composite => "varies with the Coulomb level it adds to",
-            Self::Choice => "is a choice, not a size",
+            Self::Zero => "is 0 and has no relative spread",
+            Self::Composite => "varies with the Coulomb level that it adds to",
+            Self::Choice => "is a choice, not a magnitude",
         }
     }
 }
 
-/// Whether a parameter can be certified.
-pub fn certifiable(parameters: &Parameters<f64>, id: ParameterId) -> Result<(), Reason> {
+/// Checks whether a parameter can be certified.
+///
+/// # Errors
+/// The reason why it cannot.
+pub fn certifiable(parameters: &Parameters<f64>, id: ParameterId) -> Result<(), ExclusionReason> {
     if !parameters.active().any(|active| active == id) {
-        Err(Reason::NotInModel)
+        Err(ExclusionReason::NotInModel)
     } else if CHOICES.contains(&id) {
-        Err(Reason::Choice)
+        Err(ExclusionReason::Choice)
     } else if LOADS.contains(&id) {
-        Err(Reason::Composite)
-    } else if parameters.get(id).abs() <= NOTHING {
-        Err(Reason::Zero)
+        Err(ExclusionReason::Composite)
+    } else if parameters.get(id).abs() <= MIN_MAGNITUDE {
+        Err(ExclusionReason::Zero)
     } else {
         Ok(())
     }
 }
 
-/// The parameters with some of them multiplied by `exp` of what stands beside them, legal again: a
-/// level that would cross its partner takes it along.
+/// Returns the parameters, some of them multiplied by `exp` of the given logarithm. The result is legal: a Coulomb level above
+/// its static level raises the latter.
 pub fn varied(parameters: &Parameters<f64>, logarithms: &[(ParameterId, f64)]) -> Parameters<f32> {
     let mut varied = parameters.clone();
     let scale = |varied: &mut Parameters<f64>, id: Id, factor: f64| {
@@ -105,16 +108,17 @@ pub fn varied(parameters: &Parameters<f64>, logarithms: &[(ParameterId, f64)]) -
     varied.convert()
 }
 
-/// Normal numbers kept within the central 95 %, one row per sampled vector.
+/// Truncated normal random numbers, one row per sampled vector.
 #[derive(Clone, Debug)]
 pub struct Draws {
     /// `rows[vector][parameter]`.
     rows: Vec<Vec<f64>>,
-    /// One number per vector, for a parameter that varies alone: the same for each of them, so that
-    /// no parameter is lucky.
+    /// One number per vector, for a parameter that varies alone. All parameters use the same numbers, so that they are
+    /// comparable.
     alone: Vec<f64>,
 }
 
+/// Draws normal numbers from the central 95 %.
 fn normals(seed: u64, count: usize) -> Vec<f64> {
     let mut random = Pcg64::seed_from_u64(seed);
     let normal = Normal::new(0.0, 1.0).unwrap_or_else(|_| unreachable!("a size"));
@@ -122,7 +126,7 @@ fn normals(seed: u64, count: usize) -> Vec<f64> {
         .map(|_| {
             loop {
                 let z: f64 = normal.sample(&mut random);
-                if z.abs() <= END {
+                if z.abs() <= TRUNCATION_SIGMAS {
                     break z;
                 }
             }
@@ -131,8 +135,8 @@ fn normals(seed: u64, count: usize) -> Vec<f64> {
 }
 
 impl Draws {
-    /// Draws for `vectors` vectors of these parameters. A parameter's numbers depend on the seed and
-    /// on itself, not on which others there are.
+    /// Draws numbers for `vectors` vectors of these parameters. The numbers of a parameter depend only on the seed and on the
+    /// parameter itself.
     pub fn new(seed: u64, parameters: &[ParameterId], vectors: usize) -> Self {
         let own_seed = |number: u64| seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(number);
         let columns: Vec<Vec<f64>> =
@@ -143,23 +147,23 @@ impl Draws {
         }
     }
 
-    /// One row per sampled vector, a number per parameter.
+    /// Returns one row per sampled vector, with a number per parameter.
     pub fn vectors(&self) -> &[Vec<f64>] {
         &self.rows
     }
 
-    /// One number per sampled vector, for a parameter that varies alone.
+    /// Returns one number per sampled vector, for a parameter that varies alone.
     pub fn alone(&self) -> &[f64] {
         &self.alone
     }
 }
 
-/// Coefficient of variation of a parameter whose logarithm has this standard deviation.
+/// Returns the coefficient of variation of a parameter whose logarithm has this standard deviation.
 pub fn coefficient_of_variation(spread: f64) -> f64 {
     (spread * spread).exp_m1().sqrt()
 }
 
-/// The standard deviation of the logarithm at a coefficient of variation.
+/// Returns the standard deviation of the logarithm at a coefficient of variation.
 pub fn spread_at(coefficient_of_variation: f64) -> f64 {
     coefficient_of_variation.powi(2).ln_1p().sqrt()
 }
@@ -177,14 +181,14 @@ mod tests {
     }
 
     #[test]
-    fn a_share_of_a_negative_parameter_keeps_its_sign() {
+    fn varied_with_negative_parameter_keeps_sign() {
         let varied = varied(&lugre(), &[(Id::ViscousFriction, 2f64.ln())]);
         assert!((f64::from(varied.get(Id::ViscousFriction)) + 0.1).abs() < 1e-6);
         assert_eq!(varied.get(Id::CoulombTorque), 1.5);
     }
 
     #[test]
-    fn the_static_level_is_never_below_the_coulomb_level() {
+    fn varied_keeps_static_level_above_coulomb_level() {
         for logarithms in [[(Id::CoulombTorque, 1.0)], [(Id::StaticTorque, -1.0)]] {
             let varied = varied(&lugre(), &logarithms);
             assert!(varied.get(Id::StaticTorque) >= varied.get(Id::CoulombTorque));
@@ -192,34 +196,34 @@ mod tests {
     }
 
     #[test]
-    fn loads_vary_with_the_level_they_add_to() {
+    fn varied_scales_load_coefficients_with_coulomb_level() {
         let mut parameters = lugre().with(Id::PressureCoulomb, 2e-6);
         assert!(parameters.add_term(TermKind::PressureCoulomb));
         let varied = varied(&parameters, &[(Id::CoulombTorque, 3f64.ln())]);
         assert!((f64::from(varied.get(Id::PressureCoulomb)) - 6e-6).abs() < 1e-12);
-        assert_eq!(certifiable(&parameters, Id::PressureCoulomb), Err(Reason::Composite));
-        assert_eq!(certifiable(&parameters, Id::BristleDamping), Err(Reason::Zero));
-        assert_eq!(certifiable(&parameters, Id::AtanSlope), Err(Reason::NotInModel));
+        assert_eq!(certifiable(&parameters, Id::PressureCoulomb), Err(ExclusionReason::Composite));
+        assert_eq!(certifiable(&parameters, Id::BristleDamping), Err(ExclusionReason::Zero));
+        assert_eq!(certifiable(&parameters, Id::AtanSlope), Err(ExclusionReason::NotInModel));
         assert_eq!(certifiable(&parameters, Id::CoulombTorque), Ok(()));
     }
 
     #[test]
-    fn draws_are_a_parameters_own_and_stay_within_95_percent() {
+    fn draws_depend_on_own_parameter_and_are_truncated() {
         let few = Draws::new(7, &[Id::ViscousFriction], 1000);
         let many = Draws::new(7, &[Id::CoulombTorque, Id::ViscousFriction], 1000);
         for (few, many) in few.vectors().iter().zip(many.vectors()) {
             assert_eq!(few[0], many[1]);
-            assert!(many.iter().all(|z| z.abs() <= END));
+            assert!(many.iter().all(|z| z.abs() <= TRUNCATION_SIGMAS));
         }
         assert_eq!(few.alone(), many.alone());
         let mean: f64 = few.alone().iter().sum::<f64>() / 1000.0;
         let square: f64 = few.alone().iter().map(|z| z * z).sum::<f64>() / 1000.0;
-        // The variance of a normal number kept within 1.96 is 0.76.
+        // The variance of a normal number truncated at 1.96 is 0.76.
         assert!(mean.abs() < 0.1 && (0.68..0.84).contains(&square), "{mean} {square}");
     }
 
     #[test]
-    fn a_small_spread_is_its_own_coefficient_of_variation() {
+    fn spread_at_inverts_coefficient_of_variation() {
         assert!((coefficient_of_variation(0.01) - 0.01).abs() < 1e-6);
         for cv in [1e-6, 0.3, 41.56, 100.0] {
             assert!((coefficient_of_variation(spread_at(cv)) / cv - 1.0).abs() < 1e-9);

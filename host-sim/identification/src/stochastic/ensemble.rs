@@ -1,55 +1,54 @@
-//! How often a parameter vector leaves the data (Ding et al., eq. 2-3), fast.
+//! Violation probability of a parameter vector (Ding et al., eq. 2-3), computed fast.
 //!
 //! ```text
 //! outside(w) = 1 where the model's torque at monitoring time w is outside the data's range, else 0
 //! P          = mean of outside(w) over w = 1..W, over all trials
 //! ```
 //!
-//! The print sums from 0, calls `W` a set and a count, and calls `outside` by the name of the Stribeck
-//! curve. Each step of a trial needs the result of the step before it, which leaves most of a processor idle;
-//! eight trials stepped in turn fill it: a step takes 14 ns alone and 3.4 ns among eight. It is the core's
-//! own step either way. Whether a vector violates more than `rho` is
-//! often settled long before the last trial; [`Ensemble::permits`] stops there, exactly.
+//! The paper sums from 0, uses `W` for a set and a count, and gives `outside` the name of the Stribeck curve. Each step
+//! of a trial depends on the step before it, which leaves most of a processor idle. Eight trials are therefore stepped
+//! in turn, each with the core's own step. Whether a vector violates more than `rho` is often known long before the last
+//! trial; [`Ensemble::permits`] then stops with the exact result.
 
 use super::range::Ranges;
 use super::trials::{Block, Trial, Trials};
 use compensator_core::effect::NoEffect;
 use compensator_core::law::bristle::Bristles;
-use compensator_core::{Model, Parameters, Sample, State};
+use compensator_core::{FrictionModel, ModelState, Parameters, Sample};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Trials stepped side by side.
+/// Number of trials stepped together.
 const LANES: usize = 8;
 
-/// Periods that differ by less than this share are one: a logger's clock rounds.
+/// Relative difference below which periods are equal: the clock of a logger rounds.
 const SAME_PERIOD: f64 = 0.02;
 
-/// A number for each lane.
+/// One value for each lane.
 type Lanes = [f32; LANES];
 
-/// Trials that go side by side.
+/// Trials that are stepped together.
 #[derive(Clone, Debug)]
 struct Group {
     /// Sample period of all its trials, s.
     period_s: f64,
-    /// How many lanes hold a trial.
+    /// Number of lanes with a trial.
     trials: usize,
     /// The block of each lane's trial.
     block: [usize; LANES],
-    /// The row of that block it begins at.
+    /// First row of each lane's trial in its block.
     first: [usize; LANES],
-    /// What the fitted model remembers there.
-    state: [State<f32>; LANES],
-    /// Velocity of each row. The plain law reads no other column of a sample.
+    /// State of the fitted model at that row.
+    state: [ModelState<f32>; LANES],
+    /// Velocity of each row, the only input of the plain law.
     velocity: Vec<Lanes>,
-    /// Period of each row over the group's. Empty where the rows of all trials are evenly spaced.
+    /// Ratio of each row's period to the group's. Empty if the rows of all trials are evenly spaced.
     period_ratio: Vec<Lanes>,
-    /// Lower end of the data's range at each monitoring time. In a lane without a trial, and at a row that
-    /// does not count, the range is infinite, so that the lane is never outside.
+    /// Lower limit of the data's range at each monitoring time. In a lane without a trial, and at an excluded row, the range is
+    /// infinite, so that the lane is never outside.
     low: Vec<Lanes>,
-    /// Upper end, likewise.
+    /// Upper limit, likewise.
     high: Vec<Lanes>,
-    /// How many monitoring times have a finite range, over all lanes.
+    /// Number of monitoring times with a finite range, over all lanes.
     watched: usize,
 }
 
@@ -71,7 +70,7 @@ pub struct Ensemble<'a> {
 }
 
 impl<'a> Ensemble<'a> {
-    /// Monitors trials at `times` evenly spread times each.
+    /// Monitors trials at `times` evenly spaced times each.
     pub fn new(trials: &'a Trials, ranges: &Ranges, times: usize) -> Self {
         let blocks = trials.blocks.as_slice();
         let stride = (trials.rows / times.max(1)).max(1);
@@ -100,22 +99,22 @@ impl<'a> Ensemble<'a> {
         }
     }
 
-    /// `W` times the number of trials.
+    /// Returns the number of monitoring times of all trials, `W` times the number of trials.
     pub fn watched(&self) -> usize {
         self.watched
     }
 
-    /// Simulations of a trial made so far.
+    /// Returns the number of simulated trials so far.
     pub fn simulations(&self) -> usize {
         self.simulations.load(Ordering::Relaxed)
     }
 
-    /// Rows of a trial.
+    /// Returns the number of rows of a trial.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Violation probability of a parameter vector.
+    /// Returns the violation probability of a parameter vector.
     pub fn violation(&self, parameters: &Parameters<f32>) -> f64 {
         let mut violations = 0;
         self.run(parameters, |outside, _| {
@@ -125,9 +124,9 @@ impl<'a> Ensemble<'a> {
         violations as f64 / self.watched.max(1) as f64
     }
 
-    /// Whether it is at most `most`.
+    /// Returns true if the violation probability is at most `most`.
     pub fn permits(&self, parameters: &Parameters<f32>, most: f64) -> bool {
-        // A hair more, so that a probability of exactly `most` is within it whatever the rounding.
+        // The offset compensates for rounding, so that a probability of exactly `most` is permitted.
         let allowed = (most * self.watched as f64 + 1e-6) as usize;
         let (mut violations, mut left) = (0, self.watched);
         self.run(parameters, |outside, watched| {
@@ -138,10 +137,9 @@ impl<'a> Ensemble<'a> {
         violations <= allowed
     }
 
-    /// Simulates group by group; `sink` gets the violations and the monitoring times of each, and
-    /// says whether to go on.
+    /// Simulates group by group. `sink` receives the violations and monitoring times of each group and returns false to stop.
     fn run(&self, parameters: &Parameters<f32>, mut sink: impl FnMut(usize, usize) -> bool) {
-        let mut built: Option<(f64, Model<f32>)> = None;
+        let mut built: Option<(f64, FrictionModel<f32>)> = None;
         for group in &self.groups {
             let (_, model) = match &mut built {
                 Some(same) if same.0 == group.period_s => same,
@@ -151,8 +149,10 @@ impl<'a> Ensemble<'a> {
                 }
             };
             let outside = match model.law().plain_bristles() {
-                Some(law) if model.is_plain() && group.is_even() => plain(law, group, self.stride),
-                Some(law) if model.is_plain() => plain_uneven(law, group, self.stride),
+                Some(law) if model.has_no_terms() && group.is_even() => {
+                    plain(law, group, self.stride)
+                }
+                Some(law) if model.has_no_terms() => plain_uneven(law, group, self.stride),
                 _ => general(model, group, self.blocks, self.rows, self.stride),
             };
             self.simulations.fetch_add(group.trials, Ordering::Relaxed);
@@ -163,6 +163,7 @@ impl<'a> Ensemble<'a> {
     }
 }
 
+/// Prepares up to [`LANES`] trials of one period.
 fn group(
     blocks: &[Block],
     trials: &[Trial],
@@ -171,7 +172,7 @@ fn group(
     rows: usize,
     stride: usize,
 ) -> Group {
-    // Lanes without a trial repeat the last one and are never outside.
+    // Lanes without a trial repeat the last one with an infinite range.
     let of_lane = |lane: usize| &trials[lane.min(trials.len() - 1)];
     let sample = |lane: usize, row: usize| -> &Sample<f32> {
         let trial = of_lane(lane);
@@ -187,7 +188,7 @@ fn group(
     let mut bounds = |lane: usize, row: usize| {
         let trial = of_lane(lane);
         let (block, at) = (&blocks[trial.block], trial.first + row);
-        match (block.predicted.get(at), block.judged.get(at)) {
+        match (block.predicted.get(at), block.included.get(at)) {
             (Some(predicted), Some(true)) if lane < trials.len() => {
                 watched += 1;
                 let (low, high) = ranges.at(sample(lane, row).velocity_rad_s);
@@ -220,14 +221,14 @@ fn group(
     }
 }
 
-/// Lanes outside their range; what is not a number is outside.
+/// Returns the number of lanes outside their range. NaN counts as outside.
 #[inline(always)]
 fn outside(torque: &Lanes, low: &Lanes, high: &Lanes) -> usize {
     let inside = |lane: usize| low[lane] <= torque[lane] && torque[lane] <= high[lane];
     (0..LANES).map(|lane| usize::from(!inside(lane))).sum()
 }
 
-/// The plain law, chosen once instead of at each sample.
+/// Simulates plain bristles: the law is selected once instead of at each sample. Returns the violations.
 fn plain(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
     let mut bristle = group.state.map(|state| state.bristle_torque_nm);
     let mut torque = [0.0; LANES];
@@ -244,7 +245,7 @@ fn plain(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
     violations
 }
 
-/// As [`plain`], where each row has its own period.
+/// Simulates plain bristles as [`plain`] does, with a period for each row.
 fn plain_uneven(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
     let mut bristle = group.state.map(|state| state.bristle_torque_nm);
     let mut torque = [0.0; LANES];
@@ -263,9 +264,9 @@ fn plain_uneven(law: &Bristles<f32>, group: &Group, stride: usize) -> usize {
     violations
 }
 
-/// Any model.
+/// Simulates any model and returns the violations.
 fn general(
-    model: &Model<f32>,
+    model: &FrictionModel<f32>,
     group: &Group,
     blocks: &[Block],
     rows: usize,
@@ -329,7 +330,7 @@ mod tests {
         [plain, improved, with_term]
     }
 
-    /// Eq. 2 and 3, to the letter.
+    /// Direct implementation of eq. 2 and 3.
     fn by_definition(
         parameters: &Parameters<f32>,
         trials: &Trials,
@@ -339,13 +340,13 @@ mod tests {
         let (mut outside, mut watched) = (0, 0);
         for trial in &trials.trials {
             let block = &trials.blocks[trial.block];
-            let model: Model<f32> = parameters.build_unchecked(block.period_s as f32);
+            let model: FrictionModel<f32> = parameters.build_unchecked(block.period_s as f32);
             let mut state = trial.state;
             for row in 0..trials.rows {
                 let at = trial.first + row;
                 let ratio = block.period_ratio.as_ref().map_or(1.0, |ratios| ratios[at]);
                 let torque = model.rescaled(ratio).step(&mut state, &block.samples[at]);
-                if (row + 1).is_multiple_of(stride) && block.judged[at] {
+                if (row + 1).is_multiple_of(stride) && block.included[at] {
                     let (low, high) = ranges.at(block.samples[at].velocity_rad_s);
                     let predicted = block.predicted[at];
                     watched += 1;
@@ -357,12 +358,12 @@ mod tests {
     }
 
     #[test]
-    fn side_by_side_is_the_definition() {
+    fn violation_of_grouped_trials_matches_definition() {
         let ranges = Ranges::of_noise(0.1, 50);
         for uneven in [false, true] {
             for parameters in models() {
                 let track = track(uneven);
-                // Not a multiple of the lanes, and some rows that do not count.
+                // Not a multiple of the lanes, and with some excluded rows.
                 let trials = Trials::new(&parameters, &[&track], 21, 200, Resolution::PLAIN, 5);
                 let ensemble = Ensemble::new(&trials, &ranges, 50);
                 let mut varied = parameters.convert::<f32>();
@@ -375,7 +376,7 @@ mod tests {
                 let violation = ensemble.violation(&varied);
                 assert_eq!(violation, outside as f64 / watched as f64);
                 assert_eq!(ensemble.simulations(), 42);
-                // The early decision is the late one, also where it is close.
+                // The early decision equals the complete one, also close to the limit.
                 assert!(ensemble.permits(&varied, violation));
                 assert!(!ensemble.permits(&varied, violation - 1.0 / watched as f64));
                 assert!(ensemble.permits(&varied, 1.0) && !ensemble.permits(&varied, 0.0));
@@ -384,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_is_outside() {
+    fn violation_with_nan_parameter_is_one() {
         let [parameters, ..] = models();
         let track = track(false);
         let trials = Trials::new(&parameters, &[&track], 8, 200, Resolution::PLAIN, 5);

@@ -1,10 +1,10 @@
-//! Confidence, accuracy, and how many samples they take (Ding et al., eq. 6-7).
+//! Confidence, accuracy, and the numbers of samples that they require (Ding et al., eq. 6-7).
 //!
-//! Four counts are easily mixed up and are kept apart here: `n` sampled *parameter vectors* and `m`
-//! *trials* ([`Counts`]); the paper's 8 *kinds* of experiment and its 50 *repeats* of each ([`Campaign`]).
-//! That `m` was chosen to be 50 as well is a coincidence of the paper's, not an equation.
+//! Four counts must be distinguished: `n` sampled *parameter vectors* and `m` *trials* ([`Counts`]), the paper's 8
+//! *kinds* of experiment and its 50 *repeats* of each ([`Campaign`]). The paper also uses `m = 50`, but no equation
+//! links `m` to the repeats.
 
-/// What a certificate is to hold for.
+/// Confidence and accuracy of a certificate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Levels {
     /// Share of the permitted parameter vectors that may violate more than `P0` (eq. 4).
@@ -18,13 +18,13 @@ pub struct Levels {
 }
 
 impl Default for Levels {
-    /// The paper's.
+    /// Returns the paper's levels.
     fn default() -> Self {
         Self { alpha: 0.29, delta: 0.16, epsilon: 0.29, rho: 0.35 }
     }
 }
 
-/// How much is sampled.
+/// Numbers of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counts {
     /// `n`: parameter vectors.
@@ -34,10 +34,10 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// What the paper took at its levels, where eq. 6 and 7 ask for 7.4 and 31.5.
+    /// Counts of the paper. At its levels, eq. 6 and 7 require 7.4 and 31.5.
     pub const PAPER: Self = Self { sampled_vectors: 8, trials: 50 };
 
-    /// Each count at least as in `other`.
+    /// Returns the larger of both values for each count.
     #[must_use]
     pub fn at_least(self, other: Self) -> Self {
         Self {
@@ -46,13 +46,13 @@ impl Counts {
         }
     }
 
-    /// Simulations one set of permitted variances takes.
+    /// Returns the number of simulations for one set of permitted variances.
     pub fn simulations(self) -> usize {
         self.sampled_vectors * self.trials
     }
 }
 
-/// What was measured in the paper (Table II): neither count follows from the levels.
+/// Measurements of the paper (Table II). Neither count follows from the levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Campaign {
     /// Kinds of experiment: combinations of speed, side load and pressure.
@@ -65,45 +65,46 @@ impl Campaign {
     /// The paper's 400 runs.
     pub const PAPER: Self = Self { kinds: 8, repeats: 50 };
 
-    /// Runs in all.
+    /// Returns the total number of runs.
     pub fn runs(self) -> usize {
         self.kinds * self.repeats
     }
 }
 
-/// Levels are kept this far from 0 and 1, where the counts would be infinite.
-const EDGE: f64 = 1e-3;
+/// Minimum distance of a level from 0 and 1, where the counts would be infinite.
+const LEVEL_MARGIN: f64 = 1e-3;
 
-/// No certificate takes more of either.
-const MOST: f64 = 1e5;
+/// Maximum value of each count.
+const MAX_COUNT: f64 = 1e5;
 
+/// Limits a level to the open interval from 0 to 1.
 fn inside(level: f64) -> f64 {
-    if level.is_nan() { EDGE } else { level.clamp(EDGE, 1.0 - EDGE) }
+    if level.is_nan() { LEVEL_MARGIN } else { level.clamp(LEVEL_MARGIN, 1.0 - LEVEL_MARGIN) }
 }
 
 impl Levels {
     /// Eq. 6: `n >= log(2/delta) / log(1/(1 - alpha))`.
-    pub fn least_sampled_vectors(&self) -> f64 {
+    pub fn min_sampled_vectors(&self) -> f64 {
         (2.0 / inside(self.delta)).ln() / (1.0 / (1.0 - inside(self.alpha))).ln()
     }
 
     /// Eq. 7: `m >= ln(4n/delta) / (2 epsilon^2)`, for the `n` that is taken.
-    pub fn least_trials(&self, sampled_vectors: usize) -> f64 {
+    pub fn min_trials(&self, sampled_vectors: usize) -> f64 {
         let vectors = sampled_vectors.max(1) as f64;
         (4.0 * vectors / inside(self.delta)).ln() / (2.0 * inside(self.epsilon).powi(2))
     }
 
-    /// The least whole counts.
+    /// Returns the smallest integer counts.
     pub fn counts(&self) -> Counts {
-        let whole = |least: f64| least.ceil().clamp(1.0, MOST) as usize;
-        let sampled_vectors = whole(self.least_sampled_vectors());
-        Counts { sampled_vectors, trials: whole(self.least_trials(sampled_vectors)) }
+        let whole = |least: f64| least.ceil().clamp(1.0, MAX_COUNT) as usize;
+        let sampled_vectors = whole(self.min_sampled_vectors());
+        Counts { sampled_vectors, trials: whole(self.min_trials(sampled_vectors)) }
     }
 
-    /// How many of `sampled_vectors` must violate no more than `rho` for their (1 - alpha) quantile
-    /// to be within it.
-    pub fn vectors_that_must_pass(&self, sampled_vectors: usize) -> usize {
-        // A hair off, so that 0.95 x 100 is not 95.00000000000001.
+    /// Returns how many of `sampled_vectors` must have a violation probability of at most `rho`, so that their (1 - alpha)
+    /// quantile is at most `rho`.
+    pub fn required_passing_vectors(&self, sampled_vectors: usize) -> usize {
+        // The offset compensates for rounding, for example of 0.95 x 100.
         let rank = ((1.0 - inside(self.alpha)) * sampled_vectors as f64 - 1e-9).ceil() as usize;
         rank.clamp(1, sampled_vectors.max(1))
     }
@@ -114,16 +115,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_papers_levels_ask_for_7_4_vectors_and_31_5_trials() {
+    fn counts_of_paper_levels_are_8_vectors_and_32_trials() {
         let levels = Levels::default();
-        assert!((levels.least_sampled_vectors() - 7.37).abs() < 0.01);
-        assert!((levels.least_trials(8) - 31.5).abs() < 0.05);
+        assert!((levels.min_sampled_vectors() - 7.37).abs() < 0.01);
+        assert!((levels.min_trials(8) - 31.5).abs() < 0.05);
         assert_eq!(levels.counts(), Counts { sampled_vectors: 8, trials: 32 });
         assert_eq!(levels.counts().at_least(Counts::PAPER), Counts::PAPER);
     }
 
     #[test]
-    fn strict_levels_ask_for_124704_simulations() {
+    fn simulations_of_strict_levels_are_124704() {
         let levels = Levels { alpha: 0.05, delta: 0.05, epsilon: 0.05, rho: 0.35 };
         let counts = levels.counts();
         assert_eq!(counts, Counts { sampled_vectors: 72, trials: 1732 });
@@ -131,24 +132,24 @@ mod tests {
     }
 
     #[test]
-    fn four_counts_are_apart() {
+    fn counts_and_campaign_of_paper_differ() {
         assert_eq!(Counts::PAPER.simulations(), 400);
         assert_eq!(Campaign::PAPER.runs(), 400);
         assert_ne!(Counts::PAPER.sampled_vectors, Counts::PAPER.trials);
     }
 
     #[test]
-    fn a_quantile_is_a_rank() {
+    fn required_passing_vectors_is_rank_of_quantile() {
         let levels = Levels::default();
-        assert_eq!(levels.vectors_that_must_pass(8), 6);
-        assert_eq!(levels.vectors_that_must_pass(1), 1);
+        assert_eq!(levels.required_passing_vectors(8), 6);
+        assert_eq!(levels.required_passing_vectors(1), 1);
         let strict = Levels { alpha: 0.05, ..levels };
-        assert_eq!(strict.vectors_that_must_pass(100), 95);
-        assert_eq!(strict.vectors_that_must_pass(72), 69);
+        assert_eq!(strict.required_passing_vectors(100), 95);
+        assert_eq!(strict.required_passing_vectors(72), 69);
     }
 
     #[test]
-    fn levels_at_the_edge_give_counts_all_the_same() {
+    fn counts_with_invalid_levels_are_finite() {
         for bad in [0.0, 1.0, -1.0, f64::NAN, f64::INFINITY] {
             let levels = Levels { alpha: bad, delta: bad, epsilon: bad, rho: bad };
             let Counts { sampled_vectors, trials } = levels.counts();

@@ -1,21 +1,21 @@
-//! How a certificate is made.
+//! Settings of a certificate.
 
 use super::levels::{Counts, Levels};
 use crate::data::JointKind;
 use crate::fit::Resolution;
 
-/// How a permitted variance is made a number without a unit.
+/// Definition of the coefficient of variation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
     /// `sigma / |mean|`, the coefficient of variation.
     #[default]
     SigmaOverMean,
-    /// `sigma^2 / |mean|`, as eq. 8 is printed: it has the parameter's unit and changes with it.
+    /// `sigma^2 / |mean|`, as eq. 8 is printed. Its value depends on the unit of the parameter.
     PrintedVarianceOverMean,
 }
 
 impl Form {
-    /// As in result files.
+    /// Returns the name used in result files.
     pub fn name(self) -> &'static str {
         match self {
             Self::SigmaOverMean => "sigma-over-mean",
@@ -23,7 +23,7 @@ impl Form {
         }
     }
 
-    /// A coefficient of variation `cv` (sigma over mean) of a parameter with this value, in this form.
+    /// Converts a coefficient of variation `cv` (sigma over mean) of a parameter with this value to this form.
     pub fn of(self, cv: f64, value: f64) -> f64 {
         match self {
             Self::SigmaOverMean => cv,
@@ -32,28 +32,27 @@ impl Form {
     }
 }
 
-/// How a certificate is made.
+/// Settings of a certificate.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Confidence and accuracy.
     pub levels: Levels,
     /// The form of eq. 8.
     pub form: Form,
-    /// Sampled vectors and trials; `None` for what the levels ask for, and never fewer than the
-    /// paper took.
+    /// Sampled vectors and trials; `None` for the counts that the levels require, but at least those of the paper.
     pub counts: Option<Counts>,
-    /// Samples of a trial.
+    /// Number of samples of a trial.
     pub samples_per_run: usize,
-    /// `W`: monitoring times of a trial, evenly spread.
+    /// `W`: number of evenly spaced monitoring times of a trial.
     pub monitoring_times: usize,
-    /// How finely the fit stepped; the residual is taken so.
+    /// Resolution of the fit, with which the residual is computed.
     pub resolution: Resolution,
-    /// Seed of everything drawn.
+    /// Seed of the random sampler.
     pub seed: u64,
-    /// What the joint does: the unit its speed classes are named in.
+    /// Kind of joint, which determines the unit in the names of speed classes.
     pub joint: JointKind,
-    /// The most speed classes runs are sorted into.
-    pub most_classes: usize,
+    /// Maximum number of speed classes.
+    pub max_classes: usize,
 }
 
 impl Default for Settings {
@@ -67,13 +66,13 @@ impl Default for Settings {
             resolution: Resolution { substeps: 2, extrapolated: true },
             seed: 0,
             joint: JointKind::Revolute,
-            most_classes: 3,
+            max_classes: 3,
         }
     }
 }
 
 impl Settings {
-    /// Sampled vectors and trials.
+    /// Returns the numbers of sampled vectors and trials.
     pub fn counts(&self) -> Counts {
         self.counts.unwrap_or_else(|| self.levels.counts().at_least(Counts::PAPER))
     }

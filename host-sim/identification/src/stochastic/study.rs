@@ -1,41 +1,41 @@
-//! A certificate in the making: everything that does not depend on which residual is taken.
+//! Computation of certificates: the parts that do not depend on the source of the residual.
 //!
-//! The measured residual gives the certificate. White noise of the sensor's size in its place gives that of
-//! a world with nothing hidden, on the same inputs, trials and draws ([`super::calibrate`]).
+//! The measured residual gives the certificate. White noise of the sensor gives the reference certificate without
+//! missing physics, on the same inputs, trials and draws ([`super::calibrate`]).
 
-use super::certificate::{CV_MOST, Certificate, Class, LeftOut};
+use super::certificate::{Certificate, Class, ExcludedParameter, MAX_CV};
 use super::classes::{SpeedClass, speed_classes};
 use super::draw::{Draws, certifiable, spread_at, varied};
 use super::ensemble::Ensemble;
 use super::range::Ranges;
-use super::search::Search;
+use super::search::SpreadSearch;
 use super::settings::Settings;
 use super::trials::{Block, Trials};
 use crate::fit::Track;
 use compensator_core::{ParameterId, Parameters};
 use rayon::prelude::*;
 
-/// Whose residuals make the data's range.
+/// Source of the residuals that determine the data's range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Residual {
-    /// The log's.
+pub(super) enum ResidualSource {
+    /// The residual of the log.
     Measured,
-    /// A sensor's white noise, where the model is the truth.
+    /// White noise of the sensor, as if the model were exact.
     NoiseAlone,
 }
 
-/// A model on the trials of each speed class.
-pub(super) struct Study<'a> {
+/// A model with the trials of each speed class.
+pub(super) struct CertificateStudy<'a> {
     parameters: Parameters<f64>,
     certified: Vec<ParameterId>,
-    left_out: Vec<LeftOut>,
+    left_out: Vec<ExcludedParameter>,
     classes: Vec<(SpeedClass, Trials)>,
     draws: Draws,
     settings: &'a Settings,
 }
 
-impl<'a> Study<'a> {
-    /// Sorts the runs and steps the fitted model along them.
+impl<'a> CertificateStudy<'a> {
+    /// Sorts the runs into classes and simulates the fitted model along them.
     pub fn new(
         parameters: &Parameters<f64>,
         free: &[ParameterId],
@@ -43,18 +43,18 @@ impl<'a> Study<'a> {
         settings: &'a Settings,
     ) -> Self {
         let mut parameters = parameters.clone();
-        // The declared speed limits the step; all that was measured is to be seen, as in a fit.
+        // The declared speed limit would clip measured velocities.
         parameters.envelope.velocity_max_rad_s = f32::MAX;
         let (mut certified, mut left_out) = (Vec::new(), Vec::new());
         for id in free {
             match certifiable(&parameters, *id) {
                 Ok(()) if !certified.contains(id) => certified.push(*id),
                 Ok(()) => {}
-                Err(why) => left_out.push(LeftOut { parameter: *id, why }),
+                Err(why) => left_out.push(ExcludedParameter { parameter: *id, why }),
             }
         }
         let counts = settings.counts();
-        let classes = speed_classes(tracks, settings.joint, settings.most_classes)
+        let classes = speed_classes(tracks, settings.joint, settings.max_classes)
             .into_iter()
             .filter_map(|class| {
                 let own: Vec<&Track> =
@@ -74,20 +74,20 @@ impl<'a> Study<'a> {
         Self { parameters, certified, left_out, classes, draws, settings }
     }
 
-    fn ranges(&self, trials: &Trials, residual: Residual) -> Ranges {
+    fn ranges(&self, trials: &Trials, residual: ResidualSource) -> Ranges {
         let draws = self.settings.counts().trials;
         match residual {
-            Residual::Measured => {
+            ResidualSource::Measured => {
                 let rows = trials.blocks.iter().flat_map(Block::residuals);
                 Ranges::new(rows, draws)
             }
-            Residual::NoiseAlone => Ranges::of_noise(noise(trials), draws),
+            ResidualSource::NoiseAlone => Ranges::of_noise(noise(trials), draws),
         }
     }
 
-    /// The trials of a class, and how often the fitted model itself is outside the data's range.
-    /// Where that is more than allowed, the range is laid around the fit.
-    fn ensemble<'b>(&self, trials: &'b Trials, residual: Residual) -> (Ensemble<'b>, f64) {
+    /// Returns the trials of a class and the violation probability of the fitted model itself. If that exceeds `rho`, the range
+    /// is centred on the fit.
+    fn ensemble<'b>(&self, trials: &'b Trials, residual: ResidualSource) -> (Ensemble<'b>, f64) {
         let times = self.settings.monitoring_times;
         let ranges = self.ranges(trials, residual);
         let ensemble = Ensemble::new(trials, &ranges, times);
@@ -98,17 +98,17 @@ impl<'a> Study<'a> {
         (Ensemble::new(trials, &ranges.around_the_fit(), times), at_fit)
     }
 
-    /// Searches the largest permitted spreads of every class.
-    pub fn certify(&self, residual: Residual) -> Certificate {
+    /// Searches for the largest permitted spreads of every class.
+    pub fn certify(&self, residual: ResidualSource) -> Certificate {
         let ensembles: Vec<(Ensemble, f64)> =
             self.classes.iter().map(|(_, trials)| self.ensemble(trials, residual)).collect();
-        let search = |class: usize| Search {
+        let search = |class: usize| SpreadSearch {
             ensemble: &ensembles[class].0,
             parameters: &self.parameters,
             ids: &self.certified,
             draws: &self.draws,
             levels: self.settings.levels,
-            spread_most: spread_at(CV_MOST),
+            max_spread: spread_at(MAX_CV),
         };
         let sides: Vec<(usize, ParameterId, f64)> = (0..ensembles.len())
             .flat_map(|class| self.certified.iter().map(move |id| (class, *id)))
@@ -146,8 +146,8 @@ impl<'a> Study<'a> {
     }
 }
 
-/// Noise of the torque, Nm, from its second differences: what a smooth torque would not have. The
-/// median keeps breakaways and reversals out. As [`crate::fit::scales::Scales::noise`], of the blocks alone.
+/// Returns the noise of the torque, Nm, from its second differences, which are small for a smooth torque. The median excludes
+/// breakaways and reversals. The method is that of [`crate::fit::scales::Scales::noise`], applied to the blocks.
 fn noise(trials: &Trials) -> f64 {
     let torques = || trials.blocks.iter().map(|block| block.torque.as_slice());
     let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
@@ -157,6 +157,6 @@ fn noise(trials: &Trials) -> f64 {
     let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
     let rows = torques().map(<[f64]>::len).sum::<usize>().max(1) as f64;
     let squares: f64 = torques().flatten().map(|torque| torque * torque).sum();
-    // A log without noise has its rounding.
+    // The lower limit is the rounding of a log without noise.
     (median / (0.6745 * 6f64.sqrt())).max(1e-5 * (squares / rows).sqrt()).max(1e-12)
 }

@@ -1,59 +1,58 @@
-//! Trials: stretches of a class's runs that sampled models are simulated on.
+//! Trials: stretches of a class's runs on which sampled models are simulated.
 //!
-//! The paper repeats an experiment; a log has runs of any length. Of each class a few *blocks* of
-//! rows are taken, spread over its runs, so that the cost is the same for ten thousand rows and two
-//! million. The fitted model is stepped along each block as the fit did, for the residual, and in plain
-//! steps of `f32` as a driver would, which is what sampled models are held against; trials begin at rows
-//! drawn evenly over the blocks, with what the fitted model remembers there.
+//! The paper repeats an experiment, but a log has runs of any length. Each class contributes a few *blocks* of rows, spread
+//! over its runs, so that the cost does not depend on the number of rows. The fitted model is simulated along each block
+//! twice: at the resolution of the fit, for the residual, and in plain `f32` steps as in a driver, as the reference for
+//! sampled models. Trials start at rows drawn evenly over the blocks, with the state of the fitted model there.
 
 use crate::fit::initial_state::initial_state;
 use crate::fit::simulate::simulate;
 use crate::fit::{Resolution, Track};
-use compensator_core::{Model, Parameters, Sample, State};
+use compensator_core::{FrictionModel, ModelState, Parameters, Sample};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Blocks taken of a class, where they are whole; of short runs more, as many rows in all.
-const BLOCKS: usize = 12;
+/// Number of full blocks of a class. Short runs give more blocks with the same total number of rows.
+const MAX_BLOCKS: usize = 12;
 
-/// Length of a whole block, in trials.
-const TRIALS_LONG: usize = 8;
+/// Length of a full block, in trials.
+const BLOCK_TRIALS: usize = 8;
 
-/// Blocks of fewer rows say too little of a range.
-const LEAST_ROWS: usize = 16;
+/// Minimum number of rows of a block; fewer rows do not determine a range.
+const MIN_BLOCK_ROWS: usize = 16;
 
-/// A block of rows, as the core in `f32` takes them.
+/// A block of rows, as the core's inputs in `f32`.
 #[derive(Clone, Debug)]
 pub struct Block {
-    /// The rows, and as many more as a trial is long, all like the last: a trial that begins near the
-    /// end may be stepped beyond it.
+    /// Samples of the rows, followed by copies of the last one for the length of a trial: a trial that starts near the end
+    /// may extend beyond it.
     pub samples: Vec<Sample<f32>>,
-    /// Each row's period over the block's, where the spacing is uneven.
+    /// Ratio of each row's period to the block's; `None` if the spacing is even.
     pub period_ratio: Option<Vec<f32>>,
     /// Sample period, s.
     pub period_s: f64,
-    /// Torque of the fitted model in plain steps of `f32`, one per row proper, Nm.
+    /// Torque of the fitted model in plain `f32` steps, one value per row, Nm.
     pub predicted: Vec<f32>,
-    /// Measured torque minus what the model gives at the fit's own resolution, Nm: the error of a step as
-    /// long as the log's period is common to all vectors and must not pass for a spread of the data.
+    /// Measured torque minus the model's torque at the resolution of the fit, Nm. The error of plain steps is common to all
+    /// vectors and must not count as a spread of the data.
     pub residual: Vec<f32>,
-    /// Whether a row proper counts.
-    pub judged: Vec<bool>,
-    /// Measured torque, Nm; the noise of the sensor is judged by it.
+    /// True for each row that counts.
+    pub included: Vec<bool>,
+    /// Measured torque, Nm, from which the noise of the sensor is estimated.
     pub torque: Vec<f64>,
 }
 
-/// Where a trial begins.
+/// Start of a trial.
 #[derive(Clone, Copy, Debug)]
 pub struct Trial {
     /// Index of its block.
     pub block: usize,
-    /// Row of the block.
+    /// First row in the block.
     pub first: usize,
-    /// What the fitted model remembers there.
-    pub state: State<f32>,
+    /// State of the fitted model there.
+    pub state: ModelState<f32>,
 }
 
 /// All trials of a speed class.
@@ -61,18 +60,18 @@ pub struct Trial {
 pub struct Trials {
     /// The blocks.
     pub blocks: Vec<Block>,
-    /// The trials, in random order: any few of them stand for all.
+    /// The trials in random order, so that a few of them represent all.
     pub trials: Vec<Trial>,
-    /// Rows of a trial; a block may have fewer.
+    /// Number of rows of a trial; a block may have fewer.
     pub rows: usize,
 }
 
-/// The rows of each track that become blocks.
+/// Returns the rows of each track that become blocks.
 fn choose_blocks(tracks: &[&Track], rows_per_block: usize) -> Vec<(usize, Range<usize>)> {
     let usable: Vec<usize> =
-        (0..tracks.len()).filter(|index| tracks[*index].len() >= LEAST_ROWS).collect();
+        (0..tracks.len()).filter(|index| tracks[*index].len() >= MIN_BLOCK_ROWS).collect();
     let all_rows: usize = usable.iter().map(|index| tracks[*index].len().min(rows_per_block)).sum();
-    let room = BLOCKS * rows_per_block * usable.len() / all_rows.max(1);
+    let room = MAX_BLOCKS * rows_per_block * usable.len() / all_rows.max(1);
     let taken = usable.len().min(room);
     let spread = |index: usize, of: usize, over: usize| {
         if of > 1 { index * (over - 1) / (of - 1) } else { 0 }
@@ -81,7 +80,7 @@ fn choose_blocks(tracks: &[&Track], rows_per_block: usize) -> Vec<(usize, Range<
     for index in 0..taken {
         let track = usable[spread(index, taken, usable.len())];
         let length = tracks[track].len();
-        let count = (BLOCKS / taken).max(1).min(length.div_ceil(rows_per_block));
+        let count = (MAX_BLOCKS / taken).max(1).min(length.div_ceil(rows_per_block));
         for block in 0..count {
             let rows = rows_per_block.min(length);
             let first = spread(block, count, length - rows + 1);
@@ -91,8 +90,8 @@ fn choose_blocks(tracks: &[&Track], rows_per_block: usize) -> Vec<(usize, Range<
     blocks
 }
 
-/// Steps the fitted model along rows of a track, after a lead-in where the track began earlier.
-/// `starts` are rows of the block, ascending; with the block comes the memory at each.
+/// Simulates the fitted model along rows of a track, with a lead-in if the track starts earlier. `starts` are rows of the
+/// block in ascending order. Returns the block and the state at each start.
 fn simulate_block(
     parameters: &Parameters<f64>,
     track: &Track,
@@ -100,12 +99,12 @@ fn simulate_block(
     lead_in: usize,
     starts: &[usize],
     resolution: Resolution,
-) -> (Block, Vec<State<f32>>) {
+) -> (Block, Vec<ModelState<f32>>) {
     let lead = lead_in.min(rows.start);
     let piece = track.part(rows.start - lead..rows.end);
-    let model: Model<f32> =
+    let model: FrictionModel<f32> =
         parameters.convert::<f32>().build_unchecked::<f32>(piece.period_s as f32);
-    // A block within a track begins sliding, or on the way to what it will hold after the lead-in.
+    // A block within a track starts sliding; the lead-in lets its state settle.
     let rest =
         if rows.start == lead { initial_state(parameters, &piece, resolution) } else { None };
     let held = rest.map(|rest| rest.held);
@@ -118,7 +117,7 @@ fn simulate_block(
     });
     let mut rescaled = model.clone();
     let mut state =
-        State::holding(held.map_or_else(|| sliding(&model, &piece), |held| held as f32));
+        ModelState::holding(held.map_or_else(|| sliding(&model, &piece), |held| held as f32));
     let samples: Vec<Sample<f32>> = piece.samples.iter().map(in_f32).collect();
     let ratios: Option<Vec<f32>> =
         piece.period_ratio.map(|ratios| ratios.into_iter().map(|ratio| ratio as f32).collect());
@@ -143,7 +142,7 @@ fn simulate_block(
         samples: samples[lead..].to_vec(),
         period_ratio: ratios.map(|ratios| ratios[lead..].to_vec()),
         period_s: piece.period_s,
-        judged: rows.clone().map(|row| track.is_included(row)).collect(),
+        included: rows.clone().map(|row| track.is_included(row)).collect(),
         residual,
         predicted,
         torque: piece.torque[lead..].to_vec(),
@@ -151,23 +150,23 @@ fn simulate_block(
     (block, states)
 }
 
-/// The bristle torque of a joint that slides where a piece begins, as in a fit.
-fn sliding(model: &Model<f32>, piece: &Track) -> f32 {
+/// Returns the bristle torque of a joint that slides at the start of a piece, as in a fit.
+fn sliding(model: &FrictionModel<f32>, piece: &Track) -> f32 {
     let coulomb = model.law().sliding_torque();
     coulomb.copysign(piece.samples[0].velocity_rad_s as f32)
 }
 
 impl Block {
-    /// Velocity and residual of each row that counts.
+    /// Returns velocity and residual of each row that counts.
     pub fn residuals(&self) -> impl Iterator<Item = (f32, f32)> + '_ {
         let velocities = self.samples.iter().map(|sample| sample.velocity_rad_s);
-        let rows = velocities.zip(self.residual.iter().copied()).zip(&self.judged);
-        rows.filter(|(_, judged)| **judged).map(|(row, _)| row)
+        let rows = velocities.zip(self.residual.iter().copied()).zip(&self.included);
+        rows.filter(|(_, included)| **included).map(|(row, _)| row)
     }
 }
 
 impl Trials {
-    /// Draws `count` trials of `rows` rows from tracks of one class.
+    /// Draws `count` trials of `rows` rows each from the tracks of one class.
     pub fn new(
         parameters: &Parameters<f64>,
         tracks: &[&Track],
@@ -176,7 +175,7 @@ impl Trials {
         resolution: Resolution,
         seed: u64,
     ) -> Self {
-        let chosen = choose_blocks(tracks, TRIALS_LONG * rows.max(LEAST_ROWS));
+        let chosen = choose_blocks(tracks, BLOCK_TRIALS * rows.max(MIN_BLOCK_ROWS));
         let longest = chosen.iter().map(|(_, rows)| rows.len()).max().unwrap_or(0);
         let rows = rows.clamp(1, longest.max(1));
         let mut random = Pcg64::seed_from_u64(seed);
@@ -208,6 +207,7 @@ impl Trials {
     }
 }
 
+/// Extends a block by `rows` copies of its last sample.
 fn pad(block: &mut Block, rows: usize) {
     let length = block.samples.len() + rows;
     if let Some(last) = block.samples.last().copied() {
@@ -218,8 +218,8 @@ fn pad(block: &mut Block, rows: usize) {
     }
 }
 
-/// Rows the trials begin at, block by block and ascending: one trial from each of `count` equal shares
-/// of all rows.
+/// Draws the start rows of the trials, block by block in ascending order: one trial from each of `count` equal shares of all
+/// rows.
 fn draw_starts(
     blocks: &[(usize, Range<usize>)],
     rows: usize,
@@ -273,13 +273,13 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_few_and_spread_whatever_the_rows() {
+    fn choose_blocks_with_any_lengths_returns_few_spread_blocks() {
         for lengths in [vec![3], vec![100; 3], vec![300; 400], vec![100_000], vec![5000; 100]] {
             let tracks: Vec<Track> = lengths.iter().map(|rows| track(*rows)).collect();
             let tracks: Vec<&Track> = tracks.iter().collect();
             let blocks = choose_blocks(&tracks, 4000);
             let rows: usize = blocks.iter().map(|(_, rows)| rows.len()).sum();
-            assert!(rows <= BLOCKS * 4000);
+            assert!(rows <= MAX_BLOCKS * 4000);
             assert_eq!(blocks.is_empty(), lengths == [3]);
             for (index, rows) in &blocks {
                 assert!(rows.len() <= 4000 && rows.end <= tracks[*index].len());
@@ -288,18 +288,18 @@ mod tests {
                 assert_eq!(blocks.len(), 160);
             }
             if lengths == [100_000] {
-                assert_eq!(blocks.len(), BLOCKS);
+                assert_eq!(blocks.len(), MAX_BLOCKS);
                 assert_eq!((blocks[0].1.start, blocks[11].1.end), (0, 100_000));
             }
         }
     }
 
     #[test]
-    fn a_trial_goes_on_as_the_fitted_model_did() {
+    fn trial_from_start_state_reproduces_predicted_torque() {
         let track = track(3000);
         let trials = Trials::new(&parameters(), &[&track], 40, 200, Resolution::PLAIN, 3);
         assert_eq!(trials.trials.len(), 40);
-        let model: Model<f32> = parameters().convert::<f32>().build_unchecked(0.01);
+        let model: FrictionModel<f32> = parameters().convert::<f32>().build_unchecked(0.01);
         for trial in &trials.trials {
             let block = &trials.blocks[trial.block];
             let mut state = trial.state;
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn short_blocks_and_none_at_all_do_no_harm() {
+    fn new_with_short_or_no_tracks_returns_valid_trials() {
         let short = track(20);
         let trials = Trials::new(&parameters(), &[&short], 5, 500, Resolution::PLAIN, 3);
         assert_eq!((trials.rows, trials.trials.len()), (20, 5));

@@ -1,8 +1,7 @@
-//! What the paper's rule says of a log, and how to read it beside a diagnosis.
+//! Comparison of the paper's rule with a diagnosis.
 //!
-//! The rule is "improve the parameter with the largest coefficient of variation". To hold it against a named
-//! cause it must point at some: it points, generously, at every cause that acts through the parameter.
-//! [`reading`] says where rule and diagnosis part, and why.
+//! The rule is "improve the parameter with the largest coefficient of variation". For the comparison, the rule is taken
+//! to support every cause that acts through this parameter. [`reading`] explains where rule and diagnosis differ.
 
 use super::certificate::Certificate;
 use crate::number::significant;
@@ -16,10 +15,10 @@ fn listed(names: &[&str]) -> String {
     }
 }
 
-/// The paper's verdict beside a diagnosis', in words.
+/// Describes the paper's verdict compared with that of a diagnosis.
 ///
-/// `not_determined` are the parameters the data say nothing of; `causes` what the diagnosis named, the
-/// strongest first, each with the parameters it acts through.
+/// `not_determined` are the parameters that the data do not determine. `causes` are those of the diagnosis, strongest
+/// first, each with the parameters that it acts through.
 pub fn reading(
     certificate: &Certificate,
     not_determined: &[ParameterId],
@@ -31,7 +30,7 @@ pub fn reading(
     };
     let unlimited = certificate.unlimited.contains(&verdict);
     let how_far = if unlimited {
-        "it may vary by any factor that was tried".to_owned()
+        "it may vary by any factor that was tested".to_owned()
     } else {
         format!("its permitted coefficient of variation is the largest, {}", significant(cv, 2))
     };
@@ -42,8 +41,8 @@ pub fn reading(
         let percent = significant(100.0 * certificate.levels.rho, 2);
         let classes = listed(&off);
         format!(
-            " At {classes} the fitted model is itself outside the data's range more than {percent} % of the time, so \
-             the range was laid around it."
+            " At {classes} the fitted model itself is outside the data's range more than {percent} % of the time, so \
+             the range was centred on the model."
         )
     };
     let rule = format!("The paper's rule would improve {}: {how_far}.{off}", verdict.name());
@@ -56,7 +55,7 @@ pub fn reading(
     if not_determined.contains(&verdict) {
         let name = verdict.name();
         return format!(
-            "{rule} This log does not determine {name}: its value hardly reaches the torque, so a large variance \
+            "{rule} This log does not determine {name}: the torque hardly depends on its value, so a large variance \
              is permitted whether its physics is right or wrong, and {named}."
         );
     }
@@ -65,13 +64,12 @@ pub fn reading(
     }
     if names.is_empty() {
         return format!(
-            "{rule} The rule always names a parameter; {named}, and a permitted variance of this size is what the \
-             noise alone permits."
+            "{rule} The rule always names a parameter; {named}, and noise alone permits a variance of this size."
         );
     }
     format!(
-        "{rule} They part: {named}. A permitted variance tells how little the torque depends on a parameter, not \
-         whether the parameter follows something that was measured; a cause is named for the latter."
+        "{rule} They differ: {named}. A permitted variance shows how little the torque depends on a parameter, not \
+         whether the parameter follows a measured quantity; a cause is named for the latter."
     )
 }
 
@@ -82,7 +80,7 @@ mod tests {
     use compensator_core::{LawKind, ParameterId as Id, Parameters};
 
     #[test]
-    fn a_reading_says_why_the_two_part() {
+    fn reading_explains_difference_between_rule_and_diagnosis() {
         let parameters = Parameters::new(LawKind::Lugre);
         let mut certificate = certify(&parameters, &[], &[], &Settings::default());
         assert!(reading(&certificate, &[], &[]).contains("no parameter to certify"));
@@ -94,11 +92,11 @@ mod tests {
         let text = reading(&certificate, &[Id::BristleStiffness], &pressure);
         assert!(text.contains("does not determine bristle_stiffness"), "{text}");
         assert!(text.contains("names pressure-coulomb"), "{text}");
-        assert!(reading(&certificate, &[], &pressure).contains("They part"));
+        assert!(reading(&certificate, &[], &pressure).contains("They differ"));
         assert!(reading(&certificate, &[], &[]).contains("nothing systematic"));
         certificate.verdict = Id::CoulombTorque;
         assert!(reading(&certificate, &[], &pressure).contains("both agree"));
-        assert!(!reading(&certificate, &[], &pressure).contains("laid around it"));
+        assert!(!reading(&certificate, &[], &pressure).contains("centred on the model"));
         certificate.classes = vec!["35 rpm".to_owned()];
         certificate.violation_at_fit = vec![0.9];
         assert!(reading(&certificate, &[], &pressure).contains("At 35 rpm the fitted model"));

@@ -1,9 +1,13 @@
-//! The plant's test stand: a stiff drive imposes the motion, and what rubs is measured.
+//! Test stand of the plant: a stiff drive imposes the motion, and the friction torque is measured.
 //!
-//! Three campaigns, after Ding et al.: *unloaded* (II-B: the fit of the plain law, "radial loading and underwater pressure
-//! simulation were not performed"), *eight kinds* with repeats (Table II as the readings take it), and a full
-//! *factorial* of speed, side load, pressure and brake in which everything moves. A run is logged at 250 Hz: the torque with
-//! the sensor's noise (Table I), side load and pressure with theirs, the thermometer; motion as the stand imposes it.
+//! There are three campaigns after Ding et al.:
+//!
+//! - *unloaded*: the fit of the plain law (II-B, "radial loading and underwater pressure simulation were not performed"),
+//! - *eight kinds* with repeats (an interpretation of Table II),
+//! - *factorial*: all combinations of speed, side load, pressure and brake.
+//!
+//! Runs are logged at 250 Hz. Torque, side load and pressure have sensor noise (Table I). The temperature is that of the
+//! thermometer. The motion is the imposed one, without noise.
 
 use super::parameters::Parameters;
 use super::seal::{Around, Seal};
@@ -14,25 +18,27 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Rate of the logs, Hz, and steps between two rows.
+/// Sample rate of the logs, Hz, and integration steps per row.
 const RATE_HZ: f64 = 250.0;
-const STEPS: usize = 160;
+const STEPS_PER_ROW: usize = 160;
 
 /// Length of a run of the eight kinds, s.
 const KIND_S: f64 = 2.0;
 
-/// Time between two runs, s: the joint cools.
+/// Pause between two runs, s, in which the joint cools.
 const PAUSE_S: f64 = 60.0;
 
-/// Low and high side load (N) and pressure difference (Pa) of Table II, as the readings take it.
+/// Ranges of low and high side load (N) and pressure difference (Pa), as interpreted from Table II.
 const FORCE_N: [(f64, f64); 2] = [(25.0, 35.0), (45.0, 55.0)];
 const PRESSURE_PA: [(f64, f64); 2] = [(0.0, 0.05e6), (0.25e6, 0.30e6)];
 
 /// Torque of the stand's brake, Nm.
 pub const BRAKE_NM: f64 = 6.0;
 
-/// The eight kinds: rpm, side load high, pressure high. The print has lost which rows had high pressure; this is one way
-/// to choose eight of the twelve combinations with its speeds and loads.
+/// The eight kinds: speed in rpm, index of the side load, index of the pressure (1 is high).
+///
+/// The paper does not show which rows had high pressure. This is one possible choice of eight of the twelve combinations
+/// with its speeds and loads.
 pub const KINDS: [(f64, usize, usize); 8] = [
     (35.0, 0, 0),
     (35.0, 1, 0),
@@ -56,20 +62,21 @@ pub const COLUMNS: [&str; 8] = [
     "load_torque_nm",
 ];
 
-/// How the stand moves the joint.
+/// Motion that the stand imposes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Motion {
     /// From rest to a speed (rad/s) in 0.4 s, then held.
     Start(f64),
-    /// To and fro, up to a speed (rad/s), with a period (s).
+    /// Sinusoidal velocity with a peak (rad/s) and a period (s).
     Sine(f64, f64),
-    /// Steps of speed, a second each, up and then down again on the other side: as a static test.
+    /// Steps of speed, first in positive and then in negative direction, as in a static test.
     Stairs,
-    /// Small strokes of 4 Hz that grow to this travel (rad): as a dynamic test.
+    /// Oscillations of 4 Hz that grow to this travel (rad), as in a dynamic test.
     Presliding(f64),
 }
 
 impl Motion {
+    /// Returns the velocity at a time of the run, rad/s.
     fn velocity(&self, t: f64, seconds: f64) -> f64 {
         match *self {
             Self::Start(speed) => speed * smooth(t / 0.4),
@@ -90,20 +97,20 @@ impl Motion {
     }
 }
 
-/// 0 to 1 with zero slope at both ends.
+/// Smooth step from 0 to 1 with zero slope at both ends.
 fn smooth(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
-/// A run to be made.
+/// A planned run.
 #[derive(Clone, Debug)]
 struct Plan {
     name: String,
     motion: Motion,
     seconds: f64,
     force_n: f64,
-    /// Swing of the side load, N, its frequency, Hz, and phase, rad.
+    /// Oscillation of the side load: amplitude, N, frequency, Hz, and phase, rad.
     swing: (f64, f64, f64),
     pressure_pa: f64,
     brake_nm: f64,
@@ -113,48 +120,52 @@ struct Plan {
     seed: u64,
 }
 
-/// How much is measured.
+/// Extent of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Amount {
-    /// Length of unloaded runs and of those of the factorial, s.
+    /// Length of the unloaded and the factorial runs, s.
     pub seconds: f64,
-    /// A fast and a slow motion in each cell of the factorial; else one of them, drawn.
+    /// True for a fast and a slow motion in each cell of the factorial, false to draw one of them.
     pub both_motions: bool,
-    /// Repeats of each of the eight kinds to learn from.
+    /// Training repeats of each of the eight kinds.
     pub learned: usize,
-    /// Further repeats, to judge by.
+    /// Held-out repeats of each of the eight kinds.
     pub held_out: usize,
 }
 
-/// What was measured of one machine.
+/// Measurements of one machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Campaigns {
-    /// Without side load and pressure.
+    /// Runs without side load and pressure.
     pub unloaded: Log,
-    /// The full factorial.
+    /// Runs of the full factorial.
     pub factorial: Log,
-    /// The eight kinds, to learn from.
+    /// Training runs of the eight kinds.
     pub learned: Log,
-    /// The eight kinds, to judge by.
+    /// Held-out runs of the eight kinds.
     pub held_out: Log,
 }
 
-/// The stand with one machine on it.
+/// Test stand with one machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Bench {
-    /// The machine.
+    /// Parameters of the machine.
     pub parameters: Parameters,
-    /// Where its eccentricity and out-of-roundness lie, rad.
+    /// Angles of the eccentricity and the out-of-roundness, rad.
     pub phase_rad: [f64; 2],
-    /// Least and most temperature of the water and the seal in it that the factorial's runs begin at, deg C; the other
-    /// campaigns are in the machine's own water. Where both are that one's, nothing of temperature can be learned.
+    /// Range of the water and seal temperature at the start of the factorial's runs, deg C.
+    ///
+    /// The other campaigns use the machine's water temperature. If both limits equal it, the temperature effect is not
+    /// identifiable.
     pub temperature_c: [f64; 2],
-    /// Draws noise and conditions.
+    /// Seed of noise and conditions.
     pub seed: u64,
 }
 
 impl Bench {
-    /// Makes all campaigns of one machine, in random order: what drifts over the campaign goes with none of them.
+    /// Measures all campaigns of one machine.
+    ///
+    /// The runs have a random order, so that a drift is not confounded with a campaign.
     pub fn measure(&self, amount: &Amount) -> Campaigns {
         let groups = [
             self.unloaded(amount.seconds),
@@ -177,7 +188,7 @@ impl Bench {
         Campaigns { unloaded, factorial, learned, held_out }
     }
 
-    /// Without side load and pressure, as the paper fitted the plain law: static and dynamic tests.
+    /// Plans the static and dynamic tests without side load and pressure.
     fn unloaded(&self, seconds: f64) -> Vec<Plan> {
         let motions = [
             Motion::Stairs,
@@ -205,7 +216,7 @@ impl Bench {
         motions.into_iter().enumerate().map(plan).collect()
     }
 
-    /// The eight kinds, so many repeats each from repeat `first` on, forwards and backwards in turn.
+    /// Plans `repeats` runs of each kind, from repeat `first` on, in alternating directions.
     fn kinds(&self, first: usize, repeats: usize) -> Vec<Plan> {
         let each = |kind: usize| (first..first + repeats).map(move |repeat| (kind, repeat));
         let plan = |(kind, repeat): (usize, usize)| {
@@ -216,10 +227,10 @@ impl Bench {
             let (force_n, pressure_pa) = (between(FORCE_N[force]), between(PRESSURE_PA[pressure]));
             let swing = (between((0.5, 2.0)), 1.5, between((0.0, TAU)));
             let start_rad = between((0.0, TAU));
-            let way = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
+            let direction = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
             Plan {
                 name: format!("k{}.{repeat}", kind + 1),
-                motion: Motion::Start(way * rpm * TAU / 60.0),
+                motion: Motion::Start(direction * rpm * TAU / 60.0),
                 seconds: KIND_S,
                 force_n,
                 swing,
@@ -233,8 +244,9 @@ impl Bench {
         (0..KINDS.len()).flat_map(each).map(plan).collect()
     }
 
-    /// Every combination of three speeds, low and high side load, pressure and brake, each in two motions or one, and each
-    /// run in water of another temperature.
+    /// Plans all combinations of three speeds, low and high side load, pressure and brake.
+    ///
+    /// Each has one or two motions, and each run has its own water temperature.
     fn factorial(&self, seconds: f64, both_motions: bool) -> Vec<Plan> {
         let mut random = Pcg64::seed_from_u64(self.seed ^ 0x33);
         let mut warmth = Pcg64::seed_from_u64(self.seed ^ 0x55);
@@ -276,13 +288,14 @@ impl Bench {
         plans
     }
 
+    /// Simulates a run and returns its log.
     fn run(&self, plan: &Plan, start_s: f64) -> LoggedRun {
         let p = &Parameters { water_temperature_c: plan.temperature_c, ..self.parameters };
         let mut random = Pcg64::seed_from_u64(plan.seed);
         let mut seal = Seal::new(p, self.phase_rad);
         let at = |t: f64, velocity: f64| {
             let (size, frequency, phase) = plan.swing;
-            // A powder brake is against the motion, and soft at rest.
+            // A powder brake opposes the motion, with a smooth transition at rest.
             let brake = plan.brake_nm * (velocity / 0.05).tanh();
             Around {
                 radial_force_n: plan.force_n + size * (TAU * frequency * t + phase).sin(),
@@ -291,15 +304,15 @@ impl Bench {
             }
         };
         seal.settle(&at(0.0, 0.0));
-        let dt = 1.0 / RATE_HZ / STEPS as f64;
+        let dt = 1.0 / RATE_HZ / STEPS_PER_ROW as f64;
         let rows = (plan.seconds * RATE_HZ) as usize;
         let mut columns: Vec<Vec<f64>> = vec![Vec::with_capacity(rows); COLUMNS.len()];
         let mut position = plan.start_rad;
         for row in 0..rows {
             let t = row as f64 / RATE_HZ;
             if row > 0 {
-                for step in 0..STEPS {
-                    let now = t + (step as f64 + 1.0 - STEPS as f64) * dt;
+                for step in 0..STEPS_PER_ROW {
+                    let now = t + (step as f64 + 1.0 - STEPS_PER_ROW as f64) * dt;
                     let velocity = plan.motion.velocity(now, plan.seconds);
                     seal.step(velocity, position, &at(now, velocity), dt);
                     position += velocity * dt;
@@ -332,7 +345,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn campaigns_have_their_runs_and_the_same_seed_gives_the_same_bits() {
+    fn measure_returns_all_runs_and_is_reproducible() {
         let parameters = Parameters::default();
         let temperature_c = [10.0, 30.0];
         let bench = Bench { parameters, phase_rad: [1.0, 2.0], temperature_c, seed: 3 };
@@ -343,7 +356,7 @@ mod tests {
         assert_eq!((runs(&measured.learned), runs(&measured.held_out)), (16, 8));
         assert_eq!(measured, bench.measure(&amount));
         assert_ne!(measured, Bench { seed: 4, ..bench }.measure(&amount));
-        // Water of another temperature in each run of the factorial, and of the machine's own in the others.
+        // Each factorial run has its own water temperature; the others have that of the machine.
         let column = COLUMNS.iter().position(|name| *name == "temperature_c").unwrap();
         let begins = |log: &Log| {
             let mut all: Vec<f64> = log.runs.iter().map(|run| run.columns[column][0]).collect();
@@ -355,7 +368,7 @@ mod tests {
         assert!(warmth.windows(2).all(|pair| pair[0] < pair[1]));
         let own = begins(&measured.learned);
         assert!(own.iter().all(|at| *at == parameters.water_temperature_c));
-        // No two runs at one time, and the unloaded ones not all first.
+        // No two runs start at the same time, and the unloaded runs are not all first.
         let starts = |log: &Log| log.runs.iter().map(|run| run.columns[0][0]).collect::<Vec<_>>();
         let unloaded = starts(&measured.unloaded);
         let others =

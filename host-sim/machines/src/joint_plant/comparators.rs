@@ -1,20 +1,21 @@
-//! Overcurrent comparators at a stage's low-side shunts: hardware, beside whatever processor there is.
+//! Overcurrent comparators at the low-side shunts of a power stage. They are hardware, independent of the processor.
 //!
-//! A shunt carries its phase's current while the low side conducts, around the turning point at which a period begins and ends;
-//! its amplifier follows with one pole. Three voltages are compared with a level on either side: two amplifiers, and the mean
-//! of both, which stands for the third phase. One that stays beyond its level for as long as the filter asks opens the bridge a
-//! delay later. Steps of this are a microsecond: it is asked for only near the level.
+//! A shunt carries the phase current while the low side conducts, around the start and the end of a PWM period. Its
+//! amplifier has one pole. Three signals are compared with a positive and a negative level: two amplifiers, and the sum
+//! of both, which represents the third phase. If one stays beyond its level for the filter time, the bridge opens after
+//! a delay. The time step is a microsecond, so the comparators are simulated only near the level.
 
 use super::parameters::Parameters;
 
-/// Steps of a period near the level; a microsecond of 50.
-pub const STEPS: usize = 50;
+/// Steps per period near the level: one per microsecond of a 50 us period.
+pub const STEPS_PER_PERIOD: usize = 50;
 
-/// Share of the level from which a period is looked at in steps. In a period a current cannot come from there to the level:
-/// 48 V on 88 uH are 0.36 A/us, 18 A.
-pub const NEAR: f64 = 0.5;
+/// Share of the level above which a period is simulated in microsecond steps.
+///
+/// A current cannot rise from there to the level within a period: 48 V on 88 uH give 0.36 A/us, 18 A per period.
+pub const SIMULATION_THRESHOLD: f64 = 0.5;
 
-/// Amplifiers, and how long what they show has been beyond the level.
+/// Outputs of the amplifiers, and the time they have been beyond the level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparators {
     level_a: f64,
@@ -22,16 +23,16 @@ pub struct Comparators {
     filter_s: f64,
     delay_s: f64,
     dead_time_s: f64,
-    /// What the amplifiers of phases a and b show, A.
+    /// Amplifier outputs of phases a and b, A.
     shown_a: [f64; 2],
-    /// How long each of the three has been beyond its level, s.
+    /// Time that each of the three signals has been beyond its level, s.
     beyond_s: [f64; 3],
-    /// How long ago the filter passed it on, s.
+    /// Time since the filter passed an overcurrent, s.
     passed_s: Option<f64>,
 }
 
 impl Comparators {
-    /// Comparators whose level is as high as its errors allow.
+    /// Creates comparators with the highest level within their tolerance.
     pub fn of(p: &Parameters) -> Self {
         Self {
             level_a: p.break_level_a + p.break_error_a,
@@ -45,12 +46,13 @@ impl Comparators {
         }
     }
 
-    /// Whether these currents are worth to be looked at closely.
+    /// Returns true if these currents require a simulation in microsecond steps.
     pub fn is_near(&self, currents_a: [f64; 3]) -> bool {
-        self.passed_s.is_some() || currents_a.iter().any(|a| a.abs() > NEAR * self.level_a)
+        self.passed_s.is_some()
+            || currents_a.iter().any(|a| a.abs() > SIMULATION_THRESHOLD * self.level_a)
     }
 
-    /// A step of `dt` (s), so long after the period began; gives whether the bridge opens.
+    /// Simulates a step of `dt` (s), `since_s` after the start of the period. Returns true if the bridge opens.
     pub fn step(
         &mut self,
         dt: f64,
@@ -75,8 +77,8 @@ impl Comparators {
         self.passed_s.is_some_and(|ago| ago >= self.delay_s)
     }
 
-    /// The bridge is open: nothing is beyond any more.
-    pub fn forget(&mut self) {
+    /// Resets the comparators after the bridge has opened.
+    pub fn reset(&mut self) {
         (self.beyond_s, self.passed_s, self.shown_a) = ([0.0; 3], None, [0.0; 2]);
     }
 }
@@ -87,8 +89,8 @@ mod tests {
 
     const PERIOD_S: f64 = 50e-6;
 
-    /// After how many microseconds these currents open the bridge under these duties; at most two periods.
-    fn opens(duty: [f64; 3], currents_a: [f64; 3]) -> Option<usize> {
+    /// Returns the time until these currents open the bridge with these duties, us. It simulates two periods.
+    fn time_to_open(duty: [f64; 3], currents_a: [f64; 3]) -> Option<usize> {
         let mut comparators = Comparators::of(&Parameters::default());
         (0..100).find(|at| {
             let since_s = (at % 50) as f64 * 1e-6;
@@ -97,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn each_phase_and_either_direction_opens_it_and_none_below_the_level() {
+    fn step_with_overcurrent_in_any_phase_opens_the_bridge() {
         for place in 0..3 {
             for sign in [1.0, -1.0] {
                 let currents = |level: f64| {
@@ -105,17 +107,17 @@ mod tests {
                     currents[place] = sign * level;
                     currents
                 };
-                let after = opens([0.5; 3], currents(50.0)).expect("it opens");
+                let after = time_to_open([0.5; 3], currents(50.0)).expect("it opens");
                 assert!((1..=4).contains(&after), "{after} us");
-                assert_eq!(opens([0.5; 3], currents(43.0)), None);
+                assert_eq!(time_to_open([0.5; 3], currents(43.0)), None);
             }
         }
     }
 
     #[test]
-    fn a_low_side_that_conducts_for_too_short_a_time_is_not_seen() {
-        // 92 % of the duty leave 4 us less the dead time: as much as the modulation bound leaves. 99 % leave 0.2.
-        assert!(opens([0.92, 0.1, 0.1], [60.0, -30.0, -30.0]).is_some());
-        assert_eq!(opens([0.99, 0.1, 0.1], [60.0, -30.0, -30.0]), None);
+    fn step_with_short_low_side_conduction_does_not_open_the_bridge() {
+        // A duty of 92 %, the modulation limit, leaves 4 us minus the dead time. A duty of 99 % leaves 0.2 us.
+        assert!(time_to_open([0.92, 0.1, 0.1], [60.0, -30.0, -30.0]).is_some());
+        assert_eq!(time_to_open([0.99, 0.1, 0.1], [60.0, -30.0, -30.0]), None);
     }
 }

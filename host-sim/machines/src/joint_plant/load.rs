@@ -1,18 +1,18 @@
-//! What hangs on the joint's output: nothing, a propeller, a leg that lifts, a leg that jumps.
+//! Loads of the joint's output: none, a propeller, a lifting leg, and a jumping leg.
 //!
-//! Each gives at an instant the torque against positive motion and the side load it puts on the shaft's end, and
-//! adds its inertia. The propeller turns water with the square of its speed. The leg lifts 2 kg from below the horizontal
-//! to above it. The jumping leg pushes a platform off the ground through a rubber foot: the contact only pushes,
-//! the platform flies when it is fast enough, and lands again.
+//! Each load has a torque against positive motion, a side load at the end of the shaft, and an inertia. The torque of
+//! the propeller grows with the square of its speed. The lifting leg moves 2 kg from below to above the horizontal. The
+//! jumping leg pushes a platform off the ground through a rubber foot. The contact transmits only pressure, so a fast
+//! platform leaves the ground and lands again.
 
 use super::parameters::Parameters;
 
-/// Where the legs begin, rad from the horizontal.
+/// Initial angle of the lifting leg, rad from the horizontal.
 pub const LIFT_FROM_RAD: f64 = -1.3;
-/// Where the jump begins.
+/// Initial angle of the jumping leg, rad from the horizontal.
 pub const JUMP_FROM_RAD: f64 = -0.2;
 
-/// What is on the output.
+/// Load of the output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Load {
     /// A bare shaft.
@@ -21,31 +21,31 @@ pub enum Load {
     Propeller,
     /// A leg that lifts 2 kg under water.
     Leg,
-    /// A leg that jumps with its platform: height of the platform, m, and its speed, m/s.
+    /// A leg that jumps with its platform.
     Jump {
-        /// Height over the foot's rest, m.
+        /// Height of the platform above the unloaded foot, m.
         height_m: f64,
-        /// Upwards, m/s.
+        /// Upward speed of the platform, m/s.
         speed_m_s: f64,
     },
 }
 
-/// What it does to the joint.
+/// Torque and force of the load on the joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Acting {
-    /// Against positive motion, Nm.
+    /// Torque against positive motion, Nm.
     pub torque_nm: f64,
-    /// Side load at the shaft's end, N.
+    /// Side load at the end of the shaft, N.
     pub radial_force_n: f64,
 }
 
 impl Load {
-    /// A platform that stands on its foot.
+    /// Returns a platform at rest on its foot.
     pub fn jump(p: &Parameters) -> Self {
         Self::Jump { height_m: -p.platform_weight_n / p.ground_stiffness_n_per_m, speed_m_s: 0.0 }
     }
 
-    /// Position the joint begins at, rad.
+    /// Returns the initial position of the joint, rad.
     pub fn start_rad(&self) -> f64 {
         match self {
             Self::Free | Self::Propeller => 0.0,
@@ -54,7 +54,7 @@ impl Load {
         }
     }
 
-    /// Inertia it adds to the output, kg m^2.
+    /// Returns the inertia that the load adds to the output, kg m^2.
     pub fn inertia_kg_m2(&self, p: &Parameters) -> f64 {
         let rod = p.leg_mass_kg * p.leg_length_m * p.leg_length_m / 3.0 + p.leg_added_inertia_kg_m2;
         match self {
@@ -67,7 +67,9 @@ impl Load {
         }
     }
 
-    /// What acts at a position (rad) and velocity (rad/s); a platform moves on by `dt` (s).
+    /// Returns the torque and force at a position (rad) and velocity (rad/s).
+    ///
+    /// The motion of a platform is integrated by `dt` (s).
     pub fn act(&mut self, p: &Parameters, position: f64, velocity: f64, dt: f64) -> Acting {
         match self {
             Self::Free => Acting::default(),
@@ -93,7 +95,7 @@ impl Load {
                 let pressed = foot - *height_m;
                 let push = p.ground_stiffness_n_per_m * pressed
                     + p.ground_damping_n_s_per_m * (foot_speed - *speed_m_s);
-                // Ground and foot do not hold each other.
+                // The contact transmits no tension.
                 let push = if pressed > 0.0 { push.max(0.0) } else { 0.0 };
                 let drag = p.platform_drag_n_s2_per_m2 * *speed_m_s * speed_m_s.abs();
                 *speed_m_s += dt * (push - p.platform_weight_n - drag) / p.platform_mass_kg;

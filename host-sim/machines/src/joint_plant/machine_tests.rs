@@ -1,10 +1,10 @@
-//! The plant in motion, held against what is known of its parts.
+//! Tests of the plant against known properties of its parts.
 
 use super::*;
 
 const PERIOD: f64 = 50e-6;
 
-/// Position and velocity after a push of so many ampere there and back.
+/// Returns position and velocity after a sinusoidal current of 9 A.
 fn pushed(substeps: usize, load: Load) -> (f64, f64) {
     let mut plant = JointPlant::new(&Parameters::default(), load, 1);
     plant.set_substeps(substeps);
@@ -16,7 +16,7 @@ fn pushed(substeps: usize, load: Load) -> (f64, f64) {
 }
 
 #[test]
-fn two_substeps_do_as_twenty() {
+fn period_with_two_substeps_agrees_with_twenty() {
     for load in [Load::Free, Load::Propeller, Load::Leg, Load::jump(&Parameters::default())] {
         let (coarse, fine) = (pushed(2, load), pushed(20, load));
         assert!((coarse.0 - fine.0).abs() < 3e-3, "{load:?}: {coarse:?}, {fine:?}");
@@ -25,7 +25,7 @@ fn two_substeps_do_as_twenty() {
 }
 
 #[test]
-fn it_sticks_below_the_breakaway_and_turns_above() {
+fn period_at_current_moves_only_above_breakaway() {
     let turned = |current: f64| {
         let mut plant = JointPlant::new(&Parameters::default(), Load::Free, 1);
         (0..20_000).for_each(|_| plant.period_at_current(PERIOD, current));
@@ -36,10 +36,10 @@ fn it_sticks_below_the_breakaway_and_turns_above() {
 }
 
 #[test]
-fn the_winding_settles_at_voltage_over_resistance() {
+fn period_with_constant_voltage_settles_at_voltage_over_resistance() {
     let p = Parameters { dead_time_s: 0.0, ..Parameters::default() };
     let mut plant = JointPlant::new(&p, Load::Free, 1);
-    // 0.13 V along phase a: 1 A along it, at 0 rad no torque.
+    // 0.13 V in phase a gives 1 A in phase a, which produces no torque at 0 rad.
     let part = 0.13 / p.bus_voltage_v;
     let duty = [0.5 + part, 0.5 - 0.5 * part, 0.5 - 0.5 * part];
     (0..400).for_each(|_| plant.period(PERIOD, Some(duty)));
@@ -48,7 +48,7 @@ fn the_winding_settles_at_voltage_over_resistance() {
 }
 
 #[test]
-fn a_stiff_coupling_without_play_is_one_inertia_and_play_is_seen() {
+fn coupling_when_stiff_acts_as_rigid_and_backlash_adds_twist() {
     let pushed = |stiffness: f64, backlash_rad: f64| {
         let p = Parameters {
             output_stiffness_nm_per_rad: stiffness,
@@ -63,16 +63,19 @@ fn a_stiff_coupling_without_play_is_one_inertia_and_play_is_seen() {
     let (rigid, stiff) = (pushed(0.0, 0.0), pushed(2e4, 0.0));
     assert!((rigid.0 / stiff.0 - 1.0).abs() < 0.01, "{rigid:?} {stiff:?}");
     let loose = pushed(2e4, 0.02);
-    assert!((0.01..0.0105).contains(&loose.1), "half the play, and the strain: {loose:?}");
+    assert!(
+        (0.01..0.0105).contains(&loose.1),
+        "half of the backlash plus the elastic twist: {loose:?}"
+    );
 }
 
 #[test]
-fn a_braking_joint_charges_its_bus_by_what_it_loses() {
+fn bus_during_braking_stores_part_of_the_kinetic_energy() {
     let p = Parameters::default();
     let mut plant = JointPlant::new(&p, Load::Free, 1);
     plant.charge_bus();
     plant.velocity = 8.0;
-    // Shorted through the bridge's middle: nothing goes back; a vector against the motion gives some back.
+    // A voltage vector against the motion returns energy to the bus.
     let duty = |plant: &JointPlant| {
         let angle = p.gear_ratio * p.pole_pairs * plant.position_rad();
         let (sine, cosine) = (angle + 0.3).sin_cos();
@@ -91,7 +94,7 @@ fn a_braking_joint_charges_its_bus_by_what_it_loses() {
 }
 
 #[test]
-fn an_open_bridge_ends_its_currents_and_blocks() {
+fn period_with_open_bridge_ends_the_currents() {
     let mut plant = JointPlant::new(&Parameters::default(), Load::Free, 1);
     plant.velocity = 8.0;
     plant.current = [20.0, -13.0];
@@ -104,22 +107,22 @@ fn an_open_bridge_ends_its_currents_and_blocks() {
 }
 
 #[test]
-fn a_shunt_without_time_shows_too_little() {
+fn settled_share_with_short_conduction_is_small() {
     let mut plant = JointPlant::new(&Parameters::default(), Load::Free, 1);
     plant.period(PERIOD, Some([0.99, 0.5, 0.92]));
-    assert!(plant.settled(0) < 0.1, "no time: {}", plant.settled(0));
-    assert!(plant.settled(1) > 0.999_999);
-    // 1.7 us: the 0.5 % that a board's table asks for at 1.5 us.
-    assert!((0.995..1.0).contains(&plant.settled(2)), "{}", plant.settled(2));
+    assert!(plant.settled_share(0) < 0.1, "short conduction: {}", plant.settled_share(0));
+    assert!(plant.settled_share(1) > 0.999_999);
+    // 1.7 us. A board requires an error below 0.5 % at 1.5 us.
+    assert!((0.995..1.0).contains(&plant.settled_share(2)), "{}", plant.settled_share(2));
 }
 
 #[test]
-fn a_platform_pushed_fast_flies_and_lands() {
+fn platform_pushed_fast_leaves_the_ground_and_lands() {
     let p = Parameters::default();
     let mut plant = JointPlant::new(&p, Load::jump(&p), 1);
     let (mut flew, mut hit) = (false, 0.0f64);
     for k in 0..30_000 {
-        // Hard up, then limp: a leg that is held gives way as softly as it is held.
+        // Full current, then none, so that the landing does not depend on a position controller.
         plant.period_at_current(PERIOD, if k < 1600 { 24.0 } else { 0.0 });
         flew |= plant.around().radial_force_n == 0.0;
         if flew {

@@ -1,19 +1,19 @@
-//! The plant's constants: one table, each with its value, its unit and where it comes from.
+//! Constants of the plant in one table, each with its value, unit and source.
 //!
-//! Fixed from physics and from what the paper prints (Ding et al., Table I and its text) before anything was
-//! measured on the plant, and not fitted to a printed result. "Assumed" is what no source gives: a size usual for such
-//! a part. [`Parameters::table`] is the same table for a page.
+//! The values come from physics and from the paper (Ding et al., Table I and its text). They are not fitted to a printed
+//! result. "Assumed" marks a value without a source that is usual for such a part. [`Parameters::table`] returns the
+//! table for a report page.
 
-/// A constant as a page shows it.
+/// A constant in the form of a report page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
-    /// Field of [`Parameters`].
+    /// Name of the field of [`Parameters`].
     pub name: &'static str,
-    /// Its value here.
+    /// Value.
     pub value: f64,
-    /// Unit, empty for a pure number.
+    /// Unit. Empty for a dimensionless number.
     pub unit: &'static str,
-    /// Where the value comes from.
+    /// Source of the value.
     pub source: &'static str,
 }
 
@@ -32,7 +32,7 @@ macro_rules! parameters {
         }
 
         impl Parameters {
-            /// Every constant with its unit and source, in the order of the parts.
+            /// Returns every constant with its unit and source, in the order of the parts.
             pub fn table(&self) -> Vec<Entry> {
                 vec![$(Entry { name: stringify!($name), value: self.$name, unit: $unit, source: $source },)*]
             }

@@ -1,65 +1,70 @@
-//! The seal and the gear behind it: everything that rubs between motor and output.
+//! Friction between motor and output: the seal and the gear.
 //!
-//! Not LuGre: parallel spring-slip elements (generalised Maxwell slip, Al-Bender, Lampaert and Swevers 2005), whose
-//! common level follows speed with a lag and with a sharper Stribeck curve than a Gaussian; a film that thins with
-//! speed and warms by what is lost in it; a level that grows with the normal force, but slower than it; a side load
-//! that reaches the ring through the bent shaft ([`super::shaft`]) and creeps into it; a ring that is eccentric and
-//! out of round; a gear that loses a share of what it transmits. The step is semi-implicit Euler: springs that stick
-//! take the new velocity.
+//! The model is not LuGre. It contains:
+//!
+//! - parallel spring-slip elements (generalised Maxwell slip, Al-Bender, Lampaert and Swevers 2005). Their common level
+//!   has a frictional lag and a Stribeck curve that is sharper than a Gaussian.
+//! - a viscous film that thins with speed and is heated by its losses.
+//! - a level that grows less than proportionally with the normal force.
+//! - a side load that reaches the ring through the bent shaft ([`super::shaft`]), with creep.
+//! - an eccentric and out-of-round ring.
+//! - a gear that loses a share of the transmitted torque.
+//!
+//! The integration is semi-implicit Euler.
 
 use super::parameters::Parameters;
 use super::shaft::Shaft;
 
 /// Spring-slip elements of the seal.
 const ELEMENTS: usize = 6;
-/// Share of the level of each, assumed: the weak slip first.
+/// Share of each element in the level, assumed. Weak elements slip first.
 const LEVEL_SHARE: [f64; ELEMENTS] = [0.10, 0.13, 0.16, 0.18, 0.20, 0.23];
-/// Share of the stiffness of each, assumed: the stiff slip first.
+/// Share of each element in the stiffness, assumed. Stiff elements slip first.
 const STIFFNESS_SHARE: [f64; ELEMENTS] = [0.30, 0.25, 0.18, 0.13, 0.09, 0.05];
 
-/// Slow states (heat, what follows it) are stepped once in so many steps.
-const SLOW: u32 = 20;
+/// Number of steps per update of the thermal states.
+const THERMAL_DIVIDER: u32 = 20;
 
-/// What acts on the seal in a step.
+/// Operating conditions of the seal in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Around {
-    /// Side load at the shaft's end, N.
+    /// Side load at the end of the shaft, N.
     pub radial_force_n: f64,
     /// Outside minus inside pressure, Pa.
     pub pressure_diff_pa: f64,
-    /// Torque transmitted to the load, Nm, positive where it acts against positive motion.
+    /// Torque transmitted to the load, Nm, positive against positive motion.
     pub load_torque_nm: f64,
 }
 
-/// A spring that slips.
+/// State of a spring-slip element.
 #[derive(Clone, Copy, Debug, Default)]
 struct Element {
     torque: f64,
     slips: bool,
 }
 
-/// Seal and gear in motion.
+/// State of seal and gear.
 #[derive(Clone, Debug)]
 pub struct Seal {
     p: Parameters,
     shaft: Shaft,
     elements: [Element; ELEMENTS],
     gear: f64,
-    /// Temperature of the film and what the thermometer shows, deg C.
+    /// Temperature of the film and reading of the thermometer, deg C.
     film_c: f64,
     shown_c: f64,
-    /// Side load that has crept into the ring, N, and the last one, N.
+    /// Side load after creep, N, and the last side load, N.
     crept_n: f64,
     last_n: f64,
-    /// Normal force the level was last computed for, N, and the level's gain over the unloaded one.
+    /// Normal force for which the level was last computed, N, and the gain relative to the unloaded level.
     normal_n: f64,
     gain: f64,
-    /// Viscosity and level over those at 20 deg C.
+    /// Viscosity and level relative to those at 20 deg C.
     viscosity: f64,
     softness: f64,
     lost_j: f64,
     steps: u32,
-    /// Level over the new one: wear.
+    /// Level relative to that of a new seal.
     wear: f64,
     /// Angle of the eccentricity, rad; sine and cosine of that of the out-of-roundness.
     eccentric_rad: f64,
@@ -68,7 +73,9 @@ pub struct Seal {
 }
 
 impl Seal {
-    /// A seal at rest, unloaded, at the water's temperature; the phase of its eccentricity is the machine's, rad.
+    /// Creates an unloaded seal at rest at the water temperature.
+    ///
+    /// `phase_rad` holds the angles of the eccentricity and the out-of-roundness, rad.
     pub fn new(p: &Parameters, phase_rad: [f64; 2]) -> Self {
         let mut seal = Self {
             p: *p,
@@ -90,41 +97,41 @@ impl Seal {
             round: phase_rad[1].sin_cos(),
             torque_nm: 0.0,
         };
-        seal.warm();
+        seal.update_temperature_factors();
         seal
     }
 
-    /// Sets the temperature of film and thermometer, deg C: a joint that has run.
+    /// Sets the temperature of film and thermometer, deg C.
     pub fn set_temperature(&mut self, celsius: f64) {
         (self.film_c, self.shown_c) = (celsius, celsius);
-        self.warm();
+        self.update_temperature_factors();
     }
 
-    /// Lets a side load that is there from the start have crept in.
+    /// Sets the creep state to the steady state of the present side load.
     pub fn settle(&mut self, around: &Around) {
         (self.crept_n, self.last_n) = (around.radial_force_n, around.radial_force_n);
     }
 
-    /// Wears it: the level is so many times the new one.
+    /// Sets the wear: the level relative to that of a new seal.
     pub fn set_wear(&mut self, wear: f64) {
         self.wear = wear;
     }
 
-    /// What the thermometer beside the seal shows, deg C.
+    /// Returns the reading of the thermometer near the seal, deg C.
     pub fn shown_temperature_c(&self) -> f64 {
         self.shown_c
     }
 
-    /// Friction torque of seal and gear, Nm, positive against positive motion.
+    /// Returns the friction torque of seal and gear, Nm, positive against positive motion.
     pub fn torque_nm(&self) -> f64 {
         self.torque_nm
     }
 
-    /// One step of `dt` (s) at a velocity (rad/s) and position (rad); gives the friction torque, Nm.
+    /// Integrates by `dt` (s) at a velocity (rad/s) and position (rad). Returns the friction torque, Nm.
     pub fn step(&mut self, velocity: f64, position: f64, around: &Around, dt: f64) -> f64 {
         let p = &self.p;
         let speed = velocity.abs();
-        // The ring is pressed by its energiser, the water and the bent shaft; that creeps.
+        // The energiser, the water and the bent shaft press the ring. The force of the shaft creeps.
         let load = around.radial_force_n;
         let rate = (load - self.last_n) / dt;
         self.last_n = load;
@@ -148,10 +155,10 @@ impl Seal {
         let stribeck = (-speed / p.stribeck_velocity_rad_s).exp();
         let level =
             new * (p.friction_kinetic + (p.friction_static - p.friction_kinetic) * stribeck);
-        // Radial motion shears the contact, too.
+        // Radial motion also shears the contact.
         let sheared = velocity
             + p.radial_coupling_rad_per_m * self.shaft.displacement_per_load_m_per_n() * rate;
-        let held = slip(&mut self.elements, p, sheared, level, dt);
+        let held = advance_elements(&mut self.elements, p, sheared, level, dt);
         let viscous = p.film_viscous_nm_s_per_rad * self.viscosity * velocity
             / (1.0 + speed / p.film_thinning_rad_s);
         let damping = p.presliding_damping_nm_s_per_rad * stribeck * velocity;
@@ -161,13 +168,14 @@ impl Seal {
         self.gear = (self.gear + p.gear_stiffness_nm_per_rad * velocity * dt).max(-most).min(most);
         self.lost_j += (seal * velocity * dt).max(0.0);
         self.steps += 1;
-        if self.steps >= SLOW {
-            self.heat(dt * f64::from(SLOW));
+        if self.steps >= THERMAL_DIVIDER {
+            self.heat(dt * f64::from(THERMAL_DIVIDER));
         }
         self.torque_nm = seal + self.gear;
         self.torque_nm
     }
 
+    /// Advances the thermal states by `dt` (s).
     fn heat(&mut self, dt: f64) {
         let p = &self.p;
         let power = self.lost_j / dt;
@@ -175,18 +183,19 @@ impl Seal {
         self.film_c += dt * (power - lost) / p.film_heat_capacity_j_per_k;
         self.shown_c += dt / p.thermometer_lag_s * (self.film_c - self.shown_c);
         (self.lost_j, self.steps) = (0.0, 0);
-        self.warm();
+        self.update_temperature_factors();
     }
 
-    fn warm(&mut self) {
+    /// Updates viscosity and level for the film temperature.
+    fn update_temperature_factors(&mut self) {
         let above = self.film_c - 20.0;
         self.viscosity = (-self.p.film_per_kelvin * above).exp();
         self.softness = (-self.p.level_per_kelvin * above).exp();
     }
 }
 
-/// The elements move on; gives what they hold together, Nm.
-fn slip(
+/// Advances the elements by `dt` (s). Returns their total torque, Nm.
+fn advance_elements(
     elements: &mut [Element; ELEMENTS],
     p: &Parameters,
     velocity: f64,
@@ -208,7 +217,7 @@ fn slip(
             element.torque += dt * stiffness * velocity;
             element.slips = element.torque * direction >= own;
             if element.slips {
-                // Of a step that went beyond its level, no more than that is kept.
+                // An element that exceeds its level within the step is limited to it.
                 element.torque = direction * own;
             }
         }
@@ -232,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn sliding_friction_is_of_the_papers_size_and_grows_with_load_and_pressure() {
+    fn step_when_sliding_returns_torque_of_the_paper_that_grows_with_load_and_pressure() {
         let rpm = std::f64::consts::TAU / 60.0;
         let low = Around { radial_force_n: 30.0, pressure_diff_pa: 0.02e6, load_torque_nm: 0.0 };
         let high = Around { radial_force_n: 50.0, pressure_diff_pa: 0.28e6, load_torque_nm: 0.0 };
@@ -241,22 +250,22 @@ mod tests {
         assert!(plain < least && least < most, "{plain}, {least}, {most}");
         // The paper's 2 to 3.5 Nm (II-B).
         assert!(least > 1.8 && most < 3.7, "{least}, {most}");
-        assert!((sliding(-35.0 * rpm, low) + least).abs() < 1e-9, "no direction is preferred");
+        assert!((sliding(-35.0 * rpm, low) + least).abs() < 1e-9, "the friction is symmetric");
     }
 
     #[test]
-    fn small_strokes_are_springs_and_large_ones_slip() {
+    fn step_with_small_stroke_behaves_as_spring() {
         let mut seal = Seal::new(&Parameters::default(), [0.0; 2]);
         let around = Around::default();
-        // 1e-4 rad there: a spring of some 4000 Nm/rad and the gear's 2e4.
+        // A stroke of 1e-4 rad on a spring of about 4000 Nm/rad and the gear with 2e4 Nm/rad.
         let there = (0..1000).map(|_| seal.step(0.004, 0.0, &around, DT)).last().unwrap();
         assert!((0.4..2.4).contains(&there), "{there}");
         let back = (0..1000).map(|_| seal.step(-0.004, 0.0, &around, DT)).last().unwrap();
-        assert!(back.abs() < 0.6 * there, "{back} of {there}: mostly given back");
+        assert!(back.abs() < 0.6 * there, "{back} of {there}: mostly recovered");
     }
 
     #[test]
-    fn it_warms_and_then_rubs_less() {
+    fn step_after_warm_up_returns_smaller_torque() {
         let mut seal = Seal::new(&Parameters::default(), [0.0; 2]);
         let run = |seal: &mut Seal, seconds: f64| {
             let steps = (seconds / DT) as usize;

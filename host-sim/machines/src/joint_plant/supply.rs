@@ -1,25 +1,25 @@
-//! The bus: a capacitor, and a supply that charges it and takes nothing back.
+//! DC bus: a capacitor and a unidirectional supply.
 //!
-//! A bench supply or a rectifier holds its voltage from below alone. What a joint gives back while it brakes stays in the
-//! capacitor, `C/2 (u^2 - u0^2)`, until it is used up; so the bus rises. What the bridge draws is power by power: the sum of phase
-//! voltages times currents over the bus voltage, open diodes included.
+//! A bench supply or a rectifier can charge the bus but not discharge it. The braking energy of the joint stays in the
+//! capacitor, `C/2 (u^2 - u0^2)`, so the bus voltage rises. The bridge current follows from the power balance: the sum
+//! of phase voltages times phase currents, divided by the bus voltage. This includes the diodes of an open bridge.
 
 use super::parameters::Parameters;
 
-/// Capacitor and supply.
+/// State of capacitor and supply.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Supply {
     /// Voltage the supply is set to, V.
     pub set_v: f64,
-    /// At the capacitor, V.
+    /// Voltage of the capacitor, V.
     bus_v: f64,
-    /// Charge of a volt, F, and what is between supply and capacitor, ohm.
+    /// Capacitance, F, and resistance between supply and capacitor, ohm.
     capacitance_f: f64,
     resistance_ohm: f64,
 }
 
 impl Supply {
-    /// Charged, at rest.
+    /// Creates a charged bus without current.
     pub fn of(p: &Parameters) -> Self {
         Self {
             set_v: p.bus_voltage_v,
@@ -29,19 +29,19 @@ impl Supply {
         }
     }
 
-    /// At the capacitor, V.
+    /// Returns the voltage of the capacitor, V.
     pub fn bus_v(&self) -> f64 {
         self.bus_v
     }
 
-    /// A step of `dt` (s) in which the bridge draws so many ampere.
+    /// Integrates by `dt` (s) while the bridge draws `drawn_a` (A).
     pub fn step(&mut self, drawn_a: f64, dt: f64) {
-        // Exact for a constant draw: 50 us are a time constant of capacitor and cable.
+        // Exact for a constant current, because the time constant of capacitor and cable is only 50 us.
         let left = self.set_v - drawn_a * self.resistance_ohm;
         let settled = (-dt / (self.resistance_ohm * self.capacitance_f)).exp();
         if self.bus_v <= self.set_v {
             let charged = left + (self.bus_v - left) * settled;
-            // Beyond its voltage the supply does nothing.
+            // Above its set voltage the supply is inactive.
             if charged <= self.set_v {
                 self.bus_v = charged;
                 return;
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn energy_given_back_stays_and_a_load_pulls_it_down() {
+    fn step_with_recovered_energy_raises_the_bus_until_current_is_drawn() {
         let p = Parameters::default();
         let mut supply = Supply::of(&p);
         // 1 J at constant power.
@@ -67,7 +67,7 @@ mod tests {
         }
         let wanted = (48f64.powi(2) + 2.0 / p.bus_capacitance_f).sqrt();
         assert!((supply.bus_v() - wanted).abs() < 0.05, "{} of {wanted}", supply.bus_v());
-        // It stays there until somebody draws.
+        // The voltage stays constant until current is drawn.
         (0..1000).for_each(|_| supply.step(0.0, dt));
         assert!((supply.bus_v() - wanted).abs() < 0.05);
         (0..10_000).for_each(|_| supply.step(10.0, dt));

@@ -1,8 +1,8 @@
-//! What the valves are told over a run: a set pressure for each muscle, in steps.
+//! Set pressures of the muscles over a run, as steps.
 //!
-//! The paper's course (its figures 3 and 5): all muscles at 550 kPa, then one of each pair let down for thirty
-//! seconds and filled again, then the other. Other courses have the same pattern with times and depths of
-//! their own, so that what was fitted on one can be judged on another.
+//! In the paper's course (figures 3 and 5), all muscles have 550 kPa. Then one muscle of each pair is released for
+//! thirty seconds and filled again, and then the other. Random courses have the same pattern with other times and
+//! pressures, so that a model fitted on one course can be evaluated on another.
 
 use super::muscle::Side;
 use rand::{Rng, RngExt};
@@ -13,20 +13,20 @@ pub const FILLED_PA: f64 = 550e3;
 /// Length of the paper's runs, s.
 pub const SECONDS: f64 = 110.0;
 
-/// A muscle is let down for a while.
+/// A temporary reduction of the pressure of one muscle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Release {
-    /// Which of the pair.
+    /// Muscle of the pair.
     pub side: Side,
-    /// From when, s.
+    /// Start time, s.
     pub from_s: f64,
-    /// Until when, s.
+    /// End time, s.
     pub until_s: f64,
-    /// By how much, Pa.
+    /// Pressure reduction, Pa.
     pub by_pa: f64,
 }
 
-/// A run's commands: what each joint's pair does.
+/// Pressure commands of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Course {
     /// Releases of each joint, in any order.
@@ -34,7 +34,7 @@ pub struct Course {
 }
 
 impl Course {
-    /// Figures 3 (joints 1 and 3) and 5 (joint 2) of the paper.
+    /// Returns the course of figures 3 (joints 1 and 3) and 5 (joint 2) of the paper.
     pub fn printed() -> Self {
         let releases = |first: Side, second: Side, kpa: [f64; 2]| {
             vec![
@@ -47,12 +47,12 @@ impl Course {
         Self { joints: [outer.clone(), middle, outer] }
     }
 
-    /// The same pattern with other times and depths, each joint by itself.
-    pub fn drawn(random: &mut impl Rng) -> Self {
+    /// Draws a course of the same pattern with other times and pressures, independently for each joint.
+    pub fn draw(random: &mut impl Rng) -> Self {
         let mut joint = || {
             let sides =
                 if random.random() { [Side::Left, Side::Right] } else { [Side::Right, Side::Left] };
-            // Between releases all comes to rest, as in the paper: ten seconds and more.
+            // At least ten seconds between releases, so that the arm comes to rest as in the paper.
             [(8.0, 35.0), (60.0, 85.0)]
                 .into_iter()
                 .zip(sides)
@@ -67,7 +67,7 @@ impl Course {
         Self { joints: [joint(), joint(), joint()] }
     }
 
-    /// Set pressure of a muscle at a time, Pa.
+    /// Returns the set pressure of a muscle at a time, Pa.
     pub fn set_pa(&self, joint: usize, side: Side, time_s: f64) -> f64 {
         let released = |of: &&Release| of.side == side && (of.from_s..of.until_s).contains(&time_s);
         let down: f64 = self.joints[joint].iter().filter(released).map(|of| of.by_pa).sum();

@@ -1,44 +1,45 @@
-//! The friction of the arm's joints: the truth, which none of the models fitted to it is.
+//! True friction of the arm's joints. It differs from all models that are fitted to it.
 //!
-//! Three elements side by side hold the joint, each an elastic one that yields (Dahl's, with an exponent):
-//! `z' = v (1 - sgn(v z) |k z / (w g)|^n)`, with shares `w` of the level and stiffnesses so far apart that the
-//! joint gives way bit by bit, as a bearing beside a bent rubber muscle does. The level `g` falls with speed by
-//! a Stribeck curve with an exponent of 1, rises with the pull of both muscles, which presses on the
-//! bearings, and is larger one way than the other. What is viscous thins with speed.
+//! Each joint has three parallel elastoplastic elements (Dahl's law with an exponent):
+//! `z' = v (1 - sgn(v z) |k z / (w g)|^n)` with shares `w` of the level. The stiffnesses differ widely, so that the
+//! joint yields gradually, like a bearing in parallel with a bent rubber muscle.
 //!
-//! Sizes are of the order the paper finds: about 1.5, 3 and 0.15 Nm s/rad.
+//! The level `g` falls with speed by a Stribeck curve of exponent 1. It rises with the pull of both muscles, which loads
+//! the bearings, and depends on the direction. The viscous friction thins with speed.
+//!
+//! The viscous coefficients are in the order of the paper's results: about 1.5, 3 and 0.15 Nm s/rad.
 
-/// Elements side by side.
+/// Number of parallel elements.
 pub const ELEMENTS: usize = 3;
 
-/// A joint's friction, SI units.
+/// Friction of a joint, SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
     /// Level in fast sliding at the pull of 550 kPa in both muscles, Nm.
     pub coulomb_nm: f64,
-    /// The same at rest, Nm.
+    /// Level at rest and the same pull, Nm.
     pub static_nm: f64,
-    /// Speed at which the difference has fallen to a third, rad/s.
+    /// Speed at which the difference has fallen to 1/e, rad/s.
     pub stribeck_rad_s: f64,
     /// Viscous coefficient at rest, Nm s/rad.
     pub viscous: f64,
-    /// Speed at which it has thinned to 0.7 of that, rad/s.
+    /// Speed scale of the thinning, rad/s. The coefficient is there 0.84 of that at rest.
     pub thinning_rad_s: f64,
-    /// Share by which the level is larger forwards, and smaller backwards.
+    /// Relative increase of the level in positive direction, and decrease in negative direction.
     pub asymmetry: f64,
-    /// Share of the level that goes with the muscles' pull.
+    /// Share of the level that is proportional to the pull of the muscles.
     pub by_pull: f64,
     /// Stiffness of each element, Nm/rad.
     pub stiffness: [f64; ELEMENTS],
 }
 
-/// Share of the level each element holds.
+/// Share of each element in the level.
 const SHARES: [f64; ELEMENTS] = [0.5, 0.3, 0.2];
 
-/// How sharply an element yields; 1 is Dahl's law.
+/// Exponent of the yielding. 1 is Dahl's law.
 const SHARPNESS: i32 = 2;
 
-/// The three joints.
+/// Friction of the three joints.
 pub const JOINTS: [Friction; 3] = [
     Friction {
         coulomb_nm: 0.10,
@@ -73,7 +74,7 @@ pub const JOINTS: [Friction; 3] = [
 ];
 
 impl Friction {
-    /// Level, Nm, at a speed (rad/s) and a pull beside that of 550 kPa in both muscles.
+    /// Returns the level, Nm, at a speed (rad/s) and a pull relative to that of 550 kPa in both muscles.
     fn level(&self, velocity: f64, pull: f64) -> f64 {
         let excess =
             (self.static_nm - self.coulomb_nm) * (-velocity.abs() / self.stribeck_rad_s).exp();
@@ -81,7 +82,7 @@ impl Friction {
         (self.coulomb_nm + excess) * loaded * (1.0 + self.asymmetry * velocity.signum())
     }
 
-    /// Rates of the elements' deflections, rad/s.
+    /// Returns the rates of the elements' deflections, rad/s.
     pub fn rates(&self, z: [f64; ELEMENTS], velocity: f64, pull: f64) -> [f64; ELEMENTS] {
         let level = self.level(velocity, pull);
         std::array::from_fn(|i| {
@@ -91,7 +92,7 @@ impl Friction {
         })
     }
 
-    /// Torque, Nm, positive where it has to be driven towards positive velocity.
+    /// Returns the friction torque, Nm, positive against positive velocity.
     pub fn torque_nm(&self, z: [f64; ELEMENTS], velocity: f64) -> f64 {
         let held: f64 = (0..ELEMENTS).map(|i| self.stiffness[i] * z[i]).sum();
         let thinned = (1.0 + (velocity / self.thinning_rad_s).powi(2)).sqrt().sqrt();
@@ -113,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn steady_sliding_holds_the_level_and_falls_with_speed() {
+    fn torque_in_steady_sliding_is_level_plus_viscous_part() {
         let viscous = |v: f64| 3.2 * v / (1.0 + v * v).powf(0.25);
         let level = |v: f64| {
             (0.35 + 0.15 * (-v.abs() / 0.05_f64).exp()) * (1.0 + 0.05 * v.signum()) * v.signum()
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_turn_to_and_fro_takes_energy() {
+    fn torque_in_small_oscillation_dissipates_energy() {
         let (mut z, mut work, dt) = ([0.0; ELEMENTS], 0.0, 1e-4);
         for step in 0..40_000 {
             let velocity = 0.02 * (f64::from(step) * dt * std::f64::consts::TAU).cos();

@@ -1,10 +1,11 @@
-//! Runs of the arm: its whole state in time, what its sensors show, repeats averaged.
+//! Simulated runs of the arm, with sensor noise, averaged over repeats.
 //!
-//! The state is three angles, three speeds, three deflections of each joint's friction and six pressures, advanced
-//! together by the classic Runge-Kutta step of a fourth of a log's row. A run begins hanging and empty, is filled,
-//! and follows its course. Repeats differ in what a laboratory does not hold: how exactly the valves
-//! regulate, how much the joints rub that day, where the arm came to rest before. As in the paper the log is
-//! their average, sample by sample.
+//! The state consists of three angles, three speeds, three friction deflections per joint, and six pressures. It is
+//! integrated by the classic Runge-Kutta method. A run starts with a hanging arm and empty muscles, which are filled
+//! first.
+//!
+//! Repeats differ in the regulation error of the valves, the friction level and the initial angles. As in the paper,
+//! the log is the average of all repeats, sample by sample.
 
 use super::course::Course;
 use super::friction::{ELEMENTS, Friction, JOINTS};
@@ -15,36 +16,36 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Steps per row of the log. At 1 kHz a quarter of a millisecond: the stiffest element yields in 3 ms.
-const STEPS_PER_ROW: usize = 2;
+/// Minimum number of integration steps per row. At 1 kHz a step takes 0.5 ms; the stiffest element yields in 3 ms.
+const MIN_STEPS_PER_ROW: usize = 2;
 
-/// How exactly a valve regulates from day to day, Pa.
-const VALVE_PA: f64 = 2e3;
-/// How much the level of friction differs from day to day, share.
-const LEVEL_SHARE: f64 = 0.03;
-/// Where the arm hangs at first, rad.
-const HANGING_RAD: f64 = 2e-3;
+/// Standard deviation of the regulation error of a valve, Pa.
+const VALVE_DEVIATION_PA: f64 = 2e3;
+/// Relative standard deviation of the friction level.
+const LEVEL_DEVIATION: f64 = 0.03;
+/// Standard deviation of the initial angles, rad.
+const INITIAL_ANGLE_DEVIATION_RAD: f64 = 2e-3;
 /// Noise of an angle, rad, as of an encoder with 0.02 degrees.
-const ANGLE_RAD: f64 = 3.5e-4;
+const ANGLE_NOISE_RAD: f64 = 3.5e-4;
 /// Noise of a speed, rad/s.
-const SPEED_RAD_S: f64 = 5e-3;
+const SPEED_NOISE_RAD_S: f64 = 5e-3;
 /// Noise of a pressure, Pa.
-const PRESSURE_PA: f64 = 500.0;
+const PRESSURE_NOISE_PA: f64 = 500.0;
 
 /// Columns of a joint, in the order of [`Averaged::joints`].
 pub const COLUMNS: [&str; 5] =
     ["velocity_rad_s", "torque_nm", "position_rad", "pressure_left_pa", "pressure_right_pa"];
 
-/// How a run is recorded.
+/// Recording parameters of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Recording {
     /// Length, s.
     pub seconds: f64,
     /// Sample rate, Hz.
     pub rate_hz: f64,
-    /// Repeats that are averaged.
+    /// Number of averaged repeats.
     pub repeats: usize,
-    /// Standard deviation of the torque sensor in each joint, Nm.
+    /// Standard deviation of the torque noise of each joint, Nm.
     pub noise_nm: f64,
 }
 
@@ -54,47 +55,51 @@ impl Default for Recording {
     }
 }
 
-/// A run averaged over its repeats.
+/// Log of a run, averaged over its repeats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Averaged {
     /// Time, s.
     pub time_s: Vec<f64>,
-    /// The columns of each joint, as [`COLUMNS`] names them.
+    /// The columns of each joint, in the order of [`COLUMNS`].
     pub joints: [[Vec<f64>; COLUMNS.len()]; 3],
 }
 
 const STATES: usize = 6 + 3 * ELEMENTS + 6;
 type State = [f64; STATES];
 
-/// A day in the laboratory.
-struct Day<'a> {
+/// Parameters of one repeat.
+struct Repeat<'a> {
     course: &'a Course,
     friction: [Friction; 3],
     valves_pa: [[f64; 2]; 3],
 }
 
+/// Returns three consecutive states.
 fn triple(state: &State, from: usize) -> [f64; 3] {
     [state[from], state[from + 1], state[from + 2]]
 }
 
 const SIDES: [Side; 2] = [Side::Left, Side::Right];
 
-impl Day<'_> {
+impl Repeat<'_> {
+    /// Returns the gauge pressures of a joint (left, right), Pa.
     fn pressures(state: &State, joint: usize) -> [f64; 2] {
         let at = 6 + 3 * ELEMENTS + 2 * joint;
         [state[at], state[at + 1]]
     }
 
-    /// Pull of both muscles of a joint beside that of 550 kPa in both, there.
+    /// Returns the pull of both muscles of a joint relative to that of 550 kPa in both.
     fn pull(state: &State, joint: usize) -> f64 {
         let [left, right] = Self::pressures(state, joint);
         ((left + right) / (2.0 * super::course::FILLED_PA)).max(0.0)
     }
 
+    /// Returns the friction torque of a joint, Nm.
     fn friction_nm(&self, state: &State, joint: usize) -> f64 {
         self.friction[joint].torque_nm(triple(state, 6 + ELEMENTS * joint), state[3 + joint])
     }
 
+    /// Returns the time derivative of the state.
     fn rates(&self, time_s: f64, state: &State) -> State {
         let (q, v) = (triple(state, 0), triple(state, 3));
         let torque = std::array::from_fn(|i| {
@@ -118,8 +123,7 @@ impl Day<'_> {
         rates
     }
 
-    /// One step of Runge and Kutta. The commands jump between steps only where a row begins, so each step has
-    /// one command throughout.
+    /// Integrates one Runge-Kutta step. The commands change only at rows, so they are constant within a step.
     fn advance(&self, time_s: f64, state: &State, dt: f64) -> State {
         let moved =
             |rates: &State, h: f64| -> State { std::array::from_fn(|i| state[i] + h * rates[i]) };
@@ -131,60 +135,61 @@ impl Day<'_> {
     }
 }
 
-/// One repeat, its columns side by side.
-fn repeat(course: &Course, how: &Recording, seed: u64) -> [[Vec<f64>; COLUMNS.len()]; 3] {
+/// Simulates one repeat and returns its columns.
+fn simulate_repeat(course: &Course, how: &Recording, seed: u64) -> [[Vec<f64>; COLUMNS.len()]; 3] {
     let mut random = Pcg64::seed_from_u64(seed);
     let of = |size: f64| Normal::new(0.0, size).unwrap_or_else(|_| unreachable!("a size"));
     let mut draw = |size: f64| of(size).sample(&mut random);
-    let day = Day {
+    let parameters = Repeat {
         course,
         friction: JOINTS.map(|joint| {
-            let level = 1.0 + draw(LEVEL_SHARE);
+            let level = 1.0 + draw(LEVEL_DEVIATION);
             Friction {
                 coulomb_nm: level * joint.coulomb_nm,
                 static_nm: level * joint.static_nm,
                 ..joint
             }
         }),
-        valves_pa: std::array::from_fn(|_| [draw(VALVE_PA), draw(VALVE_PA)]),
+        valves_pa: std::array::from_fn(|_| [draw(VALVE_DEVIATION_PA), draw(VALVE_DEVIATION_PA)]),
     };
     let mut state = [0.0; STATES];
-    state[..3].iter_mut().for_each(|angle| *angle = draw(HANGING_RAD));
+    state[..3].iter_mut().for_each(|angle| *angle = draw(INITIAL_ANGLE_DEVIATION_RAD));
     let rows = rows(how);
     let mut columns: [[Vec<f64>; COLUMNS.len()]; 3] =
         std::array::from_fn(|_| std::array::from_fn(|_| Vec::with_capacity(rows)));
     let period = 1.0 / how.rate_hz;
-    let steps = STEPS_PER_ROW.max((period / 5e-4).ceil() as usize);
+    let steps = MIN_STEPS_PER_ROW.max((period / 5e-4).ceil() as usize);
     let dt = period / steps as f64;
     for row in 0..rows {
         for (joint, columns) in columns.iter_mut().enumerate() {
-            let [left, right] = Day::pressures(&state, joint);
+            let [left, right] = Repeat::pressures(&state, joint);
             let shown = [
-                state[3 + joint] + draw(SPEED_RAD_S),
-                day.friction_nm(&state, joint) + draw(how.noise_nm),
-                state[joint] + draw(ANGLE_RAD),
-                left + draw(PRESSURE_PA),
-                right + draw(PRESSURE_PA),
+                state[3 + joint] + draw(SPEED_NOISE_RAD_S),
+                parameters.friction_nm(&state, joint) + draw(how.noise_nm),
+                state[joint] + draw(ANGLE_NOISE_RAD),
+                left + draw(PRESSURE_NOISE_PA),
+                right + draw(PRESSURE_NOISE_PA),
             ];
             columns.iter_mut().zip(shown).for_each(|(column, value)| column.push(value));
         }
         for step in 0..steps {
-            state = day.advance(row as f64 * period + step as f64 * dt, &state, dt);
+            state = parameters.advance(row as f64 * period + step as f64 * dt, &state, dt);
         }
     }
     columns
 }
 
-/// Rows of a run: both ends are logged.
+/// Returns the number of rows of a run. It includes the start and the end.
 fn rows(how: &Recording) -> usize {
     (how.seconds * how.rate_hz).round() as usize + 1
 }
 
-/// Records a course; the same seed and recording give the same rows.
+/// Records a course. The same seed and recording give the same rows.
 pub fn record(course: &Course, how: &Recording, seed: u64) -> Averaged {
     let mut random = Pcg64::seed_from_u64(seed);
     let seeds: Vec<u64> = (0..how.repeats.max(1)).map(|_| random.random()).collect();
-    let repeats: Vec<_> = seeds.into_par_iter().map(|seed| repeat(course, how, seed)).collect();
+    let repeats: Vec<_> =
+        seeds.into_par_iter().map(|seed| simulate_repeat(course, how, seed)).collect();
     let count = repeats.len() as f64;
     let joints = std::array::from_fn(|joint| {
         std::array::from_fn(|column| {
@@ -208,10 +213,10 @@ mod tests {
     }
 
     #[test]
-    fn a_released_muscle_turns_its_joint_and_the_arm_comes_to_rest() {
+    fn record_with_released_muscles_turns_the_joints() {
         let run = short(1000.0);
         let angle = |joint: usize, at_s: usize| run.joints[joint][2][1000 * at_s].to_degrees();
-        // Right muscles of joints 1 and 3 let go, the left one of joint 2.
+        // The right muscles of joints 1 and 3 and the left one of joint 2 are released.
         assert!(angle(0, 13) < -10.0 && angle(1, 13) > 3.0 && angle(2, 13) < -5.0);
         for joint in 0..3 {
             assert!(angle(joint, 9).abs() < 1.0, "{joint}");
@@ -219,8 +224,8 @@ mod tests {
     }
 
     #[test]
-    fn a_finer_step_moves_no_joint_that_matters() {
-        // The same draws at another rate: noise differs from row to row, so angles are averaged.
+    fn record_with_smaller_step_gives_the_same_angles() {
+        // The noise differs between the two rates, so the angles are averaged.
         let mean = |run: &Averaged, rate: usize, joint: usize| {
             let part = &run.joints[joint][2][13 * rate..];
             part.iter().sum::<f64>() / part.len() as f64

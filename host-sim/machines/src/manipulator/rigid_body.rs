@@ -1,13 +1,14 @@
-//! The arm as three rigid bodies, by the recursive method of Newton and Euler.
+//! Rigid-body dynamics of the arm by the recursive Newton-Euler method.
 //!
-//! The arm hangs from its support: joint 1 turns about the vertical, joints 2 and 3 about one horizontal axis
-//! carried along by joint 1. All angles are 0 where both links hang straight down, which is where muscles at
-//! equal pressure hold it. Joint 1's link counts by its inertia about the vertical alone, as the paper's
-//! Table 2 names no mass for it. In a link's own frame `x` is the joint axis, `y` runs along the link and `z`
-//! is square to both: with that reading Table 2 holds just the quantities the dynamics need, and no other.
+//! The arm hangs from its support. Joint 1 turns about the vertical. Joints 2 and 3 turn about parallel horizontal axes
+//! that rotate with joint 1. All angles are 0 if both links hang straight down, which is the equilibrium at equal
+//! pressures. Table 2 of the paper gives no mass of link 1, so only its inertia about the vertical is modelled.
 //!
-//! The recursion goes outwards for velocities and accelerations of each body and inwards for torques. No mass
-//! matrix is written down: its columns are the torques of unit accelerations.
+//! In the frame of a link, `x` is the joint axis, `y` points along the link, and `z` is orthogonal to both. With this
+//! interpretation, Table 2 contains exactly the quantities that the dynamics need.
+//!
+//! The recursion computes velocities and accelerations from the base to the tip, and torques from the tip to the base.
+//! The columns of the mass matrix are the torques of unit accelerations.
 
 /// Gravity, m/s^2.
 pub const GRAVITY_M_S2: f64 = 9.81;
@@ -17,9 +18,9 @@ pub const GRAVITY_M_S2: f64 = 9.81;
 pub struct Links {
     /// Length of link 2, m.
     pub length_2_m: f64,
-    /// Joint 2 to the centre of mass of link 2, m.
+    /// Distance from joint 2 to the centre of mass of link 2, m.
     pub centre_2_m: f64,
-    /// Joint 3 to the centre of mass of link 3, m.
+    /// Distance from joint 3 to the centre of mass of link 3, m.
     pub centre_3_m: f64,
     /// Mass of link 2, kg.
     pub mass_2_kg: f64,
@@ -29,7 +30,7 @@ pub struct Links {
     pub inertia_1_kg_m2: f64,
     /// Inertia of link 2 about its centre of mass and axes `x`, `y`, `z`, kg m^2.
     pub inertia_2_kg_m2: [f64; 3],
-    /// The same of link 3.
+    /// Inertia of link 3 about its centre of mass and axes `x`, `y`, `z`, kg m^2.
     pub inertia_3_kg_m2: [f64; 3],
 }
 
@@ -65,10 +66,12 @@ fn cross(a: Vector, b: Vector) -> Vector {
 
 const UP: Vector = [0.0, 0.0, 1.0];
 
-/// A body's axes in the world: joint axis, along the link, square to both.
+/// Axes of a body in world coordinates: joint axis, along the link, orthogonal to both.
 type Axes = [Vector; 3];
 
-/// Axes of a link that leans by `lean` (rad) from hanging, its joint axis turned by `turn` about the vertical.
+/// Returns the axes of a link at an angle `lean` (rad) from the hanging position.
+///
+/// Its joint axis is turned by `turn` (rad) about the vertical.
 fn axes(turn: f64, lean: f64) -> Axes {
     let joint = [turn.cos(), turn.sin(), 0.0];
     let ahead = [-turn.sin(), turn.cos(), 0.0];
@@ -76,21 +79,20 @@ fn axes(turn: f64, lean: f64) -> Axes {
     [joint, along, cross(joint, along)]
 }
 
-/// Inertia of a body with these axes times a vector.
+/// Returns the product of the inertia of a body with these axes and a vector.
 fn inertia_times(axes: &Axes, inertia: [f64; 3], vector: Vector) -> Vector {
     let part = |i: usize| scaled(axes[i], inertia[i] * dot(axes[i], vector));
     add(add(part(0), part(1)), part(2))
 }
 
 impl Links {
-    /// Joint torques, Nm, that give these accelerations (rad/s^2) at these angles (rad) and speeds (rad/s), under
-    /// this gravity (m/s^2).
+    /// Returns the joint torques, Nm, for these accelerations (rad/s^2), angles (rad), speeds (rad/s) and gravity (m/s^2).
     pub fn inverse_dynamics(&self, q: Vector, v: Vector, a: Vector, gravity: f64) -> Vector {
         let [second, third] = [axes(q[0], q[1]), axes(q[0], q[1] + q[2])];
         let joint = second[0];
         let rate_1 = scaled(UP, v[0]);
         let spin_1 = scaled(UP, a[0]);
-        // A joint's own turning adds to the rate of the body it stands on, and is turned along with it.
+        // The velocity of a joint adds to the angular velocity of its base, in the rotating frame of the base.
         let onto = |rate: Vector, spin: Vector, v: f64, a: f64| {
             let carried = cross(rate, scaled(joint, v));
             (add(rate, scaled(joint, v)), add(add(spin, scaled(joint, a)), carried))
@@ -124,20 +126,20 @@ impl Links {
         ]
     }
 
-    /// Mass matrix at these angles, kg m^2.
+    /// Returns the mass matrix at these angles, kg m^2.
     pub fn mass_matrix(&self, q: Vector) -> [Vector; 3] {
         let unit = |i: usize| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
         std::array::from_fn(|i| self.inverse_dynamics(q, [0.0; 3], unit(i), 0.0))
     }
 
-    /// Accelerations, rad/s^2, under these joint torques, Nm.
+    /// Returns the accelerations, rad/s^2, for these joint torques, Nm.
     pub fn forward_dynamics(&self, q: Vector, v: Vector, torque: Vector) -> Vector {
         let bias = self.inverse_dynamics(q, v, [0.0; 3], GRAVITY_M_S2);
         let rest = std::array::from_fn(|i| torque[i] - bias[i]);
         solve(self.mass_matrix(q), rest)
     }
 
-    /// Kinetic and potential energy, J; the latter is 0 at the height of joint 2.
+    /// Returns the kinetic and potential energy, J. The potential energy is 0 at the height of joint 2.
     pub fn energy(&self, q: Vector, v: Vector) -> [f64; 2] {
         let momentum = self.mass_matrix(q).map(|row| dot(row, v));
         let height_2 = -self.centre_2_m * q[1].cos();
@@ -173,7 +175,7 @@ fn solve(matrix: [Vector; 3], right: Vector) -> Vector {
 mod tests {
     use super::*;
 
-    /// A step of Runge and Kutta without friction or muscles.
+    /// Integrates one Runge-Kutta step without friction or muscles.
     fn swing(q: Vector, v: Vector, torque: Vector, dt: f64) -> (Vector, Vector) {
         let step = |x: Vector, slope: Vector, h: f64| add(x, scaled(slope, h));
         let at = |q, v| TABLE_2.forward_dynamics(q, v, torque);
@@ -188,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_free_arm_keeps_its_energy_and_its_momentum_about_the_vertical() {
+    fn forward_dynamics_of_free_arm_conserves_energy_and_vertical_momentum() {
         let (mut q, mut v) = ([0.3, 0.9, -0.7], [1.5, -0.4, 2.0]);
         let total = |q, v| TABLE_2.energy(q, v).iter().sum::<f64>();
         let vertical = |q, v| dot(TABLE_2.mass_matrix(q)[0], v);
@@ -201,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_driven_arm_takes_up_the_work_of_its_torques() {
+    fn forward_dynamics_of_driven_arm_gains_the_work_of_its_torques() {
         let (mut q, mut v) = ([0.1, -0.5, 0.4], [0.0; 3]);
         let (from, torque) = (q, [0.3, 4.0, -1.0]);
         let before: f64 = TABLE_2.energy(q, v).iter().sum();
@@ -213,10 +215,9 @@ mod tests {
         assert!((gained - work).abs() < 1e-7 * work.abs().max(1.0), "{gained} {work}");
     }
 
-    /// The arm as Lagrange has it: energies of bodies whose places are differentiated numerically, and the
-    /// equation of motion from their differences. Shares nothing with the recursion but Table 2.
+    /// Reference: Lagrange's equation with numerical derivatives. It shares only Table 2 with the recursion.
     #[test]
-    fn lagranges_equation_gives_the_same_torques() {
+    fn inverse_dynamics_agrees_with_lagranges_equation() {
         let lagrangian = |q: Vector, v: Vector| {
             let h = 1e-5;
             let at = |t: f64| -> Vector { std::array::from_fn(|i| q[i] + t * v[i]) };
@@ -236,7 +237,7 @@ mod tests {
                 kinetic += 0.5 * masses[body] * dot(speed, speed);
                 height += masses[body] * places(q)[body][2];
             }
-            // Rates in the body's frame: the lean about x, the turn about the vertical split over y and z.
+            // Angular velocity in the frame of the body: lean about x; the rotation about the vertical has components in y and z.
             for (inertia, lean, rate) in [
                 (TABLE_2.inertia_2_kg_m2, q[1], v[1]),
                 (TABLE_2.inertia_3_kg_m2, q[1] + q[2], v[1] + v[2]),
@@ -254,7 +255,7 @@ mod tests {
             x
         };
         let momentum = |i: usize, t: f64| {
-            // The path with these speeds and accelerations.
+            // Path with these initial speeds and accelerations.
             let q = std::array::from_fn(|j| q[j] + t * v[j] + 0.5 * t * t * a[j]);
             let v = std::array::from_fn(|j| v[j] + t * a[j]);
             (lagrangian(q, moved(v, i, h)) - lagrangian(q, moved(v, i, -h))) / (2.0 * h)

@@ -1,7 +1,7 @@
-//! Draws a scenario: a campaign, what is hidden in it, and how large that must be to show.
+//! Draws a scenario: a campaign, its hidden effects, and their sizes.
 
 use super::Scenario;
-use super::arrange::{Arrangement, confounded, correlation_over_rows, with_decoy};
+use super::arrange::{Arrangement, correlation_over_rows, draw_confounded, draw_with_decoy};
 use super::drawn_cause::DrawnCause;
 use super::hidden_cause::HiddenCause;
 use super::joint::Joint;
@@ -13,26 +13,28 @@ use super::setting::{Options, Setting};
 use super::surroundings::{Condition, Extra, Signal};
 use super::truth::{Decoy, Hidden, ScenarioTruth};
 
-/// An effect's visible RMS over the noise.
-const OVER_NOISE: (f64, f64) = (0.3, 3.0);
+/// Range of an effect's visible RMS, as a multiple of the noise.
+const EFFECT_TO_NOISE: (f64, f64) = (0.3, 3.0);
 
-/// An effect's visible RMS over the Coulomb level.
-const OVER_LEVEL: (f64, f64) = (0.01, 0.4);
+/// Range of an effect's visible RMS, as a share of the Coulomb level.
+const EFFECT_TO_LEVEL: (f64, f64) = (0.01, 0.4);
 
-/// Standard deviation of a torque sensor, Nm.
+/// Range of the standard deviation of the torque noise, Nm.
 const NOISE_NM: (f64, f64) = (0.02, 0.2);
 
-/// Worlds drawn before one is taken that does not quite show what it should.
-const ATTEMPTS: u64 = 8;
+/// Maximum number of trials. The last one is used even if its effects miss the visibility range.
+const MAX_TRIALS: u64 = 8;
 
+/// Torque of each row of each run, Nm.
 type Torques = Vec<Vec<f64>>;
 
-/// What a kind of scenario is made of.
+/// Effects and column arrangement of a kind of scenario.
 struct Recipe {
     effects: Vec<HiddenCause>,
     arrangement: Arrangement,
 }
 
+/// Draws the effects and the arrangement of a kind.
 fn recipe(sampler: &mut Sampler, kind: Kind) -> Recipe {
     let independent = |effects| Recipe { effects, arrangement: Arrangement::Independent };
     match kind {
@@ -42,27 +44,27 @@ fn recipe(sampler: &mut Sampler, kind: Kind) -> Recipe {
         Kind::Two(first, second) => independent(vec![first, second]),
         Kind::Outside => independent(vec![HiddenCause::OutsideCatalogue]),
         Kind::Confounded => {
-            let (effect, arrangement) = confounded(sampler);
+            let (effect, arrangement) = draw_confounded(sampler);
             Recipe { effects: vec![effect], arrangement }
         }
         Kind::Decoy => {
-            let (effect, arrangement) = with_decoy(sampler);
+            let (effect, arrangement) = draw_with_decoy(sampler);
             Recipe { effects: vec![effect], arrangement }
         }
     }
 }
 
-/// Draws scenarios until one shows what it hides.
+/// Draws scenarios until the hidden effects of one are visible as required.
 pub(super) fn draw(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Options) -> Scenario {
     let trial = |number| {
         let mut trial = Trial::draw(kind, seed, number, options);
-        trial.size(sizes, options.noise_nm);
+        trial.set_sizes(sizes, options.noise_nm);
         trial
     };
     let mut last = trial(0);
-    for number in 1..ATTEMPTS {
-        // A size given by hand is what it is.
-        if sizes.iter().any(Option::is_some) || last.shows() {
+    for number in 1..MAX_TRIALS {
+        // A size given by the user is not changed.
+        if sizes.iter().any(Option::is_some) || last.is_visible() {
             break;
         }
         last = trial(number);
@@ -70,23 +72,23 @@ pub(super) fn draw(kind: Kind, sizes: &[Option<f64>], seed: u64, options: &Optio
     last.scenario(kind, seed, options)
 }
 
-/// A scenario on its way.
+/// A drawn scenario before its log is created.
 struct Trial {
     setting: Setting,
     arrangement: Arrangement,
     hidden: Vec<DrawnCause>,
     noise_nm: f64,
-    /// Visible RMS over the noise that is aimed at.
-    shown: f64,
-    /// Visible RMS of the second effect over that of the first that is aimed at.
-    second: f64,
+    /// Target of the visible RMS, as a multiple of the noise.
+    target_ratio: f64,
+    /// Target of the visible RMS of the second effect, relative to that of the first.
+    second_ratio: f64,
     torques: Torques,
     /// Visible RMS of each effect, Nm.
     visible: Vec<f64>,
 }
 
 impl Trial {
-    /// Draws a campaign and what is hidden in it, at a size to begin with.
+    /// Draws a campaign and its hidden effects, with initial sizes.
     fn draw(kind: Kind, seed: u64, number: u64, options: &Options) -> Self {
         let mut sampler = Sampler::new(seed, 100 + number);
         let Recipe { effects, arrangement } = recipe(&mut sampler, kind);
@@ -95,12 +97,12 @@ impl Trial {
         let needed = flavour.as_ref().and_then(Flavour::extra).or(arrangement.extra());
         let extras: Vec<Extra> = needed.into_iter().collect();
         let mut setting = Setting::draw(sampler.seed(), &effects, &extras, options);
-        arrangement.impose(&mut sampler, &mut setting);
+        arrangement.apply(&mut sampler, &mut setting);
         if effects.contains(&HiddenCause::WarmUp) {
-            // Only where nobody measures it does anyone have to guess the heat.
+            // Without a temperature column, the heat must be estimated from the motion.
             setting.columns.retain(|column| *column != "temperature_c");
         }
-        let flavour = flavour.map(|flavour| placed(flavour, &mut sampler, &setting));
+        let flavour = flavour.map(|flavour| fit_to_campaign(flavour, &mut sampler, &setting));
         if let Some(flavour) = &flavour {
             setting.log_column(flavour.column());
         }
@@ -108,8 +110,8 @@ impl Trial {
         let hidden = effects.iter().map(|&effect| {
             let own = flavour.filter(|_| effect == HiddenCause::OutsideCatalogue);
             let mut hidden = DrawnCause::draw(&mut sampler, effect, &setting, own);
-            if matches!(arrangement, Arrangement::Exactly { .. }) {
-                hidden.straighten();
+            if matches!(arrangement, Arrangement::Proportional { .. }) {
+                hidden.use_linear_drift();
             }
             hidden
         });
@@ -119,63 +121,64 @@ impl Trial {
             arrangement,
             hidden,
             noise_nm: options.noise_nm.unwrap_or(drawn_noise),
-            shown: sampler.log_between(1.25 * OVER_NOISE.0, 0.8 * OVER_NOISE.1),
-            second: sampler.between(0.65, 1.4),
+            target_ratio: sampler.log_between(1.25 * EFFECT_TO_NOISE.0, 0.8 * EFFECT_TO_NOISE.1),
+            second_ratio: sampler.between(0.65, 1.4),
             torques: Torques::new(),
             visible: Vec::new(),
         }
     }
 
-    /// Gives each effect its size, by hand or so that it shows, and simulates.
-    fn size(&mut self, sizes: &[Option<f64>], noise_nm: Option<f64>) {
+    /// Sets the size of each effect, as given or scaled to the target visibility, and simulates.
+    fn set_sizes(&mut self, sizes: &[Option<f64>], noise_nm: Option<f64>) {
         let Self { setting, hidden, .. } = self;
         let plain = Joint::plain(setting.seal);
-        let least_nm = 1.3 * OVER_LEVEL.0 * setting.seal.coulomb_nm;
-        // Two strong effects at once would leave nothing of the law.
-        let most_nm = 0.8 * OVER_LEVEL.1 * setting.seal.coulomb_nm / hidden.len().max(1) as f64;
-        let wanted_nm = (self.shown * self.noise_nm).clamp(least_nm, most_nm);
+        let least_nm = 1.3 * EFFECT_TO_LEVEL.0 * setting.seal.coulomb_nm;
+        // Limits the sum of the effects, so that the friction law stays dominant.
+        let most_nm =
+            0.8 * EFFECT_TO_LEVEL.1 * setting.seal.coulomb_nm / hidden.len().max(1) as f64;
+        let target_nm = (self.target_ratio * self.noise_nm).clamp(least_nm, most_nm);
         let without = setting.torques(&plain);
         let mut alone = None;
         for (at, hidden) in hidden.iter_mut().enumerate() {
-            let wanted_nm = if at == 0 { wanted_nm } else { self.second * wanted_nm };
+            let target_nm = if at == 0 { target_nm } else { self.second_ratio * target_nm };
             if let Some(size) = sizes.get(at).copied().flatten() {
                 hidden.size = size;
             } else {
-                alone = Some(scaled(hidden, setting, &plain, &without, wanted_nm));
+                alone = Some(scale_effect(hidden, setting, &plain, &without, target_nm));
             }
         }
         match hidden.len() {
             0 => self.torques = without,
             1 => {
-                let simulate = || setting.torques(&acting(plain.clone(), &hidden[0]));
+                let simulate = || setting.torques(&with_effect(plain.clone(), &hidden[0]));
                 self.torques = alone.unwrap_or_else(simulate);
                 self.visible = vec![rms_difference(&self.torques, &without)];
             }
             count => {
-                self.torques = setting.torques(&hidden.iter().fold(plain.clone(), acting));
+                self.torques = setting.torques(&hidden.iter().fold(plain.clone(), with_effect));
                 let visible = (0..count).map(|left_out| {
                     let others = hidden.iter().enumerate().filter(|(at, _)| *at != left_out);
-                    let others = others.map(|(_, hidden)| hidden).fold(plain.clone(), acting);
+                    let others = others.map(|(_, hidden)| hidden).fold(plain.clone(), with_effect);
                     rms_difference(&self.torques, &setting.torques(&others))
                 });
                 self.visible = visible.collect();
             }
         }
         if noise_nm.is_none() && sizes.iter().all(Option::is_none) {
-            self.noise_nm = fitting_noise(self.noise_nm, self.shown, &self.visible);
+            self.noise_nm = select_noise(self.noise_nm, self.target_ratio, &self.visible);
         }
     }
 
-    /// Whether all effects show as they should.
-    fn shows(&self) -> bool {
+    /// Returns true if the visible RMS of all effects is within the required ranges.
+    fn is_visible(&self) -> bool {
         let within = |(least, most): (f64, f64), value: f64| (least..=most).contains(&value);
         self.visible.iter().all(|rms| {
-            within(OVER_NOISE, rms / self.noise_nm)
-                && within(OVER_LEVEL, rms / self.setting.seal.coulomb_nm)
+            within(EFFECT_TO_NOISE, rms / self.noise_nm)
+                && within(EFFECT_TO_LEVEL, rms / self.setting.seal.coulomb_nm)
         })
     }
 
-    /// The log and the truth.
+    /// Creates the log and the ground truth.
     fn scenario(mut self, kind: Kind, seed: u64, options: &Options) -> Scenario {
         let own: Vec<&str> = self.hidden.iter().flat_map(DrawnCause::columns).collect();
         let columns = &mut self.setting.columns;
@@ -188,6 +191,7 @@ impl Trial {
         Scenario { log, truth: ScenarioTruth { missing_columns, ..self.truth(kind, seed) } }
     }
 
+    /// Creates the ground truth.
     fn truth(&self, kind: Kind, seed: u64) -> ScenarioTruth {
         let setting = &self.setting;
         let hidden =
@@ -210,11 +214,11 @@ impl Trial {
         let (mut confusable_with, mut decoys) = (Vec::new(), Vec::new());
         match self.arrangement {
             Arrangement::Independent => {}
-            Arrangement::Exactly { leader, follower, twin } => {
+            Arrangement::Proportional { leader, follower, twin } => {
                 confusable_with.push(twin.name());
                 description += &format!("; {follower} always goes with {leader}");
             }
-            Arrangement::Nearly { follows, decoy } => {
+            Arrangement::Correlated { follows, decoy } => {
                 let correlation = correlation_over_rows(setting, follows, decoy);
                 description += &format!("; {decoy} goes nearly with {follows} and does nothing");
                 decoys.push(Decoy { column: decoy, follows, correlation });
@@ -240,8 +244,8 @@ impl Trial {
     }
 }
 
-/// A structure over the range its column really has in a campaign.
-fn placed(flavour: Flavour, sampler: &mut Sampler, setting: &Setting) -> Flavour {
+/// Sets the range of an effect outside the catalogue to that of its column in the campaign.
+fn fit_to_campaign(flavour: Flavour, sampler: &mut Sampler, setting: &Setting) -> Flavour {
     let range = |signal: &dyn Fn(&Condition) -> Signal| {
         let ends = setting.runs.iter().flat_map(|run| {
             let signal = signal(&run.condition);
@@ -259,7 +263,7 @@ fn placed(flavour: Flavour, sampler: &mut Sampler, setting: &Setting) -> Flavour
             Flavour::Column { extra, from: least, range: (most - least).max(1e-3), curve }
         }
         Flavour::Band { .. } => {
-            // Above the Stribeck velocity, or the law would take the bump for its own curve.
+            // Above the Stribeck velocity. Below it, the law would fit the bump as its own curve.
             let most = 0.7 * setting.top_rad_s;
             let least = (4.0 * setting.seal.stribeck_rad_s).min(0.7 * most);
             let speed = sampler.log_between(least, most);
@@ -269,53 +273,60 @@ fn placed(flavour: Flavour, sampler: &mut Sampler, setting: &Setting) -> Flavour
     }
 }
 
-fn acting(mut joint: Joint, hidden: &DrawnCause) -> Joint {
-    hidden.act_on(&mut joint);
+/// Returns the joint with the effect.
+fn with_effect(mut joint: Joint, hidden: &DrawnCause) -> Joint {
+    hidden.apply_to(&mut joint);
     joint
 }
 
-/// Scales an effect until it shows as wanted, alone; returns the torques it then makes.
-fn scaled(
+/// Scales a single effect to the target visibility.
+///
+/// Returns the torques with that effect, Nm.
+fn scale_effect(
     hidden: &mut DrawnCause,
     setting: &Setting,
     plain: &Joint,
     without: &Torques,
-    wanted_nm: f64,
+    target_nm: f64,
 ) -> Torques {
-    /// Relative miss at which a size is taken.
-    const CLOSE: f64 = 0.1;
+    /// Relative deviation from the target at which a size is accepted.
+    const SCALE_TOLERANCE: f64 = 0.1;
     let (least, most) = hidden.limits(setting);
-    let mut torques = setting.torques(&acting(plain.clone(), hidden));
+    let mut torques = setting.torques(&with_effect(plain.clone(), hidden));
     for _ in 0..3 {
         let seen_nm = rms_difference(&torques, without);
-        let close = (seen_nm / wanted_nm - 1.0).abs() < CLOSE;
-        if close || seen_nm <= 0.0 || !hidden.scales() {
+        let close = (seen_nm / target_nm - 1.0).abs() < SCALE_TOLERANCE;
+        if close || seen_nm <= 0.0 || !hidden.is_scalable() {
             break;
         }
-        let next = (hidden.size.abs() * wanted_nm / seen_nm).clamp(least, most);
+        let next = (hidden.size.abs() * target_nm / seen_nm).clamp(least, most);
         let next = next.copysign(hidden.size);
         if next == hidden.size {
             break;
         }
         hidden.size = next;
-        torques = setting.torques(&acting(plain.clone(), hidden));
+        torques = setting.torques(&with_effect(plain.clone(), hidden));
     }
     torques
 }
 
-/// The noise under which all effects show: that which was drawn if it does, else that of a sensor
-/// under which the weakest shows as well as was wanted.
-fn fitting_noise(noise_nm: f64, shown: f64, visible: &[f64]) -> f64 {
+/// Returns a noise level at which all effects are visible, Nm.
+///
+/// It is the drawn noise if possible. Otherwise it is the noise at which the weakest effect has the target visibility.
+fn select_noise(noise_nm: f64, target_ratio: f64, visible: &[f64]) -> f64 {
     let weakest = visible.iter().copied().fold(f64::INFINITY, f64::min);
     let strongest = visible.iter().copied().fold(0.0, f64::max);
-    let does =
-        weakest > 1.1 * OVER_NOISE.0 * noise_nm && strongest < 0.95 * OVER_NOISE.1 * noise_nm;
-    if visible.is_empty() || does {
+    let is_suitable = weakest > 1.1 * EFFECT_TO_NOISE.0 * noise_nm
+        && strongest < 0.95 * EFFECT_TO_NOISE.1 * noise_nm;
+    if visible.is_empty() || is_suitable {
         return noise_nm;
     }
-    (weakest / shown).max(strongest / (0.95 * OVER_NOISE.1)).clamp(NOISE_NM.0, NOISE_NM.1)
+    (weakest / target_ratio)
+        .max(strongest / (0.95 * EFFECT_TO_NOISE.1))
+        .clamp(NOISE_NM.0, NOISE_NM.1)
 }
 
+/// Returns the RMS difference over all rows, Nm.
 fn rms_difference(a: &Torques, b: &Torques) -> f64 {
     let (mut sum, mut rows) = (0.0, 0);
     for (a, b) in a.iter().zip(b) {

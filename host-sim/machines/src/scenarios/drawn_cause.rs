@@ -1,4 +1,4 @@
-//! An effect with its size and everything else that makes it the one it is.
+//! A hidden effect with its size and all other drawn properties.
 
 use super::hidden_cause::HiddenCause;
 use super::joint::{Drift, Dwell, Joint, Play, Thinning, Warming, Wave};
@@ -7,48 +7,48 @@ use super::sampler::Sampler;
 use super::setting::Setting;
 use std::f64::consts::TAU;
 
-/// What is drawn beside the size.
+/// A hidden effect with all drawn properties.
 #[derive(Clone, Debug)]
 pub(super) struct DrawnCause {
     pub effect: HiddenCause,
-    /// By the convention of the catalogue's term.
+    /// Size, by the convention of the cause in the catalogue.
     pub size: f64,
-    /// Of a ripple, 1/rad.
+    /// Order of a ripple, periods per turn.
     pub order: f64,
     pub phase: f64,
-    /// The other orders of a torque ripple, each as a share of the first.
+    /// Further orders of a torque ripple. Their size is a share of the first.
     pub harmonics: Vec<Wave>,
     pub reference_c: f64,
     pub onset_s: f64,
     pub forgetting_rad: f64,
-    /// Time constant of a run-in, s; a straight drift without one.
+    /// Time constant of a run-in, s. `None` for a linear drift.
     pub run_in_s: Option<f64>,
     pub campaign_s: f64,
     pub leak: f64,
-    /// Heat after which a seal is warm, J, and the time in which it leaves, s.
+    /// Characteristic heat of the warm-up, J, and time constant of the cooling, s.
     pub warming: (f64, f64),
     pub flavour: Option<Flavour>,
 }
 
-/// Highest and lowest order of a ripple, 1/rad.
+/// Range of the order of a ripple, periods per turn.
 const ORDERS: (f64, f64) = (1.0, 250.0);
 
-/// Highest and lowest first order of a torque ripple, 1/rad: poles and slots, teeth.
+/// Range of the first order of a torque ripple, periods per turn: poles, slots and teeth.
 const COGGING_ORDERS: (f64, f64) = (4.0, 60.0);
 
-/// Most samples a channel is late, so that a driver's delay line can hold them.
-const LATEST_SAMPLES: f64 = 28.0;
+/// Maximum delay of a channel, in samples. The delay line of the driver has this length.
+const MAX_DELAY_SAMPLES: f64 = 28.0;
 
 impl DrawnCause {
-    /// Draws an effect for a campaign, at a size to begin with.
+    /// Draws an effect of initial size for a campaign.
     pub fn draw(
         sampler: &mut Sampler,
         effect: HiddenCause,
         setting: &Setting,
         flavour: Option<Flavour>,
     ) -> Self {
-        let cogs = effect == HiddenCause::TorqueRipple;
-        let orders = if cogs { COGGING_ORDERS } else { ORDERS };
+        let is_torque_ripple = effect == HiddenCause::TorqueRipple;
+        let orders = if is_torque_ripple { COGGING_ORDERS } else { ORDERS };
         let order = sampler.log_between(orders.0, orders.1);
         let whole = sampler.chance(0.5);
         let order = if whole { order.round() } else { order };
@@ -62,7 +62,7 @@ impl DrawnCause {
             size: 0.0,
             order,
             phase: sampler.between(0.0, TAU),
-            harmonics: if cogs { beside(sampler, order) } else { Vec::new() },
+            harmonics: if is_torque_ripple { draw_harmonics(sampler, order) } else { Vec::new() },
             reference_c: sampler.between(least_c, most_c),
             onset_s: sampler.log_between(0.02, 0.5),
             forgetting_rad: sampler.log_between(5e-3, 2e-2),
@@ -76,48 +76,48 @@ impl DrawnCause {
             hidden.warming = (sampler.log_between(20.0, 150.0), sampler.log_between(60.0, 900.0));
         }
         let (least, most) = hidden.limits(setting);
-        // Scaled later until it shows as wanted; which sizes are usual must tell nothing.
+        // The size is scaled later to the target visibility. The usual sizes must not reveal the cause.
         hidden.size = match effect {
             HiddenCause::StribeckShape if sampler.chance(0.6) => sampler.between(0.5, 1.3),
             HiddenCause::StribeckShape => sampler.between(3.0, 5.0),
-            _ => sampler.log_between(least, most) * hidden.side(sampler),
+            _ => sampler.log_between(least, most) * hidden.draw_sign(sampler),
         };
         hidden
     }
 
-    /// Whether it has an order.
+    /// Returns true if the effect has an order.
     pub fn is_periodic(&self) -> bool {
         matches!(self.effect, HiddenCause::PositionRipple | HiddenCause::TorqueRipple)
     }
 
-    /// Makes a drift a straight one.
-    pub fn straighten(&mut self) {
+    /// Replaces a run-in by a linear drift.
+    pub fn use_linear_drift(&mut self) {
         self.run_in_s = None;
     }
 
-    /// The sign a size is drawn with.
-    fn side(&self, sampler: &mut Sampler) -> f64 {
+    /// Draws the sign of the size.
+    fn draw_sign(&self, sampler: &mut Sampler) -> f64 {
         match self.effect {
             HiddenCause::DirectionAsymmetry | HiddenCause::TorqueOffset => sampler.sign(),
-            // Run-in lowers friction more often than not; wear raises it as often as not.
+            // Run-in mostly lowers friction. Wear raises or lowers it with equal probability.
             HiddenCause::TimeDrift if self.run_in_s.is_some() && sampler.chance(0.8) => -1.0,
             HiddenCause::TimeDrift => sampler.sign(),
             _ => 1.0,
         }
     }
 
-    /// Whether a larger size is a larger effect in proportion, so that it can be scaled.
-    pub fn scales(&self) -> bool {
+    /// Returns true if the effect is proportional to its size, so that it can be scaled.
+    pub fn is_scalable(&self) -> bool {
         self.effect != HiddenCause::StribeckShape
     }
 
-    /// Smallest and largest magnitude a joint like this may have.
+    /// Returns the smallest and largest plausible magnitude for this joint.
     pub fn limits(&self, setting: &Setting) -> (f64, f64) {
         let seal = &setting.seal;
         match self.effect {
             HiddenCause::RadialForceCoulomb => (5e-4, 0.05),
             HiddenCause::RadialForceRate => {
-                // A full swing at rest bends the bristles by less than half their travel.
+                // A full oscillation at rest deflects the bristles by less than half of their travel.
                 let swings = setting.runs.iter().map(|run| run.condition.force.swing);
                 let widest = swings.fold(1.0, f64::max);
                 (1e-8, 0.4 * seal.coulomb_nm / (2.0 * widest * seal.k0))
@@ -141,7 +141,7 @@ impl DrawnCause {
             }
             HiddenCause::StribeckShape => (0.5, 5.0),
             HiddenCause::ChannelDelay => {
-                let most = (LATEST_SAMPLES / setting.rate_hz).min(0.03);
+                let most = (MAX_DELAY_SAMPLES / setting.rate_hz).min(0.03);
                 (most.min(0.002), most)
             }
             HiddenCause::OutsideCatalogue => {
@@ -150,8 +150,8 @@ impl DrawnCause {
         }
     }
 
-    /// Puts the effect into a joint.
-    pub fn act_on(&self, joint: &mut Joint) {
+    /// Applies the effect to a joint.
+    pub fn apply_to(&self, joint: &mut Joint) {
         let size = self.size;
         if size == self.effect.neutral() {
             return;
@@ -206,35 +206,35 @@ impl DrawnCause {
         }
     }
 
-    /// A drift whose level changes by the share `size` from the campaign's begin to its end.
+    /// Returns a drift that changes the level by the share `size` from the start to the end of the campaign.
     fn drift(&self) -> Drift {
         match self.run_in_s {
             None => Drift::Wear { per_s: self.size / self.campaign_s },
             Some(time_s) => {
-                // (1 + a e) / (1 + a) = 1 + size, with e what is left of the run-in at the end.
+                // (1 + a e) / (1 + a) = 1 + size, where e is the remaining share of the run-in at the end.
                 let left = (-self.campaign_s / time_s).exp();
                 Drift::RunIn { amplitude: self.size / (left - 1.0 - self.size), time_s }
             }
         }
     }
 
-    /// The columns it follows.
+    /// Returns the columns that the effect depends on.
     pub fn columns(&self) -> Vec<&'static str> {
         let outside = self.flavour.as_ref().map(Flavour::column);
         self.effect.column().or(outside).into_iter().collect()
     }
 
-    /// Unit of the size.
+    /// Returns the unit of the size.
     pub fn unit(&self) -> &'static str {
         self.flavour.as_ref().map_or(self.effect.unit(), Flavour::unit)
     }
 
-    /// What else there is to know of it, by name and value.
+    /// Returns further properties, as name and value.
     pub fn details(&self) -> Vec<(&'static str, f64)> {
         match self.effect {
             HiddenCause::PositionRipple | HiddenCause::TorqueRipple => {
                 let mut details = vec![("order", self.order), ("phase_rad", self.phase)];
-                for (wave, [order, share, phase]) in self.harmonics.iter().zip(BESIDE) {
+                for (wave, [order, share, phase]) in self.harmonics.iter().zip(HARMONIC_DETAILS) {
                     details.extend([(order, wave.order), (share, wave.size), (phase, wave.phase)]);
                 }
                 details
@@ -255,7 +255,7 @@ impl DrawnCause {
         }
     }
 
-    /// In words.
+    /// Returns a description of the effect.
     pub fn words(&self) -> String {
         let name = self.effect.name();
         match (&self.flavour, self.unit()) {
@@ -266,19 +266,20 @@ impl DrawnCause {
     }
 }
 
-/// Names of what is told of the orders beside the first.
-const BESIDE: [[&str; 3]; 2] = [
+/// Names of the properties of the second and third order.
+const HARMONIC_DETAILS: [[&str; 3]; 2] = [
     ["order_2", "share_of_first_2", "phase_2_rad"],
     ["order_3", "share_of_first_3", "phase_3_rad"],
 ];
 
-/// What goes with a first order, at unit amplitude of that: its double, and a neighbour where the machine
-/// is not quite round; each more often than not.
-fn beside(sampler: &mut Sampler, order: f64) -> Vec<Wave> {
+/// Draws further orders of a torque ripple, relative to a first order of unit amplitude.
+///
+/// They are the double order, and the order below the first, which occurs in machines with an eccentric rotor.
+fn draw_harmonics(sampler: &mut Sampler, order: f64) -> Vec<Wave> {
     let mut waves = Vec::new();
-    for (order, often) in [(2.0 * order, 0.8), (order - 1.0, 0.6)] {
+    for (order, probability) in [(2.0 * order, 0.8), (order - 1.0, 0.6)] {
         let (size, phase) = (sampler.between(0.25, 0.7), sampler.between(0.0, TAU));
-        if sampler.chance(often) {
+        if sampler.chance(probability) {
             waves.push(Wave { size, order, phase });
         }
     }

@@ -1,24 +1,24 @@
-//! The integrator: bristles over travel, not over time.
+//! Integrator of the bristles, with the travel as the independent variable.
 //!
-//! While the level and the direction stay, bristles relax with *travel*, at any speed alike:
+//! At a constant level and direction, bristles relax with *travel*, independently of the speed:
 //!
 //! ```text
 //! dz/ds = -(z - z_inf(s)),   z_inf = direction x g / k0,   ds = k0 |dq| / g
 //! ```
 //!
-//! A step takes the travel from the motion in closed form, lets `z_inf` go straight from its value
-//! at the begin to that at the end, and solves that exactly. So it is as good at 10 rad/s, where
-//! bristles are a thousand times faster than a step, as within presliding. A step in which the
-//! joint reverses is cut where it stands still. The core does none of this.
+//! A step takes the travel from the motion in closed form. `z_inf` changes linearly from the start to the end of the
+//! step, and the equation is solved exactly. The accuracy is therefore the same in presliding and at 10 rad/s, where
+//! the relaxation is a thousand times faster than a step. A step with a reversal is split at standstill. The core uses
+//! a different integrator.
 
 use super::joint::Joint;
 use super::motion::Motion;
-use super::surroundings::{Around, Condition};
+use super::surroundings::{Condition, Conditions};
 
-/// The end of one step and the begin of the next.
+/// An integration point of a run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
-    /// Time of the run, s.
+    /// Time since the start of the run, s.
     t: f64,
     /// Angle of the shaft, rad.
     angle: f64,
@@ -26,22 +26,23 @@ pub(super) struct Point {
     velocity: f64,
 }
 
-/// All steps of a run, computed once and integrated through for every joint that is tried.
+/// All integration points of a run. They are computed once and used for every joint that is simulated.
 #[derive(Clone, Debug)]
 pub(super) struct Path {
     points: Vec<Point>,
-    /// Where in `points` each row is.
+    /// Index of each row in `points`.
     rows: Vec<usize>,
     /// Acceleration at each row, rad/s^2.
     accelerations: Vec<f64>,
 }
 
-/// Fewest steps from one row to the next.
-const FEWEST_STEPS: f64 = 4.0;
+/// Minimum number of steps between two rows.
+const MIN_STEPS_PER_ROW: f64 = 4.0;
 
 impl Path {
-    /// The steps between rows that were taken at `times`, none longer than `longest_s`, and each
-    /// of them in `finer` parts.
+    /// Creates the points for rows at `times`.
+    ///
+    /// Steps are at most `longest_s` long, and each is divided into `finer` parts.
     pub fn new(
         motion: &Motion,
         start_angle: f64,
@@ -57,7 +58,7 @@ impl Path {
         let mut before: Option<f64> = None;
         for &row in times {
             let from = before.unwrap_or(row);
-            let steps = ((row - from) / longest_s).ceil().max(FEWEST_STEPS) * finer;
+            let steps = ((row - from) / longest_s).ceil().max(MIN_STEPS_PER_ROW) * finer;
             let first = if before.is_some() { 1 } else { steps as usize };
             for step in first..=steps as usize {
                 let last = step == steps as usize;
@@ -76,42 +77,41 @@ impl Path {
     }
 }
 
-/// What the joint remembers.
+/// State of the joint.
 #[derive(Clone, Copy, Debug)]
 struct State {
     /// Bristle deflection, rad.
     z: f64,
     /// Contact age, s.
     age_s: f64,
-    /// Where the drive stands in its play, 0 to the play's travel.
+    /// Position of the drive in its backlash, from 0 to the travel of the backlash.
     play: f64,
     /// Direction of the last motion, 1 or -1.
     direction: f64,
-    /// Heat of what was rubbed, J.
+    /// Stored friction heat, J.
     heat_j: f64,
 }
 
-/// The begin of the next step, so that nothing is computed twice.
+/// Quantities at the start of a step. They are kept from the end of the previous step to save computation.
 #[derive(Clone, Copy, Debug)]
-struct Here {
+struct StepStart {
     point: Point,
-    around: Around,
+    conditions: Conditions,
     level: f64,
 }
 
-/// `(1 - exp(-x)) / x`.
+/// Returns `(1 - exp(-x)) / x`.
 fn mean_of_decay(x: f64) -> f64 {
     if x < 1e-6 { 1.0 - 0.5 * x } else { -(-x).exp_m1() / x }
 }
 
-/// The torque of each row, Nm, without a sensor's noise. `held_rad` is the deflection the bristles
-/// begin with.
+/// Returns the torque of each row without sensor noise, Nm. `held_rad` is the initial deflection of the bristles.
 pub(super) fn torque(joint: &Joint, condition: &Condition, path: &Path, held_rad: f64) -> Vec<f64> {
-    torque_of_warm(joint, condition, path, held_rad, 0.0).0
+    torque_with_heat(joint, condition, path, held_rad, 0.0).0
 }
 
-/// The same of a joint that begins with the heat of what was rubbed before, J, and the heat it ends with.
-pub(super) fn torque_of_warm(
+/// Returns the torque of each row, Nm, of a joint with initial friction heat, and its final heat, J.
+pub(super) fn torque_with_heat(
     joint: &Joint,
     condition: &Condition,
     path: &Path,
@@ -121,41 +121,42 @@ pub(super) fn torque_of_warm(
     let Some(&first) = path.points.first() else { return (Vec::new(), heat_j) };
     let play = joint.play.map_or(0.0, |play| 0.5 * play.travel_rad);
     let state = State { z: held_rad, age_s: 0.0, play, direction: 1.0, heat_j };
-    let mut walk = Walk { joint, condition, state };
-    let mut here = walk.here(first);
+    let mut integration = Integration { joint, condition, state };
+    let mut here = integration.evaluate(first);
     let mut rows = path.rows.iter().zip(&path.accelerations);
     let mut next = rows.next();
     let mut torques = Vec::with_capacity(path.rows.len());
     for (at, &point) in path.points.iter().enumerate() {
         if at > 0 {
-            here = walk.go(&here, point);
+            here = integration.advance(&here, point);
         }
         if let Some((_, &acceleration)) = next.filter(|(row, _)| **row == at) {
-            torques.push(walk.torque(&here, acceleration));
+            torques.push(integration.torque(&here, acceleration));
             next = rows.next();
         }
     }
-    (torques, walk.state.heat_j)
+    (torques, integration.state.heat_j)
 }
 
-/// A joint on its way through a run.
-struct Walk<'a> {
+/// Simulation of a joint through a run.
+struct Integration<'a> {
     joint: &'a Joint,
     condition: &'a Condition,
     state: State,
 }
 
-impl Walk<'_> {
-    /// What is there at a point, seen in the direction of the last motion.
-    fn here(&self, point: Point) -> Here {
+impl Integration<'_> {
+    /// Evaluates the conditions and the level at a point, for the direction of the last motion.
+    fn evaluate(&self, point: Point) -> StepStart {
         let State { age_s, direction, heat_j, .. } = self.state;
-        let around = Around { heat_j, ..self.joint.around(self.condition, point.t) };
-        let level = self.joint.level(point.velocity.abs(), direction, point.angle, age_s, &around);
-        Here { point, around, level }
+        let conditions = Conditions { heat_j, ..self.joint.conditions_at(self.condition, point.t) };
+        let level =
+            self.joint.level(point.velocity.abs(), direction, point.angle, age_s, &conditions);
+        StepStart { point, conditions, level }
     }
 
-    /// One step, or two where the joint reverses.
-    fn go(&mut self, from: &Here, to: Point) -> Here {
+    /// Integrates to a point: one step, or two if the joint reverses.
+    fn advance(&mut self, from: &StepStart, to: Point) -> StepStart {
         let (v0, v1) = (from.point.velocity, to.velocity);
         if v0 * v1 < 0.0 {
             let seconds = (to.t - from.point.t) * v0 / (v0 - v1);
@@ -164,25 +165,25 @@ impl Walk<'_> {
                 angle: from.point.angle + 0.5 * v0 * seconds,
                 velocity: 0.0,
             };
-            let turned = self.step(from, rest);
-            return self.step(&turned, to);
+            let reversal = self.step(from, rest);
+            return self.step(&reversal, to);
         }
         self.step(from, to)
     }
 
-    /// One step without a reversal inside.
-    fn step(&mut self, from: &Here, to: Point) -> Here {
+    /// Integrates one step without a reversal inside.
+    fn step(&mut self, from: &StepStart, to: Point) -> StepStart {
         let joint = self.joint;
         let seconds = to.t - from.point.t;
-        let way = to.angle - from.point.angle;
+        let displacement = to.angle - from.point.angle;
         let sum = from.point.velocity + to.velocity;
         let mut begin_level = from.level;
         if sum != 0.0 && sum.signum() != self.state.direction {
             self.state.direction = sum.signum();
-            begin_level = self.here(from.point).level;
+            begin_level = self.evaluate(from.point).level;
         }
         let direction = self.state.direction;
-        let travel = if sum == 0.0 { 0.0 } else { way.abs() };
+        let travel = if sum == 0.0 { 0.0 } else { displacement.abs() };
 
         if let Some(dwell) = joint.dwell {
             let forgotten = travel / dwell.travel_rad;
@@ -190,12 +191,12 @@ impl Walk<'_> {
                 self.state.age_s * (-forgotten).exp() + seconds * mean_of_decay(forgotten);
         }
         if let Some(warming) = joint.warming {
-            // The level's work and the film's; what the bristles hold comes back.
+            // Work of the level and of the viscous film. The energy of the bristles is recovered.
             let speed = 0.5 * sum.abs();
             let work = (from.level + joint.seal.k2 * speed) * travel;
             self.state.heat_j = self.state.heat_j * (-seconds / warming.cooling_s).exp() + work;
         }
-        let here = self.here(to);
+        let here = self.evaluate(to);
         let taken_up = self.taken_up(travel);
 
         let k0 = joint.seal.k0;
@@ -203,13 +204,13 @@ impl Walk<'_> {
         let begin = direction * begin_level / k0;
         let end = direction * here.level / k0;
         let mean = mean_of_decay(passed);
-        // exp(-passed), without a second exponential.
+        // Equals exp(-passed), without a second exponential.
         let left = 1.0 - passed * mean;
         let mut z = end + (self.state.z - begin) * left - (end - begin) * mean;
         if joint.seal.eta3 != 0.0 {
-            z += joint.seal.eta3 * (here.around.force - from.around.force) * mean;
+            z += joint.seal.eta3 * (here.conditions.force - from.conditions.force) * mean;
         }
-        // At rest nothing relaxes: the sum above would round.
+        // At rest the deflection is constant. The sum above would add rounding errors.
         if passed > 0.0 || joint.seal.eta3 != 0.0 {
             self.state.z = z;
         }
@@ -217,20 +218,21 @@ impl Walk<'_> {
         here
     }
 
-    /// Bristles hold no more than the level at rest: bent further by a side load, or left with less
-    /// level under them, they slip, even where the shaft stands still.
-    fn slip(&mut self, here: &Here) {
+    /// Limits the bristle torque to the level at rest.
+    ///
+    /// Bristles slip at standstill if a side load deflects them further or if the level decreases.
+    fn slip(&mut self, here: &StepStart) {
         let State { z, age_s, .. } = self.state;
         if (z * self.joint.seal.k0).abs() <= here.level {
             return;
         }
         let direction = z.signum();
-        let held = self.joint.level(0.0, direction, here.point.angle, age_s, &here.around);
+        let held = self.joint.level(0.0, direction, here.point.angle, age_s, &here.conditions);
         let most = held / self.joint.seal.k0;
         self.state.z = z.clamp(-most, most);
     }
 
-    /// Crosses the play first; the travel that reaches the bristles, rad.
+    /// Crosses the backlash and returns the travel that reaches the bristles, rad.
     fn taken_up(&mut self, travel: f64) -> f64 {
         let Some(play) = self.joint.play else { return travel };
         let room = if self.state.direction > 0.0 {
@@ -243,18 +245,18 @@ impl Walk<'_> {
         travel - crossed * (1.0 - play.leak)
     }
 
-    /// The torque at a point, Nm.
-    fn torque(&self, here: &Here, acceleration: f64) -> f64 {
+    /// Returns the torque at a point, Nm.
+    fn torque(&self, here: &StepStart, acceleration: f64) -> f64 {
         let (joint, seal) = (self.joint, &self.joint.seal);
         let Point { angle, velocity, .. } = here.point;
-        // Play takes the stiffness away, not the film: damping sees the whole motion.
+        // Within the backlash, damping acts on the whole motion.
         let rate = velocity - seal.k0 * velocity.abs() * self.state.z / here.level
-            + seal.eta3 * here.around.force_rate;
+            + seal.eta3 * here.conditions.force_rate;
         let direction = if velocity == 0.0 { self.state.direction } else { velocity.signum() };
         seal.k0 * self.state.z
             + seal.k1 * rate
-            + joint.viscous(velocity, direction, &here.around)
-            + joint.added(angle, velocity, acceleration, &here.around)
+            + joint.viscous(velocity, direction, &here.conditions)
+            + joint.added(angle, velocity, acceleration, &here.conditions)
     }
 }
 
@@ -294,9 +296,9 @@ mod tests {
         ]
     }
 
-    /// Runge and Kutta's step, a hundred to a row, over the same equation.
+    /// Reference: Runge-Kutta with 100 steps per row on the same equation.
     #[test]
-    fn agrees_with_another_integrator() {
+    fn torque_agrees_with_runge_kutta() {
         let force = Signal { level: 30.0, swing: 5.0, hz: 1.3, ..Signal::default() };
         let pressure = Signal { level: 1e5, per_s: 1e4, ..Signal::default() };
         let condition = Condition { force, pressure, ..Condition::default() };
@@ -323,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn a_joint_at_rest_holds_what_it_held() {
+    fn torque_at_rest_is_constant() {
         let motion = Motion::Speeds(Speeds::from_rest(true));
         let path = Path::new(&motion, 1.0, &times(), 1e-4, 1.0);
         let seal = Seal { per_force: 0.0, per_pressure: 0.0, eta3: 0.0, ..SEAL };
@@ -332,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn within_the_play_the_torque_stays_after_a_reversal() {
+    fn torque_within_backlash_is_constant_after_reversal() {
         let mut speeds = Speeds::from_rest(false);
         speeds.ramp(0.2, 0.2);
         speeds.ramp(-0.2, 0.4);
@@ -344,7 +346,7 @@ mod tests {
         let play = super::super::joint::Play { travel_rad: 2e-3, leak: 0.0 };
         joint.play = Some(play);
         let found = torque(&joint, &Condition::default(), &path, 0.0);
-        // The reversal is at 0.4 s; 2 mrad are crossed after sqrt(2 x 2e-3 / 1) = 63 ms.
+        // The reversal is at 0.4 s. The backlash of 2 mrad is crossed after sqrt(2 x 2e-3 / 1) = 63 ms.
         assert!((found[400] - found[460]).abs() < 1e-9, "{} {}", found[400], found[460]);
         assert!(found[420] > 2.0 && found[500] < -2.0);
     }

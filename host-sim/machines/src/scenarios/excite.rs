@@ -1,9 +1,9 @@
-//! Which motions a campaign consists of.
+//! Selection of the motions of a campaign.
 //!
-//! Hidden structure can only be found where the seal itself is known, so every campaign has what
-//! determines LuGre: oscillations within the bristles' travel, slow reversals, fast sliding both
-//! ways, rests. The remaining runs lean towards the motions in which the hidden effect shows, as
-//! whoever plans measurements of a joint with a problem would choose them.
+//! A hidden effect can only be identified if the seal itself is identifiable. Every campaign therefore
+//! contains the motions that determine LuGre: oscillations within the bristles' travel, slow reversals,
+//! fast sliding in both directions, and rests. The remaining runs prefer motions in which the hidden
+//! effect is visible, as in a planned measurement.
 
 use super::hidden_cause::HiddenCause;
 use super::motion::{Motion, Speeds, Wave};
@@ -11,7 +11,7 @@ use super::sampler::Sampler;
 use crate::friction::Seal;
 use std::f64::consts::TAU;
 
-/// Kinds of run.
+/// Kinds of motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Style {
     Fast,
@@ -19,26 +19,26 @@ enum Style {
     Slow,
     Stairs,
     Rests,
-    Several,
+    MultiSine,
     OneWay,
     Triangle,
 }
 
-/// What every campaign has at least, and then the others.
+/// All styles. The first ones are part of every campaign.
 const STYLES: [Style; 8] = [
     Style::Fast,
     Style::Presliding,
     Style::Slow,
     Style::Stairs,
     Style::Rests,
-    Style::Several,
+    Style::MultiSine,
     Style::OneWay,
     Style::Triangle,
 ];
 
-/// Motions in which an effect shows.
-fn favoured(effect: HiddenCause) -> &'static [Style] {
-    use Style::{Fast, OneWay, Presliding, Rests, Several, Slow, Stairs, Triangle};
+/// Returns the styles in which an effect is visible.
+fn preferred_styles(effect: HiddenCause) -> &'static [Style] {
+    use Style::{Fast, MultiSine, OneWay, Presliding, Rests, Slow, Stairs, Triangle};
     match effect {
         HiddenCause::RadialForceRate => &[Rests, Presliding, Slow],
         HiddenCause::TemperatureViscous | HiddenCause::QuadraticDrag => &[Fast, Stairs, OneWay],
@@ -47,44 +47,44 @@ fn favoured(effect: HiddenCause) -> &'static [Style] {
         HiddenCause::DwellTimeStatic => &[Rests],
         HiddenCause::Backlash => &[Triangle, Slow, Rests],
         HiddenCause::StribeckShape => &[Slow, Triangle, Rests],
-        HiddenCause::UnmodelledInertia => &[Fast, Several],
-        HiddenCause::ChannelDelay => &[Several, Triangle, Fast],
+        HiddenCause::UnmodelledInertia => &[Fast, MultiSine],
+        HiddenCause::ChannelDelay => &[MultiSine, Triangle, Fast],
         _ => &STYLES,
     }
 }
 
-/// Limits of the drive and of what a log of this rate can resolve.
+/// Limits of the drive and of the time resolution of the log.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drive {
-    /// Fastest speed, rad/s.
+    /// Maximum speed, rad/s.
     pub top_rad_s: f64,
     /// Largest acceleration, rad/s^2.
     pub steepest_rad_s2: f64,
-    /// Longest rest, s.
+    /// Maximum duration of a rest, s.
     pub longest_rest_s: f64,
     pub rate_hz: f64,
     /// Length of a run, s.
     pub seconds: f64,
 }
 
-/// Fewest samples in which a reversal crosses the bristles' travel. Faster ones would leave in
-/// the log a jump at an unknown time, which no law could explain.
-const SAMPLES_IN_REVERSAL: f64 = 3.0;
+/// Minimum number of samples in which a reversal crosses the bristles' travel. A faster reversal would be a jump at an
+/// unknown time, which no friction law can explain.
+const MIN_REVERSAL_SAMPLES: f64 = 3.0;
 
 impl Drive {
-    /// The steepest acceleration with which bristles can be followed, rad/s^2.
+    /// Returns the maximum acceleration at which the log resolves the bristle deflection, rad/s^2.
     pub fn steepest(seal: &Seal, rate_hz: f64) -> f64 {
         let crossing = 2.0 * seal.static_nm / seal.k0;
-        let seconds = SAMPLES_IN_REVERSAL / rate_hz;
+        let seconds = MIN_REVERSAL_SAMPLES / rate_hz;
         let resolved = 2.0 * crossing / (seconds * seconds);
-        // The damping's torque at a reversal stays of the size of the level.
+        // The damping torque at a reversal stays in the order of the level.
         let damped = 2.0 * seal.static_nm * seal.k0 / (seal.k1 * seal.k1);
         resolved.min(damped).min(15.0)
     }
 }
 
-/// A motion for each of so many runs.
-pub(super) fn motions(
+/// Draws a motion for each run.
+pub(super) fn draw_motions(
     sampler: &mut Sampler,
     seal: &Seal,
     drive: &Drive,
@@ -94,14 +94,16 @@ pub(super) fn motions(
     let mut styles: Vec<Style> = STYLES.into_iter().take(runs).collect();
     while styles.len() < runs {
         let effect = sampler.pick(effects);
-        let leaning = effect.filter(|_| sampler.chance(0.65)).map_or(&STYLES[..], favoured);
-        styles.extend(sampler.pick(leaning));
+        let candidates =
+            effect.filter(|_| sampler.chance(0.65)).map_or(&STYLES[..], preferred_styles);
+        styles.extend(sampler.pick(candidates));
     }
-    // The order of the runs must say nothing about their motion, or drift would look like it.
+    // Random order of the runs, so that the motion is not confounded with a drift.
     sampler.shuffle(&mut styles);
     styles.into_iter().map(|style| motion(sampler, seal, drive, style)).collect()
 }
 
+/// Draws a motion of a style.
 fn motion(sampler: &mut Sampler, seal: &Seal, drive: &Drive, style: Style) -> Motion {
     let stribeck = seal.stribeck_rad_s;
     match style {
@@ -115,13 +117,13 @@ fn motion(sampler: &mut Sampler, seal: &Seal, drive: &Drive, style: Style) -> Mo
         }
         Style::Presliding => {
             let share = sampler.between(3.0, 8.0);
-            // From end to end of the bristles' travel in no less than four samples.
+            // A movement through the whole bristle travel takes at least four samples.
             let resolved = drive.rate_hz / (2.0 * TAU * share);
             let hz = resolved.min(4.0) * sampler.between(0.6, 1.0);
             let travel = share * seal.static_nm / seal.k0;
             Motion::Presliding { travel, hz, growth: drive.seconds * sampler.between(0.6, 1.0) }
         }
-        Style::Several => several(sampler, drive),
+        Style::MultiSine => multi_sine(sampler, drive),
         Style::Stairs => stairs(sampler, stribeck, drive, false),
         Style::OneWay => stairs(sampler, stribeck, drive, true),
         Style::Rests => rests(sampler, stribeck, drive),
@@ -129,7 +131,7 @@ fn motion(sampler: &mut Sampler, seal: &Seal, drive: &Drive, style: Style) -> Mo
     }
 }
 
-/// One sine, with at least one period in the run and no steeper than the drive may be.
+/// Returns one sine with at least one period in the run, within the acceleration limit of the drive.
 fn sine(drive: &Drive, peak: f64, hz: f64) -> Motion {
     let slowest = 1.2 / drive.seconds;
     let hz = hz.min(drive.steepest_rad_s2 / (TAU * peak)).max(slowest);
@@ -137,7 +139,8 @@ fn sine(drive: &Drive, peak: f64, hz: f64) -> Motion {
     Motion::Waves(vec![Wave { peak, hz }])
 }
 
-fn several(sampler: &mut Sampler, drive: &Drive) -> Motion {
+/// Draws a sum of three or four sines.
+fn multi_sine(sampler: &mut Sampler, drive: &Drive) -> Motion {
     let count = 3 + sampler.below(2);
     let fastest = (drive.rate_hz / 60.0).min(2.5);
     let share = sampler.between(0.5, 1.0) * drive.steepest_rad_s2 / count as f64;
@@ -149,7 +152,7 @@ fn several(sampler: &mut Sampler, drive: &Drive) -> Motion {
     Motion::Waves(waves.collect())
 }
 
-/// Constant speeds with ramps between them.
+/// Draws constant speeds with ramps between them.
 fn stairs(sampler: &mut Sampler, stribeck: f64, drive: &Drive, one_way: bool) -> Motion {
     let mut speeds = Speeds::from_rest(sampler.chance(0.5));
     let mut side = sampler.sign();
@@ -159,7 +162,7 @@ fn stairs(sampler: &mut Sampler, stribeck: f64, drive: &Drive, one_way: bool) ->
             side = -side;
         }
         let steepest = drive.steepest_rad_s2 * sampler.between(0.4, 0.65);
-        // What can be reached within a part of the run.
+        // The speed is limited to what the drive reaches within 40 % of the run.
         let reach = speeds.velocity() + side * size;
         let change = (reach - speeds.velocity()).abs().max((side * size - speeds.velocity()).abs());
         let longest = 0.4 * drive.seconds;
@@ -172,7 +175,7 @@ fn stairs(sampler: &mut Sampler, stribeck: f64, drive: &Drive, one_way: bool) ->
     Motion::Speeds(speeds)
 }
 
-/// Starts, short ways and rests of very different length.
+/// Draws short movements and rests of very different lengths.
 fn rests(sampler: &mut Sampler, stribeck: f64, drive: &Drive) -> Motion {
     let mut speeds = Speeds::from_rest(sampler.chance(0.5));
     let mut side = sampler.sign();
@@ -191,7 +194,7 @@ fn rests(sampler: &mut Sampler, stribeck: f64, drive: &Drive) -> Motion {
     Motion::Speeds(speeds)
 }
 
-/// Slow straight ramps through zero.
+/// Draws slow linear velocity ramps through zero.
 fn triangle(sampler: &mut Sampler, stribeck: f64, drive: &Drive) -> Motion {
     let mut speeds = Speeds::from_rest(false);
     let mut peak = stribeck * sampler.between(1.2, 4.0) * sampler.sign();

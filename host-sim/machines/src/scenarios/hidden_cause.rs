@@ -1,72 +1,72 @@
-//! The effects that can be hidden, each with its name, its unit and what sizes it may have.
+//! The effects that can be hidden, each with its name, unit, column and size range.
 
-/// A physical effect that plain LuGre does not know.
+/// A physical effect that the plain LuGre model does not contain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum HiddenCause {
     /// Side load raises both levels, Nm/N.
     RadialForceCoulomb,
-    /// Changing side load bends the bristles, rad/N.
+    /// A change of the side load deflects the bristles, rad/N.
     RadialForceRate,
     /// Pressure raises both levels, Nm/Pa.
     PressureCoulomb,
     /// Viscosity falls with temperature, 1/K.
     TemperatureViscous,
-    /// The level follows the shaft angle, amplitude 1.
+    /// The level varies with the shaft angle; relative amplitude, 1.
     PositionRipple,
-    /// A torque of the angle, Nm.
+    /// A torque that varies with the angle once per turn, Nm.
     GravityImbalance,
-    /// Level and viscosity differ by direction, 1.
+    /// Level and viscosity depend on the direction; relative difference, 1.
     DirectionAsymmetry,
     /// A constant torque, Nm.
     TorqueOffset,
     /// Water drag, Nm s^2/rad^2.
     QuadraticDrag,
-    /// The static level grows with rest, Nm per e-fold.
+    /// The static level grows with the logarithm of the rest time, Nm per e-fold.
     DwellTimeStatic,
-    /// The level changes over the campaign; relative change from its beginning to its end.
+    /// The level changes over the campaign; relative change from the first to the last run.
     TimeDrift,
     /// Transmitted torque raises both levels, Nm/Nm.
     LoadTorqueCoulomb,
     /// An inertia in the torque column, kg m^2.
     UnmodelledInertia,
-    /// Play in the drive, rad.
+    /// Backlash of the drive, rad.
     Backlash,
     /// The exponent of the Stribeck curve; 2 is LuGre.
     StribeckShape,
-    /// Torque is logged later than velocity, s.
+    /// The torque is logged later than the velocity, s.
     ChannelDelay,
-    /// An additive torque of the angle, several orders, Nm of the strongest.
+    /// An additive torque with several orders of the angle; amplitude of the first, Nm.
     TorqueRipple,
-    /// The level rises as it gets colder, 1/K.
+    /// The level falls with temperature, 1/K.
     TemperatureCoulomb,
-    /// The level falls with the heat that rubbing leaves; share of the level.
+    /// The level falls with the stored friction heat; share of the level, 1.
     WarmUp,
-    /// Structure that no cause of the catalogue has.
+    /// An effect that no cause of the catalogue describes.
     OutsideCatalogue,
 }
 
-/// What is fixed for each effect.
-struct Facts {
+/// Constant properties of an effect.
+struct CauseProperties {
     name: &'static str,
     unit: &'static str,
     column: Option<&'static str>,
-    /// Bounds of a size given by hand.
+    /// Bounds of a size given by the user.
     least: f64,
     most: f64,
 }
 
-const fn facts(
+const fn properties(
     name: &'static str,
     unit: &'static str,
     column: Option<&'static str>,
     least: f64,
     most: f64,
-) -> Facts {
-    Facts { name, unit, column, least, most }
+) -> CauseProperties {
+    CauseProperties { name, unit, column, least, most }
 }
 
 impl HiddenCause {
-    /// Every effect, those of the catalogue first.
+    /// All effects, those of the catalogue first.
     pub const ALL: [HiddenCause; 20] = [
         HiddenCause::RadialForceCoulomb,
         HiddenCause::RadialForceRate,
@@ -90,77 +90,84 @@ impl HiddenCause {
         HiddenCause::OutsideCatalogue,
     ];
 
-    const fn facts(self) -> Facts {
+    /// Returns the constant properties of the effect.
+    const fn properties(self) -> CauseProperties {
         let velocity = Some("velocity_rad_s");
         let position = Some("position_rad");
         let force = Some("radial_force_n");
         match self {
             HiddenCause::RadialForceCoulomb => {
-                facts("radial-force-coulomb", "Nm/N", force, 0.0, 0.1)
+                properties("radial-force-coulomb", "Nm/N", force, 0.0, 0.1)
             }
-            HiddenCause::RadialForceRate => facts("radial-force-rate", "rad/N", force, 0.0, 1e-3),
+            HiddenCause::RadialForceRate => {
+                properties("radial-force-rate", "rad/N", force, 0.0, 1e-3)
+            }
             HiddenCause::PressureCoulomb => {
-                facts("pressure-coulomb", "Nm/Pa", Some("pressure_diff_pa"), 0.0, 1e-4)
+                properties("pressure-coulomb", "Nm/Pa", Some("pressure_diff_pa"), 0.0, 1e-4)
             }
             HiddenCause::TemperatureViscous => {
-                facts("temperature-viscous", "1/K", Some("temperature_c"), 0.0, 0.2)
+                properties("temperature-viscous", "1/K", Some("temperature_c"), 0.0, 0.2)
             }
-            HiddenCause::PositionRipple => facts("position-ripple", "1", position, 0.0, 0.9),
-            HiddenCause::GravityImbalance => facts("gravity-imbalance", "Nm", position, 0.0, 10.0),
+            HiddenCause::PositionRipple => properties("position-ripple", "1", position, 0.0, 0.9),
+            HiddenCause::GravityImbalance => {
+                properties("gravity-imbalance", "Nm", position, 0.0, 10.0)
+            }
             HiddenCause::DirectionAsymmetry => {
-                facts("direction-asymmetry", "1", velocity, -0.9, 0.9)
+                properties("direction-asymmetry", "1", velocity, -0.9, 0.9)
             }
-            HiddenCause::TorqueOffset => facts("torque-offset", "Nm", None, -10.0, 10.0),
+            HiddenCause::TorqueOffset => properties("torque-offset", "Nm", None, -10.0, 10.0),
             HiddenCause::QuadraticDrag => {
-                facts("quadratic-drag", "Nm s^2/rad^2", velocity, 0.0, 0.1)
+                properties("quadratic-drag", "Nm s^2/rad^2", velocity, 0.0, 0.1)
             }
-            HiddenCause::DwellTimeStatic => facts("dwell-time-static", "Nm", velocity, 0.0, 5.0),
-            HiddenCause::TimeDrift => facts("time-drift", "1", Some("time_s"), -0.9, 5.0),
+            HiddenCause::DwellTimeStatic => {
+                properties("dwell-time-static", "Nm", velocity, 0.0, 5.0)
+            }
+            HiddenCause::TimeDrift => properties("time-drift", "1", Some("time_s"), -0.9, 5.0),
             HiddenCause::LoadTorqueCoulomb => {
-                facts("load-torque-coulomb", "Nm/Nm", Some("load_torque_nm"), 0.0, 1.0)
+                properties("load-torque-coulomb", "Nm/Nm", Some("load_torque_nm"), 0.0, 1.0)
             }
             HiddenCause::UnmodelledInertia => {
-                facts("unmodelled-inertia", "kg m^2", Some("acceleration_rad_s2"), -1.0, 1.0)
+                properties("unmodelled-inertia", "kg m^2", Some("acceleration_rad_s2"), -1.0, 1.0)
             }
-            HiddenCause::Backlash => facts("backlash", "rad", velocity, 0.0, 0.1),
-            HiddenCause::StribeckShape => facts("stribeck-shape", "1", velocity, 0.3, 8.0),
-            HiddenCause::ChannelDelay => facts("channel-delay", "s", velocity, 0.0, 0.1),
-            HiddenCause::TorqueRipple => facts("torque-ripple", "Nm", position, 0.0, 10.0),
+            HiddenCause::Backlash => properties("backlash", "rad", velocity, 0.0, 0.1),
+            HiddenCause::StribeckShape => properties("stribeck-shape", "1", velocity, 0.3, 8.0),
+            HiddenCause::ChannelDelay => properties("channel-delay", "s", velocity, 0.0, 0.1),
+            HiddenCause::TorqueRipple => properties("torque-ripple", "Nm", position, 0.0, 10.0),
             HiddenCause::TemperatureCoulomb => {
-                facts("temperature-coulomb", "1/K", Some("temperature_c"), 0.0, 0.2)
+                properties("temperature-coulomb", "1/K", Some("temperature_c"), 0.0, 0.2)
             }
-            HiddenCause::WarmUp => facts("warm-up", "1", velocity, 0.0, 0.9),
-            HiddenCause::OutsideCatalogue => facts("unknown", "1", None, 0.0, 0.0),
+            HiddenCause::WarmUp => properties("warm-up", "1", velocity, 0.0, 0.9),
+            HiddenCause::OutsideCatalogue => properties("unknown", "1", None, 0.0, 0.0),
         }
     }
 
-    /// The name of the cause, as the catalogue writes it.
+    /// Returns the name of the cause in the catalogue.
     pub const fn name(self) -> &'static str {
-        self.facts().name
+        self.properties().name
     }
 
-    /// The effect of a cause.
+    /// Returns the effect with this name.
     pub fn parse(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|effect| effect.name() == name)
     }
 
-    /// The unit of its size.
+    /// Returns the unit of the size.
     pub const fn unit(self) -> &'static str {
-        self.facts().unit
+        self.properties().unit
     }
 
-    /// The column it follows, by its name in a log.
+    /// Returns the log column that the effect depends on.
     pub const fn column(self) -> Option<&'static str> {
-        self.facts().column
+        self.properties().column
     }
 
-    /// Smallest and largest size that may be asked for.
+    /// Returns the smallest and largest size that the user can request.
     pub const fn bounds(self) -> (f64, f64) {
-        let facts = self.facts();
-        (facts.least, facts.most)
+        let properties = self.properties();
+        (properties.least, properties.most)
     }
 
-    /// The size at which nothing acts.
+    /// Returns the size without an effect.
     pub const fn neutral(self) -> f64 {
         match self {
             HiddenCause::StribeckShape => 2.0,
@@ -174,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_distinct_and_read_back() {
+    fn parse_of_each_name_returns_its_effect() {
         for effect in HiddenCause::ALL {
             assert_eq!(HiddenCause::parse(effect.name()), Some(effect));
         }
@@ -183,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn the_neutral_size_may_be_asked_for() {
+    fn bounds_of_each_effect_contain_the_neutral_size() {
         for effect in HiddenCause::ALL {
             let (least, most) = effect.bounds();
             assert!((least..=most).contains(&effect.neutral()), "{}", effect.name());

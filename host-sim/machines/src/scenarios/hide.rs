@@ -1,34 +1,37 @@
-//! What is asked to be hidden, as a person writes it.
+//! The value of `--hide`: which effect is hidden, and its size.
 
 use super::hidden_cause::HiddenCause;
 use super::kind::Kind;
 
-/// What is to be hidden: an effect, or nothing.
+/// A request to hide an effect, or none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hide {
-    /// The effect; `None` for nothing.
+    /// The effect. `None` to hide none.
     pub effect: Option<HiddenCause>,
-    /// Its size in its own unit; `None` for one that shows.
+    /// Size in the unit of the effect. `None` to draw a size that is visible.
     pub size: Option<f64>,
 }
 
-/// The cause that is none.
-const NONE: &str = "none";
+/// Value for a scenario without a hidden effect.
+const NONE_NAME: &str = "none";
 
 impl Hide {
-    /// Reads `CAUSE` or `CAUSE:SIZE`.
+    /// Parses `CAUSE` or `CAUSE:SIZE`.
     ///
     /// # Errors
-    /// What was expected, for whoever gave it.
+    /// Returns a message with the expected values if the text is not valid.
     pub fn parse(text: &str) -> Result<Self, String> {
         let (name, size) = match text.split_once(':') {
             Some((name, size)) => (name, Some(size)),
             None => (text, None),
         };
         let effect = HiddenCause::parse(name);
-        if effect.is_none() && name != NONE {
+        if effect.is_none() && name != NONE_NAME {
             let known: Vec<&str> = HiddenCause::ALL.iter().map(|effect| effect.name()).collect();
-            return Err(format!("unknown cause, expected one of {NONE}, {}", known.join(", ")));
+            return Err(format!(
+                "unknown cause, expected one of {NONE_NAME}, {}",
+                known.join(", ")
+            ));
         }
         let Some(size) = size else { return Ok(Self { effect, size: None }) };
         let Some(effect) = effect.filter(|effect| *effect != HiddenCause::OutsideCatalogue) else {
@@ -48,10 +51,10 @@ impl Hide {
     }
 }
 
-/// The kind of scenario in which these are hidden.
+/// Returns the kind of scenario with these hidden effects.
 ///
 /// # Errors
-/// If there are more than two, or the same twice.
+/// Returns a message if there are more than two effects, or two equal ones.
 pub fn kind(hide: &[Hide]) -> Result<Kind, String> {
     let kind = match *hide {
         [Hide { effect: None, .. }] => Kind::None,
@@ -72,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn causes_and_sizes_are_read() {
+    fn parse_of_cause_and_size_returns_both() {
         let hide = |text| Hide::parse(text).unwrap();
         assert_eq!(hide("none"), Hide { effect: None, size: None });
         let effect = Some(HiddenCause::PressureCoulomb);
@@ -83,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn parse_of_invalid_text_reports_what_was_expected() {
         for (text, word) in [
             ("pressure", "expected one of none, radial-force-coulomb"),
             ("", "expected one of none"),
@@ -99,13 +102,13 @@ mod tests {
             ("torque-offset:inf", "from -10 to 10 Nm"),
             ("stribeck-shape:0", "from 0.3 to 8 1 (2 is no effect)"),
         ] {
-            let said = Hide::parse(text).unwrap_err();
-            assert!(said.contains(word), "{text}: {said}");
+            let message = Hide::parse(text).unwrap_err();
+            assert!(message.contains(word), "{text}: {message}");
         }
     }
 
     #[test]
-    fn no_text_brings_the_reader_down() {
+    fn parse_of_random_text_does_not_panic() {
         use rand::{RngExt, SeedableRng};
         let mut random = rand_pcg::Pcg64::seed_from_u64(1);
         let parts = [
@@ -137,13 +140,13 @@ mod tests {
                     assert!((least..=most).contains(&size), "{text:?}");
                 }
                 Ok(Hide { effect, size }) => assert_eq!(size, None, "{text:?} {effect:?}"),
-                Err(said) => assert!(!said.is_empty() && !said.contains('\n'), "{text:?}"),
+                Err(message) => assert!(!message.is_empty() && !message.contains('\n'), "{text:?}"),
             }
         }
     }
 
     #[test]
-    fn at_most_two_different_causes() {
+    fn kind_with_equal_or_more_than_two_causes_returns_error() {
         let kind = |texts: &[&str]| {
             kind(&texts.iter().map(|text| Hide::parse(text).unwrap()).collect::<Vec<_>>())
         };

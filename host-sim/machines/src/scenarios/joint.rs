@@ -1,20 +1,20 @@
-//! The joint's physics: a LuGre seal and everything that may act on it unseen.
+//! Physics of the joint: a LuGre seal and all effects that can be hidden.
 //!
 //! ```text
 //! s  = v - k0 |v| z / g + eta3 dF_L/dt
-//! z' = s, or within the play of the drive next to nothing of it
-//! F  = k0 z + k1 s + k2 e(T) v + what adds to it
+//! z' = s, or a small share of it within the backlash of the drive
+//! F  = k0 z + k1 s + k2 e(T) v + additive torques
 //! |z| <= g / k0 at rest
 //! g  = (F_C + loads + (F_S - F_C + k ln(1 + age/t0)) exp(-|v/v_s|^delta)) x ripple x drift x side x cold x heat
 //! ```
 //!
-//! Each effect at its neutral size leaves the seal of `z' = v - k0 |v| z / g`, to the last bit.
+//! With all effects at their neutral size, the seal is bit-identical to `z' = v - k0 |v| z / g`.
 
 use super::outside::Outside;
-use super::surroundings::{Around, Condition};
+use super::surroundings::{Condition, Conditions};
 use crate::friction::Seal;
 
-/// What falls as it warms: the viscous film, or the level of a seal that stiffens with cold.
+/// Exponential decrease with temperature, of the viscous friction or of the level.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Thinning {
     pub per_k: f64,
@@ -27,11 +27,11 @@ impl Thinning {
     }
 }
 
-/// A sine of the angle.
+/// A sinusoidal function of the angle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wave {
     pub size: f64,
-    /// Periods in one turn.
+    /// Periods per turn.
     pub order: f64,
     pub phase: f64,
 }
@@ -42,7 +42,7 @@ impl Wave {
     }
 }
 
-/// Contact that grows stronger with rest. Its age grows with time and is lost with travel.
+/// Static friction that grows with the contact age. The age grows with time and is lost with travel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Dwell {
     pub gain_nm: f64,
@@ -50,7 +50,7 @@ pub(super) struct Dwell {
     pub travel_rad: f64,
 }
 
-/// The level over the campaign; 1 at its beginning.
+/// Change of the level over the campaign. The factor is 1 at the start.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Drift {
     /// `1 + rate t`.
@@ -70,14 +70,14 @@ impl Drift {
     }
 }
 
-/// What was rubbed warms the seal, and the level falls.
+/// Decrease of the level with the stored friction heat.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Warming {
-    /// Share of the level that goes in the end.
+    /// Share of the level that is lost at high heat.
     pub fall: f64,
-    /// Heat at which all but a share of 1/e of that has gone, J.
+    /// Heat at which a share of 1 - 1/e of the decrease has occurred, J.
     pub energy_j: f64,
-    /// Time in which the heat is lost, s.
+    /// Time constant of the cooling, s.
     pub cooling_s: f64,
 }
 
@@ -87,25 +87,25 @@ impl Warming {
     }
 }
 
-/// Play in the drive: within it the bristles take up hardly any motion.
+/// Backlash of the drive. Within it, almost no motion reaches the bristles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Play {
     pub travel_rad: f64,
-    /// Share of the motion that still reaches the bristles.
+    /// Share of the motion within the backlash that reaches the bristles.
     pub leak: f64,
 }
 
-/// A joint: its seal and all effects, most of them neutral.
+/// A joint: its seal and all effects. Most effects have their neutral size.
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
     pub seal: Seal,
     pub per_load: f64,
-    /// Gain on the transmitted torque where the torque column holds it.
+    /// Gain of the transmitted torque, if the torque column contains it.
     pub load_gain: f64,
     pub thinning: Option<Thinning>,
     pub ripple: Option<Wave>,
     pub gravity: Option<Wave>,
-    /// Additive torques of the angle, one of each order.
+    /// Additive torques that depend on the angle, one per order.
     pub torque_ripple: Vec<Wave>,
     pub stiffening: Option<Thinning>,
     pub warming: Option<Warming>,
@@ -117,16 +117,16 @@ pub(super) struct Joint {
     pub inertia: f64,
     pub play: Option<Play>,
     pub stribeck_exponent: f64,
-    /// The torque of a row is of so much earlier, s.
+    /// Delay of the torque channel, s.
     pub delay_s: f64,
     pub outside: Option<Outside>,
 }
 
-/// Beyond this many Stribeck velocities the curve of exponent 2 is below 1e-16.
-const CURVE_END: f64 = 6.1;
+/// Ratio to the Stribeck velocity above which the curve of exponent 2 is below 1e-16.
+const MAX_STRIBECK_RATIO: f64 = 6.1;
 
 impl Joint {
-    /// A seal and nothing else.
+    /// Returns a joint that consists of the seal only.
     pub fn plain(seal: Seal) -> Self {
         Self {
             seal,
@@ -151,40 +151,49 @@ impl Joint {
         }
     }
 
-    /// What acts at a time of the run. What does not act is not computed: sines are most of the
-    /// cost of a step.
-    pub fn around(&self, condition: &Condition, t: f64) -> Around {
-        let mut around = Around { campaign_s: condition.start_s + t, ..Around::default() };
+    /// Returns the operating conditions at a time of the run.
+    ///
+    /// Quantities without an effect are not computed, because the sines dominate the cost of a step.
+    pub fn conditions_at(&self, condition: &Condition, t: f64) -> Conditions {
+        let mut conditions =
+            Conditions { campaign_s: condition.start_s + t, ..Conditions::default() };
         if self.seal.per_force != 0.0 || self.seal.eta3 != 0.0 {
-            around.force = condition.force.at(t);
+            conditions.force = condition.force.at(t);
         }
         if self.seal.eta3 != 0.0 {
-            around.force_rate = condition.force.rate(t);
+            conditions.force_rate = condition.force.rate(t);
         }
         if self.seal.per_pressure != 0.0 {
-            around.pressure = condition.pressure.at(t);
+            conditions.pressure = condition.pressure.at(t);
         }
         if self.per_load != 0.0 || self.load_gain != 0.0 {
-            around.load = condition.load.at(t);
+            conditions.load = condition.load.at(t);
         }
         let outside = self.outside.as_ref();
-        let warms = self.thinning.is_some() || self.stiffening.is_some();
-        if warms || outside.is_some_and(Outside::follows_temperature) {
-            around.temperature = condition.temperature.at(t);
+        let depends_on_temperature = self.thinning.is_some() || self.stiffening.is_some();
+        if depends_on_temperature || outside.is_some_and(Outside::follows_temperature) {
+            conditions.temperature = condition.temperature.at(t);
         }
         if let Some(extra) = outside.and_then(|outside| outside.flavour.extra()) {
-            around.extra = condition.extra(extra).at(t);
+            conditions.extra = condition.extra(extra).at(t);
         }
-        around
+        conditions
     }
 
-    /// The level `g` the bristles slip at when moving at `speed` in `direction` (1 or -1), Nm.
-    pub fn level(&self, speed: f64, direction: f64, angle: f64, age_s: f64, now: &Around) -> f64 {
+    /// Returns the slip level `g` of the bristles at `speed` in `direction` (1 or -1), Nm.
+    pub fn level(
+        &self,
+        speed: f64,
+        direction: f64,
+        angle: f64,
+        age_s: f64,
+        now: &Conditions,
+    ) -> f64 {
         let seal = &self.seal;
         let ratio = speed / seal.stribeck_rad_s;
         let curve = if self.stribeck_exponent != 2.0 {
             (-ratio.powf(self.stribeck_exponent)).exp()
-        } else if ratio < CURVE_END {
+        } else if ratio < MAX_STRIBECK_RATIO {
             (-ratio * ratio).exp()
         } else {
             0.0
@@ -212,18 +221,18 @@ impl Joint {
         if let Some(outside) = &self.outside {
             level = outside.level(level, speed, angle, now);
         }
-        // A level at or below zero would be no friction at all; no effect of a sane size gets here.
+        // Lower bound of the level. Effects of plausible size do not reach it.
         (level * (1.0 + self.asymmetry * direction)).max(0.01 * seal.coulomb_nm)
     }
 
-    /// Viscous torque, Nm.
-    pub fn viscous(&self, velocity: f64, direction: f64, now: &Around) -> f64 {
+    /// Returns the viscous torque, Nm.
+    pub fn viscous(&self, velocity: f64, direction: f64, now: &Conditions) -> f64 {
         let film = self.thinning.map_or(1.0, |thinning| thinning.factor(now.temperature));
         self.seal.k2 * film * (1.0 + self.asymmetry * direction) * velocity
     }
 
-    /// Everything that adds to friction, Nm.
-    pub fn added(&self, angle: f64, velocity: f64, acceleration: f64, now: &Around) -> f64 {
+    /// Returns the sum of all torques besides the friction of the seal, Nm.
+    pub fn added(&self, angle: f64, velocity: f64, acceleration: f64, now: &Conditions) -> f64 {
         self.offset_nm
             + self.gravity.map_or(0.0, |gravity| gravity.at(angle))
             + self.torque_ripple.iter().map(|wave| wave.at(angle)).sum::<f64>()
@@ -233,11 +242,11 @@ impl Joint {
             + self.outside.as_ref().map_or(0.0, |outside| outside.added(now))
     }
 
-    /// Longest step at which this joint's level changes little from step to step, s.
+    /// Returns the maximum step with a negligible change of the level per step, s.
     pub fn longest_step_s(&self, peak_speed: f64) -> f64 {
-        /// Share of a ripple's period, rad, that may go by in a step.
-        const PHASE_RAD: f64 = 0.05;
+        /// Maximum phase change of a ripple in a step, rad.
+        const MAX_PHASE_RAD: f64 = 0.05;
         let order = self.ripple.map_or(0.0, |ripple| ripple.order);
-        if order * peak_speed > 0.0 { PHASE_RAD / (order * peak_speed) } else { f64::INFINITY }
+        if order * peak_speed > 0.0 { MAX_PHASE_RAD / (order * peak_speed) } else { f64::INFINITY }
     }
 }

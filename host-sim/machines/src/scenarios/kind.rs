@@ -1,27 +1,27 @@
-//! The kinds of scenario, and the benchmark of them.
+//! The kinds of scenario, and a benchmark of all kinds.
 
 use super::hidden_cause::HiddenCause;
 use super::sampler::mixed;
 
-/// What is hidden in a scenario.
+/// Kind of a scenario: its hidden effects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// Nothing: plain LuGre and noise.
+    /// No hidden effect: plain LuGre and noise.
     None,
     /// One effect.
     One(HiddenCause),
     /// Two effects of comparable size.
     Two(HiddenCause, HiddenCause),
-    /// One effect whose column moves exactly with another: no data can tell the two apart.
+    /// One effect whose column is exactly proportional to another, so that both causes are confounded.
     Confounded,
-    /// One effect, and a column that moves nearly with it but does nothing.
+    /// One effect, and a correlated column without an effect.
     Decoy,
-    /// Structure that no cause of the catalogue has.
+    /// An effect that no cause of the catalogue describes.
     Outside,
 }
 
 impl Kind {
-    /// One word.
+    /// Returns the name of the kind, in one word.
     pub const fn name(self) -> &'static str {
         match self {
             Kind::None => "none",
@@ -34,7 +34,7 @@ impl Kind {
     }
 }
 
-/// Pairs that occur together on real joints and that good data can tell apart.
+/// Pairs of effects that occur together on real joints and that good data can separate.
 pub const PAIRS: [(HiddenCause, HiddenCause); 16] = [
     (HiddenCause::PressureCoulomb, HiddenCause::RadialForceCoulomb),
     (HiddenCause::PressureCoulomb, HiddenCause::TimeDrift),
@@ -54,8 +54,11 @@ pub const PAIRS: [(HiddenCause, HiddenCause); 16] = [
     (HiddenCause::RadialForceRate, HiddenCause::RadialForceCoulomb),
 ];
 
-/// A benchmark of scenarios to be drawn: `per_kind` of every effect of the catalogue, four times as many
-/// without any, and so on. Another base gives other scenarios throughout.
+/// Returns the kinds and seeds of a benchmark.
+///
+/// It contains `per_kind` scenarios of every effect of the catalogue, four times as many without an effect, with two
+/// effects and with a decoy, twice as many confounded ones, and five times as many outside the catalogue. A different
+/// base gives different scenarios.
 pub fn benchmark(seed_base: u64, per_kind: usize) -> impl Iterator<Item = (Kind, u64)> {
     let times = |kind: Kind, count: usize| std::iter::repeat_n(kind, count);
     let catalogue =
@@ -80,7 +83,7 @@ mod tests {
     use std::collections::HashSet;
 
     #[test]
-    fn a_bank_has_every_kind_and_no_seed_twice() {
+    fn benchmark_contains_every_kind_and_distinct_seeds() {
         let scenarios: Vec<(Kind, u64)> = benchmark(1, 2).chain(benchmark(2, 2)).collect();
         let seeds: HashSet<u64> = scenarios.iter().map(|(_, seed)| *seed).collect();
         assert_eq!(seeds.len(), scenarios.len());

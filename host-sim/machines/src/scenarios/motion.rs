@@ -1,11 +1,11 @@
-//! Motions of a joint: angle, velocity and acceleration known at every instant.
+//! Motions of a joint: angle, velocity and acceleration as functions of time.
 //!
-//! The integrator counts travel, not steps in time, so a motion gives its angle in closed form and
-//! not as a sum of velocities. Every motion begins at rest, and was at rest before.
+//! The integrator uses the travel as the independent variable. A motion therefore gives its angle in
+//! closed form, not as a sum of velocities. Every motion starts at rest.
 
 use std::f64::consts::TAU;
 
-/// Where a joint is and how it moves.
+/// Angle, velocity and acceleration of a joint at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Instant {
     /// Angle since the start of the run, rad.
@@ -23,7 +23,7 @@ pub(super) struct Wave {
     pub hz: f64,
 }
 
-/// A time and the velocity then; between two of them the velocity goes over smoothly.
+/// A time with its velocity and angle. Ramps connect two knots.
 #[derive(Clone, Copy, Debug)]
 struct Knot {
     t: f64,
@@ -36,9 +36,9 @@ struct Knot {
 pub(super) enum Motion {
     /// A sum of sines.
     Waves(Vec<Wave>),
-    /// Oscillations about a point that grow from nothing to `travel` (rad) over `growth` (s).
+    /// Oscillations about a point. Their amplitude grows from 0 to `travel` (rad) over `growth` (s).
     Presliding { travel: f64, hz: f64, growth: f64 },
-    /// Speeds held and changed.
+    /// Constant speeds and ramps.
     Speeds(Speeds),
 }
 
@@ -46,42 +46,46 @@ pub(super) enum Motion {
 #[derive(Clone, Debug)]
 pub(super) struct Speeds {
     knots: Vec<Knot>,
-    /// Ramps begin and end softly; else they are straight.
-    soft: bool,
+    /// True if ramps start and end with zero acceleration, false if they are linear.
+    is_smooth: bool,
 }
 
 impl Speeds {
-    /// At rest at time 0.
-    pub fn from_rest(soft: bool) -> Self {
-        Self { knots: vec![Knot { t: 0.0, velocity: 0.0, angle: 0.0 }], soft }
+    /// Creates a sequence that starts at rest at time 0.
+    pub fn from_rest(is_smooth: bool) -> Self {
+        Self { knots: vec![Knot { t: 0.0, velocity: 0.0, angle: 0.0 }], is_smooth }
     }
 
+    /// Returns the last knot.
     fn last(&self) -> Knot {
         self.knots.last().copied().unwrap_or(Knot { t: 0.0, velocity: 0.0, angle: 0.0 })
     }
 
-    /// Time at which all that was asked for is done, s.
+    /// Returns the time of the last knot, s.
     pub fn end(&self) -> f64 {
         self.last().t
     }
 
-    /// Velocity then, rad/s.
+    /// Returns the velocity at the last knot, rad/s.
     pub fn velocity(&self) -> f64 {
         self.last().velocity
     }
 
-    /// Goes over to `velocity` in `seconds`. Both kinds of ramp have the mean of their ends.
+    /// Appends a ramp to `velocity` that takes `seconds`.
+    ///
+    /// The mean velocity of both kinds of ramp is the mean of their ends.
     pub fn ramp(&mut self, velocity: f64, seconds: f64) {
         let last = self.last();
         let angle = last.angle + 0.5 * (last.velocity + velocity) * seconds;
         self.knots.push(Knot { t: last.t + seconds, velocity, angle });
     }
 
-    /// Keeps the velocity for `seconds`.
+    /// Holds the velocity for `seconds`.
     pub fn hold(&mut self, seconds: f64) {
         self.ramp(self.velocity(), seconds);
     }
 
+    /// Evaluates the sequence at a time, s. After the last knot the velocity is constant.
     fn at(&self, t: f64) -> Instant {
         let next = self.knots.partition_point(|knot| knot.t <= t);
         let Some(from) = next.checked_sub(1).and_then(|at| self.knots.get(at)) else {
@@ -93,8 +97,8 @@ impl Speeds {
         };
         let (seconds, rise) = (to.t - from.t, to.velocity - from.velocity);
         let x = (t - from.t) / seconds;
-        // The share of the rise, its integral and its slope.
-        let (share, integral, slope) = if self.soft {
+        // Share of the velocity change, its integral and its slope.
+        let (share, integral, slope) = if self.is_smooth {
             (x * x * (3.0 - 2.0 * x), x * x * x * (1.0 - 0.5 * x), 6.0 * x * (1.0 - x))
         } else {
             (x, 0.5 * x * x, 1.0)
@@ -108,7 +112,7 @@ impl Speeds {
 }
 
 impl Motion {
-    /// Where the joint is at a time from the start of the run, s.
+    /// Evaluates the motion at a time from the start of the run, s.
     pub fn at(&self, t: f64) -> Instant {
         if t <= 0.0 {
             return Instant::default();
@@ -144,7 +148,7 @@ impl Motion {
         }
     }
 
-    /// The largest speed up to a time, found on a grid, rad/s.
+    /// Returns the largest speed up to a time, evaluated on a grid of 401 points, rad/s.
     pub fn peak(&self, seconds: f64) -> f64 {
         (0..=400)
             .map(|step| self.at(seconds * f64::from(step) / 400.0).velocity.abs())
@@ -167,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn velocity_is_the_slope_of_the_angle_and_acceleration_of_the_velocity() {
+    fn at_returns_consistent_derivatives() {
         let waves = Motion::Waves(vec![Wave { peak: 1.0, hz: 0.7 }, Wave { peak: 0.4, hz: 1.9 }]);
         let presliding = Motion::Presliding { travel: 1e-2, hz: 3.0, growth: 2.0 };
         for motion in [waves, presliding, ramps(false), ramps(true)] {
@@ -184,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_begins_at_rest() {
+    fn at_before_and_at_start_returns_rest() {
         for motion in [ramps(true), Motion::Presliding { travel: 1e-3, hz: 3.0, growth: 2.0 }] {
             assert_eq!(motion.at(-0.1), Instant::default());
             assert_eq!(motion.at(0.0), Instant::default());
@@ -192,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_velocity_stays() {
+    fn at_after_last_knot_keeps_the_velocity() {
         let mut speeds = Speeds::from_rest(false);
         speeds.ramp(3.0, 1.0);
         let motion = Motion::Speeds(speeds);

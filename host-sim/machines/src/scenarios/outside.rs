@@ -1,21 +1,22 @@
-//! Structure that no cause of the catalogue has: the right answer to it is `unknown`.
+//! Effects that no cause of the catalogue describes. The correct diagnosis is `unknown`.
 
 use super::sampler::Sampler;
-use super::surroundings::{Around, Extra};
+use super::surroundings::{Conditions, Extra};
 use std::f64::consts::TAU;
 
-/// How a level follows a column: a curve from 0 to 1 over the column's range.
+/// Relation between the friction level and a column: a curve from 0 to 1 over the column's range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Curve {
-    /// In proportion.
+    /// Proportional.
     Straight,
-    /// Slowly, then faster.
+    /// Quadratic.
     Square,
-    /// Hardly, then all within a small part of the range.
+    /// Sigmoid: almost the whole change occurs within a small part of the range.
     Step,
 }
 
 impl Curve {
+    /// Returns the curve at a share of the column's range.
     fn at(self, share: f64) -> f64 {
         match self {
             Curve::Straight => share,
@@ -24,6 +25,7 @@ impl Curve {
         }
     }
 
+    /// Returns the words for a description.
     const fn words(self) -> &'static str {
         match self {
             Curve::Straight => "in proportion to",
@@ -33,37 +35,37 @@ impl Curve {
     }
 }
 
-/// One such structure.
+/// Kind of the effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Flavour {
-    /// The level (not the viscosity) falls with temperature from `from_c` over `range_k`.
+    /// The level falls with temperature from `from_c` over `range_k`; the viscosity does not change.
     Temperature { from_c: f64, range_k: f64, curve: Curve },
     /// The level follows an extra column over its range.
     Column { extra: Extra, from: f64, range: f64, curve: Curve },
-    /// A bump of the level about a speed.
+    /// A local increase of the level around a speed.
     Band { speed: f64, width: f64 },
-    /// An additive torque in proportion to a cable's tension, from `from` on.
+    /// An additive torque proportional to the cable tension minus `from`.
     Cable { from: f64 },
-    /// A bump of the level at one angle of the shaft.
+    /// A local increase of the level at one angle of the shaft.
     Scratch { angle: f64, width: f64 },
 }
 
-/// A structure and how large it is.
+/// An effect outside the catalogue, with its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Outside {
     pub flavour: Flavour,
-    /// Relative change of the level; Nm for a band; Nm/N for a cable.
+    /// Relative change of the level. In Nm for a band, in Nm/N for a cable.
     pub size: f64,
 }
 
 impl Flavour {
-    /// One at random, to be placed when the campaign is known.
+    /// Draws a kind. Its range is set later, when the campaign is known.
     pub fn draw(sampler: &mut Sampler) -> Self {
         let curve = sampler.pick(&[Curve::Straight, Curve::Square, Curve::Step]);
         let curve = curve.unwrap_or(Curve::Straight);
         let column = |extra| Flavour::Column { extra, from: 0.0, range: 1.0, curve };
         match sampler.below(6) {
-            // Never straight: that would be hard to tell from anything else that warms up.
+            // Only a step: a proportional change would be confounded with other temperature effects.
             0 => Flavour::Temperature { from_c: 0.0, range_k: 1.0, curve: Curve::Step },
             1 => column(Extra::Humidity),
             2 => column(Extra::LubricantAge),
@@ -76,7 +78,7 @@ impl Flavour {
         }
     }
 
-    /// The extra column that acts.
+    /// Returns the extra column that causes the effect.
     pub fn extra(&self) -> Option<Extra> {
         match self {
             Flavour::Column { extra, .. } => Some(*extra),
@@ -85,7 +87,7 @@ impl Flavour {
         }
     }
 
-    /// The column the structure follows.
+    /// Returns the column that the effect depends on.
     pub const fn column(&self) -> &'static str {
         match self {
             Flavour::Temperature { .. } => "temperature_c",
@@ -96,7 +98,7 @@ impl Flavour {
         }
     }
 
-    /// Unit of the size.
+    /// Returns the unit of the size.
     pub const fn unit(&self) -> &'static str {
         match self {
             Flavour::Band { .. } => "Nm",
@@ -105,7 +107,7 @@ impl Flavour {
         }
     }
 
-    /// Smallest and largest size that is drawn.
+    /// Returns the smallest and largest size that is drawn.
     pub fn limits(&self, coulomb_nm: f64) -> (f64, f64) {
         match self {
             Flavour::Band { .. } => (0.02, 0.8 * coulomb_nm),
@@ -116,7 +118,7 @@ impl Flavour {
         }
     }
 
-    /// The structure in words.
+    /// Returns a description of the effect.
     pub fn words(&self) -> String {
         match self {
             Flavour::Temperature { curve, .. } => {
@@ -138,19 +140,20 @@ impl Flavour {
     }
 }
 
+/// Gaussian bump of height 1.
 fn bump(distance: f64, width: f64) -> f64 {
     let ratio = distance / width;
     (-ratio * ratio).exp()
 }
 
 impl Outside {
-    /// Whether temperature acts.
+    /// Returns true if the effect depends on the temperature.
     pub fn follows_temperature(&self) -> bool {
         matches!(self.flavour, Flavour::Temperature { .. })
     }
 
-    /// The level with the structure in it, Nm.
-    pub fn level(&self, level: f64, speed: f64, angle: f64, now: &Around) -> f64 {
+    /// Returns the level with the effect, Nm.
+    pub fn level(&self, level: f64, speed: f64, angle: f64, now: &Conditions) -> f64 {
         let size = self.size;
         match self.flavour {
             Flavour::Temperature { from_c, range_k, curve } => {
@@ -162,13 +165,13 @@ impl Outside {
             Flavour::Band { speed: middle, width } => level + size * bump(speed - middle, width),
             Flavour::Cable { .. } => level,
             Flavour::Scratch { angle: at, width } => {
-                level * (1.0 + size * bump(on_the_shaft(angle, at), width))
+                level * (1.0 + size * bump(wrapped_difference(angle, at), width))
             }
         }
     }
 
-    /// The torque it adds beside friction, Nm.
-    pub fn added(&self, now: &Around) -> f64 {
+    /// Returns the additive torque of the effect, Nm.
+    pub fn added(&self, now: &Conditions) -> f64 {
         match self.flavour {
             Flavour::Cable { from } => self.size * (now.extra - from),
             _ => 0.0,
@@ -176,8 +179,8 @@ impl Outside {
     }
 }
 
-/// The angle's distance from another on the shaft, -pi to pi.
-fn on_the_shaft(angle: f64, from: f64) -> f64 {
+/// Returns the angle difference wrapped to the range -pi to pi.
+fn wrapped_difference(angle: f64, from: f64) -> f64 {
     let turned = (angle - from).rem_euclid(TAU);
     if turned > 0.5 * TAU { turned - TAU } else { turned }
 }

@@ -1,31 +1,34 @@
-//! What is logged of a simulated run, when, and how exactly.
+//! Sampling, packet loss and resolution of the log of a simulated run.
 //!
-//! A sensor's resolution is also that of the number in the file, so a log in memory and one
-//! that was read back from `data.csv` are the same.
+//! Values are rounded to the resolution of the file, so that a log in memory equals the one read back
+//! from `data.csv`.
 
 use super::motion::Motion;
 use super::sampler::Sampler;
 use std::ops::Range;
 
-/// How a log is taken.
+/// Sensor properties of a campaign.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sensors {
-    /// Largest shift of a sample from its place in the grid, in periods.
+    /// Maximum jitter of a sample time, in sample periods.
     pub jitter: f64,
-    /// Whether packets are lost in some runs.
+    /// True if packets are lost in some runs.
     pub gaps: bool,
-    /// Whether velocity and position have an encoder's errors; else they are exact.
+    /// True if velocity and position have encoder errors, false if they are exact.
     pub encoder: bool,
 }
 
 impl Sensors {
+    /// Draws the sensor properties.
     pub fn draw(sampler: &mut Sampler) -> Self {
         let jitter = if sampler.chance(0.5) { sampler.between(0.0, 0.1) } else { 0.0 };
         Self { jitter, gaps: sampler.chance(1.0 / 3.0), encoder: sampler.chance(0.4) }
     }
 
-    /// When the samples of a run are taken, s from its start. None are in `lost`. The first is taken
-    /// at rest: what bristles hold in a motion that has just begun nobody can know.
+    /// Draws the sample times of a run, s from its start. None are in `lost`.
+    ///
+    /// The first sample has no jitter, so that it is taken at rest. The bristle torque of a started motion would be
+    /// unknown.
     pub fn times(
         &self,
         sampler: &mut Sampler,
@@ -36,17 +39,18 @@ impl Sensors {
         let rows = ((seconds * rate_hz).round() as usize).max(2);
         (0..rows)
             .map(|row| {
-                let jitters = self.jitter > 0.0 && row > 0;
-                let shift = if jitters { self.jitter * sampler.between(-0.5, 0.5) } else { 0.0 };
+                let has_jitter = self.jitter > 0.0 && row > 0;
+                let shift = if has_jitter { self.jitter * sampler.between(-0.5, 0.5) } else { 0.0 };
                 rounded((row as f64 + shift) / rate_hz, MICRO)
             })
             .filter(|t| !lost.contains(t))
             .collect()
     }
 
-    /// The packets that are lost in a run, s: mostly none. The log resumes where the joint has been
-    /// sliding for a while, so that what the bristles hold is known again.
-    pub fn lost(&self, sampler: &mut Sampler, motion: &Motion, size: &LossSize) -> Range<f64> {
+    /// Draws the time range of lost packets of a run, s. It is mostly empty.
+    ///
+    /// The log resumes while the joint slides, so that the bristle torque is known again.
+    pub fn lost(&self, sampler: &mut Sampler, motion: &Motion, size: &LossLimits) -> Range<f64> {
         if !self.gaps || !sampler.chance(0.4) {
             return 0.0..0.0;
         }
@@ -61,23 +65,23 @@ impl Sensors {
     }
 }
 
-/// What decides where packets may be lost.
-pub(super) struct LossSize {
+/// Quantities that limit a packet loss.
+pub(super) struct LossLimits {
     pub rate_hz: f64,
     pub seconds: f64,
-    /// Travel after which bristles slide, whatever they held.
+    /// Travel after which bristles slide, whatever their initial torque.
     pub sliding_rad: f64,
 }
 
-/// How long a joint has been sliding where a log resumes, s.
+/// Minimum sliding time before a log resumes, s.
 const SLIDING_S: f64 = 0.05;
 
-/// Steps of a value per unit: what the last digit in the file stands for.
+/// Steps per unit of a value with a resolution of 1e-6 or 1e-9.
 pub(super) const MICRO: f64 = 1e6;
 pub(super) const NANO: f64 = 1e9;
 
-/// A value as its last digit shows it.
+/// Rounds a value to `per_unit` steps per unit.
 pub(super) fn rounded(value: f64, per_unit: f64) -> f64 {
-    // The sum with 0 makes of a minus nothing a nothing.
+    // Adding 0 converts -0 to 0.
     (value * per_unit).round() / per_unit + 0.0
 }

@@ -1,51 +1,51 @@
-//! Where a scenario's data come from, before anything is hidden: seal, campaign, sensors.
+//! A campaign without hidden effects: seal, runs, conditions and sensors.
 
-use super::dynamics::{Path, torque, torque_of_warm};
-use super::excite::{Drive, motions};
+use super::dynamics::{Path, torque, torque_with_heat};
+use super::excite::{Drive, draw_motions};
 use super::hidden_cause::HiddenCause;
 use super::joint::Joint;
 use super::motion::Motion;
 use super::sampler::Sampler;
-use super::sensors::{LossSize, Sensors};
+use super::sensors::{LossLimits, Sensors};
 use super::surroundings::{Condition, Extra, Signal};
 use crate::friction::Seal;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-/// What may be asked for instead of drawn.
+/// Quantities that the user can set. `None` to draw them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
     /// Number of runs.
     pub runs: Option<usize>,
-    /// Length of each, s.
+    /// Length of each run, s.
     pub seconds: Option<f64>,
     /// Sample rate, Hz.
     pub rate_hz: Option<f64>,
-    /// Standard deviation of the torque sensor, Nm.
+    /// Standard deviation of the torque noise, Nm.
     pub noise_nm: Option<f64>,
-    /// The log lacks the columns the hidden effects follow: their cause must then not be named.
+    /// True to omit the columns of the hidden effects from the log. A diagnosis must then not name their cause.
     pub without_own_columns: bool,
-    /// So many integrator steps in place of one, for tests of the integrator; 0 as 1.
+    /// Divides each integration step into this number of parts, for tests of the integrator. 0 is treated as 1.
     pub finer: u32,
 }
 
-/// One run before it is simulated.
+/// A planned run before its simulation.
 #[derive(Clone, Debug)]
 pub(super) struct RunSetting {
     pub motion: Motion,
     /// Angle of the shaft at the start, rad.
     pub start_angle: f64,
     pub condition: Condition,
-    /// When samples are taken, s from the start.
+    /// Sample times, s from the start.
     pub times: Vec<f64>,
-    /// What the bristles hold at the start, as a share of the Coulomb level.
+    /// Bristle torque at the start, as a share of the Coulomb level.
     pub held: f64,
-    /// Of the run's own noise.
+    /// Seed of the run's noise.
     pub seed: u64,
 }
 
-/// A campaign before anything is hidden in it.
+/// A campaign without hidden effects.
 #[derive(Clone, Debug)]
 pub(super) struct Setting {
     pub seal: Seal,
@@ -55,22 +55,22 @@ pub(super) struct Setting {
     /// The optional columns of the log.
     pub columns: Vec<&'static str>,
     pub sensors: Sensors,
-    /// From the start of the first run to the end of the last, s.
+    /// Time from the start of the first run to the end of the last, s.
     pub campaign_s: f64,
-    /// Fastest speed of any run, rad/s.
+    /// Maximum speed of all runs, rad/s.
     pub top_rad_s: f64,
     finer: f64,
-    /// The paths of a joint that needs nothing special.
+    /// Integration points for joints without a delay and without a step limit.
     plain_paths: OnceLock<Vec<Path>>,
 }
 
-/// Longest step of the integrator, s.
-const STEP_S: f64 = 1e-4;
+/// Maximum integration step, s.
+const MAX_STEP_S: f64 = 1e-4;
 
-/// Rows of a log, in total.
+/// Range of the total number of rows of a log.
 const ROWS: (f64, f64) = (9_000.0, 38_000.0);
 
-/// The covariates of the contract.
+/// Covariates of the data contract.
 pub(super) const COVARIATES: [&str; 4] =
     ["radial_force_n", "pressure_diff_pa", "temperature_c", "load_torque_nm"];
 
@@ -81,13 +81,14 @@ struct Size {
     seconds: f64,
 }
 
-fn size(sampler: &mut Sampler, effects: &[HiddenCause], options: &Options) -> Size {
-    // Contact ages over many seconds: such a campaign is long, and so its rate is low.
+/// Draws the size of a campaign.
+fn draw_size(sampler: &mut Sampler, effects: &[HiddenCause], options: &Options) -> Size {
+    // The contact age changes over many seconds, so these campaigns are long and have a low sample rate.
     let ages = effects.contains(&HiddenCause::DwellTimeStatic);
     let drawn_rate = sampler.log_between(100.0, if ages { 300.0 } else { 2000.0 });
     let rate_hz = options.rate_hz.unwrap_or((drawn_rate / 5.0).round() * 5.0);
     let rows = sampler.log_between(ROWS.0, ROWS.1);
-    // Enough seconds for six runs that show something; not so many that they are all alike.
+    // Long enough for six informative runs, and short enough to limit repetition.
     let least_s = if ages { 100.0 } else { 28.0 };
     let total = (rows / rate_hz).max(least_s).min(ROWS.1 / rate_hz).min(170.0);
     let (shortest, longest): (f64, f64) = if ages { (10.0, 22.0) } else { (2.2, 12.0) };
@@ -98,10 +99,11 @@ fn size(sampler: &mut Sampler, effects: &[HiddenCause], options: &Options) -> Si
     Size { rate_hz, runs, seconds }
 }
 
-fn seal(sampler: &mut Sampler, rate_hz: f64, effects: &[HiddenCause]) -> Seal {
+/// Draws the seal.
+fn draw_seal(sampler: &mut Sampler, rate_hz: f64, effects: &[HiddenCause]) -> Seal {
     let coulomb_nm = sampler.between(1.6, 2.4);
     let static_nm = coulomb_nm * sampler.between(1.15, 1.55);
-    // A log must be able to follow the bristles at an acceleration worth having.
+    // The log must resolve the bristle deflection at a useful acceleration.
     let stiffest = (2.0 * static_nm * rate_hz * rate_hz / 9.0).clamp(2.5e3, 2e4);
     let films = effects.contains(&HiddenCause::TemperatureViscous);
     Seal {
@@ -117,7 +119,8 @@ fn seal(sampler: &mut Sampler, rate_hz: f64, effects: &[HiddenCause]) -> Seal {
     }
 }
 
-fn conditions(
+/// Draws the operating conditions of each run.
+fn draw_conditions(
     sampler: &mut Sampler,
     size: &Size,
     effects: &[HiddenCause],
@@ -188,24 +191,27 @@ fn conditions(
         .collect()
 }
 
-/// Conditions in which no two quantities, nor one and the time, go together by chance: with six
-/// runs they easily do, and then no data could tell their effects apart.
-fn unrelated(
+/// Draws conditions without strong accidental correlations between quantities, or with time.
+///
+/// With six runs such correlations are likely, and the effects of correlated quantities are confounded.
+fn draw_uncorrelated_conditions(
     sampler: &mut Sampler,
     size: &Size,
     effects: &[HiddenCause],
     extras: &[Extra],
 ) -> Vec<Condition> {
-    const TRIES: usize = 60;
-    const ENOUGH: f64 = 0.5;
-    let mut best = conditions(sampler, size, effects, extras);
-    let mut least = closest(&best);
-    for _ in 1..TRIES {
-        if least < ENOUGH {
+    /// Maximum number of trials.
+    const MAX_TRIALS: usize = 60;
+    /// Correlation below which conditions are accepted.
+    const MAX_CORRELATION: f64 = 0.5;
+    let mut best = draw_conditions(sampler, size, effects, extras);
+    let mut least = largest_correlation(&best);
+    for _ in 1..MAX_TRIALS {
+        if least < MAX_CORRELATION {
             break;
         }
-        let next = conditions(sampler, size, effects, extras);
-        let relation = closest(&next);
+        let next = draw_conditions(sampler, size, effects, extras);
+        let relation = largest_correlation(&next);
         if relation < least {
             (best, least) = (next, relation);
         }
@@ -213,8 +219,8 @@ fn unrelated(
     best
 }
 
-/// The largest correlation between the levels of any two quantities over the runs.
-fn closest(conditions: &[Condition]) -> f64 {
+/// Returns the largest correlation between the levels of any two quantities over the runs.
+fn largest_correlation(conditions: &[Condition]) -> f64 {
     let of = |level: &dyn Fn(&Condition) -> f64| conditions.iter().map(level).collect::<Vec<f64>>();
     let mut series = vec![
         of(&|c| c.start_s),
@@ -234,7 +240,7 @@ fn closest(conditions: &[Condition]) -> f64 {
     most
 }
 
-/// Correlation of two series of equal length; 0 where one does not vary.
+/// Returns the correlation of two series of equal length. It is 0 if one of them is constant.
 pub(super) fn correlation(one: &[f64], other: &[f64]) -> f64 {
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let (mean_a, mean_b) = (mean(one), mean(other));
@@ -247,12 +253,16 @@ pub(super) fn correlation(one: &[f64], other: &[f64]) -> f64 {
     if aa * bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
 }
 
-/// The optional columns a log has: those an effect follows always, others mostly.
-fn columns(sampler: &mut Sampler, effects: &[HiddenCause], extras: &[Extra]) -> Vec<&'static str> {
+/// Draws the optional columns of the log. Columns of the hidden effects are always included.
+fn draw_columns(
+    sampler: &mut Sampler,
+    effects: &[HiddenCause],
+    extras: &[Extra],
+) -> Vec<&'static str> {
     let mut columns: Vec<&'static str> = Vec::new();
     let own = |column: &str| effects.iter().any(|effect| effect.column() == Some(column));
     for (column, share) in [("position_rad", 0.9), ("acceleration_rad_s2", 0.25)] {
-        // Acceleration is the slope of velocity: no effect needs it measured.
+        // The acceleration can be computed from the velocity, so no effect requires its column.
         if sampler.chance(share) || (own(column) && column == "position_rad") {
             columns.push(column);
         }
@@ -267,11 +277,11 @@ fn columns(sampler: &mut Sampler, effects: &[HiddenCause], extras: &[Extra]) -> 
 }
 
 impl Setting {
-    /// Draws a campaign in which `effects` would show.
+    /// Draws a campaign in which `effects` are visible.
     pub fn draw(seed: u64, effects: &[HiddenCause], extras: &[Extra], options: &Options) -> Self {
         let mut sampler = Sampler::new(seed, 0);
-        let size = size(&mut sampler, effects, options);
-        let seal = seal(&mut sampler, size.rate_hz, effects);
+        let size = draw_size(&mut sampler, effects, options);
+        let seal = draw_seal(&mut sampler, size.rate_hz, effects);
         let drive = Drive {
             top_rad_s: sampler.between(4.0, 10.47),
             steepest_rad_s2: Drive::steepest(&seal, size.rate_hz),
@@ -280,7 +290,7 @@ impl Setting {
             seconds: size.seconds,
         };
         let sensors = Sensors::draw(&mut sampler);
-        let loss = LossSize {
+        let loss = LossLimits {
             rate_hz: size.rate_hz,
             seconds: size.seconds,
             sliding_rad: 8.0 * seal.static_nm / seal.k0,
@@ -293,9 +303,9 @@ impl Setting {
                 Extra::CableTension,
             ]));
         }
-        let columns = columns(&mut sampler, effects, &extras);
-        let motions = motions(&mut sampler, &seal, &drive, effects, size.runs);
-        let conditions = unrelated(&mut sampler, &size, effects, &extras);
+        let columns = draw_columns(&mut sampler, effects, &extras);
+        let motions = draw_motions(&mut sampler, &seal, &drive, effects, size.runs);
+        let conditions = draw_uncorrelated_conditions(&mut sampler, &size, effects, &extras);
         let runs: Vec<RunSetting> = motions
             .into_iter()
             .zip(conditions)
@@ -326,7 +336,7 @@ impl Setting {
         }
     }
 
-    /// Sees to it that a column is in the log.
+    /// Adds a column to the log if it is missing.
     pub fn log_column(&mut self, column: &'static str) {
         let always = ["velocity_rad_s", "time_s"].contains(&column);
         if !always && !self.columns.contains(&column) {
@@ -334,28 +344,29 @@ impl Setting {
         }
     }
 
-    /// The extra columns of the log, in their order.
+    /// Returns the extra columns of the log, in their order.
     pub fn extra_columns(&self) -> impl Iterator<Item = &'static str> + '_ {
         let extras = self.runs.first().map_or(&[][..], |run| &run.condition.extras);
         let names = extras.iter().map(|(extra, _)| extra.column());
         names.filter(|name| self.columns.contains(name))
     }
 
-    /// The paths of all runs as this joint needs them.
+    /// Creates the integration points of all runs for this joint.
     fn paths(&self, joint: &Joint) -> Vec<Path> {
         let path = |run: &RunSetting| {
-            let longest_s = STEP_S.min(joint.longest_step_s(run.motion.peak(self.seconds)));
+            let longest_s = MAX_STEP_S.min(joint.longest_step_s(run.motion.peak(self.seconds)));
             let times: Vec<f64> = run.times.iter().map(|t| t - joint.delay_s).collect();
             Path::new(&run.motion, run.start_angle, &times, longest_s, self.finer)
         };
         self.runs.par_iter().map(path).collect()
     }
 
-    /// The true torque of each row of each run, Nm.
+    /// Returns the true torque of each row of each run, Nm.
     pub fn torques(&self, joint: &Joint) -> Vec<Vec<f64>> {
         let own: Vec<Path>;
-        let special = joint.delay_s != 0.0 || joint.longest_step_s(self.top_rad_s) < STEP_S;
-        let paths = if special {
+        let needs_own_paths =
+            joint.delay_s != 0.0 || joint.longest_step_s(self.top_rad_s) < MAX_STEP_S;
+        let paths = if needs_own_paths {
             own = self.paths(joint);
             &own
         } else {
@@ -368,14 +379,14 @@ impl Setting {
         let Some(warming) = joint.warming else {
             return self.runs.par_iter().zip(paths).map(torques).collect();
         };
-        // Heat goes on from run to run, less what is lost in between.
+        // The heat is carried from run to run and decays in the pauses.
         let (mut heat_j, mut until_s) = (0.0, 0.0);
         let warm = |(run, path): (&RunSetting, &Path)| {
             let held_rad = run.held * joint.seal.coulomb_nm / joint.seal.k0;
             let start_s = run.condition.start_s;
             heat_j *= (-(start_s - until_s) / warming.cooling_s).exp();
             until_s = start_s + self.seconds;
-            let (torques, left) = torque_of_warm(joint, &run.condition, path, held_rad, heat_j);
+            let (torques, left) = torque_with_heat(joint, &run.condition, path, held_rad, heat_j);
             heat_j = left;
             torques
         };

@@ -1,13 +1,13 @@
-//! What surrounds a joint during a run: side load, pressure, temperature, load, and more.
+//! Operating conditions of a joint during a run: side load, pressure, temperature, load torque, and others.
 //!
-//! Each quantity has a level of the run, a mild ramp and a slow swing. They are drawn independently
-//! of each other; kinds of scenario that want two of them to move together say so afterwards.
+//! Each quantity has a level, a slow ramp and a slow oscillation. The quantities are drawn independently.
+//! Scenarios with correlated columns change them afterwards (`arrange`).
 
 use std::f64::consts::TAU;
 
-/// What surrounds the seal at an instant, as far as it acts.
+/// Operating conditions at an instant. Quantities without an effect on the joint stay 0.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Around {
+pub(super) struct Conditions {
     pub force: f64,
     pub force_rate: f64,
     pub pressure: f64,
@@ -15,38 +15,38 @@ pub(super) struct Around {
     pub load: f64,
     pub extra: f64,
     pub campaign_s: f64,
-    /// Heat that rubbing has left in the seal, J.
+    /// Friction heat stored in the seal, J.
     pub heat_j: f64,
 }
 
-/// A quantity over the time of a run.
+/// A quantity as a function of the time of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Signal {
-    /// At the start, without the swing.
+    /// Value at the start, without the oscillation.
     pub level: f64,
     /// Ramp, per second.
     pub per_s: f64,
-    /// Amplitude of the swing.
+    /// Amplitude of the oscillation.
     pub swing: f64,
-    /// Its frequency, Hz.
+    /// Frequency of the oscillation, Hz.
     pub hz: f64,
-    /// Its phase at the start, rad.
+    /// Phase of the oscillation at the start, rad.
     pub phase: f64,
 }
 
 impl Signal {
-    /// At a time from the start of the run, s.
+    /// Returns the value at a time from the start of the run, s.
     pub fn at(&self, t: f64) -> f64 {
         self.level + self.per_s * t + self.swing * (TAU * self.hz * t + self.phase).sin()
     }
 
-    /// Its rate of change, per second.
+    /// Returns the rate of change, per second.
     pub fn rate(&self, t: f64) -> f64 {
         let w = TAU * self.hz;
         self.per_s + self.swing * w * (w * t + self.phase).cos()
     }
 
-    /// The quantity that is always `offset + gain x` this one.
+    /// Returns the signal `offset + gain x self`.
     pub fn affine(&self, offset: f64, gain: f64) -> Self {
         Self {
             level: offset + gain * self.level,
@@ -57,21 +57,21 @@ impl Signal {
     }
 }
 
-/// The extra columns a log may have beyond the contract's.
+/// Extra columns of a log beyond those of the data contract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Extra {
-    /// Of the air in the lab.
+    /// Relative humidity of the air in the laboratory.
     Humidity,
-    /// Since the seal was last greased.
+    /// Time since the seal was last greased.
     LubricantAge,
-    /// Of a cable along the arm.
+    /// Tension of a cable along the arm.
     CableTension,
-    /// Of the drive.
+    /// Supply voltage of the drive.
     SupplyVoltage,
 }
 
 impl Extra {
-    /// Name of the column.
+    /// Returns the name of the column.
     pub const fn column(self) -> &'static str {
         match self {
             Extra::Humidity => "humidity_percent",
@@ -81,7 +81,7 @@ impl Extra {
         }
     }
 
-    /// Usual lowest and highest reading.
+    /// Returns the usual lowest and highest reading.
     pub const fn range(self) -> (f64, f64) {
         match self {
             Extra::Humidity => (30.0, 80.0),
@@ -92,10 +92,10 @@ impl Extra {
     }
 }
 
-/// Everything around a joint in one run.
+/// Operating conditions of a joint in one run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Condition {
-    /// Start of the run on the campaign's clock, s.
+    /// Start of the run in campaign time, s.
     pub start_s: f64,
     /// Side load, N.
     pub force: Signal,
@@ -103,20 +103,20 @@ pub(super) struct Condition {
     pub pressure: Signal,
     /// Temperature, deg C.
     pub temperature: Signal,
-    /// Transmitted torque, Nm.
+    /// Transmitted load torque, Nm.
     pub load: Signal,
     /// The extra columns.
     pub extras: Vec<(Extra, Signal)>,
 }
 
 impl Condition {
-    /// An extra column's signal; nothing where the scenario has no such column.
+    /// Returns the signal of an extra column. It is 0 if the scenario has no such column.
     pub fn extra(&self, extra: Extra) -> Signal {
         let found = self.extras.iter().find(|(known, _)| *known == extra);
         found.map_or_else(Signal::default, |(_, signal)| *signal)
     }
 
-    /// A signal by its column.
+    /// Returns the signal of a column.
     pub fn signal_mut(&mut self, column: &str) -> Option<&mut Signal> {
         match column {
             "radial_force_n" => Some(&mut self.force),

@@ -1,4 +1,4 @@
-//! The truth behind a scenario, in words and in JSON.
+//! Ground truth of a scenario, and its JSON form.
 
 use super::kind::Kind;
 use crate::friction::Seal;
@@ -7,78 +7,77 @@ use serde_json::{Map, Value, json};
 /// One hidden effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hidden {
-    /// Its name in the catalogue of causes.
+    /// Name in the catalogue of causes.
     pub cause: &'static str,
-    /// The columns it follows; none for a constant.
+    /// Columns that the effect depends on. Empty for a constant.
     pub columns: Vec<&'static str>,
-    /// By the convention of the cause's term.
+    /// Size, by the convention of the cause in the catalogue.
     pub size: f64,
     /// Unit of the size.
     pub unit: &'static str,
-    /// Of a ripple, 1/rad.
+    /// Order of a ripple, periods per turn. `None` for other effects.
     pub order: Option<f64>,
-    /// RMS over all rows of the torque with the effect minus the torque without it, without
-    /// noise, Nm.
+    /// RMS over all rows of the noise-free torque difference with and without the effect, Nm.
     pub visible_rms_nm: f64,
-    /// What else it has, by name.
+    /// Further properties, as name and value.
     pub details: Vec<(&'static str, f64)>,
-    /// One sentence.
+    /// Description in one sentence.
     pub in_words: String,
 }
 
-/// A column that goes nearly with the cause and does nothing.
+/// A column that is correlated with the cause but has no effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoy {
-    /// Its name.
+    /// Name of the column.
     pub column: &'static str,
-    /// What it goes with.
+    /// Column with which it is correlated.
     pub follows: &'static str,
-    /// Their correlation over the rows.
+    /// Correlation of both columns over the rows.
     pub correlation: f64,
 }
 
-/// What is true of a scenario.
+/// Ground truth of a scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScenarioTruth {
-    /// What it was drawn by.
+    /// Seed of the scenario.
     pub seed: u64,
-    /// What kind it is.
+    /// Kind of the scenario.
     pub kind: Kind,
-    /// What is hidden, strongest first; nothing in a scenario without.
+    /// Hidden effects, strongest first. Empty if there are none.
     pub hidden: Vec<Hidden>,
     /// Causes that explain these data exactly as well as the true one.
     pub confusable_with: Vec<&'static str>,
-    /// Columns laid out to mislead.
+    /// Columns that are correlated with the cause but have no effect.
     pub decoys: Vec<Decoy>,
-    /// Columns the log lacks although the hidden effect follows them.
+    /// Columns that the hidden effect depends on but that the log does not contain.
     pub missing_columns: Vec<&'static str>,
-    /// The seal without what is hidden.
+    /// The seal without the hidden effects.
     pub seal: Seal,
-    /// Standard deviation of the torque sensor, Nm.
+    /// Standard deviation of the torque noise, Nm.
     pub noise_nm: f64,
     /// Sample rate, Hz.
     pub rate_hz: f64,
     /// Number of runs.
     pub runs: usize,
-    /// Length of each, s.
+    /// Length of each run, s.
     pub seconds: f64,
-    /// Largest shift of a sample's time, in periods.
+    /// Maximum jitter of a sample time, in sample periods.
     pub jitter: f64,
-    /// Whether packets were lost.
+    /// True if packets were lost.
     pub gaps: bool,
-    /// Whether velocity and position have an encoder's errors.
+    /// True if velocity and position have encoder errors.
     pub encoder: bool,
-    /// One sentence.
+    /// Description in one sentence.
     pub description: String,
 }
 
 impl ScenarioTruth {
-    /// The cause a diagnosis should put first: `none` where nothing is hidden.
+    /// Returns the cause that a diagnosis should rank first. It is `none` if no effect is hidden.
     pub fn cause(&self) -> &'static str {
         self.hidden.first().map_or("none", |hidden| hidden.cause)
     }
 
-    /// `truth.json`.
+    /// Returns the content of `truth.json`.
     pub fn json(&self) -> Value {
         let hidden: Vec<Value> = self.hidden.iter().map(Hidden::json).collect();
         let decoys: Vec<Value> = self
@@ -121,6 +120,7 @@ impl ScenarioTruth {
 }
 
 impl Hidden {
+    /// Returns the JSON form of the effect.
     pub(super) fn json(&self) -> Value {
         let mut object = Map::new();
         object.insert("cause".into(), json!(self.cause));

@@ -1,14 +1,17 @@
-//! Worlds as unkind as real logs: sensors with weaknesses, motions that nobody planned, two plants.
+//! Adverse worlds: simulated logs with imperfect sensors, unplanned motions and two different plants.
 //!
-//! The scenarios above this module ask whether a diagnosis finds what a good log shows. These ask what it says of a
-//! log as it is: an encoder's differences for a velocity, no angle, a torque behind a filter, covariates that go
-//! together, a contact far stiffer than the log can resolve, an effect far below the noise. A world is drawn from its
-//! seed alone ([`draw`]); half-way between physics and log stands [`SensorKind`], and [`UnkindTruth`] says not only what was
-//! hidden but how plainly it could be seen at all, so that a score can be a curve over the effect's size.
+//! The scenarios of the parent module test whether a diagnosis finds an effect in a well-planned log.
+//! The worlds of this module test it on logs with the defects of field data: a velocity differentiated
+//! from an encoder, no angle, a low-pass filtered torque, correlated covariates, a contact stiffer than
+//! the log can resolve, or an effect far below the noise.
+//!
+//! [`draw`] creates a world from its seed alone. [`SensorKind`] selects the sensor defect.
+//! [`UnkindTruth`] holds the hidden effect and its detectability, so that a score can be plotted over
+//! the effect's size.
 //!
 //! ```text
-//! seed ─► campaign (plant, motions, covariates, sensors) ─► effect, sized ─► torque ─► sensors ─► log
-//!                                                                 └─► visible (what a refit of the truth gains) ─► truth
+//! seed ─► campaign (plant, motions, covariates, sensors) ─► scaled effect ─► torque ─► sensors ─► log
+//!                                                                 └─► visible (gain of a refit with the true structure) ─► truth
 //! ```
 
 mod bristle_fit;
@@ -22,7 +25,7 @@ mod truth;
 mod visible;
 
 pub use sensing::SensorKind;
-pub use truth::{DETECTABLE, UnkindTruth};
+pub use truth::{MIN_DETECTABLE_GAIN, UnkindTruth};
 
 use super::drawn_cause::DrawnCause;
 use super::hidden_cause::HiddenCause;
@@ -32,53 +35,55 @@ use super::truth::Hidden;
 use crate::friction::Seal;
 use crate::log::{Log, LoggedRun};
 use campaign::{Campaign, RunPlan};
-use plant::{Machine, Plant, Point, Way};
-use reading::{Logged, Reading, begun};
-use visible::{Rows, difference, rms, visible};
+use plant::{Machine, Plant, Point, Trajectory};
+use reading::{Logged, Reading, estimate_start};
+use visible::{Rows, difference, evaluate_visibility, rms};
 
-/// A log and the truth behind it.
+/// A simulated log and its ground truth.
 #[derive(Clone, Debug)]
 pub struct UnkindWorld {
-    /// What the machine logged.
+    /// The log of the machine.
     pub log: Log,
-    /// What is true of it.
+    /// The ground truth of the log.
     pub truth: UnkindTruth,
 }
 
-/// Share of worlds in which nothing is hidden.
-const CLEAN: f64 = 0.2;
-/// Share of worlds whose contact is slip elements.
-const SLIP_ELEMENTS: f64 = 0.4;
-/// RMS an effect is scaled to, over the torque's noise: from far below to far above.
-const OVER_NOISE: (f64, f64) = (0.05, 30.0);
+/// Share of worlds without a hidden effect.
+const CLEAN_SHARE: f64 = 0.2;
+/// Share of worlds whose plant consists of slip elements.
+const SLIP_ELEMENT_SHARE: f64 = 0.4;
+/// Range of the effect's target RMS, as a multiple of the torque noise. It extends from far below to far above
+/// the noise.
+const EFFECT_TO_NOISE: (f64, f64) = (0.05, 30.0);
 
-/// The seeds of so many worlds; another base gives other worlds throughout.
+/// Returns an endless sequence of world seeds. Different bases give different sequences.
 pub fn seeds(base: u64) -> impl Iterator<Item = u64> {
-    // Short enough to be typed again.
+    // 32 bits, so that a seed is short enough to be typed.
     (0u64..).map(move |index| mixed(mixed(base) ^ index) >> 32)
 }
 
-/// The kind of sensors a seed's world has.
+/// Returns the sensor kind of the world with this seed.
 pub fn sensor_kind(seed: u64) -> SensorKind {
     let kinds = SensorKind::ALL;
     kinds[(mixed(seed ^ 0x5EED) % kinds.len() as u64) as usize]
 }
 
-/// Draws a world; the same seed gives the same bits.
+/// Draws a world. The same seed gives bit-identical results.
 pub fn draw(seed: u64) -> UnkindWorld {
     let mut sampler = Sampler::new(seed, 7);
-    let slips = sampler.chance(SLIP_ELEMENTS);
+    let slips = sampler.chance(SLIP_ELEMENT_SHARE);
     let mut campaign = Campaign::draw(&mut sampler, sensor_kind(seed), slips);
-    let plain = rigid(&mut sampler, &campaign);
-    let clean = sampler.chance(CLEAN);
+    let plain = draw_rigid_joint(&mut sampler, &campaign);
+    let clean = sampler.chance(CLEAN_SHARE);
     let cause = sampler.pick(&effect::possible(&campaign)).filter(|_| !clean);
     let hidden = cause.map(|cause| effect::draw(&mut sampler, &mut campaign, cause));
-    let wanted_nm = campaign.sensing.noise_nm * sampler.log_between(OVER_NOISE.0, OVER_NOISE.1);
-    World { campaign, plain, seed }.made(hidden, wanted_nm)
+    let target_nm =
+        campaign.sensing.noise_nm * sampler.log_between(EFFECT_TO_NOISE.0, EFFECT_TO_NOISE.1);
+    World { campaign, plain, seed }.simulate(hidden, target_nm)
 }
 
-/// The joint with its rigid-body parts and nothing hidden.
-fn rigid(sampler: &mut Sampler, campaign: &Campaign) -> Joint {
+/// Draws the joint with its rigid-body parts and without a hidden effect.
+fn draw_rigid_joint(sampler: &mut Sampler, campaign: &Campaign) -> Joint {
     let mut joint = Joint::plain(campaign.seal);
     let level = campaign.seal.coulomb_nm;
     for part in &campaign.rigid_body {
@@ -96,7 +101,7 @@ fn rigid(sampler: &mut Sampler, campaign: &Campaign) -> Joint {
     joint
 }
 
-/// A world on its way.
+/// A drawn world before its simulation.
 struct World {
     campaign: Campaign,
     plain: Joint,
@@ -104,10 +109,13 @@ struct World {
 }
 
 impl World {
-    /// The torque each row would show if its sensor had no noise, Nm.
-    fn torques(&self, machine: &Machine, ways: &[Way]) -> Rows {
+    /// Returns the torque of each row after the sensor channel and without noise, Nm.
+    fn torques(&self, machine: &Machine, trajectories: &[Trajectory]) -> Rows {
         let Campaign { sensing, runs, .. } = &self.campaign;
-        let inputs = runs.iter().zip(ways).map(|(run, way)| (&run.condition, way, run.held));
+        let inputs = runs
+            .iter()
+            .zip(trajectories)
+            .map(|(run, trajectory)| (&run.condition, trajectory, run.held));
         let torques = machine.torques(inputs);
         let read = torques
             .iter()
@@ -116,37 +124,44 @@ impl World {
         read.collect()
     }
 
-    /// The plant as it truly is, with a joint.
-    fn truly<'a>(&'a self, joint: &'a Joint) -> Machine<'a> {
+    /// Returns the true plant with the given joint.
+    fn true_machine<'a>(&'a self, joint: &'a Joint) -> Machine<'a> {
         Machine { plant: &self.campaign.plant, joint, covariate_hz: None }
     }
 
-    /// The true ways; the torque of a joint with a delay is of an earlier time.
-    fn ways(&self, delay_s: f64) -> Vec<Way> {
+    /// Returns the true trajectories. With a delay, each row refers to the state `delay_s` earlier.
+    fn trajectories(&self, delay_s: f64) -> Vec<Trajectory> {
         if delay_s == 0.0 {
-            return self.campaign.ways();
+            return self.campaign.trajectories();
         }
         let mut late = self.campaign.clone();
         for run in &mut late.runs {
             run.times.iter_mut().for_each(|t| *t = (*t - delay_s).max(0.0));
         }
-        late.ways()
+        late.trajectories()
     }
 
-    /// Sizes the effect, simulates, measures how plainly it shows, and logs.
-    fn made(self, hidden: Option<DrawnCause>, wanted_nm: f64) -> UnkindWorld {
-        let ways = self.ways(0.0);
-        let without = self.torques(&self.truly(&self.plain), &ways);
+    /// Scales the hidden effect so that it changes the torque by about `target_nm` RMS.
+    ///
+    /// Returns the scaled effect, the joint with it, and the torque of that joint, Nm. `without` is the torque of
+    /// the joint without the effect.
+    fn scale_effect(
+        &self,
+        hidden: Option<DrawnCause>,
+        target_nm: f64,
+        trajectories: &[Trajectory],
+        without: &Rows,
+    ) -> (Option<DrawnCause>, Joint, Rows) {
         let acting = |hidden: &DrawnCause| {
             let mut joint = self.plain.clone();
-            hidden.act_on(&mut joint);
+            hidden.apply_to(&mut joint);
             joint
         };
         let simulated = |joint: &Joint| {
             if joint.delay_s == 0.0 {
-                self.torques(&self.truly(joint), &ways)
+                self.torques(&self.true_machine(joint), trajectories)
             } else {
-                self.torques(&self.truly(joint), &self.ways(joint.delay_s))
+                self.torques(&self.true_machine(joint), &self.trajectories(joint.delay_s))
             }
         };
         let (mut hidden, mut joint, mut torque) = (hidden, self.plain.clone(), without.clone());
@@ -154,12 +169,12 @@ impl World {
             let (least, most) = effect::limits(hidden, &self.campaign);
             torque = simulated(&acting(hidden));
             for _ in 0..3 {
-                let seen_nm = rms(&difference(&torque, &without));
-                let close = (seen_nm / wanted_nm - 1.0).abs() < 0.15;
-                if close || seen_nm <= 0.0 || !hidden.scales() {
+                let seen_nm = rms(&difference(&torque, without));
+                let close = (seen_nm / target_nm - 1.0).abs() < 0.15;
+                if close || seen_nm <= 0.0 || !hidden.is_scalable() {
                     break;
                 }
-                let next = (hidden.size.abs() * wanted_nm / seen_nm).clamp(least, most);
+                let next = (hidden.size.abs() * target_nm / seen_nm).clamp(least, most);
                 if next == hidden.size.abs() {
                     break;
                 }
@@ -168,49 +183,62 @@ impl World {
             }
             joint = acting(hidden);
         }
+        (hidden, joint, torque)
+    }
+
+    /// Scales the effect, simulates the torque, determines the detectability, and creates the log.
+    fn simulate(self, hidden: Option<DrawnCause>, target_nm: f64) -> UnkindWorld {
+        let trajectories = self.trajectories(0.0);
+        let without = self.torques(&self.true_machine(&self.plain), &trajectories);
+        let (hidden, joint, torque) = self.scale_effect(hidden, target_nm, &trajectories, &without);
         let logged: Vec<Logged> = self
             .campaign
             .runs
             .iter()
-            .zip(&ways)
+            .zip(&trajectories)
             .zip(&torque)
-            .map(|((run, way), torque)| self.logged(run, way, torque))
+            .map(|((run, trajectory), torque)| self.log_run(run, trajectory, torque))
             .collect();
-        // What a law with one state could do on slip elements: bristles fitted to them, effect included.
+        // Bristles fitted to the slip elements, effect included: the best result of a law with one state.
         let seal = match self.campaign.plant {
             Plant::Bristles => self.campaign.seal,
             Plant::SlipElements { .. } => {
-                let late = self.ways(joint.delay_s);
-                bristle_fit::fitted(&self.campaign, &joint, &late, &torque)
+                let late = self.trajectories(joint.delay_s);
+                bristle_fit::fit(&self.campaign, &joint, &late, &torque)
             }
         };
         let joint = Joint { seal: with_effect(seal, &joint.seal), ..joint };
         let plain = Joint { seal, ..self.plain.clone() };
-        let bristles = |joint: &Joint, ways: &[Way]| self.torques(&Machine::bristles(joint), ways);
-        let effect = if joint.delay_s == 0.0 {
-            difference(&bristles(&joint, &ways), &bristles(&plain, &ways))
-        } else {
-            difference(&bristles(&joint, &self.ways(joint.delay_s)), &bristles(&plain, &ways))
+        let bristles = |joint: &Joint, trajectories: &[Trajectory]| {
+            self.torques(&Machine::bristles(joint), trajectories)
         };
-        let shown = difference(&torque, &without);
-        let errors = self.floor(&joint, &ways, &logged);
-        let base = self.base_columns(&plain, &ways);
+        let effect = if joint.delay_s == 0.0 {
+            difference(&bristles(&joint, &trajectories), &bristles(&plain, &trajectories))
+        } else {
+            difference(
+                &bristles(&joint, &self.trajectories(joint.delay_s)),
+                &bristles(&plain, &trajectories),
+            )
+        };
+        let visible_torque = difference(&torque, &without);
+        let errors = self.floor(&joint, &trajectories, &logged);
+        let base = self.base_columns(&plain, &trajectories);
         let kept = |rows: &Rows| -> Rows {
             let run = |(rows, run): (&Vec<f64>, &RunPlan)| keep(rows, run);
             rows.iter().zip(&self.campaign.runs).map(run).collect()
         };
         let errors = kept(&errors);
         let floor_nm = rms(&errors);
-        let (effect, shown) = (kept(&effect), kept(&shown));
+        let (effect, visible_torque) = (kept(&effect), kept(&visible_torque));
         let base: Vec<Rows> = base.iter().map(&kept).collect();
-        let seen = visible(&effect, &base, &errors);
+        let visible = evaluate_visibility(&effect, &base, &errors);
         let log = self.log(&logged);
-        let truth = self.truth(hidden.as_ref(), &shown);
+        let truth = self.truth(hidden.as_ref(), &visible_torque);
         UnkindWorld {
             log,
             truth: UnkindTruth {
-                effect_in_floors: seen.rms_nm / floor_nm,
-                gain_in_errors: seen.gain_in_errors,
+                effect_in_floors: visible.rms_nm / floor_nm,
+                gain_in_errors: visible.gain_in_errors,
                 floor_nm,
                 floor_errors: errors,
                 torque: kept(&torque),
@@ -219,23 +247,27 @@ impl World {
         }
     }
 
-    /// What a refit of the plant can do without the effect: its torque's derivatives, run by run.
-    fn base_columns(&self, plain: &Joint, ways: &[Way]) -> Vec<Rows> {
-        /// Relative change of a parameter for a difference quotient.
-        const STEP: f64 = 0.02;
-        let without = self.torques(&Machine::bristles(plain), ways);
+    /// Returns the derivatives of the plant's torque by its parameters, run by run.
+    ///
+    /// They span what a refit without the effect can explain.
+    fn base_columns(&self, plain: &Joint, trajectories: &[Trajectory]) -> Vec<Rows> {
+        /// Relative change of a parameter in a difference quotient.
+        const RELATIVE_STEP: f64 = 0.02;
+        let without = self.torques(&Machine::bristles(plain), trajectories);
         let changed = |change: &dyn Fn(&mut Joint)| {
             let mut joint = plain.clone();
             change(&mut joint);
-            difference(&self.torques(&Machine::bristles(&joint), ways), &without)
+            difference(&self.torques(&Machine::bristles(&joint), trajectories), &without)
         };
         let mut columns = vec![
-            changed(&|joint| joint.seal.coulomb_nm *= 1.0 + STEP),
-            changed(&|joint| joint.seal.static_nm *= 1.0 + STEP),
-            changed(&|joint| joint.seal.stribeck_rad_s *= 1.0 + STEP),
-            changed(&|joint| joint.seal.k0 *= 1.0 + STEP),
-            changed(&|joint| joint.seal.k2 *= 1.0 + STEP),
-            changed(&|joint| joint.seal.k1 += STEP * (joint.seal.k1 + 1e-3 * joint.seal.k0)),
+            changed(&|joint| joint.seal.coulomb_nm *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| joint.seal.static_nm *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| joint.seal.stribeck_rad_s *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| joint.seal.k0 *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| joint.seal.k2 *= 1.0 + RELATIVE_STEP),
+            changed(&|joint| {
+                joint.seal.k1 += RELATIVE_STEP * (joint.seal.k1 + 1e-3 * joint.seal.k0)
+            }),
         ];
         let level = self.campaign.seal.coulomb_nm;
         for part in &self.campaign.rigid_body {
@@ -254,24 +286,28 @@ impl World {
         columns
     }
 
-    /// Logged torque less that of bristles with the effect, driven by the best of a few plain readings of the log.
-    fn floor(&self, joint: &Joint, ways: &[Way], logged: &[Logged]) -> Rows {
+    /// Returns the logged torque minus the torque of bristles with the effect, Nm.
+    ///
+    /// The motion is the best of several simple reconstructions from the log.
+    fn floor(&self, joint: &Joint, trajectories: &[Trajectory], logged: &[Logged]) -> Rows {
         let sensing = &self.campaign.sensing;
         let machine = Machine { covariate_hz: sensing.covariate_hz, ..Machine::bristles(joint) };
-        let errors = |ways: &[Way]| -> Rows {
+        let errors = |trajectories: &[Trajectory]| -> Rows {
             let Campaign { runs, .. } = &self.campaign;
-            let begun: Vec<(Way, f64)> = runs
+            let started: Vec<(Trajectory, f64)> = runs
                 .iter()
-                .zip(ways)
+                .zip(trajectories)
                 .zip(logged)
-                .map(|((run, way), logged)| {
-                    begun(&machine, run, way, logged, |torque| {
+                .map(|((run, trajectory), logged)| {
+                    estimate_start(&machine, run, trajectory, logged, |torque| {
                         sensing.torque_channel(&run.times[..torque.len()], torque)
                     })
                 })
                 .collect();
-            let inputs =
-                runs.iter().zip(&begun).map(|(run, (way, held))| (&run.condition, way, *held));
+            let inputs = runs
+                .iter()
+                .zip(&started)
+                .map(|(run, (trajectory, held))| (&run.condition, trajectory, *held));
             let torques = machine.torques(inputs);
             let run = |((torque, run), logged): ((Vec<f64>, &RunPlan), &Logged)| {
                 let read = sensing.torque_channel(&run.times, &torque);
@@ -280,32 +316,33 @@ impl World {
             torques.into_iter().zip(runs).zip(logged).map(run).collect()
         };
         if joint.delay_s != 0.0 || sensing.kind == SensorKind::Exact {
-            // Read from the true motion: nothing about it is uncertain.
-            return errors(&self.ways(joint.delay_s));
+            // The true motion is used: its uncertainty is zero.
+            return errors(&self.trajectories(joint.delay_s));
         }
-        let runs = || self.campaign.runs.iter().zip(ways).zip(logged);
+        let runs = || self.campaign.runs.iter().zip(trajectories).zip(logged);
         let delay_s = sensing.velocity_delay_s(self.campaign.rate_hz);
         let readings = [1, 5, 15]
             .into_iter()
             .flat_map(|smooth| [true, false].map(|angle| Reading { angle, smooth, delay_s }));
         let possible = readings.filter(|reading| !reading.angle || sensing.has_position());
         let tried = possible.map(|reading| {
-            let ways: Vec<Way> =
-                runs().map(|((run, way), logged)| reading.way(run, way, logged)).collect();
-            errors(&ways)
+            let trajectories: Vec<Trajectory> = runs()
+                .map(|((run, trajectory), logged)| reading.trajectory(run, trajectory, logged))
+                .collect();
+            errors(&trajectories)
         });
         tried.min_by(|a, b| rms(a).total_cmp(&rms(b))).unwrap_or_default()
     }
 
-    /// What the sensors of a run show.
-    fn logged(&self, run: &RunPlan, way: &Way, torque: &[f64]) -> Logged {
+    /// Returns the sensor readings of a run.
+    fn log_run(&self, run: &RunPlan, trajectory: &Trajectory, torque: &[f64]) -> Logged {
         let sensing = &self.campaign.sensing;
         let mut sampler = Sampler::new(run.seed, 1);
-        let at: Vec<&Point> = way.rows.iter().map(|row| &way.points[*row]).collect();
+        let at: Vec<&Point> = trajectory.rows.iter().map(|row| &trajectory.points[*row]).collect();
         let angles: Vec<f64> = at.iter().map(|point| point.angle).collect();
         let velocities: Vec<f64> = at.iter().map(|point| point.velocity).collect();
         let mut noise = Sampler::new(run.seed, 2);
-        // The channel has been applied to the torque already; its noise has not.
+        // `torque` already passed the sensor channel. Only the noise is missing.
         let torque = sensing.with_noise(&mut noise, &run.times, torque);
         Logged {
             position: sensing.angles(&run.times, &angles),
@@ -314,6 +351,7 @@ impl World {
         }
     }
 
+    /// Assembles the log from the sensor readings and the covariates.
     fn log(&self, logged: &[Logged]) -> Log {
         let Campaign { sensing, columns, extras, .. } = &self.campaign;
         let mut names = vec!["time_s", "velocity_rad_s", "torque_nm"];
@@ -359,6 +397,7 @@ impl World {
         Log { columns: names.into_iter().map(str::to_owned).collect(), runs }
     }
 
+    /// Assembles the ground truth, except for the quantities that [`World::simulate`] computes.
     fn truth(&self, hidden: Option<&DrawnCause>, effect: &Rows) -> UnkindTruth {
         let Campaign { sensing, plant, rigid_body, rate_hz, drive, correlation, runs, .. } =
             &self.campaign;
@@ -405,13 +444,13 @@ impl World {
     }
 }
 
-/// The rows of a run that were not lost.
+/// Returns the rows of a run that were not lost.
 fn keep(rows: &[f64], run: &RunPlan) -> Vec<f64> {
     let there = |at: &usize| !run.lost.iter().any(|lost| lost.contains(at));
     (0..rows.len()).filter(there).map(|at| rows[at]).collect()
 }
 
-/// Nine significant digits: what is in the file is what is in memory.
+/// Rounds to nine significant digits, so that values in memory equal those read back from the file.
 fn significant(value: f64) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return 0.0;
@@ -420,12 +459,12 @@ fn significant(value: f64) -> f64 {
     (value * scale).round() / scale + 0.0
 }
 
-/// Microseconds.
+/// Rounds times to microseconds.
 fn times(values: Vec<f64>) -> Vec<f64> {
     values.into_iter().map(|t| (t * 1e6).round() / 1e6).collect()
 }
 
-/// A seal with what is hidden in another.
+/// Returns `seal` with the hidden effect of `hidden`.
 fn with_effect(seal: Seal, hidden: &Seal) -> Seal {
     Seal {
         per_pressure: hidden.per_pressure,

@@ -1,7 +1,7 @@
-//! The friction damper as a simulation: the paper's 24 characterisation tests and five under wind.
+//! Simulation of the friction damper: the paper's 24 characterisation tests and five wind tests.
 //!
-//! Half of the paper's tests and all of its wind tests are not public. This is what takes their place, by the paper's
-//! protocol on a plant of its own ([`crate::banded_damper`]): simulated, and to be called so.
+//! Half of the paper's tests and all of its wind tests are not public. This simulation replaces them. It follows the
+//! paper's protocol on an independent plant ([`crate::banded_damper`]). The results must be marked as simulated.
 
 use crate::banded_damper::BandedDamper;
 use crate::log::{Log, LoggedRun};
@@ -14,25 +14,25 @@ use std::f64::consts::TAU;
 /// The damper of the second paper on its test stand.
 pub struct Damper;
 
-/// Preset tensions of the paper, lb, and what one is in N.
+/// Preset tensions of the paper, lb, and the conversion factor to N.
 const TENSIONS_LB: [f64; 6] = [20.0, 22.0, 25.0, 35.0, 70.0, 80.0];
 const NEWTON_PER_POUND: f64 = 4.448_222;
 
 /// Frequencies of the paper, Hz.
 const FREQUENCIES_HZ: [f64; 4] = [0.05, 0.1, 0.5, 1.0];
 
-/// Full amplitude of a sine test, m, and its cycles: two fade in, two out.
+/// Full amplitude of a sine test, m, and its number of cycles. Two cycles fade in and two fade out.
 const AMPLITUDE_M: f64 = 0.0275;
 const CYCLES: f64 = 6.0;
 
-/// Wind tests: how many, how long, at which tension.
+/// Number, length and preset tension of the wind tests.
 const WIND_TESTS: usize = 5;
 const WIND_SECONDS: f64 = 60.0;
 const WIND_TENSION_LB: f64 = 35.0;
 
-/// Rows logged a second unless asked otherwise, and the most there can be.
+/// Default and maximum sample rate, Hz.
 const RATE_HZ: f64 = 128.0;
-const MOST_RATE_HZ: f64 = 2048.0;
+const MAX_RATE_HZ: f64 = 2048.0;
 
 const COLUMNS: [&str; 7] = [
     "time_s",
@@ -44,7 +44,7 @@ const COLUMNS: [&str; 7] = [
     "actuator2_force_n",
 ];
 
-/// A test: its name, tension, length and motion.
+/// A test with its name, tension, length and motion.
 struct Test {
     name: String,
     tension_n: f64,
@@ -71,10 +71,10 @@ impl Simulation for Damper {
             return Err("damper: --noise is for the underwater joint".into());
         }
         let rate_hz = request.rate_hz.unwrap_or(RATE_HZ);
-        if rate_hz > MOST_RATE_HZ {
-            return Err(format!("damper: --rate {rate_hz}: expected at most {MOST_RATE_HZ}"));
+        if rate_hz > MAX_RATE_HZ {
+            return Err(format!("damper: --rate {rate_hz}: expected at most {MAX_RATE_HZ}"));
         }
-        let damper = BandedDamper::drawn(request.seed);
+        let damper = BandedDamper::draw(request.seed);
         let mut tests = tests(request.seed);
         let count = request.runs.unwrap_or(tests.len());
         if count > tests.len() {
@@ -82,7 +82,7 @@ impl Simulation for Damper {
         }
         tests.truncate(count);
         let mut log = Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: Vec::new() };
-        let mut told = Vec::new();
+        let mut test_records = Vec::new();
         for (index, test) in tests.into_iter().enumerate() {
             let Test { name, tension_n, seconds, position } = test;
             let seconds = request.seconds.unwrap_or(seconds);
@@ -99,11 +99,11 @@ impl Simulation for Damper {
                 column(&|row| row.actuators_n[0]),
                 column(&|row| row.actuators_n[1]),
             ];
-            told.push(json!({"run": name, "tension_n": tension_n, "seconds": seconds}));
+            test_records.push(json!({"run": name, "tension_n": tension_n, "seconds": seconds}));
             log.runs.push(LoggedRun { name, columns });
         }
         let truth = json!({
-            "schema": 1, "scenario": "damper", "seed": request.seed, "simulated": true, "runs": told,
+            "schema": 1, "scenario": "damper", "seed": request.seed, "simulated": true, "runs": test_records,
             "effects": ["backlash", "direction-asymmetry", "tension (saturating)"],
             "actuators": "consequences of the friction: force = 2 (a2 - a1)",
         });
@@ -111,7 +111,7 @@ impl Simulation for Damper {
     }
 }
 
-/// All tests: the sines in the order of the paper's tables, then wind.
+/// Returns all tests: the sine tests in the order of the paper's tables, then wind.
 fn tests(seed: u64) -> Vec<Test> {
     let mut tests = Vec::new();
     for tension_lb in TENSIONS_LB {
@@ -139,8 +139,10 @@ fn tests(seed: u64) -> Vec<Test> {
     tests
 }
 
-/// A storey under wind: a mean displacement that comes and goes slowly, and oscillations about it from 0.05 to 3 Hz,
-/// smaller the faster. As in the paper, part of it lies beyond the frequencies of the sine tests.
+/// Draws the displacement of a storey under wind, as a function of time.
+///
+/// It has a mean displacement and oscillations from 0.05 to 3 Hz whose amplitude decreases with frequency. As in the
+/// paper, a part of it exceeds the frequencies of the sine tests.
 fn wind(seed: u64) -> Box<dyn Fn(f64) -> f64> {
     const PARTS: usize = 24;
     let mut random = Pcg64::seed_from_u64(seed);
@@ -160,11 +162,11 @@ fn wind(seed: u64) -> Box<dyn Fn(f64) -> f64> {
 }
 
 #[cfg(test)]
-mod tests_of_the_damper {
+mod damper_tests {
     use super::*;
 
     #[test]
-    fn tests_of_the_paper_and_wind_are_made_the_same_by_the_same_seed() {
+    fn simulate_returns_all_tests_and_is_reproducible() {
         let request = Request { seed: 3, ..Request::default() };
         let found = Damper.simulate(&request).unwrap();
         assert_eq!(found.log.runs.len(), 29);
@@ -181,10 +183,10 @@ mod tests_of_the_damper {
     }
 
     #[test]
-    fn what_is_for_another_machine_is_refused() {
-        let refused = |request: Request| Damper.simulate(&request).unwrap_err();
-        assert!(refused(Request { steady: true, ..Request::default() }).contains("--steady"));
-        assert!(refused(Request { runs: Some(30), ..Request::default() }).contains("at most 29"));
-        assert!(refused(Request { rate_hz: Some(1e5), ..Request::default() }).contains("2048"));
+    fn simulate_with_unsupported_option_returns_error() {
+        let error_of = |request: Request| Damper.simulate(&request).unwrap_err();
+        assert!(error_of(Request { steady: true, ..Request::default() }).contains("--steady"));
+        assert!(error_of(Request { runs: Some(30), ..Request::default() }).contains("at most 29"));
+        assert!(error_of(Request { rate_hz: Some(1e5), ..Request::default() }).contains("2048"));
     }
 }

@@ -1,4 +1,4 @@
-//! The manipulator as a simulation.
+//! Simulation of the manipulator.
 
 use crate::manipulator::course::{FILLED_PA, SECONDS};
 use crate::manipulator::{Campaign, Recording, campaign, friction, rigid_body};
@@ -6,14 +6,14 @@ use crate::simulation::{Request, Simulated, Simulation};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// The arm of three joints on its muscles: the printed course, and another to judge by.
+/// The arm with three joints and fluidic muscles: the course of the paper, and others for validation.
 pub struct Manipulator;
 
-/// Runs unless asked: the printed course and one more.
-const RUNS: usize = 2;
+/// Default number of runs: the course of the paper and one more.
+const DEFAULT_RUNS: usize = 2;
 
-/// Most rows of all runs.
-const MOST_ROWS: f64 = 5e6;
+/// Maximum number of rows of all runs.
+const MAX_ROWS: f64 = 5e6;
 
 impl Simulation for Manipulator {
     fn name(&self) -> &'static str {
@@ -26,7 +26,7 @@ impl Simulation for Manipulator {
 
     fn simulate(&self, request: &Request) -> Result<Simulated, String> {
         if request.unloaded || request.steady || !request.hide.is_empty() {
-            return Err("manipulator: --unloaded, --steady and --hide are not for it".into());
+            return Err("manipulator: --unloaded, --steady and --hide are not supported".into());
         }
         let default = Recording::default();
         let how = Recording {
@@ -35,9 +35,9 @@ impl Simulation for Manipulator {
             noise_nm: request.noise_nm.unwrap_or(default.noise_nm),
             ..default
         };
-        let runs = request.runs.unwrap_or(RUNS);
-        if how.seconds * how.rate_hz * runs as f64 > MOST_ROWS {
-            return Err(format!("--runs x --seconds x --rate: more than {MOST_ROWS} rows"));
+        let runs = request.runs.unwrap_or(DEFAULT_RUNS);
+        if how.seconds * how.rate_hz * runs as f64 > MAX_ROWS {
+            return Err(format!("--runs x --seconds x --rate: more than {MAX_ROWS} rows"));
         }
         let campaign = campaign(request.seed, runs.saturating_sub(1), &how);
         let log = campaign.log();
@@ -47,7 +47,7 @@ impl Simulation for Manipulator {
     }
 }
 
-/// `data.csv`, each column with the digits its sensor has.
+/// Returns the content of `data.csv`. Each column has the digits of its sensor.
 fn csv(log: &crate::log::Log) -> String {
     let mut text = format!("run,{}\n", log.columns.join(","));
     let digits: Vec<usize> =
@@ -65,6 +65,7 @@ fn csv(log: &crate::log::Log) -> String {
     text
 }
 
+/// Returns the content of `truth.json`.
 fn truth(seed: u64, how: &Recording, campaign: &Campaign) -> Value {
     let links = rigid_body::TABLE_2;
     let releases = |course: &crate::manipulator::Course| -> Value {

@@ -1,9 +1,11 @@
-//! The paper's pool tests as logs: velocity tracking, low speed, impact, and the bench runs before them.
+//! The paper's pool tests as logs: velocity tracking, low speed, impact, and the preceding bench runs.
 //!
-//! The same plant as in `host-sim paper underwater-joint` ([`crate::joint_plant`]), under a simple loop of its own: no
-//! friction is compensated, the current loop is ideal, a velocity loop at 1 kHz knows inertia and weight. Each run is another
-//! day: depth and temperature differ. Of the pool tests `torque_nm` is the whole drive torque by the measured current, so
-//! `--rigid-body inertia,load` belongs to them; of the bench it is friction alone.
+//! The plant is the one of `host-sim paper underwater-joint` ([`crate::joint_plant`]) with a simple velocity loop at
+//! 1 kHz. The loop has feed-forward of inertia and weight, an ideal current loop, and no friction compensation. Depth and
+//! temperature differ between runs.
+//!
+//! In the pool tests, `torque_nm` is the total drive torque computed from the measured current, so they need
+//! `--rigid-body inertia,load`. In the bench runs, it is the friction alone.
 
 use crate::joint_plant::bench::{Amount, COLUMNS as BENCH_COLUMNS, Campaigns};
 use crate::joint_plant::load::{JUMP_FROM_RAD, LIFT_FROM_RAD};
@@ -16,22 +18,22 @@ use rand_pcg::Pcg64;
 use serde_json::json;
 use std::f64::consts::TAU;
 
-/// Period of the velocity loop, s, and of the plant in it.
+/// Periods of the velocity loop and of the plant, s.
 const LOOP_S: f64 = 1e-3;
 const PERIOD_S: f64 = 50e-6;
 /// Crossover of the velocity loop, Hz, and its integral time, s.
 const VELOCITY_HZ: f64 = 4.0;
 const INTEGRAL_S: f64 = 0.5;
-/// Largest current, A.
-const MOST_A: f64 = 26.0;
+/// Maximum current, A.
+const MAX_CURRENT_A: f64 = 26.0;
 /// Angles of eccentricity and out-of-roundness of the joint, rad.
 const PHASE_RAD: [f64; 2] = [0.7, 2.1];
-/// Pause between two runs on the campaign's clock, s.
+/// Pause between two runs in campaign time, s.
 const PAUSE_S: f64 = 60.0;
-/// Most rows of all runs.
-const MOST_ROWS: f64 = 2e7;
+/// Maximum number of rows of all runs.
+const MAX_ROWS: f64 = 2e7;
 
-/// Columns of a pool test's log.
+/// Columns of the log of a pool test.
 const COLUMNS: [&str; 8] = [
     "time_s",
     "velocity_rad_s",
@@ -43,21 +45,21 @@ const COLUMNS: [&str; 8] = [
     "load_torque_nm",
 ];
 
-/// 65 to 95 rpm against a propeller.
+/// Pool test: 65 to 95 rpm with a propeller.
 pub struct VelocityTracking;
-/// 6.6 rpm, lifting 2 kg and letting it down again.
+/// Pool test: lifting and lowering 2 kg at 6.6 rpm.
 pub struct LowSpeed;
-/// A platform that jumps and lands.
+/// Pool test: a platform that jumps and lands.
 pub struct Impact;
-/// The bench runs of the same joint.
+/// Bench runs of the same joint.
 pub struct JointBench;
 
-/// What a test wants of the joint.
+/// Definition of a pool test.
 struct Test {
     scenario: &'static str,
     load: fn(&Parameters) -> Load,
     seconds: f64,
-    /// Velocity wanted at a time, rad/s.
+    /// Reference velocity at a time, rad/s.
     velocity: fn(f64) -> f64,
 }
 
@@ -110,13 +112,13 @@ impl Simulation for Impact {
     }
 
     fn simulate(&self, request: &Request) -> Result<Simulated, String> {
-        // Up by 1.2 rad in 0.3 s, down again slowly; a jump every two seconds.
+        // Up by 1.2 rad in 0.3 s, then slowly down. One jump every two seconds.
         let velocity = |t: f64| {
             let now = t % 2.0;
-            let way = 1.0 - JUMP_FROM_RAD;
+            let stroke = 1.0 - JUMP_FROM_RAD;
             match now {
-                now if now < 0.3 => way / 0.3 * (1.0 - (TAU * now / 0.3).cos()),
-                now if (0.8..1.8).contains(&now) => -way * (1.0 - (TAU * (now - 0.8)).cos()),
+                now if now < 0.3 => stroke / 0.3 * (1.0 - (TAU * now / 0.3).cos()),
+                now if (0.8..1.8).contains(&now) => -stroke * (1.0 - (TAU * (now - 0.8)).cos()),
                 _ => 0.0,
             }
         };
@@ -125,16 +127,17 @@ impl Simulation for Impact {
 }
 
 impl Test {
+    /// Simulates all runs of the test.
     fn simulate(&self, request: &Request) -> Result<Simulated, String> {
-        refuse(request)?;
+        check_request(request)?;
         let rate_hz = request.rate_hz.unwrap_or(500.0);
         let every = (1.0 / (rate_hz * LOOP_S)).round();
         if !(every >= 1.0 && (every * rate_hz * LOOP_S - 1.0).abs() < 1e-6) {
-            return Err(format!("--rate {rate_hz}: expected 1000 Hz or a whole part of it"));
+            return Err(format!("--rate {rate_hz}: expected 1000 Hz divided by an integer"));
         }
         let (runs, seconds) = (request.runs.unwrap_or(6), request.seconds.unwrap_or(self.seconds));
-        if runs as f64 * seconds * rate_hz > MOST_ROWS {
-            return Err(format!("--runs x --seconds x --rate: more than {MOST_ROWS} rows"));
+        if runs as f64 * seconds * rate_hz > MAX_ROWS {
+            return Err(format!("--runs x --seconds x --rate: more than {MAX_ROWS} rows"));
         }
         let p = Parameters::default();
         let noise_a = request.noise_nm.unwrap_or(p.current_noise_a);
@@ -148,7 +151,7 @@ impl Test {
         Ok(simulated(self.scenario, request.seed, log, &p))
     }
 
-    /// Columns of a run, a row every so many milliseconds.
+    /// Simulates a run and returns its columns, with one row per `every` periods of the velocity loop.
     fn run(
         &self,
         p: &Parameters,
@@ -160,7 +163,7 @@ impl Test {
     ) -> Vec<Vec<f64>> {
         let mut random = Pcg64::seed_from_u64(seed);
         let mut plant = JointPlant::with_phase(p, (self.load)(p), PHASE_RAD, seed);
-        // From the surface to the 25 m that the rated depth leaves room for.
+        // Depth from 0 to 25 m, within the rated depth.
         plant.set_pressure(random.random_range(0.0..0.25e6));
         plant.seal_mut().set_temperature(random.random_range(10.0..26.0));
         let inertia = plant.inertia_kg_m2();
@@ -169,15 +172,16 @@ impl Test {
         let mut columns = vec![Vec::new(); COLUMNS.len()];
         for step in 0..(seconds / LOOP_S) as usize {
             let t = step as f64 * LOOP_S;
-            let wanted = (self.velocity)(t);
-            let ahead = ((self.velocity)(t + LOOP_S) - wanted) / LOOP_S;
-            let error = wanted - plant.velocity_rad_s();
-            let known = inertia * ahead.clamp(-80.0, 80.0) + plant.around().load_torque_nm;
-            let current = known + gain * error + integral;
-            if current.abs() < MOST_A {
+            let reference = (self.velocity)(t);
+            let acceleration = ((self.velocity)(t + LOOP_S) - reference) / LOOP_S;
+            let error = reference - plant.velocity_rad_s();
+            let feed_forward =
+                inertia * acceleration.clamp(-80.0, 80.0) + plant.around().load_torque_nm;
+            let current = feed_forward + gain * error + integral;
+            if current.abs() < MAX_CURRENT_A {
                 integral += gain * error * LOOP_S / INTEGRAL_S;
             }
-            let current = current.clamp(-MOST_A, MOST_A);
+            let current = current.clamp(-MAX_CURRENT_A, MAX_CURRENT_A);
             if step.is_multiple_of(every) {
                 let shown = plant.show();
                 let noise: f64 = StandardNormal.sample(&mut random);
@@ -211,7 +215,7 @@ impl Simulation for JointBench {
     }
 
     fn simulate(&self, request: &Request) -> Result<Simulated, String> {
-        refuse(request)?;
+        check_request(request)?;
         if request.runs.is_some() || request.rate_hz.is_some() {
             return Err("--runs, --rate: the bench has its own runs at 250 Hz".into());
         }
@@ -232,17 +236,20 @@ impl Simulation for JointBench {
     }
 }
 
-/// What these tests cannot do.
-fn refuse(request: &Request) -> Result<(), String> {
+/// Returns an error for options that these tests do not support.
+fn check_request(request: &Request) -> Result<(), String> {
     if !request.hide.is_empty() {
-        return Err("--hide: this machine has its own effects; hide in `underwater-joint`".into());
+        return Err(
+            "--hide: this machine has its own effects; use --hide with `underwater-joint`".into()
+        );
     }
     if request.unloaded || request.steady {
-        return Err("--unloaded, --steady: only of `underwater-joint`".into());
+        return Err("--unloaded, --steady: only supported by `underwater-joint`".into());
     }
     Ok(())
 }
 
+/// Assembles the log and the ground truth.
 fn simulated(scenario: &str, seed: u64, log: Log, p: &Parameters) -> Simulated {
     let constants = p.table().into_iter().map(|entry| {
         let about = json!({"value": entry.value, "unit": entry.unit, "source": entry.source});
@@ -268,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tests_do_what_their_names_say() {
+    fn simulate_of_each_pool_test_has_its_motion_and_load() {
         let request = Request { runs: Some(1), ..Request::default() };
         let of = |test: &dyn Simulation| test.simulate(&request).expect("a log").log;
         let tracking = of(&VelocityTracking);
@@ -279,15 +286,21 @@ mod tests {
         assert!((least / rpm - 65.0).abs() < 2.0 && (most / rpm - 95.0).abs() < 2.0);
         let low = of(&LowSpeed);
         let torque = column(&low, 0, "torque_nm");
-        assert!(torque.iter().copied().fold(f64::MIN, f64::max) > 7.0, "it lifts 5.9 Nm and rubs");
+        assert!(
+            torque.iter().copied().fold(f64::MIN, f64::max) > 7.0,
+            "the load of 5.9 Nm and the friction"
+        );
         let jump = of(&Impact);
         let force = column(&jump, 0, "radial_force_n");
-        assert!(force.iter().any(|f| *f < 1.0) && force.iter().any(|f| *f > 60.0), "it flies");
-        assert_eq!(of(&LowSpeed), low, "the same seed, the same bits");
+        assert!(
+            force.iter().any(|f| *f < 1.0) && force.iter().any(|f| *f > 60.0),
+            "the platform leaves the ground"
+        );
+        assert_eq!(of(&LowSpeed), low, "the same seed gives the same log");
     }
 
     #[test]
-    fn what_they_cannot_do_is_said() {
+    fn simulate_with_unsupported_option_returns_error() {
         let rate = Request { rate_hz: Some(300.0), ..Request::default() };
         assert!(Impact.simulate(&rate).unwrap_err().contains("1000 Hz"));
         let unloaded = Request { unloaded: true, ..Request::default() };

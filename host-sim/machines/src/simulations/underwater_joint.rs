@@ -1,11 +1,13 @@
-//! The underwater joint as a simulation: as the paper has it, or with something hidden.
+//! Simulation of the underwater joint: as in the paper, or with hidden effects.
 
 use crate::scenarios::{self, Hidden, Options, ScenarioTruth};
 use crate::simulation::{Request, Simulated, Simulation};
 use crate::underwater_joint::{Recording, record};
 
-/// The joint of Ding et al. on its test stand. Without anything to hide, load and pressure act as the paper
-/// says; else one physical effect or two, or none, is hidden in an otherwise random campaign.
+/// The joint of Ding et al. on its test stand.
+///
+/// Without `--hide`, load and pressure act as in the paper. With it, no, one or two physical effects are hidden in a
+/// random campaign.
 pub struct UnderwaterJoint;
 
 impl Simulation for UnderwaterJoint {
@@ -22,10 +24,10 @@ impl Simulation for UnderwaterJoint {
     }
 }
 
-/// Most rows.
-const MOST_ROWS: f64 = 1e8;
+/// Maximum number of rows.
+const MAX_ROWS: f64 = 1e8;
 
-/// The joint with load and pressure as they are in the paper.
+/// Simulates the joint with load and pressure as in the paper.
 fn plain(request: &Request) -> Result<Simulated, String> {
     let default = Recording::default();
     let how = Recording {
@@ -36,18 +38,18 @@ fn plain(request: &Request) -> Result<Simulated, String> {
         loaded: !request.unloaded,
         steady: request.steady,
     };
-    if how.seconds * how.rate_hz * how.runs as f64 > MOST_ROWS {
+    if how.seconds * how.rate_hz * how.runs as f64 > MAX_ROWS {
         return Err("--runs x --seconds x --rate: more than 1e8 rows".into());
     }
     let truth = record(request.seed, how);
     Ok(Simulated { csv: truth.csv(), truth: truth.json(), log: truth.log(), hidden: Vec::new() })
 }
 
-/// Most seconds and rows of a scenario: every step of all runs is held in memory.
-const MOST_SECONDS_HIDDEN: f64 = 2000.0;
-const MOST_ROWS_HIDDEN: f64 = 5e6;
+/// Maximum duration, s, and number of rows with hidden effects. All integration steps are kept in memory.
+const MAX_SECONDS_HIDDEN: f64 = 2000.0;
+const MAX_ROWS_HIDDEN: f64 = 5e6;
 
-/// A joint with something hidden.
+/// Simulates a joint with hidden effects.
 fn hidden(request: &Request) -> Result<Simulated, String> {
     let kind = scenarios::kind(&request.hide)?;
     let options = Options {
@@ -57,17 +59,17 @@ fn hidden(request: &Request) -> Result<Simulated, String> {
         noise_nm: request.noise_nm,
         ..Options::default()
     };
-    // What is not given is drawn: some 170 s in all, in six runs at least of a second at least.
+    // Missing values are drawn: at most about 170 s in total, at least six runs, at least one second per run.
     let seconds = match (request.runs.map(|runs| runs as f64), request.seconds) {
         (Some(runs), Some(seconds)) => runs * seconds,
         (runs, seconds) => (runs.unwrap_or(6.0) * seconds.unwrap_or(1.0)).max(170.0),
     };
-    if seconds > MOST_SECONDS_HIDDEN {
-        return Err(format!("--runs x --seconds: more than {MOST_SECONDS_HIDDEN} s with --hide"));
+    if seconds > MAX_SECONDS_HIDDEN {
+        return Err(format!("--runs x --seconds: more than {MAX_SECONDS_HIDDEN} s with --hide"));
     }
-    if seconds * request.rate_hz.unwrap_or(2000.0) > MOST_ROWS_HIDDEN {
+    if seconds * request.rate_hz.unwrap_or(2000.0) > MAX_ROWS_HIDDEN {
         return Err(format!(
-            "--runs x --seconds x --rate: more than {MOST_ROWS_HIDDEN} rows with --hide"
+            "--runs x --seconds x --rate: more than {MAX_ROWS_HIDDEN} rows with --hide"
         ));
     }
     let sizes: Vec<Option<f64>> = request.hide.iter().map(|hide| hide.size).collect();
@@ -80,7 +82,7 @@ fn hidden(request: &Request) -> Result<Simulated, String> {
     })
 }
 
-/// A line for each hidden effect.
+/// Returns one line for each hidden effect.
 fn in_words(truth: &ScenarioTruth) -> Vec<String> {
     if truth.hidden.is_empty() {
         return vec!["hidden: none".to_owned()];

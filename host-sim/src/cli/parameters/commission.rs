@@ -1,69 +1,72 @@
-//! `params commission`: how the joint is wired, found out by the driver itself where that is asked, and confirmed.
+//! `params commission`: shows, measures and confirms the wiring parameters of a joint.
 //!
-//! A run is supervised: this tool says every 20 ms that it goes on, and where it ends, breaks or is ended by Ctrl-C the
-//! driver opens its bridge within 0.1 s. Nothing is written before what was found has been shown and taken.
+//! With `--measure`, the driver measures its motor. The run is supervised: this tool sends a keep-alive every 20 ms. If
+//! the tool ends, fails or is stopped by Ctrl-C, the driver opens its bridge within 0.1 s. The results are written only
+//! after they were shown and confirmed.
 
 use super::friction_run::trace_path;
 use super::names::{differences, numbers};
-use super::{Driver, words};
-use crate::cli::output::say;
+use super::{Driver, sdo_message};
+use crate::cli::output::print_text;
 use canopen_rs::Address;
 use clap::Args;
-use firmware::driver::commissioning::{Reason, Step};
+use firmware::driver::commissioning::{AbortReason, CommissioningStep};
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::{Commissioning, CommissioningRun};
+use firmware::node::dictionary::records::{CommissioningObject, CommissioningRunObject};
 use firmware::parameter_set::ParameterSet;
 use serde_json::json;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Time between two signs of life.
-pub(super) const ALIVE: Duration = Duration::from_millis(20);
+/// Period of the keep-alive orders.
+pub(super) const KEEP_ALIVE_PERIOD: Duration = Duration::from_millis(20);
 
-/// Orders of a run.
-pub(super) const STOP: u8 = 0;
-const BEGIN: u8 = 1;
-pub(super) const GO_ON: u8 = 2;
+/// Order that stops a run.
+pub(super) const ORDER_STOP: u8 = 0;
+/// Order that starts a measurement.
+const ORDER_MEASURE: u8 = 1;
+/// Order that keeps a run alive.
+pub(super) const ORDER_CONTINUE: u8 = 2;
 
-/// What a run is told.
+/// Arguments of a measurement and of a friction run.
 #[derive(Args)]
-pub(super) struct Measure {
-    /// Let the driver find out by itself what motor it drives, at low current: THE JOINT MOVES. What is found is shown,
-    /// and taken and confirmed when that is answered with yes
+pub(super) struct MeasureArguments {
+    /// Measure the motor at low current: THE JOINT MOVES. The results are shown, and stored and confirmed after you
+    /// answer yes
     #[arg(long)]
     measure: bool,
-    /// Let the joint move by itself through its range, both ways at falling speeds, and write a trace of it for `identify`:
-    /// THE JOINT MOVES. It has to be commissioned; with --measure it is that first. Nothing is changed
+    /// Move the joint through its range in both directions at decreasing speeds and write a trace for `identify`: THE
+    /// JOINT MOVES. The joint must be commissioned; with --measure, that is done first. No parameter is changed
     #[arg(long)]
     friction_run: bool,
-    /// Largest current of a run, A; without, three tenths of the motor's current limit
+    /// Maximum current of a run, A [default: 30 % of the motor's current limit]
     #[arg(long, value_name = "A")]
     current: Option<f32>,
-    /// How far the joint may go to either side in the measurement, rad; without, 0.5
+    /// Maximum travel of the joint to either side during the measurement, rad [default: 0.5]
     #[arg(long, value_name = "RAD", requires = "measure")]
     travel: Option<f32>,
-    /// How far the joint may go to either side of where it stands in the friction run, rad; without, 0.5
+    /// Maximum travel to either side of the start position during the friction run, rad [default: 0.5]
     #[arg(long, value_name = "RAD", requires = "friction_run")]
     pub(super) range: Option<f32>,
-    /// Speed of the friction run's first passes, rad/s; without, 2
+    /// Speed of the first strokes of the friction run, rad/s [default: 2]
     #[arg(long, value_name = "RAD/S", requires = "friction_run")]
     speed: Option<f32>,
-    /// Folder for the friction run's trace.log, made if it is not there; without, out
+    /// Folder for the friction run's trace.log; it is created if missing [default: out]
     #[arg(long, value_name = "DIR", requires = "friction_run")]
     out: Option<PathBuf>,
-    /// Ask nothing: move, take, confirm
+    /// Do not ask for confirmation: move the joint, then store and confirm the results
     #[arg(long)]
     yes: bool,
 }
 
-impl Measure {
-    /// Whether the motor is to be measured.
-    pub(super) fn is_asked(&self) -> bool {
+impl MeasureArguments {
+    /// Returns true if the motor is to be measured.
+    pub(super) fn is_requested(&self) -> bool {
         self.measure
     }
 
-    /// Where the trace of a friction run goes, where one is asked for.
+    /// Returns the path of the friction run's trace; `None` without `--friction-run`.
     pub(super) fn friction_trace(&self) -> Result<Option<PathBuf>, String> {
         if !self.friction_run {
             return Ok(None);
@@ -71,22 +74,27 @@ impl Measure {
         trace_path(self.out.as_deref().unwrap_or(Path::new("out"))).map(Some)
     }
 
-    /// What only a run takes, given without one.
+    /// Checks the options that require a run.
+    ///
+    /// # Errors
+    /// Returns one line if `--current` or `--yes` is given without a run.
     pub(super) fn check(&self) -> Result<(), String> {
         let given = self.current.is_some() || self.yes;
         if given && !self.measure && !self.friction_run {
-            return Err("--current, --yes: go with --measure or --friction-run".into());
+            return Err("--current, --yes: require --measure or --friction-run".into());
         }
         Ok(())
     }
 
-    /// Asks what was not answered beforehand.
-    pub(super) fn agreed(&self, question: &str) -> Result<bool, String> {
+    /// Asks the user a question and returns true for yes. With `--yes`, the question is not asked.
+    pub(super) fn is_confirmed(&self, question: &str) -> Result<bool, String> {
         if self.yes {
             return Ok(true);
         }
         if !std::io::stdin().is_terminal() {
-            return Err(format!("{question} Nobody is there to answer: --yes says so beforehand"));
+            return Err(format!(
+                "{question} Standard input is not a terminal: use --yes to confirm"
+            ));
         }
         eprint!("{question} [y/N] ");
         let _ = std::io::stderr().flush();
@@ -96,33 +104,33 @@ impl Measure {
     }
 }
 
-/// What a step does, for whoever stands beside the joint.
-fn doing(step: u32) -> &'static str {
-    const WORDS: [&str; 11] = [
-        "begins",
-        "offsets of the current sensors",
-        "resistance: half the current along a field that stands",
-        "resistance: all of it",
-        "inductance along the field",
-        "inductance across it",
-        "the field turns slowly: pole pairs, direction, electrical zero",
-        "and back",
-        "the field turns faster: flux",
-        "and back",
-        "the current goes down",
+/// Describes a step of the measurement for the user.
+fn step_description(step: u32) -> &'static str {
+    const DESCRIPTIONS: [&str; 11] = [
+        "starting",
+        "measuring the offsets of the current sensors",
+        "measuring the resistance: half the current, standing field",
+        "measuring the resistance: full current, standing field",
+        "measuring the inductance of the d axis",
+        "measuring the inductance of the q axis",
+        "turning the field slowly: pole pairs, direction, electrical zero",
+        "turning the field slowly, reverse",
+        "turning the field faster: flux",
+        "turning the field faster, reverse",
+        "reducing the current to zero",
     ];
-    WORDS.get(step as usize).copied().unwrap_or("ended")
+    DESCRIPTIONS.get(step as usize).copied().unwrap_or("finished")
 }
 
 impl Driver {
-    /// The wiring in use, by name, and whether somebody confirmed it; confirms it where that is asked.
+    /// Prints the wiring parameters and whether they are confirmed. With `confirm`, confirms them first.
     pub(super) fn commission(&mut self, confirm: bool, json: bool) -> Result<(), String> {
         let set = self.read_set()?;
-        let wiring = self.number(index::COMMISSIONING, Commissioning::WIRING_CRC)?;
+        let wiring = self.number(index::COMMISSIONING, CommissioningObject::WIRING_CRC)?;
         if wiring != set.wiring_crc() {
-            let meant = set.wiring_crc();
+            let computed = set.wiring_crc();
             return Err(format!(
-                "the driver's wiring has the crc {wiring:08x}, its numbers {meant:08x}: is it of another version?"
+                "the driver reports the wiring crc {wiring:08x}, but its parameters give {computed:08x}: the firmware version may differ from that of host-sim"
             ));
         }
         if confirm {
@@ -133,7 +141,7 @@ impl Driver {
             .into_iter()
             .filter(|(name, _)| {
                 name.strip_prefix("motor.")
-                    .is_some_and(|field| ParameterSet::WIRING.contains(&field))
+                    .is_some_and(|field| ParameterSet::WIRING_PARAMETERS.contains(&field))
             })
             .collect();
         if json {
@@ -141,61 +149,61 @@ impl Driver {
                 wired.into_iter().map(|(name, value)| (name, json!(value))).collect();
             let result = json!({"commissioned": commissioned, "wiring_crc": format!("{wiring:08x}"), "wiring": wired});
             let text = serde_json::to_string_pretty(&result).map_err(|e| e.to_string())?;
-            return say(&(text + "\n"));
+            return print_text(&(text + "\n"));
         }
         let mut out = String::new();
         for (name, value) in wired {
             out += &format!("{name:<32} {value:?}\n");
         }
         out += if commissioned {
-            "commissioned: the joint may be armed; `params save` keeps that over a reset\n"
+            "commissioned: the joint can be armed; `params save` keeps this over a reset\n"
         } else {
-            "NOT commissioned: the joint does not arm. `params commission --measure` lets the driver find the numbers above by\n\
-             itself, at low current; or find and set each (docs/bring-up.md), then `params commission --confirm`\n"
+            "NOT commissioned: the joint cannot be armed. Measure the parameters above with `params commission --measure` (low\n\
+             current), or set each (docs/src/how-to/bring-up.md) and run `params commission --confirm`\n"
         };
-        say(&out)
+        print_text(&out)
     }
 
     fn confirm(&mut self, wiring: u32) -> Result<(), String> {
-        let at = Address::new(index::COMMISSIONING, Commissioning::CONFIRM);
-        self.client.write(at, &wiring.to_le_bytes()).map_err(words)
+        let at = Address::new(index::COMMISSIONING, CommissioningObject::CONFIRM);
+        self.client.write(at, &wiring.to_le_bytes()).map_err(sdo_message)
     }
 
-    /// Lets the driver measure its motor; shows what came of it, and takes it where that is agreed to.
+    /// Measures the motor and prints the results. Commits and confirms them if the user agrees.
     pub(super) fn measure_motor(
         &mut self,
-        how: &Measure,
+        how: &MeasureArguments,
         name: &str,
         json: bool,
     ) -> Result<(), String> {
         let before = self.read_set()?;
-        self.bound(how, how.travel)?;
-        let current_a = self.float(CommissioningRun::CURRENT)?;
-        let travel_rad = self.float(CommissioningRun::TRAVEL)?;
+        self.set_limits(how, how.travel)?;
+        let current_a = self.float(CommissioningRunObject::CURRENT)?;
+        let travel_rad = self.float(CommissioningRunObject::TRAVEL)?;
         let question = format!(
-            "{name} will put {current_a} A on its motor and move the joint, {travel_rad} rad to either side at most, for half a \
-             minute or less. Is it free to move, and a hand at the supply's switch?"
+            "{name} will apply {current_a} A to its motor and move the joint by up to {travel_rad} rad to either side, for at \
+             most half a minute. Keep the range clear and be ready to switch off the supply. Continue?"
         );
-        if !how.agreed(&question)? {
-            return Err("nothing was done".into());
+        if !how.is_confirmed(&question)? {
+            return Err("cancelled; nothing was changed".into());
         }
-        self.order(BEGIN)?;
+        self.order(ORDER_MEASURE)?;
         let step = self.watch_run(json);
         if step.is_err() {
-            // The driver stops by itself where nobody says that it goes on; this is sooner.
-            let _ = self.order(STOP);
+            // Without keep-alive the driver stops after 0.1 s; the stop order acts sooner.
+            let _ = self.order(ORDER_STOP);
         }
-        if step? != Step::Done as u32 {
-            return Err(self.why_ended()?);
+        if step? != CommissioningStep::Done as u32 {
+            return Err(self.end_reason()?);
         }
         let found = self.read_staged()?;
         let changes = differences(&before, &found);
-        let told = self.found(&before, &found, json)?;
-        say(&told)?;
-        let taken = how.agreed("Take these, and confirm the wiring?")?;
-        if !taken {
+        let results = self.describe_results(&before, &found, json)?;
+        print_text(&results)?;
+        let is_accepted = how.is_confirmed("Store these values and confirm the wiring?")?;
+        if !is_accepted {
             self.discard()?;
-            return say(&if json {
+            return print_text(&if json {
                 String::new()
             } else {
                 format!("{name}: nothing was changed\n")
@@ -206,72 +214,80 @@ impl Driver {
         if json {
             return Ok(());
         }
-        say(&format!(
-            "{name}: {} values taken, the wiring confirmed (crc {active:08x}, until a reset: `params save` keeps it)\n",
+        print_text(&format!(
+            "{name}: {} values changed, wiring confirmed (crc {active:08x}, not saved: run `params save` to keep them over a reset)\n",
             changes.len()
         ))
     }
 
-    /// Tells the driver what bounds a run.
-    pub(super) fn bound(&mut self, how: &Measure, travel: Option<f32>) -> Result<(), String> {
-        use CommissioningRun as R;
+    /// Writes the limits of a run to the driver.
+    pub(super) fn set_limits(
+        &mut self,
+        how: &MeasureArguments,
+        travel: Option<f32>,
+    ) -> Result<(), String> {
+        use CommissioningRunObject as R;
         for (place, value) in
             [(R::CURRENT, how.current), (R::TRAVEL, travel), (R::SPEED, how.speed)]
         {
             if let Some(value) = value {
                 let at = Address::new(index::COMMISSIONING_RUN, place);
-                self.client.write(at, &value.to_le_bytes()).map_err(words)?;
+                self.client.write(at, &value.to_le_bytes()).map_err(sdo_message)?;
             }
         }
         Ok(())
     }
 
     pub(super) fn order(&mut self, order: u8) -> Result<(), String> {
-        let at = Address::new(index::COMMISSIONING_RUN, CommissioningRun::ORDER);
-        self.client.write(at, &[order]).map_err(words)
+        let at = Address::new(index::COMMISSIONING_RUN, CommissioningRunObject::ORDER);
+        self.client.write(at, &[order]).map_err(sdo_message)
     }
 
     pub(super) fn float(&mut self, place: u8) -> Result<f32, String> {
         self.number(index::COMMISSIONING_RUN, place).map(f32::from_bits)
     }
 
-    /// Says that it goes on until it has ended; gives the step it ended in.
+    /// Sends keep-alive orders until the run ends. Returns the step in which it ended.
     fn watch_run(&mut self, json: bool) -> Result<u32, String> {
-        let mut said = 0;
+        let mut last_step = 0;
         loop {
-            self.order(GO_ON)?;
-            let step = self.number(index::COMMISSIONING_RUN, CommissioningRun::STEP)?;
-            if step >= Step::Done as u32 {
+            self.order(ORDER_CONTINUE)?;
+            let step = self.number(index::COMMISSIONING_RUN, CommissioningRunObject::STEP)?;
+            if step >= CommissioningStep::Done as u32 {
                 return Ok(step);
             }
-            if step != said && !json {
-                eprintln!("  {}", doing(step));
+            if step != last_step && !json {
+                eprintln!("  {}", step_description(step));
             }
-            said = step;
+            last_step = step;
             let bus = self.client.bus();
-            let until_ns = bus.now_ns() + ALIVE.as_nanos() as u64;
-            // What the joint says meanwhile is of no interest here.
+            let until_ns = bus.now_ns() + KEEP_ALIVE_PERIOD.as_nanos() as u64;
+            // Frames received meanwhile are discarded.
             while bus.receive(until_ns).map_err(|error| error.to_string())?.is_some() {}
         }
     }
 
-    pub(super) fn why_ended(&mut self) -> Result<String, String> {
-        let number = self.number(index::COMMISSIONING_RUN, CommissioningRun::REASON)? as u8;
-        let (name, meaning) = Reason::describe(number).unwrap_or(("unknown", "of another version"));
+    /// Returns the reason why a run ended, as one line.
+    pub(super) fn end_reason(&mut self) -> Result<String, String> {
+        let number = self.number(index::COMMISSIONING_RUN, CommissioningRunObject::REASON)? as u8;
+        let (name, meaning) = AbortReason::describe(number)
+            .unwrap_or(("unknown", "reason of another firmware version"));
         let faults = super::status::codes(self.number(index::STATE, 3)?, 1);
         let faults =
             if faults.is_empty() { String::new() } else { format!(" ({})", faults.join(", ")) };
-        Ok(format!("ended: {name}: {meaning}{faults}; the bridge is open, nothing was changed"))
+        Ok(format!(
+            "ended: {name}: {meaning}{faults}; the bridge is open, no parameter was changed"
+        ))
     }
 
-    /// What was found, in words and figures.
-    fn found(
+    /// Returns the measured values as text or JSON.
+    fn describe_results(
         &mut self,
         before: &ParameterSet,
         found: &ParameterSet,
         json: bool,
     ) -> Result<String, String> {
-        use CommissioningRun as R;
+        use CommissioningRunObject as R;
         let offsets = [self.float(R::OFFSET_A)?, self.float(R::OFFSET_B)?];
         let lag_rad = self.float(R::LAG)?;
         let friction_nm = self.float(R::FRICTION_TORQUE)?;
@@ -281,7 +297,9 @@ impl Driver {
                 .into_iter()
                 .filter_map(|(name, value)| {
                     let field = name.strip_prefix("motor.")?;
-                    ParameterSet::WIRING.contains(&field).then(|| (field.to_owned(), json!(value)))
+                    ParameterSet::WIRING_PARAMETERS
+                        .contains(&field)
+                        .then(|| (field.to_owned(), json!(value)))
                 })
                 .collect();
             let result = json!({
@@ -293,14 +311,14 @@ impl Driver {
         let direction = |sign: f32| if sign > 0.0 { "with" } else { "against" };
         let turned = is.encoder_direction != was.encoder_direction;
         let mut out = format!(
-            "found:\n\
-             current sensors' offsets   {:+.3} A and {:+.3} A, taken off\n\
-             resistance of a phase      {:.4} ohm (was {:.4}): winding, cable and switch as warm as they are\n\
-             inductance along, across   {:.1} uH and {:.1} uH (was {:.1} and {:.1})\n\
+            "measured:\n\
+             current sensor offsets     {:+.3} A and {:+.3} A, corrected\n\
+             phase resistance           {:.4} ohm (was {:.4}): winding, cable and switch at their current temperature\n\
+             inductance of d, q axis    {:.1} uH and {:.1} uH (was {:.1} and {:.1})\n\
              pole pairs                 {} (was {})\n\
-             encoder                    counts {} the order of phases a, b, c (was {}), {:+.4} rad where the magnet lies along a (was {:+.4})\n\
-             torque constant            {:.5} Nm/A at the motor (was {:.5}), {:.3} Nm/A at the joint (was {:.3}): its gear loses what it did\n\
-             friction, creeping         {:.2} Nm at the joint: the rotor is {:.0} degrees (electrical) behind the field\n",
+             encoder                    counts {} the order of phases a, b, c (was {}); reads {:+.4} rad with the magnet aligned to phase a (was {:+.4})\n\
+             torque constant            {:.5} Nm/A at the motor (was {:.5}), {:.3} Nm/A at the joint (was {:.3}), with unchanged gear efficiency\n\
+             friction at low speed      {:.2} Nm at the joint: the rotor lags the field by {:.0} electrical degrees\n",
             offsets[0],
             offsets[1],
             is.resistance_ohm,
@@ -323,8 +341,8 @@ impl Driver {
             lag_rad.to_degrees(),
         );
         if turned {
-            out += "joint_direction is turned with the encoder's: positive position stays where the encoder counted up before.\n\
-                    Where that is the wrong way round: `params set motor.joint_direction=";
+            out += "joint_direction was reversed together with encoder_direction, so that the sign of the position is unchanged.\n\
+                    If this sign is wrong: `params set motor.joint_direction=";
             out += &format!("{}`\n", -is.joint_direction);
         }
         Ok(out)

@@ -1,118 +1,122 @@
-//! `params commission --friction-run`: the joint moves by itself through its range, and a trace of it is written.
+//! `params commission --friction-run`: moves the joint through its range and writes a CAN trace of the motion.
 //!
-//! The driver moves and bounds; this tool says every 20 ms that it goes on, and asks with a SYNC every 2 ms what the joint
-//! measures, which is what [`identify`](crate::cli::identify) reads. Nothing of the driver's parameters is changed here: a model
-//! counts when somebody has looked at it and set it.
+//! The driver controls and limits the motion. This tool sends a keep-alive every 20 ms and a SYNC every 2 ms; the driver
+//! answers each SYNC with its measurements. [`identify`](crate::cli::identify) reads the trace. The driver's parameters
+//! stay unchanged: the user fits a model, checks it, and sets it with `params set`.
 
-use super::commission::{ALIVE, GO_ON, Measure, STOP};
-use super::{Driver, words};
-use crate::cli::output::say;
+use super::commission::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_STOP};
+use super::{Driver, sdo_message};
+use crate::cli::output::print_text;
 use canopen_rs::{Address, NmtCommand};
-use compensator_core::can::{Message, Sync};
-use firmware::driver::commissioning::Step;
+use compensator_core::can::{Message, SyncFrame};
+use firmware::driver::commissioning::CommissioningStep;
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::CommissioningRun;
+use firmware::node::dictionary::records::CommissioningRunObject;
 use joint_trace::CanFrame;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Order of a friction run.
-const RUB: u8 = 3;
+/// Order that starts a friction run.
+const ORDER_FRICTION_RUN: u8 = 3;
 
-/// Time between two samples of the trace: a reversal's presliding takes some 20 ms.
-const SAMPLE: Duration = Duration::from_millis(2);
+/// Sample period of the trace. Presliding after a reversal takes about 20 ms, so it has about ten samples.
+const SAMPLE_PERIOD: Duration = Duration::from_millis(2);
 
-/// An encoder whose direction was just committed is believed after 0.15 s.
-const SETTLE: Duration = Duration::from_millis(300);
+/// Wait before the run. The driver accepts a newly committed encoder direction after 0.15 s.
+const SETTLING_TIME: Duration = Duration::from_millis(300);
 
-/// Name of the trace in its folder.
-const TRACE: &str = "trace.log";
+/// File name of the trace.
+const TRACE_FILE: &str = "trace.log";
 
-/// Where the trace of a run goes; makes the folder.
+/// Creates the folder and returns the path of the trace.
 pub(super) fn trace_path(out: &Path) -> Result<PathBuf, String> {
     std::fs::create_dir_all(out).map_err(|error| format!("{}: {error}", out.display()))?;
-    Ok(out.join(TRACE))
+    Ok(out.join(TRACE_FILE))
 }
 
 impl Driver {
-    /// Lets the joint move; the bus writes the trace, to this file.
+    /// Runs the friction run. The bus recorder writes `trace`.
     pub(super) fn friction_run(
         &mut self,
-        how: &Measure,
+        how: &MeasureArguments,
         name: &str,
         trace: &Path,
         json: bool,
     ) -> Result<(), String> {
         if self.number(index::COMMISSIONING, 1)? == 0 {
             return Err(format!(
-                "{name} is not commissioned: `params commission --measure` first, or both in one, --measure --friction-run"
+                "{name} is not commissioned: run `params commission --measure` first, or use --measure --friction-run together"
             ));
         }
-        self.bound(how, how.range)?;
-        let [current_a, travel_rad, speed_rad_s] =
-            [CommissioningRun::CURRENT, CommissioningRun::TRAVEL, CommissioningRun::SPEED]
-                .map(|place| self.float(place));
+        self.set_limits(how, how.range)?;
+        let [current_a, travel_rad, speed_rad_s] = [
+            CommissioningRunObject::CURRENT,
+            CommissioningRunObject::TRAVEL,
+            CommissioningRunObject::SPEED,
+        ]
+        .map(|place| self.float(place));
         let (current_a, travel_rad, speed_rad_s) = (current_a?, travel_rad?, speed_rad_s?);
         let question = format!(
-            "{name} will move the joint by itself, {travel_rad} rad to either side at most, at up to {speed_rad_s} rad/s and \
-             {current_a} A, for about a minute. Is its range free, and a hand at the supply's switch?"
+            "{name} will move the joint by up to {travel_rad} rad to either side, at up to {speed_rad_s} rad/s and \
+             {current_a} A, for about one minute. Keep the range clear and be ready to switch off the supply. Continue?"
         );
-        if !how.agreed(&question)? {
-            return Err("nothing was done".into());
+        if !how.is_confirmed(&question)? {
+            return Err("cancelled; nothing was changed".into());
         }
         let start = self.client.command(NmtCommand::StartRemoteNode);
         start.map_err(|error| error.to_string())?;
         let bus = self.client.bus();
-        let began_ns = bus.now_ns() + SETTLE.as_nanos() as u64;
+        let began_ns = bus.now_ns() + SETTLING_TIME.as_nanos() as u64;
         while bus.receive(began_ns).map_err(|error| error.to_string())?.is_some() {}
-        let step = self.order(RUB).and_then(|()| self.follow_run(json));
+        let step = self.order(ORDER_FRICTION_RUN).and_then(|()| self.follow_run(json));
         if step.is_err() {
-            // The driver stops by itself where nobody says that it goes on; this is sooner.
-            let _ = self.order(STOP);
+            // Without keep-alive the driver stops after 0.1 s; the stop order acts sooner.
+            let _ = self.order(ORDER_STOP);
         }
         let seconds = (self.client.bus().now_ns() - began_ns) as f64 * 1e-9;
         let left = self.client.command(NmtCommand::EnterPreOperational);
-        if step? != Step::Done as u32 {
-            return Err(self.why_ended()?);
+        if step? != CommissioningStep::Done as u32 {
+            return Err(self.end_reason()?);
         }
         left.map_err(|error| error.to_string())?;
         let trace = trace.display();
         if json {
             let result = json!({"trace": trace.to_string(), "seconds": seconds});
-            return say(&(result.to_string() + "\n"));
+            return print_text(&(result.to_string() + "\n"));
         }
-        say(&format!(
-            "{name}: moved for {seconds:.0} s, {trace} holds what it measured; nothing was changed. What friction that is, and into the joint:\n\
+        print_text(&format!(
+            "{name}: moved for {seconds:.0} s; the measurements are in {trace}; no parameter was changed. To fit a model and write it to the driver:\n\
              \x20 host-sim identify {trace} --model lugre --rigid-body inertia,offset --out DIR\n\
              \x20 host-sim params set DIR/params.toml --bus BUS\n"
         ))
     }
 
-    /// SYNCs and signs of life until it has ended; gives the step it ended in.
+    /// Sends SYNC and keep-alive frames until the run ends. Returns the step in which it ended.
     fn follow_run(&mut self, json: bool) -> Result<u32, String> {
         if !json {
-            eprintln!("  the joint moves to and fro, from its fastest down");
+            eprintln!("  the joint moves back and forth at decreasing speeds");
         }
-        let [sample_ns, alive_ns] = [SAMPLE, ALIVE].map(|time| time.as_nanos() as u64);
-        let order = Address::new(index::COMMISSIONING_RUN, CommissioningRun::ORDER);
+        let [sample_ns, keep_alive_ns] =
+            [SAMPLE_PERIOD, KEEP_ALIVE_PERIOD].map(|time| time.as_nanos() as u64);
+        let order = Address::new(index::COMMISSIONING_RUN, CommissioningRunObject::ORDER);
         let mut due_ns = self.client.bus().now_ns();
-        let (mut said_ns, mut count) = (due_ns, 0);
+        let (mut sent_ns, mut count) = (due_ns, 0);
         loop {
             count += 1;
             let bus = self.client.bus();
-            let sync = CanFrame::from(Message::Sync(Sync::of(count)).emit());
+            let sync = CanFrame::from(Message::Sync(SyncFrame::of(count)).emit());
             bus.send(&sync).map_err(|error| error.to_string())?;
-            if due_ns >= said_ns + alive_ns {
-                said_ns = due_ns;
-                self.client.write(order, &[GO_ON]).map_err(words)?;
-                let step = self.number(index::COMMISSIONING_RUN, CommissioningRun::STEP)?;
-                if step != Step::Rubbing as u32 {
+            if due_ns >= sent_ns + keep_alive_ns {
+                sent_ns = due_ns;
+                self.client.write(order, &[ORDER_CONTINUE]).map_err(sdo_message)?;
+                let step = self.number(index::COMMISSIONING_RUN, CommissioningRunObject::STEP)?;
+                if step != CommissioningStep::Rubbing as u32 {
                     return Ok(step);
                 }
             }
             let bus = self.client.bus();
-            // A wait that was too long is not made up for.
+            // After a delay, missed samples are skipped.
             due_ns = (due_ns + sample_ns).max(bus.now_ns());
             while bus.receive(due_ns).map_err(|error| error.to_string())?.is_some() {}
         }

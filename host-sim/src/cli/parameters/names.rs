@@ -1,4 +1,4 @@
-//! What `params` calls everything a driver is configured with: `static_torque`, `choices.damping_fades`,
+//! Names of all values of a parameter set, as `params` uses them: `static_torque`, `choices.damping_fades`,
 //! `compensator.scale`, `motor.gear_ratio`, `model`.
 
 use compensator_core::compensator::CompensatorParameters;
@@ -10,38 +10,39 @@ use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
 
-/// Every choice of a set, by name.
+/// Returns every choice of a set with its name.
 pub(super) fn choices(set: &ParameterSet) -> Vec<(String, bool)> {
     let choices = set.friction.model.choices.to_array();
     Choices::NAMES.iter().zip(choices).map(|(name, on)| (format!("choices.{name}"), on)).collect()
 }
 
-/// The model's name.
+/// Returns the name of the model: the law and its terms.
 pub(super) fn model_name(model: &Parameters<f32>) -> String {
     let terms = model.terms.iter().map(|term| term.name());
     terms.fold(model.law.name().to_owned(), |name, term| name + "+" + term)
 }
 
-/// The network by its CRC; it has no numbers a person would set.
+/// Returns the CRC of the network as its name. Its weights cannot be set one by one.
 pub(super) fn network_name(set: &ParameterSet) -> String {
     let record = network_record::emit(set.network.as_ref());
     let crc = record.last_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc));
     set.network.as_ref().map_or("none".to_owned(), |_| format!("crc {crc:08x}"))
 }
 
-/// Everything of a set that counts for its model, by name, as text.
+/// Returns the values of a set with their names, as text. Of the model's parameters, only the `used` ones are included.
 fn entries(set: &ParameterSet, used: &[ParameterId]) -> Vec<(String, String)> {
-    let counts = |name: &str| name.contains('.') || used.iter().any(|id| id.name() == name);
+    let is_used = |name: &str| name.contains('.') || used.iter().any(|id| id.name() == name);
     let mut all = vec![("model".to_owned(), model_name(&set.friction.model))];
     all.push(("network".to_owned(), network_name(set)));
     all.extend(choices(set).into_iter().map(|(name, on)| (name, on.to_string())));
-    let numbers = numbers(set).into_iter().filter(|(name, _)| counts(name));
-    // To the bit: the shortest text that reads back as this number is another for another number.
+    let numbers = numbers(set).into_iter().filter(|(name, _)| is_used(name));
+    // Exact: `{:?}` gives different texts for different numbers.
     all.extend(numbers.map(|(name, value)| (name, format!("{value:?}"))));
     all
 }
 
-/// Where two sets differ in what one of their models uses: name, first and second.
+/// Returns the name, first value and second value of each difference between two sets. Parameters that neither model uses
+/// are ignored.
 pub(super) fn differences(
     first: &ParameterSet,
     second: &ParameterSet,
@@ -53,7 +54,7 @@ pub(super) fn differences(
     differ.map(|((name, first), (_, second))| (name, first, second)).collect()
 }
 
-/// Every number of a set, by name.
+/// Returns every number of a set with its name.
 pub(super) fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
     let model = &set.friction.model;
     let own = ParameterId::ALL.iter().map(|id| (id.name().to_owned(), model.get(*id)));
@@ -72,8 +73,8 @@ pub(super) fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
     all
 }
 
+/// Returns the error message for an unknown parameter, with up to five similar names.
 pub(super) fn unknown(name: &str, all: &[String]) -> String {
-    // The nearest names: those that share the most with what was asked for.
     let last = name.rsplit('.').next().unwrap_or(name);
     let near: Vec<&str> = all
         .iter()
@@ -84,11 +85,11 @@ pub(super) fn unknown(name: &str, all: &[String]) -> String {
     if near.is_empty() {
         format!("{name}: no such parameter; `params get` lists them")
     } else {
-        format!("{name}: no such parameter; is it {}?", near.join(" or "))
+        format!("{name}: no such parameter; did you mean {}?", near.join(" or "))
     }
 }
 
-/// Sets one number of a set, or its model, from text.
+/// Sets the model, a choice or a number of a set from text.
 pub(super) fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String> {
     if name == "model" {
         let spec =
@@ -105,7 +106,7 @@ pub(super) fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(),
     if let Some(choice) = name.strip_prefix("choices.") {
         let place = Choices::NAMES.iter().position(|known| *known == choice);
         let place = place.ok_or_else(|| {
-            format!("{name}: no such choice, expected of {}", Choices::NAMES.join(", "))
+            format!("{name}: no such choice, expected one of {}", Choices::NAMES.join(", "))
         })?;
         let mut choices = set.friction.model.choices.to_array();
         choices[place] = value
@@ -166,14 +167,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_that_is_printed_can_be_set() {
+    fn put_accepts_every_printed_name() {
         let mut set = ParameterSet::default();
         for (name, value) in numbers(&set) {
             put(&mut set, &name, &format!("{}", value + 0.5)).unwrap();
         }
         let changed = numbers(&set);
         for ((name, before), (_, after)) in numbers(&ParameterSet::default()).iter().zip(&changed) {
-            // Times in us and counts are whole numbers.
+            // Times in us and counts are integers, so adding 0.5 may not change them.
             assert!((after - before).abs() > 0.0 || name.starts_with("thresholds."), "{name}");
         }
         assert!(put(&mut set, "static_tork", "1").is_err());

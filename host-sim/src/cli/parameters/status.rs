@@ -1,38 +1,39 @@
-//! `params status`: what a driver is, and how it fares.
+//! `params status`: shows the identity and the state of a driver.
 
-use super::{Driver, words};
-use crate::cli::output::say;
+use super::{Driver, sdo_message};
+use crate::cli::output::print_text;
 use canopen_rs::Address;
-use firmware::node::dictionary::records::NetworkState;
+use firmware::node::dictionary::records::NetworkObject;
 use firmware::node::dictionary::{FRAME_COUNTERS, index};
 use firmware::supervisor::Code;
 use joint_bus::bus::Bus;
 use joint_bus::canopen::Client;
 use serde_json::json;
 
-/// Object 200Bh of a driver that has a network.
-struct Network {
-    outside: bool,
+/// State of the network (object 200Bh).
+struct NetworkStatus {
+    is_outside: bool,
     outside_count: u32,
+    /// Share of the network's factors that is applied, 0 to 1.
     share: f32,
-    /// On Coulomb level, static level and stiffness.
+    /// Factors on Coulomb level, static level and stiffness.
     factors: [f32; 3],
 }
 
-impl Network {
+impl NetworkStatus {
     fn json(&self) -> serde_json::Value {
         let [coulomb, static_level, stiffness] = self.factors;
         json!({
-            "outside": self.outside, "outside_count": self.outside_count, "share": self.share,
+            "outside": self.is_outside, "outside_count": self.outside_count, "share": self.share,
             "coulomb_factor": coulomb, "static_factor": static_level, "stiffness_factor": stiffness,
         })
     }
 
     fn in_words(&self) -> String {
-        let place = if self.outside { "OUTSIDE" } else { "inside" };
+        let place = if self.is_outside { "OUTSIDE" } else { "inside" };
         let [coulomb, static_level, stiffness] = self.factors;
         format!(
-            "{place} what it was trained on ({} evaluations outside), {:.0} % in force: Coulomb x {coulomb:.3}, static x \
+            "inputs {place} the trained range ({} evaluations outside), {:.0} % applied: Coulomb x {coulomb:.3}, static x \
              {static_level:.3}, stiffness x {stiffness:.3}",
             self.outside_count,
             100.0 * self.share
@@ -41,27 +42,27 @@ impl Network {
 }
 
 impl Driver {
-    /// The network that supplies the law; `None` of a driver without one.
-    fn network(&mut self) -> Result<Option<Network>, String> {
-        if self.number(index::NETWORK, NetworkState::PRESENT)? == 0 {
+    /// Reads the state of the network; `None` if the driver has no network.
+    fn network(&mut self) -> Result<Option<NetworkStatus>, String> {
+        if self.number(index::NETWORK, NetworkObject::PRESENT)? == 0 {
             return Ok(None);
         }
         let mut real = |place| self.number(index::NETWORK, place).map(f32::from_bits);
-        let share = real(NetworkState::SHARE)?;
+        let share = real(NetworkObject::SHARE)?;
         let factors = [
-            real(NetworkState::COULOMB_FACTOR)?,
-            real(NetworkState::STATIC_FACTOR)?,
-            real(NetworkState::STIFFNESS_FACTOR)?,
+            real(NetworkObject::COULOMB_FACTOR)?,
+            real(NetworkObject::STATIC_FACTOR)?,
+            real(NetworkObject::STIFFNESS_FACTOR)?,
         ];
-        let outside = self.number(index::NETWORK, NetworkState::OUTSIDE)? != 0;
-        let outside_count = self.number(index::NETWORK, NetworkState::OUTSIDE_COUNT)?;
-        Ok(Some(Network { outside, outside_count, share, factors }))
+        let is_outside = self.number(index::NETWORK, NetworkObject::OUTSIDE)? != 0;
+        let outside_count = self.number(index::NETWORK, NetworkObject::OUTSIDE_COUNT)?;
+        Ok(Some(NetworkStatus { is_outside, outside_count, share, factors }))
     }
 
-    /// Prints it.
+    /// Prints the status.
     pub(super) fn status(&mut self, json: bool) -> Result<(), String> {
         let text = |client: &mut Client<Box<dyn Bus>>, at_index| {
-            client.read_text(Address::new(at_index, 0)).map_err(words)
+            client.read_text(Address::new(at_index, 0)).map_err(sdo_message)
         };
         let name = text(&mut self.client, index::DEVICE_NAME)?;
         let hardware = text(&mut self.client, index::HARDWARE_VERSION)?;
@@ -94,28 +95,28 @@ impl Driver {
                 "name": name, "hardware": hardware, "software": software, "state": state,
                 "faults": faults, "limits": limits, "source": source, "number": number,
                 "parameters_crc": format!("{crc:08x}"), "commissioned": commissioned, "model_in_band": in_band,
-                "windows_out_of_band": out_of_band, "network": network.as_ref().map(Network::json), "last_panic": panic,
+                "windows_out_of_band": out_of_band, "network": network.as_ref().map(NetworkStatus::json), "last_panic": panic,
                 "last_refusal": refusal, "counters": counters,
             });
             let text = serde_json::to_string_pretty(&status).map_err(|e| e.to_string())?;
-            return say(&(text + "\n"));
+            return print_text(&(text + "\n"));
         }
         let list = |codes: &[&str]| {
             if codes.is_empty() { "none".to_owned() } else { codes.join(", ") }
         };
         let mut out = format!(
             "{name}, {hardware}, {software}\nstate       {state}\nfaults      {}\nlimits      {}\n\
-             fed by      {source}, computes in {number}\nparameters  crc {crc:08x}, {}\n\
+             inputs      from {source}, computes in {number}\nparameters  crc {crc:08x}, {}\n\
              model       {}, {out_of_band} windows out of band\n",
             list(&faults),
             list(&limits),
             if commissioned {
                 "commissioned"
             } else {
-                "NOT commissioned: does not arm on its sensors"
+                "NOT commissioned: cannot be armed with its own sensors as inputs"
             },
             match in_band {
-                None => "nothing to judge yet",
+                None => "not evaluated yet",
                 Some(true) => "in band",
                 Some(false) => "OUT OF BAND",
             },
@@ -131,11 +132,11 @@ impl Driver {
         for (name, value) in counters.iter().filter(|(_, value)| *value > 0) {
             out += &format!("{name:<20} {value}\n");
         }
-        say(&out)
+        print_text(&out)
     }
 }
 
-/// Codes of a set of bits, by name; bit 0 is number `first`.
+/// Returns the names of the codes in a bit set; bit 0 is code number `first`.
 pub(super) fn codes(bits: u32, first: u8) -> Vec<&'static str> {
     let set = (0..32u8).filter(|bit| bits >> bit & 1 != 0);
     set.filter_map(|bit| Code::from_number(first + bit)).map(|code| code.info().name).collect()
@@ -144,26 +145,26 @@ pub(super) fn codes(bits: u32, first: u8) -> Vec<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use compensator_core::can::Node;
+    use compensator_core::can::NodeId;
     use compensator_core::network::reference;
     use joint_bus::bus::Hub;
     use joint_bus::joint::JointNode;
 
     #[test]
-    fn a_network_is_told_of_a_driver_that_has_one() {
+    fn network_status_is_present_only_for_a_driver_with_a_network() {
         let hub = Hub::new();
-        hub.attach(JointNode::start(Node::FIRST, None).expect("a driver"));
+        hub.attach(JointNode::start(NodeId::FIRST, None).expect("a driver"));
         let bus: Box<dyn Bus> = Box::new(hub.port());
-        let mut driver = Driver { client: Client::new(bus, Node::FIRST) };
+        let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
         assert!(driver.network().expect("it answers").is_none());
         let mut set = driver.read_set().expect("its set");
         set.friction.model = reference::parameters();
         set.network = Some(reference::joint());
         driver.commit(&set).expect("it is valid");
-        let told = driver.network().expect("it answers").expect("it has one").in_words();
-        // Nothing was evaluated yet: all of what it says, which is the law's constants.
-        let expected = "inside what it was trained on (0 evaluations outside), 100 % in force: Coulomb x 1.000, static x \
+        let text = driver.network().expect("it answers").expect("it has one").in_words();
+        // The network has not been evaluated, so all factors are 1.
+        let expected = "inputs inside the trained range (0 evaluations outside), 100 % applied: Coulomb x 1.000, static x \
                         1.000, stiffness x 1.000";
-        assert_eq!(told, expected);
+        assert_eq!(text, expected);
     }
 }

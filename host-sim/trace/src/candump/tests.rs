@@ -20,11 +20,14 @@ fn frame_of(text: &str) -> CanFrame {
 }
 
 #[test]
-fn every_form_of_a_frame_is_read() {
+fn parse_with_each_form_of_frame_returns_it() {
     assert_eq!(frame_of("044#2A366C2BBA"), data(0x44, false, &[0x2A, 0x36, 0x6C, 0x2B, 0xBA]));
     assert_eq!(frame_of("7ff#"), data(0x7FF, false, &[]));
     assert_eq!(frame_of("00000123#01"), data(0x123, true, &[1]));
-    assert_eq!(frame_of("1FFFFFFF#11.22.33"), data(LAST_EXTENDED, true, &[0x11, 0x22, 0x33]));
+    assert_eq!(
+        frame_of("1FFFFFFF#11.22.33"),
+        data(MAX_EXTENDED_IDENTIFIER, true, &[0x11, 0x22, 0x33])
+    );
     let all = [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88];
     assert_eq!(frame_of("123#1122334455667788_E"), data(0x123, false, &all));
     let remote = |length| CanFrame::Remote { identifier: 0x123, extended: false, length };
@@ -45,7 +48,7 @@ fn every_form_of_a_frame_is_read() {
 }
 
 #[test]
-fn stamps_interfaces_and_directions_are_read() {
+fn parse_with_stamp_interface_and_direction_returns_them() {
     let read = |line: &'static str| parse(line.as_bytes()).unwrap();
     let line = read("(1436509052.249713) vcan0 044#");
     assert_eq!((line.time_ns, line.interface), (1_436_509_052_249_713_000, &b"vcan0"[..]));
@@ -58,7 +61,7 @@ fn stamps_interfaces_and_directions_are_read() {
 }
 
 #[test]
-fn what_is_wrong_is_said() {
+fn parse_with_malformed_line_returns_the_malformed_part() {
     use LineError::{Data, Direction, Identifier, Interface, Time};
     for (line, wrong) in [
         ("", Time),
@@ -95,10 +98,10 @@ fn what_is_wrong_is_said() {
     assert_eq!(parse(long.as_bytes()), Err(Data));
 }
 
-/// Any frame there can be.
+/// Draws a random frame of any kind.
 fn any_frame(random: &mut Pcg64Mcg) -> CanFrame {
     let extended: bool = random.random();
-    let last = if extended { LAST_EXTENDED } else { LAST_STANDARD };
+    let last = if extended { MAX_EXTENDED_IDENTIFIER } else { MAX_STANDARD_IDENTIFIER };
     let identifier = random.random_range(0..=last);
     let bytes: [u8; 64] = random.random();
     match random.random_range(0..4) {
@@ -109,18 +112,18 @@ fn any_frame(random: &mut Pcg64Mcg) -> CanFrame {
             flexible(identifier, extended, flags, &bytes[..length])
         }
         _ => {
-            let class = random.random_range(0..=LAST_EXTENDED);
+            let class = random.random_range(0..=MAX_EXTENDED_IDENTIFIER);
             CanFrame::Error { class, length: 8, bytes: random.random() }
         }
     }
 }
 
 #[test]
-fn what_was_written_is_read() {
+fn parse_after_emit_returns_the_same_line() {
     let mut random = Pcg64Mcg::new(1);
     let mut text = Vec::new();
     for _ in 0..20_000 {
-        let time_ns = random.random_range(0..LAST_SECOND * 1_000_000_000);
+        let time_ns = random.random_range(0..MAX_TIME_S * 1_000_000_000);
         let direction =
             [None, Some(Direction::Sent), Some(Direction::Received)][random.random_range(0..3)];
         let frame = any_frame(&mut random);
@@ -136,7 +139,7 @@ fn what_was_written_is_read() {
 }
 
 #[test]
-fn garbage_never_panics() {
+fn parse_with_random_damage_does_not_panic() {
     let mut random = Pcg64Mcg::new(2);
     let mut text = Vec::new();
     for _ in 0..200_000 {

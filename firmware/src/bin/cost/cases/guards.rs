@@ -1,7 +1,7 @@
-//! What each guard of the compensator costs where it acts: step and sum of the improved LuGre.
+//! Measures each guard of the compensator where it acts: step and sum of the improved LuGre.
 //!
-//! A joint turns steadily with readings that are all well; then one thing happens, and the dearest of the next
-//! updates counts.
+//! A joint turns steadily with valid readings. Then one situation occurs, and the most expensive of the
+//! next updates counts.
 
 use super::{Arguments, Clock, address, joint_f32, joint_fixed, print_line};
 use compensator_core::compensator::{CompensatorParameters, Reading};
@@ -10,26 +10,26 @@ use firmware::control::PERIOD_S;
 use firmware::reference_joint::configuration;
 
 /// Updates until friction and slew limit have settled.
-const SETTLE: usize = 2000;
-/// Updates that are counted. Longer than `hold_s` at none: a situation says itself how old its readings are.
-const COUNTED: usize = 20;
+const SETTLING_UPDATES: usize = 2000;
+/// Number of updates measured. The readings keep the age that the situation states.
+const MEASURED_UPDATES: usize = 20;
 
-/// What a joint is told, in numbers of every kind.
+/// Inputs of the compensator, for every number type.
 #[derive(Clone, Copy)]
-struct Told {
-    velocity: Heard,
-    reference: Heard,
-    force: Heard,
-    pressure: Heard,
+struct GuardInputs {
+    velocity: TimedReading,
+    reference: TimedReading,
+    force: TimedReading,
+    pressure: TimedReading,
     command_a: f32,
 }
 
 /// A value and its age, s.
-type Heard = (f32, f32);
+type TimedReading = (f32, f32);
 
-const MISSING: Heard = (0.0, -1.0);
+const MISSING: TimedReading = (0.0, -1.0);
 const VELOCITY_RAD_S: f32 = 1.0;
-const WELL: Told = Told {
+const VALID_INPUTS: GuardInputs = GuardInputs {
     velocity: (VELOCITY_RAD_S, 0.0),
     reference: (VELOCITY_RAD_S, 1e-3),
     force: (40.0, 1e-3),
@@ -37,93 +37,114 @@ const WELL: Told = Told {
     command_a: 0.5,
 };
 /// A joint without side load, pressure and reference.
-const VELOCITY_ALONE: Told = Told { reference: MISSING, force: MISSING, pressure: MISSING, ..WELL };
-/// Older than the reading is held, younger than it is forgotten: it fades.
+const VELOCITY_ONLY: GuardInputs =
+    GuardInputs { reference: MISSING, force: MISSING, pressure: MISSING, ..VALID_INPUTS };
+/// An age, s, at which a reading fades: beyond its hold time, before it is dropped.
 const FADING_S: f32 = 0.2;
 
 struct Situation {
     name: &'static str,
-    before: Told,
-    then: Told,
+    before: GuardInputs,
+    then: GuardInputs,
     limits: fn(&mut CompensatorParameters),
     enabled: bool,
-    /// Whether fixed point can meet it.
+    /// True if the situation also exists in fixed point.
     in_fixed: bool,
 }
 
-const NOTHING: Situation = Situation {
+const BASE_SITUATION: Situation = Situation {
     name: "nothing: all is well",
-    before: WELL,
-    then: WELL,
+    before: VALID_INPUTS,
+    then: VALID_INPUTS,
     limits: |_| {},
     enabled: true,
     in_fixed: true,
 };
 
 const SITUATIONS: &[Situation] = &[
-    NOTHING,
-    Situation { name: "compensator off", enabled: false, ..NOTHING },
+    BASE_SITUATION,
+    Situation { name: "compensator off", enabled: false, ..BASE_SITUATION },
     Situation {
         name: "near standstill: the reference counts",
-        then: Told { velocity: (0.01, 0.0), ..WELL },
-        ..NOTHING
+        then: GuardInputs { velocity: (0.01, 0.0), ..VALID_INPUTS },
+        ..BASE_SITUATION
     },
-    Situation { name: "no reference", then: Told { reference: MISSING, ..WELL }, ..NOTHING },
+    Situation {
+        name: "no reference",
+        then: GuardInputs { reference: MISSING, ..VALID_INPUTS },
+        ..BASE_SITUATION
+    },
     Situation {
         name: "no sensor but the velocity's, ever",
-        before: VELOCITY_ALONE,
-        then: VELOCITY_ALONE,
-        ..NOTHING
+        before: VELOCITY_ONLY,
+        then: VELOCITY_ONLY,
+        ..BASE_SITUATION
     },
     Situation {
         name: "velocity beyond the envelope",
-        then: Told { velocity: (1e3, 0.0), ..WELL },
-        ..NOTHING
+        then: GuardInputs { velocity: (1e3, 0.0), ..VALID_INPUTS },
+        ..BASE_SITUATION
     },
     Situation {
         name: "velocity and reference too old",
-        then: Told { velocity: (1.0, 1.0), reference: (1.0, 1.0), ..WELL },
-        ..NOTHING
+        then: GuardInputs { velocity: (1.0, 1.0), reference: (1.0, 1.0), ..VALID_INPUTS },
+        ..BASE_SITUATION
     },
-    Situation { name: "side load not heard", then: Told { force: MISSING, ..WELL }, ..NOTHING },
+    Situation {
+        name: "side load missing",
+        then: GuardInputs { force: MISSING, ..VALID_INPUTS },
+        ..BASE_SITUATION
+    },
     Situation {
         name: "side load beyond the envelope",
-        then: Told { force: (1e3, 0.0), ..WELL },
-        ..NOTHING
+        then: GuardInputs { force: (1e3, 0.0), ..VALID_INPUTS },
+        ..BASE_SITUATION
     },
     Situation {
         name: "side load old: fades",
-        then: Told { force: (40.0, FADING_S), ..WELL },
-        ..NOTHING
+        then: GuardInputs { force: (40.0, FADING_S), ..VALID_INPUTS },
+        ..BASE_SITUATION
     },
-    Situation { name: "side load jumps", then: Told { force: (90.0, 0.0), ..WELL }, ..NOTHING },
+    Situation {
+        name: "side load jumps",
+        then: GuardInputs { force: (90.0, 0.0), ..VALID_INPUTS },
+        ..BASE_SITUATION
+    },
     Situation {
         name: "pressure a little below 0",
-        then: Told { pressure: (-0.001, 0.0), ..WELL },
-        ..NOTHING
+        then: GuardInputs { pressure: (-0.001, 0.0), ..VALID_INPUTS },
+        ..BASE_SITUATION
     },
     Situation {
         name: "pressure old: fades",
-        then: Told { pressure: (0.2, FADING_S), ..WELL },
-        ..NOTHING
+        then: GuardInputs { pressure: (0.2, FADING_S), ..VALID_INPUTS },
+        ..BASE_SITUATION
     },
-    Situation { name: "torque limit", limits: |limits| limits.torque_limit_nm = 0.5, ..NOTHING },
+    Situation {
+        name: "torque limit",
+        limits: |limits| limits.torque_limit_nm = 0.5,
+        ..BASE_SITUATION
+    },
     Situation {
         name: "slew limit",
-        then: Told { velocity: (-1.0, 0.0), reference: (-1.0, 0.0), ..WELL },
+        then: GuardInputs { velocity: (-1.0, 0.0), reference: (-1.0, 0.0), ..VALID_INPUTS },
         limits: |limits| limits.slew_limit_nm_per_s = 10.0,
-        ..NOTHING
+        ..BASE_SITUATION
     },
-    Situation { name: "current limit", limits: |limits| limits.current_limit_a = 0.3, ..NOTHING },
+    Situation {
+        name: "current limit",
+        limits: |limits| limits.current_limit_a = 0.3,
+        ..BASE_SITUATION
+    },
     Situation {
         name: "command not a number",
-        then: Told { command_a: f32::NAN, ..WELL },
+        then: GuardInputs { command_a: f32::NAN, ..VALID_INPUTS },
         in_fixed: false,
-        ..NOTHING
+        ..BASE_SITUATION
     },
     Situation {
         name: "everything at once",
-        then: Told {
+        then: GuardInputs {
             velocity: (f32::NAN, 1.0),
             reference: (-5.0, 0.0),
             force: (90.0, FADING_S),
@@ -135,11 +156,11 @@ const SITUATIONS: &[Situation] = &[
             limits.slew_limit_nm_per_s = 10.0;
             limits.current_limit_a = 0.3;
         },
-        ..NOTHING
+        ..BASE_SITUATION
     },
 ];
 
-impl Told {
+impl GuardInputs {
     fn inputs<T: Real>(&self) -> Inputs<T> {
         let number = |value: f32| T::from_f64(value.into());
         let reading = |(value, age_s)| Reading { value: number(value), age_s: number(age_s) };
@@ -153,8 +174,8 @@ impl Told {
     }
 }
 
-/// The dearest update of a situation.
-fn dearest<T: Real<Setting = f32>>(
+/// Returns the largest count of a situation.
+fn largest_count<T: Real<Setting = f32>>(
     clock: &mut Clock,
     situation: &Situation,
     function: *const (),
@@ -166,32 +187,32 @@ fn dearest<T: Real<Setting = f32>>(
         Err(refused) => panic!("{refused}"),
     };
     joint.set_enabled(situation.enabled);
-    for _ in 0..SETTLE {
+    for _ in 0..SETTLING_UPDATES {
         joint.step(&situation.before.inputs());
     }
     let mut flags = 0u32;
     let inputs = situation.then.inputs::<T>();
-    let mut most = 0;
-    for _ in 0..COUNTED {
+    let mut max = 0;
+    for _ in 0..MEASURED_UPDATES {
         let before = joint.clone();
         let count = clock.count(function, || {
             joint = before.clone();
             let words = [address(&joint), address(&inputs), &raw mut flags as usize];
             Arguments { words, float: situation.then.command_a }
         });
-        most = most.max(count);
+        max = max.max(count);
     }
-    most
+    max
 }
 
-/// Prints a line for each situation and kind of number.
+/// Prints a line for each situation and number type.
 pub fn measure_guards(clock: &mut Clock) {
     for situation in SITUATIONS {
-        let count = dearest::<f32>(clock, situation, joint_f32 as *const ());
+        let count = largest_count::<f32>(clock, situation, joint_f32 as *const ());
         print_line!("guard | {}, f32 | {count}", situation.name);
     }
     for situation in SITUATIONS.iter().filter(|situation| situation.in_fixed) {
-        let count = dearest::<Fixed>(clock, situation, joint_fixed as *const ());
+        let count = largest_count::<Fixed>(clock, situation, joint_fixed as *const ());
         print_line!("guard | {}, Fixed | {count}", situation.name);
     }
 }

@@ -1,5 +1,5 @@
 use super::*;
-use compensator_core::can::{Answer, Motion, Status, Telemetry};
+use compensator_core::can::{AnswerFrame, MotionFrame, StatusFrame, TelemetryFrame};
 
 const MS: u64 = 1_000_000;
 /// A start that is not 0, as on a real bus.
@@ -7,15 +7,15 @@ const START: u64 = 1_700_000_000_000 * MS;
 const LENS: Lens = Lens { window_s: 10.0, columns: 100, events: 100 };
 
 fn model() -> JointView {
-    JointView::new(Node::FIRST, START)
+    JointView::new(NodeId::FIRST, START)
 }
 
-fn hear(model: &mut JointView, at_ms: u64, message: &Message) -> bool {
+fn receive(model: &mut JointView, at_ms: u64, message: &Message) -> bool {
     frame(model, at_ms, &message.emit())
 }
 
 fn frame(model: &mut JointView, at_ms: u64, frame: &Frame) -> bool {
-    model.take(&Received { time_ns: START + at_ms * MS, frame: (*frame).into() })
+    model.receive(&Received { time_ns: START + at_ms * MS, frame: (*frame).into() })
 }
 
 fn raw(model: &mut JointView, at_ms: u64, identifier: u16, data: &[u8]) -> bool {
@@ -26,15 +26,15 @@ fn raw(model: &mut JointView, at_ms: u64, identifier: u16, data: &[u8]) -> bool 
 fn second(model: &mut JointView, from_ms: u64) {
     for at in from_ms..from_ms + 1000 {
         let velocity_rad_s = at as f32 / 1000.0;
-        let motion = Motion { velocity_rad_s, position_rad: 0.0 };
-        hear(model, at, &Message::Motion(Node::FIRST, motion));
-        hear(model, at, &Message::Sync(Sync::of(at as u32)));
-        let answer = Answer { friction_torque_nm: 2.5, feed_forward_current_a: -1.25 };
-        hear(model, at, &Message::Answer(Node::FIRST, answer));
-        let status = Status { flags: Flags::SLEW_LIMITED, sequence: at as u32 };
-        hear(model, at, &Message::Status(Node::FIRST, status));
-        let telemetry = Telemetry { current_a: 0.5, residual_torque_nm: f32::NAN };
-        hear(model, at, &Message::Telemetry(Node::FIRST, telemetry));
+        let motion = MotionFrame { velocity_rad_s, position_rad: 0.0 };
+        receive(model, at, &Message::Motion(NodeId::FIRST, motion));
+        receive(model, at, &Message::Sync(SyncFrame::of(at as u32)));
+        let answer = AnswerFrame { friction_torque_nm: 2.5, feed_forward_current_a: -1.25 };
+        receive(model, at, &Message::Answer(NodeId::FIRST, answer));
+        let status = StatusFrame { flags: Flags::SLEW_LIMITED, sequence: at as u32 };
+        receive(model, at, &Message::Status(NodeId::FIRST, status));
+        let telemetry = TelemetryFrame { current_a: 0.5, residual_torque_nm: f32::NAN };
+        receive(model, at, &Message::Telemetry(NodeId::FIRST, telemetry));
     }
 }
 
@@ -47,7 +47,7 @@ fn texts(view: &View) -> Vec<&str> {
 }
 
 #[test]
-fn a_running_joint_is_seen_with_its_rates_and_ranges() {
+fn view_of_running_joint_has_rates_and_ranges() {
     let mut model = model();
     second(&mut model, 0);
     second(&mut model, 1000);
@@ -66,12 +66,12 @@ fn a_running_joint_is_seen_with_its_rates_and_ranges() {
     assert!((0.49..0.61).contains(&view.rates.load), "{}", view.rates.load);
     assert_eq!(view.syncs, SyncCounts::default());
     assert_eq!(view.flags.as_ref().unwrap().0, ["slew-limited"]);
-    model.forget_ranges();
+    model.reset_ranges();
     assert_eq!(model.view(START, &LENS).readings[0].range, None);
 }
 
 #[test]
-fn silence_makes_everything_old_and_is_told_once() {
+fn view_after_silence_is_stale_and_logs_it_once() {
     let mut model = model();
     second(&mut model, 0);
     raw(&mut model, 1000, 0x701, &[5]);
@@ -92,9 +92,10 @@ fn silence_makes_everything_old_and_is_told_once() {
 }
 
 #[test]
-fn syncs_are_counted_and_a_pause_is_no_loss() {
+fn view_with_lost_syncs_counts_them_and_ignores_pauses() {
     let mut model = model();
-    let mut sync = |at_ms, counter| hear(&mut model, at_ms, &Message::Sync(Sync { counter }));
+    let mut sync =
+        |at_ms, counter| receive(&mut model, at_ms, &Message::Sync(SyncFrame { counter }));
     for (at, counter) in [(0, 1), (1, 2), (2, 2), (3, 6), (4, 5), (5, 9), (3000, 200), (3001, 201)]
     {
         sync(at, counter);
@@ -106,7 +107,7 @@ fn syncs_are_counted_and_a_pause_is_no_loss() {
 }
 
 #[test]
-fn faults_come_and_go_by_emergencies_and_by_objects() {
+fn view_with_emergencies_and_objects_updates_faults() {
     let mut model = model();
     raw(&mut model, 0, 0x701, &[0]);
     raw(&mut model, 1, 0x081, &[0x10, 0x32, 0x05, 8, 0, 0, 0, 0]);
@@ -136,19 +137,19 @@ fn faults_come_and_go_by_emergencies_and_by_objects() {
 }
 
 #[test]
-fn a_network_is_seen_where_there_is_one() {
+fn view_with_network_objects_has_network() {
     let mut model = model();
-    let told = |model: &mut JointView, place, value| {
+    let set_object = |model: &mut JointView, place, value| {
         let at = canopen_rs::Address::new(index::NETWORK, place);
         model.on_reply(SdoReply::Value(at, value), START);
     };
-    told(&mut model, NetworkState::PRESENT, 0);
-    told(&mut model, NetworkState::SHARE, 0);
+    set_object(&mut model, NetworkObject::PRESENT, 0);
+    set_object(&mut model, NetworkObject::SHARE, 0);
     assert!(view(&model, 1).network.is_none());
-    told(&mut model, NetworkState::PRESENT, 1);
-    told(&mut model, NetworkState::OUTSIDE, 1);
-    told(&mut model, NetworkState::OUTSIDE_COUNT, 3);
-    told(&mut model, NetworkState::SHARE, 0.25f32.to_bits());
+    set_object(&mut model, NetworkObject::PRESENT, 1);
+    set_object(&mut model, NetworkObject::OUTSIDE, 1);
+    set_object(&mut model, NetworkObject::OUTSIDE_COUNT, 3);
+    set_object(&mut model, NetworkObject::SHARE, 0.25f32.to_bits());
     let seen = view(&model, 1);
     let network = seen.network.expect("it has one");
     assert_eq!((network.outside, network.outside_count, network.share), (true, 3, Some(0.25)));
@@ -157,22 +158,24 @@ fn a_network_is_seen_where_there_is_one() {
 }
 
 #[test]
-fn what_others_say_is_not_the_joints() {
+fn view_with_frames_of_other_nodes_ignores_them() {
     let mut model = model();
-    let other = Node::new(2).unwrap();
-    let motion = Motion { velocity_rad_s: 9.0, position_rad: 0.0 };
-    assert!(!hear(&mut model, 0, &Message::Motion(other, motion)));
+    let other = NodeId::new(2).unwrap();
+    let motion = MotionFrame { velocity_rad_s: 9.0, position_rad: 0.0 };
+    assert!(!receive(&mut model, 0, &Message::Motion(other, motion)));
     assert!(!raw(&mut model, 1, 0x702, &[5]));
     raw(&mut model, 2, 0x082, &[0x10, 0x32, 5, 8, 0, 0, 0, 0]);
     let error = CanFrame::Error { class: 4, length: 8, bytes: [0; 8] };
-    model.take(&Received { time_ns: START + 3 * MS, frame: error });
+    model.receive(&Received { time_ns: START + 3 * MS, frame: error });
     let view = view(&model, 1000);
-    assert!(view.heard_age_s.is_none() && view.nmt.is_none() && view.readings[0].value.is_none());
+    assert!(
+        view.last_frame_age_s.is_none() && view.nmt.is_none() && view.readings[0].value.is_none()
+    );
     assert_eq!((view.emergencies, view.error_frames), (0, 1));
 }
 
 #[test]
-fn garbage_and_odd_times_do_no_harm() {
+fn view_with_random_frames_and_times_does_not_panic() {
     let mut model = model();
     let mut state = 1u64;
     for _ in 0..50_000 {
@@ -183,7 +186,7 @@ fn garbage_and_odd_times_do_no_harm() {
         let data = state.to_le_bytes();
         let frame = Frame::new(identifier, &data[..length]).unwrap();
         // Times that jump, before the start too.
-        model.take(&Received { time_ns: state >> 20, frame: frame.into() });
+        model.receive(&Received { time_ns: state >> 20, frame: frame.into() });
     }
     model.tick(0);
     let view = model.view(0, &LENS);
@@ -192,7 +195,7 @@ fn garbage_and_odd_times_do_no_harm() {
 }
 
 #[test]
-fn json_has_numbers_where_there_are_and_null_where_not() {
+fn json_with_missing_values_has_null() {
     let mut model = model();
     second(&mut model, 0);
     let ranges = model.take_line_ranges();

@@ -1,4 +1,4 @@
-//! Rolling charts: a line of numbers each, and below it the course as far as there is room.
+//! Rolling charts: one line of numbers each, and a chart below it if there is room.
 
 use super::{DIM, WARN, age, short};
 use crate::monitor::view_data::{Quantity, Reading, View};
@@ -10,8 +10,8 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Line as Stroke, Points};
 
-/// Width of the numbers beside a chart.
-const AXIS: u16 = 8;
+/// Width of the axis labels, in characters.
+const AXIS_WIDTH: u16 = 8;
 
 fn color(quantity: Quantity) -> Color {
     match quantity {
@@ -23,11 +23,11 @@ fn color(quantity: Quantity) -> Color {
     }
 }
 
-/// All charts, one below the other, as high as there is room for.
+/// Draws all charts, stacked, as high as they fit.
 pub fn draw(frame: &mut Frame, view: &View, area: Rect) {
     let count = view.readings.len() as u16;
-    // Under charts of two rows each there is room for their common time.
-    let has_axis = area.height > 3 * count && area.width > AXIS + 24;
+    // With charts of at least two rows, there is room for a time axis.
+    let has_axis = area.height > 3 * count && area.width > AXIS_WIDTH + 24;
     let [area, axis] =
         Layout::vertical([Constraint::Min(0), Constraint::Length(u16::from(has_axis))]).areas(area);
     time_axis(frame, view.window_s, axis);
@@ -41,13 +41,13 @@ pub fn draw(frame: &mut Frame, view: &View, area: Rect) {
         let [head, body] =
             Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(*place);
         frame.render_widget(Paragraph::new(heading(reading, head.width)), head);
-        course(frame, reading, body);
+        draw_curve(frame, reading, body);
     }
 }
 
-/// How long ago what is above was: at both ends and in the middle.
+/// Draws the time axis: both ends and the middle.
 fn time_axis(frame: &mut Frame, window_s: f64, area: Rect) {
-    let room = usize::from(area.width.saturating_sub(AXIS));
+    let room = usize::from(area.width.saturating_sub(AXIS_WIDTH));
     let ago = |seconds: f64| match seconds {
         s if s >= 120.0 => format!("{} min", s / 60.0),
         s => format!("{s} s"),
@@ -55,12 +55,12 @@ fn time_axis(frame: &mut Frame, window_s: f64, area: Rect) {
     let (first, half) = (format!("-{}", ago(window_s)), format!("-{}", ago(0.5 * window_s)));
     let left = (room / 2).saturating_sub(first.len() + half.len() / 2);
     let right = room.saturating_sub(first.len() + left + half.len());
-    let axis = usize::from(AXIS);
+    let axis = usize::from(AXIS_WIDTH);
     let line = format!("{:axis$}{first}{:left$}{half}{:>right$}", "", "", "now");
     frame.render_widget(Paragraph::new(Line::styled(line, DIM)), area);
 }
 
-/// Name, value, unit, age where it is old, least and most.
+/// Returns the heading: name, value, unit, age if old, minimum and maximum.
 fn heading(reading: &Reading, width: u16) -> Line<'static> {
     let is_old = reading.stale || reading.unmeasured;
     let strong = Style::new().fg(color(reading.quantity)).add_modifier(Modifier::BOLD);
@@ -77,9 +77,9 @@ fn heading(reading: &Reading, width: u16) -> Line<'static> {
         Span::styled(format!("{unit:<5}"), DIM),
     ];
     if reading.unmeasured {
-        spans.push(Span::styled("  none given", DIM));
+        spans.push(Span::styled("  not measured", DIM));
     } else if reading.value.is_none() {
-        spans.push(Span::styled("  not heard yet", DIM));
+        spans.push(Span::styled("  no value yet", DIM));
     } else if let (true, Some(age_s)) = (reading.stale, reading.age_s) {
         spans.push(Span::styled(format!("  {} OLD", age(age_s)), WARN));
     }
@@ -93,7 +93,7 @@ fn heading(reading: &Reading, width: u16) -> Line<'static> {
     Line::from(spans)
 }
 
-/// Where a chart begins and ends: round numbers, and never nothing between them.
+/// Returns the limits of a chart: round numbers that are never equal.
 fn bounds(reading: &Reading) -> Option<[f64; 2]> {
     let shown = reading.columns.iter().flatten();
     let (least, most) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), column| {
@@ -104,7 +104,7 @@ fn bounds(reading: &Reading) -> Option<[f64; 2]> {
     }
     let size = least.abs().max(most.abs());
     let span = (most - least).max(0.02 * size).max(1e-3);
-    // A tick of 1, 2 or 5: small changes of the span leave the scale where it is.
+    // Steps of 1, 2 or 5, so that small changes of the range keep the scale.
     let power = 10f64.powf((span / 4.0).log10().floor());
     let tick = [1.0, 2.0, 5.0, 10.0].map(|of| of * power);
     let tick = tick.into_iter().find(|tick| *tick >= span / 4.0).unwrap_or(span);
@@ -112,14 +112,14 @@ fn bounds(reading: &Reading) -> Option<[f64; 2]> {
     if high > low { Some([low, high]) } else { Some([low - tick, high + tick]) }
 }
 
-/// The course of a quantity; older parts are left, and where nothing was heard there is nothing.
-fn course(frame: &mut Frame, reading: &Reading, area: Rect) {
-    if area.height == 0 || area.width <= AXIS + 4 {
+/// Draws the chart of a quantity. Older values are on the left; periods without values are empty.
+fn draw_curve(frame: &mut Frame, reading: &Reading, area: Rect) {
+    if area.height == 0 || area.width <= AXIS_WIDTH + 4 {
         return;
     }
     let Some([low, high]) = bounds(reading) else { return };
     let [axis, body] =
-        Layout::horizontal([Constraint::Length(AXIS), Constraint::Min(0)]).areas(area);
+        Layout::horizontal([Constraint::Length(AXIS_WIDTH), Constraint::Min(0)]).areas(area);
     let top = Line::styled(format!("{:>7}", short(high as f32)), DIM);
     frame.render_widget(Paragraph::new(top), Rect { height: 1, ..axis });
     if axis.height > 1 {
@@ -149,7 +149,7 @@ fn course(frame: &mut Frame, reading: &Reading, area: Rect) {
     frame.render_widget(canvas, body);
 }
 
-/// A stroke from least to most of each column, and one to the column before unless there is a gap.
+/// Returns the lines of a chart: from minimum to maximum of each column, and to the previous column unless there is a gap.
 fn strokes(reading: &Reading) -> Vec<[f64; 4]> {
     let mut strokes = Vec::with_capacity(2 * reading.columns.len());
     let mut before: Option<(usize, f64)> = None;

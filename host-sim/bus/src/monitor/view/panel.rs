@@ -1,4 +1,4 @@
-//! The state of the joint and of its bus, in words.
+//! The panel with the state of the joint and its bus.
 
 use super::{BAD, DIM, GOOD, Setting, WARN, age};
 use crate::monitor::controls::Controls;
@@ -9,10 +9,10 @@ use ratatui::style::{Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-/// Width of the labels.
-const LABEL: usize = 10;
+/// Width of the labels, in characters.
+const LABEL_WIDTH: usize = 10;
 
-/// Lines put together, each with a label.
+/// Labelled lines.
 struct Lines {
     lines: Vec<Line<'static>>,
     width: usize,
@@ -20,14 +20,14 @@ struct Lines {
 
 impl Lines {
     fn put(&mut self, label: &str, parts: Vec<Span<'static>>) {
-        let mut spans = vec![Span::styled(format!("{label:<LABEL$}"), DIM)];
+        let mut spans = vec![Span::styled(format!("{label:<LABEL_WIDTH$}"), DIM)];
         spans.extend(parts);
         self.lines.push(Line::from(spans));
     }
 
-    /// Names, one after the other over as many lines as it takes.
+    /// Appends names, wrapped over several lines.
     fn names(&mut self, label: &str, names: &[String], style: Style) {
-        let room = self.width.saturating_sub(LABEL).max(8);
+        let room = self.width.saturating_sub(LABEL_WIDTH).max(8);
         let mut rows: Vec<String> = vec![String::new()];
         for (place, name) in names.iter().enumerate() {
             let comma = if place + 1 < names.len() { "," } else { "" };
@@ -46,7 +46,7 @@ impl Lines {
     }
 }
 
-/// Draws it.
+/// Draws the panel.
 pub fn draw(frame: &mut Frame, view: &View, controls: &Controls, setting: &Setting, area: Rect) {
     if area.is_empty() {
         return;
@@ -56,7 +56,7 @@ pub fn draw(frame: &mut Frame, view: &View, controls: &Controls, setting: &Setti
     model(&mut lines, view);
     network(&mut lines, view);
     traffic(&mut lines, view);
-    // What has no room is counted, not dropped in silence.
+    // Lines without room are counted.
     let room = usize::from(area.height);
     if lines.lines.len() > room && room > 0 {
         let more = lines.lines.len() - (room - 1);
@@ -80,7 +80,7 @@ fn state(lines: &mut Lines, view: &View, controls: &Controls, setting: &Setting)
     if let (true, Some(age_s)) = (view.objects_stale, view.objects_age_s) {
         state.push(Span::styled(format!(" {} OLD", age(age_s)), WARN));
     } else if let Some(source) = view.source {
-        state.push(Span::styled(format!(", fed by {source}"), DIM));
+        state.push(Span::styled(format!(", inputs: {source}"), DIM));
     }
     lines.put("state", state);
     let known = view.codes.read || view.emergencies > 0;
@@ -90,7 +90,7 @@ fn state(lines: &mut Lines, view: &View, controls: &Controls, setting: &Setting)
     {
         let style = if old { DIM } else { style };
         match (names.is_empty(), known) {
-            (true, false) => lines.put(label, vec![Span::styled("none heard of", DIM)]),
+            (true, false) => lines.put(label, vec![Span::styled("none reported", DIM)]),
             (true, true) => {
                 lines.put(label, vec![Span::styled("none", if old { DIM } else { GOOD })]);
             }
@@ -105,17 +105,17 @@ fn state(lines: &mut Lines, view: &View, controls: &Controls, setting: &Setting)
         Some("operational") => GOOD,
         _ => WARN,
     };
-    lines.put("network", vec![Span::styled(view.nmt.unwrap_or("not heard yet"), nmt_style)]);
+    lines.put("network", vec![Span::styled(view.nmt.unwrap_or("no data yet"), nmt_style)]);
 }
 
-/// What the compensator says by a flag, for a person.
-fn flag_in_words(name: &str) -> String {
+/// Returns the text of a compensator flag.
+fn flag_text(name: &str) -> String {
     let spaced = |stem: &str| stem.replace('-', " ");
     match name {
         "disabled" => "compensator off".to_owned(),
         "reference-invalid" => "no reference velocity".to_owned(),
-        "model-not-finite" => "model gave no number".to_owned(),
-        "command-invalid" => "command was no number".to_owned(),
+        "model-not-finite" => "model result not finite".to_owned(),
+        "command-invalid" => "command not finite".to_owned(),
         _ => {
             let endings =
                 [("-invalid", "not usable"), ("-stale", "too old"), ("-limited", "at its limit")];
@@ -128,7 +128,7 @@ fn flag_in_words(name: &str) -> String {
 
 fn model(lines: &mut Lines, view: &View) {
     match &view.flags {
-        None => lines.put("flags", vec![Span::styled("not heard yet", DIM)]),
+        None => lines.put("flags", vec![Span::styled("no data yet", DIM)]),
         Some((_, age_s, true)) => {
             lines.put("flags", vec![Span::styled(format!("{} OLD", age(*age_s)), WARN)]);
         }
@@ -136,14 +136,14 @@ fn model(lines: &mut Lines, view: &View) {
             lines.put("flags", vec![Span::styled("none", GOOD)]);
         }
         Some((names, ..)) => {
-            let words: Vec<String> = names.iter().map(|name| flag_in_words(name)).collect();
+            let words: Vec<String> = names.iter().map(|name| flag_text(name)).collect();
             lines.names("flags", &words, WARN);
         }
     }
     let old = view.objects_stale;
     let parts = match &view.band {
         None => vec![Span::styled("not read", DIM)],
-        Some(band) if band.windows == 0 => vec![Span::styled("nothing to judge yet", DIM)],
+        Some(band) if band.windows == 0 => vec![Span::styled("no windows yet", DIM)],
         Some(band) => {
             let (word, style) = if band.in_band { ("in band", GOOD) } else { ("OUT OF BAND", BAD) };
             vec![Span::styled(word, if old { DIM } else { style })]
@@ -159,15 +159,15 @@ fn model(lines: &mut Lines, view: &View) {
     }
 }
 
-/// A network that supplies the law, and whether it knows what it is fed with; nothing of a joint without one.
+/// Appends the state of the network, for a joint that has one.
 fn network(lines: &mut Lines, view: &View) {
     let Some(network) = view.network else { return };
     let (word, style) = if network.outside { ("outside", WARN) } else { ("inside", GOOD) };
     let style = if view.objects_stale { DIM } else { style };
     let share = network.share.map_or("?".to_owned(), |share| format!("{:.0} %", 100.0 * share));
-    let mut text = format!(", {share} in force");
+    let mut text = format!(", {share} applied");
     let count = format!(", {} x outside", network.outside_count);
-    if LABEL + word.len() + text.len() + count.len() <= lines.width {
+    if LABEL_WIDTH + word.len() + text.len() + count.len() <= lines.width {
         text += &count;
     }
     // The label `network` is that of the CAN bus.
@@ -177,7 +177,7 @@ fn network(lines: &mut Lines, view: &View) {
 fn traffic(lines: &mut Lines, view: &View) {
     let rates = &view.rates;
     match view.sync_age_s {
-        None => lines.put("SYNC", vec![Span::styled("not heard yet", DIM)]),
+        None => lines.put("SYNC", vec![Span::styled("no data yet", DIM)]),
         Some(age_s) if age_s > 1.0 => {
             lines.put("SYNC", vec![Span::styled(format!("none for {}", age(age_s)), WARN)]);
         }
@@ -190,10 +190,10 @@ fn traffic(lines: &mut Lines, view: &View) {
         }
     }
     let counts = view.syncs;
-    let told = [(counts.lost, "lost"), (counts.duplicate, "twice"), (counts.late, "late")];
-    let clean = told.iter().all(|(count, _)| *count == 0);
-    let told = told.map(|(count, what)| format!("{count} {what}"));
-    lines.names("", &told, if clean { DIM } else { WARN });
+    let errors = [(counts.lost, "lost"), (counts.duplicate, "twice"), (counts.late, "late")];
+    let clean = errors.iter().all(|(count, _)| *count == 0);
+    let texts = errors.map(|(count, what)| format!("{count} {what}"));
+    lines.names("", &texts, if clean { DIM } else { WARN });
     let load = format!("{:.1} %", 100.0 * rates.load);
     let style = if rates.load > 0.8 { BAD } else { Style::new() };
     let frames = match view.bit_rate {
@@ -206,7 +206,7 @@ fn traffic(lines: &mut Lines, view: &View) {
         lines.put("errors", vec![Span::styled(text, BAD)]);
     }
     match (view.heartbeat.age_s, view.heartbeat.late) {
-        (None, _) => lines.put("heartbeat", vec![Span::styled("not heard yet", DIM)]),
+        (None, _) => lines.put("heartbeat", vec![Span::styled("no data yet", DIM)]),
         (Some(age_s), late) => {
             let style = if late { BAD } else { Style::new() };
             let mut parts = vec![Span::styled(format!("{} ago", age(age_s)), style)];

@@ -6,48 +6,55 @@ use crate::monitor::joint_view::JointView;
 use crate::monitor::sdo_poller::SdoReply;
 use crate::monitor::view_data::Lens;
 use compensator_core::can::{
-    Answer, Frame as JointFrame, Message, Motion, Node, Status, Sync, Telemetry,
+    AnswerFrame, Frame as JointFrame, Message, MotionFrame, NodeId, StatusFrame, SyncFrame,
+    TelemetryFrame,
 };
 use compensator_core::compensator::Flags;
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::NetworkState;
+use firmware::node::dictionary::records::NetworkObject;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 
 const MS: u64 = 1_000_000;
 
-fn hear(model: &mut JointView, at_ms: u64, frame: JointFrame) {
-    model.take(&Received { time_ns: at_ms * MS, frame: frame.into() });
+fn receive(model: &mut JointView, at_ms: u64, frame: JointFrame) {
+    model.receive(&Received { time_ns: at_ms * MS, frame: frame.into() });
 }
 
-/// A joint that turned to and fro for five seconds and then, maybe, fell silent.
+/// Returns the view of a joint that moved for five seconds and then stopped sending.
 fn model() -> JointView {
-    let mut model = JointView::new(Node::FIRST, 0);
-    hear(&mut model, 0, JointFrame::new(0x701, &[0]).unwrap());
-    hear(&mut model, 1, JointFrame::new(0x081, &[0x10, 0x32, 5, 8, 0, 0, 0, 0]).unwrap());
-    hear(&mut model, 2, JointFrame::new(0x081, &[0x10, 0x63, 0x81, 34, 0, 0, 0, 0]).unwrap());
+    let mut model = JointView::new(NodeId::FIRST, 0);
+    receive(&mut model, 0, JointFrame::new(0x701, &[0]).unwrap());
+    receive(&mut model, 1, JointFrame::new(0x081, &[0x10, 0x32, 5, 8, 0, 0, 0, 0]).unwrap());
+    receive(&mut model, 2, JointFrame::new(0x081, &[0x10, 0x63, 0x81, 34, 0, 0, 0, 0]).unwrap());
     for at in 0..5000u64 {
         let phase = at as f32 * 2e-3;
-        let node = Node::FIRST;
+        let node = NodeId::FIRST;
         let flags = Flags::PRESSURE_STALE | Flags::SLEW_LIMITED;
         for message in [
-            Message::Motion(node, Motion { velocity_rad_s: 3.5 * phase.sin(), position_rad: 0.0 }),
-            Message::Sync(Sync::of(at as u32 + u32::from(at > 3000))),
+            Message::Motion(
+                node,
+                MotionFrame { velocity_rad_s: 3.5 * phase.sin(), position_rad: 0.0 },
+            ),
+            Message::Sync(SyncFrame::of(at as u32 + u32::from(at > 3000))),
             Message::Answer(
                 node,
-                Answer {
+                AnswerFrame {
                     friction_torque_nm: 2.0 * phase.cos(),
                     feed_forward_current_a: phase.cos(),
                 },
             ),
-            Message::Status(node, Status { flags, sequence: at as u32 }),
-            Message::Telemetry(node, Telemetry { current_a: 0.25, residual_torque_nm: f32::NAN }),
+            Message::Status(node, StatusFrame { flags, sequence: at as u32 }),
+            Message::Telemetry(
+                node,
+                TelemetryFrame { current_a: 0.25, residual_torque_nm: f32::NAN },
+            ),
         ] {
-            hear(&mut model, at, message.emit());
+            receive(&mut model, at, message.emit());
         }
         if at % 1000 == 500 {
-            hear(&mut model, at, JointFrame::new(0x701, &[5]).unwrap());
+            receive(&mut model, at, JointFrame::new(0x701, &[5]).unwrap());
         }
     }
     model
@@ -105,12 +112,12 @@ const VITAL: [&str; 18] = [
 ];
 
 #[test]
-fn all_that_matters_is_seen_on_a_narrow_and_a_wide_screen() {
+fn draw_on_narrow_and_wide_screen_shows_all_values() {
     let model = model();
     for size in [(80, 24), (120, 40), (200, 60)] {
         let screen = screen(&model, 4999, size);
         assert_shows(&screen, &VITAL);
-        assert_shows(&screen, &["1000/s", "none given", "2 emergencies", "slew at its limit"]);
+        assert_shows(&screen, &["1000/s", "not measured", "2 emergencies", "slew at its limit"]);
         assert!(!screen.contains("OLD") && !screen.contains("SILENT"), "{screen}");
         assert!(!screen.contains("more lines"), "{screen}");
         let dots = screen.chars().filter(|sign| ('\u{2801}'..='\u{28FF}').contains(sign)).count();
@@ -123,21 +130,21 @@ fn all_that_matters_is_seen_on_a_narrow_and_a_wide_screen() {
 }
 
 #[test]
-fn a_network_is_shown_where_there_is_one() {
+fn draw_with_network_shows_its_state() {
     let mut model = model();
     assert!(!screen(&model, 4999, (120, 40)).contains("LSTM"));
     for (place, value) in [
-        (NetworkState::PRESENT, 1),
-        (NetworkState::OUTSIDE, 1),
-        (NetworkState::OUTSIDE_COUNT, 3),
-        (NetworkState::SHARE, 0.25f32.to_bits()),
+        (NetworkObject::PRESENT, 1),
+        (NetworkObject::OUTSIDE, 1),
+        (NetworkObject::OUTSIDE_COUNT, 3),
+        (NetworkObject::SHARE, 0.25f32.to_bits()),
     ] {
         let at = canopen_rs::Address::new(index::NETWORK, place);
         model.on_reply(SdoReply::Value(at, value), 4998 * MS);
     }
     for (size, line) in [
-        ((80, 24), "LSTM      outside, 25 % in force"),
-        ((120, 40), "LSTM      outside, 25 % in force, 3 x outside"),
+        ((80, 24), "LSTM      outside, 25 % applied"),
+        ((120, 40), "LSTM      outside, 25 % applied, 3 x outside"),
     ] {
         let screen = screen(&model, 4999, size);
         assert_shows(&screen, &[line]);
@@ -146,13 +153,13 @@ fn a_network_is_shown_where_there_is_one() {
 }
 
 #[test]
-fn what_is_old_looks_old() {
+fn draw_with_old_values_dims_them_and_shows_their_age() {
     let mut model = model();
     model.tick(12_000 * MS);
     let view = seen(&model, 12_000);
     let buffer = drawn(&view, &Controls::new(false), &setting(), (120, 40));
     let screen = text(&buffer);
-    assert_shows(&screen, &["SILENT for 7.0 s", "7.0 s OLD", "none for 7.0 s", "fallen silent"]);
+    assert_shows(&screen, &["SILENT for 7.0 s", "7.0 s OLD", "none for 7.0 s", "joint is silent"]);
     // The value of the velocity is dimmed, as it is not while it is fresh.
     let style = |buffer: &Buffer| buffer.cell((0, 1)).unwrap().fg;
     assert_eq!(buffer.cell((0, 1)).unwrap().symbol(), "v");
@@ -176,14 +183,14 @@ fn what_is_old_looks_old() {
 }
 
 #[test]
-fn nothing_panics_at_any_size_in_any_state() {
+fn draw_at_any_size_in_any_state_does_not_panic() {
     let model = model();
     let mut held = Controls::new(true);
     held.held = Some(seen(&model, 3000));
     let mut asking = Controls::new(false);
     (asking.confirm, asking.help, asking.scroll) = (true, true, 1000);
     let gone = Setting { gone: Some("bus can0: gone".into()), demo: true, ..setting() };
-    let nothing = JointView::new(Node::FIRST, 0);
+    let nothing = JointView::new(NodeId::FIRST, 0);
     for model in [&model, &nothing] {
         for at_ms in [0, 4999, 60_000] {
             let view = seen(model, at_ms);
@@ -199,7 +206,7 @@ fn nothing_panics_at_any_size_in_any_state() {
 }
 
 #[test]
-fn a_small_screen_keeps_state_and_values() {
+fn draw_on_small_screen_keeps_state_and_values() {
     let model = model();
     let screen = screen(&model, 4999, (40, 14));
     assert_shows(&screen, &["velocity", "residual", "operational", "bus-overvoltage"]);
@@ -207,7 +214,7 @@ fn a_small_screen_keeps_state_and_values() {
 }
 
 #[test]
-fn what_is_special_is_said() {
+fn draw_in_special_states_shows_them() {
     let model = model();
     let view = seen(&model, 4999);
     let demo = Setting { demo: true, ..setting() };
@@ -230,13 +237,13 @@ fn what_is_special_is_said() {
     let gone = Setting { gone: Some("bus can0: down".into()), ..setting() };
     let screen = text(&drawn(&view, &Controls::new(false), &gone, (80, 24)));
     assert_shows(&screen, &["NO BUS", "bus can0: down; trying again"]);
-    let empty = seen(&JointView::new(Node::FIRST, 0), 0);
+    let empty = seen(&JointView::new(NodeId::FIRST, 0), 0);
     let screen = text(&drawn(&empty, &Controls::new(false), &setting(), (80, 24)));
-    assert_shows(&screen, &["not heard yet", "not read yet", "none heard of", "nothing yet"]);
+    assert_shows(&screen, &["no frame yet", "not read yet", "none reported", "no events yet"]);
 }
 
 #[test]
-fn numbers_and_ages_fit() {
+fn numbers_and_ages_fit_their_width() {
     for value in [0.0, -0.0, 1e-9, 4.9e-4, 9.9994, -9.9999, 99.999, -1234.5, 9999.6, -3e38f32] {
         assert!(short(value).len() <= 7, "{}", short(value));
     }

@@ -1,20 +1,21 @@
-//! CAN logs, made into rows.
+//! CAN logs as a source of rows.
 //!
-//! What [`joint_trace`] puts together goes through the same `clean` as the rows of a CSV file, under the
-//! names of the contract; the row of a message is the line of the sample's SYNC. Which columns a joint
-//! measures shows only in the data, so the log is read twice: once to see, once to take. The driver's
-//! answers are no measurement and stay out, or a model would be judged by what another one said.
+//! [`joint_trace`] assembles frames into samples, and the samples go through the same validation (`clean`) as the rows
+//! of a CSV file, under the names of the contract. The row number of a sample is the line of its SYNC. Only the data
+//! show which columns a joint measures, so the log is read twice: first for the columns, then for the rows. The
+//! driver's answers are left out: they are computed, and a model must not be evaluated on another model's output.
 
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::{Input, Source};
-use crate::data::clean::{Cleaner, FileData, MAX_BAD_SHARE, Row};
+use super::format::{Input, LogFormat};
+use crate::data::clean::{Cleaner, FileData, MAX_BAD_SHARE};
 use crate::data::dataset::LeftOutColumn;
 use crate::data::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
 use crate::data::header::layout;
+use crate::data::row::LogRow;
 use compensator_core::quantity::Quantity;
 use joint_trace::{
     Assembler, Census, Frames, LineError, Summary, TextFormat, TextReader, TraceSample,
@@ -23,20 +24,20 @@ use joint_trace::{
 /// Lines between two calls of the progress function.
 const PROGRESS_LINES: u64 = 64 * 1024;
 
-/// Longer than any line of such a log.
-const LONGEST_LINE: u64 = 4096;
+/// Maximum length of a line, bytes. No line of a CAN log is longer.
+const MAX_LINE_BYTES: u64 = 4096;
 
-/// What `candump -L`, Vector's and PEAK's tools write.
-pub(super) const SOURCE: Source = Source { is_it: is_trace, read };
+/// The text formats of `candump -L` and of the tools of Vector and PEAK.
+pub(super) const FORMAT: LogFormat = LogFormat { matches: is_trace, read };
 
-/// Whether a file that begins so is a CAN log.
+/// Returns true if a file that begins with `head` is a CAN log.
 fn is_trace(head: &[u8]) -> bool {
     TextFormat::of(head).is_some()
 }
 
-/// A column of the table a log is made into.
+/// A column of the table that a log is converted to.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Column {
+enum TraceColumn {
     Run,
     Time,
     Measured(Quantity),
@@ -46,114 +47,115 @@ enum Column {
 struct TraceRow<'a> {
     sample: &'a TraceSample,
     time_s: f64,
-    columns: &'a [Column],
+    columns: &'a [TraceColumn],
 }
 
-impl Row for TraceRow<'_> {
+impl LogRow for TraceRow<'_> {
     fn number(&self, column: usize) -> Option<f64> {
         match self.columns.get(column)? {
-            Column::Run => self.sample.run.map(f64::from),
-            Column::Time => Some(self.time_s),
-            Column::Measured(quantity) => Some(f64::from(self.sample.get(*quantity))),
+            TraceColumn::Run => self.sample.run.map(f64::from),
+            TraceColumn::Time => Some(self.time_s),
+            TraceColumn::Measured(quantity) => Some(f64::from(self.sample.get(*quantity))),
         }
     }
 
     fn text(&self, column: usize) -> Cow<'_, [u8]> {
         let text = match (self.columns.get(column), self.number(column), &self.sample.fault) {
-            (Some(Column::Run), _, _) => {
+            (Some(TraceColumn::Run), _, _) => {
                 self.sample.run.map(|run| run.to_string()).unwrap_or_default()
             }
             (_, Some(value), Some(fault)) if value.is_nan() => fault.to_string(),
-            (_, Some(value), None) if value.is_nan() => "no frame of it".to_owned(),
+            (_, Some(value), None) if value.is_nan() => "no frame received".to_owned(),
             (_, value, _) => value.map(|value| value.to_string()).unwrap_or_default(),
         };
         Cow::Owned(text.into_bytes())
     }
 }
 
-/// What the first reading shows.
-struct Overview {
+/// Result of the first pass.
+struct TraceOverview {
     summary: Summary,
-    columns: Vec<Column>,
-    /// Stamp the time counts from, ns: the first sample's.
+    columns: Vec<TraceColumn>,
+    /// Origin of the times, ns: the stamp of the first sample.
     origin_ns: u64,
-    /// Lines that begin as one of a frame and are none; the first few by name.
+    /// Malformed frame lines, the first few in detail.
     bad: BadRows,
-    /// Lines that are something else: remarks, what candump says of dropped frames.
-    remarks: u64,
+    /// Number of other lines: comments, and messages of candump about dropped frames.
+    other_lines: u64,
 }
 
 fn read(input: Input) -> Result<FileData, DataError> {
     let Input { path, mut file, head, size, options, progress } = input;
     let format = TextFormat::of(head).unwrap_or_default();
-    let overview = look(path, &mut file, format, &|bytes| progress(bytes / 2))?;
+    let overview = scan(path, &mut file, format, &|bytes| progress(bytes / 2))?;
     let kind = overview.summary.kind;
-    let name = |column: &Column| match column {
-        Column::Run => "run",
-        Column::Time => "time_s",
-        Column::Measured(quantity) => quantity.name(kind),
+    let name = |column: &TraceColumn| match column {
+        TraceColumn::Run => "run",
+        TraceColumn::Time => "time_s",
+        TraceColumn::Measured(quantity) => quantity.name(kind),
     };
     let columns = &overview.columns;
     let names = columns.iter().map(|column| name(column).to_owned()).collect();
     let mut cleaner = Cleaner::new(path, layout(path, names, options)?);
     for bad in &overview.bad.first {
-        cleaner.leave_out(bad.row, None, bad.found.clone(), &bad.expected);
+        cleaner.reject_row(bad.row, None, bad.found.clone(), &bad.expected);
     }
     let second_half = |bytes| progress((size + bytes) / 2);
-    each_sample(
+    for_each_sample(
         path,
         &mut file,
         format,
         &second_half,
         |_| {},
         |sample| {
-            // Signed, for the clock may have been set back. A division, so that a millisecond is the
-            // number 0.001 and not one beside it.
+            // Signed: the clock may have been set back. Dividing gives the nearest number to 0.001 for a
+            // millisecond; multiplying by 1e-9 would not.
             let since_ns = i128::from(sample.time_ns) - i128::from(overview.origin_ns);
             let time_s = since_ns as f64 / 1e9;
-            cleaner.take(sample.line, &TraceRow { sample, time_s, columns })
+            cleaner.add_row(sample.line, &TraceRow { sample, time_s, columns })
         },
     )?;
     let mut data = cleaner.finish()?;
     data.bad.count += overview.bad.count - overview.bad.first.len();
-    tell(path, &overview, &mut data);
+    add_notes(path, &overview, &mut data);
     Ok(data)
 }
 
-/// What is worth knowing of a log beside its rows.
-fn tell(path: &Path, overview: &Overview, data: &mut FileData) {
+/// Adds notes on the log's frames that are not part of a row.
+fn add_notes(path: &Path, overview: &TraceOverview, data: &mut FileData) {
     let (file, summary) = (path.display(), &overview.summary);
     if summary.answers > 0 {
         for name in ["friction_torque_nm", "feed_forward_current_a", "flags"] {
-            let why = "it is the driver's answer and no measurement".into();
+            let why = "it is computed by the driver, not measured".into();
             data.left_out.push(LeftOutColumn { name: name.into(), why });
         }
     }
     if summary.lost > 0 {
         let lost = summary.lost;
-        data.notes.push(format!("{file}: {lost} samples are missing by the count of the SYNCs"));
+        data.notes
+            .push(format!("{file}: {lost} samples are missing according to the SYNC counter"));
     }
     if summary.errors > 0 {
-        data.notes.push(format!("{file}: {} error frames are passed over", summary.errors));
+        data.notes.push(format!("{file}: {} error frames are ignored", summary.errors));
     }
-    if overview.remarks > 0 {
-        data.notes.push(format!("{file}: {} lines are no frames", overview.remarks));
+    if overview.other_lines > 0 {
+        data.notes.push(format!("{file}: {} lines are not CAN frames", overview.other_lines));
     }
 }
 
-/// The first reading.
-fn look(
+/// Reads the log once and finds its columns, its origin and its malformed lines.
+fn scan(
     path: &Path,
     file: &mut File,
     format: TextFormat,
     progress: &dyn Fn(u64),
-) -> Result<Overview, DataError> {
-    let (mut bad, mut remarks) = (BadRows::default(), 0);
-    let mut seen = [false; Quantity::ALL.len()];
+) -> Result<TraceOverview, DataError> {
+    let (mut bad, mut other_lines) = (BadRows::default(), 0);
+    let mut is_measured = [false; Quantity::ALL.len()];
     let (mut has_runs, mut origin_ns) = (false, None);
-    let aside = |aside: Aside| match aside {
-        Aside::Remark => remarks += 1,
-        Aside::Bad { row, line, error } => {
+    let count_line = |line: NonFrameLine| match line {
+        NonFrameLine::Other => other_lines += 1,
+        NonFrameLine::Malformed { row, line, error } => {
             bad.count += 1;
             if bad.first.len() < NAMED_BAD_ROWS {
                 let (column, found) = ("(all)".into(), quoted(line));
@@ -162,9 +164,9 @@ fn look(
             }
         }
     };
-    let summary = each_sample(path, file, format, progress, aside, |sample| {
-        for (seen, quantity) in seen.iter_mut().zip(Quantity::ALL) {
-            *seen |= !sample.get(*quantity).is_nan();
+    let summary = for_each_sample(path, file, format, progress, count_line, |sample| {
+        for (is_measured, quantity) in is_measured.iter_mut().zip(Quantity::ALL) {
+            *is_measured |= !sample.get(*quantity).is_nan();
         }
         has_runs |= sample.run.is_some();
         origin_ns.get_or_insert(sample.time_ns);
@@ -184,8 +186,8 @@ fn look(
         let found = format!("inputs of the joints {}", listed(&all));
         return wrong(found, "those of one joint: cut its frames and the SYNC out with grep");
     }
-    let is_seen = |quantity: Quantity| seen[quantity as usize];
-    let complete = is_seen(Quantity::Velocity) && is_seen(Quantity::Torque);
+    let has = |quantity: Quantity| is_measured[quantity as usize];
+    let complete = has(Quantity::Velocity) && has(Quantity::Torque);
     let Some(origin_ns) = origin_ns.filter(|_| complete) else {
         let io = |source| DataError::Io { file: path.into(), source };
         file.seek(SeekFrom::Start(0)).map_err(io)?;
@@ -194,27 +196,27 @@ fn look(
         let expected = "Motion (480 + node), Torque (680 + node) and the SYNC (080) of joint.dbc";
         return wrong(found, expected);
     };
-    let quantities = Quantity::ALL.iter().copied().filter(|of| is_seen(*of)).map(Column::Measured);
-    let run = has_runs.then_some(Column::Run);
-    let columns = run.into_iter().chain([Column::Time]).chain(quantities).collect();
-    Ok(Overview { summary, columns, origin_ns, bad, remarks })
+    let quantities = Quantity::ALL.iter().copied().filter(|of| has(*of)).map(TraceColumn::Measured);
+    let run = has_runs.then_some(TraceColumn::Run);
+    let columns = run.into_iter().chain([TraceColumn::Time]).chain(quantities).collect();
+    Ok(TraceOverview { summary, columns, origin_ns, bad, other_lines })
 }
 
-/// A line that is no frame.
-enum Aside<'a> {
-    /// It begins as one.
-    Bad { row: u64, line: &'a [u8], error: LineError },
-    /// It does not.
-    Remark,
+/// A line that holds no frame.
+enum NonFrameLine<'a> {
+    /// It begins like a frame but is malformed.
+    Malformed { row: u64, line: &'a [u8], error: LineError },
+    /// Any other line.
+    Other,
 }
 
-/// Walks the file from its start and hands out its samples, and the lines that are no frames.
-fn each_sample(
+/// Reads the file from its start. Calls `sink` for each sample and `on_other` for each line without a frame.
+fn for_each_sample(
     path: &Path,
     file: &mut File,
     format: TextFormat,
     progress: &dyn Fn(u64),
-    mut aside: impl FnMut(Aside),
+    mut on_other: impl FnMut(NonFrameLine),
     mut sink: impl FnMut(&TraceSample) -> Result<(), DataError>,
 ) -> Result<Summary, DataError> {
     let io = |source| DataError::Io { file: path.into(), source };
@@ -225,10 +227,10 @@ fn each_sample(
     let mut line = Vec::with_capacity(256);
     let (mut row, mut bytes) = (0u64, 0u64);
     loop {
-        let is_rest = line.len() as u64 == LONGEST_LINE && !line.ends_with(b"\n");
+        let is_rest = line.len() as u64 == MAX_LINE_BYTES && !line.ends_with(b"\n");
         line.clear();
-        // A file of one endless line must not be held; what follows the part that was is skipped.
-        let read = reader.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line).map_err(io)?;
+        // A line of any length must not be held in memory: the rest of a longer line is skipped.
+        let read = reader.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line).map_err(io)?;
         if read == 0 {
             break;
         }
@@ -242,14 +244,16 @@ fn each_sample(
         }
         match lines.read(&line) {
             Frames::Line(frame) => {
-                if let Some(sample) = assembler.take(row, &frame) {
+                if let Some(sample) = assembler.push(row, &frame) {
                     sink(&sample)?;
                 }
             }
-            Frames::Bad(error) => aside(Aside::Bad { row, line: line.trim_ascii(), error }),
-            // Vector's and PEAK's tools write much beside frames, and head their files.
+            Frames::Bad(error) => {
+                on_other(NonFrameLine::Malformed { row, line: line.trim_ascii(), error });
+            }
+            // The tools of Vector and PEAK write a header and many lines without frames.
             Frames::None if format == TextFormat::Candump && !line.trim_ascii().is_empty() => {
-                aside(Aside::Remark);
+                on_other(NonFrameLine::Other);
             }
             Frames::None => {}
         }
@@ -266,7 +270,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_is_known_by_its_first_line() {
+    fn is_trace_with_candump_line_returns_true() {
         for log in [
             "(1436509052.249713) vcan0 044#2A366C2BBA\n",
             "\n# a remark\n  (0.5) can0 123#R\n",

@@ -1,4 +1,4 @@
-//! Messages of ROS 2 as MCAP files hold them: a definition as text, and the bytes it describes (CDR).
+//! ROS 2 messages in MCAP files: a definition as text, and data in CDR (Common Data Representation).
 //!
 //! ```text
 //! std_msgs/Header header
@@ -10,20 +10,20 @@
 //! string frame_id
 //! ```
 //!
-//! In the bytes, after four that say their order, every number stands at a multiple of its own size; a text or a list has
-//! its length before it. What comes out is JSON, so that both encodings go one way from there. A list too long for a
-//! joint (an image) is passed over.
+//! The data begin with four bytes that state the byte order. After them, every number is aligned to its own size, and
+//! texts and lists are preceded by their length. The decoder returns JSON, so that both encodings of MCAP are handled
+//! alike. A list that is too long for a joint (an image) is skipped.
 
 use serde_json::{Map, Value};
 use std::collections::HashMap;
 
-/// Longer lists are no joints.
-const LONGEST_LIST: usize = 256;
+/// Maximum length of a list. Longer ones do not describe joints and are skipped.
+const MAX_LIST_LENGTH: usize = 256;
 
-/// Deeper definitions are circular.
-const DEEPEST: usize = 16;
+/// Maximum nesting of definitions. Deeper nesting indicates a circular definition.
+const MAX_DEPTH: usize = 16;
 
-/// How many of a kind a field holds.
+/// How many values a field holds.
 #[derive(Clone, Copy, Debug)]
 enum Count {
     One,
@@ -38,7 +38,7 @@ struct Field {
     name: String,
 }
 
-/// A message's definition, with all those it is made of.
+/// The definition of a message and of all messages nested in it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Definition {
     fields: Vec<Field>,
@@ -46,7 +46,7 @@ pub(super) struct Definition {
 }
 
 impl Definition {
-    /// Reads a definition.
+    /// Parses a definition.
     pub fn parse(text: &str) -> Self {
         let mut definition = Self::default();
         let mut of: Option<String> = None;
@@ -64,7 +64,7 @@ impl Definition {
         definition
     }
 
-    /// Reads a message; `None` if its bytes are not what the definition says.
+    /// Decodes a message. Returns `None` if the data do not match the definition.
     pub fn decode(&self, bytes: &[u8]) -> Option<Value> {
         let (head, rest) = bytes.split_at_checked(4)?;
         let mut bytes = Bytes { rest, at: 0, is_little: head[1] & 1 == 1 };
@@ -82,14 +82,14 @@ impl Definition {
                 Count::Fixed(count) => count,
                 Count::Any => bytes.length()?,
             };
-            if count > LONGEST_LIST
+            if count > MAX_LIST_LENGTH
                 && let Some(size) = size(&field.kind)
             {
                 bytes.align(size);
                 bytes.take(count.checked_mul(size)?)?;
                 continue;
             }
-            // Each element takes a byte at least: a length beyond is none.
+            // Each element takes at least one byte, so a greater length is invalid.
             if count > bytes.left() {
                 return None;
             }
@@ -120,17 +120,17 @@ impl Definition {
             let text = text.strip_suffix(&[0]).unwrap_or(text);
             return Some(String::from_utf8_lossy(text).into());
         }
-        let fields = self.others.get(&short(kind)).filter(|_| depth < DEEPEST)?;
+        let fields = self.others.get(&short(kind)).filter(|_| depth < MAX_DEPTH)?;
         self.message(fields, bytes, depth + 1)
     }
 }
 
-/// `pkg/msg/Type` and `pkg/Type` are one.
+/// Returns the name without `/msg/`: `pkg/msg/Type` and `pkg/Type` are the same.
 fn short(name: &str) -> String {
     name.replace("/msg/", "/")
 }
 
-/// A line of a definition; `None` of a constant, a rule, or nothing.
+/// Parses a line of a definition. Returns `None` for a constant, a separator or an empty line.
 fn field(line: &str) -> Option<Field> {
     let mut words = line.split_whitespace();
     let (kind, name) = (words.next()?, words.next()?);
@@ -144,7 +144,7 @@ fn field(line: &str) -> Option<Field> {
     Some(Field { kind: kind.into(), count, name: name.into() })
 }
 
-/// Bytes a number takes.
+/// Returns the size of a number, bytes.
 fn size(kind: &str) -> Option<usize> {
     Some(match kind {
         "bool" | "byte" | "char" | "int8" | "uint8" => 1,
@@ -155,7 +155,7 @@ fn size(kind: &str) -> Option<usize> {
     })
 }
 
-/// What is left of a message.
+/// The data of a message and the read position.
 struct Bytes<'a> {
     rest: &'a [u8],
     at: usize,
@@ -204,7 +204,7 @@ mod tests {
         MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
 
     #[test]
-    fn a_message_is_read_as_its_definition_says() {
+    fn decode_with_valid_message_returns_its_fields() {
         let mut bytes = vec![0, 1, 0, 0];
         bytes.extend((-7i32).to_le_bytes());
         bytes.extend(500_000_000u32.to_le_bytes());
@@ -225,12 +225,12 @@ mod tests {
         });
         let at = |length: usize| definition.decode(&bytes[..length]);
         assert_eq!(at(bytes.len()), Some(expected));
-        // Cut anywhere, it is no message.
+        // A message that is cut anywhere is invalid.
         (0..bytes.len()).for_each(|length| assert_eq!(at(length), None, "{length}"));
     }
 
     #[test]
-    fn hostile_lengths_and_circles_are_no_message() {
+    fn decode_with_invalid_length_or_circular_definition_returns_none() {
         let definition = Definition::parse("float64[] x");
         assert_eq!(definition.decode(&[0, 1, 0, 0, 255, 255, 255, 255]), None);
         let circle = Definition::parse("a/B b\n===\nMSG: a/B\na/B b\n");

@@ -1,18 +1,18 @@
-//! MCAP, as ROS 2 and Foxglove record it: messages of several topics, made into rows.
+//! MCAP files of ROS 2 and Foxglove: messages of several topics as rows.
 //!
-//! Each message is a row of its own that holds its numbers and no others; what that means is decided where merged
-//! channels are (`close`). A column is called by its topic and its field, `/joint_states.velocity[1]`, and by the joint's
-//! name where the message lists names beside (`/joint_states.velocity[elbow]`); a field that has a name of the contract
-//! needs none else. The time is the header's stamp where there is one, else when the message was logged.
-//! Read are ROS 2's own encoding (CDR) and JSON. Of the columns, only those are kept that the contract or `--columns` names: a
-//! robot's log has hundreds.
+//! Each message becomes a row that holds only its own numbers; `close` merges the channels. A column is named by topic
+//! and field, `/joint_states.velocity[1]`. If the message also lists joint names, the name replaces the index:
+//! `/joint_states.velocity[elbow]`. A field with a contract name keeps that name. The time is the header's stamp, or
+//! the time at which the message was logged. CDR (the encoding of ROS 2) and JSON are supported. Only columns that
+//! the contract or `--columns` names are kept: a robot's log has hundreds.
 
 use super::cdr::Definition;
-use super::{Input, Source};
-use crate::data::clean::{Cleaner, FileData, Row};
+use super::format::{Input, LogFormat};
+use crate::data::clean::{Cleaner, FileData};
 use crate::data::contract;
 use crate::data::error::{DataError, one_line};
 use crate::data::header::layout;
+use crate::data::row::LogRow;
 use mcap::{McapError, Message, MessageStream};
 use serde_json::Value;
 use std::borrow::Cow;
@@ -20,22 +20,22 @@ use std::collections::HashMap;
 use std::io::Read;
 
 /// MCAP.
-pub(super) const SOURCE: Source =
-    Source { is_it: |head| head.starts_with(&[0x89, b'M', b'C', b'A', b'P', b'0']), read };
+pub(super) const FORMAT: LogFormat =
+    LogFormat { matches: |head| head.starts_with(&[0x89, b'M', b'C', b'A', b'P', b'0']), read };
 
-/// Name of the column of times, which ROS gives its own: nanoseconds.
+/// Name of the time column, as in the plain-text logs of ROS: nanoseconds.
 const TIME: &str = "%time";
 
-/// Deeper fields are none of a joint.
-const DEEPEST: usize = 16;
+/// Maximum nesting of a field. Deeper fields do not describe a joint.
+const MAX_FIELD_DEPTH: usize = 16;
 
-/// A message's numbers.
+/// The numbers of a message.
 struct MessageRow {
     time_ns: i128,
     values: Vec<(usize, f64)>,
 }
 
-impl Row for MessageRow {
+impl LogRow for MessageRow {
     fn number(&self, column: usize) -> Option<f64> {
         if column == 0 {
             return Some(self.time_ns as f64);
@@ -52,15 +52,15 @@ impl Row for MessageRow {
     }
 }
 
-/// The messages of a file so far.
+/// The messages of a file as a table.
 #[derive(Default)]
-struct Table {
+struct MessageTable {
     names: Vec<String>,
     by_name: HashMap<String, usize>,
     rows: Vec<MessageRow>,
     definitions: HashMap<u16, Definition>,
-    /// Messages in an encoding that is not read, and those that are damaged.
-    passed: usize,
+    /// Number of messages that are damaged or in an unsupported encoding.
+    ignored: usize,
 }
 
 fn read(input: Input) -> Result<FileData, DataError> {
@@ -71,47 +71,49 @@ fn read(input: Input) -> Result<FileData, DataError> {
     let failed = |error: McapError| DataError::File {
         file: path.into(),
         found: one_line(&error.to_string()),
-        expected: "an intact MCAP file, its chunks packed by zstd, lz4 or not at all".into(),
+        expected: "an intact MCAP file, uncompressed or compressed with zstd or lz4".into(),
     };
-    let mut table = Table { names: vec![TIME.into()], ..Table::default() };
+    let mut table = MessageTable { names: vec![TIME.into()], ..MessageTable::default() };
     for message in MessageStream::new(&bytes).map_err(failed)? {
-        table.take(&message.map_err(failed)?);
+        table.add_message(&message.map_err(failed)?);
     }
     drop(bytes);
     progress(size);
-    let Table { names, mut rows, passed, .. } = table;
+    let MessageTable { names, mut rows, ignored, .. } = table;
     rows.sort_by_key(|row| row.time_ns);
     let all = names.len() - 1;
     let mut layout = layout(path, names, options)?;
-    layout.optional.retain(|column| column.mapped || column.quantity.is_some());
+    layout.optional.retain(|column| column.is_mapped || column.quantity.is_some());
     let kept: Vec<String> = layout.optional.iter().map(|column| column.name.clone()).collect();
     layout.sources.retain(|source| {
         contract::names().any(|name| name == source.name) || kept.contains(&source.name)
     });
     let used = layout.needed().count() - 1;
     let file = path.display();
-    layout.notes.retain(|note| !note.contains("is taken as a column of its own"));
+    layout.notes.retain(|note| !note.contains("is read as a covariate"));
     layout.notes.push(format!(
-        "{file}: {used} of {all} columns are read, those that have a name of the contract"
+        "{file}: {used} of {all} columns are read: those with a name of the contract"
     ));
-    if passed > 0 {
-        layout.notes.push(format!("{file}: {passed} messages are passed over, as they are neither CDR nor JSON, or damaged"));
+    if ignored > 0 {
+        layout.notes.push(format!(
+            "{file}: {ignored} messages are ignored: they are damaged, or neither CDR nor JSON"
+        ));
     }
     let mut needed = vec![false; layout.names.len()];
     layout.needed().for_each(|at| needed[at] = true);
     let mut cleaner = Cleaner::new(path, layout);
     for (number, mut row) in rows.into_iter().enumerate() {
         row.values.retain(|(column, _)| needed[*column]);
-        // A message of another topic is no row.
+        // A message without a needed column makes no row.
         if !row.values.is_empty() {
-            cleaner.take(number as u64 + 1, &row)?;
+            cleaner.add_row(number as u64 + 1, &row)?;
         }
     }
     cleaner.finish()
 }
 
-impl Table {
-    fn take(&mut self, message: &Message) {
+impl MessageTable {
+    fn add_message(&mut self, message: &Message) {
         let channel = &message.channel;
         let value = match channel.message_encoding.as_str() {
             "json" => serde_json::from_slice(&message.data).ok(),
@@ -125,16 +127,16 @@ impl Table {
             _ => None,
         };
         let Some(value) = value else {
-            self.passed += 1;
+            self.ignored += 1;
             return;
         };
-        let time_ns = stamp(&value).unwrap_or_else(|| i128::from(message.log_time));
+        let time_ns = header_stamp_ns(&value).unwrap_or_else(|| i128::from(message.log_time));
         let mut row = MessageRow { time_ns, values: Vec::new() };
         self.flatten(&channel.topic, "", &value, &mut row, 0);
         self.rows.push(row);
     }
 
-    /// Puts the numbers of a value into the row, each under its path.
+    /// Adds the numbers of a value to the row, each under its path.
     fn flatten(
         &mut self,
         topic: &str,
@@ -144,7 +146,7 @@ impl Table {
         depth: usize,
     ) {
         match value {
-            _ if depth > DEEPEST => {}
+            _ if depth > MAX_FIELD_DEPTH => {}
             Value::Number(number) => {
                 row.values.extend(number.as_f64().map(|value| (self.column(topic, path), value)));
             }
@@ -176,7 +178,7 @@ impl Table {
         }
     }
 
-    /// The column of a field, new if it is.
+    /// Returns the column of a field, which it adds if it is new.
     fn column(&mut self, topic: &str, path: &str) -> usize {
         let is_contract = contract::names().any(|name| name == path && name != contract::TIME);
         let name = if is_contract { path.to_owned() } else { format!("{topic}.{path}") };
@@ -190,8 +192,8 @@ impl Table {
     }
 }
 
-/// The stamp in a message's header, ns, where it is set.
-fn stamp(value: &Value) -> Option<i128> {
+/// Returns the stamp in a message's header, ns, if it is set.
+fn header_stamp_ns(value: &Value) -> Option<i128> {
     let stamp = value.pointer("/header/stamp")?;
     let seconds = stamp.get("sec").or_else(|| stamp.get("secs"))?.as_i64()?;
     let rest = ["nanosec", "nsec", "nsecs"].iter().find_map(|name| stamp.get(name))?.as_i64()?;

@@ -1,6 +1,6 @@
-//! What is often given for a log and is none, by its first bytes.
+//! Detection of files that are often given as logs but are not supported.
 
-/// What a file that begins so is, and what is expected instead; `None` if it may be a log.
+/// Returns what a file that begins with `head` is, and what is expected; `None` if it may be a log.
 pub(super) fn recognise(head: &[u8]) -> Option<(&'static str, &'static str)> {
     const TABLE: &str = "a CSV or Parquet file";
     const UNPACKED: &str = "a CSV or Parquet file; unpack it first";
@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_log_is_told_by_its_name() {
+    fn recognise_with_unsupported_file_returns_its_type() {
         assert_eq!(recognise(b"PAR1...."), None);
         assert_eq!(recognise(b"a,b\n"), None);
         for (head, name) in [

@@ -1,29 +1,29 @@
-//! Text in UTF-16, as spreadsheets and some drives' programs save it: told by its byte order mark, or by every other
-//! byte of its beginning being 0.
+//! Text in UTF-16, as spreadsheets and some drive tools save it. A byte order mark identifies it, or a 0 in every
+//! other of the first bytes.
 
-/// Which byte of a pair comes first.
+/// The order of the two bytes of a code unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Order {
+pub(super) enum ByteOrder {
     LittleFirst,
     BigFirst,
 }
 
-/// The order, if the text that begins so is in UTF-16.
-pub(super) fn order(head: &[u8]) -> Option<Order> {
+/// Returns the byte order if a text that begins with `head` is in UTF-16.
+pub(super) fn byte_order(head: &[u8]) -> Option<ByteOrder> {
     match head {
-        [0xff, 0xfe, ..] => Some(Order::LittleFirst),
-        [0xfe, 0xff, ..] => Some(Order::BigFirst),
-        [a, 0, b, 0, c, 0, ..] if ![a, b, c].contains(&&0) => Some(Order::LittleFirst),
-        [0, a, 0, b, 0, c, ..] if ![a, b, c].contains(&&0) => Some(Order::BigFirst),
+        [0xff, 0xfe, ..] => Some(ByteOrder::LittleFirst),
+        [0xfe, 0xff, ..] => Some(ByteOrder::BigFirst),
+        [a, 0, b, 0, c, 0, ..] if ![a, b, c].contains(&&0) => Some(ByteOrder::LittleFirst),
+        [0, a, 0, b, 0, c, ..] if ![a, b, c].contains(&&0) => Some(ByteOrder::BigFirst),
         _ => None,
     }
 }
 
-/// The text, without its mark; what is no text becomes the sign for that.
-pub(super) fn decode(bytes: &[u8], order: Order) -> String {
+/// Decodes the text without its byte order mark. Invalid code units become U+FFFD.
+pub(super) fn decode(bytes: &[u8], order: ByteOrder) -> String {
     let unit = |pair: &[u8; 2]| match order {
-        Order::LittleFirst => u16::from_le_bytes(*pair),
-        Order::BigFirst => u16::from_be_bytes(*pair),
+        ByteOrder::LittleFirst => u16::from_le_bytes(*pair),
+        ByteOrder::BigFirst => u16::from_be_bytes(*pair),
     };
     let units = bytes.as_chunks::<2>().0.iter().map(unit);
     let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
@@ -35,20 +35,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_is_decoded_in_either_order_with_a_mark_or_without() {
+    fn decode_with_either_byte_order_returns_text() {
         let bytes = |order: fn(u16) -> [u8; 2], text: &str| -> Vec<u8> {
             text.encode_utf16().flat_map(order).collect()
         };
         for text in ["\u{feff}t,v\n", "t,v °\n"] {
             let bare = text.trim_start_matches('\u{feff}');
             let little = bytes(u16::to_le_bytes, text);
-            assert_eq!(order(&little), Some(Order::LittleFirst));
-            assert_eq!(decode(&little, Order::LittleFirst), bare);
+            assert_eq!(byte_order(&little), Some(ByteOrder::LittleFirst));
+            assert_eq!(decode(&little, ByteOrder::LittleFirst), bare);
             let big = bytes(u16::to_be_bytes, text);
-            assert_eq!(order(&big), Some(Order::BigFirst));
-            assert_eq!(decode(&big, Order::BigFirst), bare);
+            assert_eq!(byte_order(&big), Some(ByteOrder::BigFirst));
+            assert_eq!(decode(&big, ByteOrder::BigFirst), bare);
         }
-        assert_eq!(order(b"time_s,v"), None);
-        assert_eq!(order(b"\0\0\0\0\0\0"), None);
+        assert_eq!(byte_order(b"time_s,v"), None);
+        assert_eq!(byte_order(b"\0\0\0\0\0\0"), None);
     }
 }

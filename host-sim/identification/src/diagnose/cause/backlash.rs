@@ -1,53 +1,59 @@
-//! Play: after a reversal there is travel with little stiffness.
+//! Backlash: after a reversal there is travel with little stiffness.
 //!
-//! Either right after the reversal, or where a drive that was wound up has unwound and its flanks part
-//! (`backlash_unloaded`); a log says which. How long a play is nobody says: it is sought in multiples of the
-//! travel the bristles take up their load over, and as a share of the log's own strokes, for a base law may have
-//! made a few millimetres of play into bristles of its own.
+//! The backlash is crossed right after the reversal, or when a wound-up drive has unwound and its
+//! flanks separate (`backlash_unloaded`). The log determines which of the two. The backlash travel
+//! is unknown. Its candidates are multiples of the travel in which the bristles take up their load,
+//! and a share of the log's strokes. The second kind is needed because a base law may describe a
+//! few millimetres of backlash by soft bristles.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Regressor};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::{Extended, Size};
 use crate::diagnose::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, Parameters, TermKind};
 
-/// Plays that are tried, over the travel of the bristles, where they are crossed right after a reversal.
+/// Backlash travels that are crossed right after a reversal, as multiples of the presliding travel.
 const PRESLIDING: [f64; 4] = [0.5, 2.0, 6.0, 20.0];
 
-/// And where they are crossed at zero torque: a law without the play takes part of it for bristles, which are
-/// then too soft by as much.
+/// Backlash travels that are crossed at zero torque, as multiples of the presliding travel. A law
+/// without backlash describes part of it by bristles that are too soft.
 const PRESLIDING_UNLOADED: [f64; 3] = [0.3, 1.0, 3.0];
 
-/// A play that is tried, over the way from one reversal to the next.
+/// Backlash travel of two further candidates, as a share of the travel between reversals.
 const OF_STROKE: f64 = 0.08;
 
-/// And with bristles so much stiffer than the model's own: a base law that has no play takes the whole of a large one for
-/// bristles, and neither of the two can be told from where that fit ended. On the damper's twelve measured tests half of it
-/// gains 45 %, this 47 %, twice as much 33 %: there the play is not found.
+/// Stiffness of two further candidates, as a multiple of the model's bristle stiffness. A base law
+/// without backlash describes a large one by soft bristles only, and its stiffness is then far too
+/// low.
 const STIFFER: f64 = 3.0;
 
-/// Bristles that are so much stiffer, and so much softer, stand beside the model's own as a foil.
-const OTHER_STIFFNESS: f64 = 4.0;
+/// Ratio of the stiffnesses in the null model of backlash. It has bristles stiffer and softer than
+/// the model's by this factor.
+const NULL_MODEL_STIFFNESS_RATIO: f64 = 4.0;
 
-/// See the module.
+/// Backlash as a cause; see the module documentation.
 pub struct Backlash;
 
-/// Friction whose bristles are not all of one stiffness, as of every real seal, gives way after a reversal in a way
-/// that a play can be bent into. It is no play.
+/// Returns the null model of backlash: bristles of several stiffnesses.
+///
+/// The friction of every real seal has several stiffnesses. After a reversal it yields in a way
+/// that resembles backlash.
 fn several_stiffnesses(columns: &[&str], stiffness: f64) -> Candidate {
     let bristles = |times: f64| {
         let settings = vec![(Id::BacklashTravel, 0.0), (Id::BristleStiffness, times * stiffness)];
         Regressor::Exact(Exact { kind: TermKind::Backlash, settings, derivative: None })
     };
-    let both = vec![bristles(OTHER_STIFFNESS), bristles(1.0 / OTHER_STIFFNESS)];
-    Candidate::new(TermKind::Backlash, columns, both).as_foil()
+    let both =
+        vec![bristles(NULL_MODEL_STIFFNESS_RATIO), bristles(1.0 / NULL_MODEL_STIFFNESS_RATIO)];
+    Candidate::new(TermKind::Backlash, columns, both).as_null_model()
 }
 
-/// The way from one reversal to the next, rad: half of all way is in longer strokes; 0 without a reversal.
-fn stroke(beside: &Beside) -> f64 {
+/// Returns the typical travel between two reversals, rad; 0 without a reversal. Half of the total
+/// travel belongs to longer strokes.
+fn stroke(context: &FitContext) -> f64 {
     let mut strokes = Vec::new();
-    for track in &beside.log.train_tracks {
+    for track in &context.log.train_tracks {
         let mut way = 0.0f64;
         for (row, sample) in track.samples.iter().enumerate() {
             let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
@@ -94,30 +100,29 @@ impl Cause for Backlash {
         true
     }
 
-    fn is_imitated(&self) -> bool {
+    fn is_confounded_with_model_error(&self) -> bool {
         true
     }
 
-    /// Little stiffness over a travel in which the bristles take up the whole level all the same is no play: it is friction
-    /// that changes after a reversal in a way bristles of one stiffness cannot follow. On drawn joints of slip elements the
-    /// soft bristles would hold 13 and 4 times the level at the end of such a play; on the measured dampers, which have one, 0.04
-    /// and 0.02 of it.
+    /// Backlash is contradicted if the bristles reach the whole friction level within its travel.
+    /// Such friction changes after a reversal in a way that bristles of one stiffness cannot
+    /// follow.
     fn contradicted(&self, fitted: &Parameters<f64>) -> Option<&'static str> {
         let stiffness = fitted.get(Id::BacklashStiffnessRatio) * fitted.get(Id::BristleStiffness);
         let level = fitted.get(Id::StaticTorque).max(fitted.get(Id::CoulombTorque));
         (stiffness * fitted.get(Id::BacklashTravel) > level)
-            .then_some("the friction is back long before its play ends")
+            .then_some("the friction is restored before the play is crossed")
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if !beside.spec.law.has_bristles() {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.spec.law.has_bristles() {
             return Vec::new();
         }
-        let columns = [beside.log.velocity_name()];
-        let parameters = &beside.at.parameters;
+        let columns = [context.log.velocity_name()];
+        let parameters = &context.at.parameters;
         let presliding = parameters.get(Id::StaticTorque).max(parameters.get(Id::CoulombTorque))
             / parameters.get(Id::BristleStiffness).max(1e-9);
-        let stroke = OF_STROKE * stroke(beside);
+        let stroke = OF_STROKE * stroke(context);
         let kept = PRESLIDING.map(|times| (times * presliding, 0.0));
         let unloaded = PRESLIDING_UNLOADED.map(|times| (times * presliding, 1.0));
         let by_stroke = [(stroke, 0.0), (stroke, 1.0)].into_iter().filter(|_| stroke > 0.0);
@@ -161,8 +166,8 @@ impl Cause for Backlash {
     fn evidence(&self, _: &[String], extended: &Extended) -> Option<Evidence> {
         Plane::new(
             "Just after a reversal",
-            Over::SinceReversal(8.0 * extended.value(Id::BacklashTravel)),
-            Seen::Along,
+            PlaneAxis::SinceReversal(8.0 * extended.value(Id::BacklashTravel)),
+            ResidualView::Along,
             "Where there is play, the joint resists less than a bristle model until the play is crossed.",
         )
         .into()
@@ -176,7 +181,7 @@ mod tests {
     use compensator_core::LawKind;
 
     #[test]
-    fn a_travel_in_which_the_friction_is_back_is_no_play() {
+    fn contradicted_with_friction_restored_within_travel_returns_reason() {
         let mut spec = Spec::law(LawKind::Dahl);
         spec.terms.push(TermKind::Backlash);
         let mut fitted = spec.parameters().expect("a law with a play");

@@ -1,8 +1,8 @@
 //! Torque and velocity are logged at different times.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Regressor, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 use crate::diagnose::extended::Extended;
 use crate::diagnose::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -20,7 +20,7 @@ impl Cause for ChannelDelay {
     }
 
     fn effect(&self) -> &'static str {
-        "the velocity of a moment ago."
+        "a delayed velocity."
     }
 
     fn remedy(&self) -> Remedy {
@@ -31,19 +31,19 @@ impl Cause for ChannelDelay {
         true
     }
 
-    fn is_imitated(&self) -> bool {
+    fn is_confounded_with_model_error(&self) -> bool {
         true
     }
 
     /// The rate of the torque stands for a delay within a sample; a longer one turns the torque elsewhere.
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        let columns = [beside.log.velocity_name()];
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        let columns = [context.log.velocity_name()];
         let candidate = |by| Candidate::new(TermKind::ChannelDelay, &columns, vec![by]);
         let mut all = vec![
             candidate(row(|r| -r.slope))
                 .starting_at(&[(Id::ChannelDelay, InitialGuess::Times(0, 1.0))]),
         ];
-        let period = beside.log.train_tracks.first().map_or(1e-3, |track| track.period_s);
+        let period = context.log.train_tracks.first().map_or(1e-3, |track| track.period_s);
         for samples in [1.0, 3.0, 9.0, 27.0] {
             let delay = samples * period;
             let settings = vec![(Id::ChannelDelay, delay)];
@@ -59,8 +59,8 @@ impl Cause for ChannelDelay {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "The rate of the torque",
-            Over::TorqueRate,
-            Seen::Plain,
+            PlaneAxis::TorqueRate,
+            ResidualView::Plain,
             "Where the channels are logged at different times, the residual is the rate of the torque times the \
              delay: a line that falls.",
         )

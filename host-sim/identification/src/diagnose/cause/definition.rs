@@ -1,6 +1,6 @@
-//! What a cause is: its name, what it means, what is to be done, how it is found and what is told of it then.
+//! What a cause is: its name, what it means, what is to be done, how it is found and how it is reported.
 
-use crate::diagnose::candidate::{Beside, Candidate};
+use crate::diagnose::candidate::{Candidate, FitContext};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
 use crate::diagnose::train_test::TrainTest;
@@ -45,6 +45,12 @@ pub trait Cause: Sync {
     /// What it means, as the beginning of a sentence.
     fn meaning(&self) -> &'static str;
 
+    /// Returns the meaning for a size of this sign. A cause whose meaning has a direction has another sentence for a
+    /// negative size.
+    fn meaning_of(&self, _size: f64) -> &'static str {
+        self.meaning()
+    }
+
     /// What it does to a model, for a list of models.
     fn effect(&self) -> &'static str;
 
@@ -71,18 +77,18 @@ pub trait Cause: Sync {
         false
     }
 
-    /// Whether it is worth a fit even where it did not pass, if structure is left.
-    fn is_underrated(&self) -> bool {
+    /// Returns true if a linear fit underestimates it, so that it is fitted although it did not pass, if structure is left.
+    fn is_poorly_linearised(&self) -> bool {
         self.is_nonlinear()
     }
 
-    /// Whether a law that is not quite the joint's leaves an error of this shape: the cause follows the motion (or the time)
-    /// alone, and its torque turns with the direction as friction's does.
-    fn is_imitated(&self) -> bool {
+    /// Returns true if an inaccurate friction law leaves an error of this shape: the cause depends on the motion (or the time)
+    /// only, and its torque changes sign with the direction, as friction does.
+    fn is_confounded_with_model_error(&self) -> bool {
         false
     }
 
-    /// Why a model with this cause in it, as it was fitted, is not one of this cause; the end of a sentence.
+    /// Returns why a fitted model with this cause contradicts it, as the end of a sentence.
     fn contradicted(&self, _fitted: &Parameters<f64>) -> Option<&'static str> {
         None
     }
@@ -93,7 +99,7 @@ pub trait Cause: Sync {
     }
 
     /// The ways it may explain what a fitted model leaves over; none where its columns are not in the log.
-    fn candidates(&self, _beside: &Beside) -> Vec<Candidate> {
+    fn candidates(&self, _context: &FitContext) -> Vec<Candidate> {
         Vec::new()
     }
 
@@ -120,7 +126,7 @@ pub trait Cause: Sync {
 
     /// Meaning and size in a sentence.
     fn in_words(&self, size: &Size, _extended: &Extended) -> String {
-        format!("{}: {}", self.meaning(), size.in_words())
+        format!("{}: {}", self.meaning_of(size.value), size.in_words())
     }
 
     /// Where it shows.

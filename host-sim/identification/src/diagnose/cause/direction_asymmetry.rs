@@ -1,13 +1,13 @@
-//! One direction rubs harder than the other: levels and viscous part differ by direction.
+//! Direction asymmetry: friction levels and viscous part differ between the two directions.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, ResidualView};
 use crate::diagnose::extended::{Extended, Size};
 use crate::number::figure;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// See the module.
+/// Direction asymmetry as a cause; see the module documentation.
 pub struct DirectionAsymmetry;
 
 impl Cause for DirectionAsymmetry {
@@ -16,7 +16,7 @@ impl Cause for DirectionAsymmetry {
     }
 
     fn meaning(&self) -> &'static str {
-        "one direction rubs harder than the other"
+        "friction is larger in one direction than in the other"
     }
 
     fn effect(&self) -> &'static str {
@@ -31,20 +31,21 @@ impl Cause for DirectionAsymmetry {
         LEVELS
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
         let sign = |velocity: f64| if velocity == 0.0 { 0.0 } else { velocity.signum() };
         let by = vec![
             row(move |r| sign(r.sample.velocity_rad_s) * r.level),
             row(move |r| sign(r.sample.velocity_rad_s) * r.viscous),
         ];
-        let columns = [beside.log.velocity_name()];
+        let columns = [context.log.velocity_name()];
         vec![Candidate::new(TermKind::DirectionAsymmetry, &columns, by).starting_at(&[
             (Id::CoulombAsymmetry, InitialGuess::Times(0, 1.0)),
             (Id::ViscousAsymmetry, InitialGuess::Times(1, 1.0)),
         ])]
     }
 
-    /// Beside an offset, a difference of the levels may not be determined; then the viscous part is.
+    /// Beside a torque offset, the log may not determine the difference of the levels. The size is
+    /// then the asymmetry of the viscous part.
     fn size(&self, extended: &Extended) -> Size {
         let level = extended.estimate(Id::CoulombAsymmetry).and_then(|e| e.std_error);
         extended.size(if level.is_some() { Id::CoulombAsymmetry } else { Id::ViscousAsymmetry })
@@ -62,8 +63,8 @@ impl Cause for DirectionAsymmetry {
 
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Some(Evidence::ByDirection {
-            seen: Seen::Along,
-            says: "Where one direction rubs harder, the two lines part; a model that knows it brings them together."
+            view: ResidualView::Along,
+            description: "If friction is larger in one direction, the two lines diverge; with the extension they coincide."
                 .into(),
         })
     }

@@ -1,14 +1,14 @@
-//! Contacts age: the longer a joint rests, the higher it breaks away.
+//! Contact ageing: the breakaway torque grows with the time at rest.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Regressor};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 use crate::diagnose::extended::Extended;
 use crate::diagnose::sensitivities::Exact;
 use crate::number::significant;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// See the module.
+/// Contact ageing as a cause; see the module documentation.
 pub struct DwellTimeStatic;
 
 impl Cause for DwellTimeStatic {
@@ -17,7 +17,7 @@ impl Cause for DwellTimeStatic {
     }
 
     fn meaning(&self) -> &'static str {
-        "the longer the joint rests, the higher it breaks away"
+        "the breakaway torque grows with the time at rest"
     }
 
     fn effect(&self) -> &'static str {
@@ -36,15 +36,15 @@ impl Cause for DwellTimeStatic {
         true
     }
 
-    fn is_imitated(&self) -> bool {
+    fn is_confounded_with_model_error(&self) -> bool {
         true
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if !beside.spec.law.has_bristles() {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.spec.law.has_bristles() {
             return Vec::new();
         }
-        let columns = [beside.log.velocity_name()];
+        let columns = [context.log.velocity_name()];
         [0.03, 0.3, 3.0]
             .map(|dwell_time| {
                 let settings = vec![(Id::DwellTime, dwell_time)];
@@ -64,10 +64,10 @@ impl Cause for DwellTimeStatic {
         let travel = extended.value(Id::DwellTravel);
         Plane::new(
             "Just after breaking away",
-            Over::RestBefore(travel),
-            Seen::Along,
+            PlaneAxis::RestBefore(travel),
+            ResidualView::Along,
             format!(
-                "Rows within {} {} after the joint has left rest. Where contacts age, the longer it rested the more it resists.",
+                "Rows within {} {} after the joint has left rest. If contacts age, the resistance grows with the time at rest.",
                 significant(travel, 2),
                 extended.joint().position_unit()
             ),

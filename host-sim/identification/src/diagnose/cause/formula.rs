@@ -1,44 +1,51 @@
-//! The level's formulas over a column: what a person can read, before a curve of any shape.
+//! Formulas of the friction level over a column, which are simpler than a curve of any shape.
 //!
-//! Most covariates act on a friction level in one of three ways: in proportion (a load that presses), less and
-//! less (a band that is tight already, a film that is full), or more and more by equal factors (a polymer that
-//! stiffens). Two numbers say it: the rise from the lowest value in the log to the highest, and for one that
-//! saturates how soon. The core draws the formula through the knots of its table ([`LookupFormula`]), so the
-//! driver pays no more for it than for any table.
+//! Most covariates change a friction level in one of three ways:
+//!
+//! - In proportion, as a load that presses a contact.
+//! - With saturation, as a band that is already tight or a film that is full.
+//! - Exponentially, as a polymer that stiffens.
+//!
+//! Two numbers describe a formula: the relative rise from the lowest value in the log to the
+//! highest, and the scale of a saturation. The core evaluates the formula at the knots of its table
+//! ([`LookupFormula`]). A driver therefore has the same computing time as for any other table.
 
 use super::unknown::Followed;
 use crate::diagnose::candidate::{Candidate, InitialGuess, Row, row};
 use crate::diagnose::extended::{Extended, Size};
-use crate::diagnose::train_test::Follows;
+use crate::diagnose::train_test::FollowedColumn;
 use crate::number::{figure, significant};
 use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
 use compensator_core::{ParameterId as Id, Quantity, TermKind};
 
-/// A formula is as simple as a named cause, but says less: it comes after one that explains as much.
+/// Factor on the gain of a formula. A formula is as simple as a named cause but less specific, so
+/// that a named cause with equal gain is preferred.
 const WEIGHT: f64 = 0.9;
 
-/// Scales of a saturating formula that are tried, over the range of the column.
+/// Scales of the saturating candidates, as shares of the column's range.
 const SCALES: [f64; 2] = [0.1, 0.4];
 
-/// The curvature of an exponential that is tried: the factor on the level over the range, up or down. Its
-/// columns are those of a steep one, or it could not be told from a line before it is fitted.
+/// Factors on the level over the column's range for the exponential candidates, one rising and one
+/// falling. They are far from 1, because a linear fit cannot distinguish a slight curve from a
+/// line.
 const FACTORS: [f64; 2] = [4.0, 0.25];
 
-/// A line needs so many different values of the column, a bent curve one more.
+/// Fewest different values of the column for a line. A curve needs one more.
 const FEWEST_VALUES: usize = 3;
 
-/// The columns a named cause has a law for already: the line would be that cause in other words.
+/// Returns true for a quantity whose named cause already contains a line over it.
 fn has_named_line(quantity: Quantity) -> bool {
     use Quantity as Is;
     [Is::RadialForce, Is::Pressure, Is::LoadTorque, Is::Temperature].contains(&quantity)
 }
 
-/// Whether there are at least so many different values among some that are sorted.
+/// Returns true if sorted values contain at least `count` different ones.
 fn differ(sorted: &[f64], count: usize) -> bool {
     1 + sorted.windows(2).filter(|pair| pair[0] != pair[1]).count() >= count
 }
 
-/// The formulas over one column; `values` are some of its values, sorted.
+/// Returns the candidates of all formulas over one column. `values` are some of its values, sorted,
+/// in the core's unit.
 pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
     let (Some(least), Some(most)) = (values.first().copied(), values.last().copied()) else {
         return Vec::new();
@@ -59,7 +66,7 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
     let of = |(formula, rise, scale): (LookupFormula, f64, f64)| {
         let quantity = followed.quantity;
         let along = move |row: &Row| (Followed::read(quantity, row) - least) / (most - least);
-        // Per unit of the rise.
+        // Change of the torque per unit of the rise.
         let by = row(move |r| r.level * formula.at(along(r), rise, scale) / rise);
         let factor = quantity.info().outside_scale;
         let mut guesses = vec![
@@ -77,7 +84,7 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
         if formula != LookupFormula::Saturating {
             fixed.push(Id::LookupScale);
         }
-        let follows = Follows {
+        let follows = FollowedColumn {
             column: followed.name.clone(),
             extra: followed.covariate.is_some(),
             level: true,
@@ -93,12 +100,12 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
     shapes.into_iter().map(of).collect()
 }
 
-/// The number of a formula in the core.
+/// Returns the number of a formula in the core.
 pub fn number(formula: LookupFormula) -> f64 {
     LookupFormula::ALL.iter().position(|own| *own == formula).unwrap_or_default() as f64
 }
 
-/// The formula with its numbers.
+/// Returns the formula and its values in a sentence.
 pub fn in_words(formula: LookupFormula, size: &Size, extended: &Extended, column: &str) -> String {
     let value = |id: Id| extended.value(id);
     let (lower, upper) = (value(Id::LookupLower), value(Id::LookupUpper));

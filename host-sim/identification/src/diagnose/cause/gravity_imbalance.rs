@@ -1,13 +1,14 @@
-//! An imbalance adds a torque of the angle, whichever way it turns.
+//! Gravity imbalance: an imbalance adds a torque that depends on the angle, independent of the
+//! direction.
 
 use super::definition::{Cause, Remedy};
 use crate::data::JointKind;
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::{Extended, Size};
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// See the module.
+/// Gravity imbalance as a cause; see the module documentation.
 pub struct GravityImbalance;
 
 impl Cause for GravityImbalance {
@@ -16,22 +17,22 @@ impl Cause for GravityImbalance {
     }
 
     fn meaning(&self) -> &'static str {
-        "an imbalance adds a torque of the angle, whichever way it turns"
+        "an imbalance adds a torque that depends on the angle, in both directions alike"
     }
 
     fn effect(&self) -> &'static str {
-        "sine and cosine of the position, whichever way it moves."
+        "sine and cosine of the position, in both directions alike."
     }
 
     fn remedy(&self) -> Remedy {
         Remedy::RigidBody(TermKind::GravityImbalance)
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        let name = beside.log.position_name();
-        // With a phase of its own in each run, nothing is heavy.
-        let no_zero = beside.log.aligned_order.is_some();
-        if no_zero || !beside.log.varies(name) || beside.log.train.joint != JointKind::Revolute {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        let name = context.log.position_name();
+        // A ripple whose phase differs between runs is not caused by gravity.
+        let no_zero = context.log.aligned_order.is_some();
+        if no_zero || !context.log.varies(name) || context.log.train.joint != JointKind::Revolute {
             return Vec::new();
         }
         let by = vec![row(|r| r.sample.position_rad.sin()), row(|r| r.sample.position_rad.cos())];
@@ -48,9 +49,9 @@ impl Cause for GravityImbalance {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "The shaft's angle",
-            Over::Turn,
-            Seen::Plain,
-            "An imbalance is one wave over the turn, whichever way the joint moves.",
+            PlaneAxis::Turn,
+            ResidualView::Plain,
+            "An imbalance is one wave per turn, in both directions alike.",
         )
         .into()
     }

@@ -1,14 +1,15 @@
-//! The transmitted torque presses the gear: the levels rise with its size.
+//! Load torque: the transmitted torque presses the gear, so the friction levels rise with its
+//! magnitude.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "load_torque_nm";
 
-/// See the module.
+/// Load torque as a cause; see the module documentation.
 pub struct LoadTorqueCoulomb;
 
 impl Cause for LoadTorqueCoulomb {
@@ -36,8 +37,8 @@ impl Cause for LoadTorqueCoulomb {
         Some(COLUMN)
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if !beside.log.varies(COLUMN) {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.log.varies(COLUMN) {
             return Vec::new();
         }
         let by = vec![row(|r| r.added * r.sample.load_torque_nm.abs())];
@@ -50,8 +51,8 @@ impl Cause for LoadTorqueCoulomb {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "Friction and transmitted torque",
-            Over::SizeOf(COLUMN.into()),
-            Seen::Along,
+            PlaneAxis::SizeOf(COLUMN.into()),
+            ResidualView::Along,
             "Where the load presses the gear, what the base model misses rises with its size, whatever its sign.",
         )
         .into()

@@ -1,19 +1,22 @@
-//! Friction follows the position: an eccentric seal, a gear mesh, a scratch. Its order is found blind.
+//! Position ripple: the friction level follows the position, as for an eccentric seal, a gear mesh
+//! or a scratch.
+//!
+//! Its order is estimated from the residual, without prior knowledge.
 
 use super::definition::{Cause, LEVELS, Remedy};
 use crate::data::JointKind;
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::{Extended, Size};
 use crate::diagnose::order::{Point, most, peaks};
 use crate::number::{figure, significant};
 use crate::params::unit;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// Orders that are tried.
+/// Number of orders that become candidates.
 const ORDERS: usize = 3;
 
-/// See the module.
+/// Position ripple as a cause; see the module documentation.
 pub struct PositionRipple;
 
 impl Cause for PositionRipple {
@@ -37,13 +40,13 @@ impl Cause for PositionRipple {
         LEVELS
     }
 
-    /// An order a little off is a wave that runs out of step, and underrated.
-    fn is_underrated(&self) -> bool {
+    /// A wave of a slightly wrong order loses its phase, so that a linear fit underestimates it.
+    fn is_poorly_linearised(&self) -> bool {
         true
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        let log = beside.log;
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        let log = context.log;
         let name = log.position_name();
         if !log.varies(name) {
             return Vec::new();
@@ -51,7 +54,7 @@ impl Cause for PositionRipple {
         let points: Vec<Point> = log
             .train_tracks
             .iter()
-            .zip(&beside.at.tracks)
+            .zip(&context.at.tracks)
             .flat_map(|(track, at)| {
                 track.samples.iter().zip(&at.level).zip(&at.residual).map(
                     |((s, level), residual)| Point {
@@ -105,8 +108,8 @@ impl Cause for PositionRipple {
         let order = extended.value(Id::RippleOrder);
         Plane::new(
             "The position, folded by the order",
-            Over::Folded(order),
-            Seen::Along,
+            PlaneAxis::Folded(order),
+            ResidualView::Along,
             format!(
                 "The position times {} per {}, all waves laid over each other. A ripple of that order is one \
                  wave here, and anything of another order averages out.",

@@ -1,12 +1,12 @@
-//! Drag of the water grows with the square of the speed.
+//! Quadratic drag: the drag of the water grows with the square of the speed.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Row, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Row, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// See the module.
+/// Quadratic drag as a cause; see the module documentation.
 pub struct QuadraticDrag;
 
 impl Cause for QuadraticDrag {
@@ -19,7 +19,7 @@ impl Cause for QuadraticDrag {
     }
 
     fn effect(&self) -> &'static str {
-        "c v |v|, as of water."
+        "c v |v|, as in water."
     }
 
     fn remedy(&self) -> Remedy {
@@ -30,16 +30,16 @@ impl Cause for QuadraticDrag {
         &[Id::ViscousFriction]
     }
 
-    fn is_imitated(&self) -> bool {
+    fn is_confounded_with_model_error(&self) -> bool {
         true
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if beside.spec.law.parameters().contains(&Id::QuadraticFriction) {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if context.spec.law.parameters().contains(&Id::QuadraticFriction) {
             return Vec::new();
         }
         let drag = |r: &Row| r.sample.velocity_rad_s * r.sample.velocity_rad_s.abs();
-        let columns = [beside.log.velocity_name()];
+        let columns = [context.log.velocity_name()];
         vec![
             Candidate::new(TermKind::QuadraticDrag, &columns, vec![row(drag)])
                 .starting_at(&[(Id::QuadraticDrag, InitialGuess::Times(0, 1.0))]),
@@ -49,8 +49,8 @@ impl Cause for QuadraticDrag {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "Friction and speed",
-            Over::Speed,
-            Seen::Along,
+            PlaneAxis::Speed,
+            ResidualView::Along,
             "Drag of water grows with the square of the speed; what a base model without it misses bends upwards.",
         )
         .into()

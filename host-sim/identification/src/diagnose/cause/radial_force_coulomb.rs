@@ -1,14 +1,14 @@
-//! Side load presses the seal: the levels rise with it.
+//! Side load: it presses the seal, so the friction levels rise with it.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "radial_force_n";
 
-/// See the module.
+/// Side load as a cause; see the module documentation.
 pub struct RadialForceCoulomb;
 
 impl Cause for RadialForceCoulomb {
@@ -18,6 +18,10 @@ impl Cause for RadialForceCoulomb {
 
     fn meaning(&self) -> &'static str {
         "the side load presses the seal, so friction grows with it"
+    }
+
+    fn meaning_of(&self, size: f64) -> &'static str {
+        if size < 0.0 { "friction falls as the side load rises" } else { self.meaning() }
     }
 
     fn effect(&self) -> &'static str {
@@ -36,8 +40,8 @@ impl Cause for RadialForceCoulomb {
         Some(COLUMN)
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if !beside.log.varies(COLUMN) {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.log.varies(COLUMN) {
             return Vec::new();
         }
         let by = vec![row(|r| r.added * r.sample.radial_force_n)];
@@ -51,8 +55,8 @@ impl Cause for RadialForceCoulomb {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "Friction and side load",
-            Over::Column(COLUMN.into()),
-            Seen::Along,
+            PlaneAxis::Column(COLUMN.into()),
+            ResidualView::Along,
             "Where side load presses the seal, what the base model misses rises with it, in both directions alike.",
         )
         .into()

@@ -1,15 +1,15 @@
-//! A changing side load bends the bristles.
+//! Rate of the side load: a changing side load deflects the bristles.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Regressor};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 use crate::diagnose::extended::Extended;
 use crate::diagnose::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "radial_force_n";
 
-/// See the module.
+/// Rate of the side load as a cause; see the module documentation.
 pub struct RadialForceRate;
 
 impl Cause for RadialForceRate {
@@ -33,8 +33,8 @@ impl Cause for RadialForceRate {
         &[Id::BristleStiffness, Id::BristleDamping]
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if !beside.spec.law.has_bristles() || !beside.log.varies(COLUMN) {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.spec.law.has_bristles() || !context.log.varies(COLUMN) {
             return Vec::new();
         }
         let by = Exact {
@@ -52,10 +52,10 @@ impl Cause for RadialForceRate {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "The changing side load",
-            Over::ChangePerTravel(COLUMN.into()),
-            Seen::Plain,
+            PlaneAxis::ChangePerTravel(COLUMN.into()),
+            ResidualView::Plain,
             "A side load that changes while the joint hardly moves bends the bristles: the torque is off in \
-             proportion, whichever way it moves.",
+             proportion, in both directions alike.",
         )
         .trimmed()
         .spaced(Spacing::NarrowAtZero)

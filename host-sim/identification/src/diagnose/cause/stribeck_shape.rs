@@ -1,8 +1,8 @@
 //! The Stribeck curve falls with another exponent than 2.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Regressor};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 use crate::diagnose::extended::Extended;
 use crate::diagnose::sensitivities::Exact;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -35,15 +35,15 @@ impl Cause for StribeckShape {
         true
     }
 
-    fn is_imitated(&self) -> bool {
+    fn is_confounded_with_model_error(&self) -> bool {
         true
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if !beside.spec.law.has_stribeck_curve() {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.spec.law.has_stribeck_curve() {
             return Vec::new();
         }
-        let columns = [beside.log.velocity_name()];
+        let columns = [context.log.velocity_name()];
         // An exponent of 2 is the table's own curve, without a derivative: a hair beside it there is one.
         [(1.0, 1.0, None), (3.0, 2.001, Some(Id::StribeckExponent))]
             .map(|(start, setting, derivative)| {
@@ -59,8 +59,8 @@ impl Cause for StribeckShape {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "Friction and speed, slow to fast",
-            Over::Speed,
-            Seen::Along,
+            PlaneAxis::Speed,
+            ResidualView::Along,
             "A Stribeck curve of the wrong exponent is above the log at some slow speeds and below it at others.",
         )
         .spaced(Spacing::Logarithmic)

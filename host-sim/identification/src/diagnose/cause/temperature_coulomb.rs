@@ -1,14 +1,15 @@
-//! The seal stiffens with cold: the friction levels fall with temperature.
+//! Temperature of the seal: the seal stiffens in the cold, so the friction levels fall with
+//! temperature.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "temperature_c";
 
-/// See the module.
+/// Temperature of the seal as a cause; see the module documentation.
 pub struct TemperatureCoulomb;
 
 impl Cause for TemperatureCoulomb {
@@ -18,6 +19,10 @@ impl Cause for TemperatureCoulomb {
 
     fn meaning(&self) -> &'static str {
         "the friction level falls as the seal warms"
+    }
+
+    fn meaning_of(&self, size: f64) -> &'static str {
+        if size < 0.0 { "the friction level rises as the seal warms" } else { self.meaning() }
     }
 
     fn effect(&self) -> &'static str {
@@ -32,15 +37,16 @@ impl Cause for TemperatureCoulomb {
         LEVELS
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if !beside.log.varies(COLUMN) {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.log.varies(COLUMN) {
             return Vec::new();
         }
-        // A film that thins has its reference already, and both terms share it.
-        let mean = if beside.has(TermKind::TemperatureViscous) {
-            beside.at.parameters.get(Id::TemperatureReference)
+        // If the viscous part also depends on temperature, both terms share its reference
+        // temperature.
+        let mean = if context.has(TermKind::TemperatureViscous) {
+            context.at.parameters.get(Id::TemperatureReference)
         } else {
-            beside.log.mean_temperature_c()
+            context.log.mean_temperature_c()
         };
         let by = vec![row(move |r| -r.level * (r.sample.temperature_c - mean))];
         vec![
@@ -56,8 +62,8 @@ impl Cause for TemperatureCoulomb {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "Friction level and temperature",
-            Over::Column(COLUMN.into()),
-            Seen::Along,
+            PlaneAxis::Column(COLUMN.into()),
+            ResidualView::Along,
             "Residual along the motion. Where the seal grips harder in the cold, what the base model misses \
              falls with temperature at every speed alike.",
         )
@@ -66,8 +72,8 @@ impl Cause for TemperatureCoulomb {
 
     fn next_experiment(&self, _: &[String]) -> Option<String> {
         Some(
-            "Repeat slow and fast runs both ways at two temperatures at least 10 K apart, in an order that is not that \
-             of time: the level moves at every speed, a film's viscosity with the speed, and run-in with neither."
+            "Repeat slow and fast runs in both directions at two temperatures at least 10 K apart, in random order: temperature \
+             changes the level at every speed, the film's viscosity in proportion to the speed, and run-in follows neither."
                 .into(),
         )
     }

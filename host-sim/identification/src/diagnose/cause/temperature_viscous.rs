@@ -1,14 +1,14 @@
-//! The film thins as it warms: the viscous part falls with temperature.
+//! Temperature of the film: the film thins as it warms, so the viscous part falls with temperature.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "temperature_c";
 
-/// See the module.
+/// Temperature of the film as a cause; see the module documentation.
 pub struct TemperatureViscous;
 
 impl Cause for TemperatureViscous {
@@ -18,6 +18,10 @@ impl Cause for TemperatureViscous {
 
     fn meaning(&self) -> &'static str {
         "the viscous part falls as the film warms"
+    }
+
+    fn meaning_of(&self, size: f64) -> &'static str {
+        if size < 0.0 { "the viscous part rises with the temperature" } else { self.meaning() }
     }
 
     fn effect(&self) -> &'static str {
@@ -36,15 +40,16 @@ impl Cause for TemperatureViscous {
         Some(COLUMN)
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if !beside.log.varies(COLUMN) {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.log.varies(COLUMN) {
             return Vec::new();
         }
-        // The level's fall has its reference already, and both terms share it.
-        let mean = if beside.has(TermKind::TemperatureCoulomb) {
-            beside.at.parameters.get(Id::TemperatureReference)
+        // If the friction level also depends on temperature, both terms share its reference
+        // temperature.
+        let mean = if context.has(TermKind::TemperatureCoulomb) {
+            context.at.parameters.get(Id::TemperatureReference)
         } else {
-            beside.log.mean_temperature_c()
+            context.log.mean_temperature_c()
         };
         let by = vec![row(move |r| -r.viscous * (r.sample.temperature_c - mean))];
         vec![
@@ -60,8 +65,8 @@ impl Cause for TemperatureViscous {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "Viscous part and temperature",
-            Over::Column(COLUMN.into()),
-            Seen::PerVelocity,
+            PlaneAxis::Column(COLUMN.into()),
+            ResidualView::PerVelocity,
             "Residual over velocity, each row counting by the square of its speed. Where the film thins as \
              it warms, the coefficient that is missed falls with temperature.",
         )

@@ -1,12 +1,12 @@
-//! Friction changes over the campaign: run-in or wear.
+//! Time drift: friction changes over the campaign by run-in or wear.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 use crate::diagnose::extended::{Extended, Size};
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// See the module.
+/// Time drift as a cause; see the module documentation.
 pub struct TimeDrift;
 
 impl Cause for TimeDrift {
@@ -16,6 +16,14 @@ impl Cause for TimeDrift {
 
     fn meaning(&self) -> &'static str {
         "friction changes over the campaign (run-in or wear)"
+    }
+
+    fn meaning_of(&self, size: f64) -> &'static str {
+        if size < 0.0 {
+            "friction falls over the campaign (run-in)"
+        } else {
+            "friction rises over the campaign (wear)"
+        }
     }
 
     fn effect(&self) -> &'static str {
@@ -34,12 +42,12 @@ impl Cause for TimeDrift {
         true
     }
 
-    fn is_imitated(&self) -> bool {
+    fn is_confounded_with_model_error(&self) -> bool {
         true
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        if !beside.log.has_campaign_clock() {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        if !context.log.has_campaign_clock() {
             return Vec::new();
         }
         let candidate = |by| Candidate::new(TermKind::TimeDrift, &["time_s"], vec![by]);
@@ -51,7 +59,7 @@ impl Cause for TimeDrift {
                 ])
                 .keeping(&[Id::DriftAmplitude, Id::DriftTime]),
         ];
-        let campaign_h = beside.log.campaign_s() / 3600.0;
+        let campaign_h = context.log.campaign_s() / 3600.0;
         for share in [0.1, 0.3] {
             let time_h = share * campaign_h;
             let by = row(move |r| r.level * (-r.sample.campaign_time_h / time_h).exp());
@@ -68,7 +76,7 @@ impl Cause for TimeDrift {
         all
     }
 
-    /// Relative change of the level from the beginning of the campaign to its end.
+    /// Returns the relative change of the level from the beginning of the campaign to its end.
     fn size(&self, extended: &Extended) -> Size {
         let amplitude = extended.value(Id::DriftAmplitude);
         let (time, rate) = (extended.value(Id::DriftTime), extended.value(Id::DriftRate));
@@ -84,8 +92,8 @@ impl Cause for TimeDrift {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "Friction over the campaign",
-            Over::CampaignTime,
-            Seen::Along,
+            PlaneAxis::CampaignTime,
+            ResidualView::Along,
             "One point for each run, or stretch of a single one. Where friction runs in or wears, they drift over the campaign.",
         )
         .spaced(Spacing::Runs)

@@ -1,13 +1,13 @@
-//! The torque sensor's zero is off: a constant.
+//! Torque offset: the torque reading has a constant zero error.
 
 use super::definition::{Cause, Remedy};
 use super::direction_asymmetry::DirectionAsymmetry;
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, ResidualView};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// See the module.
+/// Torque offset as a cause; see the module documentation.
 pub struct TorqueOffset;
 
 impl Cause for TorqueOffset {
@@ -27,13 +27,13 @@ impl Cause for TorqueOffset {
         Remedy::CorrectColumn(Some(TermKind::TorqueOffset))
     }
 
-    /// In pure sliding a zero error and a difference between the directions are one and the same; the one
-    /// that is friction is named.
+    /// In pure sliding, a zero error and an asymmetry of the friction levels have the same effect.
+    /// The asymmetry is reported, because it is friction.
     fn yields_to(&self) -> Option<&'static dyn Cause> {
         Some(&DirectionAsymmetry)
     }
 
-    fn candidates(&self, _: &Beside) -> Vec<Candidate> {
+    fn candidates(&self, _: &FitContext) -> Vec<Candidate> {
         vec![
             Candidate::new(TermKind::TorqueOffset, &[], vec![row(|_| 1.0)])
                 .starting_at(&[(Id::TorqueOffset, InitialGuess::Times(0, 1.0))]),
@@ -42,8 +42,9 @@ impl Cause for TorqueOffset {
 
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Some(Evidence::ByDirection {
-            seen: Seen::Plain,
-            says: "A zero error of the reading lifts both directions alike, at every speed.".into(),
+            view: ResidualView::Plain,
+            description: "A zero error of the reading lifts both directions alike, at every speed."
+                .into(),
         })
     }
 }

@@ -1,23 +1,26 @@
-//! Cogging, gear mesh: a torque of the angle in several orders, whichever way the joint turns.
+//! Torque ripple: cogging or gear mesh adds a torque of several orders of the angle, independent of
+//! the direction.
 //!
-//! What a magnet does to a slot or a tooth to a tooth is no share of the friction: it does not change its sign
-//! with the direction (as a [`super::position_ripple`] does, which the same spectrum weighed with the level
-//! finds), and it is there at rest. Once a turn of the joint is left to the imbalance of what it carries
-//! ([`super::gravity_imbalance`]), which is the same torque and simpler.
+//! The torque of a magnet on a slot or of a tooth on a tooth is not a share of the friction. It
+//! does not change sign with the direction, and it also acts at rest. A [`super::position_ripple`]
+//! changes sign with the direction. The same spectrum finds it if it is weighted with the level.
+//!
+//! One period per turn of the joint is excluded. It belongs to the gravity imbalance
+//! ([`super::gravity_imbalance`]), which describes the same torque by a simpler term.
 
 use super::definition::{Cause, Remedy};
 use crate::data::JointKind;
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Regressor, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::{Extended, Size};
 use crate::diagnose::harmonics::strongest;
 use crate::diagnose::order::most;
 use crate::number::{figure, significant};
 use crate::params::unit;
-use compensator_core::term::{TORQUE_RIPPLE_PARAMETERS, TORQUE_RIPPLES};
+use compensator_core::term::{TORQUE_RIPPLE_ORDERS, TORQUE_RIPPLE_PARAMETERS};
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// See the module.
+/// Torque ripple as a cause; see the module documentation.
 pub struct TorqueRipple;
 
 impl Cause for TorqueRipple {
@@ -26,24 +29,24 @@ impl Cause for TorqueRipple {
     }
 
     fn meaning(&self) -> &'static str {
-        "a torque follows the shaft angle, whichever way it turns (cogging, gear mesh)"
+        "a torque follows the shaft angle in both directions alike (cogging, gear mesh)"
     }
 
     fn effect(&self) -> &'static str {
-        "sines and cosines of several orders of the position, whichever way it moves."
+        "sines and cosines of several orders of the position, in both directions alike."
     }
 
     fn remedy(&self) -> Remedy {
         Remedy::Term(TermKind::TorqueRipple)
     }
 
-    /// An order a little off is a wave that runs out of step, and underrated.
-    fn is_underrated(&self) -> bool {
+    /// A wave of a slightly wrong order loses its phase, so that a linear fit underestimates it.
+    fn is_poorly_linearised(&self) -> bool {
         true
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        let log = beside.log;
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        let log = context.log;
         let name = log.position_name();
         if !log.varies(name) {
             return Vec::new();
@@ -52,11 +55,12 @@ impl Cause for TorqueRipple {
         let most = most(log);
         let is_gravitys = is_revolute && log.aligned_order.is_none();
         let once_a_turn: &[f64] = if is_gravitys { &[1.0] } else { &[] };
-        let Some(found) = strongest(log, beside.at, most, TORQUE_RIPPLES, once_a_turn, is_revolute)
+        let Some(found) =
+            strongest(log, context.at, most, TORQUE_RIPPLE_ORDERS, once_a_turn, is_revolute)
         else {
             return Vec::new();
         };
-        // The strongest alone, and all of them.
+        // One candidate has the strongest order only, and one has all orders.
         let mut sizes = vec![1, found.orders.len()];
         sizes.dedup();
         let orders = |count: usize| &found.orders[..count];
@@ -98,8 +102,8 @@ impl Cause for TorqueRipple {
         let order = extended.value(order);
         Plane::new(
             "The position, folded by the order",
-            Over::Folded(order),
-            Seen::Plain,
+            PlaneAxis::Folded(order),
+            ResidualView::Plain,
             format!(
                 "The position times {} per {}, all waves laid over each other, the torque with its own sign. A \
                  ripple of that order is one wave here whichever way the joint moves; multiples of it bend the \
@@ -113,20 +117,20 @@ impl Cause for TorqueRipple {
 
     fn next_experiment(&self, _: &[String]) -> Option<String> {
         Some(
-            "Turn slowly and evenly through several whole turns both ways: there the ripple is most of the torque, and \
-             its orders and phases are measured best."
+            "Turn slowly and evenly through several whole turns in both directions: there the ripple is the largest part of the \
+             torque, and its orders and phases are measured best."
                 .into(),
         )
     }
 }
 
-/// A candidate of these orders.
+/// Returns a candidate with these orders.
 fn candidate(position: &str, orders: &[f64], independent: f64) -> Candidate {
     let mut regressors: Vec<Regressor> = Vec::new();
     let (mut guesses, mut fixed) = (Vec::new(), Vec::new());
     for (place, ids) in TORQUE_RIPPLE_PARAMETERS.into_iter().enumerate() {
         let Some(n) = orders.get(place).copied() else {
-            // A place that is not taken.
+            // An unused order has the size 0.
             guesses.extend(ids.map(|id| (id, InitialGuess::At(0.0))));
             fixed.extend(ids);
             continue;
@@ -136,7 +140,8 @@ fn candidate(position: &str, orders: &[f64], independent: f64) -> Candidate {
         regressors.push(row(move |r| (n * r.sample.position_rad).cos()));
         let [order, sine, cosine] = ids;
         if n.fract() == 0.0 {
-            // What is fixed to the shaft has a whole order: a fit would only move it by its noise, and out of step.
+            // A ripple of the shaft has a whole order. A fitted order would contain noise and cause
+            // a phase error.
             fixed.push(order);
         }
         guesses.extend([
@@ -148,11 +153,11 @@ fn candidate(position: &str, orders: &[f64], independent: f64) -> Candidate {
     Candidate::new(TermKind::TorqueRipple, &[position], regressors)
         .starting_at(&guesses)
         .keeping(&fixed)
-        // Each was chosen from all, beside those before it.
+        // Each order was chosen from all independent orders, beside the previous ones.
         .of_order(orders[0], independent * orders.len() as f64)
 }
 
-/// The orders in use, the strongest first.
+/// Returns the parameters of the orders in use, the strongest first.
 fn waves(extended: &Extended) -> Vec<[Id; 3]> {
     let size = |[_, sine, cosine]: &[Id; 3]| extended.value(*sine).hypot(extended.value(*cosine));
     let mut waves = TORQUE_RIPPLE_PARAMETERS.to_vec();

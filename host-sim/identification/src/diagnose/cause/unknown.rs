@@ -1,35 +1,37 @@
-//! What no named cause explains: a curve of any shape over any column, or structure without a column.
+//! Unknown causes: a curve of any shape over any column, or structure without a column.
 //!
-//! The curve is a broken line, once as a torque of its own (a sensor's error, a load) and once as a share of
-//! the friction level. A straight line over a covariate, as of a sensor's gain that is off, is weighed
-//! as such too. Curves of any shape come after the named causes and with a handicap: six knots can be bent
-//! into most things. Structure that follows no column at all is told, and no term is offered.
+//! The curve is piecewise linear. It is fitted as a separate torque (a sensor's error, a load) and
+//! as a share of the friction level. A straight line over a covariate, as for a sensor's gain
+//! error, is a candidate of its own. Curves of any shape are considered after the named causes and
+//! with a lower weight, because six knots can approximate many shapes. Structure that follows no
+//! column is reported without a term.
 
 use super::definition::{Cause, Remedy};
 use super::formula;
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Row, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Row, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 use crate::diagnose::extended::{Extended, Observation, Size, Unexplained};
-use crate::diagnose::train_test::Follows;
+use crate::diagnose::train_test::FollowedColumn;
 use crate::diagnose::train_test::TrainTest;
 use crate::fit::State;
 use crate::fit::predict::Predicted;
 use crate::number::figure;
-use compensator_core::term::{KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
+use compensator_core::term::{LOOKUP_KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
 use compensator_core::{ParameterId as Id, Quantity, TermKind};
 use rand::{RngExt, SeedableRng};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// A curve that may have any shape has to explain this much more than a named cause.
+/// Factor on the gain of a curve of any shape, which must explain more than a named cause.
 const ANY_SHAPE_WEIGHT: f64 = 0.8;
 
-/// A gain error of a covariate is as simple as a cause, but no cause of friction.
+/// Factor on the gain of a covariate's gain error. It is as simple as a named cause, but it is not
+/// friction.
 const GAIN_ERROR_WEIGHT: f64 = 0.9;
 
-/// Resampled logs the size of unexplained structure is counted over.
+/// Number of bootstrap samples for the size of unexplained structure.
 const RESAMPLES: usize = 400;
 
-/// See the module.
+/// Unknown cause; see the module documentation.
 pub struct Unknown;
 
 impl Cause for Unknown {
@@ -38,7 +40,7 @@ impl Cause for Unknown {
     }
 
     fn meaning(&self) -> &'static str {
-        "no named cause explains what is left"
+        "no named cause explains the remaining error"
     }
 
     fn effect(&self) -> &'static str {
@@ -55,22 +57,23 @@ impl Cause for Unknown {
 
     fn next_experiment(&self, columns: &[String]) -> Option<String> {
         Some(if columns.is_empty() {
-            "Log more of what may act (temperature, side load, pressure, position) and repeat the run that is worst."
+            "Log more quantities that may act (temperature, side load, pressure, position) and repeat the worst run."
                 .into()
         } else {
             format!("Vary {} in steps with everything else held constant.", columns.join(" and "))
         })
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        // With an offset in the model, the curve's constant would be a second one.
-        let offset = beside.has(TermKind::TorqueOffset);
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        // With an offset in the model, the constant of the curve is redundant.
+        let offset = context.has(TermKind::TorqueOffset);
         let mut all = Vec::new();
-        for followed in columns(beside.log) {
-            let values = values(beside.log, &followed);
+        for followed in columns(context.log) {
+            let values = values(context.log, &followed);
             all.extend(formula::candidates(&followed, &values));
-            // A sensor's gain error is a straight line over a covariate, and so simple that it is weighed as
-            // such too. (Over velocity it would be viscous friction; over angle or time it means nothing.)
+            // A sensor's gain error is a straight line over a covariate, and simple enough for a
+            // candidate of its own. A line over velocity is viscous friction. A line over angle or
+            // time has no meaning.
             let is_covariate = followed.is_covariate();
             let ways = [(false, false), (true, false), (false, true)];
             for (level, proportional) in ways.into_iter().filter(|(_, line)| !line || is_covariate)
@@ -86,7 +89,7 @@ impl Cause for Unknown {
         Some(unexplained(rest))
     }
 
-    /// From the lowest to the highest knot.
+    /// Returns the difference between the highest and the lowest knot.
     fn size(&self, extended: &Extended) -> Size {
         if extended.formula() != LookupFormula::None {
             return extended.size(Id::LookupRise);
@@ -94,7 +97,8 @@ impl Cause for Unknown {
         let knots = knots(extended.follows_level());
         let value = |id: &Id| extended.value(*id);
         let error = |id: &Id| extended.error(*id);
-        // A knot the log hardly visits may stand anywhere: it does not count. One that was pinned at 0 does.
+        // A knot with few rows is not determined and does not count. A knot that was pinned at 0
+        // counts.
         let sure = |id: &&Id| {
             extended.estimate(**id).is_some_and(|e| match e.std_error {
                 Some(_) => {
@@ -122,25 +126,25 @@ impl Cause for Unknown {
         let size = size.in_words();
         if follows.level {
             format!(
-                "friction follows {column}, {shape}, in a way no named cause describes: its level spans {size}"
+                "friction follows {column}, {shape}, in a way that no named cause describes: its level varies by {size}"
             )
         } else {
             format!(
-                "a torque follows {column}, {shape}, whichever way the joint moves: calibration or load, not friction; it spans {size}"
+                "a torque follows {column}, {shape}, in both directions of motion alike: calibration or load, not friction; it varies by {size}"
             )
         }
     }
 
     fn evidence(&self, columns: &[String], extended: &Extended) -> Option<Evidence> {
         let name = columns.first()?;
-        // As the curve in the model is, whichever of its two it was fitted as.
+        // The view depends on the curve in the model, which may be a torque or a level.
         let mut levels = LOOKUP_LEVELS.iter().chain([&Id::LookupRise]);
         let level = levels.any(|id| extended.value(*id) != 0.0);
         let is_velocity = name == extended.log.velocity_name();
         Plane::new(
             format!("What follows {name}"),
-            Over::Column(name.clone()),
-            if level { Seen::Along } else { Seen::Plain },
+            PlaneAxis::Column(name.clone()),
+            if level { ResidualView::Along } else { ResidualView::Plain },
             "No named cause has this shape; the extension is a curve drawn through it.",
         )
         .spaced(if is_velocity { Spacing::NarrowAtZero } else { Spacing::Even })
@@ -148,35 +152,35 @@ impl Cause for Unknown {
     }
 }
 
-fn knots(level: bool) -> [Id; KNOTS] {
+fn knots(level: bool) -> [Id; LOOKUP_KNOTS] {
     if level { LOOKUP_LEVELS } else { LOOKUP_TORQUES }
 }
 
-/// A column the curve may follow.
+/// A column that the curve may follow.
 pub struct Followed {
-    /// Its name in the log.
+    /// Name in the log.
     pub name: String,
-    /// What it measures; [`Quantity::Auxiliary`] for a covariate of the log's own.
+    /// Measured quantity; [`Quantity::Auxiliary`] for one of the log's extra covariates.
     pub quantity: Quantity,
-    /// Its index among the log's own covariates, where it is one.
+    /// Index among the log's extra covariates, if it is one.
     pub covariate: Option<usize>,
 }
 
 impl Followed {
-    /// Its value in a row, in the core's unit.
+    /// Returns the value of a quantity in a row, in the core's unit.
     pub fn read(quantity: Quantity, row: &Row) -> f64 {
         match quantity {
             Quantity::Auxiliary => row.extra,
-            known => known.of_sample(row.sample).unwrap_or_default(),
+            known => known.value_in(row.sample).unwrap_or_default(),
         }
     }
 
-    /// Its number in the core.
+    /// Returns the number of the column in the core.
     pub fn number(&self) -> f64 {
         self.quantity.info().column.map_or(0.0, f64::from)
     }
 
-    /// Whether it is neither the joint's motion nor the time.
+    /// Returns true if the column is neither the joint's motion nor the time.
     pub fn is_covariate(&self) -> bool {
         use Quantity as Is;
         ![Is::Velocity, Is::Position, Is::CampaignTime].contains(&self.quantity)
@@ -205,15 +209,16 @@ fn columns(log: &TrainTest) -> Vec<Followed> {
 /// How the curve follows a column.
 #[derive(Clone, Copy)]
 struct Way {
-    /// As a share of the friction level; else as a torque of its own.
+    /// True for a share of the friction level; false for a separate torque.
     level: bool,
-    /// As a straight line.
+    /// True for a straight line.
     proportional: bool,
-    /// The knot nearest the median stays at 0: the constant is the base's.
+    /// True if the knot nearest the median stays at 0, because the base model contains the
+    /// constant.
     pins: bool,
 }
 
-/// Some of a column's values, in the core's unit, sorted.
+/// Returns some of a column's values, in the core's unit, sorted.
 fn values(log: &TrainTest, followed: &Followed) -> Vec<f64> {
     let mut values: Vec<f64> = log
         .train_tracks
@@ -230,7 +235,8 @@ fn values(log: &TrainTest, followed: &Followed) -> Vec<f64> {
     values
 }
 
-/// A curve over one column, of which some values are given, sorted.
+/// Returns a curve over one column, of which some sorted values are given; `None` if they are all
+/// equal.
 fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
     let Way { level, proportional, pins } = way;
     let last = values.len().checked_sub(1)?;
@@ -239,8 +245,8 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
     if most <= least {
         return None;
     }
-    let width = (most - least) / (KNOTS - 1) as f64;
-    let pinned = (((median - least) / width).round() as usize).min(KNOTS - 1);
+    let width = (most - least) / (LOOKUP_KNOTS - 1) as f64;
+    let pinned = (((median - least) / width).round() as usize).min(LOOKUP_KNOTS - 1);
     let (own, others) = (knots(level), knots(!level));
     let quantity = followed.quantity;
     let read = move |row: &Row| Followed::read(quantity, row);
@@ -280,7 +286,7 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
         (Id::LookupRise, InitialGuess::At(0.0)),
     ]);
     fixed.extend([Id::LookupRise, Id::LookupScale]);
-    let follows = Follows {
+    let follows = FollowedColumn {
         column: followed.name.clone(),
         extra: followed.covariate.is_some(),
         level,
@@ -298,7 +304,7 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
     )
 }
 
-/// The shape of the curve in words.
+/// Returns the shape of the curve in words.
 fn shape(extended: &Extended, level: bool) -> &'static str {
     let values = knots(level).map(|id| extended.value(id));
     let steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -320,7 +326,9 @@ fn shape(extended: &Extended, level: bool) -> &'static str {
     }
 }
 
-/// Structure that follows no column: how far the error is beyond the noise, its interval by resampled tracks.
+/// Returns the observation of structure that follows no column.
+///
+/// Its size is the error above the noise floor. The interval comes from resampled tracks.
 fn unexplained(rest: &Unexplained) -> Observation {
     let Unexplained { after, noise_floor, .. } = *rest;
     let rmse = after.metrics.rmse;
@@ -354,7 +362,7 @@ fn unexplained(rest: &Unexplained) -> Observation {
     Observation {
         columns: Vec::new(),
         in_words: format!(
-            "something smooth is left, {} {unit} RMS beyond the noise of {} {unit}, that follows none of the log's columns",
+            "a smooth error remains, {} {unit} RMS above the noise of {} {unit}, which correlates with none of the log's columns",
             figure(size.value),
             figure(noise_floor)
         ),
@@ -366,7 +374,8 @@ fn unexplained(rest: &Unexplained) -> Observation {
     }
 }
 
-/// Probability that white noise hangs together as this residual does from one row to the next.
+/// Returns the probability that white noise has the residual's autocorrelation between neighbouring
+/// rows.
 fn like_noise(after: &Predicted) -> f64 {
     let (mut products, mut squares, mut rows) = (0.0, 0.0, 0.0);
     for track in &after.residuals {

@@ -1,12 +1,13 @@
-//! A torque in proportion to acceleration: mass that is not in the known rigid body.
+//! Unmodelled inertia: a torque proportional to acceleration, from mass outside the known rigid
+//! body.
 
 use super::definition::{Cause, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, row};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::Extended;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// See the module.
+/// Unmodelled inertia as a cause; see the module documentation.
 pub struct UnmodelledInertia;
 
 impl Cause for UnmodelledInertia {
@@ -26,12 +27,12 @@ impl Cause for UnmodelledInertia {
         Remedy::RigidBody(TermKind::UnmodelledInertia)
     }
 
-    fn is_imitated(&self) -> bool {
+    fn is_confounded_with_model_error(&self) -> bool {
         true
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        let columns = [beside.log.velocity_name()];
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        let columns = [context.log.velocity_name()];
         let by = vec![row(|r| r.sample.acceleration_rad_s2)];
         vec![
             Candidate::new(TermKind::UnmodelledInertia, &columns, by)
@@ -42,8 +43,8 @@ impl Cause for UnmodelledInertia {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "Torque and acceleration",
-            Over::Acceleration,
-            Seen::Plain,
+            PlaneAxis::Acceleration,
+            ResidualView::Plain,
             "A torque in proportion to acceleration is a rigid body, not friction.",
         )
         .trimmed()

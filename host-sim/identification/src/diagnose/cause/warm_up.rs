@@ -1,32 +1,36 @@
-//! Friction falls with the heat it leaves, where no temperature is logged.
+//! Warm-up: friction falls as friction work heats the joint, and no temperature is logged.
 //!
-//! The heat is a state of the joint that no column shows; what fills it, the work of the friction, the model
-//! knows itself. How much of it counts (`E0`) and how soon it is lost (`T`) is not linear: a coarse grid of both,
-//! from what this log's motion dissipates and how long it goes on, each simulated for itself.
+//! The heat is a state of the joint that no column shows. The model computes its source, the work
+//! of friction. Two parameters enter nonlinearly: the energy `E0` that reduces friction, J, and the
+//! time constant `T` of cooling, s. The candidates form a coarse grid of both, scaled with the
+//! dissipation and the length of this log's runs. Each candidate is simulated separately.
 
 use super::definition::{Cause, LEVELS, Remedy};
-use crate::diagnose::candidate::{Beside, Candidate, InitialGuess, Regressor};
-use crate::diagnose::evidence::{Evidence, Over, Plane, Seen, Spacing};
+use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Regressor};
+use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 use crate::diagnose::extended::Extended;
 use crate::diagnose::sensitivities::Exact;
 use crate::fit::Track;
 use crate::number::significant;
 use compensator_core::{ParameterId as Id, TermKind};
 
-/// Times of cooling that are tried, over the length of a run.
+/// Cooling times of the candidates, as multiples of the length of a run.
 const COOLING: [f64; 3] = [0.5, 5.0, 100.0];
 
-/// Energies that are tried, over what is held of the work of a run after so long a time.
+/// Energies of the candidates, as multiples of the heat that remains at the end of a run.
 const ENERGIES: [f64; 2] = [0.5, 2.0];
 
-/// Heat that stays is a change over the campaign, which no rest brings back: to be named beside that one. It is lost in so
-/// many campaigns.
+/// Cooling time of the comparison candidates, in campaign lengths.
+///
+/// Heat that stays changes friction over the campaign, and no pause reverses the change. It is
+/// therefore only reported as confounded with a drift.
 const HELD_OVER_CAMPAIGNS: f64 = 10.0;
 
-/// See the module.
+/// Warm-up as a cause; see the module documentation.
 pub struct WarmUp;
 
-/// Length, s, and mean dissipation, W, of the run in the middle of all by length.
+/// Returns the median length of the tracks, s, and their mean dissipation, W; `None` if one is not
+/// positive.
 fn typical(tracks: &[Track]) -> Option<(f64, f64)> {
     let length = |track: &Track| {
         let ratios = track.period_ratio.as_ref();
@@ -45,14 +49,14 @@ fn typical(tracks: &[Track]) -> Option<(f64, f64)> {
     (mean > 0.0 && middle > 0.0).then_some((middle, mean))
 }
 
-/// One that takes this energy, J, and loses it in this time, s.
-fn candidate(beside: &Beside, energy_j: f64, cooling_s: f64) -> Candidate {
+/// Returns a candidate with this energy, J, and this cooling time, s.
+fn candidate(context: &FitContext, energy_j: f64, cooling_s: f64) -> Candidate {
     let legal = |id: Id, value: f64| value.clamp(id.info().lower, id.info().upper);
     let energy = legal(Id::WarmUpEnergy, energy_j);
     let cooling = legal(Id::WarmUpCooling, cooling_s);
     let settings = vec![(Id::WarmUpEnergy, energy), (Id::WarmUpCooling, cooling)];
     let by = Exact { kind: TermKind::WarmUp, settings, derivative: Some(Id::WarmUpFall) };
-    let columns = [beside.log.velocity_name()];
+    let columns = [context.log.velocity_name()];
     Candidate::new(TermKind::WarmUp, &columns, vec![Regressor::Exact(by)]).starting_at(&[
         (Id::WarmUpFall, InitialGuess::Times(0, 1.0)),
         (Id::WarmUpEnergy, InitialGuess::At(energy)),
@@ -66,11 +70,19 @@ impl Cause for WarmUp {
     }
 
     fn meaning(&self) -> &'static str {
-        "friction falls with the heat that rubbing leaves"
+        "friction falls as the joint is heated by friction"
+    }
+
+    fn meaning_of(&self, size: f64) -> &'static str {
+        if size < 0.0 {
+            "friction rises as the joint is heated by friction"
+        } else {
+            self.meaning()
+        }
     }
 
     fn effect(&self) -> &'static str {
-        "levels fall with the work of friction, which is lost again with time."
+        "levels fall with the heat of friction work, which decays with time."
     }
 
     fn remedy(&self) -> Remedy {
@@ -85,42 +97,43 @@ impl Cause for WarmUp {
         true
     }
 
-    fn is_imitated(&self) -> bool {
+    fn is_confounded_with_model_error(&self) -> bool {
         true
     }
 
-    fn candidates(&self, beside: &Beside) -> Vec<Candidate> {
-        // Where every run begins at the same time nobody knows how warm it began.
-        if !beside.log.has_campaign_clock() {
+    fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
+        // If every run starts at the same time, the heat at its start is unknown.
+        if !context.log.has_campaign_clock() {
             return Vec::new();
         }
-        let Some((length_s, power)) = typical(&beside.log.train_tracks) else { return Vec::new() };
-        let tracks = &beside.log.train_tracks;
+        let Some((length_s, power)) = typical(&context.log.train_tracks) else { return Vec::new() };
+        let tracks = &context.log.train_tracks;
         let rubbing_s: f64 = tracks.iter().map(|track| track.len() as f64 * track.period_s).sum();
         let within_runs = COOLING.into_iter().flat_map(|cooling| {
-            // What is held in the end of a steady power over one run.
+            // Heat that remains at the end of a run of constant power.
             let held = power * length_s * cooling * (1.0 - (-1.0 / cooling).exp());
             ENERGIES.map(|share| (share * held, cooling * length_s))
         });
         let of_campaign = ENERGIES.map(|share| {
-            (share * power * rubbing_s, HELD_OVER_CAMPAIGNS * beside.log.campaign_s())
+            (share * power * rubbing_s, HELD_OVER_CAMPAIGNS * context.log.campaign_s())
         });
-        // A temperature that was measured knows better.
-        let is_told = beside.log.varies("temperature_c");
+        // A measured temperature is more reliable. These candidates are then for comparison only.
+        let has_temperature = context.log.varies("temperature_c");
         let own = within_runs.map(|(energy, cooling)| {
-            let candidate = candidate(beside, energy, cooling);
-            if is_told { candidate.as_rival() } else { candidate }
+            let candidate = candidate(context, energy, cooling);
+            if has_temperature { candidate.as_comparison_only() } else { candidate }
         });
         own.chain(
-            of_campaign.map(|(energy, cooling)| candidate(beside, energy, cooling).as_rival()),
+            of_campaign
+                .map(|(energy, cooling)| candidate(context, energy, cooling).as_comparison_only()),
         )
         .collect()
     }
 
     fn in_words(&self, size: &crate::diagnose::Size, extended: &Extended) -> String {
         format!(
-            "{}: by a share of {}, most of it within {} J, which is lost again in {} s",
-            self.meaning(),
+            "{}: by a share of {}, most of it within {} J, which decays with a time constant of {} s",
+            self.meaning_of(size.value),
             size.in_words(),
             significant(extended.value(Id::WarmUpEnergy), 2),
             significant(extended.value(Id::WarmUpCooling), 2)
@@ -130,9 +143,9 @@ impl Cause for WarmUp {
     fn evidence(&self, _: &[String], _: &Extended) -> Option<Evidence> {
         Plane::new(
             "Over the campaign",
-            Over::CampaignTime,
-            Seen::Along,
-            "Residual along the motion. A joint that warms up rubs less and less while it works, and as before              after a rest.",
+            PlaneAxis::CampaignTime,
+            ResidualView::Along,
+            "Residual along the motion. The friction of a joint that warms up falls during work and recovers after a pause.",
         )
         .spaced(Spacing::Even)
         .into()
@@ -140,7 +153,8 @@ impl Cause for WarmUp {
 
     fn next_experiment(&self, _: &[String]) -> Option<String> {
         Some(
-            "Log a temperature near the seal; or repeat one run cold, at once after a long fast run, and once more after              a rest of several minutes: heat comes back down, run-in does not."
+            "Log a temperature near the seal; or repeat one run cold, directly after a long fast run, and after a pause of \
+             several minutes: the effect of heat is reversible, that of run-in is not."
                 .into(),
         )
     }

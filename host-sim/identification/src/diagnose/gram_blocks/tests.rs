@@ -2,7 +2,7 @@
 
 use super::*;
 
-const ONCE: Asked = Asked { comparisons: 1.0, evened: false };
+const ONCE: CandidateOptions = CandidateOptions { comparisons: 1.0, block_weighted: false };
 
 /// A log of `blocks` blocks: base column 1, candidates a (true, in the residual) and b (noise).
 fn gram(blocks: usize, size: f64, seed: u64) -> GramBlocks {
@@ -21,16 +21,16 @@ fn gram(blocks: usize, size: f64, seed: u64) -> GramBlocks {
 }
 
 #[test]
-fn what_is_there_is_found_with_its_size() {
+fn try_all_with_planted_candidate_returns_its_coefficient() {
     let fits = gram(64, 0.2, 1).try_all(&[ONCE, ONCE]);
     assert!((fits[0].coefficients[0] - 0.2).abs() < 0.06, "{:?}", fits[0]);
     assert!(fits[0].p_value < 1e-3 && fits[0].unseen.value > 0.0, "{:?}", fits[0]);
-    assert!(fits[0].unseen_runs.unwrap().in_errors() > 2.0, "{:?}", fits[0]);
+    assert!(fits[0].unseen_runs.unwrap().in_standard_errors() > 2.0, "{:?}", fits[0]);
     assert!(fits[1].p_value > 0.01, "{:?}", fits[1]);
 }
 
 #[test]
-fn runs_of_one_block_each_are_told_from_each_other() {
+fn try_all_with_one_block_per_run_distinguishes_runs() {
     let mut gram = gram(64, 0.5, 1);
     let alike =
         |block: Block| Block { run: block.run * STRETCHES + block.stretch, stretch: 4, ..block };
@@ -40,7 +40,7 @@ fn runs_of_one_block_each_are_told_from_each_other() {
 }
 
 #[test]
-fn nothing_hidden_is_seldom_significant() {
+fn try_all_with_noise_is_rarely_significant() {
     let least = |seed| {
         let fits = gram(64, 0.0, seed).try_all(&[ONCE, ONCE]);
         fits.iter().map(|fit| fit.p_value).fold(1.0, f64::min)
@@ -51,7 +51,7 @@ fn nothing_hidden_is_seldom_significant() {
 }
 
 #[test]
-fn a_copy_of_a_column_is_confusable_and_another_is_not() {
+fn confusion_of_copied_column_is_one_and_of_other_is_small() {
     let mut gram = gram(40, 0.5, 3);
     assert!(gram.confusion(0, 1).0 < 0.1);
     for block in gram.blocks.iter_mut().map(|b| &mut b.products).chain([&mut gram.total]) {
@@ -65,7 +65,7 @@ fn a_copy_of_a_column_is_confusable_and_another_is_not() {
 }
 
 #[test]
-fn what_another_law_explains_is_nothing_of_its_own() {
+fn beside_other_laws_with_explained_candidate_is_small() {
     // Base column 1; a candidate that another law's column holds all but a tenth of, and one of its own.
     let mut random = Pcg64::seed_from_u64(4);
     let mut normal = move || (0..12).map(|_| random.random_range(-0.5..0.5f64)).sum::<f64>();
@@ -82,12 +82,12 @@ fn what_another_law_explains_is_nothing_of_its_own() {
     let gram = GramBlocks::new(1, &[1, 1], (0..64).map(block).collect());
     let fits = gram.try_all(&[ONCE, ONCE]);
     let left = |fit: &CandidateFit| gram.beside_other_laws(fit.candidate).value / fit.unseen.value;
-    assert!(fits.iter().all(|fit| fit.unseen.in_errors() > 3.0), "{fits:?}");
+    assert!(fits.iter().all(|fit| fit.unseen.in_standard_errors() > 3.0), "{fits:?}");
     assert!(left(&fits[0]) < 0.1 && left(&fits[1]) > 0.8, "{} {}", left(&fits[0]), left(&fits[1]));
 }
 
 #[test]
-fn a_covariate_that_changes_from_run_to_run_only_describes() {
+fn try_all_with_covariate_constant_per_run_only_describes() {
     // Four runs of one level each, two of them with a torque that no straight line over the level has.
     let mut random = Pcg64::seed_from_u64(9);
     let mut normal = move || (0..12).map(|_| random.random_range(-0.5..0.5f64)).sum::<f64>();

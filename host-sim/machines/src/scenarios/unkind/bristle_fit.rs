@@ -1,68 +1,75 @@
-//! Bristles fitted to another plant: what a law with one state can do at best on a joint that has many.
+//! Fit of bristles to the slip-element plant: the best result of a law with one state on a joint with many.
 //!
-//! Levenberg and Marquardt's method over the logarithms of six parameters, on the torque without noise and along the
-//! true motion; what is hidden stays in the joint at its true size. What is left is an error no friction law of one state
-//! avoids, and so part of the floor.
+//! Levenberg-Marquardt method over the logarithms of six parameters. It uses the noise-free torque along the true
+//! motion. The hidden effect stays in the joint at its true size. No friction law with one state avoids the remaining
+//! error, so it is part of the error floor.
 
 use super::super::joint::Joint;
 use super::campaign::Campaign;
-use super::plant::{Machine, Way};
+use super::plant::{Machine, Trajectory};
 use super::visible::{Rows, difference};
 use crate::friction::Seal;
 
-/// Rounds of the fit; the errors change by less than a percent after them.
-const ROUNDS: usize = 8;
-/// Stiffnesses begun with, of the elements' mean: their first slips are stiffer.
-const STIFFER: [f64; 2] = [0.8, 4.0];
-/// Runs that are fitted: more of the same cost time alone.
-const RUNS: usize = 6;
+/// Iterations of the fit. Further ones change the errors by less than one percent.
+const ITERATIONS: usize = 8;
+/// Initial stiffnesses relative to the elements' mean. Elements are stiffer before the first slip.
+const INITIAL_STIFFNESS_RATIOS: [f64; 2] = [0.8, 4.0];
+/// Maximum number of fitted runs. It limits the computing time.
+const MAX_FITTED_RUNS: usize = 6;
 const PARAMETERS: usize = 6;
 
-/// A seal's parameters as logarithms, the static level by its excess.
+/// Returns the logarithms of a seal's parameters. The static level is expressed by its excess over Coulomb.
 fn logarithms(seal: &Seal) -> [f64; PARAMETERS] {
     let excess = (seal.static_nm - seal.coulomb_nm).max(1e-3 * seal.coulomb_nm);
     let damping = seal.k1.max(1e-6 * seal.k0);
     [seal.coulomb_nm, excess, seal.stribeck_rad_s, seal.k0, seal.k2, damping].map(f64::ln)
 }
 
+/// Returns the seal with these logarithmic parameters. The remaining parameters are those of `like`.
 fn seal(logarithms: &[f64; PARAMETERS], like: &Seal) -> Seal {
     let [coulomb_nm, excess, stribeck_rad_s, k0, k2, k1] = logarithms.map(f64::exp);
     Seal { coulomb_nm, static_nm: coulomb_nm + excess, stribeck_rad_s, k0, k2, k1, ..*like }
 }
 
-/// The seal whose bristles come nearest to a torque; `joint` has what is hidden, and a seal to begin with.
-pub(super) fn fitted(campaign: &Campaign, joint: &Joint, ways: &[Way], torque: &Rows) -> Seal {
-    let every = campaign.runs.len().div_ceil(RUNS);
+/// Fits the bristles of a seal to a torque. `joint` holds the hidden effect and the initial seal.
+pub(super) fn fit(
+    campaign: &Campaign,
+    joint: &Joint,
+    trajectories: &[Trajectory],
+    torque: &Rows,
+) -> Seal {
+    let every = campaign.runs.len().div_ceil(MAX_FITTED_RUNS);
     let runs: Vec<usize> = (0..campaign.runs.len()).step_by(every).collect();
-    let wanted: Rows = runs.iter().map(|run| torque[*run].clone()).collect();
+    let target: Rows = runs.iter().map(|run| torque[*run].clone()).collect();
     let errors = |at: &[f64; PARAMETERS]| {
         let joint = Joint { seal: seal(at, &joint.seal), ..joint.clone() };
         let inputs = runs.iter().map(|run| {
             let plan = &campaign.runs[*run];
-            (&plan.condition, &ways[*run], plan.held)
+            (&plan.condition, &trajectories[*run], plan.held)
         });
-        let made = Machine::bristles(&joint).torques(inputs);
-        let read = made.iter().zip(&runs).map(|(torque, run)| {
+        let simulated = Machine::bristles(&joint).torques(inputs);
+        let read = simulated.iter().zip(&runs).map(|(torque, run)| {
             campaign.sensing.torque_channel(&campaign.runs[*run].times, torque)
         });
-        difference(&wanted, &read.collect())
+        difference(&target, &read.collect())
     };
-    let fits = STIFFER.map(|stiffer| {
-        let start = Seal { k0: stiffer * joint.seal.k0, ..joint.seal };
-        descended(logarithms(&start), &errors)
+    let fits = INITIAL_STIFFNESS_RATIOS.map(|ratio| {
+        let start = Seal { k0: ratio * joint.seal.k0, ..joint.seal };
+        descend(logarithms(&start), &errors)
     });
     let best = fits.into_iter().min_by(|(_, a), (_, b)| a.total_cmp(b));
     best.map_or(campaign.seal, |(at, _)| seal(&at, &campaign.seal))
 }
 
+/// Logarithmic parameters.
 type Point = [f64; PARAMETERS];
 
-/// The bottom that is reached from a start, and its squared error.
-fn descended(mut at: Point, errors: &impl Fn(&Point) -> Rows) -> (Point, f64) {
+/// Returns the minimum reached from `at`, and its sum of squared errors.
+fn descend(mut at: Point, errors: &impl Fn(&Point) -> Rows) -> (Point, f64) {
     let square = |rows: &Rows| rows.iter().flatten().map(|e| e * e).sum::<f64>();
     let mut left = errors(&at);
     let mut damping = 1e-3;
-    for _ in 0..ROUNDS {
+    for _ in 0..ITERATIONS {
         const STEP: f64 = 0.02;
         let slopes: Vec<Rows> = (0..PARAMETERS)
             .map(|parameter| {
@@ -82,9 +89,9 @@ fn descended(mut at: Point, errors: &impl Fn(&Point) -> Rows) -> (Point, f64) {
             normal[row][PARAMETERS] = dot(&slopes[row], &left) / STEP;
         }
         for _ in 0..4 {
-            let step = solved(normal, damping);
+            let step = solve(normal, damping);
             let mut moved = at;
-            // No parameter by more than a factor of e at once.
+            // One step changes a parameter by at most a factor of e.
             moved.iter_mut().zip(step).for_each(|(x, d)| *x += d.clamp(-1.0, 1.0));
             let tried = errors(&moved);
             if square(&tried) < square(&left) {
@@ -98,8 +105,10 @@ fn descended(mut at: Point, errors: &impl Fn(&Point) -> Rows) -> (Point, f64) {
     (at, square(&left))
 }
 
-/// The step of a damped normal equation (its right side is the last column), by Gauss with pivots on the diagonal.
-fn solved(mut normal: [[f64; PARAMETERS + 1]; PARAMETERS], damping: f64) -> [f64; PARAMETERS] {
+/// Solves a damped normal equation by Gaussian elimination with pivots on the diagonal.
+///
+/// The last column is the right-hand side.
+fn solve(mut normal: [[f64; PARAMETERS + 1]; PARAMETERS], damping: f64) -> [f64; PARAMETERS] {
     for (at, row) in normal.iter_mut().enumerate() {
         row[at] = row[at] * (1.0 + damping) + f64::MIN_POSITIVE;
     }

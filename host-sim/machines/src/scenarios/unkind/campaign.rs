@@ -1,44 +1,44 @@
-//! A campaign before anything is hidden in it: plant, sensors, runs, and what surrounds them.
+//! A campaign without a hidden effect: plant, sensors, runs and covariates.
 //!
-//! Drawn from a seed alone, and without asking whether a diagnosis could follow: 50 Hz to 2 kHz, 3 to 40 runs, a
-//! presliding travel from far below one row's to large, logs that begin and break off anywhere, covariates that
-//! move together (correlation up to 0.9), take few values, or rise with the order of the runs.
+//! It is drawn from a seed alone and is not adapted to a diagnosis. Sample rates are 50 Hz to 2 kHz. There are 3 to 40
+//! runs. The presliding travel may be far smaller than the travel between two rows. Logs begin and end anywhere in a
+//! motion. Covariates may be correlated (up to 0.9), take few values, or rise with the order of the runs.
 
 use super::super::motion::Motion;
 use super::super::sampler::Sampler;
 use super::super::surroundings::{Condition, Extra, Signal};
-use super::motions::{Drive, STYLES, motion};
-use super::plant::{Element, Plant, Point, Way};
+use super::motions::{Drive, STYLES, draw_motion};
+use super::plant::{Element, Plant, Point, Trajectory};
 use super::sensing::{Sensing, SensorKind};
 use crate::friction::Seal;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Rows of a log.
+/// Range of the total number of rows of a log.
 const ROWS: (f64, f64) = (3_000.0, 20_000.0);
-/// Sample rate, Hz.
+/// Range of the sample rate, Hz.
 const RATE_HZ: (f64, f64) = (50.0, 2000.0);
-/// Number of runs.
+/// Range of the number of runs.
 const RUNS: (f64, f64) = (3.0, 40.9);
-/// Longest step of the integrators, s: while the contact slides, and near standstill.
-const STEP_S: (f64, f64) = (5e-4, 1e-4);
+/// Maximum integration step, s: while the contact slides, and near standstill.
+const MAX_STEP_S: (f64, f64) = (5e-4, 1e-4);
 
-/// One run before it is simulated.
+/// A planned run before its simulation.
 #[derive(Clone, Debug)]
 pub(super) struct RunPlan {
     pub motion: Motion,
     pub start_angle: f64,
     pub condition: Condition,
-    /// When rows are taken, s from the start of the motion.
+    /// Sample times, s from the start of the motion.
     pub times: Vec<f64>,
-    /// Rows that are lost.
+    /// Ranges of lost rows.
     pub lost: Vec<Range<usize>>,
-    /// What the contact holds at the start, as a share of the Coulomb level.
+    /// Contact torque at the start, as a share of the Coulomb level.
     pub held: f64,
     pub seed: u64,
 }
 
-/// A campaign.
+/// A campaign: its plant, sensors and planned runs.
 #[derive(Clone, Debug)]
 pub(super) struct Campaign {
     pub seal: Seal,
@@ -50,15 +50,15 @@ pub(super) struct Campaign {
     /// Covariates and extra columns of the log.
     pub columns: Vec<&'static str>,
     pub extras: Vec<Extra>,
-    /// Rigid-body parts in the torque, by their names in `--rigid-body`.
+    /// Rigid-body parts of the torque, named as in `--rigid-body`.
     pub rigid_body: Vec<&'static str>,
-    /// From the start of the first run to the end of the last, s.
+    /// Time from the start of the first run to the end of the last, s.
     pub campaign_s: f64,
-    /// Largest correlation covariates were drawn with.
+    /// Largest correlation between covariates that was drawn.
     pub correlation: f64,
 }
 
-/// The covariates of the contract, with the middle and half the width of their usual range.
+/// Covariates of the data contract: column, centre and half-width of the usual range.
 const COVARIATES: [(&str, f64, f64); 4] = [
     ("radial_force_n", 40.0, 35.0),
     ("pressure_diff_pa", 2e5, 1.8e5),
@@ -67,7 +67,9 @@ const COVARIATES: [(&str, f64, f64); 4] = [
 ];
 
 impl Campaign {
-    /// Draws a campaign with a kind of sensors and a plant.
+    /// Draws a campaign with the given sensor kind and plant.
+    ///
+    /// The order of the draws is part of the result: it must not change.
     pub fn draw(sampler: &mut Sampler, kind: SensorKind, slip_elements: bool) -> Self {
         let rate_hz = sampler.log_between(RATE_HZ.0, RATE_HZ.1).round();
         let rows = sampler.log_between(ROWS.0, ROWS.1);
@@ -75,81 +77,17 @@ impl Campaign {
         let count = sampler.log_between(RUNS.0, RUNS.1).min(total_s).max(RUNS.0) as usize;
         let seconds = total_s / count as f64;
 
-        let coulomb_nm = sampler.log_between(0.05, 30.0);
-        let static_nm = coulomb_nm * sampler.between(1.0, 1.6);
-        let top_rad_s = sampler.log_between(0.3, 12.0);
-        let steepest_rad_s2 = sampler.log_between(2.0, 60.0);
-        let widest = (0.3 * top_rad_s * top_rad_s / steepest_rad_s2).clamp(3e-5, 0.05);
-        let travel_rad = sampler.log_between(1e-5, widest);
-        let stribeck_rad_s = sampler.log_between(0.01, 0.3) * top_rad_s.min(3.0);
-        // Velocity at which a contact is crossed from rest: damping adds at most half a level there.
-        let crossing_rad_s = (2.0 * steepest_rad_s2 * travel_rad).sqrt();
-        let seal = Seal {
-            k0: static_nm / travel_rad,
-            k1: coulomb_nm / crossing_rad_s * sampler.between(0.0, 0.5),
-            k2: coulomb_nm / top_rad_s * sampler.log_between(0.03, 1.0),
-            coulomb_nm,
-            static_nm,
-            stribeck_rad_s,
-            per_pressure: 0.0,
-            per_force: 0.0,
-            eta3: 0.0,
-        };
-        let drive = Drive { top_rad_s, steepest_rad_s2, stribeck_rad_s, travel_rad, seconds };
-        let sensing = Sensing::draw(sampler, kind, rate_hz, coulomb_nm);
-        let plant = if slip_elements { elements(sampler) } else { Plant::Bristles };
+        let (seal, drive) = draw_seal_and_drive(sampler, seconds);
+        let sensing = Sensing::draw(sampler, kind, rate_hz, seal.coulomb_nm);
+        let plant = if slip_elements { draw_slip_elements(sampler) } else { Plant::Bristles };
 
-        let extras = extras(sampler);
-        let (conditions, correlation) = conditions(sampler, count, seconds, coulomb_nm, &extras);
+        let extras = draw_extras(sampler);
+        let (conditions, correlation) =
+            draw_conditions(sampler, count, seconds, seal.coulomb_nm, &extras);
         let campaign_s = conditions.last().map_or(0.0, |last| last.start_s + seconds);
-        let few = sampler.chance(0.25);
-        let styles: Vec<_> = if few { vec![STYLES[sampler.below(6)]] } else { STYLES.to_vec() };
-        let gaps = sampler.chance(0.35);
-        let jitter = if sampler.chance(0.4) { sampler.between(0.0, 0.15) } else { 0.0 };
-        let anywhere = sampler.chance(0.6);
-        let runs = conditions.into_iter().map(|condition| {
-            let style = sampler.pick(&styles).unwrap_or(STYLES[0]);
-            let begin_s = if anywhere { sampler.between(0.0, 0.5) * seconds } else { 0.0 };
-            let whole = Drive { seconds: seconds + begin_s, ..drive };
-            let motion = motion(sampler, &whole, style);
-            let count = ((seconds * rate_hz) as usize).max(50);
-            let times: Vec<f64> = (0..count)
-                .map(|row| {
-                    let shift =
-                        if jitter > 0.0 { jitter * sampler.between(-0.5, 0.5) } else { 0.0 };
-                    begin_s + (row as f64 + shift.max(-(row as f64))) / rate_hz
-                })
-                .collect();
-            let lost = if gaps { lost(sampler, count) } else { Vec::new() };
-            RunPlan {
-                motion,
-                start_angle: sampler.between(-TAU, TAU),
-                condition,
-                times,
-                lost,
-                held: sampler.between(-0.9, 0.9),
-                seed: sampler.seed(),
-            }
-        });
-        let runs = runs.collect();
-        let mut rigid_body = Vec::new();
-        if sampler.chance(0.35) {
-            for part in ["inertia", "gravity", "load", "offset"] {
-                let needs_angle = part == "gravity" && !sensing.has_position();
-                if sampler.chance(0.5) && !needs_angle {
-                    rigid_body.push(part);
-                }
-            }
-        }
-        let mut columns: Vec<&'static str> = Vec::new();
-        for (name, _, _) in COVARIATES {
-            if sampler.chance(0.7) || (name == "load_torque_nm" && rigid_body.contains(&"load")) {
-                columns.push(name);
-            }
-        }
-        if sampler.chance(0.15) {
-            columns.push("acceleration_rad_s2");
-        }
+        let runs = draw_runs(sampler, conditions, rate_hz, &drive);
+        let rigid_body = draw_rigid_body(sampler, &sensing);
+        let columns = draw_columns(sampler, &rigid_body);
         Self {
             seal,
             plant,
@@ -165,7 +103,7 @@ impl Campaign {
         }
     }
 
-    /// The largest magnitude of a covariate in the campaign.
+    /// Returns the largest magnitude of a covariate in the campaign.
     pub fn largest(&self, of: impl Fn(&Condition) -> Signal) -> f64 {
         let largest = |run: &RunPlan| {
             let signal = of(&run.condition);
@@ -175,7 +113,7 @@ impl Campaign {
         self.runs.iter().map(largest).fold(0.0, f64::max)
     }
 
-    /// Least and most of a covariate in the campaign.
+    /// Returns the smallest and largest value of a covariate in the campaign.
     pub fn range(&self, of: impl Fn(&Condition) -> Signal) -> (f64, f64) {
         let ends = self.runs.iter().flat_map(|run| {
             let signal = of(&run.condition);
@@ -184,42 +122,141 @@ impl Campaign {
         ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), x| (l.min(x), m.max(x)))
     }
 
-    /// The ways of all runs as they truly are.
-    pub fn ways(&self) -> Vec<Way> {
-        self.runs.iter().map(|run| self.way(run)).collect()
+    /// Returns the true trajectories of all runs.
+    pub fn trajectories(&self) -> Vec<Trajectory> {
+        self.runs.iter().map(|run| self.trajectory(run)).collect()
     }
 
-    fn way(&self, run: &RunPlan) -> Way {
-        let mut way = Way::default();
+    /// Returns the true trajectory of a run, with integration points between the rows.
+    fn trajectory(&self, run: &RunPlan) -> Trajectory {
+        let mut trajectory = Trajectory::default();
         let slow = 2.0 * self.drive.stribeck_rad_s;
         let mut now = run.motion.at(0.0);
         let (mut t, mut angle) = (0.0, run.start_angle);
-        way.points.push(Point { t, angle, velocity: now.velocity });
+        trajectory.points.push(Point { t, angle, velocity: now.velocity });
         let row_s = 1.0 / self.rate_hz;
         for &row in &run.times {
             while row - t > 1e-9 {
                 let next = run.motion.at((t + row_s).min(row));
-                let near = now.velocity.abs().min(next.velocity.abs()) < slow
+                let is_near_standstill = now.velocity.abs().min(next.velocity.abs()) < slow
                     || now.velocity * next.velocity <= 0.0;
-                let longest = if near { STEP_S.1 } else { STEP_S.0 }.min(0.25 * row_s);
+                let longest =
+                    if is_near_standstill { MAX_STEP_S.1 } else { MAX_STEP_S.0 }.min(0.25 * row_s);
                 let steps = ((row - t).min(row_s) / longest).ceil();
                 let (from, step) = (t, (row - t).min(row_s) / steps);
                 for index in 1..=steps as usize {
                     t = from + index as f64 * step;
                     now = run.motion.at(t);
                     angle = run.start_angle + now.angle;
-                    way.points.push(Point { t, angle, velocity: now.velocity });
+                    trajectory.points.push(Point { t, angle, velocity: now.velocity });
                 }
             }
-            way.rows.push(way.points.len() - 1);
-            way.accelerations.push(now.acceleration);
+            trajectory.rows.push(trajectory.points.len() - 1);
+            trajectory.accelerations.push(now.acceleration);
         }
-        way
+        trajectory
     }
 }
 
-/// Six to twelve elements whose travels spread over more than a decade.
-fn elements(sampler: &mut Sampler) -> Plant {
+/// Draws the seal and the limits of the drive for runs of `seconds`.
+fn draw_seal_and_drive(sampler: &mut Sampler, seconds: f64) -> (Seal, Drive) {
+    let coulomb_nm = sampler.log_between(0.05, 30.0);
+    let static_nm = coulomb_nm * sampler.between(1.0, 1.6);
+    let top_rad_s = sampler.log_between(0.3, 12.0);
+    let steepest_rad_s2 = sampler.log_between(2.0, 60.0);
+    let widest = (0.3 * top_rad_s * top_rad_s / steepest_rad_s2).clamp(3e-5, 0.05);
+    let travel_rad = sampler.log_between(1e-5, widest);
+    let stribeck_rad_s = sampler.log_between(0.01, 0.3) * top_rad_s.min(3.0);
+    // Velocity after crossing the presliding travel from rest. Damping adds at most half a level there.
+    let crossing_rad_s = (2.0 * steepest_rad_s2 * travel_rad).sqrt();
+    let seal = Seal {
+        k0: static_nm / travel_rad,
+        k1: coulomb_nm / crossing_rad_s * sampler.between(0.0, 0.5),
+        k2: coulomb_nm / top_rad_s * sampler.log_between(0.03, 1.0),
+        coulomb_nm,
+        static_nm,
+        stribeck_rad_s,
+        per_pressure: 0.0,
+        per_force: 0.0,
+        eta3: 0.0,
+    };
+    let drive = Drive { top_rad_s, steepest_rad_s2, stribeck_rad_s, travel_rad, seconds };
+
+    (seal, drive)
+}
+
+/// Draws one planned run for each condition.
+fn draw_runs(
+    sampler: &mut Sampler,
+    conditions: Vec<Condition>,
+    rate_hz: f64,
+    drive: &Drive,
+) -> Vec<RunPlan> {
+    let few = sampler.chance(0.25);
+    let styles: Vec<_> = if few { vec![STYLES[sampler.below(6)]] } else { STYLES.to_vec() };
+    let has_gaps = sampler.chance(0.35);
+    let jitter = if sampler.chance(0.4) { sampler.between(0.0, 0.15) } else { 0.0 };
+    let starts_anywhere = sampler.chance(0.6);
+    let seconds = drive.seconds;
+    let runs = conditions.into_iter().map(|condition| {
+        let style = sampler.pick(&styles).unwrap_or(STYLES[0]);
+        let begin_s = if starts_anywhere { sampler.between(0.0, 0.5) * seconds } else { 0.0 };
+        let whole = Drive { seconds: seconds + begin_s, ..*drive };
+        let motion = draw_motion(sampler, &whole, style);
+        let count = ((seconds * rate_hz) as usize).max(50);
+        let times: Vec<f64> = (0..count)
+            .map(|row| {
+                let shift = if jitter > 0.0 { jitter * sampler.between(-0.5, 0.5) } else { 0.0 };
+                begin_s + (row as f64 + shift.max(-(row as f64))) / rate_hz
+            })
+            .collect();
+        let lost = if has_gaps { draw_lost_rows(sampler, count) } else { Vec::new() };
+        RunPlan {
+            motion,
+            start_angle: sampler.between(-TAU, TAU),
+            condition,
+            times,
+            lost,
+            held: sampler.between(-0.9, 0.9),
+            seed: sampler.seed(),
+        }
+    });
+
+    runs.collect()
+}
+
+/// Draws the rigid-body parts of the torque, named as in `--rigid-body`.
+fn draw_rigid_body(sampler: &mut Sampler, sensing: &Sensing) -> Vec<&'static str> {
+    let mut rigid_body = Vec::new();
+    if sampler.chance(0.35) {
+        for part in ["inertia", "gravity", "load", "offset"] {
+            let needs_angle = part == "gravity" && !sensing.has_position();
+            if sampler.chance(0.5) && !needs_angle {
+                rigid_body.push(part);
+            }
+        }
+    }
+
+    rigid_body
+}
+
+/// Draws the optional columns of the log.
+fn draw_columns(sampler: &mut Sampler, rigid_body: &[&'static str]) -> Vec<&'static str> {
+    let mut columns: Vec<&'static str> = Vec::new();
+    for (name, _, _) in COVARIATES {
+        if sampler.chance(0.7) || (name == "load_torque_nm" && rigid_body.contains(&"load")) {
+            columns.push(name);
+        }
+    }
+    if sampler.chance(0.15) {
+        columns.push("acceleration_rad_s2");
+    }
+
+    columns
+}
+
+/// Draws a plant of six to twelve slip elements. Their travels span more than a decade.
+fn draw_slip_elements(sampler: &mut Sampler) -> Plant {
     let count = 6 + sampler.below(7);
     let narrowest = sampler.log_between(0.02, 0.3);
     let drawn: Vec<(f64, f64)> = (0..count)
@@ -236,8 +273,8 @@ fn elements(sampler: &mut Sampler) -> Plant {
     }
 }
 
-/// One or two stretches of rows, anywhere.
-fn lost(sampler: &mut Sampler, rows: usize) -> Vec<Range<usize>> {
+/// Draws the lost rows of a run: none, or one or two ranges at any place.
+fn draw_lost_rows(sampler: &mut Sampler, rows: usize) -> Vec<Range<usize>> {
     if sampler.chance(0.5) {
         return Vec::new();
     }
@@ -250,13 +287,16 @@ fn lost(sampler: &mut Sampler, rows: usize) -> Vec<Range<usize>> {
         .collect()
 }
 
-fn extras(sampler: &mut Sampler) -> Vec<Extra> {
+/// Draws the extra columns of the log.
+fn draw_extras(sampler: &mut Sampler) -> Vec<Extra> {
     let all = [Extra::Humidity, Extra::SupplyVoltage, Extra::CableTension, Extra::LubricantAge];
     all.into_iter().filter(|_| sampler.chance(0.15)).collect()
 }
 
-/// What surrounds each run, and how closely the closest pair was drawn to go together.
-fn conditions(
+/// Draws the covariates of each run.
+///
+/// Returns them with the largest correlation between two quantities that was drawn.
+fn draw_conditions(
     sampler: &mut Sampler,
     runs: usize,
     seconds: f64,
@@ -264,7 +304,7 @@ fn conditions(
     extras: &[Extra],
 ) -> (Vec<Condition>, f64) {
     let quantities = COVARIATES.len() + extras.len();
-    // Latent levels, -1 to 1: each quantity's own, then mixed with a leader's.
+    // Normalised levels from -1 to 1. They are drawn independently and then mixed with those of a leading quantity.
     let steps = sampler.chance(0.3).then(|| 2 + sampler.below(5));
     let rounded = |x: f64| match steps {
         Some(steps) => ((x + 1.0) * 0.5 * steps as f64).round() / steps as f64 * 2.0 - 1.0,
@@ -273,7 +313,7 @@ fn conditions(
     let mut levels: Vec<Vec<f64>> = (0..quantities)
         .map(|_| (0..runs).map(|_| rounded(sampler.between(-1.0, 1.0))).collect())
         .collect();
-    // Something rises with the order of the runs: mostly the temperature.
+    // In some campaigns one quantity, mostly the temperature, rises with the order of the runs.
     if sampler.chance(0.3) {
         let which = if sampler.chance(0.6) { 2 } else { sampler.below(quantities) };
         let share = sampler.between(0.5, 1.0);
@@ -282,7 +322,7 @@ fn conditions(
             *level = share * rise + (1.0 - share) * *level;
         }
     }
-    let lively: Vec<bool> = (0..quantities).map(|_| sampler.chance(0.6)).collect();
+    let varies: Vec<bool> = (0..quantities).map(|_| sampler.chance(0.6)).collect();
     let mut shapes: Vec<Vec<(f64, f64)>> = (0..quantities)
         .map(|_| {
             (0..runs)
@@ -304,17 +344,17 @@ fn conditions(
             shapes[follower][run] = shapes[leader][run];
         }
     }
-    let few = sampler.log_between(1.0, 600.0);
+    let pause_s = sampler.log_between(1.0, 600.0);
     let mut start_s = 0.0;
     let load_nm = coulomb_nm * sampler.log_between(0.3, 10.0);
-    let of = (0..runs).map(|run| {
+    let conditions = (0..runs).map(|run| {
         let mut signal = |at: usize, middle: f64, half: f64| {
             let (hz, phase) = shapes[at][run];
-            let swing = if lively[at] { half * sampler.between(0.02, 0.35) } else { 0.0 };
+            let swing = if varies[at] { half * sampler.between(0.02, 0.35) } else { 0.0 };
             let slow = at == 2 || at >= COVARIATES.len();
             Signal {
                 level: middle + half * levels[at][run],
-                per_s: if lively[at] { half * sampler.between(-0.3, 0.3) / seconds } else { 0.0 },
+                per_s: if varies[at] { half * sampler.between(-0.3, 0.3) / seconds } else { 0.0 },
                 swing: if slow { 0.1 * swing } else { swing },
                 hz: if slow { hz.min(0.1) } else { hz },
                 phase,
@@ -330,8 +370,8 @@ fn conditions(
         });
         let extras = extras.collect();
         let condition = Condition { start_s, force, pressure, temperature, load, extras };
-        start_s += 1.5 * seconds + few;
+        start_s += 1.5 * seconds + pause_s;
         condition
     });
-    (of.collect(), strongest)
+    (conditions.collect(), strongest)
 }

@@ -1,4 +1,4 @@
-//! What is hidden in a campaign, and how large it can sanely be there.
+//! The effect that is hidden in a campaign, and its plausible size range.
 
 use super::super::drawn_cause::DrawnCause;
 use super::super::hidden_cause::HiddenCause;
@@ -9,7 +9,9 @@ use super::super::surroundings::Signal;
 use super::campaign::Campaign;
 use std::f64::consts::TAU;
 
-/// The causes a campaign can hide: its log has the column, and its base does not have the part already.
+/// Returns the causes that a campaign can hide.
+///
+/// The log must have the column of the cause, and the plant must not contain the same rigid-body part.
 pub(super) fn possible(campaign: &Campaign) -> Vec<HiddenCause> {
     let has = |part: &str| campaign.rigid_body.contains(&part);
     let late = !campaign.sensing.true_of_the_log().is_empty();
@@ -22,20 +24,21 @@ pub(super) fn possible(campaign: &Campaign) -> Vec<HiddenCause> {
             HiddenCause::GravityImbalance => campaign.sensing.has_position() && !has("gravity"),
             HiddenCause::TorqueOffset => !has("offset"),
             HiddenCause::UnmodelledInertia => !has("inertia"),
-            // What the sensors do to the log is no finding of the joint's.
+            // A delay by the sensors cannot be distinguished from a hidden one.
             HiddenCause::ChannelDelay => !late,
             _ => true,
         })
         .collect()
 }
 
-/// Draws an effect for a campaign, at a size to begin with; its columns are in the log from now on.
+/// Draws an effect of initial size for a campaign, and adds the columns it needs to the log.
 pub(super) fn draw(
     sampler: &mut Sampler,
     campaign: &mut Campaign,
     effect: HiddenCause,
 ) -> DrawnCause {
-    let flavour = (effect == HiddenCause::OutsideCatalogue).then(|| outside(sampler, campaign));
+    let flavour =
+        (effect == HiddenCause::OutsideCatalogue).then(|| draw_outside(sampler, campaign));
     let (least_c, most_c) = campaign.range(|condition| condition.temperature);
     let order = if sampler.chance(0.8) {
         sampler.log_between(1.0, 60.9).floor()
@@ -50,7 +53,7 @@ pub(super) fn draw(
             phase: sampler.between(0.0, TAU),
         })
         .collect();
-    let heat_j = heat_j(campaign);
+    let heat_j = friction_heat_j(campaign);
     let mut drawn = DrawnCause {
         effect,
         size: 0.0,
@@ -73,7 +76,7 @@ pub(super) fn draw(
     drawn.size = match effect {
         HiddenCause::StribeckShape if sampler.chance(0.6) => sampler.between(0.4, 1.3),
         HiddenCause::StribeckShape => sampler.between(3.0, 6.0),
-        // An inertia that is missing as often as one that was taken off too much.
+        // Both signs are equally likely: an inertia that is missing, or one that was subtracted in excess.
         HiddenCause::DirectionAsymmetry
         | HiddenCause::TorqueOffset
         | HiddenCause::TimeDrift
@@ -90,8 +93,8 @@ pub(super) fn draw(
     drawn
 }
 
-/// Heat a campaign leaves if none cools, J.
-fn heat_j(campaign: &Campaign) -> f64 {
+/// Returns the friction heat of a whole campaign without cooling, J.
+fn friction_heat_j(campaign: &Campaign) -> f64 {
     let travel = campaign.runs.iter().map(|run| {
         let grid = 200;
         let step = campaign.drive.seconds / f64::from(grid);
@@ -101,8 +104,8 @@ fn heat_j(campaign: &Campaign) -> f64 {
     (travel.sum::<f64>() * campaign.seal.coulomb_nm).max(1e-6)
 }
 
-/// A structure no cause of the catalogue has, over the range its column really has.
-fn outside(sampler: &mut Sampler, campaign: &mut Campaign) -> Flavour {
+/// Draws a structure that no cause of the catalogue describes, scaled to the range of its column.
+fn draw_outside(sampler: &mut Sampler, campaign: &mut Campaign) -> Flavour {
     match Flavour::draw(sampler) {
         Flavour::Column { extra, curve, .. } if campaign.extras.contains(&extra) => {
             let (least, most) = campaign.range(|condition| condition.extra(extra));
@@ -111,8 +114,8 @@ fn outside(sampler: &mut Sampler, campaign: &mut Campaign) -> Flavour {
         Flavour::Scratch { angle, width } if campaign.sensing.has_position() => {
             Flavour::Scratch { angle, width }
         }
-        // A level that falls with temperature is `temperature-coulomb`, whatever its curve: the catalogue has it. What is left
-        // is a bump above the Stribeck velocity, or the law would take it for its own curve.
+        // A level that falls with temperature is excluded: the catalogue contains `temperature-coulomb`.
+        // The alternative is a bump above the Stribeck velocity. Below it, the law would fit it as its own curve.
         _ => {
             let most = 0.7 * campaign.drive.top_rad_s;
             let least = (4.0 * campaign.seal.stribeck_rad_s).min(0.7 * most);
@@ -122,17 +125,18 @@ fn outside(sampler: &mut Sampler, campaign: &mut Campaign) -> Flavour {
     }
 }
 
-/// Smallest and largest magnitude a size is scaled to in a campaign: beyond, a joint would be broken, not
-/// misunderstood.
+/// Returns the smallest and largest magnitude to which a size is scaled in a campaign.
+///
+/// Larger effects would mean a broken joint, not an incomplete model.
 pub(super) fn limits(drawn: &DrawnCause, campaign: &Campaign) -> (f64, f64) {
     let (seal, drive) = (&campaign.seal, &campaign.drive);
     let level = seal.coulomb_nm;
-    // A covariate at its largest adds at most so much of the level.
-    let most_of = |largest: f64| 0.8 * level / largest.max(1e-9);
+    // A covariate at its maximum adds at most 80 % of the level.
+    let max_slope = |largest: f64| 0.8 * level / largest.max(1e-9);
     let most = match drawn.effect {
-        HiddenCause::RadialForceCoulomb => most_of(campaign.largest(|c| c.force)),
-        HiddenCause::PressureCoulomb => most_of(campaign.largest(|c| c.pressure)),
-        HiddenCause::LoadTorqueCoulomb => most_of(campaign.largest(|c| c.load)),
+        HiddenCause::RadialForceCoulomb => max_slope(campaign.largest(|c| c.force)),
+        HiddenCause::PressureCoulomb => max_slope(campaign.largest(|c| c.pressure)),
+        HiddenCause::LoadTorqueCoulomb => max_slope(campaign.largest(|c| c.load)),
         HiddenCause::RadialForceRate => {
             0.5 * drive.travel_rad / campaign.largest(|c| Signal { level: 0.0, ..c.force }).max(1.0)
         }

@@ -1,17 +1,17 @@
-//! Motions as they are met, not as whoever plans an identification would choose them.
+//! Motions as they occur in operation, not planned for an identification.
 //!
-//! Nothing here asks whether the log can follow: reversals may take less than a sample, a campaign may consist
-//! of one kind of motion, and a log may begin in the middle of it.
+//! They are not adapted to the resolution of the log. Reversals may take less than a sample period, a campaign may
+//! consist of one kind of motion, and a log may begin in the middle of a motion.
 
 use super::super::motion::{Motion, Speeds, Wave};
 use super::super::sampler::Sampler;
 use std::f64::consts::TAU;
 
-/// Kinds of run.
+/// Kinds of motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Style {
     Sine,
-    Several,
+    MultiSine,
     Stairs,
     OneWay,
     Rests,
@@ -20,10 +20,10 @@ pub(super) enum Style {
     Slow,
 }
 
-/// All of them.
+/// All styles.
 pub(super) const STYLES: [Style; 8] = [
     Style::Sine,
-    Style::Several,
+    Style::MultiSine,
     Style::Stairs,
     Style::OneWay,
     Style::Rests,
@@ -32,23 +32,23 @@ pub(super) const STYLES: [Style; 8] = [
     Style::Slow,
 ];
 
-/// What bounds a motion.
+/// Limits of a motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drive {
-    /// Fastest speed, rad/s.
+    /// Maximum speed, rad/s.
     pub top_rad_s: f64,
     /// Largest acceleration, rad/s^2.
     pub steepest_rad_s2: f64,
     /// Stribeck velocity, rad/s.
     pub stribeck_rad_s: f64,
-    /// Travel below which the contact sticks, rad.
+    /// Presliding travel of the contact, rad.
     pub travel_rad: f64,
     /// Length of a run, s.
     pub seconds: f64,
 }
 
-/// A motion of a style.
-pub(super) fn motion(sampler: &mut Sampler, drive: &Drive, style: Style) -> Motion {
+/// Draws a motion of a style.
+pub(super) fn draw_motion(sampler: &mut Sampler, drive: &Drive, style: Style) -> Motion {
     let Drive { top_rad_s: top, seconds, .. } = *drive;
     match style {
         Style::Sine => waves(sampler, drive, 1, top),
@@ -56,13 +56,13 @@ pub(super) fn motion(sampler: &mut Sampler, drive: &Drive, style: Style) -> Moti
             let slow = drive.stribeck_rad_s * sampler.log_between(0.5, 5.0);
             waves(sampler, drive, 1, slow.min(top))
         }
-        Style::Several => {
+        Style::MultiSine => {
             let count = 2 + sampler.below(4);
             waves(sampler, drive, count, top)
         }
         Style::Presliding => {
             let travel = drive.travel_rad * sampler.log_between(0.5, 8.0);
-            // No faster than the drive, and a few periods in a run.
+            // At most the speed of the drive, and at least two periods in a run.
             let fastest =
                 (top / (TAU * travel)).min((drive.steepest_rad_s2 / travel).sqrt() / TAU).min(20.0);
             let slowest = 2.0 / seconds;
@@ -77,6 +77,7 @@ pub(super) fn motion(sampler: &mut Sampler, drive: &Drive, style: Style) -> Moti
     }
 }
 
+/// Draws a sum of sines.
 fn waves(sampler: &mut Sampler, drive: &Drive, count: usize, top: f64) -> Motion {
     let share = 1.0 / count as f64;
     let waves = (0..count).map(|_| {
@@ -84,13 +85,13 @@ fn waves(sampler: &mut Sampler, drive: &Drive, count: usize, top: f64) -> Motion
         let fastest = (share * drive.steepest_rad_s2 / (TAU * peak)).min(10.0);
         let slowest = 1.2 / drive.seconds;
         let hz = if fastest > slowest { sampler.log_between(slowest, fastest) } else { slowest };
-        // One period at least, at whatever speed that leaves.
+        // The frequency has priority over the speed, so that a run has at least one period.
         Wave { peak: peak.min(share * drive.steepest_rad_s2 / (TAU * hz)), hz }
     });
     Motion::Waves(waves.collect())
 }
 
-/// Constant speeds with ramps between them.
+/// Draws constant speeds with ramps between them.
 fn stairs(sampler: &mut Sampler, drive: &Drive, one_way: bool) -> Motion {
     let mut speeds = Speeds::from_rest(sampler.chance(0.5));
     let mut side = sampler.sign();
@@ -106,7 +107,7 @@ fn stairs(sampler: &mut Sampler, drive: &Drive, one_way: bool) -> Motion {
     Motion::Speeds(speeds)
 }
 
-/// Starts, short ways, and rests of very different length.
+/// Draws short movements and rests of very different lengths.
 fn rests(sampler: &mut Sampler, drive: &Drive) -> Motion {
     let mut speeds = Speeds::from_rest(sampler.chance(0.5));
     let mut side = sampler.sign();
@@ -123,7 +124,7 @@ fn rests(sampler: &mut Sampler, drive: &Drive) -> Motion {
     Motion::Speeds(speeds)
 }
 
-/// Straight ramps through zero.
+/// Draws linear velocity ramps through zero.
 fn triangle(sampler: &mut Sampler, drive: &Drive) -> Motion {
     let mut speeds = Speeds::from_rest(false);
     let mut peak = drive.top_rad_s * sampler.log_between(0.05, 1.0) * sampler.sign();
@@ -136,7 +137,7 @@ fn triangle(sampler: &mut Sampler, drive: &Drive) -> Motion {
     Motion::Speeds(speeds)
 }
 
-/// Goes over to a velocity, gently or as steeply as the drive can.
+/// Appends a ramp to a velocity, with a drawn acceleration of up to 65 % of the maximum.
 fn ramp(sampler: &mut Sampler, drive: &Drive, speeds: &mut Speeds, velocity: f64) {
     let steep = drive.steepest_rad_s2 * sampler.log_between(0.1, 0.65);
     let seconds = (velocity - speeds.velocity()).abs() / steep;

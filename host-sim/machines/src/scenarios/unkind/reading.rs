@@ -1,46 +1,51 @@
-//! Plain readings of a log: what whoever has the log alone can make of the motion and of the state it begins in.
+//! Simple reconstructions of the motion and of the initial state from the log alone.
 //!
-//! No smoother, no filter of anyone's: angles joined by straight lines or velocities added up, smoothed over some rows
-//! or not, the filter's delay taken out. They set the floor of a world ([`super::visible`]), and a better reading may go
-//! below it.
+//! The angle is interpolated linearly, or the velocity is integrated. Both can be smoothed over several rows, and the
+//! filter's delay is compensated. These reconstructions define the error floor of a world ([`super::visible`]). A better
+//! method may have a smaller error.
 
 use super::campaign::RunPlan;
-use super::plant::{Machine, Point, Way};
+use super::plant::{Machine, Point, Trajectory};
 
-/// The channels of a run that are not covariates, every row, lost ones included.
+/// Logged angle, velocity and torque of all rows of a run, including lost rows.
 pub(super) struct Logged {
     pub position: Vec<f64>,
     pub velocity: Vec<f64>,
     pub torque: Vec<f64>,
 }
 
-/// A plain method to read the motion between rows from a log.
+/// A method to reconstruct the motion between rows from a log.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reading {
-    /// Straight from angle to angle; else the logged velocity added up.
+    /// True to interpolate the logged angle, false to integrate the logged velocity.
     pub angle: bool,
-    /// Rows smoothed over.
+    /// Number of rows of the moving average.
     pub smooth: usize,
-    /// How late the velocity is, s.
+    /// Delay of the logged velocity, s.
     pub delay_s: f64,
 }
 
 impl Reading {
-    /// The way as it is read.
-    pub fn way(&self, run: &RunPlan, way: &Way, logged: &Logged) -> Way {
+    /// Returns the reconstructed trajectory.
+    pub fn trajectory(
+        &self,
+        run: &RunPlan,
+        trajectory: &Trajectory,
+        logged: &Logged,
+    ) -> Trajectory {
         const PARTS: usize = 3;
-        let early = |at: usize| {
-            // The velocity logged a delay later is that of now.
+        let undelayed = |at: usize| {
+            // The velocity at this time is logged one delay later.
             let when = run.times[at] + self.delay_s;
             let next = run.times.partition_point(|t| *t < when).min(run.times.len() - 1);
             logged.velocity[next]
         };
-        let velocity: Vec<f64> = (0..run.times.len()).map(early).collect();
-        let velocity = mean_over(&velocity, self.smooth);
+        let velocity: Vec<f64> = (0..run.times.len()).map(undelayed).collect();
+        let velocity = moving_average(&velocity, self.smooth);
         let angles = if self.angle {
-            mean_over(&logged.position, self.smooth)
+            moving_average(&logged.position, self.smooth)
         } else {
-            let mut at = way.points[way.rows[0]].angle;
+            let mut at = trajectory.points[trajectory.rows[0]].angle;
             let sum = (0..velocity.len()).map(|row| {
                 if row > 0 {
                     let seconds = run.times[row] - run.times[row - 1];
@@ -50,10 +55,10 @@ impl Reading {
             });
             sum.collect()
         };
-        let mut read = Way {
-            points: Vec::with_capacity(PARTS * way.rows.len()),
-            rows: Vec::with_capacity(way.rows.len()),
-            accelerations: way.accelerations.clone(),
+        let mut read = Trajectory {
+            points: Vec::with_capacity(PARTS * trajectory.rows.len()),
+            rows: Vec::with_capacity(trajectory.rows.len()),
+            accelerations: trajectory.accelerations.clone(),
         };
         for row in 0..angles.len() {
             if row > 0 {
@@ -73,31 +78,32 @@ impl Reading {
     }
 }
 
-/// Rows by which what the contact holds at the first of them is found.
-const FIRST_ROWS: usize = 30;
-/// Shares of the static level that are tried, to either side.
-const TRIED: i32 = 8;
+/// Number of rows from which the initial contact torque is estimated.
+const START_ROWS: usize = 30;
+/// Number of trial values in each direction, from zero to the static level.
+const TRIALS_PER_SIDE: i32 = 8;
 
-/// A way from its first row on, and what the contact holds there, found by the first rows' torque: nobody who has the
-/// log alone knows what was before.
-pub(super) fn begun(
+/// Cuts a trajectory before its first row and estimates the contact torque there from the first rows' torque.
+///
+/// The log alone does not contain the motion before its first row. The contact torque is a share of the Coulomb level.
+pub(super) fn estimate_start(
     machine: &Machine,
     run: &RunPlan,
-    way: &Way,
+    trajectory: &Trajectory,
     logged: &Logged,
     channel: impl Fn(&[f64]) -> Vec<f64>,
-) -> (Way, f64) {
-    let first = way.rows[0];
-    let begun = Way {
-        points: way.points[first..].to_vec(),
-        rows: way.rows.iter().map(|row| row - first).collect(),
-        accelerations: way.accelerations.clone(),
+) -> (Trajectory, f64) {
+    let first = trajectory.rows[0];
+    let cut = Trajectory {
+        points: trajectory.points[first..].to_vec(),
+        rows: trajectory.rows.iter().map(|row| row - first).collect(),
+        accelerations: trajectory.accelerations.clone(),
     };
-    let rows = FIRST_ROWS.min(begun.rows.len());
-    let start = Way {
-        points: begun.points[..=begun.rows[rows - 1]].to_vec(),
-        rows: begun.rows[..rows].to_vec(),
-        accelerations: begun.accelerations[..rows].to_vec(),
+    let rows = START_ROWS.min(cut.rows.len());
+    let start = Trajectory {
+        points: cut.points[..=cut.rows[rows - 1]].to_vec(),
+        rows: cut.rows[..rows].to_vec(),
+        accelerations: cut.accelerations[..rows].to_vec(),
     };
     let seal = &machine.joint.seal;
     let error = |held: f64| -> f64 {
@@ -106,8 +112,9 @@ pub(super) fn begun(
         channel(&torque).iter().zip(&logged.torque).map(|(m, t)| (m - t) * (m - t)).sum()
     };
     let most = seal.static_nm / seal.coulomb_nm;
-    let tried = (-TRIED..=TRIED).map(|share| most * f64::from(share) / f64::from(TRIED));
-    // Errors are a parabola of what is held, as long as nothing slips: its bottom lies near the best of the tried.
+    let tried = (-TRIALS_PER_SIDE..=TRIALS_PER_SIDE)
+        .map(|share| most * f64::from(share) / f64::from(TRIALS_PER_SIDE));
+    // Without slip, the error is a parabola of the contact torque. Its minimum lies near the best trial value.
     let tried: Vec<(f64, f64)> = tried.map(|held| (error(held), held)).collect();
     let best = (0..tried.len()).min_by(|a, b| tried[*a].0.total_cmp(&tried[*b].0)).unwrap_or(0);
     let mut found = tried[best];
@@ -118,11 +125,11 @@ pub(super) fn begun(
             found.1 = held;
         }
     }
-    (begun, found.1)
+    (cut, found.1)
 }
 
-/// The mean of so many rows about each.
-fn mean_over(values: &[f64], rows: usize) -> Vec<f64> {
+/// Returns the centred moving average over `rows` rows.
+fn moving_average(values: &[f64], rows: usize) -> Vec<f64> {
     let half = rows / 2;
     (0..values.len())
         .map(|at| {

@@ -1,39 +1,39 @@
-//! What the sensors make of a run: each kind of log has one weakness, drawn in its size.
+//! Sensor models: each kind of log has one defect of random size.
 //!
-//! | kind | what is wrong with it |
+//! | kind | defect |
 //! |---|---|
-//! | exact | nothing but the torque's noise |
-//! | encoder | an angle of 12 to 21 bits, and its differences through a filter for a velocity |
-//! | velocity-noise | a velocity that flickers by 0.3 to 10 mrad/s, at rest as well |
-//! | no-position | no angle; the velocity flickers, or is differences of an angle nobody logged |
-//! | torque-filtered | the torque went through a low-pass of 5 to 200 Hz: of first or second order, or a running mean |
-//! | held | covariates refreshed at 0.2 to 20 Hz, at times torque or motion held over several rows |
+//! | exact | torque noise only |
+//! | encoder | angle of 12 to 21 bits, velocity from its filtered differences |
+//! | velocity-noise | velocity noise of 0.3 to 10 mrad/s, also at rest |
+//! | no-position | no angle; velocity with noise, or from the differences of an angle that is not logged |
+//! | torque-filtered | torque after a low-pass of 5 to 200 Hz: first order, second order, or moving average |
+//! | held | covariates updated at 0.2 to 20 Hz; in some logs torque or motion held over several rows |
 //!
-//! Filters run at the log's rate. A low-pass and held rows make a channel late: what says so is true of the log,
-//! whatever else is hidden ([`Sensing::true_of_the_log`]).
+//! Filters run at the log's rate. A low-pass and held rows delay a channel. A diagnosis that reports this delay is
+//! right, whatever effect is hidden ([`Sensing::true_of_the_log`]).
 
 use super::super::sampler::Sampler;
 use std::f64::consts::TAU;
 
-/// The kinds of log.
+/// Kinds of sensor defect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum SensorKind {
-    /// Exact but for the torque's noise.
+    /// Exact, except for torque noise.
     Exact,
-    /// Angle of an encoder, velocity from its differences.
+    /// Angle from an encoder, velocity from its differences.
     Encoder,
-    /// A velocity with noise at rest as well.
+    /// Velocity with noise, also at rest.
     VelocityNoise,
     /// No angle.
     NoPosition,
-    /// A torque behind a low-pass.
+    /// Torque after a low-pass.
     TorqueFiltered,
     /// Channels held over several rows.
     Held,
 }
 
 impl SensorKind {
-    /// All of them, in the order of tables.
+    /// All kinds, in the order of the tables.
     pub const ALL: [SensorKind; 6] = [
         SensorKind::Exact,
         SensorKind::Encoder,
@@ -43,7 +43,7 @@ impl SensorKind {
         SensorKind::Held,
     ];
 
-    /// Its name.
+    /// Returns the name of the kind.
     pub const fn name(self) -> &'static str {
         match self {
             SensorKind::Exact => "exact",
@@ -55,40 +55,41 @@ impl SensorKind {
         }
     }
 
-    /// The kind of a name.
+    /// Returns the kind with this name.
     pub fn parse(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 }
 
-/// How a velocity comes about.
+/// Source of the logged velocity.
 #[derive(Clone, Copy, Debug)]
 enum Velocity {
-    /// The true one with white noise, rad/s.
+    /// True velocity with white noise of this standard deviation, rad/s.
     Noisy(f64),
-    /// Differences of the encoder's angle through a first-order low-pass, Hz.
+    /// Differences of the encoder's angle after a first-order low-pass with this corner frequency, Hz.
     LowPassed(f64),
-    /// Differences of the encoder's angle, the mean of so many.
+    /// Moving average of this many differences of the encoder's angle.
     Averaged(usize),
 }
 
-/// How a torque is low-passed.
+/// Type of the torque's low-pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Shape {
+enum FilterShape {
     /// First order.
     First,
-    /// Two of first order, one behind the other, of the same corner together.
+    /// Two first-order filters in series with the same total corner frequency.
     Second,
-    /// The mean of the last rows.
+    /// Moving average of the last rows.
     Mean,
 }
 
-impl Shape {
-    fn passed(self, times: &[f64], values: &[f64], corner_hz: f64) -> Vec<f64> {
+impl FilterShape {
+    /// Filters values at uneven times.
+    fn filter(self, times: &[f64], values: &[f64], corner_hz: f64) -> Vec<f64> {
         match self {
             Self::First => low_pass(times, values, corner_hz),
             Self::Second => {
-                // Two of them are 3 dB down at sqrt(sqrt(2) - 1) of the corner of one.
+                // Two equal filters in series have their -3 dB point at sqrt(sqrt(2) - 1) of the corner of one.
                 let each_hz = corner_hz / (2f64.sqrt() - 1.0).sqrt();
                 low_pass(times, &low_pass(times, values, each_hz), each_hz)
             }
@@ -110,25 +111,25 @@ impl Shape {
 pub(super) struct Sensing {
     pub kind: SensorKind,
     velocity: Velocity,
-    /// Lines of the encoder in one radian; none where the angle is exact.
+    /// Encoder lines per radian. `None` if the angle is exact.
     lines_per_rad: Option<f64>,
-    /// Standard deviation of the torque's noise, Nm.
+    /// Standard deviation of the torque noise, Nm.
     pub noise_nm: f64,
-    /// Corner of the torque's low-pass, Hz, and its shape.
+    /// Corner frequency of the torque's low-pass, Hz, and its type.
     torque_corner_hz: Option<f64>,
-    torque_shape: Shape,
-    /// Whether the noise is in front of the low-pass, and so coloured.
+    torque_shape: FilterShape,
+    /// True if the noise enters before the low-pass, so that it is coloured.
     noise_before: bool,
-    /// Rows over which torque is held; 1 for each its own.
+    /// Number of rows over which the torque is held. 1 if it is not held.
     torque_rows: usize,
-    /// Rows over which angle and velocity are held.
+    /// Number of rows over which angle and velocity are held. 1 if they are not held.
     motion_rows: usize,
-    /// Rate at which covariates are refreshed, Hz.
+    /// Update rate of the covariates, Hz.
     pub covariate_hz: Option<f64>,
 }
 
 impl Sensing {
-    /// Sensors of a kind for a joint whose Coulomb torque is known.
+    /// Draws sensors of a kind for a joint with this Coulomb torque.
     pub fn draw(sampler: &mut Sampler, kind: SensorKind, rate_hz: f64, coulomb_nm: f64) -> Self {
         let noise_nm = coulomb_nm * sampler.log_between(0.003, 0.06);
         let mut own = Self {
@@ -137,7 +138,7 @@ impl Sensing {
             lines_per_rad: None,
             noise_nm,
             torque_corner_hz: None,
-            torque_shape: Shape::First,
+            torque_shape: FilterShape::First,
             noise_before: false,
             torque_rows: 1,
             motion_rows: 1,
@@ -146,7 +147,7 @@ impl Sensing {
         let lines = |sampler: &mut Sampler, least: usize| {
             f64::from(1u32 << (least + sampler.below(22 - least))) / TAU
         };
-        let flicker = sampler.log_between(3e-4, 1e-2);
+        let noise_rad_s = sampler.log_between(3e-4, 1e-2);
         let differences = if sampler.chance(0.5) {
             Velocity::LowPassed(rate_hz * sampler.log_between(0.02, 0.3))
         } else {
@@ -159,20 +160,21 @@ impl Sensing {
                 own.velocity = differences;
             }
             SensorKind::VelocityNoise => {
-                own.velocity = Velocity::Noisy(flicker);
+                own.velocity = Velocity::Noisy(noise_rad_s);
                 own.lines_per_rad = sampler.chance(0.6).then(|| lines(sampler, 15));
             }
             SensorKind::NoPosition => {
                 own.lines_per_rad = Some(lines(sampler, 14));
                 own.velocity =
-                    if sampler.chance(0.5) { Velocity::Noisy(flicker) } else { differences };
+                    if sampler.chance(0.5) { Velocity::Noisy(noise_rad_s) } else { differences };
             }
             SensorKind::TorqueFiltered => {
                 let highest = (0.4 * rate_hz).clamp(6.0, 200.0);
                 own.torque_corner_hz = Some(sampler.log_between(5.0, highest));
                 own.noise_before = sampler.chance(0.5);
                 own.lines_per_rad = sampler.chance(0.5).then(|| lines(sampler, 17));
-                own.torque_shape = [Shape::First, Shape::Second, Shape::Mean][sampler.below(3)];
+                own.torque_shape =
+                    [FilterShape::First, FilterShape::Second, FilterShape::Mean][sampler.below(3)];
             }
             SensorKind::Held => {
                 own.covariate_hz = Some(sampler.log_between(0.2, (0.5 * rate_hz).min(20.0)));
@@ -182,13 +184,13 @@ impl Sensing {
                     _ => {}
                 }
                 own.velocity =
-                    if sampler.chance(0.5) { Velocity::Noisy(flicker) } else { own.velocity };
+                    if sampler.chance(0.5) { Velocity::Noisy(noise_rad_s) } else { own.velocity };
             }
         }
         own
     }
 
-    /// How much later than the motion its velocity is logged, s: the group delay of the differences' filter.
+    /// Returns the delay of the logged velocity, s: the group delay of its filter.
     pub fn velocity_delay_s(&self, rate_hz: f64) -> f64 {
         let held = 0.5 * (self.motion_rows - 1) as f64 / rate_hz;
         held + match self.velocity {
@@ -198,21 +200,21 @@ impl Sensing {
         }
     }
 
-    /// Whether the log has an angle.
+    /// Returns true if the log has an angle.
     pub fn has_position(&self) -> bool {
         self.kind != SensorKind::NoPosition
     }
 
-    /// Causes that are true of the log whatever is hidden: a channel that is late.
+    /// Returns the causes that hold for the log whatever effect is hidden: a delayed channel.
     pub fn true_of_the_log(&self) -> Vec<&'static str> {
-        let late = self.torque_corner_hz.is_some()
+        let is_delayed = self.torque_corner_hz.is_some()
             || self.torque_rows > 1
             || self.motion_rows > 1
             || !matches!(self.velocity, Velocity::Noisy(_));
-        if late { vec!["channel-delay"] } else { Vec::new() }
+        if is_delayed { vec!["channel-delay"] } else { Vec::new() }
     }
 
-    /// The logged angle, rad, each row.
+    /// Returns the logged angle of each row, rad.
     pub fn angles(&self, times: &[f64], angles: &[f64]) -> Vec<f64> {
         let lines = |angle: f64| match self.lines_per_rad {
             Some(lines) => (angle * lines).floor() / lines,
@@ -220,10 +222,10 @@ impl Sensing {
         };
         let read: Vec<f64> = angles.iter().copied().map(lines).collect();
         debug_assert_eq!(times.len(), read.len());
-        held(&read, self.motion_rows)
+        hold(&read, self.motion_rows)
     }
 
-    /// The logged velocity, rad/s, each row.
+    /// Returns the logged velocity of each row, rad/s.
     pub fn velocities(
         &self,
         sampler: &mut Sampler,
@@ -233,7 +235,7 @@ impl Sensing {
     ) -> Vec<f64> {
         if let Velocity::Noisy(noise) = self.velocity {
             let noisy: Vec<f64> = velocities.iter().map(|v| v + noise * sampler.normal()).collect();
-            return held(&noisy, self.motion_rows);
+            return hold(&noisy, self.motion_rows);
         }
         let read = self.angles(times, angles);
         let mut raw: Vec<f64> = (1..read.len())
@@ -250,19 +252,19 @@ impl Sensing {
                 .collect(),
             Velocity::Noisy(_) => raw,
         };
-        held(&filtered, self.motion_rows)
+        hold(&filtered, self.motion_rows)
     }
 
-    /// What the torque's sensor makes of a torque, noise apart, Nm.
+    /// Returns the output of the torque sensor without noise, Nm.
     pub fn torque_channel(&self, times: &[f64], torque: &[f64]) -> Vec<f64> {
         let passed = match self.torque_corner_hz {
-            Some(corner_hz) => self.torque_shape.passed(times, torque, corner_hz),
+            Some(corner_hz) => self.torque_shape.filter(times, torque, corner_hz),
             None => torque.to_vec(),
         };
-        held(&passed, self.torque_rows)
+        hold(&passed, self.torque_rows)
     }
 
-    /// A torque that went through [`Sensing::torque_channel`], with the noise of its sensor, Nm.
+    /// Adds sensor noise to a torque that passed [`Sensing::torque_channel`], Nm.
     pub fn with_noise(&self, sampler: &mut Sampler, times: &[f64], torque: &[f64]) -> Vec<f64> {
         let mut noise: Vec<f64> = torque.iter().map(|_| self.noise_nm * sampler.normal()).collect();
         if self.noise_before || self.torque_rows > 1 {
@@ -271,7 +273,7 @@ impl Sensing {
         torque.iter().zip(&noise).map(|(t, n)| t + n).collect()
     }
 
-    /// A covariate's readings at times of the run, each at most one refresh old.
+    /// Returns a covariate's readings at times of the run. Each is at most one update period old.
     pub fn covariate(&self, times: &[f64], at: &dyn Fn(f64) -> f64) -> Vec<f64> {
         let refreshed = |t: f64| match self.covariate_hz {
             Some(hz) => (t * hz).floor() / hz,
@@ -280,7 +282,7 @@ impl Sensing {
         times.iter().map(|&t| at(refreshed(t))).collect()
     }
 
-    /// One sentence.
+    /// Returns a description of the sensors in one sentence.
     pub fn words(&self) -> String {
         let mut parts = vec![format!("torque noise {:.2e} Nm", self.noise_nm)];
         match self.velocity {
@@ -307,7 +309,7 @@ impl Sensing {
     }
 }
 
-/// A first-order low-pass over uneven times, from rest at the first value.
+/// First-order low-pass for uneven times. The initial state is the first value.
 fn low_pass(times: &[f64], values: &[f64], corner_hz: f64) -> Vec<f64> {
     let mut passed = Vec::with_capacity(values.len());
     let mut last = values.first().copied().unwrap_or(0.0);
@@ -319,7 +321,7 @@ fn low_pass(times: &[f64], values: &[f64], corner_hz: f64) -> Vec<f64> {
     passed
 }
 
-/// The mean of all values within the last so many seconds.
+/// Moving average of all values within the last `seconds`.
 fn running_mean(times: &[f64], values: &[f64], seconds: f64) -> Vec<f64> {
     let (mut from, mut sum) = (0, 0.0);
     (0..values.len())
@@ -334,8 +336,8 @@ fn running_mean(times: &[f64], values: &[f64], seconds: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Each value held over so many rows.
-fn held(values: &[f64], rows: usize) -> Vec<f64> {
+/// Holds each value over `rows` rows.
+fn hold(values: &[f64], rows: usize) -> Vec<f64> {
     (0..values.len()).map(|at| values[at - at % rows.max(1)]).collect()
 }
 
@@ -344,7 +346,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_low_pass_settles_as_its_corner_says() {
+    fn low_pass_after_step_follows_its_time_constant() {
         let times: Vec<f64> = (0..1000).map(|at| f64::from(at) * 1e-3).collect();
         let step: Vec<f64> = (0..1000).map(|at| f64::from(u8::from(at > 0))).collect();
         let passed = low_pass(&times, &step, 5.0);
@@ -353,20 +355,20 @@ mod tests {
     }
 
     #[test]
-    fn every_shape_lets_half_the_power_through_at_its_corner() {
+    fn filter_of_each_shape_passes_half_the_power_at_its_corner() {
         let (corner_hz, rate_hz) = (10.0, 2000.0);
         let times: Vec<f64> = (0..8000).map(|at| f64::from(at) / rate_hz).collect();
         let wave: Vec<f64> = times.iter().map(|time| (TAU * corner_hz * time).sin()).collect();
-        for shape in [Shape::First, Shape::Second, Shape::Mean] {
-            let passed = shape.passed(&times, &wave, corner_hz);
+        for shape in [FilterShape::First, FilterShape::Second, FilterShape::Mean] {
+            let passed = shape.filter(&times, &wave, corner_hz);
             let power = passed[4000..].iter().map(|value| value * value).sum::<f64>() / 4000.0;
             assert!((power / 0.5 - 0.5).abs() < 0.02, "{shape:?}: {power}");
         }
     }
 
     #[test]
-    fn held_rows_are_the_first_of_them() {
-        assert_eq!(held(&[1.0, 2.0, 3.0, 4.0, 5.0], 2), [1.0, 1.0, 3.0, 3.0, 5.0]);
-        assert_eq!(held(&[1.0, 2.0], 1), [1.0, 2.0]);
+    fn hold_repeats_the_first_of_each_group_of_rows() {
+        assert_eq!(hold(&[1.0, 2.0, 3.0, 4.0, 5.0], 2), [1.0, 1.0, 3.0, 3.0, 5.0]);
+        assert_eq!(hold(&[1.0, 2.0], 1), [1.0, 2.0]);
     }
 }

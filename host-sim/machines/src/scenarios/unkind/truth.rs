@@ -1,61 +1,61 @@
-//! The truth behind an unkind world.
+//! Ground truth of an adverse world.
 
 use super::super::truth::Hidden;
 use super::sensing::SensorKind;
 use serde_json::{Value, json};
 
-/// What is true of an unkind world.
+/// Ground truth of an adverse world.
 #[derive(Clone, Debug)]
 pub struct UnkindTruth {
-    /// What it was drawn by.
+    /// Seed of the world.
     pub seed: u64,
-    /// What its sensors do.
+    /// Sensor kind.
     pub sensor: SensorKind,
     /// `bristles` or `slip-elements`.
     pub plant: &'static str,
-    /// What is hidden; nothing in a clean world.
+    /// The hidden effect. `None` in a clean world.
     pub hidden: Option<Hidden>,
-    /// Parts of the torque column that are not friction, by their names in `--rigid-body`.
+    /// Parts of the torque column that are not friction, named as in `--rigid-body`.
     pub rigid_body: Vec<&'static str>,
-    /// Causes that are true of the log whatever is hidden.
+    /// Causes that hold for the log whatever effect is hidden.
     pub true_of_the_log: Vec<&'static str>,
-    /// RMS of what is left of the effect beside a refitted plant, over the floor.
+    /// RMS of the part of the effect that a refitted plant cannot explain, divided by the floor.
     pub effect_in_floors: f64,
-    /// What a refit of the true structure gains, in its standard errors.
+    /// Gain of a refit with the true structure, in standard errors.
     pub gain_in_errors: f64,
-    /// RMS of what the true plant leaves, driven by the motion as a plain method reads it from the log, Nm.
+    /// RMS error of the true plant with the motion reconstructed from the log, Nm.
     pub floor_nm: f64,
-    /// The same row by row of the log: logged torque less the true plant's, Nm.
+    /// The same error for each row of the log: logged torque minus the torque of the true plant, Nm.
     pub floor_errors: Vec<Vec<f64>>,
-    /// The torque of each row without noise, Nm.
+    /// Torque of each row without noise, Nm.
     pub torque: Vec<Vec<f64>>,
-    /// Standard deviation of the torque's noise before any filter, Nm.
+    /// Standard deviation of the torque noise before any filter, Nm.
     pub noise_nm: f64,
     /// Sample rate, Hz.
     pub rate_hz: f64,
     /// Presliding travel of the contact, rad.
     pub travel_rad: f64,
-    /// Largest correlation covariates were drawn with.
+    /// Largest correlation between covariates that was drawn.
     pub correlation: f64,
-    /// One sentence.
+    /// Description in one sentence.
     pub description: String,
 }
 
-/// From so many standard errors on, an effect is there to be found.
-pub const DETECTABLE: f64 = 3.0;
+/// Minimum gain of a detectable effect, in standard errors.
+pub const MIN_DETECTABLE_GAIN: f64 = 3.0;
 
 impl UnkindTruth {
-    /// The cause a diagnosis should put first: `none` where nothing is hidden.
+    /// Returns the cause that a diagnosis should rank first. It is `none` if no effect is hidden.
     pub fn cause(&self) -> &'static str {
         self.hidden.as_ref().map_or("none", |hidden| hidden.cause)
     }
 
-    /// Whether a refit of the true structure gains at least [`DETECTABLE`] standard errors.
-    pub fn detectable(&self) -> bool {
-        self.gain_in_errors >= DETECTABLE
+    /// Returns true if a refit with the true structure gains at least [`MIN_DETECTABLE_GAIN`] standard errors.
+    pub fn is_detectable(&self) -> bool {
+        self.gain_in_errors >= MIN_DETECTABLE_GAIN
     }
 
-    /// `truth.json`.
+    /// Returns the content of `truth.json`.
     pub fn json(&self) -> Value {
         json!({
             "schema": 1,
@@ -71,7 +71,7 @@ impl UnkindTruth {
             "true_of_the_log": self.true_of_the_log,
             "effect_in_floors": self.effect_in_floors,
             "gain_in_standard_errors": self.gain_in_errors,
-            "detectable": self.detectable(),
+            "detectable": self.is_detectable(),
             "floor_nm": self.floor_nm,
             "torque_noise_nm": self.noise_nm,
             "rate_hz": self.rate_hz,

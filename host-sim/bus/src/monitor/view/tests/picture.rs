@@ -1,4 +1,4 @@
-//! The picture of the monitor in the README: the screen of the joint of these tests, as SVG.
+//! The picture of the monitor in the book: the screen of the joint of these tests, as SVG.
 //!
 //! Drawn by the code that draws the terminal, and compared with the file in git, so the picture cannot show what the
 //! program does not. `UPDATE_TABLES=1 cargo test -p joint-bus picture` writes it anew.
@@ -88,7 +88,7 @@ fn svg(buffer: &Buffer) -> String {
 fn the_picture_in_the_readme_is_what_is_drawn() {
     let view = seen(&model(), 4999);
     let drawn = svg(&drawn(&view, &Controls::new(false), &setting(), (110, 34)));
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/pictures/monitor.svg");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/src/pictures/monitor.svg");
     if std::env::var_os("UPDATE_TABLES").is_some() {
         std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
         std::fs::write(&path, &drawn).expect("written");

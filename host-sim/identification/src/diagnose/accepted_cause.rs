@@ -1,0 +1,94 @@
+//! A cause that the search has accepted, before it becomes a finding.
+
+use super::cause::CauseCandidate;
+use super::cause::definition::Cause;
+use super::extended::Extended;
+use super::finding::{ConfoundedCause, Finding};
+use super::gram_blocks::CandidateFit;
+use super::train_test::FollowedColumn;
+use super::train_test::TrainTest;
+use crate::fit::{Estimate, Outcome, State};
+use compensator_core::TermKind;
+
+/// An accepted cause.
+#[derive(Clone, Debug)]
+pub struct AcceptedCause {
+    /// The cause.
+    pub cause: &'static dyn Cause,
+    /// The term that takes it into the model.
+    pub term: TermKind,
+    /// Columns it needs.
+    pub columns: Vec<String>,
+    /// What it follows, for a cause that may follow any column.
+    pub follows: Option<FollowedColumn>,
+    /// What the last review said.
+    pub fit: CandidateFit,
+    /// Share of the residual it explains that nothing else does.
+    pub share: f64,
+    /// Other causes that would explain the same.
+    pub rivals: Vec<ConfoundedCause>,
+    /// It describes the runs there are; for others it has been shown to fail, or could not be shown.
+    pub only_describes: bool,
+}
+
+impl AcceptedCause {
+    /// A candidate that was taken into the model, with what its fit showed.
+    pub fn chosen(candidate: &CauseCandidate, fit: CandidateFit) -> Self {
+        Self {
+            cause: candidate.cause,
+            term: candidate.term,
+            columns: candidate.columns.clone(),
+            follows: candidate.follows.clone(),
+            fit,
+            share: 0.0,
+            rivals: Vec::new(),
+            only_describes: false,
+        }
+    }
+
+    /// The parameter of its own that the fit to all rows drove to its bound, if there is one: there its term stands in for
+    /// something else. (A measured lead screw at steady speeds: a play of 10 rad, give or take 37,000.)
+    pub fn at_bound(&self, outcome: &Outcome) -> Option<&'static str> {
+        let own = |estimate: &&Estimate| self.term.parameters().contains(&estimate.id);
+        let mut own = outcome.estimates.iter().filter(own);
+        own.find(|estimate| estimate.state == State::AtBound).map(|estimate| estimate.id.name())
+    }
+
+    /// The finding, as the joint fit has it.
+    pub fn finding(&self, outcome: &Outcome, log: &TrainTest) -> Finding {
+        let extended = Extended { outcome, log, follows: self.follows.as_ref() };
+        let cause = self.cause;
+        let size = cause.size(&extended);
+        let mut in_words = cause.in_words(&size, &extended);
+        let rival = |rival: &ConfoundedCause| {
+            let columns = &rival.columns;
+            let by = if columns.is_empty() {
+                String::new()
+            } else {
+                format!(" ({})", columns.join(", "))
+            };
+            let (name, percent) = (rival.cause.name(), 100.0 * rival.share);
+            format!("{name}{by}, which would explain {percent:.0} % of it")
+        };
+        let rivals: Vec<String> = self.rivals.iter().map(rival).collect();
+        if !rivals.is_empty() {
+            in_words += &format!("; this log cannot distinguish it from {}", rivals.join(", or "));
+        }
+        if self.only_describes {
+            in_words += "; it describes these runs and has not been shown to apply to others: its column hardly \
+                         changes within a run, and there are few runs";
+        }
+        Finding {
+            cause,
+            columns: self.columns.clone(),
+            in_words,
+            size,
+            order: cause.order(&extended),
+            p_value: self.fit.p_value,
+            stability: self.fit.stability,
+            share_of_residual: self.share,
+            confusable_with: self.rivals.clone(),
+            evidence: cause.evidence(&self.columns, &extended),
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! `lugre-lstm`: LuGre with levels and stiffness from a network, trained and evaluated on whole tests.
+//!
+//! Three choices of inputs claim different things. The preset *tension* is known beforehand and constant in a test. With it
+//! the network can set levels and stiffness, but no gap. With the *motion* (tension, velocity, and the force of the law's
+//! bristle) it can also remove the stiffness where a gap is crossed; this is a prediction. The *actuators'* forces are the
+//! paper's inputs. They are consequences of the friction, so the network reads part of its answer from them. Such a model
+//! estimates the force from two load cells; it does not predict it.
+
+use super::campaign::TestCampaign;
+use super::model::RESOLUTION;
+use super::score::CampaignScore;
+use compensator_core::Parameters;
+use friction_identification::fit::Track;
+use friction_identification::network::{
+    NetworkInput, NetworkLaw, NetworkRun, TrainOptions, TrainingProgress, predict, train,
+};
+use rayon::prelude::*;
+
+/// Inputs of a network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum NetworkInputs {
+    /// The preset tension.
+    Tension,
+    /// Tension, velocity, and the force of the law's bristle.
+    Motion,
+    /// Both actuators' forces.
+    Actuators,
+}
+
+impl NetworkInputs {
+    /// Name of the model in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tension => "lugre-lstm (tension)",
+            Self::Motion => "lugre-lstm (tension and motion)",
+            Self::Actuators => "lugre-lstm (actuators' forces)",
+        }
+    }
+
+    /// Trains a network on these tests.
+    fn train(
+        self,
+        base: &Parameters<f64>,
+        tracks: &[Track],
+        columns: &InputColumns,
+        options: &TrainOptions,
+        progress: &(dyn Fn(TrainingProgress) + Sync),
+    ) -> TrainedNetwork {
+        let InputColumns { tension, actuators } = *columns;
+        match self {
+            Self::Tension => {
+                TrainedNetwork::One(train_boxed(base, [tension], tracks, options, progress))
+            }
+            Self::Motion => {
+                let inputs = [tension, NetworkInput::Velocity, NetworkInput::Held];
+                TrainedNetwork::Three(train_boxed(base, inputs, tracks, options, progress))
+            }
+            Self::Actuators => {
+                TrainedNetwork::Two(train_boxed(base, actuators, tracks, options, progress))
+            }
+        }
+    }
+
+    /// Forces of all tests, each by a network trained without it. `bases` are the laws of the folds.
+    pub fn held_out(
+        self,
+        tests: &TestCampaign,
+        folds: &[Vec<usize>],
+        bases: &[Parameters<f64>],
+        options: &TrainOptions,
+        done: &(dyn Fn(&str) + Sync),
+    ) -> CampaignScore {
+        let columns = InputColumns::of(tests);
+        let by_fold: Vec<Vec<(usize, Vec<f64>)>> = folds
+            .par_iter()
+            .zip(bases)
+            .map(|(fold, base)| {
+                let network =
+                    self.train(base, &tests.tests_outside(fold), &columns, options, &|at| {
+                        report_progress(self, at, options, done);
+                    });
+                fold.iter().map(|test| (*test, network.run(&tests.tracks[*test]).torque)).collect()
+            })
+            .collect();
+        let mut force = vec![Vec::new(); tests.tracks.len()];
+        for (test, simulated) in by_fold.into_iter().flatten() {
+            force[test] = simulated;
+        }
+        CampaignScore::of(&tests.tracks, force)
+    }
+
+    /// Trains a network on all tests, and returns it with its forces.
+    pub fn train_on_all(
+        self,
+        tests: &TestCampaign,
+        base: &Parameters<f64>,
+        options: &TrainOptions,
+        done: &(dyn Fn(&str) + Sync),
+    ) -> (TrainedNetwork, CampaignScore) {
+        let columns = InputColumns::of(tests);
+        let network = self.train(base, &tests.tracks, &columns, options, &|at| {
+            report_progress(self, at, options, done);
+        });
+        let force = tests.tracks.iter().map(|track| network.run(track).torque).collect();
+        let score = CampaignScore::of(&tests.tracks, force);
+        (network, score)
+    }
+}
+
+/// Columns of the inputs.
+#[derive(Clone, Copy)]
+struct InputColumns {
+    tension: NetworkInput,
+    actuators: [NetworkInput; 2],
+}
+
+impl InputColumns {
+    fn of(tests: &TestCampaign) -> Self {
+        let of = |name: &str| {
+            let place = tests.covariates.iter().position(|covariate| covariate == name);
+            NetworkInput::Covariate(place.unwrap_or(0))
+        };
+        Self {
+            tension: of(super::campaign::TENSION),
+            actuators: super::campaign::ACTUATORS.map(of),
+        }
+    }
+}
+
+/// A trained network, by its number of inputs.
+#[derive(Clone)]
+pub(super) enum TrainedNetwork {
+    One(Box<NetworkLaw<1>>),
+    Two(Box<NetworkLaw<2>>),
+    Three(Box<NetworkLaw<3>>),
+}
+
+impl TrainedNetwork {
+    /// Runs the law along a test.
+    pub fn run(&self, track: &Track) -> NetworkRun {
+        match self {
+            Self::One(supplied) => predict(supplied, track),
+            Self::Two(supplied) => predict(supplied, track),
+            Self::Three(supplied) => predict(supplied, track),
+        }
+    }
+
+    /// Marks strokes unlike those of these tests as outside the envelope.
+    pub fn set_stroke_range(&mut self, tracks: &[Track]) {
+        match self {
+            Self::One(supplied) => supplied.set_stroke_range(tracks),
+            Self::Two(supplied) => supplied.set_stroke_range(tracks),
+            Self::Three(supplied) => supplied.set_stroke_range(tracks),
+        }
+    }
+}
+
+fn train_boxed<const INPUTS: usize>(
+    base: &Parameters<f64>,
+    inputs: [NetworkInput; INPUTS],
+    tracks: &[Track],
+    options: &TrainOptions,
+    progress: &(dyn Fn(TrainingProgress) + Sync),
+) -> Box<NetworkLaw<INPUTS>> {
+    Box::new(train(base, inputs, tracks, options, progress).supplied)
+}
+
+/// Training options of a campaign.
+pub(super) fn options(seed: u64, epochs: usize, groups: usize) -> TrainOptions {
+    let substeps = RESOLUTION.substeps;
+    TrainOptions { seed, epochs, groups, substeps, ..TrainOptions::default() }
+}
+
+fn report_progress(
+    inputs: NetworkInputs,
+    at: TrainingProgress,
+    options: &TrainOptions,
+    done: &(dyn Fn(&str) + Sync),
+) {
+    const REPORT_INTERVAL_EPOCHS: usize = 10;
+    if at.epoch.is_multiple_of(REPORT_INTERVAL_EPOCHS) {
+        let (name, epochs) = (inputs.name(), options.epochs);
+        done(&format!("{name}: pass {} of {epochs}, loss {:.4}", at.epoch, at.loss));
+    }
+}

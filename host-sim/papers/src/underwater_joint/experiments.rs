@@ -1,0 +1,105 @@
+//! Runs the three pool tests with every arm over several seeds, with measures and one course of each.
+//!
+//! A seed is another day of the same joint: other sensor noise and another initial temperature.
+
+use super::arms::DriverArm;
+use super::measures::{self, Spread};
+use super::tasks::{Conditions, Course, Task, run};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+
+/// Range of the initial temperature of a day, deg C.
+const TEMPERATURE_C: std::ops::Range<f64> = 16.0..26.0;
+
+/// A measure of a course.
+pub struct Measure {
+    /// Name of the column.
+    pub column: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Computes the measure.
+    pub of: fn(&Course) -> f64,
+}
+
+/// Measures of a task, most important first.
+pub const fn measures(task: Task) -> &'static [Measure] {
+    match task {
+        Task::VelocityTracking => &[Measure {
+            column: "mean velocity error",
+            unit: "rpm",
+            of: measures::velocity_error_rpm,
+        }],
+        Task::LowSpeed => &[
+            Measure { column: "mean error", unit: "%", of: measures::error_rate_percent },
+            Measure {
+                column: "starting oscillation",
+                unit: "s",
+                of: measures::starting_oscillation_s,
+            },
+            Measure { column: "times stuck", unit: "", of: measures::stick_count },
+        ],
+        Task::Hold => &[Measure { column: "swing", unit: "rad", of: measures::hold_swing_rad }],
+        Task::Impact => &[
+            Measure { column: "time to target", unit: "s", of: measures::time_to_target_s },
+            Measure { column: "overshoot", unit: "%", of: measures::overshoot_percent },
+        ],
+    }
+}
+
+/// Results of one arm in one task.
+#[derive(Clone, Debug)]
+pub struct TaskResult {
+    /// Name of the arm.
+    pub arm: &'static str,
+    /// Values of each measure, one per seed.
+    pub values: Vec<Vec<f64>>,
+    /// Course of the first seed.
+    pub course: Course,
+    /// Number of seeds in which the driver stopped the joint.
+    pub stopped: usize,
+}
+
+impl TaskResult {
+    /// Returns mean and spread of a measure.
+    pub fn spread(&self, measure: usize) -> Spread {
+        Spread::of(&self.values[measure])
+    }
+}
+
+/// Returns the conditions of a seed.
+pub fn conditions_of_day(joint: &Conditions, seed: u64) -> Conditions {
+    let mut random = Pcg64::seed_from_u64(seed);
+    Conditions { temperature_c: random.random_range(TEMPERATURE_C), seed, ..*joint }
+}
+
+/// Runs a task with every arm, once per seed.
+///
+/// # Errors
+/// Returns the arm and the reason of the first run that fails.
+pub fn run_experiment(
+    task: Task,
+    arms: &[DriverArm],
+    joint: &Conditions,
+    seeds: u64,
+) -> Result<Vec<TaskResult>, String> {
+    let each = |arm: &DriverArm| {
+        let days: Vec<u64> = (0..seeds).collect();
+        let courses = days.into_par_iter().map(|seed| {
+            let course = run(task, arm, &conditions_of_day(joint, joint.seed.wrapping_add(seed)))?;
+            let values: Vec<f64> = measures(task).iter().map(|of| (of.of)(&course)).collect();
+            Ok((values, (seed == 0).then_some(course.clone()), course.stopped))
+        });
+        let courses: Vec<(Vec<f64>, Option<Course>, bool)> =
+            courses.collect::<Result<_, String>>().map_err(|why| format!("{}: {why}", arm.name))?;
+        Ok(TaskResult {
+            arm: arm.name,
+            values: (0..measures(task).len())
+                .map(|at| courses.iter().map(|course| course.0[at]).collect())
+                .collect(),
+            stopped: courses.iter().filter(|course| course.2).count(),
+            course: courses.into_iter().find_map(|course| course.1).unwrap_or_default(),
+        })
+    };
+    arms.par_iter().map(each).collect()
+}

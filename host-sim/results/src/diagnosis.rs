@@ -1,0 +1,160 @@
+//! `diagnosis.json`, schema 1.
+//!
+//! Besides the keys that the schema requires, the document holds a summary, every candidate, the shares of the error by
+//! regime and direction, and the hash of each file. All errors are in the unit of the torque column.
+
+use super::json::{parameter, sources};
+use super::ranking::{left_out, rejection_reason};
+use friction_identification::data::{Dataset, Split};
+use friction_identification::diagnose::finding::Finding;
+use friction_identification::diagnose::{Diagnosis, Share, summary};
+use friction_identification::fit::Outcome;
+use friction_identification::log_check::LogFinding;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+/// The JSON document of a diagnosis.
+#[derive(Clone, Debug, Serialize)]
+#[serde(transparent)]
+pub struct DiagnosisDocument(Value);
+
+impl DiagnosisDocument {
+    /// Returns the summary, five sentences.
+    pub fn summary(&self) -> Vec<&str> {
+        let sentences = self.0.get("story").and_then(Value::as_array);
+        sentences.into_iter().flatten().filter_map(Value::as_str).collect()
+    }
+}
+
+/// Makes a number finite for JSON: NaN becomes 0, an infinite number the largest finite one.
+fn finite(value: f64) -> f64 {
+    if value.is_nan() { 0.0 } else { value.clamp(-f64::MAX, f64::MAX) }
+}
+
+fn finding(finding: &Finding) -> Value {
+    let mut confusable: Vec<&str> =
+        finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
+    confusable.dedup();
+    let mut value = json!({
+        "cause": finding.cause.name(),
+        "columns": finding.columns,
+        "size": {
+            "value": finite(finding.size.value),
+            "unit": finding.size.unit,
+            "ci95": finding.size.ci95.map(finite),
+        },
+        "p_value": finite(finding.p_value),
+        "stability": finite(finding.stability).clamp(0.0, 1.0),
+        "share_of_residual": finite(finding.share_of_residual),
+        "confusable_with": confusable,
+        "in_words": finding.in_words,
+    });
+    if let Some((order, error)) = finding.order {
+        value["order"] = json!({ "value": finite(order), "std_error": finite(error) });
+    }
+    value
+}
+
+fn model(outcome: &Outcome, data: &Dataset) -> Map<String, Value> {
+    let params: Map<String, Value> =
+        outcome.estimates.iter().map(|estimate| parameter(estimate, data)).collect();
+    let mut object = Map::new();
+    object.insert("model".into(), json!(outcome.spec.to_string()));
+    object.insert("params".into(), params.into());
+    object.insert("test_rmse".into(), json!(finite(outcome.test.rmse)));
+    object.insert("test_nrmse".into(), json!(finite(outcome.test.nrmse_std)));
+    object.insert("train_rmse".into(), json!(finite(outcome.train.rmse)));
+    object.insert(
+        "test_relative_error_percent".into(),
+        json!(finite(outcome.test.relative_error_percent)),
+    );
+    object.insert("verdicts".into(), json!(outcome.verdicts));
+    object
+}
+
+fn share(share: &Share) -> Value {
+    json!({
+        "name": share.name,
+        "of_rows": finite(share.of_rows),
+        "of_error": finite(share.of_error),
+        "uncertainty": finite(share.uncertainty),
+        "rmse": finite(share.rmse),
+        "mean": finite(share.mean),
+    })
+}
+
+/// A candidate. `rejected_because` is present only if the candidate is not among the findings.
+fn candidate(found: &Diagnosis, index: usize) -> Value {
+    let score = &found.scores[index];
+    let mut value = json!({
+        "cause": score.cause.name(),
+        "columns": score.columns,
+        "order": score.order,
+        "as_share_of_level": score.level,
+        "gain_on_unseen_rows": finite(score.share),
+        "gain_std_error": finite(score.share_error),
+        "p_value": finite(score.fit.p_value),
+        "passed": score.passed,
+    });
+    let reason = rejection_reason(found, index);
+    if !reason.is_empty() {
+        value["rejected_because"] = json!(reason);
+    }
+    value
+}
+
+fn log_finding(finding: &LogFinding) -> Value {
+    json!({
+        "kind": finding.kind.name(),
+        "columns": finding.columns,
+        "size": { "value": finite(finding.value), "unit": finding.unit },
+        "corrected": finding.corrected,
+        "in_words": finding.in_words,
+    })
+}
+
+/// Returns the document of a diagnosis. `hashes` are those of the files, in order.
+pub fn document(
+    found: &Diagnosis,
+    data: &Dataset,
+    split: &Split,
+    hashes: &[String],
+) -> DiagnosisDocument {
+    let mut about = serde_json::to_value(sources(data, split, hashes)).unwrap_or_default();
+    about["noise_floor"] = json!(finite(found.noise_floor));
+    about["left_out"] = json!(left_out(found));
+    let mut extended = model(&found.extended, data);
+    extended.insert("gain".into(), json!(finite(found.gain.value)));
+    extended.insert("gain_ci95".into(), json!(found.gain.ci95.map(finite)));
+    if let Some(auxiliary) = &found.auxiliary {
+        extended.insert("auxiliary".into(), json!(auxiliary));
+    }
+    DiagnosisDocument(json!({
+        "schema": 1,
+        "data": about,
+        "log": found.log_findings.iter().map(log_finding).collect::<Vec<_>>(),
+        "baseline": model(&found.baseline, data),
+        "cause": found.cause(),
+        "findings": found.findings.iter().map(finding).collect::<Vec<_>>(),
+        "extended": extended,
+        "stochastic_extension": {
+            "before": found.certificates.before.json(),
+            "after": found.certificates.after.json(),
+            "reading": found.certificates.reading,
+        },
+        "next_experiment": summary::next_experiment(found),
+        "story": summary::summary(found),
+        "residual": {
+            "by_regime": found.by_regime.iter().map(share).collect::<Vec<_>>(),
+            "by_direction": found.by_direction.iter().map(share).collect::<Vec<_>>(),
+            "by_column": found
+                .by_column
+                .iter()
+                .map(|(name, parts)| (name.clone(), parts.iter().map(share).collect::<Vec<_>>().into()))
+                .collect::<Map<String, Value>>(),
+        },
+        "candidates": (0..found.scores.len()).map(|index| candidate(found, index)).collect::<Vec<_>>(),
+        "notes": found.log.notes,
+        "seconds": finite(found.seconds),
+    }))
+}

@@ -1,0 +1,329 @@
+//! `report.html` of `diagnose`: what the model misses, why, and what the extension gains.
+//!
+//! The first screen shows cause, size, gain, next experiment, and a chart. Five summary sentences follow. The sections
+//! below give the evidence: the log itself, the errors, all candidates with their rejection reasons, the predictions, the
+//! residual over the named cause, the remaining residual, the parameters, the method, and the data.
+//!
+//! *Before* is the base model and *after* the extended model, in the same two colours on the whole page. A residual is
+//! logged minus simulated.
+//!
+//! Structure: `rows` (held-out rows as columns, with both residuals) -> `bins` (means with standard errors) ->
+//! `evidence`, `figures`, `tables`, `words`, `stochastic` (one block each) -> [`page`] (the order of the blocks). Parts
+//! that the page of `compare` also has come from [`mod@crate::page`].
+
+mod bins;
+mod evidence;
+mod figures;
+mod lead;
+mod log;
+mod over_time;
+mod rows;
+mod stochastic;
+mod tables;
+mod words;
+
+pub use stochastic::stochastic_section;
+
+use super::page::{FitReport, View, glossary, in_rows, tables as shared};
+use super::ranking::{RankedCandidate, left_out_in_words, ranking};
+use crate::report::{Block, Page};
+use friction_identification::data::{Dataset, Split};
+use friction_identification::diagnose::{Diagnosis, summary};
+use friction_identification::fit::predict::{Predicted, predict};
+use friction_identification::fit::statistics::autocorrelation_time;
+use rows::Rows;
+use serde_json::Value;
+
+/// Maximum number of candidates in the chart.
+const MAX_CHART_CANDIDATES: usize = 20;
+/// Maximum number of candidates in the visible table; the others are in a collapsed block.
+const MAX_TABLE_CANDIDATES: usize = 12;
+
+/// The input of the page.
+#[derive(Clone, Copy)]
+pub struct DiagnosisReport<'a> {
+    /// The diagnosis.
+    pub found: &'a Diagnosis,
+    /// All runs.
+    pub data: &'a Dataset,
+    /// Training and test parts.
+    pub split: &'a Split,
+    /// SHA-256 of each file, in the order of [`Dataset::files`].
+    pub hashes: &'a [String],
+    /// Column names of the file as given by `--columns`, `ours=theirs`.
+    pub columns: &'a [String],
+    /// Samples dropped at the start of each run.
+    pub skip: usize,
+    /// Seed of the diagnosis.
+    pub seed: u64,
+}
+
+/// A diagnosis with the derived values that the page shows.
+struct Scene<'a> {
+    about: DiagnosisReport<'a>,
+    /// Both models (before, after) as on the page of `compare`.
+    view: View<'a>,
+    /// Held-out rows.
+    held: Rows<'a>,
+    /// All rows.
+    all: Rows<'a>,
+    /// Autocorrelation time of the extended model's residual, in rows.
+    memory: f64,
+}
+
+impl Scene<'_> {
+    /// Returns true if the extended model differs from the base model.
+    fn is_extended(&self) -> bool {
+        self.about.found.extended.spec != self.about.found.baseline.spec
+    }
+
+    /// Returns the name of the base model in legends: "before", or "base model" if there is no extended model.
+    fn base(&self) -> &'static str {
+        if self.is_extended() { figures::BEFORE } else { "base model" }
+    }
+
+    /// Returns "rad" or "m".
+    fn position_unit(&self) -> &'static str {
+        self.about.data.joint.position_unit()
+    }
+
+    /// Returns "rad/s" or "m/s".
+    fn velocity_unit(&self) -> &'static str {
+        self.about.data.joint.velocity_unit()
+    }
+
+    /// Returns "torque" or "force".
+    fn torque(&self) -> &'static str {
+        self.view.torque()
+    }
+
+    /// Returns "Nm" or "N".
+    fn unit(&self) -> &'static str {
+        self.view.unit()
+    }
+}
+
+/// Returns the page of a diagnosis.
+pub fn page(about: &DiagnosisReport) -> Page {
+    let DiagnosisReport { found, data, split, .. } = *about;
+    let log = &found.log;
+    let fits = [found.baseline.clone(), found.extended.clone()];
+    let fits = if found.extended.spec == found.baseline.spec { &fits[..1] } else { &fits[..] };
+    let study = FitReport {
+        data,
+        split,
+        hashes: about.hashes,
+        test: log.test_rows(),
+        columns: about.columns,
+        skip: about.skip,
+        fits,
+    };
+    // If every run is held out once, all rows are held-out rows.
+    let on_train = (!log.leaves_each_out).then(|| {
+        [&found.baseline, &found.extended]
+            .map(|fit| predict(&fit.parameters, log.train_rows(), fit.resolution))
+    });
+    let held = || {
+        let both = [&found.before, &found.after];
+        Rows::new(data, &split.test, &log.test_tracks, both, log.decimate)
+    };
+    let trained = on_train.as_ref().map(|[before, after]| {
+        Rows::new(data, &split.train, &log.train_tracks, [before, after], log.decimate)
+    });
+    let scene = Scene {
+        about: *about,
+        view: View::new(&study),
+        held: held(),
+        all: trained.map_or_else(held, |trained| trained.joined(held())),
+        memory: memory(&found.after),
+    };
+
+    let mut page = Page::new(words::title(&scene), words::subtitle(&scene));
+    page.push(Block::Lead { facts: lead::facts(&scene), chart: lead::above_the_floor(&scene) });
+    page.push(Block::Contents);
+    page.push(Block::Heading("Summary".into()));
+    page.push(Block::List(summary::summary(found)));
+    let sections = [
+        log::log(&scene),
+        gain(&scene),
+        candidates(&scene),
+        predictions(&scene),
+        evidence(&scene),
+        left_over(&scene),
+        where_in_motion(&scene),
+        parameters(&scene),
+        stochastic(&scene),
+        methods(&scene),
+        sources(&scene),
+    ];
+    page.blocks.extend(sections.into_iter().flatten());
+    page
+}
+
+/// Returns the autocorrelation time of the residuals, in rows.
+fn memory(predicted: &Predicted) -> f64 {
+    autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice))
+}
+
+fn gain(scene: &Scene) -> Vec<Block> {
+    vec![
+        Block::Heading("Prediction error on held-out rows".into()),
+        Block::Paragraph(left_out_in_words(scene.about.found).into()),
+        Block::Chart(figures::errors(scene)),
+    ]
+}
+
+fn predictions(scene: &Scene) -> Vec<Block> {
+    let Some(charts) = figures::predictions(scene) else { return Vec::new() };
+    let mut blocks = vec![
+        Block::Heading(format!("Logged and simulated {}", scene.torque())),
+        Block::Paragraph(words::predictions(scene)),
+    ];
+    let [over_time, close_up @ ..] = charts;
+    blocks.push(Block::Chart(over_time));
+    blocks.push(Block::Row(close_up.to_vec()));
+    blocks
+}
+
+fn evidence(scene: &Scene) -> Vec<Block> {
+    let mut blocks = vec![Block::Heading("Evidence".into())];
+    let findings = &scene.about.found.findings;
+    let Some((first, others)) = findings.split_first() else {
+        blocks.push(Block::Paragraph(words::nothing_found(scene)));
+        blocks.push(Block::Chart(figures::autocorrelation(scene)));
+        return blocks;
+    };
+    blocks.push(Block::List(words::reading_means(scene)));
+    blocks.extend(in_rows(evidence::of(scene, first)));
+    if scene.is_extended() {
+        blocks.push(Block::Chart(figures::added(scene)));
+    } else {
+        blocks.push(Block::Chart(figures::autocorrelation(scene)));
+    }
+    for other in others {
+        blocks.push(Block::Details {
+            summary: format!("Evidence for {}", other.cause.name()),
+            blocks: in_rows(evidence::of(scene, other)),
+        });
+    }
+    blocks
+}
+
+fn left_over(scene: &Scene) -> Vec<Block> {
+    let mut blocks = vec![
+        Block::Heading("Remaining residual".into()),
+        Block::Paragraph(words::left_over(scene)),
+        Block::Chart(over_time::over_time(scene)),
+    ];
+    let (along, plain) = evidence::survey(scene);
+    blocks.extend(in_rows(along));
+    blocks.push(Block::Details {
+        summary: "The same charts without the sign of the motion".into(),
+        blocks: [vec![Block::Paragraph(words::PLAIN.into())], in_rows(plain)].concat(),
+    });
+    if !scene.about.found.findings.is_empty() && scene.is_extended() {
+        blocks.push(Block::Chart(figures::autocorrelation(scene)));
+    }
+    blocks
+}
+
+fn where_in_motion(scene: &Scene) -> Vec<Block> {
+    let found = scene.about.found;
+    vec![
+        Block::Heading("Error of the base model by state of motion".into()),
+        Block::Row(vec![
+            figures::shares(scene, "By state of motion", &found.by_regime, words::REGIMES),
+            figures::shares(scene, "By direction", &found.by_direction, words::DIRECTIONS),
+        ]),
+        Block::Paragraph(words::reversals(found, scene.unit())),
+        Block::Table(tables::shares(scene)),
+    ]
+}
+
+fn candidates(scene: &Scene) -> Vec<Block> {
+    let found = scene.about.found;
+    let heading = match scene.is_extended() {
+        true => "Findings and rejected candidates",
+        false => "Rejected candidates",
+    };
+    let mut blocks = vec![Block::Heading(heading.into())];
+    if !found.findings.is_empty() {
+        blocks.push(Block::Table(tables::findings(scene)));
+        blocks.push(Block::List(words::findings(found)));
+    }
+    let ranking = ranking(found);
+    // Findings are always drawn, whatever their rank.
+    let drawn = ranking
+        .iter()
+        .enumerate()
+        .filter(|(place, own)| *place < MAX_CHART_CANDIDATES || own.is_finding);
+    let drawn: Vec<&RankedCandidate> = drawn.map(|(_, own)| own).collect();
+    if drawn.is_empty() {
+        blocks.push(Block::Paragraph(
+            "There are no candidates: no column of this log varies enough to be tested.".into(),
+        ));
+        return blocks;
+    }
+    blocks.push(Block::Chart(figures::ranking(&drawn)));
+    let open = &ranking[..ranking.len().min(MAX_TABLE_CANDIDATES)];
+    blocks.push(Block::Table(tables::ranking(
+        "Each candidate added alone to the base model, best first",
+        open,
+    )));
+    if ranking.len() > MAX_TABLE_CANDIDATES {
+        blocks.push(Block::Details {
+            summary: format!("All {} candidates", ranking.len()),
+            blocks: vec![Block::Table(tables::ranking(
+                "Each candidate in its best setting",
+                &ranking,
+            ))],
+        });
+    }
+    blocks
+}
+
+fn parameters(scene: &Scene) -> Vec<Block> {
+    let mut blocks = vec![
+        Block::Heading("Parameters".into()),
+        Block::Paragraph(words::PARAMETERS.into()),
+        Block::Table(tables::parameters(scene)),
+    ];
+    let verdicts = words::verdicts(scene);
+    if !verdicts.is_empty() {
+        blocks.push(Block::List(verdicts));
+    }
+    if let Some(table) = shared::correlation(&scene.about.found.extended) {
+        let summary = format!("{}: correlation of the estimates", scene.about.found.extended.spec);
+        blocks.push(Block::Details { summary, blocks: vec![Block::Table(table)] });
+    }
+    blocks
+}
+
+fn stochastic(scene: &Scene) -> Vec<Block> {
+    let made = &scene.about.found.certificates;
+    let after = if scene.is_extended() { made.after.json() } else { Value::Null };
+    stochastic_section(&made.before.json(), &after, Some(&made.reading))
+}
+
+fn methods(scene: &Scene) -> Vec<Block> {
+    vec![
+        Block::Heading("Method".into()),
+        Block::List(words::methods(scene)),
+        Block::Details {
+            summary: "Models".into(),
+            blocks: vec![Block::List(glossary::models(&scene.view))],
+        },
+    ]
+}
+
+fn sources(scene: &Scene) -> Vec<Block> {
+    vec![
+        Block::Heading("Data".into()),
+        Block::Table(shared::files(&scene.view)),
+        Block::List(words::sources(scene)),
+        Block::Details {
+            summary: "Runs".into(),
+            blocks: vec![Block::Table(shared::runs(&scene.view))],
+        },
+    ]
+}

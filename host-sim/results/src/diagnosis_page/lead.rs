@@ -1,0 +1,149 @@
+//! The first screen: cause, size, gain, next steps, and a chart of the error above the noise floor.
+//!
+//! Noise that no model can predict is most of the error of a good log. A right diagnosis may therefore reduce the total
+//! error by only one percent, although it removes nearly all of the predictable part. Errors add up as squares, so the
+//! part above the floor is `sqrt(rmse^2 - floor^2)`.
+
+use super::Scene;
+use super::figures::{AFTER, BEFORE};
+use crate::page::words::quantity;
+use crate::report::{Axis, Chart, Series};
+use compensator_core::Quantity;
+use friction_identification::diagnose::summary::above_floor;
+use friction_identification::diagnose::{Finding, summary};
+use friction_identification::number::significant;
+
+/// Returns name and text of each fact.
+pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
+    let found = scene.about.found;
+    let mut facts: Vec<(&str, String)> = Vec::new();
+    match found.findings.split_first() {
+        None => facts.push(("Cause", "None: all candidates were rejected.".into())),
+        Some((first, others)) => {
+            facts.push(("Cause", cause(first)));
+            facts.push(("Size", size(scene, first)));
+            if !others.is_empty() {
+                let names: Vec<String> = others.iter().map(cause).collect();
+                facts.push(("Further causes", names.join("; ")));
+            }
+        }
+    }
+    let [before, after] = errors(scene);
+    let unit = scene.unit();
+    let gain = if !scene.is_extended() {
+        format!(
+            "No extension is proposed. The error above the noise floor is {}.",
+            quantity(before, unit)
+        )
+    } else if before > 0.0 {
+        format!(
+            "The error above the noise floor falls from {} to {} (by {}\u{a0}%); the total error falls by {}\u{a0}% (95\u{a0}% interval {} to {}\u{a0}%)",
+            quantity(before, unit),
+            quantity(after, unit),
+            significant(100.0 * (1.0 - after / before), 2),
+            significant(100.0 * found.gain.value, 2),
+            significant(100.0 * found.gain.ci95[0], 2),
+            significant(100.0 * found.gain.ci95[1], 2)
+        )
+    } else {
+        "The error of the base model is already at the noise floor.".into()
+    };
+    facts.push(("Gain on held-out rows", gain));
+    if scene.is_extended() {
+        let how = format!(
+            "params.toml contains the model {}. Write it to the driver (host-sim params set params.toml --bus can0) or \
+             export it (host-sim export params.toml --to c).",
+            found.extended.spec
+        );
+        facts.push(("Next step", how));
+    }
+    facts.push(("Next experiment", summary::next_experiment(found)));
+    facts.into_iter().map(|(name, text)| (name.to_owned(), text)).collect()
+}
+
+/// Returns meaning and name of a finding's cause.
+fn cause(finding: &Finding) -> String {
+    format!("{} ({})", finding.cause.meaning_of(finding.size.value), finding.cause.name())
+}
+
+/// Describes the size of a finding. For a cause that depends on a column, the effect over the column's range in the log
+/// is easier to judge than a coefficient.
+fn size(scene: &Scene, finding: &Finding) -> String {
+    let size = &finding.size;
+    let unit = scene.unit();
+    if size.unit == "1" {
+        let [value, low, high] =
+            [size.value, size.ci95[0], size.ci95[1]].map(|share| significant(100.0 * share, 3));
+        return format!(
+            "{value}\u{a0}% of the friction (95\u{a0}% interval {low} to {high}\u{a0}%)"
+        );
+    }
+    let per = size.unit.strip_prefix(unit).and_then(|rest| rest.strip_prefix('/'));
+    let range = finding.columns.first().and_then(|column| range(scene, column));
+    let (Some(per), Some([least, most])) = (per, range) else { return size.in_words() };
+    let over = |of: f64| significant(of * (most - least), 3);
+    let column = &finding.columns[0];
+    let label = Quantity::parse(column).map(|(known, _)| known.info().label);
+    // Pressure gauges show bar.
+    let (shown, scale) = if per == "Pa" { ("bar", 1e-5) } else { (per, 1.0) };
+    format!(
+        "{}\u{a0}{unit} (95\u{a0}% interval {} to {}) from the lowest to the highest {} in this log ({} to \
+         {}\u{a0}{shown})",
+        over(size.value),
+        over(size.ci95[0]),
+        over(size.ci95[1]),
+        label.unwrap_or(column),
+        significant(scale * least, 3),
+        significant(scale * most, 3),
+    )
+}
+
+/// Returns minimum and maximum of a column; `None` if it is constant.
+fn range(scene: &Scene, column: &str) -> Option<[f64; 2]> {
+    let data = scene.about.data;
+    let values = data.runs.iter().filter_map(|run| data.column(run, column)).flatten().copied();
+    let values = values.filter(|value: &f64| value.is_finite());
+    let range = values.fold(None, |range: Option<[f64; 2]>, value| match range {
+        None => Some([value, value]),
+        Some([least, most]) => Some([value.min(least), value.max(most)]),
+    });
+    range.filter(|[least, most]| most > least)
+}
+
+/// Returns the errors above the noise floor of the base model and of the extended model.
+fn errors(scene: &Scene) -> [f64; 2] {
+    let found = scene.about.found;
+    [&found.before, &found.after].map(|model| above_floor(model.metrics.rmse, found.noise_floor))
+}
+
+/// Returns the chart of the error above the noise floor, before and after.
+pub(super) fn above_the_floor(scene: &Scene) -> Chart {
+    let [before, after] = errors(scene);
+    let is_extended = scene.is_extended();
+    let (names, errors) = if is_extended {
+        (vec![BEFORE.to_owned(), AFTER.to_owned()], vec![before, after])
+    } else {
+        (vec!["base model".to_owned()], vec![before])
+    };
+    let places: Vec<f64> = (0..names.len()).map(|place| place as f64).collect();
+    let series = places.iter().zip(&errors).map(|(place, error)| {
+        let name = names[*place as usize].clone();
+        Series::bars(name, vec![*error], vec![*place])
+    });
+    let floor = scene.about.found.noise_floor;
+    // Without a range, Plotly would label the axis of zero-length bars from -1 to 1.
+    let is_at_floor = errors.iter().all(|error| *error <= 0.0);
+    let range = (is_at_floor && floor > 0.0).then_some((0.0, floor));
+    let none = if is_at_floor { " No error is above it." } else { "" };
+    Chart {
+        title: "Error above the noise floor".into(),
+        caption: format!(
+            "The part of the held-out error that a better model could remove, in {}. The noise floor is {}.{none}",
+            scene.unit(),
+            quantity(floor, scene.unit())
+        ),
+        x: Axis { range, ..Axis::new(format!("RMSE above the noise floor ({})", scene.unit())) },
+        y: Axis::of_names("", names.clone()),
+        series: series.collect(),
+    }
+}

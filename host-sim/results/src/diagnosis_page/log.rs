@@ -1,0 +1,65 @@
+//! The section about the log itself: its columns and its problems.
+
+use super::Scene;
+use crate::report::{Block, Cell, Table};
+use friction_identification::log_check::{ColumnOverview, LogFinding, overview};
+use friction_identification::number::figure;
+
+/// Returns the section.
+pub(super) fn log(scene: &Scene) -> Vec<Block> {
+    let found = &scene.about.found.log_findings;
+    let mut blocks = vec![Block::Heading("Log check".into()), columns(scene)];
+    let notes = &scene.about.data.notes;
+    if !notes.is_empty() {
+        blocks.push(Block::List(notes.clone()));
+    }
+    if found.is_empty() {
+        blocks.push(Block::Paragraph(
+            "The log was checked for held and delayed channels, noise, quantisation, saturation, wrong units, wrong signs and \
+             time jumps. No problem was found."
+                .into(),
+        ));
+        return blocks;
+    }
+    let row = |finding: &LogFinding| {
+        vec![
+            finding.kind.name().into(),
+            finding.columns.join(", ").into(),
+            Cell::ShortNumber(finding.value, 3),
+            finding.unit.as_str().into(),
+            if finding.corrected { "yes" } else { "no" }.into(),
+        ]
+    };
+    let header = ["problem", "columns", "size", "unit", "corrected"];
+    blocks.push(Block::Table(Table {
+        caption: "Problems of the log".into(),
+        header: header.map(str::to_owned).to_vec(),
+        rows: found.iter().map(row).collect(),
+        best: Vec::new(),
+    }));
+    blocks.push(Block::List(found.iter().map(|finding| finding.in_words.clone()).collect()));
+    blocks
+}
+
+/// Returns the table of the columns with their range and source.
+fn columns(scene: &Scene) -> Block {
+    let data = scene.about.data;
+    let read = overview(data);
+    let row = |column: &ColumnOverview| {
+        let from = column.source.as_ref().map_or_else(String::new, |source| match &source.unit {
+            Some(unit) => format!("{} ({unit})", source.header),
+            None => source.header.clone(),
+        });
+        let [least, most] = column.range.map(|limit| Cell::ShortNumber(limit, 4));
+        vec![column.name.as_str().into(), least, most, column.unit.as_str().into(), from.into()]
+    };
+    let header = ["column", "minimum", "maximum", "unit", "column in file"];
+    let [slowest, fastest] = read.rate_hz.map(figure);
+    let rate = if slowest == fastest { fastest } else { format!("{slowest} to {fastest}") };
+    Block::Table(Table {
+        caption: format!("Columns as used: {} rows in {} runs, {rate} Hz", read.rows, read.runs),
+        header: header.map(str::to_owned).to_vec(),
+        rows: read.columns.iter().map(row).collect(),
+        best: Vec::new(),
+    })
+}

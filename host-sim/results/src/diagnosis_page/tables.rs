@@ -1,0 +1,184 @@
+//! The tables of the page.
+
+use super::Scene;
+use crate::ranking::{RankedCandidate, gain};
+use crate::report::{Cell, Table};
+use compensator_core::ParameterId;
+use friction_identification::data::JointKind;
+use friction_identification::diagnose::{Diagnosis, Share};
+use friction_identification::fit::{Estimate, Outcome, State};
+use friction_identification::number::significant;
+use friction_identification::params::unit;
+
+fn header<const N: usize>(names: [&str; N]) -> Vec<String> {
+    names.map(str::to_owned).to_vec()
+}
+
+/// A share in percent with two digits.
+fn percent(share: f64) -> Cell {
+    Cell::ShortNumber(100.0 * share, 2)
+}
+
+/// Replaces blanks so that a number is not split at the end of a line.
+fn unbroken(number: String) -> String {
+    number.replace(' ', "\u{a0}")
+}
+
+/// Formats a probability; 0 means that it is too small to be represented.
+pub(super) fn probability(p: f64) -> String {
+    if p > 0.0 { unbroken(significant(p, 2)) } else { "–".into() }
+}
+
+/// Returns the table of the base model's error by state of motion and direction.
+pub(super) fn shares(scene: &Scene) -> Table {
+    let found = scene.about.found;
+    let row = |share: &Share| {
+        vec![
+            share.name.as_str().into(),
+            percent(share.of_rows),
+            Cell::Text(format!(
+                "{} ± {}",
+                significant(100.0 * share.of_error, 2),
+                significant(200.0 * share.uncertainty, 2)
+            )),
+            Cell::ShortNumber(share.rmse, 3),
+            Cell::ShortNumber(share.mean, 2),
+        ]
+    };
+    let unit = scene.unit();
+    let mut header =
+        header(["", "share of rows (%)", "share of squared error (%, ± 2 standard errors)"]);
+    header.push(format!("RMSE ({unit})"));
+    header.push(format!("mean error ({unit})"));
+    Table {
+        caption: match found.log.leaves_each_out {
+            true => "Base model fitted to all runs".into(),
+            false => "Base model on held-out rows".into(),
+        },
+        header,
+        rows: found.by_regime.iter().chain(&found.by_direction).map(row).collect(),
+        best: Vec::new(),
+    }
+}
+
+/// Returns the table of the findings, strongest first.
+pub(super) fn findings(scene: &Scene) -> Table {
+    let found = scene.about.found;
+    let rows = found.findings.iter().map(|finding| {
+        let [low, high] = finding.size.ci95;
+        let unit = if finding.size.unit == "1" { "" } else { finding.size.unit.as_str() };
+        let rivals: Vec<&str> =
+            finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
+        let order = finding.order.map_or_else(String::new, |(order, error)| {
+            format!(", order {} ± {}", significant(order, 4), significant(2.0 * error, 1))
+        });
+        vec![
+            finding.cause.name().into(),
+            finding.columns.join(", ").into(),
+            format!("{} {unit}{order}", unbroken(significant(finding.size.value, 4))).into(),
+            format!("{} to {}", unbroken(significant(low, 3)), unbroken(significant(high, 3)))
+                .into(),
+            percent(finding.share_of_residual),
+            Cell::Text(probability(finding.p_value)),
+            Cell::Text(format!("{:.2}", finding.stability)),
+            rivals.join(", ").into(),
+        ]
+    });
+    Table {
+        caption: "Findings, strongest first".into(),
+        header: header([
+            "cause",
+            "columns",
+            "size",
+            "95 % interval",
+            "share (%)",
+            "p",
+            "stability",
+            "indistinguishable from",
+        ]),
+        rows: rows.collect(),
+        best: Vec::new(),
+    }
+}
+
+/// Returns the table of the candidates, best first, with their rejection reasons.
+pub(super) fn ranking(caption: impl Into<String>, ranking: &[RankedCandidate]) -> Table {
+    let row = |ranked: &RankedCandidate| {
+        let verdict =
+            if ranked.is_finding { "(finding)" } else { ranked.rejected_because.as_str() };
+        vec![
+            ranked.name.as_str().into(),
+            Cell::Text(unbroken(gain(ranked.score))),
+            Cell::Text(probability(ranked.score.fit.p_value)),
+            verdict.into(),
+        ]
+    };
+    Table {
+        caption: caption.into(),
+        header: header([
+            "candidate",
+            "gain on held-out rows (% of the squared error, ± 2 standard errors)",
+            "p",
+            "rejected because",
+        ]),
+        rows: ranking.iter().map(row).collect(),
+        best: Vec::new(),
+    }
+}
+
+/// Returns the table of the parameters before and after.
+pub(super) fn parameters(scene: &Scene) -> Table {
+    let found = scene.about.found;
+    let joint = scene.about.data.joint;
+    let mut ids: Vec<ParameterId> = found.baseline.estimates.iter().map(|e| e.id).collect();
+    ids.extend(
+        found
+            .extended
+            .estimates
+            .iter()
+            .map(|e| e.id)
+            .filter(|id| !ids.contains(id))
+            .collect::<Vec<_>>(),
+    );
+    ids.retain(|id| !is_unused(&found.baseline, *id) || !is_unused(&found.extended, *id));
+    let row = |id: &ParameterId| row(found, *id, joint, scene.is_extended());
+    let mut names = header(["parameter", "unit", "before ± standard error", "state"]);
+    if scene.is_extended() {
+        names.extend(header(["after ± standard error", "state"]));
+    }
+    let caption = match scene.is_extended() {
+        true => format!("Before: {}. After: {}.", found.baseline.spec, found.extended.spec),
+        false => format!("{}.", found.baseline.spec),
+    };
+    Table { caption, header: names, rows: ids.iter().map(row).collect(), best: Vec::new() }
+}
+
+fn row(found: &Diagnosis, id: ParameterId, joint: JointKind, extended: bool) -> Vec<Cell> {
+    let mut cells = vec![id.name().into(), unit(id.info(), joint).into()];
+    let outcomes = [&found.baseline, &found.extended];
+    for outcome in &outcomes[..if extended { 2 } else { 1 }] {
+        match outcome.estimates.iter().find(|estimate| estimate.id == id) {
+            Some(estimate) => cells.extend(value_and_state(estimate)),
+            None => cells.extend([Cell::Empty, "".into()]),
+        }
+    }
+    cells
+}
+
+fn value_and_state(estimate: &Estimate) -> [Cell; 2] {
+    let Estimate { value, std_error, state, .. } = *estimate;
+    match std_error {
+        Some(std_error) => {
+            [Cell::Estimate { value, std_error }, state.name().replace('-', " ").into()]
+        }
+        None if state == State::NotDetermined => [Cell::Empty, "not determined, not fitted".into()],
+        None => [Cell::Number(value), "kept constant".into()],
+    }
+}
+
+/// Returns true for a knot of the free curve that was kept at zero, and for a parameter that the model does not have.
+fn is_unused(outcome: &Outcome, id: ParameterId) -> bool {
+    outcome.estimates.iter().find(|estimate| estimate.id == id).is_none_or(|estimate| {
+        estimate.std_error.is_none() && estimate.value == 0.0 && id.name().starts_with("unknown_")
+    })
+}

@@ -1,0 +1,142 @@
+//! `compare.json` and `fit.json`, schema 1.
+//!
+//! Both files have the same structure: `identify` writes a list of one model. All errors are in the unit of the torque
+//! column. `nrmse_std` and `nrmse_range` are the RMSE divided by the standard deviation and by the range of the measured
+//! torque on the same rows. `bic` is `n ln(SSE/n) + k ln n` on the training rows.
+
+use friction_identification::data::{Dataset, Split};
+use friction_identification::fit::{Estimate, Metrics, Outcome};
+use friction_identification::log_check::{ColumnOverview, overview};
+use friction_identification::params::unit;
+use friction_identification::spec::Spec;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+/// The JSON document of one or more fits.
+#[derive(Clone, Debug, Serialize)]
+pub struct FitDocument {
+    schema: u32,
+    data: DataSummary,
+    models: Vec<ModelSummary>,
+    /// The model of `params.toml`, if there are several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    chosen: Option<String>,
+}
+
+impl FitDocument {
+    /// Sets the recommended model.
+    pub fn choose(&mut self, model: &Spec) {
+        self.chosen = Some(model.to_string());
+    }
+}
+
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct DataSummary {
+    runs: usize,
+    rows: usize,
+    rows_left_out: usize,
+    unit: &'static str,
+    train_runs: Vec<String>,
+    test_runs: Vec<String>,
+    files: Vec<String>,
+    sha256: Vec<String>,
+    columns: Vec<Value>,
+    notes: Vec<String>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct ModelSummary {
+    model: String,
+    rigid_body: Vec<&'static str>,
+    seconds: f64,
+    bic: f64,
+    converged: bool,
+    substeps: usize,
+    extrapolated: bool,
+    autocorrelation_time: f64,
+    verdicts: Vec<String>,
+    params: Map<String, Value>,
+    correlation: Map<String, Value>,
+    train: Metrics,
+    test: Metrics,
+}
+
+pub(super) fn parameter(estimate: &Estimate, data: &Dataset) -> (String, Value) {
+    let info = estimate.id.info();
+    let value = json!({
+        "value": estimate.value,
+        "unit": unit(info, data.joint),
+        "std_error": estimate.std_error,
+        "state": estimate.state.name(),
+    });
+    (info.name.to_owned(), value)
+}
+
+/// Returns the correlations of the fitted parameters, each pair once.
+fn correlation(outcome: &Outcome) -> Map<String, Value> {
+    let fitted: Vec<&Estimate> =
+        outcome.estimates.iter().filter(|estimate| estimate.std_error.is_some()).collect();
+    let row = |i: usize| -> Value {
+        let rest = fitted.iter().enumerate().skip(i + 1);
+        rest.map(|(j, other)| (other.id.name().to_owned(), json!(outcome.correlation[(i, j)])))
+            .collect::<Map<_, _>>()
+            .into()
+    };
+    let all = fitted.iter().enumerate();
+    all.map(|(i, estimate)| (estimate.id.name().to_owned(), row(i))).collect()
+}
+
+/// Returns the document of fits to a data set. `hashes` are those of the files, in order.
+pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcome]) -> FitDocument {
+    let model = |outcome: &Outcome| ModelSummary {
+        model: outcome.spec.to_string(),
+        rigid_body: outcome.spec.rigid_body.iter().map(|term| term.name()).collect(),
+        seconds: outcome.seconds,
+        bic: outcome.bic,
+        converged: outcome.converged,
+        substeps: outcome.resolution.substeps,
+        extrapolated: outcome.resolution.extrapolated,
+        autocorrelation_time: outcome.autocorrelation_time,
+        verdicts: outcome.verdicts.clone(),
+        params: outcome.estimates.iter().map(|e| parameter(e, data)).collect(),
+        correlation: correlation(outcome),
+        train: outcome.train,
+        test: outcome.test,
+    };
+    FitDocument {
+        schema: 1,
+        data: sources(data, split, hashes),
+        models: fits.iter().map(model).collect(),
+        chosen: None,
+    }
+}
+
+/// Describes a column as used, and its source in the file.
+fn column(of: &ColumnOverview) -> Value {
+    let source = of.source.as_ref();
+    json!({
+        "name": of.name,
+        "unit": of.unit,
+        "range": of.range,
+        "from": source.map(|source| &source.header),
+        "from_unit": source.and_then(|source| source.unit.as_ref()),
+        "filled": source.map_or(0, |source| source.filled),
+        "fill": source.and_then(|source| source.fill),
+    })
+}
+
+/// Describes the data and their split.
+pub(super) fn sources(data: &Dataset, split: &Split, hashes: &[String]) -> DataSummary {
+    DataSummary {
+        runs: data.runs.len(),
+        rows: data.rows,
+        rows_left_out: data.bad_rows.count,
+        unit: data.joint.torque_unit(),
+        train_runs: split.train_runs(data),
+        test_runs: split.test_runs(data),
+        files: data.files.iter().map(|file| file.display().to_string()).collect(),
+        sha256: hashes.to_vec(),
+        columns: overview(data).columns.iter().map(column).collect(),
+        notes: data.notes.clone(),
+    }
+}

@@ -1,0 +1,258 @@
+//! `compare.html` and `fit.html`: the results of fits.
+//!
+//! Both commands use the same page; `identify` passes a list of one fit. The order is: best model, its reliability, its
+//! predictions, its residual, the parameters, the method, and the data. `summary` gives the result in five sentences,
+//! from the same values as the tables.
+//!
+//! Structure: `held_out` (rows and simulations) -> `summary`, `figures`, `tables`, `words`, `glossary` (one block each)
+//! -> [`page`] (the order of the blocks). The best three models and the simplest one are visible; the others are in
+//! collapsed blocks.
+
+mod figures;
+pub(super) mod glossary;
+pub(super) mod held_out;
+mod summary;
+pub(super) mod tables;
+pub(super) mod words;
+
+use crate::report::{Block, Page};
+use compensator_core::LawKind;
+use friction_identification::data::{Dataset, JointKind, Split};
+use friction_identification::fit::{Outcome, Rows};
+use held_out::HeldOut;
+
+/// Number of best models that are visible.
+const VISIBLE_MODELS: usize = 3;
+
+/// The input of the page.
+#[derive(Clone, Copy)]
+pub struct FitReport<'a> {
+    /// All runs.
+    pub data: &'a Dataset,
+    /// Training and test parts.
+    pub split: &'a Split,
+    /// SHA-256 of each file, in the order of [`Dataset::files`].
+    pub hashes: &'a [String],
+    /// The held-out rows, as tracks of [`Split::test`].
+    pub test: Rows<'a>,
+    /// Column names of the file as given by `--columns`, `ours=theirs`.
+    pub columns: &'a [String],
+    /// Samples dropped at the start of each run.
+    pub skip: usize,
+    /// The fits, at least one.
+    pub fits: &'a [Outcome],
+}
+
+/// The input with derived values: the order of the models and their predictions.
+pub(super) struct View<'a> {
+    pub(super) study: FitReport<'a>,
+    pub(super) held_out: HeldOut,
+    /// Indices of the fits, smallest held-out error first.
+    ranking: Vec<usize>,
+    /// The simplest fit, the reference for the others.
+    simplest: usize,
+}
+
+impl<'a> View<'a> {
+    pub(super) fn new(study: &FitReport<'a>) -> Self {
+        let fits = study.fits;
+        let mut ranking: Vec<usize> = (0..fits.len()).collect();
+        ranking.sort_by(|&a, &b| fits[a].test.rmse.total_cmp(&fits[b].test.rmse));
+        let size = |fit: &Outcome| (fit.spec.law != LawKind::Linear, fitted(fit).count());
+        let simplest = (0..fits.len()).min_by_key(|&fit| size(&fits[fit])).unwrap_or_default();
+        Self { study: *study, held_out: HeldOut::new(study), ranking, simplest }
+    }
+
+    /// Returns the model with the smallest held-out error.
+    fn best(&self) -> usize {
+        self.ranking[0]
+    }
+
+    /// Returns the models whose error is not significantly larger than that of the best model.
+    fn equals(&self) -> Vec<usize> {
+        let best = self.best();
+        let others = self.ranking[1..].iter().copied();
+        others.filter(|&other| self.held_out.gain(best, other).ci95[0] <= 0.0).collect()
+    }
+
+    /// Returns the recommended model: the best one, or the smallest one that is not significantly worse.
+    fn chosen(&self) -> usize {
+        let size = |fit: usize| fitted(self.fit(fit)).count();
+        let smaller = self.equals().into_iter().filter(|&fit| size(fit) < size(self.best()));
+        smaller.min_by_key(|&fit| size(fit)).unwrap_or(self.best())
+    }
+
+    fn fit(&self, index: usize) -> &'a Outcome {
+        &self.study.fits[index]
+    }
+
+    fn name(&self, index: usize) -> String {
+        self.fit(index).spec.to_string()
+    }
+
+    /// Returns the visible models, best first, and the others.
+    fn shown_and_rest(&self) -> (Vec<usize>, Vec<usize>) {
+        let is_shown =
+            |(rank, fit): &(usize, usize)| *rank < VISIBLE_MODELS || *fit == self.simplest;
+        let (shown, rest): (Vec<_>, Vec<_>) =
+            self.ranking.iter().copied().enumerate().partition(is_shown);
+        let fits = |ranked: Vec<(usize, usize)>| ranked.into_iter().map(|(_, fit)| fit).collect();
+        (fits(shown), fits(rest))
+    }
+
+    /// Returns "torque" or "force".
+    pub(super) fn torque(&self) -> &'static str {
+        match self.study.data.joint {
+            JointKind::Revolute => "torque",
+            JointKind::Prismatic => "force",
+        }
+    }
+
+    /// Returns "Nm" or "N".
+    pub(super) fn unit(&self) -> &'static str {
+        self.study.data.joint.torque_unit()
+    }
+}
+
+/// Returns the fitted parameters, without those that were kept constant.
+fn fitted(fit: &Outcome) -> impl Iterator<Item = &friction_identification::fit::Estimate> {
+    fit.estimates.iter().filter(|estimate| estimate.std_error.is_some())
+}
+
+/// The comparison of fits to the same data.
+pub struct Comparison {
+    /// The page.
+    pub page: Page,
+    /// Five sentences: best model, generalisation, parameters, residual, next steps.
+    pub summary: [String; 5],
+    /// Index of the recommended fit: the best on held-out rows, or the smallest one that is not significantly worse.
+    pub chosen: usize,
+}
+
+/// Returns the page of fits to the same data.
+///
+/// # Panics
+/// If there is no fit.
+pub fn page(study: &FitReport) -> Page {
+    compare_fits(study).page
+}
+
+/// Compares fits to the same data.
+///
+/// # Panics
+/// If there is no fit.
+pub fn compare_fits(study: &FitReport) -> Comparison {
+    let view = View::new(study);
+    let mut page = Page::new(words::title(&view), words::subtitle(&view));
+    let summary = summary::summary(&view);
+    let [answer, doubts @ ..] = summary.clone();
+    page.push(Block::Paragraph(answer)).push(Block::List(doubts.to_vec()));
+    let sections = [
+        predictions(&view),
+        over_velocity(&view),
+        left_over(&view),
+        parameters(&view),
+        methods(&view),
+        data(&view),
+    ];
+    page.blocks.extend(sections.into_iter().flatten());
+    Comparison { page, summary, chosen: view.chosen() }
+}
+
+fn predictions(view: &View) -> Vec<Block> {
+    vec![
+        Block::Heading("Prediction error on held-out rows".into()),
+        Block::Chart(figures::errors(view)),
+        Block::Table(tables::held_out_metrics(view)),
+        Block::Details {
+            summary: "Definition of the metrics, and their values on the training rows".into(),
+            blocks: vec![
+                Block::List(glossary::metrics(view)),
+                Block::Table(tables::train_metrics(view)),
+            ],
+        },
+    ]
+}
+
+fn over_velocity(view: &View) -> Vec<Block> {
+    let mut torque = view.torque().to_owned();
+    torque[..1].make_ascii_uppercase();
+    let mut blocks = vec![
+        Block::Heading(format!("{torque} over velocity")),
+        Block::Paragraph(words::over_velocity(view)),
+    ];
+    let (shown, rest) = view.shown_and_rest();
+    blocks.extend(in_rows(figures::over_velocity(view, &shown)));
+    blocks.extend(in_rows(figures::cycle(view, &shown)));
+    blocks.extend(collapsed("Other models", figures::over_velocity(view, &rest)));
+    blocks
+}
+
+fn left_over(view: &View) -> Vec<Block> {
+    let (shown, rest) = view.shown_and_rest();
+    let mut blocks = vec![
+        Block::Heading("Residual of each model".into()),
+        Block::Paragraph(words::left_over(view)),
+    ];
+    blocks.extend(in_rows(figures::residuals(view, &shown)));
+    blocks.extend(collapsed("Other models", figures::residuals(view, &rest)));
+    blocks.push(Block::Chart(figures::residual_over_velocity(view)));
+    blocks
+}
+
+fn parameters(view: &View) -> Vec<Block> {
+    let best = view.best();
+    let mut blocks = vec![Block::Heading("Parameters".into())];
+    blocks.push(Block::Paragraph(words::PARAMETERS.into()));
+    blocks.extend(tables::parameters(view, best));
+    for &fit in &view.ranking[1..] {
+        let count = view.fit(fit).verdicts.len();
+        let plural = if count == 1 { "" } else { "s" };
+        blocks.push(Block::Details {
+            summary: format!("{}: {count} verdict{plural}", view.name(fit)),
+            blocks: tables::parameters(view, fit),
+        });
+    }
+    blocks
+}
+
+fn methods(view: &View) -> Vec<Block> {
+    vec![
+        Block::Heading("Method".into()),
+        Block::List(glossary::methods(view)),
+        Block::Details {
+            summary: "Models".into(),
+            blocks: vec![Block::List(glossary::models(view))],
+        },
+    ]
+}
+
+fn data(view: &View) -> Vec<Block> {
+    let mut blocks = vec![Block::Heading("Data".into()), Block::Table(tables::files(view))];
+    blocks.push(Block::List(words::data(view)));
+    blocks.push(Block::Details {
+        summary: "Runs".into(),
+        blocks: vec![Block::Table(tables::runs(view))],
+    });
+    blocks
+}
+
+/// Arranges charts in rows of two; with an odd number, the first row has three.
+pub(super) fn in_rows(mut charts: Vec<crate::report::Chart>) -> Vec<Block> {
+    if charts.len() == 1 {
+        return charts.into_iter().map(Block::Chart).collect();
+    }
+    let mut rows = Vec::new();
+    while !charts.is_empty() {
+        let rest = charts.split_off(if charts.len() % 2 == 1 { 3 } else { 2 });
+        rows.push(Block::Row(charts));
+        charts = rest;
+    }
+    rows
+}
+
+/// Returns charts in a collapsed block; `None` if there are no charts.
+fn collapsed(summary: &str, charts: Vec<crate::report::Chart>) -> Option<Block> {
+    let blocks = in_rows(charts);
+    (!blocks.is_empty()).then(|| Block::Details { summary: summary.into(), blocks })
+}

@@ -1,0 +1,179 @@
+//! The tables of the page.
+
+use super::{View, fitted};
+use crate::report::{Best, Block, Cell, Table};
+use friction_identification::fit::{Estimate, Metrics, Outcome, State};
+use friction_identification::params::{unit, unit_in_words};
+use std::ops::Range;
+
+/// Maximum number of runs in the table of runs.
+const MAX_RUNS: usize = 200;
+
+fn header<const N: usize>(names: [&str; N]) -> Vec<String> {
+    names.map(str::to_owned).to_vec()
+}
+
+fn errors(metrics: &Metrics) -> [Cell; 5] {
+    [
+        Cell::Number(metrics.rmse),
+        Cell::Number(metrics.sse),
+        Cell::ShortNumber(100.0 * metrics.nrmse_std, 3),
+        Cell::ShortNumber(100.0 * metrics.nrmse_range, 3),
+        Cell::Number(metrics.relative_error_percent),
+    ]
+}
+
+/// Returns a table with one row for each model, best first; `more` gives the columns after the errors.
+fn metrics(
+    view: &View,
+    caption: String,
+    of: fn(&Outcome) -> &Metrics,
+    names: &[&str],
+    more: fn(&Outcome) -> Vec<Cell>,
+) -> Table {
+    let unit = view.unit();
+    let mut header = header(["model", "", "", "NRMSE, of std (%)", "of range (%)", "relative (%)"]);
+    header[1] = format!("RMSE ({unit})");
+    header[2] = format!("SSE ({unit}²)");
+    header.extend(names.iter().map(|name| (*name).to_owned()));
+    let row = |&index: &usize| {
+        let fit = view.fit(index);
+        let mut cells = vec![Cell::Text(view.name(index))];
+        cells.extend(errors(of(fit)));
+        cells.extend(more(fit));
+        cells
+    };
+    // With a single model, no value is marked.
+    let best = if view.study.fits.len() > 1 { 1..header.len() } else { 1..1 };
+    Table {
+        caption,
+        rows: view.ranking.iter().map(row).collect(),
+        best: best.map(|column| (column, Best::Smallest)).collect(),
+        header,
+    }
+}
+
+pub(crate) fn held_out_metrics(view: &View) -> Table {
+    let rows = friction_identification::number::count(view.fit(view.best()).test.rows as u64);
+    let more = |fit: &Outcome| vec![Cell::ShortNumber(fit.seconds, 2)];
+    let marked = if view.study.fits.len() > 1 { "; the best of each column is marked" } else { "" };
+    let caption = format!("On {rows} held-out rows{marked}");
+    metrics(view, caption, |fit| &fit.test, &["time of fit (s)"], more)
+}
+
+pub(crate) fn train_metrics(view: &View) -> Table {
+    let rows = friction_identification::number::count(view.fit(view.best()).train.rows as u64);
+    let more = |fit: &Outcome| {
+        // Show all digits, because only differences of the BIC are meaningful.
+        let digits = fit.bic.abs().max(1.0).log10() as usize + 1;
+        vec![Cell::ShortNumber(fit.bic, digits), Cell::Count(fitted(fit).count() as u64)]
+    };
+    let caption = format!("On {rows} training rows");
+    metrics(view, caption, |fit| &fit.train, &["BIC", "fitted parameters"], more)
+}
+
+/// Returns the parameters of a model, their verdicts and their correlations.
+pub(crate) fn parameters(view: &View, index: usize) -> Vec<Block> {
+    let fit = view.fit(index);
+    let mut blocks = vec![Block::Table(values(view, index))];
+    if !fit.verdicts.is_empty() {
+        blocks.push(Block::List(fit.verdicts.iter().map(|verdict| sentence(verdict)).collect()));
+    }
+    if let Some(table) = correlation(fit) {
+        let summary = format!("{}: correlation of the estimates", view.name(index));
+        blocks.push(Block::Details { summary, blocks: vec![Block::Table(table)] });
+    }
+    blocks
+}
+
+/// Returns a verdict with a full stop.
+fn sentence(verdict: &str) -> String {
+    format!("{}.", verdict.trim_end_matches('.'))
+}
+
+fn values(view: &View, index: usize) -> Table {
+    let row = |estimate: &Estimate| {
+        let Estimate { id, value, std_error, state } = estimate;
+        let (value, state) = match std_error {
+            Some(std_error) => {
+                (Cell::Estimate { value: *value, std_error: *std_error }, state.name())
+            }
+            // Not fitted, because it has no effect in this data.
+            None if *state == State::NotDetermined => (Cell::Empty, "not determined, not fitted"),
+            None if *state == State::AtBound => (Cell::Number(*value), state.name()),
+            None => (Cell::Number(*value), "kept constant"),
+        };
+        let unit = unit_in_words(unit(id.info(), view.study.data.joint));
+        vec![id.name().into(), value, unit.into(), state.replace('-', " ").into()]
+    };
+    Table {
+        caption: format!("Parameters of {}", view.name(index)),
+        header: header(["parameter", "value ± standard error", "unit", "state"]),
+        rows: view.fit(index).estimates.iter().map(row).collect(),
+        best: Vec::new(),
+    }
+}
+
+/// Returns the lower triangle of the correlation matrix; columns have the numbers of the rows.
+pub(crate) fn correlation(fit: &Outcome) -> Option<Table> {
+    let estimates: Vec<&Estimate> = fitted(fit).collect();
+    let row = |(i, estimate): (usize, &&Estimate)| {
+        let mut cells = vec![Cell::Text(format!("{} {}", i + 1, estimate.id.name()))];
+        let text = |j: usize| format!("{:+.2}", fit.correlation[(i, j)]).replace('-', "−");
+        cells.extend((0..i).map(|j| Cell::Text(text(j))));
+        cells.push("1".into());
+        cells.extend((i + 1..estimates.len()).map(|_| "".into()));
+        cells
+    };
+    let mut header = vec![String::new()];
+    header.extend((1..=estimates.len()).map(|number| number.to_string()));
+    (estimates.len() > 1).then(|| Table {
+        caption:
+            "Correlation of the estimates; beyond ±0.98, the data determine only a combination of the two parameters"
+                .into(),
+        header,
+        rows: estimates.iter().enumerate().map(row).collect(),
+        best: Vec::new(),
+    })
+}
+
+pub(crate) fn files(view: &View) -> Table {
+    let files = view.study.data.files.iter().zip(view.study.hashes);
+    Table {
+        caption: "Files".into(),
+        header: header(["file", "SHA-256"]),
+        rows: files
+            .map(|(file, hash)| vec![file.display().to_string().into(), hash.as_str().into()])
+            .collect(),
+        best: Vec::new(),
+    }
+}
+
+pub(crate) fn runs(view: &View) -> Table {
+    let (data, split) = (view.study.data, view.study.split);
+    let rows_of = |parts: &[friction_identification::data::Part], run: usize| -> Cell {
+        let own = parts.iter().filter(|part| part.run == run);
+        Cell::Count(own.map(|part| Range::len(&part.rows) as u64).sum())
+    };
+    let row = |(index, run): (usize, &friction_identification::data::Run)| {
+        let seconds = run.time_s[run.len() - 1] - run.time_s[0];
+        let rate = (run.len() - 1) as f64 / seconds;
+        vec![
+            run.name.as_str().into(),
+            rows_of(&split.train, index),
+            rows_of(&split.test, index),
+            Cell::ShortNumber(seconds, 4),
+            if rate.is_finite() { Cell::ShortNumber(rate, 3) } else { Cell::Empty },
+        ]
+    };
+    let caption = match data.runs.len().saturating_sub(MAX_RUNS) {
+        0 => "All runs".to_owned(),
+        more => format!("The first {MAX_RUNS} runs; {more} more are not shown"),
+    };
+    Table {
+        caption,
+        header: header(["run", "training rows", "held-out rows", "length (s)", "rows per second"]),
+        rows: data.runs.iter().take(MAX_RUNS).enumerate().map(row).collect(),
+        best: Vec::new(),
+    }
+}

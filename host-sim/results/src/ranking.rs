@@ -1,0 +1,143 @@
+//! The candidate causes of a diagnosis, best first, and why each was rejected.
+//!
+//! A cause with several settings (such as a delay of one row or of two) has one candidate for each setting; the ranking
+//! shows only its best one. A candidate that is significant alone may still not be a finding: the joint fit may have
+//! ended at a bound, another cause may explain more, or the final review may have removed it. The reason is reported in
+//! each case.
+
+use friction_identification::diagnose::gram_blocks::LeftOut;
+use friction_identification::diagnose::{CandidateScore, Diagnosis, Finding};
+use friction_identification::number::significant;
+
+/// A candidate cause in its best setting.
+pub struct RankedCandidate<'a> {
+    /// Name with columns and order.
+    pub name: String,
+    /// Score of the candidate.
+    pub score: &'a CandidateScore,
+    /// True if the candidate is a finding.
+    pub is_finding: bool,
+    /// Why the candidate was rejected; empty for a finding.
+    pub rejected_because: String,
+}
+
+/// Returns the name of a candidate with its columns and order.
+fn name(score: &CandidateScore) -> String {
+    let mut name = score.cause.name().to_owned();
+    if !score.columns.is_empty() {
+        name += &format!(" ({})", score.columns.join(", "));
+    }
+    if let Some(order) = score.order {
+        name += &format!(", order {}", significant(order, 4));
+    }
+    if score.level {
+        name += ", scaled with the friction level";
+    }
+    name
+}
+
+/// Returns each candidate in its best setting, best first.
+pub fn ranking(found: &Diagnosis) -> Vec<RankedCandidate<'_>> {
+    let findings = finding_indices(found);
+    let mut ranking: Vec<RankedCandidate> = Vec::new();
+    for (index, score) in found.scores.iter().enumerate() {
+        let (name, is_finding) = (name(score), findings.contains(&index));
+        let rejected_because = rejection_reason(found, index);
+        let own = RankedCandidate { name, score, is_finding, rejected_because };
+        match ranking.iter_mut().find(|ranked| ranked.name == own.name) {
+            None => ranking.push(own),
+            // Two orders may be equal after rounding; a finding has priority.
+            Some(ranked) if own.is_finding => *ranked = own,
+            Some(_) => {}
+        }
+    }
+    ranking
+}
+
+/// Returns the index of the score of each finding: its best setting, or for a periodic cause that of its order.
+fn finding_indices(found: &Diagnosis) -> Vec<usize> {
+    let own = |finding: &Finding| {
+        let distance = |index: &usize| match (finding.order, found.scores[*index].order) {
+            (Some((own, _)), Some(order)) => (order - own).abs(),
+            _ => 0.0,
+        };
+        let settings =
+            (0..found.scores.len()).filter(|index| is_of(finding, &found.scores[*index]));
+        settings.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    };
+    found.findings.iter().filter_map(own).collect()
+}
+
+/// Returns true if the finding and the candidate have the same cause and columns.
+fn is_of(finding: &Finding, score: &CandidateScore) -> bool {
+    finding.cause == score.cause && finding.columns == score.columns
+}
+
+/// Returns why the candidate with this index was rejected; empty for a finding.
+pub fn rejection_reason(found: &Diagnosis, index: usize) -> String {
+    let score = &found.scores[index];
+    if finding_indices(found).contains(&index) {
+        return String::new();
+    }
+    if !score.passed {
+        return score.rejected_because.clone();
+    }
+    let cause = score.cause.name();
+    let weighed = format!("{cause} ({}) was evaluated and rejected: ", score.columns.join(", "));
+    let taken_back = format!("{cause} passed with the base model, but after a new fit");
+    for note in &found.log.notes {
+        if let Some(why) = note.strip_prefix(&weighed) {
+            return format!("significant alone, but in the joint fit: {why}");
+        }
+        if note.starts_with(&taken_back) {
+            return "significant alone, but after refitting it does not reduce the held-out error"
+                .into();
+        }
+    }
+    let rivals = |finding: &&Finding| {
+        let mut rivals = finding.confusable_with.iter();
+        rivals.any(|rival| rival.cause == score.cause && rival.columns == score.columns)
+    };
+    if let Some(finding) = found.findings.iter().find(rivals) {
+        return format!("significant alone, but indistinguishable from {}", finding.cause.name());
+    }
+    if found.findings.iter().any(|finding| is_of(finding, score)) {
+        return "another setting of the same cause is a finding".into();
+    }
+    match found.findings.is_empty() {
+        true => "significant alone, but not confirmed in the final review".into(),
+        false => "significant alone, but adds too little to the findings".into(),
+    }
+}
+
+/// Formats the gain of a candidate with two standard errors, in percent.
+pub fn gain(score: &CandidateScore) -> String {
+    let share = significant(100.0 * score.share, 3);
+    match score.share_error.is_finite() {
+        true => format!("{share} ± {}", significant(200.0 * score.share_error, 2)),
+        false => share,
+    }
+}
+
+/// Returns the parts that were held out in turn, as in `data.left_out`.
+pub fn left_out(found: &Diagnosis) -> &'static str {
+    match found.left_out {
+        Some(LeftOut::Runs) => "runs",
+        Some(LeftOut::Stretches) => "stretches",
+        None => "held-out",
+    }
+}
+
+/// Describes the held-out parts in a sentence.
+pub fn left_out_in_words(found: &Diagnosis) -> &'static str {
+    match found.left_out {
+        Some(LeftOut::Runs) => {
+            "Each run was held out once: every row is predicted by a model that was fitted without its run."
+        }
+        Some(LeftOut::Stretches) => {
+            "One eighth of each run was held out at a time: every row is predicted by a model that was fitted without its \
+             segment, but with the rest of its run."
+        }
+        None => "The test rows were held out; no model was fitted to them.",
+    }
+}

@@ -1,0 +1,141 @@
+//! The content of a chart: named series over two axes with units.
+//!
+//! A [`Chart`] defines *what* is shown. Colours, fonts, legends and hover texts follow from it and are uniform on a page.
+//! Every axis label must contain its unit. The caption should be a sentence that states what the chart shows, because
+//! screen readers also use it. Values that are not finite are gaps: a curve is interrupted, a point is left out.
+
+/// One axis.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Axis {
+    /// Quantity with its unit: `velocity (rad/s)`.
+    pub label: String,
+    /// True for a logarithmic axis; values that are not positive are left out.
+    pub log: bool,
+    /// Names in place of numbers: value 0 is the first name, 1 the second. On `y`, bars are horizontal and the first name
+    /// is on top, which suits long names.
+    pub categories: Vec<String>,
+    /// Initial lower and upper end, in the axis's unit; `None` if they follow from the data. Charts for comparison should
+    /// have the same range.
+    pub range: Option<(f64, f64)>,
+}
+
+impl Axis {
+    /// Creates a linear axis. The label must contain the unit.
+    pub fn new(label: impl Into<String>) -> Self {
+        Self { label: label.into(), ..Self::default() }
+    }
+
+    /// Creates an axis with names in place of numbers.
+    pub fn of_names<S: Into<String>>(
+        label: impl Into<String>,
+        names: impl IntoIterator<Item = S>,
+    ) -> Self {
+        let categories = names.into_iter().map(Into::into).collect();
+        Self { categories, ..Self::new(label) }
+    }
+}
+
+/// Style of a series.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Style {
+    /// A dot for each value. On an axis of names, use it instead of bars if the other axis is logarithmic.
+    Points,
+    /// A curve through the values, in their order.
+    Line,
+    /// A curve that holds each value until the next one, for commands, states and flags.
+    Steps,
+    /// A bar from zero to each value, on a linear axis.
+    Bars,
+    /// The area between `y` and this upper edge, `upper[i]` above `x[i]`.
+    Band {
+        /// The upper edge.
+        upper: Vec<f64>,
+    },
+}
+
+/// Values with a common name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// Name in the legend. A name has the same colour in every chart of a page.
+    pub name: String,
+    /// Style.
+    pub style: Style,
+    /// Horizontal positions, in the unit of the axis. If `x` and `y` differ in length, the shorter length applies.
+    pub x: Vec<f64>,
+    /// Vertical positions, in the unit of the axis; for a band, the lower edge.
+    pub y: Vec<f64>,
+    /// True if drawn in grey, as measured data are.
+    pub muted: bool,
+    /// Name of the series with the same colour, for example that of the curve of a band.
+    pub colour_of: Option<String>,
+    /// Half length of the error bar of each value, in its unit; a line then shows its points. Values that are not positive
+    /// have no error bar.
+    pub error: Option<Vec<f64>>,
+}
+
+impl Series {
+    fn new(name: impl Into<String>, style: Style, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self { name: name.into(), style, x, y, muted: false, colour_of: None, error: None }
+    }
+
+    /// Creates a series with a dot for each value.
+    pub fn points(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self::new(name, Style::Points, x, y)
+    }
+
+    /// Creates a curve.
+    pub fn line(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self::new(name, Style::Line, x, y)
+    }
+
+    /// Creates a curve with steps.
+    pub fn steps(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self::new(name, Style::Steps, x, y)
+    }
+
+    /// Creates a series with a bar for each value.
+    pub fn bars(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self::new(name, Style::Bars, x, y)
+    }
+
+    /// Creates the area between two curves.
+    pub fn band(name: impl Into<String>, x: Vec<f64>, lower: Vec<f64>, upper: Vec<f64>) -> Self {
+        Self::new(name, Style::Band { upper }, x, lower)
+    }
+
+    /// Sets the colour to that of the series with this name.
+    #[must_use]
+    pub fn coloured_as(mut self, name: impl Into<String>) -> Self {
+        self.colour_of = Some(name.into());
+        self
+    }
+
+    /// Adds error bars: along the bars, vertical for all other styles.
+    #[must_use]
+    pub fn with_error(mut self, error: Vec<f64>) -> Self {
+        self.error = Some(error);
+        self
+    }
+
+    /// Sets the colour to grey.
+    #[must_use]
+    pub fn muted(mut self) -> Self {
+        self.muted = true;
+        self
+    }
+}
+
+/// A chart with its title above and its caption below.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Chart {
+    /// Title, a few words.
+    pub title: String,
+    /// Caption, one or two sentences that state what the chart shows.
+    pub caption: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// Drawn in this order, later ones on top.
+    pub series: Vec<Series>,
+}

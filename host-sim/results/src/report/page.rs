@@ -1,0 +1,201 @@
+//! The page: a list of blocks, rendered as one HTML document.
+//!
+//! `maud` writes the HTML and escapes every text. Only the style, the script, Plotly.js and the chart data from `figure`
+//! are inserted without escaping. The content security policy in the head makes the browser reject every attempt to load
+//! something.
+//!
+//! The crate `plotly` contains Plotly.js (4.7 MB), so nothing is downloaded. It is included only if the page has a chart.
+
+use std::io;
+use std::path::Path;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::chart::Chart;
+use super::drawing::Drawing;
+use super::table::Table;
+use crate::write::write_atomically;
+
+/// Forbids all loading; `data:` and `blob:` are required to save a chart as an image.
+const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
+                      img-src data: blob:; base-uri 'none'; form-action 'none'";
+const STYLE: &str = include_str!("report.css");
+const SCRIPT: &str = include_str!("report.js");
+
+/// One element of a page.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Block {
+    /// Title of a section.
+    Heading(String),
+    /// Plain text. As the first block it has larger type, because it is the summary.
+    Paragraph(String),
+    /// A list. As the first block it has larger type.
+    List(Vec<String>),
+    /// A table.
+    Table(Table),
+    /// A chart over the whole width.
+    Chart(Chart),
+    /// The main result: named facts with a chart beside them, or below them on narrow screens.
+    Lead {
+        /// Name and text of each fact.
+        facts: Vec<(String, String)>,
+        /// The chart.
+        chart: Chart,
+    },
+    /// Links to the headings of the page.
+    Contents,
+    /// Charts side by side, or below each other on narrow screens.
+    Row(Vec<Chart>),
+    /// A collapsed block that opens with a click; printing opens all of them.
+    Details {
+        /// The visible line.
+        summary: String,
+        /// The collapsed blocks.
+        blocks: Vec<Block>,
+    },
+}
+
+/// A report.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Page {
+    /// Title of the page and of the browser tab.
+    pub title: String,
+    /// Line below the title; may be empty.
+    pub subtitle: String,
+    /// Blocks in their order on the page.
+    pub blocks: Vec<Block>,
+}
+
+impl Page {
+    /// Creates a page without blocks.
+    pub fn new(title: impl Into<String>, subtitle: impl Into<String>) -> Self {
+        Self { title: title.into(), subtitle: subtitle.into(), blocks: Vec::new() }
+    }
+
+    /// Adds a block at the end.
+    pub fn push(&mut self, block: Block) -> &mut Self {
+        self.blocks.push(block);
+        self
+    }
+
+    /// Renders the page as a self-contained HTML document.
+    pub fn render(&self) -> String {
+        let has_chart = self.blocks.iter().any(has_chart);
+        let mut drawing = Drawing::default();
+        html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta http-equiv="Content-Security-Policy" content=(POLICY);
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    link rel="icon" href="data:,";
+                    title { (self.title) }
+                    style { (PreEscaped(STYLE)) }
+                }
+                body {
+                    main {
+                        header {
+                            h1 { (self.title) }
+                            @if !self.subtitle.is_empty() { p.subtitle { (self.subtitle) } }
+                        }
+                        @if has_chart {
+                            noscript { p.no-data { "The charts of this page need JavaScript." } }
+                        }
+                        @for block in &self.blocks {
+                            @if *block == Block::Contents { (self.contents()) }
+                            @else { (block.render(&mut drawing, false)) }
+                        }
+                    }
+                    @if has_chart {
+                        (PreEscaped(plotly_script()))
+                        script { (PreEscaped(SCRIPT)) }
+                    }
+                }
+            }
+        }
+        .into_string()
+    }
+
+    /// Renders links to the headings.
+    fn contents(&self) -> Markup {
+        let headings = self.blocks.iter().filter_map(|block| match block {
+            Block::Heading(text) => Some(text),
+            _ => None,
+        });
+        html! {
+            nav.contents aria-label="Contents" {
+                @for text in headings { a href={ "#" (anchor(text)) } { (text) } " " }
+            }
+        }
+    }
+
+    /// Renders the page and writes it to `file`. The folder must exist.
+    ///
+    /// # Errors
+    /// See [`write_atomically`]; an existing file is unchanged.
+    pub fn write(&self, file: &Path) -> io::Result<()> {
+        write_atomically(file, self.render().as_bytes())
+    }
+}
+
+impl Block {
+    fn render(&self, drawing: &mut Drawing, nested: bool) -> Markup {
+        html! {
+            @match self {
+                Block::Heading(text) if nested => h3 { (text) },
+                Block::Heading(text) => h2 id=(anchor(text)) { (text) },
+                Block::Paragraph(text) => p { (text) },
+                Block::List(entries) => ul { @for entry in entries { li { (entry) } } },
+                Block::Table(table) => (table.render()),
+                Block::Chart(chart) => (chart.render(drawing, 1)),
+                Block::Lead { facts, chart } => div.lead {
+                    dl { @for (name, text) in facts { dt { (name) } dd { (text) } } }
+                    (chart.render(drawing, 2))
+                },
+                // The page renders this block, because it has the headings.
+                Block::Contents => "",
+                Block::Row(charts) => div.row {
+                    @for chart in charts { (chart.render(drawing, charts.len())) }
+                },
+                Block::Details { summary, blocks } => details {
+                    summary { (summary) }
+                    @for block in blocks { (block.render(drawing, true)) }
+                },
+            }
+        }
+    }
+}
+
+fn has_chart(block: &Block) -> bool {
+    match block {
+        Block::Chart(_) | Block::Lead { .. } => true,
+        Block::Row(charts) => !charts.is_empty(),
+        Block::Details { blocks, .. } => blocks.iter().any(has_chart),
+        Block::Heading(_)
+        | Block::Paragraph(_)
+        | Block::List(_)
+        | Block::Table(_)
+        | Block::Contents => false,
+    }
+}
+
+/// Returns the anchor of a heading: its letters and digits.
+fn anchor(heading: &str) -> String {
+    let letters = heading.chars().map(|letter| match letter {
+        letter if letter.is_alphanumeric() => letter.to_ascii_lowercase(),
+        _ => '-',
+    });
+    letters.collect()
+}
+
+/// Returns Plotly.js in its script element. The crate also provides MathJax (2 MB) in a second element, which is left out
+/// because no chart contains formulas.
+fn plotly_script() -> String {
+    const END: &str = "</script>";
+    let mut scripts = plotly::Plot::offline_js_sources();
+    if let Some(at) = scripts.find(END) {
+        scripts.truncate(at + END.len());
+    }
+    scripts
+}

@@ -1,0 +1,461 @@
+//! The shipped joint driver on a simulated joint: CAN frames, background loop, queues, interrupt, bridge and plant.
+//!
+//! ```text
+//! master (1 kHz) -- frames, with delay --> Driver -- orders --> LoopTask (20 kHz) --> bridge --> JointPlant
+//!        ^------ Motion, at each SYNC --------'        ^------- currents, encoder --------------'
+//! ```
+//! All driver code is the firmware's own, as it runs on the board. The plant
+//! ([`simulated_machines::joint_plant`]) does not depend on it. Time is virtual, and equal seeds give equal bits.
+//!
+//! The caller of [`JointRig::step_with_command`] is the bus master. The firmware controls current, so velocity and
+//! position loops belong to the caller, as on a robot's own computer. Simulated sensors of side load, pressure and
+//! temperature send their frames on the same bus.
+//!
+//! [`simulated::dataset`] turns the log of a simulated machine into a data set for identification.
+
+mod board;
+mod bus;
+mod faults;
+mod node;
+pub mod simulated;
+mod stage;
+
+pub use board::{BOARD_TRAITS, BoardSensors, EncoderFault};
+pub use bus::RigBus;
+pub use faults::{RigFaults, SealSensorFault};
+pub use node::MotorNode;
+pub use stage::{InterruptTiming, PERIOD_CYCLES, Stage, StageExtremes};
+
+use canopen_rs::Address;
+use compensator_core::can::{
+    CommandFrame, Frame, Message, NodeId, SealFrame, SurroundingsFrame, SyncFrame,
+};
+use faults::DelayLine;
+use firmware::background::{Background, BoardState, TICK_US};
+use firmware::control::{PERIOD_S, PowerStage};
+use firmware::deadline::DeadlineLimits;
+use firmware::driver::{Boot, Driver, Identity};
+use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
+use firmware::loop_parts::{LoopParts, StageTraits};
+use firmware::loop_task::LoopTask;
+use firmware::node::dictionary::index;
+use firmware::node_settings::{NodeSettings, emit_block};
+use firmware::parameter_set::ParameterSet;
+use firmware::store::Store;
+use firmware::store::memory::MemoryFlash;
+use joint_bus::canopen::Client;
+use simulated_machines::joint_plant::JointPlant;
+use std::collections::VecDeque;
+
+const NODE: NodeId = NodeId::FIRST;
+
+/// Periods of the current loop per millisecond.
+const PERIODS_PER_MS: usize = (1e-3 / PERIOD_S + 0.5) as usize;
+
+/// Settling time of the angle observer, ms: a triple pole at 100 Hz, with margin.
+pub const OBSERVER_SETTLING_MS: usize = 150;
+
+/// Watchdog timeout of the board, ms.
+pub const WATCHDOG_TIMEOUT_MS: u32 = 50;
+
+/// Capacity of the board's receive queue, in frames.
+const RECEIVE_QUEUE_FRAMES: usize = 64;
+
+/// Maximum time from the arming request to the armed state, ms; the bridge finds its offsets in it.
+const ARMING_TIMEOUT_MS: usize = 60;
+
+/// Interval between temperature frames, ms; a thermometer is slow.
+const TEMPERATURE_INTERVAL_MS: u32 = 50;
+
+/// Last values that the master received from the driver, as the frames carry them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MasterView {
+    /// Velocity, rad/s.
+    pub velocity_rad_s: f32,
+    /// Position, rad; NaN if unknown.
+    pub position_rad: f32,
+    /// Current, A.
+    pub current_a: f32,
+    /// Friction torque of the model, Nm.
+    pub friction_torque_nm: f32,
+    /// Torque that no part of the model explains, Nm.
+    pub residual_torque_nm: f32,
+}
+
+/// A driver connected to a simulated joint.
+pub struct JointRig<'q> {
+    background: Background<MemoryFlash<4>>,
+    task: LoopTask,
+    port: LoopPort<'q>,
+    link: LoopLink<'q>,
+    stage: Stage,
+    faults: RigFaults,
+    line: DelayLine,
+    /// Last values of a stuck seal sensor: side load, N, and pressure, Pa.
+    stuck_seal: Option<[f64; 2]>,
+    now_us: u64,
+    milliseconds: u32,
+    command_count: u8,
+    view: MasterView,
+    answers: Vec<Frame>,
+    /// Frames from the driver for an external bus; `None` if the rig's own master receives them.
+    outgoing_frames: Option<VecDeque<Frame>>,
+    /// Remaining time of a stall of the background loop, ms, and the frames received during it.
+    stalled_ms: u32,
+    deferred_frames: VecDeque<Frame>,
+    /// Time since the watchdog was serviced, ms, and whether it has reset the processor.
+    watchdog_unserviced_ms: u32,
+    is_reset: bool,
+    /// The rig's master sends a SYNC every millisecond.
+    sends_sync: bool,
+    board_state: BoardState,
+}
+
+/// State of the driver at power-up.
+#[derive(Clone, Copy, Debug)]
+pub struct PowerUp<'a> {
+    /// Parameter set in flash; `None` for a blank flash.
+    pub set: Option<&'a ParameterSet>,
+    /// The wiring was confirmed by commissioning.
+    pub commissioned: bool,
+    /// Simulates the sensors and traits of the driver's board instead of ideal ones.
+    pub board: bool,
+    /// How the previous run of the processor ended.
+    pub boot: Boot<'a>,
+}
+
+impl Default for PowerUp<'_> {
+    /// A blank flash, on the board.
+    fn default() -> Self {
+        Self { set: None, commissioned: false, board: true, boot: Boot::default() }
+    }
+}
+
+/// Starts a driver with this parameter set on a plant, arms it, and calls `work` as its master.
+///
+/// # Errors
+/// Returns one line if the set is rejected or the driver does not arm.
+pub fn run_armed<R>(
+    set: &ParameterSet,
+    plant: JointPlant,
+    faults: RigFaults,
+    work: impl FnOnce(&mut JointRig) -> R,
+) -> Result<R, String> {
+    let start = PowerUp { set: Some(set), commissioned: true, board: false, boot: Boot::default() };
+    let position_rad = plant.position_rad();
+    run_from_power_up(&start, plant, faults, |rig| rig.arm(position_rad).map(|()| work(rig)))?
+}
+
+/// Starts a driver from power-up with an open bridge, and calls `work` as its master.
+///
+/// # Errors
+/// Returns one line if the set is rejected.
+pub fn run_from_power_up<R>(
+    start: &PowerUp,
+    plant: JointPlant,
+    faults: RigFaults,
+    work: impl FnOnce(&mut JointRig) -> R,
+) -> Result<R, String> {
+    let mut queues = LoopQueues::new();
+    start_driver(&mut queues, start, plant, faults).map(|mut rig| work(&mut rig))
+}
+
+/// Starts a driver from power-up, connected through these queues.
+fn start_driver<'q>(
+    queues: &'q mut LoopQueues,
+    start: &PowerUp,
+    mut plant: JointPlant,
+    faults: RigFaults,
+) -> Result<JointRig<'q>, String> {
+    let traits = if start.board { BOARD_TRAITS } else { StageTraits::NONE };
+    let mut store = Store::open(MemoryFlash::<4>::new());
+    let mut settings = NodeSettings::default();
+    if let Some(set) = start.set {
+        LoopParts::build(set, traits, PERIOD_S).map_err(|refused| refused.to_string())?;
+        settings.commissioned = if start.commissioned { set.wiring_crc() } else { 0 };
+        let block = emit_block(&settings, set);
+        store.save(&block).map_err(|error| format!("flash: {error:?}"))?;
+    }
+    let identity = Identity { hardware: "simulated joint", serial: 1 };
+    let driver = Driver::boot(settings, store.into_flash(), identity, &start.boot, 0);
+    let task = LoopTask::new(
+        LoopParts::build_or_measure_only(driver.set(), traits),
+        DeadlineLimits::for_period(PERIOD_CYCLES, 2000),
+    );
+    let (port, link) = queues.split(traits, 0);
+    let line = DelayLine::new(&faults);
+    let board = start.board.then(|| BoardSensors::start(&mut plant, faults.seed));
+    let mut stage = Stage::new(plant, &faults);
+    stage.board = board;
+    let mut rig = JointRig {
+        background: Background::new(driver, 0),
+        task,
+        port,
+        link,
+        stage,
+        faults,
+        line,
+        stuck_seal: None,
+        now_us: 0,
+        milliseconds: 0,
+        command_count: 0,
+        view: MasterView::default(),
+        answers: Vec::new(),
+        outgoing_frames: None,
+        stalled_ms: 0,
+        deferred_frames: VecDeque::new(),
+        watchdog_unserviced_ms: 0,
+        is_reset: false,
+        sends_sync: true,
+        board_state: BoardState::default(),
+    };
+    // The interrupt must run first: the background needs a completed conversion.
+    rig.run_current_loop();
+    (0..OBSERVER_SETTLING_MS).for_each(|_| rig.step_idle());
+    Ok(rig)
+}
+
+impl JointRig<'_> {
+    /// Starts the node, sets the joint position, and arms the driver at 0 A.
+    ///
+    /// # Errors
+    /// Returns one line with the driver's reason if it does not arm.
+    pub fn arm(&mut self, position_rad: f64) -> Result<(), String> {
+        self.send_immediately(0, &[1, NODE.number()]);
+        self.write_object(index::STATE, 6, (position_rad as f32).to_le_bytes());
+        (0..5).for_each(|_| self.step_with_command(0.0, 0.0));
+        self.request_state(1);
+        for _ in 0..ARMING_TIMEOUT_MS {
+            self.step_with_command(0.0, 0.0);
+        }
+        if self.is_armed() {
+            return Ok(());
+        }
+        let mut client = Client::new(RigBus::new(self), NODE);
+        let reason = client.read_text(Address::new(index::REFUSAL, 0));
+        Err(format!("the driver does not arm: {}", reason.map_err(|error| error.to_string())?))
+    }
+
+    /// Runs 1 ms with a command: current before compensation, A, and reference velocity of the joint, rad/s.
+    pub fn step_with_command(&mut self, current_a: f32, velocity_reference_rad_s: f32) {
+        self.command_count = self.command_count.wrapping_add(1);
+        let command = CommandFrame::new(current_a, velocity_reference_rad_s, self.command_count);
+        self.line.send(Message::Command(NODE, command).emit());
+        let shown = self.stage.plant.show();
+        if let Some(seal) =
+            self.faults.seal_reading(self.milliseconds, &shown, &mut self.stuck_seal)
+        {
+            let seal = SealFrame {
+                radial_force_n: seal.radial_force_n as f32,
+                pressure_diff_pa: seal.pressure_diff_pa as f32,
+            };
+            self.line.send(Message::Seal(NODE, seal).emit());
+            // The driver measures its own torque, so the load goes to it as an object and not in a Torque frame.
+            self.line.send(sdo_download(
+                index::INPUTS,
+                4,
+                (shown.load_torque_nm as f32).to_le_bytes(),
+            ));
+        }
+        if self.milliseconds.is_multiple_of(TEMPERATURE_INTERVAL_MS) {
+            let temperature_c = shown.temperature_c as f32;
+            let surroundings = SurroundingsFrame { temperature_c, auxiliary: f32::NAN };
+            self.line.send(Message::Surroundings(NODE, surroundings).emit());
+        }
+        while let Some(frame) = self.line.receive() {
+            self.deliver(frame);
+        }
+        self.step_idle();
+    }
+
+    /// Runs 1 ms without a command.
+    pub fn step_idle(&mut self) {
+        self.now_us += TICK_US;
+        if self.stalled_ms == 0 && !self.is_reset {
+            while let Some(frame) = self.deferred_frames.pop_front() {
+                self.background.receive(&frame, self.now_us);
+            }
+            let link = Some(&mut self.link);
+            if self.background.tick(&self.board_state, link, self.now_us) {
+                self.watchdog_unserviced_ms = 0;
+            }
+        }
+        if self.sends_sync {
+            self.deliver(Message::Sync(SyncFrame::of(self.milliseconds)).emit());
+        }
+        while self.stalled_ms == 0
+            && let Some(frame) = self.background.transmit()
+        {
+            self.receive_from_driver(&frame);
+        }
+        self.stalled_ms = self.stalled_ms.saturating_sub(1);
+        self.watchdog_unserviced_ms += 1;
+        if self.watchdog_unserviced_ms > WATCHDOG_TIMEOUT_MS {
+            self.is_reset = true;
+        }
+        self.run_current_loop();
+        self.line.tick();
+        self.milliseconds += 1;
+    }
+
+    /// Delivers a frame to the background, or queues it during a stall.
+    fn deliver(&mut self, frame: Frame) {
+        if self.stalled_ms == 0 && !self.is_reset {
+            self.background.receive(&frame, self.now_us);
+        } else if self.deferred_frames.len() < RECEIVE_QUEUE_FRAMES {
+            self.deferred_frames.push_back(frame);
+        }
+    }
+
+    fn run_current_loop(&mut self) {
+        for _ in 0..PERIODS_PER_MS {
+            if self.is_reset {
+                // The reset also resets the timer, whose outputs return to their idle level.
+                self.stage.off();
+            } else if let Some(delay) = self.stage.next_interrupt() {
+                let at = self.stage.cycles();
+                let now = at.wrapping_add(200 + delay);
+                self.task.interrupt(&mut self.stage, &mut self.port, at, now);
+            }
+            self.stage.step_period();
+        }
+    }
+
+    /// Stalls the background loop for this time, as during a long transfer; the interrupt continues.
+    pub fn stall_background(&mut self, milliseconds: u32) {
+        self.stalled_ms = milliseconds;
+    }
+
+    /// Stops the SYNC frames.
+    pub fn stop_sync(&mut self) {
+        self.sends_sync = false;
+    }
+
+    /// Returns true after a watchdog reset. The rig then stays inactive; simulate the restart with a new rig.
+    pub fn is_reset(&self) -> bool {
+        self.is_reset
+    }
+
+    /// Measurements of the board about itself: temperatures, stack, bus.
+    pub fn board_state_mut(&mut self) -> &mut BoardState {
+        &mut self.board_state
+    }
+
+    /// The power stage, for measurements and faults.
+    pub fn stage_mut(&mut self) -> &mut Stage {
+        &mut self.stage
+    }
+
+    fn receive_from_driver(&mut self, frame: &Frame) {
+        if let Some(outgoing_frames) = &mut self.outgoing_frames {
+            return outgoing_frames.push_back(*frame);
+        }
+        match Message::parse(frame) {
+            Ok(Message::Motion(_, motion)) => {
+                self.view.velocity_rad_s = motion.velocity_rad_s;
+                self.view.position_rad = motion.position_rad;
+            }
+            Ok(Message::Telemetry(_, telemetry)) => {
+                self.view.current_a = telemetry.current_a;
+                self.view.residual_torque_nm = telemetry.residual_torque_nm;
+            }
+            Ok(Message::Answer(_, answer)) => {
+                self.view.friction_torque_nm = answer.friction_torque_nm;
+            }
+            Ok(_) => {}
+            // Not a process frame: an object answer or an emergency.
+            Err(_) => self.answers.push(*frame),
+        }
+    }
+
+    /// Last values that the master received.
+    pub fn master_view(&self) -> &MasterView {
+        &self.view
+    }
+
+    /// The plant, for measurements.
+    pub fn plant(&self) -> &JointPlant {
+        &self.stage.plant
+    }
+
+    /// The plant, to change its temperature, wear or pressure.
+    pub fn plant_mut(&mut self) -> &mut JointPlant {
+        &mut self.stage.plant
+    }
+
+    /// The driver, for inspection.
+    pub fn driver(&self) -> &Driver<MemoryFlash<4>> {
+        self.background.driver()
+    }
+
+    /// Returns true if the driver is armed.
+    pub fn is_armed(&self) -> bool {
+        self.driver().is_armed()
+    }
+
+    /// Takes the frames since the last call that are not process data: object answers and emergencies.
+    pub fn take_answers(&mut self) -> Vec<Frame> {
+        std::mem::take(&mut self.answers)
+    }
+
+    /// Delivers a frame to the driver without delay.
+    pub fn send_immediately(&mut self, identifier: u16, data: &[u8]) {
+        if let Some(frame) = Frame::new(identifier, data) {
+            self.background.receive(&frame, self.now_us);
+        }
+    }
+
+    /// Writes an object of four bytes.
+    pub fn write_object(&mut self, index: u16, sub_index: u8, value: [u8; 4]) {
+        let frame = sdo_download(index, sub_index, value);
+        self.background.receive(&frame, self.now_us);
+    }
+
+    /// Writes an object of one byte.
+    pub fn write_object_byte(&mut self, index: u16, sub_index: u8, value: u8) {
+        let [low, high] = index.to_le_bytes();
+        self.send_immediately(
+            0x600 + u16::from(NODE.number()),
+            &[0x2F, low, high, sub_index, value, 0, 0, 0],
+        );
+    }
+
+    /// Reads an object of at most four bytes, which takes 1 ms. Returns `None` if the driver rejects the request.
+    pub fn read_object(&mut self, index: u16, sub_index: u8) -> Option<u32> {
+        let [low, high] = index.to_le_bytes();
+        self.answers.clear();
+        self.send_immediately(
+            0x600 + u16::from(NODE.number()),
+            &[0x40, low, high, sub_index, 0, 0, 0, 0],
+        );
+        self.step_idle();
+        self.answers.iter().find_map(|frame| match *frame.data() {
+            // Expedited answer: command byte 0100 nn11, where nn of the four bytes are unused.
+            [head, l, h, s, a, b, c, d]
+                if head & 0xF3 == 0x43 && [l, h, s] == [low, high, sub_index] =>
+            {
+                let word = u32::from_le_bytes([a, b, c, d]);
+                Some(word & (u32::MAX >> (8 * ((head >> 2) & 3))))
+            }
+            _ => None,
+        })
+    }
+
+    /// Requests the driver to arm (1), to disarm (0) or to clear its faults (2).
+    pub fn request_state(&mut self, request: u8) {
+        let [low, high] = index::STATE.to_le_bytes();
+        self.send_immediately(
+            0x600 + u16::from(NODE.number()),
+            &[0x2F, low, high, 1, request, 0, 0, 0],
+        );
+    }
+}
+
+/// Returns the frame of an expedited download of four bytes.
+fn sdo_download(index: u16, sub_index: u8, value: [u8; 4]) -> Frame {
+    let [low, high] = index.to_le_bytes();
+    let [a, b, c, d] = value;
+    let identifier = 0x600 + u16::from(NODE.number());
+    Frame::new(identifier, &[0x23, low, high, sub_index, a, b, c, d])
+        .unwrap_or_else(|| Message::Sync(SyncFrame::of(0)).emit())
+}

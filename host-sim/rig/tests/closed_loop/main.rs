@@ -1,0 +1,46 @@
+//! The shipped driver in closed loop with a joint under faults.
+//!
+//! Driver, background loop, queues and interrupt are the firmware's own. Shunts in counts and an encoder over SPI go through
+//! its sensor code. The joint is `simulated-machines::joint_plant`. Commands are CAN frames, and time is virtual.
+//!
+//! Every result has two limits, set from the capabilities of the parts and not from earlier results. The table is
+//! `docs/src/reference/closed-loop.md`:
+//!
+//! ```text
+//! UPDATE_TABLES=1 cargo test -p joint-rig --test closed_loop
+//! ```
+//! writes the table; without the variable a test compares results and table.
+
+mod bus;
+mod commissioning;
+mod encoder;
+mod friction;
+mod heat;
+mod power_up;
+mod rig;
+mod stalls;
+mod table;
+mod velocity;
+mod wiring;
+
+use table::ScenarioRow;
+
+/// Results of every family, computed once.
+fn families() -> [&'static [ScenarioRow]; 9] {
+    [
+        power_up::rows(),
+        wiring::rows(),
+        commissioning::rows(),
+        bus::rows(),
+        encoder::rows(),
+        stalls::rows(),
+        friction::rows(),
+        heat::rows(),
+        velocity::rows(),
+    ]
+}
+
+#[test]
+fn table_in_git_matches_results() {
+    table::compare(families().into_iter().flatten());
+}

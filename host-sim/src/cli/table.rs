@@ -1,0 +1,133 @@
+//! Tables and texts of the results for the terminal.
+
+use comfy_table::{CellAlignment, Table, presets};
+use friction_identification::data::Dataset;
+use friction_identification::diagnose::Diagnosis;
+use friction_identification::fit::{Outcome, State};
+use friction_identification::number::{figure, significant};
+use friction_identification::params::{unit, unit_in_words};
+use friction_results::ranking::{gain, left_out_in_words, ranking};
+
+/// Number of candidates that are listed if there is no finding.
+const LISTED_CANDIDATES: usize = 3;
+
+fn table(header: &[&str], numbers_from: usize) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
+    for (index, column) in table.column_iter_mut().enumerate() {
+        // No padding on the left: with it, the table of models would be 84 columns wide.
+        column.set_padding((0, u16::from(index + 1 < header.len())));
+        if index >= numbers_from {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}
+
+/// Returns the table as text without lines between its rows.
+fn printed(table: &Table) -> String {
+    let text = table.to_string();
+    let is_rule = |line: &&str| !line.is_empty() && line.chars().all(|letter| letter == '─');
+    text.lines().filter(|line| !is_rule(line)).collect::<Vec<_>>().join("\n")
+}
+
+/// Returns a table with one row for each model, best on held-out rows first. It is at most 80 columns wide.
+pub fn models(fits: &[Outcome], data: &Dataset) -> String {
+    let torque = data.joint.torque_unit();
+    let (test, train) = (format!("held out, {torque}"), format!("training, {torque}"));
+    let header = ["model", &test, "of std", "relative", &train, "BIC", "time"];
+    let mut table = table(&header, 1);
+    let mut order: Vec<&Outcome> = fits.iter().collect();
+    order.sort_by(|a, b| a.test.rmse.total_cmp(&b.test.rmse));
+    for fit in order {
+        table.add_row(vec![
+            fit.spec.to_string(),
+            figure(fit.test.rmse),
+            format!("{:.1} %", 100.0 * fit.test.nrmse_std),
+            format!("{:.1} %", fit.test.relative_error_percent),
+            figure(fit.train.rmse),
+            format!("{:.0}", fit.bic),
+            format!("{:.1} s", fit.seconds),
+        ]);
+    }
+    printed(&table)
+}
+
+/// Returns a table with one row for each parameter.
+pub fn parameters(fit: &Outcome, data: &Dataset) -> String {
+    let mut table = table(&["parameter", "value", "std error", "unit", "state"], 1);
+    for column in [3, 4] {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Left);
+        }
+    }
+    for estimate in &fit.estimates {
+        let (error, state) = match estimate.std_error {
+            Some(error) => (figure(error), estimate.state.name()),
+            None if estimate.state == State::AtStart => ("-".to_owned(), "kept constant"),
+            None => ("-".to_owned(), estimate.state.name()),
+        };
+        table.add_row(vec![
+            estimate.id.name().to_owned(),
+            figure(estimate.value),
+            error,
+            unit_in_words(unit(estimate.id.info(), data.joint)).to_owned(),
+            state.to_owned(),
+        ]);
+    }
+    printed(&table)
+}
+
+/// Describes each finding, strongest first; without findings, the best candidates and why they were rejected.
+pub fn findings(found: &Diagnosis) -> String {
+    let mut text = String::new();
+    for finding in &found.findings {
+        let columns = match finding.columns.join(", ") {
+            none if none.is_empty() => none,
+            columns => format!(" ({columns})"),
+        };
+        text += &format!("{}{columns}: {}\n", finding.cause.name(), finding.size.in_words());
+        text += &format!(
+            "  reduces the squared error by {} %, found in {} % of resampled logs, p = {}\n",
+            significant(100.0 * finding.share_of_residual, 3),
+            significant(100.0 * finding.stability, 3),
+            significant(finding.p_value, 1),
+        );
+        let rivals: Vec<&str> =
+            finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
+        if !rivals.is_empty() {
+            text += &format!("  indistinguishable from {}\n", rivals.join(", "));
+        }
+    }
+    if found.findings.is_empty() {
+        text += "Best candidates, with their gain on held-out rows (% of the squared error):\n";
+        for ranked in ranking(found).iter().take(LISTED_CANDIDATES) {
+            let (name, reason) = (&ranked.name, &ranked.rejected_because);
+            text += &format!("- {name}: {} %; rejected because: {reason}\n", gain(ranked.score));
+        }
+    }
+    text + left_out_in_words(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn table_of_models_fits_into_80_columns() {
+        let header = ["model", "held out, Nm", "of std", "relative", "training, Nm", "BIC", "time"];
+        let mut table = table(&header, 1);
+        let row = [
+            "lugre-asymmetric",
+            "0.00012345",
+            "158.7 %",
+            "158.3 %",
+            "0.0001234",
+            "-1287856",
+            "132.2 s",
+        ];
+        table.add_row(row);
+        let widest = printed(&table).lines().map(|line| line.chars().count()).max();
+        assert!((60..=80).contains(&widest.unwrap_or(0)), "{widest:?} columns");
+    }
+}

@@ -1,0 +1,541 @@
+//! The binary as a script sees it: exit codes, one-line errors, and complete result files.
+//!
+//! A command returns either 0 and a result, or 2 and one line on standard error. The tests generate their logs. Every
+//! model also fits a set of degenerate logs, and none of them may cause a panic.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
+
+use compensator_core::compensator::Compensator;
+use compensator_core::configuration::Configuration;
+use compensator_core::record;
+use compensator_core::{FrictionModel, LawKind};
+use host_sim::driver_file;
+use parquet::data_type::DoubleType;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+use rayon::prelude::*;
+use serde_json::{Map, Value};
+use tempfile::TempDir;
+
+const HEADER: &str = "time_s,velocity_rad_s,torque_nm\n";
+
+/// A temporary folder with the files of a test.
+struct Folder(TempDir);
+
+impl Folder {
+    fn new() -> Folder {
+        Folder(tempfile::tempdir().expect("a folder"))
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        fs::write(self.path(name), content).expect("written");
+    }
+
+    /// Writes the log of a joint with Coulomb and viscous friction that moves back and forth in three runs.
+    fn write_joint(&self) {
+        let mut text = format!("run,{HEADER}");
+        for run in 0..3 {
+            for (t, v, y) in rows(200) {
+                // Each run has a different speed and the corresponding viscous torque.
+                let faster = v * f64::from(run);
+                let _ = writeln!(text, "{run},{t:?},{:?},{:?}", v + faster, y + 0.2 * faster);
+            }
+        }
+        self.write("joint.csv", text);
+    }
+
+    /// Runs the program in this folder. Returns exit code, standard output and standard error.
+    fn run(&self, arguments: &str) -> (Option<i32>, String, String) {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+        command.args(arguments.split_whitespace()).current_dir(self.0.path());
+        let Output { status, stdout, stderr } = command.output().expect("host-sim starts");
+        let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+        // Findings of the log check are also on standard error, one per line; they are not errors.
+        let stderr = text(stderr);
+        let errors = stderr.lines().filter(|line| !line.starts_with("log: "));
+        (status.code(), text(stdout), errors.map(|line| format!("{line}\n")).collect())
+    }
+
+    /// Runs a command that must succeed. Returns its standard output.
+    fn run_successfully(&self, arguments: &str) -> String {
+        let (code, stdout, stderr) = self.run(arguments);
+        assert_eq!((code, stderr.as_str()), (Some(0), ""), "{arguments}");
+        stdout
+    }
+
+    /// Runs a command that must fail with exit code 2, one line, and no new file. Returns the line.
+    fn run_rejected(&self, arguments: &str) -> String {
+        let before = self.files();
+        let (code, stdout, stderr) = self.run(arguments);
+        assert_eq!((code, stdout.as_str()), (Some(2), ""), "{arguments}: {stderr}");
+        assert_one_line(&stderr);
+        assert_eq!(self.files(), before, "{arguments}");
+        stderr
+    }
+
+    fn json(&self, arguments: &str) -> Value {
+        serde_json::from_str(&self.run_successfully(&format!("{arguments} --json")))
+            .expect("JSON alone")
+    }
+
+    /// Returns all files, including those in `out`.
+    fn files(&self) -> Vec<PathBuf> {
+        let inside = |folder: &Path| -> Vec<PathBuf> {
+            fs::read_dir(folder).map_or(vec![], |all| all.flatten().map(|f| f.path()).collect())
+        };
+        let mut all = inside(self.0.path());
+        all.extend(inside(&self.path("out")));
+        all.sort();
+        all
+    }
+}
+
+fn assert_one_line(stderr: &str) {
+    assert!(stderr.starts_with("error: "), "{stderr}");
+    assert!(stderr.ends_with('\n') && stderr.lines().count() == 1, "{stderr}");
+}
+
+/// Time, velocity and torque of a joint at 100 Hz, with a ripple that no model contains.
+fn rows(count: u32) -> impl Iterator<Item = (f64, f64, f64)> {
+    (0..count).map(|i| {
+        let t = f64::from(i) * 0.01;
+        let v = (3.0 * t).sin();
+        (t, v, 0.5 * v.signum() + 0.2 * v + 0.01 * (40.0 * t).sin())
+    })
+}
+
+fn csv(rows: impl Iterator<Item = (f64, f64, f64)>) -> String {
+    rows.fold(HEADER.to_owned(), |text, (t, v, y)| text + &format!("{t:?},{v:?},{y:?}\n"))
+}
+
+fn number<'a>(value: &'a Value, path: &str) -> &'a Value {
+    value.pointer(path).unwrap_or_else(|| panic!("{path} is not in {value}"))
+}
+
+/// Checks `fit.json` or `compare.json` and each of its models against schema 1.
+fn assert_schema(document: &Value, models: usize) {
+    assert_eq!(document["schema"], 1);
+    for key in ["runs", "rows", "rows_left_out"] {
+        assert!(document["data"][key].is_u64(), "data.{key}");
+    }
+    assert!(["Nm", "N"].iter().any(|unit| document["data"]["unit"] == *unit));
+    for key in ["train_runs", "test_runs"] {
+        let names = document["data"][key].as_array().expect("a list");
+        assert!(!names.is_empty() && names.iter().all(Value::is_string), "data.{key}");
+    }
+    let all = document["models"].as_array().expect("a list");
+    assert_eq!(all.len(), models);
+    for model in all {
+        assert!(model["model"].is_string());
+        assert!(model["seconds"].is_f64() && model["bic"].is_f64(), "{model}");
+        assert!(model["verdicts"].as_array().expect("a list").iter().all(Value::is_string));
+        for (name, parameter) in model["params"].as_object().expect("an object") {
+            assert!(parameter["value"].is_number(), "{name}: {parameter}");
+            assert!(parameter["unit"].is_string(), "{name}: {parameter}");
+            let error = &parameter["std_error"];
+            assert!(error.is_number() || error.is_null(), "{name}: {parameter}");
+            let states = ["determined", "not-determined", "at-start", "at-bound"];
+            assert!(states.iter().any(|state| parameter["state"] == *state), "{name}");
+        }
+        for side in ["train", "test"] {
+            for key in ["rmse", "sse", "nrmse_std", "nrmse_range", "relative_error_percent"] {
+                assert!(model[side][key].is_number(), "{side}.{key}: {model}");
+            }
+        }
+    }
+}
+
+/// Checks that a driver accepts a parameter file: it survives the f32 record and can be built.
+fn assert_deployable(file: &Path) {
+    let read = driver_file::read(file).unwrap_or_else(|error| panic!("{error}"));
+    let configuration =
+        Configuration { model: read.parameters.convert(), compensator: read.compensator };
+    let record = record::emit(&configuration);
+    let back = record::parse(&record).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(record::emit(&back), record, "{}", file.display());
+    let model: Result<FrictionModel<f32>, _> = back.model.build(50e-6);
+    model.unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+    let compensator = Compensator::<f32>::build(&back, 50e-6);
+    compensator.unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+}
+
+#[test]
+fn identify_and_compare_with_bad_input_return_one_line_error() {
+    let folder = Folder::new();
+    folder.write_joint();
+    folder.write("empty.csv", "");
+    folder.write("header.csv", HEADER);
+    folder.write("foreign.csv", "time_s,dq_3,torque_nm\n0,1,2\n1,2,3\n");
+    folder.write("both.csv", "time_s,velocity_rad_s,torque_nm,force_n\n0,1,2,3\n");
+    let mut text = csv(rows(40));
+    text += "0.5,off,1\n0.51,off,1\n0.52,off,1\n";
+    folder.write("text.csv", text);
+    folder.write("back.csv", csv(rows(40).map(|(t, v, y)| (-t, v, y))));
+    folder.write("one.csv", "time_s,velocity_rad_s,torque_nm\n0,1,2\n");
+    fs::create_dir(folder.path("folder")).expect("made");
+    folder.write("broken.parquet", "PAR1 and nothing of the kind PAR1");
+    folder.write("luger.toml", "schema = 1\njoint = \"revolute\"\nmodel = \"luger\"\n");
+    for (arguments, words) in [
+        ("identify none.csv --model linear", &["none.csv", "No such file"][..]),
+        ("identify empty.csv --model linear", &["empty.csv", "found"]),
+        ("identify header.csv --model linear", &["header.csv", "found"]),
+        ("identify foreign.csv --model linear", &["foreign.csv", "velocity_rad_s", "--columns"]),
+        ("identify both.csv --model linear", &["both.csv", "force_n"]),
+        ("identify text.csv --model linear", &["row 42", "velocity_rad_s", "\"off\"", "number"]),
+        ("identify back.csv --model linear", &["row 3", "time_s", "not before"]),
+        ("identify one.csv --model linear", &["1 rows"]),
+        ("identify folder --model linear", &["folder", "a directory"]),
+        ("identify broken.parquet --model linear", &["broken.parquet"]),
+        ("identify joint.csv joint.csv --model linear", &["joint.csv", "twice"]),
+        ("identify joint.csv --test joint.csv --model linear", &["joint.csv", "twice"]),
+        ("identify joint.csv --model luger", &["luger", "lugre-asymmetric"]),
+        ("identify joint.csv --model lugre+rust", &["rust", "pressure-coulomb"]),
+        ("identify joint.csv --model linear --columns nonsense", &["nonsense", "NAME=COLUMN"]),
+        ("identify joint.csv --model linear --columns torque_nm=tau", &["tau"]),
+        ("identify joint.csv --model linear --columns speed=velocity_rad_s", &["speed"]),
+        ("identify joint.csv --model linear --rigid-body mass", &["mass", "inertia"]),
+        ("identify joint.csv --model linear --keep mass", &["--keep", "mass"]),
+        ("identify joint.csv --model linear --hold-out kp=1", &["kp", "expected one of run"]),
+        ("identify joint.csv --model linear --hold-out run=7", &["run=7", "0, 1, 2"]),
+        ("identify joint.csv --model linear --tail 1.5", &["1.5", "between 0 and 1"]),
+        ("identify joint.csv --model linear --skip 1000", &["--skip 1000"]),
+        ("identify joint.csv --model linear --start none.toml", &["none.toml", "No such file"]),
+        ("identify joint.csv --model linear --start luger.toml", &["luger.toml", "luger"]),
+        ("compare joint.csv --models linear,luger", &["luger"]),
+        ("compare none.csv", &["none.csv"]),
+    ] {
+        let message = folder.run_rejected(arguments);
+        for word in words {
+            assert!(message.contains(word), "{arguments}: {message}");
+        }
+    }
+}
+
+#[test]
+fn bad_usage_returns_one_line_error_and_help_succeeds() {
+    let folder = Folder::new();
+    for (arguments, word) in [
+        ("identify joint.csv --model linear --modle lugre", "'--modle'"),
+        ("identify joint.csv", "--model"),
+        ("identify --model linear", "<DATA>"),
+        ("identify joint.csv --model linear --skip minus", "'minus'"),
+        ("identify joint.csv --model linear --decimate 0", "'0'"),
+        ("identify joint.csv --model linear --tail 0.3 --hold-out run=1", "cannot be used with"),
+        ("simulate underwater-joint --rate -5", "-5"),
+        ("simulate submarine", "underwater-joint"),
+        ("simulate underwater-joint --runs 1000 --seconds 1000 --rate 1000", "1e8 rows"),
+        ("identfy joint.csv", "identfy"),
+    ] {
+        let message = folder.run_rejected(arguments);
+        assert!(message.contains(word), "{arguments}: {message}");
+    }
+    assert_eq!(folder.run("").0, Some(2));
+    for command in ["", "identify", "compare", "simulate"] {
+        assert!(folder.run_successfully(&format!("{command} --help")).contains("Usage:"));
+    }
+    assert!(folder.run_successfully("--version").starts_with("host-sim "));
+}
+
+#[test]
+fn identify_with_few_bad_rows_leaves_them_out_and_counts_them() {
+    let folder = Folder::new();
+    let mut text = csv(rows(200));
+    text += "2.5,off,1\n2.51,NaN,1\n1.0,1,1\n2.52,1\n";
+    folder.write("few.csv", text);
+    let document = folder.json("identify few.csv --model linear");
+    assert_eq!(document["data"]["rows"], 200);
+    assert_eq!(document["data"]["rows_left_out"], 4);
+}
+
+#[test]
+fn out_folder_that_cannot_be_written_leaves_no_file() {
+    let folder = Folder::new();
+    folder.write_joint();
+    folder.write("taken", "a file");
+    let message = folder.run_rejected("identify joint.csv --model linear --out taken");
+    assert!(message.contains("taken"), "{message}");
+    assert_eq!(fs::read(folder.path("taken")).expect("still there"), b"a file");
+    folder.run_rejected("simulate underwater-joint --runs 1 --seconds 0.1 --out taken/deeper");
+
+    // If the second of two files cannot be written, the first must not be written either.
+    fs::create_dir_all(folder.path("out/identify-joint/params.toml")).expect("made");
+    let message = folder.run_rejected("identify joint.csv --model linear");
+    assert!(message.contains("params.toml"), "{message}");
+
+    folder.run_successfully("identify joint.csv --model linear --out made/on/the/way");
+    let made = fs::read_dir(folder.path("made/on/the/way")).expect("a folder").flatten();
+    let made: Vec<String> =
+        made.map(|file| file.file_name().into_string().expect("a plain name")).collect();
+    assert!(["fit.json", "params.toml"].iter().all(|name| made.iter().any(|m| m == name)));
+    assert!(!made.iter().any(|name| name.starts_with('.')), "temporary files left: {made:?}");
+}
+
+#[test]
+fn json_output_follows_schema_and_equals_the_file() {
+    let folder = Folder::new();
+    folder.write_joint();
+    let document = folder.json("identify joint.csv --model linear");
+    assert_schema(&document, 1);
+    assert_eq!(document["data"]["rows"], 600);
+    assert_eq!(document["data"]["runs"], 3);
+    assert_eq!(document["data"]["test_runs"], serde_json::json!(["1"]));
+    assert_eq!(document["models"][0]["model"], "linear");
+    let coulomb = number(&document, "/models/0/params/coulomb_torque/value").as_f64();
+    assert!(coulomb.is_some_and(|torque| (torque - 0.5).abs() < 0.05), "{document}");
+    let written = fs::read_to_string(folder.path("out/identify-joint/fit.json")).expect("written");
+    assert_eq!(serde_json::from_str::<Value>(&written).expect("JSON"), document);
+
+    let document = folder.json("compare joint.csv --models linear,atan,linear+torque-offset");
+    assert_schema(&document, 3);
+    assert_eq!(document["models"][2]["model"], "linear+torque-offset");
+    assert!(folder.path("out/compare-joint/compare.json").exists());
+    assert_schema(&folder.json("compare joint.csv"), LawKind::ALL.len());
+}
+
+#[test]
+fn closed_standard_output_is_not_an_error() {
+    let folder = Folder::new();
+    folder.write_joint();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+    command.args(["identify", "joint.csv", "--model", "linear"]).current_dir(folder.0.path());
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("ends");
+    let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+    let has_only_findings = stderr.lines().all(|line| line.starts_with("log: "));
+    assert!(output.status.code() == Some(0) && has_only_findings, "{stderr}");
+}
+
+#[test]
+fn params_toml_is_accepted_by_driver_and_as_start_of_next_fit() {
+    let folder = Folder::new();
+    folder.run_successfully("simulate underwater-joint --runs 3 --seconds 2 --rate 500 --out .");
+    LawKind::ALL.par_iter().for_each(|law| {
+        let name = law.name();
+        let fit = |arguments: &str, out: &str| {
+            let document = folder.json(&format!("identify data.csv --model {name} {arguments}"));
+            assert_deployable(&folder.path(out).join("params.toml"));
+            number(&document, "/models/0/train/rmse").as_f64().expect("a number")
+        };
+        let first = fit(&format!("--out {name}"), name);
+        let again = format!("{name}-again");
+        let second = fit(&format!("--start {name}/params.toml --out {again}"), &again);
+        assert!(second <= first * 1.001, "{name}: {first} and from there {second}");
+    });
+    // The file also contains terms and rigid-body parts, and a start file may have another model.
+    let model = "--model lugre+pressure-coulomb --rigid-body offset,inertia";
+    folder.run_successfully(&format!(
+        "identify data.csv {model} --start lugre/params.toml --out terms"
+    ));
+    let read = driver_file::read(&folder.path("terms/params.toml")).expect("accepted");
+    let full = "lugre+torque-offset+unmodelled-inertia+pressure-coulomb";
+    assert_eq!(read.spec.full_name(), full);
+    assert_deployable(&folder.path("terms/params.toml"));
+}
+
+#[test]
+fn same_seed_gives_identical_files_on_any_number_of_threads() {
+    let folder = Folder::new();
+    let simulated = |seed: u32, out: &str| {
+        let how = "simulate underwater-joint --runs 3 --seconds 1 --rate 400";
+        folder.run_successfully(&format!("{how} --seed {seed} --out {out}"));
+        let file = |name: &str| fs::read(folder.path(out).join(name)).expect("written");
+        (file("data.csv"), file("truth.json"))
+    };
+    let first = simulated(5, "a");
+    assert_eq!(first, simulated(5, "b"));
+    assert_ne!(first, simulated(6, "c"));
+
+    let fitted = |seed: u32, threads: u32| {
+        let how = format!("--seed {seed} --threads {threads} --out fit");
+        let mut document = folder.json(&format!("identify a/data.csv --model lugre {how}"));
+        document["models"][0]["seconds"] = Value::Null;
+        let params = fs::read_to_string(folder.path("fit/params.toml")).expect("written");
+        // The comments contain the date.
+        let params: String = params.lines().filter(|line| !line.starts_with('#')).collect();
+        (document.to_string(), params)
+    };
+    let first = fitted(0, 1);
+    assert_eq!(first, fitted(0, 1));
+    assert_eq!(first, fitted(0, 2), "the number of threads must not change the result");
+    assert_ne!(first.0, fitted(1, 2).0, "another seed holds out another run");
+}
+
+/// Parameters by name, rounded to seven significant digits.
+fn values(document: &Value) -> Map<String, Value> {
+    let params = document["models"][0]["params"].as_object().expect("an object");
+    let round = |value: &Value| format!("{:.6e}", value["value"].as_f64().expect("a number"));
+    params.iter().map(|(name, value)| (name.clone(), Value::String(round(value)))).collect()
+}
+
+#[test]
+fn identify_gives_same_parameters_for_every_file_format() {
+    let folder = Folder::new();
+    let text = csv(rows(300));
+    folder.write("joint.csv", &text);
+    let known = folder.json("identify joint.csv --model lugre");
+    // A single run is split into time blocks, so it is both a training and a test run.
+    assert_eq!(known["data"]["train_runs"], serde_json::json!(["joint"]));
+    assert_eq!(known["data"]["test_runs"], serde_json::json!(["joint"]));
+
+    folder.write("foreign.csv", text.replace(HEADER, "t,dq_3,tau_3\n"));
+    let columns = "--columns time_s=t,velocity_rad_s=dq_3,torque_nm=tau_3";
+    let foreign = folder.json(&format!("identify foreign.csv --model lugre {columns}"));
+    assert_eq!(values(&foreign), values(&known));
+
+    write_parquet(&folder.path("joint.parquet"), rows(300));
+    let table = folder.json("identify joint.parquet --model lugre");
+    assert_eq!(values(&table), values(&known));
+
+    folder.write("slide.csv", text.replace(HEADER, "time_s,velocity_m_s,force_n\n"));
+    let prismatic = folder.json("identify slide.csv --model lugre");
+    assert_eq!(values(&prismatic), values(&known));
+    assert_eq!(prismatic["data"]["unit"], "N");
+    let unit = |name: &str| number(&prismatic, &format!("/models/0/params/{name}/unit"));
+    assert_eq!((unit("coulomb_torque"), unit("bristle_stiffness")), (&"N".into(), &"N/m".into()));
+    assert_deployable(&folder.path("out/identify-slide/params.toml"));
+}
+
+fn write_parquet(path: &Path, rows: impl Iterator<Item = (f64, f64, f64)>) {
+    let fields = ["time_s", "velocity_rad_s", "torque_nm"].map(|f| format!("REQUIRED DOUBLE {f};"));
+    let schema = parse_message_type(&format!("message log {{ {} }}", fields.concat()));
+    let (file, properties) = (fs::File::create(path).expect("made"), WriterProperties::new());
+    let schema = Arc::new(schema.expect("a schema"));
+    let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties)).expect("opened");
+    let rows: Vec<[f64; 3]> = rows.map(|(t, v, y)| [t, v, y]).collect();
+    let mut group = writer.next_row_group().expect("a group");
+    for at in 0..3 {
+        let values: Vec<f64> = rows.iter().map(|row| row[at]).collect();
+        let mut column = group.next_column().expect("readable").expect("a column");
+        column.typed::<DoubleType>().write_batch(&values, None, None).expect("written");
+        column.close().expect("closed");
+    }
+    group.close().expect("closed");
+    writer.close().expect("closed");
+}
+
+#[test]
+fn identify_with_gaps_and_uneven_sampling_finds_true_parameters() {
+    let folder = Folder::new();
+    // Steps of 6 to 14 ms, and a gap of one second after every 150 rows in which the joint keeps moving.
+    let mut t = 0.0;
+    let uneven = (0..900u32).map(|i| {
+        t += 0.006 + 0.008 * f64::from(i * 37 % 101) / 101.0 + f64::from(u8::from(i % 150 == 149));
+        let v = (3.0 * t).sin();
+        (t, v, 0.5 * v.signum() + 0.2 * v)
+    });
+    folder.write("uneven.csv", csv(uneven));
+    for model in ["linear", "lugre"] {
+        let document = folder.json(&format!("identify uneven.csv --model {model}"));
+        assert_schema(&document, 1);
+        for (name, truth) in [("coulomb_torque", 0.5), ("viscous_friction", 0.2)] {
+            let found = number(&document, &format!("/models/0/params/{name}/value"));
+            let found = found.as_f64().expect("a number");
+            assert!((found - truth).abs() < 0.03, "{model}: {name} = {found}");
+        }
+    }
+}
+
+/// Degenerate logs, each with its description.
+fn degenerate_logs() -> Vec<(&'static str, String)> {
+    type Row = (f64, f64, f64);
+    let with = |change: fn(f64, Row) -> Row| {
+        csv(rows(60).enumerate().map(|(i, row)| change(i as f64, row)))
+    };
+    let columns = |names: &str, cells: fn(f64) -> String| {
+        let header = HEADER.replace('\n', &format!(",{names}\n"));
+        rows(60).enumerate().fold(header, |text, (i, (t, v, y))| {
+            text + &format!("{t:?},{v:?},{y:?},{}\n", cells(i as f64))
+        })
+    };
+    let all = "radial_force_n,pressure_diff_pa,temperature_c,load_torque_nm,position_rad";
+    vec![
+        ("constant velocity", with(|_, (t, _, y)| (t, 1.0, y))),
+        ("at rest", with(|_, (t, _, y)| (t, 0.0, y))),
+        ("zero torque", with(|_, (t, v, _)| (t, v, 0.0))),
+        ("all zero", with(|_, (t, _, _)| (t, 0.0, 0.0))),
+        ("constant torque", with(|_, (t, v, _)| (t, v, 3.0))),
+        ("friction of the wrong sign", with(|_, (t, v, y)| (t, v, -y))),
+        ("one direction", with(|_, (t, v, y)| (t, v.abs(), y.abs()))),
+        ("alternating sign", with(|i, (t, v, y)| (t, v * (-1f64).powf(i), y))),
+        ("huge torque", with(|_, (t, v, y)| (t, v, y * 1e300))),
+        ("huge velocity", with(|_, (t, v, y)| (t, v * 1e300, y))),
+        ("tiny torque", with(|_, (t, v, y)| (t, v, y * 1e-300))),
+        ("tiny velocity", with(|_, (t, v, y)| (t, v * 1e-300, y))),
+        ("large torque", with(|_, (t, v, y)| (t, v, y * 1e9))),
+        ("large velocity", with(|_, (t, v, y)| (t, v * 1e9, y))),
+        ("small torque", with(|_, (t, v, y)| (t, v, y * 1e-9))),
+        ("small velocity", with(|_, (t, v, y)| (t, v * 1e-9, y))),
+        ("a spike", with(|i, (t, v, y)| (t, v, if i == 30.0 { 1e12 } else { y }))),
+        ("constant time", with(|_, (_, v, y)| (7.0, v, y))),
+        ("repeated time", with(|i, (_, v, y)| ((i / 4.0).floor(), v, y))),
+        ("one sample per year", with(|i, (_, v, y)| (i * 3.15e7, v, y))),
+        ("one sample per picosecond", with(|i, (_, v, y)| (i * 1e-12, v, y))),
+        ("time since 1970", with(|_, (t, v, y)| (t + 1.7e9, v, y))),
+        ("a gap after every row", with(|i, (_, v, y)| (i * i * i * i, v, y))),
+        ("only noise", with(|i, (t, _, _)| (t, (i * i * 7.3).sin(), (i * i * 3.1).cos()))),
+        ("two rows", csv(rows(2))),
+        ("three rows", csv(rows(3))),
+        ("five rows", csv(rows(5))),
+        ("columns of zero", columns(all, |_| "0,0,0,0,0".into())),
+        ("constant columns", columns(all, |_| "30,2e5,20,1,0.5".into())),
+        ("huge columns", columns(all, |i| format!("{0:e},-{0:e},{0:e},1e200,1e200", i * 1e100))),
+        (
+            "columns with missing values",
+            columns(all, |i| if i == 9.0 { ",,x,,".into() } else { "1,2,3,4,5".into() }),
+        ),
+        ("covariates", columns("a,b,c", |i| format!("{i},text,{}", i % 2.0))),
+        (
+            "runs of one row",
+            csv(rows(60)).lines().enumerate().fold(String::new(), |text, (i, row)| {
+                text + &if i == 0 { format!("run,{row}\n") } else { format!("{},{row}\n", i / 2) }
+            }),
+        ),
+    ]
+}
+
+#[test]
+fn identify_with_degenerate_log_never_panics() {
+    let folder = Folder::new();
+    let mut cases = Vec::new();
+    for (at, (name, content)) in degenerate_logs().into_iter().enumerate() {
+        folder.write(&format!("{at}.csv"), content);
+        cases.extend(LawKind::ALL.iter().map(|law| (at, name, law.name())));
+    }
+    let failures: Vec<String> = cases
+        .par_iter()
+        .filter_map(|(at, name, model)| {
+            // The rigid-body parts read columns that the laws do not read.
+            let parts = if *model == "linear" { "inertia,gravity,load,offset" } else { "" };
+            let how = format!("identify {at}.csv --model {model} --starts 1 --threads 1");
+            let how = format!("{how} --rigid-body={parts}");
+            let (code, stdout, stderr) = folder.run(&format!("{how} --out {at}-{model} --json"));
+            let checked = std::panic::catch_unwind(|| match code {
+                Some(0) => {
+                    assert_eq!(stderr, "");
+                    assert_schema(&serde_json::from_str(&stdout).expect("JSON alone"), 1);
+                    assert_deployable(&folder.path(&format!("{at}-{model}")).join("params.toml"));
+                }
+                Some(2) => {
+                    assert_eq!(stdout, "");
+                    assert_one_line(&stderr);
+                }
+                _ => panic!("exit code {code:?}: {stderr}"),
+            });
+            checked.err().map(|why| {
+                let why = why.downcast_ref::<String>().map_or("", |why| why);
+                format!("{name}, {model}: {}", &why[..why.len().min(300)])
+            })
+        })
+        .collect();
+    assert!(failures.is_empty(), "{} of {}:\n{}", failures.len(), cases.len(), failures.join("\n"));
+}

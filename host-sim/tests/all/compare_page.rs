@@ -1,0 +1,209 @@
+//! The page of `compare` and `identify` on simulated joints with known parameters.
+//!
+//! `report_page` tests the properties of every page (no network, no markup from a file).
+
+use std::fs;
+use std::process::Command;
+
+use friction_identification::data::{Dataset, Run, Split, SplitRule, split};
+use friction_identification::fit::{FitOptions, Outcome, Rows, Track, identify, tracks};
+use friction_identification::spec::Spec;
+use friction_results::{FitReport, page};
+use host_sim::simulated;
+use serde_json::Value;
+use simulated_machines::{Recording, record};
+
+const SHORT: Recording = Recording {
+    runs: 4,
+    seconds: 10.0,
+    rate_hz: 200.0,
+    noise_nm: 0.05,
+    loaded: false,
+    steady: false,
+};
+
+/// A data set, split, with what is needed for fits and a page.
+struct Case {
+    data: Dataset,
+    split: Split,
+    train: Vec<Track>,
+    test: Vec<Track>,
+    decimate: usize,
+}
+
+impl Case {
+    fn new(data: Dataset, decimate: usize) -> Self {
+        let split = split(&data, &SplitRule::default(), 0).unwrap();
+        let of = |parts| tracks(&data.select(parts));
+        let (train, test) = (of(&split.train), of(&split.test));
+        Self { data, split, train, test, decimate }
+    }
+
+    fn simulated(how: Recording) -> Self {
+        Self::new(simulated::dataset(&record(1, how).log()), 1)
+    }
+
+    fn rows<'a>(&self, tracks: &'a [Track]) -> Rows<'a> {
+        Rows { tracks, decimate: self.decimate }
+    }
+
+    fn fit(&self, model: &str) -> Outcome {
+        let spec = Spec::parse(model).unwrap();
+        let options = FitOptions { starts: 1, ..FitOptions::default() };
+        let (train, test) = (self.rows(&self.train), self.rows(&self.test));
+        identify(&spec, &spec.parameters().unwrap(), train, test, &options).unwrap()
+    }
+
+    /// The page without Plotly.js.
+    fn page(&self, models: &[&str]) -> String {
+        let fits: Vec<Outcome> = models.iter().map(|model| self.fit(model)).collect();
+        let study = FitReport {
+            data: &self.data,
+            split: &self.split,
+            hashes: &vec!["5e1f".to_owned(); self.data.files.len()],
+            test: self.rows(&self.test),
+            columns: &[],
+            skip: 0,
+            fits: &fits,
+        };
+        own_part(&page(&study).render())
+    }
+}
+
+fn own_part(html: &str) -> String {
+    let (before, rest) = html.split_once("<script type=\"text/javascript\">").expect("Plotly.js");
+    format!("{before}{}", rest.split_once("</script>").expect("its end").1)
+}
+
+/// Title and JSON of each chart.
+fn charts(html: &str) -> Vec<(String, Value)> {
+    let chart = |part: &str| {
+        let title = part.split_once("-title\">").unwrap().1.split_once('<').unwrap().0;
+        let json = part.split_once("application/json").unwrap().1.split_once('>').unwrap().1;
+        let json = json.split_once("</script>").unwrap().0;
+        (title.to_owned(), serde_json::from_str(json).expect("valid JSON"))
+    };
+    html.split("<p class=\"chart-title\"").skip(1).map(chart).collect()
+}
+
+fn numbers(values: &Value) -> Vec<f64> {
+    values.as_array().unwrap().iter().filter_map(Value::as_f64).collect()
+}
+
+fn assert_says(page: &str, sentences: &[&str]) {
+    for sentence in sentences {
+        assert!(page.contains(sentence), "{sentence:?} is not in\n{:.3000}", body(page));
+    }
+}
+
+fn body(page: &str) -> &str {
+    page.split_once("<body>").map_or(page, |(_, body)| body)
+}
+
+#[test]
+fn page_names_best_model_with_its_reasons() {
+    let page =
+        Case::simulated(SHORT).page(&["linear", "stribeck", "dahl", "lugre", "lugre-asymmetric"]);
+    assert_says(
+        &page,
+        &[
+            "below the",
+            "of linear, the simplest model",
+            // The joint is symmetrical, so the larger model is not significantly better.
+            "is not significant, so lugre is sufficient for this data.",
+            "Its errors on held-out and training rows are similar",
+            "fitted parameters of lugre-asymmetric are determined by these data",
+            "looks like noise",
+            "Revolute joint (torque in Nm, as logged). 8\u{202f}000 rows in 4 runs.",
+            "Other models",
+            "Correlation of the estimates",
+        ],
+    );
+    let charts = charts(&page);
+    let (_, errors) = &charts[0];
+    let held_out = numbers(&errors["data"][0]["x"]);
+    assert!(held_out.is_sorted() && held_out.len() == 5, "best first: {held_out:?}");
+    let titled = |title: &str| charts.iter().filter(|(name, _)| name == title).count();
+    assert_eq!(titled("linear"), 2, "its torque and its residual");
+    assert_eq!(titled("One motion cycle over time"), 1);
+}
+
+#[test]
+fn page_with_steady_sliding_reports_parameters_not_determined() {
+    let mut data = simulated::dataset(&record(1, Recording { steady: true, ..SHORT }).log());
+    // Remove the start of each run, where the bristles deflect.
+    data.runs.iter_mut().for_each(|run| *run = run.slice(1000..run.len()));
+    data.rows = data.runs.iter().map(Run::len).sum();
+    let page = Case::new(data, 1).page(&["lugre"]);
+    assert_says(
+        &page,
+        &[
+            "Friction model lugre",
+            "of the standard deviation of the logged torque",
+            "not determined by these data",
+            "these values do not describe the machine",
+        ],
+    );
+    assert!(!page.contains("best of each column"), "there is nothing to compare");
+}
+
+#[test]
+fn page_with_missing_effect_does_not_call_residual_noise() {
+    let page = Case::simulated(Recording { loaded: true, ..SHORT }).page(&["linear", "lugre"]);
+    assert_says(
+        &page,
+        &[
+            "is not noise",
+            "+pressure-coulomb (pressure_diff_pa)",
+            "+radial-force-coulomb (radial_force_n)",
+        ],
+    );
+}
+
+#[test]
+fn page_with_hours_between_runs_shortens_pauses() {
+    let mut data = simulated::dataset(&record(1, SHORT).log());
+    for (index, run) in data.runs.iter_mut().enumerate() {
+        run.time_s.iter_mut().for_each(|time| *time += 5.0 * 3600.0 * index as f64);
+    }
+    data.files = vec!["</script><b>log</b>.csv".into()];
+    let case = Case::new(data, 10);
+    let held_out: usize = case.split.test.iter().map(|part| part.rows.len()).sum();
+    let page = case.page(&["dahl"]);
+    assert_says(&page, &["Residuals are evaluated at one row in 10", "&lt;/b&gt;", "5e1f"]);
+    assert!(!page.contains("<b>"));
+    let charts = charts(&page);
+    let (_, residual) = charts.iter().rfind(|(title, _)| title == "dahl").unwrap();
+    let time = numbers(&residual["data"][0]["x"]);
+    let last = time.iter().copied().fold(0.0, f64::max);
+    assert!(last < 1.2 * held_out as f64 / SHORT.rate_hz, "{last} s");
+    assert!(time.is_sorted() && time.len() <= held_out / 10);
+}
+
+#[test]
+fn identify_and_compare_write_their_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
+            .current_dir(folder.path())
+            .args(arguments)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let size = ["--runs", "3", "--seconds", "3", "--rate", "200"];
+    run(&[&["simulate", "underwater-joint", "--out", "joint"], &size[..]].concat());
+    let output = run(&["compare", "joint/data.csv", "--models", "linear,stribeck", "--out", "all"]);
+    assert!(output.contains("all/compare.html"));
+    run(&["identify", "joint/data.csv", "--model", "lugre", "--out", "one"]);
+    for (file, title) in [
+        ("all/compare.html", "<h1>Friction models on data.csv</h1>"),
+        ("one/fit.html", "<h1>Friction model lugre on data.csv</h1>"),
+    ] {
+        let html = fs::read_to_string(folder.path().join(file)).unwrap();
+        assert!(html.contains(title), "{file}");
+        assert!(html.len() < 8_000_000, "{file}: {} bytes", html.len());
+        assert!(charts(&own_part(&html)).len() > 4, "{file}");
+    }
+}

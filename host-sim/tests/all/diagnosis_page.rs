@@ -1,0 +1,276 @@
+//! The page of `diagnose` on simulated joints with known effects, and the command `demo`.
+//!
+//! `report_page` tests the properties of every page (no network, no markup from a file).
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use crate::{browser, picture};
+use friction_identification::data::{Dataset, JointKind, Split, SplitRule, split};
+use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose, summary};
+use friction_results::diagnosis_page::{DiagnosisReport, page, stochastic_section};
+use friction_results::report::Page;
+use host_sim::simulated;
+use serde_json::{Value, json};
+use simulated_machines::scenarios::{HiddenCause, Kind, Options, draw, draw_with};
+
+/// A log that has been diagnosed.
+struct Case {
+    data: Dataset,
+    split: Split,
+    found: Diagnosis,
+}
+
+impl Case {
+    fn new(data: Dataset) -> Self {
+        let split = split(&data, &SplitRule::LeaveOneRunOut, 0).unwrap();
+        let found = diagnose(&data, &split, &DiagnosisOptions::default(), &|_| {}).unwrap();
+        Self { data, split, found }
+    }
+
+    fn hidden(kind: Kind, seed: u64) -> Self {
+        Self::new(simulated::dataset(&draw(kind, seed).log))
+    }
+
+    fn page(&self, columns: &[String]) -> Page {
+        let hashes = vec!["5e1f".to_owned(); self.data.files.len()];
+        let about = DiagnosisReport {
+            found: &self.found,
+            data: &self.data,
+            split: &self.split,
+            hashes: &hashes,
+            columns,
+            skip: 7,
+            seed: 4711,
+        };
+        page(&about)
+    }
+
+    fn html(&self) -> String {
+        self.page(&["torque_nm=<i>tau</i>".to_owned()]).render()
+    }
+}
+
+/// The page without Plotly.js.
+fn own_part(html: &str) -> String {
+    let (before, rest) = html.split_once("<script type=\"text/javascript\">").expect("Plotly.js");
+    format!("{before}{}", rest.split_once("</script>").expect("its end").1)
+}
+
+/// Title and JSON of each chart.
+fn charts(html: &str) -> Vec<(String, Value)> {
+    let chart = |part: &str| {
+        let title = part.split_once("-title\">").unwrap().1.split_once('<').unwrap().0;
+        let json = part.split_once("application/json").unwrap().1.split_once('>').unwrap().1;
+        let json = json.split_once("</script>").unwrap().0;
+        (title.to_owned(), serde_json::from_str(json).expect("valid JSON"))
+    };
+    html.split("<p class=\"chart-title\"").skip(1).map(chart).collect()
+}
+
+/// The vertical values of a chart's series.
+fn values(charts: &[(String, Value)], title: &str, series: &str) -> Vec<f64> {
+    let (_, chart) = charts.iter().find(|(name, _)| name == title).expect(title);
+    let traces = chart["data"].as_array().unwrap();
+    let trace = traces.iter().find(|trace| trace["name"] == series).expect(series);
+    trace["y"].as_array().unwrap().iter().filter_map(Value::as_f64).collect()
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+/// A text as it stands in a page.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The joint the README hides its cause in: `simulate underwater-joint --hide pressure-coulomb --seed 5`.
+#[test]
+fn picture_of_readme_equals_first_screen_of_page() {
+    let case = Case::hidden(Kind::One(HiddenCause::PressureCoulomb), 5);
+    picture::compare(&picture::svg(&case.page(&[])));
+}
+
+#[test]
+fn page_with_finding_shows_summary_and_evidence() {
+    let options = Options { runs: Some(12), noise_nm: Some(0.05), ..Options::default() };
+    let kind = Kind::One(HiddenCause::PressureCoulomb);
+    let case = Case::new(simulated::dataset(&draw_with(kind, &[Some(1.5e-6)], 3, &options).log));
+    assert_eq!(case.found.cause(), "pressure-coulomb");
+    let html = case.html();
+    assert!(html.len() < 8_000_000, "{} bytes", html.len());
+    let own = own_part(&html);
+    for sentence in summary::summary(&case.found) {
+        assert!(own.contains(&escaped(&sentence)), "{sentence}");
+    }
+    for text in ["pressure-coulomb</h1>", "with seed 4711", "first 7 rows", "noise floor ("] {
+        assert!(own.contains(text), "{text}");
+    }
+    assert!(!own.contains("<i>"), "names of columns are text");
+    assert!(!own.contains("NaN") && !own.contains("∞"));
+
+    let charts = charts(&own);
+    let [before, after] =
+        ["before", "after"].map(|name| rms(&values(&charts, "Friction and pressure", name)));
+    assert!(before > 3.0 * after, "the cause shows before ({before}) and not after ({after})");
+    let titled = |title: &str| charts.iter().filter(|(name, _)| name == title).count();
+    for title in ["Over velocity", "Over pressure difference", "Over the campaign"] {
+        assert_eq!(titled(title), 2, "{title}: along the motion, and as it is");
+    }
+    let places =
+        values(&charts, "Gain of each candidate, added alone to the base model", "finding");
+    assert_eq!(places.len(), 1, "one cause is a finding, at {places:?}");
+    assert!(own.contains("rejected because") && own.contains("Each run was held out once"));
+    for title in [
+        "Detail",
+        "By direction",
+        "Torque added by the extension and torque missed by the base model",
+    ] {
+        assert_eq!(titled(title), 1, "{title}");
+    }
+}
+
+#[test]
+fn page_without_finding_lists_rejected_candidates() {
+    let case = Case::hidden(Kind::None, 5);
+    assert_eq!(case.found.cause(), "none");
+    let own = own_part(&case.html());
+    assert!(own.contains("no cause found</h1>"));
+    assert!(own.contains("All candidates were rejected"));
+    assert!(own.contains("Rejected candidates"));
+    let charts = charts(&own);
+    let names = charts.iter().flat_map(|(_, chart)| chart["data"].as_array().unwrap());
+    assert!(names.clone().any(|trace| trace["name"] == "base model"));
+    for absent in ["after", "finding"] {
+        assert!(!names.clone().any(|trace| trace["name"] == absent), "there is no extended model");
+    }
+    assert!(
+        names.clone().any(|trace| trace["name"] == "not significant"),
+        "what was tried is shown"
+    );
+}
+
+#[test]
+fn page_shows_chart_of_each_cause() {
+    if crate::is_left_out("the page's chart of each cause") {
+        return;
+    }
+    let mut shown = 0;
+    for (effect, title) in [
+        (HiddenCause::DirectionAsymmetry, "By direction, before"),
+        (HiddenCause::Backlash, "Just after a reversal"),
+        (HiddenCause::PositionRipple, "The position, folded by the order"),
+    ] {
+        let case = Case::hidden(Kind::One(effect), 5);
+        let own = own_part(&case.html());
+        // Whether the cause is found is not this test's business; a page it is on must show it.
+        if case.found.cause() == effect.name() {
+            assert!(charts(&own).iter().any(|(name, _)| name == title), "{title}");
+            shown += 1;
+        }
+    }
+    assert!(shown > 1, "{shown} of 3 were found at all");
+}
+
+#[test]
+fn page_of_prismatic_joint_has_its_units() {
+    let options = Options { runs: Some(6), ..Options::default() };
+    let drawn = draw_with(Kind::One(HiddenCause::TorqueOffset), &[], 5, &options);
+    let mut data = simulated::dataset(&drawn.log);
+    data.joint = JointKind::Prismatic;
+    let case = Case::new(data);
+    let own = own_part(&case.html());
+    for text in ["Prismatic joint (force in N", "velocity (m/s)", "RMSE (N)", "N s/m"] {
+        assert!(own.contains(text), "{text}");
+    }
+    assert!(!own.contains("rad/s)") && !own.contains("(Nm)\""));
+}
+
+#[test]
+fn stochastic_section_leaves_out_missing_values() {
+    let empty = json!({"cv": {}, "sum_cv": 0.0});
+    assert!(stochastic_section(&empty, &empty, Some("a reading")).is_empty());
+    assert!(stochastic_section(&Value::Null, &json!([1]), None).is_empty());
+    let full = json!({
+        "cv": {"coulomb_torque": 0.1, "<b>": 3.0}, "sum_cv": 3.1, "classes": ["35 rpm", "70 rpm"],
+        "cv_by_class": {"coulomb_torque": [0.1, 0.1], "<b>": [null, 3.0]}, "sum_cv_by_class": [1.0, 2.0],
+        "levels": {"alpha": 0.3, "rho": 0.05},
+    });
+    let mut page = Page::new("", "");
+    page.blocks = stochastic_section(&full, &empty, Some("They part."));
+    let own = own_part(&page.render());
+    for text in
+        ["Stochastic extension", "They part.", "70 rpm", "&lt;b&gt;", "at most 5.0 % of the time"]
+    {
+        assert!(own.contains(text), "{text}");
+    }
+}
+
+/// Runs the program in a folder; what it said.
+fn run(folder: &Path, arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn read_json(file: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(file).unwrap()).unwrap()
+}
+
+#[test]
+fn demo_with_same_seed_gives_same_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = run(folder.path(), &["demo", "--seed", "131", "--out", "one"]);
+    let file = |name: &str| folder.path().join(name);
+    for name in
+        ["data.csv", "trace.log", "truth.json", "diagnosis.json", "params.toml", "report.html"]
+    {
+        assert!(file("one").join(name).metadata().unwrap().len() > 100, "{name}");
+    }
+    let truth = read_json(&file("one/truth.json"));
+    let hidden = truth["cause"].as_str().unwrap();
+    let diagnosis = read_json(&file("one/diagnosis.json"));
+    let right = diagnosis["cause"] == hidden;
+    for candidate in diagnosis["candidates"].as_array().unwrap() {
+        assert!(candidate["cause"].is_string());
+        assert!(candidate.get("rejected_because").is_none_or(Value::is_string));
+    }
+    for sentence in diagnosis["story"].as_array().unwrap() {
+        assert!(said.contains(sentence.as_str().unwrap()));
+    }
+    let (before, revealed) = said.split_once("Hidden effect: ").unwrap();
+    assert!(!before.contains("truth.json") && revealed.contains(hidden));
+    assert!(revealed.contains(if right { "was right" } else { "was wrong" }));
+    assert!(said.contains("--seed 131"));
+
+    let json = run(folder.path(), &["demo", "--seed", "131", "--out", "two", "--json"]);
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["right"], right);
+    assert_eq!(json["hidden"][0], hidden);
+    let but_time = |mut diagnosis: Value| {
+        diagnosis["seconds"] = Value::Null;
+        diagnosis["data"]["files"] = Value::Null;
+        // Threads that race for the end of a search make a few simulations more or less.
+        for certificate in ["before", "after"] {
+            diagnosis["stochastic_extension"][certificate]["simulations"] = Value::Null;
+        }
+        diagnosis
+    };
+    let again = read_json(&file("two/diagnosis.json"));
+    assert!(but_time(diagnosis) == but_time(again.clone()), "the same seed, another diagnosis");
+    assert!(json["diagnosis"] == again, "--json prints what the file holds");
+
+    let Some(chromium) = browser::chromium() else { return };
+    let output = browser::open(&chromium, &file("one/report.html"), "--dump-dom");
+    let log = String::from_utf8_lossy(&output.stderr);
+    let complaints: Vec<&str> = log.lines().filter(|line| line.contains("CONSOLE")).collect();
+    assert!(complaints.is_empty(), "{complaints:#?}");
+    let dom = String::from_utf8_lossy(&output.stdout);
+    assert!(dom.matches("class=\"plot js-plotly-plot\"").count() > 10, "{log}");
+}

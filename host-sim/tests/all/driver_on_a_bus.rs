@@ -1,0 +1,282 @@
+//! A driver in this process, accessed over its bus by a client and by the commands `params`, `node` and `replay`.
+
+use canopen_rs::{Address, NmtCommand};
+use compensator_core::can::NodeId;
+use firmware::node::dictionary::{SAVE_SIGNATURE, index};
+use joint_bus::bus::{Bus, Hub, Port};
+use joint_bus::canopen::{Client, SdoError};
+use joint_bus::joint::JointNode;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::time::Duration;
+
+const NODE: NodeId = NodeId::FIRST;
+
+fn client(flash: Option<&Path>) -> Client<Port> {
+    let hub = Hub::new();
+    hub.attach(JointNode::start(NODE, flash).expect("a flash"));
+    Client::new(hub.port(), NODE)
+}
+
+fn host_sim(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_host-sim")).args(arguments).output().expect("runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn client_reads_writes_and_receives_reason_of_rejection() {
+    let mut client = client(None);
+    let at = Address::new;
+    assert_eq!(client.read_number(at(index::SYNC_OVERFLOW, 0)).unwrap(), 240);
+    assert_eq!(client.read_text(at(index::HARDWARE_VERSION, 0)).unwrap(), "PC, host-sim node");
+    let scale = at(index::COMPENSATOR, 1);
+    client.write(scale, &0.5f32.to_le_bytes()).unwrap();
+    assert_eq!(client.read_float(scale).unwrap(), 0.5);
+    let error = client.write(scale, &7f32.to_le_bytes()).unwrap_err().to_string();
+    assert!(
+        error.starts_with("compensator.scale (2022h:1): refused: value out of range"),
+        "{error}"
+    );
+    assert!(
+        error
+            .ends_with("scale = 7: must be at most 1: over-compensation makes the joint oscillate"),
+        "{error}"
+    );
+    let record = client.read(at(index::COMMIT, 5)).unwrap();
+    client.write(at(index::COMMIT, 5), &record).unwrap();
+}
+
+#[test]
+fn client_read_of_missing_node_returns_silent_error() {
+    let hub = Hub::new();
+    let mut client = Client::new(hub.port(), NodeId::new(9).unwrap());
+    let error = client.read(Address::new(0x1000, 0)).unwrap_err();
+    assert!(matches!(error, SdoError::Silent { node: 9 }), "{error}");
+}
+
+#[test]
+fn saved_parameters_are_read_from_flash_file_after_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flash.bin");
+    let write = |value: f32| {
+        // `run` writes the flash file; a driver attached to the hub does not.
+        let hub = Hub::new();
+        let (mut port, tool) = (hub.port(), hub.port());
+        let mut joint = JointNode::start(NODE, Some(&path)).unwrap();
+        let mut client = Client::new(tool, NODE);
+        // One thread serves two participants: after each request, the driver runs for 3 ms.
+        let mut step = |data: [u8; 8]| {
+            let frame = compensator_core::can::Frame::new(0x601, &data).unwrap();
+            client.bus().send(&frame.into()).unwrap();
+            let until = hub.now_ns() + 3_000_000;
+            let clock = hub.clone();
+            joint.run(&mut port, |_| clock.now_ns() >= until).unwrap();
+        };
+        let [a, b, c, d] = value.to_le_bytes();
+        step([0x23, 0x22, 0x20, 1, a, b, c, d]);
+        let mut set = firmware::parameter_set::ParameterSet::default();
+        set.friction.compensator.scale = value;
+        let [a, b, c, d] = set.crc().to_le_bytes();
+        step([0x23, 0x27, 0x20, 3, a, b, c, d]);
+        let [a, b, c, d] = SAVE_SIGNATURE.to_le_bytes();
+        step([0x23, 0x10, 0x10, 1, a, b, c, d]);
+    };
+    write(0.625);
+    let mut again = client(Some(&path));
+    let scale = again.read_float(Address::new(index::COMPENSATOR, 1)).unwrap();
+    assert_eq!(scale, 0.625);
+    std::fs::write(&path, b"no flash").unwrap();
+    let error = JointNode::start(NODE, Some(&path)).err().unwrap().to_string();
+    assert!(error.contains("8 bytes, expected 8192"), "{error}");
+}
+
+#[test]
+fn reset_command_restarts_driver_with_default_parameters() {
+    let mut client = client(None);
+    client.write(Address::new(index::COMPENSATOR, 1), &0.5f32.to_le_bytes()).unwrap();
+    client.command(NmtCommand::ResetNode).unwrap();
+    let boot_up = client.bus().receive_within(Duration::from_millis(10)).unwrap().unwrap();
+    assert_eq!(boot_up.frame.to_joint().unwrap().identifier(), 0x701);
+    assert_eq!(client.read_float(Address::new(index::COMPENSATOR, 1)).unwrap(), 0.9);
+}
+
+/// Runs `params` with a driver in the same process.
+fn params(arguments: &[&str]) -> Output {
+    host_sim(&[&["params", "--bus", "loop"], arguments].concat())
+}
+
+#[test]
+fn params_get_output_has_no_difference_to_driver() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("joint.toml");
+    let name = path.to_str().unwrap();
+    let got = params(&["get"]);
+    assert!(got.status.success());
+    std::fs::write(&path, &got.stdout).unwrap();
+    let same = params(&["diff", name]);
+    assert_eq!(same.status.code(), Some(0), "{}", text(&same.stdout));
+    let changed = text(&got.stdout).replace("gear_ratio = 51.0", "gear_ratio = 20.0");
+    std::fs::write(&path, changed.replace("damping_fades = false", "damping_fades = true"))
+        .unwrap();
+    let other = params(&["diff", name]);
+    assert_eq!(other.status.code(), Some(1));
+    assert_eq!(
+        text(&other.stdout),
+        "choices.damping_fades: driver false, file true\nmotor.gear_ratio: driver 51.0, file 20.0\n"
+    );
+    // The compensator's torque constant must match the gear ratio: validation covers the whole set.
+    let refused = params(&["set", name]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        text(&refused.stderr).starts_with("error: torque_constant"),
+        "{}",
+        text(&refused.stderr)
+    );
+    // A file of a prismatic joint has units N and m.
+    let slides = text(&got.stdout).replace("revolute", "prismatic");
+    let slides =
+        slides.replace("Nm/rad", "N/m").replace("Nm s/rad", "N s/m").replace("\"Nm\"", "\"N\"");
+    std::fs::write(&path, slides.replace("rad/s\"", "m/s\"")).unwrap();
+    for action in ["set", "diff"] {
+        let refused = params(&[action, name]);
+        let error = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{error}");
+        assert!(
+            error.ends_with(
+                "found a prismatic joint (N), but the driver's joint is revolute (Nm)\n"
+            ),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn params_without_bus_returns_one_line_error() {
+    for action in [&["save"][..], &["arm"], &["set", "static_torque=2"], &["get"]] {
+        let refused = host_sim(&[&["params"], action].concat());
+        let error = text(&refused.stderr);
+        assert_eq!(
+            (refused.status.code(), text(&refused.stdout).as_str()),
+            (Some(2), ""),
+            "{action:?}"
+        );
+        assert!(error.contains("--bus is missing") && error.lines().count() == 1, "{error}");
+    }
+}
+
+#[test]
+fn params_actions_print_what_was_done() {
+    for (action, expected) in [
+        (&["save"][..], "node 1 on loop: parameters and settings saved, kept over a reset\n"),
+        (&["restore"], "node 1 on loop: default parameters will be restored at the next reset\n"),
+        (&["disarm"], "node 1 on loop: safe\n"),
+        (&["clear"], "node 1 on loop: faults cleared, safe\n"),
+        (&["reset"], "node 1 on loop: restart command sent\n"),
+    ] {
+        let done = params(action);
+        assert_eq!(
+            (done.status.code(), text(&done.stdout).as_str()),
+            (Some(0), expected),
+            "{action:?}"
+        );
+    }
+    let set = text(&params(&["set", "static_torque=2.5", "choices.damping_fades=true"]).stdout);
+    let expected =
+        "node 1 on loop: choices.damping_fades false -> true, static_torque 1.0 -> 2.5 (crc ";
+    assert!(set.starts_with(expected) && set.ends_with(", not saved: lost at a reset)\n"), "{set}");
+    let active =
+        params(&["set", "static_torque=2.5", "bristle_damping=100", "choices.allow_active=true"]);
+    assert_eq!(active.status.code(), Some(0));
+    let warning = text(&active.stderr);
+    assert!(
+        warning.starts_with("warning: allow_active: ") && warning.lines().count() == 1,
+        "{warning}"
+    );
+}
+
+#[test]
+fn params_get_and_set_use_names_and_reject_unknown_ones() {
+    let got = params(&["get", "compensator.scale", "static_torque", "choices.allow_active"]);
+    let printed = "compensator.scale = 0.9\nstatic_torque = 1.0\nchoices.allow_active = false\n";
+    assert_eq!(text(&got.stdout), printed);
+    let set = params(&["set", "model=improved-lugre", "static_torque=2.5", "--save"]);
+    assert_eq!(set.status.code(), Some(0), "{}", text(&set.stderr));
+    for (what, why) in [
+        ("coulomb_torque=5", "static_torque = 1: must be at least 5"),
+        ("compensator.scale=2", "scale = 2: must be at most 1"),
+        ("scale=1", "scale: no such parameter; did you mean unknown_scale or compensator.scale?"),
+        ("static_torque=much", "static_torque: found \"much\", expected a number"),
+        ("choices.passive=true", "choices.passive: no such choice, expected one of damping_fades"),
+        ("nowhere.toml", "nowhere.toml: No such file"),
+    ] {
+        let refused = params(&["set", what]);
+        let error = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{what}");
+        assert!(error.contains(why) && error.lines().count() == 1, "{what}: {error}");
+    }
+    let status = text(&params(&["status"]).stdout);
+    assert!(
+        status.contains("state       safe") && status.contains("parameters-default"),
+        "{status}"
+    );
+}
+
+#[test]
+fn replay_and_node_with_bad_arguments_return_reason() {
+    for (arguments, why) in [
+        (&["replay", "nowhere.log"][..], "nowhere.log: No such file"),
+        (&["replay", "x.log", "--rate", "0"], "expected 1, a number above 0, or max"),
+        (&["replay", "x.log", "--bus", "slcan:"], "expected loop, an interface such as vcan0"),
+        (&["replay", "x.log", "--faults", "loose=1"], "expected drop, duplicate"),
+        (&["replay", "x.log", "--node-id", "200"], "expected 1 to 127"),
+        (&["node"], "the bus loop has no other participant"),
+    ] {
+        let refused = host_sim(arguments);
+        let error = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{arguments:?}");
+        assert!(error.contains(why), "{arguments:?}: {error}");
+    }
+}
+
+/// The simulated encoder counts in the negative direction with an offset of 0.3 pi; the phase resistance is 0.13 ohm.
+#[test]
+fn params_commission_measure_finds_the_simulated_motor() {
+    let with_motor = |arguments: &[&str]| params(&[&["commission", "--motor"], arguments].concat());
+    let words = |output: &Output| {
+        let both = [output.stdout.as_slice(), output.stderr.as_slice()].concat();
+        String::from_utf8(both).expect("text")
+    };
+    let done = with_motor(&["--measure", "--yes"]);
+    let text = words(&done);
+    assert!(done.status.success(), "{text}");
+    for expected in
+        ["ohm (was 0.1200)", "counts against", "pole pairs                 7", "wiring confirmed"]
+    {
+        assert!(text.contains(expected), "{expected}: {text}");
+    }
+    let done = with_motor(&["--measure", "--yes", "--json"]);
+    let result: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON");
+    let offset = result["wiring"]["encoder_offset_rad"].as_f64().expect("a number");
+    let truth = 0.3 * std::f64::consts::PI;
+    let turns = (offset - truth) * 7.0 / std::f64::consts::TAU;
+    assert!((turns - turns.round()).abs() < 0.002, "{offset}");
+    assert_eq!(result["wiring"]["encoder_direction"], -1.0);
+    let ohm = result["wiring"]["resistance_ohm"].as_f64().expect("a number");
+    assert!((ohm / 0.13 - 1.0).abs() < 0.01, "{ohm}");
+    // Each rejection states its reason.
+    for (arguments, why) in [
+        (&["--measure"][..], "--yes"),
+        (&["--measure", "--yes", "--travel", "0.05"], "travel: "),
+        (&["--measure", "--yes", "--current", "99"], "must be 0.5 to 26"),
+        (&["--measure", "--confirm"], "cannot be used with"),
+    ] {
+        let refused = with_motor(arguments);
+        assert_eq!(refused.status.code(), Some(2), "{arguments:?}");
+        assert!(words(&refused).contains(why), "{arguments:?}: {}", words(&refused));
+    }
+    let no_motor = params(&["commission", "--measure", "--yes"]);
+    assert!(words(&no_motor).contains("drives no motor"), "{}", words(&no_motor));
+}

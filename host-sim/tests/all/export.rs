@@ -1,0 +1,310 @@
+//! An exported model gives the same torque as the original model.
+//!
+//! Every law runs through one motion, alone and with every term that the format supports. The record and the Rust
+//! constants must be bit-identical to the core. The C header is compiled and must agree within 1e-4 of the largest
+//! torque. The simulator formats are compared with the core in steady sliding.
+
+use compensator_core::configuration::Configuration;
+use compensator_core::{
+    Compensator, Inputs, LawKind, ModelState, ParameterId as Id, Parameters, Reading, Sample,
+    TermKind, record,
+};
+use friction_identification::data::JointKind;
+use friction_identification::params::{ParameterFile, emit_model};
+use host_sim::driver_file;
+use host_sim::export::{ExportFormat, export};
+use std::io::Write as _;
+use std::process::{Command, Stdio};
+
+const PERIOD_S: f32 = 1e-3;
+const ROWS: usize = 4000;
+
+/// Terms that the C header supports. A test below checks that it rejects all others.
+const C_TERMS: [TermKind; 17] = [
+    TermKind::RadialForceCoulomb,
+    TermKind::RadialForceRate,
+    TermKind::PressureCoulomb,
+    TermKind::TemperatureViscous,
+    TermKind::PositionRipple,
+    TermKind::GravityImbalance,
+    TermKind::DirectionAsymmetry,
+    TermKind::TorqueOffset,
+    TermKind::QuadraticDrag,
+    TermKind::DwellTimeStatic,
+    TermKind::TimeDrift,
+    TermKind::LoadTorqueCoulomb,
+    TermKind::UnmodelledInertia,
+    TermKind::StribeckShape,
+    TermKind::LoadGain,
+    TermKind::TorqueRipple,
+    TermKind::TemperatureCoulomb,
+];
+
+/// A model of this law in which every parameter has an effect.
+fn joint(law: LawKind, terms: &[TermKind]) -> Parameters<f32> {
+    let mut joint = Parameters::<f32>::new(law);
+    for (id, value) in [
+        (Id::CoulombTorque, 1.5),
+        (Id::StaticTorque, 2.1),
+        (Id::CoulombTorqueNegative, 1.3),
+        (Id::StaticTorqueNegative, 1.8),
+        (Id::StribeckVelocity, 0.07),
+        (Id::BristleStiffness, 900.0),
+        (Id::BristleDamping, 0.4),
+        (Id::ViscousFriction, 0.8),
+        (Id::QuadraticFriction, 0.05),
+        (Id::CubicFriction, 0.01),
+        (Id::AtanTorque, 0.3),
+        (Id::AtanSlope, 20.0),
+        (Id::RadialForceCoulomb, 4e-3),
+        (Id::RadialForceStaticExcess, 1e-3),
+        (Id::PressureCoulomb, 2.4e-6),
+        (Id::PressureStaticExcess, 3e-7),
+        (Id::RadialForceRate, 2e-5),
+        (Id::TemperatureViscosity, 0.03),
+        (Id::TemperatureCoulomb, 0.01),
+        (Id::RippleSine, 0.1),
+        (Id::RippleCosine, -0.06),
+        (Id::RippleOrder, 3.0),
+        (Id::GravitySine, 0.4),
+        (Id::GravityCosine, 0.2),
+        (Id::CoulombAsymmetry, 0.08),
+        (Id::ViscousAsymmetry, -0.1),
+        (Id::TorqueOffset, 0.12),
+        (Id::QuadraticDrag, 0.07),
+        (Id::DwellGain, 0.1),
+        (Id::DwellTime, 0.2),
+        (Id::DriftAmplitude, 0.2),
+        (Id::DriftTime, 7200.0),
+        (Id::DriftRate, 1e-7),
+        (Id::LoadCoulomb, 0.03),
+        (Id::LoadGain, 0.9),
+        (Id::Inertia, 0.05),
+        (Id::StribeckExponent, 1.4),
+        (Id::TorqueRippleSine1, 0.15),
+        (Id::TorqueRippleOrder2, 7.0),
+        (Id::TorqueRippleCosine2, 0.1),
+    ] {
+        joint.set(id, value);
+    }
+    for term in terms {
+        assert!(joint.add_term(*term), "{term:?}");
+    }
+    // Passivity is not tested here.
+    joint.choices.allow_active = true;
+    joint
+}
+
+fn file(model: &Parameters<f32>) -> ParameterFile {
+    driver_file::parse(&emit_model(model, JointKind::Revolute)).expect("a legal model")
+}
+
+/// A motion back and forth with rests, under varying loads.
+fn samples() -> Vec<Sample<f32>> {
+    let mut force_before = None;
+    (0..ROWS)
+        .map(|row| {
+            let t = row as f32 * PERIOD_S;
+            let rests = (row / 500) % 4 == 3;
+            let force = 40.0 + 30.0 * (5.0 * t).sin();
+            let change = force - force_before.replace(force).unwrap_or(force);
+            Sample {
+                velocity_rad_s: if rests { 0.0 } else { 1.2 * (4.0 * t).sin() },
+                position_rad: -0.3 * (4.0 * t).cos(),
+                position_weight: 1.0,
+                radial_force_n: force,
+                radial_force_change_n: change,
+                pressure_diff_mpa: 0.1 + 0.05 * t.sin(),
+                temperature_c: 8.0 + 2.0 * t,
+                load_torque_nm: 3.0 * (0.9 * t).cos(),
+                acceleration_rad_s2: 4.8 * (4.0 * t).cos(),
+                campaign_time_h: 1.0 + t / 3600.0,
+                ..Sample::default()
+            }
+        })
+        .collect()
+}
+
+/// Torques of the core in double precision, so that the reference is free of `float` rounding.
+fn torques_of_core(model: &Parameters<f32>) -> Vec<f64> {
+    let built = model.convert::<f64>().build::<f64>(f64::from(PERIOD_S)).expect("it builds");
+    let mut state = ModelState::default();
+    samples().iter().map(|sample| built.step(&mut state, &sample.map(f64::from))).collect()
+}
+
+/// Torques of the compiled C header.
+fn torques_of_c(model: &Parameters<f32>) -> Vec<f64> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let header = export(&file(model), ExportFormat::C, "params.toml").expect("exported").content;
+    let header = String::from_utf8(header).expect("text");
+    std::fs::write(folder.path().join("friction.h"), &header).expect("written");
+    let inputs = |field: &str| header.contains(&format!("float {field};\n"));
+    let columns = [
+        ("velocity_rad_s", true),
+        ("position_rad", inputs("position_rad")),
+        ("radial_force_n", header.contains("in->radial_force_n")),
+        ("pressure_diff_pa", inputs("pressure_diff_pa")),
+        ("temperature_c", inputs("temperature_c")),
+        ("load_torque_nm", inputs("load_torque_nm")),
+        ("acceleration_rad_s2", inputs("acceleration_rad_s2")),
+        ("campaign_time_s", inputs("campaign_time_s")),
+    ];
+    let mut program = "#include \"friction.h\"\n#include <stdio.h>\nint main(void) {\n\
+         friction_state state = {0};\nfriction_inputs in = {0};\nfloat x[8];\n\
+         while (scanf(\"%f %f %f %f %f %f %f %f\", x, x+1, x+2, x+3, x+4, x+5, x+6, x+7) == 8) {\n"
+        .to_owned();
+    for (at, (field, _)) in columns.iter().enumerate().filter(|(_, (_, is_there))| *is_there) {
+        program += &format!("in.{field} = x[{at}];\n");
+    }
+    program += "printf(\"%.9g\\n\", friction_step(&state, &in, 1e-3f));\n}\nreturn 0;\n}\n";
+    let (source, binary) = (folder.path().join("main.c"), folder.path().join("main"));
+    std::fs::write(&source, program).expect("written");
+    let strict = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"];
+    let mut compile = Command::new("cc");
+    compile.args(strict).arg(&source).arg("-o").arg(&binary).arg("-lm");
+    let compiled = compile.output().expect("cc, from the package gcc or build-essential");
+    assert!(compiled.status.success(), "{}\n{header}", String::from_utf8_lossy(&compiled.stderr));
+    let mut rows = String::new();
+    for s in samples() {
+        rows += &format!(
+            "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}\n",
+            s.velocity_rad_s,
+            s.position_rad,
+            s.radial_force_n,
+            s.pressure_diff_mpa * 1e6,
+            s.temperature_c,
+            s.load_torque_nm,
+            s.acceleration_rad_s2,
+            s.campaign_time_h * 3600.0
+        );
+    }
+    let mut run = Command::new(&binary);
+    let mut child = run.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("it runs");
+    let mut stdin = child.stdin.take().expect("piped");
+    let writer = std::thread::spawn(move || stdin.write_all(rows.as_bytes()));
+    let output = child.wait_with_output().expect("it ends");
+    writer.join().expect("a writer").expect("read to the end");
+    let text = String::from_utf8(output.stdout).expect("text");
+    text.lines().map(|line| line.parse().expect("a number")).collect()
+}
+
+fn assert_close(model: &Parameters<f32>) {
+    let (core, c) = (torques_of_core(model), torques_of_c(model));
+    assert_eq!(core.len(), c.len());
+    let largest = core.iter().fold(0.0f64, |most, torque| most.max(torque.abs()));
+    assert!(largest > 1.0, "torque too small for a comparison");
+    for (row, (core, c)) in core.iter().zip(&c).enumerate() {
+        let apart = (core - c).abs();
+        assert!(
+            apart < 1e-4 * largest,
+            "{:?} {:?}: row {row}: core {core}, C {c}",
+            model.law,
+            model.terms
+        );
+    }
+}
+
+#[test]
+fn export_to_c_of_every_law_matches_core() {
+    for law in LawKind::ALL {
+        assert_close(&joint(*law, &[]));
+        let mut other = joint(*law, &[]);
+        other.choices.damping_fades = true;
+        other.choices.printed_extended = true;
+        assert_close(&other);
+    }
+}
+
+#[test]
+fn export_to_c_of_every_supported_term_matches_core() {
+    for terms in C_TERMS.chunks(6) {
+        for law in [LawKind::Lugre, LawKind::Stribeck] {
+            let own: Vec<TermKind> =
+                terms.iter().copied().filter(|term| !law.includes(*term)).collect();
+            assert_close(&joint(law, &own));
+        }
+    }
+}
+
+#[test]
+fn export_to_c_of_unsupported_term_returns_error_with_its_name() {
+    for kind in TermKind::ALL.iter().filter(|kind| !C_TERMS.contains(kind)) {
+        let model = joint(LawKind::Lugre, &[*kind]);
+        let error =
+            export(&file(&model), ExportFormat::C, "params.toml").expect_err("it has a memory");
+        assert!(error.contains(kind.name()) && error.contains("--to rust"), "{error}");
+        assert!(export(&file(&model), ExportFormat::Rust, "params.toml").is_ok());
+    }
+}
+
+#[test]
+fn export_to_record_is_read_back_from_the_store() {
+    let model = joint(LawKind::ImprovedLugre, &[TermKind::PositionRipple]);
+    let file = file(&model);
+    let bytes = export(&file, ExportFormat::Record, "params.toml").expect("exported").content;
+    let mut store = firmware::store::Store::open(firmware::store::memory::MemoryFlash::<2>::new());
+    store.save(&bytes).expect("saved");
+    let mut kept = [0; firmware::store::MAX_PAYLOAD];
+    let length = store.load(&mut kept).expect("loaded").length;
+    let configuration = record::parse(&kept[..length]).expect("a record");
+    assert_eq!(configuration, file.friction());
+    assert_eq!(torques_of_core(&configuration.model), torques_of_core(&model));
+}
+
+/// Output of `export --to rust` for the model of the example loop; compiled here and in the example.
+#[rustfmt::skip]
+#[path = "../../../firmware/examples/bare_loop/src/friction.rs"]
+mod exported;
+
+fn torques(configuration: &Configuration) -> Vec<u32> {
+    let mut compensator = Compensator::<f32>::build(configuration, PERIOD_S).expect("it builds");
+    compensator.set_enabled(true);
+    let step = |sample: Sample<f32>| {
+        let mut inputs = Inputs::velocity(sample.velocity_rad_s);
+        inputs.pressure_diff_mpa = Reading::fresh(sample.pressure_diff_mpa);
+        compensator.step(&inputs).compensation_torque_nm.to_bits()
+    };
+    samples().into_iter().map(step).collect()
+}
+
+#[test]
+fn export_to_rust_is_bit_identical_to_the_file() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../firmware/examples/bare_loop");
+    let read = driver_file::read(format!("{folder}/params.toml").as_ref()).expect("a model");
+    let written = export(&read, ExportFormat::Rust, "params.toml").expect("exported").content;
+    let in_git = std::fs::read(format!("{folder}/src/friction.rs")).expect("in git");
+    let how = "host-sim export params.toml --to rust --out src";
+    assert!(written == in_git, "src/friction.rs is out of date, regenerate it: {how}");
+    assert_eq!(exported::configuration(), read.friction());
+    let torques = torques(&exported::configuration());
+    assert_eq!(torques, self::torques(&read.friction()));
+    assert!(torques.iter().any(|bits| f32::from_bits(*bits) > 1.0));
+}
+
+fn attribute(text: &str, name: &str) -> f64 {
+    let at = text.find(&format!("{name}=\"")).expect(name) + name.len() + 2;
+    text[at..].split('"').next().unwrap_or_default().parse().expect("a number")
+}
+
+#[test]
+fn export_to_simulators_matches_steady_sliding() {
+    let linear = file(&joint(LawKind::Linear, &[]));
+    for (format, dry) in [(ExportFormat::Mujoco, "frictionloss"), (ExportFormat::Urdf, "friction")]
+    {
+        let written = export(&linear, format, "params.toml").expect("exported");
+        let text = String::from_utf8(written.content).expect("text");
+        assert!((attribute(&text, dry) - 1.5).abs() < 1e-6, "{text}");
+        assert!((attribute(&text, "damping") - 0.8).abs() < 1e-6, "{text}");
+        assert!(written.notes.is_empty(), "{:?}", written.notes);
+    }
+    let lugre = joint(LawKind::Lugre, &[TermKind::PressureCoulomb]);
+    let text =
+        export(&file(&lugre), ExportFormat::Mujoco, "params.toml").expect("exported").content;
+    let text = String::from_utf8(text).expect("text");
+    assert!(
+        text.contains("bristles") && text.contains("left out") && text.contains("pressure-coulomb")
+    );
+    // Well above the Stribeck velocity, the line agrees with the law within a few percent.
+    let line = attribute(&text, "frictionloss") + 6.0 * attribute(&text, "damping");
+    assert!((line - (1.5 + 0.8 * 6.0)).abs() < 0.03 * line, "{line}");
+}

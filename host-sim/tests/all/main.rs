@@ -1,0 +1,41 @@
+//! The tests of `host-sim` in one binary, because linking twenty takes longer than the tests of some of them.
+//!
+//! `cargo test -p host-sim --test all X::` runs the tests of the file `X.rs`.
+
+mod browser;
+mod command_line;
+mod compare_page;
+mod diagnosis_page;
+mod driver_on_a_bus;
+mod export;
+mod friction_run;
+mod hidden_effects;
+mod lugre_lstm;
+mod monitor;
+mod papers;
+mod picture;
+mod planted;
+mod pool_tests;
+mod recovery;
+mod replay;
+mod report_browser;
+mod report_page;
+mod report_thin;
+mod scenarios;
+mod several_joints;
+mod stochastic;
+mod unkind_worlds;
+
+/// Returns true if the tests run in their long form.
+pub fn is_long() -> bool {
+    std::env::var_os("LONG_TESTS").is_some()
+}
+
+/// Returns true if a test that belongs to the long form only must not run, and reports that it is skipped.
+pub fn is_left_out(what: &str) -> bool {
+    let left_out = !is_long();
+    if left_out {
+        println!("skipped: {what}: tests/run --all");
+    }
+    left_out
+}

@@ -1,0 +1,73 @@
+//! The damper's paper: results of its short form on measured and simulated tests.
+
+use super::{at, docs_page};
+use published_experiments::{PaperOutcome, ResultRow};
+use std::path::PathBuf;
+
+/// Returns the folder of the measured logs: `MEASURED_DATA`, or beside the checkout. `None` unless `LONG_TESTS` is set, because
+/// about twenty networks are trained on them.
+fn folder() -> Option<PathBuf> {
+    if !crate::is_long() {
+        println!("skipped: the damper's networks on measured tests: tests/run --all");
+        return None;
+    }
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data").into();
+    let folder: PathBuf = std::env::var_os("MEASURED_DATA").map_or(beside, PathBuf::from);
+    let is_there = folder.join("damper-2.csv").exists();
+    if !is_there {
+        println!("skipped: measured logs, none at {}", folder.display());
+    }
+    is_there.then_some(folder)
+}
+
+fn find<'a>(outcome: &'a PaperOutcome, table: &str, row: &str, column: &str) -> &'a ResultRow {
+    let is = |of: &&ResultRow| of.table.starts_with(table) && of.row == row && of.column == column;
+    outcome.rows.iter().find(is).unwrap_or_else(|| panic!("{table}: {row}, {column}"))
+}
+
+#[test]
+fn short_form_on_held_out_tests_beats_published_results() {
+    let Some(folder) = folder() else { return };
+    let outcome = at("damper", folder);
+    let ours = |table, row, column| find(&outcome, table, row, column).ours;
+    // The authors' own fit of these tests is printed as 5.6 and 5.0 %.
+    for (column, printed) in [("20 lb 0.5 Hz", 5.6), ("22 lb 0.5 Hz", 5.0)] {
+        let row = find(&outcome, "2", "LuGre, fitted to each test", column);
+        assert!(!row.simulated && row.printed == Some(printed));
+        assert!((row.ours - printed).abs() < 0.3, "{column}: {}", row.ours);
+    }
+    assert!(find(&outcome, "2", "LuGre, fitted to each test", "25 lb 0.05 Hz").simulated);
+    let page = docs_page("damper");
+    for goal in &outcome.goals {
+        assert!(page.contains(&goal.what), "docs/src/explanation/papers/damper.md: {}", goal.what);
+    }
+    let second = |row| ours("Second campaign", row, "pooled RMSE / std");
+    let named = second("LuGre + backlash, directions");
+    assert!((0.10..0.161).contains(&named), "{named}");
+    assert!(second("LuGre") > named);
+    let first = |row| ours("Characterisation", row, "pooled RMSE");
+    let lugre = first("LuGre");
+    assert!(first("Coulomb + viscous") > 1.5 * lugre);
+    for network in ["lugre-lstm (tension)", "lugre-lstm (actuators' forces)"] {
+        let gain = 1.0 - first(network) / lugre;
+        assert!((0.3..0.9).contains(&gain), "{network}: {gain}");
+    }
+    assert!(first("LuGre + backlash, tension, directions") < 0.6 * lugre);
+    let guarded = "lugre-lstm (tension and motion), guarded";
+    for quake in ["DuzceDBE", "DuzceMCE", "KocaeliDBE", "KocaeliMCE"] {
+        let column = format!("{quake}, rows outside the envelope");
+        let share = find(&outcome, "Earthquakes", guarded, &column).ours;
+        assert!(share > 50.0, "{quake}: {share} % flagged");
+    }
+}
+
+#[test]
+fn short_form_without_measured_tests_simulates_and_reports_omissions() {
+    let outcome = at("damper", PathBuf::from("there is nothing here"));
+    assert!(outcome.summary.iter().any(|line| line.contains("left out")), "{:?}", outcome.summary);
+    // The remaining goals are on the page that was made with the measured tests.
+    let page = docs_page("damper");
+    assert!(!outcome.goals.is_empty());
+    assert!(outcome.goals.iter().all(|goal| page.contains(&goal.what)));
+    assert!(!outcome.rows.is_empty() && outcome.rows.iter().all(|row| row.simulated));
+}

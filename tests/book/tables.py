@@ -1,0 +1,187 @@
+"""The generated tables of the book: parameters, faults and CAN objects, read from the source.
+
+A page holds a table between `<!-- table: NAME -->` and `<!-- end of table -->`. `tests/book/run --update` writes the tables;
+`tests/book/run` compares them.
+
+The lists are macros of one line per entry. They are found by a name that stands in them, because files and types may be
+renamed while the names on the bus may not.
+"""
+
+import pathlib
+import re
+import struct
+import subprocess
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+BOOK = ROOT / "docs" / "src"
+TABLE = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end of table -->)", re.S)
+
+
+def sources():
+    listed = subprocess.run(["git", "ls-files", "*.rs"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return [(ROOT / name).read_text() for name in listed.split() if "/src/" in name and (ROOT / name).exists()]
+
+
+def block(texts, opening, entry):
+    """Body of the macro call that starts with `opening` and holds `entry`."""
+    for text in texts:
+        for found in re.finditer(rf"^(?:[\w:]+::)?{opening}! \{{\n(.*?)^\}}", text, re.S | re.M):
+            if entry in found[1]:
+                return found[1]
+    raise AssertionError(f"no {opening}! list with {entry}")
+
+
+def entries(body):
+    """Doc comment and text of every entry, which ends with a semicolon."""
+    for found in re.finditer(r"((?:^ *///.*\n)+)(?: *#\[.*\n)*((?:^ *(?!///).*\n)*?^ *.*;) *\n", body, re.M):
+        doc = " ".join(line.strip().removeprefix("///").strip() for line in found[1].splitlines())
+        yield doc, " ".join(found[2].split())
+
+
+def number(text):
+    """A Rust literal, in the shortest form that a reader knows."""
+    text = text.strip().replace("_", "")
+    if text.endswith("ANY") or text.endswith("f64::MAX"):
+        return "any"
+    try:
+        value = float(text.removesuffix("f32").removesuffix("f64"))
+    except ValueError:
+        # A named constant.
+        return "last column" if "COLUMN" in text else text
+    return f"{value:.6g}".replace("e+0", "e").replace("e-0", "e-").replace("e+", "e")
+
+
+def cell(text):
+    """A cell of a table: identifiers of the source become parameter names."""
+    snake = lambda found: "`" + re.sub(r"(?<!^)(?=[A-Z])", "_", found[1]).lower() + "`"
+    text = re.sub(r"\[?`([A-Z][a-z]\w+)`\]?", snake, text)
+    return re.sub(r"\[(`[^`]+`)\](?:\([^)]*\))?", r"\1", text).replace("|", "\\|")
+
+
+def rows(head, lines):
+    return "\n".join([f"| {' | '.join(head)} |", "|" + "---|" * len(head), *(f"| {' | '.join(line)} |" for line in lines)])
+
+
+def friction(texts):
+    lines = []
+    constants = {"TINY": "1e-9"}
+    for doc, text in entries(block(texts, "parameters", '"coulomb_torque"')):
+        name, unit, _, lower, upper, default = (part.strip() for part in text.rstrip(";").split("=", 1)[1].split(","))
+        lower, upper = constants.get(lower, lower), constants.get(upper, upper)
+        unit = unit.strip('"')
+        lines.append([f"`{name.strip(chr(34))}`", "–" if unit == "1" else unit, "any" if number(lower) == "any" else f"{number(lower)} to {number(upper)}", number(default), cell(doc)])
+    return rows(["parameter", "unit", "range", "default", "meaning"], lines)
+
+
+def fields(entry):
+    def made(texts):
+        lines = []
+        for doc, text in entries(block(texts, "named_fields", entry).split("pub struct", 1)[1].split("{\n", 1)[1]):
+            found = re.match(r"(\w+): \w+ = (\S+?)(?:, (\S+?)\.\.=(\S+?), \".*\")?;", text)
+            span = f"{number(found[3])} to {number(found[4])}" if found[3] else "see below"
+            lines.append([f"`{found[1]}`", number(found[2]), span, cell(doc)])
+        head = ["parameter", "default", "range", "meaning, unit"]
+        if all(line[2] == "see below" for line in lines):
+            head, lines = [head[0], head[1], head[3]], [[line[0], line[1], line[3]] for line in lines]
+        return rows(head, lines)
+
+    return made
+
+
+def codes(is_fault):
+    effects = {"Stops": "stops", "DropsCompensation": "no compensation", "Limits": "limits"}
+
+    def made(texts):
+        lines = []
+        pattern = r"(\d+) \w+ \"([\w-]+)\" (0x\w+) \[\w*\] (\w+) (\w+) (\d+) (\d+)\s+\"(.*?)\",\s+\"(.*?)\";"
+        for found in re.finditer(pattern, block(texts, "codes", '"command-timeout"'), re.S):
+            number_, name, emergency, effect, watched, _, _, raised, cleared = found.groups()
+            if (int(number_) <= 32) != is_fault:
+                continue
+            kind = ("always" if watched == "Always" else "while armed") if is_fault else effects[effect]
+            lines.append([number_, f"`{name}`", emergency, kind, cell(raised), cell(cleared)])
+        head = ["no.", "name", "EMCY code", "watched" if is_fault else "effect", "raised by", "cleared by"]
+        return rows(head, lines)
+
+    return made
+
+
+def flags(texts):
+    """Bits of the compensator's flags."""
+    text = next(text for text in texts if "const VELOCITY_INVALID = 1 << 1;" in text)
+    lines = []
+    for found in re.finditer(r"((?: *///.*\n)+) *const (\w+) = 1 << (\d+);", text):
+        doc = " ".join(line.strip().removeprefix("///").strip() for line in found[1].splitlines())
+        lines.append([found[3], f"`{found[2]}`", cell(doc)])
+    return rows(["bit", "flag", "meaning"], lines)
+
+
+TYPES = {1: "bool", 2: "i8", 3: "i16", 4: "i32", 5: "u8", 6: "u16", 7: "u32", 8: "f32", 9: "text", 15: "bytes"}
+
+
+def objects(_):
+    """One row for each object of the EDS; its entries are listed, numbered ones together."""
+    found = {}
+    for section in re.split(r"\n(?=\[)", (ROOT / "firmware" / "joint.eds").read_text()):
+        head = re.match(r"\[([0-9A-F]{4})(?:sub([0-9A-F]+))?\]", section)
+        if not head:
+            continue
+        values = dict(line.split("=", 1) for line in section.splitlines()[1:] if "=" in line)
+        found.setdefault(head[1], {})[int(head[2], 16) if head[2] else None] = values
+    lines = []
+    for index, subs in sorted(found.items()):
+        name = subs[None]["ParameterName"]
+        parts = []
+        for sub, values in sorted((key, value) for key, value in subs.items() if key):
+            base = re.sub(r"_\d+$", "", values["ParameterName"])
+            kind = (TYPES.get(int(values["DataType"], 16), "?"), values["AccessType"])
+            if parts and parts[-1][0] == base and parts[-1][3] == kind:
+                parts[-1][2] = sub
+            else:
+                parts.append([base, sub, sub, kind])
+        if not parts:
+            values = subs[None]
+            parts = [[None, 0, 0, (TYPES.get(int(values.get("DataType", "0"), 16), "?"), values.get("AccessType", ""))]]
+        kinds = {part[3] for part in parts}
+        shared = " ".join(kinds.pop()) if len(kinds) == 1 else ""
+
+        def words(part):
+            base, first, last, kind = part
+            place = f":{first}" if first == last else f":{first}–{last}"
+            return f"{place} `{base}`" + ("" if shared else f" ({' '.join(kind)})")
+
+        listed = ", ".join(words(part) for part in parts if part[0])
+        if 0x2021 <= int(index, 16) <= 0x2026:
+            listed = f":1–{parts[-1][2]}, in the order of [the table](parameters.md)"
+        lines.append([f"{index}h", f"`{name}`", shared or "mixed", listed or "–"])
+    return rows(["index", "object", "type, access", "entries"], lines)
+
+
+MADE = {
+    "friction": friction,
+    "motor": fields("pole_pairs:"),
+    "thresholds": fields("command_timeout_us:"),
+    "compensator": fields("slew_limit_nm_per_s:"),
+    "envelope": fields("campaign_max_h:"),
+    "watch": fields("band_nm:"),
+    "faults": codes(True),
+    "limits": codes(False),
+    "flags": flags,
+    "objects": objects,
+}
+
+
+def pages():
+    """Every page with tables: path, text in git, text as the source has it."""
+    texts = sources()
+    for page in sorted(BOOK.rglob("*.md")):
+        text = page.read_text()
+        new = TABLE.sub(lambda found: f"{found[1]}\n{MADE[found[2]](texts)}\n\n{found[3]}", text)
+        if TABLE.search(text):
+            yield page, text, new
+
+
+if __name__ == "__main__":
+    made = sources()
+    for each, table in MADE.items():
+        print(f"## {each}\n\n{table(made)}\n")
