@@ -34,7 +34,7 @@ fn printed(table: &Table) -> String {
 /// Returns a table with one row for each model, best on held-out rows first. It is at most 80 columns wide.
 pub fn models(fits: &[Outcome], data: &Dataset) -> String {
     let torque = data.joint.torque_unit();
-    let (test, train) = (format!("held out, {torque}"), format!("training, {torque}"));
+    let (test, train) = (format!("held out, {torque}"), format!("train, {torque}"));
     let header = ["model", &test, "of std", "relative", &train, "BIC", "time"];
     let mut table = table(&header, 1);
     let mut order: Vec<&Outcome> = fits.iter().collect();
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn table_of_models_fits_into_80_columns() {
-        let header = ["model", "held out, Nm", "of std", "relative", "training, Nm", "BIC", "time"];
+        let header = ["model", "held out, Nm", "of std", "relative", "train, Nm", "BIC", "time"];
         let mut table = table(&header, 1);
         let row = [
             "lugre-asymmetric",

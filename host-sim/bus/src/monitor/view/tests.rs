@@ -125,7 +125,7 @@ fn draw_on_narrow_and_wide_screen_shows_all_values() {
     }
     assert_shows(
         &screen(&model, 4999, (120, 40)),
-        &["fault bus-overvoltage (3210h): bus at", "00:00:00.001"],
+        &["fault bus-overvoltage (3210h): the bus voltage", "00:00:00.001"],
     );
 }
 
