@@ -154,9 +154,6 @@ fn page_without_finding_lists_rejected_candidates() {
 
 #[test]
 fn page_shows_chart_of_each_cause() {
-    if crate::is_left_out("the page's chart of each cause") {
-        return;
-    }
     let mut shown = 0;
     for (effect, title) in [
         (HiddenCause::DirectionAsymmetry, "By direction, before"),

@@ -2,7 +2,7 @@
 //!
 //! The first test follows the protocol of the paper: 8 kinds of experiment with 50 repetitions each (Table II). A plain
 //! and an improved LuGre are fitted to the same 400 runs. `cargo test -p host-sim --test all stochastic:: -- --nocapture`
-//! prints the table of `docs/stochastic-extension.md`. All data are simulated.
+//! prints the table of `docs/src/explanation/stochastic-extension.md`. All data are simulated.
 
 use compensator_core::{LawKind, ParameterId as Id, Parameters};
 use friction_identification::data::{BadRows, Dataset, JointKind, Quantity, Run};

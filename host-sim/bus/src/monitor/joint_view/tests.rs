@@ -116,7 +116,10 @@ fn view_with_emergencies_and_objects_updates_faults() {
     assert_eq!(seen.codes.faults, ["bus-overvoltage"]);
     assert_eq!(seen.codes.limits, ["parameters-default"]);
     assert!(!seen.codes.read);
-    assert!(texts(&seen)[1].starts_with("fault bus-overvoltage (3210h): the bus voltage"), "{seen:?}");
+    assert!(
+        texts(&seen)[1].starts_with("fault bus-overvoltage (3210h): the bus voltage"),
+        "{seen:?}"
+    );
     raw(&mut model, 4, 0x081, &[0, 0, 0, 34, 0, 0, 0, 0]);
     let now_ns = START + 5 * MS;
     let value =
