@@ -108,7 +108,7 @@ fn along<const N: usize>(
     let viscous = column(Id::ViscousFriction);
     let coefficient = parameters.get(Id::ViscousFriction);
     let start = initial_state(parameters, track, resolution);
-    let held = start.as_ref().map(|start| start.held_by(&dual));
+    let held = start.as_ref().map(|start| start.held_by(&dual, track));
     let rows = track.len();
     let mut out = TrackSensitivities {
         torque: Vec::with_capacity(rows),

@@ -45,7 +45,7 @@ fn reduce_with<const N: usize>(
     let plain: Parameters<f64> = coordinates.parameters(point);
     let reduce_track = |track: &Track| {
         let start = initial_state(&plain, track, resolution);
-        let held = start.as_ref().map(|start| start.held_by(&parameters));
+        let held = start.as_ref().map(|start| start.held_by(&parameters, track));
         let mut qr = StreamingQr::new(count);
         if rows.decimate > 1 {
             let simulation = TrackSimulation { parameters: &parameters, track, held, resolution };
