@@ -6,6 +6,7 @@
 
 mod cause_regressors;
 pub mod contest;
+pub mod evidence_cases;
 pub mod measured;
 pub mod planted;
 pub mod regression;

@@ -19,15 +19,19 @@
 pub mod accepted_cause;
 pub mod baseline;
 pub mod block_errors;
+pub mod calibration;
 pub mod candidate;
 pub mod cause;
+pub mod cause_evidence;
 pub mod error_reduction;
 pub mod evaluation;
 pub mod evidence;
+pub mod experiment;
 pub mod extended;
 pub mod finding;
 pub mod gram_blocks;
 pub mod harmonics;
+pub mod hysteresis;
 pub mod late_channel;
 pub mod left_out;
 pub mod model;
@@ -37,6 +41,7 @@ pub mod proposal;
 pub mod regime;
 pub mod review;
 pub mod round;
+pub mod rules;
 pub mod search;
 pub mod select;
 pub mod sensitivities;
@@ -62,7 +67,9 @@ use crate::fit::{Predicted, identify, predict};
 use crate::log_check::{LogFinding, LogFindingKind};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
+use accepted_cause::AcceptedCause;
 use baseline::Baseline;
+use calibration::Calibration;
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use extended::{Observation, Unexplained};
@@ -70,6 +77,7 @@ use gram_blocks::LeftOut;
 use late_channel::LateChannelKind;
 use model::{FitCache, FittedModel};
 use proposal::Proposal;
+use rules::RuleDecision;
 use search::{Extension, Search};
 use std::time::Instant;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
@@ -91,6 +99,9 @@ pub struct DiagnosisOptions {
     pub log_findings: Vec<LogFinding>,
     /// Late channels that are left as they are logged ([`late_channel`]).
     pub as_logged: Vec<LogFindingKind>,
+    /// Probability at and above which a cause is named, if not that of the calibration. Above 1, no cause is named, and the
+    /// evidence is only weighed.
+    pub naming_threshold: Option<f64>,
 }
 
 /// Result of a diagnosis.
@@ -122,6 +133,10 @@ pub struct Diagnosis {
     pub by_column: Vec<(String, Vec<Share>)>,
     /// Every candidate beside the base law, best first.
     pub scores: Vec<CandidateScore>,
+    /// Accepted causes as the calibration weighed them, before those below its threshold were removed.
+    pub weighed: Vec<AcceptedCause>,
+    /// Causes that a rule rejected after their fit.
+    pub decisions: Vec<RuleDecision>,
     /// The paper's stochastic extension before and after, and where its verdict and this one part.
     pub certificates: Certificates,
     /// Name of the covariate in the auxiliary column, if the extended model follows one.
@@ -250,10 +265,13 @@ pub fn diagnose(
         .map(|(_, parameters)| predict(parameters, whole.test_rows(), resolution));
     let is_chosen = question.model.is_none() && question.given.is_none();
     let mut refuted = Vec::new();
-    let mut scores = Vec::new();
+    let naming_threshold =
+        question.naming_threshold.unwrap_or(Calibration::current().naming_threshold);
+    let (mut scores, mut weighed, mut decisions) = (Vec::new(), Vec::new(), Vec::new());
     let mut said = Vec::new();
     let proposal = loop {
-        let search = Search { log: &some, fits: &fits, base: &base, seed, progress };
+        let search =
+            Search { log: &some, fits: &fits, base: &base, naming_threshold, seed, progress };
         let selection = select::select(&search, &refuted)?;
         if is_chosen
             && let Some(richer) = baseline::reselect_base_law(&some, &base, &selection.extended)?
@@ -261,6 +279,8 @@ pub fn diagnose(
             progress("restarting with a richer law");
             base = richer;
             refuted.clear();
+            weighed.clear();
+            decisions.clear();
             continue;
         }
         progress("evaluating on held-out rows");
@@ -269,7 +289,11 @@ pub fn diagnose(
         if scores.is_empty() {
             scores = selection.scores;
         }
-        said.extend(selection.notes.into_iter().chain(proposal.notes.clone()));
+        if weighed.is_empty() {
+            weighed = selection.weighed;
+        }
+        decisions.extend(selection.decisions.into_iter().chain(proposal.decisions.clone()));
+        said.extend(proposal.notes.clone());
         refuted.extend(proposal.taken_back.iter().cloned());
         // What was taken back may have stood in the way of another.
         if proposal.taken_back.is_empty() || refuted.len() > MAX_WITHDRAWN_CAUSES {
@@ -279,6 +303,7 @@ pub fn diagnose(
     let Proposal { extension, extended, before, after, gain, left_out, .. } = proposal;
     let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
     let mut log = whole.following(follows).into_owned();
+    said.extend(decisions.iter().map(RuleDecision::in_words));
     said.sort_unstable();
     said.dedup();
     log.notes.extend(said);
@@ -322,6 +347,8 @@ pub fn diagnose(
         by_direction: regime::by_direction(&log.test_tracks, &at),
         by_column: regime::by_column(&log, &at),
         scores,
+        weighed,
+        decisions,
         certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),
         left_out,

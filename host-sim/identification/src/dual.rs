@@ -311,7 +311,7 @@ fn zipped<const N: usize>(
 
 /// Maximum number of derivatives for which operations are inlined. With more, a call is cheap compared with the loop, and
 /// inlined loops would dominate the compile time of this crate.
-const MAX_INLINED_DERIVATIVES: usize = 6;
+const MAX_INLINED_DERIVATIVES: usize = 8;
 
 #[inline(never)]
 fn scaled_outlined<const N: usize>(gradient: &[f64; N], factor: f64) -> [f64; N] {

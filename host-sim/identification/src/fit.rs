@@ -18,6 +18,7 @@ pub mod channel;
 pub mod coordinates;
 pub mod dataset_tracks;
 mod delayed;
+pub mod gradient;
 pub mod identify;
 pub mod initial_heat;
 pub mod initial_state;

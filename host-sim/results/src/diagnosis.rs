@@ -4,9 +4,12 @@
 //! regime and direction, and the hash of each file. All errors are in the unit of the torque column.
 
 use super::json::{parameter, sources};
-use super::ranking::{left_out, rejection_reason};
+use super::ranking::{left_out, probability, rejection_reason};
 use friction_identification::data::{Dataset, Split};
+use friction_identification::diagnose::calibration::Calibration;
+use friction_identification::diagnose::cause_evidence::{CauseEvidence, FIGURES};
 use friction_identification::diagnose::finding::Finding;
+use friction_identification::diagnose::rules::RuleDecision;
 use friction_identification::diagnose::{Diagnosis, Share, summary};
 use friction_identification::fit::Outcome;
 use friction_identification::log_check::LogFinding;
@@ -44,6 +47,7 @@ fn finding(finding: &Finding) -> Value {
             "ci95": finding.size.ci95.map(finite),
         },
         "p_value": finite(finding.p_value),
+        "probability": finite(finding.probability),
         "stability": finite(finding.stability).clamp(0.0, 1.0),
         "share_of_residual": finite(finding.share_of_residual),
         "confusable_with": confusable,
@@ -83,6 +87,24 @@ fn share(share: &Share) -> Value {
     })
 }
 
+/// The figures of the evidence by name, as the calibration weighs them.
+fn evidence(evidence: &CauseEvidence) -> Value {
+    let figures = FIGURES.iter().map(|f| (f.name.to_owned(), json!(finite((f.of)(evidence)))));
+    Value::Object(figures.collect())
+}
+
+/// The rules that acted, each with the cause that it rejected.
+fn decision(decision: &RuleDecision) -> Value {
+    let rule = decision.rejection.rule;
+    json!({
+        "rule": rule.name,
+        "limit": rule.limit.is_finite().then_some(rule.limit),
+        "cause": decision.cause.name(),
+        "columns": decision.columns,
+        "why": decision.rejection.why,
+    })
+}
+
 /// A candidate. `rejected_because` is present only if the candidate is not among the findings.
 fn candidate(found: &Diagnosis, index: usize) -> Value {
     let score = &found.scores[index];
@@ -91,10 +113,12 @@ fn candidate(found: &Diagnosis, index: usize) -> Value {
         "columns": score.columns,
         "order": score.order,
         "as_share_of_level": score.level,
-        "gain_on_unseen_rows": finite(score.share),
+        "gain": finite(score.share),
         "gain_std_error": finite(score.share_error),
         "p_value": finite(score.fit.p_value),
-        "passed": score.passed,
+        "probability": finite(probability(found, score)),
+        "evidence": evidence(&score.evidence),
+        "passed": score.rejection.is_none(),
     });
     let reason = rejection_reason(found, index);
     if !reason.is_empty() {
@@ -122,6 +146,8 @@ pub fn document(
 ) -> DiagnosisDocument {
     let mut about = serde_json::to_value(sources(data, split, hashes)).unwrap_or_default();
     about["noise_floor"] = json!(finite(found.noise_floor));
+    about["calibration"] = json!(Calibration::current().name);
+    about["naming_threshold"] = json!(Calibration::current().naming_threshold);
     about["left_out"] = json!(left_out(found));
     let mut extended = model(&found.extended, data);
     extended.insert("gain".into(), json!(finite(found.gain.value)));
@@ -154,6 +180,7 @@ pub fn document(
                 .collect::<Map<String, Value>>(),
         },
         "candidates": (0..found.scores.len()).map(|index| candidate(found, index)).collect::<Vec<_>>(),
+        "decisions": found.decisions.iter().map(decision).collect::<Vec<_>>(),
         "notes": found.log.notes,
         "seconds": finite(found.seconds),
     }))

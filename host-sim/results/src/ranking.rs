@@ -5,7 +5,10 @@
 //! ended at a bound, another cause may explain more, or the final review may have removed it. The reason is reported in
 //! each case.
 
+use friction_identification::diagnose::accepted_cause::AcceptedCause;
+use friction_identification::diagnose::calibration::Calibration;
 use friction_identification::diagnose::gram_blocks::LeftOut;
+use friction_identification::diagnose::rules::RuleDecision;
 use friction_identification::diagnose::{CandidateScore, Diagnosis, Finding};
 use friction_identification::number::significant;
 
@@ -13,6 +16,8 @@ use friction_identification::number::significant;
 pub struct RankedCandidate<'a> {
     /// Name with columns and order.
     pub name: String,
+    /// Calibrated probability that the candidate is real, 0 to 1.
+    pub probability: f64,
     /// Score of the candidate.
     pub score: &'a CandidateScore,
     /// True if the candidate is a finding.
@@ -43,7 +48,8 @@ pub fn ranking(found: &Diagnosis) -> Vec<RankedCandidate<'_>> {
     for (index, score) in found.scores.iter().enumerate() {
         let (name, is_finding) = (name(score), findings.contains(&index));
         let rejected_because = rejection_reason(found, index);
-        let own = RankedCandidate { name, score, is_finding, rejected_because };
+        let probability = probability(found, score);
+        let own = RankedCandidate { name, probability, score, is_finding, rejected_because };
         match ranking.iter_mut().find(|ranked| ranked.name == own.name) {
             None => ranking.push(own),
             // Two orders may be equal after rounding; a finding has priority.
@@ -79,20 +85,14 @@ pub fn rejection_reason(found: &Diagnosis, index: usize) -> String {
     if finding_indices(found).contains(&index) {
         return String::new();
     }
-    if !score.passed {
-        return score.rejected_because.clone();
+    if let Some(rejection) = &score.rejection {
+        return rejection.why.clone();
     }
-    let cause = score.cause.name();
-    let weighed = format!("{cause} ({}) was evaluated and rejected: ", score.columns.join(", "));
-    let taken_back = format!("{cause} passed with the base model, but after a new fit");
-    for note in &found.log.notes {
-        if let Some(why) = note.strip_prefix(&weighed) {
-            return format!("significant alone, but in the joint fit: {why}");
-        }
-        if note.starts_with(&taken_back) {
-            return "significant alone, but after refitting it does not reduce the held-out error"
-                .into();
-        }
+    let is_own = |decision: &&RuleDecision| {
+        decision.cause == score.cause && decision.columns == score.columns
+    };
+    if let Some(decision) = found.decisions.iter().find(is_own) {
+        return format!("significant alone, but in the joint fit: {}", decision.rejection.why);
     }
     let rivals = |finding: &&Finding| {
         let mut rivals = finding.confusable_with.iter();
@@ -109,6 +109,24 @@ pub fn rejection_reason(found: &Diagnosis, index: usize) -> String {
         false => "significant alone, but adds too little to the findings".into(),
     }
 }
+
+/// Returns the calibrated probability that a candidate is real: that of its finding or of its review, otherwise from its
+/// linear fit.
+pub fn probability(found: &Diagnosis, score: &CandidateScore) -> f64 {
+    let finding = found.findings.iter().find(|finding| is_of(finding, score));
+    if let Some(finding) = finding {
+        return finding.probability;
+    }
+    let is_own = |own: &&AcceptedCause| own.cause == score.cause && own.columns == score.columns;
+    let reviewed = found.weighed.iter().find(is_own).map(|own| own.probability);
+    reviewed.unwrap_or_else(|| match score.rejection {
+        Some(_) => Calibration::current().candidate.probability(&score.evidence).min(UNNAMED),
+        None => Calibration::current().candidate.probability(&score.evidence),
+    })
+}
+
+/// Highest probability of a candidate that a rule has rejected.
+const UNNAMED: f64 = 0.5;
 
 /// Formats the gain of a candidate with two standard errors, in percent.
 pub fn gain(score: &CandidateScore) -> String {

@@ -14,11 +14,11 @@ use super::diagnose_log;
 use super::regression::regress;
 use crate::simulated;
 use friction_identification::data::{Dataset, Split};
-use friction_identification::diagnose::{Diagnosis, DiagnosisOptions};
+use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, Finding};
 use friction_identification::spec::parse_rigid_body;
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
-use simulated_machines::scenarios::unkind::{self, UnkindTruth, UnkindWorld};
+use simulated_machines::scenarios::unkind::{self, Family, UnkindTruth, UnkindWorld};
 
 /// Verdict on an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +57,8 @@ pub struct Answer {
     pub error_over_floor: f64,
     /// The true size lies in the 95 % interval; `None` unless the true cause was named first.
     pub size_inside: Option<bool>,
+    /// Probability of each finding with a term, and true if its cause is real; empty for the regression.
+    pub probabilities: Vec<(f64, bool)>,
     /// Processor time, s.
     pub seconds: f64,
     /// Best candidates, one line, for analysing a miss.
@@ -116,12 +118,12 @@ pub fn time_on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<(T
     }))
 }
 
-/// Runs the regression, and unless `rival_only` the diagnosis, on the world of a seed.
+/// Runs the regression, and unless `rival_only` the diagnosis, on the world of a seed in a family.
 ///
 /// # Errors
 /// Returns one line if the log cannot be split or diagnosed, because such a world must not be dropped from the count.
-pub fn run_contest(seed: u64, rival_only: bool) -> Result<Contest, String> {
-    let UnkindWorld { log, truth } = unkind::draw(seed);
+pub fn run_contest(seed: u64, family: Family, rival_only: bool) -> Result<Contest, String> {
+    let UnkindWorld { log, truth } = unkind::draw_family(seed, family);
     let data = simulated::dataset(&log);
     let rival = rival(&data, &truth)?;
     let ours = if rival_only { None } else { Some(ours(&data, &truth)?) };
@@ -139,6 +141,7 @@ fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
         gain: found.gain,
         error_over_floor: found.rmse / truth.floor_nm,
         size_inside: None,
+        probabilities: Vec::new(),
         seconds,
         figures: Value::Null,
     })
@@ -168,12 +171,29 @@ fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
             let [low, high] = finding.size.ci95;
             (low..=high).contains(&hidden.size)
         }),
+        probabilities: probabilities(&found, truth),
         seconds,
         candidates: format_candidates(&found),
         figures: figures(&found),
         named,
         confusable,
     })
+}
+
+/// Returns the calibrated probability of each finding that was fitted, and whether its cause is hidden in the world. Causes
+/// that hold for the log whatever is hidden are left out.
+fn probabilities(found: &Diagnosis, truth: &UnkindTruth) -> Vec<(f64, bool)> {
+    let is_hidden = |name: &str| truth.hidden.is_some() && truth.cause() == name;
+    let fitted = found.findings.iter().filter(|finding| {
+        let name = finding.cause.name();
+        let was_weighed = found.weighed.iter().any(|own| own.cause == finding.cause);
+        was_weighed && !truth.true_of_the_log.contains(&name)
+    });
+    let real = |finding: &Finding| {
+        let mut names = finding.confusable_with.iter().map(|rival| rival.cause.name());
+        is_hidden(finding.cause.name()) || names.any(is_hidden)
+    };
+    fitted.map(|finding| (finding.probability, real(finding))).collect()
 }
 
 /// Values of a diagnosis: first finding, gain, and its own noise floor.
@@ -183,6 +203,7 @@ fn figures(found: &Diagnosis) -> Value {
             "size": first.size.value,
             "ci95": first.size.ci95,
             "p_value": first.p_value,
+            "probability": first.probability,
             "stability": first.stability,
             "share_of_residual": first.share_of_residual,
         })
@@ -230,6 +251,7 @@ impl Answer {
             "gain": self.gain,
             "error_over_floor": self.error_over_floor,
             "size_inside": self.size_inside,
+            "probabilities": self.probabilities,
             "processor_seconds": self.seconds,
             "candidates": self.candidates,
             "figures": self.figures,

@@ -82,7 +82,7 @@ pub fn tables(contests: &[Contest]) -> String {
     let hides = |c: &Contest| c.truth.hidden.is_some();
     row(&mut text, "detectable", &pick(&|c| hides(c) && c.truth.is_detectable()));
     row(&mut text, "undetectable", &pick(&|c| hides(c) && !c.truth.is_detectable()));
-    for plant in ["bristles", "slip-elements"] {
+    for plant in ["bristles", "slip-elements", "lubricated-seal"] {
         row(&mut text, plant, &pick(&|c| c.truth.plant == plant));
     }
     let _ = write!(text, "\n| effect, in floors {head}");
@@ -118,6 +118,37 @@ pub fn tables(contests: &[Contest]) -> String {
         share(sized.iter().filter(|inside| **inside).count(), sized.len())
     });
     line("negative gains", &|answers| answers.iter().filter(|a| a.gain < 0.0).count().to_string());
+    text + &calibration(contests)
+}
+
+/// Lower bounds of the bins of a finding's probability.
+const PROBABILITY_BINS: [f64; 4] = [0.0, 0.6, 0.9, 1.0];
+
+/// Returns the table of the calibration: how many findings of a probability are real, and the Brier score.
+fn calibration(contests: &[Contest]) -> String {
+    let findings: Vec<(f64, bool)> =
+        contests.iter().filter_map(ours).flat_map(|answer| answer.probabilities.clone()).collect();
+    let mut text =
+        String::from("\n| probability of a finding | findings | real |\n|---|---|---|\n");
+    for bounds in PROBABILITY_BINS.windows(2) {
+        let own: Vec<bool> = findings
+            .iter()
+            .filter(|(p, _)| (bounds[0]..bounds[1]).contains(p))
+            .map(|f| f.1)
+            .collect();
+        let real = own.iter().filter(|real| **real).count();
+        let _ = writeln!(
+            text,
+            "| {:.1} to {:.1} | {} | {} |",
+            bounds[0],
+            bounds[1],
+            own.len(),
+            share(real, own.len())
+        );
+    }
+    let error = |(p, real): &(f64, bool)| (p - f64::from(u8::from(*real))).powi(2);
+    let brier = findings.iter().map(error).sum::<f64>() / findings.len().max(1) as f64;
+    let _ = writeln!(text, "\nBrier score of the findings: {brier:.3}");
     text
 }
 
@@ -126,9 +157,11 @@ pub fn document(contests: &[Contest], seed: u64, tables: &str) -> String {
     let worlds = contests.len();
     format!(
         "# The diagnosis on unkind worlds\n\n\
-         Simulated; {worlds} worlds of seed base {seed}, made by `cargo run --release -p host-sim --example unkind -- \
-         --worlds {worlds} --seed {seed} --update`. What an unkind world is: `host-sim/machines/src/scenarios/unkind.rs`; what \
-         counts as right: `host-sim/src/benchmark/contest.rs`; the regression: `host-sim/src/benchmark/regression.rs`.\n\n{tables}"
+         Simulated; {worlds} worlds of seed base {seed}, half of the family that the calibration was fitted to and half \
+         with a plant and sensors that it has not seen (`lubricated-seal`), made by `cargo run --release -p host-sim \
+         --example unkind -- --worlds {} --seed {seed} --update`. What an unkind world is: `host-sim/machines/src/scenarios/unkind.rs`; what \
+         counts as right: `host-sim/src/benchmark/contest.rs`; the regression: `host-sim/src/benchmark/regression.rs`.\n\n{tables}",
+        worlds / 2
     )
 }
 

@@ -88,10 +88,11 @@ pub fn findings(found: &Diagnosis) -> String {
         };
         text += &format!("{}{columns}: {}\n", finding.cause.name(), finding.size.in_words());
         text += &format!(
-            "  reduces the squared error by {} %, found in {} % of resampled logs, p = {}\n",
+            "  probability {:.2}, p = {}\n  reduces the squared error by {} %, found in {} % of resampled logs\n",
+            finding.probability,
+            significant(finding.p_value, 1),
             significant(100.0 * finding.share_of_residual, 3),
             significant(100.0 * finding.stability, 3),
-            significant(finding.p_value, 1),
         );
         let rivals: Vec<&str> =
             finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
@@ -103,7 +104,10 @@ pub fn findings(found: &Diagnosis) -> String {
         text += "Best candidates, with their gain on held-out rows (% of the squared error):\n";
         for ranked in ranking(found).iter().take(LISTED_CANDIDATES) {
             let (name, reason) = (&ranked.name, &ranked.rejected_because);
-            text += &format!("- {name}: {} %; rejected because: {reason}\n", gain(ranked.score));
+            let (gain, probability) = (gain(ranked.score), ranked.probability);
+            text += &format!(
+                "- {name}: {gain} %, probability {probability:.2}; rejected because: {reason}\n"
+            );
         }
     }
     text + left_out_in_words(found)

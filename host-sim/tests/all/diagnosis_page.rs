@@ -119,8 +119,11 @@ fn page_with_finding_shows_summary_and_evidence() {
     for title in ["Over velocity", "Over pressure difference", "Over the campaign"] {
         assert_eq!(titled(title), 2, "{title}: along the motion, and as it is");
     }
-    let places =
-        values(&charts, "Gain of each candidate, added alone to the base model", "finding");
+    let places = values(
+        &charts,
+        "Gain and probability of each candidate, added alone to the base model",
+        "finding",
+    );
     assert_eq!(places.len(), 1, "one cause is a finding, at {places:?}");
     assert!(own.contains("rejected because") && own.contains("Each run was held out once"));
     for title in [

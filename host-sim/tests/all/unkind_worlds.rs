@@ -7,7 +7,7 @@
 use host_sim::benchmark::contest::{Contest, Verdict, run_contest};
 use host_sim::benchmark::score::Count;
 use rayon::prelude::*;
-use simulated_machines::scenarios::unkind::{self, SensorKind};
+use simulated_machines::scenarios::unkind::{self, Family, SensorKind};
 
 /// Seeds of the graded scenarios: 3,100 to 6,700 rows, every kind of sensor, both plants.
 const SEEDS: [u64; 20] = [
@@ -32,8 +32,10 @@ const SHORT: GradeLimits = GradeLimits { count: 7, right: 4, wrong: 1 };
 fn diagnose_on_adverse_scenarios_stays_within_grade_limits() {
     let GradeLimits { count, right, wrong } = if crate::is_long() { LONG } else { SHORT };
     let seeds = &SEEDS[..count];
-    let contests: Vec<Contest> =
-        seeds.par_iter().map(|seed| run_contest(*seed, false).expect("an answer")).collect();
+    let contests: Vec<Contest> = seeds
+        .par_iter()
+        .map(|seed| run_contest(*seed, Family::Training, false).expect("an answer"))
+        .collect();
     for contest in &contests {
         println!("{}", contest.line());
     }
@@ -58,8 +60,10 @@ fn diagnose_with_base_law_of_wrong_shape_names_no_cause() {
 
 /// Diagnoses scenarios and checks that no cause is named, which is the right result for them.
 fn diagnose_without_cause(seeds: [u64; 3]) -> Vec<Contest> {
-    let contests: Vec<Contest> =
-        seeds.into_par_iter().map(|seed| run_contest(seed, false).expect("an answer")).collect();
+    let contests: Vec<Contest> = seeds
+        .into_par_iter()
+        .map(|seed| run_contest(seed, Family::Training, false).expect("an answer"))
+        .collect();
     for contest in &contests {
         println!("{}", contest.line());
         let ours = contest.ours.as_ref().expect("the diagnosis was asked");

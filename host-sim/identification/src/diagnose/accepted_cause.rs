@@ -2,9 +2,11 @@
 
 use super::cause::CauseCandidate;
 use super::cause::definition::Cause;
+use super::cause_evidence::CauseEvidence;
 use super::extended::Extended;
 use super::finding::{ConfoundedCause, Finding};
 use super::gram_blocks::CandidateFit;
+use super::rules::{self, Rejection};
 use super::train_test::FollowedColumn;
 use super::train_test::TrainTest;
 use crate::fit::{Estimate, Outcome, State};
@@ -27,6 +29,10 @@ pub struct AcceptedCause {
     pub share: f64,
     /// Other causes that would explain the same.
     pub rivals: Vec<ConfoundedCause>,
+    /// What speaks for it.
+    pub evidence: CauseEvidence,
+    /// Calibrated probability that it is real.
+    pub probability: f64,
     /// It describes the runs there are; for others it has been shown to fail, or could not be shown.
     pub only_describes: bool,
 }
@@ -42,16 +48,33 @@ impl AcceptedCause {
             fit,
             share: 0.0,
             rivals: Vec::new(),
+            evidence: CauseEvidence::default(),
+            probability: 0.0,
             only_describes: false,
         }
     }
 
-    /// The parameter of its own that the fit to all rows drove to its bound, if there is one: there its term stands in for
-    /// something else. (A measured lead screw at steady speeds: a play of 10 rad, give or take 37,000.)
-    pub fn at_bound(&self, outcome: &Outcome) -> Option<&'static str> {
+    /// Returns the rule that rejects the cause in the fit to all rows: a parameter at its bound, an impossible size, or an
+    /// interval that contains no effect.
+    pub fn rejection(&self, outcome: &Outcome, log: &TrainTest) -> Option<Rejection> {
         let own = |estimate: &&Estimate| self.term.parameters().contains(&estimate.id);
         let mut own = outcome.estimates.iter().filter(own);
-        own.find(|estimate| estimate.state == State::AtBound).map(|estimate| estimate.id.name())
+        if let Some(estimate) = own.find(|estimate| estimate.state == State::AtBound) {
+            let why = format!("in the fit to all rows, {} is at its bound", estimate.id.name());
+            return Some(Rejection::new(&rules::AT_BOUND, why));
+        }
+        let size = self.cause.size(&Extended { outcome, log, follows: self.follows.as_ref() });
+        if let Some(least) = self.cause.least_size(log).filter(|least| size.value < *least) {
+            let why = format!("its size {} is below {least}, the least possible", size.in_words());
+            return Some(Rejection::new(&rules::UNPHYSICAL, why));
+        }
+        let [low, high] = size.ci95;
+        let has_interval = low < high && low.is_finite() && high.is_finite();
+        let spans = (low..=high).contains(&self.cause.no_effect_size());
+        (has_interval && spans).then(|| {
+            let why = format!("its size {} does not exclude no effect", size.in_words());
+            Rejection::new(&rules::SPANS_NO_EFFECT, why)
+        })
     }
 
     /// The finding, as the joint fit has it.
@@ -85,6 +108,7 @@ impl AcceptedCause {
             size,
             order: cause.order(&extended),
             p_value: self.fit.p_value,
+            probability: self.probability,
             stability: self.fit.stability,
             share_of_residual: self.share,
             confusable_with: self.rivals.clone(),

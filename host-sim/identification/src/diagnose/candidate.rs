@@ -6,8 +6,9 @@
 //! coarse grid; the fit moves on from the best. A cause whose column is not in the log, or does not vary
 //! there, has no candidate: nothing is invented.
 
-use super::sensitivities::{Exact, Sensitivities};
+use super::sensitivities::{Exact, Sensitivities, TrackSensitivities};
 use super::train_test::{FollowedColumn, TrainTest};
+use crate::fit::Track;
 use crate::spec::Spec;
 use compensator_core::{ParameterId, Sample, TermKind};
 
@@ -33,7 +34,12 @@ pub enum Regressor {
     Row(Box<dyn Fn(&Row) -> f64 + Send + Sync>),
     /// Simulated for itself.
     Exact(Exact),
+    /// From the motion of a whole track, at the shaft.
+    Track(TrackRegressor),
 }
+
+/// Returns the column of a regressor along one track, before the low-pass of the torque channel.
+pub type TrackRegressor = Box<dyn Fn(&Track, &TrackSensitivities) -> Vec<f64> + Send + Sync>;
 
 /// A column from what is known of each row.
 pub fn row(f: impl Fn(&Row) -> f64 + Send + Sync + 'static) -> Regressor {

@@ -29,7 +29,10 @@ pub struct Finding {
     /// Probability that the best of all candidates reaches this error reduction under the null
     /// hypothesis.
     pub p_value: f64,
-    /// Share of resampled logs in which it is the best candidate.
+    /// Calibrated probability that the cause is real, 0 to 1 ([`super::calibration`]). For a cause that was observed without
+    /// a fit, the complement of its p value.
+    pub probability: f64,
+    /// Share of resampled logs in which it, or a cause that the log cannot distinguish from it, is the best candidate.
     pub stability: f64,
     /// Share of the squared residual that only this cause explains.
     pub share_of_residual: f64,
@@ -50,6 +53,7 @@ impl Finding {
             size: seen.size,
             order: None,
             p_value: seen.p_value,
+            probability: 1.0 - seen.p_value.clamp(0.0, 1.0),
             stability: seen.stability,
             share_of_residual: seen.share_of_residual,
             confusable_with: Vec::new(),

@@ -96,6 +96,8 @@ pub struct CandidateFit {
     pub candidate: usize,
     /// Coefficients of its columns, in their own units.
     pub coefficients: Vec<f64>,
+    /// Change of each free parameter of the base beside it.
+    pub base_change: Vec<f64>,
     /// Reduction of the sum of squares, Nm^2.
     pub gain: f64,
     /// Reduction of the sum of squares on held-out stretches.
@@ -289,6 +291,9 @@ impl GramBlocks {
                         found.as_ref().map_or(0.0, |f| f.coefficients[at] / self.length[column])
                     })
                     .collect();
+                let base_change = (0..self.base.len())
+                    .map(|at| found.as_ref().map_or(0.0, |f| f.coefficients[at] / self.length[at]))
+                    .collect();
                 let after = self.unseen(&columns, LeftOut::Stretches);
                 let CandidateOptions { comparisons, block_weighted } = options[candidate];
                 let weigh = |fall: ErrorReduction| {
@@ -302,6 +307,7 @@ impl GramBlocks {
                 CandidateFit {
                     candidate,
                     coefficients,
+                    base_change,
                     gain: base - found.map_or(base, |f| f.sse),
                     unseen,
                     unseen_runs,
@@ -310,6 +316,12 @@ impl GramBlocks {
                 }
             })
             .collect()
+    }
+
+    /// Returns the sum of squares of the residual with the base refitted beside the columns of other laws.
+    pub fn sse_beside_other_laws(&self) -> f64 {
+        let laws: Vec<usize> = self.base.iter().copied().chain(self.others.clone()).collect();
+        fit(&self.total, &laws).map_or_else(|| self.sse(), |fit| fit.sse)
     }
 
     /// By how much a candidate is better on stretches left out where laws of other shapes have taken theirs.

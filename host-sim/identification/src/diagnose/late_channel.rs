@@ -6,14 +6,20 @@
 //! torque come *before* the motion, which no friction does. So the base model is fitted through low-passes of several time
 //! constants ([`crate::fit::channel`]), and to the velocity of several times later. One is taken if it lowers
 //! `n ln(SSE)` by what its choice costs (`n` the number of *independent* rows); a low-pass must be better than a delay in
-//! its place as well. Both are sought beside bristles alone (a linear law's sharp edges are rounded by whatever is slow, on
+//! its place as well. Hysteresis that the base law lacks looks like a lag in a log of one speed. So a late channel must
+//! keep half of its gain beside Maxwell-slip elements ([`super::hysteresis`]), whose torque depends on the travel and not
+//! on the time. A linear test of both comes first, so that most logs need none of these fits. Both are sought beside bristles alone (a linear law's sharp edges are rounded by whatever is slow, on
 //! two measured seals by a low-pass as slow as may be), and not taken at the end of their range.
 //!
 //! From there on the model's torque goes through the low-pass wherever it is held against the measured one, and the
 //! velocity is that of the later time. The friction that is fitted is the shaft's; nothing of either is handed to a driver.
 
 use super::baseline::independent_rows;
+use super::candidate::{FitContext, Regressor, row};
+use super::hysteresis;
 use super::model::{FittedModel, again};
+use super::sensitivities::sensitivities;
+use super::survey::{block_length, survey};
 use super::train_test::TrainTest;
 use crate::data::{JointKind, Quantity};
 use crate::fit::Track;
@@ -62,9 +68,7 @@ impl LateChannelKind {
 
     /// Whether a log may have it. A velocity beside a position has been held against that one.
     fn may_be_in(self, log: &TrainTest) -> bool {
-        let has_position =
-            || log.train.runs.iter().any(|run| run.get(Quantity::Position).is_some());
-        self == Self::LowPassedTorque || !has_position()
+        self == Self::LowPassedTorque || !log.has_position()
     }
 }
 
@@ -151,6 +155,13 @@ pub fn found(
     }
     let log = &excerpt(log);
     let without = &again(log.train_rows(), base);
+    let lags = screening_lags(log);
+    let beside_hysteresis = sse_beside(log, without, &[]);
+    let rows = independent_rows(log, without);
+    let reduction = rows * (beside_hysteresis / sse_beside(log, without, &lags)).ln();
+    if reduction.is_nan() || reduction < (lags.len() + 1) as f64 * rows.max(2.0).ln() {
+        return Ok(None);
+    }
     let mut best: Option<LateChannel> = None;
     for late in sought.iter().copied().filter(|late| late.may_be_in(log)) {
         let Some((channel, fitted)) = best_time(log, (base, without), late) else { continue };
@@ -159,11 +170,52 @@ pub fn found(
         {
             continue;
         }
-        if best.is_none_or(|best| channel.share_left < best.share_left) {
+        let compensated = channel.lag_compensated(log.clone());
+        let kept = (beside_hysteresis / sse_beside(&compensated, &fitted, &[])).ln();
+        let is_lag = rows * kept > cost(rows) && kept > -MIN_KEPT * channel.share_left.ln();
+        if is_lag && best.is_none_or(|best| channel.share_left < best.share_left) {
             best = Some(channel);
         }
     }
     Ok(best)
+}
+
+/// Share of its gain, in `ln(SSE)`, that a late channel must keep beside the elements of hysteresis.
+const MIN_KEPT: f64 = 0.5;
+
+/// Time constants of the lags in the linear test, in periods of the log; 0 stands for the derivative at no lag.
+const SCREENED_PERIODS: [f64; 4] = [0.0, 4.0, 16.0, 64.0];
+
+/// Returns the time constants of the linear test on this log, s.
+fn screening_lags(log: &TrainTest) -> Vec<f64> {
+    let period_s = log.train_tracks.first().map_or(0.0, |track| track.period_s);
+    let times = SCREENED_PERIODS.map(|periods| periods * period_s);
+    times.into_iter().filter(|time_s| *time_s <= LONGEST_S).collect()
+}
+
+/// Returns the squared error of a model in a linear fit with the elements of hysteresis and with lags of these time
+/// constants, s, in Nm^2.
+fn sse_beside(log: &TrainTest, model: &FittedModel, lags_s: &[f64]) -> f64 {
+    let at = sensitivities(&model.parameters, &model.free, &log.train_tracks, model.resolution);
+    let mut columns = hysteresis::columns(&FitContext { log, spec: &model.spec, at: &at });
+    columns.extend(lags_s.iter().map(|time_s| lag(*time_s)));
+    survey(log, &at, &[], &columns, block_length(log, &at)).sse_beside_other_laws()
+}
+
+/// Returns the change of the torque by a low-pass of this time constant, s; for 0, its derivative by the time.
+fn lag(time_s: f64) -> Regressor {
+    if time_s == 0.0 {
+        return row(|row| row.slope);
+    }
+    Regressor::Track(Box::new(move |track, at| {
+        let share = 1.0 - (-track.period_s / time_s).exp();
+        let mut held = at.shaft_torque.first().copied().unwrap_or_default();
+        let follow = |torque: &f64| {
+            held += share * (torque - held);
+            held - torque
+        };
+        at.shaft_torque.iter().map(follow).collect()
+    }))
 }
 
 /// The channel with which the base model, begun from `base`, fits best, if it is worth it against the same `without`.

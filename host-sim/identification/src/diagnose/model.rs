@@ -166,12 +166,29 @@ pub fn with_candidate(
     let mut fixed = model.fixed.clone();
     fixed.extend(&candidate.fixed);
     let follows = candidate.follows.clone().or_else(|| model.follows.clone());
-    let mut start = Start { spec, parameters, fixed, follows, resolution: model.resolution };
+    let start = Start { spec, parameters, fixed, follows, resolution: model.resolution };
+    let fitted = continued(fits, start.clone(), model.sse, linear.gain);
+    if model.sse - fitted.sse >= KEPT * linear.gain {
+        return Ok(fitted);
+    }
+    // Beside a strong effect, the other parameters are far from their values.
+    let start = Start { parameters: changed(&start.parameters, model, linear), ..start };
+    let other = continued(fits, start, model.sse, linear.gain);
+    Ok(if other.sse < fitted.sse { other } else { fitted })
+}
+
+/// Share of the linear fit's gain below which a fit starts again from all parameters of the linear fit.
+const KEPT: f64 = 0.5;
+
+/// Largest ratio by which the linear fit changes a positive parameter of a start.
+const MAX_CHANGE: f64 = 3.0;
+
+/// Returns the fit from a start. A short fit may end early. Additional fits continue it until it keeps the gain of the
+/// linear fit.
+fn continued(fits: &FitCache, mut start: Start, before_sse: f64, linear_gain: f64) -> FittedModel {
     let mut fitted = fits.from(&start);
-    // A short fit may end early. Additional fits continue it until it keeps the gain of the linear
-    // fit.
     for _ in 0..MORE_FITS {
-        let missing = PROMISED * linear.gain - (model.sse - fitted.sse);
+        let missing = PROMISED * linear_gain - (before_sse - fitted.sse);
         if missing <= 0.0 {
             break;
         }
@@ -182,7 +199,21 @@ pub fn with_candidate(
             break;
         }
     }
-    Ok(fitted)
+    fitted
+}
+
+/// Returns the parameters of a start with the changes of the linear fit in the parameters of the model.
+fn changed(start: &Parameters<f64>, model: &FittedModel, linear: &CandidateFit) -> Parameters<f64> {
+    let mut parameters = start.clone();
+    for (id, change) in model.free.iter().zip(&linear.base_change) {
+        let (value, info) = (model.parameters.get(*id), id.info());
+        let mut next = value + change;
+        if value > 0.0 && info.lower >= 0.0 {
+            next = next.clamp(value / MAX_CHANGE, value * MAX_CHANGE);
+        }
+        parameters.set(*id, next.clamp(info.lower, info.upper));
+    }
+    parameters
 }
 
 /// Returns the model without one of its terms and all other parameters refitted. `follows` is the

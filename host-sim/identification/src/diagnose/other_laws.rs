@@ -6,10 +6,11 @@
 //! of this structure: a load that moves with the joint, an acceleration or a drag.
 //!
 //! The review therefore computes what a finding still gains beside these regressors: bristles of
-//! other stiffnesses, levels that fall at other speeds, and delayed levels. A true cause keeps a
-//! large part of its gain. A cause that only describes the error of the law loses it.
+//! other stiffnesses, levels that fall at other speeds, delayed levels, and Maxwell-slip elements
+//! ([`super::hysteresis`]). A true cause keeps a large part of its gain. A cause that only describes the error of the law loses it.
 
 use super::candidate::{FitContext, Regressor, Row, row};
+use super::hysteresis;
 use super::sensitivities::Exact;
 use super::train_test::TrainTest;
 use compensator_core::{ParameterId as Id, TermKind};
@@ -49,7 +50,8 @@ pub fn columns(context: &FitContext) -> Vec<Regressor> {
     let top = top_speed(context.log);
     let speeds = SPEEDS.into_iter().map(|share| share * top).filter(|speed| *speed > 0.0);
     let of_speed = speeds.flat_map(|speed| [falls_off(speed), remembers(speed)]);
-    bristles_of.map(bristles).chain(of_speed).collect()
+    let elements = hysteresis::columns(context);
+    bristles_of.map(bristles).chain(of_speed).chain(elements).collect()
 }
 
 fn top_speed(log: &TrainTest) -> f64 {

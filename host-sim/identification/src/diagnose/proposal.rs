@@ -4,13 +4,12 @@
 //! left out once ([`super::left_out`]), or judged on the runs that were set apart. An extension that does not gain so
 //! loses its weakest cause, and what is left is judged again, until it gains or there is nothing left.
 
-use super::accepted_cause::AcceptedCause;
 use super::cause::CauseIdentity;
 use super::evaluation::{Gain, gain};
 use super::gram_blocks::LeftOut;
 use super::left_out::{goes_beyond, predict_left_out, unit};
 use super::model::FittedModel;
-use super::round::material;
+use super::rules::{self, Rejection, RuleDecision};
 use super::search::{Extension, Search};
 use super::train_test::TrainTest;
 use crate::fit::{Outcome, Predicted};
@@ -33,7 +32,9 @@ pub struct Proposal {
     pub left_out: Option<LeftOut>,
     /// Withdrawn causes.
     pub taken_back: Vec<CauseIdentity>,
-    /// Reasons, one sentence each.
+    /// The rules that withdrew them.
+    pub decisions: Vec<RuleDecision>,
+    /// Notes on the evaluation, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -49,7 +50,7 @@ pub fn propose(
     mut extension: Extension,
     given: Option<Predicted>,
 ) -> Result<Proposal, SpecError> {
-    let (mut taken_back, mut notes) = (Vec::new(), Vec::new());
+    let (mut taken_back, mut decisions, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     if log.leaves_each_out && goes_beyond(log) {
         let why = "one run is much faster than all others, which do not cover its speeds: a stretch of each run is left out \
                    instead of whole runs";
@@ -58,71 +59,69 @@ pub fn propose(
     let (left_out, before, after, gain, extended) = loop {
         let describes = extension.found.iter().any(|found| found.only_describes);
         let way = if describes { LeftOut::Stretches } else { unit(log) };
-        let left_out = log.leaves_each_out.then_some(way);
+        let is_judged = log.leaves_each_out && search.naming_threshold <= 1.0;
+        let left_out = is_judged.then_some(way);
         let judged = |model: &FittedModel| match left_out {
             Some(way) => predict_left_out(log, model, way),
             None => model.on_test(log),
         };
         let before = given.clone().unwrap_or_else(|| judged(search.base));
-        let Some(weakest) = extension.found.len().checked_sub(1) else {
+        if extension.found.is_empty() {
             break (left_out, before.clone(), before, Gain::default(), None);
-        };
-        let after = judged(&extension.model);
-        let gain = gain(&before, &after, search.seed);
-        if let Some(why) = gains_too_little(log, &extension.found, &before, &gain) {
-            let name = extension.found[weakest].cause.name();
-            notes.push(format!(
-                "{name} passed with the base model, but after a new fit it {why} on held-out rows ({:.1} %, 95 % interval \
-                 {:.1} to {:.1} %): it is not proposed",
-                100.0 * gain.value,
-                100.0 * gain.ci95[0],
-                100.0 * gain.ci95[1]
-            ));
-            take_back(search, &mut extension, weakest, &mut taken_back)?;
-            continue;
         }
+        // An impossible value is seen without the fits to parts of the log.
         let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
         let outcome = super::outcome(&log.following(follows), &extension.model)?;
         let places = (0..extension.found.len()).rev();
-        let at_bound = |place: usize| Some((place, extension.found[place].at_bound(&outcome)?));
-        let Some((place, parameter)) = places.into_iter().find_map(at_bound) else {
-            break (left_out, before, after, gain, Some(outcome));
+        let rejected =
+            |place: usize| Some((place, extension.found[place].rejection(&outcome, log)?));
+        let (place, rejection) = if let Some(rejected) = places.into_iter().find_map(rejected) {
+            rejected
+        } else {
+            let after = judged(&extension.model);
+            let gain = gain(&before, &after, search.seed);
+            let Some(rejection) = gains_too_little(log, &before, &gain) else {
+                break (left_out, before, after, gain, Some(outcome));
+            };
+            (extension.found.len() - 1, rejection)
         };
-        let name = extension.found[place].cause.name();
-        notes.push(format!(
-            "{name} passed with the base model, but in the fit to all rows {parameter} is at its bound: it is not proposed"
-        ));
-        take_back(search, &mut extension, place, &mut taken_back)?;
+        let gone = &extension.found[place];
+        decisions.push(RuleDecision {
+            cause: gone.cause,
+            columns: gone.columns.clone(),
+            rejection,
+        });
+        taken_back.push(CauseIdentity::new(gone.cause, gone.follows.as_ref()));
+        extension.model = extension.without(search, place)?;
+        extension.found.remove(place);
     };
-    Ok(Proposal { extension, extended, before, after, gain, left_out, taken_back, notes })
+    Ok(Proposal {
+        extension,
+        extended,
+        before,
+        after,
+        gain,
+        left_out,
+        taken_back,
+        decisions,
+        notes,
+    })
 }
 
-/// Whether an extension fitted anew gains nothing for sure, or less than its causes had to take to enter; the middle of a sentence.
-fn gains_too_little(
-    log: &TrainTest,
-    found: &[AcceptedCause],
-    before: &Predicted,
-    gain: &Gain,
-) -> Option<&'static str> {
-    if gain.ci95[0] <= 0.0 {
-        return Some("does not reduce the error");
+/// Returns the rejection of an extension that has no significant gain after a new fit, or a negligible one.
+fn gains_too_little(log: &TrainTest, before: &Predicted, gain: &Gain) -> Option<Rejection> {
+    let [low, high] = gain.ci95.map(|end| 100.0 * end);
+    let value = 100.0 * gain.value;
+    if gain.ci95[0] <= rules::NO_GAIN.limit {
+        let why = format!(
+            "after a new fit, its gain on held-out rows is {value:.1} % (95 % interval {low:.1} to {high:.1} %)"
+        );
+        return Some(Rejection::new(&rules::NO_GAIN, why));
     }
     let beyond = log.share_beyond_floor(before.metrics.rmse.powi(2));
-    let least = found.iter().map(|found| material(found.cause, beyond));
-    let least = least.fold(f64::INFINITY, f64::min);
     let taken = 1.0 - (1.0 - gain.value).powi(2);
-    (taken < least * beyond).then_some("reduces the error by a negligible amount")
-}
-
-/// Takes a cause out of an extension.
-fn take_back(
-    search: &Search,
-    extension: &mut Extension,
-    index: usize,
-    taken_back: &mut Vec<CauseIdentity>,
-) -> Result<(), SpecError> {
-    extension.model = extension.without(search, index)?;
-    let gone = extension.found.remove(index);
-    taken_back.push(CauseIdentity::new(gone.cause, gone.follows.as_ref()));
-    Ok(())
+    (taken < rules::NEGLIGIBLE.limit * beyond).then(|| {
+        let why = format!("after a new fit, its gain on held-out rows is negligible, {value:.1} %");
+        Rejection::new(&rules::NEGLIGIBLE, why)
+    })
 }

@@ -5,138 +5,174 @@
 //! own effect. Each finding that stays is compared with the causes that would explain the same.
 
 use super::accepted_cause::AcceptedCause;
-use super::block_errors::BlockErrors;
+use super::block_errors::{BlockErrors, Improvement};
+use super::calibration::Calibration;
 use super::cause::{CauseCandidate, CauseIdentity};
+use super::cause_evidence::CauseEvidence;
 use super::finding::ConfoundedCause;
 use super::gram_blocks::CandidateFit;
 use super::model::{FittedModel, with_candidate, without};
 use super::round::Round;
+use super::rules;
 use super::search::{Extension, Search};
 use super::select::{at_bound, better, share};
-use super::thresholds::{ALIKE, ANY_SHAPE, BETTER, MATERIAL, SHORTLISTED};
+use super::thresholds::{ALIKE, BETTER, SHORTLISTED};
 use super::train_test::FollowedColumn;
 use crate::spec::SpecError;
 
 /// Resampled logs the stability is counted over.
 const RESAMPLES: usize = 60;
 
-/// Minimum share of resampled logs in which a cause must be the best of all candidates, if it removes less than
-/// [`MATERIAL`] of the whole squared error. Near the floor some candidate always gains about a percent.
-const MIN_STABILITY: f64 = 0.05;
-
 fn is_any_shape(found: &AcceptedCause) -> bool {
     found.follows.as_ref().is_some_and(FollowedColumn::is_any_shape)
 }
 
+fn identity(found: &AcceptedCause) -> CauseIdentity {
+    CauseIdentity::new(found.cause, found.follows.as_ref())
+}
+
 /// Takes every finding out once, the last one first, and weighs all candidates in its place; returns what
-/// did not hold.
+/// did not hold. The findings that stay have their evidence and probability.
 ///
 /// # Errors
 /// If there are more terms than the core takes.
 pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<CauseIdentity>, SpecError> {
-    let Search { log, base, seed, progress, .. } = *search;
     let mut lost_claims = Vec::new();
     let mut left = extension.found.len();
     let corrected = corrected(search, extension)?;
     while left > 0 {
         let index = left - 1;
-        let rest = extension.without(search, index)?;
-        let Extension { model, found } = &mut *extension;
-        let claim = CauseIdentity::new(found[index].cause, found[index].follows.as_ref());
-        progress(&format!("comparing {} with all other causes", claim.cause.name()));
-        let round = Round::new(log, &rest);
-        let same = |candidate: &CauseCandidate| candidate.claim() == claim;
-        let own = round
-            .fits
-            .iter()
-            .filter(|fit| same(&round.candidates[fit.candidate]))
-            .max_by(|a, b| a.unseen.value.total_cmp(&b.unseen.value))
-            .cloned();
-        let better = better(search, model, &round, claim.cause);
-        let unique = better.describes;
-        let all = BlockErrors::of_model(log, base, round.length);
-        let read = match &corrected {
-            Some(model) if !is_misreading(&found[index]) => {
-                BlockErrors::of_model(log, model, round.length)
-            }
-            _ => all.clone(),
+        let place = Place::new(search, extension, index)?;
+        let own = place.own.clone().filter(|own| place.holds(search, own, corrected.as_ref()));
+        let Some(own) = own else {
+            // It was in the place of another: gone, and the others are reviewed anew.
+            extension.model = place.rest;
+            lost_claims.push(identity(&extension.found.remove(index)));
+            left = extension.found.len();
+            continue;
         };
-        let lost = own.as_ref().is_none_or(|fit| {
-            let candidate = &round.candidates[fit.candidate];
-            // It is asked about by name here: no other candidate, only its own settings, are paid for.
-            let p = unique.probability(candidate.regressors.len(), candidate.comparisons);
-            let named = all.sse() - round.block_errors.sse();
-            round.rejection_reason(fit.candidate, &better, p).is_some()
-                || unique.value < MATERIAL * log.beyond_floor(read.sse())
-                || (is_any_shape(&found[index]) && unique.value < ANY_SHAPE * named)
-                || unique.at_least() <= 0.0
-                || !stands_alone(&round, fit)
-                || is_dominated(&round, &claim, unique.value)
-        });
-        if !lost
-            && let Some(own) = &own
-            && let Some((instead, fitted)) =
-                displaced(search, model, &rest, &round, own, &lost_claims)?
+        let Extension { model, found } = &mut *extension;
+        let Place { rest, round, .. } = &place;
+        if let Some((instead, fitted)) = displaced(search, model, rest, round, &own, &lost_claims)?
         {
+            lost_claims.push(identity(&found[index]));
             *model = fitted;
             found[index] = instead;
-            lost_claims.push(claim);
             left = found.len();
             continue;
         }
-        if lost {
-            // It was in the place of another: gone, and the others are reviewed anew.
-            *model = rest;
-            let gone = found.remove(index);
-            lost_claims.push(CauseIdentity::new(gone.cause, gone.follows.as_ref()));
-            left = found.len();
-            continue;
-        }
-        let candidates = &round.candidates;
-        let wins = round.gram.stability(RESAMPLES, seed + 7, |c| candidates[c].weight);
-        // Two settings of one cause's grid are the same cause.
-        let stability: f64 =
-            (0..candidates.len()).filter(|c| same(&candidates[*c])).map(|c| wins[c]).sum();
-        let taken = share(&unique, &all);
-        if stability < MIN_STABILITY && taken < MATERIAL && !is_any_shape(&found[index]) {
-            *model = rest;
-            let gone = found.remove(index);
-            lost_claims.push(CauseIdentity::new(gone.cause, gone.follows.as_ref()));
-            left = found.len();
-            continue;
-        }
+        let reviewed = place.reviewed(search, model, own)?;
+        found[index] = reviewed;
         left -= 1;
-        let Some(mut fit) = own else { continue };
-        fit.stability = stability.min(1.0);
-        (fit.unseen, fit.unseen_runs) = (better.describes, better.extrapolates);
-        fit.p_value = fit.p_value.min(found[index].fit.p_value);
-        found[index].share = taken;
-        found[index].only_describes = round.only_describes(fit.candidate)
-            && better.extrapolates.is_some_and(|runs| runs.value <= 0.0);
-        let mut named = rivals(&round, &fit);
-        named.extend(fitted_rivals(search, model, &rest, &round, &fit, &named)?);
-        named.sort_by(|a, b| b.share.total_cmp(&a.share));
-        found[index].rivals = named;
-        found[index].fit = fit;
     }
     order(&mut extension.found);
     Ok(lost_claims)
 }
 
-/// Of what a candidate gains, so much must be left where laws of other shapes have taken theirs. On drawn worlds what was there
-/// kept 0.37 and more, what was not 0.13 and less or nearly all; twice as much takes a true drag,
-/// half as much lets one drag pass that is not there.
-const MIN_INDEPENDENT_SHARE: f64 = 0.25;
+/// The place of a finding: all candidates beside the model without it.
+struct Place {
+    found: AcceptedCause,
+    rest: FittedModel,
+    round: Round,
+    /// The best candidate of the same cause in this round.
+    own: Option<CandidateFit>,
+    /// Improvement by the finding.
+    better: Improvement,
+    /// Errors of the base law.
+    base: BlockErrors,
+}
 
-/// Whether a candidate is more than a part of what a law of another shape would explain. Not asked where what the columns
-/// promise is not what a fit gains: of causes that bend the bristles themselves, of ripples, and where they promise nothing.
-fn stands_alone(round: &Round, fit: &CandidateFit) -> bool {
-    let cause = round.candidates[fit.candidate].cause;
-    let by_itself = round.gram.beside_other_laws(fit.candidate).value;
-    cause.is_nonlinear()
-        || cause.is_poorly_linearised()
-        || fit.unseen.value <= 0.0
-        || by_itself >= MIN_INDEPENDENT_SHARE * fit.unseen.value
+impl Place {
+    fn new(search: &Search, extension: &Extension, index: usize) -> Result<Self, SpecError> {
+        let found = extension.found[index].clone();
+        (search.progress)(&format!("comparing {} with all other causes", found.cause.name()));
+        let rest = extension.without(search, index)?;
+        let round = Round::new(search.log, &rest);
+        let claim = identity(&found);
+        let own = round.fits.iter().filter(|fit| round.candidates[fit.candidate].claim() == claim);
+        let own = own.max_by(|a, b| a.unseen.value.total_cmp(&b.unseen.value)).cloned();
+        let better = better(search, &extension.model, &round, found.cause);
+        let base = BlockErrors::of_model(search.log, search.base, round.length);
+        Ok(Self { found, rest, round, own, better, base })
+    }
+
+    /// Returns true if no rule rejects the finding. `corrected` is the base law with the measurement error of the torque,
+    /// if there is one.
+    fn holds(&self, search: &Search, own: &CandidateFit, corrected: Option<&FittedModel>) -> bool {
+        let candidate = &self.round.candidates[own.candidate];
+        let takes = self.better.describes;
+        // It is asked about by name here: no other candidate, only its own settings, are paid for.
+        let p = takes.probability(candidate.regressors.len(), candidate.comparisons);
+        let error = match corrected.filter(|_| !is_misreading(&self.found)) {
+            Some(model) => BlockErrors::of_model(search.log, model, self.round.length).sse(),
+            None => self.base.sse(),
+        };
+        let named = self.base.sse() - self.round.block_errors.sse();
+        self.round.rejection(own.candidate, &self.better, p).is_none()
+            && takes.value >= rules::NEGLIGIBLE.limit * search.log.beyond_floor(error)
+            && (!is_any_shape(&self.found) || takes.value >= rules::ANY_SHAPE.limit * named)
+    }
+
+    /// Returns the finding with what this review shows.
+    fn reviewed(
+        self,
+        search: &Search,
+        model: &FittedModel,
+        own: CandidateFit,
+    ) -> Result<AcceptedCause, SpecError> {
+        let Self { mut found, rest, round, better, base, .. } = self;
+        let mut rivals = rivals(&round, &own);
+        rivals.extend(fitted_rivals(search, model, &rest, &round, &own, &rivals)?);
+        rivals.sort_by(|a, b| b.share.total_cmp(&a.share));
+        let claim = identity(&found);
+        let stability = stability(search, &round, &claim, &rivals);
+        found.share = share(&better.describes, &base);
+        found.only_describes = round.only_describes(own.candidate)
+            && better.extrapolates.is_some_and(|runs| runs.value <= 0.0);
+        let error_over_floor = search.log.error_over_floor(model.sse);
+        found.evidence = CauseEvidence {
+            stability,
+            confused_share: rivals.first().map_or(0.0, |rival| rival.share),
+            rival_promise: rival_promise(&round, &claim, better.describes.value),
+            share_beyond_floor: better.describes.value / search.log.beyond_floor(base.sse()),
+            error_over_floor,
+            ..round.evidence(&own, &better)
+        };
+        found.probability = Calibration::current().finding.probability(&found.evidence);
+        found.rivals = rivals;
+        let p_value = own.p_value.min(found.fit.p_value);
+        let (unseen, unseen_runs) = (better.describes, better.extrapolates);
+        found.fit = CandidateFit { stability, unseen, unseen_runs, p_value, ..own };
+        Ok(found)
+    }
+}
+
+/// Returns the share of resampled logs in which a cause has the largest gain. All settings of the cause count, and the
+/// causes that the log cannot distinguish from it.
+fn stability(
+    search: &Search,
+    round: &Round,
+    claim: &CauseIdentity,
+    rivals: &[ConfoundedCause],
+) -> f64 {
+    let candidates = &round.candidates;
+    let wins = round.gram.stability(RESAMPLES, search.seed + 7, |c| candidates[c].weight);
+    let is_rival = |candidate: &CauseCandidate| {
+        let mut rivals = rivals.iter();
+        rivals.any(|rival| rival.cause == candidate.cause && rival.columns == candidate.columns)
+    };
+    let counts = |candidate: &CauseCandidate| candidate.claim() == *claim || is_rival(candidate);
+    let own = (0..candidates.len()).filter(|c| counts(&candidates[*c]));
+    own.map(|c| wins[c]).sum::<f64>().min(1.0)
+}
+
+/// Returns the largest reduction that another named cause promises in a finding's place, relative to what the finding takes.
+fn rival_promise(round: &Round, claim: &CauseIdentity, takes: f64) -> f64 {
+    let others = round.passed().into_iter().filter(|fit| {
+        let other = &round.candidates[fit.candidate];
+        other.cause != claim.cause && !other.is_any_shape()
+    });
+    others.map(|fit| fit.unseen.value).fold(0.0, f64::max) / takes.max(f64::MIN_POSITIVE)
 }
 
 /// A torque that follows a column whichever way the joint moves: calibration or a load, no friction.
@@ -156,17 +192,6 @@ fn corrected(search: &Search, extension: &Extension) -> Result<Option<FittedMode
         model = without(search.fits, &model, other.term, follows.as_ref())?;
     }
     Ok(Some(model))
-}
-
-/// Whether another named cause passes in a finding's place and promises more than twice what the finding takes, and yet was
-/// not taken, for its own fit did not keep that: what is there is neither, and the finding stands in for it.
-fn is_dominated(round: &Round, claim: &CauseIdentity, takes: f64) -> bool {
-    let others = round.passed().into_iter().filter(|fit| {
-        let other = &round.candidates[fit.candidate];
-        other.cause != claim.cause && !other.is_any_shape()
-    });
-    let most = others.map(|fit| fit.unseen.value).fold(0.0, f64::max);
-    takes < SHORTLISTED * most
 }
 
 /// The cause that does better in a finding's place now that all others are in: of those whose columns pass and share the

@@ -3,27 +3,15 @@
 use super::block_errors::{BlockErrors, Improvement};
 use super::candidate::FitContext;
 use super::cause::{Cause, CauseCandidate, cause_candidates};
+use super::cause_evidence::CauseEvidence;
 use super::error_reduction::ErrorReduction;
 use super::gram_blocks::{CandidateFit, CandidateOptions, GramBlocks};
 use super::model::FittedModel;
 use super::other_laws;
+use super::rules::{self, Rejection};
 use super::sensitivities::sensitivities;
 use super::survey::{block_length, survey};
-use super::thresholds::{CHANCE, CONFOUNDED_MATERIAL, EXTRAPOLATES, MATERIAL};
 use super::train_test::TrainTest;
-
-/// Minimum number of held-out runs for which their scatter is used as a standard error.
-const MIN_RUNS_FOR_SCATTER: usize = 5;
-
-/// Returns the minimum share of the squared error above the floor that a cause must remove to be material. `beyond` is the
-/// part of the squared error that lies above the floor, 0 to 1.
-pub fn material(cause: &dyn Cause, beyond: f64) -> f64 {
-    if cause.is_confounded_with_model_error() {
-        MATERIAL.max(CONFOUNDED_MATERIAL * beyond)
-    } else {
-        MATERIAL
-    }
-}
 
 /// Result of a candidate in a round, for the report.
 #[derive(Clone, Debug)]
@@ -42,10 +30,10 @@ pub struct CandidateScore {
     pub share: f64,
     /// Standard error of that share.
     pub share_error: f64,
-    /// Reason for the rejection; empty if the candidate passed.
-    pub rejected_because: String,
-    /// True if the candidate passed all criteria.
-    pub passed: bool,
+    /// Rule that rejected it; `None` if the candidate passed.
+    pub rejection: Option<Rejection>,
+    /// Evidence from the linear fit.
+    pub evidence: CauseEvidence,
 }
 
 /// A fitted model with all its candidates.
@@ -64,6 +52,11 @@ pub struct Round {
     pub length: usize,
     /// Squared error beyond the floor, Nm^2.
     pub excess: f64,
+    /// RMS error of the model over the noise floor.
+    error_over_floor: f64,
+    /// Share of the noise floor, as variance, from the uncertain motion.
+    motion_share: f64,
+    has_position: bool,
     only_describe: Vec<bool>,
 }
 
@@ -89,50 +82,97 @@ impl Round {
         let block_errors = BlockErrors::of(&gram);
         let excess = log.beyond_floor(block_errors.sse());
         let only_describe = candidates.iter().map(|c| log.can_only_describe(&c.columns)).collect();
-        Self { candidates, gram, fits, null_models, block_errors, length, excess, only_describe }
+        Self {
+            error_over_floor: log.error_over_floor(block_errors.sse()),
+            motion_share: log.motion_share(),
+            has_position: log.has_position(),
+            candidates,
+            gram,
+            fits,
+            null_models,
+            block_errors,
+            length,
+            excess,
+            only_describe,
+        }
     }
 
-    /// Returns why a model with this candidate and this improvement is rejected; `None` if it is accepted.
-    pub fn rejection_reason(
+    /// Returns the rule that rejects a model with this candidate and this improvement; `None` if none does.
+    pub fn rejection(
         &self,
         candidate: usize,
         better: &Improvement,
         probability: f64,
-    ) -> Option<String> {
-        let Improvement { describes, extrapolates } = better;
-        if describes.value <= 0.0 {
-            return Some("does not reduce the error on held-out rows".into());
+    ) -> Option<Rejection> {
+        let describes = &better.describes;
+        if describes.value <= rules::NO_REDUCTION.limit {
+            let why = "does not reduce the error on held-out rows";
+            return Some(Rejection::new(&rules::NO_REDUCTION, why));
         }
-        if probability >= CHANCE {
-            return Some(format!("not significant, p = {probability:.2}"));
+        if probability >= rules::NOT_SIGNIFICANT.limit {
+            let why = format!("not significant, p = {probability:.2}");
+            return Some(Rejection::new(&rules::NOT_SIGNIFICANT, why));
         }
-        let beyond = self.excess / self.block_errors.sse().max(f64::MIN_POSITIVE);
-        let least = material(self.candidates[candidate].cause, beyond);
-        if describes.value < least * self.excess {
+        if describes.value < rules::NEGLIGIBLE.limit * self.excess {
             let share = 100.0 * describes.value / self.excess;
-            return Some(format!(
-                "negligible, {share:.1} % of the squared error above the noise floor"
-            ));
+            let why =
+                format!("negligible, {share:.1} % of the squared error above the noise floor");
+            return Some(Rejection::new(&rules::NEGLIGIBLE, why));
         }
-        // With three or four runs, the scatter is too uncertain for a test.
-        let enough = |runs: &ErrorReduction| {
-            if runs.observations < MIN_RUNS_FOR_SCATTER { 0.0 } else { EXTRAPOLATES }
-        };
-        let fails =
-            |runs: &ErrorReduction| runs.value <= 0.0 || runs.in_standard_errors() < enough(runs);
-        if !self.only_describe[candidate] && extrapolates.as_ref().is_some_and(fails) {
-            return Some("does not reduce the error on held-out runs".into());
-        }
-        None
+        self.candidates[candidate]
+            .cause
+            .is_time_shift()
+            .then(|| self.hysteresis(candidate, describes))?
     }
 
-    fn linear_rejection_reason(&self, fit: &CandidateFit) -> Option<String> {
+    /// Returns the rejection of a time shift that the elements of hysteresis explain as well.
+    fn hysteresis(&self, candidate: usize, describes: &ErrorReduction) -> Option<Rejection> {
+        let beside = self.gram.beside_other_laws(candidate);
+        let kept = beside.value / describes.value.max(f64::MIN_POSITIVE);
+        let linear = self.fits.iter().find(|fit| fit.candidate == candidate);
+        let kept = kept.max(beside.value / linear.map_or(f64::INFINITY, |fit| fit.unseen.value));
+        let is_shift = kept > rules::TIME_SHIFT.limit && beside.at_least() > 0.0;
+        let why = format!("hysteresis explains all but {:.0} % of it", 100.0 * kept.max(0.0));
+        (!is_shift).then(|| Rejection::new(&rules::TIME_SHIFT, why))
+    }
+
+    fn linear_rejection(&self, fit: &CandidateFit) -> Option<Rejection> {
         let better = Improvement { describes: fit.unseen, extrapolates: fit.unseen_runs };
-        self.rejection_reason(fit.candidate, &better, fit.p_value)
+        self.rejection(fit.candidate, &better, fit.p_value)
     }
 
-    /// Returns a reason for rejection if a null model of the candidate explains the residual equally well.
-    pub fn explained_by_null_model(&self, candidate: usize) -> Option<String> {
+    /// Returns the evidence for a candidate whose model has this improvement.
+    pub fn evidence(&self, fit: &CandidateFit, better: &Improvement) -> CauseEvidence {
+        let candidate = &self.candidates[fit.candidate];
+        let beside = self.gram.beside_other_laws(fit.candidate);
+        let linear = fit.unseen.value.max(f64::MIN_POSITIVE);
+        let runs = better.extrapolates.filter(|_| !self.only_describe[fit.candidate]);
+        CauseEvidence {
+            reduction_in_errors: better.describes.in_standard_errors(),
+            runs_in_errors: runs.map(|runs| runs.in_standard_errors()),
+            share_beyond_floor: better.describes.value / self.excess.max(f64::MIN_POSITIVE),
+            independent_share: beside.value / linear,
+            independent_in_errors: beside.in_standard_errors(),
+            comparisons: self.candidates.len() as f64 * candidate.comparisons,
+            motion_share: if self.is_motion_unchecked(candidate) { 1.0 } else { self.motion_share },
+            is_confounded_with_law: candidate.cause.is_confounded_with_model_error(),
+            is_nonlinear: candidate.cause.is_nonlinear(),
+            is_curve: candidate.is_any_shape(),
+            error_over_floor: self.error_over_floor,
+            ..CauseEvidence::default()
+        }
+    }
+
+    /// Returns true if a candidate depends on the velocity alone and the log has no position that confirms it.
+    fn is_motion_unchecked(&self, candidate: &CauseCandidate) -> bool {
+        let is_velocity = |name: &String| name.starts_with("velocity");
+        !self.has_position
+            && !candidate.columns.is_empty()
+            && candidate.columns.iter().all(is_velocity)
+    }
+
+    /// Returns a rejection if a null model of the candidate explains the residual equally well.
+    pub fn explained_by_null_model(&self, candidate: usize) -> Option<Rejection> {
         let cause = self.candidates[candidate].cause;
         let is_own = |fit: &&CandidateFit| self.candidates[fit.candidate].cause == cause;
         let own = self.fits.iter().filter(is_own).map(|fit| fit.unseen.at_least());
@@ -142,8 +182,8 @@ impl Round {
                 || self.gram.alike(candidate, null_model.candidate).is_some()
         };
         let null_model = self.null_models.iter().filter(is_own).find(as_good);
-        null_model
-            .map(|_| "bristles of several stiffnesses explain the residual equally well".into())
+        let why = "bristles of several stiffnesses explain the residual equally well";
+        null_model.map(|_| Rejection::new(&rules::NULL_MODEL, why))
     }
 
     /// Returns true if a candidate's column changes too rarely for an evaluation on held-out runs.
@@ -169,7 +209,8 @@ impl Round {
         for fit in order {
             let cause = self.candidates[fit.candidate].cause;
             let had = |t: &CandidateFit| self.candidates[t.candidate].cause == cause;
-            let may = cause.is_poorly_linearised() && fit.gain > MATERIAL * self.excess;
+            let may =
+                cause.is_poorly_linearised() && fit.gain > rules::NEGLIGIBLE.limit * self.excess;
             if may && !tried.contains(&cause) && !chances.iter().any(had) {
                 chances.push(fit.clone());
             }
@@ -179,7 +220,7 @@ impl Round {
 
     /// Returns the candidates that passed, best first.
     pub fn passed(&self) -> Vec<&CandidateFit> {
-        let passed = self.fits.iter().filter(|fit| self.linear_rejection_reason(fit).is_none());
+        let passed = self.fits.iter().filter(|fit| self.linear_rejection(fit).is_none());
         let mut passed: Vec<&CandidateFit> = passed.collect();
         passed.sort_by(|a, b| self.linear_merit(b).total_cmp(&self.linear_merit(a)));
         passed
@@ -193,7 +234,7 @@ impl Round {
             .iter()
             .map(|fit| {
                 let candidate = &self.candidates[fit.candidate];
-                let rejection = self.linear_rejection_reason(fit);
+                let better = Improvement { describes: fit.unseen, extrapolates: fit.unseen_runs };
                 CandidateScore {
                     cause: candidate.cause,
                     columns: candidate.columns.clone(),
@@ -201,30 +242,13 @@ impl Round {
                     order: candidate.order,
                     share: fit.unseen.value / sse,
                     share_error: fit.unseen.error / sse,
-                    passed: rejection.is_none(),
-                    rejected_because: rejection.unwrap_or_default(),
+                    rejection: self.linear_rejection(fit),
+                    evidence: self.evidence(fit, &better),
                     fit: fit.clone(),
                 }
             })
             .collect();
         scores.sort_by(|a, b| b.share.total_cmp(&a.share));
         scores
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::cause::ALL;
-    use super::*;
-
-    #[test]
-    fn material_of_confounded_cause_grows_with_error_above_floor() {
-        let of = |name: &str| *ALL.iter().find(|cause| cause.name() == name).expect("a cause");
-        for beyond in [0.05, 0.5, 1.0] {
-            assert_eq!(material(of("pressure-coulomb"), beyond), MATERIAL);
-        }
-        assert_eq!(material(of("quadratic-drag"), 0.05), MATERIAL);
-        assert_eq!(material(of("quadratic-drag"), 1.0), CONFOUNDED_MATERIAL);
-        assert!(material(of("quadratic-drag"), 0.5) < CONFOUNDED_MATERIAL);
     }
 }

@@ -16,8 +16,9 @@ use super::gram_blocks::CandidateFit;
 use super::model::{FittedModel, with_candidate};
 use super::review::review;
 use super::round::{CandidateScore, Round};
+use super::rules::{self, Rejection, RuleDecision};
 use super::search::{Extension, Search};
-use super::thresholds::{CHANCE, SHORTLISTED};
+use super::thresholds::SHORTLISTED;
 use crate::spec::SpecError;
 use compensator_core::ParameterId;
 
@@ -30,6 +31,9 @@ const MOST_FITTED: usize = 6;
 /// How often the search goes on after the review has taken out what does not hold.
 const SEARCHES: usize = 3;
 
+/// How often the search goes on after a cause below the naming threshold was removed.
+const DECISIONS: usize = 3;
+
 /// The result of the search.
 #[derive(Clone, Debug)]
 pub struct Selection {
@@ -39,8 +43,10 @@ pub struct Selection {
     pub found: Vec<AcceptedCause>,
     /// All candidates beside the base law, best first.
     pub scores: Vec<CandidateScore>,
-    /// What was weighed and did not hold, a sentence each.
-    pub notes: Vec<String>,
+    /// Causes that a rule rejected after their fit.
+    pub decisions: Vec<RuleDecision>,
+    /// Accepted causes as the calibration weighed them, before those below its threshold were removed.
+    pub weighed: Vec<AcceptedCause>,
 }
 
 /// Searches for causes beside a base law; none of those that are `refuted` already.
@@ -49,33 +55,86 @@ pub struct Selection {
 /// If the base already has as many terms as the core takes.
 pub fn select(search: &Search, refuted: &[CauseIdentity]) -> Result<Selection, SpecError> {
     let mut extension = Extension { model: search.base.clone(), found: Vec::new() };
-    let (mut scores, mut notes) = (Vec::new(), Vec::new());
-    let mut refuted: Vec<CauseIdentity> = refuted.to_vec();
-    // Named causes have their say first; a curve of any shape may then have what is left, and shows in
-    // the review which of them only stood in for it.
-    for allow_any_shape in [false, true] {
-        for _ in 0..SEARCHES {
-            let before = extension.found.len();
-            let mut turn = Turn {
-                search,
-                refuted: &refuted,
-                allow_any_shape,
-                scores: &mut scores,
-                notes: &mut notes,
-            };
-            turn.extend(&mut extension)?;
-            if extension.found.len() == before {
-                break;
-            }
-            let lost = review(search, &mut extension)?;
-            if lost.is_empty() {
-                break;
-            }
-            refuted.extend(lost);
+    let mut state = SearchState { refuted: refuted.to_vec(), ..SearchState::default() };
+    for _ in 0..DECISIONS {
+        state.search(search, &mut extension)?;
+        if state.weighed.is_empty() {
+            state.weighed = extension.found.clone();
+        }
+        if search.naming_threshold > 1.0 {
+            extension = Extension { model: search.base.clone(), found: Vec::new() };
+            break;
+        }
+        if !state.decide(search, &mut extension)? {
+            break;
         }
     }
-    notes.dedup();
-    Ok(Selection { extended: extension.model, found: extension.found, scores, notes })
+    let SearchState { scores, decisions, weighed, .. } = state;
+    Ok(Selection { extended: extension.model, found: extension.found, scores, decisions, weighed })
+}
+
+/// What a search has gathered besides its model.
+#[derive(Default)]
+struct SearchState {
+    refuted: Vec<CauseIdentity>,
+    scores: Vec<CandidateScore>,
+    decisions: Vec<RuleDecision>,
+    weighed: Vec<AcceptedCause>,
+}
+
+impl SearchState {
+    /// Adds causes and reviews them until the review removes none. Named causes come first. A curve of any shape may then
+    /// have what is left, and shows in the review which of them only stood in for it.
+    fn search(&mut self, search: &Search, extension: &mut Extension) -> Result<(), SpecError> {
+        for allow_any_shape in [false, true] {
+            for _ in 0..SEARCHES {
+                let before = extension.found.len();
+                let mut turn = Turn {
+                    search,
+                    refuted: &self.refuted,
+                    allow_any_shape,
+                    scores: &mut self.scores,
+                    decisions: &mut self.decisions,
+                };
+                turn.extend(extension)?;
+                if extension.found.len() == before {
+                    break;
+                }
+                let lost = review(search, extension)?;
+                if lost.is_empty() {
+                    break;
+                }
+                self.refuted.extend(lost);
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes the least likely cause below the naming threshold and reviews the others, until there is none. Returns true
+    /// if one was removed, because it may have hidden another.
+    fn decide(&mut self, search: &Search, extension: &mut Extension) -> Result<bool, SpecError> {
+        let mut has_removed = false;
+        loop {
+            let found = extension.found.iter().enumerate();
+            let weakest = found.min_by(|a, b| a.1.probability.total_cmp(&b.1.probability));
+            let weakest = weakest.filter(|(_, own)| own.probability < search.naming_threshold);
+            let Some((index, _)) = weakest else { return Ok(has_removed) };
+            extension.model = extension.without(search, index)?;
+            let gone = extension.found.remove(index);
+            self.refuted.push(CauseIdentity::new(gone.cause, gone.follows.as_ref()));
+            let why = format!(
+                "a probability of {:.2} is below the naming threshold of {:.2}",
+                gone.probability, search.naming_threshold
+            );
+            self.decisions.push(RuleDecision {
+                cause: gone.cause,
+                columns: gone.columns,
+                rejection: Rejection::new(&rules::BELOW_THRESHOLD, why),
+            });
+            self.refuted.extend(review(search, extension)?);
+            has_removed = true;
+        }
+    }
 }
 
 /// A search with some claims out of it.
@@ -86,7 +145,7 @@ struct Turn<'a> {
     /// Curves of any shape.
     allow_any_shape: bool,
     scores: &'a mut Vec<CandidateScore>,
-    notes: &'a mut Vec<String>,
+    decisions: &'a mut Vec<RuleDecision>,
 }
 
 impl Turn<'_> {
@@ -175,16 +234,22 @@ impl Turn<'_> {
         let better = better.weighted_for(candidate.cause);
         let all = round.candidates.len() as f64 * candidate.comparisons;
         let probability = better.describes.probability(candidate.regressors.len(), all);
-        let rejection = at_bound(&fitted, candidate)
-            .map(|id| format!("its fit ends at the bound of {}", id.name()))
-            .or_else(|| candidate.cause.contradicted(&fitted.parameters).map(str::to_owned))
-            .or_else(|| round.rejection_reason(fit.candidate, &better, probability))
+        let bound = at_bound(&fitted, candidate).map(|id| {
+            let why = format!("its fit ends at the bound of {}", id.name());
+            Rejection::new(&rules::AT_BOUND, why)
+        });
+        let contradicted = || {
+            let why = candidate.cause.contradicted(&fitted.parameters)?;
+            Some(Rejection::new(&rules::CONTRADICTED, why))
+        };
+        let rejection = bound
+            .or_else(contradicted)
+            .or_else(|| round.rejection(fit.candidate, &better, probability))
             .or_else(|| round.explained_by_null_model(fit.candidate));
-        if let Some(reason) = rejection {
-            if fit.p_value < CHANCE {
-                let (cause, columns) = (candidate.cause.name(), candidate.columns.join(", "));
-                self.notes
-                    .push(format!("{cause} ({columns}) was evaluated and rejected: {reason}"));
+        if let Some(rejection) = rejection {
+            if fit.p_value < rules::NOT_SIGNIFICANT.limit {
+                let columns = candidate.columns.clone();
+                self.decisions.push(RuleDecision { cause: candidate.cause, columns, rejection });
             }
             return Ok(());
         }

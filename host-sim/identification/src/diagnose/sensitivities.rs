@@ -12,12 +12,14 @@
 use crate::dual::Dual;
 use crate::fit::Track;
 use crate::fit::channel::{TrackLowPass, filter_column};
+use crate::fit::gradient::{Differentiable, Simulation, TorqueAt};
 use crate::fit::initial_state::initial_state;
-use crate::fit::simulate::{Resolution, simulate, simulate_shaft};
+use crate::fit::simulate::{Resolution, simulate};
 use crate::fit::treatment;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Real, TermKind};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A model and its simulation on each track.
 #[derive(Clone, Debug)]
@@ -71,28 +73,39 @@ pub fn sensitivities(
     let levels = parameters.active().filter(|id| treatment::of(*id).is_level);
     let mut columns = free.to_vec();
     columns.extend(levels.filter(|id| !free.contains(id)));
-    let follow = |track: &Track| match columns.len() {
-        0..=4 => along::<4>(&parameters, free, &columns, track, resolution),
-        5..=8 => along::<8>(&parameters, free, &columns, track, resolution),
-        9..=12 => along::<12>(&parameters, free, &columns, track, resolution),
-        13..=20 => along::<20>(&parameters, free, &columns, track, resolution),
-        _ => along::<40>(&parameters, free, &columns, track, resolution),
-    };
+    let model = ByParameters { parameters: &parameters, columns: &columns };
+    let follow = |track: &Track| along(&model, free, track, resolution);
     let tracks = tracks.par_iter().map(follow).collect();
     Sensitivities { free: free.to_vec(), parameters, resolution, tracks }
 }
 
-fn along<const N: usize>(
-    parameters: &Parameters<f64>,
+/// A model with derivatives by some of its parameters.
+struct ByParameters<'a> {
+    parameters: &'a Parameters<f64>,
+    columns: &'a [ParameterId],
+}
+
+impl Differentiable for ByParameters<'_> {
+    fn count(&self) -> usize {
+        self.columns.len()
+    }
+
+    fn parameters<const N: usize>(&self, range: Range<usize>) -> Parameters<Dual<N>> {
+        let mut dual = self.parameters.convert::<Dual<N>>();
+        for (index, id) in self.columns[range].iter().enumerate() {
+            dual.set(*id, Dual::parameter(self.parameters.get(*id), index));
+        }
+        dual
+    }
+}
+
+fn along(
+    model: &ByParameters,
     free: &[ParameterId],
-    columns: &[ParameterId],
     track: &Track,
     resolution: Resolution,
 ) -> TrackSensitivities {
-    let mut dual = parameters.convert::<Dual<N>>();
-    for (index, id) in columns.iter().enumerate() {
-        dual.set(*id, Dual::parameter(parameters.get(*id), index));
-    }
+    let ByParameters { parameters, columns } = *model;
     let column = |id: Id| columns.iter().position(|own| *own == id);
     let coulomb: Vec<usize> = [Id::CoulombTorque, Id::CoulombTorqueNegative]
         .into_iter()
@@ -108,7 +121,7 @@ fn along<const N: usize>(
     let viscous = column(Id::ViscousFriction);
     let coefficient = parameters.get(Id::ViscousFriction);
     let start = initial_state(parameters, track, resolution);
-    let held = start.as_ref().map(|start| start.held_by(&dual, track));
+    let held = start.as_ref().map(|start| start.held_by(parameters, track));
     let rows = track.len();
     let mut out = TrackSensitivities {
         torque: Vec::with_capacity(rows),
@@ -119,20 +132,19 @@ fn along<const N: usize>(
         added: Vec::with_capacity(rows),
         level: Vec::with_capacity(rows),
         viscous: Vec::with_capacity(rows),
-        held: held.map(Real::value),
-        memory: start.map(|start| start.memory).unwrap_or_default(),
+        held,
+        memory: start.as_ref().map(|start| start.memory.clone()).unwrap_or_default(),
     };
     let level_now = parameters.get(Id::CoulombTorque).abs().max(f64::MIN_POSITIVE);
     let bristles = parameters.law.has_bristles();
     let mut channel = TrackLowPass::for_torque(track);
-    simulate_shaft(&dual, track, held, resolution, |row, torque: Dual<N>, bristle: Dual<N>| {
-        let gradient = &torque.gradient;
-        let shown =
-            channel.as_mut().map_or(torque.value, |channel| channel.filter(row, torque.value));
+    let simulation = Simulation { track, resolution, at: TorqueAt::Shaft };
+    simulation.run(model, &start, |(row, torque, bristle, gradient)| {
+        let shown = channel.as_mut().map_or(torque, |channel| channel.filter(row, torque));
         out.torque.push(shown);
-        out.shaft_torque.push(torque.value);
+        out.shaft_torque.push(torque);
         out.residual.push(track.weight(row).sqrt() * (track.torque[row] - shown));
-        out.bristle.push(if bristles { bristle.value / level_now } else { 0.0 });
+        out.bristle.push(if bristles { bristle / level_now } else { 0.0 });
         for (column, g) in out.jacobian.iter_mut().zip(gradient) {
             column.push(*g);
         }
@@ -140,7 +152,6 @@ fn along<const N: usize>(
         out.level.push(levels.iter().map(|(i, value)| gradient[*i] * value).sum());
         let plain = || coefficient * track.samples[row].velocity_rad_s;
         out.viscous.push(viscous.map_or_else(plain, |i| gradient[i] * coefficient));
-        true
     });
     out.jacobian = out.jacobian.into_iter().map(|column| filter_column(track, column)).collect();
     out

@@ -3,6 +3,7 @@
 //!
 //! Errors are RMS values in the joint's torque unit, Nm or N.
 
+use super::experiment::most_informative;
 use super::finding::Finding;
 use super::gram_blocks::LeftOut;
 use super::{Diagnosis, Share};
@@ -45,6 +46,14 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
     if let Some(next) = diagnosis.findings.iter().find_map(asked) {
         return next;
     }
+    let possible = possible(diagnosis);
+    if let Some(next) = most_informative(&possible) {
+        return format!(
+            "{}: this log cannot confirm or exclude {}.",
+            next.instruction,
+            names(&possible)
+        );
+    }
     let loose: Vec<&str> = diagnosis
         .extended
         .estimates
@@ -76,6 +85,33 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
             "Vary and log {}: the effect of a constant quantity cannot be identified.",
             missing.join(", ")
         )
+    }
+}
+
+/// Lowest probability of a cause that is reported as possible.
+const POSSIBLE: f64 = 0.1;
+
+/// Returns the causes below the naming threshold that remain possible, most likely first, with their probabilities.
+fn possible(diagnosis: &Diagnosis) -> Vec<(&'static str, f64)> {
+    let is_named = |name: &str| diagnosis.findings.iter().any(|own| own.cause.name() == name);
+    let weighed = diagnosis.weighed.iter().map(|own| (own.cause.name(), own.probability));
+    let mut possible: Vec<(&str, f64)> =
+        weighed.filter(|(name, p)| *p >= POSSIBLE && !is_named(name)).collect();
+    possible.sort_by(|a, b| b.1.total_cmp(&a.1));
+    possible
+}
+
+/// Returns causes with their probabilities as a list in words.
+fn names(possible: &[(&str, f64)]) -> String {
+    let names = possible.iter().map(|(name, p)| format!("{name} (probability {p:.2})"));
+    names.collect::<Vec<_>>().join(" or ")
+}
+
+/// Returns a sentence on the causes that remain possible; empty if there are none.
+fn remaining(diagnosis: &Diagnosis) -> String {
+    match possible(diagnosis).as_slice() {
+        [] => String::new(),
+        possible => format!(" Possible, but not likely enough to be named: {}.", names(possible)),
     }
 }
 
@@ -115,8 +151,10 @@ fn closest(diagnosis: &Diagnosis) -> String {
     } else {
         format!(" ({})", best.columns.join(", "))
     };
-    let reason =
-        if best.passed { "it failed the review of all candidates" } else { &best.rejected_because };
+    let reason = best
+        .rejection
+        .as_ref()
+        .map_or("it failed the review of all candidates", |r| r.why.as_str());
     format!(
         " The best candidate was {}{of}, with {} ± {} % of the squared error; it was rejected: {reason}.",
         best.cause.name(),
@@ -178,14 +216,15 @@ pub fn summary(diagnosis: &Diagnosis) -> Vec<String> {
     let place = place(diagnosis);
     let why = match diagnosis.findings.as_slice() {
         [] => {
-            format!("No cause passed all criteria.{}{}", beyond(diagnosis), closest(diagnosis))
+            let (beyond, closest) = (beyond(diagnosis), closest(diagnosis));
+            format!("No cause passed all criteria.{beyond}{closest}{}", remaining(diagnosis))
         }
         [first, others @ ..] => {
             let mut text = format!("The cause is {}: {}", first.cause.name(), first.in_words);
             for other in others {
                 text += &format!("; then {} ({})", other.cause.name(), other.in_words);
             }
-            text + "."
+            text + "." + &remaining(diagnosis)
         }
     };
     let gain = &diagnosis.gain;

@@ -63,6 +63,7 @@ fn blocks(
     for (regressor, extra) in of_candidates.chain(other_laws.iter().map(|law| (law, None))) {
         columns.push(match regressor {
             Regressor::Exact(effect) => exact(model, track, at, effect),
+            Regressor::Track(of) => filter_column(track, of(track, at)),
             Regressor::Row(of) => {
                 let row = |row: usize| {
                     of(&Row {

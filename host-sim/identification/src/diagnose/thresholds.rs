@@ -1,32 +1,11 @@
-//! Every number that decides in a diagnosis, and why it is what it is.
+//! Limits of the search that several files share.
 //!
-//! All of them are on one scale, the fall of the squared error on unseen rows ([`super::error_reduction`]). What halving and
-//! doubling costs on drawn worlds has been measured where it says so.
-
-/// Probability, all alternatives paid for, below which a fall is no chance. One false cause in two hundred
-/// clean logs, before the other rules.
-pub const CHANCE: f64 = 0.005;
-
-/// Share of the squared error beyond the floor that a cause must take: a log of a real machine is long enough to
-/// make a negligible effect significant.
-pub const MATERIAL: f64 = 0.03;
-
-/// Share a cause must take whose shape a wrong law's error has as well ([`super::cause::Cause::is_confounded_with_model_error`]), where all of the
-/// squared error lies beyond the floor; less, the less of it does ([`super::round::material`]). The joint's own law is
-/// never quite the base law, and what that leaves repeats itself at each reversal: no number of rows makes it chance. Of fifty drawn worlds half as much leaves
-/// every verdict as it is, twice as much takes one that was right.
-pub const CONFOUNDED_MATERIAL: f64 = 0.12;
-
-/// A cause must extrapolate to runs left out by so many standard errors over the runs.
-pub const EXTRAPOLATES: f64 = 1.0;
+//! They decide which fits are made and which causes count as confounded. What rejects a cause is in [`super::rules`], and
+//! what weighs the evidence for it in [`super::calibration`].
 
 /// A fit that takes part in the choice must promise this share of the best one's fall. One whose column at size 0
 /// says too little (see [`super::cause::Cause::is_nonlinear`]) gets in with a quarter of it.
 pub const SHORTLISTED: f64 = 0.5;
-
-/// What a curve of any shape must add to named causes that are in, as a share of what they explain: the
-/// last bend of their own effect is not another one.
-pub const ANY_SHAPE: f64 = 0.2;
 
 /// Two causes that explain this share of each other's effect are confounded, unless one is better by [`BETTER`] standard
 /// errors.

@@ -165,10 +165,44 @@ impl TrainTest {
     /// Returns the part of a sum of squared errors on the training rows above the noise floor,
     /// Nm^2.
     pub fn beyond_floor(&self, sse: f64) -> f64 {
-        let weights = |track: &Track| (0..track.len()).map(|row| track.weight(row)).sum::<f64>();
-        let rows = self.train_tracks.iter().map(weights).sum::<f64>() / self.decimate as f64;
+        let rows = self.weight();
         // The floor is an estimate, so that at least a hundredth of the error remains.
         (sse - rows * self.floor_nm * self.floor_nm).max(0.01 * sse)
+    }
+
+    /// Returns the sum of the weights of the training rows.
+    fn weight(&self) -> f64 {
+        let weights = |track: &Track| (0..track.len()).map(|row| track.weight(row)).sum::<f64>();
+        self.train_tracks.iter().map(weights).sum::<f64>() / self.decimate as f64
+    }
+
+    /// Returns the RMS error that belongs to a sum of squared errors on the training rows, relative to the noise floor.
+    pub fn error_over_floor(&self, sse: f64) -> f64 {
+        let floor = self.floor_nm.max(f64::MIN_POSITIVE);
+        (sse / self.weight().max(f64::MIN_POSITIVE)).sqrt() / floor
+    }
+
+    /// Returns the share of the noise floor, as variance, that comes from the uncertain motion.
+    pub fn motion_share(&self) -> f64 {
+        let squares = self.train_tracks.iter().flat_map(|track| {
+            let rows = track.motion_error.iter().enumerate();
+            rows.map(|(row, error)| track.weight(row) * error * error)
+        });
+        let floor = self.weight() * self.decimate as f64 * self.floor_nm * self.floor_nm;
+        (squares.sum::<f64>() / floor.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+    }
+
+    /// Returns true if a run has a position column.
+    pub fn has_position(&self) -> bool {
+        self.train.runs.iter().any(|run| run.get(Quantity::Position).is_some())
+    }
+
+    /// Returns the smallest change of the position between two rows, rad: the step of its encoder, or 0 without a position.
+    pub fn position_step(&self) -> f64 {
+        let positions = self.train.runs.iter().filter_map(|run| run.get(Quantity::Position));
+        let steps = positions.flat_map(|column| column.windows(2).map(|w| (w[1] - w[0]).abs()));
+        let least = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
+        if least.is_finite() { least } else { 0.0 }
     }
 
     /// Returns the share of a mean square above the noise floor, for any rows of the log.

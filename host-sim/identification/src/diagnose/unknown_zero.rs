@@ -19,8 +19,8 @@
 
 use super::error_reduction::ErrorReduction;
 use super::model::FittedModel;
+use super::rules::{NEGLIGIBLE, NOT_SIGNIFICANT};
 use super::sensitivities::sensitivities;
-use super::thresholds::{CHANCE, MATERIAL};
 use super::train_test::TrainTest;
 use crate::data::{Dataset, JointKind, Quantity, Run};
 use compensator_core::TermKind;
@@ -60,8 +60,8 @@ pub fn aligned(log: &TrainTest, model: &FittedModel) -> Option<TrainTest> {
         .max_by(|a, b| a.1.at_least().total_cmp(&b.1.at_least()))?;
     let (order, fall) = best;
     let squares: f64 = by_run.iter().flatten().map(|(_, e)| e * e).sum();
-    let passes = fall.probability(2, f64::from(MOST)) < CHANCE
-        && fall.value > MATERIAL * log.beyond_floor(squares);
+    let passes = fall.probability(2, f64::from(MOST)) < NOT_SIGNIFICANT.limit
+        && fall.value > NEGLIGIBLE.limit * log.beyond_floor(squares);
     if !passes {
         return None;
     }
@@ -200,10 +200,12 @@ mod tests {
             at_least(a).total_cmp(&at_least(b))
         });
         assert_eq!(best, Some(3));
-        assert!(fall(&hidden, 3.0).probability(2, f64::from(MOST)) < CHANCE);
+        assert!(fall(&hidden, 3.0).probability(2, f64::from(MOST)) < NOT_SIGNIFICANT.limit);
         let alarms = (0..20).filter(|seed| {
             let clean = runs(0.0, 3.0, 100 + seed);
-            (1..=MOST).any(|n| fall(&clean, f64::from(n)).probability(2, f64::from(MOST)) < CHANCE)
+            (1..=MOST).any(|n| {
+                fall(&clean, f64::from(n)).probability(2, f64::from(MOST)) < NOT_SIGNIFICANT.limit
+            })
         });
         assert!(alarms.count() <= 1);
     }

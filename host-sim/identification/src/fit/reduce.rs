@@ -4,14 +4,16 @@
 //! ([`super::streaming_qr`]), so that the tall Jacobian is never stored.
 
 use super::coordinates::Coordinates;
-use super::initial_state::initial_state;
-use super::simulate::{Resolution, simulate};
+use super::gradient::{Differentiable, Held, Simulation, TorqueAt};
+use super::initial_state::{InitialState, initial_state};
+use super::simulate::Resolution;
 use super::streaming_qr::{Reduced, StreamingQr};
 use super::track::{Rows, Track};
 use crate::data::AntiAlias;
 use crate::dual::Dual;
-use compensator_core::Parameters;
+use compensator_core::{Parameters, Real};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Returns the reduced residual and derivatives at a point.
 pub fn reduce(
@@ -20,64 +22,20 @@ pub fn reduce(
     rows: Rows,
     resolution: Resolution,
 ) -> Reduced {
-    // The number of derivatives is part of a dual number's type. A few sizes are enough: every law and term is compiled for
-    // each of them.
-    match point.len() {
-        0..=4 => reduce_with::<4>(coordinates, point, rows, resolution),
-        5..=6 => reduce_with::<6>(coordinates, point, rows, resolution),
-        7..=8 => reduce_with::<8>(coordinates, point, rows, resolution),
-        9..=12 => reduce_with::<12>(coordinates, point, rows, resolution),
-        13..=20 => reduce_with::<20>(coordinates, point, rows, resolution),
-        _ => reduce_with::<40>(coordinates, point, rows, resolution),
-    }
-}
-
-fn reduce_with<const N: usize>(
-    coordinates: &Coordinates,
-    point: &[f64],
-    rows: Rows,
-    resolution: Resolution,
-) -> Reduced {
-    let count = point.len();
-    let seeded: Vec<Dual<N>> =
-        point.iter().enumerate().map(|(index, u)| Dual::parameter(*u, index)).collect();
-    let parameters = coordinates.parameters(&seeded);
     let plain: Parameters<f64> = coordinates.parameters(point);
+    let model = AtPoint { coordinates, point };
     let reduce_track = |track: &Track| {
         let start = initial_state(&plain, track, resolution);
-        let held = start.as_ref().map(|start| start.held_by(&parameters, track));
-        let mut qr = StreamingQr::new(count);
+        let simulation = Simulation { track, resolution, at: TorqueAt::Channel };
         if rows.decimate > 1 {
-            let simulation = TrackSimulation { parameters: &parameters, track, held, resolution };
-            push_decimated(&mut qr, &simulation, rows.decimate, count);
-            return qr;
+            return decimated(&simulation, &model, &start, rows.decimate);
         }
-        let mut beginning = start.map(|start| (StreamingQr::new(count + 1), start.memory));
-        simulate(&parameters, track, held, resolution, |row, torque, _| {
-            if !track.is_included(row) {
-                return true;
-            }
-            let root = track.weight(row).sqrt();
-            let mut derivative = torque.gradient;
-            derivative.iter_mut().for_each(|g| *g *= -root);
-            let residual = root * (track.torque[row] - torque.value);
-            match &mut beginning {
-                Some((first, memory)) if row < memory.len() => {
-                    first.push_with(-memory[row] * root, &derivative[..count], residual);
-                }
-                _ => qr.push(&derivative[..count], residual),
-            }
-            true
-        });
-        match beginning {
-            Some((first, _)) => qr.merged(first.without_first()),
-            None => qr,
-        }
+        every_row(&simulation, &model, start)
     };
     // All factors are collected before they are merged, so that the sum does not depend on the order of the threads.
     let factors: Vec<StreamingQr> = rows.tracks.par_iter().map(reduce_track).collect();
-    let mut prior = StreamingQr::new(count);
-    let mut derivatives = vec![0.0; count];
+    let mut prior = StreamingQr::new(point.len());
+    let mut derivatives = vec![0.0; point.len()];
     for (index, derivative, residual) in coordinates.prior(point) {
         derivatives.fill(0.0);
         derivatives[index] = derivative;
@@ -87,34 +45,79 @@ fn reduce_with<const N: usize>(
     factors.into_iter().fold(prior, StreamingQr::merged).finish()
 }
 
-/// Arguments of a simulation of one track.
-struct TrackSimulation<'a, const N: usize> {
-    parameters: &'a Parameters<Dual<N>>,
-    track: &'a Track,
-    held: Option<Dual<N>>,
-    resolution: Resolution,
+/// A model at a point of its coordinates.
+struct AtPoint<'a> {
+    coordinates: &'a Coordinates,
+    point: &'a [f64],
+}
+
+impl Differentiable for AtPoint<'_> {
+    fn count(&self) -> usize {
+        self.point.len()
+    }
+
+    fn parameters<const N: usize>(&self, range: Range<usize>) -> Parameters<Dual<N>> {
+        let seed = |(index, value): (usize, &f64)| match range.contains(&index) {
+            true => Dual::parameter(*value, index - range.start),
+            false => Dual::from_f64(*value),
+        };
+        let seeded: Vec<Dual<N>> = self.point.iter().enumerate().map(seed).collect();
+        self.coordinates.parameters(&seeded)
+    }
+}
+
+impl Held for Option<InitialState> {
+    fn torque<const N: usize>(
+        &self,
+        parameters: &Parameters<Dual<N>>,
+        track: &Track,
+    ) -> Option<Dual<N>> {
+        self.as_ref().map(|start| start.held_by(parameters, track))
+    }
+}
+
+/// Reduces all included rows of a track.
+fn every_row(simulation: &Simulation, model: &AtPoint, start: Option<InitialState>) -> StreamingQr {
+    let (track, count) = (simulation.track, model.count());
+    let mut qr = StreamingQr::new(count);
+    let mut first = StreamingQr::new(count + 1);
+    let memory = start.as_ref().map_or(&[] as &[f64], |start| &start.memory);
+    let mut derivative = vec![0.0; count];
+    simulation.run(model, &start, |(row, torque, _, gradient)| {
+        if !track.is_included(row) {
+            return;
+        }
+        let root = track.weight(row).sqrt();
+        derivative.iter_mut().zip(gradient).for_each(|(own, g)| *own = -root * g);
+        let residual = root * (track.torque[row] - torque);
+        match memory.get(row) {
+            Some(memory) => first.push_with(-memory * root, &derivative, residual),
+            None => qr.push(&derivative, residual),
+        }
+    });
+    if start.is_some() { qr.merged(first.without_first()) } else { qr }
 }
 
 /// Simulates at the full rate and decimates the *residual* and its derivatives. The velocity itself must not be decimated,
 /// because the law is not linear in it.
-fn push_decimated<const N: usize>(
-    qr: &mut StreamingQr,
-    simulation: &TrackSimulation<N>,
+fn decimated(
+    simulation: &Simulation,
+    model: &AtPoint,
+    held: &Option<InitialState>,
     factor: usize,
-    count: usize,
-) {
-    let TrackSimulation { parameters, track, held, resolution } = *simulation;
+) -> StreamingQr {
+    let (track, count) = (simulation.track, model.count());
     let mut columns = vec![Vec::with_capacity(track.len()); count + 1];
-    simulate(parameters, track, held, resolution, |row, torque, _| {
+    simulation.run(model, held, |(row, torque, _, gradient)| {
         let root_weight = track.weight(row).sqrt();
-        for (column, g) in columns[..count].iter_mut().zip(&torque.gradient) {
+        for (column, g) in columns[..count].iter_mut().zip(gradient) {
             column.push(-g * root_weight);
         }
-        columns[count].push((track.torque[row] - torque.value) * root_weight);
-        true
+        columns[count].push((track.torque[row] - torque) * root_weight);
     });
     let filter = AntiAlias::new(factor);
     let columns: Vec<Vec<f64>> = columns.into_iter().map(|column| filter.thin(column)).collect();
+    let mut qr = StreamingQr::new(count);
     let mut derivatives = vec![0.0; count];
     for (row, residual) in columns[count].iter().enumerate() {
         for (derivative, column) in derivatives.iter_mut().zip(&columns) {
@@ -122,6 +125,7 @@ fn push_decimated<const N: usize>(
         }
         qr.push(&derivatives, *residual);
     }
+    qr
 }
 
 #[cfg(test)]

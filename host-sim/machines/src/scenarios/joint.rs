@@ -180,6 +180,18 @@ impl Joint {
         conditions
     }
 
+    /// Returns the Stribeck curve at a speed: 1 at rest, falling towards 0.
+    pub fn stribeck_curve(&self, speed: f64) -> f64 {
+        let ratio = speed / self.seal.stribeck_rad_s;
+        if self.stribeck_exponent != 2.0 {
+            (-ratio.powf(self.stribeck_exponent)).exp()
+        } else if ratio < MAX_STRIBECK_RATIO {
+            (-ratio * ratio).exp()
+        } else {
+            0.0
+        }
+    }
+
     /// Returns the slip level `g` of the bristles at `speed` in `direction` (1 or -1), Nm.
     pub fn level(
         &self,
@@ -189,15 +201,22 @@ impl Joint {
         age_s: f64,
         now: &Conditions,
     ) -> f64 {
+        self.level_on_curve(self.stribeck_curve(speed), speed, direction, angle, age_s, now)
+    }
+
+    /// Returns the slip level for a given value of the Stribeck curve, Nm.
+    ///
+    /// A contact with a lubricant film is on another point of the curve than its speed alone gives.
+    pub fn level_on_curve(
+        &self,
+        curve: f64,
+        speed: f64,
+        direction: f64,
+        angle: f64,
+        age_s: f64,
+        now: &Conditions,
+    ) -> f64 {
         let seal = &self.seal;
-        let ratio = speed / seal.stribeck_rad_s;
-        let curve = if self.stribeck_exponent != 2.0 {
-            (-ratio.powf(self.stribeck_exponent)).exp()
-        } else if ratio < MAX_STRIBECK_RATIO {
-            (-ratio * ratio).exp()
-        } else {
-            0.0
-        };
         let loads = seal.per_force * now.force
             + seal.per_pressure * now.pressure
             + self.per_load * now.load.abs();

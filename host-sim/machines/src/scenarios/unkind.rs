@@ -1,11 +1,12 @@
-//! Adverse worlds: simulated logs with imperfect sensors, unplanned motions and two different plants.
+//! Adverse worlds: simulated logs with imperfect sensors, unplanned motions and different plants.
 //!
 //! The scenarios of the parent module test whether a diagnosis finds an effect in a well-planned log.
 //! The worlds of this module test it on logs with the defects of field data: a velocity differentiated
 //! from an encoder, no angle, a low-pass filtered torque, correlated covariates, a contact stiffer than
 //! the log can resolve, or an effect far below the noise.
 //!
-//! [`draw`] creates a world from its seed alone. [`SensorKind`] selects the sensor defect.
+//! [`draw`] creates a world from its seed alone. [`draw_family`] also creates worlds with a plant and sensors that no
+//! calibration may use ([`Family::LubricatedSeal`]). [`SensorKind`] selects the sensor defect.
 //! [`UnkindTruth`] holds the hidden effect and its detectability, so that a score can be plotted over
 //! the effect's size.
 //!
@@ -16,7 +17,12 @@
 
 mod bristle_fit;
 mod campaign;
+mod devices;
 mod effect;
+mod family;
+mod lubricated;
+#[cfg(test)]
+mod lubricated_tests;
 mod motions;
 mod plant;
 mod reading;
@@ -24,6 +30,7 @@ mod sensing;
 mod truth;
 mod visible;
 
+pub use family::Family;
 pub use sensing::SensorKind;
 pub use truth::{MIN_DETECTABLE_GAIN, UnkindTruth};
 
@@ -50,8 +57,6 @@ pub struct UnkindWorld {
 
 /// Share of worlds without a hidden effect.
 const CLEAN_SHARE: f64 = 0.2;
-/// Share of worlds whose plant consists of slip elements.
-const SLIP_ELEMENT_SHARE: f64 = 0.4;
 /// Range of the effect's target RMS, as a multiple of the torque noise. It extends from far below to far above
 /// the noise.
 const EFFECT_TO_NOISE: (f64, f64) = (0.05, 30.0);
@@ -68,11 +73,16 @@ pub fn sensor_kind(seed: u64) -> SensorKind {
     kinds[(mixed(seed ^ 0x5EED) % kinds.len() as u64) as usize]
 }
 
-/// Draws a world. The same seed gives bit-identical results.
+/// Draws a world of the training family. The same seed gives bit-identical results.
 pub fn draw(seed: u64) -> UnkindWorld {
-    let mut sampler = Sampler::new(seed, 7);
-    let slips = sampler.chance(SLIP_ELEMENT_SHARE);
-    let mut campaign = Campaign::draw(&mut sampler, sensor_kind(seed), slips);
+    draw_family(seed, Family::Training)
+}
+
+/// Draws a world of a family. The same seed and family give bit-identical results.
+pub fn draw_family(seed: u64, family: Family) -> UnkindWorld {
+    let mut sampler = family.sampler(seed);
+    let plant = family.draw_plant_kind(&mut sampler);
+    let mut campaign = Campaign::draw(&mut sampler, sensor_kind(seed), plant);
     let plain = draw_rigid_joint(&mut sampler, &campaign);
     let clean = sampler.chance(CLEAN_SHARE);
     let cause = sampler.pick(&effect::possible(&campaign)).filter(|_| !clean);
@@ -199,10 +209,10 @@ impl World {
             .zip(&torque)
             .map(|((run, trajectory), torque)| self.log_run(run, trajectory, torque))
             .collect();
-        // Bristles fitted to the slip elements, effect included: the best result of a law with one state.
+        // Bristles fitted to the other plants, effect included: the best result of a law with one state.
         let seal = match self.campaign.plant {
             Plant::Bristles => self.campaign.seal,
-            Plant::SlipElements { .. } => {
+            Plant::SlipElements { .. } | Plant::LubricatedSeal(_) => {
                 let late = self.trajectories(joint.delay_s);
                 bristle_fit::fit(&self.campaign, &joint, &late, &torque)
             }
@@ -413,7 +423,7 @@ impl World {
             details: hidden.details(),
             in_words: hidden.words(),
         });
-        let plant = if matches!(plant, Plant::Bristles) { "bristles" } else { "slip-elements" };
+        let plant = plant.name();
         let what = hidden.as_ref().map_or("nothing hidden", |hidden| hidden.in_words.as_str());
         let description = format!(
             "{what}; {plant}, {} runs of {:.1} s at {rate_hz} Hz, presliding {:.1e} rad, top {:.1} rad/s, {}",

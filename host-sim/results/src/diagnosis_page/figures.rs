@@ -300,6 +300,11 @@ pub(super) fn shares(scene: &Scene, title: &str, shares: &[Share], caption: &str
     }
 }
 
+/// Returns the name of a candidate with its probability.
+fn label(ranked: &RankedCandidate) -> String {
+    format!("{} ({:.0} %)", ranked.name, 100.0 * ranked.probability)
+}
+
 /// Returns the chart of the candidates' gains.
 pub(super) fn ranking(shown: &[&RankedCandidate]) -> Chart {
     let bars = |name: &str, own: &dyn Fn(&RankedCandidate) -> bool| {
@@ -313,17 +318,19 @@ pub(super) fn ranking(shown: &[&RankedCandidate]) -> Chart {
     };
     let series = [
         bars("finding", &|ranked| ranked.is_finding).coloured_as(AFTER),
-        bars("significant alone", &|ranked| !ranked.is_finding && ranked.score.passed),
-        bars("not significant", &|ranked| !ranked.is_finding && !ranked.score.passed).muted(),
+        bars("significant alone", &|ranked| !ranked.is_finding && ranked.score.rejection.is_none()),
+        bars("not significant", &|ranked| !ranked.is_finding && ranked.score.rejection.is_some())
+            .muted(),
     ];
     Chart {
-        title: "Gain of each candidate, added alone to the base model".into(),
+        title: "Gain and probability of each candidate, added alone to the base model".into(),
         caption: "The reduction of the squared error on held-out rows by each candidate in its best setting, before any is \
-                  selected; error bars are two standard errors over blocks of rows. A candidate that is only correlated with a \
+                  selected; error bars are two standard errors over blocks of rows. The percentage beside a name is the \
+                  probability that the cause is real. A candidate that is only correlated with a \
                   cause loses its gain after that cause is added."
             .into(),
         x: Axis::new("gain on held-out rows (% of the squared error)"),
-        y: Axis::of_names("", shown.iter().map(|ranked| ranked.name.clone())),
+        y: Axis::of_names("", shown.iter().map(|ranked| label(ranked))),
         series: series.into_iter().filter(|series| !series.x.is_empty()).collect(),
     }
 }

@@ -79,6 +79,7 @@ pub(super) fn findings(scene: &Scene) -> Table {
             format!("{} to {}", unbroken(significant(low, 3)), unbroken(significant(high, 3)))
                 .into(),
             percent(finding.share_of_residual),
+            Cell::Text(format!("{:.2}", finding.probability)),
             Cell::Text(probability(finding.p_value)),
             Cell::Text(format!("{:.2}", finding.stability)),
             rivals.join(", ").into(),
@@ -92,6 +93,7 @@ pub(super) fn findings(scene: &Scene) -> Table {
             "size",
             "95 % interval",
             "share (%)",
+            "probability",
             "p",
             "stability",
             "indistinguishable from",
@@ -109,6 +111,7 @@ pub(super) fn ranking(caption: impl Into<String>, ranking: &[RankedCandidate]) -
         vec![
             ranked.name.as_str().into(),
             Cell::Text(unbroken(gain(ranked.score))),
+            Cell::Text(format!("{:.2}", ranked.probability)),
             Cell::Text(probability(ranked.score.fit.p_value)),
             verdict.into(),
         ]
@@ -118,6 +121,7 @@ pub(super) fn ranking(caption: impl Into<String>, ranking: &[RankedCandidate]) -
         header: header([
             "candidate",
             "gain on held-out rows (% of the squared error, ± 2 standard errors)",
+            "probability",
             "p",
             "rejected because",
         ]),

@@ -5,8 +5,10 @@ use super::over_time::NoiseFloor;
 use crate::page::words::{self as shared, counted, listed, quantity};
 use crate::ranking::left_out_in_words;
 use compensator_core::term::LOOKUP_KNOTS;
+use friction_identification::diagnose::calibration::Calibration;
 use friction_identification::diagnose::gram_blocks::LeftOut;
-use friction_identification::diagnose::thresholds::{CHANCE, EXTRAPOLATES, MATERIAL, STRUCTURE};
+use friction_identification::diagnose::rules::{NEGLIGIBLE, NOT_SIGNIFICANT};
+use friction_identification::diagnose::thresholds::STRUCTURE;
 use friction_identification::diagnose::{Diagnosis, Finding};
 use friction_identification::number::significant;
 
@@ -207,20 +209,22 @@ pub(super) fn methods(scene: &Scene) -> Vec<String> {
             found.scores.len()
         ),
         format!(
-            "A candidate passes under three conditions. The squared error on held-out rows falls significantly (p below {}, \
+            "A candidate passes under two conditions. The squared error on held-out rows falls significantly (p below {}, \
              corrected for the number of candidates, with blocks of rows as observations). The reduction is at least {} % of \
-             the error above the noise floor. With five or more runs, the gain also holds on held-out runs (by {} standard \
-             error). Candidates that pass are fitted together with all parameters. The one with the largest held-out gain is \
+             the error above the noise floor. Candidates that pass are fitted together with all parameters. The one with the largest held-out gain is \
              kept, and the search continues on the remaining residual. A cause that the base model's parameters can imitate \
              is also fitted if its score is low and the residual is still above the noise floor.",
-            significant(CHANCE, 1),
-            significant(100.0 * MATERIAL, 1),
-            significant(EXTRAPOLATES, 1)
+            significant(NOT_SIGNIFICANT.limit, 1),
+            significant(100.0 * NEGLIGIBLE.limit, 1),
         ),
-        "In a final review, each finding is removed once and must pass the same conditions again. Then both models are \
-         refitted with each run held out once, and an extension without gain is withdrawn. \"Indistinguishable from\" lists \
-         causes that would explain the data equally well."
-            .into(),
+        format!(
+            "In a review, each finding is removed once and all candidates are evaluated in its place. The evidence of this \
+             review gives the probability that the cause is real. The weights of the evidence come from {}; a cause below a \
+             probability of {} is not named. Then both models are refitted with each run held out once, and an extension \
+             without gain is withdrawn. \"Indistinguishable from\" lists causes that would explain the data equally well.",
+            Calibration::current().name,
+            significant(Calibration::current().naming_threshold, 2)
+        ),
         format!(
             "The noise floor ({}) is the error of the best possible model. It has two parts: the noise of the logged {}, from \
              the median of its second differences ({}), and the effect of the uncertain motion on the base law ({}). Rows \

@@ -11,6 +11,7 @@ use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Regressor}
 use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::{Extended, Size};
 use crate::diagnose::sensitivities::Exact;
+use crate::diagnose::train_test::TrainTest;
 use compensator_core::{ParameterId as Id, Parameters, TermKind};
 
 /// Backlash travels that are crossed right after a reversal, as multiples of the presliding travel.
@@ -102,6 +103,11 @@ impl Cause for Backlash {
 
     fn is_confounded_with_model_error(&self) -> bool {
         true
+    }
+
+    /// A play below the step of the encoder cannot be seen.
+    fn least_size(&self, log: &TrainTest) -> Option<f64> {
+        Some(log.position_step())
     }
 
     /// Backlash is contradicted if the bristles reach the whole friction level within its travel.

@@ -35,6 +35,10 @@ impl Cause for ChannelDelay {
         true
     }
 
+    fn is_time_shift(&self) -> bool {
+        true
+    }
+
     /// The rate of the torque stands for a delay within a sample; a longer one turns the torque elsewhere.
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
         let columns = [context.log.velocity_name()];

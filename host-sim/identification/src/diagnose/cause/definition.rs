@@ -88,6 +88,21 @@ pub trait Cause: Sync {
         false
     }
 
+    /// Returns true if it shifts the torque in time at all speeds, as a delay of a channel does. Hysteresis resembles it.
+    fn is_time_shift(&self) -> bool {
+        false
+    }
+
+    /// Returns the least size that is physically possible on this log; `None` if any size is.
+    fn least_size(&self, _log: &TrainTest) -> Option<f64> {
+        None
+    }
+
+    /// Returns the size at which the cause has no effect.
+    fn no_effect_size(&self) -> f64 {
+        0.0
+    }
+
     /// Returns why a fitted model with this cause contradicts it, as the end of a sentence.
     fn contradicted(&self, _fitted: &Parameters<f64>) -> Option<&'static str> {
         None

@@ -5,6 +5,7 @@ use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Regressor}
 use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 use crate::diagnose::extended::Extended;
 use crate::diagnose::sensitivities::Exact;
+use crate::diagnose::train_test::TrainTest;
 use crate::number::significant;
 use compensator_core::{ParameterId as Id, TermKind};
 
@@ -38,6 +39,10 @@ impl Cause for DwellTimeStatic {
 
     fn is_confounded_with_model_error(&self) -> bool {
         true
+    }
+
+    fn least_size(&self, _log: &TrainTest) -> Option<f64> {
+        Some(0.0)
     }
 
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {

@@ -5,6 +5,7 @@ use super::definition::{Cause, LEVELS, Remedy};
 use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, row};
 use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::Extended;
+use crate::diagnose::train_test::TrainTest;
 use compensator_core::{ParameterId as Id, TermKind};
 
 const COLUMN: &str = "load_torque_nm";
@@ -35,6 +36,10 @@ impl Cause for LoadTorqueCoulomb {
 
     fn covariate(&self) -> Option<&'static str> {
         Some(COLUMN)
+    }
+
+    fn least_size(&self, _log: &TrainTest) -> Option<f64> {
+        Some(0.0)
     }
 
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {

@@ -4,6 +4,7 @@ use super::definition::{Cause, Remedy};
 use crate::diagnose::candidate::{Candidate, FitContext, InitialGuess, Row, row};
 use crate::diagnose::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::diagnose::extended::Extended;
+use crate::diagnose::train_test::TrainTest;
 use compensator_core::{ParameterId as Id, TermKind};
 
 /// Quadratic drag as a cause; see the module documentation.
@@ -32,6 +33,10 @@ impl Cause for QuadraticDrag {
 
     fn is_confounded_with_model_error(&self) -> bool {
         true
+    }
+
+    fn least_size(&self, _log: &TrainTest) -> Option<f64> {
+        Some(0.0)
     }
 
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {

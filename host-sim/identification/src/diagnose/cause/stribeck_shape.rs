@@ -39,6 +39,11 @@ impl Cause for StribeckShape {
         true
     }
 
+    /// The curve of the laws has the exponent 2.
+    fn no_effect_size(&self) -> f64 {
+        2.0
+    }
+
     fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
         if !context.spec.law.has_stribeck_curve() {
             return Vec::new();

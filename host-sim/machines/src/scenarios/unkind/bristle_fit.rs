@@ -1,4 +1,4 @@
-//! Fit of bristles to the slip-element plant: the best result of a law with one state on a joint with many.
+//! Fit of bristles to a plant with several elements: the best result of a law with one state on a joint with many.
 //!
 //! Levenberg-Marquardt method over the logarithms of six parameters. It uses the noise-free torque along the true
 //! motion. The hidden effect stays in the joint at its true size. No friction law with one state avoids the remaining

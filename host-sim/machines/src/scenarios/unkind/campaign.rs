@@ -7,6 +7,8 @@
 use super::super::motion::Motion;
 use super::super::sampler::Sampler;
 use super::super::surroundings::{Condition, Extra, Signal};
+use super::family::PlantKind;
+use super::lubricated::LubricatedSeal;
 use super::motions::{Drive, STYLES, draw_motion};
 use super::plant::{Element, Plant, Point, Trajectory};
 use super::sensing::{Sensing, SensorKind};
@@ -70,7 +72,7 @@ impl Campaign {
     /// Draws a campaign with the given sensor kind and plant.
     ///
     /// The order of the draws is part of the result: it must not change.
-    pub fn draw(sampler: &mut Sampler, kind: SensorKind, slip_elements: bool) -> Self {
+    pub fn draw(sampler: &mut Sampler, kind: SensorKind, plant: PlantKind) -> Self {
         let rate_hz = sampler.log_between(RATE_HZ.0, RATE_HZ.1).round();
         let rows = sampler.log_between(ROWS.0, ROWS.1);
         let total_s = rows / rate_hz;
@@ -78,8 +80,18 @@ impl Campaign {
         let seconds = total_s / count as f64;
 
         let (seal, drive) = draw_seal_and_drive(sampler, seconds);
-        let sensing = Sensing::draw(sampler, kind, rate_hz, seal.coulomb_nm);
-        let plant = if slip_elements { draw_slip_elements(sampler) } else { Plant::Bristles };
+        let draw_sensing = match plant {
+            PlantKind::Bristles | PlantKind::SlipElements => Sensing::draw,
+            PlantKind::LubricatedSeal => Sensing::draw_second_maker,
+        };
+        let sensing = draw_sensing(sampler, kind, rate_hz, seal.coulomb_nm);
+        let plant = match plant {
+            PlantKind::Bristles => Plant::Bristles,
+            PlantKind::SlipElements => draw_slip_elements(sampler),
+            PlantKind::LubricatedSeal => {
+                Plant::LubricatedSeal(LubricatedSeal::draw(sampler, drive.top_rad_s))
+            }
+        };
 
         let extras = draw_extras(sampler);
         let (conditions, correlation) =

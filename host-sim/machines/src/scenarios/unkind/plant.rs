@@ -1,17 +1,20 @@
-//! Two plants that are independent of the core: bristles, and elements that slip one after another.
+//! Plants that are independent of the core: bristles, elements that slip one after another, and a lubricated seal.
 //!
 //! ```text
 //! bristles        dz/ds = -(z - z_inf), z_inf = direction x g / k0, ds = k0 |dq| / g;  F = k0 z + k1 z'
 //! slip elements   each sticks (F_i = k_i dq) until |F_i| reaches its share a_i g of the level, then slides:
 //!                 dF_i/dt = (direction x a_i g - F_i) / tau, until the joint reverses (generalised Maxwell slip)
+//! lubricated seal elasto-plastic elements on a film that remembers the speed ([`super::lubricated`])
 //! ```
 //!
-//! Both slip at the same level `g` ([`Joint::level`]), which contains every effect. A cause therefore means the same
-//! in both plants. Below the level they differ: slip elements have hysteresis with nonlocal memory, and bristles drift.
-//! Each step is solved exactly for a level that changes linearly. The input is the travel, not the velocity.
+//! All slip at the same level `g` ([`Joint::level`]), which contains every effect. A cause therefore means the same
+//! in all plants. Below the level they differ: slip elements have hysteresis with nonlocal memory, and bristles drift.
+//! Each step of the bristles is solved exactly for a level that changes linearly. The input is the travel, not the
+//! velocity.
 
 use super::super::joint::Joint;
 use super::super::surroundings::{Condition, Conditions};
+use super::lubricated::{ContactStep, LubricatedSeal};
 
 /// An elasto-slip element.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +32,28 @@ pub(super) enum Plant {
     Bristles,
     /// One state for each element. `lag_s` is the time constant with which a sliding element approaches its level, s.
     SlipElements { elements: Vec<Element>, lag_s: f64 },
+    /// One state for each contact element, and one for the film.
+    LubricatedSeal(LubricatedSeal),
+}
+
+impl Plant {
+    /// Returns the name of the plant in `truth.json`.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Plant::Bristles => "bristles",
+            Plant::SlipElements { .. } => "slip-elements",
+            Plant::LubricatedSeal(_) => "lubricated-seal",
+        }
+    }
+
+    /// Returns the share of the level of each element.
+    fn shares(&self) -> Vec<f64> {
+        match self {
+            Plant::Bristles => Vec::new(),
+            Plant::SlipElements { elements, .. } => elements.iter().map(|one| one.share).collect(),
+            Plant::LubricatedSeal(own) => own.elements.iter().map(|one| one.share).collect(),
+        }
+    }
 }
 
 /// An integration point of a run.
@@ -60,7 +85,7 @@ pub(super) struct Machine<'a> {
 }
 
 /// Returns `(1 - exp(-x)) / x`.
-fn mean_of_decay(x: f64) -> f64 {
+pub(super) fn mean_of_decay(x: f64) -> f64 {
     if x < 1e-6 { 1.0 - 0.5 * x } else { -(-x).exp_m1() / x }
 }
 
@@ -68,8 +93,12 @@ fn mean_of_decay(x: f64) -> f64 {
 struct State {
     /// Deflection of the bristles, rad.
     z: f64,
-    /// Torque of each element, Nm, and true if it slides.
-    elements: Vec<(f64, bool)>,
+    /// Torque of each element, Nm.
+    torques: Vec<f64>,
+    /// True for each slip element that slides.
+    slides: Vec<bool>,
+    /// Speed at which the film is in equilibrium, rad/s.
+    film_rad_s: f64,
     age_s: f64,
     play: f64,
     direction: f64,
@@ -112,15 +141,12 @@ impl<'a> Machine<'a> {
     ) -> Vec<f64> {
         let Some(&first) = trajectory.points.first() else { return Vec::new() };
         let seal = &self.joint.seal;
-        let elements = match self.plant {
-            Plant::Bristles => Vec::new(),
-            Plant::SlipElements { elements, .. } => {
-                elements.iter().map(|one| (held * one.share * seal.coulomb_nm, false)).collect()
-            }
-        };
+        let shares = self.plant.shares();
         let mut state = State {
             z: held * seal.coulomb_nm / seal.k0,
-            elements,
+            torques: shares.iter().map(|share| held * share * seal.coulomb_nm).collect(),
+            slides: vec![false; shares.len()],
+            film_rad_s: first.velocity.abs(),
             age_s: 0.0,
             play: self.joint.play.map_or(0.0, |play| 0.5 * play.travel_rad),
             direction: if held < 0.0 { -1.0 } else { 1.0 },
@@ -157,7 +183,14 @@ impl<'a> Machine<'a> {
     /// Returns the friction level at a point, Nm.
     fn level(&self, point: &Point, conditions: &Conditions, state: &State) -> f64 {
         let State { direction, age_s, .. } = *state;
-        self.joint.level(point.velocity.abs(), direction, point.angle, age_s, conditions)
+        let (joint, speed) = (self.joint, point.velocity.abs());
+        match self.plant {
+            Plant::LubricatedSeal(seal) => {
+                let curve = seal.mean_curve(joint, state.film_rad_s);
+                joint.level_on_curve(curve, speed, direction, point.angle, age_s, conditions)
+            }
+            _ => joint.level(speed, direction, point.angle, age_s, conditions),
+        }
     }
 
     /// Integrates to the point `to`.
@@ -184,46 +217,93 @@ impl<'a> Machine<'a> {
         if let Some(warm) = joint.warming {
             state.heat_j = state.heat_j * (-seconds / warm.cooling_s).exp() + begin_level * travel;
         }
+        if let Plant::LubricatedSeal(seal) = self.plant {
+            let speed = 0.5 * (from.point.velocity.abs() + to.velocity.abs());
+            state.film_rad_s = seal.film_after(state.film_rad_s, speed, seconds);
+        }
         let here = self.evaluate(condition, to, state);
         let bent = joint.seal.eta3 * (here.conditions.force - from.conditions.force);
         let taken_up = self.taken_up(travel, state);
         match self.plant {
-            Plant::Bristles => {
-                let (k0, direction) = (joint.seal.k0, state.direction);
-                let passed = 0.5 * k0 * taken_up * (1.0 / begin_level + 1.0 / here.level);
-                let (begin, end) = (direction * begin_level / k0, direction * here.level / k0);
-                let mean = mean_of_decay(passed);
-                if passed > 0.0 || bent != 0.0 {
-                    let left = 1.0 - passed * mean;
-                    state.z = end + (state.z - begin) * left - (end - begin) * mean + bent * mean;
-                }
-                // The bristle torque is limited to the level at rest.
-                if (state.z * k0).abs() > here.level {
-                    let held =
-                        joint.level(0.0, state.z.signum(), to.angle, state.age_s, &here.conditions);
-                    state.z = state.z.clamp(-held / k0, held / k0);
-                }
-            }
+            Plant::Bristles => self.move_bristles(&here, begin_level, taken_up, bent, state),
             Plant::SlipElements { elements, lag_s } => {
                 let displacement = state.direction * taken_up + bent;
                 let settles = -(-seconds / lag_s).exp_m1();
-                for (one, (torque, slides)) in elements.iter().zip(&mut state.elements) {
-                    let level = one.share * here.level;
-                    *slides &= !has_reversed;
-                    if *slides {
-                        *torque += (state.direction * level - *torque) * settles;
-                        continue;
-                    }
-                    let stiffness = joint.seal.k0 * one.share / one.travel;
-                    *torque += stiffness * displacement;
-                    if torque.abs() >= level {
-                        *torque = torque.clamp(-level, level);
-                        *slides = travel > 0.0 && *torque * state.direction > 0.0;
-                    }
-                }
+                state.slides.iter_mut().for_each(|slides| *slides &= !has_reversed);
+                let level = here.level;
+                self.move_slip_elements(
+                    elements,
+                    level,
+                    displacement,
+                    settles,
+                    travel > 0.0,
+                    state,
+                );
+            }
+            Plant::LubricatedSeal(seal) => {
+                let State { direction, film_rad_s, age_s, .. } = *state;
+                let step = ContactStep { direction, travel: taken_up, bent, film_rad_s };
+                let (speed, now) = (to.velocity.abs(), &here.conditions);
+                seal.advance(joint, &step, &mut state.torques, |curve, direction| {
+                    joint.level_on_curve(curve, speed, direction, to.angle, age_s, now)
+                });
             }
         }
         here
+    }
+
+    /// Moves the bristles to the point `here`.
+    fn move_bristles(
+        &self,
+        here: &StepStart,
+        begin_level: f64,
+        taken_up: f64,
+        bent: f64,
+        state: &mut State,
+    ) {
+        let joint = self.joint;
+        let (k0, direction) = (joint.seal.k0, state.direction);
+        let passed = 0.5 * k0 * taken_up * (1.0 / begin_level + 1.0 / here.level);
+        let (begin, end) = (direction * begin_level / k0, direction * here.level / k0);
+        let mean = mean_of_decay(passed);
+        if passed > 0.0 || bent != 0.0 {
+            let left = 1.0 - passed * mean;
+            state.z = end + (state.z - begin) * left - (end - begin) * mean + bent * mean;
+        }
+        // The bristle torque is limited to the level at rest.
+        if (state.z * k0).abs() > here.level {
+            let (side, angle) = (state.z.signum(), here.point.angle);
+            let held = joint.level(0.0, side, angle, state.age_s, &here.conditions);
+            state.z = state.z.clamp(-held / k0, held / k0);
+        }
+    }
+
+    /// Moves the slip elements by a displacement, rad. `settles` is the share of its way to the level that a sliding
+    /// element covers.
+    fn move_slip_elements(
+        &self,
+        elements: &[Element],
+        joint_level: f64,
+        displacement: f64,
+        settles: f64,
+        has_moved: bool,
+        state: &mut State,
+    ) {
+        let direction = state.direction;
+        for (at, one) in elements.iter().enumerate() {
+            let (torque, slides) = (&mut state.torques[at], &mut state.slides[at]);
+            let level = one.share * joint_level;
+            if *slides {
+                *torque += (direction * level - *torque) * settles;
+                continue;
+            }
+            let stiffness = self.joint.seal.k0 * one.share / one.travel;
+            *torque += stiffness * displacement;
+            if torque.abs() >= level {
+                *torque = torque.clamp(-level, level);
+                *slides = has_moved && *torque * direction > 0.0;
+            }
+        }
     }
 
     /// Crosses the play and returns the travel that reaches the contact, rad.
@@ -246,10 +326,14 @@ impl<'a> Machine<'a> {
                     + seal.eta3 * here.conditions.force_rate;
                 seal.k0 * state.z + seal.k1 * rate
             }
-            Plant::SlipElements { .. } => state.elements.iter().map(|(torque, _)| torque).sum(),
+            Plant::SlipElements { .. } | Plant::LubricatedSeal(_) => state.torques.iter().sum(),
+        };
+        let viscous_velocity = match self.plant {
+            Plant::LubricatedSeal(seal) => seal.viscous_velocity(velocity),
+            _ => velocity,
         };
         contact
-            + joint.viscous(velocity, direction, &here.conditions)
+            + joint.viscous(viscous_velocity, direction, &here.conditions)
             + joint.added(angle, velocity, acceleration, &here.conditions)
     }
 }

@@ -11,8 +11,11 @@
 //!
 //! Filters run at the log's rate. A low-pass and held rows delay a channel. A diagnosis that reports this delay is
 //! right, whatever effect is hidden ([`Sensing::true_of_the_log`]).
+//!
+//! [`Sensing::draw_second_maker`] replaces the devices by those of [`super::devices`] and keeps the kind of defect.
 
 use super::super::sampler::Sampler;
+use super::devices::{Amplifier, AngleError, SecondOrder};
 use std::f64::consts::TAU;
 
 /// Kinds of sensor defect.
@@ -70,10 +73,12 @@ enum Velocity {
     LowPassed(f64),
     /// Moving average of this many differences of the encoder's angle.
     Averaged(usize),
+    /// Tracking observer on the logged angle.
+    Tracked(SecondOrder),
 }
 
 /// Type of the torque's low-pass.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 enum FilterShape {
     /// First order.
     First,
@@ -81,6 +86,8 @@ enum FilterShape {
     Second,
     /// Moving average of the last rows.
     Mean,
+    /// Strain gauge with this damping ratio. The corner is its natural frequency.
+    Gauge(f64),
 }
 
 impl FilterShape {
@@ -94,6 +101,9 @@ impl FilterShape {
                 low_pass(times, &low_pass(times, values, each_hz), each_hz)
             }
             Self::Mean => running_mean(times, values, 0.443 / corner_hz),
+            Self::Gauge(damping) => {
+                SecondOrder { natural_hz: corner_hz, damping }.low_pass(times, values)
+            }
         }
     }
 
@@ -102,6 +112,7 @@ impl FilterShape {
             Self::First => "",
             Self::Second => ", second order",
             Self::Mean => ", running mean",
+            Self::Gauge(_) => ", strain gauge",
         }
     }
 }
@@ -126,13 +137,16 @@ pub(super) struct Sensing {
     motion_rows: usize,
     /// Update rate of the covariates, Hz.
     pub covariate_hz: Option<f64>,
+    /// Periodic error of the angle. `None` if the angle has no such error.
+    angle_error: Option<AngleError>,
+    /// Hum and converter of the torque. `None` if the torque has neither.
+    amplifier: Option<Amplifier>,
 }
 
 impl Sensing {
-    /// Draws sensors of a kind for a joint with this Coulomb torque.
-    pub fn draw(sampler: &mut Sampler, kind: SensorKind, rate_hz: f64, coulomb_nm: f64) -> Self {
-        let noise_nm = coulomb_nm * sampler.log_between(0.003, 0.06);
-        let mut own = Self {
+    /// Returns sensors without a defect besides this torque noise, Nm.
+    fn exact(kind: SensorKind, noise_nm: f64) -> Self {
+        Self {
             kind,
             velocity: Velocity::Noisy(0.0),
             lines_per_rad: None,
@@ -143,7 +157,15 @@ impl Sensing {
             torque_rows: 1,
             motion_rows: 1,
             covariate_hz: None,
-        };
+            angle_error: None,
+            amplifier: None,
+        }
+    }
+
+    /// Draws sensors of a kind for a joint with this Coulomb torque.
+    pub fn draw(sampler: &mut Sampler, kind: SensorKind, rate_hz: f64, coulomb_nm: f64) -> Self {
+        let noise_nm = coulomb_nm * sampler.log_between(0.003, 0.06);
+        let mut own = Self::exact(kind, noise_nm);
         let lines = |sampler: &mut Sampler, least: usize| {
             f64::from(1u32 << (least + sampler.below(22 - least))) / TAU
         };
@@ -190,6 +212,41 @@ impl Sensing {
         own
     }
 
+    /// Draws sensors of a kind with the devices of a second maker, for a joint with this Coulomb torque.
+    ///
+    /// The velocity is tracked where it would be differentiated. In kinds other than `exact`, the angle has a periodic
+    /// error and the strain gauge may be slow enough to matter at the log's rate.
+    pub fn draw_second_maker(
+        sampler: &mut Sampler,
+        kind: SensorKind,
+        rate_hz: f64,
+        coulomb_nm: f64,
+    ) -> Self {
+        /// Corner of a gauge as a share of the log's rate, above which the log cannot resolve it.
+        const MAX_CORNER_SHARE: f64 = 0.4;
+        let mut own = Self::draw(sampler, kind, rate_hz, coulomb_nm);
+        own.amplifier = Some(Amplifier::draw(sampler, own.noise_nm, coulomb_nm));
+        let observer = SecondOrder {
+            natural_hz: rate_hz * sampler.log_between(0.04, 0.3),
+            damping: sampler.between(0.6, 0.95),
+        };
+        let corner_hz = rate_hz * sampler.log_between(0.1, 4.0);
+        let damping = sampler.between(0.5, 0.9);
+        let angle_error = AngleError::draw(sampler);
+        if kind == SensorKind::Exact {
+            return own;
+        }
+        own.angle_error = Some(angle_error);
+        own.torque_shape = FilterShape::Gauge(damping);
+        if own.torque_corner_hz.is_none() && corner_hz < MAX_CORNER_SHARE * rate_hz {
+            own.torque_corner_hz = Some(corner_hz);
+        }
+        if !matches!(own.velocity, Velocity::Noisy(_)) {
+            own.velocity = Velocity::Tracked(observer);
+        }
+        own
+    }
+
     /// Returns the delay of the logged velocity, s: the group delay of its filter.
     pub fn velocity_delay_s(&self, rate_hz: f64) -> f64 {
         let held = 0.5 * (self.motion_rows - 1) as f64 / rate_hz;
@@ -197,6 +254,7 @@ impl Sensing {
             Velocity::Noisy(_) => 0.0,
             Velocity::LowPassed(hz) => 0.5 / rate_hz + 1.0 / (TAU * hz),
             Velocity::Averaged(count) => 0.5 * count as f64 / rate_hz,
+            Velocity::Tracked(observer) => observer.delay_s(),
         }
     }
 
@@ -220,7 +278,8 @@ impl Sensing {
             Some(lines) => (angle * lines).floor() / lines,
             None => angle,
         };
-        let read: Vec<f64> = angles.iter().copied().map(lines).collect();
+        let turned = |angle: f64| self.angle_error.map_or(angle, |error| error.read(angle));
+        let read: Vec<f64> = angles.iter().map(|angle| lines(turned(*angle))).collect();
         debug_assert_eq!(times.len(), read.len());
         hold(&read, self.motion_rows)
     }
@@ -238,10 +297,14 @@ impl Sensing {
             return hold(&noisy, self.motion_rows);
         }
         let read = self.angles(times, angles);
+        let start = velocities.first().copied().unwrap_or(0.0);
+        if let Velocity::Tracked(observer) = self.velocity {
+            return hold(&observer.track(times, &read, start), self.motion_rows);
+        }
         let mut raw: Vec<f64> = (1..read.len())
             .map(|at| (read[at] - read[at - 1]) / (times[at] - times[at - 1]).max(1e-9))
             .collect();
-        raw.insert(0, velocities.first().copied().unwrap_or(0.0));
+        raw.insert(0, start);
         let filtered = match self.velocity {
             Velocity::LowPassed(corner_hz) => low_pass(times, &raw, corner_hz),
             Velocity::Averaged(count) => (0..raw.len())
@@ -250,7 +313,7 @@ impl Sensing {
                     raw[from..=at].iter().sum::<f64>() / (at + 1 - from) as f64
                 })
                 .collect(),
-            Velocity::Noisy(_) => raw,
+            Velocity::Noisy(_) | Velocity::Tracked(_) => raw,
         };
         hold(&filtered, self.motion_rows)
     }
@@ -270,7 +333,12 @@ impl Sensing {
         if self.noise_before || self.torque_rows > 1 {
             noise = self.torque_channel(times, &noise);
         }
-        torque.iter().zip(&noise).map(|(t, n)| t + n).collect()
+        let noisy: Vec<f64> = torque.iter().zip(&noise).map(|(t, n)| t + n).collect();
+        match self.amplifier {
+            // A held torque is converted once.
+            Some(amplifier) => hold(&amplifier.convert(sampler, times, &noisy), self.torque_rows),
+            None => noisy,
+        }
     }
 
     /// Returns a covariate's readings at times of the run. Each is at most one update period old.
@@ -290,9 +358,19 @@ impl Sensing {
             Velocity::Noisy(noise) => parts.push(format!("velocity noise {noise:.1e} rad/s")),
             Velocity::LowPassed(hz) => parts.push(format!("differences through {hz:.1} Hz")),
             Velocity::Averaged(n) => parts.push(format!("mean of {n} differences")),
+            Velocity::Tracked(observer) => {
+                parts.push(format!("tracking observer of {:.1} Hz", observer.natural_hz));
+            }
         }
         if let Some(lines) = self.lines_per_rad {
             parts.push(format!("encoder of {} bits", (lines * TAU).log2().round()));
+        }
+        if let Some([once, twice]) = self.angle_error.map(|error| error.amplitudes()) {
+            parts.push(format!("angle errors {once:.1e} and {twice:.1e} rad"));
+        }
+        if let Some(Amplifier { hum_nm, hum_hz, resolution_nm }) = self.amplifier {
+            let hum = format!("hum {hum_nm:.1e} Nm at {hum_hz:.2} Hz");
+            parts.push(format!("{hum}, torque steps of {resolution_nm:.1e} Nm"));
         }
         if let Some(hz) = self.torque_corner_hz {
             parts.push(format!("torque through {hz:.1} Hz{}", self.torque_shape.words()));
@@ -363,6 +441,21 @@ mod tests {
             let passed = shape.filter(&times, &wave, corner_hz);
             let power = passed[4000..].iter().map(|value| value * value).sum::<f64>() / 4000.0;
             assert!((power / 0.5 - 0.5).abs() < 0.02, "{shape:?}: {power}");
+        }
+    }
+
+    #[test]
+    fn draw_second_maker_of_each_kind_keeps_the_defect() {
+        for (seed, kind) in (0..60).zip(SensorKind::ALL.into_iter().cycle()) {
+            let own = Sensing::draw_second_maker(&mut Sampler::new(seed, 3), kind, 400.0, 2.0);
+            assert_eq!(own.has_position(), kind != SensorKind::NoPosition);
+            assert_eq!(own.angle_error.is_some(), kind != SensorKind::Exact);
+            assert!(matches!(own.velocity, Velocity::Noisy(_) | Velocity::Tracked(_)));
+            let is_slow = own.torque_corner_hz.is_some_and(|hz| (5.0..=200.0).contains(&hz));
+            assert!(is_slow || kind != SensorKind::TorqueFiltered, "{own:?}");
+            assert!(own.true_of_the_log().is_empty() || kind != SensorKind::Exact, "{own:?}");
+            let amplifier = own.amplifier.expect("every strain gauge has an amplifier");
+            assert!(amplifier.hum_nm < own.noise_nm, "{own:?}");
         }
     }
 

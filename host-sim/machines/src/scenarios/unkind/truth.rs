@@ -11,7 +11,7 @@ pub struct UnkindTruth {
     pub seed: u64,
     /// Sensor kind.
     pub sensor: SensorKind,
-    /// `bristles` or `slip-elements`.
+    /// `bristles`, `slip-elements` or `lubricated-seal`.
     pub plant: &'static str,
     /// The hidden effect. `None` in a clean world.
     pub hidden: Option<Hidden>,
