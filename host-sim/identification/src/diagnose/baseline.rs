@@ -14,7 +14,7 @@
 use super::model::{FittedModel, again};
 use super::train_test::{AtRest, TrainTest};
 use crate::fit::scales::Scales;
-use crate::fit::solve::COMPARISON_TOLERANCE;
+use crate::fit::solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Track, fit};
 use crate::spec::{Spec, SpecError};
@@ -57,6 +57,7 @@ fn fitted(
         start: start.cloned(),
         patience: PATIENCE,
         tolerance: COMPARISON_TOLERANCE,
+        stagnation: COMPARISON_STAGNATION,
         ..FitOptions::default()
     };
     let solution = fit(spec, &base, log.train_rows(), &options);

@@ -9,7 +9,7 @@ use super::train_test::FollowedColumn;
 use super::train_test::TrainTest;
 use crate::fit::predict::{Predicted, predict};
 use crate::fit::simulate::Resolution;
-use crate::fit::solve::COMPARISON_TOLERANCE;
+use crate::fit::solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE};
 use crate::fit::{FitOptions, Rows, fit};
 use crate::spec::{Spec, SpecError};
 use compensator_core::{ParameterId, Parameters, TermKind};
@@ -20,10 +20,10 @@ use std::cell::RefCell;
 const PATIENCE: usize = 3;
 
 /// Largest number of additional fits after a fit that ended early.
-const MORE_FITS: usize = 4;
+const MORE_FITS: usize = 2;
 
 /// Share of the linear fit's gain at which no additional fit is made.
-const PROMISED: f64 = 0.95;
+const PROMISED: f64 = 0.9;
 
 /// Smallest progress of an additional fit, as a share of the missing gain. Below it, the
 /// nonlinearity of the law causes the difference, and additional fits do not remove it.
@@ -107,6 +107,7 @@ fn refit(log: &TrainTest, start: &Start) -> FittedModel {
         resolution: Some(start.resolution),
         patience: PATIENCE,
         tolerance: COMPARISON_TOLERANCE,
+        stagnation: COMPARISON_STAGNATION,
         ..FitOptions::default()
     };
     let solution = fit(&start.spec, &start.parameters, log.train_rows(), &options);
@@ -130,6 +131,7 @@ pub fn again(rows: Rows, model: &FittedModel) -> FittedModel {
         resolution: Some(model.resolution),
         patience: PATIENCE,
         tolerance: COMPARISON_TOLERANCE,
+        stagnation: COMPARISON_STAGNATION,
         ..FitOptions::default()
     };
     let solution = fit(&model.spec, &model.parameters, rows, &options);

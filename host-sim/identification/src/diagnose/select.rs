@@ -28,8 +28,12 @@ const MOST_FINDINGS: usize = 5;
 /// Most candidates of a round that are fitted: what a diagnosis may take, not what decides.
 const MOST_FITTED: usize = 6;
 
-/// How often the search goes on after the review has taken out what does not hold.
+/// How often the search continues after the review has removed a cause.
 const SEARCHES: usize = 3;
+
+/// Probability at and above which the search continues after a cause. What comes after a less likely one explains even
+/// less. If the decision removes that cause, the search starts again without it.
+const CONTINUED: f64 = 0.15;
 
 /// How often the search goes on after a cause below the naming threshold was removed.
 const DECISIONS: usize = 3;
@@ -83,12 +87,12 @@ struct SearchState {
 }
 
 impl SearchState {
-    /// Adds causes and reviews them until the review removes none. Named causes come first. A curve of any shape may then
-    /// have what is left, and shows in the review which of them only stood in for it.
+    /// Adds causes one by one and reviews all after each, until none passes or one is unlikely. Named causes come first. A
+    /// curve of any shape may then have what is left, and shows in the review which of them only stood in for it.
     fn search(&mut self, search: &Search, extension: &mut Extension) -> Result<(), SpecError> {
         for allow_any_shape in [false, true] {
-            for _ in 0..SEARCHES {
-                let before = extension.found.len();
+            let mut losses = 0;
+            while extension.found.len() < MOST_FINDINGS && losses < SEARCHES {
                 let mut turn = Turn {
                     search,
                     refuted: &self.refuted,
@@ -96,15 +100,15 @@ impl SearchState {
                     scores: &mut self.scores,
                     decisions: &mut self.decisions,
                 };
-                turn.extend(extension)?;
-                if extension.found.len() == before {
+                if !turn.add(extension)? {
                     break;
                 }
                 let lost = review(search, extension)?;
-                if lost.is_empty() {
-                    break;
-                }
+                losses += usize::from(!lost.is_empty());
                 self.refuted.extend(lost);
+                if extension.found.iter().any(|found| found.probability < CONTINUED) {
+                    return Ok(());
+                }
             }
         }
         Ok(())
@@ -154,23 +158,21 @@ impl Turn<'_> {
         !refuted && (self.allow_any_shape || !candidate.is_any_shape())
     }
 
-    /// Adds causes as long as there are any that pass. The first round's scores are kept.
-    fn extend(&mut self, extension: &mut Extension) -> Result<(), SpecError> {
-        while extension.found.len() < MOST_FINDINGS {
-            let Extension { model, found } = &mut *extension;
-            (self.search.progress)(&format!("evaluating all causes (round {})", found.len() + 1));
-            let mut round = Round::new(self.search.log, model);
-            if self.scores.is_empty() {
-                *self.scores = round.scores();
-            }
-            let candidates = &round.candidates;
-            round.fits.retain(|fit| self.admits(&candidates[fit.candidate]));
-            let Some((chosen, fitted)) = self.choose(model, &round)? else { break };
-            let candidate = &round.candidates[chosen.candidate];
-            found.push(AcceptedCause::chosen(candidate, chosen));
-            *model = fitted;
+    /// Adds the best cause that passes; returns false if none does. The first round's scores are kept.
+    fn add(&mut self, extension: &mut Extension) -> Result<bool, SpecError> {
+        let Extension { model, found } = &mut *extension;
+        (self.search.progress)(&format!("evaluating all causes (round {})", found.len() + 1));
+        let mut round = Round::new(self.search.log, model);
+        if self.scores.is_empty() {
+            *self.scores = round.scores();
         }
-        Ok(())
+        let candidates = &round.candidates;
+        round.fits.retain(|fit| self.admits(&candidates[fit.candidate]));
+        let Some((chosen, fitted)) = self.choose(model, &round)? else { return Ok(false) };
+        let candidate = &round.candidates[chosen.candidate];
+        found.push(AcceptedCause::chosen(candidate, chosen));
+        *model = fitted;
+        Ok(true)
     }
 
     /// Who is worth a fit, the most promising first, at most two settings of a cause.

@@ -20,7 +20,13 @@ pub struct StopCriteria {
     pub patience: usize,
     /// The optimiser stops if a step would lower the sum of squares by less than this share of one row's.
     pub tolerance: f64,
+    /// The optimiser also stops if [`STAGNANT_EVALUATIONS`] in a row lower the sum of squares by less than this share of
+    /// it; 0 to let it crawl.
+    pub stagnation: f64,
 }
+
+/// Evaluations over which the progress of the optimiser is measured.
+const STAGNANT_EVALUATIONS: usize = 4;
 
 struct Problem<'a> {
     coordinates: &'a Coordinates,
@@ -32,6 +38,8 @@ struct Problem<'a> {
     /// The best point so far. The optimiser may stop at a worse trial point.
     best: (DVector<f64>, Reduced),
     evaluations: usize,
+    /// Lowest sum of squares so far, after each evaluation.
+    progress: Vec<f64>,
 }
 
 impl Problem<'_> {
@@ -44,6 +52,14 @@ impl Problem<'_> {
     fn is_settled(&self) -> bool {
         let reducible: f64 = self.reduced.residual.iter().map(|r| r * r).sum();
         reducible < self.relative_tolerance() * self.reduced.sum_of_squares()
+    }
+
+    /// Returns true if the last evaluations made little progress. Trial points that are all worse than the start only
+    /// shorten the step.
+    fn is_stagnant(&self) -> bool {
+        let [first, .., last] = self.progress.as_slice() else { return false };
+        let before = self.progress.iter().rev().nth(STAGNANT_EVALUATIONS);
+        last < first && before.is_some_and(|before| before - last < self.stop.stagnation * last)
     }
 
     /// Returns the tolerance as a share of the whole sum of squares.
@@ -65,6 +81,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
         if lower && self.is_finite() {
             self.best = (self.point.clone(), self.reduced.clone());
         }
+        self.progress.push(self.best.1.sum_of_squares());
     }
 
     fn params(&self) -> OVector<f64, Dyn> {
@@ -81,7 +98,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 
     fn jacobian(&self) -> Option<OMatrix<f64, Dyn, Dyn>> {
         let count = self.point.len();
-        (self.is_finite() && !self.is_settled()).then(|| {
+        (self.is_finite() && !self.is_settled() && !self.is_stagnant()).then(|| {
             DMatrix::from_fn(count + 1, count, |row, column| {
                 if row < count { self.reduced.factor[row * count + column] } else { 0.0 }
             })
@@ -128,8 +145,9 @@ pub fn minimise_from(
     }
     let point = DVector::from_column_slice(from);
     let best = (point.clone(), reduced.clone());
+    let progress = vec![reduced.sum_of_squares()];
     let problem =
-        Problem { coordinates, rows, resolution, stop, point, reduced, best, evaluations: 1 };
+        Problem { coordinates, rows, resolution, stop, point, reduced, best, evaluations: 1, progress };
     let optimiser = LevenbergMarquardt::new()
         .with_patience(stop.patience)
         .with_ftol(problem.relative_tolerance())

@@ -36,6 +36,10 @@ const DEFAULT_TOLERANCE: f64 = 1e-3;
 /// error. The last tenth of the distance to the optimum would take half of a fit's simulations.
 pub const COMPARISON_TOLERANCE: f64 = 0.1;
 
+/// Progress at which such a fit ends, as a share of the squared error. Causes with a smaller effect are rejected as
+/// negligible.
+pub const COMPARISON_STAGNATION: f64 = 3e-4;
+
 /// Maximum number of simulations per parameter of a fit that continues at a finer resolution, or only if it is the best.
 const INTERMEDIATE_PATIENCE: usize = 5;
 
@@ -61,6 +65,8 @@ pub struct FitOptions {
     pub patience: usize,
     /// The fit ends if a step would lower the sum of squares by less than this share of one row's.
     pub tolerance: f64,
+    /// The fit also ends if several steps together lower the sum of squares by less than this share of it.
+    pub stagnation: f64,
 }
 
 impl Default for FitOptions {
@@ -75,6 +81,7 @@ impl Default for FitOptions {
             passive: false,
             patience: DEFAULT_PATIENCE,
             tolerance: DEFAULT_TOLERANCE,
+            stagnation: 0.0,
         }
     }
 }
@@ -135,10 +142,12 @@ pub fn fit(spec: &Spec, base: &Parameters<f64>, rows: Rows, options: &FitOptions
     // Without collinear parameters, the first fit begins at the point where they were searched for.
     let at_first = at_first.filter(|_| collinear.is_empty() && resolution == Resolution::PLAIN);
     let free = free.into_iter().filter(|id| !collinear.contains(id)).collect();
-    let last = StopCriteria { patience: options.patience, tolerance: options.tolerance };
+    let FitOptions { patience, tolerance, stagnation, .. } = *options;
+    let last = StopCriteria { patience, tolerance, stagnation };
     let intermediate = StopCriteria {
         patience: last.patience.min(INTERMEDIATE_PATIENCE),
         tolerance: last.tolerance.max(COMPARISON_TOLERANCE),
+        stagnation,
     };
     let is_last = candidates.len() < 2 && !refines;
     let starts = Starts { candidates, free, collinear, at_first };

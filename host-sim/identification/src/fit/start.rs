@@ -24,7 +24,7 @@ use rayon::prelude::*;
 const TRIAL_ROWS: usize = 20_000;
 
 /// Stop criteria of a trial fit, which only has to distinguish local minima.
-const TRIAL: StopCriteria = StopCriteria { patience: 3, tolerance: 1.0 };
+const TRIAL: StopCriteria = StopCriteria { patience: 3, tolerance: 1.0, stagnation: 0.0 };
 
 /// A parameter and the regressor that it multiplies.
 type LinearPart = (ParameterId, fn(&Sample<f64>) -> f64);
