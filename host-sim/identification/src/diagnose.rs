@@ -1,20 +1,21 @@
 //! What a simulation gets wrong, why, and what a better model gains.
 //!
 //! ```text
-//! log           runs to learn from, runs to judge by, columns that may be blamed         train_test
-//!  -> base      the simplest law the log supports, fitted; rows weighed                  baseline, uncertain_motion
-//!  -> zero      runs shifted to one phase, where the position's zero is not the shaft's        unknown_zero
-//!  -> sensitivities  what the model does, row by row, and its derivatives                sensitivities, order, harmonics
-//!  -> candidates     each cause as columns beside the model                              cause, candidate
-//!  -> products  of all columns by blocks: falls of the error on unseen rows              survey, gram_blocks, error_reduction
-//!  -> choice    those that pass, fitted by the core; the best stays; again; reviewed     round, select, block_errors, review, other_laws
-//!  -> judged    fitted anew, every run left out once; what does not gain is taken back   proposal, left_out, evaluation, regime
-//!  -> reported  size, sentence, where it shows                                           extended, finding, evidence, summary
+//! TrainTest      runs to learn from and to judge by, columns that may be blamed    train_test
+//!  -> CorrectedLog  late channels, uncertain motion, unknown zero, base model       corrected_log, late_channel, uncertain_motion,
+//!                                                                                   unknown_zero, baseline
+//!  -> Round         all candidates beside a model, in one linear fit                round, sensitivities, cause, survey, gram_blocks
+//!  -> Selection     causes added one by one, each reviewed beside all others        select, review, rules, other_laws
+//!       evidence    figures of each cause, weighed to a probability                 cause_evidence, calibration
+//!  -> Proposal      fitted anew with every run left out once                        proposal, left_out, evaluation
+//!  -> Decision      repeated until the evaluation withdraws nothing                 decision
+//!  -> Diagnosis     size, sentence, where it shows, what to measure next            extended, finding, evidence, regime, experiment
 //! ```
 //!
-//! The linear fit beside the model ([`gram_blocks`]) only decides which candidates are fitted. What is reported was
-//! fitted by the core's own step, everything jointly, and judged on held-out runs. What may be blamed, and
-//! what each cause needs to be found and reported, is in [`cause`]: a file for each, and one list.
+//! The linear fit ([`gram_blocks`]) only decides which candidates are fitted. What is reported was fitted by the core's own
+//! step, all parameters jointly, and evaluated on held-out runs. A stage takes values and returns a value; it does not change
+//! those before it. What may be blamed, and what each cause needs to be found and reported, is in [`cause`]: a file for each
+//! cause, and one list.
 
 pub mod accepted_cause;
 pub mod baseline;
@@ -23,6 +24,8 @@ pub mod calibration;
 pub mod candidate;
 pub mod cause;
 pub mod cause_evidence;
+pub mod corrected_log;
+pub mod decision;
 pub mod error_reduction;
 pub mod evaluation;
 pub mod evidence;
@@ -63,22 +66,19 @@ pub use train_test::TrainTest;
 use crate::data::{Dataset, Split};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Outcome, State};
-use crate::fit::{Predicted, identify, predict};
+use crate::fit::{Predicted, identify};
 use crate::log_check::{LogFinding, LogFindingKind};
 use crate::spec::{Spec, SpecError};
 use crate::stochastic::{self, Certificate};
 use accepted_cause::AcceptedCause;
-use baseline::Baseline;
-use calibration::Calibration;
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
+use corrected_log::CorrectedLog;
+use decision::Decision;
 use extended::{Observation, Unexplained};
 use gram_blocks::LeftOut;
-use late_channel::LateChannelKind;
-use model::{FitCache, FittedModel};
-use proposal::Proposal;
+use model::FittedModel;
 use rules::RuleDecision;
-use search::{Extension, Search};
 use std::time::Instant;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
 
@@ -190,9 +190,6 @@ pub struct Certificates {
     pub reading: String,
 }
 
-/// Maximum number of causes withdrawn from proposals before the search ends.
-const MAX_WITHDRAWN_CAUSES: usize = 4;
-
 /// Ratio of the error to the noise floor above which the residual has structure, whatever its autocorrelation time: the
 /// autocorrelation of an oscillation cancels half a period later.
 const STRUCTURE_FLOOR_RATIO: f64 = 1.5;
@@ -211,174 +208,105 @@ pub fn diagnose(
     progress: &dyn Fn(&str),
 ) -> Result<Diagnosis, SpecError> {
     let begin = Instant::now();
-    let mut whole = TrainTest::new(data, split, question.decimate, &question.rigid_body);
-    let mut some = whole.thinned().into_owned();
-    progress("fitting the baseline");
-    let mut chosen = base(&some, question)?;
-    let mut log_findings = question.log_findings.clone();
-    let mut sought: Vec<LateChannelKind> = LateChannelKind::ALL.to_vec();
-    sought.retain(|late| !question.as_logged.contains(&late.kind()));
-    while let Some(found) = late_channel::found(&some, &chosen.model, &sought)? {
-        progress("fitting the baseline with a delayed channel");
-        log_findings.retain(|finding| finding.kind != found.late.kind());
-        log_findings.push(found.finding(data.joint));
-        sought.retain(|late| *late != found.late);
-        let (law, logged, some_logged) = (chosen.model.spec.law, whole, some);
-        whole = found.lag_compensated(logged.clone());
-        some = whole.thinned().into_owned();
-        chosen = base(&some, question)?;
-        // Beside a law that lacked what the lateness hid, another shape and time may have stood in for it.
-        if chosen.model.spec.law != law
-            && let Some(nearer) = late_channel::found(&some_logged, &chosen.model, &[found.late])?
-        {
-            log_findings.retain(|finding| finding.kind != nearer.late.kind());
-            log_findings.push(nearer.finding(data.joint));
-            whole = nearer.lag_compensated(logged);
-            some = whole.thinned().into_owned();
-            chosen = base(&some, question)?;
-        }
-    }
-    if let Some(weighed) = uncertain_motion::weighed(&whole, &chosen.model) {
-        whole = weighed.with_floor();
-        some = whole.thinned().into_owned();
-        progress("fitting the baseline to rows weighted by the uncertainty of their motion");
-        chosen = base(&some, question)?;
-    }
-    let Baseline { model: mut base, at_rest } = chosen;
-    if let Some(aligned) = unknown_zero::aligned(&whole, &base) {
-        whole = aligned;
-        some = whole.thinned().into_owned();
-    }
-    if let Some(at_rest) = &at_rest {
-        some = some.without(at_rest);
-    }
-    let seed = question.seed;
-    let fits = FitCache::new(&some);
-    let whole = match &at_rest {
-        Some(at_rest) => whole.without(at_rest),
-        None => whole,
-    };
-    let resolution = base.resolution;
-    let as_it_is = question
-        .given
-        .as_ref()
-        .map(|(_, parameters)| predict(parameters, whole.test_rows(), resolution));
-    let is_chosen = question.model.is_none() && question.given.is_none();
-    let mut refuted = Vec::new();
-    let naming_threshold =
-        question.naming_threshold.unwrap_or(Calibration::current().naming_threshold);
-    let (mut scores, mut weighed, mut decisions) = (Vec::new(), Vec::new(), Vec::new());
-    let mut said = Vec::new();
-    let proposal = loop {
-        let search =
-            Search { log: &some, fits: &fits, base: &base, naming_threshold, seed, progress };
-        let selection = select::select(&search, &refuted)?;
-        if is_chosen
-            && let Some(richer) = baseline::reselect_base_law(&some, &base, &selection.extended)?
-        {
-            progress("restarting with a richer law");
-            base = richer;
-            refuted.clear();
-            weighed.clear();
-            decisions.clear();
-            continue;
-        }
-        progress("evaluating on held-out rows");
-        let extension = Extension { model: selection.extended, found: selection.found };
-        let proposal = proposal::propose(&search, &whole, extension, as_it_is.clone())?;
-        if scores.is_empty() {
-            scores = selection.scores;
-        }
-        if weighed.is_empty() {
-            weighed = selection.weighed;
-        }
-        decisions.extend(selection.decisions.into_iter().chain(proposal.decisions.clone()));
-        said.extend(proposal.notes.clone());
-        refuted.extend(proposal.taken_back.iter().cloned());
-        // What was taken back may have stood in the way of another.
-        if proposal.taken_back.is_empty() || refuted.len() > MAX_WITHDRAWN_CAUSES {
-            break proposal;
-        }
-    };
-    let Proposal { extension, extended, before, after, gain, left_out, .. } = proposal;
-    let follows = extension.model.follows.as_ref().filter(|follows| follows.extra);
-    let mut log = whole.following(follows).into_owned();
-    said.extend(decisions.iter().map(RuleDecision::in_words));
-    said.sort_unstable();
-    said.dedup();
-    log.notes.extend(said);
-    let mut baseline = match &question.given {
-        Some((spec, parameters)) => given(&log, spec, parameters)?,
-        None => outcome(&log, &base)?,
-    };
-    baseline.test = before.metrics;
-    let mut extended = extended.unwrap_or_else(|| baseline.clone());
-    extended.test = after.metrics;
-    let at = sensitivities::sensitivities(
-        &baseline.parameters,
-        &[],
-        &log.test_tracks,
-        baseline.resolution,
-    );
-    let found = extension.found.iter();
-    let mut findings: Vec<Finding> = found.map(|found| found.finding(&extended, &log)).collect();
-    let coloured = evaluation::coloured_floor(&log.test_tracks, &after);
-    let noise_floor = evaluation::noise_floor(&log.test_tracks, log.decimate).max(coloured);
+    let log = TrainTest::new(data, split, question.decimate, &question.rigid_body);
+    let corrected = CorrectedLog::new(log, data.joint, question, progress)?;
+    let decision = decision::decide(&corrected, question, progress)?;
+    let log = reported_log(&corrected.whole, &decision);
+    let models = models(&log, question, &decision)?;
+    let (before, after) = (decision.proposal.before, decision.proposal.after);
+    let Floors { noise_floor, coloured } = floors(&log, &after);
     let unexplained_memory_rows = unexplained_memory_rows(&after, noise_floor);
     let noise_floor = evaluation::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
+    let found = decision.proposal.extension.found.iter();
+    let mut findings: Vec<Finding> =
+        found.map(|found| found.finding(&models.extended, &log)).collect();
     findings.extend(observed(|cause| cause.in_log(&log)));
     if findings.is_empty() && unexplained_memory_rows > 0.0 && after.metrics.nrmse_std > NEGLIGIBLE
     {
-        let rest = Unexplained {
-            after: &after,
-            noise_floor,
-            times_floor: STRUCTURE,
-            log: &log,
-            seed: question.seed,
-        };
+        let (after, log, seed) = (&after, &log, question.seed);
+        let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
         findings.extend(observed(|cause| cause.in_rest(&rest)));
     }
     progress("certifying");
-    let certificates = certificates(&log, &baseline, &extended, &findings, question.seed);
+    let certificates = certificates(&log, &models, &findings, question.seed);
+    let Models { baseline, extended } = models;
+    let (tracks, resolution) = (&log.test_tracks, baseline.resolution);
+    let at = sensitivities::sensitivities(&baseline.parameters, &[], tracks, resolution);
+    let follows = decision.proposal.extension.model.follows.as_ref().filter(|own| own.extra);
     Ok(Diagnosis {
-        log_findings,
+        log_findings: corrected.findings,
         noise_floor,
         by_regime: regime::by_regime(&log.test_tracks, &at),
         by_direction: regime::by_direction(&log.test_tracks, &at),
         by_column: regime::by_column(&log, &at),
-        scores,
-        weighed,
-        decisions,
+        scores: decision.scores,
+        weighed: decision.weighed,
+        decisions: decision.decisions,
         certificates,
         auxiliary: follows.map(|follows| follows.column.clone()),
-        left_out,
+        left_out: decision.proposal.left_out,
         log,
         baseline,
         extended,
         before,
         after,
         findings,
-        gain,
+        gain: decision.proposal.gain,
         unexplained_memory_rows,
         seconds: begin.elapsed().as_secs_f64(),
     })
+}
+
+/// Returns the log as the extended model sees it, with the notes of the decision.
+fn reported_log(whole: &TrainTest, decision: &Decision) -> TrainTest {
+    let follows = decision.proposal.extension.model.follows.as_ref();
+    let mut log = whole.following(follows.filter(|follows| follows.extra)).into_owned();
+    let rejected = decision.decisions.iter().map(RuleDecision::in_words);
+    let mut notes: Vec<String> = decision.notes.iter().cloned().chain(rejected).collect();
+    notes.sort_unstable();
+    notes.dedup();
+    log.notes.extend(notes);
+    log
+}
+
+/// Base and extended model, fitted to the whole log and evaluated on held-out rows.
+struct Models {
+    baseline: Outcome,
+    extended: Outcome,
+}
+
+fn models(
+    log: &TrainTest,
+    question: &DiagnosisOptions,
+    decision: &Decision,
+) -> Result<Models, SpecError> {
+    let proposal = &decision.proposal;
+    let mut baseline = match &question.given {
+        Some((spec, parameters)) => given(log, spec, parameters)?,
+        None => outcome(log, &decision.base)?,
+    };
+    baseline.test = proposal.before.metrics;
+    let mut extended = proposal.extended.clone().unwrap_or_else(|| baseline.clone());
+    extended.test = proposal.after.metrics;
+    Ok(Models { baseline, extended })
+}
+
+/// Errors that no model of the joint can avoid, Nm.
+struct Floors {
+    noise_floor: f64,
+    coloured: f64,
+}
+
+fn floors(log: &TrainTest, after: &Predicted) -> Floors {
+    let coloured = evaluation::coloured_floor(&log.test_tracks, after);
+    let noise_floor = evaluation::noise_floor(&log.test_tracks, log.decimate).max(coloured);
+    Floors { noise_floor, coloured }
 }
 
 /// What causes are seen without a fit of their own.
 fn observed(see: impl Fn(&dyn Cause) -> Option<Observation>) -> impl Iterator<Item = Finding> {
     let all = cause::ALL.iter().copied();
     all.filter_map(move |cause| Some(Finding::observed(cause, see(cause)?)))
-}
-
-fn base(log: &TrainTest, question: &DiagnosisOptions) -> Result<Baseline, SpecError> {
-    match (&question.given, &question.model) {
-        (Some((spec, parameters)), _) => baseline::asked_for(log, spec, Some(parameters)),
-        (None, Some(spec)) => {
-            let spec = spec.clone().on(&log.rigid_body);
-            baseline::asked_for(log, &spec, None)
-        }
-        (None, None) => baseline::choose(log),
-    }
 }
 
 /// Errors and verdicts of a model that has been fitted.
@@ -404,8 +332,7 @@ fn given(log: &TrainTest, spec: &Spec, parameters: &Parameters<f64>) -> Result<O
 /// The paper's certificates of both models on the training runs.
 fn certificates(
     log: &TrainTest,
-    baseline: &Outcome,
-    extended: &Outcome,
+    Models { baseline, extended }: &Models,
     findings: &[Finding],
     seed: u64,
 ) -> Certificates {

@@ -146,8 +146,17 @@ pub fn minimise_from(
     let point = DVector::from_column_slice(from);
     let best = (point.clone(), reduced.clone());
     let progress = vec![reduced.sum_of_squares()];
-    let problem =
-        Problem { coordinates, rows, resolution, stop, point, reduced, best, evaluations: 1, progress };
+    let problem = Problem {
+        coordinates,
+        rows,
+        resolution,
+        stop,
+        point,
+        reduced,
+        best,
+        evaluations: 1,
+        progress,
+    };
     let optimiser = LevenbergMarquardt::new()
         .with_patience(stop.patience)
         .with_ftol(problem.relative_tolerance())
