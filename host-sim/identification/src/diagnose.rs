@@ -99,9 +99,8 @@ pub struct DiagnosisOptions {
     pub log_findings: Vec<LogFinding>,
     /// Late channels that are left as they are logged ([`late_channel`]).
     pub as_logged: Vec<LogFindingKind>,
-    /// Probability at and above which a cause is named, if not that of the calibration. Above 1, no cause is named, and the
-    /// evidence is only weighed.
-    pub naming_threshold: Option<f64>,
+    /// If true, evidence is weighed for the calibration, and no extension is proposed.
+    pub only_weighs: bool,
 }
 
 /// Result of a diagnosis.
@@ -133,7 +132,7 @@ pub struct Diagnosis {
     pub by_column: Vec<(String, Vec<Share>)>,
     /// Every candidate beside the base law, best first.
     pub scores: Vec<CandidateScore>,
-    /// Accepted causes as the calibration weighed them, before those below its threshold were removed.
+    /// Accepted causes as the calibration last weighed them, with those below its threshold.
     pub weighed: Vec<AcceptedCause>,
     /// Causes that a rule rejected after their fit.
     pub decisions: Vec<RuleDecision>,

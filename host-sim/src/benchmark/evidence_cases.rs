@@ -36,11 +36,8 @@ pub fn world_cases(seed: u64) -> Result<WorldCases, String> {
     let failed = |why: String| format!("seed {seed}: {why}");
     let rigid_body =
         parse_rigid_body(&truth.rigid_body.join(",")).map_err(|e| failed(e.to_string()))?;
-    let question = DiagnosisOptions {
-        rigid_body,
-        naming_threshold: Some(f64::INFINITY),
-        ..DiagnosisOptions::default()
-    };
+    let question =
+        DiagnosisOptions { rigid_body, only_weighs: true, ..DiagnosisOptions::default() };
     let (found, _) = diagnose_log(simulated::dataset(&log), &question).map_err(failed)?;
     let case = |evidence: &CauseEvidence, is_real: bool| Case {
         figures: evidence.figures(),

@@ -73,7 +73,7 @@ fn diagnose_joint(
         seed: arguments.data.seed,
         log_findings: input.log_findings.clone(),
         as_logged: arguments.data.kinds_as_logged(),
-        naming_threshold: None,
+        only_weighs: false,
     };
     let bar = spinner("diagnosing".into());
     let progress = |what: &str| bar.set_message(what.to_owned());

@@ -14,7 +14,7 @@ use super::proposal::{self, Proposal};
 use super::round::CandidateScore;
 use super::rules::RuleDecision;
 use super::search::{Extension, Search};
-use super::select;
+use super::select::{remember, select};
 use crate::fit::predict;
 use crate::spec::SpecError;
 
@@ -30,7 +30,7 @@ pub struct Decision {
     pub proposal: Proposal,
     /// Every candidate beside the base law, best first.
     pub scores: Vec<CandidateScore>,
-    /// Accepted causes as the calibration weighed them, before those below its threshold were removed.
+    /// Accepted causes as the calibration last weighed them, with those below its threshold.
     pub weighed: Vec<AcceptedCause>,
     /// Causes that a rule rejected after their fit.
     pub decisions: Vec<RuleDecision>,
@@ -51,22 +51,25 @@ pub fn decide(
     let given = options.given.as_ref();
     let given = given.map(|(_, own)| predict(own, log.whole.test_rows(), log.base.resolution));
     let is_chosen = options.model.is_none() && options.given.is_none();
-    let calibrated = || Calibration::current().naming_threshold;
-    let naming_threshold = options.naming_threshold.unwrap_or_else(calibrated);
+    let only_weighs = options.only_weighs;
+    let naming_threshold = Calibration::current().naming_threshold;
     let mut base = log.base.clone();
     let (mut scores, mut weighed) = (Vec::new(), Vec::new());
     let (mut refuted, mut decisions, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     loop {
         let seed = options.seed;
+        let (progress, seed, searched) = (progress, options.seed, &log.searched);
+        let (fits, base_now) = (&fits, &base);
         let search = Search {
-            log: &log.searched,
-            fits: &fits,
-            base: &base,
+            log: searched,
+            fits,
+            base: base_now,
             naming_threshold,
+            only_weighs,
             seed,
             progress,
         };
-        let selection = select::select(&search, &refuted)?;
+        let selection = select(&search, &refuted)?;
         if is_chosen
             && let Some(richer) = reselect_base_law(&log.searched, &base, &selection.extended)?
         {
@@ -78,14 +81,15 @@ pub fn decide(
             continue;
         }
         progress("evaluating on held-out rows");
-        let extension = Extension { model: selection.extended, found: selection.found };
+        let extension = match only_weighs {
+            true => Extension { model: base.clone(), found: Vec::new() },
+            false => Extension { model: selection.extended, found: selection.found },
+        };
         let proposal = proposal::propose(&search, &log.whole, extension, given.clone())?;
         if scores.is_empty() {
             scores = selection.scores;
         }
-        if weighed.is_empty() {
-            weighed = selection.weighed;
-        }
+        remember(&mut weighed, selection.weighed);
         decisions.extend(selection.decisions.into_iter().chain(proposal.decisions.clone()));
         notes.extend(proposal.notes.clone());
         refuted.extend(proposal.taken_back.iter().cloned());

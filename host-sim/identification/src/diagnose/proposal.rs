@@ -59,7 +59,7 @@ pub fn propose(
     let (left_out, before, after, gain, extended) = loop {
         let describes = extension.found.iter().any(|found| found.only_describes);
         let way = if describes { LeftOut::Stretches } else { unit(log) };
-        let is_judged = log.leaves_each_out && search.naming_threshold <= 1.0;
+        let is_judged = log.leaves_each_out && !search.only_weighs;
         let left_out = is_judged.then_some(way);
         let judged = |model: &FittedModel| match left_out {
             Some(way) => predict_left_out(log, model, way),

@@ -34,9 +34,9 @@ pub const NO_REDUCTION: Rule = Rule {
 /// A reduction must be significant.
 pub const NOT_SIGNIFICANT: Rule = Rule {
     name: "not-significant",
-    limit: 0.005,
+    limit: 0.05,
     reason: "probability of the reduction in a log with nothing hidden, corrected for all candidates: one false \
-             candidate in 200 clean logs before the calibration",
+             candidate in 20 clean logs before the calibration",
 };
 
 /// A cause must remove a part of the error above the floor.

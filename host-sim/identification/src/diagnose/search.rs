@@ -14,9 +14,10 @@ pub struct Search<'a> {
     pub fits: &'a FitCache<'a>,
     /// The fitted base law.
     pub base: &'a FittedModel,
-    /// Probability at and above which a cause is named. Above 1, the search ends when the evidence is weighed, and no cause
-    /// is named.
+    /// Probability at and above which a cause is named.
     pub naming_threshold: f64,
+    /// If true, evidence is weighed for the calibration, and no extension is proposed.
+    pub only_weighs: bool,
     /// Seed of the random sampler.
     pub seed: u64,
     /// Receives a description of each step of the work.

@@ -49,7 +49,7 @@ pub struct Selection {
     pub scores: Vec<CandidateScore>,
     /// Causes that a rule rejected after their fit.
     pub decisions: Vec<RuleDecision>,
-    /// Accepted causes as the calibration weighed them, before those below its threshold were removed.
+    /// Accepted causes as the calibration last weighed them, with those below its threshold.
     pub weighed: Vec<AcceptedCause>,
 }
 
@@ -62,19 +62,24 @@ pub fn select(search: &Search, refuted: &[CauseIdentity]) -> Result<Selection, S
     let mut state = SearchState { refuted: refuted.to_vec(), ..SearchState::default() };
     for _ in 0..DECISIONS {
         state.search(search, &mut extension)?;
-        if state.weighed.is_empty() {
-            state.weighed = extension.found.clone();
-        }
-        if search.naming_threshold > 1.0 {
-            extension = Extension { model: search.base.clone(), found: Vec::new() };
-            break;
-        }
+        remember(&mut state.weighed, extension.found.clone());
         if !state.decide(search, &mut extension)? {
             break;
         }
     }
     let SearchState { scores, decisions, weighed, .. } = state;
     Ok(Selection { extended: extension.model, found: extension.found, scores, decisions, weighed })
+}
+
+/// Adds causes to those that were weighed before; the last weighing of a cause counts.
+pub fn remember(weighed: &mut Vec<AcceptedCause>, found: Vec<AcceptedCause>) {
+    for found in found {
+        let identity = |own: &AcceptedCause| CauseIdentity::new(own.cause, own.follows.as_ref());
+        match weighed.iter_mut().find(|own| identity(own) == identity(&found)) {
+            Some(own) => *own = found,
+            None => weighed.push(found),
+        }
+    }
 }
 
 /// What a search has gathered besides its model.
