@@ -55,6 +55,9 @@ pub mod train_test;
 pub mod uncertain_motion;
 pub mod unknown_zero;
 
+#[cfg(test)]
+mod fixtures;
+
 pub use cause::{Cause, Remedy};
 pub use evaluation::Gain;
 pub use extended::Size;

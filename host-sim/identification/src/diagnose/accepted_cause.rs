@@ -116,3 +116,6 @@ impl AcceptedCause {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

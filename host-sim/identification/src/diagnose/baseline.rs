@@ -282,3 +282,6 @@ fn is_worth_it(log: &TrainTest, simple: &FittedModel, rich: &FittedModel) -> boo
     let ratio = simple.sse.max(f64::MIN_POSITIVE) / rich.sse.max(f64::MIN_POSITIVE);
     rows * ratio.ln() > more * rows.max(2.0).ln()
 }
+
+#[cfg(test)]
+mod tests;

@@ -316,3 +316,6 @@ fn delayed(log: &TrainTest, base: &FittedModel, delay_s: f64) -> Result<FittedMo
     }
     Ok(best)
 }
+
+#[cfg(test)]
+mod tests;

@@ -125,3 +125,6 @@ fn gains_too_little(log: &TrainTest, before: &Predicted, gain: &Gain) -> Option<
         Rejection::new(&rules::NEGLIGIBLE, why)
     })
 }
+
+#[cfg(test)]
+mod tests;

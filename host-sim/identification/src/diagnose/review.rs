@@ -345,3 +345,6 @@ fn fitted_rivals(
     }
     Ok(found)
 }
+
+#[cfg(test)]
+mod tests;

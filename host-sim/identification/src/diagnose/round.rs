@@ -252,3 +252,6 @@ impl Round {
         scores
     }
 }
+
+#[cfg(test)]
+mod tests;

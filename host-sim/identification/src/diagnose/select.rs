@@ -324,3 +324,6 @@ pub fn better(
 pub fn share(fall: &ErrorReduction, of: &BlockErrors) -> f64 {
     (fall.value / of.sse().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }
+
+#[cfg(test)]
+mod tests;
