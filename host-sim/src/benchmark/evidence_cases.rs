@@ -1,6 +1,6 @@
 //! Cases for the calibration of the diagnosis: the evidence for each cause on simulated worlds, with the truth.
 //!
-//! The diagnosis of a world weighs every cause that passes its rules and names none. Each accepted cause is a
+//! The diagnosis of a world runs as for a user, up to the evaluation of its proposal. Each cause that was weighed is a
 //! case for the model of findings, and each candidate of the first round one for the model of candidates. A case is real
 //! if its cause is hidden in the world, or if the hidden cause is among those that the log cannot distinguish from it. Causes
 //! that hold for the log whatever is hidden are no cases.

@@ -51,22 +51,18 @@ pub fn decide(
     let given = options.given.as_ref();
     let given = given.map(|(_, own)| predict(own, log.whole.test_rows(), log.base.resolution));
     let is_chosen = options.model.is_none() && options.given.is_none();
-    let only_weighs = options.only_weighs;
     let naming_threshold = Calibration::current().naming_threshold;
     let mut base = log.base.clone();
     let (mut scores, mut weighed) = (Vec::new(), Vec::new());
     let (mut refuted, mut decisions, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     loop {
-        let seed = options.seed;
-        let (progress, seed, searched) = (progress, options.seed, &log.searched);
-        let (fits, base_now) = (&fits, &base);
         let search = Search {
-            log: searched,
-            fits,
-            base: base_now,
+            log: &log.searched,
+            fits: &fits,
+            base: &base,
             naming_threshold,
-            only_weighs,
-            seed,
+            only_weighs: options.only_weighs,
+            seed: options.seed,
             progress,
         };
         let selection = select(&search, &refuted)?;
@@ -81,7 +77,7 @@ pub fn decide(
             continue;
         }
         progress("evaluating on held-out rows");
-        let extension = match only_weighs {
+        let extension = match options.only_weighs {
             true => Extension { model: base.clone(), found: Vec::new() },
             false => Extension { model: selection.extended, found: selection.found },
         };

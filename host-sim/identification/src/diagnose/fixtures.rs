@@ -271,6 +271,7 @@ pub fn with_search<T>(log: &TrainTest, run: impl FnOnce(&Search) -> T) -> T {
         fits: &fits,
         base: &base,
         naming_threshold: NAMING_THRESHOLD,
+        only_weighs: false,
         seed: 0,
         progress: &|_| {},
     })

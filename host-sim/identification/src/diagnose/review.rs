@@ -36,8 +36,12 @@ fn identity(found: &AcceptedCause) -> CauseIdentity {
 ///
 /// # Errors
 /// If there are more terms than the core takes.
-pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<CauseIdentity>, SpecError> {
-    let mut lost_claims = Vec::new();
+pub fn review(
+    search: &Search,
+    extension: &mut Extension,
+    refuted: &[CauseIdentity],
+) -> Result<Vec<CauseIdentity>, SpecError> {
+    let mut lost_claims = refuted.to_vec();
     let mut left = extension.found.len();
     let corrected = corrected(search, extension)?;
     while left > 0 {
@@ -66,7 +70,7 @@ pub fn review(search: &Search, extension: &mut Extension) -> Result<Vec<CauseIde
         left -= 1;
     }
     order(&mut extension.found);
-    Ok(lost_claims)
+    Ok(lost_claims.split_off(refuted.len()))
 }
 
 /// The place of a finding: all candidates beside the model without it.

@@ -108,7 +108,7 @@ impl SearchState {
                 if !turn.add(extension)? {
                     break;
                 }
-                let lost = review(search, extension)?;
+                let lost = review(search, extension, &self.refuted)?;
                 losses += usize::from(!lost.is_empty());
                 self.refuted.extend(lost);
                 if extension.found.iter().any(|found| found.probability < CONTINUED) {
@@ -140,7 +140,8 @@ impl SearchState {
                 columns: gone.columns,
                 rejection: Rejection::new(&rules::BELOW_THRESHOLD, why),
             });
-            self.refuted.extend(review(search, extension)?);
+            let lost = review(search, extension, &self.refuted)?;
+            self.refuted.extend(lost);
             has_removed = true;
         }
     }

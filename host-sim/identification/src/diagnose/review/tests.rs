@@ -9,7 +9,7 @@ use crate::diagnose::fixtures::{
 fn reviewed(log: &HandMadeLog, causes: &[&str]) -> (Extension, Vec<CauseIdentity>) {
     with_search(&log.train_test(), |search| {
         let mut extension = extension(search, causes);
-        let lost = review(search, &mut extension).expect("few terms");
+        let lost = review(search, &mut extension, &[]).expect("few terms");
         (extension, lost)
     })
 }

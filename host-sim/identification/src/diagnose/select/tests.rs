@@ -80,7 +80,6 @@ fn select_with_all_causes_of_covariates_refuted_returns_base_law() {
 }
 
 #[test]
-#[ignore = "the review takes a refuted cause in the place of one that it confounds with it"]
 fn select_with_refuted_cause_does_not_return_it() {
     let refuted = CauseIdentity::new(cause("pressure-coulomb"), None);
     let selection = selection(&HandMadeLog::new(pressure_torque), NAMING_THRESHOLD, &[refuted]);
@@ -93,18 +92,10 @@ fn select_with_cause_below_threshold_removes_it_by_rule() {
     let selection = selection(&HandMadeLog::new(pressure_torque), 1.0, &[]);
     assert!(selection.found.is_empty(), "{:?}", selection.found);
     assert!(selection.extended.spec.terms.is_empty());
-    assert_eq!(names(&selection.weighed), ["pressure-coulomb"]);
-    assert_eq!(rules_against(&selection, "pressure-coulomb")[0], rules::BELOW_THRESHOLD.name);
+    assert_eq!(names(&selection.weighed)[0], "pressure-coulomb");
+    assert_eq!(rules_against(&selection, "pressure-coulomb"), [rules::BELOW_THRESHOLD.name]);
     let why = &selection.decisions[0].rejection.why;
     assert!(why.ends_with("is below the naming threshold of 1.00"), "{why}");
-}
-
-#[test]
-fn select_with_threshold_above_one_only_weighs() {
-    let selection = selection(&HandMadeLog::new(pressure_torque), 1.1, &[]);
-    assert!(selection.found.is_empty() && selection.extended.spec.terms.is_empty());
-    assert_eq!(names(&selection.weighed), ["pressure-coulomb"]);
-    assert!(rules_against(&selection, "pressure-coulomb").is_empty());
 }
 
 #[test]
