@@ -86,7 +86,12 @@ pub fn decide(
             scores = selection.scores;
         }
         remember(&mut weighed, selection.weighed);
-        decisions.extend(selection.decisions.into_iter().chain(proposal.decisions.clone()));
+        for decision in selection.decisions.into_iter().chain(proposal.decisions.clone()) {
+            // A search that starts again repeats its rejections.
+            if !decisions.contains(&decision) {
+                decisions.push(decision);
+            }
+        }
         notes.extend(proposal.notes.clone());
         refuted.extend(proposal.taken_back.iter().cloned());
         if proposal.taken_back.is_empty() || refuted.len() > MAX_WITHDRAWN_CAUSES {

@@ -1,12 +1,13 @@
 //! Which causes, one after the other.
 //!
-//! Each round asks all candidates at once ([`super::survey`]) and lets those that pass be fitted with
-//! everything else by the core's own simulation; the one that explains most of rows it has not seen stays. Then
-//! the next round looks at what is left. What only correlated with a cause that was not yet in falls when it
-//! is: in the end every finding is taken out once and has to win its place again ([`super::review`]).
+//! Each round evaluates all candidates at once ([`super::survey`]). Those that pass are fitted with everything else by the
+//! core's own simulation, and the one that explains most of rows it has not seen stays. A review follows: every finding is
+//! taken out once and has to win its place again ([`super::review`]), because what only correlated with a cause that was
+//! not yet in falls when it is.
 //!
-//! The linear fit beside the model only says who is worth a fit, and where that begins. Whether a cause
-//! enters is decided by the fitted model, on the same yardstick ([`super::block_errors`]).
+//! The linear fit beside the model only says which candidate is worth a fit, and where that begins. Whether a cause
+//! enters is decided by the fitted model, on the same yardstick ([`super::block_errors`]). When the search ends, causes
+//! below the naming threshold are removed ([`SearchState::decide`]), and it starts again without them.
 
 use super::accepted_cause::AcceptedCause;
 use super::block_errors::{BlockErrors, Improvement};

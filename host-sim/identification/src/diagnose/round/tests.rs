@@ -38,7 +38,7 @@ fn rejection_of_improvement_names_violated_rule() {
         Some(round.rejection(pressure, &improvement(value), probability)?.rule)
     };
     assert_eq!(rule(-1.0, 1e-6), Some(&rules::NO_REDUCTION));
-    assert_eq!(rule(0.5 * round.excess, 0.01), Some(&rules::NOT_SIGNIFICANT));
+    assert_eq!(rule(0.5 * round.excess, 0.1), Some(&rules::NOT_SIGNIFICANT));
     assert_eq!(rule(0.02 * round.excess, 1e-6), Some(&rules::NEGLIGIBLE));
     assert_eq!(rule(0.5 * round.excess, 1e-6), None);
 }
