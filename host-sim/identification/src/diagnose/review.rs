@@ -165,7 +165,15 @@ fn stability(
         let mut rivals = rivals.iter();
         rivals.any(|rival| rival.cause == candidate.cause && rival.columns == candidate.columns)
     };
-    let counts = |candidate: &CauseCandidate| candidate.claim() == *claim || is_rival(candidate);
+    // A curve over the same columns is a less specific statement of the same effect.
+    let own = candidates.iter().find(|candidate| candidate.claim() == *claim);
+    let is_own_curve = |candidate: &CauseCandidate| {
+        let same = own.is_some_and(|own| own.columns == candidate.columns);
+        candidate.follows.is_some() && candidate.extra.is_none() && same
+    };
+    let counts = |candidate: &CauseCandidate| {
+        candidate.claim() == *claim || is_rival(candidate) || is_own_curve(candidate)
+    };
     let own = (0..candidates.len()).filter(|c| counts(&candidates[*c]));
     own.map(|c| wins[c]).sum::<f64>().min(1.0)
 }

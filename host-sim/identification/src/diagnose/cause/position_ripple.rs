@@ -84,6 +84,11 @@ impl Cause for PositionRipple {
         peaks(&points, most, ORDERS).iter().map(candidate).collect()
     }
 
+    /// None: the size is the amplitude of one order, and the others may hold the effect.
+    fn no_effect_size(&self) -> f64 {
+        f64::NAN
+    }
+
     fn size(&self, extended: &Extended) -> Size {
         extended.amplitude(Id::RippleSine, Id::RippleCosine)
     }

@@ -67,6 +67,11 @@ impl Cause for TorqueRipple {
         sizes.into_iter().map(|count| candidate(name, orders(count), found.independent)).collect()
     }
 
+    /// None: the size is the amplitude of one order, and the others may hold the effect.
+    fn no_effect_size(&self) -> f64 {
+        f64::NAN
+    }
+
     fn size(&self, extended: &Extended) -> Size {
         let [_, sine, cosine] = waves(extended)[0];
         extended.amplitude(sine, cosine)
