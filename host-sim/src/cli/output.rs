@@ -4,13 +4,14 @@ use super::terminal;
 use clap::Args;
 use rustix::termios::tcgetwinsize;
 use std::io::{ErrorKind, IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// Output folder and output format.
 #[derive(Args, Clone, Debug)]
 pub struct OutputArguments {
     /// Folder for the result files; it is created if missing. Default: `out`, and for commands that read logs a folder
-    /// named after command and log, such as `out/diagnose-my-log`
+    /// named after command and path of the log, such as `out/diagnose-my-log` or `out/diagnose-monday-my-log`
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the result as JSON instead of tables
@@ -28,7 +29,8 @@ impl OutputArguments {
     }
 
     /// Returns the output arguments of a command that reads logs. Without `--out`, the folder is named after the command
-    /// and the logs, so that results do not overwrite each other.
+    /// and the paths of the logs, so that results do not overwrite each other. Results that an earlier run of the command
+    /// left there are removed, so that none stands beside new ones.
     #[must_use]
     pub fn of_run(&self, command: &str, logs: &[PathBuf]) -> Self {
         let own = || Path::new(DEFAULT_FOLDER).join(run_name(command, logs));
@@ -53,6 +55,11 @@ impl OutputArguments {
         let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
         let out = self.folder();
         std::fs::create_dir_all(out).map_err(|error| failed(out, error))?;
+        let is_of_run = out.parent() == Some(Path::new(DEFAULT_FOLDER));
+        if is_of_run {
+            remember_files(out, files.iter().map(|(name, _)| *name))
+                .map_err(|error| failed(out, error))?;
+        }
         let taken = files.iter().map(|(name, _)| out.join(name)).find(|path| path.is_dir());
         if let Some(path) = taken {
             return Err(failed(&path, ErrorKind::IsADirectory.into()));
@@ -68,15 +75,57 @@ impl OutputArguments {
     }
 }
 
-/// Returns the folder name of a command and its logs: `diagnose-my-log`, or `diagnose-my-log-and-2-more`.
+/// File with the names of the results in the folder of a run, one per line.
+const WRITTEN: &str = ".written";
+
+/// Removes the results of an earlier process from the folder of a run, and notes the names of those to be written.
+fn remember_files<'a>(
+    folder: &Path,
+    names: impl Iterator<Item = &'a str>,
+) -> Result<(), std::io::Error> {
+    static WRITTEN_TO: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+    let mut written_to = WRITTEN_TO.lock().unwrap_or_else(PoisonError::into_inner);
+    let list = folder.join(WRITTEN);
+    let mut known = std::fs::read_to_string(&list).unwrap_or_default();
+    if !written_to.iter().any(|own| own == folder) {
+        written_to.push(folder.to_owned());
+        for name in known.lines().filter(|name| !Path::new(name).is_absolute()) {
+            // A file that the user removed is no error.
+            let _ = std::fs::remove_file(folder.join(name));
+        }
+        known.clear();
+    }
+    names.for_each(|name| known += &format!("{name}\n"));
+    friction_results::write_atomically(&list, known.as_bytes())
+}
+
+/// Maximum length of the name of a path, characters.
+const MAX_PATH_NAME: usize = 60;
+
+/// Returns the folder name of a command and its logs: `diagnose-my-log`, `diagnose-monday-my-log` for a log in another
+/// folder, or `diagnose-my-log-and-2-more`.
 fn run_name(command: &str, logs: &[PathBuf]) -> String {
     let first = logs.first().map_or(Path::new(""), PathBuf::as_path);
-    let stem = |path: &Path| path.file_stem().map(|stem| file_name(&stem.to_string_lossy()));
-    let mut name = format!("{command}-{}", stem(first).unwrap_or_default());
+    let mut name = format!("{command}-{}", path_name(first));
     if logs.len() > 1 {
         name += &format!("-and-{}-more", logs.len() - 1);
     }
     name
+}
+
+/// Returns a path as one name. The default output folder is left out of it, and the start of a long path.
+fn path_name(path: &Path) -> String {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let folder = folder.strip_prefix(DEFAULT_FOLDER).unwrap_or(folder);
+    let folders = folder.components().filter_map(|part| match part {
+        Component::Normal(name) => Some(name),
+        _ => None,
+    });
+    let parts: Vec<String> =
+        folders.chain(path.file_stem()).map(|part| file_name(&part.to_string_lossy())).collect();
+    let name = parts.join("-");
+    let surplus = name.chars().count().saturating_sub(MAX_PATH_NAME);
+    name.chars().skip(surplus).collect::<String>().trim_start_matches('-').to_owned()
 }
 
 /// Returns at most 40 characters of a name, with every character that a file system may reject replaced by `-`.
@@ -122,7 +171,7 @@ mod tests {
 
     #[test]
     fn of_run_without_out_option_names_folder_after_command_and_logs() {
-        let logs = ["logs/my log.v2.csv", "b.csv", "c.csv"].map(PathBuf::from);
+        let logs = ["my log.v2.csv", "b.csv", "c.csv"].map(PathBuf::from);
         let with_folder = OutputArguments { out: Some("there".into()), json: true };
         let without_folder = OutputArguments { out: None, json: false };
         assert_eq!(without_folder.folder(), Path::new("out"));
@@ -135,5 +184,22 @@ mod tests {
             assert_eq!(of_run.folder(), Path::new(folder));
             assert_eq!(of_run.json, output.json);
         }
+    }
+
+    #[test]
+    fn path_name_with_same_file_in_two_folders_differs() {
+        for (path, name) in [
+            ("log.csv", "log"),
+            ("./log.csv", "log"),
+            ("out/data.csv", "data"),
+            ("a/log.csv", "a-log"),
+            ("b/log.csv", "b-log"),
+            ("/data/b/log.csv", "data-b-log"),
+            ("../b/log.csv", "b-log"),
+        ] {
+            assert_eq!(path_name(Path::new(path)), name, "{path}");
+        }
+        let long = format!("{}/log.csv", "folder/".repeat(20));
+        assert!(path_name(Path::new(&long)).ends_with("folder-log"));
     }
 }
