@@ -58,7 +58,75 @@ error(
     "0,1,2\n1,2,3\n",
     "log.csv: row 1, column 0: found numbers, expected the columns' names (time_s, velocity_rad_s, torque_nm ..)",
 )
-error("a zip archive", b"PK\x03\x04rest", "log.csv: found a zip archive or a spreadsheet, expected a CSV or Parquet file")
+PYTHON = "expected a CSV or Parquet file: python -c "
+for kind, head, line in [
+    ("a zip archive", b"PK\x03\x04rest", "found a zip archive, expected a CSV or Parquet file: unzip log.csv"),
+    (
+        "a spreadsheet",
+        b"PK\x03\x04\0\0[Content_Types].xml",
+        "found a spreadsheet, expected a CSV file: libreoffice --headless --convert-to csv log.csv",
+    ),
+    (
+        "an old spreadsheet",
+        b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",
+        "found a spreadsheet, expected a CSV file: libreoffice --headless --convert-to csv log.csv",
+    ),
+    ("an xz archive", b"\xfd7zXZ\0", "found an xz archive, expected a CSV or Parquet file: unxz -k log.csv"),
+    ("a gzip archive", b"\x1f\x8b\x08", "found a gzip archive, expected a CSV or Parquet file: gunzip -k log.csv"),
+    (
+        "a MAT file",
+        b"MATLAB 5.0 MAT-file, Platform: GLNXA64",
+        "found a MAT file, expected a CSV or Parquet file: writetable(struct2table(load('log.csv')), 'log.csv') in MATLAB",
+    ),
+    (
+        "an HDF5 file",
+        b"\x89HDF\r\n\x1a\n",
+        f"found an HDF5 file (or a MAT file of version 7.3), {PYTHON}\"import pandas; "
+        "pandas.read_hdf('log.csv').to_parquet('log.parquet')\", or writetable in MATLAB",
+    ),
+    (
+        "a NumPy array",
+        b"\x93NUMPY\x01\0",
+        f"found a NumPy array, {PYTHON}\"import numpy, pandas; "
+        "pandas.DataFrame(numpy.load('log.csv')).to_csv('log.csv')\", with the columns' names",
+    ),
+    (
+        "a NumPy archive",
+        b"PK\x03\x04\0\0tau.npy",
+        f"found a NumPy archive, {PYTHON}\"import numpy, pandas; "
+        "pandas.DataFrame(dict(numpy.load('log.csv'))).to_csv('log.csv')\"",
+    ),
+    (
+        "a ROS 2 bag of SQLite",
+        b"SQLite format 3\0",
+        "found an SQLite database (a ROS 2 bag, if it ends in .db3), expected an MCAP, CSV or Parquet file: ros2 bag convert "
+        "-i log.csv -o mcap.yaml, or sqlite3 -csv -header log.csv 'select * from TABLE' > log.csv",
+    ),
+    (
+        "a ROS 1 bag",
+        b"#ROSBAG V2.0\n",
+        "found a ROS 1 bag, expected an MCAP, CSV or Parquet file: mcap convert log.csv log.mcap, or rostopic echo -b log.csv "
+        "-p /TOPIC > log.csv",
+    ),
+    (
+        "an MDF file",
+        b"MDF     4.10",
+        f"found an MDF file, {PYTHON}\"from asammdf import MDF; MDF('log.csv').export('parquet', 'log.parquet')\"",
+    ),
+    (
+        "a TDMS file",
+        b"TDSm\x0e\0\0\0",
+        f"found a TDMS file, {PYTHON}\"import nptdms; "
+        "nptdms.TdmsFile('log.csv').as_dataframe().to_csv('log.csv')\"",
+    ),
+    (
+        "an Arrow file",
+        b"ARROW1\0\0",
+        f"found an Arrow file, {PYTHON}\"import pyarrow.feather as f, pyarrow.parquet as p; "
+        "p.write_table(f.read_table('log.csv'), 'log.parquet')\"",
+    ),
+]:
+    error(kind, head, f"log.csv: {line}")
 error(
     "two targets",
     table(joint(force=("force_n", lambda r: r["tau"]))),

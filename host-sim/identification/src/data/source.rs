@@ -53,7 +53,7 @@ pub(super) fn read_file(
         return Err(DataError::File {
             file: path.into(),
             found: found.into(),
-            expected: expected.into(),
+            expected: expected.replace("FILE", &path.display().to_string()),
         });
     }
     let format = FORMATS.iter().find(|format| (format.matches)(&head)).unwrap_or(&csv_file::FORMAT);

@@ -1,26 +1,115 @@
-//! Detection of files that are often given as logs but are not supported.
+//! Detection of files that are often given as logs but are not supported, with the command that converts each.
+
+/// A file that is not supported: what it is, and what is expected. FILE stands for its path.
+type Refusal = (&'static str, &'static str);
+
+/// Files that are known by their first bytes.
+const KNOWN: &[(&[u8], Refusal)] = &[
+    (&[0x1f, 0x8b], ("a gzip archive", "a CSV or Parquet file: gunzip -k FILE")),
+    (&[0x28, 0xb5, 0x2f, 0xfd], ("a zstd archive", "a CSV or Parquet file: unzstd FILE")),
+    (b"\xfd7zXZ", ("an xz archive", "a CSV or Parquet file: unxz -k FILE")),
+    (b"BZh", ("a bzip2 archive", "a CSV or Parquet file: bunzip2 -k FILE")),
+    (b"7z\xbc\xaf\x27\x1c", ("a 7z archive", "a CSV or Parquet file: 7z x FILE")),
+    (
+        b"\x89HDF",
+        (
+            "an HDF5 file (or a MAT file of version 7.3)",
+            "a CSV or Parquet file: python -c \"import pandas; pandas.read_hdf('FILE').to_parquet('log.parquet')\", or \
+             writetable in MATLAB",
+        ),
+    ),
+    (
+        b"MATLAB 5.0 MAT-file",
+        (
+            "a MAT file",
+            "a CSV or Parquet file: writetable(struct2table(load('FILE')), 'log.csv') in MATLAB",
+        ),
+    ),
+    (
+        b"\x93NUMPY",
+        (
+            "a NumPy array",
+            "a CSV or Parquet file: python -c \"import numpy, pandas; \
+             pandas.DataFrame(numpy.load('FILE')).to_csv('log.csv')\", with the columns' names",
+        ),
+    ),
+    (
+        b"SQLite format 3\0",
+        (
+            "an SQLite database (a ROS 2 bag, if it ends in .db3)",
+            "an MCAP, CSV or Parquet file: ros2 bag convert -i FILE -o mcap.yaml, or sqlite3 -csv -header FILE 'select * \
+             from TABLE' > log.csv",
+        ),
+    ),
+    (
+        b"#ROSBAG V",
+        (
+            "a ROS 1 bag",
+            "an MCAP, CSV or Parquet file: mcap convert FILE log.mcap, or rostopic echo -b FILE -p /TOPIC > log.csv",
+        ),
+    ),
+    (
+        b"MDF     ",
+        (
+            "an MDF file",
+            "a CSV or Parquet file: python -c \"from asammdf import MDF; MDF('FILE').export('parquet', 'log.parquet')\"",
+        ),
+    ),
+    (
+        b"TDSm",
+        (
+            "a TDMS file",
+            "a CSV or Parquet file: python -c \"import nptdms; \
+             nptdms.TdmsFile('FILE').as_dataframe().to_csv('log.csv')\"",
+        ),
+    ),
+    (b"ARROW1", ("an Arrow file", PYARROW)),
+    (b"FEA1", ("a Feather file of version 1", PYARROW)),
+    (
+        &[0xd0, 0xcf, 0x11, 0xe0],
+        ("a spreadsheet", "a CSV file: libreoffice --headless --convert-to csv FILE"),
+    ),
+    (b"%PDF", ("a PDF document", "a CSV or Parquet file")),
+];
+
+const PYARROW: &str = "a CSV or Parquet file: python -c \"import pyarrow.feather as f, pyarrow.parquet as p; \
+                       p.write_table(f.read_table('FILE'), 'log.parquet')\"";
+
+/// First bytes of a zip archive.
+const ZIP: &[u8] = b"PK\x03\x04";
 
 /// Returns what a file that begins with `head` is, and what is expected; `None` if it may be a log.
-pub(super) fn recognise(head: &[u8]) -> Option<(&'static str, &'static str)> {
-    const TABLE: &str = "a CSV or Parquet file";
-    const UNPACKED: &str = "a CSV or Parquet file; unpack it first";
-    let known = match head {
-        [0x1f, 0x8b, ..] => ("a gzip archive", UNPACKED),
-        [0x28, 0xb5, 0x2f, 0xfd, ..] => ("a zstd archive", UNPACKED),
-        [b'P', b'K', 3, 4, ..] => ("a zip archive or a spreadsheet", TABLE),
-        [0x89, b'H', b'D', b'F', ..] => ("an HDF5 file", TABLE),
-        _ => {
-            let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head);
-            if text.trim_ascii().is_empty() {
-                ("an empty file", "a header and a row per sample")
-            } else if !text.contains(&b'\n') && text.contains(&b'\r') {
-                ("lines that end in CR alone", "lines that end in LF or CRLF")
-            } else {
-                return None;
-            }
-        }
-    };
-    Some(known)
+pub(super) fn recognise(head: &[u8]) -> Option<Refusal> {
+    if head.starts_with(ZIP) {
+        return Some(in_zip(head));
+    }
+    if let Some((_, refusal)) = KNOWN.iter().find(|(magic, _)| head.starts_with(magic)) {
+        return Some(*refusal);
+    }
+    let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head);
+    if text.trim_ascii().is_empty() {
+        Some(("an empty file", "a header and a row per sample"))
+    } else if !text.contains(&b'\n') && text.contains(&b'\r') {
+        Some(("lines that end in CR alone", "lines that end in LF or CRLF"))
+    } else {
+        None
+    }
+}
+
+/// Returns what a zip archive is by the names of its first members: the formats of offices and NumPy are archives.
+fn in_zip(head: &[u8]) -> Refusal {
+    let has = |name: &[u8]| head.windows(name.len()).any(|window| window == name);
+    if has(b"[Content_Types].xml") || has(b"xl/") || has(b"opendocument.spreadsheet") {
+        ("a spreadsheet", "a CSV file: libreoffice --headless --convert-to csv FILE")
+    } else if has(b".npy") {
+        (
+            "a NumPy archive",
+            "a CSV or Parquet file: python -c \"import numpy, pandas; \
+             pandas.DataFrame(dict(numpy.load('FILE'))).to_csv('log.csv')\"",
+        )
+    } else {
+        ("a zip archive", "a CSV or Parquet file: unzip FILE")
+    }
 }
 
 #[cfg(test)]
@@ -31,11 +120,27 @@ mod tests {
     fn recognise_with_unsupported_file_returns_its_type() {
         assert_eq!(recognise(b"PAR1...."), None);
         assert_eq!(recognise(b"a,b\n"), None);
+        assert_eq!(recognise(b"MDF,time_s\n1,2\n"), None, "a header may begin alike");
         for (head, name) in [
             (&b""[..], "an empty file"),
             (b"\xef\xbb\xbf \r\n", "an empty file"),
             (b"\x1f\x8b\x08", "a gzip archive"),
-            (b"PK\x03\x04", "a zip archive or a spreadsheet"),
+            (b"PK\x03\x04\0\0log.csv", "a zip archive"),
+            (b"PK\x03\x04\0\0[Content_Types].xml", "a spreadsheet"),
+            (
+                b"PK\x03\x04\0\0mimetypeapplication/vnd.oasis.opendocument.spreadsheet",
+                "a spreadsheet",
+            ),
+            (b"PK\x03\x04\0\0tau.npy", "a NumPy archive"),
+            (b"\xd0\xcf\x11\xe0\xa1\xb1", "a spreadsheet"),
+            (b"\x89HDF\r\n\x1a\n", "an HDF5 file (or a MAT file of version 7.3)"),
+            (b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "a MAT file"),
+            (b"\x93NUMPY\x01\0", "a NumPy array"),
+            (b"SQLite format 3\0", "an SQLite database (a ROS 2 bag, if it ends in .db3)"),
+            (b"#ROSBAG V2.0\n", "a ROS 1 bag"),
+            (b"MDF     4.10", "an MDF file"),
+            (b"TDSm\x0e\0\0\0", "a TDMS file"),
+            (b"ARROW1\0\0", "an Arrow file"),
             (b"a,b\r1,2\r", "lines that end in CR alone"),
         ] {
             assert_eq!(recognise(head).unwrap().0, name);
