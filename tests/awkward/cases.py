@@ -109,6 +109,54 @@ for unit, value in [("K", 293.15), ("degF", 68.0), ("C", 20.0)]:
         ranges={"temperature_c": [20, 20]},
     )
 case(
+    "counts of a servo and of its encoder",
+    table(joint(
+        velocity=("Present Velocity", lambda r: RPM * r["v"] / 0.0229),
+        position=("Present Position", lambda r: r["q"] * 65536 / (2 * math.pi)),
+    )),
+    "--columns 'velocity_rad_s=Present Velocity:0.0229rpm,position_rad=Present Position:65536counts'",
+    ranges={"velocity_rad_s": SPEED, "position_rad": [-1, 1]},
+)
+case(
+    "a drive's torque in permille of its rated torque",
+    table(joint(torque=("0x6077:00", lambda r: 1e3 * r["tau"] / 1.2))),
+    "--columns torque_nm=0x6077:00:0.1% --rated-torque 1.2Nm",
+)
+case(
+    "a torque in percent of the other sign",
+    table(joint(torque=("tau", lambda r: -100 * r["tau"] / 0.7))),
+    "--columns torque_nm=tau:-% --rated-torque 700mNm",
+)
+error(
+    "a torque in percent of an unknown torque",
+    table(joint(torque=("tau", lambda r: 100 * r["tau"]))),
+    "--columns torque_nm=tau:%: found the unit %, expected --rated-torque, which 100 % stands for",
+    "--columns torque_nm=tau:%",
+)
+case(
+    "a torque by a fraction",
+    table(joint(torque=("tau", lambda r: 1000 * r["tau"] / 4.2))),
+    "--columns torque_nm=tau:4.2/1000Nm",
+)
+case(
+    "days of a spreadsheet",
+    table(joint(time=("t", lambda r: r["t"] / 86400))),
+    "--columns time_s=t:days",
+    ranges={"time_s": [0, 3.99]},
+)
+case(
+    "a thermometer with a scale and an offset",
+    table(joint(temperature=("oil_raw", lambda r: 600 + r["run"]))),
+    "--columns temperature_c=oil_raw:0.1degC-40",
+    ranges={"temperature_c": [20, 20.2]},
+)
+error(
+    "counts without a turn",
+    table(joint(position=("enc", lambda r: r["q"] * 1000))),
+    "--columns position_rad=enc:counts: found the unit counts, expected the counts of a turn before the unit, as 4096counts",
+    "--columns position_rad=enc:counts",
+)
+case(
     "a row of units below the header",
     table(joint(velocity=("velocity_rad_s", lambda r: RPM * r["v"])))
     .replace("\n", "\n,s,rpm,Nm\n", 1),
@@ -130,7 +178,7 @@ error(
 error(
     "a header in milliseconds in brackets",
     table(joint(time=("t (ms)", lambda r: 1e3 * r["t"]))),
-    "log.csv: --columns time_s=t (ms): found a name that ends in ms, without a unit, expected time_s=t (ms):ms, or the unit "
+    "log.csv: --columns time_s=t (ms): found a name that ends in ms, without a unit, expected 'time_s=t (ms):ms', or the unit "
     "of the column",
     "--columns 'time_s=t (ms)'",
 )

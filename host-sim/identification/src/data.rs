@@ -49,3 +49,4 @@ pub use read::read;
 pub use segment::{GAP_FACTOR, segments};
 pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
 pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};
+pub use unit::parse_value;

@@ -35,9 +35,13 @@ pub struct DataArguments {
     #[arg(long, value_name = "SHARE", conflicts_with = "test")]
     pub tail: Option<f64>,
     /// Names and units of the columns in the file: `torque_nm=tau_3:mNm,velocity_rad_s=dq_3:rpm,time_s=t:ms`. `:-Nm`
-    /// reverses the sign; `velocity[2]` is an element of a cell that contains a list
+    /// reverses the sign; `:0.229rpm` is the size of one count, `:4096counts` the counts of a turn, `:0.1degC-40` a scale and
+    /// an offset; `velocity[2]` is an element of a cell that contains a list
     #[arg(long, value_name = "a=b:unit,..", value_delimiter = ',')]
     pub columns: Vec<String>,
+    /// Torque of 100 %, for columns in percent: `--columns torque_nm=0x6077:0.1% --rated-torque 1.2Nm`
+    #[arg(long, value_name = "TORQUE", value_parser = rated_torque_nm)]
+    pub rated_torque: Option<f64>,
     /// Use only rows where COLUMN has one of the values. `joint=2` selects one joint, also if the joints have numbered
     /// columns (`torque_nm_1`, `torque_nm_2`); by default all joints are processed in turn. May be repeated
     #[arg(long = "where", value_name = "COLUMN=VALUE,..")]
@@ -64,6 +68,13 @@ pub struct DataArguments {
     /// Number of threads; 0 uses all cores
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub threads: usize,
+}
+
+/// Parses a torque with its unit, Nm.
+fn rated_torque_nm(text: &str) -> Result<f64, String> {
+    let torque_nm = data::parse_value("torque_nm", text).map_err(|e| format!("expected {e}"))?;
+    let is_torque = torque_nm.is_finite() && torque_nm > 0.0;
+    is_torque.then_some(torque_nm).ok_or_else(|| "expected a positive torque".to_owned())
 }
 
 /// Source of the motion.
@@ -266,13 +277,28 @@ impl DataArguments {
     fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {
         let pair = |text: &String| match text.split_once('=') {
             Some((ours, theirs)) if !ours.is_empty() && !theirs.is_empty() => {
-                Ok((ours.trim().to_owned(), theirs.trim().to_owned()))
+                Ok((ours.trim().to_owned(), self.in_nm(theirs.trim())))
             }
             _ => {
                 Err(format!("--columns: found {text:?}, expected NAME=COLUMN or NAME=COLUMN:UNIT"))
             }
         };
         self.columns.iter().map(pair).collect()
+    }
+
+    /// Returns a column of `--columns` with a unit in percent of the rated torque replaced by one in Nm.
+    fn in_nm(&self, column: &str) -> String {
+        let parts = || {
+            let rated_nm = self.rated_torque?;
+            let (name, share) = column.strip_suffix('%')?.rsplit_once(':')?;
+            let share = match share.trim() {
+                "" => 1.0,
+                "-" => -1.0,
+                share => share.parse::<f64>().ok()?,
+            };
+            Some((name, share * rated_nm / 100.0))
+        };
+        parts().map_or_else(|| column.to_owned(), |(name, nm)| format!("{name}:{nm}Nm"))
     }
 
     /// Parses `--where` into columns and their accepted values.

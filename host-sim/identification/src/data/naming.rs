@@ -77,9 +77,9 @@ impl<'a> Naming<'a> {
             let (contract_name, unit) = guess::other_unit(name)?;
             let is_there = self.find(contract_name).is_some();
             (!is_there).then(|| {
+                let pair = shell_word(&format!("{contract_name}={name}:{unit}"));
                 format!(
-                    "{name} is read as a covariate; --columns {contract_name}={name}:{unit} reads it as \
-                     {contract_name}"
+                    "{name} is read as a covariate; --columns {pair} reads it as {contract_name}"
                 )
             })
         })
@@ -112,12 +112,22 @@ impl<'a> Naming<'a> {
             None => format!("{contract_name}=NAME"),
         };
         let pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();
-        let (names, pairs) = (names.join(" and "), pairs.join(","));
+        let (names, pairs) = (names.join(" and "), shell_word(&pairs.join(",")));
         DataError::File {
             file: file.into(),
             found: format!("only the columns {}", listed(self.names)),
             expected: format!("{names} in the header, or --columns {pairs}"),
         }
+    }
+}
+
+/// Returns a text as a shell takes it as one word. It is quoted only where necessary.
+fn shell_word(text: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "_-+=:,./%@[]".contains(c);
+    if text.chars().all(is_plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
     }
 }
 
@@ -179,7 +189,8 @@ fn mapped_columns<'a>(
             None => {
                 if let Some(unit) = unit::in_name(name, own).filter(|_| own != name) {
                     let found = format!("a name that ends in {unit}, without a unit");
-                    let expected = format!("{name}={foreign}:{unit}, or the unit of the column");
+                    let pair = shell_word(&format!("{name}={foreign}:{unit}"));
+                    let expected = format!("{pair}, or the unit of the column");
                     return in_file(found, expected);
                 }
                 None

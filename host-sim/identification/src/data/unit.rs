@@ -5,6 +5,9 @@
 //! (`torque_nm=tau:-Nm`). Common notations are accepted: `N·mm`, `N*mm` and `Nmm` are one unit, as are `°/s`, `deg/s`
 //! and `dps`. Case is significant only where needed (mN, MN). A unit of another dimension is an error.
 //!
+//! A number before the unit is the size of one count (`Present Velocity:0.229rpm`, `tau_raw:4.2/1000Nm`), and a number
+//! after it an offset (`oil:0.1degC-40`). An encoder's counts take the number of counts per turn: `enc:4096counts`.
+//!
 //! A unit in a column's own name (`speed_rpm`, `t (ms)`) is neither applied nor ignored. Without an explicit unit the
 //! column is an error, whose message shows the option to use ([`in_name`]).
 
@@ -60,6 +63,7 @@ const UNITS: &[Unit] = {
         unit(Time, &["ns", "nsec", "nanos", "nanoseconds", "nanosec"], (1.0, 1e9, 0.0)),
         unit(Time, &["min", "minutes"], (60.0, 1.0, 0.0)),
         unit(Time, &["h", "hours"], (3600.0, 1.0, 0.0)),
+        unit(Time, &["d", "days"], (86_400.0, 1.0, 0.0)),
         unit(Angle, &["rad"], (1.0, 1.0, 0.0)),
         unit(Angle, &["mrad"], (1.0, 1e3, 0.0)),
         unit(Angle, &["deg", "degrees"], (TURN_RAD, 360.0, 0.0)),
@@ -126,6 +130,8 @@ const UNITS: &[Unit] = {
 pub(super) struct Conversion {
     linear: LinearConversion,
     sign: f64,
+    /// Offset in the column's unit.
+    offset: f64,
 }
 
 impl Conversion {
@@ -133,7 +139,7 @@ impl Conversion {
     #[inline]
     pub fn apply(&self, value: f64) -> f64 {
         let (times, over, plus) = self.linear;
-        self.sign * (value * times / over + plus)
+        self.sign * (value * times / over + plus) + self.offset
     }
 
     /// Returns the nanoseconds in one unit of time.
@@ -180,6 +186,66 @@ fn find(symbol: &str, dimension: Dimension) -> Option<&'static Unit> {
     })
 }
 
+/// Symbols of the counts of an encoder. The number before them is that of a turn, not of a count.
+const COUNTS: [&str; 5] = ["counts", "count", "cpr", "ticks", "lsb"];
+
+/// A unit with the numbers beside it: `-4.2/1000Nm+0.3`.
+struct Scaled {
+    unit: &'static Unit,
+    times: f64,
+    over: f64,
+    offset: f64,
+}
+
+/// Parses a unit without its sign. The whole text is tried as a unit before its parts, because units contain digits
+/// (`1/min`, `rad/s2`).
+fn parse_scaled(text: &str, dimension: Dimension) -> Option<Scaled> {
+    if let Some(unit) = find(text, dimension) {
+        return Some(Scaled { unit, times: 1.0, over: 1.0, offset: 0.0 });
+    }
+    let offset_at = text.rfind(['+', '-']).filter(|at| !text[..*at].ends_with(['e', 'E']));
+    let with_offset = offset_at.and_then(|at| {
+        let offset = text[at..].parse::<f64>().ok().filter(|offset| offset.is_finite())?;
+        Some(Scaled { offset, ..parse_scaled(&text[..at], dimension)? })
+    });
+    with_offset.or_else(|| {
+        let (number, symbol) = leading_number(text)?;
+        let (over, symbol) = match symbol.strip_prefix('/').and_then(leading_number) {
+            Some((over, symbol)) => (over, symbol),
+            None => (1.0, symbol),
+        };
+        let is_size = |number: f64| number.is_finite() && number > 0.0;
+        let unit = find(symbol, dimension);
+        let counts = || counts(symbol, dimension).filter(|_| over == 1.0);
+        let scaled = match unit {
+            Some(unit) => Scaled { unit, times: number, over, offset: 0.0 },
+            None => Scaled { unit: counts()?, times: 1.0, over: number, offset: 0.0 },
+        };
+        (is_size(number) && is_size(over)).then_some(scaled)
+    })
+}
+
+/// Returns the turn, or the turn per second, for the counts of an encoder.
+fn counts(symbol: &str, dimension: Dimension) -> Option<&'static Unit> {
+    let (symbol, turn) = match symbol.split_once('/') {
+        None => (symbol, "turn"),
+        Some((symbol, "s")) => (symbol, "turn/s"),
+        Some((symbol, "min")) => (symbol, "rpm"),
+        Some(_) => return None,
+    };
+    let symbol = normalise(symbol).to_lowercase();
+    COUNTS.contains(&symbol.as_str()).then(|| find(turn, dimension))?
+}
+
+/// Splits a text into the number that it starts with and the rest.
+fn leading_number(text: &str) -> Option<(f64, &str)> {
+    let lengths = text.char_indices().map(|(at, c)| at + c.len_utf8());
+    let longest = lengths.rev().find(|end| text[..*end].parse::<f64>().is_ok())?;
+    // A name of a unit may start like a number: `inf`, `nan`.
+    let is_number = text.starts_with(|c: char| c.is_ascii_digit() || c == '.');
+    is_number.then(|| (text[..longest].parse().unwrap_or(f64::NAN), text[longest..].trim_start()))
+}
+
 /// Returns the conversion from `symbol`, with an optional minus before it, to the unit of a contract column.
 ///
 /// # Errors
@@ -190,22 +256,45 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
     };
     let symbol = symbol.trim();
     let (sign, bare) = match symbol.strip_prefix(['-', '−']) {
-        Some(bare) if dimension != Dimension::Time => (-1.0, bare),
+        Some(bare) if dimension != Dimension::Time => (-1.0, bare.trim_start()),
         _ => (1.0, symbol),
     };
-    match find(bare, dimension) {
-        Some(unit) => Ok(Conversion { linear: unit.conversion, sign }),
-        None => {
-            let known: Vec<&str> = units_of(dimension).map(|unit| unit.symbols[0]).collect();
-            Err(format!("one of {}", known.join(", ")))
-        }
+    if let Some(Scaled { unit, times, over, offset }) = parse_scaled(bare, dimension) {
+        let (factor, divisor, plus) = unit.conversion;
+        let offset = offset * factor / divisor;
+        return Ok(Conversion { linear: (times * factor, over * divisor, plus), sign, offset });
     }
+    if counts(bare, dimension).is_some() {
+        return Err("the counts of a turn before the unit, as 4096counts".into());
+    }
+    if bare.ends_with('%') && dimension == Dimension::Torque {
+        return Err("--rated-torque, which 100 % stands for".into());
+    }
+    let known: Vec<&str> = units_of(dimension).map(|unit| unit.symbols[0]).collect();
+    Err(format!("one of {}", known.join(", ")))
+}
+
+/// Parses a value with its unit, such as `1.2Nm`, and returns it in the unit of a contract column.
+///
+/// # Errors
+/// The expected units, as the end of a message.
+pub fn parse_value(contract_name: &str, text: &str) -> Result<f64, String> {
+    let is_value = text.trim().trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit());
+    if !is_value {
+        return Err("a number with a unit, such as 1.2Nm".into());
+    }
+    Ok(conversion(contract_name, text)?.apply(1.0))
 }
 
 /// Returns true if the symbol is a known unit. The text after a colon in a header's own name mostly is not.
 pub(super) fn is_symbol(symbol: &str) -> bool {
-    let bare = normalise(symbol.trim().trim_start_matches(['-', '−']));
-    UNITS.iter().any(|unit| unit.symbols.iter().any(|of| of.eq_ignore_ascii_case(&bare)))
+    let text = symbol.trim().trim_start_matches(['-', '−']);
+    let is_any = |text: &str| {
+        let bare = normalise(text).to_lowercase();
+        COUNTS.contains(&bare.as_str())
+            || UNITS.iter().any(|unit| unit.symbols.iter().any(|of| of.eq_ignore_ascii_case(&bare)))
+    };
+    is_any(text) || leading_number(text).is_some_and(|(_, unit)| is_any(unit))
 }
 
 /// Returns the unit at the end of a column's name, if the contract column could be in it and it is not the contract's
@@ -268,6 +357,17 @@ mod tests {
             ("pressure_diff_pa", "psi", 1.0, 6_894.757_293_168_361),
             ("temperature_c", "K", 300.0, 26.850_000_000_000_023),
             ("temperature_c", "degF", 212.0, 100.0),
+            ("time_s", "days", 0.5, 43_200.0),
+            ("velocity_rad_s", "0.229rpm", 100.0, 22.9 * TURN_RAD / 60.0),
+            ("velocity_rad_s", "0.5 1/min", 100.0, 50.0 * TURN_RAD / 60.0),
+            ("velocity_rad_s", "-4096counts/s", 4096.0, -TURN_RAD),
+            ("position_rad", "4096counts", 1024.0, TURN_RAD / 4.0),
+            ("position_rad", "360cpr-1.5", 0.0, -1.5 * TURN_RAD),
+            ("torque_nm", "4.2/1000Nm", 500.0, 2.1),
+            ("torque_nm", "-1e-3Nm", 500.0, -0.5),
+            ("pressure_diff_pa", "0.0122bar-1.5", 1000.0, 1.07e6),
+            ("temperature_c", "0.1degC-40", 650.0, 25.0),
+            ("temperature_c", "0.01K", 30_000.0, 26.850_000_000_000_023),
         ] {
             let found = in_si(name, symbol, value);
             assert!((found / expected - 1.0).abs() < 1e-12, "{name} {symbol}: {found}");
@@ -288,6 +388,20 @@ mod tests {
         let error = conversion("velocity_rad_s", "Nm").unwrap_err();
         assert_eq!(error, "one of rad/s, mrad/s, deg/s, rpm, rps");
         assert!(conversion("run", "s").unwrap_err().contains("no unit"));
+    }
+
+    #[test]
+    fn conversion_with_invalid_scale_says_what_is_expected() {
+        for (name, symbol, expected) in [
+            ("position_rad", "counts", "the counts of a turn before the unit, as 4096counts"),
+            ("position_rad", "0counts", "one of rad, mrad, deg, rev"),
+            ("position_rad", "1/0deg", "one of rad, mrad, deg, rev"),
+            ("position_rad", "infdeg", "one of rad, mrad, deg, rev"),
+            ("torque_nm", "%", "--rated-torque, which 100 % stands for"),
+            ("torque_nm", "0.1%", "--rated-torque, which 100 % stands for"),
+        ] {
+            assert_eq!(conversion(name, symbol).unwrap_err(), expected, "{symbol}");
+        }
     }
 
     #[test]
