@@ -17,6 +17,9 @@ pub struct OutputArguments {
     /// Print the result as JSON instead of tables
     #[arg(long)]
     pub json: bool,
+    /// True if the folder belongs to one command and its logs. Only there, earlier results are removed.
+    #[arg(skip)]
+    is_run_folder: bool,
 }
 
 /// Default output folder.
@@ -34,7 +37,8 @@ impl OutputArguments {
     #[must_use]
     pub fn of_run(&self, command: &str, logs: &[PathBuf]) -> Self {
         let own = || Path::new(DEFAULT_FOLDER).join(run_name(command, logs));
-        Self { out: Some(self.out.clone().unwrap_or_else(own)), json: self.json }
+        let is_run_folder = self.out.is_none();
+        Self { out: Some(self.out.clone().unwrap_or_else(own)), json: self.json, is_run_folder }
     }
 
     /// Writes text files, each of them atomically. Writes none if one of the names is an existing folder.
@@ -55,8 +59,7 @@ impl OutputArguments {
         let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
         let out = self.folder();
         std::fs::create_dir_all(out).map_err(|error| failed(out, error))?;
-        let is_of_run = out.parent() == Some(Path::new(DEFAULT_FOLDER));
-        if is_of_run {
+        if self.is_run_folder {
             remember_files(out, files.iter().map(|(name, _)| *name))
                 .map_err(|error| failed(out, error))?;
         }
@@ -89,7 +92,10 @@ fn remember_files<'a>(
     let mut known = std::fs::read_to_string(&list).unwrap_or_default();
     if !written_to.iter().any(|own| own == folder) {
         written_to.push(folder.to_owned());
-        for name in known.lines().filter(|name| !Path::new(name).is_absolute()) {
+        let is_inside = |name: &&str| {
+            Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
+        };
+        for name in known.lines().filter(is_inside) {
             // A file that the user removed is no error.
             let _ = std::fs::remove_file(folder.join(name));
         }
@@ -172,8 +178,9 @@ mod tests {
     #[test]
     fn of_run_without_out_option_names_folder_after_command_and_logs() {
         let logs = ["my log.v2.csv", "b.csv", "c.csv"].map(PathBuf::from);
-        let with_folder = OutputArguments { out: Some("there".into()), json: true };
-        let without_folder = OutputArguments { out: None, json: false };
+        let with_folder =
+            OutputArguments { out: Some("there".into()), json: true, is_run_folder: false };
+        let without_folder = OutputArguments { out: None, json: false, is_run_folder: false };
         assert_eq!(without_folder.folder(), Path::new("out"));
         for (output, logs, folder) in [
             (&with_folder, &logs[..], "there"),
@@ -183,6 +190,11 @@ mod tests {
             let of_run = output.of_run("diagnose", logs);
             assert_eq!(of_run.folder(), Path::new(folder));
             assert_eq!(of_run.json, output.json);
+            assert_eq!(
+                of_run.is_run_folder,
+                output.out.is_none(),
+                "a given folder keeps its files"
+            );
         }
     }
 
