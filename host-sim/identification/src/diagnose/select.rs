@@ -7,7 +7,7 @@
 //!
 //! The linear fit beside the model only says which candidate is worth a fit, and where that begins. Whether a cause
 //! enters is decided by the fitted model, on the same yardstick ([`super::block_errors`]). When the search ends, causes
-//! below the naming threshold are removed ([`SearchState::decide`]), and it starts again without them.
+//! below the naming threshold are removed (`SearchState::decide`), and it starts again without them.
 
 use super::accepted_cause::AcceptedCause;
 use super::block_errors::{BlockErrors, Improvement};

@@ -20,7 +20,7 @@ pub struct StopCriteria {
     pub patience: usize,
     /// The optimiser stops if a step would lower the sum of squares by less than this share of one row's.
     pub tolerance: f64,
-    /// The optimiser also stops if [`STAGNANT_EVALUATIONS`] in a row lower the sum of squares by less than this share of
+    /// The optimiser also stops if `STAGNANT_EVALUATIONS` in a row lower the sum of squares by less than this share of
     /// it; 0 to let it crawl.
     pub stagnation: f64,
 }
