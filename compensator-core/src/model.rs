@@ -96,6 +96,46 @@ impl<T: Real> FrictionModel<T> {
         self.step_plain(state, sample)
     }
 
+    /// Returns `state` with the bristle torque from which the next step returns `torque_nm`, as far as the level permits.
+    ///
+    /// A joint at rest holds any torque up to its static level. Only a measured torque indicates which one. A simulation
+    /// that starts from zero instead is wrong until the joint leaves presliding. `sample` is the first sample, and
+    /// `torque_nm` its measured torque, Nm. The other memory in `state` remains. A law without bristles returns `state`.
+    #[must_use]
+    pub fn state_for_torque(
+        &self,
+        state: ModelState<T>,
+        sample: &Sample<T>,
+        torque_nm: T,
+    ) -> ModelState<T> {
+        /// Torque above any level, Nm.
+        const ANY_TORQUE_NM: f64 = 1e9;
+        /// Number of bisections: one for each bit of an `f64` and some for the distance to the level.
+        const BISECTIONS: usize = 64;
+        let from = |bristle_torque_nm: T| ModelState { bristle_torque_nm, ..state };
+        let mut at_rest = *sample;
+        at_rest.velocity_rad_s = T::zero();
+        let limited_by_step = |torque: T| {
+            let mut after = from(torque);
+            self.step(&mut after, &at_rest);
+            after.bristle_torque_nm
+        };
+        let any_torque = T::from_f64(ANY_TORQUE_NM);
+        let (mut least, mut most) = (limited_by_step(-any_torque), limited_by_step(any_torque));
+        if most >= any_torque {
+            return state;
+        }
+        for _ in 0..BISECTIONS {
+            let middle = (least + most) * T::from_f64(0.5);
+            if self.step(&mut from(middle), sample) < torque_nm {
+                least = middle;
+            } else {
+                most = middle;
+            }
+        }
+        from(most)
+    }
+
     /// Same as [`FrictionModel::step`] for a model without terms ([`FrictionModel::has_no_terms`]).
     #[inline(always)]
     pub(crate) fn step_plain(&self, state: &mut ModelState<T>, sample: &Sample<T>) -> T {
@@ -161,6 +201,47 @@ impl<T: Real> FrictionModel<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::number::Fixed;
+    use crate::{LawKind, ParameterId as Id, Parameters};
+
+    fn state_for_torque_in<T: Real>(law: LawKind, velocity: f64, torque: f64) -> (f64, f64) {
+        let parameters = Parameters::<T::Setting>::new(law)
+            .with(Id::CoulombTorque, T::Setting::from_f64(1.5))
+            .with(Id::StaticTorque, T::Setting::from_f64(2.0))
+            .with(Id::ViscousFriction, T::Setting::from_f64(0.4));
+        let model: FrictionModel<T> = parameters.build_unchecked(T::Setting::from_f64(1e-3));
+        let sample = Sample { velocity_rad_s: T::from_f64(velocity), ..Sample::default() };
+        let start = ModelState::default();
+        let mut state = model.state_for_torque(start, &sample, T::from_f64(torque));
+        let held = state.bristle_torque_nm.value();
+        (held, model.step(&mut state, &sample).value())
+    }
+
+    #[test]
+    fn state_for_torque_within_level_returns_torque_in_next_step() {
+        for (velocity, torque) in [(0.0, 0.7), (0.0, -1.9), (1e-4, 0.3), (-2.0, -2.2)] {
+            let (_, double) = state_for_torque_in::<f64>(LawKind::Lugre, velocity, torque);
+            let (_, single) = state_for_torque_in::<f32>(LawKind::Lugre, velocity, torque);
+            let (_, fixed) = state_for_torque_in::<Fixed>(LawKind::Lugre, velocity, torque);
+            assert!((double - torque).abs() < 1e-12, "{velocity} {torque}: {double}");
+            assert!((single - torque).abs() < 1e-6, "{velocity} {torque}: {single}");
+            assert!((fixed - torque).abs() < 1e-5, "{velocity} {torque}: {fixed}");
+        }
+    }
+
+    #[test]
+    fn state_for_torque_beyond_level_returns_level() {
+        for sign in [1.0, -1.0] {
+            let (held, _) = state_for_torque_in::<f64>(LawKind::Lugre, 0.0, 9.0 * sign);
+            assert!((held - 2.0 * sign).abs() < 1e-12, "{held}");
+        }
+    }
+
+    #[test]
+    fn state_for_torque_of_static_law_is_unchanged() {
+        let (held, _) = state_for_torque_in::<f64>(LawKind::Stribeck, 0.5, 1.0);
+        assert_eq!(held, 0.0);
+    }
 
     #[test]
     fn model_state_of_law_is_one_number() {
