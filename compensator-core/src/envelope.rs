@@ -3,6 +3,8 @@
 //! Validation proves over this range that the friction levels are positive and that fixed-point products do not
 //! overflow. The compensator rejects readings outside it. Records store the fields by their order.
 
+use crate::quantity::{Quantity, TEMPERATURE_RANGE_C};
+
 crate::named_fields! {
     /// The operating range that a model is declared for. Validation proves the friction levels over it. The model
     /// step limits the velocity to it.
@@ -23,4 +25,23 @@ crate::named_fields! {
         campaign_max_h: f32 = 2000.0;
     }
     /// The range of the joint of Ding et al. (100 rpm, 100 N, 0.3 MPa, 26 Nm), with a margin.
+}
+
+impl Envelope {
+    /// Returns least and largest permitted value of a quantity, in the internal unit of [`crate::Sample`].
+    pub fn internal_range(&self, quantity: Quantity) -> [f64; 2] {
+        let both = |most: f32| [-f64::from(most), f64::from(most)];
+        let positive = |most: f32| [0.0, f64::from(most) * quantity.info().inside_scale];
+        match quantity {
+            Quantity::Velocity => both(self.velocity_max_rad_s),
+            Quantity::Position => both(self.position_max_rad),
+            Quantity::CampaignTime => [0.0, f64::from(self.campaign_max_h)],
+            Quantity::RadialForce => positive(self.radial_force_max_n),
+            Quantity::Pressure => positive(self.pressure_diff_max_pa),
+            Quantity::Temperature => TEMPERATURE_RANGE_C,
+            Quantity::LoadTorque => both(self.load_torque_max_nm),
+            Quantity::Acceleration => both(self.acceleration_max_rad_s2),
+            Quantity::Auxiliary | Quantity::Torque => [f64::NEG_INFINITY, f64::INFINITY],
+        }
+    }
 }

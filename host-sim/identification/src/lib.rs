@@ -12,6 +12,7 @@
 //!   runs.
 //! - [`stochastic`] implements a published method for comparison.
 //! - [`params`] writes the parameters in the driver's format.
+//! - [`prediction`] gives the torque of a fitted model on every row of a log.
 //!
 //! This crate does not print, plot or open a bus.
 //!
@@ -65,6 +66,8 @@ pub mod motion;
 pub mod network;
 pub mod number;
 pub mod params;
+#[cfg(feature = "fit")]
+pub mod prediction;
 pub mod spec;
 #[cfg(feature = "fit")]
 pub mod stochastic;

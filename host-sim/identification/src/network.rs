@@ -26,7 +26,7 @@ mod train;
 
 pub use file::{BASE, CELLS, NetworkFile, WideNetwork, checksum};
 #[cfg(feature = "fit")]
-pub use input::{NetworkInput, NetworkLaw};
+pub use input::{NetworkInput, NetworkLaw, law_substeps};
 #[cfg(feature = "fit")]
 pub use predict::{NetworkRun, predict};
 #[cfg(feature = "fit")]

@@ -15,6 +15,8 @@
 //! damping_fades = true
 //! [compensator]                           # optional
 //! scale = 0.9
+//! [fit]                                   # optional, as [log_means]: see [`FitRecord`]
+//! substeps = 1
 //! [network]                               # optional: supplies levels and stiffness
 //! file = "network.json"                   # in the same directory
 //! crc32 = "9ae0daaf"                      # of its bytes: another network is an error
@@ -24,6 +26,12 @@
 //! example a joint driver's motor. Unknown keys, wrong units and values out of range are errors, each in one line that
 //! names the key.
 
+mod fit_record;
+
+pub use fit_record::FitRecord;
+
+#[cfg(feature = "fit")]
+use crate::data::Dataset;
 use crate::data::JointKind;
 #[cfg(feature = "fit")]
 use crate::fit::Outcome;
@@ -48,6 +56,8 @@ pub struct ParameterFile {
     pub parameters: Parameters<f64>,
     /// The settings of the compensator.
     pub compensator: CompensatorParameters,
+    /// How the model was fitted.
+    pub fit: FitRecord,
     /// The network that supplies levels and stiffness, if there is one.
     pub network: Option<NetworkFile>,
     /// The values of each requested [`Section`], in order; NaN for a missing value.
@@ -91,10 +101,10 @@ pub fn unit_in_words(unit: &str) -> &str {
     if unit == "1" { "" } else { unit }
 }
 
-/// Formats the parameter file of a fit.
+/// Formats the parameter file of a fit to `data`. `auxiliary` is the covariate that the model follows, if any.
 #[cfg(feature = "fit")]
-pub fn emit(outcome: &Outcome, joint: JointKind) -> String {
-    let parameters = &outcome.parameters;
+pub fn emit(outcome: &Outcome, data: &Dataset, auxiliary: Option<&str>) -> String {
+    let (parameters, joint) = (&outcome.parameters, data.joint);
     let mut text = head(joint, &outcome.spec.full_name());
     // Writing to a string does not fail.
     for estimate in &outcome.estimates {
@@ -107,6 +117,7 @@ pub fn emit(outcome: &Outcome, joint: JointKind) -> String {
         text.push_str(" }\n");
     }
     emit_limits(&parameters.envelope, parameters.choices, &mut text);
+    FitRecord::new(outcome.resolution, data, auxiliary).emit(joint, &mut text);
     text
 }
 
@@ -224,9 +235,19 @@ fn understand(
 ) -> Result<ParameterFile, String> {
     let document = Document::parse(text).map_err(|error| error.to_string())?;
     let root = document.as_table();
-    let own =
-        ["schema", "joint", "model", "parameters", "envelope", "choices", "compensator", "network"];
-    let known: Vec<&str> = own.into_iter().chain(sections.iter().map(|more| more.name)).collect();
+    const OWN: [&str; 10] = [
+        "schema",
+        "joint",
+        "model",
+        "parameters",
+        "envelope",
+        "choices",
+        "compensator",
+        "fit",
+        "log_means",
+        "network",
+    ];
+    let known: Vec<&str> = OWN.into_iter().chain(sections.iter().map(|more| more.name)).collect();
     if let Some((key, _)) = root.iter().find(|(key, _)| !known.contains(key)) {
         return Err(format!("unknown key {key:?}, expected {}", known.join(", ")));
     }
@@ -274,8 +295,9 @@ fn understand(
         fields(root, section.name, section.fields, &mut values).map(|()| values)
     };
     let sections = sections.iter().map(further).collect::<Result<_, _>>()?;
+    let fit = FitRecord::parse(root, joint)?;
     let network = network(root, &spec, folder)?;
-    Ok(ParameterFile { joint, spec, parameters, compensator, network, sections })
+    Ok(ParameterFile { joint, spec, parameters, compensator, fit, network, sections })
 }
 
 fn string(root: &toml_edit::Table, key: &str) -> Result<String, String> {
@@ -406,6 +428,9 @@ mod tests {
             ("pressure_coulomb", "radial_force_coulomb", "not a parameter of lugre+pressure"),
             ("scale = 0.8", "scale = 1.8", "scale = 1.8: must be at most 1: over-compensation"),
             ("scale", "scael", "compensator.scael: unknown"),
+            ("[envelope]", "[fit]\nsubsteps = 0\n[envelope]", "fit.substeps: expected an integer"),
+            ("[envelope]", "[fit]\nsteps = 2\n[envelope]", "fit.steps: unknown"),
+            ("[envelope]", "[log_means]\nmood = 2\n[envelope]", "log_means.mood: not a covariate"),
             ("[envelope]", "[envelop]", "unknown key \"envelop\""),
             ("= 1.5", "= ", "TOML parse error"),
             ("\"lugre+pressure-coulomb\"", "\"\"\"lu\ngre\"\"\"", "unknown model"),

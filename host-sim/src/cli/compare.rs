@@ -118,7 +118,7 @@ fn compare(
         log_findings: &input.log_findings,
         verdicts: &best.verdicts,
     };
-    let toml = from.comments() + &params::emit(best, input.data.joint);
+    let toml = from.comments() + &params::emit(best, &input.data, None);
     let mut text = table::models(&fits, &input.data) + "\n";
     summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
     text += &format!("\nparams.toml contains {}:\n", best.spec);

@@ -102,7 +102,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
 
     let document = diagnosis::document(&found, &data, &parts, std::slice::from_ref(&hash));
     let value = serde_json::to_value(&document).map_err(|error| error.to_string())?;
-    let toml = params::emit(&found.extended, data.joint);
+    let toml = params::emit(&found.extended, &data, found.auxiliary.as_deref());
     let about = DiagnosisReport {
         found: &found,
         data: &data,

@@ -92,7 +92,8 @@ fn diagnose_joint(
         log_findings: &found.log_findings,
         verdicts: &handed_out.verdicts,
     };
-    let toml = from.comments() + &params::emit(&handed_out, input.data.joint);
+    let toml =
+        from.comments() + &params::emit(&handed_out, &input.data, found.auxiliary.as_deref());
     let about = DiagnosisReport {
         found: &found,
         data: &input.data,

@@ -168,7 +168,7 @@ fn fit_joint(
         log_findings: &input.log_findings,
         verdicts: &fit.verdicts,
     };
-    let toml = from.comments() + &params::emit(&fit, input.data.joint);
+    let toml = from.comments() + &params::emit(&fit, &input.data, None);
     let study = FitReport {
         data: &input.data,
         split: &input.split,

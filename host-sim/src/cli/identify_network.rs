@@ -17,7 +17,7 @@ use friction_identification::data::{Dataset, contract};
 use friction_identification::fit::{FitOptions, Metrics, Outcome, Track, identify};
 use friction_identification::network::{
     BASE, NetworkFile, NetworkInput, NetworkLaw, TrainOptions, TrainedNetwork, TrainingProgress,
-    predict, train,
+    law_substeps, predict, train,
 };
 use friction_identification::number::significant;
 use friction_identification::params;
@@ -39,8 +39,6 @@ pub(super) fn unsupported_by(command: &str) -> String {
 
 /// Rate of the network evaluations, Hz. The fastest feature of the damper data, its gap at 1 Hz, lasts 74 ms.
 const EVALUATION_RATE_HZ: f64 = 128.0;
-/// Minimum rate of the integration steps of the law, Hz.
-const MIN_STEP_RATE_HZ: f64 = 512.0;
 
 /// Returns the standard quantities that can be network inputs and are present in every run.
 fn known_quantities(data: &Dataset) -> Vec<Quantity> {
@@ -111,7 +109,7 @@ pub(super) fn run(arguments: &IdentifyArguments, data: &LogInput) -> Result<Join
         seed: arguments.data.seed,
         epochs: arguments.epochs,
         every: (1.0 / (EVALUATION_RATE_HZ * period_s)).round().max(1.0) as usize,
-        substeps: (MIN_STEP_RATE_HZ * period_s).ceil().max(1.0) as usize,
+        substeps: law_substeps(period_s),
         ..TrainOptions::default()
     };
     let progress = |at: TrainingProgress| {
@@ -128,6 +126,7 @@ pub(super) fn run(arguments: &IdentifyArguments, data: &LogInput) -> Result<Join
         .map(|input| match input {
             NetworkInput::Velocity => "velocity".into(),
             NetworkInput::Held => "held".into(),
+            NetworkInput::Unused => "unused".into(),
             NetworkInput::Covariate(place) => data.data.covariates[*place].clone(),
             NetworkInput::Quantity(quantity) => quantity.name(data.data.joint).into(),
         })
@@ -238,7 +237,7 @@ fn joint_result(
         log_findings: &data.log_findings,
         verdicts: &fit.verdicts,
     };
-    let mut toml = from.comments() + &params::emit(fit, data.data.joint);
+    let mut toml = from.comments() + &params::emit(fit, &data.data, None);
     if gains {
         params::emit_network("network.json", &training.network, &mut toml);
     }

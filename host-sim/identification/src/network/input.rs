@@ -17,6 +17,8 @@ pub enum NetworkInput {
     Velocity,
     /// Bristle torque, the law's own state, Nm or N.
     Held,
+    /// None: the value is 0, and the network's weights for it are 0.
+    Unused,
 }
 
 impl NetworkInput {
@@ -30,6 +32,7 @@ impl NetworkInput {
             }
             Self::Velocity => track.samples[row].velocity_rad_s,
             Self::Held => held,
+            Self::Unused => 0.0,
         }
     }
 }
@@ -41,6 +44,14 @@ const REVERSAL_TRAVEL: f64 = 5e-4;
 /// Share of the time with the shortest, and with the longest strokes that is not part of the trained range. A test that fades
 /// in contains every stroke once.
 const IGNORED_STROKE_SHARE: f64 = 0.05;
+
+/// Minimum rate of the law's steps, Hz, for bristles that are stiff in a coarse log.
+const MIN_STEP_RATE_HZ: f64 = 512.0;
+
+/// Returns the number of steps of the law per row of a log, given its sample period.
+pub fn law_substeps(period_s: f64) -> usize {
+    (MIN_STEP_RATE_HZ * period_s).ceil().max(1.0) as usize
+}
 
 /// A friction law and the network that scales its parameters.
 #[derive(Clone, Debug)]

@@ -9,6 +9,8 @@ use compensator_core::network::{Factors, NetworkState, StrokeTracker};
 pub struct NetworkRun {
     /// Torque, Nm or N.
     pub torque: Vec<f64>,
+    /// Bristle torque at the end of the row, Nm or N.
+    pub bristle_torque: Vec<f64>,
     /// Active factors.
     pub factors: Vec<Factors<f64>>,
     /// True if the inputs of the last evaluation were outside the trained ranges.
@@ -39,6 +41,7 @@ pub fn predict<const INPUTS: usize>(supplied: &NetworkLaw<INPUTS>, track: &Track
             torque = law.step(&mut held, supplied.velocity(track, row, step), &state.factors);
         }
         run.torque.push(torque);
+        run.bristle_torque.push(held);
         run.factors.push(state.factors);
         run.is_outside.push(state.is_outside);
         run.share.push(state.share);
