@@ -22,6 +22,7 @@ mod output;
 #[cfg(feature = "papers")]
 mod paper;
 mod parameters;
+mod predict;
 mod replay;
 mod simulate;
 mod table;
@@ -59,6 +60,8 @@ enum Command {
     Paper(paper::PaperArguments),
     /// Read and write a joint driver's parameters
     Params(parameters::ParamsArguments),
+    /// Predict the torque of every row of a log with a fitted model
+    Predict(predict::PredictArguments),
     /// Replay a CAN trace to a joint driver and check every answer bit for bit
     Replay(replay::ReplayArguments),
     /// Simulate a machine: write its log and the true parameters
@@ -83,6 +86,7 @@ pub fn run() -> ExitCode {
         #[cfg(feature = "papers")]
         Command::Paper(arguments) => done(paper::run(&arguments)),
         Command::Params(arguments) => parameters::run(&arguments),
+        Command::Predict(arguments) => done(predict::run(&arguments)),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Simulate(arguments) => done(simulate::run(&arguments)),
     };

@@ -4,6 +4,7 @@
 //! - [`provenance`]: the header comments of `params.toml`.
 //! - [`ranking`]: the candidates of a diagnosis and why they were rejected.
 //! - `page` and `diagnosis_page`: the HTML pages, built from the blocks of `report`.
+//! - `rows`: every row of a log with the prediction of a model, as Parquet or CSV.
 //! - [`write_atomically`]: writes a file completely or not at all.
 
 pub mod diagnosis;
@@ -16,6 +17,8 @@ pub mod provenance;
 pub mod ranking;
 #[cfg(feature = "pages")]
 pub mod report;
+#[cfg(feature = "rows")]
+pub mod rows;
 mod write;
 
 pub use json::{FitDocument, document};

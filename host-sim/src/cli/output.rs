@@ -8,7 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// Output folder and output format.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct OutputArguments {
     /// Folder for the result files; it is created if missing. Default: `out`, and for commands that read logs a folder
     /// named after command and path of the log, such as `out/diagnose-my-log` or `out/diagnose-monday-my-log`
