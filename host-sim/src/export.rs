@@ -4,21 +4,29 @@
 //! |---|---|---|
 //! | `record` | the bytes of the driver's flash record, also accepted over CAN | bit-identical |
 //! | `rust` | constants and their `Configuration` | bit-identical |
-//! | `c` | one header: state, inputs, one step in `float` | within 1e-4 of the largest torque; four terms unsupported |
+//! | `c` | one header: state, inputs, one step and a start in `float` | within 1e-4 of the largest torque; four terms unsupported |
 //! | `network` | the bytes of the network's record, also accepted over CAN | bit-identical |
-//! | `onnx` | one evaluation of the network as a graph | `f32` with another order of sums: factors within 1e-5 |
+//! | `onnx` of a law | graphs of one step and of a start | as `c` |
+//! | `onnx` of a network | one evaluation of the network as a graph | `f32` with another order of sums: factors within 1e-5 |
 //! | `mujoco`, `urdf` | dry friction and damping of a joint | a line fitted to steady sliding; the largest error is stated |
 //!
-//! `compensator-core` reads the first two. The C step implements the core's equations (`compensator_core::law`,
-//! `compensator_core::effect`). A test compiles it and compares it with the core for every law and every supported
-//! term. The joint of a simulator has neither a Stribeck curve nor bristles. Its two parameters are fitted to the core's
-//! torque in steady sliding, and a note states what is not represented.
+//! `compensator-core` reads the first two. `law` and `terms` write the core's equations (`compensator_core::law`,
+//! `compensator_core::effect`) once as statements, which are rendered as C and as ONNX. Tests compare both with the core for
+//! every law and every supported term. The joint of a simulator has neither a Stribeck curve nor bristles. Its two parameters
+//! are fitted to the core's torque in steady sliding, and a note states what is not represented.
+//!
+//! A joint at rest holds any torque up to its static level. `c`, `rust` and `onnx` therefore offer a start from the first
+//! measured torque. A driver starts at a bristle torque of 0, because it measures no friction.
 
 mod c;
-mod c_terms;
+mod law;
 mod onnx;
+mod onnx_network;
+mod onnx_step;
+mod program;
 mod rust;
 mod simulator;
+mod terms;
 
 use compensator_core::network::record as network_record;
 use compensator_core::record;
@@ -36,7 +44,7 @@ pub enum ExportFormat {
     C,
     /// The bytes of the network's flash record.
     Network,
-    /// One evaluation of the network as an ONNX graph.
+    /// ONNX graphs: one step and the start of a law, or one evaluation of a network.
     Onnx,
     /// Attributes of a MuJoCo joint.
     Mujoco,
@@ -45,14 +53,15 @@ pub enum ExportFormat {
 }
 
 impl ExportFormat {
-    /// Returns the name of the output file.
-    pub fn file_name(self) -> &'static str {
+    /// Returns the name of the output file for a model.
+    pub fn file_name(self, file: &ParameterFile) -> &'static str {
         match self {
             Self::Record => "friction.bin",
             Self::Rust => "friction.rs",
             Self::C => "friction.h",
             Self::Network => "network.bin",
-            Self::Onnx => "network.onnx",
+            Self::Onnx if file.network.is_some() => "network.onnx",
+            Self::Onnx => "friction.onnx",
             Self::Mujoco => "friction.mjcf.xml",
             Self::Urdf => "friction.urdf.xml",
         }
@@ -64,9 +73,21 @@ impl ExportFormat {
 pub struct ExportedModel {
     /// Content of the file.
     pub content: Vec<u8>,
+    /// Further files with their names, to be written into the same folder.
+    pub further_files: Vec<(&'static str, Vec<u8>)>,
     /// Notes for the user, one sentence each: what the file omits and how it is used.
     pub notes: Vec<String>,
 }
+
+impl ExportedModel {
+    fn new(content: Vec<u8>, notes: Vec<String>) -> Self {
+        Self { content, further_files: Vec::new(), notes }
+    }
+}
+
+/// How a driver starts, for the notes.
+const DRIVER_START: &str = "a driver starts at a bristle torque of 0, because it measures no friction: until the joint leaves \
+     presliding, it compensates too little if the joint held a torque";
 
 /// Exports a model. `source` is the name of its parameter file and appears in the header of the output.
 ///
@@ -98,35 +119,50 @@ fn export_without_notes(
         file.network.as_ref().ok_or_else(|| error.to_owned())
     };
     match format {
-        ExportFormat::Network => Ok(ExportedModel {
-            content: network_record::emit(Some(&network()?.for_driver()?)).to_vec(),
-            notes: vec![format!(
-                "{} bytes; read them with compensator_core::network::record::parse, or write the model to a driver with `params set {source}`",
-                network_record::LENGTH
-            )],
-        }),
-        ExportFormat::Onnx => Ok(ExportedModel {
-            content: onnx::model(network()?, source),
-            notes: vec![
+        ExportFormat::Network => Ok(ExportedModel::new(
+            network_record::emit(Some(&network()?.for_driver()?)).to_vec(),
+            vec![
                 format!(
-                    "one evaluation, to be run every {} s; network inputs: {}; feed the outputs back as inputs, starting with factors and share at 1",
+                    "{} bytes; read them with compensator_core::network::record::parse, or write the model to a driver with `params set {source}`",
+                    network_record::LENGTH
+                ),
+                "a driver starts the network with factors and share at 1 and its cells at 0: the law is unscaled until the network has seen a few evaluations"
+                    .into(),
+            ],
+        )),
+        ExportFormat::Onnx if file.network.is_none() => onnx_step::export(file, source),
+        ExportFormat::Onnx => Ok(ExportedModel::new(
+            onnx_network::model(network()?, source),
+            vec![
+                format!(
+                    "one evaluation, to be run every {} s; network inputs: {}; feed the outputs back as inputs, starting with factors and share at 1 and the others at 0",
                     network()?.period_s,
                     network()?.inputs.join(", ")
                 ),
                 "the factors multiply coulomb_torque, static_torque and bristle_stiffness of the law; the step of the law is not in the graph"
                     .into(),
+                "start the law from the first measured torque, as --to c and --to rust do: from a bristle torque of 0, its torque is wrong until the joint leaves presliding"
+                    .into(),
             ],
-        }),
-        ExportFormat::Record => Ok(ExportedModel {
-            content: record::emit(&file.friction()).to_vec(),
-            notes: vec![format!(
-                "{} bytes; read them with compensator_core::record::parse, or write the model to a driver with `params set {source}`",
-                record::LENGTH
-            )],
-        }),
+        )),
+        ExportFormat::Record => Ok(ExportedModel::new(
+            record::emit(&file.friction()).to_vec(),
+            record_notes(file, source),
+        )),
         ExportFormat::Rust => Ok(rust::export(file, source)),
         ExportFormat::C => c::export(file, source),
         ExportFormat::Mujoco => Ok(simulator::mujoco(file, source)),
         ExportFormat::Urdf => Ok(simulator::urdf(file, source)),
     }
+}
+
+fn record_notes(file: &ParameterFile, source: &str) -> Vec<String> {
+    let mut notes = vec![format!(
+        "{} bytes; read them with compensator_core::record::parse, or write the model to a driver with `params set {source}`",
+        record::LENGTH
+    )];
+    if file.parameters.law.has_bristles() {
+        notes.push(DRIVER_START.into());
+    }
+    notes
 }

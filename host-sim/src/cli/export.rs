@@ -25,16 +25,21 @@ pub fn run(arguments: &ExportArguments) -> Result<(), String> {
     let name = arguments.params.file_name().unwrap_or_default().to_string_lossy();
     let with_path = |error| format!("{}: {error}", arguments.params.display());
     let exported = export(&file, arguments.to, &name).map_err(with_path)?;
-    let name = arguments.to.file_name();
-    arguments.output.write_bytes(&[(name, &exported.content)])?;
-    let path = arguments.output.folder().join(name);
+    let name = arguments.to.file_name(&file);
+    let further = exported.further_files.iter().map(|(name, content)| (*name, content.as_slice()));
+    let files: Vec<(&str, &[u8])> =
+        std::iter::once((name, exported.content.as_slice())).chain(further).collect();
+    arguments.output.write_bytes(&files)?;
+    let paths: Vec<PathBuf> =
+        files.iter().map(|(name, _)| arguments.output.folder().join(name)).collect();
     if arguments.output.json {
         let result = json!({
-            "schema": 1, "file": path, "model": file.spec.full_name(), "notes": exported.notes,
+            "schema": 1, "file": paths[0], "files": paths, "model": file.spec.full_name(), "notes": exported.notes,
         });
         let text = serde_json::to_string_pretty(&result).map_err(|error| error.to_string())?;
         return print_text(&(text + "\n"));
     }
     let notes: String = exported.notes.iter().map(|note| format!("- {note}\n")).collect();
-    print_text(&format!("{notes}written: {}\n", path.display()))
+    let paths: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    print_text(&format!("{notes}written: {}\n", paths.join(", ")))
 }

@@ -1,43 +1,58 @@
-//! Export as one C header: state, inputs, and one step in `float`. It requires C99 and `math.h` only.
+//! Export as one C header: state, inputs, one step and a start in `float`. It requires C99 and `math.h` only.
 //!
-//! The step implements `compensator_core::law::bristle` (backward Euler in closed form) and the static laws. The core
-//! uses a table for the Stribeck curve and C calls `expf`. They differ by at most 1.3e-5 of `F_S - F_C`, so the torques
-//! are close but not bit-identical. The header contains none of the compensator's guards (age of inputs, slew rate,
-//! limits). A control loop without guards of its own should use the core.
+//! The step has the statements of [`super::law`]. The core uses a table for the Stribeck curve and C calls `expf`. They
+//! differ by at most 1.3e-5 of `F_S - F_C`, so the torques are close but not bit-identical. The header contains none of the
+//! compensator's guards (age of inputs, slew rate, limits). A control loop without guards of its own should use the core.
 
 use super::ExportedModel;
-use super::c_terms::{TermCode, number, term_code};
-use compensator_core::{LawKind, ParameterId as Id, Parameters, TermKind};
+use super::law::{self, BISECTIONS, BRISTLE_TORQUE};
+use super::program::{Action, Binary, Expr, Node, Program, Unary};
 use friction_identification::data::JointKind;
 use friction_identification::params::{ParameterFile, unit};
 use std::fmt::Write as _;
 
-/// Returns the terms of a model, including those that are part of its law.
-fn active_terms(model: &Parameters<f32>) -> Vec<TermKind> {
-    let own = TermKind::ALL.iter().filter(|kind| model.law.includes(**kind));
-    own.chain(&model.terms).copied().collect()
-}
-
 /// Exports the model as a C header.
 pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel, String> {
     let model = &file.friction().model;
-    let mut all = TermCode::default();
-    for kind in active_terms(model) {
-        let Some(term) = term_code(kind, model) else {
-            return Err(format!(
-                "{}: the C header does not support this term, which needs a memory or a table: use --to rust or --to record",
-                kind.name()
-            ));
-        };
-        for (fields, more) in [(&mut all.inputs, term.inputs), (&mut all.state, term.state)] {
-            more.into_iter().for_each(|field| {
-                if !fields.contains(&field) {
-                    fields.push(field);
-                }
-            });
-        }
-        all.code.extend(term.code);
+    if let Some(term) = law::unsupported_term(model) {
+        return Err(format!(
+            "{term}: the C header does not support this term, which needs a memory or a table: use --to rust or --to record",
+        ));
     }
+    let step = law::step(model);
+    let has_bristles = model.law.has_bristles();
+    let mut text = head(file, source, has_bristles);
+    text += " */\n#ifndef FRICTION_H\n#define FRICTION_H\n\n#include <math.h>\n\n";
+    text +=
+        "/* Initialise all fields with zero, then call friction_start(). */\ntypedef struct {\n";
+    let others = step.state().into_iter().filter(|name| *name != BRISTLE_TORQUE);
+    for field in std::iter::once(BRISTLE_TORQUE).chain(others) {
+        text += &format!("    float {field};\n");
+    }
+    text += "} friction_state;\n\n/* Units as in the names. All values must be finite. */\ntypedef struct {\n    float velocity_rad_s;\n";
+    let others = step.inputs().into_iter().filter(|name| *name != "velocity_rad_s");
+    others.for_each(|field| text += &format!("    float {field};\n"));
+    text += "} friction_inputs;\n\n";
+    step_function(&mut text, &step);
+    start_function(&mut text, has_bristles);
+    text += "\n#endif\n";
+    let mut notes = vec![
+        "the header contains only the law: the control loop must check the age of its inputs and limit slew rate and current"
+            .to_owned(),
+    ];
+    if has_bristles {
+        notes.push(
+            "at the start of a run and after a gap, zero the state and call friction_start() with the first measured torque: a \
+             state of zero is wrong until the joint leaves presliding"
+                .to_owned(),
+        );
+    }
+    Ok(ExportedModel::new(text.into_bytes(), notes))
+}
+
+/// Returns the comment at the top of the header, without its end.
+fn head(file: &ParameterFile, source: &str, has_bristles: bool) -> String {
+    let model = &file.friction().model;
     let [torque, speed] = match file.joint {
         JointKind::Revolute => ["Nm", "rad/s"],
         JointKind::Prismatic => {
@@ -49,12 +64,23 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
          \x20*\n\
          \x20* Call friction_step() once per sample with the time since the last call. It returns the friction\n\
          \x20* torque in {torque}, positive for positive velocity. To compensate friction, add it to the torque\n\
-         \x20* command and limit the sum. Velocity is in {speed}. Parameters:\n\
+         \x20* command and limit the sum. Velocity is in {speed}.\n\
          \x20*\n",
         file.spec.full_name(),
         source.replace("*/", "* /")
     );
+    text += if has_bristles {
+        " * Start: at the start of a run and after a gap in the samples, set all fields of the state to zero.\n\
+         \x20* Then call friction_start() with the first sample and its measured friction torque, and then\n\
+         \x20* friction_step() with the same sample. A joint at rest holds any torque up to its static level, and\n\
+         \x20* only a measured torque indicates which one. From a state of zero, the torque is wrong until the joint\n\
+         \x20* leaves presliding.\n"
+    } else {
+        " * Start: set all fields of the state to zero. The law has no bristles, so friction_start() has no effect.\n"
+    };
+    text += " *\n * Parameters:\n *\n";
     for id in model.active() {
+        // Writing to a string does not fail.
         let _ = writeln!(
             text,
             " *   {:<28} {:?} {}",
@@ -63,96 +89,138 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
             unit(id.info(), file.joint)
         );
     }
-    text += " */\n#ifndef FRICTION_H\n#define FRICTION_H\n\n#include <math.h>\n\n";
-    text +=
-        "/* Initialise all fields with zero. */\ntypedef struct {\n    float bristle_torque_nm;\n";
-    all.state.iter().for_each(|field| text += &format!("    float {field};\n"));
-    text += "} friction_state;\n\n/* Units as in the names. All values must be finite. */\ntypedef struct {\n    float velocity_rad_s;\n";
-    all.inputs.iter().for_each(|field| text += &format!("    float {field};\n"));
-    text += "} friction_inputs;\n\n";
-    step(&mut text, model, &all);
-    text += "\n#endif\n";
-    let unguarded = "the header contains only the law: the control loop must check the age of its inputs and limit slew rate and current";
-    Ok(ExportedModel { content: text.into_bytes(), notes: vec![unguarded.to_owned()] })
+    text
 }
 
 /// Writes the function `friction_step`.
-fn step(text: &mut String, model: &Parameters<f32>, all: &TermCode) {
-    let n = |id: Id| number(model.get(id));
-    let law = model.law;
+fn step_function(text: &mut String, step: &Program) {
     text.push_str(
-        "/* dt_s: time since the last step, s; must be positive. */\n\
+        "/* Returns the friction torque of a sample and advances the state.\n\
+         \x20* dt_s: time since the last step, s; must be positive. */\n\
          static inline float friction_step(friction_state *state, const friction_inputs *in, float dt_s)\n{\n",
     );
-    let mut emit = |code: &str| *text += &format!("    {code}\n");
-    emit(&format!("const float velocity_max = {};", number(model.envelope.velocity_max_rad_s)));
-    emit("const float velocity = fmaxf(-velocity_max, fminf(velocity_max, in->velocity_rad_s));");
-    emit("const float speed = fabsf(velocity);");
-    emit("const float direction = (float)((velocity > 0.0f) - (velocity < 0.0f));");
-    let (coulomb, static_level) = (n(Id::CoulombTorque), n(Id::StaticTorque));
-    if law == LawKind::LugreAsymmetric {
-        let either = |positive: &str, negative: Id| {
-            format!("state->bristle_torque_nm > 0.0f ? {positive} : {};", n(negative))
-        };
-        emit(&format!("float coulomb = {}", either(&coulomb, Id::CoulombTorqueNegative)));
-        emit(&format!("float static_level = {}", either(&static_level, Id::StaticTorqueNegative)));
-    } else {
-        let static_level = if law.has_stribeck_curve() { &static_level } else { &coulomb };
-        emit(&format!("float coulomb = {coulomb}, static_level = {static_level};"));
+    if step.state().is_empty() {
+        text.push_str("    (void)state;\n");
     }
-    emit("float level_scale = 1.0f, level_asymmetry = 0.0f;");
-    emit("float viscous_scale = 1.0f, carried_rate = 0.0f, torque = 0.0f;");
-    all.code.iter().for_each(|code| emit(code));
-    if law.has_stribeck_curve() {
-        let ratio = format!("speed / {}", n(Id::StribeckVelocity));
-        let power = if model.terms.contains(&TermKind::StribeckShape) {
-            format!("powf({ratio}, {})", n(Id::StribeckExponent))
-        } else {
-            format!("({ratio}) * ({ratio})")
-        };
-        emit(&format!("const float towards_rest = expf(-({power}));"));
-        emit("float level = coulomb + (static_level - coulomb) * towards_rest;");
-    } else {
-        emit("float level = coulomb;");
+    if !step.reads_period() {
+        text.push_str("    (void)dt_s;\n");
     }
-    emit("level *= level_scale * (1.0f + level_asymmetry * direction);");
-    emit(&format!("torque += {} * viscous_scale * velocity;", n(Id::ViscousFriction)));
-    if law.has_bristles() {
-        bristles(&mut emit, model);
-    } else {
-        match law {
-            LawKind::Extended => {
-                let along = if model.choices.printed_extended { "" } else { " * velocity" };
-                emit(&format!("torque += {}{along} * speed;", n(Id::QuadraticFriction)));
-                emit(&format!("torque += {} * velocity * speed * speed;", n(Id::CubicFriction)));
-            }
-            LawKind::Atan => {
-                let (torque, slope) = (n(Id::AtanTorque), n(Id::AtanSlope));
-                emit(&format!("torque += {torque} * atanf({slope} * velocity);"));
-            }
-            _ => {}
+    for statement in &step.statements {
+        if let Some(comment) = &statement.comment {
+            text.push_str(&format!("    /* {comment} */\n"));
         }
-        for unused in ["state", "speed", "dt_s", "static_level", "carried_rate"] {
-            emit(&format!("(void){unused};"));
-        }
-        emit("return level * direction + torque;");
+        let left = match &statement.action {
+            Action::Define(name) if step.changes(name) => format!("float {name} ="),
+            Action::Define(name) => format!("const float {name} ="),
+            Action::AddTo(name) => format!("{name} +="),
+            Action::ScaleBy(name) => format!("{name} *="),
+            Action::SetState(name) => format!("state->{name} ="),
+        };
+        text.push_str(&format!("    {left} {};\n", render(&statement.value).0));
     }
-    text.push_str("}\n");
+    for result in &step.result {
+        text.push_str(&format!("    return {};\n}}\n", render(result).0));
+    }
 }
 
-/// Writes the bristle step and the return statement.
-fn bristles(emit: &mut impl FnMut(&str), model: &Parameters<f32>) {
-    let n = |id: Id| number(model.get(id));
-    emit(&format!("const float stiffness = {} * dt_s;", n(Id::BristleStiffness)));
-    emit("const float held = state->bristle_torque_nm + stiffness * carried_rate;");
-    emit("const float rate = (level * velocity - speed * held) / (level + stiffness * speed);");
-    emit("const float bound = static_level * level_scale * (1.0f + fabsf(level_asymmetry));");
-    emit("state->bristle_torque_nm = fmaxf(-bound, fminf(bound, held + stiffness * rate));");
-    let damping = match model.law {
-        LawKind::Dahl => "0.0f".to_owned(),
-        _ if model.choices.damping_fades => format!("{} * towards_rest", n(Id::BristleDamping)),
-        _ => n(Id::BristleDamping),
+/// Writes the function `friction_start`.
+fn start_function(text: &mut String, has_bristles: bool) {
+    text.push_str(
+        "\n/* Sets the bristle torque of the state so that friction_step() with the same sample returns torque_nm, as\n\
+         \x20* far as the static level permits. Other fields of the state remain. torque_nm: measured friction torque\n\
+         \x20* of the sample. dt_s: as in friction_step(). */\n\
+         static inline void friction_start(friction_state *state, const friction_inputs *in, float torque_nm, float dt_s)\n{\n",
+    );
+    if !has_bristles {
+        text.push_str(
+            "    /* The law has no bristles. */\n    (void)state;\n    (void)in;\n    (void)torque_nm;\n    (void)dt_s;\n}\n",
+        );
+        return;
+    }
+    text.push_str(&format!(
+        "    /* A step at rest reduces a torque above any level to the level. */\n\
+         \x20   friction_inputs at_rest = *in;\n\
+         \x20   friction_state trial = *state;\n\
+         \x20   float least, most;\n\
+         \x20   int round;\n\
+         \x20   at_rest.velocity_rad_s = 0.0f;\n\
+         \x20   trial.bristle_torque_nm = 1e9f;\n\
+         \x20   (void)friction_step(&trial, &at_rest, dt_s);\n\
+         \x20   most = trial.bristle_torque_nm;\n\
+         \x20   trial = *state;\n\
+         \x20   trial.bristle_torque_nm = -1e9f;\n\
+         \x20   (void)friction_step(&trial, &at_rest, dt_s);\n\
+         \x20   least = trial.bristle_torque_nm;\n\
+         \x20   for (round = 0; round < {BISECTIONS}; round++) {{\n\
+         \x20       const float middle = 0.5f * (least + most);\n\
+         \x20       trial = *state;\n\
+         \x20       trial.bristle_torque_nm = middle;\n\
+         \x20       if (friction_step(&trial, in, dt_s) < torque_nm)\n\
+         \x20           least = middle;\n\
+         \x20       else\n\
+         \x20           most = middle;\n\
+         \x20   }}\n\
+         \x20   state->bristle_torque_nm = most;\n}}\n"
+    ));
+}
+
+/// How tightly the operators of C bind, in rising order.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Binding {
+    Conditional,
+    Sum,
+    Product,
+    Unary,
+    Atom,
+}
+
+/// Returns the expression as C text, and how tightly its outermost operator binds.
+fn render(value: &Expr) -> (String, Binding) {
+    let at_least = |operand: &Expr, binding: Binding| {
+        let (text, own) = render(operand);
+        if own < binding { format!("({text})") } else { text }
     };
-    emit(&format!("torque += {damping} * (rate + carried_rate);"));
-    emit("return state->bristle_torque_nm + torque;");
+    let call = |function: &str, operands: &[&Expr]| {
+        let operands: Vec<String> = operands.iter().map(|operand| render(operand).0).collect();
+        (format!("{function}({})", operands.join(", ")), Binding::Atom)
+    };
+    let infix = |sign: &str, [a, b]: [&Expr; 2], binding: Binding, right: Binding| {
+        (format!("{} {sign} {}", at_least(a, binding), at_least(b, right)), binding)
+    };
+    match &*value.0 {
+        Node::Number(number) if *number < 0.0 => (format!("{number:?}f"), Binding::Unary),
+        Node::Number(number) => (format!("{number:?}f"), Binding::Atom),
+        Node::Input(name) => (format!("in->{name}"), Binding::Atom),
+        Node::Period => ("dt_s".into(), Binding::Atom),
+        Node::State(name) => (format!("state->{name}"), Binding::Atom),
+        Node::Variable(name) => (name.clone(), Binding::Atom),
+        Node::Unary(operator, a) => match operator {
+            Unary::Negative => (format!("-{}", at_least(a, Binding::Atom)), Binding::Unary),
+            Unary::Abs => call("fabsf", &[a]),
+            Unary::Sign => {
+                let a = at_least(a, Binding::Atom);
+                (format!("(float)(({a} > 0.0f) - ({a} < 0.0f))"), Binding::Unary)
+            }
+            Unary::Exp => call("expf", &[a]),
+            Unary::Ln => call("logf", &[a]),
+            Unary::Sin => call("sinf", &[a]),
+            Unary::Cos => call("cosf", &[a]),
+            Unary::Atan => call("atanf", &[a]),
+        },
+        Node::Binary(operator, a, b) => match operator {
+            Binary::Add => infix("+", [a, b], Binding::Sum, Binding::Sum),
+            Binary::Subtract => infix("-", [a, b], Binding::Sum, Binding::Product),
+            Binary::Multiply => infix("*", [a, b], Binding::Product, Binding::Unary),
+            Binary::Divide => infix("/", [a, b], Binding::Product, Binding::Unary),
+            Binary::Min => call("fminf", &[a, b]),
+            Binary::Max => call("fmaxf", &[a, b]),
+            Binary::Power => call("powf", &[a, b]),
+        },
+        Node::IfPositive(value, positive, otherwise) => {
+            let [value, positive, otherwise] =
+                [value, positive, otherwise].map(|operand| at_least(operand, Binding::Sum));
+            let text = format!("{value} > 0.0f ? {positive} : {otherwise}");
+            (text, Binding::Conditional)
+        }
+    }
 }

@@ -1,25 +1,11 @@
-//! Export of a network as an ONNX graph: one evaluation, with its state as input and output.
-//!
-//! ```text
-//! inputs [1, N]   output [1, 8]   cell [1, 8]   factors [1, 3]   share [1, 1]   known [1, 1]
-//!   -> one evaluation, as in compensator_core::network ->
-//! factors_next    output_next     cell_next     share_next       outside
-//! ```
-//! The activation functions of the gates are rational, and ONNX's LSTM operator has no such functions. The graph
-//! therefore consists of sums and products. It computes in `f32` and equals the driver except for the order of sums.
-//!
-//! The caller feeds the outputs back as inputs, starting with `factors` and `share` at 1 and the others at 0. `known` is
-//! 1 if the current stroke is similar to those of the training data. The caller must evaluate this guard
-//! (`network::stroke`), because it needs the motion.
+//! ONNX: the messages of a model, and a builder of graphs. [`super::onnx_step`] and [`super::onnx_network`] use them.
 //!
 //! The message types are the part of `onnx.proto` (version 1.17) that a graph of tensors needs, with its field numbers.
 
-use compensator_core::network::{CELL_LIMIT, GATES};
-use friction_identification::network::{CELLS, NetworkFile};
 use prost::Message;
 
 /// `TensorProto.DataType`: `f32`.
-const FLOAT: i32 = 1;
+pub(super) const FLOAT: i32 = 1;
 /// `AttributeProto.AttributeType`: an integer.
 const INT: i32 = 2;
 /// Version of the operator set. Version 13 is the first that contains all operators used here in their current form.
@@ -108,7 +94,7 @@ struct Tensor {
 }
 
 #[derive(Clone, PartialEq, Message)]
-struct ValueInfo {
+pub(super) struct ValueInfo {
     #[prost(string, tag = "1")]
     name: String,
     #[prost(message, optional, tag = "2")]
@@ -139,24 +125,46 @@ struct Shape {
 struct Dimension {
     #[prost(int64, tag = "1")]
     dim_value: i64,
+    /// Name of a dimension of any size. Only one of both fields is set.
+    #[prost(string, tag = "2")]
+    dim_param: String,
 }
 
-/// Declares a value with one row and the given number of columns.
-fn row(name: &str, columns: usize) -> ValueInfo {
-    let dim = [1, columns as i64].map(|dim_value| Dimension { dim_value }).to_vec();
+fn declare(name: &str, dim: Vec<Dimension>) -> ValueInfo {
     let tensor = TensorType { elem_type: FLOAT, shape: Some(Shape { dim }) };
     ValueInfo { name: name.into(), r#type: Some(Type { tensor_type: Some(tensor) }) }
 }
 
+/// Declares a value with one row and the given number of columns.
+pub(super) fn row(name: &str, columns: usize) -> ValueInfo {
+    let size = |size: i64| Dimension { dim_value: size, dim_param: String::new() };
+    declare(name, vec![size(1), size(columns as i64)])
+}
+
+/// Declares a value with one number for each joint, for any number of joints.
+pub(super) fn per_joint(name: &str) -> ValueInfo {
+    declare(name, vec![Dimension { dim_value: 0, dim_param: "joints".into() }])
+}
+
+/// Declares a value of one number.
+pub(super) fn single(name: &str) -> ValueInfo {
+    declare(name, vec![Dimension { dim_value: 1, dim_param: String::new() }])
+}
+
 /// Builds a graph. The result of each operator has a unique name.
 #[derive(Default)]
-struct Builder {
+pub(super) struct Builder {
     nodes: Vec<Node>,
     tensors: Vec<Tensor>,
 }
 
 impl Builder {
-    fn tensor(&mut self, name: &str, dims: &[usize], numbers: impl Iterator<Item = f64>) -> String {
+    pub fn tensor(
+        &mut self,
+        name: &str,
+        dims: &[usize],
+        numbers: impl Iterator<Item = f64>,
+    ) -> String {
         self.tensors.push(Tensor {
             dims: dims.iter().map(|dim| *dim as i64).collect(),
             data_type: FLOAT,
@@ -167,7 +175,7 @@ impl Builder {
     }
 
     /// Adds a scalar constant and returns its name.
-    fn number(&mut self, number: f64) -> String {
+    pub fn number(&mut self, number: f64) -> String {
         let name = format!("number_{number}");
         if !self.tensors.iter().any(|tensor| tensor.name == name) {
             self.tensor(&name, &[], std::iter::once(number));
@@ -175,7 +183,7 @@ impl Builder {
         name
     }
 
-    fn named(&mut self, operator: &str, inputs: &[&str], output: &str) -> String {
+    pub fn named(&mut self, operator: &str, inputs: &[&str], output: &str) -> String {
         self.nodes.push(Node {
             input: inputs.iter().map(|name| (*name).to_owned()).collect(),
             output: vec![output.into()],
@@ -185,25 +193,25 @@ impl Builder {
         output.into()
     }
 
-    fn apply(&mut self, operator: &str, inputs: &[&str]) -> String {
+    pub fn apply(&mut self, operator: &str, inputs: &[&str]) -> String {
         let name = format!("{}_{}", operator.to_lowercase(), self.nodes.len());
         self.named(operator, inputs, &name)
     }
 
     /// Adds an integer attribute to the last operator.
-    fn set_attribute(&mut self, name: &str, i: i64) {
+    pub fn set_attribute(&mut self, name: &str, i: i64) {
         if let Some(node) = self.nodes.last_mut() {
             node.attribute.push(Attribute { name: name.into(), i, r#type: INT });
         }
     }
 
-    fn clip(&mut self, value: &str, min: f64, max: f64) -> String {
+    pub fn clip(&mut self, value: &str, min: f64, max: f64) -> String {
         let (min, max) = (self.number(min), self.number(max));
         self.apply("Clip", &[value, &min, &max])
     }
 
     /// `x (a + x^2) / (b + c x^2)`, with `x` clipped to `-limit..=limit`.
-    fn rational(&mut self, x: &str, limit: f64, [a, b, c]: [f64; 3]) -> String {
+    pub fn rational(&mut self, x: &str, limit: f64, [a, b, c]: [f64; 3]) -> String {
         let x = self.clip(x, -limit, limit);
         let square = self.apply("Mul", &[&x, &x]);
         let [a, b, c] = [a, b, c].map(|number| self.number(number));
@@ -214,160 +222,47 @@ impl Builder {
         self.apply("Div", &[&numerator, &denominator])
     }
 
-    fn squash(&mut self, x: &str) -> String {
+    pub fn squash(&mut self, x: &str) -> String {
         self.rational(x, 3.0, [27.0, 27.0, 9.0])
     }
 
-    fn sigmoid(&mut self, x: &str) -> String {
+    pub fn sigmoid(&mut self, x: &str) -> String {
         let share = self.rational(x, 6.0, [108.0, 432.0, 36.0]);
         let half = self.number(0.5);
         self.apply("Add", &[&half, &share])
     }
 
     /// The sum of the bias and of `x W` for each pair of a value and its weights.
-    fn sums(&mut self, parts: &[(&str, &str)], bias: &str) -> String {
+    pub fn sums(&mut self, parts: &[(&str, &str)], bias: &str) -> String {
         parts.iter().fold(bias.to_owned(), |sum, (value, weights)| {
             let product = self.apply("MatMul", &[value, weights]);
             self.apply("Add", &[&sum, &product])
         })
     }
-}
 
-/// Returns the ONNX model of a network, encoded.
-pub(super) fn model(file: &NetworkFile, source: &str) -> Vec<u8> {
-    let mut graph = Builder::default();
-    let used = file.inputs.len();
-    let (scaled, outside) = guard(&mut graph, file);
-    let output = recurrent(&mut graph, file, &scaled);
-    factors(&mut graph, file, &output, &outside);
-    let Builder { nodes, tensors } = graph;
-    let graph = Graph {
-        node: nodes,
-        name: "lugre_lstm".into(),
-        initializer: tensors,
-        input: vec![
-            row("inputs", used),
-            row("output", CELLS),
-            row("cell", CELLS),
-            row("factors", 3),
-            row("share", 1),
-            row("known", 1),
-        ],
-        output: vec![
-            row("factors_next", 3),
-            row("output_next", CELLS),
-            row("cell_next", CELLS),
-            row("share_next", 1),
-            row("outside", 1),
-        ],
-    };
-    let entry = |key: &str, value: String| Entry { key: key.into(), value };
-    let model = Model {
-        ir_version: IR_VERSION,
-        producer_name: "host-sim".into(),
-        doc_string: format!(
-            "Factors on coulomb_torque, static_torque (of each direction) and bristle_stiffness of the model lugre-asymmetric in \
-             {source}. One evaluation; feed the outputs back as inputs. Start with factors and share 1, output and cell 0; \
-             known is 1 if the stroke is similar to those of the training data."
-        ),
-        graph: Some(graph),
-        opset_import: vec![OperatorSet { domain: String::new(), version: OPERATOR_SET_VERSION }],
-        metadata_props: vec![
-            entry("inputs", file.inputs.join(",")),
-            entry("evaluation_period_s", file.period_s.to_string()),
-        ],
-    };
-    model.encode_to_vec()
-}
-
-/// Adds the input guard. Returns the names of the scaled inputs and of `outside`, which is 1 if an input is outside its
-/// range or the stroke is not known.
-fn guard(graph: &mut Builder, file: &NetworkFile) -> (String, String) {
-    let used = file.inputs.len();
-    let ranges = &file.network.inputs[..used];
-    let middle = graph.tensor("middle", &[1, used], ranges.iter().map(|range| range.middle));
-    let per_unit = graph.tensor("per_unit", &[1, used], ranges.iter().map(|range| range.per_unit));
-    let (zero, one) = (graph.number(0.0), graph.number(1.0));
-    // NaN is replaced by the middle of the range and counts as outside.
-    let missing = graph.apply("IsNaN", &["inputs"]);
-    let from_middle = graph.apply("Sub", &["inputs", &middle]);
-    let scaled = graph.apply("Mul", &[&from_middle, &per_unit]);
-    let scaled = graph.apply("Where", &[&missing, &zero, &scaled]);
-    let size = graph.apply("Abs", &[&scaled]);
-    let beyond = graph.apply("Greater", &[&size, &one]);
-    let beyond = graph.apply("Or", &[&beyond, &missing]);
-    let beyond = graph.apply("Cast", &[&beyond]);
-    graph.set_attribute("to", FLOAT.into());
-    let any = graph.apply("ReduceMax", &[&beyond]);
-    graph.set_attribute("keepdims", 1);
-    let unknown = graph.apply("Sub", &[&one, "known"]);
-    let any = graph.apply("Max", &[&any, &unknown]);
-    // One value, independent of the number of inputs.
-    let outside = graph.named("Identity", &[&any], "outside");
-    (graph.clip(&scaled, -1.0, 1.0), outside)
-}
-
-/// Adds the recurrent layer. Returns the name of its output.
-fn recurrent(graph: &mut Builder, file: &NetworkFile, scaled: &str) -> String {
-    let (cells, used) = (&file.network.lstm.cells, file.inputs.len());
-    let gates: [String; GATES] = ["forget", "input", "output", "candidate"].map(|name| {
-        let gate = ["forget", "input", "output", "candidate"]
-            .iter()
-            .position(|known| *known == name)
-            .unwrap_or_default();
-        let bias = cells.iter().map(|cell| cell.bias[gate]);
-        let bias = graph.tensor(&format!("bias_{name}"), &[1, CELLS], bias);
-        let of_input =
-            (0..used).flat_map(|input| cells.iter().map(move |cell| cell.input[input][gate]));
-        let of_input = graph.tensor(&format!("input_{name}"), &[used, CELLS], of_input);
-        let of_cell =
-            (0..CELLS).flat_map(|other| cells.iter().map(move |cell| cell.recurrent[other][gate]));
-        let of_cell = graph.tensor(&format!("recurrent_{name}"), &[CELLS, CELLS], of_cell);
-        graph.sums(&[(scaled, &of_input), ("output", &of_cell)], &bias)
-    });
-    let [forget, input, output, candidate] = gates;
-    let (forget, input) = (graph.sigmoid(&forget), graph.sigmoid(&input));
-    let candidate = graph.squash(&candidate);
-    let kept = graph.apply("Mul", &[&forget, "cell"]);
-    let taken = graph.apply("Mul", &[&input, &candidate]);
-    let cell = graph.apply("Add", &[&kept, &taken]);
-    let (least, most) = (graph.number(-CELL_LIMIT), graph.number(CELL_LIMIT));
-    let cell = graph.named("Clip", &[&cell, &least, &most], "cell_next");
-    let (output, squashed) = (graph.sigmoid(&output), graph.squash(&cell));
-    graph.named("Mul", &[&output, &squashed], "output_next")
-}
-
-/// Adds the readout with its bounds, the share of the network, and the slew limit.
-fn factors(graph: &mut Builder, file: &NetworkFile, output: &str, outside: &str) {
-    let network = &file.network;
-    let readout = &network.readout;
-    let bias = graph.tensor("bias_factors", &[1, 3], readout.bias.into_iter());
-    let weights = (0..CELLS).flat_map(|cell| readout.weights.iter().map(move |row| row[cell]));
-    let weights = graph.tensor("factors_of_cells", &[CELLS, 3], weights);
-    let sums = graph.sums(&[(output, &weights)], &bias);
-    let share_of_range = graph.sigmoid(&sums);
-    let bounds = &network.bounds;
-    let least = graph.tensor("least", &[1, 3], bounds.iter().map(|bound| bound.least));
-    let width = graph.tensor("width", &[1, 3], bounds.iter().map(|bound| bound.most - bound.least));
-    let above = graph.apply("Mul", &[&width, &share_of_range]);
-    let targets = graph.apply("Add", &[&least, &above]);
-    // The static factor must not be below the Coulomb factor. This matrix copies the first column to the second.
-    let places = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-    let places = graph.tensor("coulomb_twice", &[3, 3], places.into_iter());
-    let floor = graph.apply("MatMul", &[&targets, &places]);
-    let targets = graph.apply("Max", &[&targets, &floor]);
-    // The share rises by `fade` per evaluation inside the range and falls by `fade` outside.
-    let (one, fade, twice) =
-        (graph.number(1.0), graph.number(network.fade), graph.number(2.0 * network.fade));
-    let loss = graph.apply("Mul", &[&twice, outside]);
-    let change = graph.apply("Sub", &[&fade, &loss]);
-    let share = graph.apply("Add", &["share", &change]);
-    let zero = graph.number(0.0);
-    let share = graph.named("Clip", &[&share, &zero, &one], "share_next");
-    let from_one = graph.apply("Sub", &[&targets, &one]);
-    let faded = graph.apply("Mul", &[&from_one, &share]);
-    let faded = graph.apply("Add", &[&one, &faded]);
-    let way = graph.apply("Sub", &[&faded, "factors"]);
-    let step = graph.clip(&way, -network.slew, network.slew);
-    graph.named("Add", &["factors", &step], "factors_next");
+    /// Returns the ONNX model of the graph, encoded. `entries` are keys and values for the caller.
+    pub fn model(
+        self,
+        name: &str,
+        doc_string: String,
+        [input, output]: [Vec<ValueInfo>; 2],
+        entries: &[(&str, String)],
+    ) -> Vec<u8> {
+        let graph =
+            Graph { node: self.nodes, name: name.into(), initializer: self.tensors, input, output };
+        let entry =
+            |(key, value): &(&str, String)| Entry { key: (*key).into(), value: value.clone() };
+        let model = Model {
+            ir_version: IR_VERSION,
+            producer_name: "host-sim".into(),
+            doc_string,
+            graph: Some(graph),
+            opset_import: vec![OperatorSet {
+                domain: String::new(),
+                version: OPERATOR_SET_VERSION,
+            }],
+            metadata_props: entries.iter().map(entry).collect(),
+        };
+        model.encode_to_vec()
+    }
 }

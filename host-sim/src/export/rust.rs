@@ -6,6 +6,31 @@ use compensator_core::parameters::Envelope;
 use friction_identification::params::{ParameterFile, unit};
 use std::fmt::Write as _;
 
+/// How the state of a law with bristles starts.
+const BRISTLE_START: &str = "at the start of a run and after a gap in the samples, [`start`] returns a state for the first\n\
+     //! measured torque. A joint at rest holds any torque up to its static level, and only a measured torque\n\
+     //! indicates which one. From a state of zero (`ModelState::default()`, as in a `Compensator`), the torque is wrong\n\
+     //! until the joint leaves presliding.";
+/// How the state of a law without bristles starts.
+const STATIC_START: &str =
+    "the law has no bristles, so [`start`] returns a state of zero (`ModelState::default()`).";
+
+/// The function `start` of an exported file.
+const START_FUNCTION: &str = "
+/// Builds the law for a sample period, and a state from which the first step returns the measured friction torque of
+/// the first sample, as far as the static level permits.
+#[allow(dead_code, reason = \"a loop with a `Compensator` does not call it\")]
+pub fn start(
+    period_s: f32,
+    sample: &Sample<f32>,
+    torque_nm: f32,
+) -> Result<(FrictionModel<f32>, ModelState<f32>), ParameterError> {
+    let model = configuration().model.build::<f32>(period_s)?;
+    let state = model.state_for_torque(ModelState::default(), sample, torque_nm);
+    Ok((model, state))
+}
+";
+
 /// Writes a struct of named numbers as a constant.
 fn fields(text: &mut String, doc: &str, name: &str, kind: &str, names: &[&str], values: &[f32]) {
     let _ = writeln!(text, "\n/// {doc}\npub const {name}: {kind} = {kind} {{");
@@ -23,14 +48,17 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> ExportedModel {
         "//! Friction model `{}`, written by `host-sim export {source} --to rust`.\n\
          //!\n\
          //! `Compensator::<f32>::build(&configuration(), period_s)` validates and builds it. The numbers are\n\
-         //! exact in `f32`, so the result is bit-identical to that of the parameter file.\n\n\
+         //! exact in `f32`, so the result is bit-identical to that of the parameter file.\n\
+         //!\n\
+         //! Start: {}\n\n\
          use compensator_core::compensator::CompensatorParameters;\n\
          use compensator_core::configuration::Configuration;\n\
-         use compensator_core::parameters::{{Choices, Envelope}};\n\
-         use compensator_core::{{LawKind, ParameterId, Parameters, TermKind}};\n\n\
+         use compensator_core::parameters::{{Choices, Envelope, ParameterError}};\n\
+         use compensator_core::{{FrictionModel, LawKind, ModelState, ParameterId, Parameters, Sample, TermKind}};\n\n\
          /// Friction law.\n\
          pub const LAW: LawKind = LawKind::{:?};\n\n",
         file.spec.full_name(),
+        if model.law.has_bristles() { BRISTLE_START } else { STATIC_START },
         model.law
     );
     let terms: Vec<String> = model.terms.iter().map(|term| format!("TermKind::{term:?}")).collect();
@@ -86,11 +114,17 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> ExportedModel {
              model.choices = CHOICES;\n    model.envelope = ENVELOPE;\n    \
              Configuration { model, compensator: COMPENSATOR }\n}\n",
     );
+    text.push_str(START_FUNCTION);
     let terms = if terms.is_empty() { "" } else { ", with its feature `terms`" };
-    ExportedModel {
-        content: text.into_bytes(),
-        notes: vec![format!(
-            "needs the crate compensator-core{terms}: Compensator::<f32>::build(&configuration(), period_s)"
-        )],
+    let mut notes = vec![format!(
+        "needs the crate compensator-core{terms}: Compensator::<f32>::build(&configuration(), period_s)"
+    )];
+    if model.law.has_bristles() {
+        notes.push(
+            "at the start of a run and after a gap, start() takes the first measured torque: a state of zero, as in a Compensator, \
+             is wrong until the joint leaves presliding"
+                .to_owned(),
+        );
     }
+    ExportedModel::new(text.into_bytes(), notes)
 }

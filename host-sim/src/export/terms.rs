@@ -1,0 +1,154 @@
+//! The extension terms as statements, the same as in `compensator_core::term`. They stand before those of the law.
+
+use super::law::Effects;
+use super::program::{Expr, Program};
+use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
+use compensator_core::{ParameterId as Id, Parameters, TermKind as Kind};
+
+/// Maximum contact age of `dwell-time-static`, s, as in the core.
+const CONTACT_AGE_MAX_S: f32 = 1000.0;
+
+/// Returns true if a term can be exported as statements. The others need a table or the memory of many samples.
+pub(super) fn is_supported(kind: Kind) -> bool {
+    !matches!(kind, Kind::Backlash | Kind::ChannelDelay | Kind::LookupTable | Kind::WarmUp)
+}
+
+/// Adds the statements of a term. A term that [`is_supported`] excludes adds none.
+pub(super) fn add(
+    program: &mut Program,
+    effects: &mut Effects,
+    kind: Kind,
+    model: &Parameters<f32>,
+) {
+    let n = |id: Id| Expr::number(model.get(id));
+    let one = Expr::number(1.0);
+    program.comment(format!("Term {}.", kind.name()));
+    match kind {
+        Kind::RadialForceCoulomb => {
+            let static_level =
+                model.get(Id::RadialForceCoulomb) + model.get(Id::RadialForceStaticExcess);
+            let force = Expr::input("radial_force_n");
+            load_levels(program, effects, &force, model.get(Id::RadialForceCoulomb), static_level);
+        }
+        Kind::PressureCoulomb => {
+            let static_level = model.get(Id::PressureCoulomb) + model.get(Id::PressureStaticExcess);
+            let pressure = Expr::input("pressure_diff_pa");
+            load_levels(program, effects, &pressure, model.get(Id::PressureCoulomb), static_level);
+        }
+        Kind::LoadTorqueCoulomb => {
+            let level = model.get(Id::LoadCoulomb);
+            load_levels(program, effects, &Expr::input("load_torque_nm").abs(), level, level);
+        }
+        Kind::RadialForceRate => radial_force_rate(program, effects, model),
+        Kind::TemperatureViscous => {
+            let factor = by_temperature(model, Id::TemperatureViscosity);
+            program.scale_by("viscous_scale", &mut effects.viscous_scale, factor);
+        }
+        Kind::TemperatureCoulomb => {
+            let factor = by_temperature(model, Id::TemperatureCoulomb);
+            program.scale_by("level_scale", &mut effects.level_scale, factor);
+        }
+        Kind::PositionRipple => {
+            let ripple = wave(n(Id::RippleOrder), n(Id::RippleSine), n(Id::RippleCosine));
+            program.scale_by("level_scale", &mut effects.level_scale, one + ripple);
+        }
+        Kind::DirectionAsymmetry => {
+            let asymmetry = &mut effects.level_asymmetry;
+            program.add_to("level_asymmetry", asymmetry, n(Id::CoulombAsymmetry));
+            let factor = one + n(Id::ViscousAsymmetry) * &effects.direction;
+            program.scale_by("viscous_scale", &mut effects.viscous_scale, factor);
+        }
+        Kind::DwellTimeStatic => dwell_time_static(program, effects, model),
+        Kind::TimeDrift => {
+            let factor = by_time(model);
+            program.scale_by("level_scale", &mut effects.level_scale, factor);
+        }
+        Kind::StribeckShape => effects.stribeck_exponent = Some(n(Id::StribeckExponent)),
+        _ => {
+            for torque in torques(effects, kind, model) {
+                program.add_to("torque", &mut effects.torque, torque);
+            }
+        }
+    }
+    program.end_comment();
+}
+
+/// Returns what a term adds to the torque outside the law.
+fn torques(effects: &Effects, kind: Kind, model: &Parameters<f32>) -> Vec<Expr> {
+    let n = |id: Id| Expr::number(model.get(id));
+    match kind {
+        Kind::GravityImbalance => {
+            let position = Expr::input("position_rad");
+            vec![n(Id::GravitySine) * position.sin() + n(Id::GravityCosine) * position.cos()]
+        }
+        Kind::TorqueRipple => {
+            let waves = TORQUE_RIPPLE_PARAMETERS.iter().filter(|ids| model.get(ids[0]) > 0.0);
+            let torque = |[order, sine, cosine]: [Expr; 3]| wave(order, sine, cosine);
+            waves.map(|ids| torque(ids.map(n))).collect()
+        }
+        Kind::TorqueOffset => vec![n(Id::TorqueOffset)],
+        Kind::QuadraticDrag => {
+            vec![n(Id::QuadraticDrag) * &effects.velocity * &effects.speed]
+        }
+        Kind::UnmodelledInertia => {
+            vec![n(Id::Inertia) * Expr::input("acceleration_rad_s2")]
+        }
+        Kind::LoadGain => vec![n(Id::LoadGain) * Expr::input("load_torque_nm")],
+        _ => Vec::new(),
+    }
+}
+
+/// A load that raises both levels.
+fn load_levels(
+    program: &mut Program,
+    effects: &mut Effects,
+    load: &Expr,
+    coulomb: f32,
+    static_level: f32,
+) {
+    let (coulomb, static_level) = (Expr::number(coulomb), Expr::number(static_level));
+    program.add_to("added_coulomb", &mut effects.added_coulomb, coulomb * load);
+    program.add_to("added_static", &mut effects.added_static, static_level * load);
+}
+
+/// A factor of run-in and wear.
+fn by_time(model: &Parameters<f32>) -> Expr {
+    let n = |id: Id| Expr::number(model.get(id));
+    let time = Expr::input("campaign_time_s");
+    let run_in = n(Id::DriftAmplitude) * (time.negative() / n(Id::DriftTime)).exp();
+    Expr::number(1.0) + run_in + n(Id::DriftRate) * time
+}
+
+/// A wave over the position.
+fn wave(order: Expr, sine: Expr, cosine: Expr) -> Expr {
+    let angle = order * Expr::input("position_rad");
+    sine * angle.sin() + cosine * angle.cos()
+}
+
+fn radial_force_rate(program: &mut Program, effects: &mut Effects, model: &Parameters<f32>) {
+    let [previous, has_previous] = ["previous_radial_force_n", "has_previous_radial_force"];
+    let force = Expr::input("radial_force_n");
+    let change = &force - Expr::state(previous);
+    let rate = Expr::number(model.get(Id::RadialForceRate)) * change / Expr::period();
+    let rate = Expr::state(has_previous).if_positive(&rate, &Expr::number(0.0));
+    program.add_to("carried_rate", &mut effects.carried_rate, rate);
+    program.set_state(previous, force);
+    program.set_state(has_previous, Expr::number(1.0));
+}
+
+/// An exponential decrease with temperature.
+fn by_temperature(model: &Parameters<f32>, rate: Id) -> Expr {
+    let [rate, reference] = [rate, Id::TemperatureReference].map(|id| model.get(id));
+    (Expr::number(-rate) * (Expr::input("temperature_c") - Expr::number(reference))).exp()
+}
+
+fn dwell_time_static(program: &mut Program, effects: &mut Effects, model: &Parameters<f32>) {
+    let n = |id: Id| Expr::number(model.get(id));
+    let one = || Expr::number(1.0);
+    let aged = Expr::state("contact_age_s") + Expr::period();
+    let aged = aged.min(&CONTACT_AGE_MAX_S.into());
+    let renewed = one() + Expr::period() / n(Id::DwellTravel) * &effects.speed;
+    let age = program.set_state("contact_age_s", aged / renewed);
+    let added = n(Id::DwellGain) * (one() + age / n(Id::DwellTime)).ln();
+    program.add_to("added_static", &mut effects.added_static, added);
+}
