@@ -22,6 +22,11 @@ use serde_json::{Map, Value, json};
 pub struct DiagnosisDocument(Value);
 
 impl DiagnosisDocument {
+    /// Sets the errors of the model of `params.toml` on all rows.
+    pub fn set_prediction(&mut self, summary: Value) {
+        self.0["prediction"] = summary;
+    }
+
     /// Returns the summary, five sentences.
     pub fn summary(&self) -> Vec<&str> {
         let sentences = self.0.get("story").and_then(Value::as_array);

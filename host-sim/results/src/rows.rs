@@ -15,16 +15,51 @@
 
 use compensator_core::Quantity;
 use friction_identification::data::{Dataset, contract};
-use friction_identification::prediction::{LogPrediction, flag_text};
+use friction_identification::params::ParameterFile;
+use friction_identification::prediction::{
+    LogPrediction, PredictionOptions, flag_text, predict_log,
+};
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical, ZstdLevel};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::Type;
+use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
+
+/// Name of the file that `identify`, `compare` and `diagnose` write.
+pub const FILE_NAME: &str = "rows.parquet";
+
+/// The rows of a log with the prediction of a parameter file, as a command writes them.
+pub struct PredictedRows {
+    /// Content of [`FILE_NAME`].
+    pub content: Vec<u8>,
+    /// The errors, for the command's JSON document.
+    pub summary: Value,
+}
+
+impl PredictedRows {
+    /// Predicts every row with the model of a parameter file, as `predict` does with the file.
+    ///
+    /// # Errors
+    /// One line if the model cannot be applied to the log.
+    pub fn new(file: &ParameterFile, data: &Dataset) -> Result<Self, String> {
+        let predicted = predict_log(file, data, &PredictionOptions::default())?;
+        let as_exported = predict_log(file, data, &PredictionOptions::AS_EXPORTED)?;
+        let summary = json!({
+            "file": FILE_NAME,
+            "rows": predicted.metrics.rows,
+            "rmse": predicted.metrics.rmse,
+            "as_exported_rmse": as_exported.metrics.rmse,
+            "remarks": predicted.remarks,
+        });
+        let content = RowTable::new(data, &predicted).emit(RowFormat::Parquet)?;
+        Ok(Self { content, summary })
+    }
+}
 
 /// Format of a table of rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,6 +8,7 @@ use super::input::{DataArguments, LogInput, spinner};
 use super::inside::{self, KnownMachine};
 use super::output::OutputArguments;
 use super::table;
+use crate::driver_file;
 use compensator_core::LawKind;
 use compensator_core::parameters::Choices;
 use friction_identification::data::SplitRule;
@@ -15,6 +16,7 @@ use friction_identification::fit::{FitOptions, Outcome, identify};
 use friction_identification::params;
 use friction_identification::spec::Spec;
 use friction_results::provenance::Provenance;
+use friction_results::rows::PredictedRows;
 use friction_results::{Comparison, FitReport, compare_fits, document};
 
 /// Arguments of `compare`.
@@ -109,7 +111,6 @@ fn compare(
     let Comparison { page, summary, chosen } = compare_fits(&study);
     let best = &fits[chosen];
     document.choose(&best.spec);
-    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
     let html = page.render();
     let from = Provenance {
         command: "compare",
@@ -119,6 +120,10 @@ fn compare(
         verdicts: &best.verdicts,
     };
     let toml = from.comments() + &params::emit(best, &input.data, None);
+    let model = driver_file::parse(&toml)?;
+    let rows = PredictedRows::new(&model, &input.data)?;
+    document.set_prediction(rows.summary);
+    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
     let mut text = table::models(&fits, &input.data) + "\n";
     summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
     text += &format!("\nparams.toml contains {}:\n", best.spec);
@@ -127,5 +132,6 @@ fn compare(
         text += "The remarks on the other models are in compare.html.\n";
     }
     let files = vec![("compare.html", html), ("params.toml", toml)];
-    Ok(JointResult { document: ("compare.json", json), files, text })
+    let document = ("compare.json", json);
+    Ok(JointResult { document, files, rows: Some(rows.content), text })
 }

@@ -15,6 +15,7 @@ use friction_identification::spec::Spec;
 use friction_results::diagnosis;
 use friction_results::diagnosis_page::{self, DiagnosisReport};
 use friction_results::provenance::Provenance;
+use friction_results::rows::PredictedRows;
 use std::path::PathBuf;
 
 /// Arguments of `diagnose`.
@@ -81,8 +82,7 @@ fn diagnose_joint(
         .map_err(|error| error.to_string())?;
     bar.finish_and_clear();
 
-    let document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);
-    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
+    let mut document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);
     let mut handed_out = found.transferable_model();
     handed_out.verdicts.extend(loop_cost::late_loop_warning(&handed_out.spec.terms));
     let from = Provenance {
@@ -94,6 +94,10 @@ fn diagnose_joint(
     };
     let toml =
         from.comments() + &params::emit(&handed_out, &input.data, found.auxiliary.as_deref());
+    let model = driver_file::parse(&toml)?;
+    let rows = PredictedRows::new(&model, &input.data)?;
+    document.set_prediction(rows.summary);
+    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
     let about = DiagnosisReport {
         found: &found,
         data: &input.data,
@@ -116,5 +120,6 @@ fn diagnose_joint(
     }
     text += &format!("\n{}\n", table::findings(&found));
     let files = vec![("report.html", html), ("params.toml", toml)];
-    Ok(JointResult { document: ("diagnosis.json", json), files, text })
+    let document = ("diagnosis.json", json);
+    Ok(JointResult { document, files, rows: Some(rows.content), text })
 }

@@ -7,16 +7,28 @@
 use super::input::{DataArguments, LogInput, LogInputs};
 use super::output::{OutputArguments, file_name, print_formatted, print_text};
 use friction_identification::data::SplitRule;
+use friction_results::rows;
 use serde_json::{Value, json};
 
 /// Result of a command for one joint.
 pub struct JointResult {
     /// Name and content of the JSON file.
     pub document: (&'static str, String),
-    /// Names and contents of the other files.
+    /// Names and contents of the other text files.
     pub files: Vec<(&'static str, String)>,
+    /// Content of the table of rows; `None` if the command writes none.
+    pub rows: Option<Vec<u8>>,
     /// Text for the terminal.
     pub text: String,
+}
+
+impl JointResult {
+    /// Returns names and contents of all files, the JSON document last.
+    fn all_files(&self) -> impl Iterator<Item = (&str, &[u8])> {
+        let texts = self.files.iter().map(|(name, text)| (*name, text.as_bytes()));
+        let rows = self.rows.iter().map(|content| (rows::FILE_NAME, content.as_slice()));
+        texts.chain(rows).chain([(self.document.0, self.document.1.as_bytes())])
+    }
 }
 
 /// Runs a command on each joint of the data and writes the results. `name` is the command's name; it is part of the
@@ -45,10 +57,9 @@ pub fn each_joint(
 }
 
 fn write_one(result: &JointResult, output: &OutputArguments) -> Result<(), String> {
-    let JointResult { document: (name, json), files, text } = result;
-    let mut all: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, &**text)).collect();
-    all.push((name, json));
-    output.write(&all)?;
+    let JointResult { document: (_, json), text, .. } = result;
+    let all: Vec<(&str, &[u8])> = result.all_files().collect();
+    output.write_bytes(&all)?;
     if output.json {
         return print_text(json);
     }
@@ -59,7 +70,7 @@ fn write_one(result: &JointResult, output: &OutputArguments) -> Result<(), Strin
 
 fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> Result<(), String> {
     let folders = folder_names(joints.iter().map(|(joint, _)| joint.as_str()));
-    let mut files: Vec<(String, String)> = Vec::new();
+    let mut files: Vec<(String, &[u8])> = Vec::new();
     let mut documents: Vec<Value> = Vec::new();
     let mut shown = String::new();
     let mut name = "";
@@ -69,17 +80,16 @@ fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> 
             serde_json::from_str(&result.document.1).map_err(|error| error.to_string())?;
         document["joint"] = json!(joint);
         documents.push(document);
-        let own = result.files.iter().map(|(name, text)| (*name, text.clone()));
-        let own = own.chain([(name, result.document.1.clone())]);
-        files.extend(own.map(|(name, text)| (format!("{folder}/{name}"), text)));
+        let own = result.all_files();
+        files.extend(own.map(|(name, content)| (format!("{folder}/{name}"), content)));
         shown += &format!("joint {joint}:\n\n{}\n", result.text);
     }
     let all = json!({ "schema": 1, "joints": documents });
     let all = serde_json::to_string_pretty(&all).map_err(|error| error.to_string())? + "\n";
-    files.push((name.to_owned(), all.clone()));
-    let all_files: Vec<(&str, &str)> =
-        files.iter().map(|(name, text)| (&**name, &**text)).collect();
-    output.write(&all_files)?;
+    files.push((name.to_owned(), all.as_bytes()));
+    let all_files: Vec<(&str, &[u8])> =
+        files.iter().map(|(name, content)| (&**name, *content)).collect();
+    output.write_bytes(&all_files)?;
     if output.json {
         return print_text(&all);
     }

@@ -15,6 +15,7 @@ use friction_identification::fit::{FitOptions, identify};
 use friction_identification::params;
 use friction_identification::spec::Spec;
 use friction_results::provenance::Provenance;
+use friction_results::rows::PredictedRows;
 use friction_results::{FitReport, document, page};
 use std::path::PathBuf;
 
@@ -159,8 +160,8 @@ fn fit_joint(
         .map_err(|error| error.to_string())?;
     bar.finish_and_clear();
 
-    let document = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(&fit));
-    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
+    let mut document =
+        document(&input.data, &input.split, &input.hashes, std::slice::from_ref(&fit));
     let from = Provenance {
         command: "identify",
         data: &input.data,
@@ -169,6 +170,10 @@ fn fit_joint(
         verdicts: &fit.verdicts,
     };
     let toml = from.comments() + &params::emit(&fit, &input.data, None);
+    let model = driver_file::parse(&toml)?;
+    let rows = PredictedRows::new(&model, &input.data)?;
+    document.set_prediction(rows.summary);
+    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
     let study = FitReport {
         data: &input.data,
         split: &input.split,
@@ -183,5 +188,6 @@ fn fit_joint(
     let mut text = format!("{}\n{models}\n", table::parameters(&fit, &input.data));
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
     let files = vec![("params.toml", toml), ("fit.html", html)];
-    Ok(JointResult { document: ("fit.json", json), files, text })
+    let document = ("fit.json", json);
+    Ok(JointResult { document, files, rows: Some(rows.content), text })
 }

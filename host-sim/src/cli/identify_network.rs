@@ -11,6 +11,7 @@
 use super::each_joint::JointResult;
 use super::identify::IdentifyArguments;
 use super::input::{LogInput, spinner};
+use crate::driver_file;
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
 use friction_identification::data::{Dataset, contract};
@@ -24,6 +25,7 @@ use friction_identification::params;
 use friction_identification::spec::Spec;
 use friction_results::document;
 use friction_results::provenance::Provenance;
+use friction_results::rows::PredictedRows;
 use serde_json::json;
 
 /// Name of the model.
@@ -229,7 +231,6 @@ fn joint_result(
         "file": gains.then_some("network.json"), "inputs": names, "passes": training.epochs,
         "share_of_test_rows_outside": training.outside_share,
     });
-    let fit_json = serde_json::to_string_pretty(&document).map_err(failed)? + "\n";
     let from = Provenance {
         command: "identify",
         data: &data.data,
@@ -238,9 +239,14 @@ fn joint_result(
         verdicts: &fit.verdicts,
     };
     let mut toml = from.comments() + &params::emit(fit, &data.data, None);
+    let mut file = driver_file::parse(&toml)?;
     if gains {
+        file.network = Some(NetworkFile::parse(&training.network)?);
         params::emit_network("network.json", &training.network, &mut toml);
     }
+    let rows = PredictedRows::new(&file, &data.data)?;
+    document["prediction"] = rows.summary;
+    let fit_json = serde_json::to_string_pretty(&document).map_err(failed)? + "\n";
     let unit = compensator_core::Quantity::Torque.info().units[data.data.joint as usize];
     let number = |value| significant(value, 4);
     let line = |name: &str, train: &Metrics, test: &Metrics| {
@@ -269,7 +275,8 @@ fn joint_result(
             "- network.json is not written: on held-out rows the network is no better than {BASE}\n"
         );
     }
-    Ok(JointResult { document: ("fit.json", fit_json), files, text })
+    let document = ("fit.json", fit_json);
+    Ok(JointResult { document, files, rows: Some(rows.content), text })
 }
 
 #[cfg(test)]

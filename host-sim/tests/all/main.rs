@@ -16,6 +16,7 @@ mod papers;
 mod picture;
 mod planted;
 mod pool_tests;
+mod predict;
 mod recovery;
 mod replay;
 mod report_browser;
