@@ -10,6 +10,8 @@
 pub mod diagnosis;
 #[cfg(feature = "pages")]
 pub mod diagnosis_page;
+#[cfg(feature = "fleet")]
+pub mod fleet;
 pub mod json;
 #[cfg(feature = "pages")]
 pub mod page;
@@ -19,6 +21,8 @@ pub mod ranking;
 pub mod report;
 #[cfg(feature = "rows")]
 pub mod rows;
+#[cfg(feature = "rows")]
+pub mod table_file;
 mod write;
 
 pub use json::{FitDocument, document};

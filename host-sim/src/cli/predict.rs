@@ -10,7 +10,8 @@ use friction_identification::params::ParameterFile;
 use friction_identification::prediction::{
     LogPrediction, PredictionOptions, PredictionStart, predict_log,
 };
-use friction_results::rows::{RowFormat, RowTable};
+use friction_results::rows::RowTable;
+use friction_results::table_file::TableFormat;
 use friction_results::write_atomically;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -118,10 +119,10 @@ fn check_arguments(arguments: &PredictArguments) -> Result<(), String> {
     }
 }
 
-fn row_format(file: &Path) -> Result<RowFormat, String> {
+fn row_format(file: &Path) -> Result<TableFormat, String> {
     match file.extension().and_then(|name| name.to_str()) {
-        Some("parquet") => Ok(RowFormat::Parquet),
-        Some("csv") => Ok(RowFormat::Csv),
+        Some("parquet") => Ok(TableFormat::Parquet),
+        Some("csv") => Ok(TableFormat::Csv),
         _ => Err(format!(
             "--out: found {}, expected a name ending in .parquet or .csv",
             file.display()

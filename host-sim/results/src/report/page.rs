@@ -13,6 +13,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::chart::Chart;
 use super::drawing::Drawing;
+use super::finder::Finder;
 use super::table::Table;
 use crate::write::write_atomically;
 
@@ -21,6 +22,7 @@ const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 
                       img-src data: blob:; base-uri 'none'; form-action 'none'";
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
+const FINDER_SCRIPT: &str = include_str!("finder.js");
 
 /// One element of a page.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +35,8 @@ pub enum Block {
     List(Vec<String>),
     /// A table.
     Table(Table),
+    /// A table with a search field.
+    Find(Finder),
     /// A chart over the whole width.
     Chart(Chart),
     /// The main result: named facts with a chart beside them, or below them on narrow screens.
@@ -111,6 +115,9 @@ impl Page {
                         (PreEscaped(plotly_script()))
                         script { (PreEscaped(SCRIPT)) }
                     }
+                    @if self.blocks.iter().any(|block| matches!(block, Block::Find(_))) {
+                        script { (PreEscaped(FINDER_SCRIPT)) }
+                    }
                 }
             }
         }
@@ -148,6 +155,7 @@ impl Block {
                 Block::Paragraph(text) => p { (text) },
                 Block::List(entries) => ul { @for entry in entries { li { (entry) } } },
                 Block::Table(table) => (table.render()),
+                Block::Find(finder) => (finder.render()),
                 Block::Chart(chart) => (chart.render(drawing, 1)),
                 Block::Lead { facts, chart } => div.lead {
                     dl { @for (name, text) in facts { dt { (name) } dd { (text) } } }
@@ -176,6 +184,7 @@ fn has_chart(block: &Block) -> bool {
         | Block::Paragraph(_)
         | Block::List(_)
         | Block::Table(_)
+        | Block::Find(_)
         | Block::Contents => false,
     }
 }
