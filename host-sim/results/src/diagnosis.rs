@@ -5,6 +5,14 @@
 
 use super::json::{parameter, sources};
 use super::ranking::{left_out, probability, rejection_reason};
+#[cfg(feature = "pages")]
+use crate::Files;
+#[cfg(feature = "pages")]
+use crate::diagnosis_page::{self, DiagnosisReport};
+use crate::files::pretty;
+use crate::loop_cost::late_loop_warning;
+#[cfg(feature = "pages")]
+use crate::provenance::parameter_file;
 use friction_identification::data::{Dataset, Split};
 use friction_identification::diagnose::calibration::Calibration;
 use friction_identification::diagnose::cause_evidence::{CauseEvidence, FIGURES};
@@ -13,6 +21,7 @@ use friction_identification::diagnose::rules::RuleDecision;
 use friction_identification::diagnose::{Diagnosis, Share, summary};
 use friction_identification::fit::Outcome;
 use friction_identification::log_check::LogFinding;
+use friction_identification::prepare::Prepared;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -135,6 +144,58 @@ fn log_finding(finding: &LogFinding) -> Value {
         "corrected": finding.corrected,
         "in_words": finding.in_words,
     })
+}
+
+/// Returns `diagnosis.json`.
+///
+/// # Errors
+/// If a value cannot be represented in JSON.
+pub fn json_text(found: &Diagnosis, input: &Prepared) -> serde_json::Result<String> {
+    pretty(&document(found, &input.data, &input.split, &input.hashes))
+}
+
+/// Returns the model that a diagnosis hands out, with a warning if a driver's current loop may be too slow for it.
+pub fn transferable_model(found: &Diagnosis) -> Outcome {
+    let mut outcome = found.transferable_model();
+    outcome.verdicts.extend(late_loop_warning(&outcome.spec.terms));
+    outcome
+}
+
+/// Returns `report.html`.
+#[cfg(feature = "pages")]
+pub fn page_text(found: &Diagnosis, input: &Prepared) -> String {
+    diagnosis_page::page(&report(found, input)).render()
+}
+
+/// Returns the first screen of `report.html` as an HTML fragment, for a notebook.
+#[cfg(feature = "pages")]
+pub fn first_screen(found: &Diagnosis, input: &Prepared) -> String {
+    diagnosis_page::first_screen(&report(found, input))
+}
+
+#[cfg(feature = "pages")]
+fn report<'a>(found: &'a Diagnosis, input: &'a Prepared) -> DiagnosisReport<'a> {
+    DiagnosisReport {
+        found,
+        data: &input.data,
+        split: &input.split,
+        hashes: &input.hashes,
+        columns: &input.columns,
+        skip: input.skip,
+        seed: input.seed,
+    }
+}
+
+/// Returns the result files of a diagnosis: `diagnosis.json`, `report.html`, `params.toml`.
+///
+/// # Errors
+/// See [`json_text`].
+#[cfg(feature = "pages")]
+pub fn files(found: &Diagnosis, input: &Prepared) -> serde_json::Result<Files> {
+    let html = page_text(found, input).into_bytes();
+    let toml = parameter_file("diagnose", input, &transferable_model(found)).into_bytes();
+    let others = vec![("report.html", html), ("params.toml", toml)];
+    Ok(Files { document: ("diagnosis.json", json_text(found, input)?), others })
 }
 
 /// Returns the document of a diagnosis. `hashes` are those of the files, in order.
