@@ -33,6 +33,7 @@ pub use overview::{ColumnOverview, Overview, overview};
 
 use crate::data::Dataset;
 use crate::motion::{self, Sensors};
+use crate::work::checkpoint;
 use log::Log;
 
 /// The checks in the order of the report: first those that make the others doubtful. Outliers are checked before.
@@ -68,7 +69,10 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
     let (smoothed, sensors) = motion::reconstruct(&data);
     let columns = column::all(&data);
     let log = Log { data: &data, smoothed: &smoothed, sensors, columns, correct };
-    findings.extend(CHECKS.iter().flat_map(|check| check(&log)));
+    findings.extend(CHECKS.iter().flat_map(|check| {
+        checkpoint();
+        check(&log)
+    }));
     let fresh = held::fresh_rows(&log);
     drop(log);
     let (data, smoothed) = match fresh {

@@ -12,6 +12,7 @@ use compensator_core::Quantity;
 use friction_identification::diagnose::summary::above_floor;
 use friction_identification::diagnose::{Finding, summary};
 use friction_identification::number::significant;
+use maud::html;
 
 /// Returns name and text of each fact.
 pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
@@ -59,6 +60,39 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     }
     facts.push(("Next experiment", summary::next_experiment(found)));
     facts.into_iter().map(|(name, text)| (name.to_owned(), text)).collect()
+}
+
+/// Width of the longest bar, px: a third of a notebook's cell on a small screen.
+const BAR_PX: f64 = 240.0;
+
+/// Returns the first screen as an HTML fragment.
+pub(super) fn fragment(scene: &Scene) -> String {
+    let errors = errors(scene);
+    let names: &[&str] = if scene.is_extended() { &[BEFORE, AFTER] } else { &["base model"] };
+    let longest = errors[0].max(errors[1]).max(f64::MIN_POSITIVE);
+    let bars = names.iter().zip(errors);
+    html! {
+        div style="max-width: 60em" {
+            dl {
+                @for (name, text) in facts(scene) {
+                    dt style="font-weight: 600" { (name) }
+                    dd style="margin: 0 0 .4em 1.2em" { (text) }
+                }
+                dt style="font-weight: 600" { "Error above the noise floor" }
+                @for (name, error) in bars {
+                    dd style="margin: 0 0 .2em 1.2em" {
+                        span style={
+                            "display: inline-block; height: .8em; background: #0072b2; width: "
+                            (format!("{:.0}", BAR_PX * error / longest)) "px"
+                        } {}
+                        " " (name) ": " (quantity(error, scene.unit()))
+                    }
+                }
+            }
+            ol { @for sentence in summary::summary(scene.about.found) { li { (sentence) } } }
+        }
+    }
+    .into_string()
 }
 
 /// Returns meaning and name of a finding's cause.
