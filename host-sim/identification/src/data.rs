@@ -50,3 +50,10 @@ pub use segment::{GAP_FACTOR, segments};
 pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
 pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};
 pub use unit::parse_value;
+
+#[cfg(feature = "fit")]
+pub(crate) use naming::shell_word;
+#[cfg(feature = "fit")]
+pub(crate) use unit::in_name as unit_in_name;
+#[cfg(feature = "fit")]
+pub(crate) use velocity::differences;

@@ -94,7 +94,6 @@ fn compare(
     specs: Vec<Spec>,
     chosen: Choices,
 ) -> Result<JointResult, String> {
-    input.print_log_findings();
     let fits = fits(specs, input, chosen)?;
     let mut document = document(&input.data, &input.split, &input.hashes, &fits);
     let study = FitReport {

@@ -10,6 +10,7 @@ use crate::loop_cost;
 use compensator_core::Parameters;
 use friction_identification::data::SplitRule;
 use friction_identification::diagnose::{DiagnosisOptions, diagnose};
+use friction_identification::log_check::LogFinding;
 use friction_identification::params::{self, ParameterFile};
 use friction_identification::spec::Spec;
 use friction_results::diagnosis;
@@ -104,7 +105,9 @@ fn diagnose_joint(
     };
     let html = diagnosis_page::page(&about).render();
     let mut text = String::new();
-    for finding in &found.log_findings {
+    // The others were reported when the log was read.
+    let is_new = |finding: &&LogFinding| !input.log_findings.contains(finding);
+    for finding in found.log_findings.iter().filter(is_new) {
         text += &format!("log: {}: {}\n", finding.kind.name(), finding.in_words);
     }
     for (index, sentence) in document.summary().iter().enumerate() {

@@ -130,7 +130,6 @@ fn fit_joint(
     fixed: Vec<ParameterId>,
     freed: Vec<ParameterId>,
 ) -> Result<JointResult, String> {
-    input.print_log_findings();
     let spec = input_spec.on(&input.rigid_body);
     let mut base = spec.parameters().map_err(|error| error.to_string())?;
     let start = match &arguments.start {

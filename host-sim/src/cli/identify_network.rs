@@ -88,7 +88,6 @@ fn parse_inputs(
 
 /// Fits the model to the log of one joint.
 pub(super) fn run(arguments: &IdentifyArguments, data: &LogInput) -> Result<JointResult, String> {
-    data.print_log_findings();
     let quantities: Vec<(&str, Quantity)> = known_quantities(&data.data)
         .into_iter()
         .map(|quantity| (quantity.name(data.data.joint), quantity))

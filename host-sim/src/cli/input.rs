@@ -1,7 +1,7 @@
 //! Command-line arguments of the commands that read measured data, and the reading itself.
 //!
 //! [`DataArguments`] names the files, their columns, the split into training and test rows, and the rigid-body parts.
-//! [`DataArguments::read`] reads the files, checks the log, and returns tracks that are ready to fit.
+//! [`DataArguments::read`] reads the files, checks the log, reports its problems before any fit, and returns tracks that are ready to fit.
 
 use clap::Args;
 use compensator_core::TermKind;
@@ -9,7 +9,7 @@ use friction_identification::data::{self, DataError, Dataset, ReadOptions, Split
 use friction_identification::fit::dataset_tracks::{campaign_start, tracks_since};
 use friction_identification::fit::{Rows, Track};
 use friction_identification::log_check::{
-    self, CheckedLog, Corrections, LogFinding, LogFindingKind, overview,
+    self, CheckedLog, Corrections, LogFinding, LogFindingKind,
 };
 use friction_identification::spec::parse_rigid_body;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -59,7 +59,7 @@ pub struct DataArguments {
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = MotionFrom::Smoothed)]
     pub motion: MotionFrom,
     /// Log problems to report without correction: velocity-noise, velocity-lag, quantised (for these the motion is used as
-    /// logged), outlier, held-channel, torque-lag
+    /// logged), wrapped-angle, outlier, held-channel, torque-lag
     #[arg(long, value_name = "KIND,..", value_delimiter = ',')]
     pub as_logged: Vec<String>,
     /// Seed of the choice of held-out runs; the same seed gives the same result
@@ -102,8 +102,6 @@ pub struct LogInput {
     pub hashes: Vec<String>,
     /// Problems of the log itself.
     pub log_findings: Vec<LogFinding>,
-    /// Prefix of messages, `joint NAME: `; empty for a log of one joint.
-    message_prefix: String,
     decimate: usize,
 }
 
@@ -111,14 +109,6 @@ impl LogInput {
     /// Returns the training rows.
     pub fn train_rows(&self) -> Rows<'_> {
         Rows { tracks: &self.train, decimate: self.decimate }
-    }
-
-    /// Prints the problems of the log on standard error, so that standard output contains the result only.
-    pub fn print_log_findings(&self) {
-        for finding in &self.log_findings {
-            let prefix = &self.message_prefix;
-            eprintln!("log: {prefix}{}: {}", finding.kind.name(), finding.in_words);
-        }
     }
 
     /// Returns the test rows.
@@ -188,7 +178,8 @@ impl DataArguments {
         each.collect::<Result<_, _>>().map(LogInputs::Several)
     }
 
-    /// Reads the log of one joint. `message_prefix` precedes each message about it.
+    /// Reads the log of one joint and reports it on standard error, so that standard output contains the result only.
+    /// `message_prefix` precedes each message.
     fn read_one(
         &self,
         default_split: &SplitRule,
@@ -217,8 +208,10 @@ impl DataArguments {
         })
         .map_err(ReadFailure::from)?;
         bar.finish_and_clear();
-        let overview_lines = overview(&data).lines(&data);
-        let CheckedLog { data, findings: log_findings, .. } = log_check::check(data, correct);
+        log_check::refuse(&data)?;
+        let CheckedLog { data, findings: log_findings, overview, .. } =
+            log_check::check(data, correct);
+        let overview_lines = overview.lines(&data);
         let split = data::split(&data, &self.split_rule(default_split)?, self.seed)?;
         let start = campaign_start(&data);
         let of = |parts: &[data::Part]| tracks_since(&data.select(parts), None, start);
@@ -232,17 +225,10 @@ impl DataArguments {
         let decimate = self.decimate as usize;
         // Printed after the last possible error, so that an error stays the only line.
         overview_lines.iter().for_each(|line| eprintln!("log: {message_prefix}{line}"));
-        Ok(LogInput {
-            message_prefix,
-            data,
-            split,
-            train,
-            test,
-            rigid_body,
-            hashes,
-            log_findings,
-            decimate,
-        })
+        for finding in &log_findings {
+            eprintln!("log: {message_prefix}{}: {}", finding.kind.name(), finding.in_words);
+        }
+        Ok(LogInput { data, split, train, test, rigid_body, hashes, log_findings, decimate })
     }
 
     /// Returns the kinds of `--as-logged`, which are not corrected. Unknown names are reported by [`Self::read`].
@@ -263,6 +249,7 @@ impl DataArguments {
                 ) => {
                     correct.motion = false;
                 }
+                Some(LogFindingKind::WrappedAngle) => correct.wrapped = false,
                 Some(LogFindingKind::Outlier) => correct.outliers = false,
                 Some(LogFindingKind::HeldChannel) => correct.held = false,
                 // The diagnosis detects this kind and reads [`Self::kinds_as_logged`].

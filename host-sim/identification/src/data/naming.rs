@@ -122,7 +122,7 @@ impl<'a> Naming<'a> {
 }
 
 /// Returns a text as a shell takes it as one word. It is quoted only where necessary.
-fn shell_word(text: &str) -> String {
+pub(crate) fn shell_word(text: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-+=:,./%@[]".contains(c);
     if text.chars().all(is_plain) {
         text.to_owned()

@@ -10,6 +10,8 @@ use compensator_core::quantity::Quantity;
 pub struct Corrections {
     /// Reconstruct the motion ([`crate::motion::reconstruct`]).
     pub motion: bool,
+    /// Unwrap a position that wraps.
+    pub wrapped: bool,
     /// Leave out rows with impossible values.
     pub outliers: bool,
     /// Leave out the rows between two readings of a held torque or motion.
@@ -18,7 +20,7 @@ pub struct Corrections {
 
 impl Default for Corrections {
     fn default() -> Self {
-        Self { motion: true, outliers: true, held: true }
+        Self { motion: true, wrapped: true, outliers: true, held: true }
     }
 }
 
