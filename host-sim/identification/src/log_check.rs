@@ -3,7 +3,7 @@
 //! A model explains whatever its columns hold, so it explains a logger's defects as friction: a late torque looks like
 //! backlash, a noisy velocity at rest like a bristle. Each module here looks for one kind of defect and reports its
 //! size in the log's own units; `CHECKS` is the list. Only four defects are corrected: a position that wraps is
-//! unwrapped, rows with impossible values are left out, the motion is reconstructed ([`crate::motion`]), and the rows between two readings of a held channel
+//! unwrapped, impossible values are left out and spikes have weight 0, the motion is reconstructed ([`crate::motion`]), and the rows between two readings of a held channel
 //! are left out. Each correction can be switched off ([`Corrections`]), and the finding states whether it was applied.
 //! All other defects are only reported, because a correction would need information that the log does not hold.
 //!
@@ -25,6 +25,7 @@ mod quantised;
 mod rate;
 mod saturated;
 mod sign;
+mod spike;
 mod swapped;
 mod time;
 mod torque_lag;
@@ -90,6 +91,8 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
     let (mut data, outliers) = outlier::outliers(data, correct.outliers);
     data.notes.extend(suggestions);
     findings.extend(outliers);
+    let (data, spikes) = spike::spikes(data, correct.outliers);
+    findings.extend(spikes);
     let (smoothed, sensors) = motion::reconstruct(&data);
     let columns = column::all(&data);
     let log = Log { data: &data, smoothed: &smoothed, sensors, columns, correct };

@@ -12,7 +12,7 @@ pub struct Corrections {
     pub motion: bool,
     /// Unwrap a position that wraps.
     pub wrapped: bool,
-    /// Leave out rows with impossible values.
+    /// Leave out rows with impossible values, and give weight 0 to spikes of the torque.
     pub outliers: bool,
     /// Leave out the rows between two readings of a held torque or motion.
     pub held: bool,

@@ -50,8 +50,14 @@ pub fn suggestions(data: &Dataset) -> Vec<String> {
         let start = format!("{name} is read as a covariate");
         data.notes.iter().any(|note| note.starts_with(&start))
     };
+    // Several pressures are those of chambers, of which none is the difference across a seal.
+    let is_pressure = |name: &&String| quantity(name) == Some(Quantity::Pressure);
+    let pressures = data.covariates.iter().filter(is_pressure).count();
     let suggestion = |name: &String| {
         let quantity = quantity(name).filter(|of| !is_there(*of) && !is_noted(name))?;
+        if quantity == Quantity::Pressure && pressures > 1 {
+            return None;
+        }
         let contract_name = quantity.name(data.joint);
         let unit = unit_in_name(contract_name, name);
         let unit = unit.map_or_else(String::new, |unit| format!(":{unit}"));
@@ -122,6 +128,7 @@ mod tests {
         for names in [
             &["temperature_c", "temp_motor"][..],
             &["temperature_ambient_c"],
+            &["pressure_left_pa", "pressure_right_pa"],
             &["position_target"],
             &["flow", "current_a", "tension_n", "position_m", "expression"],
         ] {
