@@ -52,3 +52,8 @@ pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
 pub use table::{Cells, Table};
 pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};
 pub use unit::parse_value;
+
+#[cfg(feature = "fit")]
+pub(crate) use unit::in_name as unit_in_name;
+#[cfg(feature = "fit")]
+pub(crate) use velocity::differences;

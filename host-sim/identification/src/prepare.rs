@@ -9,7 +9,7 @@ use crate::data::{
 use crate::diagnose::DiagnosisOptions;
 use crate::fit::dataset_tracks::{campaign_start, tracks_since};
 use crate::fit::{FitOptions, Outcome, Rows, Track, identify};
-use crate::log_check::{self, CheckedLog, Corrections, LogFinding, LogFindingKind, overview};
+use crate::log_check::{self, CheckedLog, Corrections, LogFinding, LogFindingKind};
 use crate::setting::Message;
 use crate::spec::{Spec, SpecError};
 use crate::work::{self, Cancelled, Progress};
@@ -166,10 +166,11 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
         }
         Source::Tables(tables) => read_tables(tables, &options.read)?,
     };
-    let overview = overview(&data).lines(&data);
     work::report_stage("checking the log");
-    let CheckedLog { data, findings: log_findings, .. } =
+    log_check::refuse(&data)?;
+    let CheckedLog { data, findings: log_findings, overview, .. } =
         log_check::check(data, options.corrections);
+    let overview = overview.lines(&data);
     let split = data::split(&data, &options.split, options.seed)?;
     let start = campaign_start(&data);
     let of = |parts: &[Part]| tracks_since(&data.select(parts), None, start);
@@ -236,6 +237,7 @@ pub fn corrections(motion: bool, as_logged: &[String]) -> Result<Corrections, St
             ) => {
                 correct.motion = false;
             }
+            Some(LogFindingKind::WrappedAngle) => correct.wrapped = false,
             Some(LogFindingKind::Outlier) => correct.outliers = false,
             Some(LogFindingKind::HeldChannel) => correct.held = false,
             // The diagnosis detects this kind itself.

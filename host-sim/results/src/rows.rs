@@ -6,7 +6,7 @@
 //! | `time_s`, `velocity_rad_s`, `torque_nm` | the log, after its corrections |
 //! | `position_rad`, `pressure_diff_pa`, .. | every other column of the log |
 //! | `predicted_torque_nm` | torque of the model; empty for a row without a prediction |
-//! | `residual_torque_nm` | measured minus predicted torque |
+//! | `residual_torque_nm` | measured minus predicted torque; empty for a spike, whose measured torque is replaced |
 //! | `bristle_torque_nm` | state of the model at the end of the row |
 //! | `flags` | inputs outside the range of the fit, as `velocity-invalid,pressure-invalid` |
 //!
@@ -47,7 +47,11 @@ impl RowTable {
         }
         let target = Quantity::Torque.name(data.joint);
         let torque = || prediction.runs.iter().flat_map(|run| run.torque.iter().copied());
-        let measured = data.runs.iter().flat_map(|run| run.torque.iter().copied());
+        // The torque of a spike is an estimate.
+        let measured = data.runs.iter().flat_map(|run| {
+            let torque = |(row, torque)| if run.is_spike(row) { f64::NAN } else { torque };
+            run.torque.iter().copied().enumerate().map(torque)
+        });
         let residual = measured.zip(torque()).map(|(measured, predicted)| measured - predicted);
         let bristle = prediction.runs.iter().flat_map(|run| run.bristle_torque.iter().copied());
         add(format!("predicted_{target}"), torque().collect());

@@ -3,7 +3,7 @@
 use super::each_joint::{JointResult, each_joint};
 use super::identify::choices;
 use super::identify_network;
-use super::input::{DataArguments, in_stages, print_log_findings};
+use super::input::{DataArguments, in_stages};
 #[cfg(feature = "papers")]
 use super::inside::{self, KnownMachine};
 use super::output::OutputArguments;
@@ -79,7 +79,6 @@ fn compare(
     specs: Vec<Spec>,
     chosen: Choices,
 ) -> Result<JointResult, String> {
-    print_log_findings(input);
     let options = FitOptions { passive: true, ..FitOptions::default() };
     let (fits, made) = in_stages(arguments.data.threads, || {
         let fits = identify_each(&specs, input, chosen, &options)?;

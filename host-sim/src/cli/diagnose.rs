@@ -11,6 +11,7 @@ use compensator_core::Parameters;
 use friction_identification::data::SplitRule;
 use friction_identification::diagnose::summary::summary;
 use friction_identification::diagnose::{DiagnosisOptions, diagnose};
+use friction_identification::log_check::LogFinding;
 use friction_identification::params::ParameterFile;
 use friction_identification::prepare::{Error, Prepared};
 use friction_identification::spec::Spec;
@@ -80,7 +81,9 @@ fn diagnose_joint(
     })
     .map_err(in_options)?;
     let mut text = String::new();
-    for finding in &found.log_findings {
+    // The others were reported when the log was read.
+    let is_new = |finding: &&LogFinding| !input.log_findings.contains(finding);
+    for finding in found.log_findings.iter().filter(is_new) {
         text += &format!("log: {}: {}\n", finding.kind.name(), finding.in_words);
     }
     for (index, sentence) in summary(&found).iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use super::each_joint::{JointResult, each_joint};
 use super::identify_network;
-use super::input::{DataArguments, in_stages, print_log_findings};
+use super::input::{DataArguments, in_stages};
 #[cfg(feature = "papers")]
 use super::inside::{self, KnownMachine};
 use super::output::OutputArguments;
@@ -131,7 +131,6 @@ fn fit_joint(
     fixed: Vec<ParameterId>,
     freed: Vec<ParameterId>,
 ) -> Result<JointResult, String> {
-    print_log_findings(input);
     let spec = input_spec.on(&input.rigid_body);
     let mut base = spec.parameters().map_err(in_options)?;
     let start = match &arguments.start {

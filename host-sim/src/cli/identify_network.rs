@@ -10,7 +10,7 @@
 
 use super::each_joint::JointResult;
 use super::identify::IdentifyArguments;
-use super::input::{in_stages, print_log_findings};
+use super::input::in_stages;
 use super::words::in_options;
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
@@ -85,7 +85,6 @@ fn parse_inputs(
 
 /// Fits the model to the log of one joint.
 pub(super) fn run(arguments: &IdentifyArguments, data: &Prepared) -> Result<JointResult, String> {
-    print_log_findings(data);
     let quantities: Vec<(&str, Quantity)> = known_quantities(&data.data)
         .into_iter()
         .map(|quantity| (quantity.name(data.data.joint), quantity))

@@ -1,7 +1,8 @@
 //! Command-line arguments of the commands that read measured data, and the reading itself.
 //!
 //! [`DataArguments`] names the files, their columns, the split into training and test rows, and the rigid-body parts.
-//! [`DataArguments::read`] reads the files, checks the log, and returns tracks that are ready to fit.
+//! [`DataArguments::read`] reads the files, checks the log, reports its problems before any fit, and returns tracks that are
+//! ready to fit.
 
 use super::words::{in_options, text_in_options};
 use clap::Args;
@@ -58,7 +59,7 @@ pub struct DataArguments {
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = MotionFrom::Smoothed)]
     pub motion: MotionFrom,
     /// Log problems to report without correction: velocity-noise, velocity-lag, quantised (for these the motion is used as
-    /// logged), outlier, held-channel, torque-lag
+    /// logged), wrapped-angle, outlier, held-channel, torque-lag
     #[arg(long, value_name = "KIND,..", value_delimiter = ',')]
     pub as_logged: Vec<String>,
     /// Seed of the choice of held-out runs; the same seed gives the same result
@@ -161,7 +162,7 @@ impl DataArguments {
             .map_err(ReadFailure::from)?;
         input.joint = joint.map(str::to_owned);
         // Printed after the last possible error, so that an error stays the only line.
-        print_lines(&input, input.overview.iter().map(String::as_str));
+        print_log(&input);
         Ok(input)
     }
 
@@ -233,16 +234,12 @@ impl DataArguments {
     }
 }
 
-/// Prints the problems of the log on standard error, so that standard output contains the result only.
-pub fn print_log_findings(input: &Prepared) {
-    let findings = input.log_findings.iter();
-    let lines = findings.map(|finding| format!("{}: {}", finding.kind.name(), finding.in_words));
-    print_lines(input, lines);
-}
-
-/// Prints lines about a log, with the joint's name if the log has several.
-fn print_lines(input: &Prepared, lines: impl Iterator<Item = impl std::fmt::Display>) {
+/// Prints the columns of a log and its problems on standard error, so that standard output contains the result only.
+fn print_log(input: &Prepared) {
     let joint = input.joint.as_ref().map_or(String::new(), |joint| format!("joint {joint}: "));
+    let findings = input.log_findings.iter();
+    let problems = findings.map(|finding| format!("{}: {}", finding.kind.name(), finding.in_words));
+    let lines = input.overview.iter().cloned().chain(problems);
     lines.for_each(|line| eprintln!("log: {joint}{line}"));
 }
 

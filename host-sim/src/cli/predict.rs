@@ -1,6 +1,6 @@
 //! `predict`: the torque of a fitted model on every row of a log.
 
-use super::input::{DataArguments, LogInputs, in_stages, print_log_findings};
+use super::input::{DataArguments, LogInputs, in_stages};
 use super::output::{OutputArguments, print_formatted, print_text};
 use super::words::in_options;
 use crate::driver_file;
@@ -70,7 +70,6 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
             ));
         }
     };
-    print_log_findings(&input);
     let options = PredictionOptions {
         start: match arguments.start {
             Start::Fitted => PredictionStart::Fitted,

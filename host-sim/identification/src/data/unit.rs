@@ -300,7 +300,7 @@ pub(super) fn is_symbol(symbol: &str) -> bool {
 
 /// Returns the unit at the end of a column's name, if the contract column could be in it and it is not the contract's
 /// own unit: `speed_rpm`, `t (ms)`, `tau[mNm]`, `omega_deg_s`.
-pub(super) fn in_name(contract_name: &str, foreign: &str) -> Option<&'static str> {
+pub(crate) fn in_name(contract_name: &str, foreign: &str) -> Option<&'static str> {
     let dimension = dimension(contract_name)?;
     // ROS uses this name for stamps in nanoseconds in its plain-text logs.
     if dimension == Dimension::Time && foreign == "%time" {
