@@ -9,7 +9,7 @@
 //! A wrong diagnosis is reported as such and is not an error of the command. The same seed gives the same demo.
 
 use super::input::spinner;
-use super::output::{OutputArguments, print_text};
+use super::output::{OutputArguments, print_formatted, print_text};
 use crate::benchmark::{Grade, grade};
 use crate::driver_file;
 use crate::simulated;
@@ -58,7 +58,7 @@ impl StepPrinter {
             return Ok(());
         }
         let seconds = self.begin.elapsed().as_secs_f64();
-        print_text(&format!("[{seconds:4.1} s] {text}\n"))
+        print_formatted(&format!("[{seconds:4.1} s] {text}\n"))
     }
 }
 
@@ -138,7 +138,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         printer.begin.elapsed().as_secs_f64(),
         out = out.display()
     );
-    print_text(&text)
+    print_formatted(&text)
 }
 
 fn seed_from_clock() -> u64 {

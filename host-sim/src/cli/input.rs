@@ -3,6 +3,7 @@
 //! [`DataArguments`] names the files, their columns, the split into training and test rows, and the rigid-body parts.
 //! [`DataArguments::read`] reads the files, checks the log, and returns tracks that are ready to fit.
 
+use super::output::print_message;
 use clap::Args;
 use compensator_core::TermKind;
 use friction_identification::data::{self, DataError, Dataset, ReadOptions, Split, SplitRule};
@@ -117,7 +118,7 @@ impl LogInput {
     pub fn print_log_findings(&self) {
         for finding in &self.log_findings {
             let prefix = &self.message_prefix;
-            eprintln!("log: {prefix}{}: {}", finding.kind.name(), finding.in_words);
+            print_message(&format!("log: {prefix}{}: {}", finding.kind.name(), finding.in_words));
         }
     }
 
@@ -231,7 +232,9 @@ impl DataArguments {
         let hashes = files.iter().map(|file| hash(file)).collect::<Result<_, String>>()?;
         let decimate = self.decimate as usize;
         // Printed after the last possible error, so that an error stays the only line.
-        overview_lines.iter().for_each(|line| eprintln!("log: {message_prefix}{line}"));
+        overview_lines
+            .iter()
+            .for_each(|line| print_message(&format!("log: {message_prefix}{line}")));
         Ok(LogInput {
             message_prefix,
             data,
