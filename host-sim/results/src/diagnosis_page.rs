@@ -1,8 +1,9 @@
 //! `report.html` of `diagnose`: what the model misses, why, and what the extension gains.
 //!
-//! The first screen shows cause, size, gain, next experiment, and a chart. Five summary sentences follow. The sections
-//! below give the evidence: the log itself, the errors, all candidates with their rejection reasons, the predictions, the
-//! residual over the named cause, the remaining residual, the parameters, the method, and the data.
+//! The first screen shows cause, size, gain and next experiment. Beside them it shows the torque over time where the effect
+//! is largest, and the error above the noise floor. Five summary sentences follow. The sections below give the evidence:
+//! the log itself, the errors, all candidates with their rejection reasons, the predictions, the residual over the named
+//! cause, the remaining residual, the parameters, the method, and the data.
 //!
 //! *Before* is the base model and *after* the extended model, in the same two colours on the whole page. A residual is
 //! logged minus simulated.
@@ -14,6 +15,7 @@
 mod bins;
 mod evidence;
 mod figures;
+mod largest_effect;
 mod lead;
 mod log;
 mod over_time;
@@ -153,7 +155,8 @@ fn in_scene<R>(about: &DiagnosisReport, show: impl FnOnce(&Scene) -> R) -> R {
 
 fn whole_page(scene: &Scene) -> Page {
     let mut page = Page::new(words::title(scene), words::subtitle(scene));
-    page.push(Block::Lead { facts: lead::facts(scene), chart: lead::above_the_floor(scene) });
+    let charts = largest_effect::chart(scene).into_iter().chain([lead::above_the_floor(scene)]);
+    page.push(Block::Lead { facts: lead::facts(scene), charts: charts.collect() });
     page.push(Block::Contents);
     page.push(Block::Heading("Summary".into()));
     page.push(Block::List(summary::summary(scene.about.found)));

@@ -89,7 +89,9 @@ fn compare(
     let ComparisonFiles { files, summary, chosen } = made;
     let best = &fits[chosen];
     let mut text = table::models(&fits, &input.data) + "\n";
-    summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
+    for (index, sentence) in summary.iter().enumerate() {
+        text += &format!("{}. {sentence}\n", index + 1);
+    }
     text += &format!("\nparams.toml contains {}:\n", best.spec);
     best.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
     if fits.len() > 1 {

@@ -9,7 +9,7 @@
 //! A wrong diagnosis is reported as such and is not an error of the command. The same seed gives the same demo.
 
 use super::input::in_stages;
-use super::output::{OutputArguments, print_text};
+use super::output::{OutputArguments, print_formatted, print_text};
 use super::words::in_options;
 use crate::benchmark::{Grade, grade};
 use crate::driver_file;
@@ -61,7 +61,7 @@ impl StepPrinter {
             return Ok(());
         }
         let seconds = self.begin.elapsed().as_secs_f64();
-        print_text(&format!("[{seconds:4.1} s] {text}\n"))
+        print_formatted(&format!("[{seconds:4.1} s] {text}\n"))
     }
 }
 
@@ -139,7 +139,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         printer.begin.elapsed().as_secs_f64(),
         out = out.display()
     );
-    print_text(&text)
+    print_formatted(&text)
 }
 
 fn seed_from_clock() -> u64 {

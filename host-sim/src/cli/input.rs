@@ -4,6 +4,7 @@
 //! [`DataArguments::read`] reads the files, checks the log, reports its problems before any fit, and returns tracks that are
 //! ready to fit.
 
+use super::output::print_message;
 use super::words::{in_options, text_in_options};
 use clap::Args;
 use friction_identification::data::{self, DataError, ReadOptions, SplitRule};
@@ -240,7 +241,7 @@ fn print_log(input: &Prepared) {
     let findings = input.log_findings.iter();
     let problems = findings.map(|finding| format!("{}: {}", finding.kind.name(), finding.in_words));
     let lines = input.overview.iter().cloned().chain(problems);
-    lines.for_each(|line| eprintln!("log: {joint}{line}"));
+    lines.for_each(|line| print_message(&format!("log: {joint}{line}")));
 }
 
 /// Runs a long computation on `threads` threads, 0 for all cores. Its state is shown on standard error if that is a
