@@ -27,6 +27,7 @@ mod replay;
 mod simulate;
 mod table;
 mod terminal;
+mod words;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};

@@ -34,6 +34,7 @@ mod row;
 mod segment;
 mod source;
 mod split;
+mod table;
 mod trace_sink;
 mod unit;
 mod velocity;
@@ -45,8 +46,14 @@ pub use dataset::{Dataset, LeftOutColumn, Measured, Run, SourceColumn};
 pub use decimate::AntiAlias;
 pub use error::{BadCell, BadRows, DataError};
 pub use options::ReadOptions;
-pub use read::read;
+pub use read::{read, read_tables};
 pub use segment::{GAP_FACTOR, segments};
 pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
+pub use table::{Cells, Table};
 pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};
 pub use unit::parse_value;
+
+#[cfg(feature = "fit")]
+pub(crate) use unit::in_name as unit_in_name;
+#[cfg(feature = "fit")]
+pub(crate) use velocity::differences;

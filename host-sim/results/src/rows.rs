@@ -1,4 +1,4 @@
-//! Every row of a log with the prediction of a model, as Parquet or CSV.
+//! Every row of a log with the prediction of a model, as Parquet or CSV: `rows.parquet`.
 //!
 //! | column | content |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | `time_s`, `velocity_rad_s`, `torque_nm` | the log, after its corrections |
 //! | `position_rad`, `pressure_diff_pa`, .. | every other column of the log |
 //! | `predicted_torque_nm` | torque of the model; empty for a row without a prediction |
-//! | `residual_torque_nm` | measured minus predicted torque |
+//! | `residual_torque_nm` | measured minus predicted torque; empty for a spike, whose measured torque is replaced |
 //! | `bristle_torque_nm` | state of the model at the end of the row |
 //! | `flags` | inputs outside the range of the fit, as `velocity-invalid,pressure-invalid` |
 //!
@@ -16,43 +16,8 @@
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use compensator_core::Quantity;
 use friction_identification::data::{Dataset, contract};
-use friction_identification::params::ParameterFile;
-use friction_identification::prediction::{
-    LogPrediction, PredictionOptions, flag_text, predict_log,
-};
-use serde_json::{Value, json};
+use friction_identification::prediction::{LogPrediction, flag_text};
 use std::collections::HashMap;
-
-/// Name of the file that `identify`, `compare` and `diagnose` write.
-pub const FILE_NAME: &str = "rows.parquet";
-
-/// The rows of a log with the prediction of a parameter file, as a command writes them.
-pub struct PredictedRows {
-    /// Content of [`FILE_NAME`].
-    pub content: Vec<u8>,
-    /// The errors, for the command's JSON document.
-    pub summary: Value,
-}
-
-impl PredictedRows {
-    /// Predicts every row with the model of a parameter file, as `predict` does with the file.
-    ///
-    /// # Errors
-    /// One line if the model cannot be applied to the log.
-    pub fn new(file: &ParameterFile, data: &Dataset) -> Result<Self, String> {
-        let predicted = predict_log(file, data, &PredictionOptions::default())?;
-        let as_exported = predict_log(file, data, &PredictionOptions::AS_EXPORTED)?;
-        let summary = json!({
-            "file": FILE_NAME,
-            "rows": predicted.metrics.rows,
-            "rmse": predicted.metrics.rmse,
-            "as_exported_rmse": as_exported.metrics.rmse,
-            "remarks": predicted.remarks,
-        });
-        let content = RowTable::new(data, &predicted).emit(TableFormat::Parquet)?;
-        Ok(Self { content, summary })
-    }
-}
 
 /// Every row of a log with the prediction of a model.
 pub struct RowTable(TableFile);
@@ -82,7 +47,11 @@ impl RowTable {
         }
         let target = Quantity::Torque.name(data.joint);
         let torque = || prediction.runs.iter().flat_map(|run| run.torque.iter().copied());
-        let measured = data.runs.iter().flat_map(|run| run.torque.iter().copied());
+        // The torque of a spike is an estimate.
+        let measured = data.runs.iter().flat_map(|run| {
+            let torque = |(row, torque)| if run.is_spike(row) { f64::NAN } else { torque };
+            run.torque.iter().copied().enumerate().map(torque)
+        });
         let residual = measured.zip(torque()).map(|(measured, predicted)| measured - predicted);
         let bristle = prediction.runs.iter().flat_map(|run| run.bristle_torque.iter().copied());
         add(format!("predicted_{target}"), torque().collect());

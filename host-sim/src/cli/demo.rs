@@ -8,8 +8,9 @@
 //!
 //! A wrong diagnosis is reported as such and is not an error of the command. The same seed gives the same demo.
 
-use super::input::spinner;
-use super::output::{OutputArguments, print_text};
+use super::input::in_stages;
+use super::output::{OutputArguments, print_formatted, print_text};
+use super::words::in_options;
 use crate::benchmark::{Grade, grade};
 use crate::driver_file;
 use crate::simulated;
@@ -20,6 +21,8 @@ use friction_identification::data::{
 use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
 use friction_identification::number::figure;
 use friction_identification::params;
+use friction_identification::prepare::{Error, file_sha256};
+use friction_identification::work;
 use friction_results::diagnosis;
 use friction_results::diagnosis_page::{self, DiagnosisReport};
 use joint_bus::replay::{Plan, ReplaySetup, Tally, in_process};
@@ -58,7 +61,7 @@ impl StepPrinter {
             return Ok(());
         }
         let seconds = self.begin.elapsed().as_secs_f64();
-        print_text(&format!("[{seconds:4.1} s] {text}\n"))
+        print_formatted(&format!("[{seconds:4.1} s] {text}\n"))
     }
 }
 
@@ -88,11 +91,9 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         data.rows,
         data.runs.len()
     ))?;
-    let bar = spinner("diagnosing".into());
     let question = DiagnosisOptions { seed, ..DiagnosisOptions::default() };
-    let found = diagnose(&data, &parts, &question, &|what| bar.set_message(what.to_owned()))
-        .map_err(|error| error.to_string())?;
-    bar.finish_and_clear();
+    let diagnosis = || Ok::<_, Error>(diagnose(&data, &parts, &question, &work::report_stage)?);
+    let found = in_stages(0, diagnosis).map_err(in_options)?;
     printer.step(&format!(
         "Fitted {} and evaluated {} candidate causes{}.",
         found.baseline.spec,
@@ -138,7 +139,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         printer.begin.elapsed().as_secs_f64(),
         out = out.display()
     );
-    print_text(&text)
+    print_formatted(&text)
 }
 
 fn seed_from_clock() -> u64 {
@@ -174,9 +175,9 @@ fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result<
 /// Reads and splits the recording as `diagnose` does. Returns data, split and SHA-256.
 fn read_recording(file: &Path) -> Result<(Dataset, Split, String), String> {
     let files = [file.to_owned()];
-    let data = read(&files, &ReadOptions::default(), &|_, _| {}).map_err(|e| e.to_string())?;
-    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).map_err(|e| e.to_string())?;
-    Ok((data, parts, super::input::hash(file)?))
+    let data = read(&files, &ReadOptions::default(), &|_, _| {}).map_err(in_options)?;
+    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).map_err(in_options)?;
+    Ok((data, parts, file_sha256(file)?))
 }
 
 /// Describes the extended model and its gain, as the end of a sentence.

@@ -4,31 +4,19 @@
 //! files as a single joint. The terminal shows the results one after the other, and the command's JSON file holds all
 //! of them in the list `joints`.
 
-use super::input::{DataArguments, LogInput, LogInputs};
+use super::input::{DataArguments, LogInputs};
 use super::output::{OutputArguments, file_name, print_formatted, print_text};
 use friction_identification::data::SplitRule;
-use friction_results::rows;
+use friction_identification::prepare::Prepared;
+use friction_results::Files;
 use serde_json::{Value, json};
 
 /// Result of a command for one joint.
 pub struct JointResult {
-    /// Name and content of the JSON file.
-    pub document: (&'static str, String),
-    /// Names and contents of the other text files.
-    pub files: Vec<(&'static str, String)>,
-    /// Content of the table of rows; `None` if the command writes none.
-    pub rows: Option<Vec<u8>>,
+    /// The result files.
+    pub files: Files,
     /// Text for the terminal.
     pub text: String,
-}
-
-impl JointResult {
-    /// Returns names and contents of all files, the JSON document last.
-    fn all_files(&self) -> impl Iterator<Item = (&str, &[u8])> {
-        let texts = self.files.iter().map(|(name, text)| (*name, text.as_bytes()));
-        let rows = self.rows.iter().map(|content| (rows::FILE_NAME, content.as_slice()));
-        texts.chain(rows).chain([(self.document.0, self.document.1.as_bytes())])
-    }
 }
 
 /// Runs a command on each joint of the data and writes the results. `name` is the command's name; it is part of the
@@ -41,7 +29,7 @@ pub fn each_joint(
     data: &DataArguments,
     output: &OutputArguments,
     default_split: &SplitRule,
-    command: impl Fn(&LogInput) -> Result<JointResult, String>,
+    command: impl Fn(&Prepared) -> Result<JointResult, String>,
 ) -> Result<(), String> {
     let output = &output.of_run(name, &data.data);
     match data.read(default_split)? {
@@ -57,11 +45,11 @@ pub fn each_joint(
 }
 
 fn write_one(result: &JointResult, output: &OutputArguments) -> Result<(), String> {
-    let JointResult { document: (_, json), text, .. } = result;
-    let all: Vec<(&str, &[u8])> = result.all_files().collect();
+    let JointResult { files, text } = result;
+    let all: Vec<(&str, &[u8])> = files.all().collect();
     output.write_bytes(&all)?;
     if output.json {
-        return print_text(json);
+        return print_text(&files.document.1);
     }
     let out = output.folder().display();
     let written: Vec<String> = all.iter().map(|(name, _)| format!("{out}/{name}")).collect();
@@ -70,25 +58,25 @@ fn write_one(result: &JointResult, output: &OutputArguments) -> Result<(), Strin
 
 fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> Result<(), String> {
     let folders = folder_names(joints.iter().map(|(joint, _)| joint.as_str()));
-    let mut files: Vec<(String, &[u8])> = Vec::new();
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     let mut documents: Vec<Value> = Vec::new();
     let mut shown = String::new();
     let mut name = "";
     for ((joint, result), folder) in joints.iter().zip(&folders) {
-        name = result.document.0;
-        let mut document: Value =
-            serde_json::from_str(&result.document.1).map_err(|error| error.to_string())?;
+        let text;
+        (name, text) = (result.files.document.0, &result.files.document.1);
+        let mut document: Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
         document["joint"] = json!(joint);
         documents.push(document);
-        let own = result.all_files();
-        files.extend(own.map(|(name, content)| (format!("{folder}/{name}"), content)));
+        let own = result.files.all();
+        files.extend(own.map(|(name, content)| (format!("{folder}/{name}"), content.to_vec())));
         shown += &format!("joint {joint}:\n\n{}\n", result.text);
     }
     let all = json!({ "schema": 1, "joints": documents });
     let all = serde_json::to_string_pretty(&all).map_err(|error| error.to_string())? + "\n";
-    files.push((name.to_owned(), all.as_bytes()));
+    files.push((name.to_owned(), all.clone().into_bytes()));
     let all_files: Vec<(&str, &[u8])> =
-        files.iter().map(|(name, content)| (&**name, *content)).collect();
+        files.iter().map(|(name, content)| (&**name, &**content)).collect();
     output.write_bytes(&all_files)?;
     if output.json {
         return print_text(&all);

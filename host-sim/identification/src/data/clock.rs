@@ -113,6 +113,13 @@ fn parse_date_ns(text: &[u8]) -> Option<i128> {
     Some(seconds * 1_000_000_000 + i128::from(time.nanosecond()))
 }
 
+/// Formats a stamp, ns since 1970, as ISO 8601 in UTC. Returns `None` if the calendar does not cover it.
+pub(super) fn format_stamp(ns: i128) -> Option<String> {
+    let seconds = i64::try_from(ns.div_euclid(1_000_000_000)).ok()?;
+    let stamp = DateTime::from_timestamp(seconds, ns.rem_euclid(1_000_000_000) as u32)?;
+    Some(stamp.format("%Y-%m-%dT%H:%M:%S%.9fZ").to_string())
+}
+
 /// Formats the origin for a message.
 pub(super) fn format_origin(origin_ns: i128) -> String {
     let seconds = origin_ns.div_euclid(1_000_000_000) as i64;

@@ -16,7 +16,7 @@ use super::clock;
 use super::columns::{ColumnUse, FINITE, is_missing_value};
 use super::contract::RUN;
 use super::dataset::LeftOutColumn;
-use super::error::{BadCell, DataError, NAMED_BAD_ROWS};
+use super::error::{BadCell, DataError, NAMED_BAD_ROWS, asked_rows};
 use super::fill::{Fill, fill};
 use super::header::Layout;
 use super::order::{MIN_PAUSE_S, check_order, recordings};
@@ -126,9 +126,9 @@ impl Cleaner<'_> {
         let mut selection = self.layout.only.iter().zip(&self.selection_texts);
         if let Some((only, texts)) = selection.next_back().filter(|_| self.unselected_rows > 0) {
             let column = &self.layout.names[only.index];
-            let asked = format!("{column}={}", only.values.join(","));
+            let asked = asked_rows(column, &only.values);
             return Err(DataError::Request {
-                what: format!("{}: --where {asked}", self.file.display()),
+                what: format!("{}: {asked}", self.file.display()),
                 found: format!("none of {} rows", self.unselected_rows),
                 expected: format!("one of {}", texts.listed()),
             });

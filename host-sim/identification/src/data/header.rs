@@ -15,11 +15,12 @@ use compensator_core::quantity::{JointKind, Quantity};
 use super::cell::CellReader;
 use super::contract::{POSITIONS, RUN, TARGETS, TIME, VELOCITIES, parse_optional};
 use super::dataset::{LeftOutColumn, SourceColumn};
-use super::error::{DataError, at_header, listed};
+use super::error::{DataError, asked_rows, at_header, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
 use super::naming::Naming;
 use super::options::ReadOptions;
 use super::unit::conversion;
+use crate::setting::Setting;
 
 /// A column other than time, velocity and torque.
 #[derive(Debug, Clone, PartialEq)]
@@ -185,8 +186,9 @@ impl RequiredColumns {
         let (velocity, target) = (self.motion.name, self.target.name);
         if !naming.is_mapped(velocity) && !naming.is_mapped(target) {
             let fitting = if target == "force_n" { "torque_nm" } else { "force_n" };
+            let mapping = Setting::Columns.alone();
             let expected =
-                format!("{fitting} for a joint with {velocity} (or --columns to map the columns)");
+                format!("{fitting} for a joint with {velocity} (or {mapping} to map the columns)");
             return Err(at_header(file, target, target, &expected));
         }
         Ok(Some(format!(
@@ -305,7 +307,7 @@ fn row_selections(
         let index = naming.find(column).map(|reading| reading.index).or_else(own);
         index.map(|index| RowSelection { index, values: values.clone() }).ok_or_else(|| {
             DataError::Request {
-                what: format!("{}: --where {column}={}", file.display(), values.join(",")),
+                what: format!("{}: {}", file.display(), asked_rows(column, values)),
                 found: format!("no column {column}"),
                 expected: format!("one of {}", listed(names)),
             }
@@ -424,7 +426,7 @@ mod tests {
         assert_eq!(
             read_header("time_s,dq,tau", "").unwrap_err(),
             "f.csv: found only the columns time_s, dq, tau, expected velocity_rad_s (or \
-             velocity_m_s) and torque_nm (or force_n) in the header, or --columns \
+             velocity_m_s) and torque_nm (or force_n) in the header, or columns \
              velocity_rad_s=dq,torque_nm=tau"
         );
     }
@@ -459,11 +461,11 @@ mod tests {
         let error = read_header("t,v,f", "time_s=t,velocity_m_s=speed").unwrap_err();
         assert_eq!(
             error,
-            "f.csv: --columns velocity_m_s=speed: found no column speed, expected one of t, v, f"
+            "f.csv: columns velocity_m_s=speed: found no column speed, expected one of t, v, f"
         );
         let error = read_header("t,v,f", "torque_Nm=f").unwrap_err();
         assert!(error.starts_with(
-            "--columns torque_Nm=f: found the name torque_Nm, expected one of run, time_s"
+            "columns torque_Nm=f: found the name torque_Nm, expected one of run, time_s"
         ));
         let error = read_header("t,v,f", "time_s=t,time_s=v").unwrap_err();
         assert!(error.contains("found time_s twice"), "{error}");

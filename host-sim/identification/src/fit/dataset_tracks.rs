@@ -98,6 +98,13 @@ fn segment_track(
         period_s,
         period_ratio,
         weights: Vec::new(),
+        torque_spikes: run
+            .torque_spikes
+            .iter()
+            .take(rows.end)
+            .skip(rows.start)
+            .map(|s| *s > 0.0)
+            .collect(),
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
         velocity_draws: row_range(&run.velocity_draws, &rows),
         motion_error: Vec::new(),

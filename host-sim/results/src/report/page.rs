@@ -39,12 +39,13 @@ pub enum Block {
     Find(Finder),
     /// A chart over the whole width.
     Chart(Chart),
-    /// The main result: named facts with a chart beside them, or below them on narrow screens.
+    /// The main result: named facts with charts beside them. On narrow screens, the first chart follows the first fact, and
+    /// the other charts follow the last one.
     Lead {
-        /// Name and text of each fact.
+        /// Name and text of each fact. A part of a text between two backticks is shown as code.
         facts: Vec<(String, String)>,
-        /// The chart.
-        chart: Chart,
+        /// The charts, most important first.
+        charts: Vec<Chart>,
     },
     /// Links to the headings of the page.
     Contents,
@@ -157,10 +158,7 @@ impl Block {
                 Block::Table(table) => (table.render()),
                 Block::Find(finder) => (finder.render()),
                 Block::Chart(chart) => (chart.render(drawing, 1)),
-                Block::Lead { facts, chart } => div.lead {
-                    dl { @for (name, text) in facts { dt { (name) } dd { (text) } } }
-                    (chart.render(drawing, 2))
-                },
+                Block::Lead { facts, charts } => (lead(facts, charts, drawing)),
                 // The page renders this block, because it has the headings.
                 Block::Contents => "",
                 Block::Row(charts) => div.row {
@@ -175,10 +173,43 @@ impl Block {
     }
 }
 
+/// Renders a lead block. The style sheet places its four parts.
+fn lead(facts: &[(String, String)], charts: &[Chart], drawing: &mut Drawing) -> Markup {
+    if drawing.charts == 0 {
+        drawing.hint_after = charts.len();
+    }
+    let (first, rest) = facts.split_at(facts.len().min(1));
+    let (main, below) = charts.split_at(charts.len().min(1));
+    let listed = |facts: &[(String, String)]| {
+        html! { @for (name, text) in facts { dt { (name) } dd { (with_code(text)) } } }
+    };
+    html! {
+        div.lead {
+            dl.lead-first { (listed(first)) }
+            div.lead-main { @for chart in main { (chart.render(drawing, 2)) } }
+            dl.lead-rest { (listed(rest)) }
+            div.lead-below { @for chart in below { (chart.render(drawing, 2)) } }
+        }
+    }
+}
+
+/// Renders a text in which parts between backticks are code. A line may break between the words of a command, but not
+/// inside an option such as `--bus`.
+fn with_code(text: &str) -> Markup {
+    html! {
+        @for (place, part) in text.split('`').enumerate() {
+            @if place % 2 == 0 { (part) }
+            @else { code { @for (word, text) in part.split(' ').enumerate() {
+                @if word > 0 { " " } span { (text) }
+            } } }
+        }
+    }
+}
+
 fn has_chart(block: &Block) -> bool {
     match block {
-        Block::Chart(_) | Block::Lead { .. } => true,
-        Block::Row(charts) => !charts.is_empty(),
+        Block::Chart(_) => true,
+        Block::Row(charts) | Block::Lead { charts, .. } => !charts.is_empty(),
         Block::Details { blocks, .. } => blocks.iter().any(has_chart),
         Block::Heading(_)
         | Block::Paragraph(_)

@@ -11,10 +11,9 @@
 
 use std::borrow::Cow;
 use std::fs::File;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 
-use chrono::DateTime;
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, DataType};
@@ -24,11 +23,13 @@ use parquet::schema::types::ColumnDescriptor;
 
 use super::format::{Input, LogFormat};
 use crate::data::clean::{Cleaner, FileData};
+use crate::data::clock::format_stamp;
 use crate::data::dataset::LeftOutColumn;
 use crate::data::error::{BadCell, DataError, one_line};
 use crate::data::header::layout;
 use crate::data::options::ReadOptions;
 use crate::data::row::LogRow;
+use crate::work::Cancelled;
 
 /// Rows that are decompressed at a time.
 const BATCH_ROWS: usize = 8 * 1024;
@@ -102,7 +103,10 @@ fn read(input: Input) -> Result<FileData, DataError> {
     let Input { path, file, size, options, progress, .. } = input;
     let share = |share: f64| progress((share * size as f64) as u64);
     let reading = AssertUnwindSafe(|| read_table(path, file, options, &share));
-    catch_unwind(reading).unwrap_or_else(|_| {
+    catch_unwind(reading).unwrap_or_else(|panic| {
+        if panic.is::<Cancelled>() {
+            resume_unwind(panic);
+        }
         Err(DataError::File {
             file: path.into(),
             found: "damaged data".into(),
@@ -287,12 +291,7 @@ fn next_batch(reader: &mut BatchReader) -> Result<Batch, ParquetError> {
 /// Formats a date as text. Returns an empty text if the calendar does not cover it.
 fn date(count: i64, unit_ns: i64) -> ByteArray {
     let ns = i128::from(count) * i128::from(unit_ns);
-    let second = i128::from(SECOND_NS);
-    let stamp = i64::try_from(ns.div_euclid(second))
-        .ok()
-        .and_then(|seconds| DateTime::from_timestamp(seconds, ns.rem_euclid(second) as u32));
-    let text = stamp.map(|stamp| stamp.format("%Y-%m-%dT%H:%M:%S%.9fZ").to_string());
-    ByteArray::from(text.unwrap_or_default().into_bytes())
+    ByteArray::from(format_stamp(ns).unwrap_or_default().into_bytes())
 }
 
 fn numbers_or_text(

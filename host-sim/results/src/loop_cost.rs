@@ -11,7 +11,7 @@
 
 use compensator_core::TermKind;
 
-const TABLE: &str = include_str!("../../tests/cost/table.md");
+const TABLE: &str = include_str!("../../../tests/cost/table.md");
 
 /// First words of the rows with at most one term.
 const BASE_LAW_ROW: &str = "improved LuGre";
