@@ -11,6 +11,7 @@ mod demo;
 mod diagnose;
 mod each_joint;
 mod export;
+mod fleet;
 mod identify;
 mod identify_network;
 mod input;
@@ -52,6 +53,8 @@ enum Command {
     Demo(demo::DemoArguments),
     /// Export a fitted model as a flash record, Rust, C, ONNX, MuJoCo or URDF
     Export(export::ExportArguments),
+    /// Diagnose the logs of many joints and campaigns, and compare them on one page
+    Fleet(fleet::FleetArguments),
     /// Show live data of a joint: velocity, friction, current, flags, model-in-band
     Monitor(monitor::MonitorArguments),
     /// Run a joint driver on this PC, connected to a CAN bus
@@ -82,6 +85,7 @@ pub fn run() -> ExitCode {
         Command::Diagnose(arguments) => done(diagnose::run(&arguments)),
         Command::Demo(arguments) => done(demo::run(&arguments)),
         Command::Export(arguments) => done(export::run(&arguments)),
+        Command::Fleet(arguments) => done(fleet::run(&arguments)),
         Command::Monitor(arguments) => done(monitor::run(&arguments)),
         Command::Node(arguments) => done(node::run(&arguments)),
         #[cfg(feature = "papers")]

@@ -7,10 +7,14 @@
 //! A trend compares numbers of one fixed model. The models that the diagnosis selects may differ between campaigns, and the
 //! level of one is then not comparable with the level of the other.
 
+mod jobs;
 mod page;
 pub mod statistics;
+mod task;
 
+pub use jobs::{FleetJob, find_jobs};
 pub use page::page;
+pub use task::{FleetOptions, run_task};
 
 use crate::table_file::{TableColumn, TableFile};
 use serde::{Deserialize, Serialize};

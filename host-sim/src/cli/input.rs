@@ -167,7 +167,11 @@ impl DataArguments {
         Ok(input)
     }
 
-    fn options(&self, default_split: &SplitRule) -> Result<PrepareOptions, String> {
+    /// Returns how a log is read, checked and split.
+    ///
+    /// # Errors
+    /// Returns one line for the user.
+    pub fn options(&self, default_split: &SplitRule) -> Result<PrepareOptions, String> {
         let rigid_body = parse_rigid_body(&self.rigid_body).map_err(in_options)?;
         let corrections = corrections(self.motion == MotionFrom::Smoothed, &self.as_logged)
             .map_err(|end| format!("--as-logged: {end}"))?;

@@ -27,7 +27,7 @@ pub fn page(rows: &[FleetRow], limits: &[Limit]) -> Page {
     let mut page = Page::new("Friction of a fleet", subtitle);
     let trends = trends(rows, limits);
     page.push(Block::Paragraph(summary(rows, &trends)));
-    page.push(Block::Lead { facts: facts(rows), chart: causes(rows) });
+    page.push(Block::Lead { facts: facts(rows), charts: vec![causes(rows)] });
     standing_out(rows, &mut page);
     trend_blocks(&trends, &mut page);
     sizes(rows, &mut page);
