@@ -96,6 +96,7 @@ fn compare(
 ) -> Result<JointResult, String> {
     input.print_log_findings();
     let fits = fits(specs, input, chosen)?;
+    let bar = spinner("writing the report".into());
     let mut document = document(&input.data, &input.split, &input.hashes, &fits);
     let study = FitReport {
         data: &input.data,
@@ -111,6 +112,7 @@ fn compare(
     document.choose(&best.spec);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
     let html = page.render();
+    bar.finish_and_clear();
     let from = Provenance {
         command: "compare",
         data: &input.data,

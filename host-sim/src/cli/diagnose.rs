@@ -79,7 +79,7 @@ fn diagnose_joint(
     let progress = |what: &str| bar.set_message(what.to_owned());
     let found = diagnose(&input.data, &input.split, &question, &progress)
         .map_err(|error| error.to_string())?;
-    bar.finish_and_clear();
+    bar.set_message("writing the report");
 
     let document = diagnosis::document(&found, &input.data, &input.split, &input.hashes);
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
@@ -103,6 +103,7 @@ fn diagnose_joint(
         seed: arguments.data.seed,
     };
     let html = diagnosis_page::page(&about).render();
+    bar.finish_and_clear();
     let mut text = String::new();
     for finding in &found.log_findings {
         text += &format!("log: {}: {}\n", finding.kind.name(), finding.in_words);

@@ -157,7 +157,7 @@ fn fit_joint(
     let bar = spinner(format!("fitting {spec} to {} rows", input.data.rows));
     let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options)
         .map_err(|error| error.to_string())?;
-    bar.finish_and_clear();
+    bar.set_message("writing the report");
 
     let document = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(&fit));
     let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
@@ -179,6 +179,7 @@ fn fit_joint(
         fits: std::slice::from_ref(&fit),
     };
     let html = page(&study).render();
+    bar.finish_and_clear();
     let models = table::models(std::slice::from_ref(&fit), &input.data);
     let mut text = format!("{}\n{models}\n", table::parameters(&fit, &input.data));
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));

@@ -218,6 +218,7 @@ impl DataArguments {
         })
         .map_err(ReadFailure::from)?;
         bar.finish_and_clear();
+        let bar = spinner(format!("checking {} rows", data.rows));
         let overview_lines = overview(&data).lines(&data);
         let CheckedLog { data, findings: log_findings, .. } = log_check::check(data, correct);
         let split = data::split(&data, &self.split_rule(default_split)?, self.seed)?;
@@ -230,6 +231,7 @@ impl DataArguments {
             return Err(line.to_owned().into());
         }
         let hashes = files.iter().map(|file| hash(file)).collect::<Result<_, String>>()?;
+        bar.finish_and_clear();
         let decimate = self.decimate as usize;
         // Printed after the last possible error, so that an error stays the only line.
         overview_lines
@@ -338,12 +340,45 @@ fn progress() -> ProgressBar {
     ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// Returns a spinner; it is hidden if standard error is not a terminal.
+/// Returns a bar of counted items with the remaining time; it is hidden if standard error is not a terminal.
+pub fn counted_progress(what: &str, items: &str, total: u64) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let template = format!("{what} {{wide_bar}} {{pos}}/{{len}} {items}, {{eta}} left");
+    let style = ProgressStyle::with_template(&template);
+    let bar = ProgressBar::new(total);
+    let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.tick();
+    bar
+}
+
+/// Prints a message on standard error, if that is a terminal: what a command is about to do, and how long it takes.
+pub fn announce(message: &str) {
+    if std::io::stderr().is_terminal() {
+        print_message(message);
+    }
+}
+
+/// Formats a duration: `45 s`, `8 min 20 s`, `2 h 5 min`.
+pub fn duration_in_words(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0 => "less than 1 s".to_owned(),
+        1..=119 => format!("{whole} s"),
+        120..=7199 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole / 60 % 60),
+    }
+}
+
+/// Returns a spinner with the elapsed time; it is hidden if standard error is not a terminal.
 pub fn spinner(what: String) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::new_spinner().with_message(what);
+    let style = ProgressStyle::with_template("{spinner} {wide_msg} [{elapsed}]");
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let bar = ProgressBar::new_spinner().with_style(style).with_message(what);
     bar.enable_steady_tick(std::time::Duration::from_millis(120));
     bar
 }
@@ -361,4 +396,18 @@ pub(super) fn hash(file: &Path) -> Result<String, String> {
         }
     }
     Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn duration_in_words_uses_two_units_at_most() {
+        for (seconds, words) in
+            [(0.2, "less than 1 s"), (45.3, "45 s"), (500.0, "8 min 20 s"), (7500.0, "2 h 5 min")]
+        {
+            assert_eq!(duration_in_words(seconds), words);
+        }
+    }
 }

@@ -16,6 +16,7 @@ mod papers;
 mod picture;
 mod planted;
 mod pool_tests;
+mod progress;
 mod recovery;
 mod replay;
 mod report_browser;
