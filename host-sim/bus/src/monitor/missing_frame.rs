@@ -31,8 +31,8 @@ pub struct Traffic<'a> {
     pub has_sync: bool,
     /// False if the joint reported another network state than *operational*.
     pub is_operational: bool,
-    /// True if the joint receives its inputs from the bus (HIL).
-    pub is_hil: bool,
+    /// True if the joint receives its inputs from the bus (HIL), false if it has sensors; `None` before this was read.
+    pub is_hil: Option<bool>,
 }
 
 /// A frame that does not arrive.
@@ -56,10 +56,15 @@ impl MissingFrame {
             return frame("heartbeat", HEARTBEAT + number, traffic.tool("params status"));
         }
         if !traffic.has_sync {
-            return frame("SYNC", cob_id::SYNC, replay());
+            // A replay switches a joint to HIL. A joint with sensors gets one SYNC; its master sends them regularly.
+            let command = match traffic.is_hil {
+                Some(false) => traffic.send(cob_id::SYNC, &[1]),
+                Some(true) | None => replay(),
+            };
+            return frame("SYNC", cob_id::SYNC, command);
         }
         let (name, base, object) = match quantity {
-            Quantity::Velocity if traffic.is_hil => {
+            Quantity::Velocity if traffic.is_hil == Some(true) => {
                 return frame("Motion", cob_id::TPDO_4 + number, replay());
             }
             _ if !traffic.is_operational => {
@@ -109,6 +114,10 @@ impl Traffic<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bus::{Bus, Hub};
+    use crate::joint::JointNode;
+    use compensator_core::can::Frame;
+    use joint_trace::CanFrame;
 
     const RUNNING: Traffic = Traffic {
         node: NodeId::FIRST,
@@ -116,7 +125,7 @@ mod tests {
         is_silent: false,
         has_sync: true,
         is_operational: true,
-        is_hil: false,
+        is_hil: None,
     };
 
     fn missing(quantity: Quantity, traffic: &Traffic) -> (&'static str, u16, String) {
@@ -135,8 +144,33 @@ mod tests {
         let stopped = Traffic { is_operational: false, ..RUNNING };
         let start = "cansend can0 000#0101".to_owned();
         assert_eq!(missing(Quantity::Friction, &stopped), ("NMT start", 0, start));
-        let hil = Traffic { is_hil: true, is_operational: false, ..RUNNING };
+        let with_sensors = Traffic { is_hil: Some(false), ..without_sync };
+        let one = "cansend can0 080#01".to_owned();
+        assert_eq!(missing(Quantity::Friction, &with_sensors), ("SYNC", 0x080, one));
+        let hil = Traffic { is_hil: Some(true), is_operational: false, ..RUNNING };
         assert_eq!(missing(Quantity::Velocity, &hil), ("Motion", 0x481, replay));
+    }
+
+    #[test]
+    fn commands_for_disabled_frames_are_accepted_by_a_driver() {
+        let hub = Hub::new();
+        hub.attach(JointNode::start(NodeId::FIRST, None).unwrap());
+        let mut port = hub.port();
+        for quantity in [Quantity::Velocity, Quantity::Friction, Quantity::Residual] {
+            let command = missing(quantity, &RUNNING).2;
+            let (identifier, data) = command.rsplit_once(' ').unwrap().1.split_once('#').unwrap();
+            let byte = |at: usize| u8::from_str_radix(&data[at..at + 2], 16).unwrap();
+            let data: Vec<u8> = (0..data.len()).step_by(2).map(byte).collect();
+            let identifier = u16::from_str_radix(identifier, 16).unwrap();
+            let frame = Frame::new(identifier, &data).unwrap();
+            port.send(&CanFrame::from(frame)).unwrap();
+            let until_ns = port.now_ns() + 100_000_000;
+            let mut frames = std::iter::from_fn(|| port.receive(until_ns).unwrap());
+            let reply =
+                frames.find_map(|own| own.frame.to_joint().filter(|f| f.identifier() == 0x581));
+            // 60h confirms a download; 80h would refuse it.
+            assert_eq!(reply.expect("a reply").data()[..4], [0x60, data[1], data[2], data[3]]);
+        }
     }
 
     #[test]

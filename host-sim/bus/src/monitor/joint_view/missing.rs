@@ -44,7 +44,7 @@ impl JointView {
             is_silent: self.silent || self.last_frame_ns.is_none(),
             has_sync: self.last_sync_ns.is_some_and(|at_ns| !is_old(at_ns)),
             is_operational: self.nmt.is_none_or(|state| state == NmtState::Operational),
-            is_hil: source.is_some_and(|(_, source)| *source == 1),
+            is_hil: source.map(|(_, source)| *source == 1),
         };
         Some(MissingFrame::of(quantity, &traffic))
     }
