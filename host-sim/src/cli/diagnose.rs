@@ -76,6 +76,7 @@ fn diagnose_joint(
     };
     let (found, files) = in_stages(arguments.data.threads, || {
         let found = diagnose(&input.data, &input.split, &question, &work::report_stage)?;
+        work::report_stage("writing the report");
         let files = diagnosis::files(&found, input)?;
         Ok::<_, Error>((found, files))
     })

@@ -157,6 +157,7 @@ fn fit_joint(
     let (fit, files) = in_stages(arguments.data.threads, || {
         work::report_stage(&format!("fitting {spec} to {} rows", input.data.rows));
         let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options)?;
+        work::report_stage("writing the report");
         let files = fit_files(&fit, input)?;
         Ok::<_, Error>((fit, files))
     })

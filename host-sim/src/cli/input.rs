@@ -14,7 +14,7 @@ use friction_identification::prepare::{
 };
 use friction_identification::spec::parse_rigid_body;
 use friction_identification::work::{self, Cancelled, Progress};
-use indicatif::{HumanBytes, ProgressBar};
+use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -268,12 +268,59 @@ pub fn in_stages<R: Send, E: Send + From<Cancelled>>(
     outcome
 }
 
-/// Returns a spinner; it is hidden if standard error is not a terminal.
+/// Returns a bar of counted items with the remaining time; it is hidden if standard error is not a terminal.
+pub fn counted_progress(what: &str, items: &str, total: u64) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let template = format!("{what} {{wide_bar}} {{pos}}/{{len}} {items}, {{eta}} left");
+    let style = ProgressStyle::with_template(&template);
+    let bar = ProgressBar::new(total);
+    let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.tick();
+    bar
+}
+
+/// Prints a message on standard error, if that is a terminal: what a command is about to do, and how long it takes.
+pub fn announce(message: &str) {
+    if std::io::stderr().is_terminal() {
+        print_message(message);
+    }
+}
+
+/// Formats a duration: `45 s`, `8 min 20 s`, `2 h 5 min`.
+pub fn duration_in_words(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0 => "less than 1 s".to_owned(),
+        1..=119 => format!("{whole} s"),
+        120..=7199 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole / 60 % 60),
+    }
+}
+
+/// Returns a spinner with the elapsed time; it is hidden if standard error is not a terminal.
 pub fn spinner(what: String) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::new_spinner().with_message(what);
+    let style = ProgressStyle::with_template("{spinner} {wide_msg} [{elapsed}]");
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let bar = ProgressBar::new_spinner().with_style(style).with_message(what);
     bar.enable_steady_tick(std::time::Duration::from_millis(120));
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn duration_in_words_uses_two_units_at_most() {
+        for (seconds, words) in
+            [(0.2, "less than 1 s"), (45.3, "45 s"), (500.0, "8 min 20 s"), (7500.0, "2 h 5 min")]
+        {
+            assert_eq!(duration_in_words(seconds), words);
+        }
+    }
 }
