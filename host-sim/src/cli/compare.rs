@@ -11,7 +11,7 @@ use super::table;
 use compensator_core::LawKind;
 use compensator_core::parameters::Choices;
 use friction_identification::data::SplitRule;
-use friction_identification::fit::{FitOptions, Outcome, identify};
+use friction_identification::fit::{FitOptions, Outcome, identify_robustly};
 use friction_identification::params;
 use friction_identification::spec::Spec;
 use friction_results::provenance::Provenance;
@@ -63,7 +63,8 @@ fn fits(specs: Vec<Spec>, input: &LogInput, chosen: Choices) -> Result<Vec<Outco
         let bar = spinner(format!("fitting {spec} to {} rows", input.data.rows));
         let mut base = spec.parameters().map_err(|error| error.to_string())?;
         base.choices = chosen;
-        let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options);
+        let (train, test) = (input.train_rows(), input.test_rows());
+        let fit = identify_robustly(input.loss, &spec, &base, train, test, &options);
         fits.push(fit.map_err(|error| error.to_string())?);
         bar.finish_and_clear();
     }

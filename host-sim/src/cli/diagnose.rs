@@ -74,6 +74,7 @@ fn diagnose_joint(
         seed: arguments.data.seed,
         log_findings: input.log_findings.clone(),
         as_logged: arguments.data.kinds_as_logged(),
+        loss: input.loss,
         only_weighs: false,
     };
     let bar = spinner("diagnosing".into());

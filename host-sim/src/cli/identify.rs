@@ -11,7 +11,7 @@ use crate::driver_file;
 use compensator_core::parameters::Choices;
 use compensator_core::{ParameterId, Parameters};
 use friction_identification::data::SplitRule;
-use friction_identification::fit::{FitOptions, identify};
+use friction_identification::fit::{FitOptions, identify_robustly};
 use friction_identification::params;
 use friction_identification::spec::Spec;
 use friction_results::provenance::Provenance;
@@ -154,7 +154,8 @@ fn fit_joint(
         ..FitOptions::default()
     };
     let bar = spinner(format!("fitting {spec} to {} rows", input.data.rows));
-    let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options)
+    let (train, test) = (input.train_rows(), input.test_rows());
+    let fit = identify_robustly(input.loss, &spec, &base, train, test, &options)
         .map_err(|error| error.to_string())?;
     bar.finish_and_clear();
 

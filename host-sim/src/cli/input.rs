@@ -7,7 +7,7 @@ use clap::Args;
 use compensator_core::TermKind;
 use friction_identification::data::{self, DataError, Dataset, ReadOptions, Split, SplitRule};
 use friction_identification::fit::dataset_tracks::{campaign_start, tracks_since};
-use friction_identification::fit::{Rows, Track};
+use friction_identification::fit::{Loss, Rows, Track};
 use friction_identification::log_check::{
     self, CheckedLog, Corrections, LogFinding, LogFindingKind,
 };
@@ -62,6 +62,10 @@ pub struct DataArguments {
     /// logged), wrapped-angle, outlier, held-channel, torque-lag
     #[arg(long, value_name = "KIND,..", value_delimiter = ',')]
     pub as_logged: Vec<String>,
+    /// Loss of the fits: `squares`; `huber`, where errors of single rows beyond 2.5 standard deviations count linearly;
+    /// `auto` uses huber if the torque has many spikes
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = LossChoice::Auto)]
+    pub loss: LossChoice,
     /// Seed of the choice of held-out runs; the same seed gives the same result
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
@@ -86,6 +90,17 @@ pub enum MotionFrom {
     Logged,
 }
 
+/// Loss of the fits.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LossChoice {
+    /// Huber's loss if the torque has many spikes, else squares.
+    Auto,
+    /// Squared errors.
+    Squares,
+    /// Huber's loss.
+    Huber,
+}
+
 /// The log of one joint, read, checked and split.
 pub struct LogInput {
     /// All runs.
@@ -102,6 +117,8 @@ pub struct LogInput {
     pub hashes: Vec<String>,
     /// Problems of the log itself.
     pub log_findings: Vec<LogFinding>,
+    /// Loss of the fits.
+    pub loss: Loss,
     decimate: usize,
 }
 
@@ -228,7 +245,13 @@ impl DataArguments {
         for finding in &log_findings {
             eprintln!("log: {message_prefix}{}: {}", finding.kind.name(), finding.in_words);
         }
-        Ok(LogInput { data, split, train, test, rigid_body, hashes, log_findings, decimate })
+        let loss = self.loss_of(&data);
+        if loss == Loss::Huber && self.loss == LossChoice::Auto {
+            eprintln!(
+                "log: {message_prefix}the loss is huber because of the spikes; --loss squares changes it"
+            );
+        }
+        Ok(LogInput { data, split, train, test, rigid_body, hashes, log_findings, loss, decimate })
     }
 
     /// Returns the kinds of `--as-logged`, which are not corrected. Unknown names are reported by [`Self::read`].
@@ -259,6 +282,18 @@ impl DataArguments {
             }
         }
         Ok(correct)
+    }
+
+    /// Returns the loss for a log.
+    fn loss_of(&self, data: &Dataset) -> Loss {
+        match self.loss {
+            LossChoice::Squares => Loss::Squares,
+            LossChoice::Huber => Loss::Huber,
+            LossChoice::Auto if data.runs.iter().any(|run| !run.torque_spikes.is_empty()) => {
+                Loss::Huber
+            }
+            LossChoice::Auto => Loss::Squares,
+        }
     }
 
     fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {
