@@ -8,6 +8,7 @@ use super::output::print_message;
 use super::words::{in_options, text_in_options};
 use clap::Args;
 use friction_identification::data::{self, DataError, ReadOptions, SplitRule};
+use friction_identification::fit::Loss;
 use friction_identification::log_check::LogFindingKind;
 use friction_identification::prepare::{
     Error, PrepareOptions, Prepared, Source, corrections, percent_of_torque, prepare,
@@ -63,6 +64,10 @@ pub struct DataArguments {
     /// logged), wrapped-angle, outlier, held-channel, torque-lag
     #[arg(long, value_name = "KIND,..", value_delimiter = ',')]
     pub as_logged: Vec<String>,
+    /// Loss of the fits: `squares`; `huber`, where errors of single rows beyond 2.5 standard deviations count linearly;
+    /// `auto` uses huber if the torque has many spikes
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = LossChoice::Auto)]
+    pub loss: LossChoice,
     /// Seed of the choice of held-out runs; the same seed gives the same result
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
@@ -86,6 +91,17 @@ pub enum MotionFrom {
     Smoothed,
     /// The unchanged velocity column.
     Logged,
+}
+
+/// Loss of the fits.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LossChoice {
+    /// Huber's loss if the torque has many spikes, else squares.
+    Auto,
+    /// Squared errors.
+    Squares,
+    /// Huber's loss.
+    Huber,
 }
 
 /// The data of a command.
@@ -164,6 +180,9 @@ impl DataArguments {
         input.joint = joint.map(str::to_owned);
         // Printed after the last possible error, so that an error stays the only line.
         print_log(&input);
+        if input.loss == Loss::Huber && self.loss == LossChoice::Auto {
+            print_lines(&input, [SPIKES.to_owned()].into_iter());
+        }
         Ok(input)
     }
 
@@ -184,6 +203,11 @@ impl DataArguments {
             seed: self.seed,
             rigid_body,
             decimate: self.decimate as usize,
+            loss: match self.loss {
+                LossChoice::Auto => None,
+                LossChoice::Squares => Some(Loss::Squares),
+                LossChoice::Huber => Some(Loss::Huber),
+            },
         })
     }
 
@@ -235,12 +259,19 @@ impl DataArguments {
     }
 }
 
+/// Remark on a loss that the user did not select.
+const SPIKES: &str = "the loss is huber because of the spikes; --loss squares changes it";
+
 /// Prints the columns of a log and its problems on standard error, so that standard output contains the result only.
 fn print_log(input: &Prepared) {
-    let joint = input.joint.as_ref().map_or(String::new(), |joint| format!("joint {joint}: "));
     let findings = input.log_findings.iter();
     let problems = findings.map(|finding| format!("{}: {}", finding.kind.name(), finding.in_words));
-    let lines = input.overview.iter().cloned().chain(problems);
+    print_lines(input, input.overview.iter().cloned().chain(problems));
+}
+
+/// Prints lines about a log, with the joint's name if the log has several.
+fn print_lines(input: &Prepared, lines: impl Iterator<Item = String>) {
+    let joint = input.joint.as_ref().map_or(String::new(), |joint| format!("joint {joint}: "));
     lines.for_each(|line| print_message(&format!("log: {joint}{line}")));
 }
 
