@@ -21,7 +21,7 @@ use friction_results::{Comparison, FitReport, compare_fits, document};
 #[derive(clap::Args)]
 pub struct CompareArguments {
     #[command(flatten)]
-    data: DataArguments,
+    pub(super) data: DataArguments,
     #[command(flatten)]
     output: OutputArguments,
     /// Models to compare; all laws by default. Terms are added as in `lugre+pressure-coulomb`

@@ -3,9 +3,13 @@
 //! [`DataArguments`] names the files, their columns, the split into training and test rows, and the rigid-body parts.
 //! [`DataArguments::read`] reads the files, checks the log, and returns tracks that are ready to fit.
 
+use super::table;
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use compensator_core::TermKind;
-use friction_identification::data::{self, DataError, Dataset, ReadOptions, Split, SplitRule};
+use friction_identification::data::{
+    self, DataError, Dataset, Preset, ReadOptions, Split, SplitRule,
+};
 use friction_identification::fit::dataset_tracks::{campaign_start, tracks_since};
 use friction_identification::fit::{Rows, Track};
 use friction_identification::log_check::{
@@ -21,7 +25,7 @@ use std::path::{Path, PathBuf};
 /// The data files, and how to read and split them.
 #[derive(Args, Clone, Debug)]
 pub struct DataArguments {
-    /// One or more files of measured data: CSV, Parquet, MCAP or CAN traces
+    /// One or more files of measured data: CSV, JSON lines, Parquet, Arrow, MCAP or CAN traces; also in gzip or zip
     #[arg(required = true, value_name = "DATA")]
     pub data: Vec<PathBuf>,
     /// Files to hold out. By default whole runs are held out, or time blocks of a single run; `diagnose` holds out each
@@ -36,9 +40,15 @@ pub struct DataArguments {
     pub tail: Option<f64>,
     /// Names and units of the columns in the file: `torque_nm=tau_3:mNm,velocity_rad_s=dq_3:rpm,time_s=t:ms`. `:-Nm`
     /// reverses the sign; `:0.229rpm` is the size of one count, `:4096counts` the counts of a turn, `:0.1degC-40` a scale and
-    /// an offset; `velocity[2]` is an element of a cell that contains a list
+    /// an offset; `velocity[2]` is an element of a cell that contains a list. `help` lists the columns of each file
     #[arg(long, value_name = "a=b:unit,..", value_delimiter = ',')]
     pub columns: Vec<String>,
+    /// Tool that wrote the log; supplies names and units of columns that `--columns` does not name
+    #[arg(long, value_name = "TOOL", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
+    pub from: Option<String>,
+    /// Skip the first N lines of text of each file, above the header
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub skip_lines: usize,
     /// Torque of 100 %, for columns in percent: `--columns torque_nm=0x6077:0.1% --rated-torque 1.2Nm`
     #[arg(long, value_name = "TORQUE", value_parser = rated_torque_nm)]
     pub rated_torque: Option<f64>,
@@ -69,6 +79,9 @@ pub struct DataArguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub threads: usize,
 }
+
+/// The value of `--columns` that lists the columns.
+const COLUMNS_HELP: &str = "help";
 
 /// Parses a torque with its unit, Nm.
 fn rated_torque_nm(text: &str) -> Result<f64, String> {
@@ -205,11 +218,7 @@ impl DataArguments {
             return Err(format!("{}: file is given twice", twice.display()).into());
         }
         let correct = self.correct()?;
-        let options = ReadOptions {
-            columns: self.column_pairs()?,
-            only: self.row_filters()?,
-            skip: self.skip,
-        };
+        let options = self.read_options()?;
         let bar = progress();
         let data = data::read(&files, &options, &|done, total| {
             bar.set_length(total);
@@ -272,6 +281,37 @@ impl DataArguments {
             }
         }
         Ok(correct)
+    }
+
+    /// Returns how the files are read.
+    fn read_options(&self) -> Result<ReadOptions, String> {
+        Ok(ReadOptions {
+            columns: self.column_pairs()?,
+            only: self.row_filters()?,
+            skip: self.skip,
+            skip_lines: self.skip_lines,
+            preset: self.from.as_deref().and_then(Preset::parse),
+            rated_torque_nm: self.rated_torque,
+            ..ReadOptions::default()
+        })
+    }
+
+    /// Returns the description of the columns that `--columns help` asks for; `None` if it is not asked for.
+    ///
+    /// # Errors
+    /// Returns one line if a file cannot be read.
+    pub fn described_columns(&self) -> Result<Option<String>, String> {
+        if self.columns.iter().all(|text| text.trim() != COLUMNS_HELP) {
+            return Ok(None);
+        }
+        let others = self.columns.iter().filter(|text| text.trim() != COLUMNS_HELP).cloned();
+        let options = Self { columns: others.collect(), ..self.clone() }.read_options()?;
+        let files = self.data.iter().chain(&self.test);
+        let described = files.map(|file| {
+            let survey = data::survey(file, &options).map_err(|error| error.to_string())?;
+            Ok(table::columns(file, &survey))
+        });
+        described.collect::<Result<Vec<_>, String>>().map(|texts| Some(texts.join("\n")))
     }
 
     fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {

@@ -80,6 +80,20 @@ pub enum DataError {
         /// What was expected.
         expected: String,
     },
+    /// Required columns are missing.
+    #[error("{}: found {found}, expected {expected}", file.display())]
+    MissingColumns {
+        /// The file, as given by the caller.
+        file: PathBuf,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: String,
+        /// The contract names of the missing columns.
+        missing: Vec<String>,
+        /// Number of columns of the file.
+        count: usize,
+    },
     /// The log holds several joints, of which one must be selected.
     #[error("{}: found {} joints {place} ({}), expected one: --where {column}={}", file.display(), joints.len(), listed(joints), first(joints))]
     SeveralJoints {
@@ -103,6 +117,21 @@ pub enum DataError {
         /// What was expected.
         expected: String,
     },
+}
+
+impl DataError {
+    /// Adds a sentence to what was expected.
+    pub(super) fn with_hint(mut self, hint: &str) -> Self {
+        if let Self::Cell(BadCell { expected, .. })
+        | Self::File { expected, .. }
+        | Self::MissingColumns { expected, .. }
+        | Self::Request { expected, .. } = &mut self
+        {
+            *expected += "; ";
+            *expected += hint;
+        }
+        self
+    }
 }
 
 /// Formats the first of some names.

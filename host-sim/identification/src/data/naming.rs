@@ -113,16 +113,18 @@ impl<'a> Naming<'a> {
         };
         let pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();
         let (names, pairs) = (names.join(" and "), shell_word(&pairs.join(",")));
-        DataError::File {
+        DataError::MissingColumns {
             file: file.into(),
             found: format!("only the columns {}", listed(self.names)),
             expected: format!("{names} in the header, or --columns {pairs}"),
+            missing: missing().map(|(.., of)| (*of).to_owned()).collect(),
+            count: self.names.len(),
         }
     }
 }
 
 /// Returns a text as a shell takes it as one word. It is quoted only where necessary.
-fn shell_word(text: &str) -> String {
+pub(super) fn shell_word(text: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-+=:,./%@[]".contains(c);
     if text.chars().all(is_plain) {
         text.to_owned()

@@ -15,6 +15,7 @@ use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::error::{BadRows, DataError};
 use super::options::ReadOptions;
 use super::source::read_file;
+use super::survey::with_likely_columns;
 
 /// Reads, validates and joins the files. `progress` is called with the bytes done and the bytes in total.
 ///
@@ -35,7 +36,8 @@ pub fn read(
     progress(0, total);
     for (path, size) in files.iter().zip(sizes) {
         let so_far = |bytes: u64| progress(done + bytes.min(size), total);
-        parts.push(read_file(path, size, options, &so_far)?);
+        let part = read_file(path, size, options, &so_far);
+        parts.push(part.map_err(|error| with_likely_columns(error, options))?);
         done += size;
         progress(done, total);
     }
