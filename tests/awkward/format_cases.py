@@ -45,6 +45,12 @@ case(
     "--columns velocity_rad_s=/joint_states.velocity[elbow],torque_nm=/joint_states.effort[elbow]",
     data=WHOLE,
 )
+case(
+    "the columns of a recording of ROS 2 are asked for",
+    {"log.mcap": recording()},
+    "--columns help",
+    output=["log.mcap: 11 columns", "velocity_rad_s=/joint_states.velocity[elbow]", "torque_nm=/joint_states.effort[elbow]"],
+)
 error(
     "words for a fifth of the velocities, in gzip",
     {"log.csv.gz": packed(table(joint(velocity=("velocity_rad_s", lambda r: "off" if r["i"] % 5 == 3 else r["v"]))))},

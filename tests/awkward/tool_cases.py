@@ -319,6 +319,12 @@ case(
     ],
 )
 case(
+    "the columns of moteus are asked for",
+    table(MOTEUS),
+    "--columns help",
+    output=["velocity_rad_s=velocity:turns/s", "position_rad=position:turns", "torque_nm=torque_Nm:Nm"],
+)
+case(
     "the columns of TwinCAT Scope are asked for",
     twincat(),
     "--columns help",

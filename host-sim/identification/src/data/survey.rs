@@ -2,6 +2,7 @@
 //!
 //! It answers `--columns help`, and names the likely columns in the error for a file with many columns.
 
+use super::column_names::ColumnNames;
 use super::columns::is_missing_value;
 use super::error::{DataError, listed, one_line};
 use super::naming::shell_word;
@@ -146,7 +147,27 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
             column.suggestion = Some(shell_word(&pair));
         }
     }
+    suggest_preset(file, &options, &mut survey);
     Ok(survey)
+}
+
+/// Replaces suggestions by those of the preset that the names suggest: it knows the units.
+fn suggest_preset(file: &Path, options: &ReadOptions, survey: &mut Survey) {
+    let Survey { columns, preset } = survey;
+    let names = ColumnNames {
+        names: columns.iter().map(|column| column.name.clone()).collect(),
+        units: columns.iter().map(|column| column.unit.clone().unwrap_or_default()).collect(),
+        is_twincat_scope: *preset == Some(Preset::TwinCatScope),
+    };
+    let found = preset.and_then(|preset| preset.columns(file, &names, options).ok());
+    for (ours, theirs) in found.into_iter().flat_map(|found| found.pairs) {
+        let is_it = |name: &str| {
+            theirs.strip_prefix(name).is_some_and(|unit| unit.is_empty() || unit.starts_with(':'))
+        };
+        if let Some(column) = columns.iter_mut().find(|column| is_it(&column.name)) {
+            column.suggestion = Some(shell_word(&format!("{ours}={theirs}")));
+        }
+    }
 }
 
 /// Replaces the list of all columns in an error by the likely ones, if there are many.

@@ -65,7 +65,7 @@ fn add_text_lines(head: &[u8], preamble: &mut Preamble) {
     let is_table = |at: &usize| is_header_of(lines[*at].1, lines.get(at + 1..).unwrap_or_default());
     let Some(last) = (0..lines.len()).find(is_table) else { return };
     // A row of words may follow the header.
-    let at = (0..=last).rev().max_by_key(|at| known_names(lines[*at].1, lines[last].1));
+    let at = (0..=last).rev().max_by_key(|at| header_rank(lines[*at].1, lines[last].1));
     if let Some(at) = at.filter(|at| *at > 0) {
         let new_lines = head[preamble.start..lines[at].0].iter().filter(|byte| **byte == b'\n');
         preamble.lines += new_lines.count() as u64;
@@ -74,16 +74,18 @@ fn add_text_lines(head: &[u8], preamble: &mut Preamble) {
     }
 }
 
-/// Returns the number of names in a line that name a quantity, if the line has as many cells as the header.
-fn known_names(line: &[u8], header: &[u8]) -> usize {
+/// Ranks a line as the header, among lines above the rows of numbers: 0 for a line that is none, else one more than the
+/// number of its names that name a quantity. `header` is the last of the lines.
+fn header_rank(line: &[u8], header: &[u8]) -> usize {
     let by = separator(header);
     let names = cells(line, by);
-    if names.len() != cells(header, by).len() || names.iter().any(|name| is_number(name)) {
+    let empty = names.iter().filter(|name| name.is_empty()).count();
+    let is_of_table = names.len() == cells(header, by).len() && empty <= 1;
+    if line != header && (!is_of_table || names.iter().any(|name| is_number(name))) {
         return 0;
     }
     let is_known = |name: &&&[u8]| guess::quantity(&String::from_utf8_lossy(name)).is_some();
-    // The header itself precedes a line without a known name.
-    names.iter().filter(is_known).count() + usize::from(line == header)
+    1 + names.iter().filter(is_known).count()
 }
 
 /// Returns true if a line is the header of the rows below it: names, perhaps a row of units, and numbers.
@@ -254,6 +256,7 @@ mod tests {
             "t,v,tau\ns,rpm,Nm\n0,1,2\n",
             "t,v,tau\n2024-05-01T00:00:00,1,2\n",
             "t,v,tau\nx,off,off\n0,1,2\n",
+            "a,b,c\nx,off,off\n0,1,2\n",
             "t,v,tau\n",
             "t,v\n0,1\n",
             "0,1,2\n1,2,3\n",
