@@ -7,8 +7,9 @@
 //!
 //! A database or a parallel writer may export the rows of one recording in another order. They are sorted if three
 //! conditions hold. The rows out of order are more than may be bad, so that leaving them out is no remedy. The sorted
-//! clock is regular: it has no new repeated stamps and no new gaps, which two recordings with overlapping clocks would
-//! have. And the clock does not simply run backwards, which is another fault.
+//! clock is regular, without new repeated stamps or gaps, and no block of rows in order has other rows in between: two
+//! recordings with overlapping clocks would have them. And the clock does not simply run backwards, which is another
+//! fault.
 
 use super::segment::{GAP_FACTOR, median_step};
 use std::ops::Range;
@@ -53,8 +54,22 @@ pub(super) fn sorting_order(time: &[f64], max_bad_share: f64) -> Option<Vec<usiz
     let regular = sorted.windows(2).filter(is_regular).count();
     let is_one_recording = repeats(&sorted) <= repeats(time)
         && gaps(&sorted) <= gaps(time)
-        && regular as f64 >= REGULAR_STEP_SHARE * (rows - 1) as f64;
+        && regular as f64 >= REGULAR_STEP_SHARE * (rows - 1) as f64
+        && are_blocks_apart(time, &sorted);
     is_one_recording.then_some(order)
+}
+
+/// Returns true if no block of rows in order has rows of another block between its own. Two recordings at the same rate
+/// have, and their clocks may interleave regularly.
+fn are_blocks_apart(time: &[f64], sorted: &[f64]) -> bool {
+    let blocks = time.chunk_by(|before, now| before <= now);
+    let is_apart = |block: &[f64]| {
+        let between = |limit: f64| sorted.partition_point(|time| *time < limit);
+        let (first, last) = (block[0], block[block.len() - 1]);
+        let inside = sorted[between(first)..].iter().take_while(|time| **time <= last).count();
+        inside == block.len()
+    };
+    blocks.filter(|block| block.len() >= RESTART_ROWS).all(is_apart)
 }
 
 /// Returns the number of rows that come after a later stamp.
@@ -168,6 +183,9 @@ mod tests {
         let overlapping: Vec<f64> =
             steady.iter().copied().chain(steady.iter().map(|t| t + 0.503)).collect();
         assert_eq!(sorting_order(&overlapping, 0.05), None, "two recordings with one clock");
+        let between: Vec<f64> =
+            steady.iter().copied().chain(steady.iter().map(|t| t + 0.005)).collect();
+        assert_eq!(sorting_order(&between, 0.05), None, "two recordings whose clocks interleave");
         let mut jitter = steady.clone();
         jitter.swap(50, 53);
         assert_eq!(sorting_order(&jitter, 0.05), None, "a few rows are bad rows");
