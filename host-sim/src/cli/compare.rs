@@ -22,7 +22,7 @@ use friction_results::fits::{ComparisonFiles, comparison_files};
 #[derive(clap::Args)]
 pub struct CompareArguments {
     #[command(flatten)]
-    data: DataArguments,
+    pub(super) data: DataArguments,
     #[command(flatten)]
     output: OutputArguments,
     /// Models to compare; all laws by default. Terms are added as in `lugre+pressure-coulomb`

@@ -24,7 +24,7 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 pub struct DiagnoseArguments {
     #[command(flatten)]
-    data: DataArguments,
+    pub(super) data: DataArguments,
     #[command(flatten)]
     output: OutputArguments,
     /// Base model; by default the simplest of linear, stribeck and lugre that the log supports

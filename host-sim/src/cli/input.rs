@@ -5,9 +5,11 @@
 //! ready to fit.
 
 use super::output::print_message;
+use super::table;
 use super::words::{in_options, text_in_options};
 use clap::Args;
-use friction_identification::data::{self, DataError, ReadOptions, SplitRule};
+use clap::builder::PossibleValuesParser;
+use friction_identification::data::{self, DataError, Preset, ReadOptions, SplitRule};
 use friction_identification::fit::Loss;
 use friction_identification::log_check::LogFindingKind;
 use friction_identification::prepare::{
@@ -23,7 +25,7 @@ use std::path::PathBuf;
 /// The data files, and how to read and split them.
 #[derive(Args, Clone, Debug)]
 pub struct DataArguments {
-    /// One or more files of measured data: CSV, Parquet, MCAP or CAN traces
+    /// One or more files of measured data: CSV, JSON lines, Parquet, Arrow, MCAP or CAN traces; also in gzip or zip
     #[arg(required = true, value_name = "DATA")]
     pub data: Vec<PathBuf>,
     /// Files to hold out. By default whole runs are held out, or time blocks of a single run; `diagnose` holds out each
@@ -38,9 +40,15 @@ pub struct DataArguments {
     pub tail: Option<f64>,
     /// Names and units of the columns in the file: `torque_nm=tau_3:mNm,velocity_rad_s=dq_3:rpm,time_s=t:ms`. `:-Nm`
     /// reverses the sign; `:0.229rpm` is the size of one count, `:4096counts` the counts of a turn, `:0.1degC-40` a scale and
-    /// an offset; `velocity[2]` is an element of a cell that contains a list
+    /// an offset; `velocity[2]` is an element of a cell that contains a list. `help` lists the columns of each file
     #[arg(long, value_name = "a=b:unit,..", value_delimiter = ',')]
     pub columns: Vec<String>,
+    /// Tool that wrote the log; supplies names and units of columns that `--columns` does not name
+    #[arg(long, value_name = "TOOL", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
+    pub from: Option<String>,
+    /// Skip the first N lines of text of each file, above the header
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub skip_lines: usize,
     /// Torque of 100 %, for columns in percent: `--columns torque_nm=0x6077:0.1% --rated-torque 1.2Nm`
     #[arg(long, value_name = "TORQUE", value_parser = rated_torque_nm)]
     pub rated_torque: Option<f64>,
@@ -75,6 +83,9 @@ pub struct DataArguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub threads: usize,
 }
+
+/// The value of `--columns` that lists the columns.
+const COLUMNS_HELP: &str = "help";
 
 /// Parses a torque with its unit, Nm.
 fn rated_torque_nm(text: &str) -> Result<f64, String> {
@@ -190,13 +201,8 @@ impl DataArguments {
         let rigid_body = parse_rigid_body(&self.rigid_body).map_err(in_options)?;
         let corrections = corrections(self.motion == MotionFrom::Smoothed, &self.as_logged)
             .map_err(|end| format!("--as-logged: {end}"))?;
-        let read = ReadOptions {
-            columns: self.column_pairs()?,
-            only: self.row_filters()?,
-            skip: self.skip,
-        };
         Ok(PrepareOptions {
-            read,
+            read: self.read_options()?,
             columns: self.columns.clone(),
             corrections,
             split: self.split_rule(default_split)?,
@@ -214,6 +220,37 @@ impl DataArguments {
     /// Returns the kinds of `--as-logged`, which are not corrected. Unknown names are reported by [`Self::read`].
     pub fn kinds_as_logged(&self) -> Vec<LogFindingKind> {
         self.as_logged.iter().filter_map(|name| LogFindingKind::parse(name.trim())).collect()
+    }
+
+    /// Returns how the files are read.
+    fn read_options(&self) -> Result<ReadOptions, String> {
+        Ok(ReadOptions {
+            columns: self.column_pairs()?,
+            only: self.row_filters()?,
+            skip: self.skip,
+            skip_lines: self.skip_lines,
+            preset: self.from.as_deref().and_then(Preset::parse),
+            rated_torque_nm: self.rated_torque,
+            ..ReadOptions::default()
+        })
+    }
+
+    /// Returns the description of the columns that `--columns help` asks for; `None` if it is not asked for.
+    ///
+    /// # Errors
+    /// Returns one line if a file cannot be read.
+    pub fn described_columns(&self) -> Result<Option<String>, String> {
+        if self.columns.iter().all(|text| text.trim() != COLUMNS_HELP) {
+            return Ok(None);
+        }
+        let others = self.columns.iter().filter(|text| text.trim() != COLUMNS_HELP).cloned();
+        let options = Self { columns: others.collect(), ..self.clone() }.read_options()?;
+        let files = self.data.iter().chain(&self.test);
+        let described = files.map(|file| {
+            let survey = data::survey(file, &options).map_err(in_options)?;
+            Ok(table::columns(file, &survey))
+        });
+        described.collect::<Result<Vec<_>, String>>().map(|texts| Some(texts.join("\n")))
     }
 
     fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {
