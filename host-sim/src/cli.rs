@@ -114,6 +114,7 @@ impl Command {
             Self::Identify(arguments) => Some(&arguments.data),
             Self::Compare(arguments) => Some(&arguments.data),
             Self::Diagnose(arguments) => Some(&arguments.data),
+            Self::Predict(arguments) => Some(&arguments.data),
             _ => None,
         }
     }
