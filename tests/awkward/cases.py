@@ -29,6 +29,8 @@ class Case:
     expected_lines: list = field(default_factory=list)
     # Texts that no line of the output may contain.
     unexpected: list = field(default_factory=list)
+    # Texts that standard output must contain, each in one line, for arguments that ask for no fit.
+    output: list = field(default_factory=list)
     # True if the fit must give the joint's two parameters.
     answers: bool = True
     # For a log of several joints: their names in the order of the file, and the factor of each one's torque.

@@ -1,9 +1,10 @@
 """Logs with a fault that is reported, corrected or refused before any fit: wraps, units, swapped and constant columns."""
 
 import math
+from random import Random
 
 from cases import DEGREES, RPM, SPEED, case, error, suspect
-from joint import joint, table
+from joint import ROWS, RUNS, joint, table
 
 TURN = 2 * math.pi
 
@@ -193,3 +194,58 @@ error(
     "--columns time_s=t:ms (100.0 rows a second)",
     "--columns time_s=t:ns",
 )
+
+# ---- spikes of the torque
+
+
+def spiked(percent, sizes):
+    """The torque with white spikes of random sign; `sizes` is a range in Nm."""
+    random = Random(7)
+    shift = {}
+
+    def value(r):
+        key = (r["run"], r["i"])
+        if key not in shift:
+            size = random.choice([-1, 1]) * random.uniform(*sizes)
+            shift[key] = size if random.random() < percent / 100 else 0.0
+        return r["tau"] + shift[key]
+
+    return value
+
+
+for percent, count in [(2, 33), (5, 67), (20, 270)]:
+    for sizes in [(3.0, 5.0), (10.0, 20.0)]:
+        case(
+            f"spikes of {sizes[0]} Nm in {percent} % of the rows",
+            table(joint(torque=("torque_nm", spiked(percent, sizes)))),
+            expected_lines=[f"outlier: {count} values of torque_nm (", "the loss is huber because of the spikes"],
+            data={"rows": RUNS * ROWS},
+        )
+case(
+    "spikes, with squares",
+    table(joint(torque=("torque_nm", spiked(20, (10.0, 20.0))))),
+    "--loss squares",
+    expected_lines=["their rows have weight 0 in every fit and error; their motion is used."],
+    unexpected=["huber"],
+)
+suspect(
+    "spikes, as logged",
+    table(joint(torque=("torque_nm", spiked(20, (10.0, 20.0))))),
+    "are spikes, at least",
+    "left in, as asked.",
+    arguments="--as-logged outlier",
+)
+case(
+    "spikes, as logged with a robust loss",
+    table(joint(torque=("torque_nm", spiked(20, (10.0, 20.0))))),
+    "--as-logged outlier --loss huber",
+    expected_lines=["left in, as asked."],
+)
+case(
+    "spikes within the range of the torque",
+    table(joint(torque=("torque_nm", spiked(10, (0.5, 0.8))))),
+    "--loss huber",
+    unexpected=["outlier"],
+)
+case("a robust loss on a clean log", table(joint()), "--loss huber", unexpected=["outlier"])
+case("a clean log has no spikes", table(joint()), unexpected=["outlier", "huber"])

@@ -8,7 +8,7 @@ use crate::data::{
 };
 use crate::diagnose::DiagnosisOptions;
 use crate::fit::dataset_tracks::{campaign_start, tracks_since};
-use crate::fit::{FitOptions, Outcome, Rows, Track, identify};
+use crate::fit::{FitOptions, Loss, Outcome, Rows, Track, identify_robustly};
 use crate::log_check::{self, CheckedLog, Corrections, LogFinding, LogFindingKind};
 use crate::setting::Message;
 use crate::spec::{Spec, SpecError};
@@ -46,6 +46,8 @@ pub struct PrepareOptions {
     pub rigid_body: Vec<TermKind>,
     /// Use every N-th sample of the residual, at least 1.
     pub decimate: usize,
+    /// Loss of the fits; `None` for [`Loss::Huber`] if the torque has many spikes, else [`Loss::Squares`].
+    pub loss: Option<Loss>,
 }
 
 impl Default for PrepareOptions {
@@ -58,6 +60,7 @@ impl Default for PrepareOptions {
             seed: 0,
             rigid_body: Vec::new(),
             decimate: 1,
+            loss: None,
         }
     }
 }
@@ -89,6 +92,8 @@ pub struct Prepared {
     pub skip: usize,
     /// Every N-th sample of the residual is used.
     pub decimate: usize,
+    /// Loss of the fits.
+    pub loss: Loss,
     /// Seed of the choice of held-out runs.
     pub seed: u64,
 }
@@ -111,6 +116,7 @@ impl Prepared {
             rigid_body: self.rigid_body.clone(),
             seed: self.seed,
             log_findings: self.log_findings.clone(),
+            loss: self.loss,
             ..DiagnosisOptions::default()
         }
     }
@@ -185,6 +191,8 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
         }
         Source::Tables(tables) => tables.iter().map(table_sha256).collect(),
     };
+    let has_spikes = data.runs.iter().any(|run| !run.torque_spikes.is_empty());
+    let automatic = if has_spikes { Loss::Huber } else { Loss::Squares };
     Ok(Prepared {
         joint: None,
         data,
@@ -198,6 +206,7 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
         columns: options.columns.clone(),
         skip: options.read.skip,
         decimate: options.decimate,
+        loss: options.loss.unwrap_or(automatic),
         seed: options.seed,
     })
 }
@@ -217,7 +226,8 @@ pub fn identify_each(
         work::report_stage(&format!("fitting {spec} to {} rows", input.data.rows));
         let mut base = spec.parameters()?;
         base.choices = choices;
-        identify(&spec, &base, input.train_rows(), input.test_rows(), options)
+        let (train, test) = (input.train_rows(), input.test_rows());
+        identify_robustly(input.loss, &spec, &base, train, test, options)
     };
     specs.iter().map(fit).collect()
 }

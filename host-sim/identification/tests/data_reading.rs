@@ -185,7 +185,7 @@ fn read_with_unsupported_file_names_its_type() {
         "log.csv: found a header and no rows, expected a row per sample"
     );
     assert!(refused(b"\xff\xfet\0i\0m\0").contains("found only the columns tim"));
-    assert!(refused(b"\x1f\x8b\x08rest").contains("found a gzip archive"));
+    assert!(refused(b"\x1f\x8b\x08rest").contains("found a damaged gzip archive"));
     assert!(refused(b"PAR1nonsensePAR1").contains("expected a Parquet file"));
     let folder = Folder::new();
     let error = |path: &Path| {

@@ -15,13 +15,14 @@ use friction_identification::data::SplitRule;
 use friction_identification::fit::FitOptions;
 use friction_identification::prepare::{Error, Prepared, identify_each};
 use friction_identification::spec::Spec;
+use friction_identification::work;
 use friction_results::fits::{ComparisonFiles, comparison_files};
 
 /// Arguments of `compare`.
 #[derive(clap::Args)]
 pub struct CompareArguments {
     #[command(flatten)]
-    data: DataArguments,
+    pub(super) data: DataArguments,
     #[command(flatten)]
     output: OutputArguments,
     /// Models to compare; all laws by default. Terms are added as in `lugre+pressure-coulomb`
@@ -82,6 +83,7 @@ fn compare(
     let options = FitOptions { passive: true, ..FitOptions::default() };
     let (fits, made) = in_stages(arguments.data.threads, || {
         let fits = identify_each(&specs, input, chosen, &options)?;
+        work::report_stage("writing the report");
         let made = comparison_files(&fits, input)?;
         Ok::<_, Error>((fits, made))
     })

@@ -8,7 +8,7 @@
 //!
 //! A wrong diagnosis is reported as such and is not an error of the command. The same seed gives the same demo.
 
-use super::input::in_stages;
+use super::input::{in_stages, spinner};
 use super::output::{OutputArguments, print_formatted, print_text};
 use super::words::in_options;
 use crate::benchmark::{Grade, grade};
@@ -74,10 +74,12 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         "Simulating an underwater joint with one hidden effect that the friction model does not contain. \
          The effect is shown at the end. (--seed {seed} repeats this demo.)"
     ))?;
+    let bar = spinner("simulating and recording".into());
     let options = Options { runs: Some(RUN_COUNT), ..Options::default() };
     let scenario = draw_with(Kind::One(effect(seed)), &[], seed, &options);
     let truth = pretty(&scenario.truth.json())?;
     record(&scenario, &truth, &arguments.output)?;
+    bar.finish_and_clear();
     printer.step(&format!(
         "Recorded {} runs with {} rows in all; the CAN traffic is in {}/trace.log.",
         scenario.log.runs.len(),
@@ -85,7 +87,9 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         out.display()
     ))?;
 
+    let bar = spinner("reading the recording".into());
     let (data, parts, hash) = read_recording(&out.join("trace.log"))?;
+    bar.finish_and_clear();
     printer.step(&format!(
         "Read {} rows back from the recording; all following steps use only these. Each of the {} runs is held out once: the models are tested on it after a fit to the other runs.",
         data.rows,
@@ -101,6 +105,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         describe_extension(&found)
     ))?;
 
+    let bar = spinner("writing the report".into());
     let document = diagnosis::document(&found, &data, &parts, std::slice::from_ref(&hash));
     let value = serde_json::to_value(&document).map_err(|error| error.to_string())?;
     let toml = params::emit(&found.extended, &data, found.auxiliary.as_deref());
@@ -120,8 +125,11 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         ("params.toml", &toml),
     ];
     arguments.output.write(&files)?;
+    bar.finish_and_clear();
     printer.step("Wrote the report.")?;
+    let bar = spinner("replaying the recording".into());
     let replay = replay_on_driver(&out.join("trace.log"), &toml);
+    bar.finish_and_clear();
     printer.step(&describe_replay(&replay))?;
 
     let grade = grade(Kind::One(effect(seed)), seed, &scenario, &found);

@@ -24,7 +24,7 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 pub struct DiagnoseArguments {
     #[command(flatten)]
-    data: DataArguments,
+    pub(super) data: DataArguments,
     #[command(flatten)]
     output: OutputArguments,
     /// Base model; by default the simplest of linear, stribeck and lugre that the log supports
@@ -76,6 +76,7 @@ fn diagnose_joint(
     };
     let (found, files) = in_stages(arguments.data.threads, || {
         let found = diagnose(&input.data, &input.split, &question, &work::report_stage)?;
+        work::report_stage("writing the report");
         let files = diagnosis::files(&found, input)?;
         Ok::<_, Error>((found, files))
     })

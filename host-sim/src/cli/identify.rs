@@ -12,7 +12,7 @@ use crate::driver_file;
 use compensator_core::parameters::Choices;
 use compensator_core::{ParameterId, Parameters};
 use friction_identification::data::SplitRule;
-use friction_identification::fit::{FitOptions, identify};
+use friction_identification::fit::{FitOptions, identify_robustly};
 use friction_identification::prepare::{Error, Prepared};
 use friction_identification::spec::Spec;
 use friction_identification::work;
@@ -156,7 +156,9 @@ fn fit_joint(
     };
     let (fit, files) = in_stages(arguments.data.threads, || {
         work::report_stage(&format!("fitting {spec} to {} rows", input.data.rows));
-        let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options)?;
+        let (train, test) = (input.train_rows(), input.test_rows());
+        let fit = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
+        work::report_stage("writing the report");
         let files = fit_files(&fit, input)?;
         Ok::<_, Error>((fit, files))
     })

@@ -10,7 +10,7 @@
 
 use super::each_joint::JointResult;
 use super::identify::IdentifyArguments;
-use super::input::in_stages;
+use super::input::{LossChoice, in_stages};
 use super::words::in_options;
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
@@ -90,6 +90,11 @@ pub(super) fn run(arguments: &IdentifyArguments, data: &Prepared) -> Result<Join
         .map(|quantity| (quantity.name(data.data.joint), quantity))
         .collect();
     let inputs = parse_inputs(&arguments.inputs, &quantities, &data.data.covariates)?;
+    if arguments.data.loss == LossChoice::Huber {
+        return Err(format!(
+            "--loss: found huber, expected squares or auto: {MODEL} is trained with squares"
+        ));
+    }
     if !data.rigid_body.is_empty() {
         return Err(format!(
             "--rigid-body: cannot be used with --model {MODEL}, which requires a torque column that contains friction only"

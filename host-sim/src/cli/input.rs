@@ -5,16 +5,19 @@
 //! ready to fit.
 
 use super::output::print_message;
+use super::table;
 use super::words::{in_options, text_in_options};
 use clap::Args;
-use friction_identification::data::{self, DataError, ReadOptions, SplitRule};
+use clap::builder::PossibleValuesParser;
+use friction_identification::data::{self, DataError, Preset, ReadOptions, SplitRule};
+use friction_identification::fit::Loss;
 use friction_identification::log_check::LogFindingKind;
 use friction_identification::prepare::{
     Error, PrepareOptions, Prepared, Source, corrections, percent_of_torque, prepare,
 };
 use friction_identification::spec::parse_rigid_body;
 use friction_identification::work::{self, Cancelled, Progress};
-use indicatif::{HumanBytes, ProgressBar};
+use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -22,7 +25,7 @@ use std::path::PathBuf;
 /// The data files, and how to read and split them.
 #[derive(Args, Clone, Debug)]
 pub struct DataArguments {
-    /// One or more files of measured data: CSV, Parquet, MCAP or CAN traces
+    /// One or more files of measured data: CSV, JSON lines, Parquet, Arrow, MCAP or CAN traces; also in gzip or zip
     #[arg(required = true, value_name = "DATA")]
     pub data: Vec<PathBuf>,
     /// Files to hold out. By default whole runs are held out, or time blocks of a single run; `diagnose` holds out each
@@ -37,9 +40,15 @@ pub struct DataArguments {
     pub tail: Option<f64>,
     /// Names and units of the columns in the file: `torque_nm=tau_3:mNm,velocity_rad_s=dq_3:rpm,time_s=t:ms`. `:-Nm`
     /// reverses the sign; `:0.229rpm` is the size of one count, `:4096counts` the counts of a turn, `:0.1degC-40` a scale and
-    /// an offset; `velocity[2]` is an element of a cell that contains a list
+    /// an offset; `velocity[2]` is an element of a cell that contains a list. `help` lists the columns of each file
     #[arg(long, value_name = "a=b:unit,..", value_delimiter = ',')]
     pub columns: Vec<String>,
+    /// Tool that wrote the log; supplies names and units of columns that `--columns` does not name
+    #[arg(long, value_name = "TOOL", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
+    pub from: Option<String>,
+    /// Skip the first N lines of text of each file, above the header
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub skip_lines: usize,
     /// Torque of 100 %, for columns in percent: `--columns torque_nm=0x6077:0.1% --rated-torque 1.2Nm`
     #[arg(long, value_name = "TORQUE", value_parser = rated_torque_nm)]
     pub rated_torque: Option<f64>,
@@ -63,6 +72,10 @@ pub struct DataArguments {
     /// logged), wrapped-angle, outlier, held-channel, torque-lag
     #[arg(long, value_name = "KIND,..", value_delimiter = ',')]
     pub as_logged: Vec<String>,
+    /// Loss of the fits: `squares`; `huber`, where errors of single rows beyond 2.5 standard deviations count linearly;
+    /// `auto` uses huber if the torque has many spikes
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = LossChoice::Auto)]
+    pub loss: LossChoice,
     /// Seed of the choice of held-out runs; the same seed gives the same result
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
@@ -70,6 +83,9 @@ pub struct DataArguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub threads: usize,
 }
+
+/// The value of `--columns` that lists the columns.
+const COLUMNS_HELP: &str = "help";
 
 /// Parses a torque with its unit, Nm.
 fn rated_torque_nm(text: &str) -> Result<f64, String> {
@@ -86,6 +102,17 @@ pub enum MotionFrom {
     Smoothed,
     /// The unchanged velocity column.
     Logged,
+}
+
+/// Loss of the fits.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LossChoice {
+    /// Huber's loss if the torque has many spikes, else squares.
+    Auto,
+    /// Squared errors.
+    Squares,
+    /// Huber's loss.
+    Huber,
 }
 
 /// The data of a command.
@@ -164,6 +191,9 @@ impl DataArguments {
         input.joint = joint.map(str::to_owned);
         // Printed after the last possible error, so that an error stays the only line.
         print_log(&input);
+        if input.loss == Loss::Huber && self.loss == LossChoice::Auto {
+            print_lines(&input, [SPIKES.to_owned()].into_iter());
+        }
         Ok(input)
     }
 
@@ -175,25 +205,56 @@ impl DataArguments {
         let rigid_body = parse_rigid_body(&self.rigid_body).map_err(in_options)?;
         let corrections = corrections(self.motion == MotionFrom::Smoothed, &self.as_logged)
             .map_err(|end| format!("--as-logged: {end}"))?;
-        let read = ReadOptions {
-            columns: self.column_pairs()?,
-            only: self.row_filters()?,
-            skip: self.skip,
-        };
         Ok(PrepareOptions {
-            read,
+            read: self.read_options()?,
             columns: self.columns.clone(),
             corrections,
             split: self.split_rule(default_split)?,
             seed: self.seed,
             rigid_body,
             decimate: self.decimate as usize,
+            loss: match self.loss {
+                LossChoice::Auto => None,
+                LossChoice::Squares => Some(Loss::Squares),
+                LossChoice::Huber => Some(Loss::Huber),
+            },
         })
     }
 
     /// Returns the kinds of `--as-logged`, which are not corrected. Unknown names are reported by [`Self::read`].
     pub fn kinds_as_logged(&self) -> Vec<LogFindingKind> {
         self.as_logged.iter().filter_map(|name| LogFindingKind::parse(name.trim())).collect()
+    }
+
+    /// Returns how the files are read.
+    fn read_options(&self) -> Result<ReadOptions, String> {
+        Ok(ReadOptions {
+            columns: self.column_pairs()?,
+            only: self.row_filters()?,
+            skip: self.skip,
+            skip_lines: self.skip_lines,
+            preset: self.from.as_deref().and_then(Preset::parse),
+            rated_torque_nm: self.rated_torque,
+            ..ReadOptions::default()
+        })
+    }
+
+    /// Returns the description of the columns that `--columns help` asks for; `None` if it is not asked for.
+    ///
+    /// # Errors
+    /// Returns one line if a file cannot be read.
+    pub fn described_columns(&self) -> Result<Option<String>, String> {
+        if self.columns.iter().all(|text| text.trim() != COLUMNS_HELP) {
+            return Ok(None);
+        }
+        let others = self.columns.iter().filter(|text| text.trim() != COLUMNS_HELP).cloned();
+        let options = Self { columns: others.collect(), ..self.clone() }.read_options()?;
+        let files = self.data.iter().chain(&self.test);
+        let described = files.map(|file| {
+            let survey = data::survey(file, &options).map_err(in_options)?;
+            Ok(table::columns(file, &survey))
+        });
+        described.collect::<Result<Vec<_>, String>>().map(|texts| Some(texts.join("\n")))
     }
 
     fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {
@@ -239,12 +300,19 @@ impl DataArguments {
     }
 }
 
+/// Remark on a loss that the user did not select.
+const SPIKES: &str = "the loss is huber because of the spikes; --loss squares changes it";
+
 /// Prints the columns of a log and its problems on standard error, so that standard output contains the result only.
 fn print_log(input: &Prepared) {
-    let joint = input.joint.as_ref().map_or(String::new(), |joint| format!("joint {joint}: "));
     let findings = input.log_findings.iter();
     let problems = findings.map(|finding| format!("{}: {}", finding.kind.name(), finding.in_words));
-    let lines = input.overview.iter().cloned().chain(problems);
+    print_lines(input, input.overview.iter().cloned().chain(problems));
+}
+
+/// Prints lines about a log, with the joint's name if the log has several.
+fn print_lines(input: &Prepared, lines: impl Iterator<Item = String>) {
+    let joint = input.joint.as_ref().map_or(String::new(), |joint| format!("joint {joint}: "));
     lines.for_each(|line| print_message(&format!("log: {joint}{line}")));
 }
 
@@ -272,12 +340,59 @@ pub fn in_stages<R: Send, E: Send + From<Cancelled>>(
     outcome
 }
 
-/// Returns a spinner; it is hidden if standard error is not a terminal.
+/// Returns a bar of counted items with the remaining time; it is hidden if standard error is not a terminal.
+pub fn counted_progress(what: &str, items: &str, total: u64) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let template = format!("{what} {{wide_bar}} {{pos}}/{{len}} {items}, {{eta}} left");
+    let style = ProgressStyle::with_template(&template);
+    let bar = ProgressBar::new(total);
+    let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.tick();
+    bar
+}
+
+/// Prints a message on standard error, if that is a terminal: what a command is about to do, and how long it takes.
+pub fn announce(message: &str) {
+    if std::io::stderr().is_terminal() {
+        print_message(message);
+    }
+}
+
+/// Formats a duration: `45 s`, `8 min 20 s`, `2 h 5 min`.
+pub fn duration_in_words(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0 => "less than 1 s".to_owned(),
+        1..=119 => format!("{whole} s"),
+        120..=7199 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole / 60 % 60),
+    }
+}
+
+/// Returns a spinner with the elapsed time; it is hidden if standard error is not a terminal.
 pub fn spinner(what: String) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::new_spinner().with_message(what);
+    let style = ProgressStyle::with_template("{spinner} {wide_msg} [{elapsed}]");
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let bar = ProgressBar::new_spinner().with_style(style).with_message(what);
     bar.enable_steady_tick(std::time::Duration::from_millis(120));
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn duration_in_words_uses_two_units_at_most() {
+        for (seconds, words) in
+            [(0.2, "less than 1 s"), (45.3, "45 s"), (500.0, "8 min 20 s"), (7500.0, "2 h 5 min")]
+        {
+            assert_eq!(duration_in_words(seconds), words);
+        }
+    }
 }

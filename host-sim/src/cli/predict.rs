@@ -26,7 +26,7 @@ pub struct PredictArguments {
     #[arg(value_name = "PARAMS.TOML")]
     params: PathBuf,
     #[command(flatten)]
-    data: DataArguments,
+    pub(super) data: DataArguments,
     /// Result file, `.parquet` or `.csv`. Default: `rows.parquet` in a folder named after the log, such as
     /// `out/predict-my-log`
     #[arg(long, value_name = "FILE")]

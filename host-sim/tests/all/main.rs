@@ -17,6 +17,7 @@ mod picture;
 mod planted;
 mod pool_tests;
 mod predict;
+mod progress;
 mod recovery;
 mod replay;
 mod report_browser;

@@ -76,18 +76,32 @@ impl Picture {
             let all = chart.series.iter().flat_map(values);
             all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
         };
-        let (x, y) = (ends(&|series| series.x.clone()), ends(&|series| series.y.clone()));
+        let error = |series: &Series| series.error.clone().unwrap_or(vec![0.0; series.y.len()]);
+        let reach = |series: &Series| {
+            let both = |(y, error): (&f64, f64)| [y - error, y + error];
+            series.y.iter().zip(error(series)).flat_map(both).collect()
+        };
+        let (x, y) = (ends(&|series| series.x.clone()), ends(&reach));
         let place = |value: f64, [low, high]: [f64; 2]| (value - low) / (high - low);
         let small = "font-size=\"13\" fill=\"#222\"";
         let mut colours = COLOURS.iter();
         for (series, column) in chart.series.iter().zip(0..) {
             let colour = if series.muted { "#8C8C8C" } else { colours.next().expect("two models") };
-            let points = series.x.iter().zip(&series.y).map(|(own_x, own_y)| {
-                let across = left as f64 + place(*own_x, x) * wide as f64;
-                let down =
-                    (top + 20) as f64 + (1.0 - place(*own_y, y)) * (CURVES_HEIGHT - 20) as f64;
-                format!("{across:.0},{down:.0}")
-            });
+            let across = |value: f64| left as f64 + place(value, x) * wide as f64;
+            let down = |value: f64| {
+                (top + 20) as f64 + (1.0 - place(value, y)) * (CURVES_HEIGHT - 20) as f64
+            };
+            for ((x, y), error) in series.x.iter().zip(&series.y).zip(error(series)) {
+                if error > 0.0 {
+                    let (x, high, low) = (across(*x), down(y + error), down(y - error));
+                    let _ = writeln!(
+                        self.0,
+                        "<path d=\"M{x:.0} {high:.0}V{low:.0}\" stroke=\"{colour}\"/>"
+                    );
+                }
+            }
+            let points = series.x.iter().zip(&series.y);
+            let points = points.map(|(x, y)| format!("{:.0},{:.0}", across(*x), down(*y)));
             let points: Vec<String> = points.collect();
             let _ = writeln!(
                 self.0,

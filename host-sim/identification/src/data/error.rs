@@ -85,6 +85,19 @@ pub enum DataError {
         /// What was expected.
         expected: String,
     },
+    /// Required columns are missing.
+    MissingColumns {
+        /// The file, as given by the caller.
+        file: PathBuf,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: String,
+        /// The contract names of the missing columns.
+        missing: Vec<String>,
+        /// Number of columns of the file.
+        count: usize,
+    },
     /// The log holds several joints, of which one must be selected.
     SeveralJoints {
         /// The file, as given by the caller.
@@ -108,6 +121,21 @@ pub enum DataError {
     },
 }
 
+impl DataError {
+    /// Adds a sentence to what was expected.
+    pub(super) fn with_hint(mut self, hint: &str) -> Self {
+        if let Self::Cell(BadCell { expected, .. })
+        | Self::File { expected, .. }
+        | Self::MissingColumns { expected, .. }
+        | Self::Request { expected, .. } = &mut self
+        {
+            *expected += "; ";
+            *expected += hint;
+        }
+        self
+    }
+}
+
 impl Message for DataError {
     fn marked(&self) -> String {
         match self {
@@ -119,7 +147,8 @@ impl Message for DataError {
                 "{} ({bad} of {rows} rows are bad, this is the first; at most 5 % may be)",
                 first.marked()
             ),
-            Self::File { file, found, expected } => {
+            Self::File { file, found, expected }
+            | Self::MissingColumns { file, found, expected, .. } => {
                 format!("{}: found {found}, expected {expected}", file.display())
             }
             Self::SeveralJoints { file, place, column, joints } => format!(

@@ -114,10 +114,12 @@ impl<'a> Naming<'a> {
         };
         let pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();
         let (names, pairs) = (names.join(" and "), Setting::Columns.suggested(pairs.join(",")));
-        DataError::File {
+        DataError::MissingColumns {
             file: file.into(),
             found: format!("only the columns {}", listed(self.names)),
             expected: format!("{names} in the header, or {pairs}"),
+            missing: missing().map(|(.., of)| (*of).to_owned()).collect(),
+            count: self.names.len(),
         }
     }
 }

@@ -15,6 +15,7 @@ use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::error::{BadRows, DataError};
 use super::options::ReadOptions;
 use super::source::read_file;
+use super::survey::with_likely_columns;
 use super::table::{Table, read_table};
 use crate::setting::Setting;
 use crate::work::checkpoint;
@@ -41,7 +42,8 @@ pub fn read(
             checkpoint();
             progress(done + bytes.min(size), total);
         };
-        parts.push(read_file(path, size, options, &so_far)?);
+        let part = read_file(path, size, options, &so_far);
+        parts.push(part.map_err(|error| with_likely_columns(error, options))?);
         done += size;
         progress(done, total);
     }

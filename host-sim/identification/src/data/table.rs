@@ -116,7 +116,7 @@ pub(super) fn read_table(table: &Table, options: &ReadOptions) -> Result<FileDat
             expected: format!("{rows} as in column {}", columns[0].0),
         });
     }
-    let names = columns.iter().map(|(name, _)| name.clone()).collect();
+    let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
     let mut layout = layout(path, names, options)?;
     let kind = |at: usize| match &columns[at].1 {
         Cells::Unreadable { kind, .. } => Some(kind.clone()),

@@ -301,21 +301,30 @@ pub(super) fn is_symbol(symbol: &str) -> bool {
 /// Returns the unit at the end of a column's name, if the contract column could be in it and it is not the contract's
 /// own unit: `speed_rpm`, `t (ms)`, `tau[mNm]`, `omega_deg_s`.
 pub(crate) fn in_name(contract_name: &str, foreign: &str) -> Option<&'static str> {
-    let dimension = dimension(contract_name)?;
     // ROS uses this name for stamps in nanoseconds in its plain-text logs.
-    if dimension == Dimension::Time && foreign == "%time" {
+    if dimension(contract_name)? == Dimension::Time && foreign == "%time" {
         return Some("ns");
     }
+    let unit = at_end(contract_name, foreign)?;
+    (unit.conversion != (1.0, 1.0, 0.0)).then_some(unit.symbols[0])
+}
+
+/// Returns the unit at the end of a column's name, if the contract column could be in it.
+pub(super) fn stated(contract_name: &str, foreign: &str) -> Option<&'static str> {
+    at_end(contract_name, foreign).map(|unit| unit.symbols[0])
+}
+
+fn at_end(contract_name: &str, foreign: &str) -> Option<&'static Unit> {
+    let dimension = dimension(contract_name)?;
     let text = foreign.trim_end();
     let bracketed = [('[', ']'), ('(', ')'), ('{', '}')].iter().find_map(|(open, close)| {
         let inside = text.strip_suffix(*close)?;
         Some(inside[inside.rfind(*open)? + open.len_utf8()..].to_owned())
     });
-    let unit = match bracketed {
-        Some(symbol) => find(&symbol, dimension)?,
-        None => suffix(text, dimension)?,
-    };
-    (unit.conversion != (1.0, 1.0, 0.0)).then_some(unit.symbols[0])
+    match bracketed {
+        Some(symbol) => find(&symbol, dimension),
+        None => suffix(text, dimension),
+    }
 }
 
 /// Returns the unit that the last words of a name form. Three words are tried before two and one.

@@ -6,7 +6,7 @@
 //!
 //! Supported are the flat columns that pandas, polars and similar tools write: numbers, booleans (as the words `true`
 //! and `false`), text, and dates with or without a time of day (as the text of a CSV file, to the nanosecond),
-//! uncompressed or compressed with snappy or zstd. Lists, times of day and decimals are not measurements and are left
+//! uncompressed or compressed with snappy, zstd or brotli. Lists, times of day and decimals are not measurements and are left
 //! out by name.
 
 use std::borrow::Cow;
@@ -21,9 +21,9 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
+use super::date_text::{DAY_NS, SECOND_NS, date_text};
 use super::format::{Input, LogFormat};
 use crate::data::clean::{Cleaner, FileData};
-use crate::data::clock::format_stamp;
 use crate::data::dataset::LeftOutColumn;
 use crate::data::error::{BadCell, DataError, one_line};
 use crate::data::header::layout;
@@ -46,9 +46,6 @@ enum ColumnType {
         unit_ns: i64,
     },
 }
-
-const SECOND_NS: i64 = 1_000_000_000;
-const DAY_NS: i64 = 86_400 * SECOND_NS;
 
 /// Consecutive rows of one column.
 enum Batch {
@@ -124,7 +121,7 @@ fn read_table(
     let failed = |error: ParquetError| DataError::File {
         file: path.into(),
         found: one_line(&error.to_string()),
-        expected: "a Parquet file, uncompressed or compressed with snappy or zstd".into(),
+        expected: "a Parquet file, uncompressed or compressed with snappy, zstd or brotli".into(),
     };
     let reader = SerializedFileReader::new(file).map_err(failed)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
@@ -135,7 +132,8 @@ fn read_table(
 
     let mut layout = layout(path, names, options)?;
     let required = layout.required.iter().map(|reading| reading.index);
-    for at in required.chain(layout.run) {
+    let required: Vec<usize> = required.chain(layout.run).filter(|_| !layout.is_survey).collect();
+    for at in required {
         if let Err(why) = kinds[at] {
             return Err(DataError::Cell(BadCell {
                 file: path.into(),
@@ -290,8 +288,7 @@ fn next_batch(reader: &mut BatchReader) -> Result<Batch, ParquetError> {
 
 /// Formats a date as text. Returns an empty text if the calendar does not cover it.
 fn date(count: i64, unit_ns: i64) -> ByteArray {
-    let ns = i128::from(count) * i128::from(unit_ns);
-    ByteArray::from(format_stamp(ns).unwrap_or_default().into_bytes())
+    ByteArray::from(date_text(count, unit_ns).into_bytes())
 }
 
 fn numbers_or_text(
