@@ -9,6 +9,8 @@
 //!
 //! The pool belongs to the call. Rayon's global pool would not survive a `fork`, and its size can be set only once.
 
+#[cfg(feature = "fit")]
+use rayon::{ThreadBuilder, ThreadPoolBuilder};
 use std::cell::RefCell;
 #[cfg(feature = "fit")]
 use std::ops::ControlFlow;
@@ -121,17 +123,19 @@ pub fn run<R: Send, E: Send + From<Cancelled>>(
     let (reports, received) = channel();
     let end = reports.clone();
     let control = Arc::new(Control { is_stopped: AtomicBool::new(false), reports });
-    let of_threads = Arc::clone(&control);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .stack_size(STACK_BYTES)
-        .start_handler(move |_| CONTROL.set(Some(Arc::clone(&of_threads))))
-        .build();
+    let thread = |thread: ThreadBuilder| {
+        CONTROL.set(Some(Arc::clone(&control)));
+        thread.run();
+    };
     let outcome = std::thread::scope(|scope| {
         let computation = scope.spawn(move || {
-            let outcome = catch_unwind(AssertUnwindSafe(|| match pool {
-                Ok(pool) => pool.install(work),
-                Err(error) => panic!("no threads for the computation: {error}"),
+            let builder = ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK_BYTES);
+            let outcome = catch_unwind(AssertUnwindSafe(|| {
+                // Waits for the end of all threads of the pool.
+                match builder.build_scoped(thread, |pool| pool.install(work)) {
+                    Ok(outcome) => outcome,
+                    Err(error) => panic!("no threads for the computation: {error}"),
+                }
             }));
             // Fails only if the caller has stopped listening.
             let _ = end.send(None);
