@@ -14,7 +14,7 @@ mod task;
 
 pub use jobs::{FleetJob, find_jobs};
 pub use page::page;
-pub use task::{FleetOptions, run_task};
+pub use task::{FleetOptions, run_task, write_fleet};
 
 use crate::table_file::{TableColumn, TableFile};
 use serde::{Deserialize, Serialize};

@@ -9,13 +9,11 @@ use friction_identification::spec::Spec;
 use friction_identification::work;
 use friction_results::fleet::statistics::{Limit, outliers, trends};
 use friction_results::fleet::{
-    FleetJob, FleetOptions, FleetRow, LEVELS, find_jobs, page, run_task, table,
+    FleetJob, FleetOptions, FleetRow, LEVELS, find_jobs, run_task, write_fleet,
 };
-use friction_results::table_file::TableFormat;
-use friction_results::write_atomically;
 use rayon::prelude::*;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Arguments of `fleet`.
@@ -67,7 +65,7 @@ pub fn run(arguments: &FleetArguments) -> Result<(), String> {
         Ok::<_, Error>(rows.concat())
     })
     .map_err(in_options)?;
-    write(&arguments.out, &rows, &limits)?;
+    write_fleet(&arguments.out, &rows, &limits)?;
     print(arguments, &rows, &limits)
 }
 
@@ -82,17 +80,6 @@ fn parse_limit(text: &str) -> Result<Limit, String> {
     let is_known = LEVELS.contains(&level.trim());
     let value = value.filter(|_| is_known).ok_or_else(expected)?;
     Ok(Limit { level: level.trim().into(), value })
-}
-
-fn write(out: &Path, rows: &[FleetRow], limits: &[Limit]) -> Result<(), String> {
-    let parquet = table(rows).emit(TableFormat::Parquet)?;
-    let html = page(rows, limits).render();
-    for (name, content) in [("fleet.parquet", parquet.as_slice()), ("fleet.html", html.as_bytes())]
-    {
-        let file = out.join(name);
-        write_atomically(&file, content).map_err(|error| format!("{}: {error}", file.display()))?;
-    }
-    Ok(())
 }
 
 fn print(arguments: &FleetArguments, rows: &[FleetRow], limits: &[Limit]) -> Result<(), String> {

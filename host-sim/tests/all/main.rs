@@ -8,6 +8,7 @@ mod compare_page;
 mod diagnosis_page;
 mod driver_on_a_bus;
 mod export;
+mod fleet;
 mod friction_run;
 mod hidden_effects;
 mod lugre_lstm;

@@ -295,3 +295,46 @@ fn finder(rows: &[FleetRow]) -> Finder {
         most: MAX_LISTED,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Level;
+    use super::*;
+
+    fn fleet(joints: usize) -> Vec<FleetRow> {
+        let row = |joint: usize| FleetRow {
+            joint: format!("joint <{joint}>"),
+            campaign: "1".into(),
+            cause: if joint.is_multiple_of(3) { "none" } else { "pressure-coulomb" }.into(),
+            size: (!joint.is_multiple_of(3)).then(|| 1e-6 * (1.0 + 1e-4 * joint as f64)),
+            size_ci95: Some([0.9e-6, 1.1e-6]),
+            size_unit: "Nm/Pa".into(),
+            error: joint.is_multiple_of(20).then(|| "a.csv: found no rows".into()),
+            fixed_model: "lugre".into(),
+            unit: "Nm".into(),
+            levels: [
+                Some(Level { value: 1.0 + 0.01 * (joint % 17) as f64, std_error: 0.01 }),
+                None,
+                None,
+            ],
+            report: format!("joint={joint}/report.html"),
+            ..FleetRow::default()
+        };
+        (0..joints).map(row).collect()
+    }
+
+    #[test]
+    fn page_of_ten_thousand_joints_lists_a_few() {
+        let html = page(&fleet(10_000), &[]).render_linked("");
+        let lines = html.matches("<tr>").count();
+        assert!(lines < 4 * MAX_LISTED, "{lines} rows of tables");
+        assert!(html.len() < 3_000_000, "{} bytes", html.len());
+        assert!(html.contains("joint=9999/report.html") && html.contains("10000 rows"));
+        assert!(!html.contains("joint <1>"), "a name is not escaped");
+    }
+
+    #[test]
+    fn page_without_rows_renders() {
+        assert!(page(&[], &[]).render_linked("").contains("Friction of a fleet"));
+    }
+}

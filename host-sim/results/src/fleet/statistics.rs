@@ -186,7 +186,9 @@ fn until(distance: f64, slope: f64, [low, high]: [f64; 2]) -> Option<[f64; 3]> {
 
 /// Returns the time of each campaign from the first one: in days if all names are dates, otherwise by the order of the names.
 pub fn campaign_times(rows: &[FleetRow]) -> (BTreeMap<&str, f64>, CampaignUnit) {
-    let mut names: Vec<&str> = rows.iter().map(|row| row.campaign.as_str()).collect();
+    // A failed log may lie outside of the folders of campaigns.
+    let good = rows.iter().filter(|row| row.is_ok());
+    let mut names: Vec<&str> = good.map(|row| row.campaign.as_str()).collect();
     names.sort_by(|a, b| natural_key(a).cmp(&natural_key(b)).then(a.cmp(b)));
     names.dedup();
     let days: Option<Vec<f64>> = names.iter().map(|name| parse_day(name)).collect();

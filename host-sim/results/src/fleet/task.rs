@@ -4,8 +4,11 @@
 //! finds it there and computes nothing. The key of a result names the version of the program, the options and the hashes of
 //! the files: a changed log or option is computed again.
 
+use super::statistics::Limit;
 use super::{FleetJob, FleetRow, LEVELS, Level};
-use crate::diagnosis;
+use crate::report::{CHART_SCRIPT_FILE, chart_script};
+use crate::table_file::TableFormat;
+use crate::{diagnosis, write_atomically};
 use compensator_core::ParameterId;
 use friction_identification::data::DataError;
 use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
@@ -43,6 +46,24 @@ impl FleetOptions {
         let worded = |error: Error| error.marked();
         Self { prepare: PrepareOptions::default(), model: None, fixed_model, out, worded }
     }
+}
+
+/// Writes `fleet.parquet`, `fleet.html`, and the script that the reports of the tasks share, each completely or not at all.
+///
+/// # Errors
+/// One line that names the file.
+pub fn write_fleet(out: &Path, rows: &[FleetRow], limits: &[Limit]) -> Result<(), String> {
+    let parquet = super::table(rows).emit(TableFormat::Parquet)?;
+    let html = super::page(rows, limits).render();
+    for (name, content) in [
+        (CHART_SCRIPT_FILE, chart_script().as_bytes()),
+        ("fleet.parquet", &parquet),
+        ("fleet.html", html.as_bytes()),
+    ] {
+        let file = out.join(name);
+        write_atomically(&file, content).map_err(|error| format!("{}: {error}", file.display()))?;
+    }
+    Ok(())
 }
 
 /// Name of the file with the row of a task, in its folder.
@@ -116,7 +137,8 @@ fn one_joint(
     row.seconds = Some(begin.elapsed().as_secs_f64());
     row.report = format!("{folder}/report.html");
     let stored = serde_json::to_vec_pretty(&StoredRow { key, row: row.clone() });
-    let mut files = diagnosis::files(&found, &input)?;
+    let up = "../".repeat(1 + folder.matches('/').count());
+    let mut files = diagnosis::linked_files(&found, &input, &up)?;
     files.others.push((ROW_FILE, stored.map_err(|error| error.to_string())?));
     let temporary = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&options.out);
     let place = options.out.join(&folder);

@@ -22,6 +22,6 @@ mod thin;
 
 pub use chart::{Axis, Chart, Series, Style};
 pub use finder::Finder;
-pub use page::{Block, Page};
+pub use page::{Block, CHART_SCRIPT_FILE, Page, chart_script};
 pub use table::{Best, Cell, Table};
 pub use thin::{rounded, thin_scatter, thin_series};

@@ -17,9 +17,20 @@ use super::finder::Finder;
 use super::table::Table;
 use crate::write::write_atomically;
 
-/// Forbids all loading; `data:` and `blob:` are required to save a chart as an image.
-const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
+/// Forbids all loading; `data:` and `blob:` are required to save a chart as an image. The placeholder is for further sources
+/// of scripts.
+const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'SOURCES; style-src 'unsafe-inline'; \
                       img-src data: blob:; base-uri 'none'; form-action 'none'";
+
+/// Name of the file with the script that draws charts, beside pages that link to it.
+pub const CHART_SCRIPT_FILE: &str = "plotly.js";
+
+/// Returns the content of [`CHART_SCRIPT_FILE`].
+pub fn chart_script() -> String {
+    let element = plotly_script();
+    let begin = element.find('>').map_or(0, |at| at + 1);
+    element[begin..].trim_end_matches("</script>").to_owned()
+}
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 const FINDER_SCRIPT: &str = include_str!("finder.js");
@@ -85,6 +96,19 @@ impl Page {
 
     /// Renders the page as a self-contained HTML document.
     pub fn render(&self) -> String {
+        self.render_with(None)
+    }
+
+    /// Renders the page as an HTML document that loads the script of its charts from a file. `folder` is the relative path
+    /// of that file's folder, such as `../../`. Many pages then share the 4.7 MB of the script.
+    pub fn render_linked(&self, folder: &str) -> String {
+        self.render_with(Some(&format!("{folder}{CHART_SCRIPT_FILE}")))
+    }
+
+    fn render_with(&self, script: Option<&str>) -> String {
+        // A page that was opened from a folder has no origin that `'self'` could name.
+        let sources = if script.is_some() { " 'self' file:" } else { "" };
+        let policy = POLICY.replace("SOURCES", sources);
         let has_chart = self.blocks.iter().any(has_chart);
         let mut drawing = Drawing::default();
         html! {
@@ -92,7 +116,7 @@ impl Page {
             html lang="en" {
                 head {
                     meta charset="utf-8";
-                    meta http-equiv="Content-Security-Policy" content=(POLICY);
+                    meta http-equiv="Content-Security-Policy" content=(policy);
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     link rel="icon" href="data:,";
                     title { (self.title) }
@@ -113,7 +137,10 @@ impl Page {
                         }
                     }
                     @if has_chart {
-                        (PreEscaped(plotly_script()))
+                        @match script {
+                            Some(file) => script src=(file) {},
+                            None => (PreEscaped(plotly_script())),
+                        }
                         script { (PreEscaped(SCRIPT)) }
                     }
                     @if self.blocks.iter().any(|block| matches!(block, Block::Find(_))) {
