@@ -13,7 +13,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
-from . import _core
+from . import _core, fleet
 from ._core import Table, __version__
 from ._data import Data, log as _log
 from ._errors import DataError, FrictionError, ModelError
@@ -37,6 +37,7 @@ __all__ = [
     "__version__",
     "compare",
     "diagnose",
+    "fleet",
     "identify",
     "read_trace",
     "simulate",
@@ -58,6 +59,9 @@ def diagnose(
     skip: int = 0,
     decimate: int = 1,
     rated_torque_nm: float | None = None,
+    preset: str | None = None,
+    skip_lines: int = 0,
+    loss: Literal["squares", "huber"] | None = None,
     seed: int = 0,
     threads: int = 0,
     progress: Progress | bool | None = None,
@@ -83,6 +87,10 @@ def diagnose(
         skip: Samples to drop at the start of each run.
         decimate: Use every N-th sample of the residual, after an anti-aliasing filter.
         rated_torque_nm: Torque of 100 %, Nm, for columns in percent.
+        preset: Tool that wrote the log: plotjuggler, moteus, odrive, dynamixel, ethercat or twincat-scope. It supplies names
+            and units of columns that ``columns`` does not name.
+        skip_lines: Lines of text above the header of each file to skip.
+        loss: ``"squares"`` or ``"huber"``; by default huber if the torque has many spikes.
         seed: Seed of all random choices; the same seed gives the same result.
         threads: Number of threads; 0 uses all cores.
         progress: Called with the stage and its share, 0 to 1 or None. None shows a bar in notebooks if tqdm is installed,
@@ -107,6 +115,9 @@ def diagnose(
         hold_out=hold_out,
         tail=tail,
         rated_torque_nm=rated_torque_nm,
+        preset=preset,
+        skip_lines=skip_lines,
+        loss=loss,
         seed=seed,
         name=name,
     )
@@ -132,6 +143,9 @@ def identify(
     skip: int = 0,
     decimate: int = 1,
     rated_torque_nm: float | None = None,
+    preset: str | None = None,
+    skip_lines: int = 0,
+    loss: Literal["squares", "huber"] | None = None,
     starts: int = 3,
     keep: Iterable[str] = (),
     free: Iterable[str] = (),
@@ -149,8 +163,8 @@ def identify(
         keep: Parameters to keep at their start values.
         free: Parameters to fit that are otherwise constant.
         choices: Options of the law: damping_fades, printed_extended, allow_active.
-        data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm, seed,
-            threads, progress, name: As for ``diagnose``. By default whole runs are held out, or time blocks of a single
+        data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm, preset,
+            skip_lines, loss, seed, threads, progress, name: As for ``diagnose``. By default whole runs are held out, or time blocks of a single
             run.
 
     Raises:
@@ -170,6 +184,9 @@ def identify(
         hold_out=hold_out,
         tail=tail,
         rated_torque_nm=rated_torque_nm,
+        preset=preset,
+        skip_lines=skip_lines,
+        loss=loss,
         seed=seed,
         name=name,
     )
@@ -202,6 +219,9 @@ def compare(
     skip: int = 0,
     decimate: int = 1,
     rated_torque_nm: float | None = None,
+    preset: str | None = None,
+    skip_lines: int = 0,
+    loss: Literal["squares", "huber"] | None = None,
     choices: Iterable[str] = (),
     seed: int = 0,
     threads: int = 0,
@@ -213,8 +233,8 @@ def compare(
     Args:
         models: Models to compare; all laws by default.
         choices: Options of the laws: damping_fades, printed_extended, allow_active.
-        data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm, seed,
-            threads, progress, name: As for ``identify``.
+        data, columns, where, rigid_body, test, hold_out, tail, motion, as_logged, skip, decimate, rated_torque_nm, preset,
+            skip_lines, loss, seed, threads, progress, name: As for ``identify``.
 
     Raises:
         DataError: If the data cannot be read, checked or split.
@@ -233,6 +253,9 @@ def compare(
         hold_out=hold_out,
         tail=tail,
         rated_torque_nm=rated_torque_nm,
+        preset=preset,
+        skip_lines=skip_lines,
+        loss=loss,
         seed=seed,
         name=name,
     )

@@ -12,6 +12,9 @@ __all__ = [
     "__version__",
     "diagnose",
     "fit",
+    "fleet_jobs",
+    "fleet_task",
+    "fleet_write",
     "laws",
     "read",
     "simulate",
@@ -53,6 +56,9 @@ class Log:
         hold_out: tuple[str, Sequence[str]] | None = None,
         tail: float | None = None,
         rated_torque_nm: float | None = None,
+        preset: str | None = None,
+        skip_lines: int = 0,
+        loss: str | None = None,
     ) -> Log: ...
 
 @final
@@ -117,6 +123,20 @@ def fit(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> Fits: ...
+def fleet_jobs(root: str, out: str) -> list[tuple[str, str, list[str]]]: ...
+def fleet_task(
+    log: Log,
+    joint: str,
+    campaign: str,
+    files: Sequence[str],
+    out: str,
+    *,
+    model: str | None = None,
+    fixed_model: str = "lugre",
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> str: ...
+def fleet_write(out: str, rows: str, limits: Sequence[tuple[str, float]]) -> None: ...
 def laws() -> list[str]: ...
 def read(log: Log, name: str, threads: int = 0, progress: Progress | None = None) -> Table: ...
 def simulate(

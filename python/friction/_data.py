@@ -32,6 +32,9 @@ def log(
     hold_out: Mapping[str, object] | None = None,
     tail: float | None = None,
     rated_torque_nm: float | None = None,
+    preset: str | None = None,
+    skip_lines: int = 0,
+    loss: Literal["squares", "huber"] | None = None,
     seed: int = 0,
     name: str = "data",
 ) -> _core.Log:
@@ -53,6 +56,9 @@ def log(
         hold_out=held_out,
         tail=tail,
         rated_torque_nm=rated_torque_nm,
+        preset=preset,
+        skip_lines=skip_lines,
+        loss=loss,
     )
 
 

@@ -33,9 +33,26 @@ fn keyword(reference: Reference) -> String {
     }
 }
 
+/// Options of the command line that texts of the library still name, with the keywords of this module.
+const OPTIONS: [(&str, &str); 6] = [
+    ("--columns ", "columns="),
+    ("--where ", "where="),
+    ("--from ", "preset="),
+    ("--skip-lines ", "skip_lines="),
+    ("--rated-torque", "rated_torque_nm="),
+    ("--loss ", "loss="),
+];
+
+/// Returns a message with every setting as a keyword.
+pub fn in_keywords(error: Error) -> String {
+    let message = error.worded(&keyword);
+    OPTIONS.iter().fold(message, |text, (option, keyword)| text.replace(option, keyword))
+}
+
 /// Returns an error as an exception of `friction`.
 pub fn to_python(py: Python<'_>, error: Error) -> PyErr {
     let message = error.worded(&keyword);
+    let message = OPTIONS.iter().fold(message, |text, (option, own)| text.replace(option, own));
     let class = match &error {
         Error::Data(_) => "DataError",
         Error::Model(_) => "ModelError",

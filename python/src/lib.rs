@@ -7,12 +7,13 @@
 //! - [`log`]: a log with the options of its reading.
 //! - [`computation`]: progress, Ctrl-C.
 //! - [`error`]: errors as Python exceptions.
-//! - [`diagnosis`], [`fits`], [`model`], [`simulation`]: the results.
+//! - [`diagnosis`], [`fits`], [`fleet`], [`model`], [`simulation`]: the results.
 
 mod computation;
 mod diagnosis;
 mod error;
 mod fits;
+mod fleet;
 mod log;
 mod model;
 mod simulation;
@@ -31,6 +32,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(diagnosis::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(fits::fit, module)?)?;
     module.add_function(wrap_pyfunction!(fits::laws, module)?)?;
+    module.add_function(wrap_pyfunction!(fleet::fleet_jobs, module)?)?;
+    module.add_function(wrap_pyfunction!(fleet::fleet_task, module)?)?;
+    module.add_function(wrap_pyfunction!(fleet::fleet_write, module)?)?;
     module.add_function(wrap_pyfunction!(log::read, module)?)?;
     module.add_function(wrap_pyfunction!(model::with_row_numbers, module)?)?;
     module.add_function(wrap_pyfunction!(model::with_zero_torque, module)?)?;

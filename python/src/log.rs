@@ -3,7 +3,10 @@
 use crate::computation::compute;
 use crate::error::refused;
 use crate::table::Table;
-use friction_identification::data::{self, Cells, Dataset, Quantity, ReadOptions, SplitRule};
+use friction_identification::data::{
+    self, Cells, Dataset, Preset, Quantity, ReadOptions, SplitRule,
+};
+use friction_identification::fit::Loss;
 use friction_identification::log_check::LogFindingKind;
 use friction_identification::prepare::{
     Error, PrepareOptions, Prepared, Source, corrections, percent_of_torque, prepare,
@@ -29,7 +32,8 @@ pub struct Log {
 impl Log {
     #[new]
     #[pyo3(signature = (sources, *, test=vec![], columns=vec![], only=vec![], skip=0, decimate=1, rigid_body="", motion="smoothed",
-        as_logged=vec![], seed=0, hold_out=None, tail=None, rated_torque_nm=None))]
+        as_logged=vec![], seed=0, hold_out=None, tail=None, rated_torque_nm=None,
+        preset=None, skip_lines=0, loss=None))]
     #[expect(clippy::too_many_arguments, reason = "each is a keyword in Python")]
     fn new(
         py: Python<'_>,
@@ -46,6 +50,9 @@ impl Log {
         hold_out: Option<(String, Vec<String>)>,
         tail: Option<f64>,
         rated_torque_nm: Option<f64>,
+        preset: Option<&str>,
+        skip_lines: usize,
+        loss: Option<&str>,
     ) -> PyResult<Self> {
         let error = |error: Error| crate::error::to_python(py, error);
         let rigid_body = parse_rigid_body(rigid_body).map_err(|e| error(e.into()))?;
@@ -54,6 +61,23 @@ impl Log {
             "logged" => false,
             other => {
                 let line = format!("motion={other:?}: expected \"smoothed\" or \"logged\"");
+                return Err(refused(py, &line));
+            }
+        };
+        let preset = preset
+            .map(|name| {
+                let known: Vec<&str> = Preset::ALL.iter().map(|own| own.name()).collect();
+                let expected = known.join(", ");
+                let line = format!("preset={name:?}: expected one of {expected}");
+                Preset::parse(name).ok_or_else(|| refused(py, &line))
+            })
+            .transpose()?;
+        let loss = match loss {
+            None => None,
+            Some("squares") => Some(Loss::Squares),
+            Some("huber") => Some(Loss::Huber),
+            Some(other) => {
+                let line = format!("loss={other:?}: expected \"squares\" or \"huber\"");
                 return Err(refused(py, &line));
             }
         };
@@ -73,14 +97,22 @@ impl Log {
         };
         let has_split = split.is_some();
         let options = PrepareOptions {
-            read: ReadOptions { columns, only, skip, rated_torque_nm, ..ReadOptions::default() },
+            read: ReadOptions {
+                columns,
+                only,
+                skip,
+                skip_lines,
+                preset,
+                rated_torque_nm,
+                ..ReadOptions::default()
+            },
             columns: texts,
             corrections,
             split: split.unwrap_or_default(),
             seed,
             rigid_body,
             decimate: decimate.max(1),
-            loss: None,
+            loss,
         };
         let as_logged = as_logged.iter().filter_map(|name| LogFindingKind::parse(name.trim()));
         Ok(Self { source, options, has_split, as_logged: as_logged.collect() })
@@ -101,6 +133,12 @@ impl Log {
             Source::Files(files) => data::read(files, &self.options.read, &progress)?,
             Source::Tables(tables) => data::read_tables(tables, &self.options.read)?,
         })
+    }
+
+    /// Returns how logs of other files are read, checked and split. `default_split` applies if the user chose none.
+    pub fn options(&self, default_split: SplitRule) -> PrepareOptions {
+        let split = if self.has_split { self.options.split.clone() } else { default_split };
+        PrepareOptions { split, ..self.options.clone() }
     }
 
     /// True if the motion is to be reconstructed.
