@@ -11,6 +11,7 @@ mod demo;
 mod diagnose;
 mod each_joint;
 mod export;
+mod fleet;
 mod identify;
 mod identify_network;
 mod input;
@@ -27,9 +28,11 @@ mod replay;
 mod simulate;
 mod table;
 mod terminal;
+mod words;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
+use input::DataArguments;
 use std::process::ExitCode;
 
 #[derive(Parser)]
@@ -51,6 +54,8 @@ enum Command {
     Demo(demo::DemoArguments),
     /// Export a fitted model as a flash record, Rust, C, ONNX, MuJoCo or URDF
     Export(export::ExportArguments),
+    /// Diagnose the logs of many joints and campaigns, and compare them on one page
+    Fleet(fleet::FleetArguments),
     /// Show live data of a joint: velocity, friction, current, flags, model-in-band
     Monitor(monitor::MonitorArguments),
     /// Run a joint driver on this PC, connected to a CAN bus
@@ -75,12 +80,22 @@ pub fn run() -> ExitCode {
         Err(error) => return report_usage_error(&error),
     };
     let done = |outcome: Result<(), String>| outcome.map(|()| ExitCode::SUCCESS);
+    let described = arguments.command.data().map_or(Ok(None), DataArguments::described_columns);
+    let described = described
+        .and_then(|text| text.map(|text| output::print_formatted(&text)).transpose())
+        .map(|printed| printed.is_some());
+    match described {
+        Ok(false) => {}
+        Ok(true) => return ExitCode::SUCCESS,
+        Err(message) => return report_error(&message),
+    }
     let outcome = match arguments.command {
         Command::Identify(arguments) => done(identify::run(&arguments)),
         Command::Compare(arguments) => done(compare::run(&arguments)),
         Command::Diagnose(arguments) => done(diagnose::run(&arguments)),
         Command::Demo(arguments) => done(demo::run(&arguments)),
         Command::Export(arguments) => done(export::run(&arguments)),
+        Command::Fleet(arguments) => done(fleet::run(&arguments)),
         Command::Monitor(arguments) => done(monitor::run(&arguments)),
         Command::Node(arguments) => done(node::run(&arguments)),
         #[cfg(feature = "papers")]
@@ -92,11 +107,27 @@ pub fn run() -> ExitCode {
     };
     match outcome {
         Ok(code) => code,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::from(2)
+        Err(message) => report_error(&message),
+    }
+}
+
+impl Command {
+    /// Returns the arguments that name measured data, if the command reads them.
+    fn data(&self) -> Option<&DataArguments> {
+        match self {
+            Self::Identify(arguments) => Some(&arguments.data),
+            Self::Compare(arguments) => Some(&arguments.data),
+            Self::Diagnose(arguments) => Some(&arguments.data),
+            Self::Predict(arguments) => Some(&arguments.data),
+            _ => None,
         }
     }
+}
+
+/// Prints an error as one line. Returns the exit code.
+fn report_error(message: &str) -> ExitCode {
+    eprintln!("error: {message}");
+    ExitCode::from(2)
 }
 
 /// Prints a usage error as one line, and help or version unchanged. Returns the exit code.

@@ -1,15 +1,13 @@
 //! The command line of the workspace, and the parts that combine its crates.
 //!
 //! The crates below do not depend on each other: `friction-identification` fits and diagnoses, `friction-results` writes
-//! results as JSON and HTML, `joint-rig` runs the firmware's driver on a simulated joint, `joint-bus` connects to a driver
+//! results as JSON, TOML and HTML, and models in other forms, `joint-rig` runs the firmware's driver on a simulated joint, `joint-bus` connects to a driver
 //! on a bus, and `published-experiments` reproduces papers. This crate adds:
 //!
 //! - [`cli`]: the commands.
 //! - [`benchmark`]: grades the diagnosis on simulated machines.
 //! - [`driver_file`]: reads and writes parameter files with the settings of a joint driver.
 //! - [`demo_joint`]: runs a simulated joint with its driver on a bus.
-//! - [`loop_cost`]: estimates the computing time of a model in the driver's current loop.
-//! - [`export`]: writes a model for other programs.
 //!
 //! The binary only calls [`cli::run`].
 
@@ -18,7 +16,5 @@ pub mod benchmark;
 pub mod cli;
 pub mod demo_joint;
 pub mod driver_file;
-pub mod export;
-pub mod loop_cost;
 
 pub use joint_rig::simulated;

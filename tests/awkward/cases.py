@@ -27,6 +27,10 @@ class Case:
     error: str = ""
     # Texts that the output must contain, each in one line.
     expected_lines: list = field(default_factory=list)
+    # Texts that no line of the output may contain.
+    unexpected: list = field(default_factory=list)
+    # Texts that standard output must contain, each in one line, for arguments that ask for no fit.
+    output: list = field(default_factory=list)
     # True if the fit must give the joint's two parameters.
     answers: bool = True
     # For a log of several joints: their names in the order of the file, and the factor of each one's torque.
@@ -212,40 +216,40 @@ error(
 suspect(
     "milliseconds as seconds",
     table(joint(time=("time_s", lambda r: 1e3 * r["t"]))),
-    "unit-suspect: By its stamps the log has 0.1000 rows a second: the time may be in ms (--columns time_s=NAME:ms). "
+    "unit-suspect: By its stamps the log has 0.1000 rows a second: the time may be in ms (--columns time_s=time_s:ms). "
     "Nothing is changed.",
 )
 suspect(
     "nanoseconds as seconds",
     table(joint(time=("time_s", lambda r: r["i"] * 10_000_000))),
-    "unit-suspect: By its stamps the log has 1.000e-7 rows a second: the time may be in ns (--columns time_s=NAME:ns). "
+    "unit-suspect: By its stamps the log has 1.000e-7 rows a second: the time may be in ns (--columns time_s=time_s:ns). "
     "Nothing is changed.",
 )
 suspect(
     "rpm as rad/s beside a position",
     table(joint(velocity=("velocity_rad_s", lambda r: RPM * r["v"]), position=("position_rad", lambda r: r["q"]))),
-    "times the derivative of the position: the velocity may be in rpm.",
+    "times the derivative of the position: the velocity may be in rpm (--columns velocity_rad_s=velocity_rad_s:rpm).",
 )
 suspect(
     "rpm as rad/s of a fast motor",
     table(joint(velocity=("velocity_rad_s", lambda r: 3e3 * r["v"]))),
-    "by its column's unit, which no joint does: it may be in rpm (--columns velocity_rad_s=NAME:rpm).",
+    "by its column's unit, which no joint does: it may be in rpm (--columns velocity_rad_s=velocity_rad_s:rpm).",
 )
 suspect(
     "a torque that pushes along the motion",
     table(joint(torque=("torque_nm", lambda r: -r["tau"]))),
     "sign-suspect: The torque pushes along the motion (100 % of the power comes out of the joint): the torque or the "
-    "velocity may have the other sign (--columns torque_nm=NAME:-Nm turns it). Nothing is changed.",
+    "velocity may have the other sign (--columns torque_nm=torque_nm:-Nm turns it). Nothing is changed.",
 )
 case(
     "bar as pascal",
     table(joint(pressure=("pressure_diff_pa", lambda r: 3.0 + r["run"]))),
-    expected_lines=["pressure_diff_pa never exceeds 5.000 Pa: it may be in bar or MPa (--columns pressure_diff_pa=NAME:bar)."],
+    expected_lines=["pressure_diff_pa never exceeds 5.000 Pa: it may be in bar or MPa (--columns pressure_diff_pa=pressure_diff_pa:bar)."],
 )
 case(
     "kelvin as degrees",
     table(joint(temperature=("temperature_c", lambda r: 293.0 + r["run"]))),
-    expected_lines=["temperature_c reaches 295.0 °C: it may be in kelvin (--columns temperature_c=NAME:K)."],
+    expected_lines=["temperature_c reaches 295.0 °C: it may be in kelvin (--columns temperature_c=temperature_c:K)."],
 )
 case(
     "a covariate in its own unit",

@@ -60,7 +60,6 @@ error(
 )
 PYTHON = "expected a CSV or Parquet file: python -c "
 for kind, head, line in [
-    ("a zip archive", b"PK\x03\x04rest", "found a zip archive, expected a CSV or Parquet file: unzip log.csv"),
     (
         "a spreadsheet",
         b"PK\x03\x04\0\0[Content_Types].xml",
@@ -72,7 +71,6 @@ for kind, head, line in [
         "found a spreadsheet, expected a CSV file: libreoffice --headless --convert-to csv log.csv",
     ),
     ("an xz archive", b"\xfd7zXZ\0", "found an xz archive, expected a CSV or Parquet file: unxz -k log.csv"),
-    ("a gzip archive", b"\x1f\x8b\x08", "found a gzip archive, expected a CSV or Parquet file: gunzip -k log.csv"),
     (
         "a MAT file",
         b"MATLAB 5.0 MAT-file, Platform: GLNXA64",
@@ -118,12 +116,6 @@ for kind, head, line in [
         b"TDSm\x0e\0\0\0",
         f"found a TDMS file, {PYTHON}\"import nptdms; "
         "nptdms.TdmsFile('log.csv').as_dataframe().to_csv('log.csv')\"",
-    ),
-    (
-        "an Arrow file",
-        b"ARROW1\0\0",
-        f"found an Arrow file, {PYTHON}\"import pyarrow.feather as f, pyarrow.parquet as p; "
-        "p.write_table(f.read_table('log.csv'), 'log.parquet')\"",
     ),
 ]:
     error(kind, head, f"log.csv: {line}")

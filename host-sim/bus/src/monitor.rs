@@ -12,6 +12,7 @@
 
 pub mod controls;
 pub mod joint_view;
+pub mod missing_frame;
 pub mod rates;
 pub mod screen;
 pub mod sdo_poller;
@@ -64,6 +65,11 @@ impl Session {
     /// Sets the bit rate for the bus load, bit/s. The default is 1 Mbit/s.
     pub fn set_bit_rate(&mut self, bit_rate: u32) {
         self.joint.set_bit_rate(bit_rate);
+    }
+
+    /// Sets the name of the bus for the commands that have missing frames sent.
+    pub fn set_bus(&mut self, name: &str) {
+        self.joint.set_bus(name);
     }
 
     /// Receives frames for 20 ms, and sends the pending requests.

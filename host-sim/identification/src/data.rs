@@ -1,7 +1,7 @@
 //! Reading of measured logs: validation, conversion to SI units, and the split into training and test data.
 //!
-//! Logs have missing cells, clock jumps, several runs in one file and rows of text. This module reads CSV, Parquet,
-//! MCAP and CAN logs under one contract (SI units in the column names). It leaves out invalid rows *and reports each
+//! Logs have missing cells, clock jumps, several runs in one file and rows of text. This module reads CSV, JSON,
+//! Parquet, Arrow, MCAP and CAN logs under one contract (SI units in the column names). It leaves out invalid rows *and reports each
 //! with its reason*, and returns one [`Run`] per experiment. Three rules hold afterwards:
 //!
 //! - No computation with memory (derivative, filter, bristle state) crosses the border of a run or a gap in it
@@ -17,6 +17,7 @@ mod cell;
 mod clean;
 mod clock;
 mod close;
+mod column_names;
 mod columns;
 pub mod contract;
 mod dataset;
@@ -29,14 +30,18 @@ mod joints;
 mod naming;
 mod options;
 mod order;
+mod preset;
 mod read;
 mod row;
 mod segment;
 mod source;
 mod split;
+mod survey;
+mod table;
 mod trace_sink;
 mod unit;
 mod velocity;
+mod zone;
 
 pub use acceleration::{DERIVATIVE_WINDOW, derivative};
 pub use clean::{MAX_BAD_SHARE, MAX_RUNS};
@@ -45,8 +50,16 @@ pub use dataset::{Dataset, LeftOutColumn, Measured, Run, SourceColumn};
 pub use decimate::AntiAlias;
 pub use error::{BadCell, BadRows, DataError};
 pub use options::ReadOptions;
-pub use read::read;
+pub use preset::Preset;
+pub use read::{read, read_tables};
 pub use segment::{GAP_FACTOR, segments};
 pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
+pub use survey::{ColumnSummary, Survey, survey};
+pub use table::{Cells, Table};
 pub use trace_sink::{EmitError, EmitOptions, emit, run_numbers};
 pub use unit::parse_value;
+
+#[cfg(feature = "fit")]
+pub(crate) use unit::in_name as unit_in_name;
+#[cfg(feature = "fit")]
+pub(crate) use velocity::differences;

@@ -68,7 +68,7 @@ pub use train_test::TrainTest;
 
 use crate::data::{Dataset, Split};
 use crate::fit::statistics::autocorrelation_time;
-use crate::fit::{FitOptions, Outcome, State};
+use crate::fit::{FitOptions, Loss, Outcome, State};
 use crate::fit::{Predicted, identify};
 use crate::log_check::{LogFinding, LogFindingKind};
 use crate::spec::{Spec, SpecError};
@@ -102,6 +102,8 @@ pub struct DiagnosisOptions {
     pub log_findings: Vec<LogFinding>,
     /// Late channels that are left as they are logged ([`late_channel`]).
     pub as_logged: Vec<LogFindingKind>,
+    /// Loss of the fits.
+    pub loss: Loss,
     /// If true, evidence is weighed for the calibration, and no extension is proposed.
     pub only_weighs: bool,
 }

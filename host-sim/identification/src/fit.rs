@@ -7,6 +7,7 @@
 //!            (filtered as the logged torque)                         torque_low_pass, channel
 //!         -> residual and Jacobian, reduced to a small triangle      reduce, streaming_qr
 //!         -> bounded Levenberg-Marquardt from several starts         scales, coordinates, start, minimise, solve
+//!            (repeated with Huber's weights for a robust loss)       robust
 //!         -> on held-out rows                                        predict, metrics
 //!         -> parameters, errors, verdicts                            statistics, identify, outcome, verdict
 //! ```
@@ -27,6 +28,7 @@ pub mod minimise;
 pub mod outcome;
 pub mod predict;
 pub mod reduce;
+pub mod robust;
 pub mod scales;
 mod settled;
 pub mod simulate;
@@ -45,6 +47,7 @@ pub use identify::identify;
 pub use metrics::Metrics;
 pub use outcome::{Estimate, Outcome, State};
 pub use predict::{Predicted, predict};
+pub use robust::{Loss, identify_robustly};
 pub use simulate::Resolution;
 pub use solve::{FitOptions, fit};
 pub use track::{Rows, Track};

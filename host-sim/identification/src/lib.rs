@@ -11,6 +11,8 @@
 //! - [`mod@diagnose`] finds the causes of a model's error ([`diagnose::cause`]) and the gain of a better model on held-out
 //!   runs.
 //! - [`stochastic`] implements a published method for comparison.
+//! - [`prepare`] reads, checks and splits a log as every front end does; [`work`] stops long computations.
+//! - [`setting`]: how a front end names the settings that an error refers to.
 //! - [`params`] writes the parameters in the driver's format.
 //! - [`prediction`] gives the torque of a fitted model on every row of a log.
 //!
@@ -68,6 +70,10 @@ pub mod number;
 pub mod params;
 #[cfg(feature = "fit")]
 pub mod prediction;
+#[cfg(feature = "fit")]
+pub mod prepare;
+pub mod setting;
 pub mod spec;
 #[cfg(feature = "fit")]
 pub mod stochastic;
+pub mod work;

@@ -11,7 +11,7 @@
 
 mod network;
 
-use crate::data::{Dataset, JointKind};
+use crate::data::{Dataset, JointKind, Run};
 use crate::fit::dataset_tracks::tracks_with;
 use crate::fit::initial_heat::initial_heat;
 use crate::fit::initial_state::initial_state;
@@ -76,9 +76,10 @@ impl LogPrediction {
         &'a self,
         data: &'a Dataset,
     ) -> impl Iterator<Item = (&'a str, Metrics)> {
-        data.runs.iter().zip(&self.runs).map(|(run, predicted)| {
-            (run.name.as_str(), Metrics::of(pairs(&run.torque, &predicted.torque)))
-        })
+        data.runs
+            .iter()
+            .zip(&self.runs)
+            .map(|(run, predicted)| (run.name.as_str(), Metrics::of(pairs(run, &predicted.torque))))
     }
 }
 
@@ -116,7 +117,7 @@ pub fn predict_log(
         set_flags(file, track, run);
     }
     let all = data.runs.iter().zip(&runs);
-    let metrics = Metrics::of(all.flat_map(|(run, own)| pairs(&run.torque, &own.torque)));
+    let metrics = Metrics::of(all.flat_map(|(run, own)| pairs(run, &own.torque)));
     Ok(LogPrediction { metrics, remarks: remarks(file, data, &runs), runs })
 }
 
@@ -129,13 +130,11 @@ fn empty(rows: usize) -> RunPrediction {
     }
 }
 
-/// Returns measured torque, predicted torque and weight of the rows with a prediction.
-fn pairs<'a>(
-    measured: &'a [f64],
-    predicted: &'a [f64],
-) -> impl Iterator<Item = (f64, f64, f64)> + 'a {
-    let both = measured.iter().zip(predicted).filter(|(_, predicted)| predicted.is_finite());
-    both.map(|(measured, predicted)| (*measured, *predicted, 1.0))
+/// Returns measured torque, predicted torque and weight of the rows with a prediction and without a spike.
+fn pairs<'a>(run: &'a Run, predicted: &'a [f64]) -> impl Iterator<Item = (f64, f64, f64)> + 'a {
+    let both = run.torque.iter().zip(predicted).enumerate();
+    both.filter(|(row, (_, predicted))| predicted.is_finite() && !run.is_spike(*row))
+        .map(|(_, (measured, predicted))| (*measured, *predicted, 1.0))
 }
 
 fn predict_track(

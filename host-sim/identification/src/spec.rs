@@ -4,6 +4,7 @@
 //! (`--rigid-body inertia,gravity,load,offset,delay,gain`) are not part of the name: they belong to every model that is
 //! compared. In the core both are terms.
 
+use crate::setting::{Message, Setting, plain};
 use compensator_core::{LawKind, ParameterId, Parameters, Quantity, TermKind};
 use std::fmt;
 
@@ -58,9 +59,22 @@ pub struct Spec {
 }
 
 /// Error in a model name or a list of rigid-body parts; one line.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SpecError(String);
+
+impl Message for SpecError {
+    fn marked(&self) -> String {
+        self.0.clone()
+    }
+}
+
+impl fmt::Display for SpecError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&plain(&self.0))
+    }
+}
+
+impl std::error::Error for SpecError {}
 
 fn names(of: impl Iterator<Item = &'static str>) -> String {
     of.collect::<Vec<_>>().join(", ")
@@ -77,24 +91,25 @@ impl Spec {
     /// # Errors
     /// If a name is unknown (the message lists the known ones), or if the law already includes a term.
     pub fn parse(name: &str) -> Result<Self, SpecError> {
+        let asked = Setting::Model.given(name);
         let mut parts = name.split('+');
         let first = parts.next().unwrap_or_default();
         let law = LawKind::parse(first).ok_or_else(|| {
             let known = names(LawKind::ALL.iter().map(|law| law.name()));
-            SpecError(format!("--model {name}: unknown model {first:?}, expected one of {known}"))
+            SpecError(format!("{asked}: unknown model {first:?}, expected one of {known}"))
         })?;
         let mut spec = Self::law(law);
         for part in parts {
             let term = TermKind::parse(part).ok_or_else(|| {
                 let known = names(TermKind::ALL.iter().map(|term| term.name()));
-                SpecError(format!("--model {name}: unknown term {part:?}, expected one of {known}"))
+                SpecError(format!("{asked}: unknown term {part:?}, expected one of {known}"))
             })?;
             if law.includes(term) {
                 let why = format!("{} already includes {part}", law.name());
-                return Err(SpecError(format!("--model {name}: {why}")));
+                return Err(SpecError(format!("{asked}: {why}")));
             }
             if spec.terms.contains(&term) {
-                return Err(SpecError(format!("--model {name}: {part} is named twice")));
+                return Err(SpecError(format!("{asked}: {part} is named twice")));
             }
             spec.terms.push(term);
         }
@@ -161,7 +176,8 @@ pub fn parse_rigid_body(list: &str) -> Result<Vec<TermKind>, SpecError> {
         let part = RIGID_BODY.iter().find(|part| part.name == name);
         let part = part.ok_or_else(|| {
             let known = names(RIGID_BODY.iter().map(|part| part.name));
-            SpecError(format!("--rigid-body: unknown part {name:?}, expected one of {known}"))
+            let asked = Setting::RigidBody.alone();
+            SpecError(format!("{asked}: unknown part {name:?}, expected one of {known}"))
         })?;
         if !parts.contains(&part.term) {
             parts.push(part.term);

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use friction_identification::data::{Dataset, JointKind, ReadOptions, read};
-use parquet::basic::{Compression, ZstdLevel};
+use parquet::basic::{BrotliLevel, Compression, ZstdLevel};
 use parquet::data_type::{
     BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type,
     Int96, Int96Type,
@@ -80,8 +80,12 @@ fn read_one(file: &Temporary) -> Dataset {
 
 #[test]
 fn read_with_parquet_returns_same_data_as_csv() {
-    let compressions =
-        [Compression::UNCOMPRESSED, Compression::SNAPPY, Compression::ZSTD(ZstdLevel::default())];
+    let compressions = [
+        Compression::UNCOMPRESSED,
+        Compression::SNAPPY,
+        Compression::ZSTD(ZstdLevel::default()),
+        Compression::BROTLI(BrotliLevel::default()),
+    ];
     for (at, compression) in compressions.into_iter().enumerate() {
         let data = read_one(&write(&format!("table-{at}"), compression, 2, 30));
         assert_eq!(data.joint, JointKind::Revolute);

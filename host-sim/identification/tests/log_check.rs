@@ -3,7 +3,9 @@
 use compensator_core::ParameterId;
 use friction_identification::data::{Dataset, Run, SplitRule, split};
 use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
+use friction_identification::fit::{FitOptions, Loss, Rows, identify_robustly, tracks};
 use friction_identification::log_check::{Corrections, LogFinding, LogFindingKind, check};
+use friction_identification::spec::Spec;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -300,7 +302,7 @@ fn check_with_lost_rows_and_regular_clock_reports_time_jump() {
 
 #[test]
 fn check_with_other_units_reports_suspect_unit() {
-    for (factor, word) in [(60.0 / std::f64::consts::TAU, "rpm"), (57.295_779_513, "degrees")] {
+    for (factor, word) in [(60.0 / std::f64::consts::TAU, "rpm"), (57.295_779_513, "deg/s")] {
         let findings = found(|_, c| c[1].iter_mut().for_each(|velocity| *velocity *= factor));
         let finding = only(&findings, LogFindingKind::UnitSuspect, &[]);
         near(finding.value, factor, 0.01 * factor);
@@ -361,4 +363,35 @@ fn check_with_impossible_values_leaves_out_rows() {
 fn check_with_few_rows_reports_too_little() {
     let few = found(|_, c| c.iter_mut().for_each(|column| column.truncate(30)));
     near(only(&few, LogFindingKind::TooLittle, &[LogFindingKind::Quantised]).value, 120.0, 1e-9);
+}
+
+/// Adds spikes of ten times the torque and of random sign to a fifth of the rows.
+fn spiked(run: usize, columns: &mut Columns) {
+    let mut random = Pcg64::seed_from_u64(100 + run as u64);
+    for torque in &mut columns[2] {
+        let size = if random.random::<bool>() { 20.0 } else { -20.0 };
+        *torque += if random.random::<f64>() < 0.2 { size } else { 0.0 };
+    }
+}
+
+#[test]
+fn check_with_many_spikes_keeps_the_fit() {
+    let checked = check(log(spiked), Corrections::default());
+    let share = only(&checked.findings, LogFindingKind::Outlier, &[]).value;
+    near(share, 0.2, 0.01);
+    let level = |data: &Dataset, loss| {
+        let spec = Spec::parse("lugre").expect("a model");
+        let base = spec.parameters().expect("parameters");
+        let tracks = tracks(data);
+        let rows = Rows { tracks: &tracks, decimate: 1 };
+        let fit = identify_robustly(loss, &spec, &base, rows, rows, &FitOptions::default());
+        fit.expect("a fit").parameters.get(ParameterId::CoulombTorque)
+    };
+    let clean = level(&log(|_, _| ()), Loss::Squares);
+    for loss in [Loss::Squares, Loss::Huber] {
+        near(level(&checked.data, loss) / clean, 1.0, 0.01);
+    }
+    let as_logged = check(log(spiked), Corrections { outliers: false, ..Corrections::default() });
+    assert!(as_logged.findings.iter().any(|found| !found.corrected));
+    assert_eq!(as_logged.data.runs[0].torque, log(spiked).runs[0].torque);
 }

@@ -67,6 +67,10 @@ impl Paper for Damper {
         "a rotary friction damper: LuGre, named causes, and a network, on its authors' measurements"
     }
 
+    fn usual_minutes(&self, quick: bool) -> f64 {
+        if quick { 1.0 } else { 10.0 }
+    }
+
     fn title(&self) -> &'static str {
         "The friction damper, measured"
     }

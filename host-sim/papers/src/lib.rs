@@ -67,6 +67,9 @@ pub trait Paper: Sync {
     /// Description for `--help`, without a full stop.
     fn about(&self) -> &'static str;
 
+    /// Usual duration on two cores, minutes, for the message before a run.
+    fn usual_minutes(&self, quick: bool) -> f64;
+
     /// Title of the page.
     fn title(&self) -> &'static str;
 

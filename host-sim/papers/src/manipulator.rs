@@ -42,6 +42,10 @@ impl Paper for Manipulator {
         "Four friction models in an arm of three joints, as printed and done properly"
     }
 
+    fn usual_minutes(&self, quick: bool) -> f64 {
+        if quick { 1.0 } else { 2.5 }
+    }
+
     fn title(&self) -> &'static str {
         "Four friction models in an arm of three joints"
     }

@@ -105,6 +105,10 @@ impl Paper for UnderwaterJoint {
         "The improved LuGre model of a sealed underwater joint (Ding et al.), on a simulated joint"
     }
 
+    fn usual_minutes(&self, quick: bool) -> f64 {
+        if quick { 1.0 } else { 6.0 }
+    }
+
     fn title(&self) -> &'static str {
         "The underwater joint of Ding et al., simulated"
     }

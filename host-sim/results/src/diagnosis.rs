@@ -5,6 +5,15 @@
 
 use super::json::{parameter, sources};
 use super::ranking::{left_out, probability, rejection_reason};
+#[cfg(feature = "pages")]
+use crate::Files;
+#[cfg(feature = "pages")]
+use crate::diagnosis_page::{self, DiagnosisReport};
+use crate::files::pretty;
+use crate::loop_cost::late_loop_warning;
+#[cfg(feature = "pages")]
+use crate::predicted::PredictedLog;
+use crate::provenance::parameter_file;
 use friction_identification::data::{Dataset, Split};
 use friction_identification::diagnose::calibration::Calibration;
 use friction_identification::diagnose::cause_evidence::{CauseEvidence, FIGURES};
@@ -13,6 +22,7 @@ use friction_identification::diagnose::rules::RuleDecision;
 use friction_identification::diagnose::{Diagnosis, Share, summary};
 use friction_identification::fit::Outcome;
 use friction_identification::log_check::LogFinding;
+use friction_identification::prepare::Prepared;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -22,6 +32,11 @@ use serde_json::{Map, Value, json};
 pub struct DiagnosisDocument(Value);
 
 impl DiagnosisDocument {
+    /// Sets the errors of the model of `params.toml` on all rows.
+    pub fn set_prediction(&mut self, summary: Value) {
+        self.0["prediction"] = summary;
+    }
+
     /// Returns the summary, five sentences.
     pub fn summary(&self) -> Vec<&str> {
         let sentences = self.0.get("story").and_then(Value::as_array);
@@ -135,6 +150,102 @@ fn log_finding(finding: &LogFinding) -> Value {
         "corrected": finding.corrected,
         "in_words": finding.in_words,
     })
+}
+
+/// Returns `diagnosis.json`.
+///
+/// # Errors
+/// One line, if a value cannot be represented in JSON, or the core rejects the extended model.
+pub fn json_text(found: &Diagnosis, input: &Prepared) -> Result<String, String> {
+    let predicted = PredictedLog::of_text(&parameter_text(found, input), &input.data)?;
+    document_text(found, input, &predicted)
+}
+
+fn document_text(
+    found: &Diagnosis,
+    input: &Prepared,
+    predicted: &PredictedLog,
+) -> Result<String, String> {
+    let mut document = document(found, &input.data, &input.split, &input.hashes);
+    document.set_prediction(predicted.summary.clone());
+    pretty(&document)
+}
+
+/// Returns `params.toml`.
+pub fn parameter_text(found: &Diagnosis, input: &Prepared) -> String {
+    parameter_file("diagnose", input, &transferable_model(found), found.auxiliary.as_deref())
+}
+
+/// Returns the model that a diagnosis hands out, with a warning if a driver's current loop may be too slow for it.
+pub fn transferable_model(found: &Diagnosis) -> Outcome {
+    let mut outcome = found.transferable_model();
+    outcome.verdicts.extend(late_loop_warning(&outcome.spec.terms));
+    outcome
+}
+
+/// Returns `report.html`.
+#[cfg(feature = "pages")]
+pub fn page_text(found: &Diagnosis, input: &Prepared) -> String {
+    diagnosis_page::page(&report(found, input)).render()
+}
+
+/// Returns `report.html` for a folder of many reports, which share the script of their charts
+/// ([`crate::report::Page::render_linked`]).
+#[cfg(feature = "pages")]
+fn linked_page_text(found: &Diagnosis, input: &Prepared, script_folder: &str) -> String {
+    diagnosis_page::page(&report(found, input)).render_linked(script_folder)
+}
+
+/// Returns the first screen of `report.html` as an HTML fragment, for a notebook.
+#[cfg(feature = "pages")]
+pub fn first_screen(found: &Diagnosis, input: &Prepared) -> String {
+    diagnosis_page::first_screen(&report(found, input))
+}
+
+#[cfg(feature = "pages")]
+fn report<'a>(found: &'a Diagnosis, input: &'a Prepared) -> DiagnosisReport<'a> {
+    DiagnosisReport {
+        found,
+        data: &input.data,
+        split: &input.split,
+        hashes: &input.hashes,
+        columns: &input.columns,
+        skip: input.skip,
+        seed: input.seed,
+    }
+}
+
+/// Returns the result files of a diagnosis: `diagnosis.json`, `report.html`, `params.toml`, `rows.parquet`.
+///
+/// # Errors
+/// See [`json_text`].
+#[cfg(feature = "pages")]
+pub fn files(found: &Diagnosis, input: &Prepared) -> Result<Files, String> {
+    files_with(found, input, page_text(found, input))
+}
+
+/// Returns the result files with a report that loads the script of its charts from another folder.
+///
+/// # Errors
+/// See [`json_text`].
+#[cfg(feature = "pages")]
+pub fn linked_files(
+    found: &Diagnosis,
+    input: &Prepared,
+    script_folder: &str,
+) -> Result<Files, String> {
+    files_with(found, input, linked_page_text(found, input, script_folder))
+}
+
+#[cfg(feature = "pages")]
+fn files_with(found: &Diagnosis, input: &Prepared, html: String) -> Result<Files, String> {
+    let toml = parameter_text(found, input);
+    let predicted = PredictedLog::of_text(&toml, &input.data)?;
+    let others = vec![("report.html", html.into_bytes()), ("params.toml", toml.into_bytes())];
+    let document = ("diagnosis.json", document_text(found, input, &predicted)?);
+    let mut files = Files { document, others };
+    predicted.add_rows(&input.data, &mut files)?;
+    Ok(files)
 }
 
 /// Returns the document of a diagnosis. `hashes` are those of the files, in order.

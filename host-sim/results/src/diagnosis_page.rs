@@ -1,8 +1,9 @@
 //! `report.html` of `diagnose`: what the model misses, why, and what the extension gains.
 //!
-//! The first screen shows cause, size, gain, next experiment, and a chart. Five summary sentences follow. The sections
-//! below give the evidence: the log itself, the errors, all candidates with their rejection reasons, the predictions, the
-//! residual over the named cause, the remaining residual, the parameters, the method, and the data.
+//! The first screen shows cause, size, gain and next experiment. Beside them it shows the torque over time where the effect
+//! is largest, and the error above the noise floor. Five summary sentences follow. The sections below give the evidence:
+//! the log itself, the errors, all candidates with their rejection reasons, the predictions, the residual over the named
+//! cause, the remaining residual, the parameters, the method, and the data.
 //!
 //! *Before* is the base model and *after* the extended model, in the same two colours on the whole page. A residual is
 //! logged minus simulated.
@@ -14,6 +15,7 @@
 mod bins;
 mod evidence;
 mod figures;
+mod largest_effect;
 mod lead;
 mod log;
 mod over_time;
@@ -105,6 +107,17 @@ impl Scene<'_> {
 
 /// Returns the page of a diagnosis.
 pub fn page(about: &DiagnosisReport) -> Page {
+    in_scene(about, whole_page)
+}
+
+/// Returns the first screen as an HTML fragment without scripts, for a notebook: the facts, the errors above the noise
+/// floor as bars, and the summary.
+pub fn first_screen(about: &DiagnosisReport) -> String {
+    in_scene(about, lead::fragment)
+}
+
+/// Derives the values that the page shows, and passes them on.
+fn in_scene<R>(about: &DiagnosisReport, show: impl FnOnce(&Scene) -> R) -> R {
     let DiagnosisReport { found, data, split, .. } = *about;
     let log = &found.log;
     let fits = [found.baseline.clone(), found.extended.clone()];
@@ -137,24 +150,28 @@ pub fn page(about: &DiagnosisReport) -> Page {
         all: trained.map_or_else(held, |trained| trained.joined(held())),
         memory: memory(&found.after),
     };
+    show(&scene)
+}
 
-    let mut page = Page::new(words::title(&scene), words::subtitle(&scene));
-    page.push(Block::Lead { facts: lead::facts(&scene), chart: lead::above_the_floor(&scene) });
+fn whole_page(scene: &Scene) -> Page {
+    let mut page = Page::new(words::title(scene), words::subtitle(scene));
+    let charts = largest_effect::chart(scene).into_iter().chain([lead::above_the_floor(scene)]);
+    page.push(Block::Lead { facts: lead::facts(scene), charts: charts.collect() });
     page.push(Block::Contents);
     page.push(Block::Heading("Summary".into()));
-    page.push(Block::List(summary::summary(found)));
+    page.push(Block::List(summary::summary(scene.about.found)));
     let sections = [
-        log::log(&scene),
-        gain(&scene),
-        candidates(&scene),
-        predictions(&scene),
-        evidence(&scene),
-        left_over(&scene),
-        where_in_motion(&scene),
-        parameters(&scene),
-        stochastic(&scene),
-        methods(&scene),
-        sources(&scene),
+        log::log(scene),
+        gain(scene),
+        candidates(scene),
+        predictions(scene),
+        evidence(scene),
+        left_over(scene),
+        where_in_motion(scene),
+        parameters(scene),
+        stochastic(scene),
+        methods(scene),
+        sources(scene),
     ];
     page.blocks.extend(sections.into_iter().flatten());
     page

@@ -21,9 +21,17 @@ pub struct FitDocument {
     /// The model of `params.toml`, if there are several.
     #[serde(skip_serializing_if = "Option::is_none")]
     chosen: Option<String>,
+    /// Errors of the model of `params.toml` on all rows, and the file with each row.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    prediction: Option<Value>,
 }
 
 impl FitDocument {
+    /// Sets the errors of the model of `params.toml` on all rows.
+    pub fn set_prediction(&mut self, summary: Value) {
+        self.prediction = Some(summary);
+    }
+
     /// Sets the recommended model.
     pub fn choose(&mut self, model: &Spec) {
         self.chosen = Some(model.to_string());
@@ -108,6 +116,7 @@ pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcom
         data: sources(data, split, hashes),
         models: fits.iter().map(model).collect(),
         chosen: None,
+        prediction: None,
     }
 }
 

@@ -1,6 +1,8 @@
-//! Result files of `identify`, `compare` and `diagnose`: JSON documents, header comments of `params.toml`, HTML pages.
+//! Result files of `identify`, `compare` and `diagnose`: JSON documents, `params.toml`, HTML pages; models in other forms.
 //!
-//! - [`json`]: `fit.json` and `compare.json`; [`diagnosis`]: `diagnosis.json`.
+//! - `fits` and [`diagnosis`]: all files of a command for one joint, as [`Files`].
+//! - [`json`]: `fit.json` and `compare.json`.
+//! - [`export`]: a model in other forms; [`loop_cost`]: its computing time in the driver's current loop.
 //! - [`provenance`]: the header comments of `params.toml`.
 //! - [`ranking`]: the candidates of a diagnosis and why they were rejected.
 //! - `page` and `diagnosis_page`: the HTML pages, built from the blocks of `report`.
@@ -10,18 +12,31 @@
 pub mod diagnosis;
 #[cfg(feature = "pages")]
 pub mod diagnosis_page;
+pub mod export;
+mod files;
+#[cfg(feature = "pages")]
+pub mod fits;
+#[cfg(feature = "fleet")]
+pub mod fleet;
 pub mod json;
+pub mod loop_cost;
+pub mod network;
 #[cfg(feature = "pages")]
 pub mod page;
+mod predicted;
 pub mod provenance;
 pub mod ranking;
 #[cfg(feature = "pages")]
 pub mod report;
 #[cfg(feature = "rows")]
 pub mod rows;
+#[cfg(feature = "rows")]
+pub mod table_file;
 mod write;
 
+pub use files::Files;
 pub use json::{FitDocument, document};
 #[cfg(feature = "pages")]
 pub use page::{Comparison, FitReport, compare_fits, page};
+pub use predicted::ROWS_FILE;
 pub use write::write_atomically;

@@ -3,7 +3,10 @@
 //! The comments allow a later reader to judge the file without the other results of the run.
 
 use friction_identification::data::Dataset;
+use friction_identification::fit::Outcome;
 use friction_identification::log_check::LogFinding;
+use friction_identification::params;
+use friction_identification::prepare::Prepared;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The origin of fitted parameters.
@@ -43,6 +46,23 @@ impl Provenance<'_> {
         let one_line = |line: &String| line.split_whitespace().collect::<Vec<_>>().join(" ");
         lines.iter().map(|line| format!("# {}\n", one_line(line))).collect::<String>() + "\n"
     }
+}
+
+/// Returns the text of `params.toml`: the parameters of a fit, and their origin as comments.
+pub fn parameter_file(
+    command: &str,
+    input: &Prepared,
+    fit: &Outcome,
+    auxiliary: Option<&str>,
+) -> String {
+    let from = Provenance {
+        command,
+        data: &input.data,
+        hashes: &input.hashes,
+        log_findings: &input.log_findings,
+        verdicts: &fit.verdicts,
+    };
+    from.comments() + &params::emit(fit, &input.data, auxiliary)
 }
 
 /// Formats seconds since 1970 as `2026-11-22 12:34`. The calendar follows Hinnant's `civil_from_days`: eras of 400 years

@@ -3,25 +3,26 @@
 use super::each_joint::{JointResult, each_joint};
 use super::identify::choices;
 use super::identify_network;
-use super::input::{DataArguments, LogInput, spinner};
+use super::input::{DataArguments, in_stages};
 #[cfg(feature = "papers")]
 use super::inside::{self, KnownMachine};
 use super::output::OutputArguments;
 use super::table;
+use super::words::in_options;
 use compensator_core::LawKind;
 use compensator_core::parameters::Choices;
 use friction_identification::data::SplitRule;
-use friction_identification::fit::{FitOptions, Outcome, identify};
-use friction_identification::params;
+use friction_identification::fit::FitOptions;
+use friction_identification::prepare::{Error, Prepared, identify_each};
 use friction_identification::spec::Spec;
-use friction_results::provenance::Provenance;
-use friction_results::{Comparison, FitReport, compare_fits, document};
+use friction_identification::work;
+use friction_results::fits::{ComparisonFiles, comparison_files};
 
 /// Arguments of `compare`.
 #[derive(clap::Args)]
 pub struct CompareArguments {
     #[command(flatten)]
-    data: DataArguments,
+    pub(super) data: DataArguments,
     #[command(flatten)]
     output: OutputArguments,
     /// Models to compare; all laws by default. Terms are added as in `lugre+pressure-coulomb`
@@ -50,24 +51,9 @@ fn specs(arguments: &CompareArguments) -> Result<Vec<Spec>, String> {
     }
     let parse = |name: &String| match name.as_str() {
         identify_network::MODEL => Err(identify_network::unsupported_by("compare")),
-        _ => Spec::parse(name).map_err(|error| error.to_string()),
+        _ => Spec::parse(name).map_err(in_options),
     };
     arguments.models.iter().map(parse).collect()
-}
-
-fn fits(specs: Vec<Spec>, input: &LogInput, chosen: Choices) -> Result<Vec<Outcome>, String> {
-    let options = FitOptions { passive: true, ..FitOptions::default() };
-    let mut fits = Vec::new();
-    for spec in specs {
-        let spec = spec.on(&input.rigid_body);
-        let bar = spinner(format!("fitting {spec} to {} rows", input.data.rows));
-        let mut base = spec.parameters().map_err(|error| error.to_string())?;
-        base.choices = chosen;
-        let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options);
-        fits.push(fit.map_err(|error| error.to_string())?);
-        bar.finish_and_clear();
-    }
-    Ok(fits)
 }
 
 /// Runs the command.
@@ -90,42 +76,28 @@ pub fn run(arguments: &CompareArguments) -> Result<(), String> {
 /// Compares the models on the log of one joint.
 fn compare(
     arguments: &CompareArguments,
-    input: &LogInput,
+    input: &Prepared,
     specs: Vec<Spec>,
     chosen: Choices,
 ) -> Result<JointResult, String> {
-    input.print_log_findings();
-    let fits = fits(specs, input, chosen)?;
-    let mut document = document(&input.data, &input.split, &input.hashes, &fits);
-    let study = FitReport {
-        data: &input.data,
-        split: &input.split,
-        hashes: &input.hashes,
-        test: input.test_rows(),
-        columns: &arguments.data.columns,
-        skip: arguments.data.skip,
-        fits: &fits,
-    };
-    let Comparison { page, summary, chosen } = compare_fits(&study);
+    let options = FitOptions { passive: true, ..FitOptions::default() };
+    let (fits, made) = in_stages(arguments.data.threads, || {
+        let fits = identify_each(&specs, input, chosen, &options)?;
+        work::report_stage("writing the report");
+        let made = comparison_files(&fits, input)?;
+        Ok::<_, Error>((fits, made))
+    })
+    .map_err(in_options)?;
+    let ComparisonFiles { files, summary, chosen } = made;
     let best = &fits[chosen];
-    document.choose(&best.spec);
-    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
-    let html = page.render();
-    let from = Provenance {
-        command: "compare",
-        data: &input.data,
-        hashes: &input.hashes,
-        log_findings: &input.log_findings,
-        verdicts: &best.verdicts,
-    };
-    let toml = from.comments() + &params::emit(best, &input.data, None);
     let mut text = table::models(&fits, &input.data) + "\n";
-    summary.iter().for_each(|sentence| text += &format!("{sentence}\n"));
+    for (index, sentence) in summary.iter().enumerate() {
+        text += &format!("{}. {sentence}\n", index + 1);
+    }
     text += &format!("\nparams.toml contains {}:\n", best.spec);
     best.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
     if fits.len() > 1 {
         text += "The remarks on the other models are in compare.html.\n";
     }
-    let files = vec![("compare.html", html), ("params.toml", toml)];
-    Ok(JointResult { document: ("compare.json", json), files, text })
+    Ok(JointResult { files, text })
 }

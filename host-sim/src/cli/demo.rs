@@ -8,8 +8,9 @@
 //!
 //! A wrong diagnosis is reported as such and is not an error of the command. The same seed gives the same demo.
 
-use super::input::spinner;
-use super::output::{OutputArguments, print_text};
+use super::input::{in_stages, spinner};
+use super::output::{OutputArguments, print_formatted, print_text};
+use super::words::in_options;
 use crate::benchmark::{Grade, grade};
 use crate::driver_file;
 use crate::simulated;
@@ -20,6 +21,8 @@ use friction_identification::data::{
 use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
 use friction_identification::number::figure;
 use friction_identification::params;
+use friction_identification::prepare::{Error, file_sha256};
+use friction_identification::work;
 use friction_results::diagnosis;
 use friction_results::diagnosis_page::{self, DiagnosisReport};
 use joint_bus::replay::{Plan, ReplaySetup, Tally, in_process};
@@ -58,7 +61,7 @@ impl StepPrinter {
             return Ok(());
         }
         let seconds = self.begin.elapsed().as_secs_f64();
-        print_text(&format!("[{seconds:4.1} s] {text}\n"))
+        print_formatted(&format!("[{seconds:4.1} s] {text}\n"))
     }
 }
 
@@ -71,10 +74,12 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         "Simulating an underwater joint with one hidden effect that the friction model does not contain. \
          The effect is shown at the end. (--seed {seed} repeats this demo.)"
     ))?;
+    let bar = spinner("simulating and recording".into());
     let options = Options { runs: Some(RUN_COUNT), ..Options::default() };
     let scenario = draw_with(Kind::One(effect(seed)), &[], seed, &options);
     let truth = pretty(&scenario.truth.json())?;
     record(&scenario, &truth, &arguments.output)?;
+    bar.finish_and_clear();
     printer.step(&format!(
         "Recorded {} runs with {} rows in all; the CAN traffic is in {}/trace.log.",
         scenario.log.runs.len(),
@@ -82,17 +87,17 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         out.display()
     ))?;
 
+    let bar = spinner("reading the recording".into());
     let (data, parts, hash) = read_recording(&out.join("trace.log"))?;
+    bar.finish_and_clear();
     printer.step(&format!(
         "Read {} rows back from the recording; all following steps use only these. Each of the {} runs is held out once: the models are tested on it after a fit to the other runs.",
         data.rows,
         data.runs.len()
     ))?;
-    let bar = spinner("diagnosing".into());
     let question = DiagnosisOptions { seed, ..DiagnosisOptions::default() };
-    let found = diagnose(&data, &parts, &question, &|what| bar.set_message(what.to_owned()))
-        .map_err(|error| error.to_string())?;
-    bar.finish_and_clear();
+    let diagnosis = || Ok::<_, Error>(diagnose(&data, &parts, &question, &work::report_stage)?);
+    let found = in_stages(0, diagnosis).map_err(in_options)?;
     printer.step(&format!(
         "Fitted {} and evaluated {} candidate causes{}.",
         found.baseline.spec,
@@ -100,6 +105,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         describe_extension(&found)
     ))?;
 
+    let bar = spinner("writing the report".into());
     let document = diagnosis::document(&found, &data, &parts, std::slice::from_ref(&hash));
     let value = serde_json::to_value(&document).map_err(|error| error.to_string())?;
     let toml = params::emit(&found.extended, &data, found.auxiliary.as_deref());
@@ -119,8 +125,11 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         ("params.toml", &toml),
     ];
     arguments.output.write(&files)?;
+    bar.finish_and_clear();
     printer.step("Wrote the report.")?;
+    let bar = spinner("replaying the recording".into());
     let replay = replay_on_driver(&out.join("trace.log"), &toml);
+    bar.finish_and_clear();
     printer.step(&describe_replay(&replay))?;
 
     let grade = grade(Kind::One(effect(seed)), seed, &scenario, &found);
@@ -138,7 +147,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         printer.begin.elapsed().as_secs_f64(),
         out = out.display()
     );
-    print_text(&text)
+    print_formatted(&text)
 }
 
 fn seed_from_clock() -> u64 {
@@ -174,9 +183,9 @@ fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result<
 /// Reads and splits the recording as `diagnose` does. Returns data, split and SHA-256.
 fn read_recording(file: &Path) -> Result<(Dataset, Split, String), String> {
     let files = [file.to_owned()];
-    let data = read(&files, &ReadOptions::default(), &|_, _| {}).map_err(|e| e.to_string())?;
-    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).map_err(|e| e.to_string())?;
-    Ok((data, parts, super::input::hash(file)?))
+    let data = read(&files, &ReadOptions::default(), &|_, _| {}).map_err(in_options)?;
+    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).map_err(in_options)?;
+    Ok((data, parts, file_sha256(file)?))
 }
 
 /// Describes the extended model and its gain, as the end of a sentence.

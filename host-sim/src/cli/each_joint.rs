@@ -4,17 +4,17 @@
 //! files as a single joint. The terminal shows the results one after the other, and the command's JSON file holds all
 //! of them in the list `joints`.
 
-use super::input::{DataArguments, LogInput, LogInputs};
+use super::input::{DataArguments, LogInputs};
 use super::output::{OutputArguments, file_name, print_formatted, print_text};
 use friction_identification::data::SplitRule;
+use friction_identification::prepare::Prepared;
+use friction_results::Files;
 use serde_json::{Value, json};
 
 /// Result of a command for one joint.
 pub struct JointResult {
-    /// Name and content of the JSON file.
-    pub document: (&'static str, String),
-    /// Names and contents of the other files.
-    pub files: Vec<(&'static str, String)>,
+    /// The result files.
+    pub files: Files,
     /// Text for the terminal.
     pub text: String,
 }
@@ -29,7 +29,7 @@ pub fn each_joint(
     data: &DataArguments,
     output: &OutputArguments,
     default_split: &SplitRule,
-    command: impl Fn(&LogInput) -> Result<JointResult, String>,
+    command: impl Fn(&Prepared) -> Result<JointResult, String>,
 ) -> Result<(), String> {
     let output = &output.of_run(name, &data.data);
     match data.read(default_split)? {
@@ -45,12 +45,11 @@ pub fn each_joint(
 }
 
 fn write_one(result: &JointResult, output: &OutputArguments) -> Result<(), String> {
-    let JointResult { document: (name, json), files, text } = result;
-    let mut all: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, &**text)).collect();
-    all.push((name, json));
-    output.write(&all)?;
+    let JointResult { files, text } = result;
+    let all: Vec<(&str, &[u8])> = files.all().collect();
+    output.write_bytes(&all)?;
     if output.json {
-        return print_text(json);
+        return print_text(&files.document.1);
     }
     let out = output.folder().display();
     let written: Vec<String> = all.iter().map(|(name, _)| format!("{out}/{name}")).collect();
@@ -59,27 +58,26 @@ fn write_one(result: &JointResult, output: &OutputArguments) -> Result<(), Strin
 
 fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> Result<(), String> {
     let folders = folder_names(joints.iter().map(|(joint, _)| joint.as_str()));
-    let mut files: Vec<(String, String)> = Vec::new();
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     let mut documents: Vec<Value> = Vec::new();
     let mut shown = String::new();
     let mut name = "";
     for ((joint, result), folder) in joints.iter().zip(&folders) {
-        name = result.document.0;
-        let mut document: Value =
-            serde_json::from_str(&result.document.1).map_err(|error| error.to_string())?;
+        let text;
+        (name, text) = (result.files.document.0, &result.files.document.1);
+        let mut document: Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
         document["joint"] = json!(joint);
         documents.push(document);
-        let own = result.files.iter().map(|(name, text)| (*name, text.clone()));
-        let own = own.chain([(name, result.document.1.clone())]);
-        files.extend(own.map(|(name, text)| (format!("{folder}/{name}"), text)));
+        let own = result.files.all();
+        files.extend(own.map(|(name, content)| (format!("{folder}/{name}"), content.to_vec())));
         shown += &format!("joint {joint}:\n\n{}\n", result.text);
     }
     let all = json!({ "schema": 1, "joints": documents });
     let all = serde_json::to_string_pretty(&all).map_err(|error| error.to_string())? + "\n";
-    files.push((name.to_owned(), all.clone()));
-    let all_files: Vec<(&str, &str)> =
-        files.iter().map(|(name, text)| (&**name, &**text)).collect();
-    output.write(&all_files)?;
+    files.push((name.to_owned(), all.clone().into_bytes()));
+    let all_files: Vec<(&str, &[u8])> =
+        files.iter().map(|(name, content)| (&**name, &**content)).collect();
+    output.write_bytes(&all_files)?;
     if output.json {
         return print_text(&all);
     }

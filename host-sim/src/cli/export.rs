@@ -2,7 +2,7 @@
 
 use super::output::{OutputArguments, print_text};
 use crate::driver_file;
-use crate::export::{ExportFormat, export};
+use friction_results::export::{ExportFormat, export};
 use serde_json::json;
 use std::path::PathBuf;
 

@@ -2,20 +2,21 @@
 
 use super::each_joint::{JointResult, each_joint};
 use super::identify_network;
-use super::input::{DataArguments, LogInput, spinner};
+use super::input::{DataArguments, in_stages};
 #[cfg(feature = "papers")]
 use super::inside::{self, KnownMachine};
 use super::output::OutputArguments;
 use super::table;
+use super::words::in_options;
 use crate::driver_file;
 use compensator_core::parameters::Choices;
 use compensator_core::{ParameterId, Parameters};
 use friction_identification::data::SplitRule;
-use friction_identification::fit::{FitOptions, identify};
-use friction_identification::params;
+use friction_identification::fit::{FitOptions, identify_robustly};
+use friction_identification::prepare::{Error, Prepared};
 use friction_identification::spec::Spec;
-use friction_results::provenance::Provenance;
-use friction_results::{FitReport, document, page};
+use friction_identification::work;
+use friction_results::fits::fit_files;
 use std::path::PathBuf;
 
 /// Arguments of `identify`.
@@ -114,7 +115,7 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
             |input| identify_network::run(arguments, input),
         );
     }
-    let input_spec = Spec::parse(&arguments.model).map_err(|error| error.to_string())?;
+    let input_spec = Spec::parse(&arguments.model).map_err(in_options)?;
     let fixed = parse_parameter_names("--keep", &arguments.keep)?;
     let freed = parse_parameter_names("--free", &arguments.free)?;
     each_joint("identify", &arguments.data, &arguments.output, &SplitRule::default(), |input| {
@@ -125,14 +126,13 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
 /// Fits the model to the log of one joint.
 fn fit_joint(
     arguments: &IdentifyArguments,
-    input: &LogInput,
+    input: &Prepared,
     input_spec: Spec,
     fixed: Vec<ParameterId>,
     freed: Vec<ParameterId>,
 ) -> Result<JointResult, String> {
-    input.print_log_findings();
     let spec = input_spec.on(&input.rigid_body);
-    let mut base = spec.parameters().map_err(|error| error.to_string())?;
+    let mut base = spec.parameters().map_err(in_options)?;
     let start = match &arguments.start {
         None => None,
         Some(path) => {
@@ -154,34 +154,17 @@ fn fit_joint(
         passive: true,
         ..FitOptions::default()
     };
-    let bar = spinner(format!("fitting {spec} to {} rows", input.data.rows));
-    let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options)
-        .map_err(|error| error.to_string())?;
-    bar.finish_and_clear();
-
-    let document = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(&fit));
-    let json = serde_json::to_string_pretty(&document).map_err(|error| error.to_string())? + "\n";
-    let from = Provenance {
-        command: "identify",
-        data: &input.data,
-        hashes: &input.hashes,
-        log_findings: &input.log_findings,
-        verdicts: &fit.verdicts,
-    };
-    let toml = from.comments() + &params::emit(&fit, &input.data, None);
-    let study = FitReport {
-        data: &input.data,
-        split: &input.split,
-        hashes: &input.hashes,
-        test: input.test_rows(),
-        columns: &arguments.data.columns,
-        skip: arguments.data.skip,
-        fits: std::slice::from_ref(&fit),
-    };
-    let html = page(&study).render();
+    let (fit, files) = in_stages(arguments.data.threads, || {
+        work::report_stage(&format!("fitting {spec} to {} rows", input.data.rows));
+        let (train, test) = (input.train_rows(), input.test_rows());
+        let fit = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
+        work::report_stage("writing the report");
+        let files = fit_files(&fit, input)?;
+        Ok::<_, Error>((fit, files))
+    })
+    .map_err(in_options)?;
     let models = table::models(std::slice::from_ref(&fit), &input.data);
     let mut text = format!("{}\n{models}\n", table::parameters(&fit, &input.data));
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {verdict}\n"));
-    let files = vec![("params.toml", toml), ("fit.html", html)];
-    Ok(JointResult { document: ("fit.json", json), files, text })
+    Ok(JointResult { files, text })
 }

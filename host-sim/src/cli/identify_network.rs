@@ -10,7 +10,8 @@
 
 use super::each_joint::JointResult;
 use super::identify::IdentifyArguments;
-use super::input::{LogInput, spinner};
+use super::input::{LossChoice, in_stages};
+use super::words::in_options;
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
 use friction_identification::data::{Dataset, contract};
@@ -20,14 +21,12 @@ use friction_identification::network::{
     law_substeps, predict, train,
 };
 use friction_identification::number::significant;
-use friction_identification::params;
+use friction_identification::prepare::{Error, Prepared};
 use friction_identification::spec::Spec;
-use friction_results::document;
-use friction_results::provenance::Provenance;
+use friction_identification::work;
+pub(super) use friction_results::network::MODEL;
+use friction_results::network::{TrainingResult, network_files};
 use serde_json::json;
-
-/// Name of the model.
-pub(super) const MODEL: &str = "lugre-lstm";
 
 /// Returns the error message of a command that does not support this model.
 pub(super) fn unsupported_by(command: &str) -> String {
@@ -85,25 +84,26 @@ fn parse_inputs(
 }
 
 /// Fits the model to the log of one joint.
-pub(super) fn run(arguments: &IdentifyArguments, data: &LogInput) -> Result<JointResult, String> {
-    data.print_log_findings();
+pub(super) fn run(arguments: &IdentifyArguments, data: &Prepared) -> Result<JointResult, String> {
     let quantities: Vec<(&str, Quantity)> = known_quantities(&data.data)
         .into_iter()
         .map(|quantity| (quantity.name(data.data.joint), quantity))
         .collect();
     let inputs = parse_inputs(&arguments.inputs, &quantities, &data.data.covariates)?;
+    if arguments.data.loss == LossChoice::Huber {
+        return Err(format!(
+            "--loss: found huber, expected squares or auto: {MODEL} is trained with squares"
+        ));
+    }
     if !data.rigid_body.is_empty() {
         return Err(format!(
             "--rigid-body: cannot be used with --model {MODEL}, which requires a torque column that contains friction only"
         ));
     }
-    let spec = Spec::parse(BASE).map_err(|error| error.to_string())?;
-    let base = spec.parameters().map_err(|error| error.to_string())?;
+    let spec = Spec::parse(BASE).map_err(in_options)?;
+    let base = spec.parameters().map_err(in_options)?;
     let options =
         FitOptions { starts: arguments.starts.max(1), passive: true, ..FitOptions::default() };
-    let bar = spinner(format!("fitting {BASE} to {} rows", data.data.rows));
-    let fit = identify(&spec, &base, data.train_rows(), data.test_rows(), &options)
-        .map_err(|error| error.to_string())?;
     let period_s = data.train.first().map_or(1e-3, |track| track.period_s);
     let training = TrainOptions {
         seed: arguments.data.seed,
@@ -116,9 +116,10 @@ pub(super) fn run(arguments: &IdentifyArguments, data: &LogInput) -> Result<Join
         let group =
             at.group.map_or(String::new(), |group| format!(", group {} held out", group + 1));
         let loss = significant(at.loss, 3);
-        bar.set_message(format!(
-            "training: epoch {} of {}{group}, loss {loss}",
-            at.epoch, arguments.epochs
+        let epochs = arguments.epochs;
+        work::report_stage(&format!(
+            "training: epoch {} of {epochs}{group}, loss {loss}",
+            at.epoch
         ));
     };
     let names: Vec<String> = inputs
@@ -132,15 +133,19 @@ pub(super) fn run(arguments: &IdentifyArguments, data: &LogInput) -> Result<Join
         })
         .collect();
     let task = TrainingTask { names, watches_strokes: arguments.watch_strokes, options: training };
-    let training = match *inputs.as_slice() {
-        [a] => train_network(&fit, [a], data, &task, &progress),
-        [a, b] => train_network(&fit, [a, b], data, &task, &progress),
-        [a, b, c] => train_network(&fit, [a, b, c], data, &task, &progress),
-        [a, b, c, d] => train_network(&fit, [a, b, c, d], data, &task, &progress),
-        _ => Err("--inputs: found none, expected at least one".into()),
-    }?;
-    bar.finish_and_clear();
-    joint_result(data, &fit, &training, &task.names)
+    in_stages(arguments.data.threads, || {
+        work::report_stage(&format!("fitting {BASE} to {} rows", data.data.rows));
+        let fit = identify(&spec, &base, data.train_rows(), data.test_rows(), &options)?;
+        let training = match *inputs.as_slice() {
+            [a] => train_network(&fit, [a], data, &task, &progress),
+            [a, b] => train_network(&fit, [a, b], data, &task, &progress),
+            [a, b, c] => train_network(&fit, [a, b, c], data, &task, &progress),
+            [a, b, c, d] => train_network(&fit, [a, b, c, d], data, &task, &progress),
+            _ => Err("--inputs: found none, expected at least one".to_owned()),
+        }?;
+        Ok::<_, Error>(joint_result(data, &fit, &training, &task.names)?)
+    })
+    .map_err(in_options)
 }
 
 /// Settings of the training.
@@ -152,21 +157,10 @@ struct TrainingTask {
     options: TrainOptions,
 }
 
-/// Result of the training.
-struct TrainingResult {
-    /// Content of `network.json`.
-    network: String,
-    train: Metrics,
-    test: Metrics,
-    /// Share of test rows outside the trained ranges, 0 to 1.
-    outside_share: f64,
-    epochs: usize,
-}
-
 fn train_network<const INPUTS: usize>(
     fit: &Outcome,
     inputs: [NetworkInput; INPUTS],
-    data: &LogInput,
+    data: &Prepared,
     task: &TrainingTask,
     progress: &(dyn Fn(TrainingProgress) + Sync),
 ) -> Result<TrainingResult, String> {
@@ -211,36 +205,12 @@ fn evaluate<const INPUTS: usize>(
 }
 
 fn joint_result(
-    data: &LogInput,
+    data: &Prepared,
     fit: &Outcome,
     training: &TrainingResult,
     names: &[String],
 ) -> Result<JointResult, String> {
-    let failed = |error: serde_json::Error| error.to_string();
-    let base = document(&data.data, &data.split, &data.hashes, std::slice::from_ref(fit));
-    let mut document = serde_json::to_value(&base).map_err(failed)?;
-    let model = &mut document["models"][0];
-    model["model"] = json!(MODEL);
-    model["base"] = json!({"model": BASE, "train": fit.train, "test": fit.test});
-    (model["train"], model["test"]) = (json!(training.train), json!(training.test));
-    // The network is written only if it reduces the held-out error.
-    let gains = training.test.rmse < fit.test.rmse;
-    model["network"] = json!({
-        "file": gains.then_some("network.json"), "inputs": names, "passes": training.epochs,
-        "share_of_test_rows_outside": training.outside_share,
-    });
-    let fit_json = serde_json::to_string_pretty(&document).map_err(failed)? + "\n";
-    let from = Provenance {
-        command: "identify",
-        data: &data.data,
-        hashes: &data.hashes,
-        log_findings: &data.log_findings,
-        verdicts: &fit.verdicts,
-    };
-    let mut toml = from.comments() + &params::emit(fit, &data.data, None);
-    if gains {
-        params::emit_network("network.json", &training.network, &mut toml);
-    }
+    let files = network_files(fit, training, names, data)?;
     let unit = compensator_core::Quantity::Torque.info().units[data.data.joint as usize];
     let number = |value| significant(value, 4);
     let line = |name: &str, train: &Metrics, test: &Metrics| {
@@ -261,15 +231,12 @@ fn joint_result(
     );
     text += "- the network's weights have no standard errors; the model is not passive, but |y| <= max g holds\n";
     fit.verdicts.iter().for_each(|verdict| text += &format!("- {BASE}: {verdict}\n"));
-    let mut files = vec![("params.toml", toml)];
-    if gains {
-        files.push(("network.json", training.network.clone()));
-    } else {
+    if !training.gains_on(fit) {
         text += &format!(
             "- network.json is not written: on held-out rows the network is no better than {BASE}\n"
         );
     }
-    Ok(JointResult { document: ("fit.json", fit_json), files, text })
+    Ok(JointResult { files, text })
 }
 
 #[cfg(test)]

@@ -1,27 +1,31 @@
 //! Command-line arguments of the commands that read measured data, and the reading itself.
 //!
 //! [`DataArguments`] names the files, their columns, the split into training and test rows, and the rigid-body parts.
-//! [`DataArguments::read`] reads the files, checks the log, and returns tracks that are ready to fit.
+//! [`DataArguments::read`] reads the files, checks the log, reports its problems before any fit, and returns tracks that are
+//! ready to fit.
 
+use super::output::print_message;
+use super::table;
+use super::words::{in_options, text_in_options};
 use clap::Args;
-use compensator_core::TermKind;
-use friction_identification::data::{self, DataError, Dataset, ReadOptions, Split, SplitRule};
-use friction_identification::fit::dataset_tracks::{campaign_start, tracks_since};
-use friction_identification::fit::{Rows, Track};
-use friction_identification::log_check::{
-    self, CheckedLog, Corrections, LogFinding, LogFindingKind, overview,
+use clap::builder::PossibleValuesParser;
+use friction_identification::data::{self, DataError, Preset, ReadOptions, SplitRule};
+use friction_identification::fit::Loss;
+use friction_identification::log_check::LogFindingKind;
+use friction_identification::prepare::{
+    Error, PrepareOptions, Prepared, Source, corrections, percent_of_torque, prepare,
 };
 use friction_identification::spec::parse_rigid_body;
-use indicatif::{ProgressBar, ProgressStyle};
-use sha2::{Digest, Sha256};
-use std::collections::HashSet;
-use std::io::{IsTerminal, Read};
-use std::path::{Path, PathBuf};
+use friction_identification::work::{self, Cancelled, Progress};
+use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
 
 /// The data files, and how to read and split them.
 #[derive(Args, Clone, Debug)]
 pub struct DataArguments {
-    /// One or more files of measured data: CSV, Parquet, MCAP or CAN traces
+    /// One or more files of measured data: CSV, JSON lines, Parquet, Arrow, MCAP or CAN traces; also in gzip or zip
     #[arg(required = true, value_name = "DATA")]
     pub data: Vec<PathBuf>,
     /// Files to hold out. By default whole runs are held out, or time blocks of a single run; `diagnose` holds out each
@@ -36,9 +40,15 @@ pub struct DataArguments {
     pub tail: Option<f64>,
     /// Names and units of the columns in the file: `torque_nm=tau_3:mNm,velocity_rad_s=dq_3:rpm,time_s=t:ms`. `:-Nm`
     /// reverses the sign; `:0.229rpm` is the size of one count, `:4096counts` the counts of a turn, `:0.1degC-40` a scale and
-    /// an offset; `velocity[2]` is an element of a cell that contains a list
+    /// an offset; `velocity[2]` is an element of a cell that contains a list. `help` lists the columns of each file
     #[arg(long, value_name = "a=b:unit,..", value_delimiter = ',')]
     pub columns: Vec<String>,
+    /// Tool that wrote the log; supplies names and units of columns that `--columns` does not name
+    #[arg(long, value_name = "TOOL", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
+    pub from: Option<String>,
+    /// Skip the first N lines of text of each file, above the header
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub skip_lines: usize,
     /// Torque of 100 %, for columns in percent: `--columns torque_nm=0x6077:0.1% --rated-torque 1.2Nm`
     #[arg(long, value_name = "TORQUE", value_parser = rated_torque_nm)]
     pub rated_torque: Option<f64>,
@@ -59,9 +69,13 @@ pub struct DataArguments {
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = MotionFrom::Smoothed)]
     pub motion: MotionFrom,
     /// Log problems to report without correction: velocity-noise, velocity-lag, quantised (for these the motion is used as
-    /// logged), outlier, held-channel, torque-lag
+    /// logged), wrapped-angle, outlier, held-channel, torque-lag
     #[arg(long, value_name = "KIND,..", value_delimiter = ',')]
     pub as_logged: Vec<String>,
+    /// Loss of the fits: `squares`; `huber`, where errors of single rows beyond 2.5 standard deviations count linearly;
+    /// `auto` uses huber if the torque has many spikes
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = LossChoice::Auto)]
+    pub loss: LossChoice,
     /// Seed of the choice of held-out runs; the same seed gives the same result
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
@@ -70,9 +84,13 @@ pub struct DataArguments {
     pub threads: usize,
 }
 
+/// The value of `--columns` that lists the columns.
+const COLUMNS_HELP: &str = "help";
+
 /// Parses a torque with its unit, Nm.
 fn rated_torque_nm(text: &str) -> Result<f64, String> {
-    let torque_nm = data::parse_value("torque_nm", text).map_err(|e| format!("expected {e}"))?;
+    let torque_nm = data::parse_value("torque_nm", text)
+        .map_err(|e| format!("expected {}", text_in_options(&e)))?;
     let is_torque = torque_nm.is_finite() && torque_nm > 0.0;
     is_torque.then_some(torque_nm).ok_or_else(|| "expected a positive torque".to_owned())
 }
@@ -86,53 +104,23 @@ pub enum MotionFrom {
     Logged,
 }
 
-/// The log of one joint, read, checked and split.
-pub struct LogInput {
-    /// All runs.
-    pub data: Dataset,
-    /// Training and test parts of the runs.
-    pub split: Split,
-    /// Training tracks.
-    pub train: Vec<Track>,
-    /// Test tracks.
-    pub test: Vec<Track>,
-    /// Rigid-body parts that the torque column contains besides friction.
-    pub rigid_body: Vec<TermKind>,
-    /// SHA-256 of each file.
-    pub hashes: Vec<String>,
-    /// Problems of the log itself.
-    pub log_findings: Vec<LogFinding>,
-    /// Prefix of messages, `joint NAME: `; empty for a log of one joint.
-    message_prefix: String,
-    decimate: usize,
-}
-
-impl LogInput {
-    /// Returns the training rows.
-    pub fn train_rows(&self) -> Rows<'_> {
-        Rows { tracks: &self.train, decimate: self.decimate }
-    }
-
-    /// Prints the problems of the log on standard error, so that standard output contains the result only.
-    pub fn print_log_findings(&self) {
-        for finding in &self.log_findings {
-            let prefix = &self.message_prefix;
-            eprintln!("log: {prefix}{}: {}", finding.kind.name(), finding.in_words);
-        }
-    }
-
-    /// Returns the test rows.
-    pub fn test_rows(&self) -> Rows<'_> {
-        Rows { tracks: &self.test, decimate: self.decimate }
-    }
+/// Loss of the fits.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LossChoice {
+    /// Huber's loss if the torque has many spikes, else squares.
+    Auto,
+    /// Squared errors.
+    Squares,
+    /// Huber's loss.
+    Huber,
 }
 
 /// The data of a command.
 pub enum LogInputs {
     /// The log of one joint.
-    One(Box<LogInput>),
+    One(Box<Prepared>),
     /// The logs of several joints, each with the joint's name.
-    Several(Vec<(String, LogInput)>),
+    Several(Vec<(String, Prepared)>),
 }
 
 /// Reason why a log cannot be read as the log of one joint.
@@ -149,11 +137,13 @@ impl From<String> for ReadFailure {
     }
 }
 
-impl From<DataError> for ReadFailure {
-    fn from(error: DataError) -> Self {
+impl From<Error> for ReadFailure {
+    fn from(error: Error) -> Self {
         match error {
-            DataError::SeveralJoints { column, joints, .. } => Self::Several { column, joints },
-            other => Self::Other(other.to_string()),
+            Error::Data(DataError::SeveralJoints { column, joints, .. }) => {
+                Self::Several { column, joints }
+            }
+            other => Self::Other(in_options(other)),
         }
     }
 }
@@ -165,7 +155,7 @@ impl DataArguments {
     /// # Errors
     /// Returns one line for the user.
     pub fn read(&self, default_split: &SplitRule) -> Result<LogInputs, String> {
-        let (column, joints) = match self.read_one(default_split, String::new()) {
+        let (column, joints) = match self.read_one(default_split, None) {
             Ok(input) => return Ok(LogInputs::One(Box::new(input))),
             Err(ReadFailure::Other(line)) => return Err(line),
             Err(ReadFailure::Several { column, joints }) => (column, joints),
@@ -176,7 +166,7 @@ impl DataArguments {
                 .only
                 .retain(|text| text.split_once('=').is_none_or(|(own, _)| own.trim() != column));
             alone.only.push(format!("{column}={joint}"));
-            match alone.read_one(default_split, format!("joint {joint}: ")) {
+            match alone.read_one(default_split, Some(&joint)) {
                 Ok(input) => Ok((joint, input)),
                 Err(ReadFailure::Other(line)) => Err(format!("joint {joint}: {line}")),
                 Err(ReadFailure::Several { column, joints }) => {
@@ -188,60 +178,46 @@ impl DataArguments {
         each.collect::<Result<_, _>>().map(LogInputs::Several)
     }
 
-    /// Reads the log of one joint. `message_prefix` precedes each message about it.
+    /// Reads the log of one joint. `joint` is its name if the log has several.
     fn read_one(
         &self,
         default_split: &SplitRule,
-        message_prefix: String,
-    ) -> Result<LogInput, ReadFailure> {
-        if self.threads > 0 {
-            // If the process already has a global pool (tests), that pool stays.
-            let _ = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build_global();
-        }
-        let rigid_body = parse_rigid_body(&self.rigid_body).map_err(|e| e.to_string())?;
+        joint: Option<&str>,
+    ) -> Result<Prepared, ReadFailure> {
         let files: Vec<PathBuf> = self.data.iter().chain(&self.test).cloned().collect();
-        let mut seen = HashSet::new();
-        if let Some(twice) = files.iter().find(|file| !seen.insert(*file)) {
-            return Err(format!("{}: file is given twice", twice.display()).into());
-        }
-        let correct = self.correct()?;
-        let options = ReadOptions {
-            columns: self.column_pairs()?,
-            only: self.row_filters()?,
-            skip: self.skip,
-        };
-        let bar = progress();
-        let data = data::read(&files, &options, &|done, total| {
-            bar.set_length(total);
-            bar.set_position(done);
-        })
-        .map_err(ReadFailure::from)?;
-        bar.finish_and_clear();
-        let overview_lines = overview(&data).lines(&data);
-        let CheckedLog { data, findings: log_findings, .. } = log_check::check(data, correct);
-        let split = data::split(&data, &self.split_rule(default_split)?, self.seed)?;
-        let start = campaign_start(&data);
-        let of = |parts: &[data::Part]| tracks_since(&data.select(parts), None, start);
-        let (train, test) = (of(&split.train), of(&split.test));
-        if train.is_empty() || test.is_empty() {
-            let line =
-                "found no continuous segment of at least two rows for training or for testing";
-            return Err(line.to_owned().into());
-        }
-        let hashes = files.iter().map(|file| hash(file)).collect::<Result<_, String>>()?;
-        let decimate = self.decimate as usize;
+        let options = self.options(default_split)?;
+        let mut input = in_stages(self.threads, || prepare(&Source::Files(files), &options))
+            .map_err(ReadFailure::from)?;
+        input.joint = joint.map(str::to_owned);
         // Printed after the last possible error, so that an error stays the only line.
-        overview_lines.iter().for_each(|line| eprintln!("log: {message_prefix}{line}"));
-        Ok(LogInput {
-            message_prefix,
-            data,
-            split,
-            train,
-            test,
+        print_log(&input);
+        if input.loss == Loss::Huber && self.loss == LossChoice::Auto {
+            print_lines(&input, [SPIKES.to_owned()].into_iter());
+        }
+        Ok(input)
+    }
+
+    /// Returns how a log is read, checked and split.
+    ///
+    /// # Errors
+    /// Returns one line for the user.
+    pub fn options(&self, default_split: &SplitRule) -> Result<PrepareOptions, String> {
+        let rigid_body = parse_rigid_body(&self.rigid_body).map_err(in_options)?;
+        let corrections = corrections(self.motion == MotionFrom::Smoothed, &self.as_logged)
+            .map_err(|end| format!("--as-logged: {end}"))?;
+        Ok(PrepareOptions {
+            read: self.read_options()?,
+            columns: self.columns.clone(),
+            corrections,
+            split: self.split_rule(default_split)?,
+            seed: self.seed,
             rigid_body,
-            hashes,
-            log_findings,
-            decimate,
+            decimate: self.decimate as usize,
+            loss: match self.loss {
+                LossChoice::Auto => None,
+                LossChoice::Squares => Some(Loss::Squares),
+                LossChoice::Huber => Some(Loss::Huber),
+            },
         })
     }
 
@@ -250,28 +226,35 @@ impl DataArguments {
         self.as_logged.iter().filter_map(|name| LogFindingKind::parse(name.trim())).collect()
     }
 
-    /// Returns the corrections that the log check applies.
-    fn correct(&self) -> Result<Corrections, String> {
-        let mut correct =
-            Corrections { motion: self.motion == MotionFrom::Smoothed, ..Corrections::default() };
-        for name in &self.as_logged {
-            match LogFindingKind::parse(name.trim()) {
-                Some(
-                    LogFindingKind::VelocityNoise
-                    | LogFindingKind::VelocityLag
-                    | LogFindingKind::Quantised,
-                ) => {
-                    correct.motion = false;
-                }
-                Some(LogFindingKind::Outlier) => correct.outliers = false,
-                Some(LogFindingKind::HeldChannel) => correct.held = false,
-                // The diagnosis detects this kind and reads [`Self::kinds_as_logged`].
-                Some(LogFindingKind::TorqueLag) => {}
-                Some(_) => return Err(format!("--as-logged: {name} is never corrected")),
-                None => return Err(format!("--as-logged: unknown kind {name:?}")),
-            }
+    /// Returns how the files are read.
+    fn read_options(&self) -> Result<ReadOptions, String> {
+        Ok(ReadOptions {
+            columns: self.column_pairs()?,
+            only: self.row_filters()?,
+            skip: self.skip,
+            skip_lines: self.skip_lines,
+            preset: self.from.as_deref().and_then(Preset::parse),
+            rated_torque_nm: self.rated_torque,
+            ..ReadOptions::default()
+        })
+    }
+
+    /// Returns the description of the columns that `--columns help` asks for; `None` if it is not asked for.
+    ///
+    /// # Errors
+    /// Returns one line if a file cannot be read.
+    pub fn described_columns(&self) -> Result<Option<String>, String> {
+        if self.columns.iter().all(|text| text.trim() != COLUMNS_HELP) {
+            return Ok(None);
         }
-        Ok(correct)
+        let others = self.columns.iter().filter(|text| text.trim() != COLUMNS_HELP).cloned();
+        let options = Self { columns: others.collect(), ..self.clone() }.read_options()?;
+        let files = self.data.iter().chain(&self.test);
+        let described = files.map(|file| {
+            let survey = data::survey(file, &options).map_err(in_options)?;
+            Ok(table::columns(file, &survey))
+        });
+        described.collect::<Result<Vec<_>, String>>().map(|texts| Some(texts.join("\n")))
     }
 
     fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {
@@ -288,17 +271,8 @@ impl DataArguments {
 
     /// Returns a column of `--columns` with a unit in percent of the rated torque replaced by one in Nm.
     fn in_nm(&self, column: &str) -> String {
-        let parts = || {
-            let rated_nm = self.rated_torque?;
-            let (name, share) = column.strip_suffix('%')?.rsplit_once(':')?;
-            let share = match share.trim() {
-                "" => 1.0,
-                "-" => -1.0,
-                share => share.parse::<f64>().ok()?,
-            };
-            Some((name, share * rated_nm / 100.0))
-        };
-        parts().map_or_else(|| column.to_owned(), |(name, nm)| format!("{name}:{nm}Nm"))
+        let rated = self.rated_torque.and_then(|rated_nm| percent_of_torque(column, rated_nm));
+        rated.unwrap_or_else(|| column.to_owned())
     }
 
     /// Parses `--where` into columns and their accepted values.
@@ -320,42 +294,105 @@ impl DataArguments {
             return Ok(SplitRule::Files(self.test.clone()));
         }
         if let Some(text) = &self.hold_out {
-            return SplitRule::parse_hold_out(text).map_err(|error| error.to_string());
+            return SplitRule::parse_hold_out(text).map_err(in_options);
         }
         Ok(self.tail.map_or_else(|| default_split.clone(), |share| SplitRule::Tail { share }))
     }
 }
 
-/// Returns a progress bar; it is hidden if standard error is not a terminal.
-fn progress() -> ProgressBar {
+/// Remark on a loss that the user did not select.
+const SPIKES: &str = "the loss is huber because of the spikes; --loss squares changes it";
+
+/// Prints the columns of a log and its problems on standard error, so that standard output contains the result only.
+fn print_log(input: &Prepared) {
+    let findings = input.log_findings.iter();
+    let problems = findings.map(|finding| format!("{}: {}", finding.kind.name(), finding.in_words));
+    print_lines(input, input.overview.iter().cloned().chain(problems));
+}
+
+/// Prints lines about a log, with the joint's name if the log has several.
+fn print_lines(input: &Prepared, lines: impl Iterator<Item = String>) {
+    let joint = input.joint.as_ref().map_or(String::new(), |joint| format!("joint {joint}: "));
+    lines.for_each(|line| print_message(&format!("log: {joint}{line}")));
+}
+
+/// Runs a long computation on `threads` threads, 0 for all cores. Its state is shown on standard error if that is a
+/// terminal. Ctrl-C ends the process.
+///
+/// # Errors
+/// Returns the error of the computation.
+pub fn in_stages<R: Send, E: Send + From<Cancelled>>(
+    threads: usize,
+    work: impl FnOnce() -> Result<R, E> + Send,
+) -> Result<R, E> {
+    let bar = spinner(String::new());
+    let shown = |progress: &Progress| {
+        match progress {
+            Progress::Reading { done, total } => {
+                bar.set_message(format!("reading {} of {}", HumanBytes(*done), HumanBytes(*total)));
+            }
+            Progress::Stage(stage) => bar.set_message(stage.clone()),
+        }
+        ControlFlow::Continue(())
+    };
+    let outcome = work::run(threads, &shown, work);
+    bar.finish_and_clear();
+    outcome
+}
+
+/// Returns a bar of counted items with the remaining time; it is hidden if standard error is not a terminal.
+pub fn counted_progress(what: &str, items: &str, total: u64) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("reading {wide_bar} {bytes}/{total_bytes}");
-    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    let template = format!("{what} {{wide_bar}} {{pos}}/{{len}} {items}, {{eta}} left");
+    let style = ProgressStyle::with_template(&template);
+    let bar = ProgressBar::new(total);
+    let bar = bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.tick();
+    bar
 }
 
-/// Returns a spinner; it is hidden if standard error is not a terminal.
+/// Prints a message on standard error, if that is a terminal: what a command is about to do, and how long it takes.
+pub fn announce(message: &str) {
+    if std::io::stderr().is_terminal() {
+        print_message(message);
+    }
+}
+
+/// Formats a duration: `45 s`, `8 min 20 s`, `2 h 5 min`.
+pub fn duration_in_words(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0 => "less than 1 s".to_owned(),
+        1..=119 => format!("{whole} s"),
+        120..=7199 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole / 60 % 60),
+    }
+}
+
+/// Returns a spinner with the elapsed time; it is hidden if standard error is not a terminal.
 pub fn spinner(what: String) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::new_spinner().with_message(what);
+    let style = ProgressStyle::with_template("{spinner} {wide_msg} [{elapsed}]");
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let bar = ProgressBar::new_spinner().with_style(style).with_message(what);
     bar.enable_steady_tick(std::time::Duration::from_millis(120));
     bar
 }
 
-/// Returns the SHA-256 of a file as hexadecimal digits.
-pub(super) fn hash(file: &Path) -> Result<String, String> {
-    let failed = |error: std::io::Error| format!("{}: {error}", file.display());
-    let mut reader = std::fs::File::open(file).map_err(failed)?;
-    let mut hasher = Sha256::new();
-    let mut buffer = vec![0; 1 << 20];
-    loop {
-        match reader.read(&mut buffer).map_err(failed)? {
-            0 => break,
-            read => hasher.update(&buffer[..read]),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn duration_in_words_uses_two_units_at_most() {
+        for (seconds, words) in
+            [(0.2, "less than 1 s"), (45.3, "45 s"), (500.0, "8 min 20 s"), (7500.0, "2 h 5 min")]
+        {
+            assert_eq!(duration_in_words(seconds), words);
         }
     }
-    Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

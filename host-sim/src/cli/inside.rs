@@ -1,10 +1,12 @@
 //! `--inside`: fits friction models within the known dynamics of a machine, to the angles of all joints at once.
 
-use super::input::{DataArguments, LogInputs, spinner};
+use super::input::{DataArguments, LogInputs, in_stages};
 use super::output::{OutputArguments, print_formatted, print_text};
 use friction_identification::data::SplitRule;
 use friction_identification::number::significant;
 use friction_identification::params::emit_model;
+use friction_identification::prepare::Error;
+use friction_identification::work;
 use published_experiments::coupled::{ArmLog, InsideFit, model};
 use serde_json::{Value, json};
 
@@ -47,13 +49,15 @@ pub fn run(
         ));
     }
     let log = ArmLog::new(&logs, &held_out, starts)?;
-    let fits = models.into_iter().map(|model| {
-        let bar = spinner(format!("fitting {} within the dynamics of the arm", model.name));
-        let fit = log.fit(model);
-        bar.finish_and_clear();
-        fit
-    });
-    let mut fits: Vec<InsideFit> = fits.collect::<Result<_, String>>()?;
+    let mut fits = in_stages(data.threads, || {
+        let fits = models.into_iter().map(|model| {
+            let name = &model.name;
+            work::report_stage(&format!("fitting {name} within the dynamics of the arm"));
+            Ok(log.fit(model)?)
+        });
+        fits.collect::<Result<Vec<InsideFit>, Error>>()
+    })
+    .map_err(|error| error.to_string())?;
     let all = |fit: &InsideFit| fit.test_deg.iter().map(|error| error * error).sum::<f64>();
     fits.sort_by(|a, b| all(a).total_cmp(&all(b)));
 

@@ -58,6 +58,7 @@ pub fn run(arguments: &MonitorArguments) -> Result<(), String> {
     let mut session = Session::new(arguments.bus.node_id, arguments.listen, bus.now_ns());
     session.set_bit_rate(arguments.bus.bit_rate.bits_per_second());
     let name = arguments.bus.bus.to_string();
+    session.set_bus(&name);
     if lines {
         let name = if is_demo { "loop (demo: a simulated joint in this process)" } else { &name };
         let mut bus = bus;

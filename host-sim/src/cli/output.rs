@@ -156,6 +156,17 @@ pub fn print_formatted(text: &str) -> Result<(), String> {
     print_text(&terminal::format_for_terminal(text, width.clamp(40, 120), colour))
 }
 
+/// Prints a message on standard error. On a terminal it is wrapped to its width.
+pub fn print_message(line: &str) {
+    let err = std::io::stderr();
+    if !err.is_terminal() {
+        eprintln!("{line}");
+        return;
+    }
+    let width = tcgetwinsize(&err).map_or(80, |size| usize::from(size.ws_col));
+    eprint!("{}", terminal::format_for_terminal(line, width.clamp(40, 120), false));
+}
+
 /// Prints a text unchanged on standard output. A closed pipe (`| head`) is not an error, because the result files are
 /// already written.
 ///

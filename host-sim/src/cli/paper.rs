@@ -1,6 +1,6 @@
 //! `paper`: reproduces the tables and plots of a paper and shows our values beside the printed ones.
 
-use super::input::spinner;
+use super::input::{announce, duration_in_words, spinner};
 use super::output::{OutputArguments, print_formatted, print_text};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use friction_results::report::{Block, Page};
@@ -39,8 +39,11 @@ fn papers() -> impl TypedValueParser<Value = &'static dyn Paper> {
 /// Runs the command.
 pub fn run(arguments: &PaperArguments) -> Result<(), String> {
     let paper = arguments.paper;
+    let usual = duration_in_words(60.0 * paper.usual_minutes(arguments.quick));
+    announce(&format!("{} takes about {usual} on two cores", paper.name()));
     let bar = spinner(format!("{}: starting", paper.name()));
-    let progress = |words: &str| bar.set_message(format!("{}: {words}", paper.name()));
+    let progress =
+        |words: &str| bar.set_message(format!("{}: {words}, of about {usual}", paper.name()));
     let request = PaperRequest {
         quick: arguments.quick,
         seed: arguments.seed,

@@ -15,7 +15,6 @@ mod status;
 use super::bus::BusArguments;
 use super::output::print_text;
 use crate::driver_file;
-use crate::loop_cost;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
 use compensator_core::ParameterError;
@@ -26,6 +25,7 @@ use firmware::node::dictionary::{LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
 use friction_identification::data::JointKind;
 use friction_identification::params::{self, ParameterFile};
+use friction_results::loop_cost::late_loop_warning;
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::joint::JointNode;
@@ -380,7 +380,7 @@ impl Driver {
                 "warning: allow_active: the law is not passive, so compensation can keep the joint moving: {error}"
             );
         }
-        if let Some(late) = loop_cost::late_loop_warning(set.friction.model.terms.as_slice()) {
+        if let Some(late) = late_loop_warning(set.friction.model.terms.as_slice()) {
             eprintln!("warning: {late}");
         }
         let active = self.commit(&set)?;

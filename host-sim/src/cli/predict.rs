@@ -1,7 +1,8 @@
 //! `predict`: the torque of a fitted model on every row of a log.
 
-use super::input::{DataArguments, LogInput, LogInputs};
+use super::input::{DataArguments, LogInputs, in_stages};
 use super::output::{OutputArguments, print_formatted, print_text};
+use super::words::in_options;
 use crate::driver_file;
 use friction_identification::data::{Quantity, SplitRule};
 use friction_identification::fit::Resolution;
@@ -10,8 +11,11 @@ use friction_identification::params::ParameterFile;
 use friction_identification::prediction::{
     LogPrediction, PredictionOptions, PredictionStart, predict_log,
 };
-use friction_results::rows::{RowFormat, RowTable};
-use friction_results::write_atomically;
+use friction_identification::prepare::{Error, Prepared};
+use friction_identification::work;
+use friction_results::rows::RowTable;
+use friction_results::table_file::TableFormat;
+use friction_results::{ROWS_FILE, write_atomically};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -22,7 +26,7 @@ pub struct PredictArguments {
     #[arg(value_name = "PARAMS.TOML")]
     params: PathBuf,
     #[command(flatten)]
-    data: DataArguments,
+    pub(super) data: DataArguments,
     /// Result file, `.parquet` or `.csv`. Default: `rows.parquet` in a folder named after the log, such as
     /// `out/predict-my-log`
     #[arg(long, value_name = "FILE")]
@@ -49,14 +53,11 @@ enum Start {
     Rest,
 }
 
-/// Name of the result file in the default folder.
-const FILE_NAME: &str = "rows.parquet";
-
 /// Runs the command.
 pub fn run(arguments: &PredictArguments) -> Result<(), String> {
     check_arguments(arguments)?;
     let default = OutputArguments::default().of_run("predict", &arguments.data.data);
-    let file = arguments.out.clone().unwrap_or_else(|| default.folder().join(FILE_NAME));
+    let file = arguments.out.clone().unwrap_or_else(|| default.folder().join(ROWS_FILE));
     let format = row_format(&file)?;
     let model = driver_file::read(&arguments.params).map_err(|error| error.to_string())?;
     let input = match arguments.data.read(&SplitRule::LeaveOneRunOut)? {
@@ -69,7 +70,6 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
             ));
         }
     };
-    input.print_log_findings();
     let options = PredictionOptions {
         start: match arguments.start {
             Start::Fitted => PredictionStart::Fitted,
@@ -81,13 +81,16 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
             .map(|steps| Resolution { substeps: steps as usize, extrapolated: false }),
     };
     let with_path = |error| format!("{}: {error}", arguments.params.display());
-    let predicted = predict_log(&model, &input.data, &options).map_err(with_path)?;
-    let as_exported =
-        predict_log(&model, &input.data, &PredictionOptions::AS_EXPORTED).map_err(with_path)?;
+    let (predicted, as_exported) = in_stages(arguments.data.threads, || {
+        work::report_stage("predicting");
+        let by = |options| predict_log(&model, &input.data, options).map_err(with_path);
+        Ok::<_, Error>((by(&options)?, by(&PredictionOptions::AS_EXPORTED)?))
+    })
+    .map_err(in_options)?;
     let content = RowTable::new(&input.data, &predicted).emit(format)?;
     match &arguments.out {
         Some(file) => write_file(file, &content)?,
-        None => default.write_bytes(&[(FILE_NAME, &content)])?,
+        None => default.write_bytes(&[(ROWS_FILE, &content)])?,
     }
     let start = clap::ValueEnum::to_possible_value(&arguments.start);
     let start = start.map_or(String::new(), |value| value.get_name().to_owned());
@@ -118,10 +121,10 @@ fn check_arguments(arguments: &PredictArguments) -> Result<(), String> {
     }
 }
 
-fn row_format(file: &Path) -> Result<RowFormat, String> {
+fn row_format(file: &Path) -> Result<TableFormat, String> {
     match file.extension().and_then(|name| name.to_str()) {
-        Some("parquet") => Ok(RowFormat::Parquet),
-        Some("csv") => Ok(RowFormat::Csv),
+        Some("parquet") => Ok(TableFormat::Parquet),
+        Some("csv") => Ok(TableFormat::Csv),
         _ => Err(format!(
             "--out: found {}, expected a name ending in .parquet or .csv",
             file.display()
@@ -137,14 +140,14 @@ fn write_file(file: &Path, content: &[u8]) -> Result<(), String> {
     write_atomically(file, content).map_err(|error| failed(file, error))
 }
 
-fn unit(input: &LogInput) -> &'static str {
+fn unit(input: &Prepared) -> &'static str {
     Quantity::Torque.info().units[input.data.joint as usize]
 }
 
 fn document(
     file: &Path,
     model: &ParameterFile,
-    input: &LogInput,
+    input: &Prepared,
     [predicted, as_exported]: [&LogPrediction; 2],
     start: &str,
 ) -> Result<String, String> {
@@ -166,7 +169,7 @@ const MAX_LISTED_RUNS: usize = 12;
 fn text(
     file: &Path,
     model: &ParameterFile,
-    input: &LogInput,
+    input: &Prepared,
     [predicted, as_exported]: [&LogPrediction; 2],
 ) -> String {
     let (metrics, unit) = (&predicted.metrics, unit(input));

@@ -1,7 +1,7 @@
 //! `replay`: replays a CAN trace to a joint driver and compares every answer with the core, bit for bit.
 
 use super::bus::BusArguments;
-use super::input::spinner;
+use super::input::{announce, counted_progress, duration_in_words};
 use super::output::{OutputArguments, print_text};
 use crate::driver_file;
 use firmware::hil::NumberType;
@@ -88,6 +88,26 @@ fn faults(text: &str) -> Result<Faults, String> {
     Ok(faults)
 }
 
+/// Returns how many samples are replayed, and how long that takes. `is_virtual` is true for a bus in this process, whose
+/// clock does not wait.
+fn announcement(samples: u64, recorded_s: f64, rate: Rate, is_virtual: bool) -> String {
+    let recorded = duration_in_words(recorded_s);
+    match rate {
+        _ if is_virtual => {
+            format!("replaying {samples} samples ({recorded} recorded) as fast as this PC computes")
+        }
+        Rate::Max => {
+            format!(
+                "replaying {samples} samples ({recorded} recorded) as fast as the driver answers"
+            )
+        }
+        Rate::Times(times) => format!(
+            "replaying {samples} samples takes {} at rate {times}; --rate max is as fast as the driver answers",
+            duration_in_words(recorded_s / times)
+        ),
+    }
+}
+
 /// Runs the command. Returns exit code 1 if an answer differs or is missing.
 pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
     let words = |error: &dyn std::error::Error| error.to_string();
@@ -115,10 +135,11 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
     };
     let core = set_up(&mut client, node, &setup).map_err(|error| words(&error))?;
     let setup = core.setup();
-    let bar = spinner("replaying".into());
-    let mut report_progress = |progress: ReplayProgress| {
-        bar.set_message(format!("{} of {} samples", progress.samples, progress.of));
-    };
+    let recorded_s = plan.frames.last().map_or(0.0, |frame| frame.due_ns as f64 * 1e-9);
+    let is_virtual = arguments.bus.bus == BusName::Loop;
+    announce(&announcement(plan.samples, recorded_s, arguments.rate, is_virtual));
+    let bar = counted_progress("replaying", "samples", plan.samples);
+    let mut report_progress = |progress: ReplayProgress| bar.set_position(progress.samples);
     let check = Check::new(node, core);
     let keeps_time = arguments.bus.bus != BusName::Loop && arguments.rate != Rate::Max;
     let raised_priority = keeps_time && request_real_time();
@@ -147,7 +168,7 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
         raised_priority,
         period_s: setup.period_s,
         rate: arguments.rate,
-        is_virtual: arguments.bus.bus == BusName::Loop,
+        is_virtual,
         bit_rate: arguments.bus.bit_rate.bits_per_second(),
     };
     let report = ReplayReport::new(&about, &plan, played);
@@ -162,4 +183,25 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
         disarmed.map_err(|error| words(&error))?;
     }
     Ok(if report.holds { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn announcement_states_duration_at_the_rate() {
+        let at_one = announcement(500_000, 500.0, Rate::Times(1.0), false);
+        assert!(
+            at_one.starts_with("replaying 500000 samples takes 8 min 20 s at rate 1;"),
+            "{at_one}"
+        );
+        assert!(
+            announcement(500, 500.0, Rate::Times(10.0), false).contains("takes 50 s at rate 10")
+        );
+        for (rate, is_virtual) in [(Rate::Max, false), (Rate::Times(1.0), true)] {
+            let unknown = announcement(500, 500.0, rate, is_virtual);
+            assert!(unknown.contains("(8 min 20 s recorded) as fast as"), "{unknown}");
+        }
+    }
 }

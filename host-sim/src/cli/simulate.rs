@@ -3,6 +3,7 @@
 //! Without `--hide`, load and pressure act on the joint as in the model of Ding et al. With `--hide`, a random campaign
 //! contains none, one or two hidden effects that a diagnosis has to find.
 
+use super::input::spinner;
 use super::output::{OutputArguments, print_text};
 use crate::simulated;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -97,6 +98,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), String> {
         steady: arguments.steady,
         hide: arguments.hide.clone(),
     };
+    let bar = spinner(format!("simulating {}", arguments.scenario.name()));
     let Simulated { log, csv, truth, hidden } = arguments.scenario.simulate(&request)?;
     let json = serde_json::to_string_pretty(&truth).map_err(|e| e.to_string())? + "\n";
     let mut files = vec![("data.csv", csv.as_str()), ("truth.json", json.as_str())];
@@ -105,6 +107,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), String> {
     let trace = trace(&log, format).map_err(|error| format!("{name}: {error}"))?;
     files.extend(trace.as_ref().map(|trace| (name.as_str(), trace.as_str())));
     arguments.output.write(&files)?;
+    bar.finish_and_clear();
     if arguments.output.json {
         return print_text(&json);
     }

@@ -1,12 +1,13 @@
 //! Tables and texts of the results for the terminal.
 
 use comfy_table::{CellAlignment, Table, presets};
-use friction_identification::data::Dataset;
+use friction_identification::data::{Dataset, Survey};
 use friction_identification::diagnose::Diagnosis;
 use friction_identification::fit::{Outcome, State};
 use friction_identification::number::{figure, significant};
 use friction_identification::params::{unit, unit_in_words};
 use friction_results::ranking::{gain, left_out_in_words, ranking};
+use std::path::Path;
 
 /// Number of candidates that are listed if there is no finding.
 const LISTED_CANDIDATES: usize = 3;
@@ -51,6 +52,26 @@ pub fn models(fits: &[Outcome], data: &Dataset) -> String {
         ]);
     }
     printed(&table)
+}
+
+/// Returns the description of a file's columns, with the suggested pairs of `--columns`.
+pub fn columns(file: &Path, survey: &Survey) -> String {
+    let Survey { columns, preset } = survey;
+    let mut table = table(&["column", "values", "unit", "suggestion for --columns"], usize::MAX);
+    for column in columns {
+        let values = match (column.samples.is_empty(), column.is_numeric()) {
+            (true, _) => "none".to_owned(),
+            (false, true) => column.samples.join(" "),
+            (false, false) => format!("text: {}", column.samples.join(", ")),
+        };
+        let unit = column.unit.clone().unwrap_or_default();
+        let suggestion = column.suggestion.clone().unwrap_or_default();
+        table.add_row(vec![column.name.clone(), values, unit, suggestion]);
+    }
+    let hint = preset.map_or_else(String::new, |preset| {
+        format!("\nThis looks like a log of {0}: --from {0} names its columns.\n", preset.name())
+    });
+    format!("{}: {} columns\n\n{}\n{hint}", file.display(), columns.len(), printed(&table))
 }
 
 /// Returns a table with one row for each parameter.

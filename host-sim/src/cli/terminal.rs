@@ -12,11 +12,13 @@ const RESET: &str = "\x1b[0m";
 /// Returns the text wrapped to `width` columns, with colour codes if `colour` is set.
 pub fn format_for_terminal(text: &str, width: usize, colour: bool) -> String {
     let mut whole = String::with_capacity(text.len() + 256);
-    for line in text.lines() {
+    let mut lines = text.lines().peekable();
+    while let Some(line) = lines.next() {
         let style = if colour { line_style(line) } else { "" };
-        for (place, part) in wrap(line, width).iter().enumerate() {
+        let indent = hanging_indent(line, lines.peek().copied());
+        for (place, part) in wrap(line, width, indent).iter().enumerate() {
             if place > 0 {
-                whole.push_str(&" ".repeat(hanging_indent(line)));
+                whole.push_str(&" ".repeat(indent));
             }
             match style {
                 "" => whole.push_str(part),
@@ -52,42 +54,67 @@ fn line_style(line: &str) -> &'static str {
     }
 }
 
-/// Returns the indent of the second and following parts of a wrapped line, in columns.
-fn hanging_indent(line: &str) -> usize {
-    let blanks = line.len() - line.trim_start().len();
+/// Beginnings of lines whose other parts are indented below the text that follows.
+const LABELS: [&str; 3] = ["log: ", "written: ", "note: "];
+
+/// Returns the indent of the second and following parts of a wrapped line, in columns. `next` is the line that follows: a
+/// line with details below it is indented as these are.
+fn hanging_indent(line: &str, next: Option<&str>) -> usize {
+    let blanks = |line: &str| line.len() - line.trim_start().len();
+    let label = LABELS.iter().find(|label| line.starts_with(*label));
     let bullet = if is_numbered(line) {
         line.find(". ").map_or(0, |at| at + 2)
     } else if starts_with_text(line, "- ") {
         2
+    } else if line.starts_with('[') {
+        line.find("] ").map_or(0, |at| at + 2)
     } else {
-        0
+        label.map_or(0, |label| label.len())
     };
-    blanks + bullet
+    let of_details = next.map_or(0, blanks);
+    blanks(line) + if bullet > 0 { bullet } else { of_details.saturating_sub(blanks(line)) }
 }
 
-/// Splits a line at blanks into parts of at most `width` columns; a single longer word stays whole. Table rows are not
-/// split.
-fn wrap(line: &str, width: usize) -> Vec<String> {
+/// Units that stay on the line of their number.
+const UNITS: [&str; 10] = ["%", "Nm", "N", "Nm/Pa", "rad/s", "m/s", "rad", "s", "Hz", "A"];
+
+/// Splits a line into words. A number and its unit are one word.
+fn words(line: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for word in line.split(' ').filter(|word| !word.is_empty()) {
+        let unit = word.trim_end_matches(|letter: char| ",;:.)".contains(letter));
+        let is_number = |word: &&mut String| word.ends_with(|last: char| last.is_ascii_digit());
+        match words.last_mut().filter(is_number) {
+            Some(number) if UNITS.contains(&unit) => *number += &format!(" {word}"),
+            _ => words.push(word.to_owned()),
+        }
+    }
+    words
+}
+
+/// Splits a line at blanks into parts of at most `width` columns, of which those after the first are indented; a single
+/// longer word stays whole. Table rows are not split.
+fn wrap(line: &str, width: usize, indent: usize) -> Vec<String> {
     let is_table = line.contains(['═', '─']) || line.trim_start().contains("   ");
     if line.chars().count() <= width || is_table {
         return vec![line.to_owned()];
     }
-    let (indent, mut parts) = (hanging_indent(line), vec![String::new()]);
+    let mut parts = vec![String::new()];
     let blanks = line.len() - line.trim_start().len();
     parts[0].push_str(&line[..blanks]);
-    for word in line.split_whitespace() {
+    for word in words(line) {
         let at = parts.len() - 1;
         let room = if at == 0 { width } else { width.saturating_sub(indent) };
         let is_empty = parts[at].trim_start().is_empty();
         let is_too_long =
             parts[at].chars().count() + usize::from(!is_empty) + word.chars().count() > room;
         if is_too_long && !is_empty {
-            parts.push(word.to_owned());
+            parts.push(word);
         } else {
             if !is_empty {
                 parts[at].push(' ');
             }
-            parts[at].push_str(word);
+            parts[at].push_str(&word);
         }
     }
     parts
@@ -115,6 +142,20 @@ mod tests {
         let row =
             " lugre            0.3410     16.3 %      15.9 %     0.1602     -219690     1.1 s ";
         assert_eq!(format_for_terminal(row, 60, true), format!("{row}\n"));
+    }
+
+    #[test]
+    fn format_for_terminal_keeps_number_with_unit_and_indents_details() {
+        let text = "the error falls by 0.47 % (95 % interval 0.2 to 1.2 %) of 3.1\u{a0}Nm, so it is\n  noise\n";
+        for width in 20..60 {
+            let formatted = format_for_terminal(text, width, false);
+            let lines: Vec<&str> = formatted.lines().collect();
+            assert!(lines.iter().all(|line| !line.trim_start().starts_with('%')), "{formatted}");
+            assert!(formatted.contains("3.1\u{a0}Nm"), "{formatted}");
+            assert!(lines[1..].iter().all(|line| line.starts_with("  ")), "{formatted}");
+        }
+        let files = format_for_terminal("written: out/one.html, out/two.json", 22, false);
+        assert_eq!(files, "written: out/one.html,\n         out/two.json\n");
     }
 
     #[test]

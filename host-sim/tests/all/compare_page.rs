@@ -3,6 +3,7 @@
 //! `report_page` tests the properties of every page (no network, no markup from a file).
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use friction_identification::data::{Dataset, Run, Split, SplitRule, split};
@@ -154,10 +155,41 @@ fn page_with_missing_effect_does_not_call_residual_noise() {
         &page,
         &[
             "is not noise",
-            "+pressure-coulomb (pressure_diff_pa)",
-            "+radial-force-coulomb (radial_force_n)",
+            "run diagnose on this log: it tests on held-out rows whether the residual follows a column that lugre does not use \
+             (radial_force_n and pressure_diff_pa)",
         ],
     );
+}
+
+/// Runs host-sim in a folder and returns its standard output.
+fn run_in(folder: &Path, arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn next_step_of_compare_gains_on_held_out_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| run_in(folder.path(), arguments);
+    run(&["simulate", "underwater-joint", "--hide", "pressure-coulomb", "--seed", "5"]);
+    let compared = run(&["compare", "out/data.csv", "--models", "linear,lugre", "--out", "all"]);
+    let next = compared.lines().find(|line| line.contains("Next steps:")).unwrap();
+    assert!(next.contains("run diagnose on this log"), "{next}");
+    assert!(next.contains("does not use (pressure_diff_pa and temperature_c)"), "{next}");
+    // A term for one of these columns may increase the held-out error, so compare names none.
+    assert!(!next.contains('+'), "{next}");
+    run(&["diagnose", "out/data.csv", "--out", "why"]);
+    let document = fs::read_to_string(folder.path().join("why/diagnosis.json")).unwrap();
+    let document: Value = serde_json::from_str(&document).unwrap();
+    assert_eq!(document["cause"], "pressure-coulomb");
+    let error = |model: &str| document[model]["test_rmse"].as_f64().unwrap();
+    assert!(error("extended") < error("baseline"), "{document:#}");
+    assert!(document["extended"]["gain_ci95"][0].as_f64().unwrap() > 0.0);
 }
 
 #[test]
@@ -183,15 +215,7 @@ fn page_with_hours_between_runs_shortens_pauses() {
 #[test]
 fn identify_and_compare_write_their_page() {
     let folder = tempfile::tempdir().unwrap();
-    let run = |arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
-            .current_dir(folder.path())
-            .args(arguments)
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8_lossy(&output.stdout).into_owned()
-    };
+    let run = |arguments: &[&str]| run_in(folder.path(), arguments);
     let size = ["--runs", "3", "--seconds", "3", "--rate", "200"];
     run(&[&["simulate", "underwater-joint", "--out", "joint"], &size[..]].concat());
     let output = run(&["compare", "joint/data.csv", "--models", "linear,stribeck", "--out", "all"]);

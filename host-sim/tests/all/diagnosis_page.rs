@@ -7,6 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::{browser, picture};
+use compensator_core::Quantity;
 use friction_identification::data::{Dataset, JointKind, Split, SplitRule, split};
 use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose, summary};
 use friction_results::diagnosis_page::{DiagnosisReport, page, stochastic_section};
@@ -88,9 +89,37 @@ fn escaped(text: &str) -> String {
 
 /// The joint the README hides its cause in: `simulate underwater-joint --hide pressure-coulomb --seed 5`.
 #[test]
-fn picture_of_readme_equals_first_screen_of_page() {
+fn first_screen_of_readme_shows_effect_gain_and_possible_experiment() {
     let case = Case::hidden(Kind::One(HiddenCause::PressureCoulomb), 5);
     picture::compare(&picture::svg(&case.page(&[])));
+    let own = own_part(&case.html());
+    let charts = charts(&own);
+    assert_eq!(charts[0].0, "Torque over time", "it is the first chart");
+    let [logged, before, after] =
+        ["logged", "before", "after"].map(|name| values(&charts, "Torque over time", name));
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let [missed, left] = [&before, &after].map(|model| (mean(&logged) - mean(model)).abs());
+    assert!(missed > 0.03, "the effect is 0.044 Nm RMS, and here it is larger: {missed}");
+    assert!(left < missed / 2.0, "the extension is nearer to the logged torque: {left}, {missed}");
+    assert!(own.contains("Each logged point is the mean of"), "the noise is twice the effect");
+    // The gains of 3 % and 60 % are explained.
+    assert!(own.contains("Both are true: errors add as squares, and the noise floor of 0.0848"));
+    assert!(own.contains("is 93\u{a0}% of the squared error."));
+    // The log has no side load, so the joint may have no sensor for it.
+    let next = summary::next_experiment(&case.found);
+    assert!(!case.found.log.has_column("radial_force_n") && !next.contains("side load"), "{next}");
+}
+
+#[test]
+fn next_experiment_varies_logged_quantity_that_is_constant() {
+    let mut data = simulated::dataset(&draw(Kind::One(HiddenCause::PressureCoulomb), 5).log);
+    for run in &mut data.runs {
+        let rows = run.len();
+        run.set(Quantity::RadialForce, vec![20.0; rows]);
+    }
+    let case = Case::new(data);
+    let next = summary::next_experiment(&case.found);
+    assert_eq!(next, "Vary side load: the effect of a constant quantity cannot be identified.");
 }
 
 #[test]

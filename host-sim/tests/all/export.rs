@@ -11,8 +11,8 @@ use compensator_core::{
 };
 use friction_identification::data::JointKind;
 use friction_identification::params::{ParameterFile, emit_model};
+use friction_results::export::{ExportFormat, export};
 use host_sim::driver_file;
-use host_sim::export::{ExportFormat, export};
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 

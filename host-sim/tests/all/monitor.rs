@@ -68,6 +68,29 @@ fn monitor_with_listen_sends_no_frame() {
 }
 
 #[test]
+fn monitor_on_silent_bus_names_missing_frame_and_command() {
+    // An adapter whose bus is silent.
+    let adapter = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let bus = format!("slcan:{}", adapter.local_addr().expect("its address"));
+    let held = std::thread::spawn(move || {
+        let (mut line, _) = adapter.accept().expect("a connection");
+        let mut bytes = [0; 256];
+        while let Ok(1..) = line.read(&mut bytes) {}
+    });
+    let (code, lines, stderr) = run(&["--bus", &bus, "--listen", "--json", "--seconds", "4.2"]);
+    held.join().expect("the adapter");
+    assert_eq!((code, stderr.as_str()), (Some(0), ""));
+    let all: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let missing = |line: &Value| line["quantities"]["current_a"]["missing_frame"].clone();
+    assert!(missing(&all[1]).is_null(), "a heartbeat may take this long: {}", all[1]);
+    let command = format!("host-sim params status --bus {bus} --node-id 1");
+    let expected =
+        serde_json::json!({"name": "heartbeat", "identifier": 0x701, "command": command});
+    assert_eq!(missing(&all[3]), expected, "{lines}");
+    assert_eq!(lines.matches("no heartbeat (701h)").count(), 1, "it is logged once: {lines}");
+}
+
+#[test]
 fn monitor_with_bad_arguments_returns_one_line_error() {
     for arguments in [
         &["--seconds", "0"][..],
@@ -83,7 +106,7 @@ fn monitor_with_bad_arguments_returns_one_line_error() {
 }
 
 /// A program on its own pseudo-terminal.
-struct OnTerminal {
+pub struct OnTerminal {
     child: Child,
     keyboard: File,
     /// The program's end of the terminal, to read its modes.
@@ -93,7 +116,7 @@ struct OnTerminal {
 }
 
 impl OnTerminal {
-    fn start(command: &mut Command) -> Self {
+    pub fn start(command: &mut Command) -> Self {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
         grantpt(&master).and_then(|()| unlockpt(&master)).expect("a terminal");
         let path = ptsname(&master, Vec::new()).expect("its name").into_string().expect("UTF-8");
@@ -121,7 +144,7 @@ impl OnTerminal {
         Self { child, keyboard, own_end, screen, seen: String::new() }
     }
 
-    fn wait_for(&mut self, what: &str) {
+    pub fn wait_for(&mut self, what: &str) {
         let start = Instant::now();
         while !self.seen.contains(what) {
             assert!(start.elapsed() < Duration::from_secs(30), "no {what:?} in {:?}", self.seen);

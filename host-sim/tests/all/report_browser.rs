@@ -240,6 +240,11 @@ fn framed(page: &Path, width_px: u32) -> PathBuf {
             document.body.dataset.drawn = page.querySelectorAll(".js-plotly-plot").length;
             document.body.dataset.beyond = page.documentElement.scrollWidth - page.documentElement.clientWidth;
             document.body.dataset.out = said.join("; ");
+            const box = name => page.querySelector(".lead-" + name)?.getBoundingClientRect();
+            const parts = ["first", "main", "rest", "below"].filter(box);
+            parts.sort((a, b) => box(a).top - box(b).top || box(a).left - box(b).left);
+            document.body.dataset.order = parts.join(" ");
+            document.body.dataset.beside = parts.length && box("main").left > box("first").right;
         }}, 3000));"#
     );
     let frame = page.with_extension("frame.html");
@@ -255,14 +260,44 @@ fn framed(page: &Path, width_px: u32) -> PathBuf {
 fn page_of_400_px_width_has_no_overflow() {
     let Some(chromium) = chromium() else { return };
     let page = written_example("report_narrow.html");
-    let output = open(&chromium, &framed(&page, 400), "--dump-dom");
-    let dom = String::from_utf8_lossy(&output.stdout);
-    let said = |name: &str| {
-        let begin = format!(" data-{name}=\"");
-        let at = dom.rfind(&begin).map(|at| at + begin.len());
-        at.and_then(|at| dom[at..].split('"').next()).map(str::to_owned)
-    };
+    let said = read_frame(&chromium, &framed(&page, 400));
     assert_eq!(said("out").as_deref(), Some(""));
     assert_eq!(said("beyond").as_deref(), Some("0"));
     assert_eq!(said("drawn").as_deref(), Some("5"));
+}
+
+/// Opens a framed page and returns what its script recorded, by name.
+fn read_frame(chromium: &Path, frame: &Path) -> impl Fn(&str) -> Option<String> + use<> {
+    let output = open(chromium, frame, "--dump-dom");
+    let dom = String::from_utf8_lossy(&output.stdout).into_owned();
+    move |name: &str| {
+        let begin = format!(" data-{name}=\"");
+        let at = dom.rfind(&begin).map(|at| at + begin.len());
+        at.and_then(|at| dom[at..].split('"').next()).map(str::to_owned)
+    }
+}
+
+#[test]
+fn lead_has_first_chart_beside_facts_or_after_first_fact_if_narrow() {
+    let Some(chromium) = chromium() else { return };
+    let fact = |name: &str, text: &str| (name.to_owned(), text.to_owned());
+    let command = "Write it: `host-sim params set params.toml --bus can0`";
+    let time: Vec<f64> = (0..100).map(f64::from).collect();
+    let torque: Vec<f64> = time.iter().map(|t| stribeck(t / 50.0 - 1.0)).collect();
+    let mut page = Page::new("Diagnosis", "");
+    page.push(Block::Lead {
+        facts: vec![fact("Cause", "pressure preloads the seal"), fact("Next step", command)],
+        charts: vec![law_chart(&time, &torque), rmse_chart(&[3.0, 2.0, 1.0])],
+    });
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("report_lead.html");
+    page.write(&file).expect("written");
+    for (width_px, order, beside) in
+        [(400, "first main rest below", "false"), (1000, "first main rest below", "true")]
+    {
+        let said = read_frame(&chromium, &framed(&file, width_px));
+        assert_eq!(said("out").as_deref(), Some(""), "{width_px}");
+        assert_eq!(said("drawn").as_deref(), Some("2"), "{width_px}");
+        assert_eq!(said("order").as_deref(), Some(order), "{width_px}");
+        assert_eq!(said("beside").as_deref(), Some(beside), "{width_px}");
+    }
 }

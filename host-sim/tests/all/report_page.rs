@@ -79,6 +79,23 @@ fn page_is_self_contained() {
 }
 
 #[test]
+fn lead_has_first_chart_after_first_fact_and_code_without_breaks_in_words() {
+    let facts = [("Cause", "pressure"), ("Next step", "Run `host-sim params set --bus can0`")];
+    let facts = facts.map(|(name, text)| (name.to_owned(), text.to_owned())).to_vec();
+    let titled = |title: &str| Chart {
+        title: title.into(),
+        ..chart_of(vec![Series::line("before", vec![0.0, 1.0], vec![0.0, 1.0])])
+    };
+    let charts = vec![titled("Torque over time"), titled("Error")];
+    let html = page_of(Block::Lead { facts, charts });
+    let order =
+        ["pressure</dd>", "Torque over time</p>", "Next step</dt>", "Error</p>", "All charts:"];
+    let places: Vec<Option<usize>> = order.iter().map(|text| html.find(text)).collect();
+    assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{order:?} at {places:?}");
+    assert!(html.contains("<span>--bus</span> <span>can0</span></code>"));
+}
+
+#[test]
 fn page_without_charts_is_small() {
     let html = page_of(Block::Paragraph("nothing to draw".into()));
     assert!(html.len() < 10_000, "{} bytes", html.len());

@@ -4,6 +4,8 @@
 //! reception, so a view can show its age: a silent joint must not look like a joint at rest. The driver's own code
 //! ([`SampleAssembler`]) checks the SYNCs. Emergencies report new faults and limits at once; objects report the earlier ones.
 
+mod missing;
+
 use super::rates::{PerSecond, Rates};
 use super::sdo_poller::{Request, SdoReply};
 use super::series::Series;
@@ -42,6 +44,10 @@ fn age_s(at_ns: u64, now_ns: u64) -> f64 {
 #[derive(Debug)]
 pub struct JointView {
     node: NodeId,
+    /// Name of the bus.
+    bus: String,
+    /// Identifiers of the missing frames that were logged.
+    logged_missing: BTreeSet<u16>,
     start_ns: u64,
     inbox: SampleAssembler,
     kind: JointKind,
@@ -74,6 +80,8 @@ impl JointView {
     pub fn new(node: NodeId, start_ns: u64) -> Self {
         Self {
             node,
+            bus: "BUS".to_owned(),
+            logged_missing: BTreeSet::new(),
             start_ns,
             inbox: SampleAssembler::new(node),
             kind: JointKind::default(),
@@ -322,6 +330,7 @@ impl JointView {
             self.silent = true;
             self.log(now_ns, EventKind::Fault, "the joint is silent");
         }
+        self.log_missing(now_ns);
     }
 
     fn heartbeat_limit_ns(&self) -> u64 {
@@ -341,6 +350,11 @@ impl JointView {
     /// Returns the minimum and maximum of every quantity since the last call.
     pub fn take_line_ranges(&mut self) -> [Option<[f32; 2]>; Quantity::ALL.len()] {
         self.series.each_mut().map(Series::take_line_range)
+    }
+
+    /// Sets the name of the bus for the commands that have missing frames sent.
+    pub fn set_bus(&mut self, name: &str) {
+        name.clone_into(&mut self.bus);
     }
 
     /// Sets the bit rate for the bus load, bit/s, above 0.
@@ -437,6 +451,7 @@ impl JointView {
             unit: quantity.unit(self.kind),
             value: series.last().map(|(_, value)| value),
             unmeasured: series.is_unmeasured(),
+            missing: self.missing_frame(quantity, now_ns),
             age_s: age.map(|age_ns| age_ns as f64 * 1e-9),
             stale: age.is_some_and(|age_ns| age_ns > series.stale_ns()),
             range: series.range(),

@@ -1,5 +1,6 @@
 //! The view of a joint at one time: plain data for a screen or a line of JSON.
 
+use super::missing_frame::MissingFrame;
 use super::rates::PerSecond;
 use compensator_core::can::JointKind;
 use serde_json::{Map, Value, json};
@@ -79,6 +80,8 @@ pub struct Reading {
     pub value: Option<f32>,
     /// True if the joint reports the quantity as not measured.
     pub unmeasured: bool,
+    /// The frame that the quantity waits for; `None` if it has new values.
+    pub missing: Option<MissingFrame>,
     /// Age of the value, s.
     pub age_s: Option<f64>,
     /// True if the value is older than usual.
@@ -244,6 +247,11 @@ impl View {
                 "max": number(range.map(|[_, most]| most)),
                 "age_s": reading.age_s,
                 "stale": reading.stale,
+                "missing_frame": reading.missing.as_ref().map(|missing| json!({
+                    "name": missing.name,
+                    "identifier": missing.identifier,
+                    "command": missing.command,
+                })),
             });
             quantities.insert(reading.quantity.key().to_owned(), quantity);
         }

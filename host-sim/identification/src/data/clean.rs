@@ -15,13 +15,14 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::cell::is_list;
-use super::clock::Clock;
+use super::clock::{self, Clock};
 use super::columns::{ColumnTally, FINITE, OptionalValues, RunLabel, is_missing_value};
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{BadCell, BadRows, DataError, NAMED_BAD_ROWS, listed, quoted};
 use super::header::{Layout, OptionalColumn};
 use super::row::LogRow;
 use super::split::are_equal;
+use super::survey::{ColumnSamples, Survey};
 use compensator_core::quantity::JointKind;
 
 /// Maximum share of bad rows in a file. Above it, the file is probably misread and reading fails.
@@ -47,9 +48,22 @@ fn value_error(cell: Option<f64>, is_unbounded: bool) -> Option<&'static str> {
 fn expected_content(error: &'static str, cell: &[u8]) -> &'static str {
     if is_list(cell) {
         "a number; of a list, --columns NAME=COLUMN[0] takes the first"
+    } else if is_ambiguous_comma(cell) {
+        "a number with a point, as 1234.5: this comma may separate thousands or be the decimal point"
     } else {
         error
     }
+}
+
+/// Returns true for a number with one comma before three digits, as `1,234`.
+fn is_ambiguous_comma(cell: &[u8]) -> bool {
+    let mut parts = cell.strip_prefix(b"-").unwrap_or(cell).split(|byte| *byte == b',');
+    let has_digits = |part: Option<&[u8]>, lengths: std::ops::RangeInclusive<usize>| {
+        part.is_some_and(|part| {
+            lengths.contains(&part.len()) && part.iter().all(u8::is_ascii_digit)
+        })
+    };
+    has_digits(parts.next(), 1..=3) && has_digits(parts.next(), 3..=3) && parts.next().is_none()
 }
 
 /// The valid rows of a file.
@@ -68,6 +82,8 @@ pub(super) struct FileData {
     pub has_runs: bool,
     pub rows: usize,
     pub bad: BadRows,
+    /// The columns, if they are only described.
+    pub survey: Survey,
 }
 
 /// One run of a file.
@@ -158,6 +174,8 @@ pub(super) struct Cleaner<'a> {
     pub(super) unselected_rows: usize,
     pub(super) rows: usize,
     pub(super) bad: BadRows,
+    /// Sample values, if the columns are only described.
+    pub(super) samples: ColumnSamples,
 }
 
 impl<'a> Cleaner<'a> {
@@ -179,6 +197,7 @@ impl<'a> Cleaner<'a> {
             unselected_rows: 0,
             rows: 0,
             bad: BadRows::default(),
+            samples: ColumnSamples::default(),
             layout,
         }
     }
@@ -188,6 +207,10 @@ impl<'a> Cleaner<'a> {
     /// # Errors
     /// If the file holds more than [`MAX_RUNS`] runs.
     pub fn add_row(&mut self, number: u64, row: &impl LogRow) -> Result<(), DataError> {
+        if self.layout.is_survey {
+            self.samples.add_row(&self.layout.names, row);
+            return Ok(());
+        }
         if !self.is_selected(row) {
             self.unselected_rows += 1;
             return Ok(());
@@ -277,7 +300,8 @@ impl<'a> Cleaner<'a> {
     fn reject_cell(&mut self, number: u64, row: &impl LogRow, at: usize, error: &'static str) {
         let column = self.layout.required[at].index;
         let text = row.text(column);
-        let expected = expected_content(error, &text);
+        let date = if at == 0 { clock::date_error(&text) } else { None };
+        let expected = date.unwrap_or_else(|| expected_content(error, &text));
         self.reject_row(number, Some(column), quoted(&text), expected);
     }
 
@@ -289,6 +313,18 @@ impl<'a> Cleaner<'a> {
             let (file, expected) = (self.file.into(), expected.into());
             self.bad.first.push(BadCell { file, row, column, found, expected });
         }
+    }
+
+    /// Leaves a row out that is not passed to [`Self::add_row`], and counts it.
+    pub fn reject_sample(
+        &mut self,
+        row: u64,
+        column: Option<usize>,
+        found: String,
+        expected: &str,
+    ) {
+        self.rows += 1;
+        self.reject_row(row, column, found, expected);
     }
 
     /// Leaves a row out because it has too few or too many cells.

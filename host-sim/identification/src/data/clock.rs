@@ -8,6 +8,7 @@
 
 use super::cell::CellReader;
 use super::row::LogRow;
+use super::zone::{offset_s, split_zone};
 use chrono::{DateTime, NaiveDateTime, NaiveTime, Timelike};
 
 /// Stamps of at least this size, ns (three years), count from 1970. Smaller ones count from the start of the logger.
@@ -80,37 +81,91 @@ impl Clock {
     }
 }
 
-/// Parses a date and time of day with or without an offset from UTC, or a time of day alone. Returns ns.
+/// Nanoseconds of a second.
+const SECOND_NS: i128 = 1_000_000_000;
+
+/// Forms of a date and time of day with an offset from UTC, beside RFC 3339.
+const WITH_OFFSET: [&str; 3] =
+    ["%Y-%m-%dT%H:%M:%S%.f%z", "%Y-%m-%d %H:%M:%S%.f%z", "%Y-%m-%d %H:%M:%S%.f %z"];
+
+/// Forms of a date and time of day.
+const WITHOUT_OFFSET: [&str; 5] = [
+    "%Y-%m-%dT%H:%M:%S%.f",
+    "%Y-%m-%d %H:%M:%S%.f",
+    "%Y/%m/%d %H:%M:%S%.f",
+    "%Y-%m-%d %I:%M:%S%.f %p",
+    "%Y/%m/%d %I:%M:%S%.f %p",
+];
+
+/// Forms of a time of day.
+const TIMES_OF_DAY: [&str; 3] = ["%H:%M:%S%.f", "%I:%M:%S%.f %p", "%I:%M:%S%.f%p"];
+
+/// Parses a date and time of day with or without an offset from UTC or a time zone, or a time of day alone. Returns ns.
 fn parse_date_ns(text: &[u8]) -> Option<i128> {
-    let text = std::str::from_utf8(text).ok()?.trim().trim_matches('"');
+    parse_date(text).ok().flatten()
+}
+
+/// As [`parse_date_ns`]. Returns `None` for a text that is not a date.
+///
+/// # Errors
+/// What is expected instead, if the text is a date whose time zone cannot be known.
+fn parse_date(text: &[u8]) -> Result<Option<i128>, &'static str> {
+    let Ok(text) = std::str::from_utf8(text) else { return Ok(None) };
+    let text = text.trim().trim_matches('"');
     // Quick rejection: a column of words calls this for each of its rows.
-    if !text.as_bytes().first()?.is_ascii_digit() || !text.contains(':') {
-        return None;
+    if !text.starts_with(|c: char| c.is_ascii_digit()) || !text.contains(':') {
+        return Ok(None);
     }
-    if let Ok(stamp) = DateTime::parse_from_rfc3339(text) {
-        return Some(
-            i128::from(stamp.timestamp()) * 1_000_000_000 + i128::from(stamp.nanosecond()),
-        );
+    if let Some(stamp) = parse_with_offset(text) {
+        return Ok(Some(stamp));
     }
-    for form in ["%Y-%m-%dT%H:%M:%S%.f%z", "%Y-%m-%d %H:%M:%S%.f%z", "%Y-%m-%d %H:%M:%S%.f %z"] {
-        if let Ok(stamp) = DateTime::parse_from_str(text, form) {
-            return Some(
-                i128::from(stamp.timestamp()) * 1_000_000_000 + i128::from(stamp.nanosecond()),
-            );
+    if let Some(local) = parse_local(text) {
+        return Ok(Some(nanoseconds(local)));
+    }
+    if let Some((local, zone)) = split_zone(text) {
+        // An offset before a zone in brackets is more exact than the zone.
+        if let Some(stamp) = parse_with_offset(local) {
+            return Ok(Some(stamp));
+        }
+        if let Some(local) = parse_local(local) {
+            let offset_s = i128::from(offset_s(&local, zone)?);
+            return Ok(Some(nanoseconds(local) - offset_s * SECOND_NS));
         }
     }
-    for form in ["%Y-%m-%dT%H:%M:%S%.f", "%Y-%m-%d %H:%M:%S%.f", "%Y/%m/%d %H:%M:%S%.f"] {
-        if let Ok(stamp) = NaiveDateTime::parse_from_str(text.trim_end_matches(" UTC"), form) {
-            let stamp = stamp.and_utc();
-            return Some(
-                i128::from(stamp.timestamp()) * 1_000_000_000
-                    + i128::from(stamp.timestamp_subsec_nanos()),
-            );
-        }
-    }
-    let time = NaiveTime::parse_from_str(text, "%H:%M:%S%.f").ok()?;
-    let seconds = i128::from(time.num_seconds_from_midnight());
-    Some(seconds * 1_000_000_000 + i128::from(time.nanosecond()))
+    let time = TIMES_OF_DAY.iter().find_map(|form| NaiveTime::parse_from_str(text, form).ok());
+    Ok(time.map(|time| {
+        i128::from(time.num_seconds_from_midnight()) * SECOND_NS + i128::from(time.nanosecond())
+    }))
+}
+
+fn parse_with_offset(text: &str) -> Option<i128> {
+    let of_form = |form: &&str| DateTime::parse_from_str(text, form).ok();
+    let stamp = DateTime::parse_from_rfc3339(text).ok();
+    stamp
+        .or_else(|| WITH_OFFSET.iter().find_map(of_form))
+        .map(|stamp| i128::from(stamp.timestamp()) * SECOND_NS + i128::from(stamp.nanosecond()))
+}
+
+fn parse_local(text: &str) -> Option<NaiveDateTime> {
+    WITHOUT_OFFSET.iter().find_map(|form| NaiveDateTime::parse_from_str(text, form).ok())
+}
+
+/// Returns the nanoseconds since 1970 of a time in UTC.
+fn nanoseconds(time: NaiveDateTime) -> i128 {
+    let stamp = time.and_utc();
+    i128::from(stamp.timestamp()) * SECOND_NS + i128::from(stamp.timestamp_subsec_nanos())
+}
+
+/// Returns what a cell of the time column should hold instead, if it is a date that cannot be read.
+pub(super) fn date_error(text: &[u8]) -> Option<&'static str> {
+    parse_date(text).err()
+}
+
+/// Formats a stamp, ns since 1970, as ISO 8601 in UTC. Returns `None` if the calendar does not cover it.
+pub(super) fn format_stamp(ns: i128) -> Option<String> {
+    let seconds = i64::try_from(ns.div_euclid(1_000_000_000)).ok()?;
+    let stamp = DateTime::from_timestamp(seconds, ns.rem_euclid(1_000_000_000) as u32)?;
+    Some(stamp.format("%Y-%m-%dT%H:%M:%S%.9fZ").to_string())
 }
 
 /// Formats the origin for a message.
@@ -144,11 +199,20 @@ mod tests {
             "2024-05-01 12:00:00 UTC",
             "2024/05/01 12:00:00.000",
             "\"2024-05-01T12:00:00.000000000\"",
+            "2024-05-01 14:00:00 CEST",
+            "2024-05-01 14:00:00.0 Europe/Berlin",
+            "2024-05-01T14:00:00+02:00[Europe/Berlin]",
+            "2024-05-01 12:00:00 PM",
+            "2024-05-01 02:00:00.000 PM CEST",
         ] {
             assert_eq!(parse_date_ns(text.as_bytes()), Some(noon), "{text}");
         }
         assert_eq!(parse_date_ns(b"2024-05-01T12:00:00.123456789Z"), Some(noon + 123_456_789));
         assert_eq!(parse_date_ns(b"00:01:00.5"), Some(60_500_000_000));
+        assert_eq!(parse_date_ns(b"12:01:00.5 AM"), Some(60_500_000_000));
+        assert_eq!(parse_date_ns(b"1:00:00 pm"), Some(13 * 3_600_000_000_000));
+        assert!(date_error(b"2024-05-01 12:00:00 CST").unwrap().contains("several time zones"));
+        assert_eq!(date_error(b"noon: CST"), None);
         for text in ["", "noon", "12", "2024-05-01", "2024-13-01T12:00:00Z"] {
             assert_eq!(parse_date_ns(text.as_bytes()), None, "{text}");
         }

@@ -8,19 +8,20 @@
 //! A file is a merge if velocity or torque occurs in a smaller share of rows than [`MERGED_CHANNEL_SHARE`], at regular
 //! distances. It is a partial merge if rows with neither hold values of columns that are rare elsewhere.
 
+mod notes;
+
 use std::mem::take;
 use std::ops::Range;
 
 use super::clean::{CleanRun, Cleaner, FileData, MAX_BAD_SHARE, OpenRun};
-use super::clock;
-use super::columns::{ColumnUse, FINITE, is_missing_value};
-use super::contract::RUN;
+use super::columns::{ColumnUse, FINITE};
 use super::dataset::LeftOutColumn;
-use super::error::{BadCell, DataError, NAMED_BAD_ROWS};
+use super::error::{BadRows, DataError, NAMED_BAD_ROWS, asked_rows};
 use super::fill::{Fill, fill};
 use super::header::Layout;
-use super::order::{MIN_PAUSE_S, check_order, recordings};
+use super::order::{check_order, late_rows, recordings, sorting_order};
 use super::segment::{GAP_FACTOR, median_step};
+use super::survey::Survey;
 use super::velocity::differences;
 
 /// Maximum share of rows with a value of velocity or torque for it to be a channel with its own stamps.
@@ -59,14 +60,18 @@ impl Cleaner<'_> {
     /// # Errors
     /// If the file holds no rows, several joints, too many bad rows, or text in a column that `--columns` names.
     pub fn finish(mut self) -> Result<FileData, DataError> {
+        if self.layout.is_survey {
+            return Ok(self.described());
+        }
         self.check_not_empty()?;
         self.check_single_joint()?;
         let uses = self.column_uses()?;
         let channels = self.channel_layout();
-        let mut repeated = 0;
+        let (mut repeated, mut late) = (0, 0);
         let mut all: Vec<Recording> = Vec::new();
         let mut runs = take(&mut self.runs);
         for (at, run) in runs.iter_mut().enumerate() {
+            late += sort_rows(run);
             repeated += self.remove_backward_rows(run);
             let is_one = self.layout.run.is_some();
             let whole = 0..run.row_numbers.len();
@@ -90,6 +95,7 @@ impl Cleaner<'_> {
         self.check_bad_share()?;
         self.add_column_notes(&uses, &filled, &clean);
         self.add_row_notes(channels, other_rows, repeated, all.len() - runs.len());
+        self.add_order_note(late);
         let Layout { joint, run, optional, left_out, notes, mut sources, .. } = self.layout;
         let has_runs = run.is_some();
         for ((column, filled), column_use) in optional.iter().zip(&filled).zip(&uses) {
@@ -116,7 +122,28 @@ impl Cleaner<'_> {
             has_runs,
             rows,
             bad,
+            survey: Survey::default(),
         })
+    }
+
+    /// Returns the description of the columns instead of data.
+    fn described(self) -> FileData {
+        FileData {
+            joint: self.layout.joint,
+            runs: Vec::new(),
+            optional: Vec::new(),
+            left_out: Vec::new(),
+            notes: Vec::new(),
+            sources: Vec::new(),
+            origin_ns: None,
+            has_runs: false,
+            rows: 0,
+            bad: BadRows::default(),
+            survey: Survey {
+                columns: self.samples.finish(self.layout.names, self.layout.units),
+                preset: self.layout.suggested,
+            },
+        }
     }
 
     fn check_not_empty(&self) -> Result<(), DataError> {
@@ -126,9 +153,9 @@ impl Cleaner<'_> {
         let mut selection = self.layout.only.iter().zip(&self.selection_texts);
         if let Some((only, texts)) = selection.next_back().filter(|_| self.unselected_rows > 0) {
             let column = &self.layout.names[only.index];
-            let asked = format!("{column}={}", only.values.join(","));
+            let asked = asked_rows(column, &only.values);
             return Err(DataError::Request {
-                what: format!("{}: --where {asked}", self.file.display()),
+                what: format!("{}: {asked}", self.file.display()),
                 found: format!("none of {} rows", self.unselected_rows),
                 expected: format!("one of {}", texts.listed()),
             });
@@ -212,9 +239,6 @@ impl Cleaner<'_> {
     /// Removes the rows whose clock goes back, and returns how many rows repeat a stamp.
     fn remove_backward_rows(&mut self, run: &mut OpenRun) -> usize {
         let rows = run.row_numbers.len();
-        for column in &mut run.optional {
-            column.values.resize(if column.values.is_empty() { 0 } else { rows }, f64::NAN);
-        }
         let found = check_order(&run.required[0], self.layout.run.is_some());
         for &(row, before) in &found.backward {
             let time = &run.required[0];
@@ -400,103 +424,23 @@ impl Cleaner<'_> {
             _ => Ok(()),
         }
     }
+}
 
-    /// Adds notes on the columns that are left out or filled.
-    fn add_column_notes(
-        &mut self,
-        uses: &[ColumnUse],
-        filled: &[Option<(usize, Fill)>],
-        clean: &[CleanRun],
-    ) {
-        let is_label = |name: &String| {
-            clean.iter().all(|run| run.labels.iter().any(|(label, _)| label == name))
-        };
-        let file = self.file.display();
-        for (at, (column, column_use)) in self.layout.optional.iter().zip(uses).enumerate() {
-            let (name, header) = (&column.name, &self.layout.names[column.reading.index]);
-            let tally = &self.tallies[at];
-            if let Some((_, method)) = filled[at] {
-                let (numbers, rows) = (tally.numbers, self.rows);
-                let description = method.description();
-                // `found` holds texts in quotes, and also the words for a missing value.
-                let is_text = |cell: &&BadCell| {
-                    cell.found.starts_with('"')
-                        && !is_missing_value(cell.found.trim_matches('"').as_bytes())
-                };
-                let text = match tally.first_bad.iter().find(is_text) {
-                    Some(cell) => format!("; row {} holds {}", cell.row, cell.found),
-                    None => String::new(),
-                };
-                let count = format!("{name} is in {numbers} of {rows} rows");
-                self.layout.notes.push(format!("{file}: {count} and is {description}{text}"));
-            }
-            let is_reported = self.layout.left_out.iter().any(|column| column.name == *header);
-            let why = match column_use {
-                ColumnUse::Numeric => continue,
-                ColumnUse::Empty if is_reported => continue,
-                ColumnUse::Empty => "it holds no value",
-                ColumnUse::Text if is_label(name) => "it is text (kept as a label of each run)",
-                ColumnUse::Text => "it is text that changes inside a run",
-            };
-            self.layout.left_out.push(LeftOutColumn { name: header.clone(), why: why.into() });
-        }
-        let lost = self.layout.optional.iter().zip(uses);
-        let lost = lost.filter(|(column, of)| column.is_mapped && **of == ColumnUse::Empty);
-        for (column, _) in lost {
-            let (name, header) = (&column.name, &self.layout.names[column.reading.index]);
-            let asked = format!("--columns {name}={header}");
-            self.layout
-                .notes
-                .push(format!("{file}: {asked}: {name} is left out, as {header} holds no value"));
-        }
+/// Aligns the optional columns with the rows of a run, and sorts the rows if they are one recording in another order.
+/// Returns the number of rows that came after a later one.
+fn sort_rows(run: &mut OpenRun) -> usize {
+    let rows = run.row_numbers.len();
+    for column in &mut run.optional {
+        column.values.resize(if column.values.is_empty() { 0 } else { rows }, f64::NAN);
     }
-
-    /// Adds notes on the rows that are not in the data, and on the clock.
-    fn add_row_notes(
-        &mut self,
-        channels: ChannelLayout,
-        other_rows: usize,
-        repeated: usize,
-        extra_recordings: usize,
-    ) {
-        let mut notes = Vec::new();
-        if self.unselected_rows > 0 {
-            let asked =
-                self.layout.only.iter().map(|only| {
-                    format!("{}={}", self.layout.names[only.index], only.values.join(","))
-                });
-            let asked: Vec<String> = asked.collect();
-            notes.push(format!("{} rows are not of {}", self.unselected_rows, asked.join(" and ")));
-        }
-        if let Some(origin) = self.clock.origin_ns {
-            notes.push(format!("times count from {}", clock::format_origin(origin)));
-        }
-        if self.layout.is_position {
-            notes.push("no velocity is logged: it is the difference of the positions".into());
-        }
-        match channels {
-            ChannelLayout::Merged => notes.push(format!(
-                "velocity and torque have separate time stamps: {other_rows} rows without a torque are ignored, and \
-                 the velocity is interpolated in time at the rows with a torque"
-            )),
-            ChannelLayout::SeparateCovariates => notes.push(format!(
-                "{other_rows} rows hold neither velocity nor torque, only columns with separate time stamps"
-            )),
-            ChannelLayout::Single => {}
-        }
-        if extra_recordings > 0 {
-            notes.push(format!(
-                "there is no column {RUN}: the file is split into {} runs, at pauses of more than {MIN_PAUSE_S} s and \
-                 where the clock restarts",
-                extra_recordings + 1,
-            ));
-        }
-        if repeated > 0 {
-            notes.push(format!("{repeated} rows repeat the time stamp before them and are kept"));
-        }
-        let file = self.file.display();
-        self.layout.notes.extend(notes.into_iter().map(|note| format!("{file}: {note}")));
+    let Some(order) = sorting_order(&run.required[0], MAX_BAD_SHARE) else { return 0 };
+    let late = late_rows(&run.required[0]);
+    let optional = run.optional.iter_mut().map(|column| &mut column.values);
+    for column in run.required.iter_mut().chain(optional).filter(|column| !column.is_empty()) {
+        *column = order.iter().map(|row| column[*row]).collect();
     }
+    run.row_numbers = order.iter().map(|row| run.row_numbers[*row]).collect();
+    late
 }
 
 /// Interpolates the velocity of merged channels between its own stamps, unless they are a gap apart.

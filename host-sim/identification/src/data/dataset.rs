@@ -86,6 +86,9 @@ pub struct Run {
     /// Random draws of the true velocity minus [`Run::velocity`], rad/s or m/s, one value per row. They represent the
     /// uncertainty of the reconstructed motion ([`crate::motion`]). Empty if the velocity is used as logged.
     pub velocity_draws: Vec<Vec<f64>>,
+    /// 1 in rows whose torque was a spike and is replaced by an estimate, else 0; empty if there is none. These rows have
+    /// a valid motion, and weight 0 in fits and errors.
+    pub torque_spikes: Vec<f64>,
     /// True if [`Run::velocity`] has negligible noise: exact as logged, or smoothed ([`crate::motion`]). Its
     /// derivative may then be taken from row to row.
     pub velocity_is_smooth: bool,
@@ -114,6 +117,11 @@ impl Run {
             Quantity::Torque => self.torque = values,
             _ => self.measured.0[quantity as usize] = Some(values),
         }
+    }
+
+    /// Returns true if the torque of a row was a spike ([`Run::torque_spikes`]).
+    pub fn is_spike(&self, row: usize) -> bool {
+        self.torque_spikes.get(row).is_some_and(|spike| *spike > 0.0)
     }
 
     /// Sets a column and returns the run. See [`Run::set`].
@@ -163,6 +171,11 @@ impl Run {
             extra: self.extra.iter().map(&f).collect(),
             labels: self.labels.clone(),
             velocity_draws: self.velocity_draws.iter().map(&f).collect(),
+            torque_spikes: if self.torque_spikes.is_empty() {
+                Vec::new()
+            } else {
+                f(&self.torque_spikes)
+            },
             velocity_is_smooth: self.velocity_is_smooth,
         }
     }

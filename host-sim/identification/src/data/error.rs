@@ -11,6 +11,8 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::setting::{Message, Setting, plain};
+
 /// Number of bad rows that are reported in detail; the others are only counted.
 pub(super) const NAMED_BAD_ROWS: usize = 5;
 
@@ -31,9 +33,15 @@ pub struct BadCell {
 
 impl fmt::Display for BadCell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&plain(&self.marked()))
+    }
+}
+
+impl Message for BadCell {
+    fn marked(&self) -> String {
         let Self { file, row, column, found, expected } = self;
         let (file, column) = (file.display(), one_line(column));
-        write!(f, "{file}: row {row}, column {column}: found {found}, expected {expected}")
+        format!("{file}: row {row}, column {column}: found {found}, expected {expected}")
     }
 }
 
@@ -46,11 +54,11 @@ pub struct BadRows {
     pub first: Vec<BadCell>,
 }
 
-/// Why a log could not be read or split. Each message is one line.
-#[derive(Debug, thiserror::Error)]
+/// Why a log could not be read or split. Each message is one line. A front end names the settings in it by
+/// [`Message::worded`].
+#[derive(Debug)]
 pub enum DataError {
     /// The file cannot be opened or read to its end.
-    #[error("{}: cannot be read: {}", file.display(), one_line(&source.to_string()))]
     Io {
         /// The file, as given by the caller.
         file: PathBuf,
@@ -58,10 +66,8 @@ pub enum DataError {
         source: io::Error,
     },
     /// A cell is invalid, and the file cannot be used because of it.
-    #[error("{0}")]
     Cell(BadCell),
     /// More than [`MAX_BAD_SHARE`](super::MAX_BAD_SHARE) of the rows are bad.
-    #[error("{first} ({bad} of {rows} rows are bad, this is the first; at most 5 % may be)")]
     TooManyBad {
         /// The first bad row of the file.
         first: BadCell,
@@ -71,7 +77,6 @@ pub enum DataError {
         rows: usize,
     },
     /// The file as a whole is invalid.
-    #[error("{}: found {found}, expected {expected}", file.display())]
     File {
         /// The file, as given by the caller.
         file: PathBuf,
@@ -80,8 +85,20 @@ pub enum DataError {
         /// What was expected.
         expected: String,
     },
+    /// Required columns are missing.
+    MissingColumns {
+        /// The file, as given by the caller.
+        file: PathBuf,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: String,
+        /// The contract names of the missing columns.
+        missing: Vec<String>,
+        /// Number of columns of the file.
+        count: usize,
+    },
     /// The log holds several joints, of which one must be selected.
-    #[error("{}: found {} joints {place} ({}), expected one: --where {column}={}", file.display(), joints.len(), listed(joints), first(joints))]
     SeveralJoints {
         /// The file, as given by the caller.
         file: PathBuf,
@@ -94,7 +111,6 @@ pub enum DataError {
     },
     /// The request cannot be met with these data: for example an unknown name in `--columns`, or a hold-out that
     /// selects no rows.
-    #[error("{what}: found {found}, expected {expected}")]
     Request {
         /// The option or argument.
         what: String,
@@ -103,6 +119,70 @@ pub enum DataError {
         /// What was expected.
         expected: String,
     },
+}
+
+impl DataError {
+    /// Adds a sentence to what was expected.
+    pub(super) fn with_hint(mut self, hint: &str) -> Self {
+        if let Self::Cell(BadCell { expected, .. })
+        | Self::File { expected, .. }
+        | Self::MissingColumns { expected, .. }
+        | Self::Request { expected, .. } = &mut self
+        {
+            *expected += "; ";
+            *expected += hint;
+        }
+        self
+    }
+}
+
+impl Message for DataError {
+    fn marked(&self) -> String {
+        match self {
+            Self::Io { file, source } => {
+                format!("{}: cannot be read: {}", file.display(), one_line(&source.to_string()))
+            }
+            Self::Cell(cell) => cell.marked(),
+            Self::TooManyBad { first, bad, rows } => format!(
+                "{} ({bad} of {rows} rows are bad, this is the first; at most 5 % may be)",
+                first.marked()
+            ),
+            Self::File { file, found, expected }
+            | Self::MissingColumns { file, found, expected, .. } => {
+                format!("{}: found {found}, expected {expected}", file.display())
+            }
+            Self::SeveralJoints { file, place, column, joints } => format!(
+                "{}: found {} joints {place} ({}), expected one: {}",
+                file.display(),
+                joints.len(),
+                listed(joints),
+                Setting::Where.given(format!("{column}={}", first(joints)))
+            ),
+            Self::Request { what, found, expected } => {
+                format!("{what}: found {found}, expected {expected}")
+            }
+        }
+    }
+}
+
+impl fmt::Display for DataError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&plain(&self.marked()))
+    }
+}
+
+impl std::error::Error for DataError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Io { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}
+
+/// Returns a reference to a selection of rows, for a message.
+pub(super) fn asked_rows(column: &str, values: &[String]) -> String {
+    Setting::Where.given(format!("{column}={}", values.join(",")))
 }
 
 /// Formats the first of some names.

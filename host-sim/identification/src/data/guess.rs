@@ -6,6 +6,7 @@
 
 use super::contract;
 use super::unit;
+use compensator_core::quantity::Quantity;
 
 /// Words that name a quantity in logs of drives, ROS and MATLAB.
 const WORDS: [(&str, &[&str]); 3] = [
@@ -13,12 +14,108 @@ const WORDS: [(&str, &[&str]); 3] = [
     (
         "velocity",
         &[
-            "velocity", "vel", "speed", "omega", "dq", "qd", "qdot", "dtheta", "w", "v", "rpm",
-            "drehzahl",
+            "velocity", "velo", "vel", "speed", "omega", "dq", "qd", "qdot", "dtheta", "w", "v",
+            "rpm", "drehzahl",
         ],
     ),
     ("torque", &["torque", "tau", "effort", "moment", "force", "trq", "drehmoment", "kraft"]),
 ];
+
+/// Words that name the other quantities in a description of columns.
+const OTHER_WORDS: [(&str, &[&str]); 4] = [
+    ("position_rad", &["position", "pos", "angle", "theta", "q"]),
+    ("temperature_c", &["temperature", "temp"]),
+    ("pressure_diff_pa", &["pressure", "druck"]),
+    ("acceleration_rad_s2", &["acceleration", "accel", "ddq"]),
+];
+
+/// Words of a value that is not measured.
+const NOT_MEASURED: &[&str] = &[
+    "des",
+    "desired",
+    "cmd",
+    "command",
+    "ref",
+    "reference",
+    "target",
+    "goal",
+    "setpoint",
+    "limit",
+    "max",
+    "min",
+    "err",
+    "error",
+    "std",
+    "cov",
+    "filt",
+];
+
+/// Minimum length of a word that is recognised inside another word (`ActVelo` has none, `motorspeed` has one).
+const MIN_INNER_CHARS: usize = 4;
+
+/// Returns how well a name fits a quantity: 0 does not fit.
+pub(super) fn score(contract_name: &str, name: &str) -> u32 {
+    let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
+    let words = WORDS.iter().find(|(of, _)| about.starts_with(of)).map(|(_, words)| *words);
+    let other = OTHER_WORDS.iter().find(|(of, _)| *of == contract_name).map(|(_, words)| *words);
+    let Some(words) = words.or(other) else { return 0 };
+    let parts = parts(name);
+    let fits = |part: &String| words.contains(&&**part);
+    let inner = |word: &&&str| {
+        let is_long = word.len() >= MIN_INNER_CHARS;
+        // The beginning of a long word, too: `Velo`, `Temp`.
+        let begins = |part: &String| part.len() >= MIN_INNER_CHARS && word.starts_with(&**part);
+        is_long && parts.iter().any(|part| part.contains(**word) || begins(part))
+    };
+    let fit = match (parts.last().is_some_and(fits), parts.iter().any(fits)) {
+        (true, _) => 6,
+        (false, true) => 4,
+        _ if words.iter().any(|word| inner(&word)) => 2,
+        _ => return 0,
+    };
+    let is_measured = !parts.iter().any(|part| NOT_MEASURED.contains(&&**part));
+    if is_measured { fit } else { 1 }
+}
+
+/// Returns the words of a name in lower case. A capital inside a word begins another one.
+fn parts(name: &str) -> Vec<String> {
+    let mut parts = vec![String::new()];
+    let mut was_lower = false;
+    for c in name.chars() {
+        if !c.is_alphabetic() && c != '%' || c.is_uppercase() && was_lower {
+            parts.push(String::new());
+        }
+        was_lower = c.is_lowercase();
+        if c.is_alphabetic() || c == '%' {
+            parts.last_mut().into_iter().for_each(|part| part.extend(c.to_lowercase()));
+        }
+    }
+    parts.retain(|part| !part.is_empty());
+    parts
+}
+
+/// Returns the contract name of the quantity that a name fits best; that of a rotary joint.
+pub(super) fn quantity(name: &str) -> Option<&'static str> {
+    if let Some(own) = contract::names().find(|known| *known == name) {
+        return Some(own);
+    }
+    let all = ["time_s", "velocity_rad_s", "torque_nm"].into_iter();
+    let all = all.chain(OTHER_WORDS.iter().map(|(of, _)| *of));
+    let scored = all.map(|of| (score(of, name), of)).filter(|(score, _)| *score > 0);
+    // Of equal scores, the first: `max_by_key` would return the last.
+    scored.rev().max_by_key(|(score, _)| *score).map(|(_, of)| of)
+}
+
+/// Returns true if both contract names are of one quantity, of either joint kind.
+pub(super) fn is_same_quantity(one: &str, other: &str) -> bool {
+    let quantity = |name: &str| Quantity::parse(name).map(|(quantity, _)| quantity);
+    one == other || quantity(one).is_some() && quantity(one) == quantity(other)
+}
+
+/// Returns the unit at the end of a name, of any quantity of the contract. Units of one letter are too common.
+pub(super) fn any_unit(name: &str) -> Option<&'static str> {
+    contract::names().find_map(|of| unit::stated(of, name)).filter(|unit| unit.len() > 1)
+}
 
 /// Maximum length of a suggested name, bytes.
 const MAX_NAME_BYTES: usize = 60;
@@ -27,11 +124,7 @@ const MAX_NAME_BYTES: usize = 60;
 pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
     let (_, words) = WORDS.iter().find(|(of, _)| about.starts_with(of))?;
-    let is_alike = |name: &str| {
-        let name = name.to_lowercase();
-        let mut parts = name.split(|c: char| !c.is_alphabetic() && c != '%');
-        parts.any(|part| words.contains(&part))
-    };
+    let is_alike = |name: &str| parts(name).iter().any(|part| words.contains(&&**part));
     let mut likely = columns.iter().filter(|name| is_alike(name));
     let name = likely.next().filter(|_| likely.next().is_none())?;
     // A name that cannot be typed does not help, and a file that is not a table may hold anything.

@@ -13,13 +13,16 @@ use std::path::Path;
 use compensator_core::quantity::{JointKind, Quantity};
 
 use super::cell::CellReader;
+use super::column_names::ColumnNames;
 use super::contract::{POSITIONS, RUN, TARGETS, TIME, VELOCITIES, parse_optional};
 use super::dataset::{LeftOutColumn, SourceColumn};
-use super::error::{DataError, at_header, listed};
+use super::error::{DataError, asked_rows, at_header, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
 use super::naming::Naming;
 use super::options::ReadOptions;
+use super::preset::{Preset, PresetColumns};
 use super::unit::conversion;
+use crate::setting::Setting;
 
 /// A column other than time, velocity and torque.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,11 +76,45 @@ pub(super) struct Layout {
     pub notes: Vec<String>,
     /// The origin of each column of the data.
     pub sources: Vec<SourceColumn>,
+    /// True if the columns are only described.
+    pub is_survey: bool,
+    /// The preset that the names suggest, if the columns are only described.
+    pub suggested: Option<Preset>,
+    /// The units that the file states, if the columns are only described.
+    pub units: Vec<String>,
 }
 
 impl Layout {
+    /// Returns the layout that describes all columns without interpreting them.
+    fn of_survey(names: ColumnNames) -> Self {
+        let suggested = Preset::recognise(&names);
+        let ColumnNames { names, units, .. } = names;
+        let optional = names.iter().enumerate().map(|(index, name)| OptionalColumn {
+            quantity: None,
+            name: name.clone(),
+            reading: CellReader::plain(index),
+            is_mapped: false,
+        });
+        Self {
+            joint: JointKind::Revolute,
+            run: None,
+            required: [CellReader::plain(0); 3],
+            is_position: false,
+            velocity_kind: JointKind::Revolute,
+            optional: optional.collect(),
+            only: Vec::new(),
+            joint_names: Vec::new(),
+            left_out: Vec::new(),
+            notes: Vec::new(),
+            sources: Vec::new(),
+            is_survey: true,
+            suggested,
+            units,
+            names,
+        }
+    }
+
     /// Returns the columns of the file that must be read.
-    #[cfg(any(feature = "mcap", feature = "parquet"))]
     pub fn needed(&self) -> impl Iterator<Item = usize> {
         let required = self.required.iter().map(|reading| reading.index).chain(self.run);
         let optional = self.optional.iter().map(|column| column.reading.index);
@@ -121,7 +158,7 @@ impl Layout {
 
 /// Names of columns that identify a row's joint. A column `name` mostly names something else and is treated
 /// separately.
-const JOINT_NAMES: [&str; 14] = [
+const JOINT_NAMES: [&str; 16] = [
     "joint",
     "joint_name",
     "joint_id",
@@ -136,6 +173,8 @@ const JOINT_NAMES: [&str; 14] = [
     "actuator_id",
     "drive",
     "node_id",
+    "controller",
+    "controller_id",
 ];
 
 /// The required columns of a header.
@@ -185,8 +224,9 @@ impl RequiredColumns {
         let (velocity, target) = (self.motion.name, self.target.name);
         if !naming.is_mapped(velocity) && !naming.is_mapped(target) {
             let fitting = if target == "force_n" { "torque_nm" } else { "force_n" };
+            let mapping = Setting::Columns.alone();
             let expected =
-                format!("{fitting} for a joint with {velocity} (or --columns to map the columns)");
+                format!("{fitting} for a joint with {velocity} (or {mapping} to map the columns)");
             return Err(at_header(file, target, target, &expected));
         }
         Ok(Some(format!(
@@ -195,15 +235,37 @@ impl RequiredColumns {
     }
 }
 
-/// Interprets a header.
+/// Interprets a header, with the columns of a preset if one is given.
 ///
 /// # Errors
-/// If a required column is missing or the header is ambiguous.
+/// If a required column is missing or the header is ambiguous. The message names the preset that the names suggest.
 pub(super) fn layout(
     file: &Path,
-    names: Vec<String>,
+    names: impl Into<ColumnNames>,
     options: &ReadOptions,
 ) -> Result<Layout, DataError> {
+    let names = names.into();
+    if options.is_survey {
+        return Ok(Layout::of_survey(names));
+    }
+    let Some(preset) = options.preset else {
+        let suggested = Preset::recognise(&names);
+        return interpret(file, names.names, options).map_err(|error| match suggested {
+            Some(preset) => error
+                .with_hint(&format!("this looks like a log of {0}: add --from {0}", preset.name())),
+            None => error,
+        });
+    };
+    let PresetColumns { mut pairs, note } = preset.columns(file, &names, options)?;
+    pairs.splice(..0, options.columns.iter().cloned());
+    let mut layout =
+        interpret(file, names.names, &ReadOptions { columns: pairs, ..options.clone() })?;
+    layout.notes.extend(note);
+    Ok(layout)
+}
+
+/// Interprets the names of the columns.
+fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<Layout, DataError> {
     let one = one_joint(file, &names, options)?;
     let naming = Naming::new(file, &one.names, &options.columns)?;
     let required = RequiredColumns::find(file, &naming)?;
@@ -223,6 +285,9 @@ pub(super) fn layout(
         left_out: naming.replaced(),
         notes: one.note.iter().cloned().chain(kind_note).collect(),
         sources: Vec::new(),
+        is_survey: false,
+        suggested: None,
+        units: Vec::new(),
         names: Vec::new(),
     };
     let sources = [
@@ -305,7 +370,7 @@ fn row_selections(
         let index = naming.find(column).map(|reading| reading.index).or_else(own);
         index.map(|index| RowSelection { index, values: values.clone() }).ok_or_else(|| {
             DataError::Request {
-                what: format!("{}: --where {column}={}", file.display(), values.join(",")),
+                what: format!("{}: {}", file.display(), asked_rows(column, values)),
                 found: format!("no column {column}"),
                 expected: format!("one of {}", listed(names)),
             }
@@ -382,125 +447,4 @@ fn covariate_error(name: &str) -> Option<&'static str> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn read_header(header: &str, columns: &str) -> Result<Layout, String> {
-        let names = header.split(',').map(str::to_string).collect();
-        let columns: Vec<(String, String)> = columns
-            .split(',')
-            .filter_map(|pair| pair.split_once('='))
-            .map(|(a, b)| (a.to_string(), b.to_string()))
-            .collect();
-        let options = ReadOptions { columns, ..ReadOptions::default() };
-        layout(Path::new("f.csv"), names, &options).map_err(|error| error.to_string())
-    }
-
-    fn required_indices(layout: &Layout) -> [usize; 3] {
-        layout.required.map(|reading| reading.index)
-    }
-
-    #[test]
-    fn layout_with_either_target_sets_joint_kind() {
-        let turns = read_header("time_s,velocity_rad_s,torque_nm,position_rad", "").unwrap();
-        assert_eq!((turns.joint, required_indices(&turns)), (JointKind::Revolute, [0, 1, 2]));
-        assert_eq!(turns.optional[0].quantity, Some(Quantity::Position));
-        let slides = read_header("run,force_n,velocity_m_s,time_s,position_m", "").unwrap();
-        assert_eq!((slides.joint, required_indices(&slides)), (JointKind::Prismatic, [3, 2, 1]));
-        assert_eq!(slides.run, Some(0));
-        assert_eq!(slides.optional[0].quantity, Some(Quantity::Position));
-    }
-
-    #[test]
-    fn layout_with_name_outside_contract_adds_extra_covariate() {
-        let found = read_header("time_s,velocity_rad_s,torque_nm,flow,position_m", "").unwrap();
-        let extras: Vec<(&str, Option<Quantity>)> =
-            found.optional.iter().map(|c| (c.name.as_str(), c.quantity)).collect();
-        assert_eq!(extras, [("flow", None), ("position_m", None)]);
-    }
-
-    #[test]
-    fn layout_with_missing_columns_lists_them_with_a_hint() {
-        assert_eq!(
-            read_header("time_s,dq,tau", "").unwrap_err(),
-            "f.csv: found only the columns time_s, dq, tau, expected velocity_rad_s (or \
-             velocity_m_s) and torque_nm (or force_n) in the header, or --columns \
-             velocity_rad_s=dq,torque_nm=tau"
-        );
-    }
-
-    #[test]
-    fn layout_with_mapped_names_prefers_them() {
-        let found =
-            read_header("t,dq,torque_nm,u", "time_s=t,velocity_rad_s=dq,torque_nm=u").unwrap();
-        assert_eq!(required_indices(&found), [0, 1, 3]);
-        assert!(found.optional.is_empty());
-        assert_eq!(found.left_out[0].name, "torque_nm");
-        assert_eq!(found.left_out[0].why, "--columns reads torque_nm from u");
-    }
-
-    #[test]
-    fn layout_with_two_swapped_names_swaps_columns() {
-        let found = read_header(
-            "time_s,velocity_rad_s,torque_nm,load_torque_nm",
-            "torque_nm=load_torque_nm,load_torque_nm=torque_nm",
-        )
-        .unwrap();
-        assert_eq!(required_indices(&found), [0, 1, 3]);
-        assert_eq!(
-            (found.optional[0].quantity, found.optional[0].reading.index),
-            (Some(Quantity::LoadTorque), 2)
-        );
-        assert!(found.left_out.is_empty());
-    }
-
-    #[test]
-    fn layout_with_unknown_name_in_pair_returns_error_with_name() {
-        let error = read_header("t,v,f", "time_s=t,velocity_m_s=speed").unwrap_err();
-        assert_eq!(
-            error,
-            "f.csv: --columns velocity_m_s=speed: found no column speed, expected one of t, v, f"
-        );
-        let error = read_header("t,v,f", "torque_Nm=f").unwrap_err();
-        assert!(error.starts_with(
-            "--columns torque_Nm=f: found the name torque_Nm, expected one of run, time_s"
-        ));
-        let error = read_header("t,v,f", "time_s=t,time_s=v").unwrap_err();
-        assert!(error.contains("found time_s twice"), "{error}");
-    }
-
-    #[test]
-    fn layout_with_duplicate_name_returns_error() {
-        let error = read_header("time_s,velocity_rad_s,x,torque_nm,x", "").unwrap_err();
-        assert_eq!(
-            error,
-            "f.csv: row 1, column x: found the name twice (columns 3 and 5), expected each name once"
-        );
-    }
-
-    #[test]
-    fn layout_with_two_targets_returns_error_unless_mapped() {
-        let both = "time_s,velocity_rad_s,torque_nm,force_n";
-        assert!(read_header(both, "").unwrap_err().contains("expected one target"));
-        let chosen = read_header("time_s,velocity_rad_s,tau,force_n", "torque_nm=tau").unwrap();
-        assert_eq!(chosen.joint, JointKind::Revolute);
-        assert_eq!(chosen.left_out[0].name, "force_n");
-    }
-
-    #[test]
-    fn layout_with_mixed_joint_kinds_returns_error_unless_mapped() {
-        let error = read_header("time_s,velocity_rad_s,force_n", "").unwrap_err();
-        assert!(error.contains("expected torque_nm for a joint with velocity_rad_s"), "{error}");
-        let mixed = read_header("time_s,velocity_m_s,u", "torque_nm=u").unwrap();
-        assert_eq!(mixed.joint, JointKind::Revolute);
-        assert_eq!(mixed.notes.len(), 1);
-    }
-
-    #[test]
-    fn layout_with_numbers_or_nameless_columns_reports_them() {
-        let error = read_header("0.0,1.5,-3e2", "").unwrap_err();
-        assert!(error.contains("found numbers, expected the columns' names"), "{error}");
-        let found = read_header(",time_s,velocity_rad_s,torque_nm", "").unwrap();
-        assert_eq!(found.left_out[0].name, "number 1");
-    }
-}
+mod tests;

@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use super::contract::{self, POSITIONS, TARGETS, VELOCITIES};
-use super::error::{DataError, listed};
+use super::error::{DataError, asked_rows, listed};
 use super::options::ReadOptions;
 use compensator_core::quantity::JointKind;
 
@@ -81,7 +81,7 @@ pub(super) fn one_joint(
             let unknown = values.iter().find(|value| !joints.contains(value));
             if let Some(unknown) = unknown {
                 return Err(DataError::Request {
-                    what: format!("{}: --where {JOINT}={}", file.display(), values.join(",")),
+                    what: format!("{}: {}", file.display(), asked_rows(JOINT, values)),
                     found: format!("no joint {unknown}"),
                     expected: format!("one of {}", listed(&joints)),
                 });
@@ -149,7 +149,8 @@ mod tests {
     fn one_joint_with_several_or_unknown_joint_returns_error() {
         let several = take(ARM, None).unwrap_err();
         assert!(
-            several.contains("2 joints side by side (1, 2)") && several.contains("--where joint=1"),
+            several.contains("2 joints side by side (1, 2)")
+                && several.contains("one: where joint=1"),
             "{several}"
         );
         assert!(take(ARM, Some("3")).unwrap_err().contains("no joint 3"));

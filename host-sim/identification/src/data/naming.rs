@@ -13,6 +13,7 @@ use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
 use super::guess;
 use super::unit::{self, conversion};
+use crate::setting::{Setting, shell_word};
 
 /// The names of a file's columns: those in the file and those given with `--columns`.
 pub(super) struct Naming<'a> {
@@ -112,22 +113,14 @@ impl<'a> Naming<'a> {
             None => format!("{contract_name}=NAME"),
         };
         let pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();
-        let (names, pairs) = (names.join(" and "), shell_word(&pairs.join(",")));
-        DataError::File {
+        let (names, pairs) = (names.join(" and "), Setting::Columns.suggested(pairs.join(",")));
+        DataError::MissingColumns {
             file: file.into(),
             found: format!("only the columns {}", listed(self.names)),
-            expected: format!("{names} in the header, or --columns {pairs}"),
+            expected: format!("{names} in the header, or {pairs}"),
+            missing: missing().map(|(.., of)| (*of).to_owned()).collect(),
+            count: self.names.len(),
         }
-    }
-}
-
-/// Returns a text as a shell takes it as one word. It is quoted only where necessary.
-fn shell_word(text: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "_-+=:,./%@[]".contains(c);
-    if text.chars().all(is_plain) {
-        text.to_owned()
-    } else {
-        format!("'{}'", text.replace('\'', r"'\''"))
     }
 }
 
@@ -158,7 +151,7 @@ fn mapped_columns<'a>(
 ) -> Result<Vec<Mapped<'a>>, DataError> {
     let mut mapped: Vec<Mapped> = Vec::new();
     for (name, foreign) in mapping {
-        let what = || format!("--columns {name}={foreign}");
+        let what = || Setting::Columns.given(format!("{name}={foreign}"));
         let refuse = |found: String, expected: String| {
             Err(DataError::Request { what: what(), found, expected })
         };

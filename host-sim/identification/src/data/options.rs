@@ -1,5 +1,7 @@
 //! Options for reading logs.
 
+use super::preset::Preset;
+
 /// How files are read.
 #[derive(Debug, Clone, Default)]
 pub struct ReadOptions {
@@ -10,4 +12,13 @@ pub struct ReadOptions {
     pub only: Vec<(String, Vec<String>)>,
     /// Number of samples to drop at the start of each run.
     pub skip: usize,
+    /// Number of lines of text above the header that are not read.
+    pub skip_lines: usize,
+    /// The tool that wrote the log; supplies names and units that [`Self::columns`] does not.
+    pub preset: Option<Preset>,
+    /// The torque of 100 %, Nm, for a preset with torques in percent.
+    pub rated_torque_nm: Option<f64>,
+    /// True to describe the columns instead of reading them; [`survey`](super::survey) sets it.
+    #[doc(hidden)]
+    pub is_survey: bool,
 }

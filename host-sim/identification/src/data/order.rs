@@ -4,8 +4,14 @@
 //! several recordings in sequence. They must be separated, or none of them could be held out of a fit. Only the clock
 //! shows them: it pauses for long, or restarts. A restart differs from a row out of order in what follows: the next
 //! rows continue from the lower time, in order.
+//!
+//! A database or a parallel writer may export the rows of one recording in another order. They are sorted if three
+//! conditions hold. The rows out of order are more than may be bad, so that leaving them out is no remedy. The sorted
+//! clock is regular, without new repeated stamps or gaps, and no block of rows in order has other rows in between: two
+//! recordings with overlapping clocks would have them. And the clock does not simply run backwards, which is another
+//! fault.
 
-use super::segment::median_step;
+use super::segment::{GAP_FACTOR, median_step};
 use std::ops::Range;
 
 /// Minimum pause between two recordings, s. A logger that drops packets loses less than a second.
@@ -16,6 +22,65 @@ const MIN_PAUSE_STEPS: f64 = 20.0;
 
 /// Rows that must continue in order after a clock went back, for it to count as restarted.
 const RESTART_ROWS: usize = 20;
+
+/// Minimum share of steps between half and twice the median for a clock to be regular.
+const REGULAR_STEP_SHARE: f64 = 0.9;
+
+/// Maximum share of steps that go back. A clock that counts down has more, and shuffled rows have half.
+const MAX_BACKWARD_SHARE: f64 = 0.8;
+
+/// Returns the order that sorts the rows of a run by time, if they are one recording in another order. Rows of equal
+/// time keep their order. `max_bad_share` is the share of rows that may be left out instead.
+pub(super) fn sorting_order(time: &[f64], max_bad_share: f64) -> Option<Vec<usize>> {
+    let rows = time.len();
+    let backward = time.windows(2).filter(|pair| pair[1] < pair[0]).count();
+    let late = late_rows(time);
+    if late as f64 <= max_bad_share * rows as f64
+        || backward as f64 > MAX_BACKWARD_SHARE * rows as f64
+    {
+        return None;
+    }
+    let mut order: Vec<usize> = (0..rows).collect();
+    order.sort_by(|a, b| time[*a].total_cmp(&time[*b]));
+    let sorted: Vec<f64> = order.iter().map(|row| time[*row]).collect();
+    let step = median_step(&sorted)?;
+    let repeats = |time: &[f64]| time.windows(2).filter(|pair| pair[1] == pair[0]).count();
+    let gaps =
+        |time: &[f64]| time.windows(2).filter(|pair| pair[1] - pair[0] > GAP_FACTOR * step).count();
+    let is_regular = |pair: &&[f64]| {
+        let own = pair[1] - pair[0];
+        own == 0.0 || (0.5 * step..=2.0 * step).contains(&own)
+    };
+    let regular = sorted.windows(2).filter(is_regular).count();
+    let is_one_recording = repeats(&sorted) <= repeats(time)
+        && gaps(&sorted) <= gaps(time)
+        && regular as f64 >= REGULAR_STEP_SHARE * (rows - 1) as f64
+        && are_blocks_apart(time, &sorted);
+    is_one_recording.then_some(order)
+}
+
+/// Returns true if no block of rows in order has rows of another block between its own. Two recordings at the same rate
+/// have, and their clocks may interleave regularly.
+fn are_blocks_apart(time: &[f64], sorted: &[f64]) -> bool {
+    let blocks = time.chunk_by(|before, now| before <= now);
+    let is_apart = |block: &[f64]| {
+        let between = |limit: f64| sorted.partition_point(|time| *time < limit);
+        let (first, last) = (block[0], block[block.len() - 1]);
+        let inside = sorted[between(first)..].iter().take_while(|time| **time <= last).count();
+        inside == block.len()
+    };
+    blocks.filter(|block| block.len() >= RESTART_ROWS).all(is_apart)
+}
+
+/// Returns the number of rows that come after a later stamp.
+pub(super) fn late_rows(time: &[f64]) -> usize {
+    let mut latest = f64::NEG_INFINITY;
+    let is_late = |now: &&f64| {
+        latest = latest.max(**now);
+        **now < latest
+    };
+    time.iter().filter(is_late).count()
+}
 
 /// The order of a run's rows in time.
 #[derive(Debug, Default, PartialEq)]
@@ -88,6 +153,42 @@ mod tests {
         assert_eq!(check_order(&slipped, false), expected);
         let backwards: Vec<f64> = steady.iter().map(|t| -t).collect();
         assert_eq!(check_order(&backwards, false).backward.len(), 99);
+    }
+
+    #[test]
+    fn sorting_order_with_rows_of_one_recording_sorts_them() {
+        let steady: Vec<f64> = (0..200).map(|i| f64::from(i) * 0.01).collect();
+        let shuffled: Vec<f64> = (0..200).map(|i| steady[i * 77 % 200]).collect();
+        let order = sorting_order(&shuffled, 0.05).unwrap();
+        assert!(order.iter().enumerate().all(|(place, row)| shuffled[*row] == steady[place]));
+        let blocks = [&steady[100..], &steady[..100]].concat();
+        assert_eq!(sorting_order(&blocks, 0.05).unwrap()[0], 100);
+        assert_eq!(late_rows(&blocks), 100);
+        let twice: Vec<f64> = shuffled.iter().flat_map(|time| [*time, *time]).collect();
+        let order = sorting_order(&twice, 0.05).unwrap();
+        assert!(
+            order.chunks(2).all(|pair| pair[1] == pair[0] + 1),
+            "equal stamps keep their order"
+        );
+    }
+
+    #[test]
+    fn sorting_order_with_another_fault_returns_none() {
+        let steady: Vec<f64> = (0..200).map(|i| f64::from(i) * 0.01).collect();
+        assert_eq!(sorting_order(&steady, 0.05), None);
+        let backwards: Vec<f64> = steady.iter().rev().copied().collect();
+        assert_eq!(sorting_order(&backwards, 0.05), None);
+        let again: Vec<f64> = steady.iter().chain(&steady).copied().collect();
+        assert_eq!(sorting_order(&again, 0.05), None, "two recordings");
+        let overlapping: Vec<f64> =
+            steady.iter().copied().chain(steady.iter().map(|t| t + 0.503)).collect();
+        assert_eq!(sorting_order(&overlapping, 0.05), None, "two recordings with one clock");
+        let between: Vec<f64> =
+            steady.iter().copied().chain(steady.iter().map(|t| t + 0.005)).collect();
+        assert_eq!(sorting_order(&between, 0.05), None, "two recordings whose clocks interleave");
+        let mut jitter = steady.clone();
+        jitter.swap(50, 53);
+        assert_eq!(sorting_order(&jitter, 0.05), None, "a few rows are bad rows");
     }
 
     #[test]

@@ -15,6 +15,10 @@ use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::error::{BadRows, DataError};
 use super::options::ReadOptions;
 use super::source::read_file;
+use super::survey::with_likely_columns;
+use super::table::{Table, read_table};
+use crate::setting::Setting;
+use crate::work::checkpoint;
 
 /// Reads, validates and joins the files. `progress` is called with the bytes done and the bytes in total.
 ///
@@ -34,8 +38,12 @@ pub fn read(
     let mut parts = Vec::with_capacity(files.len());
     progress(0, total);
     for (path, size) in files.iter().zip(sizes) {
-        let so_far = |bytes: u64| progress(done + bytes.min(size), total);
-        parts.push(read_file(path, size, options, &so_far)?);
+        let so_far = |bytes: u64| {
+            checkpoint();
+            progress(done + bytes.min(size), total);
+        };
+        let part = read_file(path, size, options, &so_far);
+        parts.push(part.map_err(|error| with_likely_columns(error, options))?);
         done += size;
         progress(done, total);
     }
@@ -44,14 +52,41 @@ pub fn read(
     Ok(data)
 }
 
+/// Validates and joins tables in memory as [`read`] does with files. Their names take the place of the files' names.
+///
+/// # Errors
+/// As [`read`], and if the columns of a table differ in length.
+pub fn read_tables(tables: &[Table], options: &ReadOptions) -> Result<Dataset, DataError> {
+    let names: Vec<PathBuf> = tables.iter().map(|table| PathBuf::from(&table.name)).collect();
+    if names.is_empty() {
+        return Err(no_data());
+    }
+    let mut seen = HashSet::new();
+    if let Some(twice) = names.iter().find(|name| !seen.insert(*name)) {
+        return Err(DataError::File {
+            file: twice.clone(),
+            found: "two tables of this name".into(),
+            expected: "distinct names".into(),
+        });
+    }
+    let parts = tables.iter().map(|table| read_table(table, options));
+    let mut data = join(&names, parts.collect::<Result<_, _>>()?)?;
+    shorten(&mut data, options)?;
+    Ok(data)
+}
+
+fn no_data() -> DataError {
+    DataError::Request {
+        what: "data".into(),
+        found: "no file".into(),
+        expected: "one or more CSV or Parquet files".into(),
+    }
+}
+
 /// Returns the sizes, bytes. Fails if a file does not exist, is given twice or is a directory.
 fn sizes(files: &[PathBuf]) -> Result<Vec<u64>, DataError> {
     if files.is_empty() {
-        return Err(DataError::Request {
-            what: "data".into(),
-            found: "no file".into(),
-            expected: "one or more CSV or Parquet files".into(),
-        });
+        return Err(no_data());
     }
     let mut seen = HashSet::new();
     let size = |path: &PathBuf| {
@@ -251,7 +286,7 @@ fn shorten(data: &mut Dataset, options: &ReadOptions) -> Result<(), DataError> {
         data.runs.iter().filter(|run| run.is_empty()).map(|run| run.name.as_str()).collect();
     if too_short.len() == data.runs.len() {
         return Err(DataError::Request {
-            what: format!("--skip {}", options.skip),
+            what: Setting::Skip.given(options.skip),
             found: "no run with a row left".into(),
             expected: "a smaller number or longer runs".into(),
         });

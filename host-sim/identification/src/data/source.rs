@@ -1,22 +1,34 @@
 //! The supported log formats, one module each.
 //!
-//! The first bytes of a file identify its format, not its name: a `.csv` may be compressed, come from a spreadsheet in
+//! The first bytes of a file identify its format, not its name: a `.csv` may be packed, come from a spreadsheet in
 //! UTF-16, or be a CAN log. Each [`LogFormat`] tests whether a file is in that format, and passes its rows to a
 //! [`Cleaner`](super::clean::Cleaner), which validates them alike for all formats. Known unsupported files get an
 //! error that names their type, instead of a hundred bad rows.
 
+#[cfg(feature = "arrow")]
+mod arrow_file;
+#[cfg(feature = "arrow")]
+mod arrow_messages;
 mod can_trace;
 #[cfg(feature = "mcap")]
 mod cdr;
+mod channel_clocks;
 mod csv_file;
+#[cfg(any(feature = "arrow", feature = "parquet"))]
+mod date_text;
 mod format;
+mod json_lines;
 #[cfg(feature = "mcap")]
 mod mcap_file;
 mod not_a_log;
+mod number_style;
 #[cfg(feature = "parquet")]
 mod parquet_file;
 mod preamble;
+mod records;
+mod scope_preamble;
 mod separator;
+mod unpack;
 mod utf16;
 
 use super::clean::FileData;
@@ -26,6 +38,7 @@ use format::{HEAD_BYTES, Input, LogFormat};
 use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::Path;
+use unpack::{Unpacked, unpack};
 
 /// The formats, in the order they are tried. Any other text is a table.
 const FORMATS: &[LogFormat] = &[
@@ -34,10 +47,13 @@ const FORMATS: &[LogFormat] = &[
     mcap_file::FORMAT,
     #[cfg(feature = "parquet")]
     parquet_file::FORMAT,
+    #[cfg(feature = "arrow")]
+    arrow_file::FORMAT,
+    json_lines::FORMAT,
     csv_file::FORMAT,
 ];
 
-/// Reads a file of `size` bytes in any supported format.
+/// Reads a file of `size` bytes in any supported format, which may be packed with gzip or zip.
 pub(super) fn read_file(
     path: &Path,
     size: u64,
@@ -46,16 +62,70 @@ pub(super) fn read_file(
 ) -> Result<FileData, DataError> {
     let io = |source| DataError::Io { file: path.into(), source };
     let mut file = File::open(path).map_err(io)?;
+    let head = read_head(&mut file).map_err(io)?;
+    let Some(unpacked) = unpack(path, &file, &head)? else {
+        return read_unpacked(path, path, file, size, options, progress);
+    };
+    let Unpacked { file, size: unpacked_size, name } = unpacked;
+    let scale = size as f64 / unpacked_size.max(1) as f64;
+    let of_archive = |bytes: u64| progress((bytes as f64 * scale) as u64);
+    let mut data = read_unpacked(path, &name, file, unpacked_size, options, &of_archive)?;
+    data.notes.push(format!("{}: the log is {} in the archive", path.display(), name.display()));
+    Ok(data)
+}
+
+/// Returns the first bytes of a file, and goes back to its start.
+fn read_head(file: &mut File) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
-    file.by_ref().take(HEAD_BYTES).read_to_end(&mut head).map_err(io)?;
-    file.rewind().map_err(io)?;
+    file.rewind()?;
+    file.by_ref().take(HEAD_BYTES).read_to_end(&mut head)?;
+    file.rewind()?;
+    Ok(head)
+}
+
+/// Reads a file that is not packed. `name` is its own name, and `path` that of the archive that it is in.
+fn read_unpacked(
+    path: &Path,
+    name: &Path,
+    mut file: File,
+    size: u64,
+    options: &ReadOptions,
+    progress: &dyn Fn(u64),
+) -> Result<FileData, DataError> {
+    let head =
+        read_head(&mut file).map_err(|source| DataError::Io { file: path.into(), source })?;
     if let Some((found, expected)) = not_a_log::recognise(&head) {
+        let place = if name == path { String::new() } else { " in the archive".to_owned() };
+        // tar unpacks gzip itself.
+        let expected = expected.replace("tar -xf FILE", &format!("tar -xf {}", path.display()));
         return Err(DataError::File {
             file: path.into(),
-            found: found.into(),
-            expected: expected.replace("FILE", &path.display().to_string()),
+            found: format!("{found}{place}"),
+            expected: expected.replace("FILE", &name.display().to_string()),
         });
+    }
+    if options.skip_lines > 0 {
+        return read_below_lines(Input { path, file, head: &head, size, options, progress });
     }
     let format = FORMATS.iter().find(|format| (format.matches)(&head)).unwrap_or(&csv_file::FORMAT);
     (format.read)(Input { path, file, head: &head, size, options, progress })
+}
+
+/// Reads the table below the lines that the user skips. They must be in the first [`HEAD_BYTES`] bytes.
+fn read_below_lines(input: Input) -> Result<FileData, DataError> {
+    let (head, skip) = (input.head, input.options.skip_lines);
+    let is_utf16 = utf16::byte_order(head).is_some();
+    let lines = head.iter().filter(|byte| **byte == b'\n').count();
+    let found = if head.contains(&0) && !is_utf16 {
+        "a binary file".to_owned()
+    } else if lines <= skip {
+        format!("{lines} lines in the first {} KiB", HEAD_BYTES / 1024)
+    } else {
+        return (csv_file::FORMAT.read)(input);
+    };
+    Err(DataError::Request {
+        what: format!("{}: --skip-lines {skip}", input.path.display()),
+        found,
+        expected: "a table as text below the lines".into(),
+    })
 }

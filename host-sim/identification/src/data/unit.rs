@@ -11,6 +11,7 @@
 //! A unit in a column's own name (`speed_rpm`, `t (ms)`) is neither applied nor ignored. Without an explicit unit the
 //! column is an error, whose message shows the option to use ([`in_name`]).
 
+use crate::setting::Setting;
 use compensator_core::quantity::{JointKind, Quantity};
 
 /// The dimension of a unit.
@@ -268,7 +269,7 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
         return Err("the counts of a turn before the unit, as 4096counts".into());
     }
     if bare.ends_with('%') && dimension == Dimension::Torque {
-        return Err("--rated-torque, which 100 % stands for".into());
+        return Err(format!("{}, which 100 % stands for", Setting::RatedTorque.alone()));
     }
     let known: Vec<&str> = units_of(dimension).map(|unit| unit.symbols[0]).collect();
     Err(format!("one of {}", known.join(", ")))
@@ -299,22 +300,31 @@ pub(super) fn is_symbol(symbol: &str) -> bool {
 
 /// Returns the unit at the end of a column's name, if the contract column could be in it and it is not the contract's
 /// own unit: `speed_rpm`, `t (ms)`, `tau[mNm]`, `omega_deg_s`.
-pub(super) fn in_name(contract_name: &str, foreign: &str) -> Option<&'static str> {
-    let dimension = dimension(contract_name)?;
+pub(crate) fn in_name(contract_name: &str, foreign: &str) -> Option<&'static str> {
     // ROS uses this name for stamps in nanoseconds in its plain-text logs.
-    if dimension == Dimension::Time && foreign == "%time" {
+    if dimension(contract_name)? == Dimension::Time && foreign == "%time" {
         return Some("ns");
     }
+    let unit = at_end(contract_name, foreign)?;
+    (unit.conversion != (1.0, 1.0, 0.0)).then_some(unit.symbols[0])
+}
+
+/// Returns the unit at the end of a column's name, if the contract column could be in it.
+pub(super) fn stated(contract_name: &str, foreign: &str) -> Option<&'static str> {
+    at_end(contract_name, foreign).map(|unit| unit.symbols[0])
+}
+
+fn at_end(contract_name: &str, foreign: &str) -> Option<&'static Unit> {
+    let dimension = dimension(contract_name)?;
     let text = foreign.trim_end();
     let bracketed = [('[', ']'), ('(', ')'), ('{', '}')].iter().find_map(|(open, close)| {
         let inside = text.strip_suffix(*close)?;
         Some(inside[inside.rfind(*open)? + open.len_utf8()..].to_owned())
     });
-    let unit = match bracketed {
-        Some(symbol) => find(&symbol, dimension)?,
-        None => suffix(text, dimension)?,
-    };
-    (unit.conversion != (1.0, 1.0, 0.0)).then_some(unit.symbols[0])
+    match bracketed {
+        Some(symbol) => find(&symbol, dimension),
+        None => suffix(text, dimension),
+    }
 }
 
 /// Returns the unit that the last words of a name form. Three words are tried before two and one.
@@ -330,6 +340,7 @@ fn suffix(name: &str, dimension: Dimension) -> Option<&'static Unit> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::setting::plain;
 
     fn in_si(contract_name: &str, symbol: &str, value: f64) -> f64 {
         conversion(contract_name, symbol).unwrap().apply(value)
@@ -397,10 +408,10 @@ mod tests {
             ("position_rad", "0counts", "one of rad, mrad, deg, rev"),
             ("position_rad", "1/0deg", "one of rad, mrad, deg, rev"),
             ("position_rad", "infdeg", "one of rad, mrad, deg, rev"),
-            ("torque_nm", "%", "--rated-torque, which 100 % stands for"),
-            ("torque_nm", "0.1%", "--rated-torque, which 100 % stands for"),
+            ("torque_nm", "%", "rated torque, which 100 % stands for"),
+            ("torque_nm", "0.1%", "rated torque, which 100 % stands for"),
         ] {
-            assert_eq!(conversion(name, symbol).unwrap_err(), expected, "{symbol}");
+            assert_eq!(plain(&conversion(name, symbol).unwrap_err()), expected, "{symbol}");
         }
     }
 

@@ -8,7 +8,7 @@ use super::segment::segments_of;
 
 /// Returns the differences of a position from row to row in each segment. The first row gets the value of the second.
 /// The result is late by half a row.
-pub(super) fn differences(time: &[f64], position: &[f64]) -> Vec<f64> {
+pub(crate) fn differences(time: &[f64], position: &[f64]) -> Vec<f64> {
     let mut velocity = vec![0.0; time.len()];
     for rows in segments_of(time) {
         for row in rows.start + 1..rows.end {

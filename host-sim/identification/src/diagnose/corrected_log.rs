@@ -4,8 +4,9 @@
 //!
 //! 1. A late channel is compensated ([`late_channel`]), unless the options keep it as logged.
 //! 2. Rows are weighted by the uncertainty of their motion ([`uncertain_motion`]).
-//! 3. Runs are shifted to one phase, if the zero of the position differs from run to run ([`unknown_zero`]).
-//! 4. Rows at rest are removed, if the base model does not describe them ([`super::baseline`]).
+//! 3. Rows with a wrong value are weighted by Huber's loss ([`crate::fit::robust`]), if the options ask for it.
+//! 4. Runs are shifted to one phase, if the zero of the position differs from run to run ([`unknown_zero`]).
+//! 5. Rows at rest are removed, if the base model does not describe them ([`super::baseline`]).
 //!
 //! Each step takes a fitted log and returns a fitted log; no later stage changes it.
 
@@ -15,6 +16,8 @@ use super::model::FittedModel;
 use super::train_test::TrainTest;
 use super::{DiagnosisOptions, uncertain_motion, unknown_zero};
 use crate::data::JointKind;
+use crate::fit::robust::Weighting;
+use crate::fit::{Loss, Track};
 use crate::log_check::LogFinding;
 use crate::spec::SpecError;
 
@@ -46,7 +49,7 @@ impl CorrectedLog {
         progress("fitting the baseline");
         let fitted = FittedLog::new(log, options)?;
         let fitted = fitted.on_time(joint, options, &mut findings, progress)?;
-        let fitted = fitted.weighed(options, progress)?;
+        let fitted = fitted.weighed(options, progress)?.robust(options, progress)?;
         let FittedLog { mut whole, mut searched, base: Baseline { model: base, at_rest } } = fitted;
         if let Some(aligned) = unknown_zero::aligned(&whole, &base) {
             searched = aligned.thinned().into_owned();
@@ -117,7 +120,38 @@ impl FittedLog {
         progress("fitting the baseline to rows weighted by the uncertainty of their motion");
         Self::new(weighed.with_floor(), options)
     }
+
+    /// Weights the rows by Huber's loss beside the base model, if the options ask for it.
+    fn robust(
+        self,
+        options: &DiagnosisOptions,
+        progress: &dyn Fn(&str),
+    ) -> Result<Self, SpecError> {
+        if options.loss == Loss::Squares {
+            return Ok(self);
+        }
+        progress("fitting the baseline with a robust loss");
+        let logged = self.whole.clone();
+        let mut fitted = self;
+        for _ in 0..ROBUST_ROUNDS {
+            let model = &fitted.base.model;
+            let weigh = Weighting::of(&logged.train_tracks, &model.parameters, model.resolution);
+            let mut whole = logged.clone();
+            whole.train_tracks = weigh.applied(&logged.train_tracks);
+            whole.test_tracks = weigh.applied(&logged.test_tracks);
+            whole.notes.push(format!(
+                "the loss is huber: {} of {} rows differ from the rows beside them and count less",
+                weigh.reduced,
+                logged.train_tracks.iter().map(Track::len).sum::<usize>()
+            ));
+            fitted = Self::new(whole, options)?;
+        }
+        Ok(fitted)
+    }
 }
+
+/// Number of fits with Huber's weights. The causes are fitted with the last weights, which then hardly change.
+const ROBUST_ROUNDS: usize = 2;
 
 fn base(log: &TrainTest, options: &DiagnosisOptions) -> Result<Baseline, SpecError> {
     match (&options.given, &options.model) {

@@ -3,6 +3,8 @@
 //! An experiment that shows whether a cause of probability `p` is real moves its probability to 0 or to 1. The expected
 //! change is `2 p (1 - p)`. The sum over the causes that an experiment shows ranks the experiments.
 
+use compensator_core::Quantity;
+
 /// A standard experiment.
 #[derive(Debug)]
 pub struct Experiment {
@@ -10,6 +12,8 @@ pub struct Experiment {
     pub instruction: &'static str,
     /// Causes that it shows or excludes.
     pub shows: &'static [&'static str],
+    /// Quantity that it changes and logs. A joint whose log does not have it may have no sensor for it.
+    pub needs: Option<Quantity>,
 }
 
 /// Standard experiments.
@@ -17,53 +21,67 @@ pub const EXPERIMENTS: [Experiment; 10] = [
     Experiment {
         instruction: "Reverse slowly, at a tenth of the speed, with several amplitudes",
         shows: &["channel-delay", "backlash", "stribeck-shape"],
+        needs: None,
     },
     Experiment {
         instruction: "Change the pressure in steps while the joint moves at a constant speed",
         shows: &["pressure-coulomb"],
+        needs: Some(Quantity::Pressure),
     },
     Experiment {
         instruction: "Change the side load between runs of the same motion, and within one of them",
         shows: &["radial-force-coulomb", "radial-force-rate"],
+        needs: Some(Quantity::RadialForce),
     },
     Experiment {
         instruction: "Repeat a motion with another load torque",
         shows: &["load-torque-coulomb", "gravity-imbalance"],
+        needs: Some(Quantity::LoadTorque),
     },
     Experiment {
         instruction: "Let the joint rest for different times, from a second to minutes, before it breaks away",
         shows: &["dwell-time-static"],
+        needs: None,
     },
     Experiment {
-        instruction: "Move at one constant speed over several turns in both directions, with the position logged",
+        instruction: "Move at one constant speed over several turns, or over the whole stroke, in both directions, with the position logged",
         shows: &["position-ripple", "torque-ripple", "gravity-imbalance", "direction-asymmetry"],
+        needs: None,
     },
     Experiment {
         instruction: "Move at six constant speeds up to the highest, in both directions",
         shows: &["quadratic-drag", "torque-offset", "direction-asymmetry", "stribeck-shape"],
+        needs: None,
     },
     Experiment {
         instruction: "Repeat a motion with three accelerations at the same speeds",
         shows: &["unmodelled-inertia"],
+        needs: None,
     },
     Experiment {
         instruction: "Run the same motion cold and warm, with the temperature logged",
         shows: &["temperature-viscous", "temperature-coulomb", "warm-up"],
+        needs: Some(Quantity::Temperature),
     },
     Experiment {
         instruction: "Repeat the first run at the end of the campaign, after a pause in which the joint cools",
         shows: &["time-drift", "warm-up"],
+        needs: None,
     },
 ];
 
-/// Returns the experiment with the largest expected change of these probabilities, by cause; `None` if no experiment
-/// shows any of the causes.
-pub fn most_informative(causes: &[(&str, f64)]) -> Option<&'static Experiment> {
+/// Returns the experiment with the largest expected change of these probabilities, by cause, among those whose quantity is
+/// in the log; `None` if none of these shows any of the causes.
+pub fn most_informative(
+    causes: &[(&str, f64)],
+    is_logged: impl Fn(Quantity) -> bool,
+) -> Option<&'static Experiment> {
     let change = |experiment: &Experiment| -> f64 {
         let shown = causes.iter().filter(|(cause, _)| experiment.shows.contains(cause));
         shown.map(|(_, p)| 2.0 * p * (1.0 - p)).sum()
     };
-    let best = EXPERIMENTS.iter().max_by(|a, b| change(a).total_cmp(&change(b)))?;
+    let possible = EXPERIMENTS.iter().filter(|own| own.needs.is_none_or(&is_logged));
+    let best = possible.max_by(|a, b| change(a).total_cmp(&change(b)))?;
     (change(best) > 0.0).then_some(best)
 }
 
@@ -74,17 +92,26 @@ mod tests {
 
     #[test]
     fn most_informative_follows_the_most_uncertain_causes() {
-        let best = most_informative(&[("pressure-coulomb", 0.5), ("warm-up", 0.02)]).unwrap();
+        let all = |_| true;
+        let best = most_informative(&[("pressure-coulomb", 0.5), ("warm-up", 0.02)], all).unwrap();
         assert!(best.shows.contains(&"pressure-coulomb"));
         // Two causes of one experiment outweigh a more uncertain one of another.
-        let best = most_informative(&[
-            ("pressure-coulomb", 0.5),
-            ("channel-delay", 0.3),
-            ("backlash", 0.3),
-        ]);
-        assert!(best.unwrap().shows.contains(&"backlash"));
-        assert!(most_informative(&[("unknown", 0.5)]).is_none());
-        assert!(most_informative(&[]).is_none());
+        let causes = [("pressure-coulomb", 0.5), ("channel-delay", 0.3), ("backlash", 0.3)];
+        assert!(most_informative(&causes, all).unwrap().shows.contains(&"backlash"));
+        assert!(most_informative(&[("unknown", 0.5)], all).is_none());
+        assert!(most_informative(&[], all).is_none());
+    }
+
+    #[test]
+    fn most_informative_without_temperature_column_asks_for_no_temperature() {
+        let causes = [("warm-up", 0.5), ("temperature-viscous", 0.1)];
+        let is_logged = |quantity| quantity != Quantity::Temperature;
+        let best = most_informative(&causes, is_logged).unwrap();
+        assert!(!best.instruction.contains("temperature") && best.shows.contains(&"warm-up"));
+        let best = most_informative(&causes, |_| true).unwrap();
+        assert_eq!(best.needs, Some(Quantity::Temperature));
+        // The only experiment for this cause needs a column that the log does not have.
+        assert!(most_informative(&[("pressure-coulomb", 0.5)], |_| false).is_none());
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::gram_blocks::LeftOut;
 use super::{Diagnosis, Share};
 use crate::fit::State;
 use crate::number::{figure, significant};
+use compensator_core::Quantity;
 
 /// Returns what to measure next.
 pub fn next_experiment(diagnosis: &Diagnosis) -> String {
@@ -47,7 +48,8 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
         return next;
     }
     let possible = possible(diagnosis);
-    if let Some(next) = most_informative(&possible) {
+    let is_logged = |quantity: Quantity| diagnosis.log.has_column(name_in(quantity, diagnosis));
+    if let Some(next) = most_informative(&possible, is_logged) {
         return format!(
             "{}: this log cannot confirm or exclude {}.",
             next.instruction,
@@ -69,23 +71,29 @@ pub fn next_experiment(diagnosis: &Diagnosis) -> String {
     if loose.iter().any(|name| ["stribeck_velocity", "static_torque"].contains(name)) {
         return "Add slow reversals through zero speed: this log does not determine the Stribeck curve.".into();
     }
-    let missing: Vec<&str> = [
-        ("radial_force_n", "side load"),
-        ("pressure_diff_pa", "pressure"),
-        ("temperature_c", "temperature"),
-    ]
-    .into_iter()
-    .filter(|(column, _)| !diagnosis.log.varies(column))
-    .map(|(_, name)| name)
-    .collect();
-    if missing.is_empty() {
+    // A joint may have no sensor for a quantity that is not in its log.
+    let constant = COVARIATES.iter().filter(|quantity| {
+        let name = name_in(**quantity, diagnosis);
+        diagnosis.log.has_column(name) && !diagnosis.log.varies(name)
+    });
+    let constant: Vec<&str> = constant.map(|quantity| quantity.info().label).collect();
+    if constant.is_empty() {
         "Repeat one of the held-out runs on another day: one campaign cannot show whether its results repeat.".into()
     } else {
         format!(
-            "Vary and log {}: the effect of a constant quantity cannot be identified.",
-            missing.join(", ")
+            "Vary {}: the effect of a constant quantity cannot be identified.",
+            constant.join(", ")
         )
     }
+}
+
+/// Quantities that a next experiment may vary.
+const COVARIATES: [Quantity; 4] =
+    [Quantity::RadialForce, Quantity::Pressure, Quantity::Temperature, Quantity::LoadTorque];
+
+/// Returns the name of a quantity's column in the log of this joint.
+fn name_in(quantity: Quantity, diagnosis: &Diagnosis) -> &'static str {
+    quantity.name(diagnosis.log.train.joint)
 }
 
 /// Lowest probability of a cause that is reported as possible.

@@ -80,10 +80,10 @@ fn blocks(
         });
     }
     let mut memory = at.memory.clone();
-    if !track.weights.is_empty() {
+    if !track.is_evenly_weighted() {
         for column in columns.iter_mut().chain([&mut memory]) {
-            let weighed = column.iter_mut().zip(&track.weights);
-            weighed.for_each(|(value, weight)| *value *= weight.sqrt());
+            let weighed = column.iter_mut().enumerate();
+            weighed.for_each(|(row, value)| *value *= track.weight(row).sqrt());
         }
     }
     columns.push(at.residual.clone());

@@ -302,6 +302,11 @@ impl TrainTest {
         Rows { tracks: &self.test_tracks, decimate: self.decimate }
     }
 
+    /// Returns true if a run has a column with this name, also if it is constant.
+    pub fn has_column(&self, name: &str) -> bool {
+        self.train.runs.iter().any(|run| self.train.column(run, name).is_some())
+    }
+
     /// Returns true if the runs have a column with this name and it is not constant.
     pub fn varies(&self, name: &str) -> bool {
         let column = |run| self.train.column(run, name).unwrap_or_default();

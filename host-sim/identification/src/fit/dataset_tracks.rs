@@ -7,6 +7,7 @@ use super::initial_heat::record_earlier_stretches;
 use super::torque_low_pass::TorqueLowPass;
 use super::track::{Track, row_range};
 use crate::data::{Dataset, Quantity, Run, contract, segments};
+use crate::work::checkpoint;
 use compensator_core::Sample;
 use std::ops::Range;
 use std::sync::Arc;
@@ -41,6 +42,7 @@ pub fn tracks_since(data: &Dataset, auxiliary: Option<&str>, campaign_start: f64
     for (index, run) in data.runs.iter().enumerate() {
         let acceleration = run.acceleration_or_derived();
         for rows in segments(run) {
+            checkpoint();
             if rows.len() > 1 {
                 let track = segment_track(run, index, rows, &acceleration, campaign_start);
                 tracks.push(if auxiliary.is_some() { track.following(auxiliary) } else { track });
@@ -98,6 +100,13 @@ fn segment_track(
         period_s,
         period_ratio,
         weights: Vec::new(),
+        torque_spikes: run
+            .torque_spikes
+            .iter()
+            .take(rows.end)
+            .skip(rows.start)
+            .map(|s| *s > 0.0)
+            .collect(),
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
         velocity_draws: row_range(&run.velocity_draws, &rows),
         motion_error: Vec::new(),

@@ -14,6 +14,7 @@ pub struct Predicted {
     /// Simulated torque, track by track, at the full rate.
     pub torque: Vec<Vec<f64>>,
     /// Measured minus simulated torque times the square root of the row's weight, track by track, decimated as requested.
+    /// A row with a spike has the residual of a row nearby, so that the sequence keeps its noise and its autocorrelation.
     pub residuals: Vec<Vec<f64>>,
     /// Errors over all rows.
     pub metrics: Metrics,
@@ -21,6 +22,21 @@ pub struct Predicted {
     pub saturation: f64,
     /// Share of the rows in which the bristles are neither relaxed nor fully slipping.
     pub presliding: f64,
+}
+
+/// Rows between a spike and the row whose residual it gets. A direct neighbour would repeat its noise.
+const SPIKE_DONOR_ROWS: usize = 3;
+
+/// Gives each row with a spike the residual of the closest measured row at least [`SPIKE_DONOR_ROWS`] before it, or else
+/// after it.
+fn bridge_spikes(residual: &mut [f64], is_spike: &[bool]) {
+    for row in (0..is_spike.len()).filter(|row| is_spike[*row]) {
+        let mut before = (0..(row + 1).saturating_sub(SPIKE_DONOR_ROWS)).rev();
+        let mut after = row + SPIKE_DONOR_ROWS..is_spike.len();
+        let is_measured = |at: &usize| !is_spike[*at];
+        let donor = before.find(is_measured).or_else(|| after.find(is_measured));
+        residual[row] = donor.map_or(0.0, |at| residual[at]);
+    }
 }
 
 /// Simulates a model along rows.
@@ -41,6 +57,7 @@ pub fn predict(parameters: &Parameters<f64>, rows: Rows, resolution: Resolution)
         });
         let error = |row: usize| track.weight(row).sqrt() * (track.torque[row] - torque[row]);
         let mut residual: Vec<f64> = (0..track.len()).map(error).collect();
+        bridge_spikes(&mut residual, &track.torque_spikes);
         if rows.decimate > 1 {
             let filter = AntiAlias::new(rows.decimate);
             residual = filter.thin(residual);

@@ -15,6 +15,7 @@ use super::delayed::undelayed;
 use super::settled::Pilot;
 use super::stepper::{Stepper, TrackRow, Varying, track_rows};
 use super::track::Track;
+use crate::work::checkpoint_at;
 use compensator_core::effect::NoEffect;
 use compensator_core::{Parameters, Real};
 
@@ -80,6 +81,7 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
         if let Some(law) = single.model.law().plain_bristles() {
             let bristle = &mut single.state.bristle_torque_nm;
             for (row, sample) in track.samples.iter().enumerate() {
+                checkpoint_at(row);
                 let torque = law.step(bristle, T::from_f64(sample.velocity_rad_s), &NoEffect);
                 if !sink(row, torque, *bristle) {
                     return;
@@ -98,6 +100,7 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
             was_extrapolated: true,
         };
         for row in track_rows(track, delayed.as_deref()) {
+            checkpoint_at(row.index);
             let (torque, bristle) = stepper.step(&row);
             if !sink(row.index, torque, bristle) {
                 return;
@@ -107,6 +110,7 @@ pub fn simulate_shaft<T: Real<Setting = T>>(
     }
     let mut stepper = Stepper::new(parameters, track, varying, held, resolution.substeps);
     for row in track_rows(track, delayed.as_deref()) {
+        checkpoint_at(row.index);
         let torque = stepper.step(&row);
         if !sink(row.index, torque, stepper.state.bristle_torque_nm) {
             return;

@@ -27,6 +27,9 @@ pub struct Track {
     /// Weight of each row in squared errors, 0 to 1. A row of weight 0 is simulated but not evaluated. Empty if all
     /// weights are 1.
     pub weights: Vec<f64>,
+    /// True in rows whose torque was a spike and is replaced ([`crate::data::Run::torque_spikes`]). Their weight is 0.
+    /// Empty if there is none.
+    pub torque_spikes: Vec<bool>,
     /// The log's extra covariates along the track, in the order of [`crate::data::Dataset::covariates`].
     pub covariates: Arc<[Vec<f64>]>,
     /// Random draws of the true velocity minus the samples' velocity, rad/s or m/s, one value per row
@@ -51,6 +54,7 @@ impl Track {
             period_s,
             period_ratio: None,
             weights: Vec::new(),
+            torque_spikes: Vec::new(),
             covariates: Arc::default(),
             velocity_draws: Vec::new(),
             motion_error: Vec::new(),
@@ -70,6 +74,13 @@ impl Track {
             period_s: self.period_s,
             period_ratio: self.period_ratio.as_ref().map(|ratios| ratios[rows.clone()].to_vec()),
             weights: self.weights.iter().take(rows.end).skip(rows.start).copied().collect(),
+            torque_spikes: self
+                .torque_spikes
+                .iter()
+                .take(rows.end)
+                .skip(rows.start)
+                .copied()
+                .collect(),
             covariates: self
                 .covariates
                 .iter()
@@ -107,7 +118,18 @@ impl Track {
     /// Returns the weight of a row in squared errors, 0 to 1.
     #[inline]
     pub fn weight(&self, row: usize) -> f64 {
+        let is_spike = self.torque_spikes.get(row).copied().unwrap_or_default();
+        if is_spike { 0.0 } else { self.weight_without_spike(row) }
+    }
+
+    /// Returns the weight that a row would have if its torque were measured.
+    fn weight_without_spike(&self, row: usize) -> f64 {
         self.weights.get(row).copied().unwrap_or(1.0)
+    }
+
+    /// Returns true if all rows have weight 1.
+    pub fn is_evenly_weighted(&self) -> bool {
+        self.weights.is_empty() && self.torque_spikes.is_empty()
     }
 
     /// Returns true if a row counts in a fit and in its errors.
@@ -118,7 +140,8 @@ impl Track {
 
     /// Multiplies the weight of each row.
     pub fn scale_weights(&mut self, by: impl Fn(usize) -> f64) {
-        self.weights = (0..self.len()).map(|row| self.weight(row) * by(row)).collect();
+        self.weights =
+            (0..self.len()).map(|row| self.weight_without_spike(row) * by(row)).collect();
     }
 
     /// Moves velocity and acceleration earlier by `delay_s`, s, interpolating linearly between rows. Rows at the end, for

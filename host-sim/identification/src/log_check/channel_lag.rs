@@ -8,6 +8,7 @@ use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use crate::data::segments;
 use crate::number::figure;
+use crate::work::checkpoint;
 use nalgebra::DMatrix;
 
 /// Minimum correlation with the torque, at the best shift, for a column to be another reading of it.
@@ -121,6 +122,7 @@ fn residual_share(parts: &[Part], shift: i64, longest: usize) -> f64 {
     let count = parts[0].columns.len();
     let mut products = DMatrix::<f64>::zeros(count + 1, count + 1);
     for part in parts {
+        checkpoint();
         // The same torque rows for every shift, so that the shifts are comparable.
         let rows = longest..part.torque.len() - longest;
         let start = (rows.start as i64 + shift) as usize;

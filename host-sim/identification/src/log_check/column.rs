@@ -1,6 +1,7 @@
 //! A column of a log, run by run, with its name and unit; and the robust statistics the checks share.
 
 use crate::data::{Dataset, contract};
+use crate::work::checkpoint;
 use compensator_core::quantity::Quantity;
 
 /// A numeric column of a log.
@@ -86,6 +87,7 @@ pub fn quantile(values: &mut [f64], share: f64) -> f64 {
     if values.is_empty() {
         return 0.0;
     }
+    checkpoint();
     let at = ((values.len() - 1) as f64 * share).round() as usize;
     *values.select_nth_unstable_by(at, f64::total_cmp).1
 }

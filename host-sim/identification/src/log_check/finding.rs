@@ -21,6 +21,8 @@ pub enum LogFindingKind {
     TimeJump,
     /// A column may have another unit or origin than its name states.
     UnitSuspect,
+    /// The position wraps, for example after each turn.
+    WrappedAngle,
     /// The torque may have the wrong sign.
     SignSuspect,
     /// A column holds impossible values.
@@ -31,7 +33,7 @@ pub enum LogFindingKind {
 
 impl LogFindingKind {
     /// All kinds.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::VelocityNoise,
         Self::VelocityLag,
         Self::TorqueLag,
@@ -41,6 +43,7 @@ impl LogFindingKind {
         Self::Saturated,
         Self::TimeJump,
         Self::UnitSuspect,
+        Self::WrappedAngle,
         Self::SignSuspect,
         Self::Outlier,
         Self::TooLittle,
@@ -58,6 +61,7 @@ impl LogFindingKind {
             Self::Saturated => "saturated",
             Self::TimeJump => "time-jump",
             Self::UnitSuspect => "unit-suspect",
+            Self::WrappedAngle => "wrapped-angle",
             Self::SignSuspect => "sign-suspect",
             Self::Outlier => "outlier",
             Self::TooLittle => "too-little",

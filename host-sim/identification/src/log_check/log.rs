@@ -10,7 +10,9 @@ use compensator_core::quantity::Quantity;
 pub struct Corrections {
     /// Reconstruct the motion ([`crate::motion::reconstruct`]).
     pub motion: bool,
-    /// Leave out rows with impossible values.
+    /// Unwrap a position that wraps.
+    pub wrapped: bool,
+    /// Leave out rows with impossible values, and give weight 0 to spikes of the torque.
     pub outliers: bool,
     /// Leave out the rows between two readings of a held torque or motion.
     pub held: bool,
@@ -18,7 +20,7 @@ pub struct Corrections {
 
 impl Default for Corrections {
     fn default() -> Self {
-        Self { motion: true, outliers: true, held: true }
+        Self { motion: true, wrapped: true, outliers: true, held: true }
     }
 }
 

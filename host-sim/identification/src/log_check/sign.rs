@@ -6,6 +6,7 @@
 
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
+use super::typed;
 
 /// Mean power relative to its mean magnitude, below which the sign is doubtful. Friction alone gives +0.9 and more; a
 /// gear that a load drives backwards gives about 0.
@@ -22,7 +23,7 @@ pub fn sign(log: &Log) -> Vec<LogFinding> {
     if size <= 0.0 || power / size >= MAX_POWER_RATIO {
         return Vec::new();
     }
-    let torque = log.torque();
+    let pair = typed(log.data, log.torque(), &format!("-{}", log.data.joint.torque_unit()));
     vec![LogFinding {
         kind: LogFindingKind::SignSuspect,
         columns: vec![log.torque().into(), log.velocity().into()],
@@ -31,9 +32,8 @@ pub fn sign(log: &Log) -> Vec<LogFinding> {
         corrected: false,
         in_words: format!(
             "The torque pushes along the motion ({:.0} % of the power comes out of the joint): the torque or the \
-             velocity may have the other sign (--columns {torque}=NAME:-{} turns it). Nothing is changed.",
-            -100.0 * power / size,
-            log.data.joint.torque_unit()
+             velocity may have the other sign (--columns {pair} turns it). Nothing is changed.",
+            -100.0 * power / size
         ),
     }]
 }

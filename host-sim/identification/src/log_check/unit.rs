@@ -5,41 +5,49 @@
 
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
+use super::{rate, typed};
 use crate::number::figure;
 use compensator_core::quantity::{JointKind, Quantity};
+use std::f64::consts::{PI, TAU};
 
-/// Probable causes of a ratio between the velocity and the derivative of the position.
-const KNOWN_GAINS: [(f64, &str); 8] = [
-    (60.0 / std::f64::consts::TAU, "the velocity may be in rpm"),
-    (
-        std::f64::consts::TAU / 60.0,
-        "the position may be in rpm times seconds, or the velocity divided twice",
-    ),
-    (
-        180.0 / std::f64::consts::PI,
-        "the velocity may be in degrees/s, or the position not in degrees",
-    ),
-    (std::f64::consts::PI / 180.0, "the position may be in degrees"),
-    (1e3, "the velocity may be in mm/s, or the time in ms"),
-    (1e-3, "the position may be in mm, or the time not in s"),
-    (1.0 / std::f64::consts::TAU, "the velocity may be in turns/s, or the position not in turns"),
-    (std::f64::consts::TAU, "the position may be in turns"),
+/// A unit with its size, relative to the contract's.
+type SizedUnit = (&'static str, f64);
+
+/// Units of the velocity: the number in the column for 1 rad/s or 1 m/s.
+const VELOCITY_UNITS: [&[SizedUnit]; 2] = [
+    &[
+        ("rad/s", 1.0),
+        ("rpm", 60.0 / TAU),
+        ("deg/s", 180.0 / PI),
+        ("rps", 1.0 / TAU),
+        ("mrad/s", 1e3),
+    ],
+    &[
+        ("m/s", 1.0),
+        ("mm/s", 1e3),
+        ("cm/s", 1e2),
+        ("m/min", 60.0),
+        ("mm/min", 6e4),
+        ("in/s", 1.0 / 0.0254),
+    ],
 ];
+
+/// Units of the position: the number in the column for 1 rad or 1 m.
+const POSITION_UNITS: [&[SizedUnit]; 2] = [
+    &[("rad", 1.0), ("deg", 180.0 / PI), ("rev", 1.0 / TAU), ("mrad", 1e3)],
+    &[("m", 1.0), ("mm", 1e3), ("cm", 1e2), ("um", 1e6), ("inch", 1.0 / 0.0254)],
+];
+
+/// Returns the units of the velocity with the number in the column for 1 rad/s or 1 m/s.
+pub fn velocity_units(joint: JointKind) -> impl Iterator<Item = SizedUnit> {
+    VELOCITY_UNITS[joint as usize].iter().copied()
+}
 
 /// Maximum relative difference to a gain of the table.
 const MAX_GAIN_DIFFERENCE: f64 = 0.03;
 
 /// Minimum difference of a gain from 1 that is reported.
 const MIN_GAIN_ERROR: f64 = 0.05;
-
-/// Plausible rates of a log of friction, Hz. Slow logs of steady speeds have about 4 Hz.
-const PLAUSIBLE_RATES_HZ: (f64, f64) = (2.5, 2e5);
-
-/// Probable true rates of a log whose clock has another unit, Hz.
-const PROBABLE_RATES_HZ: (f64, f64) = (10.0, 1e5);
-
-/// Units of time that a clock may have, as (units per second, name).
-const CLOCK_UNITS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
 
 /// Maximum plausible speed of a joint: rad/s (10,500 rpm) and m/s.
 const MAX_SPEEDS: [f64; 2] = [1.1e3, 30.0];
@@ -53,7 +61,7 @@ const MAX_TEMPERATURE_C: f64 = 200.0;
 pub fn units(log: &Log) -> Vec<LogFinding> {
     let mut found = Vec::new();
     found.extend(velocity_gain(log));
-    found.extend(clock_rate(log));
+    found.extend(rate::implausible(log));
     found.extend(speed_limit(log));
     found.extend(covariate_limits(log));
     found
@@ -73,12 +81,14 @@ fn finding(columns: &[&str], value: f64, unit: &str, in_words: String) -> LogFin
 /// Compares the velocity with the derivative of the position.
 fn velocity_gain(log: &Log) -> Option<LogFinding> {
     let gain = log.sensors.agreement.filter(|agreement| agreement.is_clear())?.gain;
-    let is_near = |of: f64| (gain.abs() / of - 1.0).abs() < MAX_GAIN_DIFFERENCE;
-    let known = KNOWN_GAINS.iter().find(|(of, _)| is_near(*of));
-    let cause = match known {
-        _ if gain < 0.0 => "one of them has the other sign",
-        Some((_, cause)) => cause,
-        None if (gain - 1.0).abs() > MIN_GAIN_ERROR => "one of them has another scale",
+    let cause = match probable_cause(log, gain) {
+        _ if gain < 0.0 => {
+            let unit = log.data.joint.velocity_unit();
+            let pair = typed(log.data, log.velocity(), &format!("-{unit}"));
+            format!("one of them has the other sign (--columns {pair} turns the velocity)")
+        }
+        Some(cause) => cause,
+        None if (gain - 1.0).abs() > MIN_GAIN_ERROR => "one of them has another scale".into(),
         None => return None,
     };
     let factor = figure(gain);
@@ -88,26 +98,57 @@ fn velocity_gain(log: &Log) -> Option<LogFinding> {
     Some(finding(&[log.velocity(), log.position()], gain, "times dq/dt", words))
 }
 
-/// Compares the rate of the log with plausible rates.
-fn clock_rate(log: &Log) -> Option<LogFinding> {
-    let rate = 1.0 / log.sensors.step_s;
-    let is_plausible = (PLAUSIBLE_RATES_HZ.0..PLAUSIBLE_RATES_HZ.1).contains(&rate);
-    let has_rate = log.sensors.step_s > 0.0;
-    if !has_rate || is_plausible {
+/// Returns the units that explain a gain, with the option to type: of one column if possible, else of both.
+fn probable_cause(log: &Log, gain: f64) -> Option<String> {
+    let is_near = |of: f64| (gain / of - 1.0).abs() < MAX_GAIN_DIFFERENCE;
+    if is_near(1.0) {
         return None;
     }
-    let is_probable = |(part, _): &&(f64, &str)| {
-        (PROBABLE_RATES_HZ.0..PROBABLE_RATES_HZ.1).contains(&(rate * part))
-    };
-    let hint = match CLOCK_UNITS.iter().find(is_probable) {
-        Some((_, unit)) => format!("may be in {unit} (--columns time_s=NAME:{unit})"),
-        None => "may not be in seconds".into(),
-    };
-    let rate_in_words = figure(rate);
-    let words = format!(
-        "By its stamps the log has {rate_in_words} rows a second: the time {hint}. Nothing is changed."
-    );
-    Some(finding(&["time_s"], rate, "Hz", words))
+    let joint = log.data.joint as usize;
+    let velocities = relative(VELOCITY_UNITS[joint], given_unit(log, log.velocity()));
+    let positions = relative(POSITION_UNITS[joint], given_unit(log, log.position()));
+    let option = |name: &str, unit: &str| typed(log.data, name, unit);
+    let mut causes = Vec::new();
+    for (unit, _) in velocities.iter().filter(|(_, size)| is_near(*size)) {
+        let pair = option(log.velocity(), unit);
+        causes.push(format!("the velocity may be in {unit} (--columns {pair})"));
+    }
+    for (unit, _) in positions.iter().filter(|(_, size)| is_near(1.0 / size)) {
+        let pair = option(log.position(), unit);
+        causes.push(format!("the position may be in {unit} (--columns {pair})"));
+    }
+    if is_near(1e3) {
+        let pair = option("time_s", "ms");
+        causes.push(format!("the time may be in ms (--columns {pair})"));
+    }
+    if causes.is_empty() {
+        let pairs = velocities.iter().flat_map(|v| positions.iter().map(move |q| (v, q)));
+        let (velocity, position) = pairs.into_iter().find(|(v, q)| is_near(v.1 / q.1))?;
+        let both = [option(log.velocity(), velocity.0), option(log.position(), position.0)];
+        causes.push(format!(
+            "the velocity may be in {} and the position in {} (--columns {})",
+            velocity.0,
+            position.0,
+            both.join(",")
+        ));
+    }
+    Some(causes.join(", or "))
+}
+
+/// Returns the unit that `--columns` gives for a column.
+fn given_unit<'a>(log: &'a Log, name: &str) -> Option<&'a str> {
+    let source = log.data.sources.iter().find(|source| source.name == name);
+    source.and_then(|source| source.unit.as_deref())
+}
+
+/// Returns the other units of a column with their sizes relative to the given one; none if that is not in the table.
+fn relative(units: &[SizedUnit], given: Option<&str>) -> Vec<SizedUnit> {
+    let given = given.map_or(Some(1.0), |given| {
+        units.iter().find(|(unit, _)| *unit == given).map(|(_, size)| *size)
+    });
+    let Some(given) = given else { return Vec::new() };
+    let sizes = units.iter().map(|(unit, size)| (*unit, size / given));
+    sizes.filter(|(_, size)| *size != 1.0).collect()
 }
 
 /// Compares the speed with the maximum plausible one.
@@ -123,8 +164,9 @@ fn speed_limit(log: &Log) -> Option<LogFinding> {
     }
     let words = format!(
         "The velocity reaches {} {unit} by its column's unit, which no joint does: it may be in {other} \
-         (--columns {velocity}=NAME:{other}). Nothing is changed.",
-        figure(speed)
+         (--columns {}). Nothing is changed.",
+        figure(speed),
+        typed(log.data, velocity, other)
     );
     Some(finding(&[velocity], speed, unit, words))
 }
@@ -136,15 +178,16 @@ fn covariate_limits(log: &Log) -> Vec<LogFinding> {
         let (name, figure) = (&column.name, figure(largest));
         match column.quantity {
             Some(Quantity::Pressure) if largest > 0.0 && largest < MIN_PRESSURE_PA => {
+                let pair = typed(log.data, name, "bar");
                 let words = format!(
-                    "{name} never exceeds {figure} Pa: it may be in bar or MPa (--columns {name}=NAME:bar). Nothing is \
-                     changed."
+                    "{name} never exceeds {figure} Pa: it may be in bar or MPa (--columns {pair}). Nothing is changed."
                 );
                 Some(finding(&[name], largest, "Pa", words))
             }
             Some(Quantity::Temperature) if largest > MAX_TEMPERATURE_C => {
+                let pair = typed(log.data, name, "K");
                 let words = format!(
-                    "{name} reaches {figure} °C: it may be in kelvin (--columns {name}=NAME:K). Nothing is changed."
+                    "{name} reaches {figure} °C: it may be in kelvin (--columns {pair}). Nothing is changed."
                 );
                 Some(finding(&[name], largest, "°C", words))
             }

@@ -9,6 +9,7 @@ use super::filter::{Noise, Series, draw};
 use super::levels::{Levels, adapt, likeliest, noise_alone};
 use super::quantum::{quantum, unstepped};
 use super::rest::at_rest;
+use crate::work::checkpoint;
 
 /// Number of draws of the uncertain motion. Three give a row's variance to a factor of two, and that of all rows
 /// together to a percent.
@@ -181,6 +182,7 @@ impl MotionAnalysis {
         let position = levels.noise.position.min(alone.unwrap_or(f64::INFINITY));
         let noise = Noise { position, ..levels.noise };
         for series in all.iter_mut() {
+            checkpoint();
             series.loudness = loudness(series, own_noise);
             series.at_rest = at_rest(series, &noise, step, sensors.speed * step_s);
         }

@@ -12,6 +12,8 @@
 //! smoothed `w` with its variance. Time is counted in median steps, and velocity and acceleration are per such step, so
 //! that all three states have similar size.
 
+use crate::work::checkpoint_at;
+
 /// Position, velocity and acceleration, per median step.
 pub type State = [f64; 3];
 
@@ -213,6 +215,7 @@ fn filter(series: &Series, noise: &Noise, jumps: &[f64], keep: bool) -> Filtered
     let (mut x, mut p) = (origin(series), diagonal(wide(series)));
     let mut seen = 0;
     for row in 0..rows {
+        checkpoint_at(row);
         if keep {
             pass.predicted.push((x, p));
         }
@@ -268,6 +271,7 @@ pub fn smooth(series: &Series, noise: &Noise, jumps: &[f64]) -> Smoothed {
     };
     let (mut r, mut n) = ([0.0; 3], [[0.0; 3]; 3]);
     for row in (0..rows).rev() {
+        checkpoint_at(row);
         if row + 1 < rows {
             let step = series.step(row);
             let variance = jumps[row] * step;
@@ -320,6 +324,7 @@ pub fn draw(
     // Where the log is at rest, the drawn motion is measured with the variance of rest; its velocity is not zero.
     let variance_ratio = |row: usize| if series.at_rest[row] { AT_REST } else { 1.0 };
     for row in 0..rows {
+        checkpoint_at(row);
         truth.push(x[1]);
         if let Some(position) = &mut drawn.position {
             position.push(x[0] + series.position_variance(row, noise).sqrt() * normal());
@@ -345,6 +350,7 @@ fn smooth_as(series: &Series, drawn: &Series, noise: &Noise, jumps: &[f64]) -> V
     let mut pass = filter(series, noise, jumps, true);
     let mut x = [0.0; 3];
     for row in 0..rows {
+        checkpoint_at(row);
         pass.predicted[row].0 = x;
         for given in pass.measured[row].iter_mut().flatten() {
             let column = if given.entry == 0 { position } else { velocity };
@@ -358,6 +364,7 @@ fn smooth_as(series: &Series, drawn: &Series, noise: &Noise, jumps: &[f64]) -> V
     let mut out = vec![0.0; rows];
     let mut r = [0.0; 3];
     for row in (0..rows).rev() {
+        checkpoint_at(row);
         if row + 1 < rows {
             r = backward(&r, series.step(row));
         }

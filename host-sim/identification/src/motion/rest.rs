@@ -11,6 +11,7 @@
 //! (one free size, least squares).
 
 use super::filter::{Noise, Series};
+use crate::work::checkpoint_at;
 use std::ops::Range;
 
 /// Maximum speed of rest, as a share of the 95th percentile of speed, if it lasts for a window.
@@ -83,6 +84,7 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
     };
     let mut rough: Vec<Range<usize>> = Vec::new();
     for from in 0..=rows - window {
+        checkpoint_at(from);
         if rests(from) {
             match rough.last_mut() {
                 Some(last) if last.end >= from => last.end = from + window,

@@ -17,7 +17,7 @@ pub(super) const BEFORE: &str = "before";
 pub(super) const AFTER: &str = "after";
 
 /// Legend of the data.
-const LOGGED: &str = "logged";
+pub(super) const LOGGED: &str = "logged";
 
 /// Maximum number of points of a curve.
 pub(super) const CURVE_POINTS: usize = 2500;

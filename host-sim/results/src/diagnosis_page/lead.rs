@@ -12,6 +12,7 @@ use compensator_core::Quantity;
 use friction_identification::diagnose::summary::above_floor;
 use friction_identification::diagnose::{Finding, summary};
 use friction_identification::number::significant;
+use maud::html;
 
 /// Returns name and text of each fact.
 pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
@@ -37,13 +38,14 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
         )
     } else if before > 0.0 {
         format!(
-            "The error above the noise floor falls from {} to {} (by {}\u{a0}%); the total error falls by {}\u{a0}% (95\u{a0}% interval {} to {}\u{a0}%)",
+            "The error above the noise floor falls from {} to {} (by {}\u{a0}%); the total error falls by {}\u{a0}% (95\u{a0}% interval {} to {}\u{a0}%).{}",
             quantity(before, unit),
             quantity(after, unit),
             significant(100.0 * (1.0 - after / before), 2),
             significant(100.0 * found.gain.value, 2),
             significant(100.0 * found.gain.ci95[0], 2),
-            significant(100.0 * found.gain.ci95[1], 2)
+            significant(100.0 * found.gain.ci95[1], 2),
+            two_percentages(found.before.metrics.rmse, found.noise_floor, unit)
         )
     } else {
         "The error of the base model is already at the noise floor.".into()
@@ -51,14 +53,65 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     facts.push(("Gain on held-out rows", gain));
     if scene.is_extended() {
         let how = format!(
-            "params.toml contains the model {}. Write it to the driver (host-sim params set params.toml --bus can0) or \
-             export it (host-sim export params.toml --to c).",
+            "params.toml contains the model {}. Write it to the driver: `host-sim params set params.toml --bus can0` Or \
+             export it: `host-sim export params.toml --to c`",
             found.extended.spec
         );
         facts.push(("Next step", how));
     }
     facts.push(("Next experiment", summary::next_experiment(found)));
     facts.into_iter().map(|(name, text)| (name.to_owned(), text)).collect()
+}
+
+/// Width of the longest bar, px: a third of a notebook's cell on a small screen.
+const BAR_PX: f64 = 240.0;
+
+/// Returns the first screen as an HTML fragment.
+pub(super) fn fragment(scene: &Scene) -> String {
+    let errors = errors(scene);
+    let names: &[&str] = if scene.is_extended() { &[BEFORE, AFTER] } else { &["base model"] };
+    let longest = errors[0].max(errors[1]).max(f64::MIN_POSITIVE);
+    let bars = names.iter().zip(errors);
+    html! {
+        div style="max-width: 60em" {
+            dl {
+                @for (name, text) in facts(scene) {
+                    dt style="font-weight: 600" { (name) }
+                    dd style="margin: 0 0 .4em 1.2em" { (text) }
+                }
+                dt style="font-weight: 600" { "Error above the noise floor" }
+                @for (name, error) in bars {
+                    dd style="margin: 0 0 .2em 1.2em" {
+                        span style={
+                            "display: inline-block; height: .8em; background: #0072b2; width: "
+                            (format!("{:.0}", BAR_PX * error / longest)) "px"
+                        } {}
+                        " " (name) ": " (quantity(error, scene.unit()))
+                    }
+                }
+            }
+            ol { @for sentence in summary::summary(scene.about.found) { li { (sentence) } } }
+        }
+    }
+    .into_string()
+}
+
+/// Share of the noise floor in the squared error above which the reduction of the total error is much smaller than that of
+/// the error above the floor, so that the difference needs an explanation.
+const DOMINANT_NOISE_SHARE: f64 = 0.5;
+
+/// Explains why the total error falls much less than the error above the noise floor; empty if it does not.
+fn two_percentages(rmse: f64, floor: f64, unit: &str) -> String {
+    let share = (floor / rmse).powi(2);
+    if share.is_nan() || share < DOMINANT_NOISE_SHARE {
+        return String::new();
+    }
+    format!(
+        " Both are true: errors add as squares, and the noise floor of {}, which no model can reduce, is {}\u{a0}% of the \
+         squared error.",
+        quantity(floor, unit),
+        significant(100.0 * share, 2)
+    )
 }
 
 /// Returns meaning and name of a finding's cause.

@@ -2,7 +2,8 @@
 //!
 //! Each sentence states a conclusion and the number it is based on. Two models without a significant difference are
 //! called equal. Parameters that are not determined are named. A residual with autocorrelation is not called noise. A
-//! column that no model uses is suggested for a test, but not called a cause.
+//! column that the recommended model does not use is left to the diagnosis: its correlation with the residual on training
+//! rows does not show that a term for it reduces the held-out error, so no term is suggested here.
 
 use super::figures::neighbours;
 use super::words::{listed, quantity};
@@ -204,22 +205,20 @@ fn times(view: &View) -> [f64; 2] {
     [view.fit(best).autocorrelation_time, view.held_out.autocorrelation_time(best)]
 }
 
-/// Returns the terms that would use a logged column which the best model does not use.
-fn untried(view: &View) -> Vec<String> {
-    let (data, tried) = (view.study.data, &view.fit(view.best()).spec);
+/// Returns the varying columns of the log that have a named cause whose term the recommended model does not use.
+fn unused_columns(view: &View) -> Vec<&'static str> {
+    let (data, used) = (view.study.data, &view.fit(view.chosen()).spec);
     let columns = contract::covariates().map(|quantity| quantity.name(data.joint));
     let varies = |column: &str| {
         let values = || data.runs.iter().filter_map(|run| data.column(run, column)).flatten();
         values().next().is_some_and(|first| values().any(|value| value != first))
     };
-    let is_new = |term: &TermKind| !tried.law.includes(*term) && !tried.terms.contains(term);
-    let mut untried = Vec::new();
-    for column in columns.filter(|column| varies(column)) {
+    let is_unused = |term: &TermKind| !used.law.includes(*term) && !used.terms.contains(term);
+    let has_unused_term = |column: &str| {
         let causes = cause::ALL.iter().filter(|cause| cause.covariate() == Some(column));
-        let terms = causes.filter_map(|cause| cause.remedy().term()).filter(is_new);
-        untried.extend(terms.map(|term| format!("+{} ({column})", term.name())));
-    }
-    untried
+        causes.filter_map(|cause| cause.remedy().term()).any(|term| is_unused(&term))
+    };
+    columns.filter(|column| varies(column) && has_unused_term(column)).collect()
 }
 
 /// Returns an experiment that would determine the undetermined parameters.
@@ -250,15 +249,17 @@ fn next_steps(view: &View) -> String {
     }
     let [train, test] = times(view);
     let is_noise = train.max(test) <= MAX_NOISE_AUTOCORRELATION_ROWS;
-    let untried = untried(view);
-    if !is_noise && untried.is_empty() {
+    let unused = unused_columns(view);
+    if !is_noise && unused.is_empty() {
         things.push(
             "look for patterns of the residual in the charts below, or run diagnose".to_owned(),
         );
     } else if !is_noise {
         things.push(format!(
-            "test whether a logged column that this model does not use reduces the held-out error: {}",
-            listed(&untried, 4)
+            "run diagnose on this log: it tests on held-out rows whether the residual follows a column that {} does not \
+             use ({})",
+            view.name(view.chosen()),
+            listed(&unused, 4)
         ));
     }
     let loose = [in_state(best, State::NotDetermined), in_state(best, State::AtBound)].concat();

@@ -6,10 +6,19 @@ use super::palette::Palette;
 use maud::{Markup, PreEscaped, html};
 
 /// State shared by the charts of a page.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Drawing {
     palette: Palette,
-    charts: usize,
+    /// Number of charts so far.
+    pub charts: usize,
+    /// Number of the chart below which the hint for all charts is.
+    pub hint_after: usize,
+}
+
+impl Default for Drawing {
+    fn default() -> Self {
+        Self { palette: Palette::default(), charts: 0, hint_after: 1 }
+    }
 }
 
 /// Widths of a chart on paper in CSS pixels, over the whole line and over half of it. They fit A4 and Letter with the
@@ -34,7 +43,7 @@ impl Chart {
                     p.no-data { "There is no finite value to draw." }
                 }
                 @if !self.caption.is_empty() { figcaption { (self.caption) } }
-                @if drawing.charts == 1 {
+                @if drawing.charts == drawing.hint_after {
                     p.hint {
                         "All charts: drag to zoom, double-click to reset, click a name in the \
                          legend to hide or show it."

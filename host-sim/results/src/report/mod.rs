@@ -14,12 +14,14 @@
 mod chart;
 mod drawing;
 mod figure;
+mod finder;
 mod page;
 mod palette;
 mod table;
 mod thin;
 
 pub use chart::{Axis, Chart, Series, Style};
-pub use page::{Block, Page};
+pub use finder::Finder;
+pub use page::{Block, CHART_SCRIPT_FILE, Page, chart_script};
 pub use table::{Best, Cell, Table};
 pub use thin::{rounded, thin_scatter, thin_series};

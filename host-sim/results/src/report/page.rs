@@ -13,14 +13,27 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::chart::Chart;
 use super::drawing::Drawing;
+use super::finder::Finder;
 use super::table::Table;
 use crate::write::write_atomically;
 
-/// Forbids all loading; `data:` and `blob:` are required to save a chart as an image.
-const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
+/// Forbids all loading; `data:` and `blob:` are required to save a chart as an image. The placeholder is for further sources
+/// of scripts.
+const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'SOURCES; style-src 'unsafe-inline'; \
                       img-src data: blob:; base-uri 'none'; form-action 'none'";
+
+/// Name of the file with the script that draws charts, beside pages that link to it.
+pub const CHART_SCRIPT_FILE: &str = "plotly.js";
+
+/// Returns the content of [`CHART_SCRIPT_FILE`].
+pub fn chart_script() -> String {
+    let element = plotly_script();
+    let begin = element.find('>').map_or(0, |at| at + 1);
+    element[begin..].trim_end_matches("</script>").to_owned()
+}
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
+const FINDER_SCRIPT: &str = include_str!("finder.js");
 
 /// One element of a page.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,14 +46,17 @@ pub enum Block {
     List(Vec<String>),
     /// A table.
     Table(Table),
+    /// A table with a search field.
+    Find(Finder),
     /// A chart over the whole width.
     Chart(Chart),
-    /// The main result: named facts with a chart beside them, or below them on narrow screens.
+    /// The main result: named facts with charts beside them. On narrow screens, the first chart follows the first fact, and
+    /// the other charts follow the last one.
     Lead {
-        /// Name and text of each fact.
+        /// Name and text of each fact. A part of a text between two backticks is shown as code.
         facts: Vec<(String, String)>,
-        /// The chart.
-        chart: Chart,
+        /// The charts, most important first.
+        charts: Vec<Chart>,
     },
     /// Links to the headings of the page.
     Contents,
@@ -80,6 +96,19 @@ impl Page {
 
     /// Renders the page as a self-contained HTML document.
     pub fn render(&self) -> String {
+        self.render_with(None)
+    }
+
+    /// Renders the page as an HTML document that loads the script of its charts from a file. `folder` is the relative path
+    /// of that file's folder, such as `../../`. Many pages then share the 4.7 MB of the script.
+    pub fn render_linked(&self, folder: &str) -> String {
+        self.render_with(Some(&format!("{folder}{CHART_SCRIPT_FILE}")))
+    }
+
+    fn render_with(&self, script: Option<&str>) -> String {
+        // A page that was opened from a folder has no origin that `'self'` could name.
+        let sources = if script.is_some() { " 'self' file:" } else { "" };
+        let policy = POLICY.replace("SOURCES", sources);
         let has_chart = self.blocks.iter().any(has_chart);
         let mut drawing = Drawing::default();
         html! {
@@ -87,7 +116,7 @@ impl Page {
             html lang="en" {
                 head {
                     meta charset="utf-8";
-                    meta http-equiv="Content-Security-Policy" content=(POLICY);
+                    meta http-equiv="Content-Security-Policy" content=(policy);
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     link rel="icon" href="data:,";
                     title { (self.title) }
@@ -108,8 +137,14 @@ impl Page {
                         }
                     }
                     @if has_chart {
-                        (PreEscaped(plotly_script()))
+                        @match script {
+                            Some(file) => script src=(file) {},
+                            None => (PreEscaped(plotly_script())),
+                        }
                         script { (PreEscaped(SCRIPT)) }
+                    }
+                    @if self.blocks.iter().any(|block| matches!(block, Block::Find(_))) {
+                        script { (PreEscaped(FINDER_SCRIPT)) }
                     }
                 }
             }
@@ -148,11 +183,9 @@ impl Block {
                 Block::Paragraph(text) => p { (text) },
                 Block::List(entries) => ul { @for entry in entries { li { (entry) } } },
                 Block::Table(table) => (table.render()),
+                Block::Find(finder) => (finder.render()),
                 Block::Chart(chart) => (chart.render(drawing, 1)),
-                Block::Lead { facts, chart } => div.lead {
-                    dl { @for (name, text) in facts { dt { (name) } dd { (text) } } }
-                    (chart.render(drawing, 2))
-                },
+                Block::Lead { facts, charts } => (lead(facts, charts, drawing)),
                 // The page renders this block, because it has the headings.
                 Block::Contents => "",
                 Block::Row(charts) => div.row {
@@ -167,15 +200,49 @@ impl Block {
     }
 }
 
+/// Renders a lead block. The style sheet places its four parts.
+fn lead(facts: &[(String, String)], charts: &[Chart], drawing: &mut Drawing) -> Markup {
+    if drawing.charts == 0 {
+        drawing.hint_after = charts.len();
+    }
+    let (first, rest) = facts.split_at(facts.len().min(1));
+    let (main, below) = charts.split_at(charts.len().min(1));
+    let listed = |facts: &[(String, String)]| {
+        html! { @for (name, text) in facts { dt { (name) } dd { (with_code(text)) } } }
+    };
+    html! {
+        div.lead {
+            dl.lead-first { (listed(first)) }
+            div.lead-main { @for chart in main { (chart.render(drawing, 2)) } }
+            dl.lead-rest { (listed(rest)) }
+            div.lead-below { @for chart in below { (chart.render(drawing, 2)) } }
+        }
+    }
+}
+
+/// Renders a text in which parts between backticks are code. A line may break between the words of a command, but not
+/// inside an option such as `--bus`.
+fn with_code(text: &str) -> Markup {
+    html! {
+        @for (place, part) in text.split('`').enumerate() {
+            @if place % 2 == 0 { (part) }
+            @else { code { @for (word, text) in part.split(' ').enumerate() {
+                @if word > 0 { " " } span { (text) }
+            } } }
+        }
+    }
+}
+
 fn has_chart(block: &Block) -> bool {
     match block {
-        Block::Chart(_) | Block::Lead { .. } => true,
-        Block::Row(charts) => !charts.is_empty(),
+        Block::Chart(_) => true,
+        Block::Row(charts) | Block::Lead { charts, .. } => !charts.is_empty(),
         Block::Details { blocks, .. } => blocks.iter().any(has_chart),
         Block::Heading(_)
         | Block::Paragraph(_)
         | Block::List(_)
         | Block::Table(_)
+        | Block::Find(_)
         | Block::Contents => false,
     }
 }

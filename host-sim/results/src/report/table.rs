@@ -29,6 +29,13 @@ pub enum Cell {
         /// The standard error; NaN or not positive if unknown.
         std_error: f64,
     },
+    /// A text that links to another file beside the page.
+    Link {
+        /// The text.
+        text: String,
+        /// Relative path of the file.
+        target: String,
+    },
     /// Unknown or not applicable; shown as a dash.
     Empty,
 }
@@ -60,7 +67,7 @@ impl From<Option<f64>> for Cell {
 impl Cell {
     fn text(&self) -> String {
         match self {
-            Self::Text(text) => text.clone(),
+            Self::Text(text) | Self::Link { text, .. } => text.clone(),
             Self::Number(value) => significant(*value, DIGITS),
             Self::ShortNumber(value, digits) => significant(*value, *digits),
             Self::Count(things) => count(*things),
@@ -76,7 +83,7 @@ impl Cell {
                 Some(value)
             }
             Self::Count(things) => Some(things as f64),
-            Self::Text(_) | Self::Empty => None,
+            Self::Text(_) | Self::Link { .. } | Self::Empty => None,
         }
     }
 }
@@ -159,7 +166,9 @@ impl Table {
         let best = self.best.iter().find(|(column, _)| *column == index).map(|(_, best)| best);
         ColumnLayout {
             numeric: cells().any(|cell| cell.value().is_some())
-                && !cells().any(|cell| matches!(cell, Cell::Text(_) | Cell::Estimate { .. })),
+                && !cells().any(|cell| {
+                    matches!(cell, Cell::Text(_) | Cell::Link { .. } | Cell::Estimate { .. })
+                }),
             behind_point: cells()
                 .map(|cell| at_point(&cell.text()).1.chars().count())
                 .max()
@@ -179,7 +188,8 @@ impl ColumnLayout {
         let (before, behind) = if self.numeric { at_point(&text) } else { (text.as_str(), "") };
         html! {
             td.num[self.numeric].best[is_best] {
-                (before)
+                @if let Cell::Link { target, .. } = cell { a href=(target) { (before) } }
+                @else { (before) }
                 @if self.numeric && self.behind_point > 0 {
                     span.behind style={ "min-width:" (self.behind_point) "ch" } { (behind) }
                 }

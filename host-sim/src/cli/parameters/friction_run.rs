@@ -6,6 +6,7 @@
 
 use super::commission::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_STOP};
 use super::{Driver, sdo_message};
+use crate::cli::input::spinner;
 use crate::cli::output::print_text;
 use canopen_rs::{Address, NmtCommand};
 use compensator_core::can::{Message, SyncFrame};
@@ -69,11 +70,13 @@ impl Driver {
         let bus = self.client.bus();
         let began_ns = bus.now_ns() + SETTLING_TIME.as_nanos() as u64;
         while bus.receive(began_ns).map_err(|error| error.to_string())?.is_some() {}
+        let bar = spinner("friction run, about one minute".into());
         let step = self.order(ORDER_FRICTION_RUN).and_then(|()| self.follow_run(json));
         if step.is_err() {
             // Without keep-alive the driver stops after 0.1 s; the stop order acts sooner.
             let _ = self.order(ORDER_STOP);
         }
+        bar.finish_and_clear();
         let seconds = (self.client.bus().now_ns() - began_ns) as f64 * 1e-9;
         let left = self.client.command(NmtCommand::EnterPreOperational);
         if step? != CommissioningStep::Done as u32 {

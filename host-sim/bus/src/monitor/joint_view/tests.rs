@@ -211,3 +211,40 @@ fn json_with_missing_values_has_null() {
     assert_eq!(at("/flags"), serde_json::json!(["slew-limited"]));
     assert_eq!(at("/bus"), "vcan0");
 }
+
+#[test]
+fn view_without_sync_names_frame_and_command_once() {
+    let mut model = model();
+    model.set_bus("can0");
+    // A joint that waits for its master: heartbeats, no SYNC.
+    for at in [0, 1000, 2000, 3000, 4000] {
+        raw(&mut model, at, 0x701, &[5]);
+        model.tick(START + at * MS);
+    }
+    let view_at = |model: &JointView, at| view(model, at);
+    assert!(view_at(&model, 2900).readings.iter().all(|reading| reading.missing.is_none()));
+    let missing = view_at(&model, 4000).readings.map(|reading| reading.missing.unwrap());
+    assert!(missing.iter().all(|frame| (frame.name, frame.identifier) == ("SYNC", 0x080)));
+    let logged = |model: &JointView| {
+        let texts: Vec<String> =
+            texts(&view_at(model, 4000)).into_iter().map(str::to_owned).collect();
+        texts.into_iter().filter(|text| text.contains("080h") || text.contains("sent:")).collect()
+    };
+    let expected = [
+        "no SYNC (080h): no velocity, friction, feed-fwd, current, residual",
+        "to have it sent: host-sim replay TRACE --bus can0 --node-id 1",
+    ];
+    let events: Vec<String> = logged(&model);
+    assert_eq!(events, expected);
+    // SYNCs and Motion arrive, answers do not: the joint was stopped.
+    raw(&mut model, 4500, 0x701, &[4]);
+    for at in 4500..8000 {
+        let motion = MotionFrame { velocity_rad_s: 1.0, position_rad: 0.0 };
+        receive(&mut model, at, &Message::Motion(NodeId::FIRST, motion));
+        receive(&mut model, at, &Message::Sync(SyncFrame::of(at as u32)));
+    }
+    raw(&mut model, 8000, 0x701, &[4]);
+    let [velocity, friction, ..] = view_at(&model, 8000).readings;
+    assert_eq!(velocity.missing, None);
+    assert_eq!(friction.missing.unwrap().command, "cansend can0 000#0101");
+}

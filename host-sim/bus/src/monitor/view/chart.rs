@@ -7,8 +7,8 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Line as Stroke, Points};
+use ratatui::widgets::{Paragraph, Wrap};
 
 /// Width of the axis labels, in characters.
 const AXIS_WIDTH: u16 = 8;
@@ -76,12 +76,20 @@ fn heading(reading: &Reading, width: u16) -> Line<'static> {
         Span::styled(format!("{value:>7} "), style),
         Span::styled(format!("{unit:<5}"), DIM),
     ];
+    let used: usize = spans.iter().map(Span::width).sum();
+    let missing = reading.missing.as_ref();
+    let missing = missing.map(|frame| format!("no {} {:03X}h", frame.name, frame.identifier));
     if reading.unmeasured {
         spans.push(Span::styled("  not measured", DIM));
+    } else if let (None, Some(missing)) = (reading.value, &missing) {
+        spans.push(Span::styled(format!("  {missing}"), WARN));
     } else if reading.value.is_none() {
         spans.push(Span::styled("  no value yet", DIM));
     } else if let (true, Some(age_s)) = (reading.stale, reading.age_s) {
-        spans.push(Span::styled(format!("  {} OLD", age(age_s)), WARN));
+        let old = format!("  {} OLD", age(age_s));
+        let both = missing.map(|missing| format!("{old}: {missing}"));
+        let both = both.filter(|both| used + both.len() <= usize::from(width));
+        spans.push(Span::styled(both.unwrap_or(old), WARN));
     }
     if let Some([least, most]) = reading.range {
         let range = format!(" min {:>7} max {:>7}", short(least), short(most));
@@ -117,7 +125,13 @@ fn draw_curve(frame: &mut Frame, reading: &Reading, area: Rect) {
     if area.height == 0 || area.width <= AXIS_WIDTH + 4 {
         return;
     }
-    let Some([low, high]) = bounds(reading) else { return };
+    let Some([low, high]) = bounds(reading) else {
+        if let Some(missing) = &reading.missing {
+            let text = Line::styled(format!(" {}", missing.command), DIM);
+            frame.render_widget(Paragraph::new(text).wrap(Wrap { trim: true }), area);
+        }
+        return;
+    };
     let [axis, body] =
         Layout::horizontal([Constraint::Length(AXIS_WIDTH), Constraint::Min(0)]).areas(area);
     let top = Line::styled(format!("{:>7}", short(high as f32)), DIM);

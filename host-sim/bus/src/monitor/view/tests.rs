@@ -252,3 +252,21 @@ fn numbers_and_ages_fit_their_width() {
         ("0.0 s".into(), "10 s".into(), "5 min".into(), "2 h".into())
     );
 }
+
+#[test]
+fn draw_with_missing_frame_shows_its_name_and_command() {
+    let mut waiting = JointView::new(NodeId::FIRST, 0);
+    waiting.set_bus("can0");
+    for at in [0, 1000, 2000, 3000, 4000] {
+        receive(&mut waiting, at, JointFrame::new(0x701, &[5]).unwrap());
+    }
+    waiting.tick(4000 * MS);
+    let command = "host-sim replay TRACE --bus can0 --node-id 1";
+    assert_shows(&screen(&waiting, 4000, (120, 40)), &["velocity", "no SYNC 080h", command]);
+    // Without room for charts, the names remain.
+    assert_shows(&screen(&waiting, 4000, (60, 24)), &["no SYNC 080h"]);
+    // An old value shows its age and the frame.
+    let mut stopped = model();
+    stopped.tick(20_000 * MS);
+    assert_shows(&screen(&stopped, 20_000, (120, 40)), &["OLD: no heartbeat 701h"]);
+}

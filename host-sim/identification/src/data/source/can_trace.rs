@@ -95,7 +95,7 @@ fn read(input: Input) -> Result<FileData, DataError> {
         TraceColumn::Measured(quantity) => quantity.name(kind),
     };
     let columns = &overview.columns;
-    let names = columns.iter().map(|column| name(column).to_owned()).collect();
+    let names: Vec<String> = columns.iter().map(|column| name(column).to_owned()).collect();
     let mut cleaner = Cleaner::new(path, layout(path, names, options)?);
     for bad in &overview.bad.first {
         cleaner.reject_row(bad.row, None, bad.found.clone(), &bad.expected);

@@ -1,74 +1,79 @@
 //! CSV files as a source of rows.
 //!
-//! A log of several gigabytes must not be held as text. Rows stream through one reused record, and only numbers are
-//! kept. The `csv` crate splits the rows (quotes, embedded line ends). `fast-float2` parses the numbers directly from
-//! the bytes, which is most of the work.
+//! A log of several gigabytes must not be held as text. Rows stream through one reused record (`records`), and only
+//! numbers are kept. The `csv` crate splits the rows (quotes, embedded line ends). `fast-float2` parses the numbers
+//! directly from the bytes, which is most of the work.
 //!
-//! Row numbers must be those that an editor shows. The `csv` crate counts a record from the blank lines before it,
-//! and its count is right only *after* it consumed a line end. So lines end at LF here (a preceding CR is trimmed with
-//! the blanks), and a final LF is appended in case the file lacks one. The first line of a record is found by counting
-//! back from the reader's position after it.
+//! A number with separators of thousands may show that earlier ones were misread. The file is then read once more, and
+//! a third time without such separators if other numbers contradict them.
 
 use std::borrow::Cow;
 use std::cell::Cell;
-use std::io::{Chain, Read, Seek, SeekFrom};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use csv::{ByteRecord, ReaderBuilder, Terminator};
-
+use super::channel_clocks::{ChannelClocks, groups};
 use super::format::{HEAD_BYTES, Input, LogFormat};
+use super::number_style::NumberStyle;
 use super::preamble::{Preamble, find_preamble};
+use super::records::{RecordPosition, RecordReader, cell_names, is_blank, reader_builder};
 use super::separator::separator;
 use super::utf16;
 use crate::data::clean::{Cleaner, FileData};
+use crate::data::column_names::ColumnNames;
 use crate::data::error::DataError;
-use crate::data::header::layout;
+use crate::data::error::quoted;
+use crate::data::header::{Layout, layout};
 use crate::data::options::ReadOptions;
 use crate::data::row::LogRow;
 
 /// Rows between two calls of the progress function.
 const PROGRESS_ROWS: u64 = 16 * 1024;
 
+/// The number format of a table.
+struct NumberFormat {
+    /// True if the separator is not a comma, so that a comma may be the decimal point.
+    is_comma_free: bool,
+    /// What the numbers have shown.
+    style: Cell<NumberStyle>,
+}
+
+impl NumberFormat {
+    #[inline]
+    fn parse(&self, cell: &[u8]) -> Option<f64> {
+        if !self.style.get().is_point_misleading()
+            && let Ok(value) = fast_float2::parse(cell)
+        {
+            return Some(value);
+        }
+        self.parse_signs(cell)
+    }
+
+    #[cold]
+    fn parse_signs(&self, cell: &[u8]) -> Option<f64> {
+        let mut style = self.style.get();
+        let value = style.parse(cell, self.is_comma_free).or_else(|| fast_float2::parse(cell).ok());
+        self.style.set(style);
+        value
+    }
+}
+
 /// A record with its number format.
 struct CsvRow<'a> {
-    record: &'a ByteRecord,
-    /// True if the separator is not a comma, so that a comma may be the decimal point.
-    comma_may_be_point: bool,
-    /// Set when a decimal comma was read.
-    comma_was_point: &'a Cell<bool>,
+    record: &'a csv::ByteRecord,
+    format: &'a NumberFormat,
 }
 
 impl LogRow for CsvRow<'_> {
     #[inline]
     fn number(&self, column: usize) -> Option<f64> {
-        let cell = self.record.get(column)?.trim_ascii();
-        match fast_float2::parse(cell) {
-            Ok(value) => Some(value),
-            Err(_) if self.comma_may_be_point => {
-                let value = parse_decimal_comma(cell)?;
-                self.comma_was_point.set(true);
-                Some(value)
-            }
-            Err(_) => None,
-        }
+        self.format.parse(self.record.get(column)?.trim_ascii())
     }
 
     fn text(&self, column: usize) -> Cow<'_, [u8]> {
         Cow::Borrowed(self.record.get(column).unwrap_or_default().trim_ascii())
     }
-}
-
-/// Parses a number with a decimal comma, as `1,5`.
-fn parse_decimal_comma(cell: &[u8]) -> Option<f64> {
-    const MAX_BYTES: usize = 40;
-    let comma = cell.iter().position(|&byte| byte == b',')?;
-    if cell.len() > MAX_BYTES || cell.contains(&b'.') {
-        return None;
-    }
-    let mut copy = [0; MAX_BYTES];
-    copy[..cell.len()].copy_from_slice(cell);
-    copy[comma] = b'.';
-    fast_float2::parse(&copy[..cell.len()]).ok()
 }
 
 /// Tables as text. Every text matches, so this format is tried last.
@@ -86,17 +91,23 @@ fn read(input: Input) -> Result<FileData, DataError> {
         let text = utf16::decode(&bytes, order);
         drop(bytes);
         let head = &text.as_bytes()[..text.len().min(HEAD_BYTES as usize)];
-        let before = find_preamble(head);
-        let rest = &text.as_bytes()[before.start..];
+        let before = find_preamble(head, options.skip_lines);
         let table = TextTable { path, head, before, size: text.len() as u64 };
-        return table.read(rest, options, &|bytes| progress(bytes.min(size)));
+        let start = table.before.start;
+        let text = || Ok(&text.as_bytes()[start..]);
+        return table.read(text, options, &|bytes| progress(bytes.min(size)));
     }
     let mark = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
-    let mut before = find_preamble(&head[mark..]);
+    let mut before = find_preamble(&head[mark..], options.skip_lines);
     before.start += mark;
     before.header = before.header.map(|range| range.start + mark..range.end + mark);
-    file.seek(SeekFrom::Start(before.start as u64)).map_err(io)?;
-    TextTable { path, head, before, size }.read(file, options, progress)
+    let start = before.start as u64;
+    let from_start = || -> std::io::Result<File> {
+        let mut file = file.try_clone()?;
+        file.seek(SeekFrom::Start(start))?;
+        Ok(file)
+    };
+    TextTable { path, head, before, size }.read(from_start, options, progress)
 }
 
 /// Converts an error of the `csv` crate.
@@ -109,57 +120,6 @@ fn csv_error(path: &Path, error: csv::Error) -> DataError {
     DataError::Io { file: path.into(), source }
 }
 
-/// Returns the cells of a header.
-fn cell_names(record: &ByteRecord) -> Vec<String> {
-    let name = |cell: &[u8]| String::from_utf8_lossy(cell.trim_ascii()).into_owned();
-    record.iter().map(name).collect()
-}
-
-/// The records of a table with their line numbers.
-struct RecordReader<R> {
-    reader: csv::Reader<Chain<R, &'static [u8]>>,
-    record: ByteRecord,
-    /// Lines above the table.
-    lines_above: u64,
-    /// Length of the table, bytes, with the appended line end.
-    bytes: u64,
-    /// The reader's line before the current record.
-    line_before: u64,
-}
-
-/// Position of a record in the file.
-struct RecordPosition {
-    /// Its first line.
-    line: u64,
-    /// Number of line ends inside the record.
-    line_ends: u64,
-    /// True if the record ends in a quoted cell that is never closed.
-    is_open: bool,
-}
-
-impl<R: Read> RecordReader<R> {
-    /// Reads the next record. Returns false at the end of the table.
-    fn advance(&mut self) -> Result<bool, csv::Error> {
-        self.line_before = self.reader.position().line();
-        self.reader.read_byte_record(&mut self.record)
-    }
-
-    /// Returns the position of the current record.
-    fn position(&self) -> RecordPosition {
-        let line_after = self.reader.position().line();
-        let ends_in_line_end = self.record.as_slice().last() == Some(&b'\n');
-        let line_ends = if line_after - self.line_before > 1 || ends_in_line_end {
-            self.record.as_slice().iter().filter(|&&byte| byte == b'\n').count() as u64
-        } else {
-            0
-        };
-        // Only an unclosed quote reaches the end of the file without a line end.
-        let is_open = ends_in_line_end && self.reader.position().byte() == self.bytes;
-        let line = self.lines_above + line_after.saturating_sub(line_ends + u64::from(!is_open));
-        RecordPosition { line, line_ends, is_open }
-    }
-}
-
 /// A table and its position in the file.
 struct TextTable<'a> {
     path: &'a Path,
@@ -169,98 +129,171 @@ struct TextTable<'a> {
 }
 
 impl TextTable<'_> {
-    /// Reads the table. `text` begins after the preamble.
-    fn read(
-        self,
-        text: impl Read,
+    /// Reads the table, once more if its numbers turn out to have another style. `open` returns the text after the
+    /// preamble.
+    fn read<R: Read>(
+        &self,
+        open: impl Fn() -> std::io::Result<R>,
         options: &ReadOptions,
         progress: &dyn Fn(u64),
     ) -> Result<FileData, DataError> {
-        let Self { path, head, before, size } = self;
-        let commented = before.header.clone().map(|range| &head[range]);
-        let separator = separator(commented.unwrap_or(&head[before.start.min(head.len())..]));
-        let failed = |error: csv::Error| csv_error(path, error);
-        let mut builder = ReaderBuilder::new();
-        builder.has_headers(false).flexible(true).delimiter(separator);
-        builder.terminator(Terminator::Any(b'\n')).comment(Some(b'#'));
-        let mut records = RecordReader {
-            reader: builder.buffer_capacity(256 * 1024).from_reader(text.chain(&b"\n"[..])),
-            record: ByteRecord::new(),
-            lines_above: before.lines,
-            bytes: size.saturating_sub(before.start as u64) + 1,
-            line_before: 0,
-        };
+        let io = |source| DataError::Io { file: self.path.into(), source };
+        let first = NumberStyle::default();
+        let (data, style) = self.read_in_style(open().map_err(io)?, first, options, progress);
+        let was_misread = style.thousands_comma || style.thousands_point;
+        if !was_misread {
+            return data;
+        }
+        let (data, style) = self.read_in_style(open().map_err(io)?, style, options, progress);
+        if !style.is_contradictory() {
+            return data;
+        }
+        let plain = NumberStyle { is_plain: true, ..NumberStyle::default() };
+        self.read_in_style(open().map_err(io)?, plain, options, progress).0
+    }
+
+    /// Returns the names of the columns: those of the preamble or those of the first record.
+    fn names<R: Read>(&self, records: &mut RecordReader<R>) -> Result<ColumnNames, csv::Error> {
+        if let Some(columns) = &self.before.columns {
+            return Ok(columns.clone());
+        }
         let mut names = Vec::new();
-        if let Some(line) = commented {
-            let mut header = builder.from_reader(line);
-            if header.read_byte_record(&mut records.record).map_err(failed)? {
+        if let Some(line) = self.commented() {
+            let mut header = reader_builder(self.separator()).from_reader(line);
+            if header.read_byte_record(&mut records.record)? {
                 names = cell_names(&records.record);
             }
         }
-        while names.is_empty() && records.advance().map_err(failed)? {
+        while names.is_empty() && records.advance()? {
             if !is_blank(&records.record) {
                 names = cell_names(&records.record);
             }
         }
-        let width = names.len();
-        let mut layout = layout(path, names, options)?;
+        Ok(names.into())
+    }
+
+    /// Returns the header if it is a comment.
+    fn commented(&self) -> Option<&[u8]> {
+        self.before.header.clone().map(|range| &self.head[range])
+    }
+
+    fn separator(&self) -> u8 {
+        let start = self.before.start.min(self.head.len());
+        let below = &self.head[start..];
+        // Rows of numbers may have more decimal commas than separators.
+        if self.before.columns.is_some() {
+            let above = &self.head[..start];
+            let named = above.split(|byte| *byte == b'\n').rfind(|line| line.starts_with(b"Name"));
+            return separator(named.unwrap_or(below));
+        }
+        separator(self.commented().unwrap_or(below))
+    }
+
+    fn read_in_style(
+        &self,
+        text: impl Read,
+        style: NumberStyle,
+        options: &ReadOptions,
+        progress: &dyn Fn(u64),
+    ) -> (Result<FileData, DataError>, NumberStyle) {
+        let separator = self.separator();
+        let format = NumberFormat { is_comma_free: separator != b',', style: Cell::new(style) };
+        let bytes = self.size.saturating_sub(self.before.start as u64);
+        let records = RecordReader::new(text, separator, self.before.lines, bytes);
+        let data = self.read_records(records, &format, options, progress).map(|mut data| {
+            data.notes.extend(self.notes(format.style.get()));
+            data
+        });
+        (data, format.style.get())
+    }
+
+    fn read_records<R: Read>(
+        &self,
+        mut records: RecordReader<R>,
+        format: &NumberFormat,
+        options: &ReadOptions,
+        progress: &dyn Fn(u64),
+    ) -> Result<FileData, DataError> {
+        let path = self.path;
+        let failed = |error: csv::Error| csv_error(path, error);
+        let names = self.names(&mut records).map_err(failed)?;
+        let width = names.names.len();
+        let mut clocks = groups(&names, options).map(ChannelClocks::new);
+        let merged = clocks.as_ref().map(|clocks| clocks.names(&names));
+        let mut layout: Layout = layout(path, merged.unwrap_or_else(|| names.clone()), options)?;
         let mut has_record = records.advance().map_err(failed)?;
         if has_record && records.record.len() == width {
             let cells: Vec<&[u8]> = records.record.iter().map(<[u8]>::trim_ascii).collect();
+            let cells = clocks.as_ref().map_or(cells.clone(), |clocks| clocks.cells(&cells));
             if layout.take_units(&cells) {
                 has_record = records.advance().map_err(failed)?;
             }
         }
-        let comma_was_point = Cell::new(false);
         let mut cleaner = Cleaner::new(path, layout);
         let mut count: u64 = 0;
         while has_record {
-            let RecordPosition { line, line_ends, is_open } = records.position();
+            let position = records.position();
             let record = &records.record;
             count += 1;
             if count.is_multiple_of(PROGRESS_ROWS) {
-                progress(records.reader.position().byte());
+                progress(records.bytes_read());
             }
-            if is_blank(record) {
+            if is_blank(record) || self.is_end_mark(record) {
                 // An empty line.
-            } else if is_open || record.len() != width {
-                let found = match line_ends {
-                    _ if is_open => "a quote that is never closed".into(),
-                    0 => format!("{} cells", record.len()),
-                    _ => format!("a quoted cell that ends {line_ends} lines further down"),
-                };
-                cleaner.reject_ragged_row(line, found);
+            } else if position.is_open || record.len() != width && clocks.is_none() {
+                cleaner.reject_ragged_row(position.line, found_cells(&position, record.len()));
+            } else if let Some(clocks) = &mut clocks {
+                clocks.add(&mut cleaner, &position, record, &|cell| format.parse(cell));
             } else {
-                let comma_may_be_point = separator != b',';
-                let comma_was_point = &comma_was_point;
-                cleaner.add_row(line, &CsvRow { record, comma_may_be_point, comma_was_point })?;
+                cleaner.add_row(position.line, &CsvRow { record, format })?;
             }
             has_record = records.advance().map_err(failed)?;
         }
-        let mut data = cleaner.finish()?;
-        if comma_was_point.get() {
-            let file = path.display();
-            data.notes.push(format!("{file}: commas inside numbers are decimal points"));
+        let mut notes = Vec::new();
+        if let Some(clocks) = clocks {
+            notes.push(clocks.note(&names));
+            notes.extend(clocks.finish(&mut cleaner)?);
         }
+        let mut data = cleaner.finish()?;
+        data.notes.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
         Ok(data)
+    }
+
+    /// Returns true for the line that ends an export of TwinCAT Scope.
+    fn is_end_mark(&self, record: &csv::ByteRecord) -> bool {
+        self.before.columns.is_some() && record.as_slice().trim_ascii() == b"EOF"
+    }
+
+    /// Returns notes on what was assumed of the text.
+    fn notes(&self, style: NumberStyle) -> Vec<String> {
+        let mut notes = Vec::new();
+        if let Some(first) = &self.before.skipped {
+            let (lines, first) = (self.before.lines, quoted(first.as_bytes()));
+            notes.push(format!(
+                "{lines} lines above the header are skipped, the first with text is {first}"
+            ));
+        }
+        let thousands = [
+            (style.thousands_comma, "commas"),
+            (style.thousands_point, "points"),
+            (style.thousands_space, "spaces or apostrophes"),
+        ];
+        for (_, sign) in thousands.iter().filter(|(is_used, _)| *is_used) {
+            notes.push(format!("{sign} inside numbers separate thousands"));
+        }
+        if style.decimal_comma {
+            notes.push("commas inside numbers are decimal points".into());
+        }
+        let file = self.path.display();
+        notes.into_iter().map(|note| format!("{file}: {note}")).collect()
     }
 }
 
-/// Returns true if the row is empty, or holds only separators as spreadsheets write for an empty row.
-fn is_blank(record: &ByteRecord) -> bool {
-    record.as_slice().trim_ascii().is_empty()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parse_decimal_comma_with_one_comma_and_no_point_returns_number() {
-        assert_eq!(parse_decimal_comma(b"-1,5e3"), Some(-1500.0));
-        assert_eq!(parse_decimal_comma(b"1,234,567"), None);
-        assert_eq!(parse_decimal_comma(b"1.234,5"), None);
-        assert_eq!(parse_decimal_comma(b"15"), None);
-        assert_eq!(parse_decimal_comma(&[b','; 100]), None);
+/// Describes a record of the wrong number of cells.
+fn found_cells(position: &RecordPosition, cells: usize) -> String {
+    match position.line_ends {
+        _ if position.is_open => "a quote that is never closed".into(),
+        0 => format!("{cells} cells"),
+        count => format!("a quoted cell that ends {count} lines further down"),
     }
 }

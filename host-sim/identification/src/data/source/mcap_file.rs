@@ -83,7 +83,8 @@ fn read(input: Input) -> Result<FileData, DataError> {
     rows.sort_by_key(|row| row.time_ns);
     let all = names.len() - 1;
     let mut layout = layout(path, names, options)?;
-    layout.optional.retain(|column| column.is_mapped || column.quantity.is_some());
+    let is_survey = layout.is_survey;
+    layout.optional.retain(|column| is_survey || column.is_mapped || column.quantity.is_some());
     let kept: Vec<String> = layout.optional.iter().map(|column| column.name.clone()).collect();
     layout.sources.retain(|source| {
         contract::names().any(|name| name == source.name) || kept.contains(&source.name)

@@ -3,9 +3,14 @@
 /// A file that is not supported: what it is, and what is expected. FILE stands for its path.
 type Refusal = (&'static str, &'static str);
 
+/// Archives that are unpacked, and therefore refused only inside another archive.
+const PACKED: &[(&[u8], Refusal)] = &[
+    (&[0x1f, 0x8b], ("a gzip archive", "a log that is packed once: gunzip FILE")),
+    (b"PK\x03\x04", ("a zip archive", "a log that is packed once: unzip FILE")),
+];
+
 /// Files that are known by their first bytes.
 const KNOWN: &[(&[u8], Refusal)] = &[
-    (&[0x1f, 0x8b], ("a gzip archive", "a CSV or Parquet file: gunzip -k FILE")),
     (&[0x28, 0xb5, 0x2f, 0xfd], ("a zstd archive", "a CSV or Parquet file: unzstd FILE")),
     (b"\xfd7zXZ", ("an xz archive", "a CSV or Parquet file: unxz -k FILE")),
     (b"BZh", ("a bzip2 archive", "a CSV or Parquet file: bunzip2 -k FILE")),
@@ -63,6 +68,7 @@ const KNOWN: &[(&[u8], Refusal)] = &[
              nptdms.TdmsFile('FILE').as_dataframe().to_csv('log.csv')\"",
         ),
     ),
+    #[cfg(not(feature = "arrow"))]
     (b"ARROW1", ("an Arrow file", PYARROW)),
     (b"FEA1", ("a Feather file of version 1", PYARROW)),
     (
@@ -75,13 +81,16 @@ const KNOWN: &[(&[u8], Refusal)] = &[
 const PYARROW: &str = "a CSV or Parquet file: python -c \"import pyarrow.feather as f, pyarrow.parquet as p; \
                        p.write_table(f.read_table('FILE'), 'log.parquet')\"";
 
-/// First bytes of a zip archive.
-const ZIP: &[u8] = b"PK\x03\x04";
+/// The mark of a tar archive, and its place.
+const TAR: (usize, &[u8]) = (257, b"ustar");
 
 /// Returns what a file that begins with `head` is, and what is expected; `None` if it may be a log.
 pub(super) fn recognise(head: &[u8]) -> Option<Refusal> {
-    if head.starts_with(ZIP) {
-        return Some(in_zip(head));
+    if let Some((_, refusal)) = PACKED.iter().find(|(magic, _)| head.starts_with(magic)) {
+        return Some(*refusal);
+    }
+    if head.get(TAR.0..).is_some_and(|rest| rest.starts_with(TAR.1)) {
+        return Some(("a tar archive", "a CSV or Parquet file: tar -xf FILE"));
     }
     if let Some((_, refusal)) = KNOWN.iter().find(|(magic, _)| head.starts_with(magic)) {
         return Some(*refusal);
@@ -89,6 +98,8 @@ pub(super) fn recognise(head: &[u8]) -> Option<Refusal> {
     let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head);
     if text.trim_ascii().is_empty() {
         Some(("an empty file", "a header and a row per sample"))
+    } else if is_json_document(text) {
+        Some(("a JSON document", "JSON lines, one object a row: jq -c '.[]' FILE > log.jsonl"))
     } else if !text.contains(&b'\n') && text.contains(&b'\r') {
         Some(("lines that end in CR alone", "lines that end in LF or CRLF"))
     } else {
@@ -96,20 +107,32 @@ pub(super) fn recognise(head: &[u8]) -> Option<Refusal> {
     }
 }
 
-/// Returns what a zip archive is by the names of its first members: the formats of offices and NumPy are archives.
-fn in_zip(head: &[u8]) -> Refusal {
-    let has = |name: &[u8]| head.windows(name.len()).any(|window| window == name);
-    if has(b"[Content_Types].xml") || has(b"xl/") || has(b"opendocument.spreadsheet") {
-        ("a spreadsheet", "a CSV file: libreoffice --headless --convert-to csv FILE")
-    } else if has(b".npy") {
-        (
+/// Returns what a zip archive is by the names of its members: the formats of offices and NumPy are archives. `has`
+/// states whether a member's name contains a text. Returns `None` for an archive of files.
+pub(super) fn in_zip(has: &dyn Fn(&str) -> bool) -> Option<Refusal> {
+    if has("[Content_Types].xml")
+        || has("xl/worksheets")
+        || has("opendocument.spreadsheet")
+        || has("META-INF/manifest.xml")
+    {
+        Some(("a spreadsheet", "a CSV file: libreoffice --headless --convert-to csv FILE"))
+    } else if has(".npy") {
+        Some((
             "a NumPy archive",
             "a CSV or Parquet file: python -c \"import numpy, pandas; \
              pandas.DataFrame(dict(numpy.load('FILE'))).to_csv('log.csv')\"",
-        )
+        ))
     } else {
-        ("a zip archive", "a CSV or Parquet file: unzip FILE")
+        None
     }
+}
+
+/// Returns true for a document of JSON that is not one object a line.
+fn is_json_document(text: &[u8]) -> bool {
+    let text = text.trim_ascii_start();
+    let inside = text.strip_prefix(b"[").map(<[u8]>::trim_ascii_start);
+    let first_line = text.split(|byte| *byte == b'\n').next().unwrap_or_default().trim_ascii();
+    inside.is_some_and(|inside| inside.starts_with(b"{")) || first_line == b"{"
 }
 
 #[cfg(test)]
@@ -124,14 +147,11 @@ mod tests {
         for (head, name) in [
             (&b""[..], "an empty file"),
             (b"\xef\xbb\xbf \r\n", "an empty file"),
+            (&[&[b'a'; 257][..], b"ustar\x0000"].concat(), "a tar archive"),
             (b"\x1f\x8b\x08", "a gzip archive"),
             (b"PK\x03\x04\0\0log.csv", "a zip archive"),
-            (b"PK\x03\x04\0\0[Content_Types].xml", "a spreadsheet"),
-            (
-                b"PK\x03\x04\0\0mimetypeapplication/vnd.oasis.opendocument.spreadsheet",
-                "a spreadsheet",
-            ),
-            (b"PK\x03\x04\0\0tau.npy", "a NumPy archive"),
+            (b"[\n {\"t\": 0}]", "a JSON document"),
+            (b"{\n \"t\": [0]}", "a JSON document"),
             (b"\xd0\xcf\x11\xe0\xa1\xb1", "a spreadsheet"),
             (b"\x89HDF\r\n\x1a\n", "an HDF5 file (or a MAT file of version 7.3)"),
             (b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "a MAT file"),
@@ -140,10 +160,21 @@ mod tests {
             (b"#ROSBAG V2.0\n", "a ROS 1 bag"),
             (b"MDF     4.10", "an MDF file"),
             (b"TDSm\x0e\0\0\0", "a TDMS file"),
+            #[cfg(not(feature = "arrow"))]
             (b"ARROW1\0\0", "an Arrow file"),
             (b"a,b\r1,2\r", "lines that end in CR alone"),
         ] {
             assert_eq!(recognise(head).unwrap().0, name);
         }
+    }
+
+    #[test]
+    fn in_zip_with_names_of_known_formats_returns_type() {
+        let found = |names: &[&str]| {
+            in_zip(&|name| names.iter().any(|of| of.contains(name))).map(|of| of.0)
+        };
+        assert_eq!(found(&["[Content_Types].xml", "xl/workbook.xml"]), Some("a spreadsheet"));
+        assert_eq!(found(&["tau.npy"]), Some("a NumPy archive"));
+        assert_eq!(found(&["log.csv"]), None);
     }
 }

@@ -6,15 +6,14 @@
 //!
 //! Supported are the flat columns that pandas, polars and similar tools write: numbers, booleans (as the words `true`
 //! and `false`), text, and dates with or without a time of day (as the text of a CSV file, to the nanosecond),
-//! uncompressed or compressed with snappy or zstd. Lists, times of day and decimals are not measurements and are left
+//! uncompressed or compressed with snappy, zstd or brotli. Lists, times of day and decimals are not measurements and are left
 //! out by name.
 
 use std::borrow::Cow;
 use std::fs::File;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 
-use chrono::DateTime;
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, DataType};
@@ -22,6 +21,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
+use super::date_text::{DAY_NS, SECOND_NS, date_text};
 use super::format::{Input, LogFormat};
 use crate::data::clean::{Cleaner, FileData};
 use crate::data::dataset::LeftOutColumn;
@@ -29,6 +29,7 @@ use crate::data::error::{BadCell, DataError, one_line};
 use crate::data::header::layout;
 use crate::data::options::ReadOptions;
 use crate::data::row::LogRow;
+use crate::work::Cancelled;
 
 /// Rows that are decompressed at a time.
 const BATCH_ROWS: usize = 8 * 1024;
@@ -45,9 +46,6 @@ enum ColumnType {
         unit_ns: i64,
     },
 }
-
-const SECOND_NS: i64 = 1_000_000_000;
-const DAY_NS: i64 = 86_400 * SECOND_NS;
 
 /// Consecutive rows of one column.
 enum Batch {
@@ -102,7 +100,10 @@ fn read(input: Input) -> Result<FileData, DataError> {
     let Input { path, file, size, options, progress, .. } = input;
     let share = |share: f64| progress((share * size as f64) as u64);
     let reading = AssertUnwindSafe(|| read_table(path, file, options, &share));
-    catch_unwind(reading).unwrap_or_else(|_| {
+    catch_unwind(reading).unwrap_or_else(|panic| {
+        if panic.is::<Cancelled>() {
+            resume_unwind(panic);
+        }
         Err(DataError::File {
             file: path.into(),
             found: "damaged data".into(),
@@ -120,7 +121,7 @@ fn read_table(
     let failed = |error: ParquetError| DataError::File {
         file: path.into(),
         found: one_line(&error.to_string()),
-        expected: "a Parquet file, uncompressed or compressed with snappy or zstd".into(),
+        expected: "a Parquet file, uncompressed or compressed with snappy, zstd or brotli".into(),
     };
     let reader = SerializedFileReader::new(file).map_err(failed)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
@@ -131,7 +132,8 @@ fn read_table(
 
     let mut layout = layout(path, names, options)?;
     let required = layout.required.iter().map(|reading| reading.index);
-    for at in required.chain(layout.run) {
+    let required: Vec<usize> = required.chain(layout.run).filter(|_| !layout.is_survey).collect();
+    for at in required {
         if let Err(why) = kinds[at] {
             return Err(DataError::Cell(BadCell {
                 file: path.into(),
@@ -286,13 +288,7 @@ fn next_batch(reader: &mut BatchReader) -> Result<Batch, ParquetError> {
 
 /// Formats a date as text. Returns an empty text if the calendar does not cover it.
 fn date(count: i64, unit_ns: i64) -> ByteArray {
-    let ns = i128::from(count) * i128::from(unit_ns);
-    let second = i128::from(SECOND_NS);
-    let stamp = i64::try_from(ns.div_euclid(second))
-        .ok()
-        .and_then(|seconds| DateTime::from_timestamp(seconds, ns.rem_euclid(second) as u32));
-    let text = stamp.map(|stamp| stamp.format("%Y-%m-%dT%H:%M:%S%.9fZ").to_string());
-    ByteArray::from(text.unwrap_or_default().into_bytes())
+    ByteArray::from(date_text(count, unit_ns).into_bytes())
 }
 
 fn numbers_or_text(

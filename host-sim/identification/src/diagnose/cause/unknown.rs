@@ -57,8 +57,7 @@ impl Cause for Unknown {
 
     fn next_experiment(&self, columns: &[String]) -> Option<String> {
         Some(if columns.is_empty() {
-            "Log more quantities that may act (temperature, side load, pressure, position) and repeat the worst run."
-                .into()
+            "Repeat the worst run and log every quantity that this joint measures.".into()
         } else {
             format!("Vary {} in steps with everything else held constant.", columns.join(" and "))
         })

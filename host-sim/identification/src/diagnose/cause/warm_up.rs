@@ -153,8 +153,8 @@ impl Cause for WarmUp {
 
     fn next_experiment(&self, _: &[String]) -> Option<String> {
         Some(
-            "Log a temperature near the seal; or repeat one run cold, directly after a long fast run, and after a pause of \
-             several minutes: the effect of heat is reversible, that of run-in is not."
+            "Repeat one run cold, directly after a long fast run, and after a pause of several minutes: the effect of heat is \
+             reversible, that of run-in is not. If the joint has a temperature sensor, log it."
                 .into(),
         )
     }

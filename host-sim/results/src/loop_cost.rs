@@ -11,7 +11,8 @@
 
 use compensator_core::TermKind;
 
-const TABLE: &str = include_str!("../../tests/cost/table.md");
+// A link to tests/cost/table.md, so that packages of the source contain the table.
+const TABLE: &str = include_str!("cost_table.md");
 
 /// First words of the rows with at most one term.
 const BASE_LAW_ROW: &str = "improved LuGre";

@@ -1,0 +1,121 @@
+use super::*;
+
+fn read_header(header: &str, columns: &str) -> Result<Layout, String> {
+    let names: Vec<String> = header.split(',').map(str::to_string).collect();
+    let columns: Vec<(String, String)> = columns
+        .split(',')
+        .filter_map(|pair| pair.split_once('='))
+        .map(|(a, b)| (a.to_string(), b.to_string()))
+        .collect();
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    layout(Path::new("f.csv"), names, &options).map_err(|error| error.to_string())
+}
+
+fn required_indices(layout: &Layout) -> [usize; 3] {
+    layout.required.map(|reading| reading.index)
+}
+
+#[test]
+fn layout_with_either_target_sets_joint_kind() {
+    let turns = read_header("time_s,velocity_rad_s,torque_nm,position_rad", "").unwrap();
+    assert_eq!((turns.joint, required_indices(&turns)), (JointKind::Revolute, [0, 1, 2]));
+    assert_eq!(turns.optional[0].quantity, Some(Quantity::Position));
+    let slides = read_header("run,force_n,velocity_m_s,time_s,position_m", "").unwrap();
+    assert_eq!((slides.joint, required_indices(&slides)), (JointKind::Prismatic, [3, 2, 1]));
+    assert_eq!(slides.run, Some(0));
+    assert_eq!(slides.optional[0].quantity, Some(Quantity::Position));
+}
+
+#[test]
+fn layout_with_name_outside_contract_adds_extra_covariate() {
+    let found = read_header("time_s,velocity_rad_s,torque_nm,flow,position_m", "").unwrap();
+    let extras: Vec<(&str, Option<Quantity>)> =
+        found.optional.iter().map(|c| (c.name.as_str(), c.quantity)).collect();
+    assert_eq!(extras, [("flow", None), ("position_m", None)]);
+}
+
+#[test]
+fn layout_with_missing_columns_lists_them_with_a_hint() {
+    assert_eq!(
+        read_header("time_s,dq,tau", "").unwrap_err(),
+        "f.csv: found only the columns time_s, dq, tau, expected velocity_rad_s (or \
+         velocity_m_s) and torque_nm (or force_n) in the header, or columns \
+         velocity_rad_s=dq,torque_nm=tau"
+    );
+}
+
+#[test]
+fn layout_with_mapped_names_prefers_them() {
+    let found = read_header("t,dq,torque_nm,u", "time_s=t,velocity_rad_s=dq,torque_nm=u").unwrap();
+    assert_eq!(required_indices(&found), [0, 1, 3]);
+    assert!(found.optional.is_empty());
+    assert_eq!(found.left_out[0].name, "torque_nm");
+    assert_eq!(found.left_out[0].why, "--columns reads torque_nm from u");
+}
+
+#[test]
+fn layout_with_two_swapped_names_swaps_columns() {
+    let found = read_header(
+        "time_s,velocity_rad_s,torque_nm,load_torque_nm",
+        "torque_nm=load_torque_nm,load_torque_nm=torque_nm",
+    )
+    .unwrap();
+    assert_eq!(required_indices(&found), [0, 1, 3]);
+    assert_eq!(
+        (found.optional[0].quantity, found.optional[0].reading.index),
+        (Some(Quantity::LoadTorque), 2)
+    );
+    assert!(found.left_out.is_empty());
+}
+
+#[test]
+fn layout_with_unknown_name_in_pair_returns_error_with_name() {
+    let error = read_header("t,v,f", "time_s=t,velocity_m_s=speed").unwrap_err();
+    assert_eq!(
+        error,
+        "f.csv: columns velocity_m_s=speed: found no column speed, expected one of t, v, f"
+    );
+    let error = read_header("t,v,f", "torque_Nm=f").unwrap_err();
+    assert!(
+        error.starts_with(
+            "columns torque_Nm=f: found the name torque_Nm, expected one of run, time_s"
+        )
+    );
+    let error = read_header("t,v,f", "time_s=t,time_s=v").unwrap_err();
+    assert!(error.contains("found time_s twice"), "{error}");
+}
+
+#[test]
+fn layout_with_duplicate_name_returns_error() {
+    let error = read_header("time_s,velocity_rad_s,x,torque_nm,x", "").unwrap_err();
+    assert_eq!(
+        error,
+        "f.csv: row 1, column x: found the name twice (columns 3 and 5), expected each name once"
+    );
+}
+
+#[test]
+fn layout_with_two_targets_returns_error_unless_mapped() {
+    let both = "time_s,velocity_rad_s,torque_nm,force_n";
+    assert!(read_header(both, "").unwrap_err().contains("expected one target"));
+    let chosen = read_header("time_s,velocity_rad_s,tau,force_n", "torque_nm=tau").unwrap();
+    assert_eq!(chosen.joint, JointKind::Revolute);
+    assert_eq!(chosen.left_out[0].name, "force_n");
+}
+
+#[test]
+fn layout_with_mixed_joint_kinds_returns_error_unless_mapped() {
+    let error = read_header("time_s,velocity_rad_s,force_n", "").unwrap_err();
+    assert!(error.contains("expected torque_nm for a joint with velocity_rad_s"), "{error}");
+    let mixed = read_header("time_s,velocity_m_s,u", "torque_nm=u").unwrap();
+    assert_eq!(mixed.joint, JointKind::Revolute);
+    assert_eq!(mixed.notes.len(), 1);
+}
+
+#[test]
+fn layout_with_numbers_or_nameless_columns_reports_them() {
+    let error = read_header("0.0,1.5,-3e2", "").unwrap_err();
+    assert!(error.contains("found numbers, expected the columns' names"), "{error}");
+    let found = read_header(",time_s,velocity_rad_s,torque_nm", "").unwrap();
+    assert_eq!(found.left_out[0].name, "number 1");
+}

@@ -1,0 +1,352 @@
+//! Presets: names and units of the columns that known tools write.
+//!
+//! A preset supplies the pairs of `--columns` for the contract names that the user did not map. It takes a column only
+//! if its name determines the joint: with two candidates the user is asked. A unit that the log does not state (a
+//! current, a drive's own velocity unit) is asked for as well. The pairs that were used become a note.
+
+mod table;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::column_names::ColumnNames;
+use super::error::{DataError, listed};
+use super::options::ReadOptions;
+use super::unit;
+use crate::setting::shell_word;
+use table::{Pattern, PresetUnit, Rule};
+
+/// A tool whose logs have known column names and units.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preset {
+    /// Tables exported by PlotJuggler: `__time` and topics in SI units.
+    PlotJuggler,
+    /// Logs of mjbots' moteus: `tview` in CSV and JSON lines, and register dumps. Turns, turns per second, Nm.
+    Moteus,
+    /// Properties of an ODrive: `axis0.encoder.vel_estimate` in turns per second.
+    ODrive,
+    /// Registers of a Dynamixel of the X series: 0.229 rpm, 4096 counts per turn, load in 0.1 %.
+    Dynamixel,
+    /// Objects of CiA 402 on EtherCAT: `0x6077` in per mille of the rated torque.
+    EtherCat,
+    /// Exports of TwinCAT Scope: a preamble, and times in ms for each channel.
+    TwinCatScope,
+}
+
+/// The pairs of `--columns` that a preset supplies.
+pub(super) struct PresetColumns {
+    /// Contract name and column name with unit.
+    pub pairs: Vec<(String, String)>,
+    /// What was assumed, for the report.
+    pub note: Option<String>,
+}
+
+/// A column of the file that may hold a quantity.
+#[derive(Debug, Clone)]
+struct Candidate {
+    index: usize,
+    /// The words of its name without those of the pattern: they name the joint.
+    joint: String,
+    unit: PresetUnit,
+}
+
+impl Preset {
+    /// All presets.
+    pub const ALL: [Self; 6] = [
+        Self::PlotJuggler,
+        Self::Moteus,
+        Self::ODrive,
+        Self::Dynamixel,
+        Self::EtherCat,
+        Self::TwinCatScope,
+    ];
+
+    /// Returns the name for the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PlotJuggler => "plotjuggler",
+            Self::Moteus => "moteus",
+            Self::ODrive => "odrive",
+            Self::Dynamixel => "dynamixel",
+            Self::EtherCat => "ethercat",
+            Self::TwinCatScope => "twincat-scope",
+        }
+    }
+
+    /// Returns the preset with a name.
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|preset| preset.name() == name)
+    }
+
+    /// Returns the preset whose logs have such columns.
+    pub(super) fn recognise(names: &ColumnNames) -> Option<Self> {
+        if names.is_twincat_scope {
+            return Some(Self::TwinCatScope);
+        }
+        let has = |preset: &Self| preset.marks().iter().any(|marks| has_all(marks, &names.names));
+        Self::ALL.into_iter().find(has)
+    }
+
+    /// Returns the pairs of `--columns` for the contract names that `options` does not map.
+    ///
+    /// # Errors
+    /// If a required column is missing, if there are several, or if its unit is not known.
+    pub(super) fn columns(
+        self,
+        file: &Path,
+        names: &ColumnNames,
+        options: &ReadOptions,
+    ) -> Result<PresetColumns, DataError> {
+        let search = Search { preset: self, file, names, options };
+        let joint = search.joint()?;
+        let (mut pairs, mut unknown) = (Vec::new(), Vec::new());
+        for rule in self.rules() {
+            if search.is_mapped(rule) || search.is_named_by_contract(rule) {
+                continue;
+            }
+            let found = search.candidates(rule);
+            let of_joint = |candidate: &&Candidate| {
+                !rule.is_of_joint || joint.as_ref().is_none_or(|joint| *joint == candidate.joint)
+            };
+            let mut fitting = found.iter().filter(of_joint);
+            match (fitting.next(), fitting.next()) {
+                (Some(candidate), None) => match search.pair(rule, candidate) {
+                    Ok(pair) => pairs.push(pair),
+                    Err(error) if rule.is_required => return Err(error),
+                    Err(_) => unknown.push(format!(
+                        "{} is not read: its unit is not in the log; --columns {}",
+                        names.names[candidate.index],
+                        shell_word(&format!(
+                            "{}={}:UNIT",
+                            rule.column, names.names[candidate.index]
+                        ))
+                    )),
+                },
+                (None, _) if rule.is_required => return Err(search.none(rule)),
+                (Some(_), Some(_)) if rule.is_required => {
+                    return Err(search.several(rule, &found, None, &[]));
+                }
+                _ => {}
+            }
+        }
+        let read: Vec<String> =
+            pairs.iter().map(|(ours, theirs)| format!("{ours} from {theirs}")).collect();
+        let mut notes = Vec::new();
+        if !read.is_empty() {
+            notes.push(format!("--from {} reads {}", self.name(), read.join(", ")));
+        }
+        notes.extend(unknown);
+        let note = (!notes.is_empty()).then(|| format!("{}: {}", file.display(), notes.join("; ")));
+        Ok(PresetColumns { pairs, note })
+    }
+}
+
+/// Returns true if each mark is in the words of a name.
+fn has_all(marks: &[&str], names: &[String]) -> bool {
+    marks.iter().all(|mark| {
+        names.iter().any(|name| match mark.strip_prefix('=') {
+            Some(exact) => name == exact,
+            None => format!(" {} ", words(name).join(" ")).contains(&format!(" {mark} ")),
+        })
+    })
+}
+
+/// Returns the words of a name in lower case, without a unit in brackets.
+fn words(name: &str) -> Vec<String> {
+    let bare = match name.trim_end().strip_suffix([']', ')']) {
+        Some(inside) => match inside.rfind(['[', '(']) {
+            Some(at) if unit::is_symbol(&inside[at + 1..]) => &inside[..at],
+            _ => name,
+        },
+        None => name,
+    };
+    let parts = bare.split(|c: char| !c.is_alphanumeric()).filter(|part| !part.is_empty());
+    parts.map(str::to_lowercase).collect()
+}
+
+/// Returns the words of a name that the pattern does not cover, if the name ends in the pattern. Numbers may follow.
+fn remainder(pattern: &Pattern, name: &str) -> Option<String> {
+    if let Some(exact) = pattern.words.strip_prefix('=') {
+        return name.eq_ignore_ascii_case(exact).then(String::new);
+    }
+    let mut words = words(name);
+    let wanted: Vec<&str> = pattern.words.split(' ').collect();
+    let is_number = |word: &String| word.bytes().all(|byte| byte.is_ascii_digit());
+    let numbers = words.iter().rev().take_while(|word| is_number(word)).count();
+    let end = words.len() - numbers;
+    let start = end.checked_sub(wanted.len())?;
+    if words[start..end].iter().zip(&wanted).any(|(word, wanted)| word != wanted) {
+        return None;
+    }
+    words.drain(start..end);
+    Some(words.join(" "))
+}
+
+/// The search for a preset's columns in a file.
+struct Search<'a> {
+    preset: Preset,
+    file: &'a Path,
+    names: &'a ColumnNames,
+    options: &'a ReadOptions,
+}
+
+impl Search<'_> {
+    fn name(&self, candidate: &Candidate) -> &str {
+        &self.names.names[candidate.index]
+    }
+
+    /// Returns true if `--columns` maps the rule's quantity, in either joint kind.
+    fn is_mapped(&self, rule: &Rule) -> bool {
+        self.options.columns.iter().any(|(ours, _)| rule.covers(ours))
+    }
+
+    /// Returns true if the file has a column with a contract name of the quantity.
+    fn is_named_by_contract(&self, rule: &Rule) -> bool {
+        self.names.names.iter().any(|name| rule.covers(name))
+    }
+
+    /// Returns the columns that match a rule: those of the first pattern with a unit that is known, else those of the
+    /// first pattern that matches.
+    fn candidates(&self, rule: &Rule) -> Vec<Candidate> {
+        let of = |pattern: &Pattern| -> Vec<Candidate> {
+            let names = self.names.names.iter().enumerate();
+            let matching = names.filter_map(|(index, name)| {
+                let joint = remainder(pattern, name)?;
+                let is_other = self.options.columns.iter().any(|(_, theirs)| {
+                    theirs == name || theirs.rsplit_once(':').is_some_and(|(head, _)| head == name)
+                });
+                (!is_other).then_some(Candidate { index, joint, unit: pattern.unit })
+            });
+            matching.collect()
+        };
+        let all: Vec<Vec<Candidate>> =
+            rule.patterns.iter().map(of).filter(|found| !found.is_empty()).collect();
+        let is_known = |found: &&Vec<Candidate>| self.unit(rule, &found[0]).is_ok();
+        all.iter().find(is_known).or(all.first()).cloned().unwrap_or_default()
+    }
+
+    /// Returns the words that name the joint, if there are several candidates; `None` if no choice is necessary.
+    fn joint(&self) -> Result<Option<String>, DataError> {
+        let rules: Vec<&Rule> =
+            self.preset.rules().iter().filter(|rule| rule.is_of_joint).collect();
+        let found: Vec<(&Rule, Vec<Candidate>)> = rules
+            .into_iter()
+            .filter(|rule| !self.is_mapped(rule) && !self.is_named_by_contract(rule))
+            .map(|rule| (rule, self.candidates(rule)))
+            .filter(|(rule, found)| rule.is_required && !found.is_empty())
+            .collect();
+        let joints = |found: &[Candidate]| -> BTreeSet<String> {
+            found.iter().map(|candidate| candidate.joint.clone()).collect()
+        };
+        let Some((rule, most)) = found.iter().rev().max_by_key(|(_, found)| found.len()) else {
+            return Ok(None);
+        };
+        if most.len() == 1 {
+            // Their names may differ in words of their own, such as the sensor's.
+            return Ok(None);
+        }
+        let shared = found.iter().map(|(_, found)| joints(found));
+        let shared =
+            shared.reduce(|a, b| a.intersection(&b).cloned().collect()).unwrap_or_default();
+        let mapped_joint = self.mapped_joint().filter(|joint| shared.contains(joint));
+        match (mapped_joint, shared.len()) {
+            (Some(joint), _) => Ok(Some(joint)),
+            (None, 1) => Ok(shared.into_iter().next()),
+            _ => Err(self.several(rule, most, shared.iter().next(), &found)),
+        }
+    }
+
+    /// Returns the joint of a column that `--columns` maps.
+    fn mapped_joint(&self) -> Option<String> {
+        let rules = self.preset.rules().iter().filter(|rule| rule.is_of_joint);
+        rules.flat_map(|rule| rule.patterns.iter().map(move |pattern| (rule, pattern))).find_map(
+            |(rule, pattern)| {
+                let (_, theirs) =
+                    self.options.columns.iter().find(|(ours, _)| rule.covers(ours))?;
+                let head = theirs.rsplit_once(':').map(|(head, _)| head);
+                head.into_iter().chain([&**theirs]).find_map(|name| remainder(pattern, name))
+            },
+        )
+    }
+
+    /// Returns the unit of a column: that in its name, that in the file, or that of the preset.
+    fn unit(&self, rule: &Rule, candidate: &Candidate) -> Result<Option<String>, DataError> {
+        let name = self.name(candidate);
+        let column = rule.column;
+        if let Some(unit) = unit::stated(column, name) {
+            return Ok(Some(unit.into()));
+        }
+        let below = self.names.units.get(candidate.index).cloned().unwrap_or_default();
+        if !below.is_empty() && rule.in_kind(&below).is_some() {
+            return Ok(Some(below));
+        }
+        match (candidate.unit, self.options.rated_torque_nm) {
+            (PresetUnit::Si, _) => Ok(None),
+            (PresetUnit::Fixed(unit), _) => Ok(Some(unit.into())),
+            (PresetUnit::Rated(percent), Some(rated_nm)) => {
+                Ok(Some(format!("{}Nm", percent * rated_nm / 100.0)))
+            }
+            (PresetUnit::Rated(percent), None) => Err(self.request(
+                format!("{column} in {name}, in {percent} % of a torque that is not in the log"),
+                "--rated-torque, such as --rated-torque 1.2Nm".into(),
+            )),
+            (PresetUnit::Unknown(example), _) => Err(self.request(
+                format!("{column} in {name}, whose unit is not in the log"),
+                format!(
+                    "--columns {}, with UNIT such as {example}",
+                    shell_word(&format!("{column}={name}:UNIT"))
+                ),
+            )),
+        }
+    }
+
+    /// Returns the pair of `--columns` for a column.
+    fn pair(&self, rule: &Rule, candidate: &Candidate) -> Result<(String, String), DataError> {
+        let unit = self.unit(rule, candidate)?;
+        let name = self.name(candidate);
+        let column = unit.as_deref().and_then(|unit| rule.in_kind(unit)).unwrap_or(rule.column);
+        let theirs = unit.map_or_else(|| name.to_owned(), |unit| format!("{name}:{unit}"));
+        Ok((column.into(), theirs))
+    }
+
+    fn request(&self, found: String, expected: String) -> DataError {
+        let what = format!("{}: --from {}", self.file.display(), self.preset.name());
+        DataError::Request { what, found, expected }
+    }
+
+    fn none(&self, rule: &Rule) -> DataError {
+        let example = rule.patterns[0].words.trim_start_matches('=');
+        self.request(
+            format!("no column for {}, such as \"{example}\"", rule.column),
+            format!("--columns {}=NAME, or another preset", rule.column),
+        )
+    }
+
+    /// Asks for one of several candidates, with the pairs to type for the first joint.
+    fn several(
+        &self,
+        rule: &Rule,
+        candidates: &[Candidate],
+        joint: Option<&String>,
+        found: &[(&Rule, Vec<Candidate>)],
+    ) -> DataError {
+        let names: Vec<&str> = candidates.iter().map(|candidate| self.name(candidate)).collect();
+        let pair = |(rule, found): &(&Rule, Vec<Candidate>)| {
+            let of_joint = found.iter().find(|of| Some(&of.joint) == joint).unwrap_or(&found[0]);
+            match self.pair(rule, of_joint) {
+                Ok((ours, theirs)) => format!("{ours}={theirs}"),
+                Err(_) => format!("{}={}:UNIT", rule.column, self.name(of_joint)),
+            }
+        };
+        let alone = [(rule, candidates.to_vec())];
+        let found = if found.is_empty() { &alone } else { found };
+        let pairs: Vec<String> = found.iter().map(pair).collect();
+        self.request(
+            format!("{} columns for {} ({})", names.len(), rule.column, listed(&names)),
+            format!("one: --columns {}", shell_word(&pairs.join(","))),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,146 @@
+//! Settings that messages refer to, which each front end names in its own way.
+//!
+//! A message of this crate contains a reference to a setting as data: the command line writes `--columns a=b`, Python
+//! writes `columns={"a": "b"}`. [`Display`](fmt::Display) of an error names the setting alone: `columns a=b`.
+
+use std::fmt;
+
+/// A setting of a front end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Setting {
+    /// Names and units of the columns, `ours=theirs:unit`, separated by commas.
+    Columns,
+    /// Selection of rows, `column=value`.
+    Where,
+    /// Samples dropped at the start of each run.
+    Skip,
+    /// The torque of 100 %.
+    RatedTorque,
+    /// The model's name.
+    Model,
+    /// Rigid-body parts of the torque column.
+    RigidBody,
+}
+
+/// A reference to a setting in a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reference<'a> {
+    /// The setting.
+    pub setting: Setting,
+    /// Its value; empty if the message refers to the setting as such.
+    pub value: &'a str,
+    /// True if the user can take the value over. Otherwise it is what the user gave.
+    pub is_suggestion: bool,
+}
+
+// Control characters: text from files cannot contain them, because messages escape them.
+const BEGIN_GIVEN: char = '\u{1}';
+const BEGIN_SUGGESTED: char = '\u{2}';
+const VALUE: char = '\u{3}';
+const END: char = '\u{4}';
+
+impl Setting {
+    const ALL: [Self; 6] =
+        [Self::Columns, Self::Where, Self::Skip, Self::RatedTorque, Self::Model, Self::RigidBody];
+
+    /// Returns the setting's name in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Columns => "columns",
+            Self::Where => "where",
+            Self::Skip => "skip",
+            Self::RatedTorque => "rated torque",
+            Self::Model => "model",
+            Self::RigidBody => "rigid body",
+        }
+    }
+
+    /// Returns a reference to the setting as such, for a message.
+    pub(crate) fn alone(self) -> String {
+        self.given("")
+    }
+
+    /// Returns a reference to the setting with the value that the user gave, for a message.
+    pub(crate) fn given(self, value: impl fmt::Display) -> String {
+        format!("{BEGIN_GIVEN}{}{VALUE}{value}{END}", self.name())
+    }
+
+    /// Returns a reference to the setting with a value that the user can take over, for a message.
+    pub(crate) fn suggested(self, value: impl fmt::Display) -> String {
+        format!("{BEGIN_SUGGESTED}{}{VALUE}{value}{END}", self.name())
+    }
+}
+
+/// A message that may refer to settings.
+pub trait Message {
+    /// Returns the message with its references.
+    fn marked(&self) -> String;
+
+    /// Returns the message with each reference as the front end names it.
+    fn worded(&self, word: &dyn Fn(Reference) -> String) -> String {
+        worded(&self.marked(), word)
+    }
+}
+
+/// Replaces the references of a text.
+pub fn worded(text: &str, word: &dyn Fn(Reference) -> String) -> String {
+    let mut message = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(begin) = rest.find([BEGIN_GIVEN, BEGIN_SUGGESTED]) {
+        message.push_str(&rest[..begin]);
+        let is_suggestion = rest[begin..].starts_with(BEGIN_SUGGESTED);
+        rest = &rest[begin + 1..];
+        let end = rest.find(END).unwrap_or(rest.len());
+        if let Some((name, value)) = rest[..end].split_once(VALUE)
+            && let Some(setting) = Setting::ALL.into_iter().find(|own| own.name() == name)
+        {
+            message.push_str(&word(Reference { setting, value, is_suggestion }));
+        }
+        rest = rest.get(end + 1..).unwrap_or_default();
+    }
+    message + rest
+}
+
+/// Returns a text as a shell takes it as one word. It is quoted only where necessary.
+pub fn shell_word(text: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "_-+=:,./%@[]".contains(c);
+    if text.chars().all(is_plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
+}
+
+/// Replaces the references of a text by the settings' own names.
+pub fn plain(text: &str) -> String {
+    worded(text, &|reference| match reference.value {
+        "" => reference.setting.name().to_owned(),
+        value => format!("{} {value}", reference.setting.name()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn worded_replaces_each_reference() {
+        let text = format!(
+            "{}: found b, or {}; see {}",
+            Setting::Skip.given(3),
+            Setting::Columns.suggested("a=b"),
+            Setting::Columns.alone()
+        );
+        assert_eq!(plain(&text), "skip 3: found b, or columns a=b; see columns");
+        let word =
+            |own: Reference| format!("<{:?} {} {}>", own.setting, own.value, own.is_suggestion);
+        let expected = "<Skip 3 false>: found b, or <Columns a=b true>; see <Columns  false>";
+        assert_eq!(worded(&text, &word), expected);
+    }
+
+    #[test]
+    fn worded_with_text_without_references_returns_it() {
+        assert_eq!(plain("no setting, \u{e9}"), "no setting, \u{e9}");
+        assert_eq!(plain("cut off \u{1}skip"), "cut off ");
+    }
+}

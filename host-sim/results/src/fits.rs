@@ -1,0 +1,96 @@
+//! The result files of `identify` and `compare`.
+
+use crate::files::{Files, pretty};
+use crate::predicted::PredictedLog;
+use crate::provenance::parameter_file;
+use crate::{Comparison, FitReport, compare_fits, document, page};
+use friction_identification::fit::Outcome;
+use friction_identification::prepare::Prepared;
+use std::slice::from_ref;
+
+/// Result files of a comparison, and what a terminal shows of it.
+#[derive(Clone, Debug)]
+pub struct ComparisonFiles {
+    /// `compare.json`, `compare.html`, and `params.toml` and `rows.parquet` of the recommended model.
+    pub files: Files,
+    /// The result in sentences.
+    pub summary: [String; 5],
+    /// Index of the recommended fit.
+    pub chosen: usize,
+}
+
+fn report<'a>(input: &'a Prepared, fits: &'a [Outcome]) -> FitReport<'a> {
+    FitReport {
+        data: &input.data,
+        split: &input.split,
+        hashes: &input.hashes,
+        test: input.test_rows(),
+        columns: &input.columns,
+        skip: input.skip,
+        fits,
+    }
+}
+
+/// Returns `fit.json` of a fit.
+///
+/// # Errors
+/// One line, if a value cannot be represented in JSON, or the core rejects the model.
+pub fn fit_json(fit: &Outcome, input: &Prepared) -> Result<String, String> {
+    let predicted = PredictedLog::of_text(&fit_parameter_text(fit, input), &input.data)?;
+    fit_document_text(fit, input, &predicted)
+}
+
+fn fit_document_text(
+    fit: &Outcome,
+    input: &Prepared,
+    predicted: &PredictedLog,
+) -> Result<String, String> {
+    let mut document = document(&input.data, &input.split, &input.hashes, from_ref(fit));
+    document.set_prediction(predicted.summary.clone());
+    pretty(&document)
+}
+
+/// Returns `params.toml` of a fit.
+pub fn fit_parameter_text(fit: &Outcome, input: &Prepared) -> String {
+    parameter_file("identify", input, fit, None)
+}
+
+/// Returns `fit.html` of a fit.
+pub fn fit_page(fit: &Outcome, input: &Prepared) -> String {
+    page(&report(input, from_ref(fit))).render()
+}
+
+/// Returns the result files of one fit: `fit.json`, `params.toml`, `fit.html`, `rows.parquet`.
+///
+/// # Errors
+/// See [`fit_json`].
+pub fn fit_files(fit: &Outcome, input: &Prepared) -> Result<Files, String> {
+    let toml = fit_parameter_text(fit, input);
+    let predicted = PredictedLog::of_text(&toml, &input.data)?;
+    let html = fit_page(fit, input).into_bytes();
+    let others = vec![("params.toml", toml.into_bytes()), ("fit.html", html)];
+    let document = ("fit.json", fit_document_text(fit, input, &predicted)?);
+    let mut files = Files { document, others };
+    predicted.add_rows(&input.data, &mut files)?;
+    Ok(files)
+}
+
+/// Returns the result files of several fits, at least one: `compare.json`, `compare.html`, `params.toml`,
+/// `rows.parquet`.
+///
+/// # Errors
+/// One line, if a value cannot be represented in JSON, or the core rejects the recommended model.
+pub fn comparison_files(fits: &[Outcome], input: &Prepared) -> Result<ComparisonFiles, String> {
+    let mut document = document(&input.data, &input.split, &input.hashes, fits);
+    let Comparison { page, summary, chosen } = compare_fits(&report(input, fits));
+    let best = &fits[chosen];
+    document.choose(&best.spec);
+    let html = page.render().into_bytes();
+    let toml = parameter_file("compare", input, best, None);
+    let predicted = PredictedLog::of_text(&toml, &input.data)?;
+    document.set_prediction(predicted.summary.clone());
+    let others = vec![("compare.html", html), ("params.toml", toml.into_bytes())];
+    let mut files = Files { document: ("compare.json", pretty(&document)?), others };
+    predicted.add_rows(&input.data, &mut files)?;
+    Ok(ComparisonFiles { files, summary, chosen })
+}

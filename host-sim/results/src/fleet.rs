@@ -1,0 +1,161 @@
+//! The diagnoses of many joints over many campaigns.
+//!
+//! A *campaign* is one measurement of a joint: a day, a dive, a service interval. Each joint and campaign has one
+//! [`FleetRow`], also if its diagnosis failed. `fleet.parquet` holds all rows with a fixed schema, and `fleet.html` shows
+//! what a maintainer asks: which causes occur, which joints stand out, and which levels change over the campaigns.
+//!
+//! A trend compares numbers of one fixed model. The models that the diagnosis selects may differ between campaigns, and the
+//! level of one is then not comparable with the level of the other.
+
+mod jobs;
+mod page;
+pub mod statistics;
+mod task;
+
+pub use jobs::{FleetJob, find_jobs};
+pub use page::page;
+pub use task::{FleetOptions, run_task, write_fleet};
+
+use crate::table_file::{TableColumn, TableFile};
+use serde::{Deserialize, Serialize};
+
+/// Names of the levels of the fixed model, in the order of [`FleetRow::levels`].
+pub const LEVELS: [&str; 3] = ["coulomb_torque", "static_torque", "viscous_friction"];
+
+/// A parameter of the fixed model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Level {
+    /// Value, in Nm or Nm s/rad; N or N s/m for a prismatic joint.
+    pub value: f64,
+    /// Standard error in the same unit, from the residual of this campaign alone.
+    pub std_error: f64,
+}
+
+/// Result of one joint and campaign.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct FleetRow {
+    /// Name of the joint.
+    pub joint: String,
+    /// Name of the campaign; empty if the fleet has only one.
+    pub campaign: String,
+    /// Log files.
+    pub files: Vec<String>,
+    /// Why there is no result, in one line; `None` if the diagnosis succeeded.
+    pub error: Option<String>,
+    /// Name of the extended model.
+    pub model: String,
+    /// Cause that the diagnosis names; `none` if there is none.
+    pub cause: String,
+    /// Columns that the cause follows.
+    pub columns: Vec<String>,
+    /// Calibrated probability of the cause, 0 to 1.
+    pub probability: Option<f64>,
+    /// Size of the cause, in `size_unit`.
+    pub size: Option<f64>,
+    /// Unit of the size.
+    pub size_unit: String,
+    /// Ends of the size's 95 % interval.
+    pub size_ci95: Option<[f64; 2]>,
+    /// `1 - RMSE of the extended model / RMSE of the base model`, on held-out rows.
+    pub gain: Option<f64>,
+    /// Ends of the gain's 95 % interval.
+    pub gain_ci95: Option<[f64; 2]>,
+    /// Held-out RMSE of the extended model, in `unit`.
+    pub test_rmse: Option<f64>,
+    /// RMSE of the best possible model, in `unit`.
+    pub noise_floor: Option<f64>,
+    /// Unit of the torque or force.
+    pub unit: String,
+    /// Number of rows of the log.
+    pub rows: Option<u64>,
+    /// Duration of the diagnosis, s.
+    pub seconds: Option<f64>,
+    /// Name of the fixed model.
+    pub fixed_model: String,
+    /// Levels of the fixed model, as [`LEVELS`]; `None` if the data do not determine one.
+    pub levels: [Option<Level>; LEVELS.len()],
+    /// Path of the joint's report, relative to the folder of the fleet; empty if there is none.
+    pub report: String,
+}
+
+impl FleetRow {
+    /// Returns true if the diagnosis succeeded.
+    pub fn is_ok(&self) -> bool {
+        self.error.is_none()
+    }
+}
+
+/// Returns all rows as a table with a fixed schema.
+pub fn table(rows: &[FleetRow]) -> TableFile {
+    let mut table = TableFile::new(rows.len());
+    let mut texts = |name: &str, of: &dyn Fn(&FleetRow) -> String| {
+        table.push(name, TableColumn::of_texts(rows.iter().map(of).collect()));
+    };
+    texts("joint", &|row| row.joint.clone());
+    texts("campaign", &|row| row.campaign.clone());
+    texts("files", &|row| row.files.join(";"));
+    texts("status", &|row| if row.is_ok() { "ok" } else { "error" }.to_owned());
+    texts("error", &|row| row.error.clone().unwrap_or_default());
+    texts("model", &|row| row.model.clone());
+    texts("cause", &|row| row.cause.clone());
+    texts("columns", &|row| row.columns.join(";"));
+    texts("size_unit", &|row| row.size_unit.clone());
+    texts("unit", &|row| row.unit.clone());
+    texts("fixed_model", &|row| row.fixed_model.clone());
+    texts("report", &|row| row.report.clone());
+    let mut numbers = |name: &str, of: &dyn Fn(&FleetRow) -> Option<f64>| {
+        let values = rows.iter().map(|row| of(row).unwrap_or(f64::NAN)).collect();
+        table.push(name, TableColumn::Numbers(values));
+    };
+    numbers("probability", &|row| row.probability);
+    numbers("size", &|row| row.size);
+    numbers("size_low", &|row| row.size_ci95.map(|ends| ends[0]));
+    numbers("size_high", &|row| row.size_ci95.map(|ends| ends[1]));
+    numbers("gain", &|row| row.gain);
+    numbers("gain_low", &|row| row.gain_ci95.map(|ends| ends[0]));
+    numbers("gain_high", &|row| row.gain_ci95.map(|ends| ends[1]));
+    numbers("test_rmse", &|row| row.test_rmse);
+    numbers("noise_floor", &|row| row.noise_floor);
+    numbers("rows", &|row| row.rows.map(|rows| rows as f64));
+    numbers("seconds", &|row| row.seconds);
+    for (at, level) in LEVELS.iter().enumerate() {
+        numbers(&format!("fixed_{level}"), &|row| row.levels[at].map(|level| level.value));
+        numbers(&format!("fixed_{level}_std_error"), &|row| {
+            row.levels[at].map(|level| level.std_error)
+        });
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table_file::TableFormat;
+
+    #[test]
+    fn table_of_failed_row_has_the_same_columns() {
+        let failed = FleetRow {
+            joint: "hip, left".into(),
+            error: Some("a.csv: found no rows".into()),
+            ..FleetRow::default()
+        };
+        let good = FleetRow {
+            joint: "knee".into(),
+            cause: "none".into(),
+            rows: Some(1200),
+            levels: [Some(Level { value: 1.5, std_error: 0.01 }), None, None],
+            ..FleetRow::default()
+        };
+        let csv = table(&[failed, good]).emit(TableFormat::Csv).unwrap();
+        let text = String::from_utf8(csv).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[0].starts_with("joint,campaign,files,status,error,"), "{}", lines[0]);
+        assert!(
+            lines[1].starts_with("\"hip, left\",,,error,a.csv: found no rows,"),
+            "{}",
+            lines[1]
+        );
+        assert!(lines[2].ends_with(",1200.0,,1.5,0.01,,,,"), "{}", lines[2]);
+    }
+}

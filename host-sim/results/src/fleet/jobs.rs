@@ -1,0 +1,144 @@
+//! Which joints and campaigns a folder holds.
+//!
+//! | path below the folder | joint | campaign |
+//! |---|---|---|
+//! | `joint=knee/campaign=2026-03-01/a.csv` | `knee` | `2026-03-01` |
+//! | `knee/2026-03-01/a.csv` | `knee` | `2026-03-01` |
+//! | `knee/2026-03-01.csv` | `knee` | `2026-03-01` |
+//! | `knee.csv` | `knee` | none |
+//!
+//! Files of the same joint and campaign are one log of several runs. Each file is read with its own header: the columns of one
+//! file never stand for those of another.
+
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+
+/// The log of one joint and campaign.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FleetJob {
+    /// Name of the joint.
+    pub joint: String,
+    /// Name of the campaign; empty if the folder has none.
+    pub campaign: String,
+    /// Log files, in the order of their names.
+    pub files: Vec<PathBuf>,
+}
+
+/// Ends of the names of log files.
+const LOG_ENDS: [&str; 15] = [
+    ".csv", ".tsv", ".txt", ".parquet", ".mcap", ".log", ".asc", ".trc", ".gz", ".zip", ".arrow",
+    ".feather", ".jsonl", ".ndjson", ".pq",
+];
+
+/// Finds the logs below a folder. Hidden files, and files of other types, are ignored. `out`, the folder of the results, may
+/// lie below it.
+///
+/// # Errors
+/// One line, if a folder cannot be read or contains no log.
+pub fn find_jobs(root: &Path, out: &Path) -> Result<Vec<FleetJob>, String> {
+    let mut files = Vec::new();
+    walk(root, &out.canonicalize().unwrap_or_else(|_| out.to_owned()), &mut files)?;
+    let mut jobs: BTreeMap<(String, String), Vec<PathBuf>> = BTreeMap::new();
+    for file in files {
+        jobs.entry(names(root, &file)).or_default().push(file);
+    }
+    if jobs.is_empty() {
+        let ends = LOG_ENDS.join(", ");
+        return Err(format!("{}: found no log, expected files {ends}", root.display()));
+    }
+    let job = |((joint, campaign), files)| FleetJob { joint, campaign, files };
+    Ok(jobs.into_iter().map(job).collect())
+}
+
+fn walk(folder: &Path, out: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)
+        .map_err(failed)?
+        .map(|entry| entry.map(|entry| entry.path()))
+        .collect::<Result<_, _>>()
+        .map_err(failed)?;
+    entries.sort();
+    for path in entries {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        if name.starts_with('.') || path.canonicalize().is_ok_and(|path| path == out) {
+            continue;
+        }
+        if path.is_dir() {
+            walk(&path, out, files)?;
+        } else if LOG_ENDS.iter().any(|end| name.ends_with(end)) {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// Returns the names of joint and campaign of a file.
+fn names(root: &Path, file: &Path) -> (String, String) {
+    let below = file.strip_prefix(root).unwrap_or(file);
+    let folders: Vec<String> = below
+        .parent()
+        .into_iter()
+        .flat_map(Path::components)
+        .filter_map(|part| match part {
+            Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
+            _ => None,
+        })
+        .collect();
+    let keyed = |key: &str| {
+        let start = format!("{key}=");
+        folders.iter().find_map(|name| name.strip_prefix(&start).map(str::to_owned))
+    };
+    let stem = file_stem(file);
+    if let Some(joint) = keyed("joint") {
+        return (joint, keyed("campaign").unwrap_or_default());
+    }
+    match folders.as_slice() {
+        [] => (stem, String::new()),
+        [joint] => (joint.clone(), stem),
+        [joint, rest @ ..] => (joint.clone(), rest.join("/")),
+    }
+}
+
+/// Returns the name of a file without the ends of a log: `a` for `a.csv.gz`.
+fn file_stem(file: &Path) -> String {
+    let mut name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    while let Some(end) = LOG_ENDS.iter().find(|end| name.to_lowercase().ends_with(**end)) {
+        name.truncate(name.len() - end.len());
+    }
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn find_jobs_reads_joint_and_campaign_from_paths() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        for file in [
+            "joint=hip/campaign=2026-03-01/b.csv",
+            "joint=hip/campaign=2026-03-01/a.parquet",
+            "joint=hip/campaign=2026-03-01/.hidden.csv",
+            "joint=hip/notes.md",
+            "knee/1/x.csv",
+            "knee/2.csv.gz",
+            "wrist.csv",
+            "out/joint=hip/rows.parquet",
+        ] {
+            let path = root.join(file);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, "").unwrap();
+        }
+        let jobs = find_jobs(root, &root.join("out")).unwrap();
+        let found: Vec<(&str, &str, usize)> =
+            jobs.iter().map(|job| (&*job.joint, &*job.campaign, job.files.len())).collect();
+        assert_eq!(
+            found,
+            [("hip", "2026-03-01", 2), ("knee", "1", 1), ("knee", "2", 1), ("wrist", "", 1)]
+        );
+        let error =
+            find_jobs(&root.join("out/joint=hip"), &root.join("out/joint=hip/rows.parquet"));
+        assert!(error.unwrap_err().contains("found no log"));
+    }
+}

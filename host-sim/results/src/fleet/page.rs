@@ -1,0 +1,340 @@
+//! `fleet.html`: the fleet on one page.
+//!
+//! The order is what a maintainer asks: how many joints, which causes, which joints stand out, which levels change, which
+//! logs failed, and where the report of a joint is. Lists are cut at [`MAX_LISTED`], because ten thousand rows of HTML stop a
+//! browser. The last block searches all rows and shows at most that many.
+
+use super::statistics::{Limit, OUTLIER_SCORE, Trend, outliers, trends};
+use super::{FleetRow, LEVELS};
+use crate::report::{Axis, Block, Cell, Chart, Finder, Page, Series, Table};
+use friction_identification::number::{count, significant};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Largest number of rows in a list.
+const MAX_LISTED: usize = 100;
+
+/// Largest number of trends and of causes that are drawn.
+const MAX_DRAWN: usize = 4;
+
+/// Largest number of joints in the chart of a cause.
+const MAX_DOTS: usize = 400;
+
+/// Returns the page of a fleet. `limits` are the levels above which a joint needs service.
+pub fn page(rows: &[FleetRow], limits: &[Limit]) -> Page {
+    let joints: BTreeSet<&str> = rows.iter().map(|row| row.joint.as_str()).collect();
+    let campaigns: BTreeSet<&str> = rows.iter().map(|row| row.campaign.as_str()).collect();
+    let subtitle = format!("{} joints, {} campaigns", joints.len(), campaigns.len());
+    let mut page = Page::new("Friction of a fleet", subtitle);
+    let trends = trends(rows, limits);
+    page.push(Block::Paragraph(summary(rows, &trends)));
+    page.push(Block::Lead { facts: facts(rows), charts: vec![causes(rows)] });
+    standing_out(rows, &mut page);
+    trend_blocks(&trends, &mut page);
+    sizes(rows, &mut page);
+    failures(rows, &mut page);
+    page.push(Block::Heading("All joints".into()));
+    page.push(Block::Find(finder(rows)));
+    page
+}
+
+/// Returns `1 joint` or `2 joints`.
+fn counted(things: usize, name: &str) -> String {
+    format!("{} {name}{}", count(things as u64), if things == 1 { "" } else { "s" })
+}
+
+fn summary(rows: &[FleetRow], trends: &[Trend]) -> String {
+    let found = rows.iter().filter(|row| row.is_ok() && row.cause != "none").count();
+    let failed = rows.iter().filter(|row| !row.is_ok()).count();
+    let rising = trends.iter().filter(|trend| trend.is_significant).count();
+    let failures = match failed {
+        0 => "Every diagnosis succeeded.".to_owned(),
+        failed => format!("{} failed; the reasons are below.", counted(failed, "diagnosis run")),
+    };
+    format!(
+        "{} of {} name a cause. {} of the fixed model with a significant trend, {} far from the other joints. {failures}",
+        count(found as u64),
+        counted(rows.len(), "diagnosis run"),
+        counted(rising, "level"),
+        counted(outliers(rows).len(), "level"),
+    )
+}
+
+fn facts(rows: &[FleetRow]) -> Vec<(String, String)> {
+    let good: Vec<&FleetRow> = rows.iter().filter(|row| row.is_ok()).collect();
+    let seconds: f64 = good.iter().filter_map(|row| row.seconds).sum();
+    let total: u64 = good.iter().filter_map(|row| row.rows).sum();
+    let models: BTreeSet<&str> = good.iter().map(|row| row.fixed_model.as_str()).collect();
+    let models: Vec<&str> = models.into_iter().filter(|name| !name.is_empty()).collect();
+    vec![
+        ("Diagnoses".into(), count(rows.len() as u64)),
+        ("Failed".into(), count((rows.len() - good.len()) as u64)),
+        ("Rows".into(), count(total)),
+        ("Computing time".into(), format!("{} s", significant(seconds, 3))),
+        ("Fixed model of the trends".into(), models.join(", ")),
+    ]
+}
+
+fn causes(rows: &[FleetRow]) -> Chart {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    rows.iter()
+        .filter(|row| row.is_ok())
+        .for_each(|row| *counts.entry(&row.cause).or_default() += 1);
+    let mut counts: Vec<(&str, usize)> = counts.into_iter().collect();
+    counts.sort_by_key(|(name, count)| (std::cmp::Reverse(*count), *name));
+    let (names, values): (Vec<&str>, Vec<usize>) = counts.into_iter().unzip();
+    let places = (0..names.len()).map(|at| at as f64).collect();
+    let values = values.into_iter().map(|count| count as f64).collect();
+    Chart {
+        title: "Causes".into(),
+        caption: "Number of diagnoses that name each cause.".into(),
+        x: Axis::new("diagnoses"),
+        y: Axis::of_names("", names),
+        series: vec![Series::bars("diagnoses", values, places)],
+    }
+}
+
+/// Returns the name of a joint, linked to its report.
+fn joint_cell(row: &FleetRow) -> Cell {
+    match row.report.is_empty() {
+        true => row.joint.as_str().into(),
+        false => Cell::Link { text: row.joint.clone(), target: row.report.clone() },
+    }
+}
+
+/// Returns a sentence for a list that was cut; empty for a complete one.
+fn cut(total: usize) -> String {
+    match total > MAX_LISTED {
+        true => format!(" The first {MAX_LISTED} of {total}; fleet.parquet has all."),
+        false => String::new(),
+    }
+}
+
+fn standing_out(rows: &[FleetRow], page: &mut Page) {
+    let found = outliers(rows);
+    page.push(Block::Heading("Joints that stand out".into()));
+    if found.is_empty() {
+        let text = "No level of a joint is far from those of the other joints of its model.";
+        page.push(Block::Paragraph(text.into()));
+        return;
+    }
+    let listed = found.iter().take(MAX_LISTED).map(|outlier| {
+        let row = &rows[outlier.row];
+        vec![
+            joint_cell(row),
+            row.campaign.as_str().into(),
+            LEVELS[outlier.level].into(),
+            outlier.value.into(),
+            outlier.median.into(),
+            Cell::ShortNumber(outlier.score, 3),
+            row.cause.as_str().into(),
+        ]
+    });
+    page.push(Block::Table(Table {
+        caption: format!(
+            "Latest level more than {OUTLIER_SCORE} robust standard deviations from the median of the fleet.{}",
+            cut(found.len())
+        ),
+        header: ["joint", "campaign", "level", "value", "median", "robust z-score", "cause"]
+            .map(String::from)
+            .to_vec(),
+        rows: listed.collect(),
+        best: Vec::new(),
+    }));
+}
+
+fn trend_blocks(trends: &[Trend], page: &mut Page) {
+    page.push(Block::Heading("Trends".into()));
+    let found: Vec<&Trend> = trends.iter().filter(|trend| trend.is_significant).collect();
+    if found.is_empty() {
+        let text = format!(
+            "No level changes significantly over the campaigns. {} tested under one fixed model.",
+            counted(trends.len(), "series")
+        );
+        page.push(Block::Paragraph(text));
+        return;
+    }
+    let unit = found[0].unit.name();
+    let until = |trend: &Trend| match trend.until_limit {
+        Some([time, soonest, latest]) if time.is_finite() => {
+            let latest = match latest.is_finite() {
+                true => significant(latest, 2),
+                false => "unknown".to_owned(),
+            };
+            let time = significant(time, 2);
+            format!("{time} ({} to {latest})", significant(soonest, 2)).into()
+        }
+        _ => Cell::Empty,
+    };
+    let listed = found.iter().take(MAX_LISTED).map(|trend| {
+        let [low, high] = trend.slope_ci95.map(|end| significant(end, 3));
+        vec![
+            trend.joint.as_str().into(),
+            LEVELS[trend.level].into(),
+            trend.now.into(),
+            format!("{} ({low} to {high})", significant(trend.slope, 3)).into(),
+            Cell::ShortNumber(100.0 * trend.slope / trend.now, 2),
+            Cell::Count(trend.times.len() as u64),
+            until(trend),
+        ]
+    });
+    page.push(Block::Table(Table {
+        caption: format!(
+            "Levels of the fixed model that change over the campaigns; the intervals are of 95 %.{}",
+            cut(found.len())
+        ),
+        header: vec![
+            "joint".into(),
+            "level".into(),
+            "now".into(),
+            format!("change per {unit}"),
+            format!("% per {unit}"),
+            "campaigns".into(),
+            format!("{unit}s until the limit"),
+        ],
+        rows: listed.collect(),
+        best: Vec::new(),
+    }));
+    let charts = found.iter().take(MAX_DRAWN).map(|trend| trend_chart(trend)).collect();
+    page.push(Block::Row(charts));
+}
+
+fn trend_chart(trend: &Trend) -> Chart {
+    let (first, last) = (trend.times[0], trend.times[trend.times.len() - 1]);
+    let line = |time: f64| trend.now + trend.slope * (time - last);
+    Chart {
+        title: format!("{}: {}", trend.joint, LEVELS[trend.level]),
+        caption: format!(
+            "Level of each campaign under the fixed model, and its trend ({}).",
+            trend.unit.name()
+        ),
+        x: Axis::new(format!("time since the first campaign ({}s)", trend.unit.name())),
+        y: Axis::new(LEVELS[trend.level]),
+        series: vec![
+            Series::points("campaigns", trend.times.clone(), trend.values.clone()),
+            Series::line("trend", vec![first, last], vec![line(first), line(last)]),
+        ],
+    }
+}
+
+/// Pushes a chart of the sizes of each frequent cause.
+fn sizes(rows: &[FleetRow], page: &mut Page) {
+    let mut groups: BTreeMap<(&str, &str), Vec<(f64, f64)>> = BTreeMap::new();
+    for row in rows.iter().filter(|row| row.is_ok()) {
+        if let (Some(size), Some([low, high])) = (row.size, row.size_ci95) {
+            groups
+                .entry((&row.cause, &row.size_unit))
+                .or_default()
+                .push((size, 0.5 * (high - low)));
+        }
+    }
+    let mut groups: Vec<_> = groups.into_iter().collect();
+    groups.sort_by_key(|(_, sizes)| std::cmp::Reverse(sizes.len()));
+    let charts: Vec<Chart> = groups
+        .into_iter()
+        .take(MAX_DRAWN)
+        .map(|((cause, unit), mut sizes)| {
+            sizes.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let step = sizes.len().div_ceil(MAX_DOTS).max(1);
+            let kept: Vec<(usize, (f64, f64))> =
+                sizes.iter().copied().enumerate().step_by(step).collect();
+            let ranks = kept.iter().map(|(rank, _)| (rank + 1) as f64).collect();
+            let values = kept.iter().map(|(_, (size, _))| *size).collect();
+            let errors = kept.iter().map(|(_, (_, half))| *half).collect();
+            Chart {
+                title: cause.to_owned(),
+                caption: format!(
+                    "Size in each of {}, smallest first, with its 95 % interval.",
+                    counted(sizes.len(), "diagnosis run")
+                ),
+                x: Axis::new("rank"),
+                y: Axis::new(if unit.is_empty() {
+                    "size".into()
+                } else {
+                    format!("size ({unit})")
+                }),
+                series: vec![Series::points(cause, ranks, values).with_error(errors)],
+            }
+        })
+        .collect();
+    if !charts.is_empty() {
+        page.push(Block::Heading("Sizes of the causes".into()));
+        page.push(Block::Row(charts));
+    }
+}
+
+fn failures(rows: &[FleetRow], page: &mut Page) {
+    let failed: Vec<&FleetRow> = rows.iter().filter(|row| !row.is_ok()).collect();
+    if failed.is_empty() {
+        return;
+    }
+    let listed = failed.iter().take(MAX_LISTED).map(|row| {
+        let error = row.error.clone().unwrap_or_default();
+        vec![row.joint.as_str().into(), row.campaign.as_str().into(), error.into()]
+    });
+    page.push(Block::Heading("Failures".into()));
+    page.push(Block::Table(Table {
+        caption: format!("Logs without a result.{}", cut(failed.len())),
+        header: ["joint", "campaign", "reason"].map(String::from).to_vec(),
+        rows: listed.collect(),
+        best: Vec::new(),
+    }));
+}
+
+fn finder(rows: &[FleetRow]) -> Finder {
+    let cells = |row: &FleetRow| {
+        let percent = |gain: f64| format!("{} %", significant(100.0 * gain, 2));
+        let cause = if row.is_ok() { row.cause.clone() } else { "failed".into() };
+        let probability = row.probability.map_or(String::new(), |share| significant(share, 2));
+        let gain = row.gain.map_or(String::new(), percent);
+        vec![row.joint.clone(), row.campaign.clone(), cause, probability, gain]
+    };
+    Finder {
+        header: ["joint", "campaign", "cause", "probability", "gain"].map(String::from).to_vec(),
+        rows: rows.iter().map(cells).collect(),
+        targets: rows.iter().map(|row| row.report.clone()).collect(),
+        most: MAX_LISTED,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Level;
+    use super::*;
+
+    fn fleet(joints: usize) -> Vec<FleetRow> {
+        let row = |joint: usize| FleetRow {
+            joint: format!("joint <{joint}>"),
+            campaign: "1".into(),
+            cause: if joint.is_multiple_of(3) { "none" } else { "pressure-coulomb" }.into(),
+            size: (!joint.is_multiple_of(3)).then(|| 1e-6 * (1.0 + 1e-4 * joint as f64)),
+            size_ci95: Some([0.9e-6, 1.1e-6]),
+            size_unit: "Nm/Pa".into(),
+            error: joint.is_multiple_of(20).then(|| "a.csv: found no rows".into()),
+            fixed_model: "lugre".into(),
+            unit: "Nm".into(),
+            levels: [
+                Some(Level { value: 1.0 + 0.01 * (joint % 17) as f64, std_error: 0.01 }),
+                None,
+                None,
+            ],
+            report: format!("joint={joint}/report.html"),
+            ..FleetRow::default()
+        };
+        (0..joints).map(row).collect()
+    }
+
+    #[test]
+    fn page_of_ten_thousand_joints_lists_a_few() {
+        let html = page(&fleet(10_000), &[]).render_linked("");
+        let lines = html.matches("<tr>").count();
+        assert!(lines < 4 * MAX_LISTED, "{lines} rows of tables");
+        assert!(html.len() < 3_000_000, "{} bytes", html.len());
+        assert!(html.contains("joint=9999/report.html") && html.contains("10000 rows"));
+        assert!(!html.contains("joint <1>"), "a name is not escaped");
+    }
+
+    #[test]
+    fn page_without_rows_renders() {
+        assert!(page(&[], &[]).render_linked("").contains("Friction of a fleet"));
+    }
+}

@@ -1,0 +1,280 @@
+//! One joint and campaign: its diagnosis, its levels under the fixed model, and its folder of results.
+//!
+//! A task writes into a folder of its own, which gets its final name only when it is complete. A second call of the same task
+//! finds it there and computes nothing. The key of a result names the version of the program, the options and the hashes of
+//! the files: a changed log or option is computed again.
+
+use super::statistics::Limit;
+use super::{FleetJob, FleetRow, LEVELS, Level};
+use crate::report::{CHART_SCRIPT_FILE, chart_script};
+use crate::table_file::TableFormat;
+use crate::{diagnosis, write_atomically};
+use compensator_core::ParameterId;
+use friction_identification::data::DataError;
+use friction_identification::diagnose::{Diagnosis, DiagnosisOptions, diagnose};
+use friction_identification::fit::{FitOptions, State, identify};
+use friction_identification::prepare::{
+    Error, PrepareOptions, Prepared, Source, file_sha256, prepare,
+};
+use friction_identification::setting::Message;
+use friction_identification::spec::Spec;
+use friction_identification::work::{self, Cancelled};
+use serde::{Deserialize, Serialize};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// How the tasks of a fleet are computed.
+#[derive(Clone, Debug)]
+pub struct FleetOptions {
+    /// How each log is read, checked and split.
+    pub prepare: PrepareOptions,
+    /// Base model of the diagnoses; `None` to select it for each log.
+    pub model: Option<Spec>,
+    /// Model of the levels, the same for all joints and campaigns.
+    pub fixed_model: Spec,
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// Words for a setting in an error message, as of the front end.
+    pub worded: fn(Error) -> String,
+}
+
+impl FleetOptions {
+    /// Creates options with the defaults of the command `fleet`.
+    pub fn new(out: PathBuf) -> Self {
+        let fixed_model = Spec::law(compensator_core::LawKind::Lugre);
+        let worded = |error: Error| error.marked();
+        Self { prepare: PrepareOptions::default(), model: None, fixed_model, out, worded }
+    }
+}
+
+/// Writes `fleet.parquet`, `fleet.html`, and the script that the reports of the tasks share, each completely or not at all.
+///
+/// # Errors
+/// One line that names the file.
+pub fn write_fleet(out: &Path, rows: &[FleetRow], limits: &[Limit]) -> Result<(), String> {
+    let parquet = super::table(rows).emit(TableFormat::Parquet)?;
+    let html = super::page(rows, limits).render();
+    for (name, content) in [
+        (CHART_SCRIPT_FILE, chart_script().as_bytes()),
+        ("fleet.parquet", &parquet),
+        ("fleet.html", html.as_bytes()),
+    ] {
+        let file = out.join(name);
+        write_atomically(&file, content).map_err(|error| format!("{}: {error}", file.display()))?;
+    }
+    Ok(())
+}
+
+/// Name of the file with the row of a task, in its folder.
+const ROW_FILE: &str = "row.json";
+
+/// Content of [`ROW_FILE`].
+#[derive(Serialize, Deserialize)]
+struct StoredRow {
+    key: String,
+    row: FleetRow,
+}
+
+/// Diagnoses the log of one joint and campaign, or takes an earlier result of the same log. A log of several joints gives a row
+/// for each. A failure gives a row with its reason and leaves no folder.
+pub fn run_task(job: &FleetJob, options: &FleetOptions) -> Vec<FleetRow> {
+    let begin = Instant::now();
+    // A defect in one log must not end the others. Cancelling must.
+    let outcome = catch_unwind(AssertUnwindSafe(|| try_task(job, options)));
+    let failure = match outcome {
+        Ok(Ok(rows)) => return rows,
+        Ok(Err(line)) => line,
+        Err(panic) if panic.is::<Cancelled>() => resume_unwind(panic),
+        Err(panic) => {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+            format!("defect of the program: {}", text.unwrap_or("unknown"))
+        }
+    };
+    let seconds = Some(begin.elapsed().as_secs_f64());
+    vec![FleetRow { error: Some(failure), seconds, ..empty_row(job, &job.joint) }]
+}
+
+fn empty_row(job: &FleetJob, joint: &str) -> FleetRow {
+    let files = job.files.iter().map(|file| file.display().to_string()).collect();
+    FleetRow { joint: joint.into(), campaign: job.campaign.clone(), files, ..FleetRow::default() }
+}
+
+fn try_task(job: &FleetJob, options: &FleetOptions) -> Result<Vec<FleetRow>, String> {
+    match one_joint(job, options, &options.prepare, &job.joint) {
+        Err(Error::Data(DataError::SeveralJoints { column, joints, .. })) => {
+            let each = joints.iter().map(|name| {
+                let mut alone = options.prepare.clone();
+                alone.read.only.push((column.clone(), vec![name.clone()]));
+                let joint = format!("{}/{name}", job.joint);
+                one_joint(job, options, &alone, &joint).map_err(options.worded)
+            });
+            each.collect()
+        }
+        other => other.map(|row| vec![row]).map_err(options.worded),
+    }
+}
+
+fn one_joint(
+    job: &FleetJob,
+    options: &FleetOptions,
+    read: &PrepareOptions,
+    joint: &str,
+) -> Result<FleetRow, Error> {
+    let begin = Instant::now();
+    let folder = folder_name(joint, &job.campaign);
+    let key = key(job, options, read)?;
+    if let Some(row) = stored(&options.out.join(&folder), &key) {
+        return Ok(row);
+    }
+    let input = prepare(&Source::Files(job.files.clone()), read)?;
+    let question = DiagnosisOptions { model: options.model.clone(), ..input.question() };
+    let found = diagnose(&input.data, &input.split, &question, &|_| work::checkpoint())?;
+    let mut row = row(job, joint, &input, &found);
+    row.fixed_model = options.fixed_model.to_string();
+    row.levels = levels(&input, &options.fixed_model)?;
+    row.seconds = Some(begin.elapsed().as_secs_f64());
+    row.report = format!("{folder}/report.html");
+    let stored = serde_json::to_vec_pretty(&StoredRow { key, row: row.clone() });
+    let up = "../".repeat(1 + folder.matches('/').count());
+    let mut files = diagnosis::linked_files(&found, &input, &up)?;
+    files.others.push((ROW_FILE, stored.map_err(|error| error.to_string())?));
+    let temporary = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&options.out);
+    let place = options.out.join(&folder);
+    let failed = |error: std::io::Error| format!("{}: {error}", place.display());
+    let temporary = temporary.map_err(failed)?;
+    let complete = temporary.path().join("new");
+    files.write(&complete).map_err(failed)?;
+    publish(&complete, &place, temporary.path()).map_err(failed)?;
+    Ok(row)
+}
+
+/// Moves a complete folder to its place. An earlier folder there is moved into `temporary`, which the caller removes.
+fn publish(complete: &Path, place: &Path, temporary: &Path) -> std::io::Result<()> {
+    if let Some(parent) = place.parent() {
+        std::fs::create_dir_all(parent)?;
+    }
+    if place.exists() {
+        std::fs::rename(place, temporary.join("old"))?;
+    }
+    std::fs::rename(complete, place)
+}
+
+/// Returns the row of an earlier call with the same key.
+fn stored(folder: &Path, key: &str) -> Option<FleetRow> {
+    let bytes = std::fs::read(folder.join(ROW_FILE)).ok()?;
+    let stored: StoredRow = serde_json::from_slice(&bytes).ok()?;
+    (stored.key == key).then_some(stored.row)
+}
+
+fn key(job: &FleetJob, options: &FleetOptions, read: &PrepareOptions) -> Result<String, String> {
+    let hashes: Vec<String> =
+        job.files.iter().map(|file| file_sha256(file)).collect::<Result<_, _>>()?;
+    let model = options.model.as_ref().map(ToString::to_string).unwrap_or_default();
+    Ok(format!(
+        "{} | {model} | {} | {read:?} | {}",
+        env!("CARGO_PKG_VERSION"),
+        options.fixed_model,
+        hashes.join(" ")
+    ))
+}
+
+/// Returns the folder of a result below that of the fleet. Letters that a file system or a link may reject are replaced, and
+/// a checksum keeps such names apart.
+fn folder_name(joint: &str, campaign: &str) -> String {
+    let joint = format!("joint={}", safe_name(joint));
+    match campaign {
+        "" => joint,
+        campaign => format!("{joint}/campaign={}", safe_name(campaign)),
+    }
+}
+
+fn safe_name(name: &str) -> String {
+    let is_safe = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
+    let is_plain = !name.is_empty() && !name.starts_with('.') && name.chars().all(is_safe);
+    if is_plain && name.len() <= MAX_NAME_BYTES {
+        return name.to_owned();
+    }
+    let kept: String = name
+        .trim_start_matches('.')
+        .chars()
+        .map(|letter| if is_safe(letter) { letter } else { '-' })
+        .take(MAX_NAME_BYTES)
+        .collect();
+    format!("{kept}-{}", friction_identification::network::checksum(name.as_bytes()))
+}
+
+/// Longest name of a folder without a checksum; file systems permit 255 bytes.
+const MAX_NAME_BYTES: usize = 100;
+
+fn row(job: &FleetJob, joint: &str, input: &Prepared, found: &Diagnosis) -> FleetRow {
+    let finding = found.findings.first();
+    FleetRow {
+        model: found.extended.spec.to_string(),
+        cause: found.cause().into(),
+        columns: finding.map(|finding| finding.columns.clone()).unwrap_or_default(),
+        probability: finding.map(|finding| finding.probability),
+        size: finding.map(|finding| finding.size.value),
+        size_unit: finding.map(|finding| finding.size.unit.to_string()).unwrap_or_default(),
+        size_ci95: finding.map(|finding| finding.size.ci95),
+        gain: Some(found.gain.value),
+        gain_ci95: Some(found.gain.ci95),
+        test_rmse: Some(found.extended.test.rmse),
+        noise_floor: Some(found.noise_floor),
+        unit: input.data.joint.torque_unit().into(),
+        rows: Some(input.data.rows as u64),
+        ..empty_row(job, joint)
+    }
+}
+
+/// Fits the fixed model and returns its levels that the data determine.
+fn levels(input: &Prepared, model: &Spec) -> Result<[Option<Level>; LEVELS.len()], Error> {
+    let spec = model.clone().on(&input.rigid_body);
+    let base = spec.parameters()?;
+    let options = FitOptions { passive: true, ..FitOptions::default() };
+    let fit = identify(&spec, &base, input.train_rows(), input.test_rows(), &options)?;
+    Ok(LEVELS.map(|name| {
+        let id = ParameterId::parse(name)?;
+        let estimate = fit.estimates.iter().find(|estimate| estimate.id == id)?;
+        let std_error = estimate.std_error.filter(|_| estimate.state == State::Determined)?;
+        Some(Level { value: estimate.value, std_error })
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folder_name_of_unsafe_name_is_safe_and_distinct() {
+        assert_eq!(folder_name("hip_1", "2026-03-01"), "joint=hip_1/campaign=2026-03-01");
+        assert_eq!(folder_name("hip", ""), "joint=hip");
+        let names = ["a/b", "a b", "../x", "", "a?b#c"].map(|name| folder_name(name, ""));
+        for name in &names {
+            let letters = name.strip_prefix("joint=").unwrap();
+            assert!(
+                letters.chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c)),
+                "{name}"
+            );
+            assert!(!letters.starts_with('.'), "{name}");
+        }
+        let mut distinct = names.to_vec();
+        distinct.sort();
+        distinct.dedup();
+        assert_eq!(distinct.len(), names.len());
+    }
+
+    #[test]
+    fn publish_replaces_an_earlier_folder_as_a_whole() {
+        let root = tempfile::tempdir().unwrap();
+        let (new, place) = (root.path().join("new"), root.path().join("a/b"));
+        for content in ["one", "two"] {
+            let temporary = tempfile::tempdir_in(root.path()).unwrap();
+            std::fs::create_dir_all(&new).unwrap();
+            std::fs::write(new.join(content), content).unwrap();
+            publish(&new, &place, temporary.path()).unwrap();
+        }
+        assert!(place.join("two").exists() && !place.join("one").exists());
+    }
+}

@@ -1,0 +1,75 @@
+//! The result files of `identify --model lugre-lstm`: the document of the law's fit, with the network's own figures.
+
+use crate::document;
+use crate::files::{Files, pretty};
+use crate::predicted::PredictedLog;
+use crate::provenance::parameter_file;
+use friction_identification::fit::{Metrics, Outcome};
+use friction_identification::network::{BASE, NetworkFile};
+use friction_identification::params;
+use friction_identification::prepare::Prepared;
+use serde_json::json;
+
+/// Name of the model.
+pub const MODEL: &str = "lugre-lstm";
+
+/// Result of the training.
+#[derive(Clone, Debug)]
+pub struct TrainingResult {
+    /// Content of `network.json`.
+    pub network: String,
+    /// Errors on the training rows.
+    pub train: Metrics,
+    /// Errors on the test rows.
+    pub test: Metrics,
+    /// Share of test rows outside the trained ranges, 0 to 1.
+    pub outside_share: f64,
+    /// Number of passes of the final training.
+    pub epochs: usize,
+}
+
+impl TrainingResult {
+    /// Returns true if the network reduces the held-out error of the law's fit. Only then it is written.
+    pub fn gains_on(&self, fit: &Outcome) -> bool {
+        self.test.rmse < fit.test.rmse
+    }
+}
+
+/// Returns the result files: `fit.json`, `params.toml`, `rows.parquet`, and `network.json` if the network gains. `names` are those of the
+/// network's inputs.
+///
+/// # Errors
+/// One line, if a value cannot be represented in JSON, or the core rejects the model.
+pub fn network_files(
+    fit: &Outcome,
+    training: &TrainingResult,
+    names: &[String],
+    input: &Prepared,
+) -> Result<Files, String> {
+    let base = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(fit));
+    let mut document = serde_json::to_value(&base).map_err(|error| error.to_string())?;
+    let model = &mut document["models"][0];
+    model["model"] = json!(MODEL);
+    model["base"] = json!({"model": BASE, "train": fit.train, "test": fit.test});
+    (model["train"], model["test"]) = (json!(training.train), json!(training.test));
+    let gains = training.gains_on(fit);
+    model["network"] = json!({
+        "file": gains.then_some("network.json"), "inputs": names, "passes": training.epochs,
+        "share_of_test_rows_outside": training.outside_share,
+    });
+    let mut toml = parameter_file("identify", input, fit, None);
+    let mut file = params::parse(&toml, &[])?;
+    if gains {
+        file.network = Some(NetworkFile::parse(&training.network)?);
+        params::emit_network("network.json", &training.network, &mut toml);
+    }
+    let mut others = vec![("params.toml", toml.into_bytes())];
+    if gains {
+        others.push(("network.json", training.network.clone().into_bytes()));
+    }
+    let predicted = PredictedLog::of_file(&file, &input.data)?;
+    document["prediction"] = predicted.summary.clone();
+    let mut files = Files { document: ("fit.json", pretty(&document)?), others };
+    predicted.add_rows(&input.data, &mut files)?;
+    Ok(files)
+}

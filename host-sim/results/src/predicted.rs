@@ -1,0 +1,59 @@
+//! The prediction of a log by the parameter file that a command writes, as `predict` computes it from that file.
+
+use crate::files::Files;
+use friction_identification::data::Dataset;
+use friction_identification::params::{self, ParameterFile};
+use friction_identification::prediction::{LogPrediction, PredictionOptions, predict_log};
+use serde_json::{Value, json};
+
+/// Name of the table of rows.
+pub const ROWS_FILE: &str = "rows.parquet";
+
+/// Every row of a log with the model of a parameter file.
+pub(crate) struct PredictedLog {
+    prediction: LogPrediction,
+    /// Its errors, for the JSON document.
+    pub summary: Value,
+}
+
+impl PredictedLog {
+    /// Predicts with the text of a parameter file without a network.
+    ///
+    /// # Errors
+    /// One line if the model cannot be applied to the log.
+    pub fn of_text(toml: &str, data: &Dataset) -> Result<Self, String> {
+        Self::of_file(&params::parse(toml, &[])?, data)
+    }
+
+    /// Predicts with a parameter file.
+    ///
+    /// # Errors
+    /// See [`PredictedLog::of_text`].
+    pub fn of_file(file: &ParameterFile, data: &Dataset) -> Result<Self, String> {
+        let prediction = predict_log(file, data, &PredictionOptions::default())?;
+        let as_exported = predict_log(file, data, &PredictionOptions::AS_EXPORTED)?;
+        let summary = json!({
+            "file": ROWS_FILE,
+            "rows": prediction.metrics.rows,
+            "rmse": prediction.metrics.rmse,
+            "as_exported_rmse": as_exported.metrics.rmse,
+            "remarks": prediction.remarks,
+        });
+        Ok(Self { prediction, summary })
+    }
+
+    /// Adds the table of rows to the files of a command.
+    ///
+    /// # Errors
+    /// One line if the table cannot be written.
+    pub fn add_rows(&self, data: &Dataset, files: &mut Files) -> Result<(), String> {
+        #[cfg(feature = "rows")]
+        {
+            let table = crate::rows::RowTable::new(data, &self.prediction);
+            files.others.push((ROWS_FILE, table.emit(crate::table_file::TableFormat::Parquet)?));
+        }
+        #[cfg(not(feature = "rows"))]
+        let _ = (&self.prediction, data, files);
+        Ok(())
+    }
+}

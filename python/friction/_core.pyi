@@ -1,0 +1,157 @@
+from collections.abc import Sequence
+from typing import Any, final
+
+from ._progress import Progress
+
+__all__ = [
+    "Diagnosis",
+    "Fits",
+    "Log",
+    "Model",
+    "Table",
+    "__version__",
+    "diagnose",
+    "fit",
+    "fleet_jobs",
+    "fleet_task",
+    "fleet_write",
+    "laws",
+    "read",
+    "simulate",
+    "with_row_numbers",
+    "with_zero_torque",
+]
+
+__version__: str
+
+@final
+class Table:
+    @staticmethod
+    def from_arrow(data: Any, name: str) -> Table: ...
+    @staticmethod
+    def from_columns(columns: Sequence[tuple[str, str, Any]], name: str) -> Table: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def column_names(self) -> list[str]: ...
+    def to_dict(self) -> dict[str, list[Any]]: ...
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+    def __len__(self) -> int: ...
+
+@final
+class Log:
+    def __new__(
+        cls,
+        sources: Sequence[str | Table],
+        *,
+        test: Sequence[str | Table] = ...,
+        columns: Sequence[tuple[str, str]] = ...,
+        only: Sequence[tuple[str, Sequence[str]]] = ...,
+        skip: int = 0,
+        decimate: int = 1,
+        rigid_body: str = "",
+        motion: str = "smoothed",
+        as_logged: Sequence[str] = ...,
+        seed: int = 0,
+        hold_out: tuple[str, Sequence[str]] | None = None,
+        tail: float | None = None,
+        rated_torque_nm: float | None = None,
+        preset: str | None = None,
+        skip_lines: int = 0,
+        loss: str | None = None,
+    ) -> Log: ...
+
+@final
+class Diagnosis:
+    def json(self) -> str: ...
+    def html(self, threads: int = 0) -> str: ...
+    def first_screen(self) -> str: ...
+    def write(self, folder: str, threads: int = 0) -> None: ...
+    @property
+    def model(self) -> Model: ...
+
+@final
+class Fits:
+    def json(self) -> str: ...
+    def html(self, threads: int = 0) -> str: ...
+    def write(self, folder: str, threads: int = 0) -> None: ...
+    @property
+    def models(self) -> list[Model]: ...
+    @property
+    def chosen(self) -> int: ...
+    @property
+    def summary(self) -> list[str]: ...
+
+@final
+class Model:
+    @staticmethod
+    def from_toml(text: str) -> Model: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def toml(self) -> str: ...
+    @property
+    def torque_column(self) -> str: ...
+    @property
+    def parameters(self) -> list[tuple[str, float, str, float | None, str | None]]: ...
+    @property
+    def needs(self) -> list[str]: ...
+    def export(self, to: str) -> tuple[bytes, list[str]]: ...
+    def predict_log(
+        self, log: Log, rows: int, has_torque: bool, threads: int = 0, progress: Progress | None = None
+    ) -> list[float]: ...
+    def predict_table(self, table: Table) -> list[float]: ...
+
+def diagnose(
+    log: Log,
+    *,
+    model: str | None = None,
+    given: Model | None = None,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis: ...
+def fit(
+    log: Log,
+    models: Sequence[str],
+    *,
+    compares: bool = False,
+    uses_all_rows: bool = False,
+    starts: int = 3,
+    keep: Sequence[str] = ...,
+    free: Sequence[str] = ...,
+    choices: Sequence[str] = ...,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> Fits: ...
+def fleet_jobs(root: str, out: str) -> list[tuple[str, str, list[str]]]: ...
+def fleet_task(
+    log: Log,
+    joint: str,
+    campaign: str,
+    files: Sequence[str],
+    out: str,
+    *,
+    model: str | None = None,
+    fixed_model: str = "lugre",
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> str: ...
+def fleet_write(out: str, rows: str, limits: Sequence[tuple[str, float]]) -> None: ...
+def laws() -> list[str]: ...
+def read(log: Log, name: str, threads: int = 0, progress: Progress | None = None) -> Table: ...
+def simulate(
+    scenario: str,
+    *,
+    hide: Sequence[str] = ...,
+    seed: int = 0,
+    runs: int | None = None,
+    seconds: float | None = None,
+    rate_hz: float | None = None,
+    noise_nm: float | None = None,
+    unloaded: bool = False,
+    steady: bool = False,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> tuple[Table, str, str]: ...
+def with_row_numbers(table: Table) -> Table: ...
+def with_zero_torque(table: Table, name: str) -> Table: ...

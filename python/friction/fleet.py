@@ -1,0 +1,378 @@
+"""Diagnoses of many joints over many campaigns, on one machine or a cluster.
+
+>>> import friction
+>>> fleet = friction.fleet.diagnose("logs", out="out/fleet")
+>>> fleet.rows[0]["cause"], fleet.failed
+
+One task is the log of one joint and campaign: its *files*, each read with its own header. Frames that a cluster groups by joint
+are no tasks. Their engines give every group the columns of all files, or those of the first, and a joint then gets a wrong answer
+without an error. ``diagnose_group`` for ``applyInPandas`` states the columns that it needs instead.
+
+A task writes a folder of its own, which appears only when it is complete. A second call computes only what is missing or has
+changed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias
+
+from . import _core
+from ._data import log as _log
+from ._errors import FrictionError
+
+#: A row of the fleet; ``row.json`` and ``fleet.parquet`` have the same values.
+Row: TypeAlias = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Task:
+    """The log of one joint and campaign.
+
+    Attributes:
+        joint: Name of the joint.
+        campaign: Name of the campaign; empty if there is only one.
+        files: Paths, or addresses that fsspec can open (``s3://bucket/a.csv``).
+    """
+
+    joint: str
+    campaign: str
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Result of a fleet.
+
+    Attributes:
+        rows: One row for each joint and campaign, also if its diagnosis failed (``error``).
+        out: Folder of the results.
+    """
+
+    rows: tuple[Row, ...]
+    out: Path
+
+    @property
+    def failed(self) -> tuple[Row, ...]:
+        """The rows without a result."""
+        return tuple(row for row in self.rows if row["error"] is not None)
+
+
+class Engine(Protocol):
+    """What runs the tasks of a fleet. Every task is a call of a function that can be pickled."""
+
+    def run(self, function: Callable[[Task], list[Row]], tasks: Sequence[Task], retries: int) -> Iterator[tuple[Task, Any]]:
+        """Yields each task with its rows, or with the exception of its last attempt, in any order."""
+        ...
+
+    def close(self) -> None:
+        """Releases what the engine started itself."""
+        ...
+
+
+def diagnose(
+    data: str | os.PathLike[str] | Iterable[Task],
+    *,
+    out: str | os.PathLike[str],
+    engine: str | Engine | Any = "local",
+    workers: int | None = None,
+    retries: int = 2,
+    model: str | None = None,
+    fixed_model: str = "lugre",
+    limits: Mapping[str, float] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    **log: Any,
+) -> Fleet:
+    """Diagnoses the logs of a fleet, one task for each joint and campaign.
+
+    Args:
+        data: A folder (``joint=.../campaign=.../*.csv``, ``JOINT/CAMPAIGN/*.csv``, ``JOINT/CAMPAIGN.csv`` or ``JOINT.csv``), or
+            the tasks.
+        out: Folder of the results: ``fleet.parquet``, ``fleet.html``, and a folder for each joint and campaign.
+        engine: ``"local"``: processes of this machine. Or a ``dask.distributed.Client``, the module ``ray``, a
+            ``SparkSession``, or an object with the methods of ``Engine``. On a cluster, ``out`` is a folder that all machines
+            share.
+        workers: Number of local processes; by default one for each core.
+        retries: Further attempts for a task whose process was killed. A bad log is not tried again.
+        model: Base model of the diagnoses; by default selected for each log.
+        fixed_model: Model of the levels whose trends are tested, the same for all.
+        limits: Levels at which a joint needs service, ``{"coulomb_torque": 3.0}``, Nm or N.
+        progress: Called with the number of finished tasks and of all tasks.
+        log: How the logs are read, as for ``friction.diagnose``: columns, where, rigid_body, motion, as_logged, skip, decimate,
+            rated_torque_nm, preset, skip_lines, loss, seed.
+
+    Raises:
+        FrictionError: If there is no log, or a model or limit is unknown. Failures of single tasks are rows.
+    """
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    tasks = list(_tasks(data, folder))
+    _log([], **log)  # A wrong option fails here, not in every task.
+    work = _Work(str(folder), model, fixed_model, tuple(sorted(log.items())))
+    runner = _engine(engine, workers)
+    rows: dict[Task, list[Row]] = {}
+    try:
+        for task, found in runner.run(work, tasks, retries):
+            rows[task] = found if isinstance(found, list) else [_failure(task, found)]
+            if progress is not None:
+                progress(len(rows), len(tasks))
+    finally:
+        runner.close()
+    ordered = [row for task in tasks for row in rows.get(task, [])]
+    _core.fleet_write(str(folder), json.dumps(ordered), list((limits or {}).items()))
+    return Fleet(tuple(ordered), folder)
+
+
+def diagnose_group(
+    *, joint: str = "joint", required: Iterable[str], **options: Any
+) -> Callable[[Any], Any]:
+    """Returns a function for ``groupBy(joint).applyInPandas``, which gives one row for each group.
+
+    Spark fills the columns that a joint's file lacks with nulls. The function therefore refuses a group in which one of the
+    columns ``required`` has no value, instead of diagnosing the joint with the columns of others. Prefer ``diagnose``, where
+    each file keeps its own columns.
+
+    Args:
+        joint: Column with the name of the joint.
+        required: Columns that every joint must have.
+        options: As for ``friction.diagnose``.
+    """
+    needed = tuple(required)
+
+    def function(frame: Any) -> Any:
+        from . import diagnose as diagnose_one
+
+        pandas: Any = importlib.import_module("pandas")
+        name = str(frame[joint].iloc[0])
+        row: dict[str, Any] = {"joint": name, "cause": None, "probability": None, "gain": None, "error": None}
+        empty = [column for column in needed if column not in frame or not frame[column].notna().any()]
+        if empty:
+            row["error"] = f"joint {name}: found no value in {', '.join(empty)}, expected a log with these columns"
+            return pandas.DataFrame([row])
+        try:
+            found = diagnose_one(frame.drop(columns=[joint]).dropna(axis=1, how="all"), name=name, threads=1, **options)
+        except FrictionError as error:
+            row["error"] = str(error)
+        else:
+            first = found.to_dict()["findings"][:1]
+            probability = first[0]["probability"] if first else None
+            row |= {"cause": found.cause, "gain": found.gain, "probability": probability}
+        return pandas.DataFrame([row])
+
+    return function
+
+
+@dataclass(frozen=True)
+class _Work:
+    """A task as a function that can be sent to another process."""
+
+    out: str
+    model: str | None
+    fixed_model: str
+    log: tuple[tuple[str, Any], ...]
+
+    def __call__(self, task: Task) -> list[Row]:
+        with _LocalFiles(task) as files:
+            rows: list[Row] = json.loads(
+                _core.fleet_task(
+                    _log([], **dict(self.log)),
+                    task.joint,
+                    task.campaign,
+                    files,
+                    self.out,
+                    model=self.model,
+                    fixed_model=self.fixed_model,
+                    threads=1,
+                )
+            )
+        for row in rows:
+            row["files"] = list(task.files)
+        return rows
+
+
+class _LocalFiles:
+    """The files of a task on this machine; those of an object store are copied, and removed at the end."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._folder: str | None = None
+
+    def __enter__(self) -> list[str]:
+        if not any("://" in file for file in self._task.files):
+            return list(self._task.files)
+        fsspec: Any = importlib.import_module("fsspec")
+        self._folder = tempfile.mkdtemp(prefix="friction-")
+        copies = []
+        for place, file in enumerate(self._task.files):
+            # The same place in every call, so that the row of an earlier one is found by the contents.
+            copy = os.path.join(self._folder, f"{place}-{file.rsplit('/', 1)[-1]}")
+            with fsspec.open(file, "rb") as source, open(copy, "wb") as target:
+                shutil.copyfileobj(source, target)
+            copies.append(copy)
+        return copies
+
+    def __exit__(self, *_: object) -> None:
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _tasks(data: str | os.PathLike[str] | Iterable[Task], out: Path) -> Iterator[Task]:
+    if isinstance(data, (str, os.PathLike)):
+        for joint, campaign, files in _core.fleet_jobs(os.fspath(data), str(out)):
+            yield Task(joint, campaign, tuple(os.fspath(file) for file in files))
+        return
+    yield from data
+
+
+def _failure(task: Task, reason: object) -> Row:
+    """A row without a result, with the keys of the others."""
+    levels: list[None] = [None, None, None]
+    row: Row = dict.fromkeys(
+        ("probability", "size", "size_ci95", "gain", "gain_ci95", "test_rmse", "noise_floor", "rows", "seconds")
+    )
+    texts = dict.fromkeys(("model", "cause", "size_unit", "unit", "fixed_model", "report"), "")
+    line = " ".join(str(reason).split()) or type(reason).__name__
+    return row | texts | {
+        "joint": task.joint,
+        "campaign": task.campaign,
+        "files": list(task.files),
+        "columns": [],
+        "levels": levels,
+        "error": line,
+    }
+
+
+def _engine(engine: Any, workers: int | None) -> Engine:
+    if engine == "local":
+        return _Local(workers)
+    if isinstance(engine, str):
+        raise FrictionError(f"engine={engine!r}: expected 'local' or an engine")
+    if all(hasattr(engine, method) for method in ("submit", "scheduler_info", "gather")):
+        return _Dask(engine)
+    if hasattr(engine, "remote") and hasattr(engine, "wait"):
+        return _Ray(engine)
+    if hasattr(engine, "sparkContext"):
+        return _Spark(engine)
+    if hasattr(engine, "run") and hasattr(engine, "close"):
+        found: Engine = engine
+        return found
+    raise FrictionError(f"engine: found {type(engine).__name__}, expected 'local' or an engine")
+
+
+class _Local:
+    """Spawned processes. A killed one breaks its pool: the tasks that had not ended run again in a new pool."""
+
+    def __init__(self, workers: int | None) -> None:
+        self._workers = workers or os.cpu_count() or 1
+        self._pool: ProcessPoolExecutor | None = None
+
+    def run(self, function: Callable[[Task], list[Row]], tasks: Sequence[Task], retries: int) -> Iterator[tuple[Task, Any]]:
+        waiting = list(tasks)
+        attempts = dict.fromkeys(waiting, 0)
+        while waiting:
+            # The task that kills its process is unknown if several run. After a break, each runs alone.
+            at_once = self._workers if not any(attempts.values()) else 1
+            context = get_context("spawn")
+            self._pool = ProcessPoolExecutor(max_workers=at_once, mp_context=context)
+            running: dict[Future[list[Row]], Task] = {}
+            queue = iter(waiting)
+            ended: set[Task] = set()
+            is_broken = False
+            while not is_broken:
+                for task in queue:
+                    try:
+                        running[self._pool.submit(function, task)] = task
+                    except BrokenProcessPool:
+                        is_broken = True
+                        break
+                    if len(running) >= at_once:
+                        break
+                if not running:
+                    break
+                done, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in done:
+                    task = running.pop(future)
+                    failure = future.exception()
+                    if isinstance(failure, BrokenProcessPool):
+                        is_broken = True
+                        attempts[task] += 1
+                        if attempts[task] > retries:
+                            ended.add(task)
+                            yield task, FrictionError(f"the process was killed {attempts[task]} times")
+                    else:
+                        ended.add(task)
+                        yield task, failure if failure is not None else future.result()
+            self.close()
+            waiting = [task for task in waiting if task not in ended]
+
+    def close(self) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool = None
+
+
+class _Dask:
+    """A cluster of Dask, which moves the tasks of a killed worker to others."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def run(self, function: Callable[[Task], list[Row]], tasks: Sequence[Task], retries: int) -> Iterator[tuple[Task, Any]]:
+        as_completed: Any = importlib.import_module("distributed").as_completed
+        futures = {self._client.submit(function, task, retries=retries, pure=False): task for task in tasks}
+        for future in as_completed(futures):
+            failure = future.exception()
+            yield futures[future], future.result() if failure is None else failure
+
+    def close(self) -> None:
+        """The cluster belongs to the caller."""
+
+
+class _Ray:
+    """A cluster of Ray."""
+
+    def __init__(self, ray: Any) -> None:
+        self._ray = ray
+
+    def run(self, function: Callable[[Task], list[Row]], tasks: Sequence[Task], retries: int) -> Iterator[tuple[Task, Any]]:
+        remote = self._ray.remote(max_retries=retries)(function.__call__)
+        waiting = {remote.remote(task): task for task in tasks}
+        while waiting:
+            (done,), _ = self._ray.wait(list(waiting), num_returns=1)
+            try:
+                found: Any = self._ray.get(done)
+            except Exception as failure:  # Ray raises classes of its own.
+                found = failure
+            yield waiting.pop(done), found
+
+    def close(self) -> None:
+        """The cluster belongs to the caller."""
+
+
+class _Spark:
+    """A cluster of Spark. It has one number of attempts for all its tasks, ``spark.task.maxFailures``."""
+
+    def __init__(self, session: Any) -> None:
+        self._context = session.sparkContext
+
+    def run(self, function: Callable[[Task], list[Row]], tasks: Sequence[Task], retries: int) -> Iterator[tuple[Task, Any]]:
+        def caught(task: Task) -> tuple[Task, Any]:
+            try:
+                return task, function(task)
+            except FrictionError as failure:
+                return task, str(failure)
+
+        yield from self._context.parallelize(list(tasks), len(tasks) or 1).map(caught).toLocalIterator()
+
+    def close(self) -> None:
+        """The session belongs to the caller."""

@@ -1,0 +1,80 @@
+//! The diagnosis of a log.
+
+use crate::computation::compute;
+use crate::error::{to_python, unserialised, wrong_model};
+use crate::log::Log;
+use crate::model::Model;
+use friction_identification::data::SplitRule;
+use friction_identification::diagnose::{self as diagnosing, DiagnosisOptions};
+use friction_identification::prepare::{Error, Prepared};
+use friction_identification::spec::Spec;
+use friction_identification::work::report_stage;
+use friction_results::diagnosis;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// Result of a diagnosis.
+#[pyclass(frozen, module = "friction._core")]
+pub struct Diagnosis {
+    found: diagnosing::Diagnosis,
+    input: Prepared,
+}
+
+#[pymethods]
+impl Diagnosis {
+    /// Returns the text of diagnosis.json.
+    fn json(&self) -> PyResult<String> {
+        diagnosis::json_text(&self.found, &self.input).map_err(unserialised)
+    }
+
+    /// Returns the text of report.html.
+    #[pyo3(signature = (threads=0))]
+    fn html(&self, py: Python<'_>, threads: usize) -> PyResult<String> {
+        compute(py, threads, None, || Ok(diagnosis::page_text(&self.found, &self.input)))
+    }
+
+    /// Returns the first screen of the report as an HTML fragment without scripts.
+    fn first_screen(&self, py: Python<'_>) -> PyResult<String> {
+        compute(py, 0, None, || Ok(diagnosis::first_screen(&self.found, &self.input)))
+    }
+
+    /// Writes all result files into a folder, each completely or not at all.
+    #[pyo3(signature = (folder, threads=0))]
+    fn write(&self, py: Python<'_>, folder: PathBuf, threads: usize) -> PyResult<()> {
+        let files = || diagnosis::files(&self.found, &self.input).map_err(|e| e.to_string().into());
+        Ok(compute(py, threads, None, files)?.write(&folder)?)
+    }
+
+    /// The model to hand out: the extended one, or the base model if nothing was extended.
+    #[getter]
+    fn model(&self) -> Model {
+        let outcome = diagnosis::transferable_model(&self.found);
+        Model::of_fit("diagnose", &outcome, &self.input, self.found.auxiliary.clone())
+    }
+}
+
+/// Diagnoses a log. `given` is a model to evaluate as it is, before its law is extended.
+#[pyfunction]
+#[pyo3(signature = (log, *, model=None, given=None, threads=0, progress=None))]
+pub fn diagnose(
+    py: Python<'_>,
+    log: &Bound<'_, Log>,
+    model: Option<&str>,
+    given: Option<&Bound<'_, Model>>,
+    threads: usize,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Diagnosis> {
+    let log = log.get();
+    let model = model.map(Spec::parse).transpose().map_err(|error| to_python(py, error.into()))?;
+    let given = given.map(|given| given.get().given());
+    if model.is_some() && given.is_some() {
+        return Err(wrong_model(py, "model and given: expected one of them"));
+    }
+    compute(py, threads, progress, || {
+        let input = log.prepare(&SplitRule::LeaveOneRunOut)?;
+        let question =
+            DiagnosisOptions { model, given, as_logged: log.as_logged.clone(), ..input.question() };
+        let found = diagnosing::diagnose(&input.data, &input.split, &question, &report_stage)?;
+        Ok::<_, Error>(Diagnosis { found, input })
+    })
+}

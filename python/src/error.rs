@@ -1,0 +1,123 @@
+//! Errors as the exceptions of `friction`, with the settings in a message named as keyword arguments.
+
+use friction_identification::data::{BadCell, DataError};
+use friction_identification::prepare::Error;
+use friction_identification::setting::{Message, Reference, Setting, worded};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::Path;
+
+/// Returns a setting as a keyword argument.
+fn keyword(reference: Reference) -> String {
+    let value = reference.value;
+    let quoted = |text: &str| format!("{text:?}");
+    // `a=b,c=d` as a dictionary.
+    let pairs = |text: &str| {
+        let pairs = text.split(',').filter_map(|pair| pair.split_once('='));
+        let pairs: Vec<String> =
+            pairs.map(|(a, b)| format!("{}: {}", quoted(a), quoted(b))).collect();
+        format!("{{{}}}", pairs.join(", "))
+    };
+    match (reference.setting, value) {
+        (Setting::RatedTorque, _) => "rated_torque_nm=".into(),
+        (Setting::Columns, "") => "columns=".into(),
+        (Setting::Columns, _) => format!("columns={}", pairs(value)),
+        (Setting::Where, _) => {
+            let (column, values) = value.split_once('=').unwrap_or((value, ""));
+            format!("where={{{}: {}}}", quoted(column), quoted(values))
+        }
+        (Setting::Skip, _) => format!("skip={value}"),
+        (Setting::Model, _) => format!("model={}", quoted(value)),
+        (Setting::RigidBody, _) => "rigid_body=".into(),
+    }
+}
+
+/// Options of the command line that texts of the library still name, with the keywords of this module.
+const OPTIONS: [(&str, &str); 6] = [
+    ("--columns ", "columns="),
+    ("--where ", "where="),
+    ("--from ", "preset="),
+    ("--skip-lines ", "skip_lines="),
+    ("--rated-torque", "rated_torque_nm="),
+    ("--loss ", "loss="),
+];
+
+/// Returns a message with every setting as a keyword.
+pub fn in_keywords(error: Error) -> String {
+    let message = error.worded(&keyword);
+    OPTIONS.iter().fold(message, |text, (option, keyword)| text.replace(option, keyword))
+}
+
+/// Returns an error as an exception of `friction`.
+pub fn to_python(py: Python<'_>, error: Error) -> PyErr {
+    let message = error.worded(&keyword);
+    let message = OPTIONS.iter().fold(message, |text, (option, own)| text.replace(option, own));
+    let class = match &error {
+        Error::Data(_) => "DataError",
+        Error::Model(_) => "ModelError",
+        Error::Request(_) | Error::Cancelled(_) => "FrictionError",
+    };
+    raised(py, class, &message, |details| match &error {
+        Error::Data(error) => add_details(details, error),
+        _ => Ok(()),
+    })
+}
+
+/// Returns a `FrictionError` with a message.
+pub fn refused(py: Python<'_>, message: &str) -> PyErr {
+    raised(py, "FrictionError", &worded(message, &keyword), |_| Ok(()))
+}
+
+/// Returns a `ModelError` with a message.
+pub fn wrong_model(py: Python<'_>, message: &str) -> PyErr {
+    raised(py, "ModelError", &worded(message, &keyword), |_| Ok(()))
+}
+
+fn raised(
+    py: Python<'_>,
+    class: &str,
+    message: &str,
+    add: impl FnOnce(&Bound<'_, PyDict>) -> PyResult<()>,
+) -> PyErr {
+    let build = || {
+        let details = PyDict::new(py);
+        add(&details)?;
+        let class = py.import("friction._errors")?.getattr(class)?;
+        class.call((message,), Some(&details))
+    };
+    build().map_or_else(|error| error, PyErr::from_value)
+}
+
+fn add_details(details: &Bound<'_, PyDict>, error: &DataError) -> PyResult<()> {
+    let place = |file: &Path, found: &str, expected: &str| {
+        details.set_item("file", file.display().to_string())?;
+        details.set_item("found", worded(found, &keyword))?;
+        details.set_item("expected", worded(expected, &keyword))
+    };
+    let cell = |cell: &BadCell| {
+        place(&cell.file, &cell.found, &cell.expected)?;
+        details.set_item("row", cell.row)?;
+        details.set_item("column", &cell.column)
+    };
+    match error {
+        DataError::Io { file, .. } => details.set_item("file", file.display().to_string()),
+        DataError::Cell(bad) | DataError::TooManyBad { first: bad, .. } => cell(bad),
+        DataError::File { file, found, expected }
+        | DataError::MissingColumns { file, found, expected, .. } => place(file, found, expected),
+        DataError::SeveralJoints { file, column, joints, .. } => {
+            details.set_item("file", file.display().to_string())?;
+            details.set_item("column", column)?;
+            details.set_item("joints", joints)
+        }
+        DataError::Request { found, expected, .. } => {
+            details.set_item("found", worded(found, &keyword))?;
+            details.set_item("expected", worded(expected, &keyword))
+        }
+    }
+}
+
+/// Converts an error of serialisation, which needs a value that JSON cannot represent.
+pub fn unserialised(error: impl std::fmt::Display) -> PyErr {
+    PyRuntimeError::new_err(error.to_string())
+}

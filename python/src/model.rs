@@ -1,0 +1,225 @@
+//! A friction model that predicts torque with the core's own step.
+
+use crate::computation::compute;
+use crate::error::{refused, wrong_model};
+use crate::log::Log;
+use crate::table::Table;
+use compensator_core::{ParameterId, Parameters};
+use friction_identification::data::{
+    self, Cells, Dataset, JointKind, Quantity, ReadOptions, read_tables,
+};
+use friction_identification::fit::dataset_tracks::tracks_with;
+use friction_identification::fit::initial_state::initial_state;
+use friction_identification::fit::simulate::{Resolution, simulate};
+use friction_identification::fit::{Outcome, Track};
+use friction_identification::log_check::{Corrections, check};
+use friction_identification::params::{self, ParameterFile};
+use friction_identification::prepare::{Error, Prepared};
+use friction_identification::spec::Spec;
+use friction_results::export::{ExportFormat, export};
+use friction_results::provenance::parameter_file;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+/// A covariate with the number of each row, which shows what row of the user's table a prediction belongs to.
+const ROW: &str = "friction row number";
+
+/// A model with its values.
+#[pyclass(frozen, module = "friction._core")]
+pub struct Model {
+    spec: Spec,
+    parameters: Parameters<f64>,
+    joint: JointKind,
+    resolution: Resolution,
+    /// Text of params.toml.
+    toml: String,
+    /// Standard error and state of each parameter; empty for a model from a file.
+    estimates: Vec<(ParameterId, Option<f64>, &'static str)>,
+    /// The covariate that an auxiliary term follows.
+    auxiliary: Option<String>,
+}
+
+#[pymethods]
+impl Model {
+    /// Returns the model of a parameter file's text.
+    #[staticmethod]
+    fn from_toml(py: Python<'_>, text: String) -> PyResult<Self> {
+        let file = params::parse(&text, &[]).map_err(|error| wrong_model(py, &error))?;
+        Ok(Self {
+            spec: file.spec,
+            parameters: file.parameters,
+            joint: file.joint,
+            resolution: Resolution::PLAIN,
+            toml: text,
+            estimates: Vec::new(),
+            auxiliary: None,
+        })
+    }
+
+    /// Name of the model, with its terms.
+    #[getter]
+    fn name(&self) -> String {
+        self.spec.full_name()
+    }
+
+    /// Text of params.toml.
+    #[getter]
+    fn toml(&self) -> &str {
+        &self.toml
+    }
+
+    /// Name of the torque column, with its unit.
+    #[getter]
+    fn torque_column(&self) -> &'static str {
+        Quantity::Torque.name(self.joint)
+    }
+
+    /// Returns name, value, unit, standard error and state of each parameter.
+    #[getter]
+    #[expect(clippy::type_complexity, reason = "a row of a table, named in Python")]
+    fn parameters(
+        &self,
+    ) -> Vec<(&'static str, f64, &'static str, Option<f64>, Option<&'static str>)> {
+        let row = |id: ParameterId| {
+            let estimate = self.estimates.iter().find(|(own, ..)| *own == id);
+            let unit = params::unit(id.info(), self.joint);
+            let error = estimate.and_then(|(_, error, _)| *error);
+            (id.name(), self.parameters.get(id), unit, error, estimate.map(|(.., state)| *state))
+        };
+        self.parameters.active().map(row).collect()
+    }
+
+    /// Returns a model in another form, and notes on what the form omits.
+    fn export<'py>(
+        &self,
+        py: Python<'py>,
+        to: &str,
+    ) -> PyResult<(Bound<'py, PyBytes>, Vec<String>)> {
+        let formats = [
+            ("record", ExportFormat::Record),
+            ("rust", ExportFormat::Rust),
+            ("c", ExportFormat::C),
+            ("mujoco", ExportFormat::Mujoco),
+            ("urdf", ExportFormat::Urdf),
+        ];
+        let format = formats.iter().find(|(name, _)| *name == to).map(|(_, format)| *format);
+        let Some(format) = format else {
+            let known = formats.map(|(name, _)| name).join(", ");
+            return Err(refused(py, &format!("to={to:?}: expected one of {known}")));
+        };
+        let failed = |error: String| refused(py, &error);
+        let file: ParameterFile = params::parse(&self.toml, &[]).map_err(failed)?;
+        let exported = export(&file, format, "params.toml").map_err(failed)?;
+        Ok((PyBytes::new(py, &exported.content), exported.notes))
+    }
+
+    /// Returns the torque of each row of a log's only table; NaN for rows that cannot be used. The state at the start of
+    /// a run follows from its torque if `has_torque`, and is relaxed otherwise.
+    #[pyo3(signature = (log, rows, has_torque, threads=0, progress=None))]
+    fn predict_log(
+        &self,
+        py: Python<'_>,
+        log: &Bound<'_, Log>,
+        rows: usize,
+        has_torque: bool,
+        threads: usize,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Vec<f64>> {
+        let log = log.get();
+        compute(py, threads, progress, || {
+            let data = log.dataset()?;
+            let motion = log.smooths_motion();
+            let correct =
+                Corrections { motion, outliers: false, held: false, ..Corrections::default() };
+            self.predict(&check(data, correct).data, rows, has_torque)
+        })
+    }
+
+    /// Returns the torque of evenly spaced samples. The columns include time and velocity.
+    fn predict_table(&self, py: Python<'_>, table: &Bound<'_, Table>) -> PyResult<Vec<f64>> {
+        let table = &table.get().0;
+        compute(py, 1, None, || {
+            let data = read_tables(std::slice::from_ref(table), &ReadOptions::default())?;
+            let rows = table.columns.first().map_or(0, |(_, cells)| cells.len());
+            self.predict(&data, rows, false)
+        })
+    }
+
+    /// Returns the names of the columns that the model reads, beside time and velocity.
+    #[getter]
+    fn needs(&self) -> Vec<String> {
+        let mut names: Vec<String> =
+            self.spec.needs().map(|(_, quantity)| quantity.name(self.joint).to_owned()).collect();
+        names.extend(self.auxiliary.clone());
+        names.dedup();
+        names
+    }
+}
+
+impl Model {
+    /// Returns the model of a fit.
+    pub fn of_fit(
+        command: &str,
+        outcome: &Outcome,
+        input: &Prepared,
+        auxiliary: Option<String>,
+    ) -> Self {
+        let estimates = outcome.estimates.iter();
+        Self {
+            spec: outcome.spec.clone(),
+            parameters: outcome.parameters.clone(),
+            joint: input.data.joint,
+            resolution: outcome.resolution,
+            toml: parameter_file(command, input, outcome, auxiliary.as_deref()),
+            estimates: estimates.map(|of| (of.id, of.std_error, of.state.name())).collect(),
+            auxiliary,
+        }
+    }
+
+    /// Returns name and values, as a diagnosis evaluates a given model.
+    pub fn given(&self) -> (Spec, Parameters<f64>) {
+        (self.spec.clone(), self.parameters.clone())
+    }
+
+    fn predict(&self, data: &Dataset, rows: usize, has_torque: bool) -> Result<Vec<f64>, Error> {
+        if data.joint != self.joint {
+            let [model, log] = [self.joint, data.joint].map(|of| Quantity::Torque.name(of));
+            return Err(format!("data: found a log with {log}, expected one with {model}").into());
+        }
+        let place = data.covariates.iter().position(|name| name == ROW);
+        let mut torque = vec![f64::NAN; rows];
+        let tracks: Vec<Track> = tracks_with(data, self.auxiliary.as_deref());
+        for track in &tracks {
+            let held = has_torque.then(|| initial_state(&self.parameters, track, self.resolution));
+            let held = held.flatten().map(|start| start.held);
+            let numbers = place.map(|place| &track.covariates[place]);
+            simulate(&self.parameters, track, held, self.resolution, |row, simulated, _| {
+                let own = numbers.map_or(track.first_row + row, |numbers| numbers[row] as usize);
+                if let Some(torque) = torque.get_mut(own) {
+                    *torque = simulated;
+                }
+                true
+            });
+        }
+        Ok(torque)
+    }
+}
+
+/// Adds the number of each row to a table.
+#[pyfunction]
+pub fn with_row_numbers(table: &Bound<'_, Table>) -> Table {
+    let mut table: data::Table = table.get().0.clone();
+    let rows = table.columns.first().map_or(0, |(_, cells)| cells.len());
+    let numbers = (0..rows).map(|row| row as f64).collect();
+    table.columns.push((ROW.to_owned(), Cells::Numbers(numbers)));
+    Table(table)
+}
+
+/// Adds a torque of 0 to a table, for a prediction without a measured torque.
+#[pyfunction]
+pub fn with_zero_torque(table: &Bound<'_, Table>, name: String) -> Table {
+    let mut table: data::Table = table.get().0.clone();
+    let rows = table.columns.first().map_or(0, |(_, cells)| cells.len());
+    table.columns.push((name, Cells::Numbers(vec![0.0; rows])));
+    Table(table)
+}

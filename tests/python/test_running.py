@@ -1,0 +1,142 @@
+"""How the module behaves while it works: Ctrl-C, progress, threads, fork."""
+
+import multiprocessing
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+
+import pytest
+
+import friction
+
+#: Longest time from Ctrl-C to the exception, s.
+INTERRUPT_LIMIT_S = 0.2
+
+
+@pytest.fixture(scope="module")
+def long_log():
+    """A log whose diagnosis takes much longer than the tests wait."""
+    return friction.simulate("underwater-joint", hide=["pressure-coulomb"], seed=3, runs=12, seconds=10).data
+
+
+def threads():
+    return len(os.listdir("/proc/self/task"))
+
+
+def test_progress_reports_stages_and_ends_work_by_an_exception(long_log):
+    stages = []
+
+    def progress(stage, share):
+        stages.append(stage)
+        assert share is None or 0 <= share <= 1
+        if stage == "fitting the baseline":
+            raise RuntimeError("enough")
+
+    begin = threads()
+    with pytest.raises(RuntimeError, match="enough"):
+        friction.diagnose(long_log, progress=progress)
+    assert "checking the log" in stages
+    # The kernel lists a thread for some microseconds after its end.
+    time.sleep(0.1)
+    assert threads() <= begin, "a thread works on"
+
+
+INTERRUPTED = """
+    import os, sys, time
+    import friction
+    log = friction.simulate("underwater-joint", hide=["pressure-coulomb"], seed=3, runs=12, seconds=10).data
+    threads = len(os.listdir("/proc/self/task"))
+    print("ready", flush=True)
+    try:
+        friction.diagnose(log)
+    except KeyboardInterrupt:
+        at = time.monotonic()
+        used = time.process_time()
+        time.sleep(0.3)
+        more = len(os.listdir("/proc/self/task")) - threads
+        print(at, time.process_time() - used, more, flush=True)
+"""
+
+
+def interrupted(after_s):
+    """Sends Ctrl-C to a diagnosis. Returns the time until it ended, its processor time afterwards, and its threads, all s."""
+    with subprocess.Popen([sys.executable, "-c", textwrap.dedent(INTERRUPTED)], stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout.readline() == "ready\n"
+        time.sleep(after_s)
+        sent = time.monotonic()
+        child.send_signal(signal.SIGINT)
+        line = child.stdout.readline()
+        assert child.wait(timeout=60) == 0 and line, "no KeyboardInterrupt"
+    at, used, more = map(float, line.split())
+    return at - sent, used, more
+
+
+def test_interrupt_ends_a_diagnosis_in_time():
+    for after_s in (0.05, 0.4, 1.5):
+        # The best of three: another program may take the processor meanwhile.
+        attempts = []
+        while len(attempts) < 3 and (not attempts or min(attempts) > INTERRUPT_LIMIT_S):
+            took, used, more = interrupted(after_s)
+            assert used < 0.1 and more <= 0, "work goes on after the interrupt"
+            attempts.append(took)
+        assert min(attempts) <= INTERRUPT_LIMIT_S, attempts
+
+
+def test_lock_is_released_during_work(plain):
+    counted, stop = [0], threading.Event()
+
+    def count():
+        while not stop.is_set():
+            counted[0] += 1
+            time.sleep(0.002)
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    friction.diagnose(plain.path, threads=1)
+    stop.set()
+    counter.join()
+    assert counted[0] > 20, counted
+
+
+def test_threads_in_parallel_give_equal_results(plain, diagnosis):
+    results = {}
+
+    def work(number):
+        found = friction.diagnose(plain.path, threads=1)
+        results[number] = (found.cause, found.gain)
+
+    workers = [threading.Thread(target=work, args=(number,)) for number in range(2)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert len(results) == 2 and len(set(results.values())) == 1
+
+
+def _in_child(path, queue):
+    found = friction.diagnose(path, threads=1)
+    queue.put((found.cause, len(found.html()) > 1_000_000))
+
+
+def test_fork_after_work_computes_and_writes_pages(plain):
+    friction.diagnose(plain.path).html()
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    child = context.Process(target=_in_child, args=(plain.path, queue))
+    child.start()
+    assert queue.get(timeout=120) == ("pressure-coulomb", True)
+    child.join(timeout=30)
+    assert child.exitcode == 0
+
+
+def test_module_imports_without_other_packages():
+    code = "import sys; sys.path.insert(0, PATH); import friction; assert 'numpy' not in sys.modules; print(friction.__version__)"
+    place = repr(str(pathlib.Path(friction.__file__).parent.parent))
+    command = [sys.executable, "-I", "-S", "-c", code.replace("PATH", place)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert result.returncode == 0, result.stderr
