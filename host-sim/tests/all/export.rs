@@ -9,8 +9,11 @@ use compensator_core::{
     Compensator, Inputs, LawKind, ModelState, ParameterId as Id, Parameters, Reading, Sample,
     TermKind, record,
 };
-use friction_identification::data::JointKind;
-use friction_identification::params::{ParameterFile, emit_model};
+use friction_identification::data::{Dataset, JointKind};
+use friction_identification::fit::{FitOptions, Resolution, Rows, identify, tracks};
+use friction_identification::params::{self, ParameterFile, emit_model};
+use friction_identification::prediction::{PredictionOptions, PredictionStart, predict_log};
+use friction_identification::spec::Spec;
 use friction_results::export::{ExportFormat, export};
 use host_sim::driver_file;
 use std::io::Write as _;
@@ -132,10 +135,17 @@ fn torques_of_core(model: &Parameters<f32>) -> Vec<f64> {
     samples().iter().map(|sample| built.step(&mut state, &sample.map(f64::from))).collect()
 }
 
-/// Torques of the compiled C header.
+/// Torques of the compiled C header, from a state of zero.
 fn torques_of_c(model: &Parameters<f32>) -> Vec<f64> {
+    let rows: Vec<(Option<f32>, Sample<f32>)> =
+        samples().into_iter().map(|sample| (None, sample)).collect();
+    run_c(&file(model), PERIOD_S, &rows)
+}
+
+/// Torques of the compiled C header. A row with a measured torque is the first one of a run.
+fn run_c(file: &ParameterFile, period_s: f32, rows: &[(Option<f32>, Sample<f32>)]) -> Vec<f64> {
     let folder = tempfile::tempdir().expect("a folder");
-    let header = export(&file(model), ExportFormat::C, "params.toml").expect("exported").content;
+    let header = export(file, ExportFormat::C, "params.toml").expect("exported").content;
     let header = String::from_utf8(header).expect("text");
     std::fs::write(folder.path().join("friction.h"), &header).expect("written");
     let inputs = |field: &str| header.contains(&format!("float {field};\n"));
@@ -150,13 +160,16 @@ fn torques_of_c(model: &Parameters<f32>) -> Vec<f64> {
         ("campaign_time_s", inputs("campaign_time_s")),
     ];
     let mut program = "#include \"friction.h\"\n#include <stdio.h>\nint main(void) {\n\
-         friction_state state = {0};\nfriction_inputs in = {0};\nfloat x[8];\n\
-         while (scanf(\"%f %f %f %f %f %f %f %f\", x, x+1, x+2, x+3, x+4, x+5, x+6, x+7) == 8) {\n"
+         const friction_state zero = {0};\nfriction_state state = {0};\nfriction_inputs in = {0};\nfloat x[8], torque;\nint starts;\n\
+         while (scanf(\"%d %f %f %f %f %f %f %f %f %f\", &starts, &torque, x, x+1, x+2, x+3, x+4, x+5, x+6, x+7) == 10) {\n"
         .to_owned();
     for (at, (field, _)) in columns.iter().enumerate().filter(|(_, (_, is_there))| *is_there) {
         program += &format!("in.{field} = x[{at}];\n");
     }
-    program += "printf(\"%.9g\\n\", friction_step(&state, &in, 1e-3f));\n}\nreturn 0;\n}\n";
+    program += &format!(
+        "if (starts) {{ state = zero; friction_start(&state, &in, torque, {period_s:?}f); }}\n\
+         printf(\"%.9g\\n\", friction_step(&state, &in, {period_s:?}f));\n}}\nreturn 0;\n}}\n"
+    );
     let (source, binary) = (folder.path().join("main.c"), folder.path().join("main"));
     std::fs::write(&source, program).expect("written");
     let strict = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"];
@@ -164,10 +177,12 @@ fn torques_of_c(model: &Parameters<f32>) -> Vec<f64> {
     compile.args(strict).arg(&source).arg("-o").arg(&binary).arg("-lm");
     let compiled = compile.output().expect("cc, from the package gcc or build-essential");
     assert!(compiled.status.success(), "{}\n{header}", String::from_utf8_lossy(&compiled.stderr));
-    let mut rows = String::new();
-    for s in samples() {
-        rows += &format!(
-            "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}\n",
+    let mut text = String::new();
+    for (start, s) in rows {
+        text += &format!(
+            "{} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}\n",
+            i32::from(start.is_some()),
+            start.unwrap_or_default(),
             s.velocity_rad_s,
             s.position_rad,
             s.radial_force_n,
@@ -181,7 +196,7 @@ fn torques_of_c(model: &Parameters<f32>) -> Vec<f64> {
     let mut run = Command::new(&binary);
     let mut child = run.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("it runs");
     let mut stdin = child.stdin.take().expect("piped");
-    let writer = std::thread::spawn(move || stdin.write_all(rows.as_bytes()));
+    let writer = std::thread::spawn(move || stdin.write_all(text.as_bytes()));
     let output = child.wait_with_output().expect("it ends");
     writer.join().expect("a writer").expect("read to the end");
     let text = String::from_utf8(output.stdout).expect("text");
@@ -307,4 +322,110 @@ fn export_to_simulators_matches_steady_sliding() {
     // Well above the Stribeck velocity, the line agrees with the law within a few percent.
     let line = attribute(&text, "frictionloss") + 6.0 * attribute(&text, "damping");
     assert!((line - (1.5 + 0.8 * 6.0)).abs() < 0.03 * line, "{line}");
+}
+
+/// A log of a joint that starts under a torque: Maxwell-slip elements, a pressure that preloads them, an offset of one direction.
+fn log(pressure_coulomb: f64, asymmetry: f64) -> Dataset {
+    const STEP_S: f64 = 0.005;
+    let names = ["time_s", "velocity_rad_s", "torque_nm", "pressure_diff_pa"].map(String::from);
+    let run = |run: usize| {
+        let mut columns = vec![Vec::new(); names.len()];
+        let mut elements = [0.0f64; 5];
+        // The joint holds a torque from its past.
+        elements.iter_mut().for_each(|element| *element = 0.15 - 0.1 * run as f64);
+        for row in 0..1200 {
+            let time = row as f64 * STEP_S;
+            let moving = if row < 150 { 0.02 } else { 1.0 };
+            let velocity = moving * (0.6 + 0.3 * run as f64) * (2.0 * time).sin();
+            let pressure = 1e5 * (1.0 + (0.7 * time + run as f64).sin());
+            let level = 1.2 + 0.4 * (-(velocity / 0.08).abs()).exp() + pressure_coulomb * pressure;
+            let level = level * (1.0 + asymmetry * velocity.signum());
+            for (at, element) in elements.iter_mut().enumerate() {
+                let own = level * (0.12 + 0.04 * at as f64);
+                let stiffness = 60.0 * (1.0 + at as f64);
+                *element = (*element + stiffness * velocity * STEP_S).clamp(-own, own);
+            }
+            let noise = 0.004 * (((row * 7919 + run * 31) % 1000) as f64 / 500.0 - 1.0);
+            let torque = elements.iter().sum::<f64>() + 0.3 * velocity + noise;
+            for (column, value) in columns.iter_mut().zip([time, velocity, torque, pressure]) {
+                column.push(value);
+            }
+        }
+        (run.to_string(), columns)
+    };
+    Dataset::from_columns(&names, (0..3).map(run)).expect("a valid log")
+}
+
+fn four_digits(value: f64) -> String {
+    format!("{value:.3e}")
+}
+
+#[test]
+fn export_gives_the_same_error_on_a_log_in_every_form() {
+    for (model, data) in [
+        ("lugre+pressure-coulomb", log(2e-6, 0.0)),
+        ("lugre+direction-asymmetry+pressure-coulomb", log(1e-6, 0.15)),
+    ] {
+        let spec = Spec::parse(model).expect("a model");
+        let tracks = tracks(&data);
+        let rows = Rows { tracks: &tracks, decimate: 1 };
+        let base = spec.parameters().expect("parameters");
+        let fit = identify(&spec, &base, rows, rows, &FitOptions::default()).expect("a fit");
+        let file = driver_file::parse(&params::emit(&fit, &data, None)).expect("a legal model");
+        let predicted = predict_log(&file, &data, &PredictionOptions::AS_EXPORTED).expect("rows");
+        let from_zero =
+            PredictionOptions { start: PredictionStart::Rest, resolution: Some(Resolution::PLAIN) };
+        let from_zero = predict_log(&file, &data, &from_zero).expect("rows").metrics.rmse;
+        let expected = predicted.metrics.rmse;
+        assert!(from_zero > 1.05 * expected, "a start of no use: {from_zero} {expected}");
+
+        let mut in_rows: Vec<(Option<f32>, Sample<f32>)> = Vec::new();
+        let mut measured = Vec::new();
+        let mut in_rust = Vec::new();
+        for track in &tracks {
+            let period_s = track.period_s as f32;
+            let built = file.friction().model.build::<f32>(period_s).expect("a legal model");
+            let samples = track.samples.iter().map(|sample| sample.map(|value| value as f32));
+            let samples: Vec<Sample<f32>> = samples.collect();
+            let first = track.torque[0] as f32;
+            let mut state = built.state_for_torque(ModelState::default(), &samples[0], first);
+            in_rust.extend(samples.iter().map(|s| f64::from(built.step(&mut state, s))));
+            measured.extend(&track.torque);
+            let start = |at: usize| (at == 0).then_some(first);
+            in_rows.extend(samples.into_iter().enumerate().map(|(at, s)| (start(at), s)));
+        }
+        let in_c = run_c(&file, tracks[0].period_s as f32, &in_rows);
+        let rmse = |torques: &[f64]| {
+            let squares = torques.iter().zip(&measured).map(|(a, b): (&f64, &f64)| (a - b).powi(2));
+            (squares.sum::<f64>() / measured.len() as f64).sqrt()
+        };
+        for (form, torques) in [("Rust", &in_rust), ("C", &in_c)] {
+            assert_eq!(torques.len(), measured.len(), "{form}");
+            let found = rmse(torques);
+            assert_eq!(four_digits(found), four_digits(expected), "{model} in {form}");
+        }
+    }
+}
+
+#[test]
+fn export_to_simulator_takes_covariates_at_the_means_of_the_log() {
+    let model = joint(LawKind::Stribeck, &[TermKind::PressureCoulomb, TermKind::TorqueOffset]);
+    let text = emit_model(&model, JointKind::Revolute) + "\n[log_means]\npressure_diff_pa = 2e5\n";
+    let with_means = driver_file::parse(&text).expect("a legal model");
+    let mujoco = |file: &ParameterFile| {
+        let written = export(file, ExportFormat::Mujoco, "params.toml").expect("exported");
+        String::from_utf8(written.content).expect("text")
+    };
+    let (with, without) = (mujoco(&with_means), mujoco(&file(&model)));
+    let added = attribute(&with, "frictionloss") - attribute(&without, "frictionloss");
+    assert!((added - 2.4e-6 * 2e5).abs() < 1e-3, "{added}");
+    assert!(
+        with.contains("pressure_diff_pa = 2.00e5") || with.contains("pressure_diff_pa = 2"),
+        "{with}"
+    );
+    assert!(
+        without.contains("states no mean") && without.contains("pressure-coulomb"),
+        "{without}"
+    );
+    assert!(with.contains("no such attribute: torque-offset"), "{with}");
 }

@@ -30,7 +30,8 @@ pub struct FitRecord {
     pub extrapolated: bool,
     /// Column of the log in the samples' auxiliary field, if the model follows one.
     pub auxiliary: Option<String>,
-    /// Mean of each covariate over the rows of the log, in the column's unit.
+    /// Mean of each covariate over the rows of the log, in the column's unit. Of a load torque it is the mean magnitude, which
+    /// the friction follows.
     pub log_means: Vec<(Quantity, f64)>,
 }
 
@@ -53,7 +54,10 @@ impl FitRecord {
             let columns = data.runs.iter().filter_map(|run| run.get(quantity));
             let (mut sum, mut count) = (0.0, 0usize);
             for column in columns {
-                sum += column.iter().sum::<f64>();
+                sum += match quantity {
+                    Quantity::LoadTorque => column.iter().map(|load| load.abs()).sum::<f64>(),
+                    _ => column.iter().sum::<f64>(),
+                };
                 count += column.len();
             }
             (count > 0).then(|| (quantity, sum / count as f64))

@@ -118,7 +118,7 @@ fn step_function(text: &mut String, step: &Program) {
         };
         text.push_str(&format!("    {left} {};\n", render(&statement.value).0));
     }
-    for result in &step.result {
+    if let Some(result) = &step.result {
         text.push_str(&format!("    return {};\n}}\n", render(result).0));
     }
 }

@@ -11,7 +11,7 @@
 
 use super::ExportedModel;
 use super::law::{self, BRISTLE_TORQUE, MEASURED_TORQUE};
-use super::onnx::{Builder, FLOAT, per_joint, single};
+use super::onnx::{Builder, per_joint, single};
 use super::program::{Action, Binary, Expr, Node, Program, Unary};
 use friction_identification::data::JointKind;
 use friction_identification::params::ParameterFile;

@@ -248,7 +248,7 @@ impl Program {
     /// Returns the program without the definitions that neither the result nor the state depends on.
     pub fn without_unused(mut self) -> Self {
         let mut needed: HashSet<String> = HashSet::new();
-        let mut need = |value: &Expr, needed: &mut HashSet<String>| {
+        let need = |value: &Expr, needed: &mut HashSet<String>| {
             value.visit(&mut |node| {
                 if let Node::Variable(name) = node {
                     needed.insert(name.clone());

@@ -4,9 +4,12 @@
 //! torque proportional to speed. Both come from a least-squares line through the core's torque in steady sliding, over
 //! the speed range of the model. For the law `linear`, the line equals the law. The header of the file states the
 //! largest error, because the simulator has no Stribeck curve.
+//!
+//! A simulator's joint has no pressure, side load or temperature. Terms of such covariates are evaluated at the means of the
+//! log, which the parameter file states.
 
 use super::ExportedModel;
-use compensator_core::{ModelState, Parameters, Sample, TermKind};
+use compensator_core::{ModelState, Parameters, Quantity, Sample, TermKind};
 use friction_identification::data::JointKind;
 use friction_identification::number::significant;
 use friction_identification::params::ParameterFile;
@@ -29,16 +32,20 @@ struct FrictionLine {
     max_error: (f64, f64),
     /// Largest speed of the fit.
     max_speed: f64,
+    /// Covariates at the log's means, each as `pressure_diff_pa = 1.64e5`.
+    at_means: Vec<String>,
+    /// Names of the terms whose covariate has no mean in the file.
+    without_mean: Vec<&'static str>,
     /// Names of the terms that the line does not represent.
     left_out: Vec<&'static str>,
 }
 
-/// Returns the friction in steady sliding at this speed, averaged over both directions.
-fn sliding(model: &Parameters<f64>, speed: f64) -> f64 {
+/// Returns the friction in steady sliding at this speed and with these covariates, averaged over both directions.
+fn sliding(model: &Parameters<f64>, covariates: &Sample<f64>, speed: f64) -> f64 {
     let built = model.build_unchecked::<f64>(STEADY_PERIOD_S);
     let one_way = |velocity: f64| {
         let mut state = ModelState::default();
-        let sample = Sample { velocity_rad_s: velocity, ..Sample::default() };
+        let sample = Sample { velocity_rad_s: velocity, ..*covariates };
         (0..STEPS).map(|_| built.step(&mut state, &sample)).last().unwrap_or(0.0)
     };
     0.5 * (one_way(speed) - one_way(-speed))
@@ -47,14 +54,23 @@ fn sliding(model: &Parameters<f64>, speed: f64) -> f64 {
 /// Fits the line to the model's friction in steady sliding.
 fn fit_line(file: &ParameterFile) -> FrictionLine {
     let mut model = file.parameters.clone();
-    // The average of both directions includes an asymmetry. A joint has no attributes for other terms.
-    let kept = [TermKind::DirectionAsymmetry, TermKind::StribeckShape];
-    let left_out: Vec<&'static str> =
-        model.terms.iter().filter(|term| !kept.contains(term)).map(|term| term.name()).collect();
-    model.terms.retain(|term| kept.contains(term));
+    let (mut without_mean, mut left_out) = (Vec::new(), Vec::new());
+    model.terms.retain(|term| match place_of(*term, file) {
+        Place::OnLine => true,
+        Place::WithoutMean => {
+            without_mean.push(term.name());
+            false
+        }
+        Place::Nowhere => {
+            left_out.push(term.name());
+            false
+        }
+    });
+    let (covariates, at_means) = covariates_at_means(file, &model);
     let max_speed = f64::from(model.envelope.velocity_max_rad_s);
     let speeds = (1..=SPEED_COUNT).map(|at| max_speed * at as f64 / SPEED_COUNT as f64);
-    let points: Vec<(f64, f64)> = speeds.map(|speed| (speed, sliding(&model, speed))).collect();
+    let points: Vec<(f64, f64)> =
+        speeds.map(|speed| (speed, sliding(&model, &covariates, speed))).collect();
     let (mut dry, mut damping) = least_squares(&points);
     let mean = points.iter().map(|point| point.1).sum::<f64>() / points.len() as f64;
     // Simulators reject negative values: a negative one is set to zero and the other is fitted alone.
@@ -68,7 +84,56 @@ fn fit_line(file: &ParameterFile) -> FrictionLine {
         .iter()
         .map(|(speed, torque)| ((torque - dry - damping * speed).abs(), *speed))
         .fold((0.0, 0.0), |largest, next| if next.0 > largest.0 { next } else { largest });
-    FrictionLine { dry, damping, max_error, max_speed, left_out }
+    FrictionLine { dry, damping, max_error, max_speed, at_means, without_mean, left_out }
+}
+
+/// Where a term's effect is in the line.
+enum Place {
+    /// In the friction of steady sliding.
+    OnLine,
+    /// It would be there, but the file states no mean of its covariate.
+    WithoutMean,
+    /// A joint has no attribute for it.
+    Nowhere,
+}
+
+fn place_of(term: TermKind, file: &ParameterFile) -> Place {
+    match term {
+        // The average of both directions includes an asymmetry.
+        TermKind::DirectionAsymmetry | TermKind::StribeckShape | TermKind::QuadraticDrag => {
+            Place::OnLine
+        }
+        TermKind::PressureCoulomb
+        | TermKind::RadialForceCoulomb
+        | TermKind::LoadTorqueCoulomb
+        | TermKind::TemperatureViscous
+        | TermKind::TemperatureCoulomb => {
+            let mean = term.reads().and_then(|quantity| file.fit.internal_mean(quantity));
+            if mean.is_some() { Place::OnLine } else { Place::WithoutMean }
+        }
+        _ => Place::Nowhere,
+    }
+}
+
+/// Returns a sample with the covariates that the model reads at the log's means, and their names with values.
+fn covariates_at_means(
+    file: &ParameterFile,
+    model: &Parameters<f64>,
+) -> (Sample<f64>, Vec<String>) {
+    let mut sample = Sample::default();
+    let mut named = Vec::new();
+    let mut read: Vec<Quantity> = model.terms.iter().filter_map(|term| term.reads()).collect();
+    if model.law.has_seal_load() {
+        read.extend([Quantity::RadialForce, Quantity::Pressure]);
+    }
+    read.dedup();
+    for (quantity, mean) in &file.fit.log_means {
+        if read.contains(quantity) {
+            quantity.set_in_sample(&mut sample, mean * quantity.info().inside_scale);
+            named.push(format!("{} = {}", quantity.name(file.joint), significant(*mean, 3)));
+        }
+    }
+    (sample, named)
 }
 
 /// Returns constant and slope of the least-squares line.
@@ -107,8 +172,18 @@ fn export(
     if file.parameters.law.has_bristles() {
         notes.push("not represented: bristles (presliding, hysteresis)".to_owned());
     }
-    if file.parameters.law.has_seal_load() {
-        notes.push("valid without side load and pressure".to_owned());
+    if !line.at_means.is_empty() {
+        notes.push(format!("covariates at the means of the log: {}", line.at_means.join(", ")));
+    } else if file.parameters.law.has_seal_load() {
+        notes.push(
+            "valid without side load and pressure: the file states no means of the log".to_owned(),
+        );
+    }
+    if !line.without_mean.is_empty() {
+        notes.push(format!(
+            "terms left out, because the file states no mean of their covariate ([log_means]): {}",
+            line.without_mean.join(", ")
+        ));
     }
     if !line.left_out.is_empty() {
         notes.push(format!(
@@ -125,7 +200,7 @@ fn export(
     notes.iter().for_each(|note| text += &format!("     {note}.\n"));
     text.truncate(text.trim_end().len());
     text += &format!(" -->\n{}\n", element(&line));
-    ExportedModel { content: text.into_bytes(), notes }
+    ExportedModel::new(text.into_bytes(), notes)
 }
 
 /// Exports the attributes of a MuJoCo joint.
