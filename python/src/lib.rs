@@ -33,6 +33,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(fits::laws, module)?)?;
     module.add_function(wrap_pyfunction!(log::read, module)?)?;
     module.add_function(wrap_pyfunction!(model::with_row_numbers, module)?)?;
-    module.add_function(wrap_pyfunction!(model::with_zero_torque, module)?)?;
+    module.add_function(wrap_pyfunction!(model::with_numbers, module)?)?;
     module.add_function(wrap_pyfunction!(simulation::simulate, module)?)
 }
