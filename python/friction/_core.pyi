@@ -18,8 +18,8 @@ __all__ = [
     "laws",
     "read",
     "simulate",
+    "with_numbers",
     "with_row_numbers",
-    "with_zero_torque",
 ]
 
 __version__: str
@@ -100,6 +100,7 @@ class Model:
     def predict_log(
         self, log: Log, rows: int, has_torque: bool, threads: int = 0, progress: Progress | None = None
     ) -> list[float]: ...
+    def score_log(self, log: Log, threads: int = 0, progress: Progress | None = None) -> float: ...
     def predict_table(self, table: Table) -> list[float]: ...
 
 def diagnose(
@@ -154,4 +155,4 @@ def simulate(
     progress: Progress | None = None,
 ) -> tuple[Table, str, str]: ...
 def with_row_numbers(table: Table) -> Table: ...
-def with_zero_torque(table: Table, name: str) -> Table: ...
+def with_numbers(table: Table, name: str, values: Sequence[float]) -> Table: ...

@@ -161,14 +161,15 @@ class Model:
     ) -> Any:
         """Returns the torque of each row, Nm or N, as a numpy array if numpy is installed, else as ``array.array``.
 
-        Without ``dt``, ``data`` is a log as for ``diagnose``. The state at the start of a run follows from its logged
+        Without ``dt``, ``data`` is a table as for ``diagnose``, or a path, of which each row that can be read is
+        predicted. The state at the start of a run follows from its logged
         torque, if there is one; otherwise the bristles start relaxed. Rows that cannot be used give NaN.
 
         With ``dt``, ``data`` is the velocity of one run, rad/s or m/s, evenly spaced by ``dt`` seconds, and further columns
         are keywords with the names of the contract: ``predict(velocity, 1e-3, pressure_diff_pa=pressure)``.
 
         Raises:
-            DataError: If the data cannot be read, or a column of the model is missing.
+            DataError: If the data cannot be read.
             FrictionError: If the model is not fitted.
         """
         own = self._fitted()
@@ -188,16 +189,8 @@ class Model:
             data: See ``fit``.
             y: Torque of each row, Nm or N; None if ``data`` contains it.
         """
-        whole = self._with_torque(table(data, "data"), y) if y is not None else _one(data)
-        predicted = list(self.predict(whole))
-        measured = _floats(whole.to_dict()[self._torque_name(whole)])
-        pairs = [(m, p) for m, p in zip(measured, predicted) if m == m and p == p]
-        if not pairs:
-            raise FrictionError("score: found no row with a torque and a prediction")
-        mean = sum(m for m, _ in pairs) / len(pairs)
-        total = sum((m - mean) ** 2 for m, _ in pairs)
-        residual = sum((m - p) ** 2 for m, p in pairs)
-        return 1.0 - residual / total if total > 0.0 else 0.0
+        prepared, _ = self._log(data, y)
+        return self._fitted().score_log(prepared, self.threads)
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Returns the arguments of the constructor, as scikit-learn asks."""
@@ -240,30 +233,29 @@ class Model:
         """Returns the torque column's own name in a table."""
         mapped = {ours: _without_unit(theirs) for ours, theirs in (self.columns or {}).items()}
         names = [mapped.get(name, name) for name in _TORQUES]
+        if self._own is not None:
+            names.insert(0, mapped.get(self._own.torque_column, self._own.torque_column))
         return next((name for name in names if name in whole.column_names), names[0])
-
-    def _with_torque(self, whole: _core.Table, y: Any) -> _core.Table:
-        columns: dict[str, Any] = whole.to_dict()
-        columns[self._torque_name(whole)] = _floats(y)
-        return table(columns, whole.name)
 
     def _log(
         self, data: Data, y: Any, *, may_lack_torque: bool = False, numbers_rows: bool = False
     ) -> tuple[_core.Log, tuple[int, bool]]:
         """Returns the log, its number of rows, and whether it has a torque."""
-        rows, has_torque = 0, True
+        rows, has_torque, columns = 0, True, self.columns
         if y is not None or may_lack_torque:
-            whole = _one(data)
-            if y is not None:
-                whole = self._with_torque(whole, y)
-            has_torque = self._torque_name(whole) in whole.column_names
-            rows = len(whole)
-            if not has_torque:
-                whole = _core.with_zero_torque(whole, self._torque_name(whole) if self._own is None else self._own.torque_column)
+            if isinstance(data, (str, os.PathLike)):
+                # The table has the names and units of the contract.
+                whole, columns = _core.read(log(data, columns=columns), Path(data).stem), None
+            else:
+                whole = table(data, "data")
+            name = self._torque_name(whole) if columns else next(
+                (known for known in _TORQUES if known in whole.column_names), self._torque_name(whole)
+            )
+            rows, has_torque = len(whole), y is not None or name in whole.column_names
+            if y is not None or not has_torque:
+                whole = _core.with_numbers(whole, name, [0.0] * rows if y is None else _floats(y))
             data = _core.with_row_numbers(whole) if numbers_rows else whole
-        prepared = log(
-            data, columns=self.columns, rigid_body=self.rigid_body, motion=self.motion
-        )
+        prepared = log(data, columns=columns, rigid_body=self.rigid_body, motion=self.motion)
         return prepared, (rows, has_torque)
 
     def _samples(self, velocity: Any, dt: float, covariates: Mapping[str, Any]) -> _core.Table:
@@ -282,13 +274,6 @@ class Model:
         if missing:
             raise FrictionError(f"predict: the model {self.name} needs the columns {', '.join(missing)}")
         return table(columns, "samples")
-
-
-def _one(data: Data) -> _core.Table:
-    """Returns a log as one table: a path is read."""
-    if isinstance(data, (str, os.PathLike)):
-        return _core.read(log(data), Path(data).stem)
-    return table(data, "data")
 
 
 def _without_unit(column: str) -> str:

@@ -3,11 +3,11 @@
 //! The package `friction` around it, written in Python, has the types and the documentation for users. This crate converts
 //! values, releases Python's lock during computations, and stops them if Python asks.
 //!
-//! - [`table`]: Arrow data and columns as tables in memory, and back.
-//! - [`log`]: a log with the options of its reading.
-//! - [`computation`]: progress, Ctrl-C.
-//! - [`error`]: errors as Python exceptions.
-//! - [`diagnosis`], [`fits`], [`fleet`], [`model`], [`simulation`]: the results.
+//! - `table`: Arrow data and columns as tables in memory, and back.
+//! - `log`: a log with the options of its reading.
+//! - `computation`: progress, Ctrl-C.
+//! - `error`: errors as Python exceptions.
+//! - `diagnosis`, `fits`, `fleet`, `model`, `simulation`: the results.
 
 mod computation;
 mod diagnosis;
@@ -37,6 +37,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(fleet::fleet_write, module)?)?;
     module.add_function(wrap_pyfunction!(log::read, module)?)?;
     module.add_function(wrap_pyfunction!(model::with_row_numbers, module)?)?;
-    module.add_function(wrap_pyfunction!(model::with_zero_torque, module)?)?;
+    module.add_function(wrap_pyfunction!(model::with_numbers, module)?)?;
     module.add_function(wrap_pyfunction!(simulation::simulate, module)?)
 }

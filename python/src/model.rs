@@ -49,10 +49,10 @@ impl Model {
             spec: file.spec,
             parameters: file.parameters,
             joint: file.joint,
-            resolution: Resolution::PLAIN,
+            resolution: file.fit.resolution(),
             toml: text,
             estimates: Vec::new(),
-            auxiliary: None,
+            auxiliary: file.fit.auxiliary,
         })
     }
 
@@ -126,12 +126,33 @@ impl Model {
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Vec<f64>> {
         let log = log.get();
+        compute(py, threads, progress, || self.predict(&dataset(log)?, rows, has_torque))
+    }
+
+    /// Returns the coefficient of determination of a log's torque.
+    #[pyo3(signature = (log, threads=0, progress=None))]
+    fn score_log(
+        &self,
+        py: Python<'_>,
+        log: &Bound<'_, Log>,
+        threads: usize,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<f64> {
+        let log = log.get();
         compute(py, threads, progress, || {
-            let data = log.dataset()?;
-            let motion = log.smooths_motion();
-            let correct =
-                Corrections { motion, outliers: false, held: false, ..Corrections::default() };
-            self.predict(&check(data, correct).data, rows, has_torque)
+            let mut pairs = Vec::new();
+            self.simulate(&dataset(log)?, true, |track, row, simulated| {
+                pairs.push((track.torque[row], simulated));
+            })?;
+            let mean = pairs.iter().map(|(measured, _)| measured).sum::<f64>() / pairs.len() as f64;
+            let squares = |of: fn(f64, f64, f64) -> f64| -> f64 {
+                pairs
+                    .iter()
+                    .map(|(measured, simulated)| of(*measured, *simulated, mean).powi(2))
+                    .sum()
+            };
+            let residual = squares(|measured, simulated, _| measured - simulated);
+            Ok(1.0 - residual / squares(|measured, _, mean| measured - mean))
         })
     }
 
@@ -182,44 +203,69 @@ impl Model {
     }
 
     fn predict(&self, data: &Dataset, rows: usize, has_torque: bool) -> Result<Vec<f64>, Error> {
+        let place = data.covariates.iter().position(|name| name == ROW);
+        let mut torque = vec![f64::NAN; rows];
+        self.simulate(data, has_torque, |track, row, simulated| {
+            let numbers = place.map(|place| &track.covariates[place]);
+            let own = numbers.map_or(track.first_row + row, |numbers| numbers[row] as usize);
+            if let Some(torque) = torque.get_mut(own) {
+                *torque = simulated;
+            }
+        })?;
+        Ok(torque)
+    }
+
+    /// Simulates the model along all tracks, and passes track, row in the track and torque to `sink`.
+    fn simulate(
+        &self,
+        data: &Dataset,
+        has_torque: bool,
+        mut sink: impl FnMut(&Track, usize, f64),
+    ) -> Result<(), Error> {
         if data.joint != self.joint {
             let [model, log] = [self.joint, data.joint].map(|of| Quantity::Torque.name(of));
             return Err(format!("data: found a log with {log}, expected one with {model}").into());
         }
-        let place = data.covariates.iter().position(|name| name == ROW);
-        let mut torque = vec![f64::NAN; rows];
-        let tracks: Vec<Track> = tracks_with(data, self.auxiliary.as_deref());
-        for track in &tracks {
+        for track in &tracks_with(data, self.auxiliary.as_deref()) {
             let held = has_torque.then(|| initial_state(&self.parameters, track, self.resolution));
             let held = held.flatten().map(|start| start.held);
-            let numbers = place.map(|place| &track.covariates[place]);
             simulate(&self.parameters, track, held, self.resolution, |row, simulated, _| {
-                let own = numbers.map_or(track.first_row + row, |numbers| numbers[row] as usize);
-                if let Some(torque) = torque.get_mut(own) {
-                    *torque = simulated;
-                }
+                sink(track, row, simulated);
                 true
             });
         }
-        Ok(torque)
+        Ok(())
     }
+}
+
+/// Reads a log for a prediction: without leaving out rows, with the motion as a fit uses it.
+fn dataset(log: &Log) -> Result<Dataset, Error> {
+    let correct = Corrections {
+        motion: log.smooths_motion(),
+        outliers: false,
+        held: false,
+        ..Corrections::default()
+    };
+    Ok(check(log.dataset()?, correct).data)
 }
 
 /// Adds the number of each row to a table.
 #[pyfunction]
 pub fn with_row_numbers(table: &Bound<'_, Table>) -> Table {
-    let mut table: data::Table = table.get().0.clone();
+    let table = &table.get().0;
     let rows = table.columns.first().map_or(0, |(_, cells)| cells.len());
-    let numbers = (0..rows).map(|row| row as f64).collect();
-    table.columns.push((ROW.to_owned(), Cells::Numbers(numbers)));
-    Table(table)
+    with_column(table, ROW, (0..rows).map(|row| row as f64).collect())
 }
 
-/// Adds a torque of 0 to a table, for a prediction without a measured torque.
+/// Adds a column of numbers to a table, or replaces it.
 #[pyfunction]
-pub fn with_zero_torque(table: &Bound<'_, Table>, name: String) -> Table {
-    let mut table: data::Table = table.get().0.clone();
-    let rows = table.columns.first().map_or(0, |(_, cells)| cells.len());
-    table.columns.push((name, Cells::Numbers(vec![0.0; rows])));
+pub fn with_numbers(table: &Bound<'_, Table>, name: &str, values: Vec<f64>) -> Table {
+    with_column(&table.get().0, name, values)
+}
+
+fn with_column(table: &data::Table, name: &str, values: Vec<f64>) -> Table {
+    let mut table = table.clone();
+    table.columns.retain(|(known, _)| known != name);
+    table.columns.push((name.to_owned(), Cells::Numbers(values)));
     Table(table)
 }

@@ -81,6 +81,15 @@ def test_model_predicts_log_with_small_error(found, plain):
     assert numpy.array_equal(found.model.predict(plain.path), torque)
 
 
+def test_model_score_of_log_in_other_units_is_that_of_the_log(foreign):
+    model = friction.Model("lugre", starts=1, columns=foreign.columns).fit(foreign.path)
+    assert model.score(foreign.path) > 0.9
+    frame = as_pandas(foreign)
+    assert model.score(frame) == pytest.approx(model.score(foreign.path), abs=1e-9)
+    assert model.score(frame.drop(columns="tau"), frame["tau"]) == pytest.approx(model.score(frame), abs=1e-9)
+    assert len(model.predict(frame.drop(columns="tau"))) == len(frame)
+
+
 def test_model_predict_with_unordered_rows_keeps_their_places(found, plain):
     frame = as_pandas(plain)
     torque = found.model.predict(frame)
