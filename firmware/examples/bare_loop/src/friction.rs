@@ -2,11 +2,16 @@
 //!
 //! `Compensator::<f32>::build(&configuration(), period_s)` validates and builds it. The numbers are
 //! exact in `f32`, so the result is bit-identical to that of the parameter file.
+//!
+//! Start: at the start of a run and after a gap in the samples, [`start`] returns a state for the first
+//! measured torque. A joint at rest holds any torque up to its static level, and only a measured torque
+//! indicates which one. From a state of zero (`ModelState::default()`, as in a `Compensator`), the torque is wrong
+//! until the joint leaves presliding.
 
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
-use compensator_core::parameters::{Choices, Envelope};
-use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
+use compensator_core::parameters::{Choices, Envelope, ParameterError};
+use compensator_core::{FrictionModel, LawKind, ModelState, ParameterId, Parameters, Sample, TermKind};
 
 /// Friction law.
 pub const LAW: LawKind = LawKind::ImprovedLugre;
@@ -71,4 +76,17 @@ pub fn configuration() -> Configuration {
     model.choices = CHOICES;
     model.envelope = ENVELOPE;
     Configuration { model, compensator: COMPENSATOR }
+}
+
+/// Builds the law for a sample period, and a state from which the first step returns the measured friction torque of
+/// the first sample, as far as the static level permits.
+#[allow(dead_code, reason = "a loop with a `Compensator` does not call it")]
+pub fn start(
+    period_s: f32,
+    sample: &Sample<f32>,
+    torque_nm: f32,
+) -> Result<(FrictionModel<f32>, ModelState<f32>), ParameterError> {
+    let model = configuration().model.build::<f32>(period_s)?;
+    let state = model.state_for_torque(ModelState::default(), sample, torque_nm);
+    Ok((model, state))
 }

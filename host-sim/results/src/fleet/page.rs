@@ -306,7 +306,7 @@ mod tests {
             joint: format!("joint <{joint}>"),
             campaign: "1".into(),
             cause: if joint.is_multiple_of(3) { "none" } else { "pressure-coulomb" }.into(),
-            size: (!joint.is_multiple_of(3)).then(|| 1e-6 * (1.0 + 1e-4 * joint as f64)),
+            size: (!joint.is_multiple_of(3)).then_some(1e-6 * (1.0 + 1e-4 * joint as f64)),
             size_ci95: Some([0.9e-6, 1.1e-6]),
             size_unit: "Nm/Pa".into(),
             error: joint.is_multiple_of(20).then(|| "a.csv: found no rows".into()),

@@ -107,7 +107,7 @@ pub fn trends(rows: &[FleetRow], limits: &[Limit]) -> Vec<Trend> {
     }
     let mut trends = Vec::new();
     for ((joint, ..), own) in &by_joint {
-        for level in 0..LEVELS.len() {
+        for (level, name) in LEVELS.iter().enumerate() {
             let mut points: Vec<(f64, f64)> = own
                 .iter()
                 .filter_map(|row| {
@@ -115,7 +115,7 @@ pub fn trends(rows: &[FleetRow], limits: &[Limit]) -> Vec<Trend> {
                 })
                 .collect();
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let limit = limits.iter().find(|limit| limit.level == LEVELS[level]);
+            let limit = limits.iter().find(|limit| limit.level == *name);
             trends.extend(trend(joint, level, &points, unit, limit));
         }
     }
@@ -245,6 +245,9 @@ fn parse_day(name: &str) -> Option<f64> {
     Some(days as f64)
 }
 
+/// What makes levels comparable: model, unit, and index of the level.
+type Group<'a> = (&'a str, &'a str, usize);
+
 /// Returns the joints whose latest level is far from those of the other joints, farthest first.
 pub fn outliers(rows: &[FleetRow]) -> Vec<Outlier> {
     let (times, _) = campaign_times(rows);
@@ -256,7 +259,7 @@ pub fn outliers(rows: &[FleetRow]) -> Vec<Outlier> {
             *known = at;
         }
     }
-    let mut groups: BTreeMap<(&str, &str, usize), Vec<(usize, f64)>> = BTreeMap::new();
+    let mut groups: BTreeMap<Group, Vec<(usize, f64)>> = BTreeMap::new();
     for at in latest.into_values() {
         let row = &rows[at];
         for (level, found) in row.levels.iter().enumerate() {
