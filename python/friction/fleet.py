@@ -345,7 +345,10 @@ class _Ray:
         self._ray = ray
 
     def run(self, function: Callable[[Task], list[Row]], tasks: Sequence[Task], retries: int) -> Iterator[tuple[Task, Any]]:
-        remote = self._ray.remote(max_retries=retries)(function.__call__)
+        def attempt(task: Task) -> list[Row]:
+            return function(task)
+
+        remote: Any = self._ray.remote(max_retries=retries)(attempt)
         waiting = {remote.remote(task): task for task in tasks}
         while waiting:
             (done,), _ = self._ray.wait(list(waiting), num_returns=1)

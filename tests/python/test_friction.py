@@ -61,7 +61,7 @@ def test_diagnosis_pages_and_files_equal_command_line(found, plain, tmp_path):
     screen = found._repr_html_()
     assert "pressure-coulomb" in screen and "<script" not in screen and len(screen) < 10_000
     out = found.save(tmp_path / "new" / "out")
-    assert sorted(path.name for path in out.iterdir()) == ["diagnosis.json", "params.toml", "report.html"]
+    assert sorted(path.name for path in out.iterdir()) == ["diagnosis.json", "params.toml", "report.html", "rows.parquet"]
     assert json.loads((out / "diagnosis.json").read_text()) == found.to_dict()
     conftest.host_sim(plain.path.parent, "diagnose", plain.path, "--out", "cli")
     own, theirs = [
