@@ -4,8 +4,8 @@
 //! which one. A simulation that starts at zero is wrong until the joint leaves presliding. [`PredictionStart`] gives the
 //! choices. A control loop knows only past torques: exported models start from the first one.
 //!
-//! The simulation takes the step size of the fit, which the parameter file states ([`FitRecord`]). Each run is cut at its gaps,
-//! and each segment has its own start, as in a fit. A segment of one row has no prediction.
+//! The simulation takes the step size of the fit, which the parameter file states ([`crate::params::FitRecord`]). Each run
+//! is cut at its gaps, and each segment has its own start, as in a fit. A segment of one row has no prediction.
 //!
 //! A row has a flag for every input that the model was not fitted for: [`compensator_core::Flags`], as a joint driver reports.
 
