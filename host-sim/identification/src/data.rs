@@ -21,6 +21,7 @@ mod column_names;
 mod columns;
 pub mod contract;
 mod dataset;
+mod date;
 mod decimate;
 mod error;
 mod fill;

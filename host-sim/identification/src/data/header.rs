@@ -65,6 +65,8 @@ pub(super) struct Layout {
     pub run: Option<usize>,
     /// The columns of time, velocity and torque. Without a velocity, the position takes its place.
     pub required: [CellReader; 3],
+    /// The column that may hold the dates, if time holds only times of day.
+    pub dates: Option<usize>,
     /// Whether the velocity must be derived from the position.
     pub is_position: bool,
     /// The joint kind of the velocity's (or position's) unit. It mostly equals that of the target.
@@ -99,6 +101,7 @@ impl Layout {
             joint: JointKind::Revolute,
             run: None,
             required: [CellReader::plain(0); 3],
+            dates: None,
             is_position: false,
             velocity_kind: JointKind::Revolute,
             optional: optional.collect(),
@@ -118,7 +121,7 @@ impl Layout {
     pub fn needed(&self) -> impl Iterator<Item = usize> {
         let required = self.required.iter().map(|reading| reading.index).chain(self.run);
         let optional = self.optional.iter().map(|column| column.reading.index);
-        let names = self.joint_names.iter().map(|column| column.index);
+        let names = self.joint_names.iter().map(|column| column.index).chain(self.dates);
         required.chain(optional).chain(names).chain(self.only.iter().map(|only| only.index))
     }
 
@@ -176,6 +179,15 @@ const JOINT_NAMES: [&str; 16] = [
     "controller",
     "controller_id",
 ];
+
+/// Names of columns of dates beside a column of times of day.
+const DATE_NAMES: [&str; 5] = ["date", "datum", "day", "fecha", "data"];
+
+/// Returns the column that may hold the dates of the times in `time`.
+fn date_column(names: &[String], time: usize) -> Option<usize> {
+    let is_date = |name: &String| DATE_NAMES.contains(&&*name.trim().to_lowercase());
+    names.iter().position(is_date).filter(|at| *at != time)
+}
 
 /// The required columns of a header.
 struct RequiredColumns {
@@ -277,6 +289,7 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
         joint: target.kind,
         run,
         required: [time, motion.reading, target.reading],
+        dates: date_column(&names, time.index),
         is_position,
         velocity_kind: motion.kind,
         optional: Vec::new(),

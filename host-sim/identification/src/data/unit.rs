@@ -11,6 +11,7 @@
 //! A unit in a column's own name (`speed_rpm`, `t (ms)`) is neither applied nor ignored. Without an explicit unit the
 //! column is an error, whose message shows the option to use ([`in_name`]).
 
+use super::date::DateOrder;
 use crate::setting::Setting;
 use compensator_core::quantity::{JointKind, Quantity};
 
@@ -58,7 +59,7 @@ const POUND_FORCE_N: f64 = 4.448_221_615_260_5;
 const UNITS: &[Unit] = {
     use Dimension::*;
     &[
-        unit(Time, &["s", "sec", "seconds", "iso", "iso8601"], (1.0, 1.0, 0.0)),
+        unit(Time, &["s", "sec", "seconds", "iso", "iso8601", "date", "datetime"], (1.0, 1.0, 0.0)),
         unit(Time, &["ms", "msec", "millis", "milliseconds"], (1.0, 1e3, 0.0)),
         unit(Time, &["us", "usec", "micros", "microseconds"], (1.0, 1e6, 0.0)),
         unit(Time, &["ns", "nsec", "nanos", "nanoseconds", "nanosec"], (1.0, 1e9, 0.0)),
@@ -133,6 +134,7 @@ pub(super) struct Conversion {
     sign: f64,
     /// Offset in the column's unit.
     offset: f64,
+    date_order: Option<DateOrder>,
 }
 
 impl Conversion {
@@ -141,6 +143,11 @@ impl Conversion {
     pub fn apply(&self, value: f64) -> f64 {
         let (times, over, plus) = self.linear;
         self.sign * (value * times / over + plus) + self.offset
+    }
+
+    /// Returns the order of day, month and year, if it was given in place of a unit.
+    pub fn date_order(&self) -> Option<DateOrder> {
+        self.date_order
     }
 
     /// Returns the nanoseconds in one unit of time.
@@ -256,6 +263,10 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
         return Err(format!("no unit: {contract_name} has none"));
     };
     let symbol = symbol.trim();
+    let date_order = DateOrder::parse(symbol).filter(|_| dimension == Dimension::Time);
+    if date_order.is_some() {
+        return Ok(Conversion { linear: (1.0, 1.0, 0.0), sign: 1.0, offset: 0.0, date_order });
+    }
     let (sign, bare) = match symbol.strip_prefix(['-', '−']) {
         Some(bare) if dimension != Dimension::Time => (-1.0, bare.trim_start()),
         _ => (1.0, symbol),
@@ -263,7 +274,8 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
     if let Some(Scaled { unit, times, over, offset }) = parse_scaled(bare, dimension) {
         let (factor, divisor, plus) = unit.conversion;
         let offset = offset * factor / divisor;
-        return Ok(Conversion { linear: (times * factor, over * divisor, plus), sign, offset });
+        let linear = (times * factor, over * divisor, plus);
+        return Ok(Conversion { linear, sign, offset, date_order: None });
     }
     if counts(bare, dimension).is_some() {
         return Err("the counts of a turn before the unit, as 4096counts".into());

@@ -81,6 +81,9 @@ impl Cleaner<'_> {
         if let Some(origin) = self.clock.origin_ns {
             notes.push(format!("times count from {}", clock::format_origin(origin)));
         }
+        if let Some(dates) = self.layout.dates.filter(|_| self.clock.is_dated) {
+            notes.push(format!("the dates of the times are from {}", self.layout.names[dates]));
+        }
         if self.layout.is_position {
             notes.push("no velocity is logged: it is the difference of the positions".into());
         }
