@@ -5,20 +5,68 @@
 //! of its name.
 
 use super::contract;
+use super::other_unit::other_unit;
 use super::unit;
 use compensator_core::quantity::Quantity;
 
 /// Words that name a quantity in logs of drives, ROS and MATLAB.
 const WORDS: [(&str, &[&str]); 3] = [
-    ("time", &["time", "timestamp", "stamp", "t", "clock", "secs", "%time", "zeit"]),
+    (
+        "time",
+        &[
+            "time",
+            "timestamp",
+            "stamp",
+            "t",
+            "clock",
+            "secs",
+            "%time",
+            "zeit",
+            "uhrzeit",
+            "temps",
+            "heure",
+            "ts",
+            "millis",
+            "micros",
+        ],
+    ),
     (
         "velocity",
         &[
-            "velocity", "velo", "vel", "speed", "omega", "dq", "qd", "qdot", "dtheta", "w", "v",
-            "rpm", "drehzahl",
+            "velocity",
+            "velo",
+            "vel",
+            "speed",
+            "omega",
+            "dq",
+            "qd",
+            "qdot",
+            "dtheta",
+            "w",
+            "v",
+            "rpm",
+            "drehzahl",
+            "geschwindigkeit",
+            "vitesse",
+            "gyro",
+            "gyroscope",
         ],
     ),
-    ("torque", &["torque", "tau", "effort", "moment", "force", "trq", "drehmoment", "kraft"]),
+    (
+        "torque",
+        &[
+            "torque",
+            "tau",
+            "effort",
+            "moment",
+            "force",
+            "trq",
+            "drehmoment",
+            "kraft",
+            "istmoment",
+            "couple",
+        ],
+    ),
 ];
 
 /// Words that name the other quantities in a description of columns.
@@ -133,12 +181,15 @@ pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     }
     Some(match unit::in_name(contract_name, name).filter(|_| *name != "%time") {
         Some(unit) => format!("{name}:{unit}"),
-        None => (*name).to_owned(),
+        None => match other_unit(name) {
+            Some(other) => format!("{name}:{}", other.suggestion()),
+            None => (*name).to_owned(),
+        },
     })
 }
 
 /// Returns the contract name of a quantity and the unit that `name` ends in, as for `pressure_diff_bar`.
-pub(super) fn other_unit(name: &str) -> Option<(&'static str, &'static str)> {
+pub(super) fn quantity_in_unit(name: &str) -> Option<(&'static str, &'static str)> {
     contract::names().find_map(|contract_name| {
         let unit = unit::in_name(contract_name, name)?;
         let stem = contract_name.split('_').next()?;
@@ -161,11 +212,11 @@ mod tests {
     }
 
     #[test]
-    fn other_unit_with_covariate_in_known_unit_returns_it() {
-        assert_eq!(other_unit("pressure_diff_bar"), Some(("pressure_diff_pa", "bar")));
-        assert_eq!(other_unit("temperature_k"), Some(("temperature_c", "K")));
-        assert_eq!(other_unit("position_deg"), Some(("position_rad", "deg")));
-        assert_eq!(other_unit("flow_bar"), None);
-        assert_eq!(other_unit("pressure_diff_pa"), None);
+    fn quantity_in_unit_with_covariate_in_known_unit_returns_it() {
+        assert_eq!(quantity_in_unit("pressure_diff_bar"), Some(("pressure_diff_pa", "bar")));
+        assert_eq!(quantity_in_unit("temperature_k"), Some(("temperature_c", "K")));
+        assert_eq!(quantity_in_unit("position_deg"), Some(("position_rad", "deg")));
+        assert_eq!(quantity_in_unit("flow_bar"), None);
+        assert_eq!(quantity_in_unit("pressure_diff_pa"), None);
     }
 }

@@ -22,7 +22,7 @@ use super::naming::Naming;
 use super::options::ReadOptions;
 use super::preset::{Preset, PresetColumns};
 use super::unit::conversion;
-use crate::setting::Setting;
+use crate::setting::{Setting, shell_word};
 
 /// A column other than time, velocity and torque.
 #[derive(Debug, Clone, PartialEq)]
@@ -257,6 +257,7 @@ pub(super) fn layout(
     options: &ReadOptions,
 ) -> Result<Layout, DataError> {
     let names = names.into();
+    check_wide(file, &names.names)?;
     if options.is_survey {
         return Ok(Layout::of_survey(names));
     }
@@ -274,6 +275,26 @@ pub(super) fn layout(
         interpret(file, names.names, &ReadOptions { columns: pairs, ..options.clone() })?;
     layout.notes.extend(note);
     Ok(layout)
+}
+
+/// Columns of InfluxDB that make a table long: its rows hold one field each.
+const LONG_COLUMNS: [&str; 3] = ["_time", "_field", "_value"];
+
+/// Refuses a long table, with the command that turns it into a wide one.
+fn check_wide(file: &Path, names: &[String]) -> Result<(), DataError> {
+    if !LONG_COLUMNS.iter().all(|long| names.iter().any(|name| name == long)) {
+        return Ok(());
+    }
+    let path = file.display().to_string().replace('\\', "\\\\").replace('\'', "\\'");
+    let script = format!(
+        "import pandas; pandas.read_csv('{path}', comment='#').pivot_table(index='_time', columns='_field', \
+         values='_value').to_csv('wide.csv')"
+    );
+    Err(DataError::File {
+        file: file.into(),
+        found: "a long table: one row for each field".into(),
+        expected: format!("a column for each field: python -c {}", shell_word(&script)),
+    })
 }
 
 /// Interprets the names of the columns.

@@ -75,7 +75,7 @@ const UNITS: &[Unit] = {
         unit(AngularVelocity, &["deg/s", "degps", "dps"], (TURN_RAD, 360.0, 0.0)),
         unit(
             AngularVelocity,
-            &["rpm", "1/min", "r/min", "rev/min", "U/min"],
+            &["rpm", "1/min", "r/min", "rev/min", "U/min", "tr/min", "giri/min", "min1"],
             (TURN_RAD, 60.0, 0.0),
         ),
         unit(AngularVelocity, &["rps", "rev/s", "turn/s", "turns/s"], (TURN_RAD, 1.0, 0.0)),
@@ -164,6 +164,11 @@ fn dimension(contract_name: &str) -> Option<Dimension> {
     UNITS.iter().find(|unit| unit.symbols.contains(&symbol.as_str())).map(|unit| unit.dimension)
 }
 
+/// Returns true if a contract column has a unit: all but `run`.
+pub(super) fn has_unit(contract_name: &str) -> bool {
+    dimension(contract_name).is_some()
+}
+
 fn units_of(dimension: Dimension) -> impl Iterator<Item = &'static Unit> {
     UNITS.iter().filter(move |unit| unit.dimension == dimension)
 }
@@ -177,10 +182,15 @@ fn normalise(symbol: &str) -> String {
             '°' => text.push_str("deg"),
             'µ' | 'μ' => text.push('u'),
             '²' => text.push('2'),
+            '¹' => text.push('1'),
+            '⁻' => {}
             other => text.push(other),
         }
     }
-    text
+    match text.strip_suffix("/sec") {
+        Some(head) => format!("{head}/s"),
+        None => text,
+    }
 }
 
 /// Returns the unit with a symbol. If no symbol matches exactly, case is ignored, provided that one unit remains.
@@ -195,7 +205,7 @@ fn find(symbol: &str, dimension: Dimension) -> Option<&'static Unit> {
 }
 
 /// Symbols of the counts of an encoder. The number before them is that of a turn, not of a count.
-const COUNTS: [&str; 5] = ["counts", "count", "cpr", "ticks", "lsb"];
+const COUNTS: [&str; 8] = ["counts", "count", "cpr", "ticks", "lsb", "cnt", "inc", "qc"];
 
 /// A unit with the numbers beside it: `-4.2/1000Nm+0.3`.
 struct Scaled {
@@ -365,6 +375,9 @@ mod tests {
             ("time_s", "µs", 3.0, 3e-6),
             ("time_s", "min", 2.0, 120.0),
             ("velocity_rad_s", "rpm", 60.0, TURN_RAD),
+            ("velocity_rad_s", "tr/min", 60.0, TURN_RAD),
+            ("velocity_rad_s", "min⁻¹", 60.0, TURN_RAD),
+            ("velocity_rad_s", "deg/sec", 180.0, TURN_RAD / 2.0),
             ("velocity_rad_s", "°/s", 180.0, TURN_RAD / 2.0),
             ("velocity_rad_s", "deg/s", 180.0, TURN_RAD / 2.0),
             ("velocity_m_s", "mm/s", 5.0, 0.005),

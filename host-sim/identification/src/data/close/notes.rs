@@ -66,7 +66,7 @@ impl Cleaner<'_> {
         &mut self,
         channels: ChannelLayout,
         other_rows: usize,
-        repeated: usize,
+        [repeated, spread]: [usize; 2],
         extra_recordings: usize,
     ) {
         let mut notes = Vec::new();
@@ -104,6 +104,12 @@ impl Cleaner<'_> {
                 extra_recordings + 1,
             ));
         }
+        if spread > 0 {
+            notes.push(format!(
+                "{spread} rows repeat the time stamp before them: the rows of a stamp are spread evenly up to the next"
+            ));
+        }
+        let repeated = repeated.saturating_sub(spread);
         if repeated > 0 {
             notes.push(format!("{repeated} rows repeat the time stamp before them and are kept"));
         }

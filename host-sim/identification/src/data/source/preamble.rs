@@ -136,7 +136,8 @@ pub(super) fn cells(line: &[u8], by: u8) -> Vec<&[u8]> {
         );
         start + quotes..start + trimmed.len() - quotes
     };
-    parts.map(|cell| &cell[bare(cell)]).collect()
+    let cells = parts.map(|cell| &cell[bare(cell)]);
+    cells.filter(|cell| by != b' ' || !cell.is_empty()).collect()
 }
 
 /// Returns true if a cell is a number, with a decimal point or comma.
@@ -185,13 +186,12 @@ fn comment_text(line: &[u8]) -> Option<&[u8]> {
 /// Returns true if a comment is the header of a row.
 fn is_header(comment: &[u8], row: &[u8]) -> bool {
     let by = separator(row);
-    let cells = |line: &[u8]| line.split(|byte| *byte == by).count();
-    let is_number = |cell: &[u8]| fast_float2::parse::<f64, _>(cell.trim_ascii()).is_ok();
-    let is_row = row.split(|byte| *byte == by).all(is_number);
-    is_row
-        && cells(row) > 1
-        && cells(comment) == cells(row)
-        && !comment.split(|b| *b == by).all(is_number)
+    let is_number = |cell: &&[u8]| fast_float2::parse::<f64, _>(*cell).is_ok();
+    let (names, row) = (cells(comment, by), cells(row, by));
+    row.iter().all(is_number)
+        && row.len() > 1
+        && names.len() == row.len()
+        && !names.iter().all(is_number)
 }
 
 #[cfg(test)]
@@ -218,6 +218,7 @@ mod tests {
         assert_eq!(header("# made by numpy\n# time_s,v\n0,1\n"), Some("time_s,v"));
         assert_eq!(header("  #  time_s;v  \r\n0;1\n"), Some("time_s;v"));
         assert_eq!(header("#,time_s,v\n0,0.1,1\n"), Some(",time_s,v"));
+        assert_eq!(header("# t  dq tau\n0 0.1  1\n"), Some("t  dq tau"), "aligned blanks");
         assert_eq!(header("# one, two, three\n0,1\n"), None, "another number of cells");
         assert_eq!(header("# a,b\ntime_s,v\n0,1\n"), None, "the header is below");
     }
