@@ -156,3 +156,50 @@ case(
     expected_lines=["1080 rows repeat the time stamp before them: the rows of a stamp are spread evenly up to the next"],
     unexpected=["time-jump"],
 )
+
+# ---- registers, spellings, words
+
+for name, unit, factor, expected in [
+    ("a register in counts", "", 1000, "int16"),
+    ("a register with its unit", ":0.001Nm", 1000, "'torque_nm=reg:int16 0.001Nm'"),
+]:
+    register = table(joint(torque=("reg", lambda row, factor=factor: round(factor * row["tau"]) & 0xFFFF)))
+    expected = expected if " " in expected else f"torque_nm=reg:{expected}"
+    error(
+        f"{name} without its sign",
+        register,
+        "log.csv: column reg: found jumps by nearly 2^16 counts: negative values without their sign, expected --columns "
+        + expected,
+        f"--columns torque_nm=reg{unit}",
+    )
+case("a register with its sign", register, "--columns 'torque_nm=reg:int16 0.001Nm'")
+case(
+    "a column Run",
+    table({"Run": lambda row: row["run"], **joint(run=None)}),
+    expected_lines=["the column Run is read as run"],
+    data={"runs": RUNS, "rows": RUNS * ROWS},
+)
+case(
+    "words of a historian for a missing value",
+    table(joint(oil=("oil", lambda row: "No Data" if row["i"] % 40 else 40 + 0.001 * row["i"]))),
+    "--columns temperature_c=oil:degC",
+    data={"rows": RUNS * ROWS, "rows_left_out": 0},
+)
+error(
+    "a log of messages",
+    "2024-03-14 08:59:58,001 INFO [main] start\n2024-03-14 08:59:59,001 INFO [joint] vel=1 tau=2\n",
+    "log.csv: row 1, column 2024-03-14 08:59:58: found a date or time, expected a table with the columns' names in its "
+    "first row, not messages or rows alone",
+)
+error(
+    "documents of ros2 topic echo",
+    "header:\n  stamp:\n    sec: 1\nvelocity:\n- 0.1\n---\n",
+    "log.csv: found a YAML document, expected an MCAP or CSV file: ros2 bag record -s mcap /TOPIC, or ros2 topic echo --csv "
+    "/TOPIC > log.csv with a header",
+)
+error(
+    "a time in us beside a torque T",
+    table(joint(time=("ts_us", lambda row: 1e6 * row["t"]), velocity=("w", lambda row: row["v"]), torque=("T", lambda row: row["tau"]))),
+    "log.csv: found only the columns run, ts_us, w, T, expected time_s and velocity_rad_s (or velocity_m_s) and torque_nm "
+    "(or force_n) in the header, or --columns time_s=ts_us:us,velocity_rad_s=w,torque_nm=T",
+)

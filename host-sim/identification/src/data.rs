@@ -20,6 +20,7 @@ mod close;
 mod column_names;
 mod columns;
 pub mod contract;
+mod counter;
 mod dataset;
 mod date;
 mod decimate;

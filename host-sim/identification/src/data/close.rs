@@ -66,6 +66,7 @@ impl Cleaner<'_> {
         }
         self.check_not_empty()?;
         self.check_single_joint()?;
+        self.check_signs()?;
         let uses = self.column_uses()?;
         let channels = self.channel_layout();
         let (mut repeated, mut late) = (0, 0);

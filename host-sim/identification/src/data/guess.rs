@@ -47,6 +47,7 @@ const WORDS: [(&str, &[&str]); 3] = [
             "rpm",
             "drehzahl",
             "geschwindigkeit",
+            "istgeschwindigkeit",
             "vitesse",
             "gyro",
             "gyroscope",
@@ -165,6 +166,9 @@ pub(super) fn any_unit(name: &str) -> Option<&'static str> {
     contract::names().find_map(|of| unit::stated(of, name)).filter(|unit| unit.len() > 1)
 }
 
+/// Symbol of a torque. It is a time only if no other column is.
+pub(super) const TORQUE_SYMBOL: &str = "T";
+
 /// Maximum length of a suggested name, bytes.
 const MAX_NAME_BYTES: usize = 60;
 
@@ -173,8 +177,18 @@ pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
     let (_, words) = WORDS.iter().find(|(of, _)| about.starts_with(of))?;
     let is_alike = |name: &str| parts(name).iter().any(|part| words.contains(&&**part));
-    let mut likely = columns.iter().filter(|name| is_alike(name));
-    let name = likely.next().filter(|_| likely.next().is_none())?;
+    let all: Vec<&&str> = columns.iter().filter(|name| is_alike(name)).collect();
+    // Of several times, the one with a unit: `ts_us` beside `T`.
+    let with_unit = all.iter().filter(|name| unit::stated(contract_name, name).is_some());
+    let with_unit: Vec<&&str> = with_unit.copied().collect();
+    let likely = if all.len() > 1 && about.starts_with("time") { with_unit } else { all };
+    let is_torque_symbol = |name: &&&str| about.starts_with("torque") && **name == TORQUE_SYMBOL;
+    let symbol = columns.iter().find(is_torque_symbol).filter(|_| likely.is_empty());
+    let name = match (likely.as_slice(), symbol) {
+        ([name], _) => *name,
+        ([], Some(symbol)) => symbol,
+        _ => return None,
+    };
     // A name that cannot be typed does not help, and a file that is not a table may hold anything.
     if name.len() > MAX_NAME_BYTES || name.contains(char::is_control) {
         return None;
@@ -209,6 +223,14 @@ mod tests {
         assert_eq!(column("velocity_rad_s", &columns[..3]).as_deref(), Some("speed_rpm:rpm"));
         assert_eq!(column("torque_nm", &columns).as_deref(), Some("tau_3"));
         assert_eq!(column("time_s", &["%time", "field.velocity0"]).as_deref(), Some("%time"));
+    }
+
+    #[test]
+    fn column_with_time_and_torque_symbol_tells_them_apart() {
+        let columns = ["ts_us", "w", "T"];
+        assert_eq!(column("time_s", &columns).as_deref(), Some("ts_us:us"));
+        assert_eq!(column("torque_nm", &columns).as_deref(), Some("T"));
+        assert_eq!(column("torque_nm", &["I [A]", "Torque [%]"]).as_deref(), Some("Torque [%]:%"));
     }
 
     #[test]

@@ -303,7 +303,13 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
     let naming = Naming::new(file, &one.names, &options.columns)?;
     let required = RequiredColumns::find(file, &naming)?;
     let kind_note = required.check_kinds(file, &naming)?;
-    let run = naming.find(RUN).map(|reading| reading.index);
+    let required_columns = [required.time, required.motion.reading, required.target.reading];
+    let is_free = |at: &usize| required_columns.iter().all(|reading| reading.index != *at);
+    let other_case = || {
+        let mut columns = naming.columns().filter(|(_, name)| name.eq_ignore_ascii_case(RUN));
+        columns.next().filter(|_| columns.next().is_none()).map(|(reading, _)| reading)
+    };
+    let run = naming.find(RUN).or_else(other_case).map(|reading| reading.index).filter(is_free);
     let only = row_selections(file, &naming, &names, options, one.is_chosen)?;
     let RequiredColumns { time, motion, is_position, target } = required;
     let mut layout = Layout {
@@ -333,6 +339,11 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
     layout.sources = sources.map(|(name, of)| source_column(&names, &naming, name, of)).collect();
     add_optional_columns(&mut layout, &names, &naming, &one, &required);
     layout.notes.extend(naming.hints());
+    if let Some(name) =
+        run.map(|run| &names[run]).filter(|name| naming.find(RUN).is_none() && *name != RUN)
+    {
+        layout.notes.push(format!("{}: the column {name} is read as {RUN}", file.display()));
+    }
     layout.names = names;
     Ok(layout)
 }

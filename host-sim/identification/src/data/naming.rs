@@ -8,6 +8,7 @@
 use std::path::Path;
 
 use super::cell::CellReader;
+use super::clock::is_date;
 use super::contract;
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
@@ -130,6 +131,11 @@ fn check_names(file: &Path, names: &[String]) -> Result<(), DataError> {
     if !names.is_empty() && names.iter().all(|name| name.parse::<f64>().is_ok()) {
         let expected = "the columns' names (time_s, velocity_rad_s, torque_nm ..)";
         return Err(at_header(file, &names[0], "numbers", expected));
+    }
+    if let Some(date) = names.iter().find(|name| is_date(name.as_bytes())) {
+        let expected =
+            "a table with the columns' names in its first row, not messages or rows alone";
+        return Err(at_header(file, date, "a date or time", expected));
     }
     let mut sorted: Vec<(&str, usize)> =
         names.iter().enumerate().map(|(at, name)| (name.as_str(), at + 1)).collect();

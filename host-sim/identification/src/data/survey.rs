@@ -138,8 +138,11 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     }
     let options = ReadOptions { is_survey: true, ..options.clone() };
     let mut survey = read_file(file, size.len(), &options, &|_| {})?.survey;
+    let is_time = |name: &str| guess::quantity(name) == Some("time_s");
+    let times = survey.columns.iter().filter(|column| is_time(&column.name)).count();
     for column in &mut survey.columns {
-        let quantity = guess::quantity(&column.name);
+        let is_torque = times > 1 && column.name == guess::TORQUE_SYMBOL;
+        let quantity = if is_torque { Some("torque_nm") } else { guess::quantity(&column.name) };
         let of_file = column.unit.take();
         let stated = quantity
             .and_then(|quantity| unit::stated(quantity, &column.name))
