@@ -160,11 +160,11 @@ case(
 # ---- registers, spellings, words
 
 for name, unit, factor, expected in [
-    ("a register in counts", "", 1000, "int16"),
+    ("a register in counts", "", 1000, "int16, followed by the value of a count, as int16 0.01Nm"),
     ("a register with its unit", ":0.001Nm", 1000, "'torque_nm=reg:int16 0.001Nm'"),
 ]:
     register = table(joint(torque=("reg", lambda row, factor=factor: round(factor * row["tau"]) & 0xFFFF)))
-    expected = expected if " " in expected else f"torque_nm=reg:{expected}"
+    expected = expected if unit else f"torque_nm=reg:{expected}"
     error(
         f"{name} without its sign",
         register,
@@ -184,6 +184,12 @@ case(
     table(joint(oil=("oil", lambda row: "No Data" if row["i"] % 40 else 40 + 0.001 * row["i"]))),
     "--columns temperature_c=oil:degC",
     data={"rows": RUNS * ROWS, "rows_left_out": 0},
+)
+LABVIEW = "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\nTime\t10:22:11\t10:22:11\t\n***End_of_Header***\t\n"
+case(
+    "a file of LabVIEW",
+    LABVIEW + table(joint(), by="\t"),
+    expected_lines=["6 lines above the header are skipped, the first with text is \"LabVIEW Measurement\""],
 )
 error(
     "a log of messages",

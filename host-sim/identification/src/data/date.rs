@@ -176,7 +176,8 @@ fn find_time(text: &str) -> Option<TimeOfDay<'_>> {
     let count = digits.bytes().take_while(u8::is_ascii_digit).count();
     let used: String = digits[..count].chars().chain("000000000".chars()).take(9).collect();
     let behind = if count > 0 { &digits[count..] } else { rest };
-    let is_valid = minute < 60 && second < 60;
+    // A rounded 59.96 s is written as 60.0.
+    let is_valid = minute < 60 && second <= 60;
     is_valid.then_some(TimeOfDay {
         before: &text[..start],
         hour,

@@ -26,6 +26,13 @@ impl Cleaner<'_> {
             let source = sources.find(|of| &of.header == column && of.name != TIME);
             let name = source.map_or("torque_nm", |source| &source.name);
             let unit = source.and_then(|source| source.unit.as_ref());
+            let with_scale = match unit {
+                Some(_) => String::new(),
+                None => {
+                    let example = if at == 1 { "0.01rpm" } else { "0.01Nm" };
+                    format!(", followed by the value of a count, as int{bits} {example}")
+                }
+            };
             let unit = unit.map_or_else(String::new, |unit| format!(" {unit}"));
             let pair = format!("{name}={column}:int{bits}{unit}");
             return Err(DataError::Request {
@@ -33,7 +40,7 @@ impl Cleaner<'_> {
                 found: format!(
                     "jumps by nearly 2^{bits} counts: negative values without their sign"
                 ),
-                expected: Setting::Columns.suggested(pair),
+                expected: Setting::Columns.suggested(pair) + &with_scale,
             });
         }
         Ok(())
