@@ -28,7 +28,7 @@ pub struct IdentifyArguments {
     pub(super) output: OutputArguments,
     /// Model: linear, extended, atan, stribeck, dahl, lugre, lugre-asymmetric, improved-lugre, with terms as in
     /// `lugre+pressure-coulomb`; or lugre-lstm, where a network scales the friction levels and the stiffness
-    #[arg(long, value_name = "MODEL")]
+    #[arg(long, value_name = "MODEL", default_value = "", hide_default_value = true)]
     model: String,
     /// Start the fit from the parameters of this file only
     #[arg(long, value_name = "PARAMS.TOML")]
@@ -99,6 +99,9 @@ fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
 
 /// Runs the command.
 pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
+    if arguments.model.is_empty() {
+        return Err("--model: found no model, expected one, such as --model lugre".into());
+    }
     #[cfg(feature = "papers")]
     if let Some(KnownMachine::Manipulator) = arguments.inside {
         let models = std::slice::from_ref(&arguments.model);

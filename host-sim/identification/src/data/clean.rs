@@ -184,7 +184,7 @@ impl<'a> Cleaner<'a> {
         let texts = |count| std::iter::repeat_with(DistinctTexts::default).take(count).collect();
         Cleaner {
             file,
-            clock: Clock::new(layout.required[0]),
+            clock: Clock::new(layout.required[0], layout.dates),
             runs: Vec::new(),
             by_name: HashMap::new(),
             current: 0,
@@ -300,9 +300,16 @@ impl<'a> Cleaner<'a> {
     fn reject_cell(&mut self, number: u64, row: &impl LogRow, at: usize, error: &'static str) {
         let column = self.layout.required[at].index;
         let text = row.text(column);
-        let date = if at == 0 { clock::date_error(&text) } else { None };
+        let date = if at == 0 { self.time_error(row, &text) } else { None };
         let expected = date.unwrap_or_else(|| expected_content(error, &text));
         self.reject_row(number, Some(column), quoted(&text), expected);
+    }
+
+    /// Returns what is expected instead of a date that cannot be read: that of the time column, or that beside it.
+    fn time_error(&self, row: &impl LogRow, text: &[u8]) -> Option<&'static str> {
+        let order = self.clock.date_order();
+        clock::date_error(text, order)
+            .or_else(|| clock::day_error(&row.text(self.layout.dates?), order))
     }
 
     /// Leaves a row out and counts it. `column` is `None` if no single cell is the cause.

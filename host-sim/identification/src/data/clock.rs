@@ -7,9 +7,9 @@
 //! clock.
 
 use super::cell::CellReader;
+use super::date::{ACCEPTED, DateOrder, Stamp, parse_day, parse_stamp};
 use super::row::LogRow;
-use super::zone::{offset_s, split_zone};
-use chrono::{DateTime, NaiveDateTime, NaiveTime, Timelike};
+use chrono::{DateTime, Timelike};
 
 /// Stamps of at least this size, ns (three years), count from 1970. Smaller ones count from the start of the logger.
 const MIN_EPOCH_NS: i128 = 100_000_000_000_000_000;
@@ -23,12 +23,31 @@ pub(super) struct Clock {
     pub reading: CellReader,
     /// Origin of the seconds, ns since 1970; `None` while the column's own origin is used.
     pub origin_ns: Option<i128>,
+    /// The column of the dates, if the time column holds only times of day.
+    dates: Option<usize>,
+    /// True if that column holds dates.
+    pub is_dated: bool,
     is_started: bool,
+    /// Last stamp of a time of day, with the days (or hours) that passed, ns.
+    last_cyclic_ns: Option<i128>,
 }
 
 impl Clock {
-    pub fn new(reading: CellReader) -> Self {
-        Self { reading, origin_ns: None, is_started: false }
+    /// Creates the clock of a time column. `dates` is a column that may hold the dates of its times of day.
+    pub fn new(reading: CellReader, dates: Option<usize>) -> Self {
+        Self {
+            reading,
+            origin_ns: None,
+            dates,
+            is_dated: false,
+            is_started: false,
+            last_cyclic_ns: None,
+        }
+    }
+
+    /// Returns the order of day, month and year that the user gave.
+    pub fn date_order(&self) -> Option<DateOrder> {
+        self.reading.conversion.and_then(|conversion| conversion.date_order())
     }
 
     /// Returns the time of a row, s, or `None` if the cell holds no time.
@@ -41,8 +60,34 @@ impl Clock {
                 Some(value)
             }
             Some(value) => self.convert_count(row, value),
-            None => self.seconds_since_origin(parse_date_ns(&row.text(self.reading.index))?),
+            None => {
+                let stamp =
+                    parse_stamp(&row.text(self.reading.index), self.date_order()).ok()??;
+                let ns = self.absolute_ns(stamp, row)?;
+                self.seconds_since_origin(ns)
+            }
         }
+    }
+
+    /// Returns the nanoseconds of a stamp. A time of day gets the date of its row. Without one, a step back by more than
+    /// half a day is midnight; other steps back are left for the check of the order.
+    fn absolute_ns(&mut self, stamp: Stamp, row: &impl LogRow) -> Option<i128> {
+        let Stamp::Cyclic { ns, period } = stamp else { return Some(stamp.nanoseconds()) };
+        let date = |column| parse_day(&row.text(column), self.date_order());
+        match self.dates.map(date) {
+            Some(Ok(Some(day))) => {
+                self.is_dated = true;
+                return Some(day + ns);
+            }
+            Some(Err(_)) => return None,
+            Some(Ok(None)) if self.is_dated => return None,
+            _ => {}
+        }
+        let cycles =
+            self.last_cyclic_ns.map_or(0, |last| (last - ns + period / 2).div_euclid(period));
+        let ns = ns + cycles.max(0) * period;
+        self.last_cyclic_ns = Some(ns);
+        Some(ns)
     }
 
     fn convert_count(&mut self, row: &impl LogRow, value: f64) -> Option<f64> {
@@ -81,84 +126,28 @@ impl Clock {
     }
 }
 
-/// Nanoseconds of a second.
-const SECOND_NS: i128 = 1_000_000_000;
-
-/// Forms of a date and time of day with an offset from UTC, beside RFC 3339.
-const WITH_OFFSET: [&str; 3] =
-    ["%Y-%m-%dT%H:%M:%S%.f%z", "%Y-%m-%d %H:%M:%S%.f%z", "%Y-%m-%d %H:%M:%S%.f %z"];
-
-/// Forms of a date and time of day.
-const WITHOUT_OFFSET: [&str; 5] = [
-    "%Y-%m-%dT%H:%M:%S%.f",
-    "%Y-%m-%d %H:%M:%S%.f",
-    "%Y/%m/%d %H:%M:%S%.f",
-    "%Y-%m-%d %I:%M:%S%.f %p",
-    "%Y/%m/%d %I:%M:%S%.f %p",
-];
-
-/// Forms of a time of day.
-const TIMES_OF_DAY: [&str; 3] = ["%H:%M:%S%.f", "%I:%M:%S%.f %p", "%I:%M:%S%.f%p"];
-
-/// Parses a date and time of day with or without an offset from UTC or a time zone, or a time of day alone. Returns ns.
-fn parse_date_ns(text: &[u8]) -> Option<i128> {
-    parse_date(text).ok().flatten()
-}
-
-/// As [`parse_date_ns`]. Returns `None` for a text that is not a date.
-///
-/// # Errors
-/// What is expected instead, if the text is a date whose time zone cannot be known.
-fn parse_date(text: &[u8]) -> Result<Option<i128>, &'static str> {
-    let Ok(text) = std::str::from_utf8(text) else { return Ok(None) };
-    let text = text.trim().trim_matches('"');
-    // Quick rejection: a column of words calls this for each of its rows.
-    if !text.starts_with(|c: char| c.is_ascii_digit()) || !text.contains(':') {
-        return Ok(None);
-    }
-    if let Some(stamp) = parse_with_offset(text) {
-        return Ok(Some(stamp));
-    }
-    if let Some(local) = parse_local(text) {
-        return Ok(Some(nanoseconds(local)));
-    }
-    if let Some((local, zone)) = split_zone(text) {
-        // An offset before a zone in brackets is more exact than the zone.
-        if let Some(stamp) = parse_with_offset(local) {
-            return Ok(Some(stamp));
-        }
-        if let Some(local) = parse_local(local) {
-            let offset_s = i128::from(offset_s(&local, zone)?);
-            return Ok(Some(nanoseconds(local) - offset_s * SECOND_NS));
+/// Returns what a cell of the time column should hold instead, if it is a date or time that cannot be read.
+pub(super) fn date_error(text: &[u8], order: Option<DateOrder>) -> Option<&'static str> {
+    let has = |of: fn(&u8) -> bool| text.iter().any(of);
+    match parse_stamp(text, order) {
+        Err(expected) => Some(expected),
+        Ok(Some(_)) => None,
+        // A number with a sign of dates is mostly a date in another notation.
+        Ok(None) => {
+            (has(u8::is_ascii_digit) && has(|byte| b":/-#".contains(byte))).then_some(ACCEPTED)
         }
     }
-    let time = TIMES_OF_DAY.iter().find_map(|form| NaiveTime::parse_from_str(text, form).ok());
-    Ok(time.map(|time| {
-        i128::from(time.num_seconds_from_midnight()) * SECOND_NS + i128::from(time.nanosecond())
-    }))
 }
 
-fn parse_with_offset(text: &str) -> Option<i128> {
-    let of_form = |form: &&str| DateTime::parse_from_str(text, form).ok();
-    let stamp = DateTime::parse_from_rfc3339(text).ok();
-    stamp
-        .or_else(|| WITH_OFFSET.iter().find_map(of_form))
-        .map(|stamp| i128::from(stamp.timestamp()) * SECOND_NS + i128::from(stamp.nanosecond()))
+/// Returns what a cell of the column of dates should hold instead, if it has several readings.
+pub(super) fn day_error(text: &[u8], order: Option<DateOrder>) -> Option<&'static str> {
+    parse_day(text, order).err()
 }
 
-fn parse_local(text: &str) -> Option<NaiveDateTime> {
-    WITHOUT_OFFSET.iter().find_map(|form| NaiveDateTime::parse_from_str(text, form).ok())
-}
-
-/// Returns the nanoseconds since 1970 of a time in UTC.
-fn nanoseconds(time: NaiveDateTime) -> i128 {
-    let stamp = time.and_utc();
-    i128::from(stamp.timestamp()) * SECOND_NS + i128::from(stamp.timestamp_subsec_nanos())
-}
-
-/// Returns what a cell of the time column should hold instead, if it is a date that cannot be read.
-pub(super) fn date_error(text: &[u8]) -> Option<&'static str> {
-    parse_date(text).err()
+/// Returns true if the text is a date or time, perhaps with several readings.
+pub(super) fn is_date(text: &[u8]) -> bool {
+    parse_stamp(text, None).is_ok_and(|stamp| stamp.is_some())
+        || date_error(text, None).is_some_and(|of| of != ACCEPTED)
 }
 
 /// Formats a stamp, ns since 1970, as ISO 8601 in UTC. Returns `None` if the calendar does not cover it.
@@ -188,35 +177,51 @@ pub(super) fn format_origin(origin_ns: i128) -> String {
 mod tests {
     use super::*;
 
+    struct Cells<'a>(&'a [&'a str]);
+
+    impl LogRow for Cells<'_> {
+        fn number(&self, column: usize) -> Option<f64> {
+            self.0[column].parse().ok()
+        }
+
+        fn text(&self, column: usize) -> std::borrow::Cow<'_, [u8]> {
+            std::borrow::Cow::Borrowed(self.0[column].as_bytes())
+        }
+    }
+
+    fn times(dates: Option<usize>, rows: &[&[&str]]) -> Vec<Option<f64>> {
+        let mut clock = Clock::new(CellReader::plain(0), dates);
+        rows.iter().map(|row| clock.time_s(&Cells(row))).collect()
+    }
+
     #[test]
-    fn parse_date_ns_with_common_formats_returns_nanoseconds() {
-        let noon = 1_714_564_800_000_000_000;
-        for text in [
-            "2024-05-01T12:00:00Z",
-            "2024-05-01T14:00:00+02:00",
-            "2024-05-01T14:00:00+0200",
-            "2024-05-01 12:00:00",
-            "2024-05-01 12:00:00 UTC",
-            "2024/05/01 12:00:00.000",
-            "\"2024-05-01T12:00:00.000000000\"",
-            "2024-05-01 14:00:00 CEST",
-            "2024-05-01 14:00:00.0 Europe/Berlin",
-            "2024-05-01T14:00:00+02:00[Europe/Berlin]",
-            "2024-05-01 12:00:00 PM",
-            "2024-05-01 02:00:00.000 PM CEST",
-        ] {
-            assert_eq!(parse_date_ns(text.as_bytes()), Some(noon), "{text}");
-        }
-        assert_eq!(parse_date_ns(b"2024-05-01T12:00:00.123456789Z"), Some(noon + 123_456_789));
-        assert_eq!(parse_date_ns(b"00:01:00.5"), Some(60_500_000_000));
-        assert_eq!(parse_date_ns(b"12:01:00.5 AM"), Some(60_500_000_000));
-        assert_eq!(parse_date_ns(b"1:00:00 pm"), Some(13 * 3_600_000_000_000));
-        assert!(date_error(b"2024-05-01 12:00:00 CST").unwrap().contains("several time zones"));
-        assert_eq!(date_error(b"noon: CST"), None);
-        for text in ["", "noon", "12", "2024-05-01", "2024-13-01T12:00:00Z"] {
-            assert_eq!(parse_date_ns(text.as_bytes()), None, "{text}");
-        }
-        assert_eq!(format_origin(noon), "2024-05-01 12:00:00 UTC");
+    fn time_s_past_midnight_or_the_hour_continues() {
+        let found = times(None, &[&["23:59:59.5"], &["00:00:00.5"], &["00:00:00.25"]]);
+        assert_eq!(
+            found,
+            [Some(0.0), Some(1.0), Some(0.75)],
+            "a small step back is none past midnight"
+        );
+        assert_eq!(times(None, &[&["59:59.5"], &["00:00.5"]]), [Some(0.0), Some(1.0)]);
+    }
+
+    #[test]
+    fn time_s_with_column_of_dates_adds_the_day() {
+        let found = times(Some(1), &[&["23:59:59", "14.03.2024"], &["00:00:01", "16.03.2024"]]);
+        assert_eq!(found, [Some(0.0), Some(86_402.0)]);
+        assert_eq!(times(Some(1), &[&["1.5", "3"], &["2.5", "3"]]), [Some(1.5), Some(2.5)]);
+    }
+
+    #[test]
+    fn format_origin_with_date_or_time_of_day_returns_text() {
+        assert_eq!(format_origin(1_714_564_800_000_000_000), "2024-05-01 12:00:00 UTC");
         assert_eq!(format_origin(60_500_000_000), "00:01:00");
+    }
+
+    #[test]
+    fn date_error_with_unreadable_date_lists_notations() {
+        assert_eq!(date_error(b"14/Foo/2024 09:15:02", None), Some(ACCEPTED));
+        assert_eq!(date_error(b"Channels", None), None);
+        assert!(is_date(b"03/04/2024 09:15:02") && !is_date(b"a-1"));
     }
 }

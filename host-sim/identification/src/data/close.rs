@@ -21,6 +21,7 @@ use super::fill::{Fill, fill};
 use super::header::Layout;
 use super::order::{check_order, late_rows, recordings, sorting_order};
 use super::segment::{GAP_FACTOR, median_step};
+use super::spread::spread;
 use super::survey::Survey;
 use super::velocity::differences;
 
@@ -65,6 +66,7 @@ impl Cleaner<'_> {
         }
         self.check_not_empty()?;
         self.check_single_joint()?;
+        self.check_signs()?;
         let uses = self.column_uses()?;
         let channels = self.channel_layout();
         let (mut repeated, mut late) = (0, 0);
@@ -81,6 +83,8 @@ impl Cleaner<'_> {
                 |(number, rows)| Recording { run: at, number: several.then_some(number + 1), rows },
             ));
         }
+        let spread =
+            if channels == ChannelLayout::Single { spread_rows(&mut runs, &all) } else { 0 };
         let uses = self.drop_incomplete_columns(uses, &mut runs, &all);
         let filled = self.fill_optional(&uses, &mut runs, &all);
         if channels == ChannelLayout::Merged {
@@ -94,7 +98,7 @@ impl Cleaner<'_> {
         }
         self.check_bad_share()?;
         self.add_column_notes(&uses, &filled, &clean);
-        self.add_row_notes(channels, other_rows, repeated, all.len() - runs.len());
+        self.add_row_notes(channels, other_rows, [repeated, spread], all.len() - runs.len());
         self.add_order_note(late);
         let Layout { joint, run, optional, left_out, notes, mut sources, .. } = self.layout;
         let has_runs = run.is_some();
@@ -441,6 +445,16 @@ fn sort_rows(run: &mut OpenRun) -> usize {
     }
     run.row_numbers = order.iter().map(|row| run.row_numbers[*row]).collect();
     late
+}
+
+/// Spreads rows of equal stamps in time. Returns the number of rows that get another time.
+fn spread_rows(runs: &mut [OpenRun], all: &[Recording]) -> usize {
+    let spread_recording = |recording: &Recording| {
+        let [time, velocity, torque] = &mut runs[recording.run].required;
+        let rows = recording.rows.clone();
+        spread(&mut time[rows.clone()], [&velocity[rows.clone()], &torque[rows]])
+    };
+    all.iter().map(spread_recording).sum()
 }
 
 /// Interpolates the velocity of merged channels between its own stamps, unless they are a gap apart.

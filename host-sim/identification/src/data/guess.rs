@@ -5,20 +5,69 @@
 //! of its name.
 
 use super::contract;
+use super::other_unit::other_unit;
 use super::unit;
 use compensator_core::quantity::Quantity;
 
 /// Words that name a quantity in logs of drives, ROS and MATLAB.
 const WORDS: [(&str, &[&str]); 3] = [
-    ("time", &["time", "timestamp", "stamp", "t", "clock", "secs", "%time", "zeit"]),
+    (
+        "time",
+        &[
+            "time",
+            "timestamp",
+            "stamp",
+            "t",
+            "clock",
+            "secs",
+            "%time",
+            "zeit",
+            "uhrzeit",
+            "temps",
+            "heure",
+            "ts",
+            "millis",
+            "micros",
+        ],
+    ),
     (
         "velocity",
         &[
-            "velocity", "velo", "vel", "speed", "omega", "dq", "qd", "qdot", "dtheta", "w", "v",
-            "rpm", "drehzahl",
+            "velocity",
+            "velo",
+            "vel",
+            "speed",
+            "omega",
+            "dq",
+            "qd",
+            "qdot",
+            "dtheta",
+            "w",
+            "v",
+            "rpm",
+            "drehzahl",
+            "geschwindigkeit",
+            "istgeschwindigkeit",
+            "vitesse",
+            "gyro",
+            "gyroscope",
         ],
     ),
-    ("torque", &["torque", "tau", "effort", "moment", "force", "trq", "drehmoment", "kraft"]),
+    (
+        "torque",
+        &[
+            "torque",
+            "tau",
+            "effort",
+            "moment",
+            "force",
+            "trq",
+            "drehmoment",
+            "kraft",
+            "istmoment",
+            "couple",
+        ],
+    ),
 ];
 
 /// Words that name the other quantities in a description of columns.
@@ -117,6 +166,9 @@ pub(super) fn any_unit(name: &str) -> Option<&'static str> {
     contract::names().find_map(|of| unit::stated(of, name)).filter(|unit| unit.len() > 1)
 }
 
+/// Symbol of a torque. It is a time only if no other column is.
+pub(super) const TORQUE_SYMBOL: &str = "T";
+
 /// Maximum length of a suggested name, bytes.
 const MAX_NAME_BYTES: usize = 60;
 
@@ -125,20 +177,33 @@ pub(super) fn column(contract_name: &str, columns: &[&str]) -> Option<String> {
     let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
     let (_, words) = WORDS.iter().find(|(of, _)| about.starts_with(of))?;
     let is_alike = |name: &str| parts(name).iter().any(|part| words.contains(&&**part));
-    let mut likely = columns.iter().filter(|name| is_alike(name));
-    let name = likely.next().filter(|_| likely.next().is_none())?;
+    let all: Vec<&&str> = columns.iter().filter(|name| is_alike(name)).collect();
+    // Of several times, the one with a unit: `ts_us` beside `T`.
+    let with_unit = all.iter().filter(|name| unit::stated(contract_name, name).is_some());
+    let with_unit: Vec<&&str> = with_unit.copied().collect();
+    let likely = if all.len() > 1 && about.starts_with("time") { with_unit } else { all };
+    let is_torque_symbol = |name: &&&str| about.starts_with("torque") && **name == TORQUE_SYMBOL;
+    let symbol = columns.iter().find(is_torque_symbol).filter(|_| likely.is_empty());
+    let name = match (likely.as_slice(), symbol) {
+        ([name], _) => *name,
+        ([], Some(symbol)) => symbol,
+        _ => return None,
+    };
     // A name that cannot be typed does not help, and a file that is not a table may hold anything.
     if name.len() > MAX_NAME_BYTES || name.contains(char::is_control) {
         return None;
     }
     Some(match unit::in_name(contract_name, name).filter(|_| *name != "%time") {
         Some(unit) => format!("{name}:{unit}"),
-        None => (*name).to_owned(),
+        None => match other_unit(name) {
+            Some(other) => format!("{name}:{}", other.suggestion()),
+            None => (*name).to_owned(),
+        },
     })
 }
 
 /// Returns the contract name of a quantity and the unit that `name` ends in, as for `pressure_diff_bar`.
-pub(super) fn other_unit(name: &str) -> Option<(&'static str, &'static str)> {
+pub(super) fn quantity_in_unit(name: &str) -> Option<(&'static str, &'static str)> {
     contract::names().find_map(|contract_name| {
         let unit = unit::in_name(contract_name, name)?;
         let stem = contract_name.split('_').next()?;
@@ -161,11 +226,19 @@ mod tests {
     }
 
     #[test]
-    fn other_unit_with_covariate_in_known_unit_returns_it() {
-        assert_eq!(other_unit("pressure_diff_bar"), Some(("pressure_diff_pa", "bar")));
-        assert_eq!(other_unit("temperature_k"), Some(("temperature_c", "K")));
-        assert_eq!(other_unit("position_deg"), Some(("position_rad", "deg")));
-        assert_eq!(other_unit("flow_bar"), None);
-        assert_eq!(other_unit("pressure_diff_pa"), None);
+    fn column_with_time_and_torque_symbol_tells_them_apart() {
+        let columns = ["ts_us", "w", "T"];
+        assert_eq!(column("time_s", &columns).as_deref(), Some("ts_us:us"));
+        assert_eq!(column("torque_nm", &columns).as_deref(), Some("T"));
+        assert_eq!(column("torque_nm", &["I [A]", "Torque [%]"]).as_deref(), Some("Torque [%]:%"));
+    }
+
+    #[test]
+    fn quantity_in_unit_with_covariate_in_known_unit_returns_it() {
+        assert_eq!(quantity_in_unit("pressure_diff_bar"), Some(("pressure_diff_pa", "bar")));
+        assert_eq!(quantity_in_unit("temperature_k"), Some(("temperature_c", "K")));
+        assert_eq!(quantity_in_unit("position_deg"), Some(("position_rad", "deg")));
+        assert_eq!(quantity_in_unit("flow_bar"), None);
+        assert_eq!(quantity_in_unit("pressure_diff_pa"), None);
     }
 }

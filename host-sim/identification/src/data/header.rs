@@ -22,7 +22,7 @@ use super::naming::Naming;
 use super::options::ReadOptions;
 use super::preset::{Preset, PresetColumns};
 use super::unit::conversion;
-use crate::setting::Setting;
+use crate::setting::{Setting, shell_word};
 
 /// A column other than time, velocity and torque.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,6 +65,8 @@ pub(super) struct Layout {
     pub run: Option<usize>,
     /// The columns of time, velocity and torque. Without a velocity, the position takes its place.
     pub required: [CellReader; 3],
+    /// The column that may hold the dates, if time holds only times of day.
+    pub dates: Option<usize>,
     /// Whether the velocity must be derived from the position.
     pub is_position: bool,
     /// The joint kind of the velocity's (or position's) unit. It mostly equals that of the target.
@@ -99,6 +101,7 @@ impl Layout {
             joint: JointKind::Revolute,
             run: None,
             required: [CellReader::plain(0); 3],
+            dates: None,
             is_position: false,
             velocity_kind: JointKind::Revolute,
             optional: optional.collect(),
@@ -118,7 +121,7 @@ impl Layout {
     pub fn needed(&self) -> impl Iterator<Item = usize> {
         let required = self.required.iter().map(|reading| reading.index).chain(self.run);
         let optional = self.optional.iter().map(|column| column.reading.index);
-        let names = self.joint_names.iter().map(|column| column.index);
+        let names = self.joint_names.iter().map(|column| column.index).chain(self.dates);
         required.chain(optional).chain(names).chain(self.only.iter().map(|only| only.index))
     }
 
@@ -176,6 +179,15 @@ const JOINT_NAMES: [&str; 16] = [
     "controller",
     "controller_id",
 ];
+
+/// Names of columns of dates beside a column of times of day.
+const DATE_NAMES: [&str; 5] = ["date", "datum", "day", "fecha", "data"];
+
+/// Returns the column that may hold the dates of the times in `time`.
+fn date_column(names: &[String], time: usize) -> Option<usize> {
+    let is_date = |name: &String| DATE_NAMES.contains(&&*name.trim().to_lowercase());
+    names.iter().position(is_date).filter(|at| *at != time)
+}
 
 /// The required columns of a header.
 struct RequiredColumns {
@@ -245,6 +257,7 @@ pub(super) fn layout(
     options: &ReadOptions,
 ) -> Result<Layout, DataError> {
     let names = names.into();
+    check_wide(file, &names.names)?;
     if options.is_survey {
         return Ok(Layout::of_survey(names));
     }
@@ -264,19 +277,46 @@ pub(super) fn layout(
     Ok(layout)
 }
 
+/// Columns of InfluxDB that make a table long: its rows hold one field each.
+const LONG_COLUMNS: [&str; 3] = ["_time", "_field", "_value"];
+
+/// Refuses a long table, with the command that turns it into a wide one.
+fn check_wide(file: &Path, names: &[String]) -> Result<(), DataError> {
+    if !LONG_COLUMNS.iter().all(|long| names.iter().any(|name| name == long)) {
+        return Ok(());
+    }
+    let path = file.display().to_string().replace('\\', "\\\\").replace('\'', "\\'");
+    let script = format!(
+        "import pandas; pandas.read_csv('{path}', comment='#').pivot_table(index='_time', columns='_field', \
+         values='_value').to_csv('wide.csv')"
+    );
+    Err(DataError::File {
+        file: file.into(),
+        found: "a long table: one row for each field".into(),
+        expected: format!("a column for each field: python -c {}", shell_word(&script)),
+    })
+}
+
 /// Interprets the names of the columns.
 fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<Layout, DataError> {
     let one = one_joint(file, &names, options)?;
     let naming = Naming::new(file, &one.names, &options.columns)?;
     let required = RequiredColumns::find(file, &naming)?;
     let kind_note = required.check_kinds(file, &naming)?;
-    let run = naming.find(RUN).map(|reading| reading.index);
+    let required_columns = [required.time, required.motion.reading, required.target.reading];
+    let is_free = |at: &usize| required_columns.iter().all(|reading| reading.index != *at);
+    let other_case = || {
+        let mut columns = naming.columns().filter(|(_, name)| name.eq_ignore_ascii_case(RUN));
+        columns.next().filter(|_| columns.next().is_none()).map(|(reading, _)| reading)
+    };
+    let run = naming.find(RUN).or_else(other_case).map(|reading| reading.index).filter(is_free);
     let only = row_selections(file, &naming, &names, options, one.is_chosen)?;
     let RequiredColumns { time, motion, is_position, target } = required;
     let mut layout = Layout {
         joint: target.kind,
         run,
         required: [time, motion.reading, target.reading],
+        dates: date_column(&names, time.index),
         is_position,
         velocity_kind: motion.kind,
         optional: Vec::new(),
@@ -299,6 +339,11 @@ fn interpret(file: &Path, names: Vec<String>, options: &ReadOptions) -> Result<L
     layout.sources = sources.map(|(name, of)| source_column(&names, &naming, name, of)).collect();
     add_optional_columns(&mut layout, &names, &naming, &one, &required);
     layout.notes.extend(naming.hints());
+    if let Some(name) =
+        run.map(|run| &names[run]).filter(|name| naming.find(RUN).is_none() && *name != RUN)
+    {
+        layout.notes.push(format!("{}: the column {name} is read as {RUN}", file.display()));
+    }
     layout.names = names;
     Ok(layout)
 }

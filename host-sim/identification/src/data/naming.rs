@@ -8,10 +8,12 @@
 use std::path::Path;
 
 use super::cell::CellReader;
+use super::clock::is_date;
 use super::contract;
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
 use super::guess;
+use super::other_unit::other_unit;
 use super::unit::{self, conversion};
 use crate::setting::{Setting, shell_word};
 
@@ -75,7 +77,7 @@ impl<'a> Naming<'a> {
     pub fn hints(&self) -> Vec<String> {
         let own = self.columns().filter(|(reading, name)| self.names[reading.index] == *name);
         own.filter_map(|(_, name)| {
-            let (contract_name, unit) = guess::other_unit(name)?;
+            let (contract_name, unit) = guess::quantity_in_unit(name)?;
             let is_there = self.find(contract_name).is_some();
             (!is_there).then(|| {
                 let pair = shell_word(&format!("{contract_name}={name}:{unit}"));
@@ -130,6 +132,11 @@ fn check_names(file: &Path, names: &[String]) -> Result<(), DataError> {
         let expected = "the columns' names (time_s, velocity_rad_s, torque_nm ..)";
         return Err(at_header(file, &names[0], "numbers", expected));
     }
+    if let Some(date) = names.iter().find(|name| is_date(name.as_bytes())) {
+        let expected =
+            "a table with the columns' names in its first row, not messages or rows alone";
+        return Err(at_header(file, date, "a date or time", expected));
+    }
     let mut sorted: Vec<(&str, usize)> =
         names.iter().enumerate().map(|(at, name)| (name.as_str(), at + 1)).collect();
     sorted.sort_unstable();
@@ -142,6 +149,9 @@ fn check_names(file: &Path, names: &[String]) -> Result<(), DataError> {
     }
     Ok(())
 }
+
+/// Stands for a unit that the user must know, in a suggestion.
+const UNKNOWN_UNIT: &str = "UNIT";
 
 /// Resolves the pairs of `--columns` in the file.
 fn mapped_columns<'a>(
@@ -172,10 +182,25 @@ fn mapped_columns<'a>(
             return in_file(format!("no column {column}"), expected);
         };
         let own = &names[index];
+        let is_same = |of: &&Mapped| (of.reading.index, of.reading.element) == (index, element);
+        if let Some(earlier) = mapped.iter().find(is_same)
+            && unit::has_unit(name)
+            && unit::has_unit(earlier.name)
+        {
+            let found = format!("the column of {}", earlier.name);
+            return in_file(found, "a column for each quantity".into());
+        }
         let conversion = match unit {
             Some(unit) => match conversion(name, unit) {
                 Ok(conversion) => Some(conversion),
-                Err(expected) => return refuse(format!("the unit {unit}"), expected),
+                Err(expected) => match other_unit(own).filter(|_| unit == UNKNOWN_UNIT) {
+                    Some(other) => {
+                        let column = foreign.trim_end_matches(unit).trim_end_matches(':');
+                        let (found, expected) = other.refusal(name, column);
+                        return in_file(found, expected);
+                    }
+                    None => return refuse(format!("the unit {unit}"), expected),
+                },
             },
             // ROS always stamps its plain-text logs in nanoseconds.
             None if own == "%time" => conversion(name, "ns").ok(),
@@ -184,6 +209,11 @@ fn mapped_columns<'a>(
                     let found = format!("a name that ends in {unit}, without a unit");
                     let pair = shell_word(&format!("{name}={foreign}:{unit}"));
                     let expected = format!("{pair}, or the unit of the column");
+                    return in_file(found, expected);
+                }
+                if let Some(other) = other_unit(own).filter(|_| own != name && unit::has_unit(name))
+                {
+                    let (found, expected) = other.refusal(name, foreign);
                     return in_file(found, expected);
                 }
                 None

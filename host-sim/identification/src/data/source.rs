@@ -9,6 +9,7 @@
 mod arrow_file;
 #[cfg(feature = "arrow")]
 mod arrow_messages;
+mod blanks;
 mod can_trace;
 #[cfg(feature = "mcap")]
 mod cdr;
@@ -30,6 +31,7 @@ mod scope_preamble;
 mod separator;
 mod unpack;
 mod utf16;
+mod windows_1252;
 
 use super::clean::FileData;
 use super::error::DataError;

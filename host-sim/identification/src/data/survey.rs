@@ -2,10 +2,12 @@
 //!
 //! It answers `--columns help`, and names the likely columns in the error for a file with many columns.
 
+use super::clock::is_date;
 use super::column_names::ColumnNames;
 use super::columns::is_missing_value;
 use super::error::{DataError, listed, one_line};
 use super::options::ReadOptions;
+use super::other_unit::other_unit;
 use super::preset::Preset;
 use super::row::LogRow;
 use super::source::read_file;
@@ -51,6 +53,8 @@ pub struct ColumnSummary {
     pub numbers: usize,
     /// Number of cells with other text among these rows.
     pub texts: usize,
+    /// True if the first of these texts is a date or time.
+    pub is_date: bool,
     /// The unit at the end of its name, or the one that the file states.
     pub unit: Option<String>,
     /// The pair of `--columns` that may read it.
@@ -89,7 +93,10 @@ impl ColumnSamples {
             }
             match row.number(index) {
                 Some(_) => column.numbers += 1,
-                None => column.texts += 1,
+                None => {
+                    column.is_date |= column.texts == 0 && is_date(&text);
+                    column.texts += 1;
+                }
             }
             if column.samples.len() < SAMPLES {
                 let text: String =
@@ -131,17 +138,24 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     }
     let options = ReadOptions { is_survey: true, ..options.clone() };
     let mut survey = read_file(file, size.len(), &options, &|_| {})?.survey;
+    let is_time = |name: &str| guess::quantity(name) == Some("time_s");
+    let times = survey.columns.iter().filter(|column| is_time(&column.name)).count();
     for column in &mut survey.columns {
-        let quantity = guess::quantity(&column.name);
+        let is_torque = times > 1 && column.name == guess::TORQUE_SYMBOL;
+        let quantity = if is_torque { Some("torque_nm") } else { guess::quantity(&column.name) };
         let of_file = column.unit.take();
         let stated = quantity
             .and_then(|quantity| unit::stated(quantity, &column.name))
             .or_else(|| guess::any_unit(&column.name));
         column.unit = stated.map(str::to_owned).or(of_file.clone());
         let is_own = quantity == Some(&*column.name);
-        if let Some(quantity) = quantity.filter(|_| column.is_numeric() && !is_own) {
+        if let Some(quantity) = quantity.filter(|_| {
+            (column.is_numeric() || quantity == Some("time_s") && column.is_date) && !is_own
+        }) {
             let fitting = of_file.filter(|unit| unit::conversion(quantity, unit).is_ok());
             let unit = unit::in_name(quantity, &column.name).map(str::to_owned).or(fitting);
+            let other = || other_unit(&column.name).map(|other| other.suggestion().to_owned());
+            let unit = unit.or_else(other);
             let unit = unit.map(|unit| format!(":{unit}"));
             let pair = format!("{quantity}={}{}", column.name, unit.unwrap_or_default());
             column.suggestion = Some(shell_word(&pair));

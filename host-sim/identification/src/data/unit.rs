@@ -11,6 +11,7 @@
 //! A unit in a column's own name (`speed_rpm`, `t (ms)`) is neither applied nor ignored. Without an explicit unit the
 //! column is an error, whose message shows the option to use ([`in_name`]).
 
+use super::date::DateOrder;
 use crate::setting::Setting;
 use compensator_core::quantity::{JointKind, Quantity};
 
@@ -58,7 +59,7 @@ const POUND_FORCE_N: f64 = 4.448_221_615_260_5;
 const UNITS: &[Unit] = {
     use Dimension::*;
     &[
-        unit(Time, &["s", "sec", "seconds", "iso", "iso8601"], (1.0, 1.0, 0.0)),
+        unit(Time, &["s", "sec", "seconds", "iso", "iso8601", "date", "datetime"], (1.0, 1.0, 0.0)),
         unit(Time, &["ms", "msec", "millis", "milliseconds"], (1.0, 1e3, 0.0)),
         unit(Time, &["us", "usec", "micros", "microseconds"], (1.0, 1e6, 0.0)),
         unit(Time, &["ns", "nsec", "nanos", "nanoseconds", "nanosec"], (1.0, 1e9, 0.0)),
@@ -74,7 +75,7 @@ const UNITS: &[Unit] = {
         unit(AngularVelocity, &["deg/s", "degps", "dps"], (TURN_RAD, 360.0, 0.0)),
         unit(
             AngularVelocity,
-            &["rpm", "1/min", "r/min", "rev/min", "U/min"],
+            &["rpm", "1/min", "r/min", "rev/min", "U/min", "tr/min", "giri/min", "min1"],
             (TURN_RAD, 60.0, 0.0),
         ),
         unit(AngularVelocity, &["rps", "rev/s", "turn/s", "turns/s"], (TURN_RAD, 1.0, 0.0)),
@@ -133,14 +134,47 @@ pub(super) struct Conversion {
     sign: f64,
     /// Offset in the column's unit.
     offset: f64,
+    date_order: Option<DateOrder>,
+    /// Range of a signed counter that the log holds without its sign; 0 for other columns.
+    counter_range: f64,
 }
 
+/// Counters with a sign, and their ranges: `int16 0.01Nm`.
+const SIGNED_COUNTERS: [(&str, f64); 3] =
+    [("int8", 256.0), ("int16", 65_536.0), ("int32", 4_294_967_296.0)];
+
 impl Conversion {
+    const UNCHANGED: Self = Self {
+        linear: (1.0, 1.0, 0.0),
+        sign: 1.0,
+        offset: 0.0,
+        date_order: None,
+        counter_range: 0.0,
+    };
+
     /// Converts a number of the column to the contract's unit.
     #[inline]
     pub fn apply(&self, value: f64) -> f64 {
         let (times, over, plus) = self.linear;
+        let is_negative = self.counter_range > 0.0 && value >= 0.5 * self.counter_range;
+        let value = if is_negative { value - self.counter_range } else { value };
         self.sign * (value * times / over + plus) + self.offset
+    }
+
+    /// Returns the number in the column, without the sign of a counter.
+    pub fn inverse(&self, value: f64) -> f64 {
+        let (times, over, plus) = self.linear;
+        ((value - self.offset) / self.sign - plus) * over / times
+    }
+
+    /// Returns true if the column is read as a signed counter.
+    pub fn is_signed_counter(&self) -> bool {
+        self.counter_range > 0.0
+    }
+
+    /// Returns the order of day, month and year, if it was given in place of a unit.
+    pub fn date_order(&self) -> Option<DateOrder> {
+        self.date_order
     }
 
     /// Returns the nanoseconds in one unit of time.
@@ -157,6 +191,11 @@ fn dimension(contract_name: &str) -> Option<Dimension> {
     UNITS.iter().find(|unit| unit.symbols.contains(&symbol.as_str())).map(|unit| unit.dimension)
 }
 
+/// Returns true if a contract column has a unit: all but `run`.
+pub(super) fn has_unit(contract_name: &str) -> bool {
+    dimension(contract_name).is_some()
+}
+
 fn units_of(dimension: Dimension) -> impl Iterator<Item = &'static Unit> {
     UNITS.iter().filter(move |unit| unit.dimension == dimension)
 }
@@ -170,10 +209,15 @@ fn normalise(symbol: &str) -> String {
             '°' => text.push_str("deg"),
             'µ' | 'μ' => text.push('u'),
             '²' => text.push('2'),
+            '¹' => text.push('1'),
+            '⁻' => {}
             other => text.push(other),
         }
     }
-    text
+    match text.strip_suffix("/sec") {
+        Some(head) => format!("{head}/s"),
+        None => text,
+    }
 }
 
 /// Returns the unit with a symbol. If no symbol matches exactly, case is ignored, provided that one unit remains.
@@ -188,7 +232,7 @@ fn find(symbol: &str, dimension: Dimension) -> Option<&'static Unit> {
 }
 
 /// Symbols of the counts of an encoder. The number before them is that of a turn, not of a count.
-const COUNTS: [&str; 5] = ["counts", "count", "cpr", "ticks", "lsb"];
+const COUNTS: [&str; 8] = ["counts", "count", "cpr", "ticks", "lsb", "cnt", "inc", "qc"];
 
 /// A unit with the numbers beside it: `-4.2/1000Nm+0.3`.
 struct Scaled {
@@ -256,6 +300,19 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
         return Err(format!("no unit: {contract_name} has none"));
     };
     let symbol = symbol.trim();
+    let date_order = DateOrder::parse(symbol).filter(|_| dimension == Dimension::Time);
+    if date_order.is_some() {
+        return Ok(Conversion { date_order, ..Conversion::UNCHANGED });
+    }
+    for (name, counter_range) in SIGNED_COUNTERS {
+        if let Some(unit) = symbol.strip_prefix(name).filter(|_| dimension != Dimension::Time) {
+            let own = match unit.trim().trim_start_matches(['*', 'x']).trim() {
+                "" => Conversion::UNCHANGED,
+                unit => conversion(contract_name, unit)?,
+            };
+            return Ok(Conversion { counter_range, ..own });
+        }
+    }
     let (sign, bare) = match symbol.strip_prefix(['-', '−']) {
         Some(bare) if dimension != Dimension::Time => (-1.0, bare.trim_start()),
         _ => (1.0, symbol),
@@ -263,7 +320,8 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
     if let Some(Scaled { unit, times, over, offset }) = parse_scaled(bare, dimension) {
         let (factor, divisor, plus) = unit.conversion;
         let offset = offset * factor / divisor;
-        return Ok(Conversion { linear: (times * factor, over * divisor, plus), sign, offset });
+        let linear = (times * factor, over * divisor, plus);
+        return Ok(Conversion { linear, sign, offset, ..Conversion::UNCHANGED });
     }
     if counts(bare, dimension).is_some() {
         return Err("the counts of a turn before the unit, as 4096counts".into());
@@ -338,103 +396,4 @@ fn suffix(name: &str, dimension: Dimension) -> Option<&'static Unit> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::setting::plain;
-
-    fn in_si(contract_name: &str, symbol: &str, value: f64) -> f64 {
-        conversion(contract_name, symbol).unwrap().apply(value)
-    }
-
-    #[test]
-    fn conversion_with_common_units_returns_si_values() {
-        for (name, symbol, value, expected) in [
-            ("time_s", "ms", 1.0, 0.001),
-            ("time_s", "µs", 3.0, 3e-6),
-            ("time_s", "min", 2.0, 120.0),
-            ("velocity_rad_s", "rpm", 60.0, TURN_RAD),
-            ("velocity_rad_s", "°/s", 180.0, TURN_RAD / 2.0),
-            ("velocity_rad_s", "deg/s", 180.0, TURN_RAD / 2.0),
-            ("velocity_m_s", "mm/s", 5.0, 0.005),
-            ("position_rad", "deg", 90.0, TURN_RAD / 4.0),
-            ("position_m", "mm", 7.0, 0.007),
-            ("acceleration_rad_s2", "deg/s²", 360.0, TURN_RAD),
-            ("torque_nm", "N·mm", 1500.0, 1.5),
-            ("torque_nm", "mNm", 1500.0, 1.5),
-            ("torque_nm", "-Nm", 2.0, -2.0),
-            ("force_n", "kN", 2.0, 2000.0),
-            ("pressure_diff_pa", "bar", 3.0, 3e5),
-            ("pressure_diff_pa", "MPa", 3.0, 3e6),
-            ("pressure_diff_pa", "psi", 1.0, 6_894.757_293_168_361),
-            ("temperature_c", "K", 300.0, 26.850_000_000_000_023),
-            ("temperature_c", "degF", 212.0, 100.0),
-            ("time_s", "days", 0.5, 43_200.0),
-            ("velocity_rad_s", "0.229rpm", 100.0, 22.9 * TURN_RAD / 60.0),
-            ("velocity_rad_s", "0.5 1/min", 100.0, 50.0 * TURN_RAD / 60.0),
-            ("velocity_rad_s", "-4096counts/s", 4096.0, -TURN_RAD),
-            ("position_rad", "4096counts", 1024.0, TURN_RAD / 4.0),
-            ("position_rad", "360cpr-1.5", 0.0, -1.5 * TURN_RAD),
-            ("torque_nm", "4.2/1000Nm", 500.0, 2.1),
-            ("torque_nm", "-1e-3Nm", 500.0, -0.5),
-            ("pressure_diff_pa", "0.0122bar-1.5", 1000.0, 1.07e6),
-            ("temperature_c", "0.1degC-40", 650.0, 25.0),
-            ("temperature_c", "0.01K", 30_000.0, 26.850_000_000_000_023),
-        ] {
-            let found = in_si(name, symbol, value);
-            assert!((found / expected - 1.0).abs() < 1e-12, "{name} {symbol}: {found}");
-        }
-    }
-
-    #[test]
-    fn conversion_ignores_case_unless_ambiguous() {
-        assert_eq!(in_si("pressure_diff_pa", "mpa", 1.0), 1e6);
-        assert_eq!(in_si("velocity_rad_s", "RPM", 60.0), in_si("velocity_rad_s", "rpm", 60.0));
-        assert_eq!(in_si("force_n", "MN", 1.0), 1e6);
-        assert_eq!(in_si("force_n", "mN", 1.0), 1e-3);
-        assert!(conversion("force_n", "mn").is_err(), "a millinewton or a meganewton");
-    }
-
-    #[test]
-    fn conversion_with_other_dimension_lists_valid_units() {
-        let error = conversion("velocity_rad_s", "Nm").unwrap_err();
-        assert_eq!(error, "one of rad/s, mrad/s, deg/s, rpm, rps");
-        assert!(conversion("run", "s").unwrap_err().contains("no unit"));
-    }
-
-    #[test]
-    fn conversion_with_invalid_scale_says_what_is_expected() {
-        for (name, symbol, expected) in [
-            ("position_rad", "counts", "the counts of a turn before the unit, as 4096counts"),
-            ("position_rad", "0counts", "one of rad, mrad, deg, rev"),
-            ("position_rad", "1/0deg", "one of rad, mrad, deg, rev"),
-            ("position_rad", "infdeg", "one of rad, mrad, deg, rev"),
-            ("torque_nm", "%", "rated torque, which 100 % stands for"),
-            ("torque_nm", "0.1%", "rated torque, which 100 % stands for"),
-        ] {
-            assert_eq!(plain(&conversion(name, symbol).unwrap_err()), expected, "{symbol}");
-        }
-    }
-
-    #[test]
-    fn in_name_with_unit_suffix_returns_unit() {
-        for (name, foreign, unit) in [
-            ("velocity_rad_s", "speed_rpm", Some("rpm")),
-            ("velocity_rad_s", "speed [1/min]", Some("rpm")),
-            ("velocity_rad_s", "omega_deg_s", Some("deg/s")),
-            ("velocity_rad_s", "omega_deg_per_s", Some("deg/s")),
-            ("velocity_rad_s", "omega_rad_s", None),
-            ("velocity_rad_s", "dq_3", None),
-            ("time_s", "t (ms)", Some("ms")),
-            ("time_s", "t_s", None),
-            ("time_s", "%time", Some("ns")),
-            ("torque_nm", "motor_force_N", None),
-            ("torque_nm", "drive_voltage_v", None),
-            ("torque_nm", "tau_mNm", Some("mNm")),
-            ("pressure_diff_pa", "p_bar", Some("bar")),
-            ("temperature_c", "oil [°F]", Some("degF")),
-            ("run", "trial_s", None),
-        ] {
-            assert_eq!(in_name(name, foreign), unit, "{foreign}");
-        }
-    }
-}
+mod tests;

@@ -27,7 +27,7 @@ pub(super) fn verdicts(
     for estimate in &outcome.estimates {
         let name = estimate.id.name();
         match estimate.state {
-            State::Determined => {}
+            State::Determined => notes.extend(extrapolated_level(estimate, tracks)),
             State::NotDetermined if unobserved.contains(&estimate.id) => {
                 notes.push(format!(
                     "{name}: not determined: its column is absent or zero in all rows"
@@ -72,6 +72,29 @@ pub(super) fn verdicts(
         ));
     }
     notes
+}
+
+/// Largest plausible ratio of a static level to the largest logged torque. A level above it is not reached in the log.
+const MAX_STATIC_RATIO: f64 = 2.0;
+
+/// Returns a note if a static level is far above every logged torque.
+fn extrapolated_level(estimate: &Estimate, tracks: &[Track]) -> Option<String> {
+    if estimate.id != Id::StaticTorque {
+        return None;
+    }
+    let included = |track: &'_ Track| {
+        let rows = (0..track.len()).filter(|row| track.is_included(*row));
+        rows.map(|row| track.torque[row].abs()).fold(0.0, f64::max)
+    };
+    let largest = tracks.iter().map(included).fold(0.0, f64::max);
+    (largest > 0.0 && estimate.value > MAX_STATIC_RATIO * largest).then(|| {
+        format!(
+            "{}: {:.1} times the largest logged torque: the log does not reach it, and the value is an extrapolation \
+             to standstill",
+            estimate.id.name(),
+            estimate.value / largest
+        )
+    })
 }
 
 /// Returns true if the parameter cannot be 0.

@@ -4,13 +4,48 @@ use super::ChannelLayout;
 use crate::data::clean::{CleanRun, Cleaner};
 use crate::data::clock;
 use crate::data::columns::{ColumnUse, is_missing_value};
-use crate::data::contract::RUN;
+use crate::data::contract::{RUN, TIME};
+use crate::data::counter::unsigned_bits;
 use crate::data::dataset::LeftOutColumn;
-use crate::data::error::BadCell;
+use crate::data::error::{BadCell, DataError};
 use crate::data::fill::Fill;
 use crate::data::order::MIN_PAUSE_S;
+use crate::setting::Setting;
 
 impl Cleaner<'_> {
+    /// Refuses signed values that the log holds as unsigned counters, with the option to type.
+    pub(super) fn check_signs(&self) -> Result<(), DataError> {
+        // A position may wrap at the range of its counter.
+        let first = if self.layout.is_position { 2 } else { 1 };
+        for at in first..3 {
+            let reading = self.layout.required[at];
+            let runs = self.runs.iter().map(|run| run.required[at].as_slice());
+            let Some(bits) = unsigned_bits(runs, reading.conversion) else { continue };
+            let column = &self.layout.names[reading.index];
+            let mut sources = self.layout.sources.iter();
+            let source = sources.find(|of| &of.header == column && of.name != TIME);
+            let name = source.map_or("torque_nm", |source| &source.name);
+            let unit = source.and_then(|source| source.unit.as_ref());
+            let with_scale = match unit {
+                Some(_) => String::new(),
+                None => {
+                    let example = if at == 1 { "0.01rpm" } else { "0.01Nm" };
+                    format!(", followed by the value of a count, as int{bits} {example}")
+                }
+            };
+            let unit = unit.map_or_else(String::new, |unit| format!(" {unit}"));
+            let pair = format!("{name}={column}:int{bits}{unit}");
+            return Err(DataError::Request {
+                what: format!("{}: column {column}", self.file.display()),
+                found: format!(
+                    "jumps by nearly 2^{bits} counts: negative values without their sign"
+                ),
+                expected: Setting::Columns.suggested(pair) + &with_scale,
+            });
+        }
+        Ok(())
+    }
+
     /// Adds notes on the columns that are left out or filled.
     pub(super) fn add_column_notes(
         &mut self,
@@ -66,7 +101,7 @@ impl Cleaner<'_> {
         &mut self,
         channels: ChannelLayout,
         other_rows: usize,
-        repeated: usize,
+        [repeated, spread]: [usize; 2],
         extra_recordings: usize,
     ) {
         let mut notes = Vec::new();
@@ -80,6 +115,9 @@ impl Cleaner<'_> {
         }
         if let Some(origin) = self.clock.origin_ns {
             notes.push(format!("times count from {}", clock::format_origin(origin)));
+        }
+        if let Some(dates) = self.layout.dates.filter(|_| self.clock.is_dated) {
+            notes.push(format!("the dates of the times are from {}", self.layout.names[dates]));
         }
         if self.layout.is_position {
             notes.push("no velocity is logged: it is the difference of the positions".into());
@@ -101,6 +139,12 @@ impl Cleaner<'_> {
                 extra_recordings + 1,
             ));
         }
+        if spread > 0 {
+            notes.push(format!(
+                "{spread} rows repeat the time stamp before them: the rows of a stamp are spread evenly up to the next"
+            ));
+        }
+        let repeated = repeated.saturating_sub(spread);
         if repeated > 0 {
             notes.push(format!("{repeated} rows repeat the time stamp before them and are kept"));
         }

@@ -13,13 +13,14 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
+use super::blanks::SingleBlanks;
 use super::channel_clocks::{ChannelClocks, groups};
 use super::format::{HEAD_BYTES, Input, LogFormat};
 use super::number_style::NumberStyle;
 use super::preamble::{Preamble, find_preamble};
 use super::records::{RecordPosition, RecordReader, cell_names, is_blank, reader_builder};
 use super::separator::separator;
-use super::utf16;
+use super::{utf16, windows_1252};
 use crate::data::clean::{Cleaner, FileData};
 use crate::data::column_names::ColumnNames;
 use crate::data::error::DataError;
@@ -85,17 +86,27 @@ const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
 fn read(input: Input) -> Result<FileData, DataError> {
     let Input { path, mut file, head, size, options, progress } = input;
     let io = |source| DataError::Io { file: path.into(), source };
-    if let Some(order) = utf16::byte_order(head) {
+    let order = utf16::byte_order(head);
+    let is_windows_1252 = order.is_none() && windows_1252::is_windows_1252(head);
+    if order.is_some() || is_windows_1252 {
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(io)?;
-        let text = utf16::decode(&bytes, order);
+        let text = match order {
+            Some(order) => utf16::decode(&bytes, order),
+            None => windows_1252::decode(&bytes),
+        };
         drop(bytes);
         let head = &text.as_bytes()[..text.len().min(HEAD_BYTES as usize)];
         let before = find_preamble(head, options.skip_lines);
         let table = TextTable { path, head, before, size: text.len() as u64 };
         let start = table.before.start;
         let text = || Ok(&text.as_bytes()[start..]);
-        return table.read(text, options, &|bytes| progress(bytes.min(size)));
+        let mut data = table.read(text, options, &|bytes| progress(bytes.min(size)))?;
+        if is_windows_1252 {
+            let note = "the text is not UTF-8 and is read as Windows-1252";
+            data.notes.push(format!("{}: {note}", path.display()));
+        }
+        return Ok(data);
     }
     let mark = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let mut before = find_preamble(&head[mark..], options.skip_lines);
@@ -159,7 +170,9 @@ impl TextTable<'_> {
         }
         let mut names = Vec::new();
         if let Some(line) = self.commented() {
-            let mut header = reader_builder(self.separator()).from_reader(line);
+            let by = self.separator();
+            let line = SingleBlanks::new(line, by == b' ');
+            let mut header = reader_builder(by).from_reader(line);
             if header.read_byte_record(&mut records.record)? {
                 names = cell_names(&records.record);
             }
@@ -199,6 +212,7 @@ impl TextTable<'_> {
         let separator = self.separator();
         let format = NumberFormat { is_comma_free: separator != b',', style: Cell::new(style) };
         let bytes = self.size.saturating_sub(self.before.start as u64);
+        let text = SingleBlanks::new(text, separator == b' ');
         let records = RecordReader::new(text, separator, self.before.lines, bytes);
         let data = self.read_records(records, &format, options, progress).map(|mut data| {
             data.notes.extend(self.notes(format.style.get()));

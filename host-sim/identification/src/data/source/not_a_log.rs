@@ -75,8 +75,16 @@ const KNOWN: &[(&[u8], Refusal)] = &[
         &[0xd0, 0xcf, 0x11, 0xe0],
         ("a spreadsheet", "a CSV file: libreoffice --headless --convert-to csv FILE"),
     ),
+    (b"\x80\x03", PICKLE),
+    (b"\x80\x04", PICKLE),
+    (b"\x80\x05", PICKLE),
     (b"%PDF", ("a PDF document", "a CSV or Parquet file")),
 ];
+
+const PICKLE: Refusal = (
+    "a pickle of Python",
+    "a CSV or Parquet file: python -c \"import pandas; pandas.read_pickle('FILE').to_csv('log.csv')\"",
+);
 
 const PYARROW: &str = "a CSV or Parquet file: python -c \"import pyarrow.feather as f, pyarrow.parquet as p; \
                        p.write_table(f.read_table('FILE'), 'log.parquet')\"";
@@ -100,6 +108,12 @@ pub(super) fn recognise(head: &[u8]) -> Option<Refusal> {
         Some(("an empty file", "a header and a row per sample"))
     } else if is_json_document(text) {
         Some(("a JSON document", "JSON lines, one object a row: jq -c '.[]' FILE > log.jsonl"))
+    } else if is_yaml(text) {
+        Some((
+            "a YAML document",
+            "an MCAP or CSV file: ros2 bag record -s mcap /TOPIC, or ros2 topic echo --csv /TOPIC > log.csv with a \
+             header",
+        ))
     } else if !text.contains(&b'\n') && text.contains(&b'\r') {
         Some(("lines that end in CR alone", "lines that end in LF or CRLF"))
     } else {
@@ -127,6 +141,26 @@ pub(super) fn in_zip(has: &dyn Fn(&str) -> bool) -> Option<Refusal> {
     }
 }
 
+/// Returns true for documents of YAML, as `ros2 topic echo` writes them: keys, some of them indented.
+fn is_yaml(text: &[u8]) -> bool {
+    let mut lines = text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii_end);
+    let is_key = |line: &[u8]| {
+        let key = line
+            .strip_suffix(b":")
+            .or(line.split(|byte| *byte == b' ').next()?.strip_suffix(b":"))?;
+        let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
+        Some(!key.is_empty() && key.iter().all(is_word))
+    };
+    let mut top = lines.by_ref().filter(|line| !line.is_empty() && *line != b"---");
+    let (Some(first), Some(second)) = (top.next(), top.next()) else { return false };
+    let is_inside = second.starts_with(b"  ") || second.starts_with(b"- ");
+    let second = second.strip_prefix(b"-").unwrap_or(second).trim_ascii_start();
+    first.ends_with(b":")
+        && is_key(first) == Some(true)
+        && is_inside
+        && (is_key(second) == Some(true) || !second.contains(&b','))
+}
+
 /// Returns true for a document of JSON that is not one object a line.
 fn is_json_document(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
@@ -143,6 +177,7 @@ mod tests {
     fn recognise_with_unsupported_file_returns_its_type() {
         assert_eq!(recognise(b"PAR1...."), None);
         assert_eq!(recognise(b"a,b\n"), None);
+        assert_eq!(recognise(b"Settings:\n  a,b\n"), None);
         assert_eq!(recognise(b"MDF,time_s\n1,2\n"), None, "a header may begin alike");
         for (head, name) in [
             (&b""[..], "an empty file"),
@@ -162,6 +197,8 @@ mod tests {
             (b"TDSm\x0e\0\0\0", "a TDMS file"),
             #[cfg(not(feature = "arrow"))]
             (b"ARROW1\0\0", "an Arrow file"),
+            (b"header:\n  stamp:\n    sec: 1\n---\n", "a YAML document"),
+            (b"\x80\x04\x95\x10", "a pickle of Python"),
             (b"a,b\r1,2\r", "lines that end in CR alone"),
         ] {
             assert_eq!(recognise(head).unwrap().0, name);

@@ -37,6 +37,11 @@ pub(super) fn find_preamble(head: &[u8], skip: usize) -> Preamble {
     let given: usize =
         head.split_inclusive(|byte| *byte == b'\n').take(skip).map(<[u8]>::len).sum();
     let rest = &head[given..];
+    if skip == 0
+        && let Some(found) = find_labview_preamble(rest)
+    {
+        return found;
+    }
     let scope = if skip == 0 { find_scope_preamble(rest) } else { None };
     let mut found = scope.unwrap_or_else(|| find_comments(rest));
     if found.header.is_none() && found.columns.is_none() && skip == 0 {
@@ -46,6 +51,28 @@ pub(super) fn find_preamble(head: &[u8], skip: usize) -> Preamble {
     found.lines += skip as u64;
     found.header = found.header.map(|range| range.start + given..range.end + given);
     found
+}
+
+/// First words of a LabVIEW measurement file.
+const LABVIEW: &[u8] = b"LabVIEW Measurement";
+
+/// Finds the table of a LabVIEW measurement file: below the end of the header of its first segment. The headers have
+/// rows of as many cells as the table.
+fn find_labview_preamble(head: &[u8]) -> Option<Preamble> {
+    if !head.starts_with(LABVIEW) {
+        return None;
+    }
+    let (mut start, mut lines, mut ends) = (0, 0, 0);
+    for line in head.split_inclusive(|byte| *byte == b'\n') {
+        start += line.len();
+        lines += 1;
+        ends += usize::from(line.starts_with(b"***End_of_Header***"));
+        if ends == 2 {
+            let skipped = Some(String::from_utf8_lossy(LABVIEW).into_owned());
+            return Some(Preamble { start, lines, skipped, ..Preamble::default() });
+        }
+    }
+    None
 }
 
 /// Adds the lines of text above the header to the preamble of comments.
@@ -136,7 +163,8 @@ pub(super) fn cells(line: &[u8], by: u8) -> Vec<&[u8]> {
         );
         start + quotes..start + trimmed.len() - quotes
     };
-    parts.map(|cell| &cell[bare(cell)]).collect()
+    let cells = parts.map(|cell| &cell[bare(cell)]);
+    cells.filter(|cell| by != b' ' || !cell.is_empty()).collect()
 }
 
 /// Returns true if a cell is a number, with a decimal point or comma.
@@ -185,13 +213,12 @@ fn comment_text(line: &[u8]) -> Option<&[u8]> {
 /// Returns true if a comment is the header of a row.
 fn is_header(comment: &[u8], row: &[u8]) -> bool {
     let by = separator(row);
-    let cells = |line: &[u8]| line.split(|byte| *byte == by).count();
-    let is_number = |cell: &[u8]| fast_float2::parse::<f64, _>(cell.trim_ascii()).is_ok();
-    let is_row = row.split(|byte| *byte == by).all(is_number);
-    is_row
-        && cells(row) > 1
-        && cells(comment) == cells(row)
-        && !comment.split(|b| *b == by).all(is_number)
+    let is_number = |cell: &&[u8]| fast_float2::parse::<f64, _>(*cell).is_ok();
+    let (names, row) = (cells(comment, by), cells(row, by));
+    row.iter().all(is_number)
+        && row.len() > 1
+        && names.len() == row.len()
+        && !names.iter().all(is_number)
 }
 
 #[cfg(test)]
@@ -218,6 +245,7 @@ mod tests {
         assert_eq!(header("# made by numpy\n# time_s,v\n0,1\n"), Some("time_s,v"));
         assert_eq!(header("  #  time_s;v  \r\n0;1\n"), Some("time_s;v"));
         assert_eq!(header("#,time_s,v\n0,0.1,1\n"), Some(",time_s,v"));
+        assert_eq!(header("# t  dq tau\n0 0.1  1\n"), Some("t  dq tau"), "aligned blanks");
         assert_eq!(header("# one, two, three\n0,1\n"), None, "another number of cells");
         assert_eq!(header("# a,b\ntime_s,v\n0,1\n"), None, "the header is below");
     }
@@ -263,6 +291,14 @@ mod tests {
         ] {
             assert_eq!(find_preamble(text.as_bytes(), 0), Preamble::default(), "{text}");
         }
+    }
+
+    #[test]
+    fn find_preamble_of_labview_skips_both_headers() {
+        let end = "***End_of_Header***\t\n";
+        let text =
+            format!("LabVIEW Measurement\t\n{end}\t\nTime\t1\t1\n{end}X_Value\tv\tT\n0\t1\t2\n");
+        assert_eq!(table(&text, 0), ("X_Value\tv\tT", 5, Some("LabVIEW Measurement".into())));
     }
 
     #[test]

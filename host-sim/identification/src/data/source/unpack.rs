@@ -5,6 +5,7 @@
 
 use super::not_a_log;
 use crate::data::error::{DataError, listed, one_line};
+use crate::setting::shell_word;
 use flate2::read::MultiGzDecoder;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, Write};
@@ -111,7 +112,11 @@ fn only_member<R: Read + Seek>(
             Err(wrong(
                 path,
                 format!("a zip archive of {count} files ({})", listed(&files)),
-                format!("one file in it: unzip -p {archive} {0} > {0}", one_line(first)),
+                format!(
+                    "one file in it: unzip -p {} {1} > {1}",
+                    shell_word(&archive.to_string()),
+                    shell_word(&one_line(first))
+                ),
             ))
         }
     }

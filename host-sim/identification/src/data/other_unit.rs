@@ -1,0 +1,161 @@
+//! Units in columns' names that no factor of the log converts: percent of the rated torque, amperes, counts, volts.
+//!
+//! Such a column is never read without a unit. The message shows how to give the size of one count, or the torque of
+//! 100 %.
+
+use crate::setting::Setting;
+use compensator_core::quantity::Quantity;
+
+/// A unit that needs a number that the log does not hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum OtherUnit {
+    Percent,
+    PerMille,
+    Ampere,
+    Count,
+    Volt,
+}
+
+const PERCENT: [&str; 4] = ["%", "pct", "percent", "prozent"];
+const PER_MILLE: [&str; 5] = ["‰", "permille", "promille", "0.1%", "1/1000"];
+const AMPERES: [&str; 8] = ["a", "ma", "arms", "a rms", "amp", "amps", "ampere", "amperes"];
+const VOLTS: [&str; 4] = ["v", "mv", "volt", "volts"];
+const COUNTS: [&str; 12] = [
+    "cnt",
+    "cnts",
+    "count",
+    "counts",
+    "inc",
+    "incs",
+    "increments",
+    "ticks",
+    "pulses",
+    "lsb",
+    "qc",
+    "digits",
+];
+
+/// Symbols that end a name without brackets. Others, such as `a` of a joint, are too common.
+const SUFFIXES: [&str; 10] =
+    ["%", "pct", "percent", "prozent", "permille", "promille", "cnt", "cnts", "counts", "ticks"];
+
+/// Returns such a unit in brackets, or as the last word of a name.
+pub(super) fn other_unit(name: &str) -> Option<OtherUnit> {
+    let text = name.trim().to_lowercase();
+    let brackets = [('[', ']'), ('(', ')'), ('{', '}')];
+    let inside = brackets.iter().find_map(|(open, close)| {
+        let inside = text.strip_suffix(*close)?;
+        Some(inside[inside.rfind(*open)? + open.len_utf8()..].trim().to_owned())
+    });
+    match inside {
+        Some(inside) => of_symbol(&inside),
+        None => {
+            let last = text.rsplit(['_', ' ', '.', '-']).next().filter(|last| *last != text)?;
+            if last.ends_with('%') { Some(OtherUnit::Percent) } else { of_word(last) }
+        }
+    }
+}
+
+fn of_word(last: &str) -> Option<OtherUnit> {
+    of_symbol(last).filter(|_| SUFFIXES.contains(&last))
+}
+
+fn of_symbol(symbol: &str) -> Option<OtherUnit> {
+    let has = |all: &[&str], symbol: &str| all.contains(&symbol);
+    // `1/1000 of motor rated torque` and `% of rated`.
+    let first = symbol.split(' ').next().unwrap_or_default();
+    let rate = symbol.split('/').next().unwrap_or_default().trim();
+    if has(&PER_MILLE, first) || has(&PER_MILLE, symbol) {
+        Some(OtherUnit::PerMille)
+    } else if has(&PERCENT, first) {
+        Some(OtherUnit::Percent)
+    } else if has(&AMPERES, symbol) {
+        Some(OtherUnit::Ampere)
+    } else if has(&VOLTS, symbol) {
+        Some(OtherUnit::Volt)
+    } else {
+        has(&COUNTS, rate).then_some(OtherUnit::Count)
+    }
+}
+
+impl OtherUnit {
+    /// Returns the unit to suggest in `--columns`. `UNIT` stands for a number that the user must know.
+    pub fn suggestion(self) -> &'static str {
+        match self {
+            Self::Percent => "%",
+            Self::PerMille => "0.1%",
+            Self::Ampere | Self::Count | Self::Volt => "UNIT",
+        }
+    }
+
+    /// Returns what was found and what is expected for a mapping without a unit.
+    pub fn refusal(self, contract_name: &str, column: &str) -> (String, String) {
+        let found = |what: &str| format!("a name in {what}, without a unit");
+        let pair =
+            |unit: &str| Setting::Columns.suggested(format!("{contract_name}={column}:{unit}"));
+        let rated = Setting::RatedTorque.suggested("1.2Nm");
+        let is = |of: Quantity| Quantity::parse(contract_name).is_some_and(|found| found.0 == of);
+        let (of_volt, of_count) = if is(Quantity::Position) {
+            ("0.1rad", "4096counts")
+        } else if is(Quantity::Velocity) {
+            ("0.5rad/s", "4096counts/s")
+        } else {
+            ("0.4Nm", "0.01Nm")
+        };
+        match self {
+            Self::Percent => {
+                (found("percent"), format!("{} with {rated}, the torque of 100 %", pair("%")))
+            }
+            Self::PerMille => {
+                (found("per mille"), format!("{} with {rated}, the torque of 100 %", pair("0.1%")))
+            }
+            Self::Ampere => {
+                (found("amperes"), format!("the torque of 1 A, such as {}", pair("0.05Nm")))
+            }
+            Self::Volt => (found("volts"), format!("the value of 1 V, such as {}", pair(of_volt))),
+            Self::Count if of_count.starts_with('4') => {
+                (found("counts"), format!("the counts of a turn, such as {}", pair(of_count)))
+            }
+            Self::Count => {
+                (found("counts"), format!("the value of a count, such as {}", pair(of_count)))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::setting::plain;
+
+    #[test]
+    fn other_unit_with_share_current_or_count_returns_it() {
+        for (name, expected) in [
+            ("DRV.TORQUE(%)", Some(OtherUnit::Percent)),
+            ("torque_pct", Some(OtherUnit::Percent)),
+            ("Torque %", Some(OtherUnit::Percent)),
+            ("Torque actual value [1/1000 of motor rated torque]", Some(OtherUnit::PerMille)),
+            ("Moment [‰]", Some(OtherUnit::PerMille)),
+            ("Active Current [IQ] [A]", Some(OtherUnit::Ampere)),
+            ("Velocity Feedback [cnt/sec]", Some(OtherUnit::Count)),
+            ("position_counts", Some(OtherUnit::Count)),
+            ("CH1 (V)", Some(OtherUnit::Volt)),
+            ("tau_a", None),
+            ("tau [Nm]", None),
+            ("counts", None),
+            ("velocity[1]", None),
+        ] {
+            assert_eq!(other_unit(name), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn refusal_names_what_to_type() {
+        let (found, expected) = OtherUnit::PerMille.refusal("torque_nm", "T");
+        assert_eq!(found, "a name in per mille, without a unit");
+        let typed = "columns torque_nm=T:0.1% with rated torque 1.2Nm, the torque of 100 %";
+        assert_eq!(plain(&expected), typed);
+        let (_, expected) = OtherUnit::Count.refusal("velocity_rad_s", "v");
+        assert!(plain(&expected).ends_with("columns velocity_rad_s=v:4096counts/s"));
+    }
+}
