@@ -164,3 +164,21 @@ fn confounded_groups(outcome: &Outcome) -> Vec<String> {
     });
     notes.collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn extrapolated_level_with_static_torque_above_the_log_returns_note() {
+        let track = Track::even(vec![Default::default(); 3], vec![1.0, -2.0, 0.5], 0.01);
+        let note = |id, value| {
+            let estimate = Estimate { id, value, std_error: Some(0.1), state: State::Determined };
+            extrapolated_level(&estimate, std::slice::from_ref(&track))
+        };
+        assert_eq!(note(Id::StaticTorque, 3.9), None);
+        let found = note(Id::StaticTorque, 6.0).unwrap();
+        assert!(found.starts_with("static_torque: 3.0 times the largest logged torque"), "{found}");
+        assert_eq!(note(Id::CoulombTorque, 6.0), None);
+    }
+}
