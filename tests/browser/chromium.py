@@ -44,8 +44,6 @@ class Browser:
         os.close(from_browser)
         self.number = 0
         self.received = b""
-        # Frames and workers of the page, by type.
-        self.sessions = {}
         # Messages of the consoles, and addresses that were requested.
         self.errors = []
         self.addresses = []
@@ -53,7 +51,6 @@ class Browser:
         self.page = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Network", "Log", "Runtime"):
             self.call(f"{domain}.enable", self.page)
-        self.call("Target.setAutoAttach", self.page, autoAttach=True, waitForDebuggerOnStart=False, flatten=True)
         self.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(self.downloads))
 
     def __enter__(self):
@@ -92,8 +89,6 @@ class Browser:
     def _note(self, message):
         parameters = message.get("params", {})
         match message["method"]:
-            case "Target.attachedToTarget":
-                self.sessions[parameters["targetInfo"]["type"]] = parameters["sessionId"]
             case "Log.entryAdded" if parameters["entry"]["level"] == "error":
                 self.errors.append(parameters["entry"]["text"])
             case "Runtime.exceptionThrown":
@@ -106,19 +101,19 @@ class Browser:
         self.call("Page.navigate", self.page, url=pathlib.Path(file).resolve().as_uri())
         self.wait("document.readyState === 'complete' && location.protocol === 'file:'", 60)
 
-    def evaluate(self, script, session=None):
+    def evaluate(self, script):
         """Returns the value of a script, which may be a promise."""
         result = self.call(
-            "Runtime.evaluate", session or self.page, expression=script, awaitPromise=True, returnByValue=True
+            "Runtime.evaluate", self.page, expression=script, awaitPromise=True, returnByValue=True
         )
         if "exceptionDetails" in result:
             raise RuntimeError(str(result["exceptionDetails"]))
         return result["result"].get("value")
 
-    def wait(self, condition, limit_s, session=None):
+    def wait(self, condition, limit_s):
         """Waits until a script is true."""
         end = time.monotonic() + limit_s
-        while not self.evaluate(condition, session):
+        while not self.evaluate(condition):
             if time.monotonic() > end:
                 raise TimeoutError(f"{condition} is not true after {limit_s} s")
             time.sleep(0.1)

@@ -51,8 +51,8 @@ function show({ answer, document: json, parameters, report }, seconds) {
   element("document").href = addressOf(json, "application/json");
   element("parameters").href = addressOf(parameters, "text/plain");
   element("page").href = addressOf(report, "text/html");
-  element("report").srcdoc = report;
   element("result").hidden = false;
+  element("report").srcdoc = report;
   setStatus(`Done in ${seconds.toFixed(0)} s.`);
 }
 
