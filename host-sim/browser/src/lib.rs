@@ -2,7 +2,7 @@
 //!
 //! The interface is numbers only, so the page needs no generated code:
 //!
-//! 1. For each input, `reserve` returns a place in memory, into which the caller writes bytes ([`Part`]).
+//! 1. For each input, `reserve` returns a place in memory, into which the caller writes bytes (`Part`).
 //! 2. `add_file` ends a file. It takes the name and the content that were written last.
 //! 3. `diagnose` returns 0, or 1 if the log is refused. `result` and `result_length` then give each output.
 //!
@@ -58,7 +58,7 @@ fn take_text(part: Part) -> String {
     String::from_utf8_lossy(&take(part)).into_owned()
 }
 
-/// Returns the address of `length` bytes, into which the caller writes an input ([`Part`]).
+/// Returns the address of `length` bytes, into which the caller writes an input (`Part`).
 #[unsafe(no_mangle)]
 pub extern "C" fn reserve(part: usize, length: usize) -> *mut u8 {
     INPUTS.with_borrow_mut(|inputs| {
@@ -100,7 +100,7 @@ pub extern "C" fn diagnose() -> u32 {
 }
 
 /// Returns the address of a result, as UTF-8: 0 is the error line or the digest, 1 `diagnosis.json`, 2 `params.toml`, 3
-/// `report.html`. See [`Answer`].
+/// `report.html`. See `Answer`.
 #[unsafe(no_mangle)]
 pub extern "C" fn result(output: usize) -> *const u8 {
     OUTPUTS.with_borrow(|outputs| outputs[output].as_ptr())
