@@ -131,6 +131,9 @@ impl Log {
         let progress = |done, total| work::report(Progress::Reading { done, total });
         Ok(match &self.source {
             Source::Files(files) => data::read(files, &self.options.read, &progress)?,
+            Source::Contents(contents) => {
+                data::read_contents(contents, &self.options.read, &progress)?
+            }
             Source::Tables(tables) => data::read_tables(tables, &self.options.read)?,
         })
     }

@@ -55,7 +55,7 @@ pub use decimate::AntiAlias;
 pub use error::{BadCell, BadRows, DataError};
 pub use options::ReadOptions;
 pub use preset::Preset;
-pub use read::{read, read_tables};
+pub use read::{FileContent, read, read_contents, read_tables};
 pub use segment::{GAP_FACTOR, segments};
 pub use split::{DEFAULT_TEST_SHARE, Part, Split, SplitRule, TIME_BLOCKS, split};
 pub use survey::{ColumnSummary, Survey, survey};

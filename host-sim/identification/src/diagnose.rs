@@ -66,6 +66,7 @@ pub use regime::Share;
 pub use round::CandidateScore;
 pub use train_test::TrainTest;
 
+use crate::clock::Instant;
 use crate::data::{Dataset, Split};
 use crate::fit::statistics::autocorrelation_time;
 use crate::fit::{FitOptions, Loss, Outcome, State};
@@ -82,7 +83,6 @@ use extended::{Observation, Unexplained};
 use gram_blocks::LeftOut;
 use model::FittedModel;
 use rules::RuleDecision;
-use std::time::Instant;
 use thresholds::{NEGLIGIBLE, STRUCTURE};
 
 /// Options of a diagnosis.

@@ -54,6 +54,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[cfg(feature = "fit")]
+pub mod clock;
 pub mod data;
 #[cfg(feature = "fit")]
 pub mod diagnose;

@@ -4,7 +4,8 @@
 //! data, and cuts both into tracks. The same log and options give the same result, whatever holds the log.
 
 use crate::data::{
-    self, Cells, DataError, Dataset, Part, ReadOptions, Split, SplitRule, Table, read_tables,
+    self, Cells, DataError, Dataset, FileContent, Part, ReadOptions, Split, SplitRule, Table,
+    read_tables,
 };
 use crate::diagnose::DiagnosisOptions;
 use crate::fit::dataset_tracks::{campaign_start, tracks_since};
@@ -28,6 +29,8 @@ const HASHED_BYTES: usize = 64 * 1024;
 pub enum Source {
     /// In files, of any supported format.
     Files(Vec<PathBuf>),
+    /// In memory, as files of text.
+    Contents(Vec<FileContent>),
     /// In memory.
     Tables(Vec<Table>),
 }
@@ -164,15 +167,16 @@ impl From<String> for Error {
 /// # Errors
 /// If the log cannot be read or split, or holds several joints ([`DataError::SeveralJoints`]).
 pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Error> {
+    let progress = |done, total| work::report(Progress::Reading { done, total });
     let data = match source {
         Source::Files(files) => {
             let mut seen = HashSet::new();
             if let Some(twice) = files.iter().find(|file| !seen.insert(*file)) {
                 return Err(format!("{}: file is given twice", twice.display()).into());
             }
-            let progress = |done, total| work::report(Progress::Reading { done, total });
             data::read(files, &options.read, &progress)?
         }
+        Source::Contents(contents) => data::read_contents(contents, &options.read, &progress)?,
         Source::Tables(tables) => read_tables(tables, &options.read)?,
     };
     work::report_stage("checking the log");
@@ -192,6 +196,10 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
         Source::Files(files) => {
             files.iter().map(|file| file_sha256(file)).collect::<Result<_, _>>()?
         }
+        Source::Contents(contents) => contents
+            .iter()
+            .map(|content| hexadecimal(Sha256::new_with_prefix(&content.bytes)))
+            .collect(),
         Source::Tables(tables) => tables.iter().map(table_sha256).collect(),
     };
     let has_spikes = data.runs.iter().any(|run| !run.torque_spikes.is_empty());

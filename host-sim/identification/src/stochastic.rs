@@ -48,7 +48,7 @@ pub fn certify(
     tracks: &[Track],
     settings: &Settings,
 ) -> Certificate {
-    let begin = std::time::Instant::now();
+    let begin = crate::clock::Instant::now();
     let study = study::CertificateStudy::new(parameters, free, tracks, settings);
     let mut certificate = study.certify(study::ResidualSource::Measured);
     certificate.seconds = begin.elapsed().as_secs_f64();

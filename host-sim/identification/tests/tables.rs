@@ -1,9 +1,9 @@
-//! Tables in memory give the same data as files with the same cells.
+//! Tables and contents of files in memory give the same data as files with the same cells.
 
 use friction_identification::data::{
-    Cells, DataError, Dataset, ReadOptions, Table, read, read_tables,
+    Cells, DataError, Dataset, FileContent, ReadOptions, Table, read, read_contents, read_tables,
 };
-use friction_identification::prepare::{PrepareOptions, Source, prepare};
+use friction_identification::prepare::{PrepareOptions, Prepared, Source, prepare};
 
 const ROWS: usize = 200;
 
@@ -116,4 +116,46 @@ fn prepare_of_tables_states_a_hash_of_their_contents() {
     assert_eq!(hash(table("log")), hash(table("another name")));
     assert_ne!(hash(table("log")), hash(other));
     assert_eq!(hash(table("log")).len(), 64);
+}
+
+/// Prepares a log that is in a file, and the same bytes in memory.
+fn prepare_both(bytes: &[u8]) -> [Prepared; 2] {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("log.csv");
+    std::fs::write(&file, bytes).unwrap();
+    let content = FileContent { name: file.clone(), bytes: bytes.to_vec() };
+    [Source::Files(vec![file]), Source::Contents(vec![content])]
+        .map(|source| prepare(&source, &PrepareOptions::default()).expect("prepared"))
+}
+
+#[test]
+fn prepare_of_contents_gives_data_notes_and_hash_of_the_file() {
+    let utf16 = |text: &str| -> Vec<u8> {
+        "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(u16::to_le_bytes).collect()
+    };
+    let with_preamble = format!("recorded by a drive\nfirmware 7\n{}", csv());
+    for bytes in [csv().into_bytes(), utf16(&csv()), with_preamble.into_bytes()] {
+        let [file, content] = prepare_both(&bytes);
+        assert_eq!(content.hashes, file.hashes);
+        assert_eq!(content.data.notes, file.data.notes);
+        assert_eq!(content.data.rows, file.data.rows);
+        for (own, of_file) in content.data.runs.iter().zip(&file.data.runs) {
+            assert_eq!(own.name, of_file.name);
+            assert_eq!(own.time_s, of_file.time_s);
+            assert_eq!(own.torque, of_file.torque);
+        }
+    }
+}
+
+#[test]
+fn read_contents_with_other_formats_returns_error() {
+    let error = |bytes: &[u8]| {
+        let content = FileContent { name: "a.csv".into(), bytes: bytes.to_vec() };
+        read_contents(&[content], &ReadOptions::default(), &|_, _| {}).unwrap_err().to_string()
+    };
+    let archive = "a.csv: found an archive, expected the table in it: unpack it";
+    assert_eq!(error(&[0x1f, 0x8b, 8, 0]), archive);
+    let other = "a.csv: found a log of another format, expected a table as text (CSV)";
+    assert_eq!(error(b"(1.0) can0 181#0011\n"), other);
+    assert_eq!(error(&[1, 2, 0, 4, 5, 6, 7, 8]), other);
 }

@@ -2,12 +2,12 @@
 //!
 //! The comments allow a later reader to judge the file without the other results of the run.
 
+use friction_identification::clock::since_epoch;
 use friction_identification::data::Dataset;
 use friction_identification::fit::Outcome;
 use friction_identification::log_check::LogFinding;
 use friction_identification::params;
 use friction_identification::prepare::Prepared;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The origin of fitted parameters.
 pub struct Provenance<'a> {
@@ -26,7 +26,7 @@ pub struct Provenance<'a> {
 impl Provenance<'_> {
     /// Returns the comment lines, followed by an empty line.
     pub fn comments(&self) -> String {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        let now = since_epoch().as_secs();
         let mut lines = vec![format!(
             "{} of host-sim {}, {} UTC",
             self.command,

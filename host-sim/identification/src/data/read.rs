@@ -14,11 +14,20 @@ use super::clean::{CleanRun, FileData};
 use super::dataset::{Dataset, LeftOutColumn, Run, SourceColumn};
 use super::error::{BadRows, DataError};
 use super::options::ReadOptions;
-use super::source::read_file;
+use super::source::{read_content, read_file};
 use super::survey::with_likely_columns;
 use super::table::{Table, read_table};
 use crate::setting::Setting;
 use crate::work::checkpoint;
+
+/// A file in memory.
+#[derive(Clone, Debug)]
+pub struct FileContent {
+    /// Its name, for messages and reports.
+    pub name: PathBuf,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
 
 /// Reads, validates and joins the files. `progress` is called with the bytes done and the bytes in total.
 ///
@@ -58,21 +67,54 @@ pub fn read(
 /// As [`read`], and if the columns of a table differ in length.
 pub fn read_tables(tables: &[Table], options: &ReadOptions) -> Result<Dataset, DataError> {
     let names: Vec<PathBuf> = tables.iter().map(|table| PathBuf::from(&table.name)).collect();
-    if names.is_empty() {
-        return Err(no_data());
-    }
-    let mut seen = HashSet::new();
-    if let Some(twice) = names.iter().find(|name| !seen.insert(*name)) {
-        return Err(DataError::File {
-            file: twice.clone(),
-            found: "two tables of this name".into(),
-            expected: "distinct names".into(),
-        });
-    }
+    validate_names(&names, "two tables of this name")?;
     let parts = tables.iter().map(|table| read_table(table, options));
     let mut data = join(&names, parts.collect::<Result<_, _>>()?)?;
     shorten(&mut data, options)?;
     Ok(data)
+}
+
+/// Validates and joins the contents of files as [`read`] does with the files. `progress` is called with the bytes done and
+/// the bytes in total.
+///
+/// # Errors
+/// As [`read`], and if a content is not a table as text: other formats are read from files only.
+pub fn read_contents(
+    contents: &[FileContent],
+    options: &ReadOptions,
+    progress: &dyn Fn(u64, u64),
+) -> Result<Dataset, DataError> {
+    let names: Vec<PathBuf> = contents.iter().map(|content| content.name.clone()).collect();
+    validate_names(&names, "two files of this name")?;
+    let total = contents.iter().map(|content| content.bytes.len() as u64).sum();
+    let mut done = 0;
+    let mut parts = Vec::with_capacity(contents.len());
+    for FileContent { name, bytes } in contents {
+        let so_far = |bytes: u64| {
+            checkpoint();
+            progress(done + bytes, total);
+        };
+        parts.push(read_content(name, bytes, options, &so_far)?);
+        done += bytes.len() as u64;
+        progress(done, total);
+    }
+    let mut data = join(&names, parts)?;
+    shorten(&mut data, options)?;
+    Ok(data)
+}
+
+/// Fails if there is no name, or one is given twice.
+fn validate_names(names: &[PathBuf], twice_in_words: &str) -> Result<(), DataError> {
+    if names.is_empty() {
+        return Err(no_data());
+    }
+    let mut seen = HashSet::new();
+    let Some(twice) = names.iter().find(|name| !seen.insert(*name)) else { return Ok(()) };
+    Err(DataError::File {
+        file: twice.clone(),
+        found: twice_in_words.into(),
+        expected: "distinct names".into(),
+    })
 }
 
 fn no_data() -> DataError {

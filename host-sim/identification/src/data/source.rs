@@ -40,7 +40,7 @@ use format::{HEAD_BYTES, Input, LogFormat};
 use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::Path;
-use unpack::{Unpacked, unpack};
+use unpack::{Unpacked, is_packed, unpack};
 
 /// The formats, in the order they are tried. Any other text is a table.
 const FORMATS: &[LogFormat] = &[
@@ -96,16 +96,7 @@ fn read_unpacked(
 ) -> Result<FileData, DataError> {
     let head =
         read_head(&mut file).map_err(|source| DataError::Io { file: path.into(), source })?;
-    if let Some((found, expected)) = not_a_log::recognise(&head) {
-        let place = if name == path { String::new() } else { " in the archive".to_owned() };
-        // tar unpacks gzip itself.
-        let expected = expected.replace("tar -xf FILE", &format!("tar -xf {}", path.display()));
-        return Err(DataError::File {
-            file: path.into(),
-            found: format!("{found}{place}"),
-            expected: expected.replace("FILE", &name.display().to_string()),
-        });
-    }
+    refuse_other_files(path, name, &head)?;
     if options.skip_lines > 0 {
         return read_below_lines(Input { path, file, head: &head, size, options, progress });
     }
@@ -113,9 +104,60 @@ fn read_unpacked(
     (format.read)(Input { path, file, head: &head, size, options, progress })
 }
 
+/// Reads a table as text that is in memory. `path` is its name in messages.
+///
+/// # Errors
+/// As a file, and for every other format: archives and binary formats need a file.
+pub(super) fn read_content(
+    path: &Path,
+    bytes: &[u8],
+    options: &ReadOptions,
+    progress: &dyn Fn(u64),
+) -> Result<FileData, DataError> {
+    let head = &bytes[..bytes.len().min(HEAD_BYTES as usize)];
+    let wrong = |found: &str, expected: &str| DataError::File {
+        file: path.into(),
+        found: found.into(),
+        expected: expected.into(),
+    };
+    if is_packed(head) {
+        return Err(wrong("an archive", "the table in it: unpack it"));
+    }
+    refuse_other_files(path, path, head)?;
+    if options.skip_lines > 0 {
+        refuse_without_lines(path, head, options.skip_lines)?;
+        return csv_file::read_bytes(path, bytes, options, progress);
+    }
+    let is_binary = head.contains(&0) && utf16::byte_order(head).is_none();
+    // The last format matches every text.
+    let is_other = FORMATS[..FORMATS.len() - 1].iter().any(|format| (format.matches)(head));
+    if is_binary || is_other {
+        return Err(wrong("a log of another format", "a table as text (CSV)"));
+    }
+    csv_file::read_bytes(path, bytes, options, progress)
+}
+
+/// Refuses files that are known to be no log.
+fn refuse_other_files(path: &Path, name: &Path, head: &[u8]) -> Result<(), DataError> {
+    let Some((found, expected)) = not_a_log::recognise(head) else { return Ok(()) };
+    let place = if name == path { String::new() } else { " in the archive".to_owned() };
+    // tar unpacks gzip itself.
+    let expected = expected.replace("tar -xf FILE", &format!("tar -xf {}", path.display()));
+    Err(DataError::File {
+        file: path.into(),
+        found: format!("{found}{place}"),
+        expected: expected.replace("FILE", &name.display().to_string()),
+    })
+}
+
 /// Reads the table below the lines that the user skips. They must be in the first [`HEAD_BYTES`] bytes.
 fn read_below_lines(input: Input) -> Result<FileData, DataError> {
-    let (head, skip) = (input.head, input.options.skip_lines);
+    refuse_without_lines(input.path, input.head, input.options.skip_lines)?;
+    (csv_file::FORMAT.read)(input)
+}
+
+/// Refuses a file that has no table below the lines that the user skips.
+fn refuse_without_lines(path: &Path, head: &[u8], skip: usize) -> Result<(), DataError> {
     let is_utf16 = utf16::byte_order(head).is_some();
     let lines = head.iter().filter(|byte| **byte == b'\n').count();
     let found = if head.contains(&0) && !is_utf16 {
@@ -123,10 +165,10 @@ fn read_below_lines(input: Input) -> Result<FileData, DataError> {
     } else if lines <= skip {
         format!("{lines} lines in the first {} KiB", HEAD_BYTES / 1024)
     } else {
-        return (csv_file::FORMAT.read)(input);
+        return Ok(());
     };
     Err(DataError::Request {
-        what: format!("{}: --skip-lines {skip}", input.path.display()),
+        what: format!("{}: --skip-lines {skip}", path.display()),
         found,
         expected: "a table as text below the lines".into(),
     })

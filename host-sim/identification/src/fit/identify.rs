@@ -7,6 +7,7 @@ use super::solve::{FitOptions, Solution, fit, unobserved_parameters};
 use super::statistics::{autocorrelation_time, inverse_information};
 use super::track::{Rows, Track};
 use super::verdict::verdicts;
+use crate::clock::Instant;
 use crate::dual::Dual;
 use crate::number::significant;
 use crate::spec::{Spec, SpecError};
@@ -14,7 +15,6 @@ use ParameterId as Id;
 use compensator_core::parameters::Envelope;
 use compensator_core::{ParameterId, Parameters};
 use nalgebra::DMatrix;
-use std::time::Instant;
 
 /// Relative standard error of a positive parameter above which it is "not determined": values from half to twice as large
 /// are then within two standard errors. The prior alone gives 2.3.

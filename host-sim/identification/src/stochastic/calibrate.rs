@@ -35,7 +35,7 @@ pub fn certify_calibrated(
     tracks: &[Track],
     settings: &Settings,
 ) -> (Certificate, Calibrated) {
-    let begin = std::time::Instant::now();
+    let begin = crate::clock::Instant::now();
     let study = CertificateStudy::new(parameters, free, tracks, settings);
     let mut certificate = study.certify(ResidualSource::Measured);
     certificate.seconds = begin.elapsed().as_secs_f64();

@@ -96,22 +96,15 @@ fn read(input: Input) -> Result<FileData, DataError> {
             None => windows_1252::decode(&bytes),
         };
         drop(bytes);
-        let head = &text.as_bytes()[..text.len().min(HEAD_BYTES as usize)];
-        let before = find_preamble(head, options.skip_lines);
-        let table = TextTable { path, head, before, size: text.len() as u64 };
-        let start = table.before.start;
-        let text = || Ok(&text.as_bytes()[start..]);
-        let mut data = table.read(text, options, &|bytes| progress(bytes.min(size)))?;
+        let bytes = text.as_bytes();
+        let mut data = read_bytes(path, bytes, options, &|bytes| progress(bytes.min(size)))?;
         if is_windows_1252 {
             let note = "the text is not UTF-8 and is read as Windows-1252";
             data.notes.push(format!("{}: {note}", path.display()));
         }
         return Ok(data);
     }
-    let mark = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
-    let mut before = find_preamble(&head[mark..], options.skip_lines);
-    before.start += mark;
-    before.header = before.header.map(|range| range.start + mark..range.end + mark);
+    let before = preamble_after_mark(head, options);
     let start = before.start as u64;
     let from_start = || -> std::io::Result<File> {
         let mut file = file.try_clone()?;
@@ -119,6 +112,34 @@ fn read(input: Input) -> Result<FileData, DataError> {
         Ok(file)
     };
     TextTable { path, head, before, size }.read(from_start, options, progress)
+}
+
+/// Reads a table that is in memory. `path` is its name in messages.
+pub(super) fn read_bytes(
+    path: &Path,
+    bytes: &[u8],
+    options: &ReadOptions,
+    progress: &dyn Fn(u64),
+) -> Result<FileData, DataError> {
+    let head = &bytes[..bytes.len().min(HEAD_BYTES as usize)];
+    if let Some(order) = utf16::byte_order(head) {
+        let text = utf16::decode(bytes, order);
+        let size = bytes.len() as u64;
+        return read_bytes(path, text.as_bytes(), options, &|bytes| progress(bytes.min(size)));
+    }
+    let before = preamble_after_mark(head, options);
+    let start = before.start;
+    let table = TextTable { path, head, before, size: bytes.len() as u64 };
+    table.read(|| Ok(&bytes[start..]), options, progress)
+}
+
+/// Returns what precedes the rows of a text, which may begin with a byte order mark.
+fn preamble_after_mark(head: &[u8], options: &ReadOptions) -> Preamble {
+    let mark = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+    let mut before = find_preamble(&head[mark..], options.skip_lines);
+    before.start += mark;
+    before.header = before.header.map(|range| range.start + mark..range.end + mark);
+    before
 }
 
 /// Converts an error of the `csv` crate.

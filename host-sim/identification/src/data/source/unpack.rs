@@ -35,6 +35,11 @@ pub(super) struct Unpacked {
     pub name: PathBuf,
 }
 
+/// Returns true if a file that begins with `head` is an archive.
+pub(super) fn is_packed(head: &[u8]) -> bool {
+    head.starts_with(GZIP) || head.starts_with(ZIP)
+}
+
 /// Unpacks an archive that begins with `head`. Returns `None` for any other file.
 ///
 /// # Errors

@@ -1,0 +1,102 @@
+//! The diagnosis of files in memory, as the command line makes it.
+
+use friction_identification::data::{FileContent, ReadOptions, SplitRule};
+use friction_identification::diagnose::diagnose;
+use friction_identification::diagnose::summary::summary;
+use friction_identification::prepare::{Error, PrepareOptions, Source, prepare};
+use friction_identification::setting::{Message, Reference, Setting};
+use friction_results::diagnosis::{json_text, page_text, parameter_text};
+use serde_json::json;
+
+/// A log, and how it is read.
+pub struct Request {
+    /// The files of one joint.
+    pub files: Vec<FileContent>,
+    /// Columns, in the syntax of `--columns`.
+    pub columns: String,
+    /// Selection of rows, in the syntax of `--where`; selections are separated by spaces.
+    pub rows: String,
+}
+
+/// The result files, and what the page itself shows.
+pub struct Answer {
+    /// JSON object: `cause`, the sentences of `summary`, and the lines of `log` about its columns and problems.
+    pub digest: String,
+    /// `diagnosis.json`
+    pub document: String,
+    /// `params.toml`
+    pub parameters: String,
+    /// `report.html`
+    pub report: String,
+}
+
+/// Diagnoses a log. `stage` receives the present stage in words.
+///
+/// # Errors
+/// One line for the user.
+pub fn diagnose_log(request: Request, stage: &dyn Fn(&str)) -> Result<Answer, String> {
+    let columns = items(&request.columns, ',');
+    let options = PrepareOptions {
+        read: ReadOptions {
+            columns: column_pairs(&columns)?,
+            only: row_filters(&request.rows)?,
+            ..ReadOptions::default()
+        },
+        columns,
+        split: SplitRule::LeaveOneRunOut,
+        ..PrepareOptions::default()
+    };
+    stage("reading the log");
+    let input = prepare(&Source::Contents(request.files), &options).map_err(worded)?;
+    let found = diagnose(&input.data, &input.split, &input.question(), stage)
+        .map_err(|error| worded(error.into()))?;
+    stage("writing the report");
+    let problems = found.log_findings.iter();
+    let problems = problems.map(|found| format!("{}: {}", found.kind.name(), found.in_words));
+    let log: Vec<String> = input.overview.iter().cloned().chain(problems).collect();
+    let digest = json!({ "cause": found.cause(), "summary": summary(&found), "log": log });
+    Ok(Answer {
+        digest: digest.to_string(),
+        document: json_text(&found, &input)?,
+        parameters: parameter_text(&found, &input),
+        report: page_text(&found, &input),
+    })
+}
+
+/// Returns the non-empty items of a list.
+fn items(text: &str, separator: char) -> Vec<String> {
+    let items = text.split(separator).map(str::trim).filter(|item| !item.is_empty());
+    items.map(str::to_owned).collect()
+}
+
+/// Returns the pairs of contract name and column name.
+fn column_pairs(columns: &[String]) -> Result<Vec<(String, String)>, String> {
+    let pair = |text: &String| match text.split_once('=') {
+        Some((ours, theirs)) if !ours.is_empty() && !theirs.is_empty() => {
+            Ok((ours.trim().to_owned(), theirs.trim().to_owned()))
+        }
+        _ => Err(format!("Columns: found {text:?}, expected NAME=COLUMN or NAME=COLUMN:UNIT")),
+    };
+    columns.iter().map(pair).collect()
+}
+
+/// Returns the columns that select rows, each with its accepted values.
+fn row_filters(text: &str) -> Result<Vec<(String, Vec<String>)>, String> {
+    let filter = |text: &String| match text.split_once('=') {
+        Some((column, values)) if !column.is_empty() => Ok((column.into(), items(values, ','))),
+        _ => Err(format!("Rows: found {text:?}, expected COLUMN=VALUE")),
+    };
+    items(text, ' ').iter().map(filter).collect()
+}
+
+/// Returns an error as one line that names settings as the page does.
+fn worded(error: Error) -> String {
+    error.worded(&|Reference { setting, value, .. }: Reference| {
+        let field = match setting {
+            Setting::Columns => "Columns",
+            Setting::Where => "Rows",
+            other => other.name(),
+        };
+        if value.is_empty() { field.to_owned() } else { format!("{field}: {value}") }
+    })
+}
