@@ -7,14 +7,15 @@
 //!  4         TIM5            embassy's clock, microseconds
 //!  idle      -               the library's background loop: frames, supervisor, slow sensors, flash, watchdog
 //! ```
-//! Queues of complete values connect them; they share no state and take no lock. The state of the loop is
-//! in CCM, which the core accesses without wait states and no other bus master uses. Pins are in [`pins`],
-//! the values of the board's parts in [`scales`]. This has not run on hardware yet; see docs/src/how-to/porting.md.
+//! Queues of complete values connect them; they share no state and take no lock. The code of the loop is in
+//! CCM, which the core reads without wait states ([`fast_code`]), and its state in SRAM. Pins are in
+//! [`pins`], the values of the board's parts in [`scales`]. This has not run on hardware yet; see docs/src/how-to/porting.md.
 
 #![allow(unsafe_code)] // Expansion of RTIC's app, embassy's bindings, and one exception handler.
 #![allow(missing_docs)] // Code that RTIC generates.
 
 mod can;
+mod fast_code;
 mod flash;
 mod motor_stage;
 mod overcurrent;
@@ -70,7 +71,7 @@ mod app {
     use super::motor_stage::{MotorStage, encoder, has_correct_encoder_clock, measure_offsets};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
-    use super::{pins, scales, start, watchdog};
+    use super::{fast_code, pins, scales, start, watchdog};
     use compensator_core::can::Frame;
     use cortex_m::peripheral::DWT;
     use embassy_stm32::interrupt::{InterruptExt, Priority};
@@ -94,7 +95,6 @@ mod app {
     #[local]
     struct Local {
         // Owned by the current loop.
-        #[unsafe(link_section = ".ccm.task")]
         task: LoopTask,
         stage: MotorStage,
         port: LoopPort<'static>,
@@ -115,6 +115,7 @@ mod app {
         let panicked = panic::take();
         let cause = start::reset_cause();
         let wired = pins::wiring(embassy_stm32::init(start::clocks()));
+        fast_code::enable_flash_prefetch();
         // The rest of the start takes 30 ms; then the background refreshes the watchdog regularly.
         watchdog::start(wired.inside.watchdog);
         // embassy leaves this interrupt at the highest priority, equal to the loop's.
