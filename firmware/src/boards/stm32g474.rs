@@ -15,6 +15,7 @@
 #![allow(missing_docs)] // Code that RTIC generates.
 
 mod can;
+mod encoder;
 mod fast_code;
 mod flash;
 mod motor_stage;
@@ -67,8 +68,9 @@ unsafe fn DefaultHandler(number: i16) -> ! {
 #[rtic::app(device = embassy_stm32, peripherals = false)]
 mod app {
     use super::can::{self, Controller};
+    use super::encoder::{self, Encoder};
     use super::flash::StoreFlash;
-    use super::motor_stage::{MotorStage, encoder, has_correct_encoder_clock, measure_offsets};
+    use super::motor_stage::{MotorStage, measure_offsets};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
     use super::{fast_code, pins, scales, start, watchdog};
@@ -124,11 +126,14 @@ mod app {
         context.core.DWT.enable_cycle_counter();
 
         let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
+        // Both are triggered by the timers and therefore set up before these start.
+        let encoder = Encoder::new(wired.encoder);
+        let slow = SlowSensors::new(wired.slow, wired.pressure);
         let are_duties_at_top = stage.start();
         let shunts = measure_offsets(&mut stage);
-        let encoder = encoder(wired.encoder);
-        let self_test_passed =
-            are_duties_at_top && has_correct_encoder_clock() && shunts.iter().all(Option::is_some);
+        let self_test_passed = are_duties_at_top
+            && encoder::is_set_up_correctly()
+            && shunts.iter().all(Option::is_some);
         start::check_brown_out_level();
 
         let now_us = Instant::now().as_micros();
@@ -141,7 +146,6 @@ mod app {
             scales::LIMITS,
         );
         let controller = Controller::start(wired.can, driver.node(), driver.bit_rate_kbit());
-        let slow = SlowSensors::new(wired.slow, wired.pressure);
         let stage = MotorStage { stage, encoder, shunts };
 
         let (frames_out, frames) = context.local.frames.split();

@@ -13,7 +13,12 @@
 //! The error flag stays set until the error register is read. That takes two frames without an angle,
 //! during which the observer coasts. A broken wire reads as ones (the input must be pulled up), so the
 //! error flag is set.
+//!
+//! [`As504x`] exchanges one frame in each period on an SPI bus. [`FramePairs`] evaluates two frames in each
+//! period that hardware has exchanged: the second one answers the first, so its angle was latched between
+//! the two, microseconds before the period's sample.
 
+use core::convert::Infallible;
 use embedded_hal::spi::{Operation, SpiDevice};
 
 /// Bits of an angle.
@@ -54,8 +59,11 @@ pub const STUCK_AFTER_FRAMES: u16 = 4000;
 
 /// Delays from chip select to the first clock, and from the last clock to its release, ns (data sheet: t_L,
 /// t_H).
-const SELECT_NS: u32 = 350;
-const RELEASE_NS: u32 = 100;
+pub const SELECT_NS: u32 = 350;
+/// See [`SELECT_NS`].
+pub const RELEASE_NS: u32 = 100;
+/// Minimum time between two frames in which the chip is not selected, ns (data sheet: t_CSn).
+pub const DESELECTED_NS: u32 = 350;
 
 /// Returns a read command, with even parity in the top bit.
 const fn command(register: u16) -> u16 {
@@ -76,6 +84,8 @@ pub enum EncoderError<E> {
     Flagged,
     /// The frame carries no angle: it is the first one, or the answer about errors.
     NoAngle,
+    /// The frames of this period were not exchanged in time.
+    Missing,
 }
 
 /// Content of the next answer.
@@ -86,21 +96,60 @@ enum Awaited {
     Errors,
 }
 
-/// One encoder.
+/// Evaluates answers: parity, flag, and whether the angle still changes.
 #[derive(Debug)]
-pub struct As504x<S> {
-    spi: S,
-    awaited: Awaited,
+struct AnswerCheck {
     errors: u16,
     /// Last angle, and number of frames since it changed.
     last: u16,
     identical_frames: u16,
 }
 
+impl AnswerCheck {
+    const fn new() -> Self {
+        Self { errors: 0, last: 0, identical_frames: 0 }
+    }
+
+    /// Returns the angle of an answer of which `awaited` is expected.
+    #[inline(always)]
+    fn angle<E>(&mut self, awaited: Awaited, answer: u16) -> Result<u16, EncoderError<E>> {
+        if !answer.count_ones().is_multiple_of(2) {
+            return Err(EncoderError::Parity);
+        }
+        match awaited {
+            Awaited::Unknown => Err(EncoderError::NoAngle),
+            Awaited::Errors => {
+                self.errors |= answer & DATA;
+                Err(EncoderError::NoAngle)
+            }
+            Awaited::Angle if answer & ERROR != 0 => Err(EncoderError::Flagged),
+            Awaited::Angle => {
+                let angle = answer & DATA;
+                self.identical_frames =
+                    if angle == self.last { self.identical_frames.saturating_add(1) } else { 0 };
+                self.last = angle;
+                if self.identical_frames < STUCK_AFTER_FRAMES {
+                    Ok(angle)
+                } else {
+                    Err(EncoderError::Stuck)
+                }
+            }
+        }
+    }
+}
+
+/// One encoder.
+#[derive(Debug)]
+pub struct As504x<S> {
+    spi: S,
+    awaited: Awaited,
+    check: AnswerCheck,
+}
+
 impl<S: SpiDevice<u16>> As504x<S> {
     /// Creates the driver; no command was sent yet.
     pub fn new(spi: S) -> Self {
-        Self { spi, awaited: Awaited::Unknown, errors: 0, last: 0, identical_frames: 0 }
+        Self { spi, awaited: Awaited::Unknown, check: AnswerCheck::new() }
     }
 
     /// Exchanges one frame. Returns the 14-bit angle that was latched at the end of the previous frame.
@@ -124,32 +173,12 @@ impl<S: SpiDevice<u16>> As504x<S> {
             }
         };
         self.awaited = next;
-        if !answer.count_ones().is_multiple_of(2) {
-            return Err(EncoderError::Parity);
+        let angle = self.check.angle(awaited, answer);
+        if matches!(angle, Err(EncoderError::Flagged)) {
+            // Read the error register in a separate frame. The answer to the command just sent is lost.
+            self.clear();
         }
-        match awaited {
-            Awaited::Unknown => Err(EncoderError::NoAngle),
-            Awaited::Errors => {
-                self.errors |= answer & DATA;
-                Err(EncoderError::NoAngle)
-            }
-            Awaited::Angle if answer & ERROR != 0 => {
-                // Read the error register in a separate frame. The answer to the command just sent is lost.
-                self.clear();
-                Err(EncoderError::Flagged)
-            }
-            Awaited::Angle => {
-                let angle = answer & DATA;
-                self.identical_frames =
-                    if angle == self.last { self.identical_frames.saturating_add(1) } else { 0 };
-                self.last = angle;
-                if self.identical_frames < STUCK_AFTER_FRAMES {
-                    Ok(angle)
-                } else {
-                    Err(EncoderError::Stuck)
-                }
-            }
-        }
+        angle
     }
 
     fn frame(&mut self, ask: u16) -> Result<u16, S::Error> {
@@ -170,14 +199,59 @@ impl<S: SpiDevice<u16>> As504x<S> {
 
     /// Returns all bits of the error register since the last call: 0 framing, 1 command, 2 parity.
     pub fn take_errors(&mut self) -> u16 {
-        core::mem::take(&mut self.errors)
+        core::mem::take(&mut self.check.errors)
+    }
+}
+
+/// Evaluates frames that hardware exchanges in pairs, two in each period.
+#[derive(Debug)]
+pub struct FramePairs {
+    check: AnswerCheck,
+    /// The next period's first command reads the error register.
+    reads_errors: bool,
+}
+
+impl Default for FramePairs {
+    fn default() -> Self {
+        Self { check: AnswerCheck::new(), reads_errors: false }
+    }
+}
+
+impl FramePairs {
+    /// Command of the second frame of each pair. Its answer, in the next period, is not used.
+    pub const SECOND_COMMAND: u16 = READ_ANGLE;
+
+    /// Returns the command of the first frame of the next pair.
+    #[inline(always)]
+    pub const fn first_command(&self) -> u16 {
+        if self.reads_errors { READ_ERRORS } else { READ_ANGLE }
+    }
+
+    /// Evaluates the answer of the second frame, which answers [`FramePairs::first_command`]. `None` if the
+    /// pair was not exchanged in time. Returns the 14-bit angle, latched at the end of the first frame.
+    ///
+    /// # Errors
+    /// Returns why there is no angle. Keep calling: the encoder recovers if possible.
+    #[inline(always)]
+    pub fn angle(&mut self, answer: Option<u16>) -> Result<u16, EncoderError<Infallible>> {
+        let awaited = if self.reads_errors { Awaited::Errors } else { Awaited::Angle };
+        let angle = match answer {
+            Some(answer) => self.check.angle(awaited, answer),
+            None => Err(EncoderError::Missing),
+        };
+        self.reads_errors = matches!(angle, Err(EncoderError::Flagged));
+        angle
+    }
+
+    /// Returns all bits of the error register since the last call, as [`As504x::take_errors`].
+    pub fn take_errors(&mut self) -> u16 {
+        core::mem::take(&mut self.check.errors)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use core::convert::Infallible;
     use embedded_hal::spi::ErrorType;
 
     /// A simulated encoder: it answers one frame late and holds its error flag.
@@ -292,6 +366,48 @@ mod tests {
         assert_eq!(encoder.angle(), Ok(0x1234));
         assert_eq!(encoder.take_errors(), 0b10);
         assert_eq!(encoder.take_errors(), 0);
+    }
+
+    /// Exchanges a pair of frames.
+    fn pair(chip: &mut Chip, pairs: &mut FramePairs) -> Result<u16, EncoderError<Infallible>> {
+        let mut answers = [pairs.first_command(), FramePairs::SECOND_COMMAND];
+        for word in &mut answers {
+            let mut words = [*word];
+            let _ = chip.transaction(&mut [Operation::TransferInPlace(&mut words)]);
+            [*word] = words;
+        }
+        pairs.angle(Some(answers[1]))
+    }
+
+    #[test]
+    fn pair_of_frames_returns_the_angle_latched_between_them() {
+        let (mut chip, mut pairs) = (encoder().spi, FramePairs::default());
+        for angle in [0x1234, 0x0001, 0x3FFF] {
+            chip.angle = angle;
+            assert_eq!(pair(&mut chip, &mut pairs), Ok(angle));
+        }
+    }
+
+    #[test]
+    fn pair_with_an_error_flag_reads_and_clears_it_in_the_next_pair() {
+        let (mut chip, mut pairs) = (encoder().spi, FramePairs::default());
+        assert_eq!(pair(&mut chip, &mut pairs), Ok(0x1234));
+        chip.errors = 0b10;
+        assert_eq!(pair(&mut chip, &mut pairs), Err(EncoderError::Flagged));
+        assert_eq!(pair(&mut chip, &mut pairs), Err(EncoderError::NoAngle));
+        assert_eq!(pair(&mut chip, &mut pairs), Ok(0x1234));
+        assert_eq!((pairs.take_errors(), pairs.take_errors()), (0b10, 0));
+    }
+
+    #[test]
+    fn pair_that_is_missing_or_damaged_gives_no_angle() {
+        let mut pairs = FramePairs::default();
+        assert_eq!(pairs.angle(None), Err(EncoderError::Missing));
+        assert_eq!(pairs.angle(Some(1)), Err(EncoderError::Parity));
+        // A broken wire reads as ones.
+        assert_eq!(pairs.angle(Some(u16::MAX)), Err(EncoderError::Flagged));
+        assert_eq!(pairs.angle(Some(u16::MAX)), Err(EncoderError::NoAngle));
+        assert_eq!(pairs.angle(Some(3)), Ok(3));
     }
 
     #[test]

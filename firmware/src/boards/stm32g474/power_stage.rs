@@ -48,8 +48,8 @@ pub struct Counts {
 
 /// The bridge. Only [`Stage::drive`] closes it.
 pub struct Stage {
-    adc_a: InjectedAdc<'static, ADC1, 2>,
-    adc_b: InjectedAdc<'static, ADC2, 1>,
+    _adc_a: InjectedAdc<'static, ADC1, 2>,
+    _adc_b: InjectedAdc<'static, ADC2, 1>,
     _timer: Peri<'static, TIM1>,
     break_pin: Flex<'static>,
     enable: Output<'static>,
@@ -95,7 +95,7 @@ impl Stage {
             Exten::RISING_EDGE,
             false,
         );
-        Self { adc_a, adc_b, _timer: bridge.timer, break_pin, enable }
+        Self { _adc_a: adc_a, _adc_b: adc_b, _timer: bridge.timer, break_pin, enable }
     }
 
     /// Starts the timer and wakes the gate driver. Returns true if duties take effect at the top, as
@@ -129,9 +129,12 @@ impl Stage {
     /// Returns the latest counts. Phases a and b are converted simultaneously.
     #[inline(always)]
     pub fn counts(&mut self) -> Counts {
-        let [phase_a, bus] = self.adc_a.read_injected_samples();
-        let [phase_b] = self.adc_b.read_injected_samples();
-        Counts { phase_a, phase_b, bus }
+        // Read directly: embassy would also clear the flags, which costs six register accesses.
+        Counts {
+            phase_a: pac::ADC1.jdr(0).read().jdata(),
+            phase_b: pac::ADC2.jdr(0).read().jdata(),
+            bus: pac::ADC1.jdr(1).read().jdata(),
+        }
     }
 
     /// Returns the cycles since the last top, that is since the sample.
@@ -254,7 +257,11 @@ fn set_up_timer() {
     set_duties([0.5; 3]);
     // Channel 4 has no pin: it rises one count before the top and starts the conversions.
     TIMER.ccr(3).write(|w| w.set_ccr(PWM_TOP - 1));
-    TIMER.cr2().write(|w| w.set_mms2(vals::Mms2::COMPARE_OC4));
+    TIMER.cr2().write(|w| {
+        w.set_mms2(vals::Mms2::COMPARE_OC4);
+        // The encoder's timer starts with this one.
+        w.set_mms(vals::Mms::ENABLE);
+    });
     TIMER.ccer().write(|w| {
         for channel in 0..3 {
             w.set_cce(channel, true);

@@ -1,5 +1,6 @@
 //! Frequencies, scales and levels of this board: the values to change with its parts.
 
+use super::encoder::LEAD_CYCLES;
 use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
 use firmware::deadline::DeadlineLimits;
@@ -85,8 +86,7 @@ const _: () = {
 const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
 /// Properties of the stage that the loop uses.
 pub const STAGE: StageTraits = StageTraits {
-    // The angle belongs to the previous frame, which began 2 us after the previous top.
-    encoder_age_s: PERIOD_S - 2e-6,
+    encoder_age_s: super::encoder::AGE_S,
     modulation_max: StageTraits::max_modulation(
         PERIOD_S,
         DEAD_TIME as f32 / CORE_HZ as f32,
@@ -104,18 +104,31 @@ const _: () =
 
 /// Core cycles per converter cycle.
 const CORE_CYCLES_PER_CONVERTER_CYCLE: u32 = 4;
-/// Window in which a slow conversion may start.
-///
-/// In converter cycles, currents and bus take 12.5 + 12.5 and 24.5 + 12.5 from the top on, a slow
-/// conversion 247.5 + 12.5. The margin of 1 us covers the time between the check and the start.
-pub const QUIET: QuietWindow = match QuietWindow::for_period(
+/// Cycles from the top of the PWM until currents and bus are converted: 12.5 + 12.5 and 24.5 + 12.5 converter
+/// cycles.
+pub const FAST_CONVERSION_CYCLES: u32 = 62 * CORE_CYCLES_PER_CONVERTER_CYCLE;
+/// Cycles of a slow conversion: 247.5 + 12.5 converter cycles.
+const SLOW_CONVERSION_CYCLES: u32 = 260 * CORE_CYCLES_PER_CONVERTER_CYCLE;
+/// Window in which a slow conversion may start. Its margin of 1 us covers jitter of the trigger.
+const QUIET: QuietWindow = match QuietWindow::for_period(
     CORE_HZ / LOOP_HZ,
-    62 * CORE_CYCLES_PER_CONVERTER_CYCLE,
-    260 * CORE_CYCLES_PER_CONVERTER_CYCLE,
+    FAST_CONVERSION_CYCLES,
+    SLOW_CONVERSION_CYCLES,
     CORE_HZ / 1_000_000,
 ) {
     Some(window) => window,
     None => panic!("the period leaves no time for a slow conversion"),
+};
+/// Cycles from the top of the PWM to the start of the two conversions of the temperatures.
+pub const SLOW_START_CYCLES: u32 = QUIET.from + 10;
+/// Cycles from the top of the PWM to the start of the conversion of the side load, at the other edge of the
+/// same signal, which is symmetric about the top of the encoder's timer.
+const FORCE_START_CYCLES: u32 = CORE_HZ / LOOP_HZ - 2 * LEAD_CYCLES - SLOW_START_CYCLES;
+const _: () = {
+    let second = SLOW_START_CYCLES + SLOW_CONVERSION_CYCLES;
+    assert!(QUIET.contains(SLOW_START_CYCLES) && QUIET.contains(second), "temperatures");
+    assert!(QUIET.contains(FORCE_START_CYCLES), "the side load disturbs the currents");
+    assert!(FORCE_START_CYCLES > second + SLOW_CONVERSION_CYCLES, "the side load is disturbed");
 };
 /// Clock of the pressure sensor; its maximum is 400 kHz.
 pub const PRESSURE_CLOCK: Hertz = Hertz(400_000);
