@@ -16,6 +16,7 @@
 
 pub mod as504x;
 pub mod bus_recovery;
+pub mod comparator;
 pub mod ms5837;
 pub mod quiet;
 pub mod shunt;

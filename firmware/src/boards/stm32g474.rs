@@ -73,7 +73,7 @@ mod app {
     use super::motor_stage::{MotorStage, measure_offsets};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
-    use super::{fast_code, pins, scales, start, watchdog};
+    use super::{fast_code, overcurrent, pins, scales, start, watchdog};
     use compensator_core::can::Frame;
     use cortex_m::peripheral::DWT;
     use embassy_stm32::interrupt::{InterruptExt, Priority};
@@ -141,6 +141,7 @@ mod app {
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
         let driver = Driver::boot(NodeSettings::default(), store, identity, &boot, now_us);
+        overcurrent::follow(driver.set().motor.overcurrent_a);
         let task = LoopTask::new(
             LoopParts::build_or_measure_only(driver.set(), scales::STAGE),
             scales::LIMITS,

@@ -22,6 +22,15 @@ pub struct MotorStage {
     pub shunts: [Option<Shunt>; 2],
 }
 
+impl MotorStage {
+    /// Brakes the motor through its own resistance: all low sides are closed.
+    #[inline(always)]
+    #[expect(dead_code, reason = "the interface of the current loop has no brake yet")]
+    pub fn brake(&mut self) {
+        self.stage.brake();
+    }
+}
+
 impl PowerStage for MotorStage {
     #[inline(always)]
     fn sample(&mut self) -> StageSample {

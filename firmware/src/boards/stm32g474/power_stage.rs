@@ -170,6 +170,15 @@ impl Stage {
         }
     }
 
+    /// Closes all low sides and opens all high sides from the next period on: the motor brakes through its own
+    /// resistance. As [`Stage::drive`], it closes the bridge only if no break is active.
+    ///
+    /// The shunts carry the braking current, so the comparators stay in effect.
+    #[inline(always)]
+    pub fn brake(&mut self) {
+        self.drive([0.0; 3]);
+    }
+
     /// Opens all switches at once. When they close again, the voltage is zero.
     #[inline(always)]
     pub fn off(&mut self) {

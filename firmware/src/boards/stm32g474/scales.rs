@@ -7,6 +7,7 @@ use firmware::deadline::DeadlineLimits;
 use firmware::loop_parts::StageTraits;
 use firmware::node::bit_timing::{BIT_RATES_KBIT, BitTiming};
 use firmware::sensors::as504x::{MAX_CLOCK_HZ, clock_divider};
+use firmware::sensors::comparator::ComparatorLevels;
 use firmware::sensors::quiet::QuietWindow;
 use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
 use firmware::sensors::strain_gauge::StrainGauge;
@@ -34,26 +35,19 @@ pub const LIMITS: DeadlineLimits = DeadlineLimits::for_period(CORE_HZ / LOOP_HZ,
 const REFERENCE_V: f32 = 3.3;
 /// Scale of the shunts: 1 mohm, gain 20. A current into the motor lowers the voltage of a low-side shunt.
 pub const AMPERES_PER_COUNT: f32 = -REFERENCE_V / (CONVERTER_RANGE_COUNTS as f32 * 0.001 * 20.0);
-/// Phase current at which the comparators open the bridge, A.
+/// Highest phase current at which the comparators open the bridge, A: the rating of its switches.
 ///
-/// It is 10 % above `overcurrent_a`, so that a working processor trips first and reports the value. Levels,
-/// amplifiers and comparators are off by 2 A at most (9 mV, 10 counts, 0.3 A, 1 %). Half of it is below the
-/// current limit, twice of it above the range of an amplifier (82 A).
-const BREAK_A: f32 = 44.0;
-const MIDDLE_COUNTS: u16 = CONVERTER_RANGE_COUNTS / 2;
-const BREAK_COUNTS: u16 = (-BREAK_A / AMPERES_PER_COUNT) as u16;
+/// The levels of a joint follow its parameter `overcurrent_a`. Levels, amplifiers and comparators are off by
+/// 2 A at most (9 mV, 10 counts, 0.3 A, 1 %). Half of the ceiling is below the current limit, twice of it
+/// above the range of an amplifier (82 A).
+pub const BREAK_CEILING_A: f32 = 44.0;
+/// Levels of the ceiling, which hold until the parameters are read.
+pub const CEILING_LEVELS: ComparatorLevels =
+    ComparatorLevels::for_current(BREAK_CEILING_A, AMPERES_PER_COUNT);
 const _: () = assert!(
-    BREAK_COUNTS < MIDDLE_COUNTS - CONVERTER_RANGE_COUNTS / 20,
+    CEILING_LEVELS.phase[1] > CONVERTER_RANGE_COUNTS / 20,
     "the level is at the amplifier's rail"
 );
-/// Upper level of the amplifier of a phase, counts.
-pub const BREAK_ABOVE: u16 = MIDDLE_COUNTS + BREAK_COUNTS;
-/// Lower level of the amplifier of a phase, counts.
-pub const BREAK_BELOW: u16 = MIDDLE_COUNTS - BREAK_COUNTS;
-/// Upper level of the mean of two amplifiers, which shows half of the current in the third phase, counts.
-pub const BREAK_MEAN_ABOVE: u16 = MIDDLE_COUNTS + BREAK_COUNTS / 2;
-/// Lower level of the mean of two amplifiers, counts.
-pub const BREAK_MEAN_BELOW: u16 = MIDDLE_COUNTS - BREAK_COUNTS / 2;
 
 /// Scale of the bus voltage: divider of 68 k over 3.3 k.
 pub const VOLTS_PER_COUNT: f32 = REFERENCE_V / CONVERTER_RANGE_COUNTS as f32 * (68.0 + 3.3) / 3.3;
