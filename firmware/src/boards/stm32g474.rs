@@ -112,10 +112,11 @@ mod app {
         queues: LoopQueues = LoopQueues::new(),
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {
+        let is_ram_kept = stack_guard::is_ram_kept();
         let stack_overflowed = stack_guard::take_overflow();
         stack_guard::paint();
         let panicked = panic::take();
-        let cause = start::reset_cause();
+        let cause = start::reset_cause(is_ram_kept);
         let wired = pins::wiring(embassy_stm32::init(start::clocks()));
         fast_code::enable_flash_prefetch();
         // The rest of the start takes 30 ms; then the background refreshes the watchdog regularly.

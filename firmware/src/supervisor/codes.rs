@@ -306,7 +306,7 @@ codes! {
         "the wiring of motor, encoder and gear is not confirmed, or its parameters were changed since",
         "the wiring is confirmed (200Ah:3)";
     26 SystemBreak "system-break" 0x5000 [MANUFACTURER] Stops Always 0 100
-        "the microcontroller opened the bridge: supply below 2.8 V, clock failure, or a memory error (ECC, parity)",
+        "the microcontroller opened the bridge: supply below 2.9 V, clock failure, or a memory error (ECC, parity)",
         "an observation without it";
     27 MotorAgainst "motor-against-order" 0x7120 [PROFILE] Stops Armed 10 0
         "induced voltage and speed of the motor have opposite signs: the electrical zero or the direction is half a turn off",

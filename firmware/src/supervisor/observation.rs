@@ -10,6 +10,8 @@ pub enum ResetCause {
     /// Power was applied.
     #[default]
     PowerOn,
+    /// The supply fell below the level at which the processor is held in reset, and RAM kept its contents.
+    BrownOut,
     /// The reset pin.
     Pin,
     /// The firmware requested it.

@@ -14,7 +14,7 @@
 //! the driver has slept.
 //!
 //! The chip itself can also break: on a crystal failure (CSS), a processor lockup, an ECC or parity error,
-//! or a supply below 2.8 V (PVD). SYSCFG connects these to the break of the timer before the break is
+//! or a supply below 2.9 V (PVD). SYSCFG connects these to the break of the timer before the break is
 //! locked, and they stay connected until the next reset. The gate driver's enable is a second, independent
 //! way to switch off.
 
@@ -34,9 +34,10 @@ use firmware::control::BridgeFault;
 const BREAK_FUNCTION: u8 = 12;
 const TIMER: pac::timer::TimAdv = pac::TIM1;
 
-/// Supply level that opens the bridge: 2.8 V (PWR_CR2, PLS). It is 0.1 V above the highest brown-out level
-/// and 15 % below the regulated nominal 3.3 V.
-const SUPPLY_BREAK_LEVEL: u8 = 0b101;
+/// Supply level that opens the bridge: 2.84 to 2.96 V (PWR_CR2, PLS; data sheet: V_PVD6 falling), the highest
+/// of the chip and 10 % below the regulated 3.3 V. It is at least 0.27 V above the brown-out level that the
+/// board requires, so that the driver reports the cause before the reset.
+const SUPPLY_BREAK_LEVEL: u8 = 0b110;
 
 /// Raw counts of one period.
 #[derive(Clone, Copy)]
