@@ -75,6 +75,7 @@ mod app {
     use super::slow::SlowSensors;
     use super::{fast_code, overcurrent, pins, scales, start, watchdog};
     use compensator_core::can::Frame;
+    use core::mem::MaybeUninit;
     use cortex_m::peripheral::DWT;
     use embassy_stm32::interrupt::{InterruptExt, Priority};
     use embassy_time::Instant;
@@ -84,6 +85,7 @@ mod app {
     use firmware::loop_parts::LoopParts;
     use firmware::loop_task::LoopTask;
     use firmware::node_settings::NodeSettings;
+    use firmware::parameter_set::ParameterSet;
     use firmware::{panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -103,11 +105,12 @@ mod app {
         // Owned by the receive interrupt.
         frames_out: Producer<'static, Frame>,
         // Owned by the background.
-        background: Background<StoreFlash>,
+        background: &'static mut Background<StoreFlash>,
         board: JointBoard,
     }
 
     #[init(local = [
+        place: MaybeUninit<Background<StoreFlash>> = MaybeUninit::uninit(),
         frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
     ])]
@@ -137,25 +140,42 @@ mod app {
             && shunts.iter().all(Option::is_some);
         start::check_brown_out_level();
 
-        let now_us = Instant::now().as_micros();
-        let identity = Identity { hardware: "STM32G474 joint driver", serial: start::serial() };
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
-        let driver = Driver::boot(NodeSettings::default(), store, identity, &boot, now_us);
+        let background = boot_background(context.local.place, store, &boot);
+        let driver = background.driver();
         overcurrent::follow(driver.set().motor.overcurrent_a);
-        let task = LoopTask::new(
-            LoopParts::build_or_measure_only(driver.set(), scales::STAGE),
-            scales::LIMITS,
-        );
+        let task = loop_task(driver.set());
         let controller = Controller::start(wired.can, driver.node(), driver.bit_rate_kbit());
         let stage = MotorStage { stage, encoder, shunts };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
-        let background = Background::new(driver, now_us);
         let board = JointBoard { controller, slow, frames, link };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
+    }
+
+    /// Starts the driver and its background loop in place.
+    ///
+    /// It is not inlined, and the loop is not moved: a value of 14 KB in the frame of `init`, once per move, would
+    /// take most of the stack.
+    #[inline(never)]
+    fn boot_background(
+        place: &'static mut MaybeUninit<Background<StoreFlash>>,
+        store: StoreFlash,
+        boot: &Boot<'_>,
+    ) -> &'static mut Background<StoreFlash> {
+        let now_us = Instant::now().as_micros();
+        let identity = Identity { hardware: "STM32G474 joint driver", serial: start::serial() };
+        let driver = Driver::boot(NodeSettings::default(), store, identity, boot, now_us);
+        place.write(Background::new(driver, now_us))
+    }
+
+    // Not inlined, for the same reason.
+    #[inline(never)]
+    fn loop_task(set: &ParameterSet) -> LoopTask {
+        LoopTask::new(LoopParts::build_or_measure_only(set, scales::STAGE), scales::LIMITS)
     }
 
     /// Runs one period of the current loop.
