@@ -122,6 +122,7 @@ mod app {
         let cause = start::reset_cause(is_ram_kept);
         let wired = pins::wiring(embassy_stm32::init(start::clocks()));
         fast_code::enable_flash_prefetch();
+        fast_code::protect();
         // The rest of the start takes 30 ms; then the background refreshes the watchdog regularly.
         watchdog::start(wired.inside.watchdog);
         // embassy leaves this interrupt at the highest priority, equal to the loop's.

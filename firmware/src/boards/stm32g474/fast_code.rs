@@ -1,4 +1,5 @@
-//! Copies the code of the current loop's interrupt from flash to CCM, and switches on the flash's prefetch.
+//! The code of the current loop's interrupt in CCM: copied from flash, and protected from writes. For the
+//! code that stays in flash, prefetch and caches.
 //!
 //! `memory.x` places the code in the section `.fast`. It is copied before RAM is initialised and before any
 //! other code runs, because other code may call functions in that section. The copy is written in assembly:
@@ -29,6 +30,25 @@ core::arch::global_asm!(
     ".ltorg",
     ".size __pre_init, . - __pre_init",
 );
+
+/// Pages of CCM, and their length in bytes.
+const CCM_PAGES: usize = 32;
+const CCM_PAGE_BYTES: usize = 1024;
+
+unsafe extern "C" {
+    /// First byte and end of the section; from `memory.x`.
+    static __sfast: u8;
+    static __efast: u8;
+}
+
+/// Protects the copied code from writes until the next reset, in whole pages (RM0440, SYSCFG_SWPR). A write
+/// raises a bus fault, which opens the bridge.
+pub fn protect() {
+    let bytes = (&raw const __efast).addr() - (&raw const __sfast).addr();
+    pac::SYSCFG.swpr().write(|w| {
+        (0..CCM_PAGES.min(bytes / CCM_PAGE_BYTES)).for_each(|page| w.set_page_wp(page, true));
+    });
+}
 
 /// Switches on prefetch and both caches of the flash, for the code that stays there. The caches are on after
 /// a reset, the prefetch is not (RM0440, FLASH_ACR). Call it once the wait states are set.
