@@ -136,6 +136,8 @@ pub struct Device<F> {
     velocity_command: VelocityCommand,
     motor_watch: MotorWatch,
     motor_state: MotorState,
+    /// Time of the last target of a CiA 402 master, us.
+    target_us: u64,
     /// Counter of the commands that the profile generates.
     drive_counter: u8,
     /// Identifiers of transmit PDOs that a master has set; reset with the communication.
@@ -183,10 +185,8 @@ impl<F: NorFlash> Device<F> {
         // A joint on its own sensors sends Motion and Torque itself and receives neither.
         let is_from_bus = self.settings.source == InputSource::Bus;
         let places = match message {
-            Message::Sync(sync) => {
-                self.refresh_command_age(now_us);
-                return self.sync(*sync, node);
-            }
+            // A SYNC has a producer and a timer of its own, so it does not confirm the target.
+            Message::Sync(sync) => return self.sync(*sync, node),
             Message::Motion(of, _) if *of == node && is_from_bus => {
                 [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
             }
@@ -362,6 +362,7 @@ impl<F: NorFlash> Device<F> {
                 ..Observation::default()
             }
         };
+        self.watch_target(now_us);
         self.supervisor.observe(&observation, now_us);
         let (fault, armed) = (self.supervisor.state() == JointState::Fault, self.is_armed());
         self.profile.sync_with_supervisor(fault, armed);

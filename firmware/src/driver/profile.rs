@@ -7,9 +7,11 @@
 //! faults that can be cleared. Quick stop and "disable voltage" open the bridge; there is no ramp (605Ah would
 //! be 0).
 //!
-//! Such a master repeats a constant value or does not send it at all. Therefore every frame with a target, every
-//! SYNC and the awaited heartbeat (1016h) confirm that the master is alive. The age of the set-point counts from
-//! the last of them. A master that is silent for `command_timeout_us` counts as lost.
+//! Such a master repeats a constant value. The age of the set-point counts from the last target: receive PDO 1,
+//! or a write of 6040h, 6071h or 60FFh. If no target arrives for the deadline of the PDO (1400h:5) or for
+//! `command_timeout_us`, whichever is shorter, the fault `command-timeout` opens the bridge. A SYNC does not count,
+//! because its producer may outlive the controller. A master that sends only changes sets 1400h:5 to 0; then the
+//! awaited heartbeat (1016h) confirms the last target.
 //!
 //! Homing (mode 6) sets the present position as home (methods 37 and 35). A joint has no switches; a master
 //! drives to the stop in CST or CSV first. Home is at -607Ch, because the zero lies 607Ch beyond home. In this

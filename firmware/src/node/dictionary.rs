@@ -20,9 +20,9 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    CommissioningObject, CommissioningRunObject, CommitObject, IdentityObject, InputsObject,
-    MeasuredObject, NetworkObject, OperationObject, OutputsObject, PdoObject, SdoServerObject,
-    StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
+    CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, IdentityObject,
+    InputsObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject, PdoObject,
+    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
 };
 
 /// Structure of an object.
@@ -132,7 +132,7 @@ objects! {
     0x1018 IDENTITY record("identity", IdentityObject::ENTRIES);
     0x1019 SYNC_OVERFLOW variable("sync_counter_overflow", Unsigned8, Const);
     0x1200 SDO_SERVER record("sdo_server", SdoServerObject::ENTRIES);
-    0x1400 RECEIVE_DRIVE record("receive_pdo_drive", PdoObject::ENTRIES);
+    0x1400 RECEIVE_DRIVE record("receive_pdo_drive", DrivePdoObject::ENTRIES);
     0x1401 RECEIVE_COMMAND record("receive_pdo_command", PdoObject::ENTRIES);
     0x1402 RECEIVE_SEAL record("receive_pdo_seal", PdoObject::ENTRIES);
     0x1403 RECEIVE_SURROUNDINGS record("receive_pdo_surroundings", PdoObject::ENTRIES);
