@@ -15,6 +15,7 @@
 
 pub mod compensation;
 pub mod covariates;
+mod current_limits;
 pub mod current_loop;
 pub mod flags;
 pub mod observer;

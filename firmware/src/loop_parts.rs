@@ -84,6 +84,11 @@ impl Compensate for LimitedCompensator {
         (sum.max(-limit).min(limit), flags | Flags::CURRENT_LIMITED)
     }
 
+    #[inline]
+    fn current_limit_a(&self) -> f32 {
+        self.limit_a.get()
+    }
+
     fn torque_constant_nm_per_a(&self) -> f32 {
         self.inner.torque_constant_nm_per_a()
     }

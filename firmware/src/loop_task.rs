@@ -295,6 +295,7 @@ impl LoopTask {
         report.bus_voltage_v = Some(known(sample.bus_v, valid.contains(ValidChannels::BUS)));
         report.phase_currents_a = Some(currents);
         report.current_a = cycle.current_q_a;
+        report.current_d_a = cycle.current_d_a;
         report.current_reference_a = cycle.current_reference_a;
         report.voltage_q_v = cycle.voltage_v[1];
         report.velocity_rad_s = cycle.velocity_rad_s;

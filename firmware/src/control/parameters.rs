@@ -7,6 +7,7 @@
 //!
 //! Electrical quantities are from one phase to the star point; currents are phase peaks.
 
+use super::current_limits::BURNING_SHARE;
 use super::pi::{BANDWIDTH_SHARE_MAX, Gains, one_minus_exp};
 use super::space_vector::MAX_VECTOR_PER_BUS_V;
 use super::transform::{UNITS_PER_RAD, binary_angle};
@@ -184,6 +185,8 @@ impl MotorParameters {
             is_direct_drive: self.gear_ratio == 1.0,
             d: Gains::with_pole_cancellation(r, self.inductance_d_h, bandwidth, period_s),
             q: Gains::with_pole_cancellation(r, self.inductance_q_h, bandwidth, period_s),
+            resistance_ohm: r,
+            half_per_burning_ohm: 0.5 / (BURNING_SHARE * r),
             inductance_d_h: self.inductance_d_h,
             inductance_q_h: self.inductance_q_h,
             flux_vs,
@@ -227,6 +230,9 @@ pub struct Motor {
     pub(super) is_direct_drive: bool,
     pub(super) d: Gains,
     pub(super) q: Gains,
+    pub(super) resistance_ohm: f32,
+    /// Half of one over the resistance that is assumed to burn braking power, 1/ohm.
+    pub(super) half_per_burning_ohm: f32,
     pub(super) inductance_d_h: f32,
     pub(super) inductance_q_h: f32,
     /// Flux of the magnet through a phase, Vs.

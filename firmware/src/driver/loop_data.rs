@@ -60,7 +60,9 @@ pub struct LoopReport {
     pub phase_currents_a: Option<[f32; 3]>,
     /// Torque-producing current, A.
     pub current_a: f32,
-    /// Reference of that current, A.
+    /// Current along the magnet, A; about 0 unless the bus voltage limits the current.
+    pub current_d_a: f32,
+    /// Reference of the torque-producing current, A.
     pub current_reference_a: f32,
     /// Voltage along q, V, in the motor's sign; 0 with the bridge open.
     pub voltage_q_v: f32,
@@ -109,6 +111,7 @@ impl Default for LoopReport {
             bus_voltage_v: None,
             phase_currents_a: None,
             current_a: 0.0,
+            current_d_a: 0.0,
             current_reference_a: 0.0,
             voltage_q_v: 0.0,
             velocity_rad_s: 0.0,

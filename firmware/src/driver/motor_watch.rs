@@ -2,7 +2,8 @@
 //! millisecond.
 //!
 //! *Reversed EMF.* A turning magnet induces `w psi`: the applied voltage less `R i`. If the electrical zero is
-//! wrong by half an electrical turn, the EMF has the opposite sign, for any flux and resistance.
+//! wrong by half an electrical turn, the EMF has the opposite sign, for any flux and resistance. A current along
+//! the magnet, which burns braking power, adds a voltage of its own, which is subtracted.
 //!
 //! *Blocked or stalled.* If the zero is wrong by a quarter turn, or two phases are swapped, there is no torque
 //! and nothing turns. This looks like a joint that is held, until the joint has moved once since it was armed.
@@ -68,7 +69,10 @@ impl MotorWatch {
         let way = motor.joint_direction;
         let speed = report.velocity_rad_s * motor.gear_ratio * way;
         let expected_v = speed * motor.torque_constant_nm_per_a * (1.0 / 1.5);
-        let induced_v = report.voltage_q_v - motor.resistance_ohm * report.current_a * way;
+        // A current along the magnet induces a voltage along q, too.
+        let coupled_v = speed * motor.pole_pairs * motor.inductance_d_h * report.current_d_a;
+        let induced_v =
+            report.voltage_q_v - motor.resistance_ohm * report.current_a * way - coupled_v;
         let held = report.current_reference_a.abs() >= thresholds.stall_current_a
             && report.velocity_rad_s.abs() < STANDSTILL_RAD_S;
         MotorState {
@@ -150,6 +154,15 @@ mod tests {
         assert!(!state(&turned, -3.87) && state(&turned, 1.47));
         turned.joint_direction = 1.0;
         assert!(!state(&turned, 3.87));
+    }
+
+    #[test]
+    fn emf_of_a_motor_with_current_along_its_magnet_keeps_its_sign() {
+        // At 8 rad/s, -26 A along the magnet induce -6.7 V, more than the magnet (5.3 V).
+        let burning = LoopReport { current_d_a: -26.0, ..report(-2.0, 8.0, 5.33 - 0.24 - 6.68) };
+        assert!(!check(&mut MotorWatch::default(), &burning, true).is_emf_reversed);
+        let reversed = LoopReport { voltage_q_v: -5.33 - 0.24 - 6.68, ..burning };
+        assert!(check(&mut MotorWatch::default(), &reversed, true).is_emf_reversed);
     }
 
     #[test]

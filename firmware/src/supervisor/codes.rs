@@ -367,4 +367,6 @@ codes! {
     56 PressureStuck "pressure-stuck" 0xFF19 [PROFILE] Limits Always 0 100
         "200 identical readings of the pressure, although its noise exceeds its resolution; its effect fades out",
         "the reading changes";
+    57 BrakingLimited "braking-limited" 0xFF1A [VOLTAGE] Limits Always 5 100
+        "the bus is nearly full: the winding burns braking power, or braking is reduced", "the bus has room";
 }

@@ -54,6 +54,7 @@ const fn raising_loop_flags(code: Code) -> LoopFlags {
         Code::VoltageLimited => LoopFlags::VOLTAGE_LIMITED,
         Code::CurrentLimited => LoopFlags::CURRENT_LIMITED,
         Code::CurrentImbalance => LoopFlags::CURRENT_IMBALANCE,
+        Code::BrakingLimited => LoopFlags::BRAKING_LIMITED,
         Code::EncoderCoasting => LoopFlags::ENCODER_COASTING.union(LoopFlags::ENCODER_INVALID),
         Code::SetpointInvalid => LoopFlags::SETPOINT_INVALID,
         _ => LoopFlags::empty(),
@@ -151,6 +152,7 @@ pub(super) fn evaluate(
         | Code::VoltageLimited
         | Code::CurrentLimited
         | Code::CurrentImbalance
+        | Code::BrakingLimited
         | Code::EncoderCoasting
         | Code::SetpointInvalid
         | Code::CompensationLimited

@@ -2,14 +2,16 @@
 //!
 //! - `plant` is the model. It has its own equations and shares no code with the loop or the core.
 //! - `rig` connects the loop to the model, with quantised sensors and the delay of the PWM.
-//! - `current`, `joint`, `swap` and `faults` test the loop on this rig.
+//! - `current`, `current_vector`, `braking`, `joint`, `swap` and `faults` test the loop on this rig.
 //! - `driver` is the whole driver on this rig, from CAN frames to switches; `background` and `lost_master` test it.
 //!
 //! Measured figures have a lower and an upper limit. A figure that improves without reason usually means that a
 //! part of the loop is inactive.
 
 mod background;
+mod braking;
 mod current;
+mod current_vector;
 mod driver;
 mod faults;
 mod joint;

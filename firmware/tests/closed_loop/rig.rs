@@ -101,6 +101,14 @@ impl Stage {
         self.cycles = self.cycles.wrapping_add(PERIOD_CYCLES);
     }
 
+    /// Returns the power that the bridge takes from the bus in this period, W; negative while it charges the bus.
+    pub fn bus_power_w(&self) -> f64 {
+        let duty = self.active_duty.unwrap_or_default();
+        let currents_a = self.plant.phase_currents();
+        let bus_a: f64 = duty.iter().zip(currents_a).map(|(share, a)| share * a).sum();
+        bus_a * self.plant.machine.bus
+    }
+
     /// Returns true if the bridge is switching.
     pub fn is_on(&self) -> bool {
         self.active_duty.is_some()

@@ -177,6 +177,7 @@ fn raising_loop_flag(code: Code) -> Option<LoopFlags> {
         Code::Internal => LoopFlags::NOT_FINITE,
         Code::VoltageLimited => LoopFlags::VOLTAGE_LIMITED,
         Code::CurrentImbalance => LoopFlags::CURRENT_IMBALANCE,
+        Code::BrakingLimited => LoopFlags::BRAKING_LIMITED,
         Code::EncoderCoasting => LoopFlags::ENCODER_COASTING,
         Code::SetpointInvalid => LoopFlags::SETPOINT_INVALID,
         _ => return None,
