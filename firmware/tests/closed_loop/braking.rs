@@ -2,10 +2,12 @@
 //!
 //! Sustained, the bus must receive nothing. What the bridge returns is computed from the plant's currents and duties.
 
+use crate::driver::Joint;
 use crate::plant::Machine;
 use crate::rig::{Rig, cycles, no_compensation, parameters};
 use firmware::control::velocity_loop::{VelocityGains, VelocityLoop};
 use firmware::control::{LoopFlags, NoCompensation};
+use firmware::supervisor::Code;
 
 /// Bus voltage at which braking is nearly reduced to zero: 98.75 % of the maximum.
 const FULL_BUS_V: f64 = 55.3;
@@ -38,7 +40,7 @@ impl VelocityRig {
         for _ in 0..(1e3 * seconds) as usize {
             let cycle = self.rig.cycle();
             let velocity_rad_s = cycle.velocity_rad_s;
-            let command = self.control.step(&self.gains, target_rad_s, velocity_rad_s, 26.0);
+            let command = self.control.step(&self.gains, target_rad_s, velocity_rad_s, 26.0, 0.0);
             self.rig.setpoint.current_a = command.current_a;
             flags |= cycle.flags;
             look(self);
@@ -120,4 +122,30 @@ fn braking_on_a_bus_with_room_is_not_limited() {
     let cycle = rig.run(cycles(0.05));
     assert!(!cycle.flags.intersects(LoopFlags::BRAKING_LIMITED | LoopFlags::CURRENT_LIMITED));
     assert_eq!((cycle.current_reference_a, cycle.current_d_reference_a), (-20.0, 0.0));
+}
+
+/// A load pushes the joint, and the bus is full: braking is limited for half a second.
+#[test]
+fn csv_after_limited_braking_stops_without_winding_up() {
+    let mut joint = Joint::started();
+    joint.enable_mode(9);
+    (0..600).for_each(|_| joint.drive_velocity(0x0F, 9.5));
+    for step in 0..500 {
+        joint.stage.plant.load = -11.5 * f64::from(step) / 500.0;
+        joint.drive_velocity(0x0F, 9.5);
+    }
+    joint.stage.plant.machine.bus = FULL_BUS_V;
+    let mut least = f64::INFINITY;
+    let mut limited_ms = 0;
+    for _ in 0..1500 {
+        joint.drive_velocity(0x0F, 0.0);
+        least = least.min(joint.stage.plant.velocity());
+        let limits = joint.background.driver().supervisor().limits();
+        limited_ms += u32::from(limits.contains(Code::CurrentLimited));
+    }
+    let velocity = joint.stage.plant.velocity();
+    println!("limited for {limited_ms} ms; undershoot {:.3} rad/s", -least);
+    assert!(joint.stage.is_on() && velocity.abs() < 0.02, "{velocity} rad/s");
+    assert!(limited_ms > 100, "{limited_ms} ms");
+    assert!(least > -0.6, "{least} rad/s");
 }
