@@ -56,6 +56,8 @@ pub struct NodeSettings {
     pub campaign_h: f32,
     /// CRC of the confirmed wiring, see [`ParameterSet::wiring_crc`]; 0 if none is confirmed.
     pub commissioned: u32,
+    /// CRC of the wiring with which the motor was seen to turn by its current; 0 if there is none.
+    pub proven: u32,
 }
 
 impl Default for NodeSettings {
@@ -72,13 +74,14 @@ impl Default for NodeSettings {
             period_s: 1e-3,
             campaign_h: 0.0,
             commissioned: 0,
+            proven: 0,
         }
     }
 }
 
 impl NodeSettings {
     /// Length of the encoded settings, bytes.
-    pub const LENGTH: usize = 28;
+    pub const LENGTH: usize = 32;
     const VERSION: u8 = 3;
 
     /// Returns the setup of a joint in HIL.
@@ -105,6 +108,7 @@ impl NodeSettings {
             (16, self.period_s.to_bits()),
             (20, self.campaign_h.to_bits()),
             (24, self.commissioned),
+            (28, self.proven),
         ];
         for (at, word) in words {
             if let Some(place) = bytes.get_mut(at..at + 4) {
@@ -134,6 +138,7 @@ impl NodeSettings {
             period_s: f32::from_bits(word(16)?),
             campaign_h: f32::from_bits(word(20)?),
             commissioned: word(24)?,
+            proven: word(28)?,
         };
         (version == Self::VERSION && settings.validate().is_ok()).then_some(settings)
     }
@@ -252,6 +257,7 @@ mod tests {
             period_s: 2.5e-4,
             campaign_h: 12.5,
             commissioned: 0x1234_5678,
+            proven: 0x8765_4321,
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));

@@ -136,6 +136,8 @@ pub struct Device<F> {
     velocity_command: VelocityCommand,
     motor_watch: MotorWatch,
     motor_state: MotorState,
+    /// CRC of the wiring that the last complete measurement of the motor found.
+    measured_wiring: Option<u32>,
     /// Time of the last target of a CiA 402 master, us.
     target_us: u64,
     /// Counter of the commands that the profile generates.
@@ -389,7 +391,9 @@ impl<F: NorFlash> Device<F> {
         self.report_seen = false;
         let drives = self.supervisor.is_armed() && !self.is_measuring_motor();
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
-        self.motor_state = self.motor_watch.step(&self.report, motor, thresholds, drives);
+        let proven = self.is_wiring_proven();
+        self.motor_state = self.motor_watch.step(&self.report, motor, thresholds, drives, proven);
+        self.keep_proof();
         self.step_over_compensation();
         self.step_commissioning();
         self.step_velocity();

@@ -312,7 +312,7 @@ codes! {
         "induced voltage and speed of the motor have opposite signs: the electrical zero or the direction is half a turn off",
         "the bridge is off (arming checks again)";
     28 MotorStands "motor-stands" 0x7121 [PROFILE] Stops Armed 500 0
-        "the current reaches `stall_current_a`, and the joint has not moved since it was armed: it is blocked or its wiring differs from the parameters",
+        "the current reaches `stall_current_a`, the joint has not moved since it was armed, and its motor never turned with these wiring parameters: it is blocked or wired differently",
         "the bridge is off (arming checks again)";
 
     33 LoopLate "loop-late" 0xFF01 [MANUFACTURER] DropsCompensation Always 0 100

@@ -102,9 +102,9 @@ pub struct Observation {
     pub winding_temperature_c: Option<f32>,
     /// True if the induced voltage and the speed have opposite signs.
     pub motor_against: bool,
-    /// True if the joint carries current but has not moved since it was armed.
+    /// True if the joint carries current, has not moved since it was armed, and its wiring is not proven.
     pub motor_stands: bool,
-    /// True if the joint carries current, does not move, and has moved since it was armed.
+    /// True if the joint carries current and does not move, and it has moved or its wiring is proven.
     pub stalled: bool,
     /// True if the model predicts more friction than the joint has, and the compensation is reduced.
     pub over_compensated: bool,

@@ -27,10 +27,12 @@ fn committed_set_reaches_loop_before_later_requests() {
     let names = firmware::control::MotorParameters::NAMES.iter();
     let sub_index = names.take_while(|name| **name != "current_limit_a").count() as u8 + 1;
     joint.write_object(index::MOTOR, sub_index, 2f32.to_le_bytes(), 4);
+    joint.run_ms(1);
     joint.queue_frame(0x601, &[0x40, 0x27, 0x20, 2, 0, 0, 0, 0]);
     joint.run_ms(1);
     let answer = joint.board.sent.last().expect("the staged CRC").data();
     let crc = answer[4..8].try_into().expect("four bytes");
+    // The request follows the commit in the same millisecond.
     joint.write_object(index::COMMIT, 3, crc, 4);
     joint.request_state(1);
     joint.drive_ms(10.0, 2);

@@ -85,6 +85,13 @@ impl Joint {
 
     /// Starts a driver with this content of its flash, and confirms its wiring.
     pub fn start(machine: Machine, flash: MemoryFlash<4>) -> Self {
+        let mut joint = Self::restarted(machine, flash);
+        joint.confirm_wiring();
+        joint
+    }
+
+    /// Starts a driver with this content of its flash, in NMT state operational.
+    pub fn restarted(machine: Machine, flash: MemoryFlash<4>) -> Self {
         let identity = Identity { hardware: "bench", serial: 7 };
         let driver = Driver::boot(NodeSettings::default(), flash, identity, &Boot::default(), 0);
         let task = LoopTask::new(
@@ -109,10 +116,31 @@ impl Joint {
         // The encoder's angle is valid after 0.1 s.
         joint.run_ms(150);
         joint.queue_frame(0, &[1, NODE.number()]);
-        let wiring = joint.background.driver().set().wiring_crc();
-        joint.write_object(index::COMMISSIONING, 3, wiring.to_le_bytes(), 4);
         joint.run_ms(1);
         joint
+    }
+
+    /// Confirms the wiring parameters in use.
+    pub fn confirm_wiring(&mut self) {
+        let wiring = self.background.driver().set().wiring_crc();
+        self.write_object(index::COMMISSIONING, 3, wiring.to_le_bytes(), 4);
+        self.run_ms(1);
+    }
+
+    /// Commits the staged set.
+    pub fn commit_staged(&mut self) {
+        self.run_ms(1);
+        self.queue_frame(0x601, &[0x40, 0x27, 0x20, 2, 0, 0, 0, 0]);
+        self.run_ms(1);
+        let answer = self.board.sent.last().expect("the staged CRC").data();
+        let crc = answer[4..8].try_into().expect("four bytes");
+        self.write_object(index::COMMIT, 3, crc, 4);
+        self.run_ms(1);
+    }
+
+    /// Returns the content of the flash, as a reset leaves it.
+    pub fn into_flash(self) -> MemoryFlash<4> {
+        self.background.into_flash()
     }
 
     /// Queues a frame for the driver.

@@ -3,7 +3,8 @@
 //! - `plant` is the model. It has its own equations and shares no code with the loop or the core.
 //! - `rig` connects the loop to the model, with quantised sensors and the delay of the PWM.
 //! - `current`, `current_vector`, `braking`, `joint`, `swap` and `faults` test the loop on this rig.
-//! - `driver` is the whole driver on this rig, from CAN frames to switches; `background` and `lost_master` test it.
+//! - `driver` is the whole driver on this rig, from CAN frames to switches; `background`, `lost_master` and
+//!   `held_load` test it.
 //!
 //! Measured figures have a lower and an upper limit. A figure that improves without reason usually means that a
 //! part of the loop is inactive.
@@ -14,6 +15,7 @@ mod current;
 mod current_vector;
 mod driver;
 mod faults;
+mod held_load;
 mod joint;
 mod lost_master;
 mod plant;

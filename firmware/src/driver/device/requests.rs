@@ -120,12 +120,26 @@ impl<F: NorFlash> Device<F> {
             return Err(self.staging.refuse(Abort::Value, why));
         }
         self.settings.commissioned = seen;
+        // A measurement turned the motor. Without it, the wiring may have been changed before the confirmation.
+        self.settings.proven = if self.measured_wiring == Some(seen) { seen } else { 0 };
         self.update_commissioned();
         Ok(())
     }
 
     pub(in crate::driver) fn is_commissioned(&self) -> bool {
         self.settings.commissioned == self.staging.active().wiring_crc()
+    }
+
+    /// Returns true if the motor was seen to turn by its current with the wiring in use.
+    pub(in crate::driver) fn is_wiring_proven(&self) -> bool {
+        self.settings.proven == self.staging.active().wiring_crc()
+    }
+
+    /// Keeps the proof of the wiring if the motor watch has one. It is stored with the next save.
+    pub(super) fn keep_proof(&mut self) {
+        if self.motor_state.is_proven && !self.is_wiring_proven() {
+            self.settings.proven = self.staging.active().wiring_crc();
+        }
     }
 
     fn update_commissioned(&mut self) {

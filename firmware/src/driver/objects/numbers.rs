@@ -165,6 +165,7 @@ impl<F: NorFlash> Device<F> {
                 &CommissioningObject {
                     commissioned: self.is_commissioned().into(),
                     wiring_crc: self.staging.active().wiring_crc(),
+                    proven: self.is_wiring_proven().into(),
                     ..Default::default()
                 }
                 .words(),

@@ -305,11 +305,13 @@ record! {
 }
 
 record! {
-    /// State of the wiring confirmation. A tool confirms by writing back the CRC of the wiring in use.
+    /// State of the wiring confirmation. A tool confirms by writing back the CRC of the wiring in use. The wiring is
+    /// proven once the motor has turned by its current.
     CommissioningObject {
         commissioned: Unsigned8, ReadOnly;
         wiring_crc: Unsigned32, ReadOnly, WIRING_CRC;
         confirm: Unsigned32, WriteOnly, CONFIRM;
+        proven: Unsigned8, ReadOnly, PROVEN;
     }
 }
 
