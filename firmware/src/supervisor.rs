@@ -274,13 +274,15 @@ impl Supervisor {
     }
 
     /// Arms the joint for commissioning. Unlike [`Supervisor::arm`], it ignores [`Code::NotCommissioned`],
-    /// because commissioning determines the wiring that this code asks to be confirmed.
+    /// because commissioning determines the wiring that this code asks to be confirmed, and
+    /// [`Code::PositionUnknown`], because the position has no meaning before.
     ///
     /// # Errors
     /// See [`Supervisor::arm`].
     pub fn arm_to_commission(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
         let mut unconfirmed = CodeSet::EMPTY;
         unconfirmed.insert(Code::NotCommissioned);
+        unconfirmed.insert(Code::PositionUnknown);
         self.arm_ignoring(unconfirmed, now_us)
     }
 

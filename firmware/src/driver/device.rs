@@ -340,6 +340,7 @@ impl<F: NorFlash> Device<F> {
                 winding_temperature_c: self.motor_state.winding_c,
                 motor_against: self.motor_state.is_emf_reversed,
                 motor_stands: self.motor_state.is_blocked,
+                position_missing: self.is_position_missing(),
                 stalled: self.motor_state.is_stalled,
                 over_compensated: self.over.is_detected(),
                 radial_force_stuck: self.radial_force_watch.is_stuck(),

@@ -18,8 +18,9 @@
 //! mode the drive is enabled and gives no torque of its own.
 //!
 //! Units: torque in thousandths of the rated torque (6076h), which the current limit gives at the joint.
-//! Position and velocity in 1e-6 rad and 1e-6 rad/s; -2147.483648 rad if the position is unknown. The maximum
-//! motor speed (6080h) is in motor turns per minute, as in the profile.
+//! Position and velocity in 1e-6 rad and 1e-6 rad/s. An unknown position counts from an arbitrary zero, and bit 8
+//! of the statusword is 0; the parameter `position_required` refuses to enable such a drive, except for homing. The
+//! maximum motor speed (6080h) is in motor turns per minute, as in the profile.
 
 /// 1000h: servo drive (2), profile 402.
 pub const DEVICE_TYPE: u32 = 0x0002_0192;
@@ -53,7 +54,7 @@ pub mod status {
     pub const VOLTAGE_ENABLED: u16 = 1 << 4;
     /// A limit is active.
     pub const WARNING: u16 = 1 << 7;
-    /// Manufacturer: the position is known.
+    /// Manufacturer: the position is known; otherwise it counts from an arbitrary zero.
     pub const POSITION_KNOWN: u16 = 1 << 8;
     /// The network is operational.
     pub const REMOTE: u16 = 1 << 9;

@@ -314,6 +314,9 @@ codes! {
     28 MotorStands "motor-stands" 0x7121 [PROFILE] Stops Armed 500 0
         "the current reaches `stall_current_a`, the joint has not moved since it was armed, and its motor never turned with these wiring parameters: it is blocked or wired differently",
         "the bridge is off (arming checks again)";
+    29 PositionUnknown "position-unknown" 0xFF1B [PROFILE] Stops Armed 0 0
+        "`position_required` is 1, the position is unknown, and the drive is not in homing mode",
+        "the position is set (2002h:6, or homing)";
 
     33 LoopLate "loop-late" 0xFF01 [MANUFACTURER] DropsCompensation Always 0 100
         "the loop exceeded its period once", "periods without an overrun";

@@ -112,6 +112,7 @@ pub(super) fn evaluate(
         Code::GateDriverFault => observation.gate_driver_fault,
         Code::MotorAgainst => supervisor.armed && observation.motor_against,
         Code::MotorStands => supervisor.armed && observation.motor_stands,
+        Code::PositionUnknown => observation.position_missing,
         Code::Stalled => observation.stalled,
         Code::OverCompensated => observation.over_compensated,
         Code::RadialForceStuck => observation.radial_force_stuck,

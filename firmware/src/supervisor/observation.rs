@@ -104,6 +104,8 @@ pub struct Observation {
     pub motor_against: bool,
     /// True if the joint carries current, has not moved since it was armed, and its wiring is not proven.
     pub motor_stands: bool,
+    /// True if the position is required and unknown, and the drive is not in homing mode.
+    pub position_missing: bool,
     /// True if the joint carries current and does not move, and it has moved or its wiring is proven.
     pub stalled: bool,
     /// True if the model predicts more friction than the joint has, and the compensation is reduced.
@@ -146,6 +148,7 @@ impl Default for Observation {
             winding_temperature_c: None,
             motor_against: false,
             motor_stands: false,
+            position_missing: false,
             stalled: false,
             over_compensated: false,
             radial_force_stuck: false,

@@ -6,7 +6,7 @@ use compensator_core::can::{Message, SyncFrame};
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
-use firmware::supervisor::{Code, JointState};
+use firmware::supervisor::{Code, JointState, Thresholds};
 
 const CST: u8 = 10;
 const RPDO_1: u16 = 0x201;
@@ -393,4 +393,60 @@ fn drive_that_leaves_nmt_operational_opens_its_bridge() {
         assert!(!bench.driver.is_armed(), "{command:#x}");
         assert!(!bench.driver.loop_commands(bench.now_us).bridge, "{command:#x}");
     }
+}
+
+/// A report of a joint that turned by 0.125 rad from an arbitrary zero.
+fn unreferenced() -> LoopReport {
+    LoopReport { position_rad: f32::NAN, turned_rad: 0.125, ..measured() }
+}
+
+fn pass_unreferenced(bench: &mut Bench, milliseconds: u64) {
+    for _ in 0..milliseconds {
+        bench.driver.report(&unreferenced());
+        bench.pass_ms(1);
+    }
+}
+
+#[test]
+fn unknown_position_reads_as_relative_position_with_its_status_bit_cleared() {
+    let mut bench = in_cst();
+    assert_ne!(status(&mut bench) & 1 << 8, 0);
+    pass_unreferenced(&mut bench, 2);
+    assert_eq!(status(&mut bench) & 1 << 8, 0);
+    assert_eq!(bench.number(index::ACTUAL_POSITION, 0) as i32, 125_000);
+    let mut bench = Bench::hil();
+    assert_eq!((bench.number(index::ACTUAL_POSITION, 0), status(&mut bench) & 1 << 8), (0, 0));
+}
+
+#[test]
+fn enabling_with_unknown_position_is_refused_if_the_position_is_required() {
+    const HOMING: u8 = 6;
+    let enable = |bench: &mut Bench| {
+        for word in [0x06, 0x07, 0x0F] {
+            control(bench, word, 0);
+        }
+        bench.driver.is_armed()
+    };
+    let mut bench = in_cst();
+    pass_unreferenced(&mut bench, 2);
+    assert!(enable(&mut bench), "not required");
+    let place = Thresholds::NAMES.iter().position(|name| *name == "position_required").unwrap();
+    let mut bench = in_cst();
+    bench.write(index::THRESHOLDS, place as u8 + 1, &1f32.to_le_bytes()).unwrap();
+    let crc = bench.number(index::COMMIT, 2);
+    bench.write(index::COMMIT, 3, &crc.to_le_bytes()).unwrap();
+    pass_unreferenced(&mut bench, 2);
+    assert!(!enable(&mut bench));
+    assert_eq!(state(&mut bench), 0x23, "it stays switched on");
+    let why = bench.text(index::REFUSAL);
+    assert_eq!(why, "not armed: position-unknown");
+    // Homing gives no torque, and makes the position known.
+    control(&mut bench, 0x06, 0);
+    bench.write(index::MODE, 0, &[HOMING]).unwrap();
+    pass_unreferenced(&mut bench, 2);
+    assert!(enable(&mut bench));
+    control(&mut bench, 0x06, 0);
+    bench.write(index::MODE, 0, &[CST]).unwrap();
+    pass(&mut bench, 2);
+    assert!(enable(&mut bench), "the position is known");
 }

@@ -27,10 +27,26 @@ impl<F: NorFlash> Device<F> {
         (self.report.motor_torque_nm / self.rated().1 * 1e3) as i16
     }
 
-    /// 6064h, 1e-6 rad; `i32::MIN` if unknown.
+    /// 6064h, 1e-6 rad. While the position is unknown, it counts from an arbitrary zero; a joint in HIL then has 0.
     pub(in crate::driver) fn actual_position(&self) -> i32 {
-        let position_rad = f32::from_bits(self.measured().position_rad);
-        if position_rad.is_nan() { i32::MIN } else { micro(position_rad).max(i32::MIN + 1) }
+        micro(match (self.is_position_known(), self.settings.source) {
+            (true, _) => f32::from_bits(self.measured().position_rad),
+            (false, InputSource::Sensors) => self.report.turned_rad,
+            (false, InputSource::Bus) => 0.0,
+        })
+    }
+
+    /// Returns true if the position is absolute.
+    pub(super) fn is_position_known(&self) -> bool {
+        !f32::from_bits(self.measured().position_rad).is_nan()
+    }
+
+    /// Returns true if the position is required (`position_required`) and unknown, and the drive is not in homing
+    /// mode, which gives no torque.
+    pub(super) fn is_position_missing(&self) -> bool {
+        self.supervisor.thresholds().position_required != 0
+            && self.profile.mode != profile::HOMING
+            && !self.is_position_known()
     }
 
     /// 606Ch, 1e-6 rad/s; 0 if unknown.
@@ -54,13 +70,12 @@ impl<F: NorFlash> Device<F> {
         let limits = self.supervisor.limits();
         let (_, too_fast) = self.profile.target_rad_s(self.max_speed_rad_s());
         let too_fast = self.profile.mode == profile::CSV && too_fast;
-        let known = !f32::from_bits(self.measured().position_rad).is_nan();
         self.profile.state_bits(self.is_faulty())
             | self.profile.homing_bits(self.is_standing())
             | status::REMOTE
             | when(status::VOLTAGE_ENABLED, powered)
             | when(status::WARNING, limits.iter().next().is_some())
-            | when(status::POSITION_KNOWN, known)
+            | when(status::POSITION_KNOWN, self.is_position_known())
             | when(status::INTERNAL_LIMIT, limits.contains(Code::CurrentLimited) || too_fast)
     }
 
