@@ -29,7 +29,7 @@ bitflags::bitflags! {
         const ENCODER_IMPLAUSIBLE = 1 << 8;
         /// The angle is a prediction, not a measurement.
         const ENCODER_COASTING = 1 << 9;
-        /// The rotor angle is unknown: predicted for too long, or the observer has not settled after a start.
+        /// The rotor angle is unknown: predicted for too long, the samples are frozen, or the observer has not settled after a start.
         const ENCODER_LOST = 1 << 10;
         /// Whole turns of the motor are unknown; the compensator receives no position.
         const POSITION_UNREFERENCED = 1 << 11;

@@ -8,7 +8,8 @@
 //!
 //! A word of zeros has correct parity and no error flag, so a data line held low or a chip that hangs looks
 //! like a shaft at rest. However, these encoders have a noise of three counts (0.068 degrees). An angle
-//! that stays exactly the same for [`STUCK_AFTER_FRAMES`] frames is therefore reported as stuck.
+//! that stays exactly the same for [`STUCK_AFTER_FRAMES`] frames is therefore reported as stuck. While the joint
+//! turns, the observer finds it within a millisecond ([`crate::control::observer`]).
 //!
 //! The error flag stays set until the error register is read. That takes two frames without an angle,
 //! during which the observer coasts. A broken wire reads as ones (the input must be pulled up), so the

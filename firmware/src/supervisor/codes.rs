@@ -278,7 +278,7 @@ codes! {
     12 MotorOvertemperature "motor-overtemperature" 0x4310 [TEMPERATURE] Stops Always 100 1000
         "the motor temperature reaches `motor_trip_c`", "it is `temperature_hysteresis_c` below that";
     13 EncoderLost "encoder-lost" 0x7305 [PROFILE] Stops Armed 0 100
-        "no angle is known: the observer has coasted for too long", "the observer has settled";
+        "no angle is known: the observer has coasted for too long, or the samples do not change although the rotor turns", "the observer has settled";
     14 EncoderJump "encoder-jump" 0x7300 [PROFILE] Stops Armed 2 100
         "the encoder repeatedly jumps farther than the shaft can turn", "it does not";
     15 AdcTimeout "adc-timeout" 0x5212 [] Stops Always 0 100

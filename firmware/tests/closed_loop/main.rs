@@ -2,7 +2,7 @@
 //!
 //! - `plant` is the model. It has its own equations and shares no code with the loop or the core.
 //! - `rig` connects the loop to the model, with quantised sensors and the delay of the PWM.
-//! - `current`, `current_vector`, `braking`, `joint`, `swap` and `faults` test the loop on this rig.
+//! - `current`, `current_vector`, `braking`, `frozen_encoder`, `joint`, `swap` and `faults` test the loop on this rig.
 //! - `driver` is the whole driver on this rig, from CAN frames to switches; `background`, `lost_master` and
 //!   `held_load` test it.
 //!
@@ -15,6 +15,7 @@ mod current;
 mod current_vector;
 mod driver;
 mod faults;
+mod frozen_encoder;
 mod held_load;
 mod joint;
 mod lost_master;
