@@ -80,6 +80,8 @@ pub enum Bridge {
     Off,
     /// Duties of the high sides of phases a, b, c, 0..=1.
     Drive([f32; 3]),
+    /// All low sides closed: the motor brakes itself.
+    Shorted,
 }
 
 /// Source of a hardware signal that opened the bridge.
@@ -110,6 +112,13 @@ pub trait PowerStage {
     /// Opens all switches immediately.
     fn off(&mut self);
 
+    /// Closes all low sides and opens all high sides, so that the motor brakes itself ([`crate::stop_brake`]). It is
+    /// called in every period of the brake, and only while the gate driver is awake and reports no fault. A stage
+    /// that cannot do it opens all switches: the joint coasts.
+    fn brake(&mut self) {
+        self.off();
+    }
+
     /// Returns the processor's cycle counter, which wraps.
     fn cycles(&self) -> u32;
 
@@ -119,6 +128,7 @@ pub trait PowerStage {
         match bridge {
             Bridge::Drive(duty) => self.drive(duty),
             Bridge::Off => self.off(),
+            Bridge::Shorted => self.brake(),
         }
     }
 }

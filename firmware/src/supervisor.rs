@@ -399,6 +399,13 @@ impl Supervisor {
         self.state() == JointState::Armed
     }
 
+    /// Returns true if the low sides may be shorted when the bridge stops: bridge, shunts and their supply have no
+    /// fault, latched or present.
+    pub fn is_braking_allowed(&self) -> bool {
+        !self.latched.intersects(codes::BRIDGE_FAULT_CODES)
+            && !self.present.intersects(codes::BRIDGE_FAULT_CODES)
+    }
+
     /// Returns true if the bridge may be on. The current loop reads it in every period.
     #[inline]
     pub fn is_bridge_allowed(&self) -> bool {

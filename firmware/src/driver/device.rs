@@ -348,6 +348,7 @@ impl<F: NorFlash> Device<F> {
                 sample_age_us: report.sample_age_us,
                 gate_driver_fault: report.gate_driver_fault,
                 system_break: report.system_break,
+                bridge_shorted: report.bridge_shorted,
                 stack_intact: report.stack_intact,
                 can: self.can,
                 heartbeat_lost,
@@ -423,6 +424,9 @@ impl<F: NorFlash> Device<F> {
             setpoint: self.commanded(now_us),
             covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
             bridge: drives && self.supervisor.is_bridge_allowed(),
+            brake: drives
+                && self.set().motor.brake_at_stop != 0.0
+                && self.supervisor.is_braking_allowed(),
             compensation: drives
                 && self.supervisor.is_compensation_allowed()
                 && !self.is_commissioning(),

@@ -21,6 +21,8 @@ pub struct LoopCommands {
     pub covariates: Covariates,
     /// True if the bridge may be on.
     pub bridge: bool,
+    /// True if the low sides may be shorted when the bridge stops.
+    pub brake: bool,
     /// True if friction may be compensated.
     pub compensation: bool,
     /// Share of the current limit that the temperature permits, 0..=1.
@@ -96,6 +98,8 @@ pub struct LoopReport {
     pub gate_driver_fault: bool,
     /// The chip opened the bridge by itself: supply, clock, memory or processor.
     pub system_break: bool,
+    /// The low sides are shorted: the phase currents are those of the braking motor.
+    pub bridge_shorted: bool,
     /// The guard below the stack is intact.
     pub stack_intact: bool,
     /// Maximum number of consecutive overruns since the last report.
@@ -129,6 +133,7 @@ impl Default for LoopReport {
             sample_age_us: None,
             gate_driver_fault: false,
             system_break: false,
+            bridge_shorted: false,
             stack_intact: true,
             overruns_in_a_row: 0,
             probe: ProbeReport::default(),

@@ -4,8 +4,8 @@
 //! This profile is for masters that know drives but no friction (ros2_canopen, CODESYS). Mode 10 or 9 in 6060h
 //! activates it, and the joint's own Command frame is then ignored. The controlword requests, and the supervisor
 //! decides: *operation enabled* means armed, *fault* is the supervisor's fault state, and a rising bit 7 clears
-//! faults that can be cleared. Quick stop and "disable voltage" open the bridge; there is no ramp (605Ah would
-//! be 0).
+//! faults that can be cleared. Quick stop and "disable voltage" end the driving; there is no ramp (605Ah would
+//! be 0). The parameter `brake_at_stop` selects whether the joint then coasts or its motor is shorted.
 //!
 //! Such a master repeats a constant value. The age of the set-point counts from the last target: receive PDO 1,
 //! or a write of 6040h, 6071h or 60FFh. If no target arrives for the deadline of the PDO (1400h:5) or for

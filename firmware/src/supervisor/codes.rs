@@ -246,6 +246,30 @@ const fn with_effect(effect: Effect) -> CodeSet {
 /// All faults.
 pub const FAULT_CODES: CodeSet = with_effect(Effect::Stops);
 
+/// Faults of the bridge, its shunts and its supply. The low sides are not shorted after them.
+pub const BRIDGE_FAULT_CODES: CodeSet = {
+    let mut set = CodeSet::EMPTY;
+    let codes = [
+        Code::Overcurrent,
+        Code::CurrentSensorInvalid,
+        Code::CurrentOffset,
+        Code::PhaseLost,
+        Code::BusUndervoltage,
+        Code::GateDriverFault,
+        Code::BridgeOvertemperature,
+        Code::AdcTimeout,
+        Code::SelfTestFailed,
+        Code::Internal,
+        Code::SystemBreak,
+    ];
+    let mut index = 0;
+    while index < codes.len() {
+        set.insert(codes[index]);
+        index += 1;
+    }
+    set
+};
+
 /// All limits that disable the compensation.
 pub const COMPENSATION_DROPPING_CODES: CodeSet = with_effect(Effect::DropsCompensation);
 

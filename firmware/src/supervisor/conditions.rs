@@ -217,7 +217,7 @@ fn compare_with_levels(
 /// offset cannot be distinguished from a current.
 fn current_offset(supervisor: &Supervisor, observation: &Observation) -> CauseState {
     let Some(currents) = observation.phase_currents_a else { return Absent };
-    if supervisor.armed {
+    if supervisor.armed || observation.bridge_shorted {
         return Unchanged;
     }
     let largest =

@@ -10,7 +10,9 @@ use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_parts::{LoopParts, StageTraits};
 use firmware::loop_task::LoopTask;
 use firmware::node::dictionary::index;
-use firmware::node_settings::NodeSettings;
+use firmware::node_settings::{NodeSettings, emit_block};
+use firmware::parameter_set::ParameterSet;
+use firmware::store::Store;
 use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::Code;
 use std::collections::VecDeque;
@@ -81,6 +83,13 @@ impl Joint {
     /// Returns a commissioned driver in NMT state operational, with the plant at rest.
     pub fn started() -> Self {
         Self::start(Machine::default(), MemoryFlash::new())
+    }
+
+    /// Returns a commissioned driver with this parameter set on this plant.
+    pub fn with(machine: Machine, set: &ParameterSet) -> Self {
+        let mut store = Store::open(MemoryFlash::new());
+        store.save(&emit_block(&NodeSettings::default(), set)).expect("the flash works");
+        Self::start(machine, store.into_flash())
     }
 
     /// Starts a driver with this content of its flash, and confirms its wiring.

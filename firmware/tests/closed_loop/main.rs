@@ -3,8 +3,8 @@
 //! - `plant` is the model. It has its own equations and shares no code with the loop or the core.
 //! - `rig` connects the loop to the model, with quantised sensors and the delay of the PWM.
 //! - `current`, `current_vector`, `braking`, `frozen_encoder`, `joint`, `swap` and `faults` test the loop on this rig.
-//! - `driver` is the whole driver on this rig, from CAN frames to switches; `background`, `lost_master` and
-//!   `held_load` test it.
+//! - `driver` is the whole driver on this rig, from CAN frames to switches; `background`, `lost_master`,
+//!   `held_load` and `stop_reaction` test it.
 //!
 //! Measured figures have a lower and an upper limit. A figure that improves without reason usually means that a
 //! part of the loop is inactive.
@@ -21,4 +21,5 @@ mod joint;
 mod lost_master;
 mod plant;
 mod rig;
+mod stop_reaction;
 mod swap;

@@ -194,6 +194,10 @@ impl PowerStage for Stage {
         self.plant.clear_break();
     }
 
+    fn brake(&mut self) {
+        self.pending = Some([0.0; 3]);
+    }
+
     fn cycles(&self) -> u32 {
         self.cycles.wrapping_add(self.delay + LOOP_CYCLES)
     }
