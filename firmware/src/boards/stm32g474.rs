@@ -131,7 +131,11 @@ mod app {
         start::check_brown_out_level();
 
         let now_us = Instant::now().as_micros();
-        let identity = Identity { hardware: "STM32G474 joint driver", serial: start::serial() };
+        let identity = Identity {
+            hardware: "STM32G474 joint driver",
+            serial: start::serial(),
+            stage: scales::STAGE,
+        };
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
         let driver = Driver::boot(NodeSettings::default(), store, identity, &boot, now_us);

@@ -83,7 +83,7 @@ const TURN_MAX_RAD: f32 = 0.6;
 const ENCODER_ERROR_RAD: f32 = 0.02;
 
 /// Ratio of the overcurrent to the current limit, minimum: the current overshoots, and sensors are noisy.
-const OVERCURRENT_MARGIN: f32 = 1.1;
+pub const OVERCURRENT_MARGIN: f32 = 1.1;
 
 /// Largest current of a motor that is shorted while it turns, per steady one: the current before it adds to it.
 const SHORT_OVERSHOOT: f32 = 1.6;

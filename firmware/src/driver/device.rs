@@ -24,6 +24,7 @@ use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::hil::{HilJoint, HilReply, HilStep};
 use crate::log::log;
+use crate::loop_parts::StageTraits;
 use crate::node::Outbox;
 use crate::node::dictionary::ERROR_HISTORY_LENGTH;
 use crate::node::dictionary::records::{self, InputsObject};
@@ -52,6 +53,8 @@ pub struct Identity {
     pub hardware: &'static str,
     /// Serial number of the board.
     pub serial: u32,
+    /// Properties of its power stage, which limit the parameters.
+    pub stage: StageTraits,
 }
 
 impl Identity {

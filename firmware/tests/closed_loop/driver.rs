@@ -101,7 +101,7 @@ impl Joint {
 
     /// Starts a driver with this content of its flash, in NMT state operational.
     pub fn restarted(machine: Machine, flash: MemoryFlash<4>) -> Self {
-        let identity = Identity { hardware: "bench", serial: 7 };
+        let identity = Identity { hardware: "bench", serial: 7, stage: StageTraits::NONE };
         let driver = Driver::boot(NodeSettings::default(), flash, identity, &Boot::default(), 0);
         let task = LoopTask::new(
             LoopParts::build_or_measure_only(driver.set(), StageTraits::NONE),

@@ -9,7 +9,9 @@ use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use firmware::control::{PERIOD_S, StageSample, ValidChannels, encoder_angle};
 use firmware::loop_parts::StageTraits;
 use firmware::sensors::as504x::{ANGLE_BITS, As504x};
-use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, Shunt};
+use firmware::sensors::shunt::{
+    CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, Shunt, measurable_a,
+};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -28,6 +30,7 @@ const FRAME_AFTER_TOP_S: f32 = 2e-6;
 /// period, which is the time since the previous encoder frame.
 pub const BOARD_TRAITS: StageTraits = StageTraits {
     encoder_age_s: PERIOD_S - FRAME_AFTER_TOP_S,
+    current_max_a: measurable_a(AMPERES_PER_COUNT as f32),
     modulation_max: StageTraits::max_modulation(PERIOD_S, 0.5e-6, 1.5e-6),
 };
 

@@ -7,7 +7,7 @@ use firmware::loop_parts::StageTraits;
 use firmware::node::bit_timing::{BIT_RATES_KBIT, BitTiming};
 use firmware::sensors::as504x::{MAX_CLOCK_HZ, clock_divider};
 use firmware::sensors::quiet::QuietWindow;
-use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
+use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, measurable_a};
 use firmware::sensors::strain_gauge::StrainGauge;
 use firmware::sensors::thermistor::Thermistor;
 
@@ -87,6 +87,7 @@ const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
 pub const STAGE: StageTraits = StageTraits {
     // The angle belongs to the previous frame, which began 2 us after the previous top.
     encoder_age_s: PERIOD_S - 2e-6,
+    current_max_a: measurable_a(AMPERES_PER_COUNT),
     modulation_max: StageTraits::max_modulation(
         PERIOD_S,
         DEAD_TIME as f32 / CORE_HZ as f32,

@@ -2,7 +2,9 @@
 
 use super::network::LiveNetwork;
 use super::{Device, Home, watch};
+use crate::control::PERIOD_S;
 use crate::hil::HilJoint;
+use crate::loop_parts::LoopParts;
 use crate::node::sdo::Abort;
 use crate::node_settings::{InputSource, NodeSettings, emit_block};
 use crate::parameter_set::ParameterSet;
@@ -97,6 +99,9 @@ impl<F: NorFlash> Device<F> {
         let hil = HilJoint::build(self.settings.node, &set.friction, network, setup);
         let hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         set.check_buildable().map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        // The loop receives the same parts after the commit.
+        let parts = LoopParts::build(&set, self.identity.stage, PERIOD_S).map(drop);
+        parts.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         let thresholds = self.supervisor.configure(&set.thresholds);
         thresholds.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.hil = hil;
