@@ -136,6 +136,7 @@ const fn is_staged(at_index: u16) -> bool {
             | index::MOTOR
             | index::THRESHOLDS
             | index::WATCH_PARAMETERS
+            | index::SENSORS
     )
 }
 

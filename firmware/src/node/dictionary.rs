@@ -13,6 +13,7 @@ pub use records::{Access, DataType, Entry, FRAME_COUNTERS};
 use super::sdo::Abort;
 use crate::control::MotorParameters;
 use crate::driver::profile::HOMING_METHODS;
+use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::ParameterId;
@@ -184,6 +185,7 @@ objects! {
     0x2026 WATCH_PARAMETERS numbers("watch_parameters", &WatchParameters::NAMES);
     0x2027 COMMIT record("commit", CommitObject::ENTRIES);
     0x2028 REFUSAL variable("last_refusal", VisibleString, ReadOnly);
+    0x2029 SENSORS numbers("sensors", &SensorParameters::NAMES);
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);
     0x6041 STATUSWORD variable("statusword", Unsigned16, ReadOnly);

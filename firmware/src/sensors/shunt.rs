@@ -33,6 +33,12 @@ pub struct Shunt {
 }
 
 impl Shunt {
+    /// Returns the same scaling with this sign: negative if a current into the motor lowers the counts.
+    #[must_use]
+    pub fn with_sign(self, sign: f32) -> Self {
+        Self { amperes_per_count: self.amperes_per_count.abs().copysign(sign), ..self }
+    }
+
     /// Returns the current into the motor, A; `None` if the amplifier saturates.
     #[inline(always)]
     pub fn current_a(&self, counts: u16) -> Option<f32> {
@@ -100,8 +106,9 @@ mod tests {
         assert!((shunt.current_a(2062).unwrap()).abs() < 0.001);
         assert!((shunt.current_a(3062).unwrap() - 20.0).abs() < 0.001);
         assert!((shunt.current_a(1062).unwrap() + 20.0).abs() < 0.001);
-        let turned = Shunt { amperes_per_count: -0.02, ..shunt };
+        let turned = shunt.with_sign(-1.0);
         assert!((turned.current_a(3062).unwrap() + 20.0).abs() < 0.001);
+        assert_eq!(turned.with_sign(1.0), shunt);
     }
 
     #[test]

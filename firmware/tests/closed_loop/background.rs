@@ -4,6 +4,7 @@ use crate::driver::{Joint, NODE};
 use firmware::background::{RoundOutcome, TICK_US};
 use firmware::control::BridgeFault;
 use firmware::node::dictionary::index;
+use firmware::sensors::SensorParameters;
 use firmware::supervisor::Code;
 
 #[test]
@@ -189,4 +190,19 @@ fn system_break_is_distinguished_from_gate_driver_fault() {
     let supervisor = joint.background.driver().supervisor();
     assert!(supervisor.faults().contains(Code::SystemBreak));
     assert!(!supervisor.faults().contains(Code::GateDriverFault));
+}
+
+#[test]
+fn committed_constants_of_the_sensors_reach_the_board() {
+    let mut joint = Joint::started();
+    let place = SensorParameters::NAMES.iter().position(|name| *name == "strain_range_n");
+    let sub_index = place.expect("a parameter") as u8 + 1;
+    joint.write_object(index::SENSORS, sub_index, (-800f32).to_le_bytes(), 4);
+    joint.run_ms(2);
+    assert_eq!(joint.board.sensors, SensorParameters::default(), "staged values have no effect");
+    joint.commit_staged();
+    joint.run_ms(2);
+    let expected = SensorParameters { strain_range_n: -800.0, ..SensorParameters::default() };
+    assert_eq!(joint.board.sensors, expected);
+    assert_eq!(joint.background.driver().set().sensors, expected);
 }

@@ -12,6 +12,7 @@ use firmware::loop_task::LoopTask;
 use firmware::node::dictionary::index;
 use firmware::node_settings::{NodeSettings, emit_block};
 use firmware::parameter_set::ParameterSet;
+use firmware::sensors::SensorParameters;
 use firmware::store::Store;
 use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::Code;
@@ -35,6 +36,8 @@ pub struct SimulatedBoard {
     pub state_reads: usize,
     /// Number of refreshes of the watchdog.
     pub watchdog_refreshes: usize,
+    /// Constants of the sensors that the background applied last.
+    pub sensors: SensorParameters,
     pub link: LoopLink<'static>,
 }
 
@@ -56,6 +59,9 @@ impl Board for SimulatedBoard {
     }
     fn is_idle(&mut self) -> bool {
         self.is_idle
+    }
+    fn apply_sensors(&mut self, sensors: &SensorParameters) {
+        self.sensors = *sensors;
     }
     fn state(&mut self, _now_us: u64) -> BoardState {
         self.state_reads += 1;
@@ -117,6 +123,7 @@ impl Joint {
             reading_us: 0,
             state_reads: 0,
             watchdog_refreshes: 0,
+            sensors: SensorParameters::default(),
             link,
         };
         let stage = Stage::new(machine);
