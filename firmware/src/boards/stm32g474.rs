@@ -81,6 +81,7 @@ mod app {
     use firmware::loop_parts::LoopParts;
     use firmware::loop_task::LoopTask;
     use firmware::node_settings::NodeSettings;
+    use firmware::sensors::SensorParameters;
     use firmware::{panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -145,6 +146,8 @@ mod app {
         );
         let controller = Controller::start(wired.can, driver.node(), driver.bit_rate_kbit());
         let slow = SlowSensors::new(wired.slow, wired.pressure);
+        let sign = driver.set().sensors.shunt_sign;
+        let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
         let stage = MotorStage { stage, encoder, shunts };
 
         let (frames_out, frames) = context.local.frames.split();
@@ -221,6 +224,10 @@ mod app {
 
         fn is_idle(&mut self) -> bool {
             self.controller.is_idle()
+        }
+
+        fn apply_sensors(&mut self, sensors: &SensorParameters) {
+            self.slow.constants = *sensors;
         }
 
         fn state(&mut self, now_us: u64) -> BoardState {

@@ -8,10 +8,10 @@ use super::{pins, scales};
 use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime};
 use embassy_stm32::peripherals::{ADC3, ADC4, PB0, PB1, PB12};
-use firmware::sensors::LocalReadings;
 use firmware::sensors::ms5837::Ms5837;
 use firmware::sensors::quiet::convert_twice;
 use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
+use firmware::sensors::{LocalReadings, SensorParameters};
 
 /// Sampling time, long enough for a divider of 10 k: 6 us.
 const SAMPLING_TIME: SampleTime = SampleTime::CYCLES247_5;
@@ -24,6 +24,8 @@ pub struct SlowSensors {
     forces: Adc<'static, ADC4>,
     force: Peri<'static, PB12>,
     pressure: Ms5837<PressureBus>,
+    /// Constants of the sensors.
+    pub constants: SensorParameters,
     /// Latest side load, pressure and temperature.
     last: LocalReadings,
 }
@@ -38,6 +40,7 @@ impl SlowSensors {
             forces: Adc::new(slow.force_adc, Default::default()),
             force: slow.force,
             pressure: Ms5837::new(PressureBus::new(pressure)),
+            constants: SensorParameters::default(),
             last: LocalReadings::default(),
         }
     }
@@ -51,19 +54,19 @@ impl SlowSensors {
             self.temperatures.blocking_read(&mut self.motor, SAMPLING_TIME)
         }));
         [
-            scales::BRIDGE_THERMISTOR.temperature_c(bridge),
-            scales::MOTOR_THERMISTOR.temperature_c(motor),
+            self.constants.bridge_thermistor().temperature_c(bridge),
+            self.constants.motor_thermistor().temperature_c(motor),
         ]
     }
 
     /// Reads side load and pressure and returns the latest readings.
     pub fn poll(&mut self, now_us: u64) -> LocalReadings {
         let local = &mut self.last;
-        if scales::HAS_STRAIN_GAUGE {
+        if let Some(gauge) = self.constants.strain_gauge() {
             let at = share(convert_twice(wait_for_quiet, || {
                 self.forces.blocking_read(&mut self.force, SAMPLING_TIME)
             }));
-            if let Some(force_n) = scales::STRAIN_GAUGE.force_n(at) {
+            if let Some(force_n) = gauge.force_n(at) {
                 local.set_radial_force(force_n, now_us);
             }
         }
