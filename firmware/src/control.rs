@@ -103,6 +103,12 @@ pub trait PowerStage {
     /// Returns the source of a hardware fault that opened the bridge, or holds it open.
     fn bridge_fault(&mut self) -> Option<BridgeFault>;
 
+    /// Returns true if the encoder reports a fault of its magnet; its angle is still valid. It is called once per
+    /// report.
+    fn has_magnet_fault(&self) -> bool {
+        false
+    }
+
     /// Wakes the gate driver, or puts it to sleep. Sleep is a second way to open all switches.
     fn set_awake(&mut self, awake: bool);
 

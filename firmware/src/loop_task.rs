@@ -158,10 +158,11 @@ impl LoopTask {
         stage.apply(self.period(&sample, fault, triggered, now));
         stage.set_awake(permission.awake);
         self.end(stage.cycles());
-        if let Some(report) = self.report()
-            && port.reports.enqueue(report).is_ok()
-        {
-            self.clear_report();
+        if let Some(mut report) = self.report() {
+            report.magnet_fault = stage.has_magnet_fault();
+            if port.reports.enqueue(report).is_ok() {
+                self.clear_report();
+            }
         }
     }
 

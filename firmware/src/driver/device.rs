@@ -352,6 +352,7 @@ impl<F: NorFlash> Device<F> {
                 gate_driver_fault: report.gate_driver_fault,
                 system_break: report.system_break,
                 bridge_shorted: report.bridge_shorted,
+                magnet_fault: report.magnet_fault,
                 stack_intact: report.stack_intact,
                 can: self.can,
                 heartbeat_lost,

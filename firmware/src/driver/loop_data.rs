@@ -98,6 +98,8 @@ pub struct LoopReport {
     pub gate_driver_fault: bool,
     /// The chip opened the bridge by itself: supply, clock, memory or processor.
     pub system_break: bool,
+    /// The encoder reports that its magnet is too weak, too strong or misplaced.
+    pub magnet_fault: bool,
     /// The low sides are shorted: the phase currents are those of the braking motor.
     pub bridge_shorted: bool,
     /// The guard below the stack is intact.
@@ -133,6 +135,7 @@ impl Default for LoopReport {
             sample_age_us: None,
             gate_driver_fault: false,
             system_break: false,
+            magnet_fault: false,
             bridge_shorted: false,
             stack_intact: true,
             overruns_in_a_row: 0,

@@ -11,6 +11,9 @@
 //! that stays exactly the same for [`STUCK_AFTER_FRAMES`] frames is therefore reported as stuck. While the joint
 //! turns, the observer finds it within a millisecond ([`crate::control::observer`]).
 //!
+//! Once a second one frame asks for the diagnostics instead of the angle, and the observer coasts for one period. They
+//! report a magnet that is too weak, too strong or misplaced, before the angle becomes wrong.
+//!
 //! The error flag stays set until the error register is read. That takes two frames without an angle,
 //! during which the observer coasts. A broken wire reads as ones (the input must be pulled up), so the
 //! error flag is set.
@@ -44,6 +47,33 @@ const READ_ANGLE: u16 = command(0x3FFF);
 /// Command to read the error register, which clears it.
 const READ_ERRORS: u16 = command(0x0001);
 
+/// Frames from one reading of the diagnostics to the next: a second at 20 kHz.
+const DIAGNOSE_EVERY_FRAMES: u16 = 20_000;
+/// Frames from the start to the first reading: 50 ms.
+const DIAGNOSE_AFTER_FRAMES: u16 = 1000;
+
+/// Faults of the magnet in the diagnostics of both types: 9 CORDIC overflow, 10 field too strong, 11 too weak.
+const MAGNET_FAULTS: u16 = 0b1110 << 8;
+
+/// Type of the encoder, which differ in the address of their diagnostics.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EncoderType {
+    /// AS5047P: DIAAGC at 3FFCh.
+    #[default]
+    As5047p,
+    /// AS5048A: diagnostics and AGC at 3FFDh.
+    As5048a,
+}
+
+impl EncoderType {
+    const fn read_diagnostics(self) -> u16 {
+        match self {
+            Self::As5047p => command(0x3FFC),
+            Self::As5048a => command(0x3FFD),
+        }
+    }
+}
+
 const ERROR: u16 = 1 << 14;
 const DATA: u16 = ERROR - 1;
 
@@ -75,7 +105,7 @@ pub enum EncoderError<E> {
     Stuck,
     /// The encoder reports an error. The error register is being read, which clears the flag.
     Flagged,
-    /// The frame carries no angle: it is the first one, or the answer about errors.
+    /// The frame carries no angle: it is the first one, or the answer about errors or diagnostics.
     NoAngle,
 }
 
@@ -85,6 +115,7 @@ enum Awaited {
     Unknown,
     Angle,
     Errors,
+    Diagnostics,
 }
 
 /// One encoder.
@@ -93,6 +124,10 @@ pub struct As504x<S> {
     spi: S,
     awaited: Awaited,
     errors: u16,
+    encoder_type: EncoderType,
+    /// Last diagnostics, and number of frames until the next.
+    diagnostics: u16,
+    frames_left: u16,
     /// Last angle, and number of frames since it changed.
     last: u16,
     identical_frames: u16,
@@ -101,7 +136,33 @@ pub struct As504x<S> {
 impl<S: SpiDevice<u16>> As504x<S> {
     /// Creates the driver; no command was sent yet.
     pub fn new(spi: S) -> Self {
-        Self { spi, awaited: Awaited::Unknown, errors: 0, last: 0, identical_frames: 0 }
+        Self {
+            spi,
+            awaited: Awaited::Unknown,
+            errors: 0,
+            encoder_type: EncoderType::default(),
+            diagnostics: 0,
+            frames_left: DIAGNOSE_AFTER_FRAMES,
+            last: 0,
+            identical_frames: 0,
+        }
+    }
+
+    /// Returns the driver for this type; [`As504x::new`] creates it for an AS5047P.
+    #[must_use]
+    pub fn of_type(self, encoder_type: EncoderType) -> Self {
+        Self { encoder_type, ..self }
+    }
+
+    /// Returns true if the last diagnostics report a magnet that is too weak, too strong or misplaced.
+    #[inline]
+    pub const fn has_magnet_fault(&self) -> bool {
+        self.diagnostics & MAGNET_FAULTS != 0
+    }
+
+    /// Returns the gain that the encoder needs for its magnet, 0 (strong) to 255 (weak), of the last diagnostics.
+    pub const fn gain(&self) -> u8 {
+        self.diagnostics as u8
     }
 
     /// Exchanges one frame. Returns the 14-bit angle that was latched at the end of the previous frame.
@@ -110,6 +171,11 @@ impl<S: SpiDevice<u16>> As504x<S> {
     /// Returns why there is no angle. Keep calling: the driver recovers if possible.
     #[inline]
     pub fn angle(&mut self) -> Result<u16, EncoderError<S::Error>> {
+        self.frames_left = self.frames_left.wrapping_sub(1);
+        if self.frames_left == 0 {
+            self.frames_left = DIAGNOSE_EVERY_FRAMES;
+            return self.exchange(self.encoder_type.read_diagnostics(), Awaited::Diagnostics);
+        }
         self.exchange(READ_ANGLE, Awaited::Angle)
     }
 
@@ -134,10 +200,14 @@ impl<S: SpiDevice<u16>> As504x<S> {
                 self.errors |= answer & DATA;
                 Err(EncoderError::NoAngle)
             }
-            Awaited::Angle if answer & ERROR != 0 => {
+            Awaited::Angle | Awaited::Diagnostics if answer & ERROR != 0 => {
                 // Read the error register in a separate frame. The answer to the command just sent is lost.
                 self.clear();
                 Err(EncoderError::Flagged)
+            }
+            Awaited::Diagnostics => {
+                self.diagnostics = answer & DATA;
+                Err(EncoderError::NoAngle)
             }
             Awaited::Angle => {
                 let angle = answer & DATA;
@@ -187,6 +257,7 @@ mod tests {
         answer: u16,
         errors: u16,
         flips: u16,
+        diagnostics: u16,
         asked: Vec<u16>,
     }
 
@@ -211,6 +282,7 @@ mod tests {
                 let data = match asked & DATA {
                     0x3FFF => self.angle,
                     0x0001 => core::mem::take(&mut self.errors),
+                    0x3FFC => self.diagnostics,
                     other => panic!("register {other:#x}"),
                 };
                 let word = flag | data;
@@ -221,7 +293,14 @@ mod tests {
     }
 
     fn encoder() -> As504x<Chip> {
-        As504x::new(Chip { angle: 0x1234, answer: 0, errors: 0, flips: 0, asked: Vec::new() })
+        As504x::new(Chip {
+            angle: 0x1234,
+            answer: 0,
+            errors: 0,
+            flips: 0,
+            diagnostics: 0x0140,
+            asked: Vec::new(),
+        })
     }
 
     #[test]
@@ -240,17 +319,16 @@ mod tests {
     #[test]
     fn commands_match_the_data_sheet() {
         assert_eq!((READ_ANGLE, READ_ERRORS), (0xFFFF, 0x4001));
+        assert_eq!(EncoderType::As5047p.read_diagnostics(), 0xFFFC);
+        assert_eq!(EncoderType::As5048a.read_diagnostics(), 0x7FFD);
     }
 
     #[test]
     fn constant_angle_is_reported_as_stuck_until_it_changes() {
         let mut encoder = encoder();
         let good = (0..20_000).filter(|_| encoder.angle().is_ok()).count();
-        assert_eq!(
-            good,
-            usize::from(STUCK_AFTER_FRAMES),
-            "the first angle differs from the initial value"
-        );
+        let expected = usize::from(STUCK_AFTER_FRAMES);
+        assert_eq!(good, expected, "the first angle differs from the initial value");
         assert_eq!(encoder.angle(), Err(EncoderError::Stuck));
         encoder.spi.angle += 1;
         let _ = encoder.angle();
@@ -258,7 +336,34 @@ mod tests {
         // Occasional noise of one count is enough.
         for k in 0..20_000u16 {
             encoder.spi.angle = 0x1234 + u16::from(k.is_multiple_of(3000));
-            assert!(encoder.angle().is_ok());
+            assert_ne!(encoder.angle(), Err(EncoderError::Stuck));
+        }
+    }
+
+    #[test]
+    fn diagnostics_are_read_once_a_second_and_cost_one_angle() {
+        let mut encoder = encoder();
+        let mut lost = Vec::new();
+        for frame in 0..50_000u32 {
+            // The angle changes, so that it is not stuck.
+            encoder.spi.angle = 0x1000 + (frame % 7) as u16;
+            if encoder.angle().is_err() {
+                lost.push(frame);
+            }
+            if frame == 1500 {
+                assert!(!encoder.has_magnet_fault(), "a sound magnet");
+                assert_eq!(encoder.gain(), 0x40);
+                encoder.spi.diagnostics = 0x09FF;
+            }
+        }
+        assert_eq!(lost, [0, 1000, 21_000, 41_000]);
+        assert!(encoder.has_magnet_fault() && encoder.gain() == 255, "a weak magnet");
+        for (word, faulty) in [(0x0100, false), (0x0200, true), (0x0400, true), (0x0800, true)] {
+            encoder.spi.diagnostics = word;
+            for _ in 0..20_001 {
+                let _ = encoder.angle();
+            }
+            assert_eq!(encoder.has_magnet_fault(), faulty, "{word:#x}");
         }
     }
 

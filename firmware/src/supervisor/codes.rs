@@ -364,8 +364,8 @@ codes! {
         "the bridge reaches `bridge_derate_c`, the motor `motor_derate_c`, or the modelled winding `winding_derate_c`", "all are `temperature_hysteresis_c` below";
     43 TemperatureUnknown "temperature-unknown" 0x4212 [TEMPERATURE] Limits Always 100 1000
         "a temperature sensor gives no valid value; the current limit is halved", "all values are valid";
-    44 EncoderCoasting "encoder-coasting" 0xFF0C [PROFILE] Limits Always 0 100
-        "an encoder sample is missing or implausible", "all samples are valid";
+    44 EncoderCoasting "encoder-coasting" 0xFF0C [PROFILE] Limits Always 2 100
+        "encoder samples are missing or implausible again and again", "all samples are valid";
     45 SetpointInvalid "setpoint-invalid" 0xFF0D [COMMUNICATION] Limits Always 0 100
         "the set-point is not a number; 0 A is used", "the set-point is a number";
     46 CompensationLimited "compensation-limited" 0xFF0E [PROFILE] Limits Always 5 100
@@ -396,4 +396,6 @@ codes! {
         "the reading changes";
     57 BrakingLimited "braking-limited" 0xFF1A [VOLTAGE] Limits Always 5 100
         "the bus is nearly full: the winding burns braking power, or braking is reduced", "the bus has room";
+    58 EncoderMagnet "encoder-magnet" 0xFF1C [PROFILE] Limits Always 0 100
+        "the encoder reports a magnet that is too weak, too strong or misplaced", "it reports none at the next reading, a second later";
 }

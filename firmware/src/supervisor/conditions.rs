@@ -114,6 +114,7 @@ pub(super) fn evaluate(
         Code::MotorStands => supervisor.armed && observation.motor_stands,
         Code::PositionUnknown => observation.position_missing,
         Code::Stalled => observation.stalled,
+        Code::EncoderMagnet => observation.magnet_fault,
         Code::OverCompensated => observation.over_compensated,
         Code::RadialForceStuck => observation.radial_force_stuck,
         Code::PressureStuck => observation.pressure_stuck,

@@ -120,6 +120,8 @@ pub struct Observation {
     pub gate_driver_fault: bool,
     /// True if the microcontroller opened the bridge by hardware.
     pub system_break: bool,
+    /// True if the encoder reports a fault of its magnet.
+    pub magnet_fault: bool,
     /// True if the low sides are shorted, so that a current flows without being armed.
     pub bridge_shorted: bool,
     /// True if the guard words below the stack are intact.
@@ -158,6 +160,7 @@ impl Default for Observation {
             sample_age_us: None,
             gate_driver_fault: false,
             system_break: false,
+            magnet_fault: false,
             bridge_shorted: false,
             stack_intact: true,
             can: CanState::Active,

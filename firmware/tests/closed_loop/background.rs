@@ -2,7 +2,7 @@
 
 use crate::driver::{Joint, NODE};
 use firmware::background::{RoundOutcome, TICK_US};
-use firmware::control::BridgeFault;
+use firmware::control::{BridgeFault, StageSample, ValidChannels};
 use firmware::node::dictionary::index;
 use firmware::sensors::SensorParameters;
 use firmware::supervisor::Code;
@@ -205,4 +205,27 @@ fn committed_constants_of_the_sensors_reach_the_board() {
     let expected = SensorParameters { strain_range_n: -800.0, ..SensorParameters::default() };
     assert_eq!(joint.board.sensors, expected);
     assert_eq!(joint.background.driver().set().sensors, expected);
+}
+
+#[test]
+fn magnet_fault_of_the_encoder_is_reported_and_the_joint_stays_armed() {
+    let mut joint = Joint::started();
+    joint.drive_ms(1.0, 5);
+    joint.request_state(1);
+    joint.drive_ms(1.0, 30);
+    let limits = |joint: &Joint| joint.background.driver().supervisor().limits();
+    // A frame with the diagnostics has no angle.
+    joint.stage.injected_sample = {
+        let sample = joint.stage.measure();
+        Some(StageSample { valid: sample.valid - ValidChannels::ENCODER, ..sample })
+    };
+    joint.drive_ms(1.0, 3);
+    assert!(!limits(&joint).contains(Code::EncoderCoasting), "one missing angle");
+    assert!(!limits(&joint).contains(Code::EncoderMagnet));
+    joint.stage.magnet_fault = true;
+    joint.drive_ms(1.0, 3);
+    assert!(limits(&joint).contains(Code::EncoderMagnet) && joint.stage.is_on());
+    joint.stage.magnet_fault = false;
+    joint.drive_ms(1.0, 110);
+    assert!(!limits(&joint).contains(Code::EncoderMagnet));
 }

@@ -33,6 +33,8 @@ pub struct Stage {
     pub injected_sample: Option<StageSample>,
     /// Angle that a hanging encoder repeats.
     pub frozen_encoder: Option<u32>,
+    /// The encoder reports a fault of its magnet.
+    pub magnet_fault: bool,
     /// Number of calls of `off`.
     pub off_count: usize,
     /// Fault that the hardware reports for the bridge.
@@ -71,6 +73,7 @@ impl Stage {
             encoder_age_s: 0.0,
             injected_sample: None,
             frozen_encoder: None,
+            magnet_fault: false,
             off_count: 0,
             fault: None,
             has_latched_fault: false,
@@ -131,6 +134,9 @@ impl PowerStage for Stage {
     }
     fn bridge_fault(&mut self) -> Option<BridgeFault> {
         self.fault
+    }
+    fn has_magnet_fault(&self) -> bool {
+        self.magnet_fault
     }
     fn set_awake(&mut self, awake: bool) {
         if !awake {

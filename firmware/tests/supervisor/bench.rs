@@ -104,6 +104,7 @@ impl Bench {
             Code::RadialForceStuck => observation.radial_force_stuck = present,
             Code::PressureStuck => observation.pressure_stuck = present,
             Code::AdcTimeout => observation.sample_age_us = Some(if present { 1000 } else { 999 }),
+            Code::EncoderMagnet => observation.magnet_fault = present,
             Code::PositionUnknown => observation.position_missing = present,
             Code::StackOverflow => observation.stack_intact = !present,
             Code::ModelOutOfBand => observation.model_in_band = Some(!present),

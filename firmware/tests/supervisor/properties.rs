@@ -74,6 +74,7 @@ fn observation() -> impl Strategy<Value = Observation> {
             sample_age_us: age,
             gate_driver_fault: bits.0,
             system_break: bits.3,
+            magnet_fault: bits.2,
             bridge_shorted: bits.0,
             stack_intact: bits.1,
             can: [CanState::Active, CanState::Passive, CanState::Off][usize::from(can)],

@@ -66,6 +66,9 @@ struct EncoderState {
 struct EncoderSpi(Rc<RefCell<EncoderState>>);
 
 const DATA_MASK: u16 = 0x3FFF;
+const ANGLE_REGISTER: u16 = 0x3FFF;
+const DIAGNOSTICS_REGISTER: u16 = 0x3FFC;
+const MAGNET_TOO_WEAK: u16 = 1 << 11;
 
 fn with_even_parity(word: u16) -> u16 {
     word | (((word.count_ones() & 1) as u16) << 15)
@@ -82,13 +85,17 @@ impl EncoderState {
 
     fn exchange(&mut self, command: u16) -> u16 {
         let answer = self.answer;
-        // A read of the angle, or of the error register, which is always empty.
+        // The error register is always empty.
         let angle = match self.fault {
             EncoderFault::Frozen => *self.frozen_angle.get_or_insert(self.angle),
             EncoderFault::Weak(deviation) => self.noisy_angle(deviation),
             _ => self.noisy_angle(ENCODER_NOISE_COUNTS),
         };
-        self.answer = with_even_parity(if command & DATA_MASK == DATA_MASK { angle } else { 0 });
+        self.answer = with_even_parity(match (command & DATA_MASK, self.fault) {
+            (ANGLE_REGISTER, _) => angle,
+            (DIAGNOSTICS_REGISTER, EncoderFault::Weak(_)) => MAGNET_TOO_WEAK,
+            _ => 0,
+        });
         match self.fault {
             EncoderFault::Low => 0,
             EncoderFault::High => 0xFFFF,
@@ -154,6 +161,11 @@ impl BoardSensors {
         }
         sensors.shunts = finders.map(|finder| finder.shunt(-AMPERES_PER_COUNT as f32));
         sensors
+    }
+
+    /// Returns true if the encoder reports a fault of its magnet.
+    pub fn has_magnet_fault(&self) -> bool {
+        self.encoder.has_magnet_fault()
     }
 
     /// Sets the fault of the encoder from now on.

@@ -180,6 +180,10 @@ impl PowerStage for Stage {
         self.plant.is_overcurrent_tripped().then_some(BridgeFault::Overcurrent)
     }
 
+    fn has_magnet_fault(&self) -> bool {
+        self.board.as_ref().is_some_and(BoardSensors::has_magnet_fault)
+    }
+
     fn set_awake(&mut self, is_awake: bool) {
         self.is_awake = is_awake;
     }

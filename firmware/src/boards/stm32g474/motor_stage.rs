@@ -56,6 +56,11 @@ impl PowerStage for MotorStage {
     }
 
     #[inline(always)]
+    fn has_magnet_fault(&self) -> bool {
+        self.encoder.has_magnet_fault()
+    }
+
+    #[inline(always)]
     fn set_awake(&mut self, awake: bool) {
         self.stage.set_awake(awake);
     }
