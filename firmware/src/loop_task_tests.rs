@@ -363,7 +363,7 @@ fn stage_traits_limit_modulation_and_add_to_the_encoder_delay() {
     let conducts_s = (1.0 - duty) * PERIOD_S / 2.0 - dead_s;
     assert!((conducts_s - settle_s).abs() < 1e-8, "{conducts_s}");
 
-    let stage = StageTraits { encoder_age_s: 52e-6, modulation_max: most };
+    let stage = StageTraits { encoder_age_s: 52e-6, modulation_max: most, ..StageTraits::NONE };
     let mut set = ParameterSet::default();
     let built = |set: &ParameterSet, stage| LoopParts::build(set, stage, PERIOD_S).unwrap().motor;
     set.motor.modulation_max = 0.95;

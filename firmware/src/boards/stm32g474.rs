@@ -86,6 +86,7 @@ mod app {
     use firmware::loop_task::LoopTask;
     use firmware::node_settings::NodeSettings;
     use firmware::parameter_set::ParameterSet;
+    use firmware::sensors::SensorParameters;
     use firmware::{panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -148,6 +149,8 @@ mod app {
         overcurrent::follow(driver.set().motor.overcurrent_a);
         let task = loop_task(driver.set());
         let controller = Controller::start(wired.can, driver.node(), driver.bit_rate_kbit());
+        let sign = driver.set().sensors.shunt_sign;
+        let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
         let stage = MotorStage { stage, encoder, shunts };
 
         let (frames_out, frames) = context.local.frames.split();
@@ -168,7 +171,11 @@ mod app {
         boot: &Boot<'_>,
     ) -> &'static mut Background<StoreFlash> {
         let now_us = Instant::now().as_micros();
-        let identity = Identity { hardware: "STM32G474 joint driver", serial: start::serial() };
+        let identity = Identity {
+            hardware: "STM32G474 joint driver",
+            serial: start::serial(),
+            stage: scales::STAGE,
+        };
         let driver = Driver::boot(NodeSettings::default(), store, identity, boot, now_us);
         place.write(Background::new(driver, now_us))
     }
@@ -245,6 +252,10 @@ mod app {
 
         fn is_idle(&mut self) -> bool {
             self.controller.is_idle()
+        }
+
+        fn apply_sensors(&mut self, sensors: &SensorParameters) {
+            self.slow.constants = *sensors;
         }
 
         fn state(&mut self, now_us: u64) -> BoardState {

@@ -15,8 +15,8 @@
 //! It is high while the count is below CCR2 or not below CCR1 (combined PWM mode 1: OC2REFC is the OR of
 //! OC1REF and OC2REF). Each compare event of channel 3, half way through chip select in either direction
 //! (CMS = 11), is a DMA request that writes a command to the SPI. The SPI's receive request stores the
-//! answer. Both DMA channels are circular over two words. The interrupt reads the second answer and writes
-//! the first command of the next period.
+//! answer. Both DMA channels are circular over two words. The interrupt reads the answers and writes the
+//! commands of the next period.
 //!
 //! Channel 4 starts the slow conversions; see [`super::slow`].
 
@@ -37,7 +37,9 @@ use embassy_stm32::spi::mode::Master;
 use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{pac, rcc};
-use firmware::sensors::as504x::{DESELECTED_NS, EncoderError, FramePairs, RELEASE_NS, SELECT_NS};
+use firmware::sensors::as504x::{
+    DESELECTED_NS, EncoderError, EncoderType, FramePairs, RELEASE_NS, SELECT_NS,
+};
 
 const TIMER: pac::timer::TimGp16 = pac::TIM3;
 const BUS: pac::spi::Spi = pac::SPI1;
@@ -86,13 +88,16 @@ const SLOW_AT: u16 = PWM_TOP - (LEAD_CYCLES + SLOW_START_CYCLES) as u16;
 /// Maximum deviation of the phase between both timers, cycles: the reads of both counters and the start.
 const MAX_PHASE_ERROR_CYCLES: u32 = 60;
 
+/// Type of the encoder on this board.
+const ENCODER_TYPE: EncoderType = EncoderType::As5047p;
+
 /// A word with wrong parity: the place of an answer that has not come yet.
 const NO_ANSWER: u16 = 1;
 /// Periods without an answer after which the exchange is restarted.
 const RESTART_AFTER_PERIODS: u8 = 100;
 
 static COMMANDS: [AtomicU16; FRAMES] =
-    [const { AtomicU16::new(FramePairs::SECOND_COMMAND) }; FRAMES];
+    [const { AtomicU16::new(FramePairs::FIRST_COMMANDS[0]) }; FRAMES];
 static ANSWERS: [AtomicU16; FRAMES] = [const { AtomicU16::new(NO_ANSWER) }; FRAMES];
 
 const fn cycles_of(ns: u32) -> u32 {
@@ -122,7 +127,7 @@ impl Encoder {
         set_up_bus();
         start_exchange();
         Self {
-            pairs: FramePairs::default(),
+            pairs: FramePairs::new(ENCODER_TYPE),
             missing_periods: 0,
             _bus: bus,
             _timer: wired.timer,
@@ -136,21 +141,27 @@ impl Encoder {
     /// Returns why there is no angle.
     #[inline(always)]
     pub fn angle(&mut self) -> Result<u16, EncoderError<core::convert::Infallible>> {
-        let [_, second] = &ANSWERS;
+        let [first, second] = &ANSWERS;
         // Both answers are stored, and no further one.
         let is_complete = pac::DMA1.ch(ANSWER_CHANNEL).ndtr().read().ndt() == FRAMES as u16;
-        let answer = second.load(Ordering::Relaxed);
+        let answers = [first.load(Ordering::Relaxed), second.load(Ordering::Relaxed)];
         second.store(NO_ANSWER, Ordering::Relaxed);
-        let answer = (is_complete && answer != NO_ANSWER).then_some(answer);
-        let angle = self.pairs.angle(answer);
-        let [first, _] = &COMMANDS;
-        first.store(self.pairs.first_command(), Ordering::Relaxed);
-        if answer.is_some() {
+        let answers = (is_complete && answers[1] != NO_ANSWER).then_some(answers);
+        let angle = self.pairs.angle(answers);
+        for (place, command) in COMMANDS.iter().zip(self.pairs.commands()) {
+            place.store(command, Ordering::Relaxed);
+        }
+        if answers.is_some() {
             self.missing_periods = 0;
         } else {
             self.count_missing();
         }
         angle
+    }
+
+    /// Returns true if the encoder reports a fault of its magnet.
+    pub const fn has_magnet_fault(&self) -> bool {
+        self.pairs.has_magnet_fault()
     }
 
     #[cold]

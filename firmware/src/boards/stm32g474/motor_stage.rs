@@ -22,15 +22,6 @@ pub struct MotorStage {
     pub shunts: [Option<Shunt>; 2],
 }
 
-impl MotorStage {
-    /// Brakes the motor through its own resistance: all low sides are closed.
-    #[inline(always)]
-    #[expect(dead_code, reason = "the interface of the current loop has no brake yet")]
-    pub fn brake(&mut self) {
-        self.stage.brake();
-    }
-}
-
 impl PowerStage for MotorStage {
     #[inline(always)]
     fn sample(&mut self) -> StageSample {
@@ -45,6 +36,11 @@ impl PowerStage for MotorStage {
     }
 
     #[inline(always)]
+    fn has_magnet_fault(&self) -> bool {
+        self.encoder.has_magnet_fault()
+    }
+
+    #[inline(always)]
     fn set_awake(&mut self, awake: bool) {
         self.stage.set_awake(awake);
     }
@@ -52,6 +48,11 @@ impl PowerStage for MotorStage {
     #[inline(always)]
     fn drive(&mut self, duty: [f32; 3]) {
         self.stage.drive(duty);
+    }
+
+    #[inline(always)]
+    fn brake(&mut self) {
+        self.stage.brake();
     }
 
     #[inline(always)]

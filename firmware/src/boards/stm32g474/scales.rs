@@ -9,9 +9,7 @@ use firmware::node::bit_timing::{BIT_RATES_KBIT, BitTiming};
 use firmware::sensors::as504x::{MAX_CLOCK_HZ, clock_divider};
 use firmware::sensors::comparator::ComparatorLevels;
 use firmware::sensors::quiet::QuietWindow;
-use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
-use firmware::sensors::strain_gauge::StrainGauge;
-use firmware::sensors::thermistor::Thermistor;
+use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, measurable_a};
 
 /// Crystal, Hz. CAN at 1 Mbit/s requires one; the internal oscillator is not accurate enough.
 pub const CRYSTAL_HZ: u32 = 24_000_000;
@@ -33,7 +31,8 @@ pub const LIMITS: DeadlineLimits = DeadlineLimits::for_period(CORE_HZ / LOOP_HZ,
 
 /// Reference of the converters, V.
 const REFERENCE_V: f32 = 3.3;
-/// Scale of the shunts: 1 mohm, gain 20. A current into the motor lowers the voltage of a low-side shunt.
+/// Scale of the shunts: 1 mohm, gain 20. A current into the motor lowers the voltage of a low-side shunt, unless the
+/// parameter `shunt_sign` states otherwise.
 pub const AMPERES_PER_COUNT: f32 = -REFERENCE_V / (CONVERTER_RANGE_COUNTS as f32 * 0.001 * 20.0);
 /// Highest phase current at which the comparators open the bridge, A: the rating of its switches.
 ///
@@ -52,14 +51,6 @@ const _: () = assert!(
 /// Scale of the bus voltage: divider of 68 k over 3.3 k.
 pub const VOLTS_PER_COUNT: f32 = REFERENCE_V / CONVERTER_RANGE_COUNTS as f32 * (68.0 + 3.3) / 3.3;
 
-/// Thermistor at the bridge: 10 k (B 3435) below a 10 k resistor.
-pub const BRIDGE_THERMISTOR: Thermistor = Thermistor { ratio_at_25: 1.0, beta_k: 3435.0 };
-/// Thermistor in the motor.
-pub const MOTOR_THERMISTOR: Thermistor = BRIDGE_THERMISTOR;
-/// Calibration of the side load, from two weights; see docs/src/how-to/porting.md.
-pub const STRAIN_GAUGE: StrainGauge = StrainGauge { zero: 0.5, range_n: 2000.0 };
-/// True if strain gauges are connected. Otherwise the side load is received over the bus.
-pub const HAS_STRAIN_GAUGE: bool = true;
 /// Pressure inside the housing, Pa: it is closed at the surface.
 pub const INSIDE_PA: f32 = 101_325.0;
 
@@ -81,6 +72,7 @@ const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
 /// Properties of the stage that the loop uses.
 pub const STAGE: StageTraits = StageTraits {
     encoder_age_s: super::encoder::AGE_S,
+    current_max_a: measurable_a(AMPERES_PER_COUNT),
     modulation_max: StageTraits::max_modulation(
         PERIOD_S,
         DEAD_TIME as f32 / CORE_HZ as f32,

@@ -10,9 +10,9 @@ use super::{pins, scales};
 use embassy_stm32::adc::{Adc, AdcChannel, Exten, InjectedAdc, SampleTime};
 use embassy_stm32::peripherals::{ADC3, ADC4};
 use embassy_stm32::triggers::TIM3_TRGO;
-use firmware::sensors::LocalReadings;
 use firmware::sensors::ms5837::Ms5837;
 use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
+use firmware::sensors::{LocalReadings, SensorParameters};
 
 /// Sampling time, long enough for a divider of 10 k: 6 us.
 const SAMPLING_TIME: SampleTime = SampleTime::CYCLES247_5;
@@ -22,6 +22,8 @@ pub struct SlowSensors {
     temperatures: InjectedAdc<'static, ADC3, 2>,
     force: InjectedAdc<'static, ADC4, 1>,
     pressure: Ms5837<PressureBus>,
+    /// Constants of the sensors.
+    pub constants: SensorParameters,
     /// Latest side load, pressure and temperature.
     last: LocalReadings,
 }
@@ -44,24 +46,25 @@ impl SlowSensors {
             false,
         );
         let pressure = Ms5837::new(PressureBus::new(pressure));
-        Self { temperatures, force, pressure, last: LocalReadings::default() }
+        let (constants, last) = (SensorParameters::default(), LocalReadings::default());
+        Self { temperatures, force, pressure, constants, last }
     }
 
     /// Returns the temperatures of bridge and motor, deg C; NaN if a sensor is broken.
     pub fn temperatures_c(&mut self) -> [f32; 2] {
         let [bridge, motor] = self.temperatures.read_injected_samples();
         [
-            scales::BRIDGE_THERMISTOR.temperature_c(share(bridge)),
-            scales::MOTOR_THERMISTOR.temperature_c(share(motor)),
+            self.constants.bridge_thermistor().temperature_c(share(bridge)),
+            self.constants.motor_thermistor().temperature_c(share(motor)),
         ]
     }
 
     /// Reads side load and pressure and returns the latest readings.
     pub fn poll(&mut self, now_us: u64) -> LocalReadings {
         let local = &mut self.last;
-        if scales::HAS_STRAIN_GAUGE {
+        if let Some(gauge) = self.constants.strain_gauge() {
             let [counts] = self.force.read_injected_samples();
-            if let Some(force_n) = scales::STRAIN_GAUGE.force_n(share(counts)) {
+            if let Some(force_n) = gauge.force_n(share(counts)) {
                 local.set_radial_force(force_n, now_us);
             }
         }

@@ -100,6 +100,8 @@ impl<F: NorFlash> Device<F> {
             velocity_command: VelocityCommand::default(),
             motor_watch: MotorWatch::default(),
             motor_state: MotorState::default(),
+            measured_wiring: None,
+            target_us: 0,
             drive_counter: 0,
             identifiers: [None; TRANSMIT_PDOS],
             now_us,

@@ -231,6 +231,7 @@ fn commands(inputs: &Inputs) -> LoopCommands {
         setpoint: inputs.setpoint,
         covariates: inputs.covariates,
         bridge: true,
+        brake: false,
         compensation: true,
         current_share: 1.0,
         compensation_share: 1.0,
