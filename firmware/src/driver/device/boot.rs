@@ -62,11 +62,17 @@ impl<F: NorFlash> Device<F> {
                 self_test_passed: boot.self_test_passed,
             },
         );
-        let mut device = Self {
+        let (watch, network) = (watch(&set.watch, &settings), LiveNetwork::of(&set, &settings));
+        let mut staging = Staging::new(set);
+        if let Some(error) = refusal {
+            staging.refuse(Abort::Value, error);
+        }
+        // The value of the function, not a local one, which would be another 14 KB of stack.
+        Self {
             counters: Counters::default(),
-            watch: watch(&set.watch, &settings),
-            network: LiveNetwork::of(&set, &settings),
-            staging: Staging::new(set),
+            watch,
+            network,
+            staging,
             identity,
             errors: Deque::new(),
             last_panic: truncated(boot.panic.unwrap_or_default()),
@@ -105,11 +111,7 @@ impl<F: NorFlash> Device<F> {
             drive_counter: 0,
             identifiers: [None; TRANSMIT_PDOS],
             now_us,
-        };
-        if let Some(error) = refusal {
-            device.staging.refuse(Abort::Value, error);
         }
-        device
     }
 }
 
