@@ -12,7 +12,7 @@
 
 use crate::driver::{Driver, LoopReport};
 use crate::loop_link::LoopLink;
-use crate::sensors::LocalReadings;
+use crate::sensors::{LocalReadings, SensorParameters};
 use crate::supervisor::CanState;
 use compensator_core::can::Frame;
 use embedded_storage::nor_flash::NorFlash;
@@ -71,6 +71,9 @@ pub trait Board {
     /// Returns true if every frame passed to [`Board::send`] has been sent.
     fn is_idle(&mut self) -> bool;
 
+    /// Applies the constants of the sensors: once per tick, before [`Board::state`].
+    fn apply_sensors(&mut self, _sensors: &SensorParameters) {}
+
     /// Reads sensors, controller and stack: once per tick.
     fn state(&mut self, now_us: u64) -> BoardState;
 
@@ -123,6 +126,7 @@ impl<F: NorFlash> Background<F> {
                 // Missed ticks are skipped.
                 self.due_us = now_us + TICK_US;
             }
+            board.apply_sensors(&self.driver.set().sensors);
             let state = board.state(now_us);
             if self.tick(&state, board.current_loop(), now_us) {
                 board.refresh_watchdog();

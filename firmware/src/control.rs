@@ -15,6 +15,7 @@
 
 pub mod compensation;
 pub mod covariates;
+mod current_limits;
 pub mod current_loop;
 pub mod flags;
 pub mod observer;
@@ -79,6 +80,8 @@ pub enum Bridge {
     Off,
     /// Duties of the high sides of phases a, b, c, 0..=1.
     Drive([f32; 3]),
+    /// All low sides closed: the motor brakes itself.
+    Shorted,
 }
 
 /// Source of a hardware signal that opened the bridge.
@@ -100,6 +103,12 @@ pub trait PowerStage {
     /// Returns the source of a hardware fault that opened the bridge, or holds it open.
     fn bridge_fault(&mut self) -> Option<BridgeFault>;
 
+    /// Returns true if the encoder reports a fault of its magnet; its angle is still valid. It is called once per
+    /// report.
+    fn has_magnet_fault(&self) -> bool {
+        false
+    }
+
     /// Wakes the gate driver, or puts it to sleep. Sleep is a second way to open all switches.
     fn set_awake(&mut self, awake: bool);
 
@@ -108,6 +117,13 @@ pub trait PowerStage {
 
     /// Opens all switches immediately.
     fn off(&mut self);
+
+    /// Closes all low sides and opens all high sides, so that the motor brakes itself ([`crate::stop_brake`]). It is
+    /// called in every period of the brake, and only while the gate driver is awake and reports no fault. A stage
+    /// that cannot do it opens all switches: the joint coasts.
+    fn brake(&mut self) {
+        self.off();
+    }
 
     /// Returns the processor's cycle counter, which wraps.
     fn cycles(&self) -> u32;
@@ -118,6 +134,7 @@ pub trait PowerStage {
         match bridge {
             Bridge::Drive(duty) => self.drive(duty),
             Bridge::Off => self.off(),
+            Bridge::Shorted => self.brake(),
         }
     }
 }

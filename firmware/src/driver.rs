@@ -86,7 +86,7 @@ impl<F: NorFlash> Driver<F> {
             return;
         }
         if self.network.on_heartbeat(frame, self.device.settings().awaited_heartbeat, now_us) {
-            self.device.refresh_command_age(now_us);
+            self.device.confirm_target_by_heartbeat(now_us);
             return;
         }
         let node = self.network.node();

@@ -30,6 +30,7 @@ pub mod panic_note;
 pub mod parameter_set;
 pub mod reference_joint;
 pub mod sensors;
+pub mod stop_brake;
 pub mod store;
 pub mod supervisor;
 pub mod watch;

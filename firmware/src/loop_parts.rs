@@ -3,11 +3,13 @@
 //! Building validates, divides and takes milliseconds, so it is done outside the interrupt. The interrupt swaps
 //! motor and friction model between two periods ([`crate::loop_task::LoopTask::swap`]).
 
+use crate::control::parameters::OVERCURRENT_MARGIN;
 use crate::control::{Compensate, JointCompensator, Motor, MotorParameters, PERIOD_S};
 use crate::log::log;
 use crate::parameter_set::ParameterSet;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::Factors;
+use compensator_core::parameters::Bound;
 use compensator_core::{CompensatorOutput, Flags, Inputs, ParameterError};
 use core::cell::Cell;
 
@@ -84,6 +86,11 @@ impl Compensate for LimitedCompensator {
         (sum.max(-limit).min(limit), flags | Flags::CURRENT_LIMITED)
     }
 
+    #[inline]
+    fn current_limit_a(&self) -> f32 {
+        self.limit_a.get()
+    }
+
     fn torque_constant_nm_per_a(&self) -> f32 {
         self.inner.torque_constant_nm_per_a()
     }
@@ -103,13 +110,37 @@ pub struct StageTraits {
     /// Age of the encoder angle caused by the way it is read, s. It is added to the parameter `encoder_delay_s`,
     /// the delay of the sensor itself.
     pub encoder_age_s: f32,
+    /// Largest phase current that the stage can measure, A; limits `overcurrent_a` and `current_limit_a`.
+    pub current_max_a: f32,
     /// Maximum modulation that leaves the shunts time to settle; limits `modulation_max`.
     pub modulation_max: f32,
 }
 
 impl StageTraits {
-    /// A stage that reads the encoder together with the currents and has its current sensors in the phases.
-    pub const NONE: Self = Self { encoder_age_s: 0.0, modulation_max: 1.0 };
+    /// A stage that reads the encoder together with the currents and has current sensors of any range in the phases.
+    pub const NONE: Self =
+        Self { encoder_age_s: 0.0, current_max_a: f32::INFINITY, modulation_max: 1.0 };
+
+    /// Checks the currents of a set against what the stage can measure. A current that is not measured is neither
+    /// controlled nor limited.
+    ///
+    /// # Errors
+    /// Names the current, its bound and the reason.
+    pub fn check_currents(&self, set: &ParameterSet) -> Result<(), ParameterError> {
+        let most_a = self.current_max_a;
+        for (field, value, most_a) in [
+            ("current_limit_a", set.motor.current_limit_a, most_a / OVERCURRENT_MARGIN),
+            ("overcurrent_a", set.motor.overcurrent_a, most_a),
+            ("overcurrent_a", set.thresholds.overcurrent_a, most_a),
+        ] {
+            if value > most_a {
+                let why = "the current sensors of this board measure no more";
+                let bound = Bound::AtMost(most_a.into());
+                return Err(ParameterError { field, value: value.into(), bound, why });
+            }
+        }
+        Ok(())
+    }
 
     /// Returns the maximum modulation for low-side shunts. They are sampled at the top of the PWM period. Before
     /// it, every low side conducts for half of `(1 - duty) T` less the dead time, which must be at least the
@@ -140,6 +171,7 @@ impl LoopParts {
     ) -> Result<Self, ParameterError> {
         // Validate the written values first, so that the error names what was written.
         set.motor.validate()?;
+        stage.check_currents(set)?;
         let motor = MotorParameters {
             encoder_delay_s: set.motor.encoder_delay_s + stage.encoder_age_s,
             modulation_max: set.motor.modulation_max.min(stage.modulation_max),

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::control::PERIOD_S;
+use crate::loop_link::LoopQueues;
 use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;
 use compensator_core::compensator::Reading;
@@ -362,7 +363,7 @@ fn stage_traits_limit_modulation_and_add_to_the_encoder_delay() {
     let conducts_s = (1.0 - duty) * PERIOD_S / 2.0 - dead_s;
     assert!((conducts_s - settle_s).abs() < 1e-8, "{conducts_s}");
 
-    let stage = StageTraits { encoder_age_s: 52e-6, modulation_max: most };
+    let stage = StageTraits { encoder_age_s: 52e-6, modulation_max: most, ..StageTraits::NONE };
     let mut set = ParameterSet::default();
     let built = |set: &ParameterSet, stage| LoopParts::build(set, stage, PERIOD_S).unwrap().motor;
     set.motor.modulation_max = 0.95;
@@ -377,4 +378,48 @@ fn stage_traits_limit_modulation_and_add_to_the_encoder_delay() {
     meant.motor.encoder_delay_s = 152e-6;
     let (found, expected) = (built(&set, stage), built(&meant, StageTraits::NONE));
     assert_eq!(found, expected);
+}
+
+/// A stage with a healthy sample and nothing behind its outputs.
+struct StageStub;
+
+impl PowerStage for StageStub {
+    fn sample(&mut self) -> StageSample {
+        healthy()
+    }
+    fn bridge_fault(&mut self) -> Option<BridgeFault> {
+        None
+    }
+    fn set_awake(&mut self, _awake: bool) {}
+    fn drive(&mut self, _duty: [f32; 3]) {}
+    fn off(&mut self) {}
+    fn cycles(&self) -> u32 {
+        0
+    }
+}
+
+#[test]
+fn interrupt_takes_parts_or_commands_or_gives_a_report_in_one_period() {
+    let mut queues = LoopQueues::new();
+    let (mut port, mut link) = queues.split(StageTraits::NONE, 0);
+    let mut task = LoopTask::new(parts(), DeadlineLimits::for_period(PERIOD, 10));
+    let reports = |link: &mut crate::loop_link::LoopLink| {
+        let mut count = 0;
+        link.reports(0, |report| count += u32::from(report.sample_age_us == Some(0)));
+        count
+    };
+    for _ in 0..task.report_every - 1 {
+        task.interrupt(&mut StageStub, &mut port, 0, 0);
+    }
+    // Another set comes with commands, and a report is due: one after the other, in three periods.
+    let set = ParameterSet::default();
+    link.send_commands(LoopCommands { set_number: 1, ..drive(1.0) }, &set);
+    let mut taken = Vec::new();
+    for _ in 0..3 {
+        task.interrupt(&mut StageStub, &mut port, 0, 0);
+        let has_parts = port.parts.ready();
+        taken.push((has_parts, task.commands.set_number, task.since_report == 0));
+    }
+    assert_eq!(taken, [(false, 0, false), (false, 1, false), (false, 1, true)]);
+    assert_eq!(reports(&mut link), 1);
 }

@@ -24,6 +24,10 @@ pub enum InputSource {
 /// Legal sample periods of a joint in HIL, s.
 pub const PERIOD_RANGE_S: (f32, f32) = (1e-5, 1.0);
 
+/// Maximum of [`NodeSettings::target_timeout_ms`], and its default: the maximum of `command_timeout_us`, which
+/// also applies.
+pub const TARGET_TIMEOUT_MAX_MS: u16 = 100;
+
 /// Settings of the node: bus participation and source of inputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeSettings {
@@ -37,6 +41,9 @@ pub struct NodeSettings {
     /// Monitored heartbeat in the format of CiA 301: node (bits 16 to 22) and timeout, ms (bits 0 to 15); 0
     /// disables it.
     pub awaited_heartbeat: u32,
+    /// Maximum time between two targets of a CiA 402 master, ms (1400h:5). With 0 the monitored heartbeat
+    /// confirms the last target.
+    pub target_timeout_ms: u16,
     /// Source of the inputs.
     pub source: InputSource,
     /// Number type of the joint in HIL.
@@ -49,6 +56,8 @@ pub struct NodeSettings {
     pub campaign_h: f32,
     /// CRC of the confirmed wiring, see [`ParameterSet::wiring_crc`]; 0 if none is confirmed.
     pub commissioned: u32,
+    /// CRC of the wiring with which the motor was seen to turn by its current; 0 if there is none.
+    pub proven: u32,
 }
 
 impl Default for NodeSettings {
@@ -58,20 +67,22 @@ impl Default for NodeSettings {
             bit_rate_kbit: 1000,
             heartbeat_ms: 1000,
             awaited_heartbeat: 0,
+            target_timeout_ms: TARGET_TIMEOUT_MAX_MS,
             source: InputSource::default(),
             number: NumberType::default(),
             telemetry_every: 1,
             period_s: 1e-3,
             campaign_h: 0.0,
             commissioned: 0,
+            proven: 0,
         }
     }
 }
 
 impl NodeSettings {
     /// Length of the encoded settings, bytes.
-    pub const LENGTH: usize = 28;
-    const VERSION: u8 = 2;
+    pub const LENGTH: usize = 32;
+    const VERSION: u8 = 3;
 
     /// Returns the setup of a joint in HIL.
     pub fn hil_setup(&self) -> HilSetup {
@@ -93,10 +104,11 @@ impl NodeSettings {
             ),
             (4, u32::from(self.heartbeat_ms) | u32::from(self.bit_rate_kbit) << 16),
             (8, self.awaited_heartbeat),
-            (12, u32::from(self.telemetry_every)),
+            (12, u32::from(self.telemetry_every) | u32::from(self.target_timeout_ms) << 16),
             (16, self.period_s.to_bits()),
             (20, self.campaign_h.to_bits()),
             (24, self.commissioned),
+            (28, self.proven),
         ];
         for (at, word) in words {
             if let Some(place) = bytes.get_mut(at..at + 4) {
@@ -115,16 +127,18 @@ impl NodeSettings {
             bit_rate_kbit: (word(4)? >> 16) as u16,
             heartbeat_ms: word(4)? as u16,
             awaited_heartbeat: word(8)?,
+            target_timeout_ms: (word(12)? >> 16) as u16,
             source: match source {
                 0 => InputSource::Sensors,
                 1 => InputSource::Bus,
                 _ => return None,
             },
             number: NumberType::from_code(number)?,
-            telemetry_every: u8::try_from(word(12)?).ok()?,
+            telemetry_every: u8::try_from(word(12)? & 0xFFFF).ok()?,
             period_s: f32::from_bits(word(16)?),
             campaign_h: f32::from_bits(word(20)?),
             commissioned: word(24)?,
+            proven: word(28)?,
         };
         (version == Self::VERSION && settings.validate().is_ok()).then_some(settings)
     }
@@ -147,6 +161,11 @@ impl NodeSettings {
                 self.awaited_heartbeat >> 23 == 0,
                 "awaited_heartbeat",
                 "a node (bits 16 to 22) and milliseconds (bits 0 to 15)",
+            ),
+            (
+                self.target_timeout_ms <= TARGET_TIMEOUT_MAX_MS,
+                "event_timer_ms",
+                "1 to 100, or 0 (the monitored heartbeat confirms the target)",
             ),
         ];
         match checks.into_iter().find(|(holds, ..)| !holds) {
@@ -231,12 +250,14 @@ mod tests {
             bit_rate_kbit: 250,
             heartbeat_ms: 250,
             awaited_heartbeat: 3 << 16 | 500,
+            target_timeout_ms: 45,
             source: InputSource::Bus,
             number: NumberType::default(),
             telemetry_every: 7,
             period_s: 2.5e-4,
             campaign_h: 12.5,
             commissioned: 0x1234_5678,
+            proven: 0x8765_4321,
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));

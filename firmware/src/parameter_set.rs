@@ -1,12 +1,13 @@
-//! The complete parameter set of a joint driver: friction model, network, motor, thresholds, watch.
+//! The complete parameter set of a joint driver: friction model, network, motor, thresholds, watch, sensors.
 //!
 //! The parts are validated, committed and stored together and identified by one CRC. A driver therefore
 //! never combines a new friction model with the thresholds of another joint. Encoding: the friction record
-//! of the core, then the values of motor, thresholds and watch as little-endian `f32` in field order, then
+//! of the core, then the values of motor, thresholds, watch and sensors as little-endian `f32` in field order, then
 //! the network's record if there is one.
 
 use crate::control::MotorParameters;
 use crate::control::PERIOD_S;
+use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
@@ -18,9 +19,11 @@ use compensator_core::{Compensator, LawKind, ParameterError, Parameters};
 use core::fmt;
 use heapless::Vec;
 
-/// Number of values of motor, thresholds and watch.
-pub const DRIVE_VALUE_COUNT: usize =
-    MotorParameters::FIELDS + Thresholds::FIELDS + WatchParameters::FIELDS;
+/// Number of values of motor, thresholds, watch and sensors.
+pub const DRIVE_VALUE_COUNT: usize = MotorParameters::FIELDS
+    + Thresholds::FIELDS
+    + WatchParameters::FIELDS
+    + SensorParameters::FIELDS;
 /// Length of these values, bytes.
 pub const DRIVE_RECORD_BYTES: usize = 4 * DRIVE_VALUE_COUNT;
 /// Length of a set without a network, bytes.
@@ -43,6 +46,8 @@ pub struct ParameterSet {
     pub thresholds: Thresholds,
     /// Parameters of the model watch.
     pub watch: WatchParameters,
+    /// Constants of the sensors.
+    pub sensors: SensorParameters,
 }
 
 impl Default for ParameterSet {
@@ -57,6 +62,7 @@ impl Default for ParameterSet {
             motor: MotorParameters::default(),
             thresholds: Thresholds::default(),
             watch: WatchParameters::default(),
+            sensors: SensorParameters::default(),
         }
     }
 }
@@ -70,7 +76,7 @@ pub enum SetError {
     Record(RecordError),
     /// The network's record is refused.
     Network(network_record::RecordError),
-    /// A value of motor, thresholds or watch is refused.
+    /// A value of motor, thresholds, watch or sensors is refused.
     Drive(ParameterError),
 }
 
@@ -121,17 +127,19 @@ impl ParameterSet {
         self.motor.validate()?;
         self.motor.validate_with(&self.friction.compensator)?;
         self.thresholds.validate()?;
-        self.watch.validate()
+        self.watch.validate()?;
+        self.sensors.validate()
     }
 
-    /// Checks motor, thresholds and watch, each separately.
+    /// Checks motor, thresholds, watch and sensors, each separately.
     ///
     /// # Errors
     /// Returns the first refused parameter.
     pub fn validate_drive(&self) -> Result<(), ParameterError> {
         self.motor.validate()?;
         self.thresholds.validate()?;
-        self.watch.validate()
+        self.watch.validate()?;
+        self.sensors.validate()
     }
 
     /// Checks that a current loop can be built from the set.
@@ -146,7 +154,7 @@ impl ParameterSet {
         self.motor.build(PERIOD_S).map(|_| ())
     }
 
-    /// Returns the CRC of the values of [`Self::WIRING_PARAMETERS`], never 0. A joint stays commissioned if
+    /// Returns the CRC of the values of [`Self::WIRING_PARAMETERS`] and of the sign of the shunts, never 0. A joint stays commissioned if
     /// other parameters change.
     pub fn wiring_crc(&self) -> u32 {
         let mut digest = CRC.digest();
@@ -155,6 +163,7 @@ impl ParameterSet {
                 digest.update(&number.to_le_bytes());
             }
         }
+        digest.update(&self.sensors.shunt_sign.to_le_bytes());
         digest.finalize().max(1)
     }
 
@@ -170,11 +179,11 @@ impl ParameterSet {
         bytes
     }
 
-    /// Returns the encoded values of motor, thresholds and watch.
+    /// Returns the encoded values of motor, thresholds, watch and sensors.
     pub fn emit_drive(&self) -> [u8; DRIVE_RECORD_BYTES] {
         let mut bytes = [0; DRIVE_RECORD_BYTES];
         let numbers = self.motor.to_array().into_iter().chain(self.thresholds.to_array());
-        let numbers = numbers.chain(self.watch.to_array());
+        let numbers = numbers.chain(self.watch.to_array()).chain(self.sensors.to_array());
         for (place, number) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(numbers) {
             *place = number.to_le_bytes();
         }
@@ -210,8 +219,9 @@ impl ParameterSet {
         let mut motor = [0.0; MotorParameters::FIELDS];
         let mut thresholds = [0.0; Thresholds::FIELDS];
         let mut watch = [0.0; WatchParameters::FIELDS];
+        let mut sensors = [0.0; SensorParameters::FIELDS];
         let words = drive.as_chunks::<4>().0.iter();
-        let places = motor.iter_mut().chain(&mut thresholds).chain(&mut watch);
+        let places = motor.iter_mut().chain(&mut thresholds).chain(&mut watch).chain(&mut sensors);
         for (place, word) in places.zip(words) {
             *place = f32::from_le_bytes(*word);
         }
@@ -221,6 +231,7 @@ impl ParameterSet {
             motor: MotorParameters::from_array(motor),
             thresholds: Thresholds::from_array(thresholds),
             watch: WatchParameters::from_array(watch),
+            sensors: SensorParameters::from_array(sensors),
         }
     }
 
@@ -252,12 +263,13 @@ mod tests {
         set.motor.inertia_kg_m2 = 0.5;
         set.thresholds.overspeed_rad_s = 9.0;
         assert_eq!(ParameterSet::parse(&set.emit()), Ok(set.clone()));
-        let changes: [fn(&mut ParameterSet); 5] = [
+        let changes: [fn(&mut ParameterSet); 6] = [
             |set| set.friction.model.set(ParameterId::ViscousFriction, 0.5),
             |set| set.friction.compensator.scale = 0.5,
             |set| set.motor.inertia_kg_m2 = 0.25,
             |set| set.thresholds.overspeed_rad_s = 8.0,
             |set| set.watch.band_nm = 0.2,
+            |set| set.sensors.strain_zero = 0.4,
         ];
         for change in changes {
             let mut other = set.clone();

@@ -5,6 +5,7 @@
 //! - [`bus_recovery`]: releases an I2C bus whose data line is held low;
 //! - [`as504x`]: magnetic encoder on SPI, read by the current loop in every period;
 //! - [`ms5837`]: water pressure on I2C, in small steps that never block;
+//! - [`parameters`]: constants of the sensors, as parameters;
 //! - [`quiet`]: when slow conversions do not disturb those of the current loop;
 //! - [`shunt`]: phase currents from low-side shunts;
 //! - [`strain_gauge`]: side load on the shaft from a Wheatstone bridge;
@@ -16,12 +17,16 @@
 
 pub mod as504x;
 pub mod bus_recovery;
+pub mod comparator;
 pub mod ms5837;
+pub mod parameters;
 pub mod quiet;
 pub mod shunt;
 pub mod strain_gauge;
 pub mod stuck;
 pub mod thermistor;
+
+pub use parameters::SensorParameters;
 
 use crate::control::Covariates;
 use compensator_core::compensator::Reading;

@@ -33,12 +33,16 @@ fn words() -> impl Iterator<Item = *mut u32> {
     (0..GUARD_WORDS).map(move |place| first.wrapping_add(place))
 }
 
+/// Returns true if RAM kept its contents since the previous run. Call it before [`paint`].
+pub fn is_ram_kept() -> bool {
+    // SAFETY: a word of RAM that no other code uses; any content is valid.
+    unsafe { ptr::read_volatile(mark()) == GUARD_WRITTEN }
+}
+
 /// Returns true if the stack overran the guard in the previous run. Call it before [`paint`]. After a loss
 /// of power the result is false.
 pub fn take_overflow() -> bool {
-    // SAFETY: a word of RAM that no other code uses; any content is valid.
-    let painted = unsafe { ptr::read_volatile(mark()) } == GUARD_WRITTEN;
-    painted && !is_intact()
+    is_ram_kept() && !is_intact()
 }
 
 /// Writes the guard words.

@@ -274,13 +274,15 @@ impl Supervisor {
     }
 
     /// Arms the joint for commissioning. Unlike [`Supervisor::arm`], it ignores [`Code::NotCommissioned`],
-    /// because commissioning determines the wiring that this code asks to be confirmed.
+    /// because commissioning determines the wiring that this code asks to be confirmed, and
+    /// [`Code::PositionUnknown`], because the position has no meaning before.
     ///
     /// # Errors
     /// See [`Supervisor::arm`].
     pub fn arm_to_commission(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
         let mut unconfirmed = CodeSet::EMPTY;
         unconfirmed.insert(Code::NotCommissioned);
+        unconfirmed.insert(Code::PositionUnknown);
         self.arm_ignoring(unconfirmed, now_us)
     }
 
@@ -395,6 +397,13 @@ impl Supervisor {
     /// Returns true if the joint is armed.
     pub fn is_armed(&self) -> bool {
         self.state() == JointState::Armed
+    }
+
+    /// Returns true if the low sides may be shorted when the bridge stops: bridge, shunts and their supply have no
+    /// fault, latched or present.
+    pub fn is_braking_allowed(&self) -> bool {
+        !self.latched.intersects(codes::BRIDGE_FAULT_CODES)
+            && !self.present.intersects(codes::BRIDGE_FAULT_CODES)
     }
 
     /// Returns true if the bridge may be on. The current loop reads it in every period.

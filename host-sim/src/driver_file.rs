@@ -5,6 +5,7 @@
 //! gear_ratio = 51.0
 //! [thresholds]
 //! [watch]
+//! [sensors]
 //! ```
 //!
 //! Every command reads its parameter files with this module, so that the file of a whole driver is accepted wherever a
@@ -14,6 +15,7 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::network::JointNetwork;
 use firmware::control::MotorParameters;
 use firmware::parameter_set::ParameterSet;
+use firmware::sensors::SensorParameters;
 use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
 use friction_identification::data::JointKind;
@@ -24,10 +26,11 @@ use friction_identification::params::{
 use std::path::Path;
 
 /// Sections of a driver's file that follow those of the model.
-const SECTIONS: [Section; 3] = [
+const SECTIONS: [Section; 4] = [
     Section { name: "motor", fields: &MotorParameters::NAMES },
     Section { name: "thresholds", fields: &Thresholds::NAMES },
     Section { name: "watch", fields: &WatchParameters::NAMES },
+    Section { name: "sensors", fields: &SensorParameters::NAMES },
 ];
 
 /// Reads and validates a file.
@@ -71,10 +74,11 @@ pub fn apply(file: &ParameterFile, set: &mut ParameterSet) -> Result<(), String>
     }
     set.network = network(file)?;
     set.friction = file.friction();
-    let [motor, thresholds, watch] = [0, 1, 2].map(|at| file.sections.get(at));
+    let [motor, thresholds, watch, sensors] = [0, 1, 2, 3].map(|at| file.sections.get(at));
     set.motor = MotorParameters::from_array(merge(set.motor.to_array(), motor));
     set.thresholds = Thresholds::from_array(merge(set.thresholds.to_array(), thresholds));
     set.watch = WatchParameters::from_array(merge(set.watch.to_array(), watch));
+    set.sensors = SensorParameters::from_array(merge(set.sensors.to_array(), sensors));
     Ok(())
 }
 
@@ -86,6 +90,7 @@ pub fn emit(set: &ParameterSet, joint: JointKind) -> String {
     emit_section("motor", &MotorParameters::NAMES, &set.motor.to_array(), &mut text);
     emit_section("thresholds", &Thresholds::NAMES, &set.thresholds.to_array(), &mut text);
     emit_section("watch", &WatchParameters::NAMES, &set.watch.to_array(), &mut text);
+    emit_section("sensors", &SensorParameters::NAMES, &set.sensors.to_array(), &mut text);
     text
 }
 
@@ -106,6 +111,7 @@ mod tests {
         set.friction.compensator.scale = 0.7;
         set.motor.inertia_kg_m2 = 0.123_456_7;
         set.watch.band_nm = 0.07;
+        set.sensors.strain_zero = 0.47;
         let mut back = ParameterSet::default();
         apply(&parse(&emit(&set, JointKind::Revolute)).unwrap(), &mut back).unwrap();
         assert_eq!(back.emit(), set.emit());

@@ -164,6 +164,7 @@ MADE = {
     "compensator": fields("slew_limit_nm_per_s:"),
     "envelope": fields("campaign_max_h:"),
     "watch": fields("band_nm:"),
+    "sensors": fields("strain_zero:"),
     "faults": codes(True),
     "limits": codes(False),
     "flags": flags,

@@ -28,6 +28,7 @@ use core::ffi::CStr;
 use defmt_semihosting as _;
 use firmware::background::{Background, Board, BoardState, RoundOutcome};
 use firmware::driver::{Boot, Driver, Identity};
+use firmware::loop_parts::StageTraits;
 use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::supervisor::ResetCause;
 use firmware::{panic, stack_guard};
@@ -58,7 +59,7 @@ fn main() -> ! {
     let mut clock = Clock::start(core.SYST);
     let flash = open_flash(kept);
     let settings = NodeSettings { source: InputSource::Bus, ..NodeSettings::default() };
-    let identity = Identity { hardware: "QEMU mps2-an386", serial: 0 };
+    let identity = Identity { hardware: "QEMU mps2-an386", serial: 0, stage: StageTraits::NONE };
     let cause = if warm { ResetCause::Software } else { ResetCause::PowerOn };
     let panic = panic.as_deref();
     defmt::info!("started, {=str}", if warm { "after a reset" } else { "switched on" });

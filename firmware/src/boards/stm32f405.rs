@@ -197,7 +197,7 @@ fn start<'state>(
     let mut clock = Clock { last: read(TIM5 + timer::COUNTER), rest: 0, now_us: 0 };
 
     let now_us = clock.now_us();
-    let identity = Identity { hardware: "STM32F405 skeleton", serial: 0 };
+    let identity = Identity { hardware: "STM32F405 skeleton", serial: 0, stage: StageTraits::NONE };
     let boot = Boot {
         cause: ResetCause::Unknown,
         panic: panicked.as_deref(),

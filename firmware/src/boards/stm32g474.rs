@@ -7,14 +7,16 @@
 //!  4         TIM5            embassy's clock, microseconds
 //!  idle      -               the library's background loop: frames, supervisor, slow sensors, flash, watchdog
 //! ```
-//! Queues of complete values connect them; they share no state and take no lock. The state of the loop is
-//! in CCM, which the core accesses without wait states and no other bus master uses. Pins are in [`pins`],
-//! the values of the board's parts in [`scales`]. This has not run on hardware yet; see docs/src/how-to/porting.md.
+//! Queues of complete values connect them; they share no state and take no lock. The code of the loop is in
+//! CCM, which the core reads without wait states ([`fast_code`]), and its state in SRAM. Pins are in
+//! [`pins`], the values of the board's parts in [`scales`]. This has not run on hardware yet; see docs/src/how-to/porting.md.
 
 #![allow(unsafe_code)] // Expansion of RTIC's app, embassy's bindings, and one exception handler.
 #![allow(missing_docs)] // Code that RTIC generates.
 
 mod can;
+mod encoder;
+mod fast_code;
 mod flash;
 mod motor_stage;
 mod overcurrent;
@@ -66,12 +68,14 @@ unsafe fn DefaultHandler(number: i16) -> ! {
 #[rtic::app(device = embassy_stm32, peripherals = false)]
 mod app {
     use super::can::{self, Controller};
+    use super::encoder::{self, Encoder};
     use super::flash::StoreFlash;
-    use super::motor_stage::{MotorStage, encoder, has_correct_encoder_clock, measure_offsets};
+    use super::motor_stage::{MotorStage, measure_offsets};
     use super::power_stage::Stage;
     use super::slow::SlowSensors;
-    use super::{pins, scales, start, watchdog};
+    use super::{fast_code, overcurrent, pins, scales, start, watchdog};
     use compensator_core::can::Frame;
+    use core::mem::MaybeUninit;
     use cortex_m::peripheral::DWT;
     use embassy_stm32::interrupt::{InterruptExt, Priority};
     use embassy_time::Instant;
@@ -81,6 +85,8 @@ mod app {
     use firmware::loop_parts::LoopParts;
     use firmware::loop_task::LoopTask;
     use firmware::node_settings::NodeSettings;
+    use firmware::parameter_set::ParameterSet;
+    use firmware::sensors::SensorParameters;
     use firmware::{panic, stack_guard};
     use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -94,27 +100,30 @@ mod app {
     #[local]
     struct Local {
         // Owned by the current loop.
-        #[unsafe(link_section = ".ccm.task")]
         task: LoopTask,
         stage: MotorStage,
         port: LoopPort<'static>,
         // Owned by the receive interrupt.
         frames_out: Producer<'static, Frame>,
         // Owned by the background.
-        background: Background<StoreFlash>,
+        background: &'static mut Background<StoreFlash>,
         board: JointBoard,
     }
 
     #[init(local = [
+        place: MaybeUninit<Background<StoreFlash>> = MaybeUninit::uninit(),
         frames: Queue<Frame, RECEIVE_QUEUE_FRAMES> = Queue::new(),
         queues: LoopQueues = LoopQueues::new(),
     ])]
     fn init(mut context: init::Context) -> (Shared, Local) {
+        let is_ram_kept = stack_guard::is_ram_kept();
         let stack_overflowed = stack_guard::take_overflow();
         stack_guard::paint();
         let panicked = panic::take();
-        let cause = start::reset_cause();
+        let cause = start::reset_cause(is_ram_kept);
         let wired = pins::wiring(embassy_stm32::init(start::clocks()));
+        fast_code::enable_flash_prefetch();
+        fast_code::protect();
         // The rest of the start takes 30 ms; then the background refreshes the watchdog regularly.
         watchdog::start(wired.inside.watchdog);
         // embassy leaves this interrupt at the highest priority, equal to the loop's.
@@ -123,32 +132,58 @@ mod app {
         context.core.DWT.enable_cycle_counter();
 
         let mut stage = Stage::new(wired.bridge, wired.currents, wired.overcurrent);
+        // Both are triggered by the timers and therefore set up before these start.
+        let encoder = Encoder::new(wired.encoder);
+        let slow = SlowSensors::new(wired.slow, wired.pressure);
         let are_duties_at_top = stage.start();
         let shunts = measure_offsets(&mut stage);
-        let encoder = encoder(wired.encoder);
-        let self_test_passed =
-            are_duties_at_top && has_correct_encoder_clock() && shunts.iter().all(Option::is_some);
+        let self_test_passed = are_duties_at_top
+            && encoder::is_set_up_correctly()
+            && shunts.iter().all(Option::is_some);
         start::check_brown_out_level();
 
-        let now_us = Instant::now().as_micros();
-        let identity = Identity { hardware: "STM32G474 joint driver", serial: start::serial() };
         let boot = Boot { cause, panic: panicked.as_deref(), stack_overflowed, self_test_passed };
         let store = StoreFlash::new(wired.inside.flash);
-        let driver = Driver::boot(NodeSettings::default(), store, identity, &boot, now_us);
-        let task = LoopTask::new(
-            LoopParts::build_or_measure_only(driver.set(), scales::STAGE),
-            scales::LIMITS,
-        );
+        let background = boot_background(context.local.place, store, &boot);
+        let driver = background.driver();
+        overcurrent::follow(driver.set().motor.overcurrent_a);
+        let task = loop_task(driver.set());
         let controller = Controller::start(wired.can, driver.node(), driver.bit_rate_kbit());
-        let slow = SlowSensors::new(wired.slow, wired.pressure);
+        let sign = driver.set().sensors.shunt_sign;
+        let shunts = shunts.map(|shunt| shunt.map(|shunt| shunt.with_sign(sign)));
         let stage = MotorStage { stage, encoder, shunts };
 
         let (frames_out, frames) = context.local.frames.split();
         let now_us = Instant::now().as_micros();
         let (port, link) = context.local.queues.split(scales::STAGE, now_us);
-        let background = Background::new(driver, now_us);
         let board = JointBoard { controller, slow, frames, link };
         (Shared {}, Local { task, stage, port, frames_out, background, board })
+    }
+
+    /// Starts the driver and its background loop in place.
+    ///
+    /// It is not inlined, and the loop is not moved: a value of 14 KB in the frame of `init`, once per move, would
+    /// take most of the stack.
+    #[inline(never)]
+    fn boot_background(
+        place: &'static mut MaybeUninit<Background<StoreFlash>>,
+        store: StoreFlash,
+        boot: &Boot<'_>,
+    ) -> &'static mut Background<StoreFlash> {
+        let now_us = Instant::now().as_micros();
+        let identity = Identity {
+            hardware: "STM32G474 joint driver",
+            serial: start::serial(),
+            stage: scales::STAGE,
+        };
+        let driver = Driver::boot(NodeSettings::default(), store, identity, boot, now_us);
+        place.write(Background::new(driver, now_us))
+    }
+
+    // Not inlined, for the same reason.
+    #[inline(never)]
+    fn loop_task(set: &ParameterSet) -> LoopTask {
+        LoopTask::new(LoopParts::build_or_measure_only(set, scales::STAGE), scales::LIMITS)
     }
 
     /// Runs one period of the current loop.
@@ -217,6 +252,10 @@ mod app {
 
         fn is_idle(&mut self) -> bool {
             self.controller.is_idle()
+        }
+
+        fn apply_sensors(&mut self, sensors: &SensorParameters) {
+            self.slow.constants = *sensors;
         }
 
         fn state(&mut self, now_us: u64) -> BoardState {

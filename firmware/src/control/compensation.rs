@@ -25,6 +25,10 @@ pub trait Compensate {
     fn step(&mut self, inputs: &Inputs<f32>) -> CompensatorOutput<f32>;
     /// Adds the compensation to a command, A, and limits the sum.
     fn sum(&self, command_a: f32, output: &CompensatorOutput<f32>) -> (f32, Flags);
+    /// Returns the present limit of the motor current, A; infinite if [`Compensate::sum`] has none of its own.
+    fn current_limit_a(&self) -> f32 {
+        f32::INFINITY
+    }
     /// Returns the joint torque per motor current, Nm/A, gear included.
     fn torque_constant_nm_per_a(&self) -> f32;
     /// Sets the factors that a network supplies; `None` selects the constants of the law.

@@ -4,7 +4,8 @@
 //! encoder  -> observer -> joint velocity, acceleration, position; rotor angle now and 1.5 periods on
 //! currents -> Clarke -> Park (angle now) -> i_d, i_q
 //! set-point + compensation -> limit -> i_q*          the limit follows the last addition
-//! i_d* = 0, i_q* -> PI with feed-forward of the induced voltage -> circle -> inverse Park (angle then) -> duties
+//! i_q* -> limits of power and voltage -> i_d*, i_q*    i_d* = 0 unless a limit of the bus acts
+//! i_d*, i_q* -> PI with feed-forward of the induced voltage -> circle -> inverse Park (angle then) -> duties
 //! ```
 //! The state is the observer, two integrals, the last valid bus voltage and the compensator. Parameters
 //! ([`Motor`]) and compensator are swapped whole between two cycles. Integrals (in volts) and the observer's
@@ -16,6 +17,7 @@
 
 use super::compensation::Compensate;
 use super::covariates::{Covariates, MotionReadings};
+use super::current_limits::{self, OperatingPoint};
 use super::flags::LoopFlags;
 use super::observer::Observer;
 use super::parameters::Motor;
@@ -66,6 +68,8 @@ pub struct CycleResult {
     pub current_q_a: f32,
     /// Reference of the torque-producing current, A, after compensation and limits.
     pub current_reference_a: f32,
+    /// Reference of the current along the magnet, A; 0 unless the bus voltage limits the current.
+    pub current_d_reference_a: f32,
     /// Voltage applied along d and q, V, in the motor's sign.
     pub voltage_v: [f32; 2],
     /// Bus voltage used for the duties, V; 0 if unknown.
@@ -326,10 +330,8 @@ impl<C: Compensate> CurrentLoop<C> {
         let (sum, mut compensator) = self.compensator.sum(command, &output);
         // The compensator applies the joint's limit; this is the motor's.
         let limited = clamp(sum, self.motor.current_limit_a);
-        // The bus voltage of the previous cycle: the capacitor holds it for one period.
-        let room = (self.motor.braking_end_v - self.bus_v) * self.motor.braking_per_v;
-        let brakes = room < 1.0 && limited * velocity_rad_s < 0.0;
-        let limited = if brakes { limited * room.max(0.0) } else { limited };
+        let reference = self.limit_vector(limited, &mut flags);
+        let limited = reference.q * self.motor.joint_direction;
         compensator.set(Flags::DISABLED, !compensate);
         let acted = limited != sum || compensator.contains(Flags::CURRENT_LIMITED);
         flags |= LoopFlags::CURRENT_LIMITED.when(acted);
@@ -339,6 +341,7 @@ impl<C: Compensate> CurrentLoop<C> {
             current_d_a: 0.0,
             current_q_a: 0.0,
             current_reference_a: limited,
+            current_d_reference_a: reference.d,
             voltage_v: [0.0; 2],
             bus_v: 0.0,
             position_rad,
@@ -352,6 +355,24 @@ impl<C: Compensate> CurrentLoop<C> {
             flags,
             compensator,
         }
+    }
+
+    /// Returns the reference vector, in the motor's sign, for a limited current in the joint's sign.
+    #[inline(always)]
+    fn limit_vector(&self, limited_a: f32, flags: &mut LoopFlags) -> Rotating {
+        let motor = &self.motor;
+        let q = limited_a * motor.joint_direction;
+        if !self.driving {
+            return Rotating { d: 0.0, q };
+        }
+        let at = OperatingPoint {
+            electrical_rad_s: self.observer.motor_velocity_rad_s() * motor.pole_pairs_f32,
+            bus_v: self.bus_v,
+            limit_a: motor.current_limit_a.min(self.compensator.current_limit_a()),
+        };
+        let (vector, limits) = current_limits::limit(motor, q, &at);
+        *flags |= limits;
+        vector
     }
 
     /// Returns the current that a cross-fade adds to the new compensation, A.
@@ -406,7 +427,7 @@ impl<C: Compensate> CurrentLoop<C> {
         }
         let electrical = self.observer.motor_velocity_rad_s() * motor.pole_pairs_f32;
         let error = Rotating {
-            d: -current.d,
+            d: cycle.current_d_reference_a - current.d,
             q: cycle.current_reference_a * motor.joint_direction - current.q,
         };
         let demand = Rotating {

@@ -29,7 +29,7 @@ bitflags::bitflags! {
         const ENCODER_IMPLAUSIBLE = 1 << 8;
         /// The angle is a prediction, not a measurement.
         const ENCODER_COASTING = 1 << 9;
-        /// The rotor angle is unknown: predicted for too long, or the observer has not settled after a start.
+        /// The rotor angle is unknown: predicted for too long, the samples are frozen, or the observer has not settled after a start.
         const ENCODER_LOST = 1 << 10;
         /// Whole turns of the motor are unknown; the compensator receives no position.
         const POSITION_UNREFERENCED = 1 << 11;
@@ -43,7 +43,7 @@ bitflags::bitflags! {
         const COVARIATE_INVALID = 1 << 15;
         /// The demanded current exceeded a limit, after compensation.
         const CURRENT_LIMITED = 1 << 16;
-        /// The demanded voltage exceeded the circle.
+        /// The demanded voltage exceeded the circle, or the current was reduced so that it fits.
         const VOLTAGE_LIMITED = 1 << 17;
         /// The compensator is off: by command, or because set-point or rotor angle are missing.
         const COMPENSATION_OFF = 1 << 18;
@@ -54,6 +54,8 @@ bitflags::bitflags! {
         /// A value computed by the loop was not finite; its state was cleared. This cannot happen with validated
         /// parameters. The flag makes a programming error visible and keeps it out of the voltage.
         const NOT_FINITE = 1 << 21;
+        /// The bus is nearly full: the copper burns braking power by a d current, or braking is reduced.
+        const BRAKING_LIMITED = 1 << 22;
 
         /// Flags that open the bridge in the cycle in which they are set.
         const FAULTS = Self::CURRENT_INVALID.bits() | Self::OVERCURRENT.bits()

@@ -16,9 +16,25 @@
 //! A sample that is missing, or farther from the last valid one than the shaft can turn, is replaced by the
 //! prediction ("coasting"), and the age grows. Past `encoder_coast_s` the rotor is *lost*: the bridge must open,
 //! the next valid samples restart the observer, and whole turns are unknown until [`Observer::set_position`].
+//!
+//! An encoder that hangs repeats its last angle. At speed the observer expects another angle in every period: 20
+//! counts of 14 bits for the reference joint at 3 rad/s. [`FROZEN_SAMPLES`] identical samples with an innovation above
+//! [`FROZEN_INNOVATION_RAD`] are therefore a *frozen* encoder, and the rotor is lost at once. A joint that hits a stop
+//! is not reported, because the noise of its encoder goes on.
 
 use super::parameters::{Motor, ObserverGains};
 use super::transform::{RAD_PER_UNIT, UNITS_PER_RAD};
+
+/// Innovation from which identical samples are a frozen encoder, rad of the motor: 32 counts of 14 bits. After a
+/// deceleration to rest by 300 rad/s^2 of the reference joint, three times what its motor can, the observer is off by
+/// less. An encoder without noise passes, too.
+pub const FROZEN_INNOVATION_RAD: f32 = 0.0123;
+
+/// Minimum number of identical samples of a frozen encoder. A noise of one count, a third of that of the sensor,
+/// gives this many with a probability of 1e-9.
+pub const FROZEN_SAMPLES: u32 = 16;
+
+const FROZEN_UNITS: f32 = FROZEN_INNOVATION_RAD * UNITS_PER_RAD;
 
 /// State of the encoder in a cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,6 +45,8 @@ pub struct EncoderState {
     pub is_implausible: bool,
     /// The angle is a prediction.
     pub is_coasting: bool,
+    /// The samples do not change although the rotor turns.
+    pub is_frozen: bool,
     /// The rotor angle is unknown: predicted for too long, or not settled after a start.
     pub is_lost: bool,
 }
@@ -44,6 +62,8 @@ pub struct Observer {
     age_s: f32,
     /// The last valid sample.
     measured: u32,
+    /// Number of samples that are equal to the one before.
+    identical: u32,
     /// Cycles until a new start has settled; the rotor is lost until then.
     settling: u32,
     /// Joint position at motor position 0, rad.
@@ -61,6 +81,7 @@ impl Observer {
             acceleration_rad_s2: 0.0,
             age_s: -1.0,
             measured: 0,
+            identical: 0,
             settling: motor.observer.settle_cycles,
             origin_rad: 0.0,
             referenced: motor.is_direct_drive,
@@ -86,6 +107,7 @@ impl Observer {
         match good {
             Some(angle) => {
                 let innovation = angle.wrapping_sub(self.position as u32) as i32 as f32;
+                state.is_frozen = self.is_frozen(angle, innovation);
                 let correction = rounded(gains.angle * innovation);
                 self.position = self.position.wrapping_add(i64::from(correction));
                 let innovation = innovation * RAD_PER_UNIT;
@@ -108,8 +130,18 @@ impl Observer {
                 }
             }
         }
+        if state.is_frozen {
+            self.mark_lost(motor);
+        }
         state.is_lost = self.settling > 0;
         state
+    }
+
+    /// Counts identical samples; returns true if they contradict the motion of the rotor.
+    #[inline(always)]
+    fn is_frozen(&mut self, angle: u32, innovation: f32) -> bool {
+        self.identical = if angle == self.measured { self.identical.wrapping_add(1) } else { 0 };
+        self.identical >= FROZEN_SAMPLES && innovation.abs() > FROZEN_UNITS
     }
 
     /// Returns true if the shaft can have turned this far since the last valid sample.
@@ -139,6 +171,7 @@ impl Observer {
         }
         self.velocity_rad_s = 0.0;
         self.acceleration_rad_s2 = 0.0;
+        self.identical = 0;
         self.settling = motor.observer.settle_cycles;
     }
 
@@ -265,6 +298,82 @@ mod tests {
         // Without a sample, the acceleration is not extrapolated.
         assert!(observer.step(&motor, None).is_coasting);
         assert_eq!(observer.acceleration_rad_s2(&motor), 0.0);
+    }
+
+    /// A noise of about normal distribution, counts of 14 bits: the sum of twelve uniform numbers (xorshift).
+    struct Noise(u64);
+
+    impl Noise {
+        fn counts(&mut self, deviation: f64) -> f64 {
+            let sum: f64 = (0..12)
+                .map(|_| {
+                    self.0 ^= self.0 << 13;
+                    self.0 ^= self.0 >> 7;
+                    self.0 ^= self.0 << 17;
+                    (self.0 >> 11) as f64 / (1u64 << 53) as f64
+                })
+                .sum();
+            deviation * (sum - 6.0)
+        }
+    }
+
+    /// Runs a motion of the joint, rad, for this time, s, with noise of this deviation, counts. Returns true if the
+    /// encoder was reported as frozen.
+    fn is_reported(seconds: f64, deviation: f64, joint_rad: impl Fn(f64) -> f64) -> bool {
+        let motor = motor();
+        let gear = f64::from(1.0 / motor.joint_per_motor);
+        let (mut observer, mut noise) = (Observer::new(&motor), Noise(7));
+        (0..(seconds / f64::from(PERIOD_S)) as u32).any(|k| {
+            let counts = std::f64::consts::TAU / 16384.0 * noise.counts(deviation);
+            let angle = encoder(gear * joint_rad(f64::from(k) * f64::from(PERIOD_S)) + counts);
+            observer.step(&motor, Some(angle)).is_frozen
+        })
+    }
+
+    #[test]
+    fn frozen_encoder_at_speed_is_lost_within_2_ms() {
+        let motor = motor();
+        let gear = f64::from(1.0 / motor.joint_per_motor);
+        for (speed, most_samples) in [(0.7, 24), (1.0, 16), (3.0, 16), (-3.0, 16), (11.0, 16)] {
+            let mut observer = Observer::new(&motor);
+            run(&mut observer, &motor, 4000, |t| gear * speed * t);
+            let last = encoder(gear * speed * 4000.0 * f64::from(PERIOD_S));
+            let samples = (1..=100).find(|_| observer.step(&motor, Some(last)).is_lost);
+            let samples = samples.expect("it is found");
+            println!("frozen at {speed} rad/s: lost after {samples} samples");
+            assert!((16..=most_samples).contains(&samples), "{speed} rad/s: {samples} samples");
+            assert!(!observer.is_referenced());
+        }
+    }
+
+    #[test]
+    fn sound_encoder_at_rest_or_in_any_motion_is_never_frozen() {
+        for deviation in [0.0, 0.3, 1.0, 3.1, 15.5] {
+            for speed in [0.0, 1e-4, 1e-3, 0.01, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 3.0] {
+                assert!(!is_reported(1.0, deviation, |t| speed * t), "{speed} rad/s, {deviation}");
+            }
+            // Reversals: small, slow, and at the joint's acceleration.
+            for (rad, rate) in [(1e-4, 300.0), (1e-3, 100.0), (0.01, 60.0), (0.1, 30.0), (1.0, 8.0)]
+            {
+                let found = is_reported(2.0, deviation, |t| rad * (rate * t).sin());
+                assert!(!found, "{rad} rad at {rate} rad/s, {deviation}");
+            }
+            // Braking to rest. The motor alone reaches 105 rad/s^2.
+            for rate in [50.0, 105.0, 200.0, 300.0] {
+                let stop = |t: f64| {
+                    let braked = (t - 0.5).clamp(0.0, 3.0 / rate);
+                    3.0 * t.min(0.5) + (3.0 - 0.5 * rate * braked) * braked
+                };
+                assert!(!is_reported(0.6, deviation, stop), "braking at {rate}, {deviation}");
+            }
+        }
+        // A hard stop at speed: the rotor stands at once, and the noise of the encoder goes on.
+        for deviation in [0.7, 1.0, 3.1] {
+            for speed in [0.5, 3.0, 8.0, 12.0] {
+                let found = is_reported(0.6, deviation, |t| speed * t.min(0.5));
+                assert!(!found, "hard stop from {speed} rad/s, {deviation}");
+            }
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //!
 //! Electrical quantities are from one phase to the star point; currents are phase peaks.
 
+use super::current_limits::BURNING_SHARE;
 use super::pi::{BANDWIDTH_SHARE_MAX, Gains, one_minus_exp};
 use super::space_vector::MAX_VECTOR_PER_BUS_V;
 use super::transform::{UNITS_PER_RAD, binary_angle};
@@ -65,6 +66,8 @@ compensator_core::named_fields! {
         velocity_integral_s: f32 = 0.1, 1e-2..=1e3, "the loop has a delay of a millisecond";
         /// Maximum acceleration of the velocity loop's reference, rad/s^2.
         acceleration_max_rad_s2: f32 = 50.0, 1e-2..=1e5, "the joint must move";
+        /// Reaction when the bridge stops while the motor turns: 0 coasts, 1 shorts the low sides.
+        brake_at_stop: f32 = 0.0, 0.0..=1.0, "0 or 1";
     }
     /// Defaults: a 48 V motor with seven pole pairs and a gear ratio of 51, 1 Nm/A at the joint.
 }
@@ -80,7 +83,10 @@ const TURN_MAX_RAD: f32 = 0.6;
 const ENCODER_ERROR_RAD: f32 = 0.02;
 
 /// Ratio of the overcurrent to the current limit, minimum: the current overshoots, and sensors are noisy.
-const OVERCURRENT_MARGIN: f32 = 1.1;
+pub const OVERCURRENT_MARGIN: f32 = 1.1;
+
+/// Largest current of a motor that is shorted while it turns, per steady one: the current before it adds to it.
+const SHORT_OVERSHOOT: f32 = 1.6;
 
 /// Settling time after a start, in time constants of the triple pole: 1 % is left.
 const SETTLE_TIME_CONSTANTS: f32 = 12.0;
@@ -113,6 +119,7 @@ impl MotorParameters {
                 refuse(field, sign, bound, "1 or -1")?;
             }
         }
+        self.validate_brake()?;
         let least = self.current_limit_a * OVERCURRENT_MARGIN;
         if self.overcurrent_a < least {
             let why = "a tenth above the current limit, or the bridge opens in normal use";
@@ -121,6 +128,26 @@ impl MotorParameters {
         if self.bus_voltage_max_v <= self.bus_voltage_min_v {
             let bound = Bound::MoreThan(self.bus_voltage_min_v.into());
             refuse("bus_voltage_max_v", self.bus_voltage_max_v, bound, "a range has a width")?;
+        }
+        Ok(())
+    }
+
+    /// Checks the reaction to a stop: the current of the shorted motor at its largest speed, with its overshoot, is
+    /// below the overcurrent level, or the brake would be opened.
+    fn validate_brake(&self) -> Result<(), ParameterError> {
+        let (field, value) = ("brake_at_stop", self.brake_at_stop);
+        if value != 0.0 && value != 1.0 {
+            let bound = if value < 0.5 { Bound::AtMost(0.0) } else { Bound::AtLeast(1.0) };
+            refuse(field, value, bound, "0 or 1")?;
+        }
+        let electrical_rad_s = self.velocity_max_rad_s * self.gear_ratio * self.pole_pairs;
+        let emf_v = electrical_rad_s * self.torque_constant_nm_per_a / (1.5 * self.pole_pairs);
+        let reactance_ohm = electrical_rad_s * self.inductance_d_h.min(self.inductance_q_h);
+        let squares = self.resistance_ohm * self.resistance_ohm + reactance_ohm * reactance_ohm;
+        let most_a = self.overcurrent_a / SHORT_OVERSHOOT;
+        if value == 1.0 && emf_v * emf_v > squares * most_a * most_a {
+            let why = "the shorted motor would exceed overcurrent_a at velocity_max_rad_s";
+            refuse(field, value, Bound::AtMost(0.0), why)?;
         }
         Ok(())
     }
@@ -184,6 +211,8 @@ impl MotorParameters {
             is_direct_drive: self.gear_ratio == 1.0,
             d: Gains::with_pole_cancellation(r, self.inductance_d_h, bandwidth, period_s),
             q: Gains::with_pole_cancellation(r, self.inductance_q_h, bandwidth, period_s),
+            resistance_ohm: r,
+            half_per_burning_ohm: 0.5 / (BURNING_SHARE * r),
             inductance_d_h: self.inductance_d_h,
             inductance_q_h: self.inductance_q_h,
             flux_vs,
@@ -227,6 +256,9 @@ pub struct Motor {
     pub(super) is_direct_drive: bool,
     pub(super) d: Gains,
     pub(super) q: Gains,
+    pub(super) resistance_ohm: f32,
+    /// Half of one over the resistance that is assumed to burn braking power, 1/ohm.
+    pub(super) half_per_burning_ohm: f32,
     pub(super) inductance_d_h: f32,
     pub(super) inductance_q_h: f32,
     /// Flux of the magnet through a phase, Vs.

@@ -133,3 +133,16 @@ proptest::proptest! {
         }
     }
 }
+
+#[test]
+fn brake_at_stop_of_a_motor_that_would_exceed_its_overcurrent_is_refused() {
+    let braking = MotorParameters { brake_at_stop: 1.0, ..MotorParameters::default() };
+    assert_eq!(braking.validate(), Ok(()));
+    for (motor, value) in [
+        (MotorParameters { brake_at_stop: 0.4, ..braking }, 0.4),
+        (MotorParameters { inductance_d_h: 20e-6, inductance_q_h: 20e-6, ..braking }, 1.0),
+    ] {
+        let error = motor.validate().expect_err("refused");
+        assert_eq!((error.field, error.value as f32), ("brake_at_stop", value));
+    }
+}

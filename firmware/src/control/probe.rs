@@ -197,7 +197,7 @@ mod tests {
             current.beta = kept * current.beta + share * voltage.beta;
             acting = match next {
                 Bridge::Drive(duty) => duty,
-                Bridge::Off => panic!("it tripped"),
+                Bridge::Off | Bridge::Shorted => panic!("it tripped"),
             };
         }
         probe.report()

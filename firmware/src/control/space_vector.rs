@@ -3,8 +3,7 @@
 //! The three phase voltages sum to 0, but only their differences act on the motor: a number added to all three
 //! has no effect. Subtracting the mean of the largest and the smallest centres them in the bus. Vectors up to
 //! `bus / sqrt 3` then fit, 15 % longer than without: `duty_x = 1/2 + (v_x - (max + min)/2) / bus`. Longer
-//! vectors are shortened *to the circle*, q first ([`limit`]): d keeps its value, torque is reduced, and no
-//! harmonics arise.
+//! vectors are shortened *to the circle* ([`limit`]), so that no harmonics arise.
 //!
 //! Valid for a positive finite bus voltage. For every input each duty is a number within 0..=1.
 
@@ -13,17 +12,31 @@ use super::transform::{Rotating, Stationary, inverse_clarke, square_root};
 /// Length of the longest vector, per bus voltage.
 pub const MAX_VECTOR_PER_BUS_V: f32 = 0.577_350_26;
 
+/// Longest demand that is shortened in its own direction, V; its square is finite.
+const MAX_DEMAND_V: f32 = 1e9;
+
 /// Returns a vector within the circle, and whether it was shortened. `radius_v` is at least 0.
 ///
-/// `d' = d` within `+-r`; `q' = q` within `+-sqrt(r^2 - d'^2)`.
+/// A longer vector keeps its direction. If one axis had priority, the other axis would have no voltage left at
+/// high speed, and its current would be uncontrolled.
 #[inline(always)]
 pub fn limit(demand: Rotating, radius_v: f32) -> (Rotating, bool) {
-    let square = radius_v * radius_v;
-    if demand.d * demand.d + demand.q * demand.q <= square {
+    if demand.d * demand.d + demand.q * demand.q <= radius_v * radius_v {
         return (demand, false);
     }
-    let d = clamp(demand.d, radius_v);
-    (Rotating { d, q: clamp(demand.q, square_root(square - d * d)) }, true)
+    (shorten(demand, radius_v), true)
+}
+
+/// Shortens a vector to a length of `radius_v`; NaN counts as 0.
+#[inline(never)]
+fn shorten(demand: Rotating, radius_v: f32) -> Rotating {
+    let (d, q) = (clamp(demand.d, MAX_DEMAND_V), clamp(demand.q, MAX_DEMAND_V));
+    let length = square_root(d * d + q * q);
+    if length <= radius_v {
+        return Rotating { d, q };
+    }
+    let share = radius_v / length;
+    Rotating { d: d * share, q: q * share }
 }
 
 /// Limits `value` to `+-bound`; NaN becomes 0.
@@ -81,18 +94,20 @@ mod tests {
     }
 
     #[test]
-    fn limit_of_a_long_vector_keeps_d_and_ends_on_the_circle() {
+    fn limit_of_a_long_vector_keeps_its_direction_and_ends_on_the_circle() {
         let radius = 20.0;
         assert_eq!(
             limit(Rotating { d: 12.0, q: -16.0 }, radius),
             (Rotating { d: 12.0, q: -16.0 }, false)
         );
-        for (d, q) in [(3.0, 40.0), (-19.9, -40.0), (0.0, 20.1), (-100.0, 1.0), (20.0, 20.0)] {
+        for (d, q) in [(3.0f32, 40.0f32), (-19.9, -40.0), (0.0, 20.1), (-100.0, 1.0), (1e20, 1e20)]
+        {
             let (applied, limited) = limit(Rotating { d, q }, radius);
             assert!(limited);
-            assert_eq!(applied.d, d.clamp(-radius, radius));
             let length = applied.d.hypot(applied.q);
             assert!((length - radius).abs() < 2e-4, "{applied:?}: {length}");
+            let turned = applied.d * (q / d.hypot(q)) - applied.q * (d / d.hypot(q));
+            assert!(turned.abs() < 2e-4, "{applied:?} for {d} {q}");
         }
     }
 
@@ -105,7 +120,7 @@ mod tests {
                     let duty = duties(Stationary { alpha, beta }, bus);
                     assert!(duty.iter().all(|share| (0.0..=1.0).contains(share)), "{duty:?}");
                     let (applied, _) = limit(Rotating { d: alpha, q: beta }, 20.0);
-                    assert!(applied.d.abs() <= 20.0 && applied.q.abs() <= 20.001, "{applied:?}");
+                    assert!(applied.d.abs() <= 20.001 && applied.q.abs() <= 20.001, "{applied:?}");
                 }
             }
         }

@@ -3,8 +3,12 @@
 //! ```text
 //! reference' = reference moved towards the target by at most  acceleration_max dt
 //! current    = J reference'/kt + gain (reference - velocity) + integral,  limited
-//! integral'  = gain (reference - velocity) / integral_s,  not while limited
+//! integral'  = gain (reference - velocity) / integral_s + 4 withheld / integral_s,  not while limited here
 //! ```
+//! `withheld` is what the current loop applied less what was commanded: its limits of current, voltage and braking
+//! power, and the derating. It moves the integral to the current that flows, so that the loop does not wind up
+//! against a limit that it cannot know.
+//!
 //! The velocity loop does not model friction. Its reference goes to the compensator with the current, and the
 //! compensator adds the friction current of that speed in the interrupt, before the limits. The velocity loop
 //! handles inertia, load and model errors. Current and velocity are delayed by 1 ms each. With an observer of
@@ -13,6 +17,10 @@
 use super::parameters::MotorParameters;
 use super::space_vector::clamp;
 
+/// Rate at which the integral follows a withheld current, per integral time. At a constant error the command then
+/// exceeds the applied current by a quarter of the proportional part.
+const TRACKING_RATE: f32 = 4.0;
+
 /// Gains of the velocity loop, built from the written parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VelocityGains {
@@ -20,6 +28,8 @@ pub struct VelocityGains {
     gain: f32,
     /// Integral gain per step, A per rad/s.
     integral: f32,
+    /// Share of the withheld current that reaches the integral in a step.
+    tracking: f32,
     /// Feed-forward of the inertia: A per change of the reference in a step, rad/s.
     inertia: f32,
     /// Maximum change of the reference in a step, rad/s.
@@ -34,6 +44,7 @@ impl VelocityGains {
         Self {
             gain,
             integral: gain * period_s / motor.velocity_integral_s,
+            tracking: TRACKING_RATE * period_s / motor.velocity_integral_s,
             inertia: motor.inertia_kg_m2 / (torque_constant_nm_per_a * period_s),
             slew_rad_s: motor.acceleration_max_rad_s2 * period_s,
         }
@@ -63,8 +74,9 @@ impl VelocityLoop {
         Self { reference_rad_s, integral_a: 0.0 }
     }
 
-    /// Runs a step towards a target, rad/s, at a velocity, rad/s. The current is limited to `+-limit_a`. If
-    /// target or velocity is not finite, the current is 0.
+    /// Runs a step towards a target, rad/s, at a velocity, rad/s. The current is limited to `+-limit_a`.
+    /// `withheld_a` is the current that was applied less the command of the last step, A; 0 unless a limit of the
+    /// current loop acts. If target or velocity is not finite, the current is 0.
     #[must_use]
     pub fn step(
         &mut self,
@@ -72,6 +84,7 @@ impl VelocityLoop {
         target_rad_s: f32,
         velocity_rad_s: f32,
         limit_a: f32,
+        withheld_a: f32,
     ) -> VelocityCommand {
         if !(target_rad_s.is_finite() && velocity_rad_s.is_finite()) {
             return VelocityCommand { current_a: 0.0, reference_rad_s: self.reference_rad_s };
@@ -81,9 +94,10 @@ impl VelocityLoop {
         let error = self.reference_rad_s - velocity_rad_s;
         let demand_a = gains.inertia * change + gains.gain * error + self.integral_a;
         let current_a = clamp(demand_a, limit_a);
-        if current_a == demand_a || (demand_a > 0.0) != (error > 0.0) {
-            self.integral_a = clamp(self.integral_a + gains.integral * error, limit_a);
-        }
+        let grows = current_a == demand_a || (demand_a > 0.0) != (error > 0.0);
+        let withheld_a = if withheld_a.is_finite() { withheld_a } else { 0.0 };
+        let growth_a = if grows { gains.integral * error } else { 0.0 };
+        self.integral_a = clamp(self.integral_a + growth_a + gains.tracking * withheld_a, limit_a);
         VelocityCommand { current_a, reference_rad_s: self.reference_rad_s }
     }
 
@@ -118,7 +132,7 @@ mod tests {
         let (mut control, gains) = (VelocityLoop::begin(0.0), gains());
         let (mut velocity, mut seen, mut most) = (0.0f32, [0.0f32; 2], 0.0f32);
         for _ in 0..(seconds / DT) as u32 {
-            let command = control.step(&gains, target, seen[1], LIMIT_A);
+            let command = control.step(&gains, target, seen[1], LIMIT_A, 0.0);
             seen = [velocity, seen[0]];
             let driven = velocity + DT / inertia * command.current_a;
             let taken = DT / inertia * friction_nm;
@@ -144,10 +158,28 @@ mod tests {
         let (mut control, gains) = (VelocityLoop::begin(0.0), gains());
         // Held for five seconds, then released.
         for _ in 0..5000 {
-            assert!(control.step(&gains, 2.0, 0.0, LIMIT_A).current_a <= LIMIT_A);
+            assert!(control.step(&gains, 2.0, 0.0, LIMIT_A, 0.0).current_a <= LIMIT_A);
         }
-        let command = control.step(&gains, 2.0, 6.0, LIMIT_A);
+        let command = control.step(&gains, 2.0, 6.0, LIMIT_A, 0.0);
         assert!(command.current_a < 0.0, "{command:?}");
+    }
+
+    #[test]
+    fn velocity_loop_with_withheld_current_moves_its_integral_to_the_applied_one() {
+        let (mut control, gains) = (VelocityLoop::begin(0.0), gains());
+        // The loop asks for more and more at a constant error; the current loop applies 2 A.
+        let (mut command, mut withheld_a) = (VelocityCommand::default(), 0.0);
+        for _ in 0..2000 {
+            command = control.step(&gains, 2.0, 1.0, LIMIT_A, withheld_a);
+            withheld_a = 2.0 - command.current_a;
+        }
+        assert!((command.current_a - 2.75).abs() < 0.1, "2 A and a quarter of 3 A: {command:?}");
+        // When the velocity arrives, the command is below the applied current at once.
+        let command = control.step(&gains, 2.0, 2.0, LIMIT_A, 0.0);
+        assert!(command.current_a < 0.0, "{command:?}");
+        for withheld_a in [f32::NAN, f32::INFINITY] {
+            assert!(control.step(&gains, 2.0, 2.0, LIMIT_A, withheld_a).current_a.is_finite());
+        }
     }
 
     #[test]
@@ -156,7 +188,7 @@ mod tests {
         let most = MotorParameters::default().acceleration_max_rad_s2 * DT;
         let mut last = 0.5;
         for _ in 0..50 {
-            let now = control.step(&gains, -5.0, 0.0, LIMIT_A).reference_rad_s;
+            let now = control.step(&gains, -5.0, 0.0, LIMIT_A, 0.0).reference_rad_s;
             assert!(last - now <= most * 1.001 && now < last);
             last = now;
         }
@@ -166,7 +198,7 @@ mod tests {
     fn velocity_loop_with_unknown_velocity_gives_no_current() {
         let (mut control, gains) = (VelocityLoop::begin(f32::NAN), gains());
         for (target, velocity) in [(1.0, f32::NAN), (f32::NAN, 1.0), (f32::INFINITY, f32::NAN)] {
-            assert_eq!(control.step(&gains, target, velocity, LIMIT_A).current_a, 0.0);
+            assert_eq!(control.step(&gains, target, velocity, LIMIT_A, 0.0).current_a, 0.0);
         }
         assert_eq!(control, VelocityLoop::begin(0.0));
     }

@@ -24,6 +24,7 @@ use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::hil::{HilJoint, HilReply, HilStep};
 use crate::log::log;
+use crate::loop_parts::StageTraits;
 use crate::node::Outbox;
 use crate::node::dictionary::ERROR_HISTORY_LENGTH;
 use crate::node::dictionary::records::{self, InputsObject};
@@ -52,6 +53,8 @@ pub struct Identity {
     pub hardware: &'static str,
     /// Serial number of the board.
     pub serial: u32,
+    /// Properties of its power stage, which limit the parameters.
+    pub stage: StageTraits,
 }
 
 impl Identity {
@@ -136,6 +139,10 @@ pub struct Device<F> {
     velocity_command: VelocityCommand,
     motor_watch: MotorWatch,
     motor_state: MotorState,
+    /// CRC of the wiring that the last complete measurement of the motor found.
+    measured_wiring: Option<u32>,
+    /// Time of the last target of a CiA 402 master, us.
+    target_us: u64,
     /// Counter of the commands that the profile generates.
     drive_counter: u8,
     /// Identifiers of transmit PDOs that a master has set; reset with the communication.
@@ -183,10 +190,8 @@ impl<F: NorFlash> Device<F> {
         // A joint on its own sensors sends Motion and Torque itself and receives neither.
         let is_from_bus = self.settings.source == InputSource::Bus;
         let places = match message {
-            Message::Sync(sync) => {
-                self.refresh_command_age(now_us);
-                return self.sync(*sync, node);
-            }
+            // A SYNC has a producer and a timer of its own, so it does not confirm the target.
+            Message::Sync(sync) => return self.sync(*sync, node),
             Message::Motion(of, _) if *of == node && is_from_bus => {
                 [&mut inputs.velocity_rad_s, &mut inputs.position_rad]
             }
@@ -338,6 +343,7 @@ impl<F: NorFlash> Device<F> {
                 winding_temperature_c: self.motor_state.winding_c,
                 motor_against: self.motor_state.is_emf_reversed,
                 motor_stands: self.motor_state.is_blocked,
+                position_missing: self.is_position_missing(),
                 stalled: self.motor_state.is_stalled,
                 over_compensated: self.over.is_detected(),
                 radial_force_stuck: self.radial_force_watch.is_stuck(),
@@ -345,6 +351,8 @@ impl<F: NorFlash> Device<F> {
                 sample_age_us: report.sample_age_us,
                 gate_driver_fault: report.gate_driver_fault,
                 system_break: report.system_break,
+                bridge_shorted: report.bridge_shorted,
+                magnet_fault: report.magnet_fault,
                 stack_intact: report.stack_intact,
                 can: self.can,
                 heartbeat_lost,
@@ -362,6 +370,7 @@ impl<F: NorFlash> Device<F> {
                 ..Observation::default()
             }
         };
+        self.watch_target(now_us);
         self.supervisor.observe(&observation, now_us);
         let (fault, armed) = (self.supervisor.state() == JointState::Fault, self.is_armed());
         self.profile.sync_with_supervisor(fault, armed);
@@ -388,7 +397,9 @@ impl<F: NorFlash> Device<F> {
         self.report_seen = false;
         let drives = self.supervisor.is_armed() && !self.is_measuring_motor();
         let (motor, thresholds) = (&self.staging.active().motor, self.supervisor.thresholds());
-        self.motor_state = self.motor_watch.step(&self.report, motor, thresholds, drives);
+        let proven = self.is_wiring_proven();
+        self.motor_state = self.motor_watch.step(&self.report, motor, thresholds, drives, proven);
+        self.keep_proof();
         self.step_over_compensation();
         self.step_commissioning();
         self.step_velocity();
@@ -417,6 +428,9 @@ impl<F: NorFlash> Device<F> {
             setpoint: self.commanded(now_us),
             covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
             bridge: drives && self.supervisor.is_bridge_allowed(),
+            brake: drives
+                && self.set().motor.brake_at_stop != 0.0
+                && self.supervisor.is_braking_allowed(),
             compensation: drives
                 && self.supervisor.is_compensation_allowed()
                 && !self.is_commissioning(),

@@ -21,6 +21,8 @@ pub struct LoopCommands {
     pub covariates: Covariates,
     /// True if the bridge may be on.
     pub bridge: bool,
+    /// True if the low sides may be shorted when the bridge stops.
+    pub brake: bool,
     /// True if friction may be compensated.
     pub compensation: bool,
     /// Share of the current limit that the temperature permits, 0..=1.
@@ -60,7 +62,9 @@ pub struct LoopReport {
     pub phase_currents_a: Option<[f32; 3]>,
     /// Torque-producing current, A.
     pub current_a: f32,
-    /// Reference of that current, A.
+    /// Current along the magnet, A; about 0 unless the bus voltage limits the current.
+    pub current_d_a: f32,
+    /// Reference of the torque-producing current, A.
     pub current_reference_a: f32,
     /// Voltage along q, V, in the motor's sign; 0 with the bridge open.
     pub voltage_q_v: f32,
@@ -94,6 +98,10 @@ pub struct LoopReport {
     pub gate_driver_fault: bool,
     /// The chip opened the bridge by itself: supply, clock, memory or processor.
     pub system_break: bool,
+    /// The encoder reports that its magnet is too weak, too strong or misplaced.
+    pub magnet_fault: bool,
+    /// The low sides are shorted: the phase currents are those of the braking motor.
+    pub bridge_shorted: bool,
     /// The guard below the stack is intact.
     pub stack_intact: bool,
     /// Maximum number of consecutive overruns since the last report.
@@ -109,6 +117,7 @@ impl Default for LoopReport {
             bus_voltage_v: None,
             phase_currents_a: None,
             current_a: 0.0,
+            current_d_a: 0.0,
             current_reference_a: 0.0,
             voltage_q_v: 0.0,
             velocity_rad_s: 0.0,
@@ -126,6 +135,8 @@ impl Default for LoopReport {
             sample_age_us: None,
             gate_driver_fault: false,
             system_break: false,
+            magnet_fault: false,
+            bridge_shorted: false,
             stack_intact: true,
             overruns_in_a_row: 0,
             probe: ProbeReport::default(),

@@ -2,11 +2,16 @@
 //! millisecond.
 //!
 //! *Reversed EMF.* A turning magnet induces `w psi`: the applied voltage less `R i`. If the electrical zero is
-//! wrong by half an electrical turn, the EMF has the opposite sign, for any flux and resistance.
+//! wrong by half an electrical turn, the EMF has the opposite sign, for any flux and resistance. A current along
+//! the magnet, which burns braking power, adds a voltage of its own, which is subtracted.
 //!
 //! *Blocked or stalled.* If the zero is wrong by a quarter turn, or two phases are swapped, there is no torque
 //! and nothing turns. This looks like a joint that is held, until the joint has moved once since it was armed.
 //! After that the wiring is known to be correct, and the joint counts as stalled.
+//!
+//! *Proof.* A joint that has travelled in the direction of its current, with an EMF of the right sign, is wired as
+//! its parameters say. The driver keeps this proof with the CRC of these parameters, over disarming and resets. A
+//! proven joint may be armed with a load that its motor must hold.
 //!
 //! *Winding.* A winding is warmer than the stator with its thermistor. The difference follows the copper loss
 //! with its own time constant (`rise' = (loss k - rise) / time`). At stall in cold water it reaches 100 K.
@@ -21,6 +26,11 @@ const MIN_EMF_V: f32 = 1.5;
 const REVERSED_EMF_SHARE: f32 = 0.3;
 /// Minimum travel after which a joint is known to turn, rad: ten times the presliding of a seal.
 const MIN_TRAVEL_RAD: f32 = 0.02;
+/// Minimum travel in the direction of the current that proves the wiring, rad: ten times the step of a motor that
+/// only aligns to a wrong field.
+const PROOF_TRAVEL_RAD: f32 = 0.1;
+/// Minimum current of that travel, A: five times the error of the sensors.
+const PROOF_CURRENT_A: f32 = 0.5;
 /// Speed below which a joint counts as standing, rad/s.
 const STANDSTILL_RAD_S: f32 = 0.02;
 /// Temperature coefficient of copper, 1/K, from 20 deg C.
@@ -33,9 +43,11 @@ const UNMEASURED_STATOR_C: f32 = 40.0;
 pub struct MotorState {
     /// The EMF has the opposite sign of the speed.
     pub is_emf_reversed: bool,
-    /// Current flows, the joint stands, and it has not moved since it was armed.
+    /// Current flows, the joint stands, it has not moved since it was armed, and its wiring is not proven.
     pub is_blocked: bool,
-    /// Current flows and the joint stands, after it has moved.
+    /// The joint has travelled in the direction of its current since it was armed: its wiring is proven.
+    pub is_proven: bool,
+    /// Current flows and the joint stands, after it has moved or with proven wiring.
     pub is_stalled: bool,
     /// Winding temperature of the model, deg C; `None` if the model is off.
     pub winding_c: Option<f32>,
@@ -46,36 +58,52 @@ pub struct MotorState {
 pub struct MotorWatch {
     moved_rad: f32,
     has_moved: bool,
+    /// Travel in the direction of the current since the joint was armed, rad.
+    driven_rad: f32,
     rise_k: f32,
 }
 
 impl MotorWatch {
-    /// Processes a report. `armed` must be false while the motor is measured.
+    /// Processes a report. `armed` must be false while the motor is measured. `proven`: the wiring is proven.
     pub fn step(
         &mut self,
         report: &LoopReport,
         motor: &MotorParameters,
         thresholds: &Thresholds,
         armed: bool,
+        proven: bool,
     ) -> MotorState {
         let winding_c = self.winding_temperature(report, motor, thresholds);
         if !armed {
-            (self.moved_rad, self.has_moved) = (0.0, false);
+            (self.moved_rad, self.has_moved, self.driven_rad) = (0.0, false, 0.0);
             return MotorState { winding_c, ..MotorState::default() };
         }
-        self.moved_rad += report.velocity_rad_s * REPORT_PERIOD_S;
+        let travel_rad = report.velocity_rad_s * REPORT_PERIOD_S;
+        self.moved_rad += travel_rad;
         self.has_moved |= self.moved_rad.abs() > MIN_TRAVEL_RAD;
         let way = motor.joint_direction;
         let speed = report.velocity_rad_s * motor.gear_ratio * way;
         let expected_v = speed * motor.torque_constant_nm_per_a * (1.0 / 1.5);
-        let induced_v = report.voltage_q_v - motor.resistance_ohm * report.current_a * way;
+        // A current along the magnet induces a voltage along q, too.
+        let coupled_v = speed * motor.pole_pairs * motor.inductance_d_h * report.current_d_a;
+        let induced_v =
+            report.voltage_q_v - motor.resistance_ohm * report.current_a * way - coupled_v;
         let held = report.current_reference_a.abs() >= thresholds.stall_current_a
             && report.velocity_rad_s.abs() < STANDSTILL_RAD_S;
+        let is_fast = expected_v.abs() > MIN_EMF_V;
+        let agreement = induced_v * expected_v;
+        let square = REVERSED_EMF_SHARE * expected_v * expected_v;
+        if is_fast && agreement < square {
+            self.driven_rad = 0.0;
+        } else if report.current_a.abs() >= PROOF_CURRENT_A {
+            self.driven_rad = (self.driven_rad + travel_rad * report.current_a.signum()).max(0.0);
+        }
+        let is_known = self.has_moved || proven;
         MotorState {
-            is_emf_reversed: expected_v.abs() > MIN_EMF_V
-                && induced_v * expected_v < -REVERSED_EMF_SHARE * expected_v * expected_v,
-            is_blocked: held && !self.has_moved,
-            is_stalled: held && self.has_moved,
+            is_emf_reversed: is_fast && agreement < -square,
+            is_blocked: held && !is_known,
+            is_stalled: held && is_known,
+            is_proven: self.driven_rad > PROOF_TRAVEL_RAD,
             winding_c,
         }
     }
@@ -122,7 +150,7 @@ mod tests {
     }
 
     fn check(watch: &mut MotorWatch, report: &LoopReport, armed: bool) -> MotorState {
-        watch.step(report, &MotorParameters::default(), &Thresholds::default(), armed)
+        watch.step(report, &MotorParameters::default(), &Thresholds::default(), armed, false)
     }
 
     #[test]
@@ -144,12 +172,21 @@ mod tests {
         let state = |motor: &MotorParameters, volts| {
             let thresholds = Thresholds::default();
             MotorWatch::default()
-                .step(&report(10.0, 4.0, volts), motor, &thresholds, true)
+                .step(&report(10.0, 4.0, volts), motor, &thresholds, true, false)
                 .is_emf_reversed
         };
         assert!(!state(&turned, -3.87) && state(&turned, 1.47));
         turned.joint_direction = 1.0;
         assert!(!state(&turned, 3.87));
+    }
+
+    #[test]
+    fn emf_of_a_motor_with_current_along_its_magnet_keeps_its_sign() {
+        // At 8 rad/s, -26 A along the magnet induce -6.7 V, more than the magnet (5.3 V).
+        let burning = LoopReport { current_d_a: -26.0, ..report(-2.0, 8.0, 5.33 - 0.24 - 6.68) };
+        assert!(!check(&mut MotorWatch::default(), &burning, true).is_emf_reversed);
+        let reversed = LoopReport { voltage_q_v: -5.33 - 0.24 - 6.68, ..burning };
+        assert!(check(&mut MotorWatch::default(), &reversed, true).is_emf_reversed);
     }
 
     #[test]
@@ -167,6 +204,29 @@ mod tests {
         // While disarmed, the wiring may have changed.
         check(&mut watch, &held, false);
         assert!(check(&mut watch, &held, true).is_blocked);
+    }
+
+    #[test]
+    fn joint_held_with_proven_wiring_is_stalled_and_not_blocked() {
+        let (motor, thresholds) = (MotorParameters::default(), Thresholds::default());
+        let mut watch = MotorWatch::default();
+        let state = watch.step(&report(8.0, 0.0, 1.0), &motor, &thresholds, true, true);
+        assert!(!state.is_blocked && state.is_stalled);
+    }
+
+    #[test]
+    fn wiring_is_proven_by_travel_along_the_current_only() {
+        let proven = |current_a: f32, velocity_rad_s: f32, voltage_v: f32| {
+            let mut watch = MotorWatch::default();
+            let report = report(current_a, velocity_rad_s, voltage_v);
+            (0..200).any(|_| check(&mut watch, &report, true).is_proven)
+        };
+        // 4 rad/s induce 2.67 V, and 2 A take 0.24 V.
+        assert!(proven(2.0, 4.0, 2.91) && proven(-2.0, -4.0, -2.91) && proven(2.0, 1.0, 0.9));
+        assert!(!proven(8.0, -1.0, 0.3), "a load that sinks");
+        assert!(!proven(0.2, 1.0, 0.7), "moved by hand");
+        assert!(!proven(2.0, 4.0, 0.24), "no EMF along q: the zero is off by a quarter turn");
+        assert!(!proven(2.0, 0.0, 0.2), "at rest");
     }
 
     #[test]
@@ -189,6 +249,6 @@ mod tests {
         assert!((share - (-1.0f32).exp()).abs() < 0.01, "{share}");
         let off = Thresholds { winding_k_per_w: 0.0, ..thresholds };
         let motor = MotorParameters::default();
-        assert_eq!(watch.step(&report(20.0, 0.0, 0.0), &motor, &off, true).winding_c, None);
+        assert_eq!(watch.step(&report(20.0, 0.0, 0.0), &motor, &off, true, false).winding_c, None);
     }
 }

@@ -136,6 +136,7 @@ const fn is_staged(at_index: u16) -> bool {
             | index::MOTOR
             | index::THRESHOLDS
             | index::WATCH_PARAMETERS
+            | index::SENSORS
     )
 }
 
@@ -160,7 +161,9 @@ impl<F: NorFlash> Device<F> {
                 Abort::Refused,
                 "save and load need their own word (65766173h, 64616F6Ch)",
             )),
-            index::AWAITED_HEARTBEAT | index::HEARTBEAT => self.write_setting(at, number),
+            index::AWAITED_HEARTBEAT | index::HEARTBEAT | index::RECEIVE_DRIVE => {
+                self.write_setting(at, number)
+            }
             index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE => {
                 self.set_identifier(usize::from(at.index - index::TRANSMIT_ANSWER), number)
             }
@@ -220,6 +223,7 @@ impl<F: NorFlash> Device<F> {
         match (at.index, at.subindex) {
             (index::HEARTBEAT, _) => changed.heartbeat_ms = number as u16,
             (index::AWAITED_HEARTBEAT, _) => changed.awaited_heartbeat = number,
+            (index::RECEIVE_DRIVE, _) => changed.target_timeout_ms = number as u16,
             (_, OperationObject::SOURCE) => {
                 changed.source = match byte {
                     0 => InputSource::Sensors,

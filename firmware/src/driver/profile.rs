@@ -4,20 +4,23 @@
 //! This profile is for masters that know drives but no friction (ros2_canopen, CODESYS). Mode 10 or 9 in 6060h
 //! activates it, and the joint's own Command frame is then ignored. The controlword requests, and the supervisor
 //! decides: *operation enabled* means armed, *fault* is the supervisor's fault state, and a rising bit 7 clears
-//! faults that can be cleared. Quick stop and "disable voltage" open the bridge; there is no ramp (605Ah would
-//! be 0).
+//! faults that can be cleared. Quick stop and "disable voltage" end the driving; there is no ramp (605Ah would
+//! be 0). The parameter `brake_at_stop` selects whether the joint then coasts or its motor is shorted.
 //!
-//! Such a master repeats a constant value or does not send it at all. Therefore every frame with a target, every
-//! SYNC and the awaited heartbeat (1016h) confirm that the master is alive. The age of the set-point counts from
-//! the last of them. A master that is silent for `command_timeout_us` counts as lost.
+//! Such a master repeats a constant value. The age of the set-point counts from the last target: receive PDO 1,
+//! or a write of 6040h, 6071h or 60FFh. If no target arrives for the deadline of the PDO (1400h:5) or for
+//! `command_timeout_us`, whichever is shorter, the fault `command-timeout` opens the bridge. A SYNC does not count,
+//! because its producer may outlive the controller. A master that sends only changes sets 1400h:5 to 0; then the
+//! awaited heartbeat (1016h) confirms the last target.
 //!
 //! Homing (mode 6) sets the present position as home (methods 37 and 35). A joint has no switches; a master
 //! drives to the stop in CST or CSV first. Home is at -607Ch, because the zero lies 607Ch beyond home. In this
 //! mode the drive is enabled and gives no torque of its own.
 //!
 //! Units: torque in thousandths of the rated torque (6076h), which the current limit gives at the joint.
-//! Position and velocity in 1e-6 rad and 1e-6 rad/s; -2147.483648 rad if the position is unknown. The maximum
-//! motor speed (6080h) is in motor turns per minute, as in the profile.
+//! Position and velocity in 1e-6 rad and 1e-6 rad/s. An unknown position counts from an arbitrary zero, and bit 8
+//! of the statusword is 0; the parameter `position_required` refuses to enable such a drive, except for homing. The
+//! maximum motor speed (6080h) is in motor turns per minute, as in the profile.
 
 /// 1000h: servo drive (2), profile 402.
 pub const DEVICE_TYPE: u32 = 0x0002_0192;
@@ -51,7 +54,7 @@ pub mod status {
     pub const VOLTAGE_ENABLED: u16 = 1 << 4;
     /// A limit is active.
     pub const WARNING: u16 = 1 << 7;
-    /// Manufacturer: the position is known.
+    /// Manufacturer: the position is known; otherwise it counts from an arbitrary zero.
     pub const POSITION_KNOWN: u16 = 1 << 8;
     /// The network is operational.
     pub const REMOTE: u16 = 1 << 9;

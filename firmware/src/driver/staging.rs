@@ -10,6 +10,7 @@ use crate::log::log;
 use crate::node::dictionary::index;
 use crate::node::sdo::{Abort, ValueBuffer};
 use crate::parameter_set::{DRIVE_RECORD_BYTES, ParameterSet};
+use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::compensator::CompensatorParameters;
@@ -97,7 +98,7 @@ impl Staging {
     /// Reads a staged value.
     pub fn read(&self, at_index: u16, sub_index: u8, value: &mut ValueBuffer) -> Result<(), Abort> {
         let place = usize::from(sub_index).checked_sub(1).ok_or(Abort::NoSubIndex)?;
-        let ParameterSet { friction, motor, thresholds, watch, .. } = &self.staged;
+        let ParameterSet { friction, motor, thresholds, watch, sensors, .. } = &self.staged;
         let model = &friction.model;
         let float = |numbers: &[f32]| numbers.get(place).copied().ok_or(Abort::NoSubIndex);
         let bytes = match at_index {
@@ -106,6 +107,7 @@ impl Staging {
             index::MOTOR => float(&motor.to_array())?.to_le_bytes(),
             index::THRESHOLDS => float(&thresholds.to_array())?.to_le_bytes(),
             index::WATCH_PARAMETERS => float(&watch.to_array())?.to_le_bytes(),
+            index::SENSORS => float(&sensors.to_array())?.to_le_bytes(),
             index::PARAMETERS => {
                 let id = ParameterId::ALL.get(place).ok_or(Abort::NoSubIndex)?;
                 model.get(*id).to_le_bytes()
@@ -161,6 +163,11 @@ impl Staging {
                 let mut fields = self.staged.watch.to_array();
                 self.set_field(&mut fields, place, number, &WatchParameters::NAMES)?;
                 self.staged.watch = WatchParameters::from_array(fields);
+            }
+            index::SENSORS => {
+                let mut fields = self.staged.sensors.to_array();
+                self.set_field(&mut fields, place, number, &SensorParameters::NAMES)?;
+                self.staged.sensors = SensorParameters::from_array(fields);
             }
             _ => {
                 let id = *ParameterId::ALL.get(place).ok_or(Abort::NoSubIndex)?;
@@ -250,7 +257,7 @@ impl Staging {
         Ok(())
     }
 
-    /// Stages all parameters of motor, thresholds and watch.
+    /// Stages all parameters of motor, thresholds, watch and sensors.
     ///
     /// # Errors
     /// The length is wrong, or a value is refused.

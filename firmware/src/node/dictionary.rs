@@ -13,6 +13,7 @@ pub use records::{Access, DataType, Entry, FRAME_COUNTERS};
 use super::sdo::Abort;
 use crate::control::MotorParameters;
 use crate::driver::profile::HOMING_METHODS;
+use crate::sensors::SensorParameters;
 use crate::supervisor::Thresholds;
 use crate::watch::WatchParameters;
 use compensator_core::ParameterId;
@@ -20,9 +21,9 @@ use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::Envelope;
 use compensator_core::term::MAX_TERMS;
 use records::{
-    CommissioningObject, CommissioningRunObject, CommitObject, IdentityObject, InputsObject,
-    MeasuredObject, NetworkObject, OperationObject, OutputsObject, PdoObject, SdoServerObject,
-    StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
+    CommissioningObject, CommissioningRunObject, CommitObject, DrivePdoObject, IdentityObject,
+    InputsObject, MeasuredObject, NetworkObject, OperationObject, OutputsObject, PdoObject,
+    SdoServerObject, StateObject, TraceObject, TransmitPdoObject, WatchObject, entry, name_on_host,
 };
 
 /// Structure of an object.
@@ -132,7 +133,7 @@ objects! {
     0x1018 IDENTITY record("identity", IdentityObject::ENTRIES);
     0x1019 SYNC_OVERFLOW variable("sync_counter_overflow", Unsigned8, Const);
     0x1200 SDO_SERVER record("sdo_server", SdoServerObject::ENTRIES);
-    0x1400 RECEIVE_DRIVE record("receive_pdo_drive", PdoObject::ENTRIES);
+    0x1400 RECEIVE_DRIVE record("receive_pdo_drive", DrivePdoObject::ENTRIES);
     0x1401 RECEIVE_COMMAND record("receive_pdo_command", PdoObject::ENTRIES);
     0x1402 RECEIVE_SEAL record("receive_pdo_seal", PdoObject::ENTRIES);
     0x1403 RECEIVE_SURROUNDINGS record("receive_pdo_surroundings", PdoObject::ENTRIES);
@@ -184,6 +185,7 @@ objects! {
     0x2026 WATCH_PARAMETERS numbers("watch_parameters", &WatchParameters::NAMES);
     0x2027 COMMIT record("commit", CommitObject::ENTRIES);
     0x2028 REFUSAL variable("last_refusal", VisibleString, ReadOnly);
+    0x2029 SENSORS numbers("sensors", &SensorParameters::NAMES);
     0x603F ERROR_CODE variable("error_code", Unsigned16, ReadOnly);
     0x6040 CONTROLWORD variable("controlword", Unsigned16, Input);
     0x6041 STATUSWORD variable("statusword", Unsigned16, ReadOnly);

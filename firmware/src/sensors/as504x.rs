@@ -8,11 +8,23 @@
 //!
 //! A word of zeros has correct parity and no error flag, so a data line held low or a chip that hangs looks
 //! like a shaft at rest. However, these encoders have a noise of three counts (0.068 degrees). An angle
-//! that stays exactly the same for [`STUCK_AFTER_FRAMES`] frames is therefore reported as stuck.
+//! that stays exactly the same for [`STUCK_AFTER_FRAMES`] frames is therefore reported as stuck. While the joint
+//! turns, the observer finds it within a millisecond ([`crate::control::observer`]).
+//!
+//! Once a second one frame asks for the diagnostics instead of the angle, and the observer coasts for one period. They
+//! report a magnet that is too weak, too strong or misplaced, before the angle becomes wrong.
 //!
 //! The error flag stays set until the error register is read. That takes two frames without an angle,
 //! during which the observer coasts. A broken wire reads as ones (the input must be pulled up), so the
 //! error flag is set.
+//!
+//! [`As504x`] exchanges one frame in each period on an SPI bus. [`FramePairs`] evaluates two frames in each
+//! period that hardware has exchanged: the second one answers the first, so its angle was latched between
+//! the two, microseconds before the period's sample.
+
+mod pairs;
+
+pub use pairs::FramePairs;
 
 use embedded_hal::spi::{Operation, SpiDevice};
 
@@ -43,6 +55,33 @@ const READ_ANGLE: u16 = command(0x3FFF);
 /// Command to read the error register, which clears it.
 const READ_ERRORS: u16 = command(0x0001);
 
+/// Frames from one reading of the diagnostics to the next: a second at 20 kHz.
+const DIAGNOSE_EVERY_FRAMES: u16 = 20_000;
+/// Frames from the start to the first reading: 50 ms.
+const DIAGNOSE_AFTER_FRAMES: u16 = 1000;
+
+/// Faults of the magnet in the diagnostics of both types: 9 CORDIC overflow, 10 field too strong, 11 too weak.
+const MAGNET_FAULTS: u16 = 0b1110 << 8;
+
+/// Type of the encoder, which differ in the address of their diagnostics.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EncoderType {
+    /// AS5047P: DIAAGC at 3FFCh.
+    #[default]
+    As5047p,
+    /// AS5048A: diagnostics and AGC at 3FFDh.
+    As5048a,
+}
+
+impl EncoderType {
+    const fn read_diagnostics(self) -> u16 {
+        match self {
+            Self::As5047p => command(0x3FFC),
+            Self::As5048a => command(0x3FFD),
+        }
+    }
+}
+
 const ERROR: u16 = 1 << 14;
 const DATA: u16 = ERROR - 1;
 
@@ -54,8 +93,11 @@ pub const STUCK_AFTER_FRAMES: u16 = 4000;
 
 /// Delays from chip select to the first clock, and from the last clock to its release, ns (data sheet: t_L,
 /// t_H).
-const SELECT_NS: u32 = 350;
-const RELEASE_NS: u32 = 100;
+pub const SELECT_NS: u32 = 350;
+/// See [`SELECT_NS`].
+pub const RELEASE_NS: u32 = 100;
+/// Minimum time between two frames in which the chip is not selected, ns (data sheet: t_CSn).
+pub const DESELECTED_NS: u32 = 350;
 
 /// Returns a read command, with even parity in the top bit.
 const fn command(register: u16) -> u16 {
@@ -74,8 +116,10 @@ pub enum EncoderError<E> {
     Stuck,
     /// The encoder reports an error. The error register is being read, which clears the flag.
     Flagged,
-    /// The frame carries no angle: it is the first one, or the answer about errors.
+    /// The frame carries no angle: it is the first one, or the answer about errors or diagnostics.
     NoAngle,
+    /// The frames of this period were not exchanged in time.
+    Missing,
 }
 
 /// Content of the next answer.
@@ -84,6 +128,61 @@ enum Awaited {
     Unknown,
     Angle,
     Errors,
+    Diagnostics,
+}
+
+/// Evaluates answers: parity, flag, and whether the angle still changes.
+#[derive(Debug)]
+struct AnswerCheck {
+    errors: u16,
+    /// Last diagnostics.
+    diagnostics: u16,
+    /// Last angle, and number of frames since it changed.
+    last: u16,
+    identical_frames: u16,
+}
+
+impl AnswerCheck {
+    const fn new() -> Self {
+        Self { errors: 0, diagnostics: 0, last: 0, identical_frames: 0 }
+    }
+
+    const fn has_magnet_fault(&self) -> bool {
+        self.diagnostics & MAGNET_FAULTS != 0
+    }
+
+    /// Returns the angle of an answer of which `awaited` is expected.
+    #[inline(always)]
+    fn angle<E>(&mut self, awaited: Awaited, answer: u16) -> Result<u16, EncoderError<E>> {
+        if !answer.count_ones().is_multiple_of(2) {
+            return Err(EncoderError::Parity);
+        }
+        match awaited {
+            Awaited::Unknown => Err(EncoderError::NoAngle),
+            Awaited::Errors => {
+                self.errors |= answer & DATA;
+                Err(EncoderError::NoAngle)
+            }
+            Awaited::Angle | Awaited::Diagnostics if answer & ERROR != 0 => {
+                Err(EncoderError::Flagged)
+            }
+            Awaited::Diagnostics => {
+                self.diagnostics = answer & DATA;
+                Err(EncoderError::NoAngle)
+            }
+            Awaited::Angle => {
+                let angle = answer & DATA;
+                self.identical_frames =
+                    if angle == self.last { self.identical_frames.saturating_add(1) } else { 0 };
+                self.last = angle;
+                if self.identical_frames < STUCK_AFTER_FRAMES {
+                    Ok(angle)
+                } else {
+                    Err(EncoderError::Stuck)
+                }
+            }
+        }
+    }
 }
 
 /// One encoder.
@@ -91,16 +190,39 @@ enum Awaited {
 pub struct As504x<S> {
     spi: S,
     awaited: Awaited,
-    errors: u16,
-    /// Last angle, and number of frames since it changed.
-    last: u16,
-    identical_frames: u16,
+    check: AnswerCheck,
+    encoder_type: EncoderType,
+    /// Number of frames until the next diagnostics.
+    frames_left: u16,
 }
 
 impl<S: SpiDevice<u16>> As504x<S> {
     /// Creates the driver; no command was sent yet.
     pub fn new(spi: S) -> Self {
-        Self { spi, awaited: Awaited::Unknown, errors: 0, last: 0, identical_frames: 0 }
+        Self {
+            spi,
+            awaited: Awaited::Unknown,
+            check: AnswerCheck::new(),
+            encoder_type: EncoderType::default(),
+            frames_left: DIAGNOSE_AFTER_FRAMES,
+        }
+    }
+
+    /// Returns the driver for this type; [`As504x::new`] creates it for an AS5047P.
+    #[must_use]
+    pub fn of_type(self, encoder_type: EncoderType) -> Self {
+        Self { encoder_type, ..self }
+    }
+
+    /// Returns true if the last diagnostics report a magnet that is too weak, too strong or misplaced.
+    #[inline]
+    pub const fn has_magnet_fault(&self) -> bool {
+        self.check.has_magnet_fault()
+    }
+
+    /// Returns the gain that the encoder needs for its magnet, 0 (strong) to 255 (weak), of the last diagnostics.
+    pub const fn gain(&self) -> u8 {
+        self.check.diagnostics as u8
     }
 
     /// Exchanges one frame. Returns the 14-bit angle that was latched at the end of the previous frame.
@@ -109,6 +231,11 @@ impl<S: SpiDevice<u16>> As504x<S> {
     /// Returns why there is no angle. Keep calling: the driver recovers if possible.
     #[inline]
     pub fn angle(&mut self) -> Result<u16, EncoderError<S::Error>> {
+        self.frames_left = self.frames_left.wrapping_sub(1);
+        if self.frames_left == 0 {
+            self.frames_left = DIAGNOSE_EVERY_FRAMES;
+            return self.exchange(self.encoder_type.read_diagnostics(), Awaited::Diagnostics);
+        }
         self.exchange(READ_ANGLE, Awaited::Angle)
     }
 
@@ -124,32 +251,12 @@ impl<S: SpiDevice<u16>> As504x<S> {
             }
         };
         self.awaited = next;
-        if !answer.count_ones().is_multiple_of(2) {
-            return Err(EncoderError::Parity);
+        let angle = self.check.angle(awaited, answer);
+        if matches!(angle, Err(EncoderError::Flagged)) {
+            // Read the error register in a separate frame. The answer to the command just sent is lost.
+            self.clear();
         }
-        match awaited {
-            Awaited::Unknown => Err(EncoderError::NoAngle),
-            Awaited::Errors => {
-                self.errors |= answer & DATA;
-                Err(EncoderError::NoAngle)
-            }
-            Awaited::Angle if answer & ERROR != 0 => {
-                // Read the error register in a separate frame. The answer to the command just sent is lost.
-                self.clear();
-                Err(EncoderError::Flagged)
-            }
-            Awaited::Angle => {
-                let angle = answer & DATA;
-                self.identical_frames =
-                    if angle == self.last { self.identical_frames.saturating_add(1) } else { 0 };
-                self.last = angle;
-                if self.identical_frames < STUCK_AFTER_FRAMES {
-                    Ok(angle)
-                } else {
-                    Err(EncoderError::Stuck)
-                }
-            }
-        }
+        angle
     }
 
     fn frame(&mut self, ask: u16) -> Result<u16, S::Error> {
@@ -170,7 +277,7 @@ impl<S: SpiDevice<u16>> As504x<S> {
 
     /// Returns all bits of the error register since the last call: 0 framing, 1 command, 2 parity.
     pub fn take_errors(&mut self) -> u16 {
-        core::mem::take(&mut self.errors)
+        core::mem::take(&mut self.check.errors)
     }
 }
 
@@ -186,6 +293,7 @@ mod tests {
         answer: u16,
         errors: u16,
         flips: u16,
+        diagnostics: u16,
         asked: Vec<u16>,
     }
 
@@ -210,6 +318,7 @@ mod tests {
                 let data = match asked & DATA {
                     0x3FFF => self.angle,
                     0x0001 => core::mem::take(&mut self.errors),
+                    0x3FFC => self.diagnostics,
                     other => panic!("register {other:#x}"),
                 };
                 let word = flag | data;
@@ -220,7 +329,14 @@ mod tests {
     }
 
     fn encoder() -> As504x<Chip> {
-        As504x::new(Chip { angle: 0x1234, answer: 0, errors: 0, flips: 0, asked: Vec::new() })
+        As504x::new(Chip {
+            angle: 0x1234,
+            answer: 0,
+            errors: 0,
+            flips: 0,
+            diagnostics: 0x0140,
+            asked: Vec::new(),
+        })
     }
 
     #[test]
@@ -239,17 +355,16 @@ mod tests {
     #[test]
     fn commands_match_the_data_sheet() {
         assert_eq!((READ_ANGLE, READ_ERRORS), (0xFFFF, 0x4001));
+        assert_eq!(EncoderType::As5047p.read_diagnostics(), 0xFFFC);
+        assert_eq!(EncoderType::As5048a.read_diagnostics(), 0x7FFD);
     }
 
     #[test]
     fn constant_angle_is_reported_as_stuck_until_it_changes() {
         let mut encoder = encoder();
         let good = (0..20_000).filter(|_| encoder.angle().is_ok()).count();
-        assert_eq!(
-            good,
-            usize::from(STUCK_AFTER_FRAMES),
-            "the first angle differs from the initial value"
-        );
+        let expected = usize::from(STUCK_AFTER_FRAMES);
+        assert_eq!(good, expected, "the first angle differs from the initial value");
         assert_eq!(encoder.angle(), Err(EncoderError::Stuck));
         encoder.spi.angle += 1;
         let _ = encoder.angle();
@@ -257,7 +372,34 @@ mod tests {
         // Occasional noise of one count is enough.
         for k in 0..20_000u16 {
             encoder.spi.angle = 0x1234 + u16::from(k.is_multiple_of(3000));
-            assert!(encoder.angle().is_ok());
+            assert_ne!(encoder.angle(), Err(EncoderError::Stuck));
+        }
+    }
+
+    #[test]
+    fn diagnostics_are_read_once_a_second_and_cost_one_angle() {
+        let mut encoder = encoder();
+        let mut lost = Vec::new();
+        for frame in 0..50_000u32 {
+            // The angle changes, so that it is not stuck.
+            encoder.spi.angle = 0x1000 + (frame % 7) as u16;
+            if encoder.angle().is_err() {
+                lost.push(frame);
+            }
+            if frame == 1500 {
+                assert!(!encoder.has_magnet_fault(), "a sound magnet");
+                assert_eq!(encoder.gain(), 0x40);
+                encoder.spi.diagnostics = 0x09FF;
+            }
+        }
+        assert_eq!(lost, [0, 1000, 21_000, 41_000]);
+        assert!(encoder.has_magnet_fault() && encoder.gain() == 255, "a weak magnet");
+        for (word, faulty) in [(0x0100, false), (0x0200, true), (0x0400, true), (0x0800, true)] {
+            encoder.spi.diagnostics = word;
+            for _ in 0..20_001 {
+                let _ = encoder.angle();
+            }
+            assert_eq!(encoder.has_magnet_fault(), faulty, "{word:#x}");
         }
     }
 
@@ -292,6 +434,66 @@ mod tests {
         assert_eq!(encoder.angle(), Ok(0x1234));
         assert_eq!(encoder.take_errors(), 0b10);
         assert_eq!(encoder.take_errors(), 0);
+    }
+
+    /// Exchanges a pair of frames.
+    fn pair(chip: &mut Chip, pairs: &mut FramePairs) -> Result<u16, EncoderError<Infallible>> {
+        let mut answers = pairs.commands();
+        for word in &mut answers {
+            let mut words = [*word];
+            let _ = chip.transaction(&mut [Operation::TransferInPlace(&mut words)]);
+            [*word] = words;
+        }
+        pairs.angle(Some(answers))
+    }
+
+    #[test]
+    fn pair_of_frames_returns_the_angle_latched_between_them() {
+        let (mut chip, mut pairs) = (encoder().spi, FramePairs::new(EncoderType::As5047p));
+        for angle in [0x1234, 0x0001, 0x3FFF] {
+            chip.angle = angle;
+            assert_eq!(pair(&mut chip, &mut pairs), Ok(angle));
+        }
+    }
+
+    #[test]
+    fn pair_with_an_error_flag_reads_and_clears_it_in_the_next_pair() {
+        let (mut chip, mut pairs) = (encoder().spi, FramePairs::new(EncoderType::As5047p));
+        assert_eq!(pair(&mut chip, &mut pairs), Ok(0x1234));
+        chip.errors = 0b10;
+        assert_eq!(pair(&mut chip, &mut pairs), Err(EncoderError::Flagged));
+        assert_eq!(pair(&mut chip, &mut pairs), Err(EncoderError::NoAngle));
+        assert_eq!(pair(&mut chip, &mut pairs), Ok(0x1234));
+        assert_eq!((pairs.take_errors(), pairs.take_errors()), (0b10, 0));
+    }
+
+    #[test]
+    fn pair_reads_diagnostics_once_a_second_without_losing_an_angle() {
+        let (mut chip, mut pairs) = (encoder().spi, FramePairs::new(EncoderType::As5047p));
+        chip.diagnostics = 0x0900;
+        let mut faults = Vec::new();
+        for period in 0..25_000u16 {
+            // The angle changes, so that it is not stuck.
+            chip.angle = 0x1000 + period % 7;
+            assert_eq!(pair(&mut chip, &mut pairs), Ok(chip.angle), "{period}");
+            faults.push(pairs.has_magnet_fault());
+            if period == 10_000 {
+                chip.diagnostics = 0x0100;
+            }
+        }
+        let changes = faults.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        assert_eq!((faults[900], faults[1100], faults[24_999], changes), (false, true, false, 2));
+    }
+
+    #[test]
+    fn pair_that_is_missing_or_damaged_gives_no_angle() {
+        let mut pairs = FramePairs::new(EncoderType::As5047p);
+        assert_eq!(pairs.angle(None), Err(EncoderError::Missing));
+        assert_eq!(pairs.angle(Some([0, 1])), Err(EncoderError::Parity));
+        // A broken wire reads as ones.
+        assert_eq!(pairs.angle(Some([u16::MAX; 2])), Err(EncoderError::Flagged));
+        assert_eq!(pairs.angle(Some([u16::MAX; 2])), Err(EncoderError::NoAngle));
+        assert_eq!(pairs.angle(Some([0, 3])), Ok(3));
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Time window in which a slow conversion does not disturb those of the current loop.
 //!
 //! Two errata of the STM32G4 (ES0430) apply. A converter idle for more than 1 ms gives a wrong first result
-//! (2.7.7), and simultaneous conversions of two converters disturb each other (2.7.11). A slow sensor is
-//! therefore converted twice and the second result is used. Each conversion lies completely between two
-//! tops of the PWM, at which the currents are sampled. All times are in cycles since the last top.
+//! (2.7.7), and simultaneous conversions of two converters disturb each other (2.7.11). A timer therefore
+//! starts the slow conversions in every period, and each lies completely between two tops of the PWM, at
+//! which the currents are sampled. No program waits for the window: a wait would never end if the interrupt
+//! of the current loop always ended behind it. All times are in cycles since the last top.
 
 /// The part of a PWM period in which slow conversions may start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,14 +34,6 @@ impl QuietWindow {
     }
 }
 
-/// Converts twice and returns the second result. `wait` returns within the window.
-pub fn convert_twice(mut wait: impl FnMut(), mut convert: impl FnMut() -> u16) -> u16 {
-    wait();
-    let _discarded = convert();
-    wait();
-    convert()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -60,16 +53,5 @@ mod tests {
         assert!((0.7..0.9).contains(&share), "{share}");
         assert_eq!(QuietWindow::for_period(1000, 248, 1040, 150), None);
         assert_eq!(QuietWindow::for_period(1400, 248, 1040, 150), None);
-    }
-
-    #[test]
-    fn convert_twice_discards_the_first_result() {
-        let (mut waits, mut conversions) = (0, 0);
-        let convert = || {
-            conversions += 1;
-            if conversions == 1 { 4095 } else { 2048 }
-        };
-        assert_eq!(convert_twice(|| waits += 1, convert), 2048);
-        assert_eq!((waits, conversions), (2, 2));
     }
 }

@@ -17,6 +17,12 @@ const MAX_SPREAD_COUNTS: u16 = 64;
 /// Counts at either end of the range at which the amplifier saturates.
 const RAIL_COUNTS: u16 = 8;
 
+/// Returns the largest current that an amplifier measures in both directions for any offset that is accepted, A.
+pub const fn measurable_a(amperes_per_count: f32) -> f32 {
+    let counts = CONVERTER_RANGE_COUNTS / 2 - MAX_OFFSET_COUNTS - RAIL_COUNTS;
+    counts as f32 * amperes_per_count.abs()
+}
+
 /// Scaling of the amplifier of one phase.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shunt {
@@ -27,6 +33,12 @@ pub struct Shunt {
 }
 
 impl Shunt {
+    /// Returns the same scaling with this sign: negative if a current into the motor lowers the counts.
+    #[must_use]
+    pub fn with_sign(self, sign: f32) -> Self {
+        Self { amperes_per_count: self.amperes_per_count.abs().copysign(sign), ..self }
+    }
+
     /// Returns the current into the motor, A; `None` if the amplifier saturates.
     #[inline(always)]
     pub fn current_a(&self, counts: u16) -> Option<f32> {
@@ -94,8 +106,20 @@ mod tests {
         assert!((shunt.current_a(2062).unwrap()).abs() < 0.001);
         assert!((shunt.current_a(3062).unwrap() - 20.0).abs() < 0.001);
         assert!((shunt.current_a(1062).unwrap() + 20.0).abs() < 0.001);
-        let turned = Shunt { amperes_per_count: -0.02, ..shunt };
+        let turned = shunt.with_sign(-1.0);
         assert!((turned.current_a(3062).unwrap() + 20.0).abs() < 0.001);
+        assert_eq!(turned.with_sign(1.0), shunt);
+    }
+
+    #[test]
+    fn measurable_current_is_measured_at_the_largest_offset() {
+        for offset in [2048 - 408, 2048 + 408] {
+            let shunt = measure_offset(|_| offset).unwrap();
+            let counts = (measurable_a(-0.02) / 0.02) as u16;
+            for counts in [offset - counts, offset + counts] {
+                assert!(shunt.current_a(counts).is_some(), "{counts}");
+            }
+        }
     }
 
     #[test]

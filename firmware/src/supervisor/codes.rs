@@ -246,6 +246,30 @@ const fn with_effect(effect: Effect) -> CodeSet {
 /// All faults.
 pub const FAULT_CODES: CodeSet = with_effect(Effect::Stops);
 
+/// Faults of the bridge, its shunts and its supply. The low sides are not shorted after them.
+pub const BRIDGE_FAULT_CODES: CodeSet = {
+    let mut set = CodeSet::EMPTY;
+    let codes = [
+        Code::Overcurrent,
+        Code::CurrentSensorInvalid,
+        Code::CurrentOffset,
+        Code::PhaseLost,
+        Code::BusUndervoltage,
+        Code::GateDriverFault,
+        Code::BridgeOvertemperature,
+        Code::AdcTimeout,
+        Code::SelfTestFailed,
+        Code::Internal,
+        Code::SystemBreak,
+    ];
+    let mut index = 0;
+    while index < codes.len() {
+        set.insert(codes[index]);
+        index += 1;
+    }
+    set
+};
+
 /// All limits that disable the compensation.
 pub const COMPENSATION_DROPPING_CODES: CodeSet = with_effect(Effect::DropsCompensation);
 
@@ -278,7 +302,7 @@ codes! {
     12 MotorOvertemperature "motor-overtemperature" 0x4310 [TEMPERATURE] Stops Always 100 1000
         "the motor temperature reaches `motor_trip_c`", "it is `temperature_hysteresis_c` below that";
     13 EncoderLost "encoder-lost" 0x7305 [PROFILE] Stops Armed 0 100
-        "no angle is known: the observer has coasted for too long", "the observer has settled";
+        "no angle is known: the observer has coasted for too long, or the samples do not change although the rotor turns", "the observer has settled";
     14 EncoderJump "encoder-jump" 0x7300 [PROFILE] Stops Armed 2 100
         "the encoder repeatedly jumps farther than the shaft can turn", "it does not";
     15 AdcTimeout "adc-timeout" 0x5212 [] Stops Always 0 100
@@ -306,14 +330,17 @@ codes! {
         "the wiring of motor, encoder and gear is not confirmed, or its parameters were changed since",
         "the wiring is confirmed (200Ah:3)";
     26 SystemBreak "system-break" 0x5000 [MANUFACTURER] Stops Always 0 100
-        "the microcontroller opened the bridge: supply below 2.8 V, clock failure, or a memory error (ECC, parity)",
+        "the microcontroller opened the bridge: supply below 2.9 V, clock failure, or a memory error (ECC, parity)",
         "an observation without it";
     27 MotorAgainst "motor-against-order" 0x7120 [PROFILE] Stops Armed 10 0
         "induced voltage and speed of the motor have opposite signs: the electrical zero or the direction is half a turn off",
         "the bridge is off (arming checks again)";
     28 MotorStands "motor-stands" 0x7121 [PROFILE] Stops Armed 500 0
-        "the current reaches `stall_current_a`, and the joint has not moved since it was armed: it is blocked or its wiring differs from the parameters",
+        "the current reaches `stall_current_a`, the joint has not moved since it was armed, and its motor never turned with these wiring parameters: it is blocked or wired differently",
         "the bridge is off (arming checks again)";
+    29 PositionUnknown "position-unknown" 0xFF1B [PROFILE] Stops Armed 0 0
+        "`position_required` is 1, the position is unknown, and the drive is not in homing mode",
+        "the position is set (2002h:6, or homing)";
 
     33 LoopLate "loop-late" 0xFF01 [MANUFACTURER] DropsCompensation Always 0 100
         "the loop exceeded its period once", "periods without an overrun";
@@ -337,8 +364,8 @@ codes! {
         "the bridge reaches `bridge_derate_c`, the motor `motor_derate_c`, or the modelled winding `winding_derate_c`", "all are `temperature_hysteresis_c` below";
     43 TemperatureUnknown "temperature-unknown" 0x4212 [TEMPERATURE] Limits Always 100 1000
         "a temperature sensor gives no valid value; the current limit is halved", "all values are valid";
-    44 EncoderCoasting "encoder-coasting" 0xFF0C [PROFILE] Limits Always 0 100
-        "an encoder sample is missing or implausible", "all samples are valid";
+    44 EncoderCoasting "encoder-coasting" 0xFF0C [PROFILE] Limits Always 2 100
+        "encoder samples are missing or implausible again and again", "all samples are valid";
     45 SetpointInvalid "setpoint-invalid" 0xFF0D [COMMUNICATION] Limits Always 0 100
         "the set-point is not a number; 0 A is used", "the set-point is a number";
     46 CompensationLimited "compensation-limited" 0xFF0E [PROFILE] Limits Always 5 100
@@ -367,4 +394,8 @@ codes! {
     56 PressureStuck "pressure-stuck" 0xFF19 [PROFILE] Limits Always 0 100
         "200 identical readings of the pressure, although its noise exceeds its resolution; its effect fades out",
         "the reading changes";
+    57 BrakingLimited "braking-limited" 0xFF1A [VOLTAGE] Limits Always 5 100
+        "the bus is nearly full: the winding burns braking power, or braking is reduced", "the bus has room";
+    58 EncoderMagnet "encoder-magnet" 0xFF1C [PROFILE] Limits Always 0 100
+        "the encoder reports a magnet that is too weak, too strong or misplaced", "it reports none at the next reading, a second later";
 }

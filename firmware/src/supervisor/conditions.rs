@@ -54,6 +54,7 @@ const fn raising_loop_flags(code: Code) -> LoopFlags {
         Code::VoltageLimited => LoopFlags::VOLTAGE_LIMITED,
         Code::CurrentLimited => LoopFlags::CURRENT_LIMITED,
         Code::CurrentImbalance => LoopFlags::CURRENT_IMBALANCE,
+        Code::BrakingLimited => LoopFlags::BRAKING_LIMITED,
         Code::EncoderCoasting => LoopFlags::ENCODER_COASTING.union(LoopFlags::ENCODER_INVALID),
         Code::SetpointInvalid => LoopFlags::SETPOINT_INVALID,
         _ => LoopFlags::empty(),
@@ -111,7 +112,9 @@ pub(super) fn evaluate(
         Code::GateDriverFault => observation.gate_driver_fault,
         Code::MotorAgainst => supervisor.armed && observation.motor_against,
         Code::MotorStands => supervisor.armed && observation.motor_stands,
+        Code::PositionUnknown => observation.position_missing,
         Code::Stalled => observation.stalled,
+        Code::EncoderMagnet => observation.magnet_fault,
         Code::OverCompensated => observation.over_compensated,
         Code::RadialForceStuck => observation.radial_force_stuck,
         Code::PressureStuck => observation.pressure_stuck,
@@ -151,6 +154,7 @@ pub(super) fn evaluate(
         | Code::VoltageLimited
         | Code::CurrentLimited
         | Code::CurrentImbalance
+        | Code::BrakingLimited
         | Code::EncoderCoasting
         | Code::SetpointInvalid
         | Code::CompensationLimited
@@ -214,7 +218,7 @@ fn compare_with_levels(
 /// offset cannot be distinguished from a current.
 fn current_offset(supervisor: &Supervisor, observation: &Observation) -> CauseState {
     let Some(currents) = observation.phase_currents_a else { return Absent };
-    if supervisor.armed {
+    if supervisor.armed || observation.bridge_shorted {
         return Unchanged;
     }
     let largest =

@@ -10,6 +10,8 @@ pub enum ResetCause {
     /// Power was applied.
     #[default]
     PowerOn,
+    /// The supply fell below the level at which the processor is held in reset, and RAM kept its contents.
+    BrownOut,
     /// The reset pin.
     Pin,
     /// The firmware requested it.
@@ -102,9 +104,11 @@ pub struct Observation {
     pub winding_temperature_c: Option<f32>,
     /// True if the induced voltage and the speed have opposite signs.
     pub motor_against: bool,
-    /// True if the joint carries current but has not moved since it was armed.
+    /// True if the joint carries current, has not moved since it was armed, and its wiring is not proven.
     pub motor_stands: bool,
-    /// True if the joint carries current, does not move, and has moved since it was armed.
+    /// True if the position is required and unknown, and the drive is not in homing mode.
+    pub position_missing: bool,
+    /// True if the joint carries current and does not move, and it has moved or its wiring is proven.
     pub stalled: bool,
     /// True if the model predicts more friction than the joint has, and the compensation is reduced.
     pub over_compensated: bool,
@@ -118,6 +122,10 @@ pub struct Observation {
     pub gate_driver_fault: bool,
     /// True if the microcontroller opened the bridge by hardware.
     pub system_break: bool,
+    /// True if the encoder reports a fault of its magnet.
+    pub magnet_fault: bool,
+    /// True if the low sides are shorted, so that a current flows without being armed.
+    pub bridge_shorted: bool,
     /// True if the guard words below the stack are intact.
     pub stack_intact: bool,
     /// Error state of the CAN controller.
@@ -146,6 +154,7 @@ impl Default for Observation {
             winding_temperature_c: None,
             motor_against: false,
             motor_stands: false,
+            position_missing: false,
             stalled: false,
             over_compensated: false,
             radial_force_stuck: false,
@@ -153,6 +162,8 @@ impl Default for Observation {
             sample_age_us: None,
             gate_driver_fault: false,
             system_break: false,
+            magnet_fault: false,
+            bridge_shorted: false,
             stack_intact: true,
             can: CanState::Active,
             heartbeat_lost: false,

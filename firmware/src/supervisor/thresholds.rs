@@ -49,10 +49,12 @@ compensator_core::named_fields! {
         winding_derate_c: f32 = 125.0, -20.0..=300.0, "rating of the insulation: class F 155 deg C";
         /// Winding temperature at which the current limit reaches 0, deg C.
         winding_max_c: f32 = 155.0, -20.0..=300.0, "rating of the insulation: class F 155 deg C";
-        /// Current from which a joint that has not moved since it was armed is stopped, A.
+        /// Current from which a joint that has not moved since it was armed, and never before, is stopped, A.
         stall_current_a: f32 = 5.0, 0.1..=1e4, "must exceed the breakaway current of the friction";
         /// Joint speed that trips an overspeed fault, rad/s.
         overspeed_rad_s: f32 = 14.0, 1e-2..=1e3, "maximum speed of the joint";
+        /// 1: arming is refused while the position is unknown, except in homing mode.
+        position_required: u32 = 0, 0.0..=1.0, "0 or 1";
     }
     /// Defaults for a joint on 48 V with the default current limit of 26 A.
 }

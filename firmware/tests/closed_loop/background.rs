@@ -1,179 +1,11 @@
 //! Tests of the whole driver in virtual time: CAN frames, background loop, queues, interrupt, bridge and plant.
 
-use crate::plant::Machine;
-use crate::rig::{PERIOD_CYCLES, Stage};
-use compensator_core::can::{CommandFrame, Frame, Message, NodeId};
-use firmware::background::{Background, Board, BoardState, RoundOutcome, TICK_US};
-use firmware::control::BridgeFault;
-use firmware::deadline::DeadlineLimits;
-use firmware::driver::{Boot, Driver, Identity};
-use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-use firmware::loop_parts::{LoopParts, StageTraits};
-use firmware::loop_task::LoopTask;
+use crate::driver::{Joint, NODE};
+use firmware::background::{RoundOutcome, TICK_US};
+use firmware::control::{BridgeFault, StageSample, ValidChannels};
 use firmware::node::dictionary::index;
-use firmware::node_settings::NodeSettings;
-use firmware::store::memory::MemoryFlash;
+use firmware::sensors::SensorParameters;
 use firmware::supervisor::Code;
-use std::collections::VecDeque;
-
-const NODE: NodeId = NodeId::FIRST;
-const PERIODS_PER_TICK: usize = 20;
-
-/// A simulated board in virtual time.
-struct SimulatedBoard {
-    now_us: u64,
-    received: VecDeque<Frame>,
-    sent: Vec<Frame>,
-    /// Number of frames that the transmit queue holds.
-    room: usize,
-    /// True if all frames have left the controller. Stays false if no other node acknowledges them.
-    is_idle: bool,
-    /// Time that passes with each reading of the clock, us.
-    reading_us: u64,
-    /// Number of readings of the board's state.
-    state_reads: usize,
-    /// Number of refreshes of the watchdog.
-    watchdog_refreshes: usize,
-    link: LoopLink<'static>,
-}
-
-impl Board for SimulatedBoard {
-    const RESTART_FLUSH_US: u64 = 500;
-
-    fn now_us(&mut self) -> u64 {
-        self.now_us += self.reading_us;
-        self.now_us
-    }
-    fn receive(&mut self) -> Option<Frame> {
-        self.received.pop_front()
-    }
-    fn has_room(&mut self) -> bool {
-        self.sent.len() < self.room
-    }
-    fn send(&mut self, frame: &Frame) {
-        self.sent.push(*frame);
-    }
-    fn is_idle(&mut self) -> bool {
-        self.is_idle
-    }
-    fn state(&mut self, _now_us: u64) -> BoardState {
-        self.state_reads += 1;
-        BoardState::default()
-    }
-    fn current_loop(&mut self) -> Option<&mut LoopLink<'static>> {
-        Some(&mut self.link)
-    }
-    fn refresh_watchdog(&mut self) {
-        self.watchdog_refreshes += 1;
-    }
-}
-
-/// A joint driver with its board, its current loop and the plant.
-struct Joint {
-    background: Background<MemoryFlash<4>>,
-    board: SimulatedBoard,
-    task: LoopTask,
-    port: LoopPort<'static>,
-    stage: Stage,
-    commands: u8,
-}
-
-impl Joint {
-    /// Returns a commissioned driver in NMT state operational, with the plant at rest.
-    fn started() -> Self {
-        let identity = Identity { hardware: "bench", serial: 7 };
-        let driver = Driver::boot(
-            NodeSettings::default(),
-            MemoryFlash::new(),
-            identity,
-            &Boot::default(),
-            0,
-        );
-        let task = LoopTask::new(
-            LoopParts::build_or_measure_only(driver.set(), StageTraits::NONE),
-            DeadlineLimits::for_period(PERIOD_CYCLES, 2000),
-        );
-        let (port, link) = Box::leak(Box::new(LoopQueues::new())).split(StageTraits::NONE, 0);
-        let board = SimulatedBoard {
-            now_us: 0,
-            received: VecDeque::new(),
-            sent: Vec::new(),
-            room: usize::MAX,
-            is_idle: true,
-            reading_us: 0,
-            state_reads: 0,
-            watchdog_refreshes: 0,
-            link,
-        };
-        let stage = Stage::new(Machine::default());
-        let background = Background::new(driver, 0);
-        let mut joint = Self { background, board, task, port, stage, commands: 0 };
-        // The encoder's angle is valid after 0.1 s.
-        joint.run_ms(150);
-        joint.queue_frame(0, &[1, NODE.number()]);
-        let wiring = joint.background.driver().set().wiring_crc();
-        joint.write_object(index::COMMISSIONING, 3, wiring.to_le_bytes(), 4);
-        joint.run_ms(1);
-        joint
-    }
-
-    /// Queues a frame for the driver.
-    fn queue_frame(&mut self, identifier: u16, data: &[u8]) {
-        let frame = Frame::new(identifier, data).expect("a valid frame");
-        self.board.received.push_back(frame);
-    }
-
-    /// Queues an expedited SDO download of the first `length` bytes of `value`.
-    fn write_object(&mut self, index: u16, sub_index: u8, value: [u8; 4], length: u8) {
-        let [low, high] = index.to_le_bytes();
-        let [a, b, c, d] = value;
-        let header = 0x23 | (4 - length) << 2;
-        self.queue_frame(0x601, &[header, low, high, sub_index, a, b, c, d]);
-    }
-
-    /// Queues a write of the state request: 0 stops, 1 arms, 2 clears faults.
-    fn request_state(&mut self, request: u8) {
-        self.write_object(index::STATE, 1, [request, 0, 0, 0], 1);
-    }
-
-    /// Queues a current command.
-    fn queue_command(&mut self, current_a: f32) {
-        self.commands = self.commands.wrapping_add(1);
-        let command = CommandFrame::new(current_a, 0.0, self.commands);
-        self.board.received.push_back(Message::Command(NODE, command).emit());
-    }
-
-    /// Runs the interrupts of one tick.
-    fn run_interrupts(&mut self) {
-        for _ in 0..PERIODS_PER_TICK {
-            let at = self.stage.cycles;
-            self.task.interrupt(&mut self.stage, &mut self.port, at, at.wrapping_add(200));
-            self.stage.advance();
-        }
-    }
-
-    /// Runs one round of the background loop, a tick later.
-    fn run_round(&mut self) -> RoundOutcome {
-        self.board.now_us += TICK_US;
-        self.background.round(&mut self.board)
-    }
-
-    /// Runs interrupts and background loop.
-    fn run_ms(&mut self, milliseconds: usize) {
-        for _ in 0..milliseconds {
-            self.run_interrupts();
-            assert_eq!(self.run_round(), RoundOutcome::Sleep);
-        }
-    }
-
-    /// Runs with a current command every millisecond.
-    fn drive_ms(&mut self, current_a: f32, milliseconds: usize) {
-        for _ in 0..milliseconds {
-            self.queue_command(current_a);
-            self.run_ms(1);
-        }
-    }
-}
 
 #[test]
 fn state_request_over_can_starts_and_stops_joint() {
@@ -196,10 +28,12 @@ fn committed_set_reaches_loop_before_later_requests() {
     let names = firmware::control::MotorParameters::NAMES.iter();
     let sub_index = names.take_while(|name| **name != "current_limit_a").count() as u8 + 1;
     joint.write_object(index::MOTOR, sub_index, 2f32.to_le_bytes(), 4);
+    joint.run_ms(1);
     joint.queue_frame(0x601, &[0x40, 0x27, 0x20, 2, 0, 0, 0, 0]);
     joint.run_ms(1);
     let answer = joint.board.sent.last().expect("the staged CRC").data();
     let crc = answer[4..8].try_into().expect("four bytes");
+    // The request follows the commit in the same millisecond.
     joint.write_object(index::COMMIT, 3, crc, 4);
     joint.request_state(1);
     joint.drive_ms(10.0, 2);
@@ -356,4 +190,42 @@ fn system_break_is_distinguished_from_gate_driver_fault() {
     let supervisor = joint.background.driver().supervisor();
     assert!(supervisor.faults().contains(Code::SystemBreak));
     assert!(!supervisor.faults().contains(Code::GateDriverFault));
+}
+
+#[test]
+fn committed_constants_of_the_sensors_reach_the_board() {
+    let mut joint = Joint::started();
+    let place = SensorParameters::NAMES.iter().position(|name| *name == "strain_range_n");
+    let sub_index = place.expect("a parameter") as u8 + 1;
+    joint.write_object(index::SENSORS, sub_index, (-800f32).to_le_bytes(), 4);
+    joint.run_ms(2);
+    assert_eq!(joint.board.sensors, SensorParameters::default(), "staged values have no effect");
+    joint.commit_staged();
+    joint.run_ms(2);
+    let expected = SensorParameters { strain_range_n: -800.0, ..SensorParameters::default() };
+    assert_eq!(joint.board.sensors, expected);
+    assert_eq!(joint.background.driver().set().sensors, expected);
+}
+
+#[test]
+fn magnet_fault_of_the_encoder_is_reported_and_the_joint_stays_armed() {
+    let mut joint = Joint::started();
+    joint.drive_ms(1.0, 5);
+    joint.request_state(1);
+    joint.drive_ms(1.0, 30);
+    let limits = |joint: &Joint| joint.background.driver().supervisor().limits();
+    // A frame with the diagnostics has no angle.
+    joint.stage.injected_sample = {
+        let sample = joint.stage.measure();
+        Some(StageSample { valid: sample.valid - ValidChannels::ENCODER, ..sample })
+    };
+    joint.drive_ms(1.0, 3);
+    assert!(!limits(&joint).contains(Code::EncoderCoasting), "one missing angle");
+    assert!(!limits(&joint).contains(Code::EncoderMagnet));
+    joint.stage.magnet_fault = true;
+    joint.drive_ms(1.0, 3);
+    assert!(limits(&joint).contains(Code::EncoderMagnet) && joint.stage.is_on());
+    joint.stage.magnet_fault = false;
+    joint.drive_ms(1.0, 110);
+    assert!(!limits(&joint).contains(Code::EncoderMagnet));
 }

@@ -2,16 +2,24 @@
 //!
 //! - `plant` is the model. It has its own equations and shares no code with the loop or the core.
 //! - `rig` connects the loop to the model, with quantised sensors and the delay of the PWM.
-//! - `current`, `joint`, `swap` and `faults` test the loop on this rig.
-//! - `background` tests the whole driver, from CAN frames to switches.
+//! - `current`, `current_vector`, `braking`, `frozen_encoder`, `joint`, `swap` and `faults` test the loop on this rig.
+//! - `driver` is the whole driver on this rig, from CAN frames to switches; `background`, `lost_master`,
+//!   `held_load` and `stop_reaction` test it.
 //!
 //! Measured figures have a lower and an upper limit. A figure that improves without reason usually means that a
 //! part of the loop is inactive.
 
 mod background;
+mod braking;
 mod current;
+mod current_vector;
+mod driver;
 mod faults;
+mod frozen_encoder;
+mod held_load;
 mod joint;
+mod lost_master;
 mod plant;
 mod rig;
+mod stop_reaction;
 mod swap;

@@ -31,6 +31,10 @@ pub struct Stage {
     pub encoder_age_s: f64,
     /// Replaces the next sample.
     pub injected_sample: Option<StageSample>,
+    /// Angle that a hanging encoder repeats.
+    pub frozen_encoder: Option<u32>,
+    /// The encoder reports a fault of its magnet.
+    pub magnet_fault: bool,
     /// Number of calls of `off`.
     pub off_count: usize,
     /// Fault that the hardware reports for the bridge.
@@ -68,6 +72,8 @@ impl Stage {
                 | ValidChannels::ENCODER,
             encoder_age_s: 0.0,
             injected_sample: None,
+            frozen_encoder: None,
+            magnet_fault: false,
             off_count: 0,
             fault: None,
             has_latched_fault: false,
@@ -89,7 +95,9 @@ impl Stage {
                 quantised(self.plant.phase_currents()[phase] + self.shunt_offset_a[phase])
             }),
             bus_v: ((self.plant.machine.bus / 0.02).round() * 0.02) as f32,
-            encoder: encoder_angle(((turns - turns.floor()) * 16384.0) as u32, 14),
+            encoder: self
+                .frozen_encoder
+                .unwrap_or_else(|| encoder_angle(((turns - turns.floor()) * 16384.0) as u32, 14)),
             valid: self.valid,
         }
     }
@@ -101,9 +109,22 @@ impl Stage {
         self.cycles = self.cycles.wrapping_add(PERIOD_CYCLES);
     }
 
+    /// Returns the power that the bridge takes from the bus in this period, W; negative while it charges the bus.
+    pub fn bus_power_w(&self) -> f64 {
+        let duty = self.active_duty.unwrap_or_default();
+        let currents_a = self.plant.phase_currents();
+        let bus_a: f64 = duty.iter().zip(currents_a).map(|(share, a)| share * a).sum();
+        bus_a * self.plant.machine.bus
+    }
+
     /// Returns true if the bridge is switching.
     pub fn is_on(&self) -> bool {
-        self.active_duty.is_some()
+        self.active_duty.is_some() && !self.is_shorted()
+    }
+
+    /// Returns true if all low sides are closed.
+    pub fn is_shorted(&self) -> bool {
+        self.active_duty == Some([0.0; 3])
     }
 }
 
@@ -113,6 +134,9 @@ impl PowerStage for Stage {
     }
     fn bridge_fault(&mut self) -> Option<BridgeFault> {
         self.fault
+    }
+    fn has_magnet_fault(&self) -> bool {
+        self.magnet_fault
     }
     fn set_awake(&mut self, awake: bool) {
         if !awake {
@@ -131,6 +155,9 @@ impl PowerStage for Stage {
         self.off_count += 1;
         // The switches open at once, not after the PWM's delay.
         (self.pending_duty, self.active_duty) = (None, None);
+    }
+    fn brake(&mut self) {
+        self.drive([0.0; 3]);
     }
     fn cycles(&self) -> u32 {
         self.cycles.wrapping_add(LOOP_CYCLES)

@@ -7,6 +7,7 @@ use canopen_rs::sdo::{
 };
 use compensator_core::can::{Frame, Message, NodeId};
 use firmware::driver::{Boot, Driver, Identity};
+use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::store::memory::MemoryFlash;
@@ -35,9 +36,18 @@ impl Bench {
         Self::boot(InputSource::Sensors, Flash::new(), &Boot::default())
     }
 
+    /// Starts a driver on its own sensors, with this power stage.
+    pub fn on_stage(stage: StageTraits) -> Self {
+        Self::boot_on(stage, InputSource::Sensors, Flash::new(), &Boot::default())
+    }
+
     pub fn boot(source: InputSource, flash: Flash, boot: &Boot) -> Self {
+        Self::boot_on(StageTraits::NONE, source, flash, boot)
+    }
+
+    fn boot_on(stage: StageTraits, source: InputSource, flash: Flash, boot: &Boot) -> Self {
         let settings = NodeSettings { node: NODE, source, ..NodeSettings::default() };
-        let identity = Identity { hardware: "bench", serial: 7 };
+        let identity = Identity { hardware: "bench", serial: 7, stage };
         Self { driver: Driver::boot(settings, flash, identity, boot, 0), now_us: 0 }
     }
 

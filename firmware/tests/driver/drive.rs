@@ -3,9 +3,10 @@
 
 use super::bench::{Bench, frame};
 use compensator_core::can::{Message, SyncFrame};
-use firmware::driver::LoopReport;
-use firmware::node::dictionary::index;
-use firmware::supervisor::{Code, JointState};
+use firmware::driver::{Boot, LoopReport};
+use firmware::node::dictionary::{SAVE_SIGNATURE, index};
+use firmware::node_settings::InputSource;
+use firmware::supervisor::{Code, JointState, Thresholds};
 
 const CST: u8 = 10;
 const RPDO_1: u16 = 0x201;
@@ -246,33 +247,57 @@ fn drive_pdo_with_identifier_is_sent_at_every_sync() {
     assert_eq!(bench.number(0x1800, 1), 0x181);
 }
 
-/// A repeated frame, a SYNC or a heartbeat refreshes the set-point without a counter; silence lets it age.
+/// Life signs of a master: name, and what it sends at a time.
+type LifeSign = (&'static str, fn(&mut Bench, u64));
+
+const SAME_FRAME: LifeSign = ("the same frame", |bench, _| control(bench, 0x0F, 100));
+const TARGET_OBJECT: LifeSign = ("the target as an object", |bench, _| {
+    bench.write(index::TARGET_TORQUE, 0, &100i16.to_le_bytes()).unwrap();
+});
+const SYNC: LifeSign = ("SYNC", |bench, at| {
+    bench.give(Message::Sync(SyncFrame { counter: (at % 240) as u8 + 1 }));
+    bench.sent();
+});
+const HEARTBEAT: LifeSign = ("the awaited heartbeat", |bench, _| {
+    bench.driver.receive(&frame(0x707, &[5]), bench.now_us);
+});
+const SYNC_AND_HEARTBEAT: LifeSign = ("SYNC and heartbeat", |bench, at| {
+    (SYNC.1)(bench, at);
+    (HEARTBEAT.1)(bench, at);
+});
+
+/// Returns an enabled drive that monitors a heartbeat, with this deadline of its targets.
+fn enabled_with_deadline(event_timer_ms: u16) -> Bench {
+    let mut bench = in_cst();
+    bench.write(index::AWAITED_HEARTBEAT, 1, &(7u32 << 16 | 500).to_le_bytes()).unwrap();
+    bench.write(index::RECEIVE_DRIVE, 5, &event_timer_ms.to_le_bytes()).unwrap();
+    bench.driver.receive(&frame(0x707, &[5]), bench.now_us);
+    for word in [0x06, 0x0F] {
+        control(&mut bench, word, 100);
+    }
+    assert!(bench.driver.is_armed());
+    bench
+}
+
+/// Sends a life sign every 5 ms; returns the time until the joint is disarmed, ms, or `None` after 0.4 s.
+fn armed_ms(bench: &mut Bench, (_, sign): LifeSign) -> Option<u64> {
+    (0..400u64).find(|at| {
+        if at % 5 == 0 {
+            sign(bench, at / 5);
+        }
+        pass(bench, 1);
+        !bench.driver.is_armed()
+    })
+}
+
 #[test]
-fn any_message_of_the_master_keeps_the_joint_armed_and_silence_stops_it() {
-    type Sign = fn(&mut Bench, u64);
-    let signs: [(&str, Sign); 3] = [
-        ("the same frame", |bench, _| control(bench, 0x0F, 100)),
-        ("SYNC alone", |bench, at| {
-            bench.give(Message::Sync(SyncFrame { counter: (at % 240) as u8 + 1 }));
-            bench.sent();
-        }),
-        ("the awaited heartbeat", |bench, _| {
-            bench.driver.receive(&frame(0x707, &[5]), bench.now_us);
-        }),
-    ];
-    for (name, sign) in signs {
-        let mut bench = in_cst();
-        bench.write(index::AWAITED_HEARTBEAT, 1, &(7u32 << 16 | 500).to_le_bytes()).unwrap();
-        for word in [0x06, 0x0F] {
-            control(&mut bench, word, 100);
-        }
-        for at in 0..100 {
-            pass(&mut bench, 20);
-            sign(&mut bench, at);
-            assert!(bench.driver.is_armed(), "{name}, after {at} times 20 ms");
-        }
-        assert!(bench.driver.loop_commands(bench.now_us).setpoint.age_s < 1e-3, "{name}");
-        pass(&mut bench, 98);
+fn repeated_target_keeps_the_joint_armed_and_silence_stops_it() {
+    for sign in [SAME_FRAME, TARGET_OBJECT] {
+        let name = sign.0;
+        let mut bench = enabled_with_deadline(100);
+        assert_eq!(armed_ms(&mut bench, sign), None, "{name}");
+        assert!(bench.driver.loop_commands(bench.now_us).setpoint.age_s < 6e-3, "{name}");
+        pass(&mut bench, 94);
         assert!(bench.driver.is_armed(), "{name}");
         pass(&mut bench, 4);
         assert_eq!(bench.driver.supervisor().state(), JointState::Fault, "{name}");
@@ -287,6 +312,42 @@ fn any_message_of_the_master_keeps_the_joint_armed_and_silence_stops_it() {
         control(&mut bench, 0x0F, 100);
         assert!(!bench.driver.is_armed(), "{name}");
     }
+}
+
+/// The producers of SYNC and heartbeat may outlive the controller that computes the targets.
+#[test]
+fn sync_or_heartbeat_without_targets_stops_the_joint_at_the_deadline() {
+    for sign in [SYNC, HEARTBEAT, SYNC_AND_HEARTBEAT] {
+        for (event_timer_ms, expected_ms) in [(100, 98..=100), (20, 18..=20), (5, 3..=5)] {
+            let mut bench = enabled_with_deadline(event_timer_ms);
+            let found = armed_ms(&mut bench, sign).expect("it stops");
+            assert!(expected_ms.contains(&found), "{}: {found} ms of {event_timer_ms}", sign.0);
+            assert!(bench.driver.supervisor().faults().contains(Code::CommandTimeout));
+        }
+    }
+}
+
+#[test]
+fn heartbeat_with_event_timer_zero_confirms_the_target_and_sync_does_not() {
+    let mut bench = enabled_with_deadline(0);
+    assert_eq!(armed_ms(&mut bench, HEARTBEAT), None);
+    assert!(bench.driver.loop_commands(bench.now_us).setpoint.age_s < 6e-3);
+    let stopped_ms = armed_ms(&mut bench, SYNC).expect("it stops");
+    assert!((90..=100).contains(&stopped_ms), "{stopped_ms} ms");
+}
+
+#[test]
+fn event_timer_beyond_its_range_is_refused_and_a_legal_one_is_kept() {
+    let mut bench = in_cst();
+    assert_eq!(bench.number(index::RECEIVE_DRIVE, 5), 100);
+    assert!(bench.write(index::RECEIVE_DRIVE, 5, &101u16.to_le_bytes()).is_err());
+    let why = bench.text(index::REFUSAL);
+    assert!(why.starts_with("event_timer_ms: must be 1 to 100, or 0"), "{why}");
+    bench.write(index::RECEIVE_DRIVE, 5, &30u16.to_le_bytes()).unwrap();
+    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
+    let flash = bench.driver.into_flash();
+    let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
+    assert_eq!(bench.number(index::RECEIVE_DRIVE, 5), 30);
 }
 
 #[test]
@@ -322,4 +383,70 @@ fn drive_enable_is_refused_like_arming() {
     let wrong = bench.driver.counters().wrong_length;
     bench.driver.receive(&frame(RPDO_1, &[0x0F, 0]), bench.now_us);
     assert_eq!(bench.driver.counters().wrong_length, wrong + 1);
+}
+
+#[test]
+fn drive_that_leaves_nmt_operational_opens_its_bridge() {
+    for command in [0x02, 0x80, 0x82] {
+        let mut bench = enabled();
+        bench.driver.receive(&frame(0, &[command, 1]), bench.now_us);
+        assert!(!bench.driver.is_armed(), "{command:#x}");
+        assert!(!bench.driver.loop_commands(bench.now_us).bridge, "{command:#x}");
+    }
+}
+
+/// A report of a joint that turned by 0.125 rad from an arbitrary zero.
+fn unreferenced() -> LoopReport {
+    LoopReport { position_rad: f32::NAN, turned_rad: 0.125, ..measured() }
+}
+
+fn pass_unreferenced(bench: &mut Bench, milliseconds: u64) {
+    for _ in 0..milliseconds {
+        bench.driver.report(&unreferenced());
+        bench.pass_ms(1);
+    }
+}
+
+#[test]
+fn unknown_position_reads_as_relative_position_with_its_status_bit_cleared() {
+    let mut bench = in_cst();
+    assert_ne!(status(&mut bench) & 1 << 8, 0);
+    pass_unreferenced(&mut bench, 2);
+    assert_eq!(status(&mut bench) & 1 << 8, 0);
+    assert_eq!(bench.number(index::ACTUAL_POSITION, 0) as i32, 125_000);
+    let mut bench = Bench::hil();
+    assert_eq!((bench.number(index::ACTUAL_POSITION, 0), status(&mut bench) & 1 << 8), (0, 0));
+}
+
+#[test]
+fn enabling_with_unknown_position_is_refused_if_the_position_is_required() {
+    const HOMING: u8 = 6;
+    let enable = |bench: &mut Bench| {
+        for word in [0x06, 0x07, 0x0F] {
+            control(bench, word, 0);
+        }
+        bench.driver.is_armed()
+    };
+    let mut bench = in_cst();
+    pass_unreferenced(&mut bench, 2);
+    assert!(enable(&mut bench), "not required");
+    let place = Thresholds::NAMES.iter().position(|name| *name == "position_required").unwrap();
+    let mut bench = in_cst();
+    bench.write(index::THRESHOLDS, place as u8 + 1, &1f32.to_le_bytes()).unwrap();
+    let crc = bench.number(index::COMMIT, 2);
+    bench.write(index::COMMIT, 3, &crc.to_le_bytes()).unwrap();
+    pass_unreferenced(&mut bench, 2);
+    assert!(!enable(&mut bench));
+    assert_eq!(state(&mut bench), 0x23, "it stays switched on");
+    let why = bench.text(index::REFUSAL);
+    assert_eq!(why, "not armed: position-unknown");
+    // Homing gives no torque, and makes the position known.
+    control(&mut bench, 0x06, 0);
+    bench.write(index::MODE, 0, &[HOMING]).unwrap();
+    pass_unreferenced(&mut bench, 2);
+    assert!(enable(&mut bench));
+    control(&mut bench, 0x06, 0);
+    bench.write(index::MODE, 0, &[CST]).unwrap();
+    pass(&mut bench, 2);
+    assert!(enable(&mut bench), "the position is known");
 }

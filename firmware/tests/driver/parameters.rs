@@ -3,11 +3,14 @@
 use super::STATE_REFUSED;
 use super::bench::{Bench, Flash};
 use compensator_core::{LawKind, ParameterId, record};
+use firmware::control::MotorParameters;
 use firmware::driver::Boot;
+use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::{LOAD_SIGNATURE, OBJECTS, SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 use firmware::parameter_set::ParameterSet;
 use firmware::store::memory::TornStep;
+use firmware::supervisor::Thresholds;
 
 const SCALE: u8 = 1;
 
@@ -194,4 +197,45 @@ fn model_band_can_be_set() {
     bench.write(index::WATCH_PARAMETERS, 1, &(-1f32).to_le_bytes()).unwrap();
     assert!(commit(&mut bench).is_err());
     assert!(bench.text(index::REFUSAL).starts_with("band_nm = -1"));
+}
+
+#[test]
+fn currents_beyond_what_the_board_measures_are_refused_with_their_bound() {
+    let stage = StageTraits { encoder_age_s: 52e-6, current_max_a: 66.0, ..StageTraits::NONE };
+    let place = |names: &[&str], name| {
+        names.iter().position(|known| *known == name).expect("a parameter") as u8 + 1
+    };
+    let motor = |name| place(&MotorParameters::NAMES, name);
+    let cases = [
+        (
+            vec![
+                (index::MOTOR, motor("current_limit_a"), 1e4f32),
+                (index::MOTOR, motor("overcurrent_a"), 1.2e4),
+            ],
+            "current_limit_a = 10000: must be at most 60",
+        ),
+        (
+            vec![(index::MOTOR, motor("overcurrent_a"), 66.5)],
+            "overcurrent_a = 66.5: must be at most 66: the current sensors",
+        ),
+        (
+            vec![(index::THRESHOLDS, place(&Thresholds::NAMES, "overcurrent_a"), 100.0)],
+            "overcurrent_a = 100: must be at most 66",
+        ),
+        // The loop would refuse the sum of both delays.
+        (vec![(index::MOTOR, motor("encoder_delay_s"), 1e-3)], "encoder_delay_s"),
+    ];
+    for (values, reason) in cases {
+        let mut bench = Bench::on_stage(stage);
+        for (object, sub_index, value) in values {
+            bench.write(object, sub_index, &value.to_le_bytes()).unwrap();
+        }
+        assert_eq!(commit(&mut bench), Err(0x0609_0030), "{reason}");
+        let found = bench.text(index::REFUSAL);
+        assert!(found.starts_with(reason), "{found}");
+    }
+    let mut bench = Bench::on_stage(stage);
+    bench.write(index::MOTOR, motor("overcurrent_a"), &66f32.to_le_bytes()).unwrap();
+    bench.write(index::MOTOR, motor("current_limit_a"), &60f32.to_le_bytes()).unwrap();
+    commit(&mut bench).unwrap();
 }

@@ -46,12 +46,12 @@ fn observation() -> impl Strategy<Value = Observation> {
     );
     let rarely = || prop::bool::weighted(0.05);
     let motor = (rarely(), rarely(), any::<bool>(), any::<bool>());
-    let motor = (motor, any::<[bool; 2]>());
+    let motor = (motor, any::<[bool; 2]>(), rarely());
     let all = (measured, flags, bits, motor, any::<bool>());
     all.prop_map(|(measured, flags, bits, motor, is_healthy)| {
         let (voltage, currents, [a, b, c, d, e, f], age) = measured;
         let (loop_bits, core_bits, can, in_band) = flags;
-        let (motor, [radial_force_stuck, pressure_stuck]) = motor;
+        let (motor, [radial_force_stuck, pressure_stuck], position_missing) = motor;
         if is_healthy {
             return healthy_observation();
         }
@@ -66,6 +66,7 @@ fn observation() -> impl Strategy<Value = Observation> {
             winding_temperature_c: Some(f),
             motor_against: motor.0,
             motor_stands: motor.1,
+            position_missing,
             stalled: motor.2,
             over_compensated: motor.3,
             radial_force_stuck,
@@ -73,6 +74,8 @@ fn observation() -> impl Strategy<Value = Observation> {
             sample_age_us: age,
             gate_driver_fault: bits.0,
             system_break: bits.3,
+            magnet_fault: bits.2,
+            bridge_shorted: bits.0,
             stack_intact: bits.1,
             can: [CanState::Active, CanState::Passive, CanState::Off][usize::from(can)],
             heartbeat_lost: bits.2,

@@ -7,6 +7,7 @@ use crate::bus::{Bus, BusError, Participant};
 use compensator_core::can::NodeId;
 use firmware::background::{Background, BoardState, TICK_US};
 use firmware::driver::{Boot, Driver, Identity};
+use firmware::loop_parts::StageTraits;
 use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES};
 use firmware::supervisor::ResetCause;
@@ -31,7 +32,8 @@ pub struct JointNode {
     restarts: u32,
 }
 
-const IDENTITY: Identity = Identity { hardware: "PC, host-sim node", serial: 0 };
+const IDENTITY: Identity =
+    Identity { hardware: "PC, host-sim node", serial: 0, stage: StageTraits::NONE };
 
 /// Returns the settings of a driver without stored ones: inputs from the bus, and this node number.
 pub fn defaults(node: NodeId) -> NodeSettings {

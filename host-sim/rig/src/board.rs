@@ -9,7 +9,9 @@ use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use firmware::control::{PERIOD_S, StageSample, ValidChannels, encoder_angle};
 use firmware::loop_parts::StageTraits;
 use firmware::sensors::as504x::{ANGLE_BITS, As504x};
-use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, Shunt};
+use firmware::sensors::shunt::{
+    CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, Shunt, measurable_a,
+};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -28,6 +30,7 @@ const FRAME_AFTER_TOP_S: f32 = 2e-6;
 /// period, which is the time since the previous encoder frame.
 pub const BOARD_TRAITS: StageTraits = StageTraits {
     encoder_age_s: PERIOD_S - FRAME_AFTER_TOP_S,
+    current_max_a: measurable_a(AMPERES_PER_COUNT as f32),
     modulation_max: StageTraits::max_modulation(PERIOD_S, 0.5e-6, 1.5e-6),
 };
 
@@ -63,6 +66,9 @@ struct EncoderState {
 struct EncoderSpi(Rc<RefCell<EncoderState>>);
 
 const DATA_MASK: u16 = 0x3FFF;
+const ANGLE_REGISTER: u16 = 0x3FFF;
+const DIAGNOSTICS_REGISTER: u16 = 0x3FFC;
+const MAGNET_TOO_WEAK: u16 = 1 << 11;
 
 fn with_even_parity(word: u16) -> u16 {
     word | (((word.count_ones() & 1) as u16) << 15)
@@ -79,13 +85,17 @@ impl EncoderState {
 
     fn exchange(&mut self, command: u16) -> u16 {
         let answer = self.answer;
-        // A read of the angle, or of the error register, which is always empty.
+        // The error register is always empty.
         let angle = match self.fault {
             EncoderFault::Frozen => *self.frozen_angle.get_or_insert(self.angle),
             EncoderFault::Weak(deviation) => self.noisy_angle(deviation),
             _ => self.noisy_angle(ENCODER_NOISE_COUNTS),
         };
-        self.answer = with_even_parity(if command & DATA_MASK == DATA_MASK { angle } else { 0 });
+        self.answer = with_even_parity(match (command & DATA_MASK, self.fault) {
+            (ANGLE_REGISTER, _) => angle,
+            (DIAGNOSTICS_REGISTER, EncoderFault::Weak(_)) => MAGNET_TOO_WEAK,
+            _ => 0,
+        });
         match self.fault {
             EncoderFault::Low => 0,
             EncoderFault::High => 0xFFFF,
@@ -151,6 +161,11 @@ impl BoardSensors {
         }
         sensors.shunts = finders.map(|finder| finder.shunt(-AMPERES_PER_COUNT as f32));
         sensors
+    }
+
+    /// Returns true if the encoder reports a fault of its magnet.
+    pub fn has_magnet_fault(&self) -> bool {
+        self.encoder.has_magnet_fault()
     }
 
     /// Sets the fault of the encoder from now on.

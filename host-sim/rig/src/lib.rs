@@ -176,7 +176,7 @@ fn start_driver<'q>(
         let block = emit_block(&settings, set);
         store.save(&block).map_err(|error| format!("flash: {error:?}"))?;
     }
-    let identity = Identity { hardware: "simulated joint", serial: 1 };
+    let identity = Identity { hardware: "simulated joint", serial: 1, stage: traits };
     let driver = Driver::boot(settings, store.into_flash(), identity, &start.boot, 0);
     let task = LoopTask::new(
         LoopParts::build_or_measure_only(driver.set(), traits),

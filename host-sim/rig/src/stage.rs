@@ -180,6 +180,10 @@ impl PowerStage for Stage {
         self.plant.is_overcurrent_tripped().then_some(BridgeFault::Overcurrent)
     }
 
+    fn has_magnet_fault(&self) -> bool {
+        self.board.as_ref().is_some_and(BoardSensors::has_magnet_fault)
+    }
+
     fn set_awake(&mut self, is_awake: bool) {
         self.is_awake = is_awake;
     }
@@ -192,6 +196,10 @@ impl PowerStage for Stage {
     fn off(&mut self) {
         (self.pending, self.applied) = (None, None);
         self.plant.clear_break();
+    }
+
+    fn brake(&mut self) {
+        self.pending = Some([0.0; 3]);
     }
 
     fn cycles(&self) -> u32 {

@@ -11,6 +11,7 @@ use canopen_rs::sdo::{encode_data_segment, encode_download_initiate_segmented};
 use compensator_core::can::{Frame, Message, NodeId};
 use compensator_core::{Flags, record};
 use firmware::driver::{Boot, Driver, Identity, LoopReport};
+use firmware::loop_parts::StageTraits;
 use firmware::node::OUTBOX_CAPACITY;
 use firmware::node::dictionary::{LOAD_SIGNATURE, OBJECTS, SAVE_SIGNATURE, index};
 use firmware::node_settings::{InputSource, NodeSettings};
@@ -20,7 +21,7 @@ use libfuzzer_sys::fuzz_target;
 
 type Flash = MemoryFlash<4>;
 
-const IDENTITY: Identity = Identity { hardware: "fuzz", serial: 1 };
+const IDENTITY: Identity = Identity { hardware: "fuzz", serial: 1, stage: StageTraits::NONE };
 
 /// Reader of the fuzzer's input. Returns 0 after its end.
 struct Bytes<'a>(&'a [u8]);

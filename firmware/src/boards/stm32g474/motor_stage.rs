@@ -1,38 +1,18 @@
 //! The motor hardware that the current loop uses: bridge, shunts and encoder.
 //!
 //! The library's `LoopTask` runs in the interrupt; this module provides its [`PowerStage`]. Counts are
-//! converted to SI units with the offsets that were measured at the start. The encoder is read in the
-//! interrupt, so its angle belongs to the previous frame; `encoder_delay_s` accounts for that.
+//! converted to SI units with the offsets that were measured at the start.
 
+use super::encoder::Encoder;
 use super::power_stage::{Counts, Stage};
-use super::{pins, scales};
+use super::scales;
 use cortex_m::peripheral::DWT;
-use embassy_stm32::gpio::{Level, Output, Pull, Speed};
-use embassy_stm32::mode::Blocking;
-use embassy_stm32::peripherals::SPI1;
-use embassy_stm32::spi::mode::Master;
-use embassy_stm32::spi::{self, Spi};
-use embassy_stm32::{pac, rcc};
-use embedded_hal::delay::DelayNs;
-use embedded_hal_bus::spi::ExclusiveDevice;
 use firmware::control::{BridgeFault, PowerStage, StageSample, ValidChannels, encoder_angle};
-use firmware::sensors::as504x::{ANGLE_BITS, As504x};
+use firmware::sensors::as504x::ANGLE_BITS;
 use firmware::sensors::shunt::{OFFSET_SAMPLES, OffsetFinder, Shunt};
 
 /// Periods until the amplifiers of the gate driver are awake, 5 ms.
 const WAKE_PERIODS: u32 = 100;
-
-/// The encoder on its SPI bus.
-pub type Encoder = As504x<ExclusiveDevice<Spi<'static, Blocking, Master>, Output<'static>, Cycles>>;
-
-/// Delay by counting cycles.
-pub struct Cycles;
-
-impl DelayNs for Cycles {
-    fn delay_ns(&mut self, ns: u32) {
-        cortex_m::asm::delay(ns.saturating_mul(scales::CORE_HZ / 10_000_000) / 100);
-    }
-}
 
 /// Bridge, shunts and encoder.
 pub struct MotorStage {
@@ -56,6 +36,11 @@ impl PowerStage for MotorStage {
     }
 
     #[inline(always)]
+    fn has_magnet_fault(&self) -> bool {
+        self.encoder.has_magnet_fault()
+    }
+
+    #[inline(always)]
     fn set_awake(&mut self, awake: bool) {
         self.stage.set_awake(awake);
     }
@@ -63,6 +48,11 @@ impl PowerStage for MotorStage {
     #[inline(always)]
     fn drive(&mut self, duty: [f32; 3]) {
         self.stage.drive(duty);
+    }
+
+    #[inline(always)]
+    fn brake(&mut self) {
+        self.stage.brake();
     }
 
     #[inline(always)]
@@ -110,24 +100,4 @@ pub fn measure_offsets(stage: &mut Stage) -> [Option<Shunt>; 2] {
     // Clears the fault that a gate driver reports while it wakes.
     stage.off();
     finders.map(|finder| finder.shunt(scales::AMPERES_PER_COUNT))
-}
-
-/// Returns true if divider and source of the encoder's clock have the expected values.
-pub fn has_correct_encoder_clock() -> bool {
-    let divider = 2 << pac::SPI1.cr1().read().br().to_bits();
-    divider == scales::ENCODER_DIVIDER && rcc::frequency::<SPI1>().0 == scales::CORE_HZ
-}
-
-/// Sets up the encoder's bus.
-pub fn encoder(wired: pins::Encoder) -> Encoder {
-    let mut config = spi::Config::default();
-    config.mode = spi::MODE_1;
-    config.frequency = scales::ENCODER_CLOCK;
-    config.miso_pull = Pull::Up;
-    let bus = Spi::new_blocking(wired.spi, wired.clock, wired.out, wired.back, config);
-    let select = Output::new(wired.select, Level::High, Speed::VeryHigh);
-    match ExclusiveDevice::new(bus, select, Cycles) {
-        Ok(device) => As504x::new(device),
-        Err(never) => match never {},
-    }
 }

@@ -77,11 +77,14 @@ wiring! {
     }
     /// The motor's encoder.
     encoder: Encoder {
-        spi    = SPI1, "reads it";
-        clock  = PA5,  "SPI1_SCK";
-        out    = PB5,  "SPI1_MOSI";
-        back   = PA6,  "SPI1_MISO, pulled up: a broken wire reads as an error";
-        select = PA4,  "chip select, low when selected";
+        spi     = SPI1,     "exchanges its frames";
+        timer   = TIM3,     "selects it and requests its frames; starts the slow conversions";
+        command = DMA1_CH1, "writes a command when the timer requests it";
+        answer  = DMA1_CH2, "stores an answer";
+        clock   = PA5,      "SPI1_SCK";
+        out     = PB5,      "SPI1_MOSI";
+        back    = PA6,      "SPI1_MISO, pulled up: a broken wire reads as an error";
+        select  = PA4,      "chip select, low when selected: TIM3_CH2";
     }
     /// The pressure sensor's bus.
     pressure: Pressure {

@@ -14,7 +14,7 @@
 //! the driver has slept.
 //!
 //! The chip itself can also break: on a crystal failure (CSS), a processor lockup, an ECC or parity error,
-//! or a supply below 2.8 V (PVD). SYSCFG connects these to the break of the timer before the break is
+//! or a supply below 2.9 V (PVD). SYSCFG connects these to the break of the timer before the break is
 //! locked, and they stay connected until the next reset. The gate driver's enable is a second, independent
 //! way to switch off.
 
@@ -34,9 +34,10 @@ use firmware::control::BridgeFault;
 const BREAK_FUNCTION: u8 = 12;
 const TIMER: pac::timer::TimAdv = pac::TIM1;
 
-/// Supply level that opens the bridge: 2.8 V (PWR_CR2, PLS). It is 0.1 V above the highest brown-out level
-/// and 15 % below the regulated nominal 3.3 V.
-const SUPPLY_BREAK_LEVEL: u8 = 0b101;
+/// Supply level that opens the bridge: 2.84 to 2.96 V (PWR_CR2, PLS; data sheet: V_PVD6 falling), the highest
+/// of the chip and 10 % below the regulated 3.3 V. It is at least 0.27 V above the brown-out level that the
+/// board requires, so that the driver reports the cause before the reset.
+const SUPPLY_BREAK_LEVEL: u8 = 0b110;
 
 /// Raw counts of one period.
 #[derive(Clone, Copy)]
@@ -48,8 +49,8 @@ pub struct Counts {
 
 /// The bridge. Only [`Stage::drive`] closes it.
 pub struct Stage {
-    adc_a: InjectedAdc<'static, ADC1, 2>,
-    adc_b: InjectedAdc<'static, ADC2, 1>,
+    _adc_a: InjectedAdc<'static, ADC1, 2>,
+    _adc_b: InjectedAdc<'static, ADC2, 1>,
     _timer: Peri<'static, TIM1>,
     break_pin: Flex<'static>,
     enable: Output<'static>,
@@ -95,7 +96,7 @@ impl Stage {
             Exten::RISING_EDGE,
             false,
         );
-        Self { adc_a, adc_b, _timer: bridge.timer, break_pin, enable }
+        Self { _adc_a: adc_a, _adc_b: adc_b, _timer: bridge.timer, break_pin, enable }
     }
 
     /// Starts the timer and wakes the gate driver. Returns true if duties take effect at the top, as
@@ -129,9 +130,12 @@ impl Stage {
     /// Returns the latest counts. Phases a and b are converted simultaneously.
     #[inline(always)]
     pub fn counts(&mut self) -> Counts {
-        let [phase_a, bus] = self.adc_a.read_injected_samples();
-        let [phase_b] = self.adc_b.read_injected_samples();
-        Counts { phase_a, phase_b, bus }
+        // Read directly: embassy would also clear the flags, which costs six register accesses.
+        Counts {
+            phase_a: pac::ADC1.jdr(0).read().jdata(),
+            phase_b: pac::ADC2.jdr(0).read().jdata(),
+            bus: pac::ADC1.jdr(1).read().jdata(),
+        }
     }
 
     /// Returns the cycles since the last top, that is since the sample.
@@ -165,6 +169,15 @@ impl Stage {
         if self.bridge_fault().is_none() && !TIMER.bdtr().read().moe() {
             TIMER.bdtr().modify(|w| w.set_moe(true));
         }
+    }
+
+    /// Closes all low sides and opens all high sides from the next period on: the motor brakes through its own
+    /// resistance. As [`Stage::drive`], it closes the bridge only if no break is active.
+    ///
+    /// The shunts carry the braking current, so the comparators stay in effect.
+    #[inline(always)]
+    pub fn brake(&mut self) {
+        self.drive([0.0; 3]);
     }
 
     /// Opens all switches at once. When they close again, the voltage is zero.
@@ -254,7 +267,11 @@ fn set_up_timer() {
     set_duties([0.5; 3]);
     // Channel 4 has no pin: it rises one count before the top and starts the conversions.
     TIMER.ccr(3).write(|w| w.set_ccr(PWM_TOP - 1));
-    TIMER.cr2().write(|w| w.set_mms2(vals::Mms2::COMPARE_OC4));
+    TIMER.cr2().write(|w| {
+        w.set_mms2(vals::Mms2::COMPARE_OC4);
+        // The encoder's timer starts with this one.
+        w.set_mms(vals::Mms::ENABLE);
+    });
     TIMER.ccer().write(|w| {
         for channel in 0..3 {
             w.set_cce(channel, true);

@@ -1,15 +1,15 @@
 //! Frequencies, scales and levels of this board: the values to change with its parts.
 
+use super::encoder::LEAD_CYCLES;
 use embassy_stm32::time::Hertz;
 use firmware::control::PERIOD_S;
 use firmware::deadline::DeadlineLimits;
 use firmware::loop_parts::StageTraits;
 use firmware::node::bit_timing::{BIT_RATES_KBIT, BitTiming};
 use firmware::sensors::as504x::{MAX_CLOCK_HZ, clock_divider};
+use firmware::sensors::comparator::ComparatorLevels;
 use firmware::sensors::quiet::QuietWindow;
-use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
-use firmware::sensors::strain_gauge::StrainGauge;
-use firmware::sensors::thermistor::Thermistor;
+use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, measurable_a};
 
 /// Crystal, Hz. CAN at 1 Mbit/s requires one; the internal oscillator is not accurate enough.
 pub const CRYSTAL_HZ: u32 = 24_000_000;
@@ -31,40 +31,26 @@ pub const LIMITS: DeadlineLimits = DeadlineLimits::for_period(CORE_HZ / LOOP_HZ,
 
 /// Reference of the converters, V.
 const REFERENCE_V: f32 = 3.3;
-/// Scale of the shunts: 1 mohm, gain 20. A current into the motor lowers the voltage of a low-side shunt.
+/// Scale of the shunts: 1 mohm, gain 20. A current into the motor lowers the voltage of a low-side shunt, unless the
+/// parameter `shunt_sign` states otherwise.
 pub const AMPERES_PER_COUNT: f32 = -REFERENCE_V / (CONVERTER_RANGE_COUNTS as f32 * 0.001 * 20.0);
-/// Phase current at which the comparators open the bridge, A.
+/// Highest phase current at which the comparators open the bridge, A: the rating of its switches.
 ///
-/// It is 10 % above `overcurrent_a`, so that a working processor trips first and reports the value. Levels,
-/// amplifiers and comparators are off by 2 A at most (9 mV, 10 counts, 0.3 A, 1 %). Half of it is below the
-/// current limit, twice of it above the range of an amplifier (82 A).
-const BREAK_A: f32 = 44.0;
-const MIDDLE_COUNTS: u16 = CONVERTER_RANGE_COUNTS / 2;
-const BREAK_COUNTS: u16 = (-BREAK_A / AMPERES_PER_COUNT) as u16;
+/// The levels of a joint follow its parameter `overcurrent_a`. Levels, amplifiers and comparators are off by
+/// 2 A at most (9 mV, 10 counts, 0.3 A, 1 %). Half of the ceiling is below the current limit, twice of it
+/// above the range of an amplifier (82 A).
+pub const BREAK_CEILING_A: f32 = 44.0;
+/// Levels of the ceiling, which hold until the parameters are read.
+pub const CEILING_LEVELS: ComparatorLevels =
+    ComparatorLevels::for_current(BREAK_CEILING_A, AMPERES_PER_COUNT);
 const _: () = assert!(
-    BREAK_COUNTS < MIDDLE_COUNTS - CONVERTER_RANGE_COUNTS / 20,
+    CEILING_LEVELS.phase[1] > CONVERTER_RANGE_COUNTS / 20,
     "the level is at the amplifier's rail"
 );
-/// Upper level of the amplifier of a phase, counts.
-pub const BREAK_ABOVE: u16 = MIDDLE_COUNTS + BREAK_COUNTS;
-/// Lower level of the amplifier of a phase, counts.
-pub const BREAK_BELOW: u16 = MIDDLE_COUNTS - BREAK_COUNTS;
-/// Upper level of the mean of two amplifiers, which shows half of the current in the third phase, counts.
-pub const BREAK_MEAN_ABOVE: u16 = MIDDLE_COUNTS + BREAK_COUNTS / 2;
-/// Lower level of the mean of two amplifiers, counts.
-pub const BREAK_MEAN_BELOW: u16 = MIDDLE_COUNTS - BREAK_COUNTS / 2;
 
 /// Scale of the bus voltage: divider of 68 k over 3.3 k.
 pub const VOLTS_PER_COUNT: f32 = REFERENCE_V / CONVERTER_RANGE_COUNTS as f32 * (68.0 + 3.3) / 3.3;
 
-/// Thermistor at the bridge: 10 k (B 3435) below a 10 k resistor.
-pub const BRIDGE_THERMISTOR: Thermistor = Thermistor { ratio_at_25: 1.0, beta_k: 3435.0 };
-/// Thermistor in the motor.
-pub const MOTOR_THERMISTOR: Thermistor = BRIDGE_THERMISTOR;
-/// Calibration of the side load, from two weights; see docs/src/how-to/porting.md.
-pub const STRAIN_GAUGE: StrainGauge = StrainGauge { zero: 0.5, range_n: 2000.0 };
-/// True if strain gauges are connected. Otherwise the side load is received over the bus.
-pub const HAS_STRAIN_GAUGE: bool = true;
 /// Pressure inside the housing, Pa: it is closed at the surface.
 pub const INSIDE_PA: f32 = 101_325.0;
 
@@ -85,8 +71,8 @@ const _: () = {
 const AMPLIFIER_SETTLING_S: f32 = 1.5e-6;
 /// Properties of the stage that the loop uses.
 pub const STAGE: StageTraits = StageTraits {
-    // The angle belongs to the previous frame, which began 2 us after the previous top.
-    encoder_age_s: PERIOD_S - 2e-6,
+    encoder_age_s: super::encoder::AGE_S,
+    current_max_a: measurable_a(AMPERES_PER_COUNT),
     modulation_max: StageTraits::max_modulation(
         PERIOD_S,
         DEAD_TIME as f32 / CORE_HZ as f32,
@@ -104,18 +90,31 @@ const _: () =
 
 /// Core cycles per converter cycle.
 const CORE_CYCLES_PER_CONVERTER_CYCLE: u32 = 4;
-/// Window in which a slow conversion may start.
-///
-/// In converter cycles, currents and bus take 12.5 + 12.5 and 24.5 + 12.5 from the top on, a slow
-/// conversion 247.5 + 12.5. The margin of 1 us covers the time between the check and the start.
-pub const QUIET: QuietWindow = match QuietWindow::for_period(
+/// Cycles from the top of the PWM until currents and bus are converted: 12.5 + 12.5 and 24.5 + 12.5 converter
+/// cycles.
+pub const FAST_CONVERSION_CYCLES: u32 = 62 * CORE_CYCLES_PER_CONVERTER_CYCLE;
+/// Cycles of a slow conversion: 247.5 + 12.5 converter cycles.
+const SLOW_CONVERSION_CYCLES: u32 = 260 * CORE_CYCLES_PER_CONVERTER_CYCLE;
+/// Window in which a slow conversion may start. Its margin of 1 us covers jitter of the trigger.
+const QUIET: QuietWindow = match QuietWindow::for_period(
     CORE_HZ / LOOP_HZ,
-    62 * CORE_CYCLES_PER_CONVERTER_CYCLE,
-    260 * CORE_CYCLES_PER_CONVERTER_CYCLE,
+    FAST_CONVERSION_CYCLES,
+    SLOW_CONVERSION_CYCLES,
     CORE_HZ / 1_000_000,
 ) {
     Some(window) => window,
     None => panic!("the period leaves no time for a slow conversion"),
+};
+/// Cycles from the top of the PWM to the start of the two conversions of the temperatures.
+pub const SLOW_START_CYCLES: u32 = QUIET.from + 10;
+/// Cycles from the top of the PWM to the start of the conversion of the side load, at the other edge of the
+/// same signal, which is symmetric about the top of the encoder's timer.
+const FORCE_START_CYCLES: u32 = CORE_HZ / LOOP_HZ - 2 * LEAD_CYCLES - SLOW_START_CYCLES;
+const _: () = {
+    let second = SLOW_START_CYCLES + SLOW_CONVERSION_CYCLES;
+    assert!(QUIET.contains(SLOW_START_CYCLES) && QUIET.contains(second), "temperatures");
+    assert!(QUIET.contains(FORCE_START_CYCLES), "the side load disturbs the currents");
+    assert!(FORCE_START_CYCLES > second + SLOW_CONVERSION_CYCLES, "the side load is disturbed");
 };
 /// Clock of the pressure sensor; its maximum is 400 kHz.
 pub const PRESSURE_CLOCK: Hertz = Hertz(400_000);

@@ -1,69 +1,70 @@
 //! The slow sensors: temperatures, side load, pressure.
 //!
-//! Each is converted twice, away from the top of the PWM; see `sensors::quiet` for the reason.
+//! The encoder's timer starts their conversions in every period, away from the top of the PWM; see
+//! `sensors::quiet` for the reason. Its channel 4 is the trigger: the rising edge, shortly after the top,
+//! starts the temperatures, and the falling edge the side load. The background reads the last results and
+//! waits for nothing. The pressure sensor is on a bus of its own.
 
-use super::power_stage::since_top;
 use super::pressure_bus::PressureBus;
 use super::{pins, scales};
-use embassy_stm32::Peri;
-use embassy_stm32::adc::{Adc, SampleTime};
-use embassy_stm32::peripherals::{ADC3, ADC4, PB0, PB1, PB12};
-use firmware::sensors::LocalReadings;
+use embassy_stm32::adc::{Adc, AdcChannel, Exten, InjectedAdc, SampleTime};
+use embassy_stm32::peripherals::{ADC3, ADC4};
+use embassy_stm32::triggers::TIM3_TRGO;
 use firmware::sensors::ms5837::Ms5837;
-use firmware::sensors::quiet::convert_twice;
 use firmware::sensors::shunt::CONVERTER_RANGE_COUNTS;
+use firmware::sensors::{LocalReadings, SensorParameters};
 
 /// Sampling time, long enough for a divider of 10 k: 6 us.
 const SAMPLING_TIME: SampleTime = SampleTime::CYCLES247_5;
 
 /// The slow sensors.
 pub struct SlowSensors {
-    temperatures: Adc<'static, ADC3>,
-    bridge: Peri<'static, PB0>,
-    motor: Peri<'static, PB1>,
-    forces: Adc<'static, ADC4>,
-    force: Peri<'static, PB12>,
+    temperatures: InjectedAdc<'static, ADC3, 2>,
+    force: InjectedAdc<'static, ADC4, 1>,
     pressure: Ms5837<PressureBus>,
+    /// Constants of the sensors.
+    pub constants: SensorParameters,
     /// Latest side load, pressure and temperature.
     last: LocalReadings,
 }
 
 impl SlowSensors {
-    /// Sets up the converters and the sensor bus.
+    /// Sets up the converters and the sensor bus. The first conversions start with the timers.
     pub fn new(slow: pins::Slow, pressure: pins::Pressure) -> Self {
-        Self {
-            temperatures: Adc::new(slow.adc, Default::default()),
-            bridge: slow.bridge_temperature,
-            motor: slow.motor_temperature,
-            forces: Adc::new(slow.force_adc, Default::default()),
-            force: slow.force,
-            pressure: Ms5837::new(PressureBus::new(pressure)),
-            last: LocalReadings::default(),
-        }
+        let bridge = slow.bridge_temperature.degrade_adc();
+        let motor = slow.motor_temperature.degrade_adc();
+        let temperatures = Adc::new(slow.adc, Default::default()).setup_injected_conversions(
+            [(bridge, SAMPLING_TIME), (motor, SAMPLING_TIME)],
+            TIM3_TRGO,
+            Exten::RISING_EDGE,
+            false,
+        );
+        let force = Adc::new(slow.force_adc, Default::default()).setup_injected_conversions(
+            [(slow.force.degrade_adc(), SAMPLING_TIME)],
+            TIM3_TRGO,
+            Exten::FALLING_EDGE,
+            false,
+        );
+        let pressure = Ms5837::new(PressureBus::new(pressure));
+        let (constants, last) = (SensorParameters::default(), LocalReadings::default());
+        Self { temperatures, force, pressure, constants, last }
     }
 
     /// Returns the temperatures of bridge and motor, deg C; NaN if a sensor is broken.
     pub fn temperatures_c(&mut self) -> [f32; 2] {
-        let bridge = share(convert_twice(wait_for_quiet, || {
-            self.temperatures.blocking_read(&mut self.bridge, SAMPLING_TIME)
-        }));
-        let motor = share(convert_twice(wait_for_quiet, || {
-            self.temperatures.blocking_read(&mut self.motor, SAMPLING_TIME)
-        }));
+        let [bridge, motor] = self.temperatures.read_injected_samples();
         [
-            scales::BRIDGE_THERMISTOR.temperature_c(bridge),
-            scales::MOTOR_THERMISTOR.temperature_c(motor),
+            self.constants.bridge_thermistor().temperature_c(share(bridge)),
+            self.constants.motor_thermistor().temperature_c(share(motor)),
         ]
     }
 
     /// Reads side load and pressure and returns the latest readings.
     pub fn poll(&mut self, now_us: u64) -> LocalReadings {
         let local = &mut self.last;
-        if scales::HAS_STRAIN_GAUGE {
-            let at = share(convert_twice(wait_for_quiet, || {
-                self.forces.blocking_read(&mut self.force, SAMPLING_TIME)
-            }));
-            if let Some(force_n) = scales::STRAIN_GAUGE.force_n(at) {
+        if let Some(gauge) = self.constants.strain_gauge() {
+            let [counts] = self.force.read_injected_samples();
+            if let Some(force_n) = gauge.force_n(share(counts)) {
                 local.set_radial_force(force_n, now_us);
             }
         }
@@ -74,11 +75,6 @@ impl SlowSensors {
         }
         *local
     }
-}
-
-/// Waits for the quiet part of the period. It takes less than one period, because the timer keeps running.
-fn wait_for_quiet() {
-    while !scales::QUIET.contains(since_top()) {}
 }
 
 fn share(counts: u16) -> f32 {

@@ -36,20 +36,24 @@ pub fn clocks() -> Config {
     config
 }
 
-/// Returns the reset cause and clears its flags.
-pub fn reset_cause() -> ResetCause {
+/// Returns the reset cause and clears its flags. `is_ram_kept`: RAM holds the contents of the previous run.
+pub fn reset_cause(is_ram_kept: bool) -> ResetCause {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
-    cause(flags)
+    let cause = cause(flags, is_ram_kept);
+    if cause == ResetCause::BrownOut {
+        defmt::warn!("brown-out: the supply fell below 2.5 V");
+    }
+    cause
 }
 
-/// Every reset also sets the pin flag, so the pin counts only if no other flag is set. A brown-out counts
-/// as power-on.
-fn cause(flags: Csr) -> ResetCause {
+/// Every reset also sets the pin flag, so the pin counts only if no other flag is set. Power-on sets the
+/// brown-out flag, too, but RAM keeps its contents in a brown-out only.
+fn cause(flags: Csr, is_ram_kept: bool) -> ResetCause {
     if flags.iwdgrstf() || flags.wwdgrstf() {
         ResetCause::Watchdog
     } else if flags.borrstf() {
-        ResetCause::PowerOn
+        if is_ram_kept { ResetCause::BrownOut } else { ResetCause::PowerOn }
     } else if flags.sftrstf() {
         ResetCause::Software
     } else if flags.pinrstf() {
@@ -59,9 +63,11 @@ fn cause(flags: Csr) -> ResetCause {
     }
 }
 
-/// Required brown-out level, the highest: it holds the chip in reset below 2.8 V (option byte BOR_LEV),
-/// where flash and converters are still within their data sheet. The factory setting is the lowest, 1.7 V.
-const BROWN_OUT_LEVEL: u8 = 4;
+/// Required brown-out level: it holds the chip in reset below 2.47 to 2.57 V (option byte BOR_LEV, data sheet:
+/// V_BOR3 falling). The supply monitor opens the bridge at 2.84 V at the latest
+/// ([`super::power_stage`]), so a falling supply is reported before the reset. The highest level, 2.76 to
+/// 2.86 V, overlaps the monitor's. The factory setting is the lowest, 1.7 V.
+const BROWN_OUT_LEVEL: u8 = 3;
 
 /// Logs a warning if the option bytes hold another brown-out level than docs/src/how-to/bring-up.md requires.
 pub fn check_brown_out_level() {

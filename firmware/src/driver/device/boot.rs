@@ -24,6 +24,7 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, String};
 
 impl<F: NorFlash> Device<F> {
+    #[inline]
     pub(in crate::driver) fn boot(
         defaults: NodeSettings,
         flash: F,
@@ -32,18 +33,23 @@ impl<F: NorFlash> Device<F> {
         now_us: u64,
     ) -> Self {
         let mut store = Store::open(flash);
-        let LoadedSet { settings, set, parameters, refusal } =
-            LoadedSet::load(&mut store, defaults);
-        // A stored set that cannot be built for its period counts as refused.
-        let setup = settings.hil_setup();
-        let network = set.network.as_ref();
-        let (hil, parameters) = match HilJoint::build(settings.node, &set.friction, network, setup)
-        {
-            Ok(hil) => (hil, parameters),
-            Err(_) => {
-                (HilJoint::without_model(settings.node, setup), ParameterSource::DefaultRefused)
-            }
-        };
+        let mut loaded = LoadedSet::load(&mut store, defaults);
+        let hil = loaded.build_hil();
+        Self::assemble(store, loaded, hil, defaults, identity, boot, now_us)
+    }
+
+    // Not inlined, so that its stack is not needed while the set is loaded.
+    #[inline(never)]
+    fn assemble(
+        store: Store<F>,
+        loaded: LoadedSet,
+        hil: HilJoint,
+        defaults: NodeSettings,
+        identity: Identity,
+        boot: &Boot,
+        now_us: u64,
+    ) -> Self {
+        let LoadedSet { settings, set, parameters, refusal } = loaded;
         let supervisor = Supervisor::boot(
             &set.thresholds,
             &supervisor::SupervisorBoot {
@@ -56,11 +62,17 @@ impl<F: NorFlash> Device<F> {
                 self_test_passed: boot.self_test_passed,
             },
         );
-        let mut device = Self {
+        let (watch, network) = (watch(&set.watch, &settings), LiveNetwork::of(&set, &settings));
+        let mut staging = Staging::new(set);
+        if let Some(error) = refusal {
+            staging.refuse(Abort::Value, error);
+        }
+        // The value of the function, not a local one, which would be another 14 KB of stack.
+        Self {
             counters: Counters::default(),
-            watch: watch(&set.watch, &settings),
-            network: LiveNetwork::of(&set, &settings),
-            staging: Staging::new(set),
+            watch,
+            network,
+            staging,
             identity,
             errors: Deque::new(),
             last_panic: truncated(boot.panic.unwrap_or_default()),
@@ -94,14 +106,12 @@ impl<F: NorFlash> Device<F> {
             velocity_command: VelocityCommand::default(),
             motor_watch: MotorWatch::default(),
             motor_state: MotorState::default(),
+            measured_wiring: None,
+            target_us: 0,
             drive_counter: 0,
             identifiers: [None; TRANSMIT_PDOS],
             now_us,
-        };
-        if let Some(error) = refusal {
-            device.staging.refuse(Abort::Value, error);
         }
-        device
     }
 }
 
@@ -116,6 +126,8 @@ struct LoadedSet {
 
 impl LoadedSet {
     /// Loads settings and parameters from the store; the defaults replace a block that is missing or refused.
+    // Not inlined: its 20 KB of stack are free again when the rest of the start needs as much.
+    #[inline(never)]
     fn load<F: NorFlash>(store: &mut Store<F>, defaults: NodeSettings) -> Self {
         let mut block = [0; MAX_BLOCK_BYTES];
         let default = |parameters, refusal| Self {
@@ -137,6 +149,19 @@ impl LoadedSet {
                 default(ParameterSource::DefaultRefused, None)
             }
         }
+    }
+}
+
+impl LoadedSet {
+    /// Builds the joint in HIL. A stored set that cannot be built for its period counts as refused.
+    #[inline(never)]
+    fn build_hil(&mut self) -> HilJoint {
+        let (node, setup) = (self.settings.node, self.settings.hil_setup());
+        let network = self.set.network.as_ref();
+        HilJoint::build(node, &self.set.friction, network, setup).unwrap_or_else(|_refused| {
+            self.parameters = ParameterSource::DefaultRefused;
+            HilJoint::without_model(node, setup)
+        })
     }
 }
 

@@ -266,6 +266,7 @@ impl<F: NorFlash> Device<F> {
         [motor.inductance_d_h, motor.inductance_q_h] = found.inductance_h;
         joint.torque_constant_nm_per_a *= constant / motor.torque_constant_nm_per_a;
         motor.torque_constant_nm_per_a = constant;
+        self.measured_wiring = Some(set.wiring_crc());
         self.staging.stage(set);
     }
 

@@ -27,10 +27,26 @@ impl<F: NorFlash> Device<F> {
         (self.report.motor_torque_nm / self.rated().1 * 1e3) as i16
     }
 
-    /// 6064h, 1e-6 rad; `i32::MIN` if unknown.
+    /// 6064h, 1e-6 rad. While the position is unknown, it counts from an arbitrary zero; a joint in HIL then has 0.
     pub(in crate::driver) fn actual_position(&self) -> i32 {
-        let position_rad = f32::from_bits(self.measured().position_rad);
-        if position_rad.is_nan() { i32::MIN } else { micro(position_rad).max(i32::MIN + 1) }
+        micro(match (self.is_position_known(), self.settings.source) {
+            (true, _) => f32::from_bits(self.measured().position_rad),
+            (false, InputSource::Sensors) => self.report.turned_rad,
+            (false, InputSource::Bus) => 0.0,
+        })
+    }
+
+    /// Returns true if the position is absolute.
+    pub(super) fn is_position_known(&self) -> bool {
+        !f32::from_bits(self.measured().position_rad).is_nan()
+    }
+
+    /// Returns true if the position is required (`position_required`) and unknown, and the drive is not in homing
+    /// mode, which gives no torque.
+    pub(super) fn is_position_missing(&self) -> bool {
+        self.supervisor.thresholds().position_required != 0
+            && self.profile.mode != profile::HOMING
+            && !self.is_position_known()
     }
 
     /// 606Ch, 1e-6 rad/s; 0 if unknown.
@@ -54,13 +70,12 @@ impl<F: NorFlash> Device<F> {
         let limits = self.supervisor.limits();
         let (_, too_fast) = self.profile.target_rad_s(self.max_speed_rad_s());
         let too_fast = self.profile.mode == profile::CSV && too_fast;
-        let known = !f32::from_bits(self.measured().position_rad).is_nan();
         self.profile.state_bits(self.is_faulty())
             | self.profile.homing_bits(self.is_standing())
             | status::REMOTE
             | when(status::VOLTAGE_ENABLED, powered)
             | when(status::WARNING, limits.iter().next().is_some())
-            | when(status::POSITION_KNOWN, known)
+            | when(status::POSITION_KNOWN, self.is_position_known())
             | when(status::INTERNAL_LIMIT, limits.contains(Code::CurrentLimited) || too_fast)
     }
 
@@ -98,7 +113,7 @@ impl<F: NorFlash> Device<F> {
             self.profile.controlword = controlword;
             return Ok(());
         }
-        self.refresh_command_age(self.now_us);
+        self.confirm_target(self.now_us);
         let (fault, armed) = (self.is_faulty(), self.is_armed());
         match self.profile.control(controlword, fault, armed) {
             DriveRequest::None => Ok(()),
@@ -147,13 +162,13 @@ impl<F: NorFlash> Device<F> {
     /// 6071h.
     pub(in crate::driver) fn set_target(&mut self, target_permille: i16) {
         self.profile.target_permille = target_permille;
-        self.refresh_command_age(self.now_us);
+        self.confirm_target(self.now_us);
     }
 
     /// 60FFh.
     pub(in crate::driver) fn set_target_velocity(&mut self, target_micro_rad_s: i32) {
         self.profile.target_micro_rad_s = target_micro_rad_s;
-        self.refresh_command_age(self.now_us);
+        self.confirm_target(self.now_us);
     }
 
     /// Receive PDO 1: controlword, target torque and target velocity. A master without velocity mode omits the
@@ -170,23 +185,42 @@ impl<F: NorFlash> Device<F> {
             self.profile.target_micro_rad_s = velocity;
         }
         if self.profile.is_active() {
-            self.refresh_command_age(now_us);
+            self.confirm_target(now_us);
         }
         // A refusal is reported as for an object (2028h), and in the statusword.
         let _ = self.set_controlword(u16::from_le_bytes([a, b]));
     }
 
     /// Refreshes the age of the master's target. Has no effect outside the profile.
-    pub(in crate::driver) fn refresh_command_age(&mut self, now_us: u64) {
+    fn confirm_target(&mut self, now_us: u64) {
         if !self.profile.is_active() {
             return;
         }
+        self.target_us = now_us;
         // In velocity mode the velocity loop gives the current; this command only refreshes the age.
         let by_torque = self.profile.mode == profile::CST;
         let current_a = if by_torque { self.profile.target_share() * self.rated().0 } else { 0.0 };
         self.drive_counter = self.drive_counter.wrapping_add(1);
         let command = CommandFrame::new(current_a, f32::NAN, self.drive_counter);
         self.process_input(&Message::Command(self.settings.node, command), now_us);
+    }
+
+    /// Refreshes the age of the target at the monitored heartbeat, if the targets have no deadline (1400h:5).
+    pub(in crate::driver) fn confirm_target_by_heartbeat(&mut self, now_us: u64) {
+        if self.settings.target_timeout_ms == 0 {
+            self.confirm_target(now_us);
+        }
+    }
+
+    /// Stops an armed joint whose targets have exceeded their deadline.
+    pub(super) fn watch_target(&mut self, now_us: u64) {
+        let deadline_us = u64::from(self.settings.target_timeout_ms) * 1000;
+        let is_followed =
+            self.profile.is_active() && self.supervisor.is_armed() && !self.is_commissioning();
+        let is_late = now_us.saturating_sub(self.target_us) >= deadline_us;
+        if is_followed && deadline_us > 0 && is_late {
+            self.supervisor.trip(Code::CommandTimeout);
+        }
     }
 
     /// Transmit PDO 6: statusword, torque, position.

@@ -2,7 +2,9 @@
 
 use super::network::LiveNetwork;
 use super::{Device, Home, watch};
+use crate::control::PERIOD_S;
 use crate::hil::HilJoint;
+use crate::loop_parts::LoopParts;
 use crate::node::sdo::Abort;
 use crate::node_settings::{InputSource, NodeSettings, emit_block};
 use crate::parameter_set::ParameterSet;
@@ -97,6 +99,9 @@ impl<F: NorFlash> Device<F> {
         let hil = HilJoint::build(self.settings.node, &set.friction, network, setup);
         let hil = hil.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         set.check_buildable().map_err(|error| self.staging.refuse(Abort::Value, error))?;
+        // The loop receives the same parts after the commit.
+        let parts = LoopParts::build(&set, self.identity.stage, PERIOD_S).map(drop);
+        parts.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         let thresholds = self.supervisor.configure(&set.thresholds);
         thresholds.map_err(|error| self.staging.refuse(Abort::Value, error))?;
         self.hil = hil;
@@ -120,12 +125,26 @@ impl<F: NorFlash> Device<F> {
             return Err(self.staging.refuse(Abort::Value, why));
         }
         self.settings.commissioned = seen;
+        // A measurement turned the motor. Without it, the wiring may have been changed before the confirmation.
+        self.settings.proven = if self.measured_wiring == Some(seen) { seen } else { 0 };
         self.update_commissioned();
         Ok(())
     }
 
     pub(in crate::driver) fn is_commissioned(&self) -> bool {
         self.settings.commissioned == self.staging.active().wiring_crc()
+    }
+
+    /// Returns true if the motor was seen to turn by its current with the wiring in use.
+    pub(in crate::driver) fn is_wiring_proven(&self) -> bool {
+        self.settings.proven == self.staging.active().wiring_crc()
+    }
+
+    /// Keeps the proof of the wiring if the motor watch has one. It is stored with the next save.
+    pub(super) fn keep_proof(&mut self) {
+        if self.motor_state.is_proven && !self.is_wiring_proven() {
+            self.settings.proven = self.staging.active().wiring_crc();
+        }
     }
 
     fn update_commissioned(&mut self) {

@@ -5,8 +5,8 @@
 //! last message.
 
 use super::{Device, InputSource};
-use crate::control::Setpoint;
 use crate::control::velocity_loop::{VelocityGains, VelocityLoop};
+use crate::control::{LoopFlags, Setpoint};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::CSV;
 use core::f32::consts::TAU;
@@ -52,12 +52,31 @@ impl<F: NorFlash> Device<F> {
         let before_rad_s = self.velocity_command.reference_rad_s;
         let velocity_rad_s = self.report.velocity_rad_s;
         let limit_a = limit_a * self.supervisor.current_share();
-        self.velocity_command =
-            self.velocity.step(&self.velocity_gains, target_rad_s, velocity_rad_s, limit_a);
+        let withheld_a = self.withheld_current_a();
+        self.velocity_command = self.velocity.step(
+            &self.velocity_gains,
+            target_rad_s,
+            velocity_rad_s,
+            limit_a,
+            withheld_a,
+        );
         let turned = before_rad_s * self.velocity_command.reference_rad_s < 0.0;
         if rubs && turned {
             self.velocity.turn_integral();
         }
+    }
+
+    /// Returns the current that the current loop applied less the last command, A; 0 if none of its limits acted.
+    fn withheld_current_a(&self) -> f32 {
+        let report = &self.report;
+        let applied_a = if report.loop_flags.contains(LoopFlags::VOLTAGE_LIMITED) {
+            report.current_a
+        } else if report.loop_flags.contains(LoopFlags::CURRENT_LIMITED) {
+            report.current_reference_a
+        } else {
+            return 0.0;
+        };
+        applied_a - report.feed_forward_current_a - self.velocity_command.current_a
     }
 
     /// Returns the set-point, with current and reference of the velocity loop if it is active.

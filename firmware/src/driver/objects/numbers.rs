@@ -89,7 +89,16 @@ impl<F: NorFlash> Device<F> {
             index::RECEIVE_SURROUNDINGS => (cob_id::RPDO_4, 0, SYNCHRONOUS),
             index::RECEIVE_MOTION => (cob_id::TPDO_4, unused, SYNCHRONOUS),
             index::RECEIVE_TORQUE => (cob_id::TPDO_5, unused, SYNCHRONOUS),
-            index::RECEIVE_DRIVE => (cob_id::RPDO_1, 0, EVENT_DRIVEN),
+            index::RECEIVE_DRIVE => {
+                let pdo = records::DrivePdoObject {
+                    cob_id: self.own_identifier(cob_id::RPDO_1),
+                    transmission_type: EVENT_DRIVEN,
+                    inhibit_time: 0,
+                    compatibility_entry: 0,
+                    event_timer_ms: self.settings().target_timeout_ms.into(),
+                };
+                return entry(&pdo.words(), place);
+            }
             index::TRANSMIT_ANSWER..=index::TRANSMIT_DRIVE => {
                 let cob_id = self.identifier(usize::from(at_index - index::TRANSMIT_ANSWER));
                 let pdo = records::TransmitPdoObject { cob_id, transmission_type: SYNCHRONOUS };
@@ -156,6 +165,7 @@ impl<F: NorFlash> Device<F> {
                 &CommissioningObject {
                     commissioned: self.is_commissioned().into(),
                     wiring_crc: self.staging.active().wiring_crc(),
+                    proven: self.is_wiring_proven().into(),
                     ..Default::default()
                 }
                 .words(),

@@ -159,6 +159,17 @@ record! {
 }
 
 record! {
+    /// COB-ID, transmission type and deadline of the receive PDO with the targets of a CiA 402 master.
+    DrivePdoObject {
+        cob_id: Unsigned32, Const;
+        transmission_type: Unsigned8, Const;
+        inhibit_time: Unsigned16, Const;
+        compatibility_entry: Unsigned8, Const;
+        event_timer_ms: Unsigned16, ReadWrite;
+    }
+}
+
+record! {
     /// COB-ID (which a master may change) and transmission type of a transmit PDO.
     TransmitPdoObject {
         cob_id: Unsigned32, ReadWrite;
@@ -294,11 +305,13 @@ record! {
 }
 
 record! {
-    /// State of the wiring confirmation. A tool confirms by writing back the CRC of the wiring in use.
+    /// State of the wiring confirmation. A tool confirms by writing back the CRC of the wiring in use. The wiring is
+    /// proven once the motor has turned by its current.
     CommissioningObject {
         commissioned: Unsigned8, ReadOnly;
         wiring_crc: Unsigned32, ReadOnly, WIRING_CRC;
         confirm: Unsigned32, WriteOnly, CONFIRM;
+        proven: Unsigned8, ReadOnly, PROVEN;
     }
 }
 

@@ -7,6 +7,7 @@ use compensator_core::parameters::{Choices, Envelope};
 use compensator_core::{ParameterId, Parameters};
 use firmware::control::MotorParameters;
 use firmware::parameter_set::ParameterSet;
+use firmware::sensors::SensorParameters;
 use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
 
@@ -70,6 +71,7 @@ pub(super) fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
     section("motor", &MotorParameters::NAMES, &set.motor.to_array());
     section("thresholds", &Thresholds::NAMES, &set.thresholds.to_array());
     section("watch", &WatchParameters::NAMES, &set.watch.to_array());
+    section("sensors", &SensorParameters::NAMES, &set.sensors.to_array());
     all
 }
 
@@ -153,6 +155,10 @@ pub(super) fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(),
         Some(("thresholds", field)) => {
             let fields = change(set.thresholds.to_array(), &Thresholds::NAMES, field, number);
             set.thresholds = Thresholds::from_array(fields);
+        }
+        Some(("sensors", field)) => {
+            let fields = change(set.sensors.to_array(), &SensorParameters::NAMES, field, number);
+            set.sensors = SensorParameters::from_array(fields);
         }
         Some((_, field)) => {
             let fields = change(set.watch.to_array(), &WatchParameters::NAMES, field, number);

@@ -3,8 +3,8 @@
 //!
 //! A function of four instructions makes the timer's interrupt pending. Everything until it returns is
 //! counted: the handler clears the flag of the timer as the board's handler clears that of its converter,
-//! takes orders (and, in some rows, new parameters) from the queues, runs a period, and sends a report if
-//! one is due. The register accesses of a real board are counted in its own image (`tests/image`).
+//! takes orders (or, in some rows, new parameters) from the queues, runs a period, and sends a report if
+//! one is due and nothing was taken. The register accesses of a real board are counted in its own image (`tests/image`).
 //!
 //! Afterwards the timer triggers the same handler at 20 kHz while the processor computes the fingerprints
 //! below it. Their bits must equal those of an undisturbed run, and no period may be missing.
@@ -231,6 +231,7 @@ fn commands(inputs: &Inputs) -> LoopCommands {
         setpoint: inputs.setpoint,
         covariates: inputs.covariates,
         bridge: true,
+        brake: false,
         compensation: true,
         current_share: 1.0,
         compensation_share: 1.0,
@@ -251,7 +252,8 @@ struct Situation {
 }
 
 const QUIET: Situation = Situation { commands: false, parts: false, report: false };
-const BUSY: Situation = Situation { commands: true, parts: false, report: true };
+const COMMANDS: Situation = Situation { commands: true, parts: false, report: true };
+const REPORT: Situation = Situation { commands: false, parts: false, report: true };
 const OTHER_PARAMETERS: Situation = Situation { commands: true, parts: true, report: true };
 
 /// The loop in the interrupt, and the background's end of its queues.
@@ -304,6 +306,10 @@ impl Joint {
 
     /// Prepares a period from this state, with the events of the situation.
     fn prepare(&mut self, before: &LoopTask, inputs: &Inputs, situation: Situation) {
+        if situation.parts {
+            // The handler left the commands of the last period with parts.
+            self.drain();
+        }
         // Empty the report queue, so that the handler finds room.
         self.link.reports(self.now_us, |_| ());
         self.set_number += u32::from(situation.parts);
@@ -324,6 +330,14 @@ impl Joint {
             state.task.clear_report();
         }
         INTERRUPT.store(state, Ordering::Relaxed);
+    }
+
+    /// Empties the queue of commands by running periods that are not counted.
+    fn drain(&mut self) {
+        let Some(state) = self.state.as_mut() else { panic!("there is a loop") };
+        for _ in 0..2 {
+            state.task.interrupt(&mut state.stage, &mut state.port, 0, 0);
+        }
     }
 
     /// Prepares a period from this state, without orders.
@@ -413,16 +427,17 @@ pub fn measure_interrupts(clock: &mut Clock) {
     ];
     for (name, law, terms) in rows {
         let Some(task) = joint.settle(set(*law, terms)) else { panic!("{name}: no such model") };
-        let (min, max) = measure(&mut counter, &mut joint, &task, &[QUIET, BUSY]);
+        let (min, max) = measure(&mut counter, &mut joint, &task, &[QUIET, COMMANDS, REPORT]);
         print_line!("interrupt | {name} | {min} | {max}");
         let (min, max) = measure(&mut counter, &mut joint, &task, &[OTHER_PARAMETERS]);
+        joint.drain();
         print_line!("interrupt | {name}, other parameters come | {min} | {max}");
     }
     #[cfg(feature = "terms")]
     for term in TermKind::ALL {
         // Terms that the law already contains are refused.
         if let Some(task) = joint.settle(set(LawKind::ImprovedLugre, &[*term])) {
-            let (min, max) = measure(&mut counter, &mut joint, &task, &[QUIET, BUSY]);
+            let (min, max) = measure(&mut counter, &mut joint, &task, &[QUIET, COMMANDS, REPORT]);
             print_line!("interrupt | improved LuGre + {} | {min} | {max}", term.name());
         }
     }

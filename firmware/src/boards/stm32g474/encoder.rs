@@ -1,0 +1,265 @@
+//! The encoder: two frames in each period, exchanged by a timer and DMA, without the processor.
+//!
+//! ```text
+//! TIM3 counts        up ........................ top ........................ down
+//! CH2, PA4: select   ‾‾‾\_______________________/‾‾‾\_______________________/‾‾‾
+//! CH3: command                   | frame 1                      | frame 2
+//!                                              latches         answers with that angle
+//! ```
+//! TIM3 counts up and down as TIM1 does and is started by it (trigger mode, ITR0 is TIM1_TRGO, the enable of
+//! TIM1), so the phase between the two is constant. Its top is [`LEAD_CYCLES`] before that of TIM1, at which
+//! the currents are sampled. Frame 2 is complete when the interrupt of the currents begins.
+//!
+//! Chip select is a compare output, because the encoder requires it high between two frames and the chip's
+//! own pulse (NSSP) exists in the other clock phase only (RM0440, SPI: NSS pulse mode requires CPHA = 0).
+//! It is high while the count is below CCR2 or not below CCR1 (combined PWM mode 1: OC2REFC is the OR of
+//! OC1REF and OC2REF). Each compare event of channel 3, half way through chip select in either direction
+//! (CMS = 11), is a DMA request that writes a command to the SPI. The SPI's receive request stores the
+//! answer. Both DMA channels are circular over two words. The interrupt reads the answers and writes the
+//! commands of the next period.
+//!
+//! Channel 4 starts the slow conversions; see [`super::slow`].
+
+use super::pins;
+use super::power_stage::since_top;
+use super::scales::{
+    CORE_HZ, ENCODER_CLOCK, ENCODER_DIVIDER, FAST_CONVERSION_CYCLES, PWM_TOP, SLOW_START_CYCLES,
+};
+use core::sync::atomic::{AtomicU16, Ordering};
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{OutputType, Pull};
+use embassy_stm32::mode::Blocking;
+use embassy_stm32::pac::bdma::vals as dma;
+use embassy_stm32::pac::spi::vals as spi_values;
+use embassy_stm32::pac::timer::vals;
+use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH2, SPI1, TIM3};
+use embassy_stm32::spi::mode::Master;
+use embassy_stm32::spi::{self, Spi};
+use embassy_stm32::timer::simple_pwm::PwmPin;
+use embassy_stm32::{pac, rcc};
+use firmware::sensors::as504x::{
+    DESELECTED_NS, EncoderError, EncoderType, FramePairs, RELEASE_NS, SELECT_NS,
+};
+
+const TIMER: pac::timer::TimGp16 = pac::TIM3;
+const BUS: pac::spi::Spi = pac::SPI1;
+
+/// Channels of DMA1, and their requests (RM0440, table of DMAMUX requests).
+const COMMAND_CHANNEL: usize = 0;
+const ANSWER_CHANNEL: usize = 1;
+const TIM3_CH3_REQUEST: u8 = 63;
+const SPI1_RX_REQUEST: u8 = 10;
+
+/// Frames of a period.
+const FRAMES: usize = 2;
+/// Cycles of the 16 clocks of a frame.
+const FRAME_CYCLES: u32 = 16 * ENCODER_DIVIDER;
+/// Maximum cycles from the compare event to the first clock: the DMA transfer, and the start of the SPI.
+const START_CYCLES: u32 = 40 + ENCODER_DIVIDER;
+/// Cycles from chip select to the command, and from the command to the release of chip select.
+const HALF_SELECT_CYCLES: u32 = 620;
+/// Cycles from the release of chip select to the timer's top, and from there to the next selection.
+const HALF_GAP_CYCLES: u32 = 40;
+/// Cycles from the top of TIM3 to that of TIM1.
+pub const LEAD_CYCLES: u32 = 1020;
+/// Cycles after the top of TIM1 at which the second answer is stored at the latest.
+const COMPLETE_CYCLES: u32 =
+    HALF_GAP_CYCLES + HALF_SELECT_CYCLES + START_CYCLES + FRAME_CYCLES - LEAD_CYCLES;
+const _: () = {
+    assert!(HALF_SELECT_CYCLES >= cycles_of(SELECT_NS), "the first clock is too early");
+    let frame_end = START_CYCLES + FRAME_CYCLES;
+    assert!(HALF_SELECT_CYCLES >= frame_end + cycles_of(RELEASE_NS), "the release is too early");
+    assert!(2 * HALF_GAP_CYCLES >= cycles_of(DESELECTED_NS), "the frames are too close");
+    assert!(
+        COMPLETE_CYCLES < FAST_CONVERSION_CYCLES,
+        "the interrupt begins when the currents are converted, before the angle is there"
+    );
+};
+
+/// Age of the angle when the currents are sampled, s: it is latched when frame 1 is released.
+pub const AGE_S: f32 = (LEAD_CYCLES + HALF_GAP_CYCLES) as f32 / CORE_HZ as f32;
+
+/// Counts of the timer at which chip select rises or falls, and at which a command is written.
+const SELECT_ABOVE: u16 = PWM_TOP - HALF_GAP_CYCLES as u16;
+const COMMAND_AT: u16 = SELECT_ABOVE - HALF_SELECT_CYCLES as u16;
+const SELECT_BELOW: u16 = COMMAND_AT - HALF_SELECT_CYCLES as u16;
+/// Count while counting down at which slow conversions start; see [`super::slow`].
+const SLOW_AT: u16 = PWM_TOP - (LEAD_CYCLES + SLOW_START_CYCLES) as u16;
+/// Maximum deviation of the phase between both timers, cycles: the reads of both counters and the start.
+const MAX_PHASE_ERROR_CYCLES: u32 = 60;
+
+/// Type of the encoder on this board.
+const ENCODER_TYPE: EncoderType = EncoderType::As5047p;
+
+/// A word with wrong parity: the place of an answer that has not come yet.
+const NO_ANSWER: u16 = 1;
+/// Periods without an answer after which the exchange is restarted.
+const RESTART_AFTER_PERIODS: u8 = 100;
+
+static COMMANDS: [AtomicU16; FRAMES] =
+    [const { AtomicU16::new(FramePairs::FIRST_COMMANDS[0]) }; FRAMES];
+static ANSWERS: [AtomicU16; FRAMES] = [const { AtomicU16::new(NO_ANSWER) }; FRAMES];
+
+const fn cycles_of(ns: u32) -> u32 {
+    (ns as u64 * CORE_HZ as u64).div_ceil(1_000_000_000) as u32
+}
+
+/// The encoder with its timer and bus.
+pub struct Encoder {
+    pairs: FramePairs,
+    missing_periods: u8,
+    _bus: Spi<'static, Blocking, Master>,
+    _timer: Peri<'static, TIM3>,
+    _channels: (Peri<'static, DMA1_CH1>, Peri<'static, DMA1_CH2>),
+}
+
+impl Encoder {
+    /// Sets up bus, DMA and timer. The first frame is exchanged when TIM1 starts.
+    pub fn new(wired: pins::Encoder) -> Self {
+        let mut config = spi::Config::default();
+        config.mode = spi::MODE_1;
+        config.frequency = ENCODER_CLOCK;
+        config.miso_pull = Pull::Up;
+        let bus = Spi::new_blocking(wired.spi, wired.clock, wired.out, wired.back, config);
+        set_up_timer();
+        // Connected once the timer holds it high, and it stays connected.
+        core::mem::forget(PwmPin::<TIM3, _>::new(wired.select, OutputType::PushPull));
+        set_up_bus();
+        start_exchange();
+        Self {
+            pairs: FramePairs::new(ENCODER_TYPE),
+            missing_periods: 0,
+            _bus: bus,
+            _timer: wired.timer,
+            _channels: (wired.command, wired.answer),
+        }
+    }
+
+    /// Returns the angle of this period. Call it once a period, after the conversion of the currents.
+    ///
+    /// # Errors
+    /// Returns why there is no angle.
+    #[inline(always)]
+    pub fn angle(&mut self) -> Result<u16, EncoderError<core::convert::Infallible>> {
+        let [first, second] = &ANSWERS;
+        // Both answers are stored, and no further one.
+        let is_complete = pac::DMA1.ch(ANSWER_CHANNEL).ndtr().read().ndt() == FRAMES as u16;
+        let answers = [first.load(Ordering::Relaxed), second.load(Ordering::Relaxed)];
+        second.store(NO_ANSWER, Ordering::Relaxed);
+        let answers = (is_complete && answers[1] != NO_ANSWER).then_some(answers);
+        let angle = self.pairs.angle(answers);
+        for (place, command) in COMMANDS.iter().zip(self.pairs.commands()) {
+            place.store(command, Ordering::Relaxed);
+        }
+        if answers.is_some() {
+            self.missing_periods = 0;
+        } else {
+            self.count_missing();
+        }
+        angle
+    }
+
+    /// Returns true if the encoder reports a fault of its magnet.
+    pub const fn has_magnet_fault(&self) -> bool {
+        self.pairs.has_magnet_fault()
+    }
+
+    #[cold]
+    fn count_missing(&mut self) {
+        self.missing_periods += 1;
+        if self.missing_periods >= RESTART_AFTER_PERIODS {
+            self.missing_periods = 0;
+            start_exchange();
+        }
+    }
+}
+
+/// Returns true if divider and source of the encoder's clock have the expected values, and the timer runs in
+/// the expected phase. Call it while both timers run.
+pub fn is_set_up_correctly() -> bool {
+    let divider = 2 << BUS.cr1().read().br().to_bits();
+    let has_clock = divider == ENCODER_DIVIDER && rcc::frequency::<SPI1>().0 == CORE_HZ;
+    let period = 2 * u32::from(PWM_TOP);
+    let motor = since_top();
+    let (top, count) = (u32::from(PWM_TOP), u32::from(TIMER.cnt().read().cnt()));
+    let own = if TIMER.cr1().read().dir() == vals::Dir::DOWN { top - count } else { top + count };
+    let lead = (own + period - motor) % period;
+    let is_in_phase = lead.abs_diff(LEAD_CYCLES) <= MAX_PHASE_ERROR_CYCLES;
+    has_clock && is_in_phase
+}
+
+fn set_up_timer() {
+    rcc::enable_and_reset::<TIM3>();
+    // It stops with TIM1 when a debugger halts the core.
+    pac::DBGMCU.apb1lfzr().modify(|w| w.set_tim3(true));
+    TIMER.cr1().write(|w| w.set_cms(vals::Cms::CENTER_ALIGNED3));
+    TIMER.psc().write_value(0);
+    TIMER.arr().write(|w| w.set_arr(PWM_TOP));
+    TIMER.ccmr_output(0).write(|w| {
+        w.set_ocm(0, vals::Ocm::PWM_MODE2);
+        w.set_ocm(1, vals::Ocm::COMBINED_PWM_MODE_1);
+    });
+    TIMER.ccmr_output(1).write(|w| {
+        w.set_ocm(0, vals::Ocm::FROZEN);
+        w.set_ocm(1, vals::Ocm::PWM_MODE1);
+    });
+    for (channel, count) in
+        [SELECT_ABOVE, SELECT_BELOW, COMMAND_AT, SLOW_AT].into_iter().enumerate()
+    {
+        TIMER.ccr(channel).write(|w| w.set_ccr(count));
+    }
+    TIMER.cr2().write(|w| w.set_mms(vals::Mms::COMPARE_OC4));
+    TIMER.ccer().write(|w| {
+        w.set_cce(1, true);
+        w.set_cce(3, true);
+    });
+    TIMER.dier().write(|w| w.set_ccde(2, true));
+    // TIM1 starts at the bottom, half a period before its top.
+    TIMER.cnt().write(|w| w.set_cnt(LEAD_CYCLES as u16));
+    TIMER.smcr().write(|w| {
+        w.set_ts(vals::Ts::ITR0);
+        w.set_sms(vals::Sms::TRIGGER_MODE);
+    });
+}
+
+/// Sets frames of 16 bits, whose answers DMA reads.
+fn set_up_bus() {
+    BUS.cr1().modify(|w| w.set_spe(false));
+    BUS.cr2().modify(|w| {
+        w.set_ds(spi_values::Ds::BITS16);
+        w.set_frxth(spi_values::Frxth::HALF);
+        w.set_rxdmaen(true);
+    });
+    BUS.cr1().modify(|w| w.set_spe(true));
+}
+
+/// Starts both DMA channels at their first word. Between two pairs of frames it also restarts them.
+#[inline(never)]
+fn start_exchange() {
+    for channel in [COMMAND_CHANNEL, ANSWER_CHANNEL] {
+        pac::DMA1.ch(channel).cr().write(|w| w.set_en(false));
+    }
+    // Empties the receive FIFO of the bus, which holds two words.
+    for _ in 0..FRAMES {
+        let _ = BUS.dr16().read();
+    }
+    set_up_channel(COMMAND_CHANNEL, TIM3_CH3_REQUEST, dma::Dir::FROM_MEMORY, &COMMANDS);
+    set_up_channel(ANSWER_CHANNEL, SPI1_RX_REQUEST, dma::Dir::FROM_PERIPHERAL, &ANSWERS);
+}
+
+fn set_up_channel(number: usize, request: u8, dir: dma::Dir, words: &'static [AtomicU16; FRAMES]) {
+    pac::DMAMUX1.ccr(number).write(|w| w.set_dmareq_id(request));
+    let channel = pac::DMA1.ch(number);
+    channel.par().write_value(BUS.dr16().as_ptr() as u32);
+    channel.mar().write_value(words.as_ptr() as u32);
+    channel.ndtr().write(|w| w.set_ndt(FRAMES as u16));
+    channel.cr().write(|w| {
+        w.set_dir(dir);
+        w.set_circ(true);
+        w.set_minc(true);
+        w.set_msize(dma::Size::BITS16);
+        w.set_psize(dma::Size::BITS16);
+        w.set_pl(dma::Pl::HIGH);
+        w.set_en(true);
+    });
+}
