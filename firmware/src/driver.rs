@@ -39,6 +39,9 @@ use compensator_core::network::Factors;
 use device::Device;
 use embedded_storage::nor_flash::NorFlash;
 
+/// Time from the start until the model and its live terms are logged, us: sensors and bus have reported by then.
+const MODEL_LOG_DELAY_US: u64 = 1_000_000;
+
 /// A joint driver.
 #[derive(Debug)]
 pub struct Driver<F> {
@@ -48,6 +51,8 @@ pub struct Driver<F> {
     is_reset_requested: bool,
     /// The last state that was logged.
     logged: JointState,
+    /// Time at which the model is logged, us; `None` afterwards.
+    model_log_us: Option<u64>,
 }
 
 impl<F: NorFlash> Driver<F> {
@@ -69,6 +74,7 @@ impl<F: NorFlash> Driver<F> {
             device,
             is_reset_requested: false,
             logged: JointState::Safe,
+            model_log_us: Some(now_us.saturating_add(MODEL_LOG_DELAY_US)),
         };
         log!(info, "start as node {=u8} on {=str}", node.number(), identity.hardware);
         if let Some(_text) = boot.panic {
@@ -159,6 +165,10 @@ impl<F: NorFlash> Driver<F> {
         self.network.tick(settings.heartbeat_ms, now_us, self.device.outbox());
         let heartbeat_lost = self.network.is_heartbeat_missing(settings.awaited_heartbeat, now_us);
         self.device.tick(heartbeat_lost, now_us);
+        if self.model_log_us.is_some_and(|log_us| now_us >= log_us) {
+            self.model_log_us = None;
+            self.device.log_model();
+        }
         self.publish_events();
     }
 

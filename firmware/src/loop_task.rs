@@ -226,13 +226,30 @@ impl LoopTask {
         cycle: &CycleResult,
         has_hardware_fault: bool,
     ) -> Bridge {
+        if !matches!(bridge, Bridge::Off) {
+            self.brake.record_driven();
+            return bridge;
+        }
+        if !self.brake.is_due() {
+            return Bridge::Off;
+        }
+        self.brake_motor(sample, cycle, has_hardware_fault)
+    }
+
+    /// Returns the bridge of a period of the brake.
+    #[cold]
+    fn brake_motor(
+        &mut self,
+        sample: &StageSample,
+        cycle: &CycleResult,
+        has_hardware_fault: bool,
+    ) -> Bridge {
         let preventing = (cycle.flags | self.tripped).intersects(stop_brake::PREVENTING);
         // The guard finds the offsets with open switches before the bridge closes again.
         let closes_again = self.commands.bridge && self.waiting && self.tripped.is_empty();
         let has_fault = has_hardware_fault || self.held_by_hardware || preventing;
         let may_short = self.commands.brake && !has_fault && !closes_again;
-        let current_loop = &self.current_loop;
-        self.brake.step(bridge, may_short, || current_loop.measured_current(sample))
+        self.brake.step(may_short, self.current_loop.measured_current(sample))
     }
 
     /// Handles comparators that opened the bridge as a measured overcurrent.

@@ -43,28 +43,25 @@ pub struct StopBrake {
 }
 
 impl StopBrake {
-    /// Returns the bridge for a period whose loop returned `bridge`. `may_short` is the permission of the parameters,
-    /// the supervisor and the hardware, and `measured` gives the current vector, A.
+    /// Records a period in which the bridge was driven: a brake may follow.
     #[inline(always)]
-    pub fn step(
-        &mut self,
-        bridge: Bridge,
-        may_short: bool,
-        measured: impl FnOnce() -> Stationary,
-    ) -> Bridge {
-        if bridge != Bridge::Off {
-            *self = Self { remaining: HOLD_PERIODS, is_shorted: false, opening: 0 };
-            return bridge;
-        }
+    pub fn record_driven(&mut self) {
+        *self = Self { remaining: HOLD_PERIODS, is_shorted: false, opening: 0 };
+    }
+
+    /// Returns true if a period without a driven bridge needs [`StopBrake::step`].
+    #[inline(always)]
+    pub const fn is_due(&self) -> bool {
+        self.remaining > 0 || self.opening > 0
+    }
+
+    /// Returns the bridge for a period in which it is not driven. `may_short` is the permission of the parameters, the
+    /// supervisor and the hardware, and `current` the measured current vector, A.
+    pub fn step(&mut self, may_short: bool, current: Stationary) -> Bridge {
         if self.remaining == 0 {
             self.opening = self.opening.saturating_sub(1);
             return Bridge::Off;
         }
-        self.brake(may_short, measured())
-    }
-
-    #[cold]
-    fn brake(&mut self, may_short: bool, current: Stationary) -> Bridge {
         let Stationary { alpha, beta } = current;
         self.remaining = if !may_short {
             0
@@ -73,8 +70,10 @@ impl StopBrake {
         } else {
             self.remaining - 1
         };
+        if self.remaining > 0 || self.is_shorted {
+            self.opening = OPENING_PERIODS;
+        }
         self.is_shorted = self.remaining > 0;
-        self.opening = OPENING_PERIODS;
         if self.is_shorted { Bridge::Shorted } else { Bridge::Off }
     }
 
@@ -93,34 +92,43 @@ impl StopBrake {
 mod tests {
     use super::*;
 
-    const DRIVEN: Bridge = Bridge::Drive([0.5; 3]);
-
-    fn current(alpha: f32) -> impl Fn() -> Stationary {
-        move || Stationary { alpha, beta: 0.0 }
+    fn current(alpha: f32) -> Stationary {
+        Stationary { alpha, beta: 0.0 }
     }
 
     #[test]
     fn brake_lasts_while_current_flows_and_a_tenth_of_a_second_longer() {
         let mut brake = StopBrake::default();
-        assert_eq!(brake.step(Bridge::Off, true, current(9.0)), Bridge::Off, "was never driven");
-        assert_eq!(brake.step(DRIVEN, true, current(9.0)), DRIVEN);
+        assert!(!brake.is_due(), "was never driven");
+        assert_eq!(brake.step(true, current(9.0)), Bridge::Off);
+        brake.record_driven();
         for _ in 0..10_000 {
-            assert_eq!(brake.step(Bridge::Off, true, current(2.0)), Bridge::Shorted);
+            assert_eq!(brake.step(true, current(2.0)), Bridge::Shorted);
         }
-        let left = (0..10_000)
-            .take_while(|_| brake.step(Bridge::Off, true, current(0.3)) == Bridge::Shorted);
-        assert_eq!(left.count() as u32, HOLD_PERIODS - 1);
+        let left =
+            (0..10_000).take_while(|_| brake.step(true, current(0.3)) == Bridge::Shorted).count();
+        assert_eq!(left as u32, HOLD_PERIODS - 1);
         assert!(!brake.is_shorted());
-        assert_eq!(brake.step(Bridge::Off, true, current(9.0)), Bridge::Off, "it has ended");
+        assert_eq!(brake.step(true, current(9.0)), Bridge::Off, "it has ended");
+        (0..OPENING_PERIODS).for_each(|_| assert_eq!(brake.step(true, current(0.0)), Bridge::Off));
+        assert!(brake.has_ended() && !brake.is_due());
     }
 
     #[test]
     fn brake_without_permission_ends_at_once_and_does_not_return() {
         let mut brake = StopBrake::default();
-        let _ = brake.step(DRIVEN, true, current(9.0));
-        assert_eq!(brake.step(Bridge::Off, true, current(9.0)), Bridge::Shorted);
-        assert_eq!(brake.step(Bridge::Off, false, current(9.0)), Bridge::Off);
-        assert_eq!(brake.step(Bridge::Off, true, current(9.0)), Bridge::Off);
+        brake.record_driven();
+        assert_eq!(brake.step(true, current(9.0)), Bridge::Shorted);
+        assert_eq!(brake.step(false, current(9.0)), Bridge::Off);
+        assert_eq!(brake.step(true, current(9.0)), Bridge::Off);
         assert!(!brake.is_shorted());
+    }
+
+    #[test]
+    fn bridge_that_opens_without_a_brake_has_no_current_to_wait_for() {
+        let mut brake = StopBrake::default();
+        brake.record_driven();
+        assert_eq!(brake.step(false, current(9.0)), Bridge::Off);
+        assert!(brake.has_ended());
     }
 }

@@ -43,7 +43,6 @@ pub(super) struct OperatingPoint {
 }
 
 /// Returns the reference vector for a torque-producing current within `+-limit_a`, and the limits that changed it.
-#[inline(always)]
 pub(super) fn limit(motor: &Motor, q_a: f32, at: &OperatingPoint) -> (Rotating, LoopFlags) {
     let room = (motor.braking_end_v - at.bus_v) * motor.braking_per_v;
     let (emf_v, reactive_v) =
@@ -54,19 +53,6 @@ pub(super) fn limit(motor: &Motor, q_a: f32, at: &OperatingPoint) -> (Rotating, 
     if fits && room >= 1.0 {
         return (Rotating { d: 0.0, q: q_a }, LoopFlags::empty());
     }
-    limit_in_corner(motor, q_a, at, room, radius_v)
-}
-
-/// Applies the limits of voltage and power.
-#[cold]
-fn limit_in_corner(
-    motor: &Motor,
-    q_a: f32,
-    at: &OperatingPoint,
-    room: f32,
-    radius_v: f32,
-) -> (Rotating, LoopFlags) {
-    let emf_v = at.electrical_rad_s * motor.flux_vs;
     let mut flags = LoopFlags::empty();
     let mut vector = Rotating { d: 0.0, q: q_a };
     if room < 1.0 {

@@ -38,6 +38,9 @@ pub const BUS_HOLD_CYCLES: u8 = 20;
 /// Maximum age of the load torque for a valid residual, s.
 const LOAD_TORQUE_HOLD_S: f32 = 0.1;
 
+/// Square of the share of the voltage circle from which the current is checked against it.
+const NEAR_CIRCLE: f32 = 0.8;
+
 /// Maximum sum of the three phase currents, as a share of the overcurrent limit.
 const IMBALANCE_SHARE: f32 = 0.1;
 
@@ -108,6 +111,8 @@ pub struct CurrentLoop<C> {
     bus_v: f32,
     bus_age: u8,
     driving: bool,
+    /// The last voltage was near the circle, so that the current may need a limit.
+    is_near_circle: bool,
     compensating: bool,
     /// Compensation current of the last cycle, A: the start of a cross-fade.
     feed_forward_a: f32,
@@ -128,6 +133,7 @@ impl<C: Compensate> CurrentLoop<C> {
             bus_v: 0.0,
             bus_age: u8::MAX,
             driving: false,
+            is_near_circle: false,
             compensating: false,
             feed_forward_a: 0.0,
             fade: 0.0,
@@ -362,6 +368,18 @@ impl<C: Compensate> CurrentLoop<C> {
     fn limit_vector(&self, limited_a: f32, flags: &mut LoopFlags) -> Rotating {
         let motor = &self.motor;
         let q = limited_a * motor.joint_direction;
+        // Both limits are far away in nearly every period.
+        let is_near_limit = self.is_near_circle | (self.bus_v > motor.braking_start_v);
+        if !is_near_limit {
+            return Rotating { d: 0.0, q };
+        }
+        self.limit_near_bounds(q, flags)
+    }
+
+    /// Applies the limits of voltage and braking power.
+    #[cold]
+    fn limit_near_bounds(&self, q: f32, flags: &mut LoopFlags) -> Rotating {
+        let motor = &self.motor;
         if !self.driving {
             return Rotating { d: 0.0, q };
         }
@@ -419,6 +437,7 @@ impl<C: Compensate> CurrentLoop<C> {
         if !self.driving {
             self.d = Integral::default();
             self.q = Integral::default();
+            self.is_near_circle = false;
             return;
         }
         // The bridge is open in this cycle; the integrals keep their values.
@@ -446,6 +465,8 @@ impl<C: Compensate> CurrentLoop<C> {
         }
         let radius = cycle.bus_v * motor.radius_per_bus;
         let (applied, limited) = limit(demand, radius);
+        let square = demand.d * demand.d + demand.q * demand.q;
+        self.is_near_circle = square > NEAR_CIRCLE * (radius * radius);
         cycle.flags |= LoopFlags::VOLTAGE_LIMITED.when(limited);
         self.d.update(&motor.d, error.d, demand.d, applied.d, radius);
         self.q.update(&motor.q, error.q, demand.q, applied.q, radius);

@@ -221,6 +221,7 @@ impl MotorParameters {
             overcurrent_a: self.overcurrent_a,
             bus_min_v: self.bus_voltage_min_v,
             bus_max_v: self.bus_voltage_max_v,
+            braking_start_v: BRAKING_DERATE_START * self.bus_voltage_max_v,
             braking_end_v: BRAKING_DERATE_END * self.bus_voltage_max_v,
             braking_per_v: 1.0
                 / ((BRAKING_DERATE_END - BRAKING_DERATE_START) * self.bus_voltage_max_v),
@@ -268,8 +269,9 @@ pub struct Motor {
     pub(super) overcurrent_a: f32,
     pub(super) bus_min_v: f32,
     pub(super) bus_max_v: f32,
-    /// Bus voltage at which braking is reduced to zero, V, and the share of the braking regained per volt below
+    /// Bus voltages from which braking is reduced and at which it is zero, V, and the share of the braking regained per volt below
     /// it.
+    pub(super) braking_start_v: f32,
     pub(super) braking_end_v: f32,
     pub(super) braking_per_v: f32,
     /// Length of the longest voltage vector in use, per bus voltage.

@@ -7,6 +7,7 @@ mod drive;
 mod network;
 mod pdos;
 mod requests;
+mod terms;
 mod values;
 mod velocity;
 
@@ -130,6 +131,8 @@ pub struct Device<F> {
     pub(super) profile: Profile,
     commissioning: commissioning::Run,
     over: OverCompensationWatch,
+    /// Covariates that the current loop received last.
+    covariates: Covariates,
     radial_force_watch: StuckWatch,
     pressure_watch: StuckWatch,
     /// Share of the compensation in use, 0..=1.
@@ -419,6 +422,7 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn check_seal_sensors(&mut self, covariates: &mut Covariates, now_us: u64) {
         self.radial_force_watch.update(&mut covariates.radial_force_n, now_us);
         self.pressure_watch.update(&mut covariates.pressure_diff_mpa, now_us);
+        self.covariates = *covariates;
     }
 
     pub(super) fn loop_commands(&self, now_us: u64) -> LoopCommands {

@@ -171,6 +171,7 @@ objects! {
     0x200A COMMISSIONING record("commissioning", CommissioningObject::ENTRIES);
     0x200B NETWORK record("network", NetworkObject::ENTRIES);
     0x200C COMMISSIONING_RUN record("commissioning_run", CommissioningRunObject::ENTRIES);
+    0x200D LIVE_TERMS variable("live_terms", Unsigned32, ReadOnly);
     0x2020 MODEL record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);

@@ -1,7 +1,8 @@
 //! Tests of a driver on its own sensors: set-points age, and a joint without commands stops.
 
 use super::bench::{Bench, NODE, frame};
-use compensator_core::can::{CommandFrame, JointKind, Message, SyncFrame};
+use compensator_core::TermKind;
+use compensator_core::can::{CommandFrame, JointKind, Message, MotionFrame, SealFrame, SyncFrame};
 use firmware::control::{Covariates, MotorParameters};
 use firmware::driver::{Boot, LoopReport};
 use firmware::node::dictionary::index;
@@ -328,4 +329,31 @@ fn commit_changes_the_set_number() {
     assert_ne!(bench.driver.loop_commands(0).set_number, before);
     bench.driver.receive(&frame(0, &[2, 1]), 0);
     assert!(!bench.driver.loop_commands(0).bridge);
+}
+
+#[test]
+fn terms_are_live_while_their_quantities_are_received() {
+    let mut bench = Bench::hil();
+    bench.start();
+    let term = |bench: &mut Bench, place: u8, kind: TermKind| {
+        bench.write(index::MODEL, place, &[kind as u8]).unwrap();
+    };
+    term(&mut bench, 3, TermKind::PressureCoulomb);
+    term(&mut bench, 4, TermKind::PositionRipple);
+    term(&mut bench, 5, TermKind::QuadraticDrag);
+    let live = |bench: &mut Bench| bench.number(index::LIVE_TERMS, 0);
+    assert_eq!(live(&mut bench), 0, "staged terms are not in use");
+    let staged = bench.number(index::COMMIT, 2);
+    bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
+    let bit = |kind: TermKind| 1u32 << kind as u8;
+    assert_eq!(live(&mut bench), bit(TermKind::QuadraticDrag));
+    bench.give(Message::Seal(NODE, SealFrame { radial_force_n: f32::NAN, pressure_diff_pa: 1e5 }));
+    bench.give(Message::Motion(NODE, MotionFrame { velocity_rad_s: 0.0, position_rad: 0.5 }));
+    let all = bit(TermKind::QuadraticDrag)
+        | bit(TermKind::PressureCoulomb)
+        | bit(TermKind::PositionRipple);
+    assert_eq!(live(&mut bench), all);
+    bench.pass_ms(60_000);
+    bench.sent();
+    assert_eq!(live(&mut bench), all & !bit(TermKind::PressureCoulomb), "old");
 }

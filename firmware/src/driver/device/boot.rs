@@ -3,6 +3,7 @@
 use super::network::LiveNetwork;
 use super::pdos::TRANSMIT_PDOS;
 use super::{Boot, Device, Identity, NOT_RECEIVED, commissioning, watch};
+use crate::control::Covariates;
 use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
 use crate::driver::counters::Counters;
 use crate::driver::loop_data::{Home, LoopReport};
@@ -98,6 +99,7 @@ impl<F: NorFlash> Device<F> {
             profile: Profile::default(),
             commissioning: commissioning::Run::default(),
             over: OverCompensationWatch::default(),
+            covariates: Covariates::MISSING,
             radial_force_watch: StuckWatch::default(),
             pressure_watch: StuckWatch::default(),
             compensation_left: 1.0,

@@ -178,6 +178,7 @@ impl<F: NorFlash> Device<F> {
                 self.code_count(code).ok_or(Abort::NoSubIndex)
             }
             index::WATCH => entry(&self.watch_state().words(), place),
+            index::LIVE_TERMS => Ok(self.live_terms()),
             index::NETWORK => entry(&self.network_state().words(), place),
             index::COMMIT => {
                 let (active_crc, staged_crc) =

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 pub fn rows() -> &'static [ScenarioRow] {
     static ROWS: LazyLock<Vec<ScenarioRow>> = LazyLock::new(|| {
         let stops = [
-            ("encoder angle frozen", EncoderFault::Frozen, 205.0),
+            ("encoder angle frozen", EncoderFault::Frozen, 2.0),
             ("encoder's line low (zeros)", EncoderFault::Low, 10.0),
             ("encoder's line open (ones)", EncoderFault::High, 5.0),
             ("every encoder word disturbed", EncoderFault::Disturbed(1.0), 5.0),

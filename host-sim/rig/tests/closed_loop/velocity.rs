@@ -115,7 +115,7 @@ fn gains() -> Vec<ScenarioRow> {
 /// Ways to stop the drive.
 fn stops() -> Vec<ScenarioRow> {
     let mut rows = Vec::new();
-    let spinning = |how: &dyn Fn(&mut Master)| {
+    let spinning = |how: &dyn Fn(&mut Master), ends_sync: bool| {
         Joint::with(set(0.9)).run(|master| {
             enable(master);
             (0..1000).for_each(|_| drive(master, 0x0F, 3.0));
@@ -125,7 +125,9 @@ fn stops() -> Vec<ScenarioRow> {
             let mut open_ms = 200.0;
             for ms in 0..200 {
                 master.rig.stage_mut().take_extremes();
-                master.rig.stop_sync();
+                if ends_sync {
+                    master.rig.stop_sync();
+                }
                 master.rig.step_idle();
                 if master.rig.stage_mut().take_extremes().driven_periods == 0 {
                     open_ms = f64::from(ms);
@@ -138,11 +140,12 @@ fn stops() -> Vec<ScenarioRow> {
     let quick: &dyn Fn(&mut Master) =
         &|master| master.rig.send_immediately(0x201, &[0x0B, 0, 0, 0, 0, 0, 0, 0]);
     let silent: &dyn Fn(&mut Master) = &|_| {};
-    for (what, how, limits) in [
-        ("quick stop", quick, 0.0..=2.0),
-        ("the master stops sending, SYNC too", silent, 97.0..=102.0),
+    for (what, how, ends_sync, limits) in [
+        ("quick stop", quick, true, 0.0..=2.0),
+        ("the master stops sending, SYNC too", silent, true, 97.0..=102.0),
+        ("the master stops sending, SYNC goes on", silent, false, 97.0..=102.0),
     ] {
-        let (speed, open_ms, armed) = spinning(how);
+        let (speed, open_ms, armed) = spinning(how, ends_sync);
         let name = format!("CSV at 3 rad/s: {what}");
         rows.push(row(16, &name, "speed before, rad/s", speed, 2.9..=3.1));
         rows.push(row(16, &name, "to open bridge, ms", open_ms, limits));

@@ -3,6 +3,8 @@
 use super::{Driver, sdo_message};
 use crate::cli::output::print_text;
 use canopen_rs::Address;
+use compensator_core::TermKind;
+use compensator_core::term::MAX_TERMS;
 use firmware::node::dictionary::records::NetworkObject;
 use firmware::node::dictionary::{FRAME_COUNTERS, index};
 use firmware::supervisor::Code;
@@ -59,6 +61,20 @@ impl Driver {
         Ok(Some(NetworkStatus { is_outside, outside_count, share, factors }))
     }
 
+    /// Reads the terms of the staged model, and whether each is live.
+    fn terms(&mut self) -> Result<Vec<(TermKind, bool)>, String> {
+        let live = self.number(index::LIVE_TERMS, 0)?;
+        let mut terms = Vec::new();
+        // The entries of the terms follow law and choices.
+        for place in 0..MAX_TERMS as u8 {
+            let number = self.number(index::MODEL, 3 + place)? as u8;
+            if let Some(kind) = TermKind::from_number(number) {
+                terms.push((kind, live >> number & 1 != 0));
+            }
+        }
+        Ok(terms)
+    }
+
     /// Prints the status.
     pub(super) fn status(&mut self, json: bool) -> Result<(), String> {
         let text = |client: &mut Client<Box<dyn Bus>>, at_index| {
@@ -81,6 +97,7 @@ impl Driver {
         };
         let out_of_band = self.number(index::WATCH, 3)?;
         let network = self.network()?;
+        let terms = self.terms()?;
         let panic = text(&mut self.client, index::LAST_PANIC)?;
         let refusal = text(&mut self.client, index::REFUSAL)?;
         let mut counters = Vec::new();
@@ -95,7 +112,8 @@ impl Driver {
                 "name": name, "hardware": hardware, "software": software, "state": state,
                 "faults": faults, "limits": limits, "source": source, "number": number,
                 "parameters_crc": format!("{crc:08x}"), "commissioned": commissioned, "model_in_band": in_band,
-                "windows_out_of_band": out_of_band, "network": network.as_ref().map(NetworkStatus::json), "last_panic": panic,
+                "windows_out_of_band": out_of_band, "terms": terms.iter().map(|(kind, is_live)| json!({"name": kind.name(), "live": is_live})).collect::<Vec<_>>(),
+                "network": network.as_ref().map(NetworkStatus::json), "last_panic": panic,
                 "last_refusal": refusal, "counters": counters,
             });
             let text = serde_json::to_string_pretty(&status).map_err(|e| e.to_string())?;
@@ -121,6 +139,9 @@ impl Driver {
                 Some(false) => "OUT OF BAND",
             },
         );
+        if !terms.is_empty() {
+            out += &format!("terms       {}\n", terms_in_words(&terms));
+        }
         if let Some(network) = network {
             out += &format!("network     {}\n", network.in_words());
         }
@@ -136,6 +157,18 @@ impl Driver {
     }
 }
 
+/// Returns the terms in words; a term without its input has no effect.
+fn terms_in_words(terms: &[(TermKind, bool)]) -> String {
+    let words = terms.iter().map(|(kind, is_live)| match (is_live, kind.reads()) {
+        (true, _) => format!("{} live", kind.name()),
+        (false, Some(quantity)) => {
+            format!("{} WITHOUT ITS INPUT ({})", kind.name(), quantity.info().label)
+        }
+        (false, None) => format!("{} not in use: commit the staged model", kind.name()),
+    });
+    words.collect::<Vec<_>>().join(", ")
+}
+
 /// Returns the names of the codes in a bit set; bit 0 is code number `first`.
 pub(super) fn codes(bits: u32, first: u8) -> Vec<&'static str> {
     let set = (0..32u8).filter(|bit| bits >> bit & 1 != 0);
@@ -149,6 +182,24 @@ mod tests {
     use compensator_core::network::reference;
     use joint_bus::bus::Hub;
     use joint_bus::joint::JointNode;
+
+    #[test]
+    fn terms_of_a_driver_are_live_only_with_their_inputs() {
+        let hub = Hub::new();
+        hub.attach(JointNode::start(NodeId::FIRST, None).expect("a driver"));
+        let bus: Box<dyn Bus> = Box::new(hub.port());
+        let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
+        assert!(driver.terms().expect("it answers").is_empty());
+        let mut set = driver.read_set().expect("its set");
+        set.friction.model.add_term(TermKind::PressureCoulomb);
+        set.friction.model.add_term(TermKind::QuadraticDrag);
+        driver.commit(&set).expect("it is valid");
+        let terms = driver.terms().expect("it answers");
+        assert_eq!(terms, [(TermKind::PressureCoulomb, false), (TermKind::QuadraticDrag, true)]);
+        let text = terms_in_words(&terms);
+        assert!(text.starts_with("pressure-coulomb WITHOUT ITS INPUT ("), "{text}");
+        assert!(text.ends_with("quadratic-drag live"), "{text}");
+    }
 
     #[test]
     fn network_status_is_present_only_for_a_driver_with_a_network() {

@@ -82,6 +82,8 @@ pub fn sequence() -> impl Iterator<Item = Inputs> {
         angle = (angle + velocity * gear * PERIOD_S) % TAU;
         let mut now = healthy(angle);
         let (sample, setpoint) = (&mut now.sample, &mut now.setpoint);
+        // The noise of an encoder: without it, a sudden stop would look like a frozen one.
+        sample.encoder ^= (update as u32 & 1) << 18;
         match update % UPDATES_PER_VELOCITY {
             1 => sample.valid.remove(ValidChannels::CURRENT_C),
             2 => sample.valid.remove(ValidChannels::ENCODER),

@@ -1,0 +1,44 @@
+//! Which extension terms of the model are live: their quantity is measured or received now.
+//!
+//! A term whose quantity is missing has no effect, and the model is then another one than was identified.
+
+use super::{Device, InputSource};
+use crate::log::log;
+use compensator_core::TermKind;
+use compensator_core::quantity::Quantity;
+use embedded_storage::nor_flash::NorFlash;
+
+impl<F: NorFlash> Device<F> {
+    /// Returns the live terms of the model in use, a bit per term by its number.
+    ///
+    /// A term that needs only the motion is always live. So is one whose column is selected by a parameter.
+    pub(in crate::driver) fn live_terms(&self) -> u32 {
+        let terms = self.set().friction.model.terms.iter();
+        terms.filter(|kind| self.is_live(**kind)).fold(0, |bits, kind| bits | 1 << *kind as u8)
+    }
+
+    fn is_live(&self, kind: TermKind) -> bool {
+        let Some(quantity) = kind.reads() else { return true };
+        if quantity == Quantity::Position {
+            return self.is_position_known();
+        }
+        let mut covariates = match self.settings.source {
+            InputSource::Sensors => self.covariates,
+            InputSource::Bus => self.received.covariates(0.0, self.now_us),
+        };
+        let hold_s = self.set().friction.compensator.hold_s;
+        covariates.get_mut(quantity).is_none_or(|reading| {
+            reading.value.is_finite() && reading.age_s >= 0.0 && reading.age_s <= hold_s
+        })
+    }
+
+    /// Logs the law and its terms.
+    pub(in crate::driver) fn log_model(&self) {
+        let model = &self.set().friction.model;
+        log!(info, "law {=str}, terms: {=usize}", model.law.name(), model.terms.len());
+        for _kind in &model.terms {
+            let _state = if self.is_live(*_kind) { "live" } else { "without its input" };
+            log!(info, "term {=str}: {=str}", _kind.name(), _state);
+        }
+    }
+}
