@@ -293,6 +293,16 @@ mod tests {
     }
 
     #[test]
+    fn stored_row_has_the_bits_of_the_first_call() {
+        // The parser of serde_json is exact to the last bit only with its feature `float_roundtrip`.
+        let seconds = Some(-3.9533703000000004);
+        let row = FleetRow { seconds, ..FleetRow::default() };
+        let bytes = serde_json::to_vec_pretty(&StoredRow { key: "a".into(), row }).unwrap();
+        assert_eq!(stored(&bytes, "a").and_then(|row| row.seconds), seconds);
+        assert_eq!(stored(&bytes, "b"), None);
+    }
+
+    #[test]
     fn publish_replaces_an_earlier_folder_as_a_whole() {
         let root = tempfile::tempdir().unwrap();
         let (new, place) = (root.path().join("new"), root.path().join("a/b"));
