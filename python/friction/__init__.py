@@ -17,14 +17,17 @@ from . import _core, fleet
 from ._core import Table, __version__
 from ._data import Data, log as _log
 from ._errors import DataError, FrictionError, ModelError
-from ._model import Model, Parameter
+from ._joints import each_joint
+from ._model import Export, Model, Parameter
 from ._progress import Progress, shown as _shown
-from ._results import Comparison, Diagnosis, Finding, Fit, Simulation, Size
+from ._results import Candidate, Comparison, Diagnosis, Finding, Fit, Simulation, Size
 
 __all__ = [
+    "Candidate",
     "Comparison",
     "DataError",
     "Diagnosis",
+    "Export",
     "Finding",
     "Fit",
     "FrictionError",
@@ -37,6 +40,7 @@ __all__ = [
     "__version__",
     "compare",
     "diagnose",
+    "each_joint",
     "fleet",
     "identify",
     "read_trace",

@@ -1,4 +1,4 @@
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, final
 
 from ._progress import Progress
@@ -13,6 +13,7 @@ __all__ = [
     "diagnose",
     "fit",
     "fleet_jobs",
+    "fleet_jobs_of",
     "fleet_task",
     "fleet_write",
     "laws",
@@ -69,6 +70,10 @@ class Diagnosis:
     def write(self, folder: str, threads: int = 0) -> None: ...
     @property
     def model(self) -> Model: ...
+    @property
+    def extended(self) -> Model: ...
+    @property
+    def baseline(self) -> Model: ...
 
 @final
 class Fits:
@@ -96,7 +101,7 @@ class Model:
     def parameters(self) -> list[tuple[str, float, str, float | None, str | None]]: ...
     @property
     def needs(self) -> list[str]: ...
-    def export(self, to: str) -> tuple[bytes, list[str]]: ...
+    def export(self, to: str) -> tuple[list[tuple[str, bytes]], list[str]]: ...
     def predict_log(
         self, log: Log, rows: int, has_torque: bool, threads: int = 0, progress: Progress | None = None
     ) -> list[float]: ...
@@ -125,6 +130,7 @@ def fit(
     progress: Progress | None = None,
 ) -> Fits: ...
 def fleet_jobs(root: str, out: str) -> list[tuple[str, str, list[str]]]: ...
+def fleet_jobs_of(root: str, files: Sequence[str]) -> list[tuple[str, str, list[str]]]: ...
 def fleet_task(
     log: Log,
     joint: str,
@@ -135,6 +141,8 @@ def fleet_task(
     model: str | None = None,
     fixed_model: str = "lugre",
     threads: int = 1,
+    addresses: Sequence[str] = ...,
+    earlier: Callable[[str], bytes | None] | None = None,
     progress: Progress | None = None,
 ) -> str: ...
 def fleet_write(out: str, rows: str, limits: Sequence[tuple[str, float]]) -> None: ...

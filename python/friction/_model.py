@@ -15,8 +15,9 @@ from ._data import Data, log, table
 from ._errors import FrictionError
 from ._progress import Progress, shown
 
-#: Forms of an export: the driver's flash record, Rust constants, a C header, MuJoCo and URDF elements.
-Form = Literal["record", "rust", "c", "mujoco", "urdf"]
+#: Forms of an export: the driver's flash record, Rust constants, a C header, the network's record, ONNX graphs, MuJoCo and URDF
+#: elements.
+Form = Literal["record", "rust", "c", "network", "onnx", "mujoco", "urdf"]
 
 _TORQUES = ("torque_nm", "force_n")
 
@@ -36,6 +37,35 @@ class Parameter:
     unit: str
     std_error: float | None
     state: str | None
+
+
+class Export(bytes):
+    """A model in another form: the content of its file, and what belongs to it.
+
+    Attributes:
+        name: Name of the file, as the command line names it.
+        further_files: Further files by name, for example the graph of the start beside that of one step.
+        notes: What the file omits and how it is used, one sentence each.
+    """
+
+    name: str
+    further_files: dict[str, bytes]
+    notes: tuple[str, ...]
+
+    @classmethod
+    def _of(cls, files: Sequence[tuple[str, bytes]], notes: Iterable[str]) -> Export:
+        (name, content), *further = files
+        export = cls(content)
+        export.name, export.further_files, export.notes = name, dict(further), tuple(notes)
+        return export
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Writes all files into a folder, which is created if missing, and returns it. Files of the same names are replaced."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in {self.name: self, **self.further_files}.items():
+            (folder / name).write_bytes(content)
+        return folder
 
 
 class Model:
@@ -115,16 +145,16 @@ class Model:
         rows = self._fitted().parameters
         return {name: Parameter(value, unit, error, state) for name, value, unit, error, state in rows}
 
-    def export(self, to: Form) -> bytes:
-        """Returns the model in another form, as the content of a file.
+    def export(self, to: Form) -> Export:
+        """Returns the model in another form: the bytes of a file, with ``notes`` on what it omits and how it is used.
 
         Args:
-            to: ``"record"``, ``"rust"``, ``"c"``, ``"mujoco"`` or ``"urdf"``.
+            to: ``"record"``, ``"rust"``, ``"c"``, ``"network"``, ``"onnx"``, ``"mujoco"`` or ``"urdf"``.
 
         Raises:
-            FrictionError: If the form does not support a term of the model.
+            FrictionError: If the form does not support a term of the model, or the model has no network for ``"network"``.
         """
-        return self._fitted().export(to)[0]
+        return Export._of(*self._fitted().export(to))
 
     def fit(self, data: Data, y: Any = None, *, progress: Progress | bool | None = None) -> Model:
         """Fits the model to all rows of a log and returns itself.

@@ -72,6 +72,41 @@ class Finding:
         )
 
 
+@dataclass(frozen=True)
+class Candidate:
+    """A cause that the diagnosis examined.
+
+    Attributes:
+        cause: Its name.
+        columns: The columns that it follows.
+        gain: Reduction of the squared error on held-out rows by this cause alone, as a share; below 0 if it makes the error larger.
+        p_value: Its significance, 0 to 1.
+        probability: Calibrated probability that it is present, 0 to 1.
+        passed: True if no rule rejected it.
+        rejected_because: Why it is not among the findings; empty if it is.
+    """
+
+    cause: str
+    columns: tuple[str, ...]
+    gain: float
+    p_value: float
+    probability: float
+    passed: bool
+    rejected_because: str
+
+    @classmethod
+    def _of(cls, candidate: Mapping[str, Any]) -> Candidate:
+        return cls(
+            cause=candidate["cause"],
+            columns=tuple(candidate["columns"]),
+            gain=candidate["gain"],
+            p_value=candidate["p_value"],
+            probability=candidate["probability"],
+            passed=candidate["passed"],
+            rejected_because=candidate.get("rejected_because", ""),
+        )
+
+
 class _Result:
     """A result with the files of the command line."""
 
@@ -96,7 +131,7 @@ class _Result:
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Writes the files of the command line into a folder, which is created if missing, and returns it.
 
-        Each file is written completely or not at all.
+        Each file is written completely or not at all, and replaces one of the same name.
 
         Raises:
             OSError: If the folder or a file cannot be written.
@@ -140,14 +175,37 @@ class Diagnosis(_Result):
         return tuple(self._document["story"])
 
     @property
+    def next_experiment(self) -> str:
+        """The measurement that would show more, in words."""
+        return str(self._document["next_experiment"])
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """All causes that were examined, each with its gain and the reason why it was rejected."""
+        return tuple(Candidate._of(candidate) for candidate in self._document["candidates"])
+
+    @property
     def log(self) -> tuple[str, ...]:
         """Problems of the log itself, one sentence each."""
         return tuple(str(finding["in_words"]) for finding in self._document["log"])
 
     @cached_property
     def model(self) -> Model:
-        """The extended model, or the base model if nothing was extended."""
+        """The model to use elsewhere: the extended one, or the base model if nothing was extended."""
         return Model._of(self._own.model, self._columns)
+
+    @cached_property
+    def baseline(self) -> Model:
+        """The base model, whose error is diagnosed."""
+        return Model._of(self._own.baseline, self._columns)
+
+    @cached_property
+    def extended(self) -> Model:
+        """The extended model as it was evaluated on this log.
+
+        It differs from ``model`` only if the log has no homed zero: the phase of a ripple is then that of this log alone.
+        """
+        return Model._of(self._own.extended, self._columns)
 
     def _repr_html_(self) -> str:
         return self._own.first_screen()
@@ -224,7 +282,10 @@ class Simulation:
         self.csv = csv
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Writes ``data.csv`` and ``truth.json`` into a folder, which is created if missing, and returns it."""
+        """Writes ``data.csv`` and ``truth.json`` into a folder, which is created if missing, and returns it.
+
+        Files of these names are replaced.
+        """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "data.csv").write_text(self.csv, encoding="utf-8")

@@ -9,7 +9,7 @@ are no tasks. Their engines give every group the columns of all files, or those 
 without an error. ``diagnose_group`` for ``applyInPandas`` states the columns that it needs instead.
 
 A task writes a folder of its own, which appears only when it is complete. A second call computes only what is missing or has
-changed.
+changed. Logs and results may be in an object store: ``diagnose("s3://bucket/logs", out="s3://bucket/out")``.
 """
 
 from __future__ import annotations
@@ -17,8 +17,6 @@ from __future__ import annotations
 import importlib
 import json
 import os
-import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -27,7 +25,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
-from . import _core
+from . import _core, _store
 from ._data import log as _log
 from ._errors import FrictionError
 
@@ -56,11 +54,11 @@ class Fleet:
 
     Attributes:
         rows: One row for each joint and campaign, also if its diagnosis failed (``error``).
-        out: Folder of the results.
+        out: Folder of the results; a str if it is an address.
     """
 
     rows: tuple[Row, ...]
-    out: Path
+    out: Path | str
 
     @property
     def failed(self) -> tuple[Row, ...]:
@@ -90,23 +88,26 @@ def diagnose(
     model: str | None = None,
     fixed_model: str = "lugre",
     limits: Mapping[str, float] | None = None,
+    storage_options: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], object] | None = None,
     **log: Any,
 ) -> Fleet:
     """Diagnoses the logs of a fleet, one task for each joint and campaign.
 
     Args:
-        data: A folder (``joint=.../campaign=.../*.csv``, ``JOINT/CAMPAIGN/*.csv``, ``JOINT/CAMPAIGN.csv`` or ``JOINT.csv``), or
-            the tasks.
-        out: Folder of the results: ``fleet.parquet``, ``fleet.html``, and a folder for each joint and campaign.
+        data: A folder (``joint=.../campaign=.../*.csv``, ``JOINT/CAMPAIGN/*.csv``, ``JOINT/CAMPAIGN.csv`` or ``JOINT.csv``), its
+            address for fsspec (``s3://bucket/logs``), or the tasks.
+        out: Folder of the results, or its address: ``fleet.parquet``, ``fleet.html``, and a folder for each joint and campaign.
         engine: ``"local"``: processes of this machine. Or a ``dask.distributed.Client``, the module ``ray``, a
-            ``SparkSession``, or an object with the methods of ``Engine``. On a cluster, ``out`` is a folder that all machines
-            share.
+            ``SparkSession``, or an object with the methods of ``Engine``. On a cluster, ``out`` is an address, or a folder that
+            all machines share.
         workers: Number of local processes; by default one for each core.
         retries: Further attempts for a task whose process was killed. A bad log is not tried again.
         model: Base model of the diagnoses; by default selected for each log.
         fixed_model: Model of the levels whose trends are tested, the same for all.
         limits: Levels at which a joint needs service, ``{"coulomb_torque": 3.0}``, Nm or N.
+        storage_options: Options of fsspec's file system for addresses, ``{"endpoint_url": "https://store.example"}``. They are
+            sent to the processes of the engine, so keep secrets in the environment.
         progress: Called with the number of finished tasks and of all tasks.
         log: How the logs are read, as for ``friction.diagnose``: columns, where, rigid_body, motion, as_logged, skip, decimate,
             rated_torque_nm, preset, skip_lines, loss, seed.
@@ -114,11 +115,13 @@ def diagnose(
     Raises:
         FrictionError: If there is no log, or a model or limit is unknown. Failures of single tasks are rows.
     """
-    folder = Path(out)
-    folder.mkdir(parents=True, exist_ok=True)
-    tasks = list(_tasks(data, folder))
+    place: Path | str = os.fspath(out) if _store.is_address(out) else Path(out)
+    if isinstance(place, Path):
+        place.mkdir(parents=True, exist_ok=True)
+    options = dict(storage_options or {})
+    tasks = list(_tasks(data, str(place), options))
     _log([], **log)  # A wrong option fails here, not in every task.
-    work = _Work(str(folder), model, fixed_model, tuple(sorted(log.items())))
+    work = _Work(str(place), model, fixed_model, tuple(sorted(log.items())), tuple(options.items()))
     runner = _engine(engine, workers)
     rows: dict[Task, list[Row]] = {}
     try:
@@ -129,8 +132,10 @@ def diagnose(
     finally:
         runner.close()
     ordered = [row for task in tasks for row in rows.get(task, [])]
-    _core.fleet_write(str(folder), json.dumps(ordered), list((limits or {}).items()))
-    return Fleet(tuple(ordered), folder)
+    with _store.results(str(place), options) as results:
+        folder = results.folder if results else str(place)
+        _core.fleet_write(folder, json.dumps(ordered), list((limits or {}).items()))
+    return Fleet(tuple(ordered), place)
 
 
 def diagnose_group(
@@ -180,58 +185,37 @@ class _Work:
     model: str | None
     fixed_model: str
     log: tuple[tuple[str, Any], ...]
+    storage_options: tuple[tuple[str, Any], ...] = ()
 
     def __call__(self, task: Task) -> list[Row]:
-        with _LocalFiles(task) as files:
+        options = dict(self.storage_options)
+        with _store.local_copies(task.files, options) as files, _store.results(self.out, options) as results:
             rows: list[Row] = json.loads(
                 _core.fleet_task(
                     _log([], **dict(self.log)),
                     task.joint,
                     task.campaign,
                     files,
-                    self.out,
+                    results.folder if results else self.out,
                     model=self.model,
                     fixed_model=self.fixed_model,
                     threads=1,
+                    addresses=task.files if list(task.files) != files else (),
+                    earlier=results.earlier_row if results else None,
                 )
             )
-        for row in rows:
-            row["files"] = list(task.files)
         return rows
 
 
-class _LocalFiles:
-    """The files of a task on this machine; those of an object store are copied, and removed at the end."""
-
-    def __init__(self, task: Task) -> None:
-        self._task = task
-        self._folder: str | None = None
-
-    def __enter__(self) -> list[str]:
-        if not any("://" in file for file in self._task.files):
-            return list(self._task.files)
-        fsspec: Any = importlib.import_module("fsspec")
-        self._folder = tempfile.mkdtemp(prefix="friction-")
-        copies = []
-        for place, file in enumerate(self._task.files):
-            # The same place in every call, so that the row of an earlier one is found by the contents.
-            copy = os.path.join(self._folder, f"{place}-{file.rsplit('/', 1)[-1]}")
-            with fsspec.open(file, "rb") as source, open(copy, "wb") as target:
-                shutil.copyfileobj(source, target)
-            copies.append(copy)
-        return copies
-
-    def __exit__(self, *_: object) -> None:
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-
-
-def _tasks(data: str | os.PathLike[str] | Iterable[Task], out: Path) -> Iterator[Task]:
-    if isinstance(data, (str, os.PathLike)):
-        for joint, campaign, files in _core.fleet_jobs(os.fspath(data), str(out)):
+def _tasks(data: str | os.PathLike[str] | Iterable[Task], out: str, options: Mapping[str, Any]) -> Iterator[Task]:
+    if not isinstance(data, (str, os.PathLike)):
+        yield from data
+    elif _store.is_address(data):
+        for joint, campaign, addresses in _store.find_logs(os.fspath(data), out, options):
+            yield Task(joint, campaign, addresses)
+    else:
+        for joint, campaign, files in _core.fleet_jobs(os.fspath(data), out):
             yield Task(joint, campaign, tuple(os.fspath(file) for file in files))
-        return
-    yield from data
 
 
 def _failure(task: Task, reason: object) -> Row:

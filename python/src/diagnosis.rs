@@ -51,6 +51,19 @@ impl Diagnosis {
         let outcome = diagnosis::transferable_model(&self.found);
         Model::of_fit("diagnose", &outcome, &self.input, self.found.auxiliary.clone())
     }
+
+    /// The extended model as it was evaluated on this log.
+    #[getter]
+    fn extended(&self) -> Model {
+        let auxiliary = self.found.auxiliary.clone();
+        Model::of_fit("diagnose", &self.found.extended, &self.input, auxiliary)
+    }
+
+    /// The base model, without extension.
+    #[getter]
+    fn baseline(&self) -> Model {
+        Model::of_fit("diagnose", &self.found.baseline, &self.input, None)
+    }
 }
 
 /// Diagnoses a log. `given` is a model to evaluate as it is, before its law is extended.

@@ -20,8 +20,10 @@ fn keyword(reference: Reference) -> String {
         format!("{{{}}}", pairs.join(", "))
     };
     match (reference.setting, value) {
-        (Setting::RatedTorque, _) => "rated_torque_nm=".into(),
+        (Setting::RatedTorque, _) => format!("rated_torque_nm={}", value.trim_end_matches("Nm")),
         (Setting::Columns, "") => "columns=".into(),
+        // The command line lists the columns of a file; a data frame lists them itself.
+        (Setting::Columns, "help") => "the header".into(),
         (Setting::Columns, _) => format!("columns={}", pairs(value)),
         (Setting::Where, _) => {
             let (column, values) = value.split_once('=').unwrap_or((value, ""));
@@ -30,29 +32,25 @@ fn keyword(reference: Reference) -> String {
         (Setting::Skip, _) => format!("skip={value}"),
         (Setting::Model, _) => format!("model={}", quoted(value)),
         (Setting::RigidBody, _) => "rigid_body=".into(),
+        (Setting::Preset, _) => format!("preset={}", quoted(value)),
+        (Setting::SkipLines, _) => format!("skip_lines={value}"),
+        (Setting::ExportFormat, _) => format!("to={}", quoted(value)),
     }
 }
 
-/// Options of the command line that texts of the library still name, with the keywords of this module.
-const OPTIONS: [(&str, &str); 6] = [
-    ("--columns ", "columns="),
-    ("--where ", "where="),
-    ("--from ", "preset="),
-    ("--skip-lines ", "skip_lines="),
-    ("--rated-torque", "rated_torque_nm="),
-    ("--loss ", "loss="),
-];
-
 /// Returns a message with every setting as a keyword.
 pub fn in_keywords(error: Error) -> String {
-    let message = error.worded(&keyword);
-    OPTIONS.iter().fold(message, |text, (option, keyword)| text.replace(option, keyword))
+    error.worded(&keyword)
+}
+
+/// Returns a text with every setting as a keyword.
+pub fn text_in_keywords(text: &str) -> String {
+    worded(text, &keyword)
 }
 
 /// Returns an error as an exception of `friction`.
 pub fn to_python(py: Python<'_>, error: Error) -> PyErr {
     let message = error.worded(&keyword);
-    let message = OPTIONS.iter().fold(message, |text, (option, own)| text.replace(option, own));
     let class = match &error {
         Error::Data(_) => "DataError",
         Error::Model(_) => "ModelError",

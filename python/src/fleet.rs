@@ -22,10 +22,24 @@ pub fn fleet_jobs(
     Ok(jobs.into_iter().map(|job| (job.joint, job.campaign, job.files)).collect())
 }
 
-/// Diagnoses the log of one joint and campaign into a folder below `out`, or takes an earlier result. Returns its rows as a JSON
-/// list. A log that cannot be diagnosed gives a row with its reason.
+/// Groups files, as paths below `root`, by joint and campaign. Returns joint, campaign and files of every log. No file is opened.
 #[pyfunction]
-#[pyo3(signature = (log, joint, campaign, files, out, *, model=None, fixed_model="lugre", threads=1, progress=None))]
+pub fn fleet_jobs_of(
+    py: Python<'_>,
+    root: PathBuf,
+    files: Vec<PathBuf>,
+) -> PyResult<Vec<(String, String, Vec<PathBuf>)>> {
+    let jobs = fleet::jobs_of_files(&root, files).map_err(|line| refused(py, &line))?;
+    Ok(jobs.into_iter().map(|job| (job.joint, job.campaign, job.files)).collect())
+}
+
+/// Diagnoses the log of one joint and campaign into a folder below `out`, or takes an earlier result. Returns its rows as a JSON
+/// list. A log that cannot be diagnosed gives a row with its reason. `earlier` returns the content of an earlier result's
+/// `row.json`, or None; it is called with the folder of the result. By default, earlier results are below `out`. `addresses` say
+/// where the files come from if they are copies.
+#[pyfunction]
+#[pyo3(signature = (log, joint, campaign, files, out, *, model=None, fixed_model="lugre", threads=1, addresses=vec![],
+    earlier=None, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "each is a keyword in Python")]
 pub fn fleet_task(
     py: Python<'_>,
@@ -37,6 +51,8 @@ pub fn fleet_task(
     model: Option<&str>,
     fixed_model: &str,
     threads: usize,
+    addresses: Vec<String>,
+    earlier: Option<Py<PyAny>>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let parse = |name| Spec::parse(name).map_err(|error| to_python(py, error.into()));
@@ -45,11 +61,22 @@ pub fn fleet_task(
     options.model = model.map(parse).transpose()?;
     options.fixed_model = parse(fixed_model)?;
     options.worded = in_keywords;
-    let job = FleetJob { joint, campaign, files };
+    let job = FleetJob { joint, campaign, files, addresses };
     compute(py, threads, progress, || {
         std::fs::create_dir_all(&options.out)
             .map_err(|error| format!("{}: {error}", options.out.display()))?;
-        let rows = fleet::run_task(&job, &options);
+        let rows = match &earlier {
+            None => fleet::run_task(&job, &options),
+            Some(earlier) => {
+                let read = |folder: &str| {
+                    let bytes = |py: Python<'_>| {
+                        earlier.call1(py, (folder,))?.extract::<Option<Vec<u8>>>(py)
+                    };
+                    Python::attach(bytes).map_err(|error| error.to_string())
+                };
+                fleet::run_task_beside(&job, &options, &read)
+            }
+        };
         serde_json::to_string(&rows).map_err(|error| Error::Request(error.to_string()))
     })
 }

@@ -33,6 +33,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(fits::fit, module)?)?;
     module.add_function(wrap_pyfunction!(fits::laws, module)?)?;
     module.add_function(wrap_pyfunction!(fleet::fleet_jobs, module)?)?;
+    module.add_function(wrap_pyfunction!(fleet::fleet_jobs_of, module)?)?;
     module.add_function(wrap_pyfunction!(fleet::fleet_task, module)?)?;
     module.add_function(wrap_pyfunction!(fleet::fleet_write, module)?)?;
     module.add_function(wrap_pyfunction!(log::read, module)?)?;

@@ -1,7 +1,7 @@
 //! A friction model that predicts torque with the core's own step.
 
 use crate::computation::compute;
-use crate::error::{refused, wrong_model};
+use crate::error::{refused, text_in_keywords, wrong_model};
 use crate::log::Log;
 use crate::table::Table;
 use compensator_core::{ParameterId, Parameters};
@@ -89,28 +89,25 @@ impl Model {
         self.parameters.active().map(row).collect()
     }
 
-    /// Returns a model in another form, and notes on what the form omits.
+    /// Returns a model in another form as files, each a name and its content, and notes on what the form omits.
+    #[expect(clippy::type_complexity, reason = "files, named in Python")]
     fn export<'py>(
         &self,
         py: Python<'py>,
         to: &str,
-    ) -> PyResult<(Bound<'py, PyBytes>, Vec<String>)> {
-        let formats = [
-            ("record", ExportFormat::Record),
-            ("rust", ExportFormat::Rust),
-            ("c", ExportFormat::C),
-            ("mujoco", ExportFormat::Mujoco),
-            ("urdf", ExportFormat::Urdf),
-        ];
-        let format = formats.iter().find(|(name, _)| *name == to).map(|(_, format)| *format);
-        let Some(format) = format else {
-            let known = formats.map(|(name, _)| name).join(", ");
+    ) -> PyResult<(Vec<(&'static str, Bound<'py, PyBytes>)>, Vec<String>)> {
+        let Some(format) = ExportFormat::parse(to) else {
+            let known = ExportFormat::ALL.map(ExportFormat::name).join(", ");
             return Err(refused(py, &format!("to={to:?}: expected one of {known}")));
         };
         let failed = |error: String| refused(py, &error);
         let file: ParameterFile = params::parse(&self.toml, &[]).map_err(failed)?;
         let exported = export(&file, format, "params.toml").map_err(failed)?;
-        Ok((PyBytes::new(py, &exported.content), exported.notes))
+        let further = exported.further_files.iter().map(|(name, content)| (*name, content));
+        let files = std::iter::once((format.file_name(&file), &exported.content)).chain(further);
+        let files = files.map(|(name, content)| (name, PyBytes::new(py, content))).collect();
+        let notes = exported.notes.iter().map(|note| text_in_keywords(note)).collect();
+        Ok((files, notes))
     }
 
     /// Returns the torque of each row of a log's only table; NaN for rows that cannot be used. The state at the start of

@@ -56,6 +56,19 @@ def test_diagnosis_names_the_hidden_cause(found):
     assert repr(found).startswith("<Diagnosis pressure-coulomb")
 
 
+def test_diagnosis_properties_equal_its_document(found):
+    document = found.to_dict()
+    assert found.next_experiment == document["next_experiment"] != ""
+    assert [one.cause for one in found.candidates] == [one["cause"] for one in document["candidates"]]
+    assert any(one.rejected_because for one in found.candidates)
+    assert all(not one.rejected_because for one in found.candidates if one.cause == found.cause)
+    for model, name in ((found.baseline, "baseline"), (found.extended, "extended"), (found.model, "extended")):
+        assert model.name == document[name]["model"]
+        for parameter, value in document[name]["params"].items():
+            assert model.parameters[parameter].value == value["value"]
+    assert "pressure-coulomb" in found.extended.name and "pressure-coulomb" not in found.baseline.name
+
+
 def test_diagnosis_pages_and_files_equal_command_line(found, plain, tmp_path):
     assert found.html().startswith("<!DOCTYPE html>")
     screen = found._repr_html_()
@@ -125,6 +138,32 @@ def test_model_saved_and_loaded_has_the_same_values(found, tmp_path):
     assert loaded.export("urdf").startswith(b"<")
     with pytest.raises(friction.ModelError, match="joint: missing"):
         friction.Model.from_toml("schema = 1\n")
+
+
+@pytest.mark.parametrize("form", ["record", "rust", "c", "onnx", "mujoco", "urdf"])
+def test_export_equals_command_line(found, plain, tmp_path, form):
+    found.model.save(tmp_path / "params.toml")
+    exported = found.model.export(form)
+    own = exported.save(tmp_path / "own")
+    document = conftest.document(tmp_path, "export", "params.toml", "--to", form, "--out", "cli")
+    theirs = tmp_path / "cli"
+    assert sorted(path.name for path in own.iterdir()) == sorted(path.name for path in theirs.iterdir())
+    assert all((own / path.name).read_bytes() == path.read_bytes() for path in theirs.iterdir())
+    assert exported == (theirs / exported.name).read_bytes() and isinstance(exported, bytes)
+    assert list(exported.notes) == document["notes"] != []
+
+
+def test_export_of_a_form_without_support_names_it_in_keywords(found):
+    with pytest.raises(friction.FrictionError, match="found no section .network."):
+        found.model.export("network")
+    with pytest.raises(friction.FrictionError, match='to="pdf": expected one of record, rust, c, network, onnx'):
+        found.model.export("pdf")
+
+
+def test_export_with_unsupported_term_suggests_forms_in_keywords(plain):
+    model = friction.identify(plain.path, "linear+backlash", starts=1).model
+    with pytest.raises(friction.FrictionError, match='use to="rust" or to="record"'):
+        model.export("c")
 
 
 def test_model_works_with_group_k_fold(plain):
@@ -214,10 +253,31 @@ def test_data_error_states_file_row_and_column(plain):
     assert raised.value.found == '"off"'
     with pytest.raises(friction.DataError, match='row 2, column torque_nm: found "off"'):
         friction.diagnose(text)
+    with pytest.raises(friction.DataError) as raised:
+        friction.diagnose({"time": [0.0], "0x606C:00": [1.0], "0x6077:00": [1.0]}, preset="ethercat", name="drive")
+    assert str(raised.value).startswith('drive: preset="ethercat": found velocity_rad_s in 0x606C:00')
+    assert 'columns={"velocity_rad_s": "0x606C:00:UNIT"}' in raised.value.expected
     several = pandas.concat([frame.assign(joint=1), frame.assign(joint=2)])
     with pytest.raises(friction.DataError) as raised:
         friction.diagnose(several)
     assert raised.value.joints == ("1", "2") and 'where={"joint": "1"}' in str(raised.value)
+
+
+def test_each_joint_equals_each_joint_of_the_command_line(plain, tmp_path):
+    frame = as_pandas(plain)
+    both = pandas.concat([frame.assign(joint="left"), frame.assign(joint="right", torque_nm=1.1 * frame["torque_nm"])])
+    both.to_csv(tmp_path / "robot.csv", index=False)
+    fits = friction.each_joint(friction.identify, tmp_path / "robot.csv", "linear")
+    result = conftest.host_sim(tmp_path, "identify", tmp_path / "robot.csv", "--model", "linear", "--out", "cli")
+    assert result.returncode == 0, result.stderr
+    assert list(fits) == ["left", "right"]
+    for joint, own in fits.items():
+        theirs = json.loads((tmp_path / "cli" / f"joint-{joint}" / "fit.json").read_text())
+        assert comparable(own.to_dict()) == comparable(theirs)
+    assert list(friction.each_joint(friction.identify, frame, "linear")) == [""]
+    both.loc[both["joint"] == "right", "torque_nm"] = 1.0
+    with pytest.raises(friction.DataError, match="^joint right: .*torque"):
+        friction.each_joint(friction.identify, both, "linear")
 
 
 def test_column_of_lists_is_left_out_or_rejected(plain):

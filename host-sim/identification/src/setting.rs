@@ -20,6 +20,12 @@ pub enum Setting {
     Model,
     /// Rigid-body parts of the torque column.
     RigidBody,
+    /// The tool that wrote the log.
+    Preset,
+    /// Lines of text above the header.
+    SkipLines,
+    /// Form of an exported model.
+    ExportFormat,
 }
 
 /// A reference to a setting in a message.
@@ -40,8 +46,17 @@ const VALUE: char = '\u{3}';
 const END: char = '\u{4}';
 
 impl Setting {
-    const ALL: [Self; 6] =
-        [Self::Columns, Self::Where, Self::Skip, Self::RatedTorque, Self::Model, Self::RigidBody];
+    const ALL: [Self; 9] = [
+        Self::Columns,
+        Self::Where,
+        Self::Skip,
+        Self::RatedTorque,
+        Self::Model,
+        Self::RigidBody,
+        Self::Preset,
+        Self::SkipLines,
+        Self::ExportFormat,
+    ];
 
     /// Returns the setting's name in words.
     pub fn name(self) -> &'static str {
@@ -52,21 +67,24 @@ impl Setting {
             Self::RatedTorque => "rated torque",
             Self::Model => "model",
             Self::RigidBody => "rigid body",
+            Self::Preset => "preset",
+            Self::SkipLines => "skip lines",
+            Self::ExportFormat => "format",
         }
     }
 
     /// Returns a reference to the setting as such, for a message.
-    pub(crate) fn alone(self) -> String {
+    pub fn alone(self) -> String {
         self.given("")
     }
 
     /// Returns a reference to the setting with the value that the user gave, for a message.
-    pub(crate) fn given(self, value: impl fmt::Display) -> String {
+    pub fn given(self, value: impl fmt::Display) -> String {
         format!("{BEGIN_GIVEN}{}{VALUE}{value}{END}", self.name())
     }
 
     /// Returns a reference to the setting with a value that the user can take over, for a message.
-    pub(crate) fn suggested(self, value: impl fmt::Display) -> String {
+    pub fn suggested(self, value: impl fmt::Display) -> String {
         format!("{BEGIN_SUGGESTED}{}{VALUE}{value}{END}", self.name())
     }
 }

@@ -31,6 +31,7 @@ mod terms;
 use compensator_core::network::record as network_record;
 use compensator_core::record;
 use friction_identification::params::ParameterFile;
+use friction_identification::setting::Setting;
 
 /// Format of an exported model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +54,33 @@ pub enum ExportFormat {
 }
 
 impl ExportFormat {
+    /// All formats.
+    pub const ALL: [Self; 7] =
+        [Self::Record, Self::Rust, Self::C, Self::Network, Self::Onnx, Self::Mujoco, Self::Urdf];
+
+    /// Returns the name of the format for users.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Record => "record",
+            Self::Rust => "rust",
+            Self::C => "c",
+            Self::Network => "network",
+            Self::Onnx => "onnx",
+            Self::Mujoco => "mujoco",
+            Self::Urdf => "urdf",
+        }
+    }
+
+    /// Returns the format with this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|format| format.name() == name)
+    }
+
+    /// Returns a reference to the format, for a message.
+    fn setting(self) -> String {
+        Setting::ExportFormat.given(self.name())
+    }
+
     /// Returns the name of the output file for a model.
     pub fn file_name(self, file: &ParameterFile) -> &'static str {
         match self {
@@ -75,7 +103,8 @@ pub struct ExportedModel {
     pub content: Vec<u8>,
     /// Further files with their names, to be written into the same folder.
     pub further_files: Vec<(&'static str, Vec<u8>)>,
-    /// Notes for the user, one sentence each: what the file omits and how it is used.
+    /// Notes for the user, one sentence each: what the file omits and how it is used. They may refer to settings, which a front
+    /// end names with [`friction_identification::setting::worded`].
     pub notes: Vec<String>,
 }
 
@@ -92,7 +121,7 @@ const DRIVER_START: &str = "a driver starts at a bristle torque of 0, because it
 /// Exports a model. `source` is the name of its parameter file and appears in the header of the output.
 ///
 /// # Errors
-/// Returns one line that names a term which the format does not support, and formats that do.
+/// Returns one line that names a term which the format does not support, and formats that do. It may refer to settings.
 pub fn export(
     file: &ParameterFile,
     format: ExportFormat,
@@ -100,11 +129,12 @@ pub fn export(
 ) -> Result<ExportedModel, String> {
     let mut export = export_without_notes(file, format, source)?;
     if file.network.is_some() && !matches!(format, ExportFormat::Network | ExportFormat::Onnx) {
-        export.notes.push(
+        export.notes.push(format!(
             "the network that scales the levels and the stiffness is not included: this is the law with its constant parameters \
-             (--to network and --to onnx export the network)"
-                .into(),
-        );
+             ({} and {} export the network)",
+            ExportFormat::Network.setting(),
+            ExportFormat::Onnx.setting(),
+        ));
     }
     Ok(export)
 }
@@ -141,8 +171,11 @@ fn export_without_notes(
                 ),
                 "the factors multiply coulomb_torque, static_torque and bristle_stiffness of the law; the step of the law is not in the graph"
                     .into(),
-                "start the law from the first measured torque, as --to c and --to rust do: from a bristle torque of 0, its torque is wrong until the joint leaves presliding"
-                    .into(),
+                format!(
+                    "start the law from the first measured torque, as {} and {} do: from a bristle torque of 0, its torque is wrong until the joint leaves presliding",
+                    ExportFormat::C.setting(),
+                    ExportFormat::Rust.setting(),
+                ),
             ],
         )),
         ExportFormat::Record => Ok(ExportedModel::new(

@@ -12,9 +12,9 @@ mod page;
 pub mod statistics;
 mod task;
 
-pub use jobs::{FleetJob, find_jobs};
+pub use jobs::{FleetJob, find_jobs, jobs_of_files};
 pub use page::page;
-pub use task::{FleetOptions, run_task, write_fleet};
+pub use task::{FleetOptions, ROW_FILE, ReadEarlierRow, run_task, run_task_beside, write_fleet};
 
 use crate::table_file::{TableColumn, TableFile};
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,7 @@
 //! `export`: writes a fitted model for a user's own control loop, a driver's flash, or a simulator.
 
 use super::output::{OutputArguments, print_text};
+use super::words::text_in_options;
 use crate::driver_file;
 use friction_results::export::{ExportFormat, export};
 use serde_json::json;
@@ -23,8 +24,10 @@ pub struct ExportArguments {
 pub fn run(arguments: &ExportArguments) -> Result<(), String> {
     let file = driver_file::read(&arguments.params).map_err(|error| error.to_string())?;
     let name = arguments.params.file_name().unwrap_or_default().to_string_lossy();
-    let with_path = |error| format!("{}: {error}", arguments.params.display());
-    let exported = export(&file, arguments.to, &name).map_err(with_path)?;
+    let with_path =
+        |error: String| format!("{}: {}", arguments.params.display(), text_in_options(&error));
+    let mut exported = export(&file, arguments.to, &name).map_err(with_path)?;
+    exported.notes.iter_mut().for_each(|note| *note = text_in_options(note));
     let name = arguments.to.file_name(&file);
     let further = exported.further_files.iter().map(|(name, content)| (*name, content.as_slice()));
     let files: Vec<(&str, &[u8])> =

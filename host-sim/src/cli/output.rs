@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 /// Output folder and output format.
 #[derive(Args, Clone, Debug, Default)]
 pub struct OutputArguments {
-    /// Folder for the result files; it is created if missing. Default: `out`, and for commands that read logs a folder
+    /// Folder for the result files; it is created if missing, and files of the same names are replaced. Default: `out`, and for commands that read logs a folder
     /// named after command and path of the log, such as `out/diagnose-my-log` or `out/diagnose-monday-my-log`
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,

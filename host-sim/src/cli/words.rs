@@ -20,6 +20,9 @@ fn option(reference: Reference) -> String {
         Setting::RatedTorque => "--rated-torque",
         Setting::Model => "--model",
         Setting::RigidBody => "--rigid-body",
+        Setting::Preset => "--from",
+        Setting::SkipLines => "--skip-lines",
+        Setting::ExportFormat => "--to",
     };
     match reference.value {
         "" => option.to_owned(),

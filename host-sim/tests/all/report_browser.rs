@@ -7,6 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::browser::{chromium, open};
+use friction_results::fleet::{self, FleetRow, Level};
 use friction_results::report::{
     Axis, Best, Block, Cell, Chart, Page, Series, Table, thin_scatter, thin_series,
 };
@@ -240,6 +241,8 @@ fn framed(page: &Path, width_px: u32) -> PathBuf {
             document.body.dataset.drawn = page.querySelectorAll(".js-plotly-plot").length;
             document.body.dataset.beyond = page.documentElement.scrollWidth - page.documentElement.clientWidth;
             document.body.dataset.out = said.join("; ");
+            const scrolls = [...page.querySelectorAll(".records")].filter(each => each.scrollWidth > each.clientWidth);
+            document.body.dataset.scrolls = scrolls.map(each => each.textContent.slice(0, 60)).join("; ");
             const box = name => page.querySelector(".lead-" + name)?.getBoundingClientRect();
             const parts = ["first", "main", "rest", "below"].filter(box);
             parts.sort((a, b) => box(a).top - box(b).top || box(a).left - box(b).left);
@@ -264,6 +267,36 @@ fn page_of_400_px_width_has_no_overflow() {
     assert_eq!(said("out").as_deref(), Some(""));
     assert_eq!(said("beyond").as_deref(), Some("0"));
     assert_eq!(said("drawn").as_deref(), Some("5"));
+}
+
+#[test]
+fn fleet_page_of_400_px_width_shows_rows_without_scrolling() {
+    let Some(chromium) = chromium() else { return };
+    let row = |at: usize| FleetRow {
+        joint: format!("line-{}-robot-{at:02}-shoulder_lift", at % 3),
+        campaign: format!("2026-0{}-01", 1 + at % 6),
+        error: (at == 7).then(|| format!("/data/logs/{}/a.csv: found no rows", "x".repeat(80))),
+        cause: "temperature-viscous".into(),
+        probability: Some(0.9312),
+        gain: Some(0.312),
+        levels: [
+            Some(Level {
+                value: if at < 3 { 3.0 } else { 1.0 + 0.01 * at as f64 },
+                std_error: 0.01,
+            }),
+            None,
+            None,
+        ],
+        report: "joint=a/report.html".into(),
+        ..FleetRow::default()
+    };
+    let rows: Vec<FleetRow> = (0..40).map(row).collect();
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fleet_narrow.html");
+    fleet::page(&rows, &[]).write(&file).expect("written");
+    let said = read_frame(&chromium, &framed(&file, 400));
+    assert_eq!(said("out").as_deref(), Some(""));
+    assert_eq!(said("beyond").as_deref(), Some("0"));
+    assert_eq!(said("scrolls").as_deref(), Some(""));
 }
 
 /// Opens a framed page and returns what its script recorded, by name.

@@ -23,6 +23,7 @@ use super::header::{Layout, OptionalColumn};
 use super::row::LogRow;
 use super::split::are_equal;
 use super::survey::{ColumnSamples, Survey};
+use crate::setting::Setting;
 use compensator_core::quantity::JointKind;
 
 /// Maximum share of bad rows in a file. Above it, the file is probably misread and reading fails.
@@ -45,13 +46,14 @@ fn value_error(cell: Option<f64>, is_unbounded: bool) -> Option<&'static str> {
 }
 
 /// Returns the expected content of a rejected cell, with a hint if the cell holds a list.
-fn expected_content(error: &'static str, cell: &[u8]) -> &'static str {
+fn expected_content(error: &'static str, cell: &[u8]) -> Cow<'static, str> {
     if is_list(cell) {
-        "a number; of a list, --columns NAME=COLUMN[0] takes the first"
+        let first = Setting::Columns.suggested("NAME=COLUMN[0]");
+        format!("a number; of a list, {first} takes the first").into()
     } else if is_ambiguous_comma(cell) {
-        "a number with a point, as 1234.5: this comma may separate thousands or be the decimal point"
+        "a number with a point, as 1234.5: this comma may separate thousands or be the decimal point".into()
     } else {
-        error
+        error.into()
     }
 }
 
@@ -270,7 +272,7 @@ impl<'a> Cleaner<'a> {
                     let index = column.reading.index;
                     let (name, text) = (&self.layout.names[index], row.text(index));
                     let expected = expected_content(error, &text);
-                    tally.add_other(self.file, number, name, &text, expected);
+                    tally.add_other(self.file, number, name, &text, &expected);
                     label.add(&text);
                 }
             }
@@ -301,8 +303,8 @@ impl<'a> Cleaner<'a> {
         let column = self.layout.required[at].index;
         let text = row.text(column);
         let date = if at == 0 { self.time_error(row, &text) } else { None };
-        let expected = date.unwrap_or_else(|| expected_content(error, &text));
-        self.reject_row(number, Some(column), quoted(&text), expected);
+        let expected = date.map_or_else(|| expected_content(error, &text), Cow::Borrowed);
+        self.reject_row(number, Some(column), quoted(&text), &expected);
     }
 
     /// Returns what is expected instead of a date that cannot be read: that of the time column, or that beside it.

@@ -264,8 +264,11 @@ pub(super) fn layout(
     let Some(preset) = options.preset else {
         let suggested = Preset::recognise(&names);
         return interpret(file, names.names, options).map_err(|error| match suggested {
-            Some(preset) => error
-                .with_hint(&format!("this looks like a log of {0}: add --from {0}", preset.name())),
+            Some(preset) => {
+                let name = preset.name();
+                let add = Setting::Preset.suggested(name);
+                error.with_hint(&format!("this looks like a log of {name}: add {add}"))
+            }
             None => error,
         });
     };

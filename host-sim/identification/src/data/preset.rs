@@ -13,7 +13,7 @@ use super::column_names::ColumnNames;
 use super::error::{DataError, listed};
 use super::options::ReadOptions;
 use super::unit;
-use crate::setting::shell_word;
+use crate::setting::{Setting, shell_word};
 use table::{Pattern, PresetUnit, Rule};
 
 /// A tool whose logs have known column names and units.
@@ -288,13 +288,17 @@ impl Search<'_> {
             }
             (PresetUnit::Rated(percent), None) => Err(self.request(
                 format!("{column} in {name}, in {percent} % of a torque that is not in the log"),
-                "--rated-torque, such as --rated-torque 1.2Nm".into(),
+                format!(
+                    "{}, such as {}",
+                    Setting::RatedTorque.alone(),
+                    Setting::RatedTorque.suggested("1.2Nm")
+                ),
             )),
             (PresetUnit::Unknown(example), _) => Err(self.request(
                 format!("{column} in {name}, whose unit is not in the log"),
                 format!(
-                    "--columns {}, with UNIT such as {example}",
-                    shell_word(&format!("{column}={name}:UNIT"))
+                    "{}, with UNIT such as {example}",
+                    Setting::Columns.suggested(format!("{column}={name}:UNIT"))
                 ),
             )),
         }
@@ -310,7 +314,8 @@ impl Search<'_> {
     }
 
     fn request(&self, found: String, expected: String) -> DataError {
-        let what = format!("{}: --from {}", self.file.display(), self.preset.name());
+        let preset = Setting::Preset.given(self.preset.name());
+        let what = format!("{}: {preset}", self.file.display());
         DataError::Request { what, found, expected }
     }
 
@@ -318,7 +323,10 @@ impl Search<'_> {
         let example = rule.patterns[0].words.trim_start_matches('=');
         self.request(
             format!("no column for {}, such as \"{example}\"", rule.column),
-            format!("--columns {}=NAME, or another preset", rule.column),
+            format!(
+                "{}, or another preset",
+                Setting::Columns.suggested(format!("{}=NAME", rule.column))
+            ),
         )
     }
 
@@ -343,7 +351,7 @@ impl Search<'_> {
         let pairs: Vec<String> = found.iter().map(pair).collect();
         self.request(
             format!("{} columns for {} ({})", names.len(), rule.column, listed(&names)),
-            format!("one: --columns {}", shell_word(&pairs.join(","))),
+            format!("one: {}", Setting::Columns.suggested(pairs.join(","))),
         )
     }
 }

@@ -36,6 +36,7 @@ mod windows_1252;
 use super::clean::FileData;
 use super::error::DataError;
 use super::options::ReadOptions;
+use crate::setting::Setting;
 use format::{HEAD_BYTES, Input, LogFormat};
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -168,7 +169,7 @@ fn refuse_without_lines(path: &Path, head: &[u8], skip: usize) -> Result<(), Dat
         return Ok(());
     };
     Err(DataError::Request {
-        what: format!("{}: --skip-lines {skip}", path.display()),
+        what: format!("{}: {}", path.display(), Setting::SkipLines.given(skip)),
         found,
         expected: "a table as text below the lines".into(),
     })

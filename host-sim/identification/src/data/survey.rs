@@ -12,7 +12,7 @@ use super::preset::Preset;
 use super::row::LogRow;
 use super::source::read_file;
 use super::{guess, unit};
-use crate::setting::shell_word;
+use crate::setting::{Setting, shell_word};
 use std::path::Path;
 
 /// Number of rows that are looked at.
@@ -201,7 +201,7 @@ pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> Da
             true => format!("{count} columns and none with a usual name"),
             false => format!("{count} columns, likely {}", listed(&likely)),
         };
-        expected += "; --columns help lists all";
+        expected += &format!("; {} lists all", Setting::Columns.given("help"));
     }
     DataError::MissingColumns { file, found, expected, missing, count }
 }

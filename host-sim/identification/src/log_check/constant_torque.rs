@@ -1,8 +1,9 @@
 //! Torques that hold no information: one value throughout, or one in each run while the motion of the run changes.
 
-use super::{header, shell_word};
+use super::header;
 use crate::data::{DataError, Dataset, Run};
 use crate::number::figure;
+use crate::setting::Setting;
 use compensator_core::quantity::Quantity;
 
 /// Maximum range of a constant torque, as a share of its largest magnitude. A file rounds to more than six digits.
@@ -37,12 +38,12 @@ pub fn constant_torque(data: &Dataset) -> Option<DataError> {
         return None;
     };
     let other = torque_column(data).unwrap_or_else(|| "NAME".into());
-    let pair = shell_word(&format!("{name}={other}"));
+    let pair = Setting::Columns.suggested(format!("{name}={other}"));
     Some(DataError::File {
         file: data.files.first().cloned().unwrap_or_default(),
         found,
         expected: format!(
-            "a torque that changes with the motion: check that its channel was logged, or --columns {pair} if another \
+            "a torque that changes with the motion: check that its channel was logged, or {pair} if another \
              column holds it"
         ),
     })
@@ -105,7 +106,7 @@ mod tests {
     fn constant_torque_with_one_value_names_other_column() {
         let error = constant_torque(&log(|_, _| 1.253, sine)).expect("a refusal").to_string();
         assert!(error.contains("found 1.253 Nm in all 150 rows of torque_nm"), "{error}");
-        assert!(error.contains("--columns torque_nm=tau_2 if"), "{error}");
+        assert!(error.contains("columns torque_nm=tau_2 if"), "{error}");
         let rounded = |_, row: usize| 1.253 + 1e-9 * row as f64;
         assert!(constant_torque(&log(rounded, sine)).is_some());
         assert!(constant_torque(&log(|_, _| 0.0, sine)).is_some());

@@ -6,6 +6,7 @@ use super::log::Log;
 use super::{header, typed};
 use crate::data::{DataError, Dataset};
 use crate::number::figure;
+use crate::setting::Setting;
 
 /// Plausible rates of a log of friction, Hz. Slow logs of steady speeds have about 4 Hz.
 const PLAUSIBLE_RATES_HZ: (f64, f64) = (2.5, 2e5);
@@ -54,12 +55,15 @@ pub fn impossible(data: &Dataset) -> Option<DataError> {
     let each: Vec<String> = units
         .iter()
         .map(|(unit, rate)| {
-            let pair = typed(data, "time_s", unit);
-            format!("--columns {pair} ({} rows a second)", figure(*rate))
+            let pair = format!("time_s={}:{unit}", header(data, "time_s"));
+            format!("{} ({} rows a second)", Setting::Columns.suggested(pair), figure(*rate))
         })
         .collect();
     let what_to_type = match each.is_empty() {
-        true => "another unit of the time, as --columns time_s=NAME:days".to_owned(),
+        true => {
+            let example = Setting::Columns.suggested("time_s=NAME:days");
+            format!("another unit of the time, as {example}")
+        }
         false => each.join(" or "),
     };
     let column = header(data, "time_s");
@@ -122,7 +126,7 @@ mod tests {
         let error = impossible(&log(|_| 0.005 / 86_400.0, None)).expect("200 Hz in days");
         assert!(
             error.to_string().contains(
-                "--columns time_s=t:h (4800 rows a second) or --columns time_s=t:days (200.0 rows a second)"
+                "columns time_s=t:h (4800 rows a second) or columns time_s=t:days (200.0 rows a second)"
             ),
             "{error}"
         );
@@ -131,10 +135,7 @@ mod tests {
     #[test]
     fn impossible_with_unit_given_suggests_units_of_the_file() {
         let error = impossible(&log(|_| 1e-7, Some("us"))).expect("10 MHz");
-        assert!(
-            error.to_string().contains("--columns time_s=t:ms (10000 rows a second)"),
-            "{error}"
-        );
+        assert!(error.to_string().contains("columns time_s=t:ms (10000 rows a second)"), "{error}");
     }
 
     #[test]

@@ -4,10 +4,11 @@
 //! of the torque column instead, at a known scale, and not that of the velocity column, the two are swapped. The travel
 //! over several rows is compared, because a difference from row to row is mostly noise.
 
+use super::header;
 use super::unit::velocity_units;
 use super::wrap::{self, Wrap, is_velocity_derived};
-use super::{header, shell_word};
 use crate::data::{DataError, Dataset, Run, segments};
+use crate::setting::Setting;
 use compensator_core::quantity::Quantity;
 
 /// Rows of the travels that are compared; the best of them counts.
@@ -45,14 +46,14 @@ pub fn swapped(data: &Dataset) -> Option<DataError> {
     let [velocity, torque] = [Quantity::Velocity, Quantity::Torque].map(|of| of.name(data.joint));
     let [from_velocity, from_torque] = [velocity, torque].map(|name| header(data, name));
     let unit = if unit == data.joint.velocity_unit() { String::new() } else { format!(":{unit}") };
-    let pairs = shell_word(&format!("{velocity}={from_torque}{unit},{torque}={from_velocity}"));
+    let pairs = format!("{velocity}={from_torque}{unit},{torque}={from_velocity}");
     Some(DataError::File {
         file: data.files.first().cloned().unwrap_or_default(),
         found: format!(
             "the derivative of the position in the column {from_torque} of the torque, and not in the column \
              {from_velocity} of the velocity"
         ),
-        expected: format!("--columns {pairs}"),
+        expected: Setting::Columns.suggested(pairs),
     })
 }
 
@@ -125,7 +126,7 @@ mod tests {
         assert!(
             error
                 .to_string()
-                .ends_with("--columns velocity_rad_s=torque_nm,torque_nm=velocity_rad_s"),
+                .ends_with("columns velocity_rad_s=torque_nm,torque_nm=velocity_rad_s"),
             "{error}"
         );
         let in_rpm = |velocity: f64, torque: f64| (torque, 60.0 / std::f64::consts::TAU * velocity);

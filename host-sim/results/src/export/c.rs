@@ -4,9 +4,9 @@
 //! differ by at most 1.3e-5 of `F_S - F_C`, so the torques are close but not bit-identical. The header contains none of the
 //! compensator's guards (age of inputs, slew rate, limits). A control loop without guards of its own should use the core.
 
-use super::ExportedModel;
 use super::law::{self, BISECTIONS, BRISTLE_TORQUE};
 use super::program::{Action, Binary, Expr, Node, Program, Unary};
+use super::{ExportFormat, ExportedModel};
 use friction_identification::data::JointKind;
 use friction_identification::params::{ParameterFile, unit};
 use std::fmt::Write as _;
@@ -16,7 +16,9 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
     let model = &file.friction().model;
     if let Some(term) = law::unsupported_term(model) {
         return Err(format!(
-            "{term}: the C header does not support this term, which needs a memory or a table: use --to rust or --to record",
+            "{term}: the C header does not support this term, which needs a memory or a table: use {} or {}",
+            ExportFormat::Rust.setting(),
+            ExportFormat::Record.setting(),
         ));
     }
     let step = law::step(model);

@@ -9,10 +9,10 @@
 //! this model. The start is a graph of its own: it reads the inputs of the step and `measured_torque_nm`, and returns
 //! `bristle_torque_nm`. It is the bisection of the core, unrolled, so that neither graph needs control flow.
 
-use super::ExportedModel;
 use super::law::{self, BRISTLE_TORQUE, MEASURED_TORQUE};
 use super::onnx::{Builder, per_joint, single};
 use super::program::{Action, Binary, Expr, Node, Program, Unary};
+use super::{ExportFormat, ExportedModel};
 use friction_identification::data::JointKind;
 use friction_identification::params::ParameterFile;
 use std::collections::HashMap;
@@ -25,7 +25,9 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
     let model = &file.friction().model;
     if let Some(term) = law::unsupported_term(model) {
         return Err(format!(
-            "{term}: the ONNX graph does not support this term, which needs a memory or a table: use --to rust or --to record",
+            "{term}: the ONNX graph does not support this term, which needs a memory or a table: use {} or {}",
+            ExportFormat::Rust.setting(),
+            ExportFormat::Record.setting(),
         ));
     }
     let step = law::step(model);

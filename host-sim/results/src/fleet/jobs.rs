@@ -22,6 +22,8 @@ pub struct FleetJob {
     pub campaign: String,
     /// Log files, in the order of their names.
     pub files: Vec<PathBuf>,
+    /// Where the files come from if they are copies, in the same order, for results and messages; else empty.
+    pub addresses: Vec<String>,
 }
 
 /// Ends of the names of log files.
@@ -38,16 +40,39 @@ const LOG_ENDS: [&str; 15] = [
 pub fn find_jobs(root: &Path, out: &Path) -> Result<Vec<FleetJob>, String> {
     let mut files = Vec::new();
     walk(root, &out.canonicalize().unwrap_or_else(|_| out.to_owned()), &mut files)?;
+    jobs_of_files(root, files)
+}
+
+/// Groups files by joint and campaign. Hidden files, and files of other types, are ignored. No file is opened, so the paths
+/// may be those of an object store.
+///
+/// # Errors
+/// One line, if none of the files is a log.
+pub fn jobs_of_files(
+    root: &Path,
+    files: impl IntoIterator<Item = PathBuf>,
+) -> Result<Vec<FleetJob>, String> {
     let mut jobs: BTreeMap<(String, String), Vec<PathBuf>> = BTreeMap::new();
-    for file in files {
+    for file in files.into_iter().filter(|file| is_log(root, file)) {
         jobs.entry(names(root, &file)).or_default().push(file);
     }
     if jobs.is_empty() {
         let ends = LOG_ENDS.join(", ");
         return Err(format!("{}: found no log, expected files {ends}", root.display()));
     }
-    let job = |((joint, campaign), files)| FleetJob { joint, campaign, files };
+    let job = |((joint, campaign), files)| {
+        let addresses = Vec::new();
+        FleetJob { joint, campaign, files, addresses }
+    };
     Ok(jobs.into_iter().map(job).collect())
+}
+
+/// Returns true if a file's name has the end of a log, and no part of its path below `root` is hidden.
+fn is_log(root: &Path, file: &Path) -> bool {
+    let below = file.strip_prefix(root).unwrap_or(file);
+    let mut parts = below.components().map(|part| part.as_os_str().to_string_lossy());
+    let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    !parts.any(|part| part.starts_with('.')) && LOG_ENDS.iter().any(|end| name.ends_with(end))
 }
 
 fn walk(folder: &Path, out: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
@@ -65,7 +90,7 @@ fn walk(folder: &Path, out: &Path, files: &mut Vec<PathBuf>) -> Result<(), Strin
         }
         if path.is_dir() {
             walk(&path, out, files)?;
-        } else if LOG_ENDS.iter().any(|end| name.ends_with(end)) {
+        } else {
             files.push(path);
         }
     }
@@ -140,5 +165,17 @@ mod tests {
         let error =
             find_jobs(&root.join("out/joint=hip"), &root.join("out/joint=hip/rows.parquet"));
         assert!(error.unwrap_err().contains("found no log"));
+    }
+
+    #[test]
+    fn jobs_of_files_with_addresses_ignores_hidden_and_other_files() {
+        let root = Path::new("bucket/fleet");
+        let files = ["hip/1.csv", "hip/.unfinished-1/rows.parquet", "hip/notes.md", "knee/1/a.csv"];
+        let jobs = jobs_of_files(root, files.map(|file| root.join(file))).unwrap();
+        let found: Vec<(&str, &str)> =
+            jobs.iter().map(|job| (&*job.joint, &*job.campaign)).collect();
+        assert_eq!(found, [("hip", "1"), ("knee", "1")]);
+        let error = jobs_of_files(root, [root.join("notes.md")]).unwrap_err();
+        assert!(error.starts_with("bucket/fleet: found no log"), "{error}");
     }
 }

@@ -129,7 +129,7 @@ fn standing_out(rows: &[FleetRow], page: &mut Page) {
             row.cause.as_str().into(),
         ]
     });
-    page.push(Block::Table(Table {
+    page.push(Block::Records(Table {
         caption: format!(
             "Latest level more than {OUTLIER_SCORE} robust standard deviations from the median of the fleet.{}",
             cut(found.len())
@@ -177,7 +177,7 @@ fn trend_blocks(trends: &[Trend], page: &mut Page) {
             until(trend),
         ]
     });
-    page.push(Block::Table(Table {
+    page.push(Block::Records(Table {
         caption: format!(
             "Levels of the fixed model that change over the campaigns; the intervals are of 95 %.{}",
             cut(found.len())
@@ -272,7 +272,7 @@ fn failures(rows: &[FleetRow], page: &mut Page) {
         vec![row.joint.as_str().into(), row.campaign.as_str().into(), error.into()]
     });
     page.push(Block::Heading("Failures".into()));
-    page.push(Block::Table(Table {
+    page.push(Block::Records(Table {
         caption: format!("Logs without a result.{}", cut(failed.len())),
         header: ["joint", "campaign", "reason"].map(String::from).to_vec(),
         rows: listed.collect(),

@@ -3,9 +3,11 @@
 for (const finder of document.querySelectorAll(".finder")) {
   const { rows, targets, most } = JSON.parse(finder.querySelector("script").textContent);
   const [field, found, body] = ["input", ".found", "tbody"].map((s) => finder.querySelector(s));
+  const names = [...finder.querySelectorAll("th")].map((head) => head.textContent);
   const texts = rows.map((cells) => cells.join(" ").toLowerCase());
-  const cell = (text, target) => {
+  const cell = (text, name, target) => {
     const made = document.createElement("td");
+    made.dataset.label = name;
     let place = made;
     if (target) {
       place = made.appendChild(document.createElement("a"));
@@ -20,7 +22,7 @@ for (const finder of document.querySelectorAll(".finder")) {
     texts.forEach((text, at) => { if (words.every((word) => text.includes(word))) hits.push(at); });
     body.replaceChildren(...hits.slice(0, most).map((at) => {
       const line = document.createElement("tr");
-      line.append(...rows[at].map((text, place) => cell(text, place === 0 && targets[at])));
+      line.append(...rows[at].map((text, place) => cell(text, names[place], place === 0 && targets[at])));
       return line;
     }));
     const cut = hits.length > most ? `, the first ${most} shown` : "";

@@ -2,6 +2,7 @@
 //!
 //! The rows are JSON inside the page, and its script builds the visible part. Without a script, the first rows are shown.
 
+use super::page::RECORDS;
 use maud::{Markup, PreEscaped, html};
 use serde_json::json;
 
@@ -26,12 +27,12 @@ impl Finder {
             div.finder {
                 label { "Search: " input type="search" autocomplete="off"; } " "
                 span.found aria-live="polite" { (self.rows.len()) " rows" }
-                div.table { table {
+                div class=(RECORDS) { table {
                     thead { tr { @for name in &self.header { th scope="col" { (name) } } } }
                     tbody {
                         @for (row, target) in self.rows.iter().zip(&self.targets).take(self.most) {
                             tr { @for (at, text) in row.iter().enumerate() {
-                                td {
+                                td data-label=(self.header[at]) {
                                     @if at == 0 && !target.is_empty() { a href=(target) { (text) } }
                                     @else { (text) }
                                 }

@@ -31,6 +31,9 @@ pub fn chart_script() -> String {
     let begin = element.find('>').map_or(0, |at| at + 1);
     element[begin..].trim_end_matches("</script>").to_owned()
 }
+
+/// Classes of a table whose rows are paragraphs on narrow screens.
+pub(super) const RECORDS: &str = "table records";
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 const FINDER_SCRIPT: &str = include_str!("finder.js");
@@ -46,6 +49,8 @@ pub enum Block {
     List(Vec<String>),
     /// A table.
     Table(Table),
+    /// A table whose rows are read one by one. On narrow screens, each row is a paragraph that starts with its first cell.
+    Records(Table),
     /// A table with a search field.
     Find(Finder),
     /// A chart over the whole width.
@@ -183,6 +188,7 @@ impl Block {
                 Block::Paragraph(text) => p { (text) },
                 Block::List(entries) => ul { @for entry in entries { li { (entry) } } },
                 Block::Table(table) => (table.render()),
+                Block::Records(table) => (table.render_records()),
                 Block::Find(finder) => (finder.render()),
                 Block::Chart(chart) => (chart.render(drawing, 1)),
                 Block::Lead { facts, charts } => (lead(facts, charts, drawing)),
@@ -242,6 +248,7 @@ fn has_chart(block: &Block) -> bool {
         | Block::Paragraph(_)
         | Block::List(_)
         | Block::Table(_)
+        | Block::Records(_)
         | Block::Find(_)
         | Block::Contents => false,
     }

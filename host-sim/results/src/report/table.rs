@@ -4,6 +4,7 @@
 //! are aligned like text. Numbers have four significant digits by default. [`Table::best`] marks the smallest or largest
 //! number of a column: in bold type, which also prints in black and white, and with a word for screen readers.
 
+use super::page::RECORDS;
 use maud::{Markup, html};
 
 use friction_identification::number::{count, significant, with_error};
@@ -121,9 +122,20 @@ struct ColumnLayout {
 
 impl Table {
     pub(super) fn render(&self) -> Markup {
+        self.render_as("table", &vec![None; self.header.len()])
+    }
+
+    /// Renders the table as [`super::page::Block::Records`]: each cell has the name of its column for the style sheet.
+    pub(super) fn render_records(&self) -> Markup {
+        let labels: Vec<Option<&str>> =
+            self.header.iter().map(|name| Some(name.as_str())).collect();
+        self.render_as(RECORDS, &labels)
+    }
+
+    fn render_as(&self, classes: &str, labels: &[Option<&str>]) -> Markup {
         let columns: Vec<ColumnLayout> = (0..self.header.len()).map(|i| self.column(i)).collect();
         html! {
-            div.table { table {
+            div class=(classes) { table {
                 @if !self.caption.is_empty() { caption { (self.caption) } }
                 thead { tr {
                     @for (name, column) in self.header.iter().zip(&columns) {
@@ -132,8 +144,8 @@ impl Table {
                 } }
                 tbody {
                     @for row in &self.rows { tr {
-                        @for (index, column) in columns.iter().enumerate() {
-                            (column.cell(row.get(index).unwrap_or(&Cell::Empty)))
+                        @for (index, (column, name)) in columns.iter().zip(labels).enumerate() {
+                            (column.cell(row.get(index).unwrap_or(&Cell::Empty), *name))
                         }
                     } }
                 }
@@ -182,12 +194,12 @@ impl Table {
 }
 
 impl ColumnLayout {
-    fn cell(&self, cell: &Cell) -> Markup {
+    fn cell(&self, cell: &Cell, label: Option<&str>) -> Markup {
         let text = cell.text();
         let is_best = self.best.is_some() && cell.value() == self.best;
         let (before, behind) = if self.numeric { at_point(&text) } else { (text.as_str(), "") };
         html! {
-            td.num[self.numeric].best[is_best] {
+            td.num[self.numeric].best[is_best] data-label=[label] {
                 @if let Cell::Link { target, .. } = cell { a href=(target) { (before) } }
                 @else { (before) }
                 @if self.numeric && self.behind_point > 0 {

@@ -66,8 +66,8 @@ fn columns_of_several_joints_are_asked_for() {
     let error = columns(Preset::PlotJuggler, header, "", None).unwrap_err();
     assert_eq!(
         error,
-        "f.csv: --from plotjuggler: found 2 columns for velocity_rad_s (/js/a/velocity, /js/b/velocity), expected \
-         one: --columns velocity_rad_s=/js/a/velocity,torque_nm=/js/a/effort"
+        "f.csv: preset plotjuggler: found 2 columns for velocity_rad_s (/js/a/velocity, /js/b/velocity), expected \
+         one: columns velocity_rad_s=/js/a/velocity,torque_nm=/js/a/effort"
     );
     let chosen =
         columns(Preset::PlotJuggler, header, "velocity_rad_s=/js/b/velocity", None).unwrap();
@@ -82,14 +82,14 @@ fn columns_with_unknown_unit_are_asked_for() {
     let drive = "time,0x6064:00,0x606C:00,0x6077:00";
     assert_eq!(
         columns(Preset::EtherCat, drive, "", Some(1.0)).unwrap_err(),
-        "f.csv: --from ethercat: found velocity_rad_s in 0x606C:00, whose unit is not in the log, expected --columns \
+        "f.csv: preset ethercat: found velocity_rad_s in 0x606C:00, whose unit is not in the log, expected columns \
          velocity_rad_s=0x606C:00:UNIT, with UNIT such as rpm or 4096counts/s (object 60A9h)"
     );
     let given = "velocity_rad_s=0x606C:00:rpm";
     assert_eq!(
         columns(Preset::EtherCat, drive, given, None).unwrap_err(),
-        "f.csv: --from ethercat: found torque_nm in 0x6077:00, in 0.1 % of a torque that is not in the log, expected \
-         --rated-torque, such as --rated-torque 1.2Nm"
+        "f.csv: preset ethercat: found torque_nm in 0x6077:00, in 0.1 % of a torque that is not in the log, expected \
+         rated torque, such as rated torque 1.2Nm"
     );
     let found = columns(Preset::EtherCat, drive, given, Some(2.0)).unwrap();
     assert_eq!(found, ["time_s=time", "torque_nm=0x6077:00:0.002Nm"]);
@@ -101,7 +101,7 @@ fn columns_with_unknown_unit_are_asked_for() {
 fn columns_without_a_required_one_name_an_example() {
     assert_eq!(
         columns(Preset::Moteus, "timestamp,velocity", "", None).unwrap_err(),
-        "f.csv: --from moteus: found no column for torque_nm, such as \"servo stats torque nm\", expected --columns \
+        "f.csv: preset moteus: found no column for torque_nm, such as \"servo stats torque nm\", expected columns \
          torque_nm=NAME, or another preset"
     );
 }
