@@ -96,6 +96,8 @@ impl BridgeGuard {
             self.resets = resets;
             self.enter(State::Asleep);
         }
+        // The period that ends the trim is long. The first one that drives is the next.
+        let was_closed = self.state == State::Closed;
         match self.state {
             State::Asleep if self.periods >= SLEEP_PERIODS => self.enter(State::Waking),
             State::Waking if self.periods >= WAKE_PERIODS => self.enter(State::Ready),
@@ -116,9 +118,9 @@ impl BridgeGuard {
             sample.currents_a = [0.0; 3];
             sample.valid |= ValidChannels::CURRENT_A | ValidChannels::CURRENT_B;
         } else {
-            for (current_a, offset_a) in sample.currents_a.iter_mut().zip(self.offset_a) {
-                *current_a -= offset_a;
-            }
+            // Written out, because a loop over three values costs the interrupt 60 cycles more.
+            let ([a, b, c], [of_a, of_b, of_c]) = (sample.currents_a, self.offset_a);
+            sample.currents_a = [a - of_a, b - of_b, c - of_c];
         }
         if self.state == State::Untrimmed {
             sample.valid -= ValidChannels::CURRENT_A | ValidChannels::CURRENT_B;
@@ -126,7 +128,7 @@ impl BridgeGuard {
         BridgePermission {
             awake: self.state != State::Asleep,
             settled,
-            may_close: self.state == State::Closed,
+            may_close: was_closed && self.state == State::Closed,
         }
     }
 
@@ -189,7 +191,7 @@ mod tests {
             self.guard.step(&mut self.seen, is_commanded, stopped, resets)
         }
 
-        /// Returns the number of periods until the bridge may close; `None` if it does not close within half a
+        /// Returns the number of periods before the bridge may close; `None` if it does not close within half a
         /// second.
         fn periods_to_close(&mut self) -> Option<u32> {
             (0..10_000).find(|_| self.step(true, false, 0).may_close)
@@ -199,7 +201,7 @@ mod tests {
     #[test]
     fn guard_with_offset_drift_subtracts_it_before_the_bridge_closes() {
         let mut bench = Bench::new([0.3, -0.26, 0.0]);
-        assert_eq!(bench.periods_to_close(), Some(TRIM_PERIODS));
+        assert_eq!(bench.periods_to_close(), Some(TRIM_PERIODS + 1));
         bench.step(true, false, 0);
         for current_a in bench.seen.currents_a {
             assert!(current_a.abs() < 1e-4, "{current_a}");
@@ -211,7 +213,7 @@ mod tests {
         // At the next closing the offset may differ.
         bench.step(false, false, 0);
         bench.currents_a = [-0.2, 0.1, 0.0];
-        assert_eq!(bench.periods_to_close(), Some(TRIM_PERIODS));
+        assert_eq!(bench.periods_to_close(), Some(TRIM_PERIODS + 1));
         bench.step(true, false, 0);
         assert!(bench.seen.currents_a[0].abs() < 1e-4);
     }
@@ -224,7 +226,7 @@ mod tests {
             assert!(!bench.seen.valid.intersects(VALID), "reported as invalid currents");
             assert_eq!(bench.guard.offset_a(), [0.0; 3]);
         }
-        assert_eq!(Bench::new([0.99, -0.99, 0.0]).periods_to_close(), Some(TRIM_PERIODS));
+        assert_eq!(Bench::new([0.99, -0.99, 0.0]).periods_to_close(), Some(TRIM_PERIODS + 1));
         // A motor turned by hand has an alternating current with mean 0.
         let mut bench = Bench::new([0.0; 3]);
         let closed = (0..1000).any(|at| {

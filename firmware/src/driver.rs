@@ -26,6 +26,7 @@ pub mod staging;
 pub use counters::Counters;
 pub use device::{Boot, Identity};
 pub use loop_data::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
+pub(crate) use loop_data::{PeriodValues, ReportStatus};
 
 use crate::control::Covariates;
 use crate::log::log;

@@ -6,7 +6,8 @@
 //! supervisor sees samples of growing age, and the watchdog is not refreshed.
 
 use crate::control::PERIOD_S;
-use crate::driver::{LoopCommands, LoopReport, REPORT_PERIOD_S};
+use crate::control::probe::ProbeReport;
+use crate::driver::{LoopCommands, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus};
 use crate::loop_parts::{LoopParts, StageTraits};
 use crate::parameter_set::ParameterSet;
 use heapless::spsc::{Consumer, Producer, Queue};
@@ -22,13 +23,13 @@ const REPORT_US: u64 = (REPORT_PERIOD_S * 1e6 + 0.5) as u64;
 pub struct LoopQueues {
     commands: Queue<LoopCommands, 4>,
     parts: Queue<LoopParts, 2>,
-    reports: Queue<LoopReport, 4>,
+    reports: ReportQueues,
 }
 
 impl LoopQueues {
     /// Creates empty queues.
     pub const fn new() -> Self {
-        Self { commands: Queue::new(), parts: Queue::new(), reports: Queue::new() }
+        Self { commands: Queue::new(), parts: Queue::new(), reports: ReportQueues::new() }
     }
 
     /// Returns both ends, for a loop on this stage that starts now.
@@ -50,14 +51,61 @@ impl LoopQueues {
 pub struct LoopPort<'q> {
     pub(crate) commands: Consumer<'q, LoopCommands>,
     pub(crate) parts: Consumer<'q, LoopParts>,
-    pub(crate) reports: Producer<'q, LoopReport>,
+    pub(crate) reports: ReportSender<'q>,
+}
+
+/// Queues of the parts of reports. A part is copied in fewer cycles than a whole report, and each is sent in another
+/// period. The status comes last: with it, a report is complete.
+#[derive(Default)]
+struct ReportQueues {
+    values: Queue<PeriodValues, 4>,
+    probes: Queue<ProbeReport, 4>,
+    statuses: Queue<ReportStatus, 4>,
+}
+
+/// The interrupt's end of the queues of reports.
+pub(crate) struct ReportSender<'q> {
+    pub values: Producer<'q, PeriodValues>,
+    pub probes: Producer<'q, ProbeReport>,
+    pub statuses: Producer<'q, ReportStatus>,
+}
+
+/// The background's end of the queues of reports.
+struct ReportReceiver<'q> {
+    values: Consumer<'q, PeriodValues>,
+    probes: Consumer<'q, ProbeReport>,
+    statuses: Consumer<'q, ReportStatus>,
+}
+
+impl ReportQueues {
+    const fn new() -> Self {
+        Self { values: Queue::new(), probes: Queue::new(), statuses: Queue::new() }
+    }
+
+    fn split(&mut self) -> (ReportSender<'_>, ReportReceiver<'_>) {
+        let (values_out, values) = self.values.split();
+        let (probes_out, probes) = self.probes.split();
+        let (statuses_out, statuses) = self.statuses.split();
+        (
+            ReportSender { values: values_out, probes: probes_out, statuses: statuses_out },
+            ReportReceiver { values, probes, statuses },
+        )
+    }
+}
+
+impl ReportReceiver<'_> {
+    fn dequeue(&mut self) -> Option<LoopReport> {
+        let status = self.statuses.dequeue()?;
+        let probe = if status.has_probe { self.probes.dequeue()? } else { ProbeReport::default() };
+        Some(LoopReport::join(&self.values.dequeue()?, &status, probe))
+    }
 }
 
 /// The background's end of the queues.
 pub struct LoopLink<'q> {
     commands: Producer<'q, LoopCommands>,
     parts: Producer<'q, LoopParts>,
-    reports: Consumer<'q, LoopReport>,
+    reports: ReportReceiver<'q>,
     last: LoopReport,
     reported_us: u64,
     /// Number of the parameter set that was last sent to the loop.
@@ -118,6 +166,8 @@ impl LoopLink<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::LoopFlags;
+    use compensator_core::Flags;
 
     #[test]
     fn reports_with_one_missed_keep_age_0_and_with_two_report_an_age() {
@@ -128,9 +178,20 @@ mod tests {
             link.reports(now_us, |report| age_us = report.sample_age_us);
             age_us
         };
-        port.reports
-            .enqueue(LoopReport { sample_age_us: Some(0), ..LoopReport::default() })
-            .unwrap();
+        let status = ReportStatus {
+            loop_flags: LoopFlags::empty(),
+            flags: Flags::empty(),
+            bristle_torque_nm: 0.0,
+            overruns_in_a_row: 0,
+            gate_driver_fault: false,
+            system_break: false,
+            magnet_fault: false,
+            bridge_shorted: false,
+            has_probe: false,
+        };
+        port.reports.values.enqueue(PeriodValues::NONE).unwrap();
+        assert_eq!(age_us(&mut link, 1000), Some(0), "a report without its last part");
+        port.reports.statuses.enqueue(status).unwrap();
         assert_eq!(age_us(&mut link, 1000), Some(0));
         // An interrupt was missed: the report comes 50 us after this call.
         assert_eq!(age_us(&mut link, 2000), Some(0));

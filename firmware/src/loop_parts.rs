@@ -26,6 +26,18 @@ pub struct LimitedCompensator {
     compensation: Cell<f32>,
 }
 
+/// Limits a share to 0..=1; NaN counts as 0. Not with `f32::min`, which is a call on this core.
+#[inline(always)]
+fn limited_share(share: f32) -> f32 {
+    if share >= 1.0 {
+        1.0
+    } else if share >= 0.0 {
+        share
+    } else {
+        0.0
+    }
+}
+
 impl LimitedCompensator {
     /// Builds a compensator for a period in s, limited to `max_current_a`.
     ///
@@ -46,13 +58,11 @@ impl LimitedCompensator {
     }
 
     pub(crate) fn set_current_share(&self, share: f32) {
-        // NaN counts as 0.
-        let share = if share >= 0.0 { share.min(1.0) } else { 0.0 };
-        self.limit_a.set(self.max_current_a * share);
+        self.limit_a.set(self.max_current_a * limited_share(share));
     }
 
     pub(crate) fn set_compensation_share(&self, share: f32) {
-        self.compensation.set(if share >= 0.0 { share.min(1.0) } else { 0.0 });
+        self.compensation.set(limited_share(share));
     }
 }
 

@@ -21,8 +21,8 @@ use crate::control::{
     Setpoint, StageSample, ValidChannels,
 };
 use crate::deadline::{Deadline, DeadlineLimits};
-use crate::driver::{Home, LoopCommands, LoopReport, REPORT_PERIOD_S};
-use crate::loop_link::LoopPort;
+use crate::driver::{Home, LoopCommands, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus};
+use crate::loop_link::{LoopPort, ReportSender};
 use crate::loop_parts::{LimitedCompensator, LoopParts};
 use crate::stop_brake::{self, StopBrake};
 use compensator_core::Flags;
@@ -48,11 +48,34 @@ pub struct LoopTask {
     brake: StopBrake,
     /// The bridge guard has to finish its sequence before the bridge may close.
     waiting: bool,
-    report: LoopReport,
+    /// Flags of the loop and the compensator since the last report.
+    loop_flags: LoopFlags,
+    compensator_flags: Flags,
+    /// Values of the period that the next report describes.
+    values: PeriodValues,
+    report_step: ReportStep,
+    has_sent_probe: bool,
+    /// The first half of the commands in front of the queue is taken.
+    has_taken_measurements: bool,
+    /// The present period takes parts or commands, so that it leaves reports to the next one.
+    takes_input: bool,
     period_s: f32,
-    /// Periods since the last report, and from one report to the next.
+    /// Periods since the values were recorded, and from one report to the next.
     since_report: u32,
     report_every: u32,
+}
+
+/// Progress of a report. Every step is taken in another period, because one period with all of them would be the longest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ReportStep {
+    /// The values are recorded when a report is due.
+    Collect,
+    /// The values are recorded, and sent next.
+    SendValues,
+    /// A result of a motor measurement is sent next.
+    SendProbe,
+    /// The status is sent next.
+    SendStatus,
 }
 
 /// Commands before the first ones are received: everything is off.
@@ -75,7 +98,7 @@ impl LoopTask {
     /// Creates a task that waits for commands, bridge off.
     pub fn new(parts: LoopParts, limits: DeadlineLimits) -> Self {
         let period_s = parts.motor.period_s();
-        let mut task = Self {
+        Self {
             current_loop: CurrentLoop::new(parts.motor, parts.model),
             deadline: Deadline::new(limits),
             commands: NO_COMMANDS,
@@ -89,22 +112,27 @@ impl LoopTask {
             probe: Probe::default(),
             brake: StopBrake::default(),
             waiting: false,
-            report: LoopReport::default(),
+            loop_flags: LoopFlags::empty(),
+            compensator_flags: Flags::empty(),
+            values: PeriodValues::NONE,
+            report_step: ReportStep::Collect,
+            has_sent_probe: false,
+            has_taken_measurements: false,
+            takes_input: false,
             period_s,
             since_report: 0,
             report_every: ((REPORT_PERIOD_S / period_s) as u32).max(1),
-        };
-        task.clear_flags();
-        task
+        }
     }
 
     /// Applies commands. A command to open the bridge clears a trip. A new home position sets the joint
     /// position.
     pub fn apply_commands(&mut self, commands: LoopCommands) {
+        self.take_measurements(&commands);
         self.apply(&commands);
     }
 
-    /// As [`LoopTask::apply_commands`], by reference, because a copy costs the interrupt 40 instructions.
+    /// Applies all but covariates and network factors.
     #[inline]
     fn apply(&mut self, commands: &LoopCommands) {
         if !commands.bridge {
@@ -117,8 +145,40 @@ impl LoopTask {
         }
         self.current_loop.compensator().set_current_share(commands.current_share);
         self.current_loop.compensator().set_compensation_share(commands.compensation_share);
+        // All but the measurements. A new field does not compile until one of the two functions takes it.
+        let LoopCommands {
+            covariates: _,
+            factors: _,
+            setpoint,
+            bridge,
+            brake,
+            compensation,
+            current_share,
+            compensation_share,
+            gate_resets,
+            set_number,
+            home,
+            probe,
+        } = commands;
+        let own = &mut self.commands;
+        own.setpoint = *setpoint;
+        own.bridge = *bridge;
+        own.brake = *brake;
+        own.compensation = *compensation;
+        own.current_share = *current_share;
+        own.compensation_share = *compensation_share;
+        own.gate_resets = *gate_resets;
+        own.set_number = *set_number;
+        own.home = *home;
+        own.probe = *probe;
+    }
+
+    /// Takes what the commands say of the joint: covariates and network factors.
+    #[inline]
+    fn take_measurements(&mut self, commands: &LoopCommands) {
+        self.commands.covariates = commands.covariates;
+        self.commands.factors = commands.factors;
         self.current_loop.supply(commands.factors);
-        self.commands = *commands;
     }
 
     /// Swaps in other parameters between two periods.
@@ -136,8 +196,8 @@ impl LoopTask {
     /// Runs the whole interrupt on a power stage: new parts or commands, one period, and a report if it is due.
     /// `triggered` is the time of the sample and `now` the start of the interrupt, in cycles.
     ///
-    /// A period takes parts, or commands, or gives a report, so that its longest time is not their sum. The others
-    /// wait for a later period.
+    /// A period takes parts, or half of the commands, or a step of a report, so that its longest time is not their sum.
+    /// The others wait for a later period.
     #[inline]
     pub fn interrupt(
         &mut self,
@@ -148,16 +208,24 @@ impl LoopTask {
     ) {
         let mut sample = stage.sample();
         // Parts first: the commands that follow were made for them.
-        let mut has_input = true;
+        self.takes_input = true;
         if let Some(parts) = port.parts.peek() {
             self.swap(parts);
             drop(port.parts.dequeue());
         } else if let Some(commands) = port.commands.peek() {
-            self.apply(commands);
-            let _ = port.commands.dequeue();
+            // In two periods, because a period with both halves would be the longest.
+            if self.has_taken_measurements {
+                self.apply(commands);
+                let _ = port.commands.dequeue();
+            } else {
+                self.take_measurements(commands);
+            }
+            self.has_taken_measurements = !self.has_taken_measurements;
         } else {
-            has_input = false;
+            self.takes_input = false;
         }
+        // A step that this period prepares is taken in a later one.
+        let report_step = if self.takes_input { ReportStep::Collect } else { self.report_step };
         // The brake needs the gate driver, which sleeps once the brake has ended.
         let is_tripped = !self.tripped.is_empty() && !self.brake.is_shorted();
         let stopped = is_tripped || self.held_by_hardware;
@@ -170,12 +238,34 @@ impl LoopTask {
         stage.apply(self.period(&sample, fault, triggered, now));
         stage.set_awake(permission.awake);
         self.end(stage.cycles());
-        if !has_input && let Some(mut report) = self.report() {
-            report.magnet_fault = stage.has_magnet_fault();
-            if port.reports.enqueue(report).is_ok() {
-                self.clear_report();
+        match report_step {
+            ReportStep::Collect => {}
+            ReportStep::SendValues => self.send_values(&mut port.reports),
+            ReportStep::SendProbe => self.send_probe(&mut port.reports),
+            ReportStep::SendStatus => {
+                // A probe that was sent belongs to this status, even if the commands have ended the measurement.
+                let status = self.status(stage.has_magnet_fault());
+                let _ = port.reports.statuses.enqueue(status);
+                self.begin_report();
             }
         }
+    }
+
+    #[inline(always)]
+    fn send_values(&mut self, reports: &mut ReportSender<'_>) {
+        let is_sent = reports.values.enqueue(self.values).is_ok();
+        self.report_step = match (is_sent, self.commands.probe.is_some()) {
+            // The queue is full: the values of a later period replace them.
+            (false, _) => ReportStep::Collect,
+            (true, false) => ReportStep::SendStatus,
+            (true, true) => ReportStep::SendProbe,
+        };
+    }
+
+    #[cold]
+    fn send_probe(&mut self, reports: &mut ReportSender<'_>) {
+        self.has_sent_probe = reports.probes.enqueue(self.probe_report()).is_ok();
+        self.report_step = ReportStep::SendStatus;
     }
 
     /// Runs one period with a sample and any hardware fault. `triggered` is the time of the sample and `now` the
@@ -255,7 +345,7 @@ impl LoopTask {
     /// Handles comparators that opened the bridge as a measured overcurrent.
     #[cold]
     fn open_for_overcurrent(&mut self) {
-        self.report.loop_flags |= LoopFlags::OVERCURRENT;
+        self.loop_flags |= LoopFlags::OVERCURRENT;
         if self.commands.bridge {
             self.tripped |= LoopFlags::OVERCURRENT;
         }
@@ -285,86 +375,107 @@ impl LoopTask {
         self.tripped
     }
 
-    /// Returns a report if one is due. Its flags are kept until [`LoopTask::clear_report`], so that a report
-    /// that found the queue full is repeated.
-    #[inline]
+    /// Returns a report if its values are recorded. Its flags are kept until [`LoopTask::clear_report`].
     pub fn report(&self) -> Option<LoopReport> {
-        if self.since_report < self.report_every {
-            return None;
-        }
-        let mut report = self.report;
-        report.loop_flags |= self.tripped;
-        if !self.may_drive {
-            // The supervisor treats this flag as a firmware error and does not arm.
-            report.loop_flags |= LoopFlags::NOT_FINITE;
-        }
-        report.gate_driver_fault = self.gate_fault || self.held_by_hardware && !self.held_by_system;
-        report.bridge_shorted = self.brake.is_shorted();
-        report.system_break = self.system_break || self.held_by_system;
-        report.overruns_in_a_row = self.deadline.max_consecutive_overruns();
-        report.bristle_torque_nm = self.current_loop.compensator().bristle_torque_nm();
-        if self.commands.probe.is_some() {
-            let [a, b, _] = self.guard.offset_a();
-            report.probe = ProbeReport { offset_a: [a, b], ..self.probe.report() };
-        }
-        Some(report)
+        let probe = self.commands.probe.map_or_else(Default::default, |_| self.probe_report());
+        (self.report_step != ReportStep::Collect)
+            .then(|| LoopReport::join(&self.values, &self.status(false), probe))
     }
 
-    /// Clears the report after it was sent; the next one begins.
+    fn probe_report(&self) -> ProbeReport {
+        let [a, b, _] = self.guard.offset_a();
+        ProbeReport { offset_a: [a, b], ..self.probe.report() }
+    }
+
+    #[inline(always)]
+    fn status(&self, magnet_fault: bool) -> ReportStatus {
+        let mut loop_flags = self.loop_flags | self.tripped;
+        if !self.may_drive {
+            // The supervisor treats this flag as a firmware error and does not arm.
+            loop_flags |= LoopFlags::NOT_FINITE;
+        }
+        ReportStatus {
+            loop_flags,
+            flags: self.compensator_flags,
+            bristle_torque_nm: self.current_loop.compensator().bristle_torque_nm(),
+            overruns_in_a_row: self.deadline.max_consecutive_overruns(),
+            gate_driver_fault: self.gate_fault || self.held_by_hardware && !self.held_by_system,
+            system_break: self.system_break || self.held_by_system,
+            magnet_fault,
+            bridge_shorted: self.brake.is_shorted(),
+            has_probe: self.has_sent_probe,
+        }
+    }
+
+    /// Discards a report that was recorded but not sent; the next one begins.
     pub fn clear_report(&mut self) {
-        self.clear_flags();
-        self.deadline.reset_max_overruns();
-        self.gate_fault = false;
-        self.system_break = false;
+        self.begin_report();
         self.since_report = 0;
     }
 
-    fn clear_flags(&mut self) {
-        self.report.loop_flags = LoopFlags::empty();
-        self.report.flags = Flags::empty();
+    /// Begins the flags and counts of the next report.
+    fn begin_report(&mut self) {
+        self.loop_flags = LoopFlags::empty();
+        self.compensator_flags = Flags::empty();
+        self.deadline.reset_max_overruns();
+        self.gate_fault = false;
+        self.system_break = false;
+        self.has_sent_probe = false;
+        self.report_step = ReportStep::Collect;
     }
 
     /// Adds a period to the age of every input from the bus.
     fn age_inputs(&mut self) {
         let LoopCommands { setpoint, covariates, .. } = &mut self.commands;
-        for age_s in covariates.ages_with(&mut setpoint.age_s) {
+        let period_s = self.period_s;
+        let age = |age_s: &mut f32| {
             // A negative age marks an input that was never received, and stays negative.
             if *age_s >= 0.0 {
-                *age_s += self.period_s;
+                *age_s += period_s;
             }
-        }
+        };
+        age(&mut setpoint.age_s);
+        covariates.for_each_age(age);
     }
 
     #[inline]
     fn record_cycle(&mut self, sample: &StageSample, cycle: &CycleResult) {
         self.since_report = self.since_report.saturating_add(1);
+        self.loop_flags |= cycle.flags;
+        self.compensator_flags |= cycle.compensator;
+        let is_due = self.since_report >= self.report_every && !self.takes_input;
+        if is_due && self.report_step == ReportStep::Collect {
+            self.since_report = 0;
+            self.report_step = ReportStep::SendValues;
+            self.record_values(sample, cycle);
+        }
+    }
+
+    #[inline(always)]
+    fn record_values(&mut self, sample: &StageSample, cycle: &CycleResult) {
         let valid = sample.valid;
         let [a, b, c] = sample.currents_a;
         let two = valid.contains(ValidChannels::CURRENT_A | ValidChannels::CURRENT_B);
-        let currents = match (two, valid.contains(ValidChannels::CURRENT_C)) {
-            (true, true) => [a, b, c],
-            (true, false) => [a, b, -a - b],
-            (false, _) => [f32::NAN; 3],
-        };
-        let unreferenced = cycle.flags.contains(LoopFlags::POSITION_UNREFERENCED);
         let known = |value: f32, valid: bool| if valid { value } else { f32::NAN };
-        let report = &mut self.report;
-        report.bus_voltage_v = Some(known(sample.bus_v, valid.contains(ValidChannels::BUS)));
-        report.phase_currents_a = Some(currents);
-        report.current_a = cycle.current_q_a;
-        report.current_d_a = cycle.current_d_a;
-        report.current_reference_a = cycle.current_reference_a;
-        report.voltage_q_v = cycle.voltage_v[1];
-        report.velocity_rad_s = cycle.velocity_rad_s;
-        report.position_rad = known(cycle.position_rad, !unreferenced);
-        report.turned_rad = cycle.position_rad;
-        report.motor_torque_nm = cycle.motor_torque_nm;
-        report.friction_torque_nm = cycle.friction_torque_nm;
-        report.feed_forward_current_a = cycle.feed_forward_current_a;
-        report.residual_torque_nm = known(cycle.residual_torque_nm, cycle.residual_valid);
-        report.loop_flags |= cycle.flags;
-        report.flags |= cycle.compensator;
-        report.sample_age_us = Some(0);
+        self.values = PeriodValues {
+            bus_voltage_v: known(sample.bus_v, valid.contains(ValidChannels::BUS)),
+            phase_currents_a: match (two, valid.contains(ValidChannels::CURRENT_C)) {
+                (true, true) => [a, b, c],
+                (true, false) => [a, b, -a - b],
+                (false, _) => [f32::NAN; 3],
+            },
+            current_a: cycle.current_q_a,
+            current_d_a: cycle.current_d_a,
+            current_reference_a: cycle.current_reference_a,
+            voltage_q_v: cycle.voltage_v[1],
+            velocity_rad_s: cycle.velocity_rad_s,
+            turned_rad: cycle.position_rad,
+            motor_torque_nm: cycle.motor_torque_nm,
+            friction_torque_nm: cycle.friction_torque_nm,
+            feed_forward_current_a: cycle.feed_forward_current_a,
+            residual_torque_nm: known(cycle.residual_torque_nm, cycle.residual_valid),
+            is_referenced: !cycle.flags.contains(LoopFlags::POSITION_UNREFERENCED),
+        };
     }
 }
 

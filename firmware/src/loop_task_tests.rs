@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::control::PERIOD_S;
+use crate::control::probe::{BLOCK_PERIODS, ProbeCommand};
 use crate::loop_link::LoopQueues;
 use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;
@@ -411,15 +412,59 @@ fn interrupt_takes_parts_or_commands_or_gives_a_report_in_one_period() {
     for _ in 0..task.report_every - 1 {
         task.interrupt(&mut StageStub, &mut port, 0, 0);
     }
-    // Another set comes with commands, and a report is due: one after the other, in three periods.
+    // Another set comes with commands, and a report is due: one after the other, the commands in two steps and the
+    // report in three.
     let set = ParameterSet::default();
-    link.send_commands(LoopCommands { set_number: 1, ..drive(1.0) }, &set);
+    let mut covariates = Covariates::MISSING;
+    covariates.load_torque_nm = Reading { value: 7.0, age_s: 0.0 };
+    link.send_commands(LoopCommands { set_number: 1, covariates, ..drive(1.0) }, &set);
     let mut taken = Vec::new();
-    for _ in 0..3 {
+    for _ in 0..6 {
         task.interrupt(&mut StageStub, &mut port, 0, 0);
         let has_parts = port.parts.ready();
-        taken.push((has_parts, task.commands.set_number, task.since_report == 0));
+        taken.push((has_parts, task.commands.set_number, task.report_step));
     }
-    assert_eq!(taken, [(false, 0, false), (false, 1, false), (false, 1, true)]);
+    let steps = [
+        (false, 0, ReportStep::Collect),
+        (false, 0, ReportStep::Collect),
+        (false, 1, ReportStep::Collect),
+        (false, 1, ReportStep::SendValues),
+        (false, 1, ReportStep::SendStatus),
+        (false, 1, ReportStep::Collect),
+    ];
+    assert_eq!(taken, steps);
     assert_eq!(reports(&mut link), 1);
+    assert_eq!(task.commands.covariates.load_torque_nm.value, 7.0);
+    assert_eq!(task.commands.setpoint.current_a, 1.0);
+}
+
+#[test]
+fn report_of_a_motor_measurement_has_its_result() {
+    let mut queues = LoopQueues::new();
+    let (mut port, mut link) = queues.split(StageTraits::NONE, 0);
+    let mut task = LoopTask::new(parts(), DeadlineLimits::for_period(PERIOD, 10));
+    let probe = ProbeCommand {
+        run: 3,
+        along_v: 0.0,
+        square_v: [0.0; 2],
+        turn_per_period: 0,
+        dead_v: 0.0,
+        trip_a: 1.0,
+    };
+    for _ in 0..2 * BLOCK_PERIODS {
+        task.probe.step(&probe, 0, Default::default(), 48.0);
+    }
+    assert_eq!(task.probe_report().run, 3);
+    for probe in [Some(probe), None] {
+        task.apply_commands(LoopCommands { probe, ..drive(0.0) });
+        task.clear_report();
+        for _ in 0..task.report_every + 3 {
+            task.interrupt(&mut StageStub, &mut port, 0, 0);
+        }
+        let mut received = None;
+        link.reports(0, |report| received = Some(report.probe));
+        let is_measured = probe.is_some();
+        let expected = if is_measured { task.probe_report() } else { ProbeReport::default() };
+        assert_eq!(received, Some(expected));
+    }
 }

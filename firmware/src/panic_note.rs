@@ -55,6 +55,16 @@ impl PanicNote {
         Some(text)
     }
 
+    /// Returns the note as it lies in memory, to place it in that of an emulated board.
+    #[cfg(not(target_os = "none"))]
+    pub fn to_bytes(&self) -> [u8; 12 + MAX_PANIC_TEXT_BYTES] {
+        let mut bytes = [0; 12 + MAX_PANIC_TEXT_BYTES];
+        let words = [self.magic, self.length, self.crc].map(u32::to_le_bytes);
+        let content = words.iter().flatten().chain(&self.text);
+        bytes.iter_mut().zip(content).for_each(|(place, byte)| *place = *byte);
+        bytes
+    }
+
     fn compute_crc(&self) -> u32 {
         let mut digest = CRC.digest();
         digest.update(&self.length.to_le_bytes());

@@ -67,13 +67,10 @@ macro_rules! define_covariates {
                 $($(invalid(&self.$covariate) |)?)* !self.campaign_time_h.is_finite()
             }
 
-            /// Returns the ages that grow between two commands, s: `setpoint_age_s` and that of every covariate.
+            /// Changes every age, s.
             #[inline(always)]
-            pub(crate) fn ages_with<'a>(
-                &'a mut self,
-                setpoint_age_s: &'a mut f32,
-            ) -> [&'a mut f32; Self::QUANTITIES.len() + 1] {
-                [setpoint_age_s, $($(&mut self.$covariate.age_s,)?)*]
+            pub(crate) fn for_each_age(&mut self, mut change: impl FnMut(&mut f32)) {
+                $($(change(&mut self.$covariate.age_s);)?)*
             }
 
             /// Returns the inputs of the compensator.

@@ -41,6 +41,9 @@ const LOAD_TORQUE_HOLD_S: f32 = 0.1;
 /// Square of the share of the voltage circle from which the current is checked against it.
 const NEAR_CIRCLE: f32 = 0.8;
 
+/// Phase current above which a reading is limited, A: more than any sensor measures.
+const MAX_PLAUSIBLE_A: f32 = 1e6;
+
 /// Maximum sum of the three phase currents, as a share of the overcurrent limit.
 const IMBALANCE_SHARE: f32 = 0.1;
 
@@ -251,18 +254,22 @@ impl<C: Compensate> CurrentLoop<C> {
             [f32::NAN; 3]
         };
         // If any phase is infinite or NaN, so is the sum of magnitudes.
-        let [x, y, z] = phases.map(f32::abs);
-        if !(x + y + z).is_finite() {
+        let [a, b, c] = phases;
+        let (x, y, z) = (a.abs(), b.abs(), c.abs());
+        let magnitude = x + y + z;
+        if !magnitude.is_finite() {
             *flags |= LoopFlags::CURRENT_INVALID;
             return Stationary::default();
         }
         let bound = self.motor.overcurrent_a;
-        let [a, b, c] = phases;
         *flags |= LoopFlags::OVERCURRENT.when((x > bound) | (y > bound) | (z > bound));
         let sum = (a + b + c).abs();
         *flags |= LoopFlags::CURRENT_IMBALANCE.when(three & (sum > IMBALANCE_SHARE * bound));
         // Currents that no sensor can measure would make products that are not finite.
-        clarke(phases.map(|phase| clamp(phase, 1e6)))
+        if magnitude > MAX_PLAUSIBLE_A {
+            return clarke(phases.map(|phase| clamp(phase, MAX_PLAUSIBLE_A)));
+        }
+        clarke(phases)
     }
 
     /// Updates the observer with the sample; returns the rotor angle.
@@ -304,7 +311,9 @@ impl<C: Compensate> CurrentLoop<C> {
         let usable = is_fresh & is_finite;
         let compensate =
             self.compensating & self.driving & usable & !flags.contains(LoopFlags::ENCODER_LOST);
-        self.compensator.set_enabled(compensate);
+        if compensate != self.compensator.is_enabled() {
+            self.compensator.set_enabled(compensate);
+        }
         let compensate = self.compensator.is_enabled();
         flags |= LoopFlags::COMPENSATION_OFF.when(!compensate);
         flags |= LoopFlags::COVARIATE_INVALID.when(covariates.has_invalid());
@@ -406,7 +415,9 @@ impl<C: Compensate> CurrentLoop<C> {
         }
         let share = self.fade;
         *flags |= LoopFlags::CROSS_FADING.when(share > 0.0);
-        self.fade = (share - self.motor.period_s * (1.0 / FADE_S)).max(0.0);
+        let left = share - self.motor.period_s * (1.0 / FADE_S);
+        // `f32::max` is a call on this core.
+        self.fade = if left > 0.0 { left } else { 0.0 };
         share * (self.fade_from_a - feed_forward_a)
     }
 

@@ -62,7 +62,9 @@ pub fn duties(vector: Stationary, bus_v: f32) -> [f32; 3] {
     let high = if c > high { c } else { high };
     let (middle, per_volt) = (0.5 * (low + high), 1.0 / bus_v);
     // The clamp removes rounding errors and NaN.
-    [a, b, c].map(|phase| 0.5 + clamp((phase - middle) * per_volt, 0.5))
+    let duty = |phase: f32| 0.5 + clamp((phase - middle) * per_volt, 0.5);
+    // Written out: the compiler makes a loop over memory of `map`.
+    [duty(a), duty(b), duty(c)]
 }
 
 #[cfg(test)]

@@ -110,6 +110,104 @@ pub struct LoopReport {
     pub probe: ProbeReport,
 }
 
+/// Values of one period: the first part of a report. The interrupt sends a report in parts, each in a period of its own.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PeriodValues {
+    /// See [`LoopReport::bus_voltage_v`]; NaN if it was invalid.
+    pub bus_voltage_v: f32,
+    /// See [`LoopReport::phase_currents_a`]; NaN if they were invalid.
+    pub phase_currents_a: [f32; 3],
+    /// See [`LoopReport::current_a`].
+    pub current_a: f32,
+    /// See [`LoopReport::current_d_a`].
+    pub current_d_a: f32,
+    /// See [`LoopReport::current_reference_a`].
+    pub current_reference_a: f32,
+    /// See [`LoopReport::voltage_q_v`].
+    pub voltage_q_v: f32,
+    /// See [`LoopReport::velocity_rad_s`].
+    pub velocity_rad_s: f32,
+    /// See [`LoopReport::turned_rad`].
+    pub turned_rad: f32,
+    /// See [`LoopReport::motor_torque_nm`].
+    pub motor_torque_nm: f32,
+    /// See [`LoopReport::friction_torque_nm`].
+    pub friction_torque_nm: f32,
+    /// See [`LoopReport::feed_forward_current_a`].
+    pub feed_forward_current_a: f32,
+    /// See [`LoopReport::residual_torque_nm`].
+    pub residual_torque_nm: f32,
+    /// True if whole turns are known.
+    pub is_referenced: bool,
+}
+
+impl PeriodValues {
+    /// Before the first report.
+    pub(crate) const NONE: Self = Self {
+        bus_voltage_v: f32::NAN,
+        phase_currents_a: [f32::NAN; 3],
+        current_a: 0.0,
+        current_d_a: 0.0,
+        current_reference_a: 0.0,
+        voltage_q_v: 0.0,
+        velocity_rad_s: 0.0,
+        turned_rad: 0.0,
+        motor_torque_nm: f32::NAN,
+        friction_torque_nm: 0.0,
+        feed_forward_current_a: 0.0,
+        residual_torque_nm: f32::NAN,
+        is_referenced: false,
+    };
+}
+
+/// Flags and counts since the last report: the last part of a report. Its fields are those of [`LoopReport`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ReportStatus {
+    pub loop_flags: LoopFlags,
+    pub flags: Flags,
+    pub bristle_torque_nm: f32,
+    pub overruns_in_a_row: u32,
+    pub gate_driver_fault: bool,
+    pub system_break: bool,
+    pub magnet_fault: bool,
+    pub bridge_shorted: bool,
+    /// A part with the result of a motor measurement was sent between the two.
+    pub has_probe: bool,
+}
+
+impl LoopReport {
+    /// Returns the report of these parts, with a sample of this instant.
+    pub(crate) fn join(values: &PeriodValues, status: &ReportStatus, probe: ProbeReport) -> Self {
+        let position_rad = if values.is_referenced { values.turned_rad } else { f32::NAN };
+        Self {
+            bus_voltage_v: Some(values.bus_voltage_v),
+            phase_currents_a: Some(values.phase_currents_a),
+            current_a: values.current_a,
+            current_d_a: values.current_d_a,
+            current_reference_a: values.current_reference_a,
+            voltage_q_v: values.voltage_q_v,
+            velocity_rad_s: values.velocity_rad_s,
+            position_rad,
+            turned_rad: values.turned_rad,
+            motor_torque_nm: values.motor_torque_nm,
+            friction_torque_nm: values.friction_torque_nm,
+            feed_forward_current_a: values.feed_forward_current_a,
+            residual_torque_nm: values.residual_torque_nm,
+            bristle_torque_nm: status.bristle_torque_nm,
+            loop_flags: status.loop_flags,
+            flags: status.flags,
+            sample_age_us: Some(0),
+            gate_driver_fault: status.gate_driver_fault,
+            system_break: status.system_break,
+            magnet_fault: status.magnet_fault,
+            bridge_shorted: status.bridge_shorted,
+            overruns_in_a_row: status.overruns_in_a_row,
+            probe,
+            ..Self::default()
+        }
+    }
+}
+
 impl Default for LoopReport {
     /// Nothing is measured and there are no faults.
     fn default() -> Self {

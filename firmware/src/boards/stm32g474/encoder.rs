@@ -148,9 +148,9 @@ impl Encoder {
         second.store(NO_ANSWER, Ordering::Relaxed);
         let answers = (is_complete && answers[1] != NO_ANSWER).then_some(answers);
         let angle = self.pairs.angle(answers);
-        for (place, command) in COMMANDS.iter().zip(self.pairs.commands()) {
-            place.store(command, Ordering::Relaxed);
-        }
+        let [first, second] = self.pairs.commands();
+        COMMANDS[0].store(first, Ordering::Relaxed);
+        COMMANDS[1].store(second, Ordering::Relaxed);
         if answers.is_some() {
             self.missing_periods = 0;
         } else {

@@ -222,11 +222,16 @@ pub fn since_top() -> u32 {
 
 #[inline(always)]
 fn set_duties(duty: [f32; 3]) {
-    for (channel, duty) in duty.into_iter().enumerate() {
+    let set = |channel: usize, duty: f32| {
         // The cast saturates and converts NaN to 0.
         let compare = (duty * f32::from(PWM_TOP)) as u16;
         TIMER.ccr(channel).write(|w| w.set_ccr(compare.min(PWM_TOP)));
-    }
+    };
+    // Written out, because a loop costs the interrupt 40 cycles more.
+    let [a, b, c] = duty;
+    set(0, a);
+    set(1, b);
+    set(2, c);
 }
 
 /// Connects faults of the chip to the break. Only a reset clears these bits.

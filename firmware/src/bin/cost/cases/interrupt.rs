@@ -247,14 +247,28 @@ fn commands(inputs: &Inputs) -> LoopCommands {
 #[derive(Clone, Copy)]
 struct Situation {
     commands: bool,
+    /// The first half of the commands was taken in the period before.
+    second_half: bool,
     parts: bool,
+    /// A report is due.
     report: bool,
+    /// Periods since the values of a report were recorded, which are not counted.
+    report_steps: u8,
 }
 
-const QUIET: Situation = Situation { commands: false, parts: false, report: false };
-const COMMANDS: Situation = Situation { commands: true, parts: false, report: true };
-const REPORT: Situation = Situation { commands: false, parts: false, report: true };
-const OTHER_PARAMETERS: Situation = Situation { commands: true, parts: true, report: true };
+const QUIET: Situation =
+    Situation { commands: false, second_half: false, parts: false, report: false, report_steps: 0 };
+const OTHER_PARAMETERS: Situation =
+    Situation { commands: true, parts: true, report: true, ..QUIET };
+/// Commands take two periods, and a report three.
+const PERIODS: [Situation; 6] = [
+    QUIET,
+    Situation { commands: true, report: true, ..QUIET },
+    Situation { commands: true, second_half: true, report: true, ..QUIET },
+    Situation { report: true, ..QUIET },
+    Situation { report: true, report_steps: 1, ..QUIET },
+    Situation { report: true, report_steps: 2, ..QUIET },
+];
 
 /// The loop in the interrupt, and the background's end of its queues.
 struct Joint {
@@ -306,8 +320,8 @@ impl Joint {
 
     /// Prepares a period from this state, with the events of the situation.
     fn prepare(&mut self, before: &LoopTask, inputs: &Inputs, situation: Situation) {
-        if situation.parts {
-            // The handler left the commands of the last period with parts.
+        if situation.parts || situation.commands {
+            // The last counted period left commands.
             self.drain();
         }
         // Empty the report queue, so that the handler finds room.
@@ -329,13 +343,23 @@ impl Joint {
         if !situation.report {
             state.task.clear_report();
         }
+        for _ in 0..situation.report_steps + u8::from(situation.second_half) {
+            let triggered = state.stage.now;
+            state.task.interrupt(
+                &mut state.stage,
+                &mut state.port,
+                triggered,
+                triggered + HANDLER_LATENCY,
+            );
+            state.stage.now = triggered.wrapping_add(PERIOD_CYCLES);
+        }
         INTERRUPT.store(state, Ordering::Relaxed);
     }
 
     /// Empties the queue of commands by running periods that are not counted.
     fn drain(&mut self) {
         let Some(state) = self.state.as_mut() else { panic!("there is a loop") };
-        for _ in 0..2 {
+        for _ in 0..3 {
             state.task.interrupt(&mut state.stage, &mut state.port, 0, 0);
         }
     }
@@ -427,7 +451,7 @@ pub fn measure_interrupts(clock: &mut Clock) {
     ];
     for (name, law, terms) in rows {
         let Some(task) = joint.settle(set(*law, terms)) else { panic!("{name}: no such model") };
-        let (min, max) = measure(&mut counter, &mut joint, &task, &[QUIET, COMMANDS, REPORT]);
+        let (min, max) = measure(&mut counter, &mut joint, &task, &PERIODS);
         print_line!("interrupt | {name} | {min} | {max}");
         let (min, max) = measure(&mut counter, &mut joint, &task, &[OTHER_PARAMETERS]);
         joint.drain();
@@ -437,7 +461,7 @@ pub fn measure_interrupts(clock: &mut Clock) {
     for term in TermKind::ALL {
         // Terms that the law already contains are refused.
         if let Some(task) = joint.settle(set(LawKind::ImprovedLugre, &[*term])) {
-            let (min, max) = measure(&mut counter, &mut joint, &task, &[QUIET, COMMANDS, REPORT]);
+            let (min, max) = measure(&mut counter, &mut joint, &task, &PERIODS);
             print_line!("interrupt | improved LuGre + {} | {min} | {max}", term.name());
         }
     }
