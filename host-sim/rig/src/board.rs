@@ -2,13 +2,13 @@
 //!
 //! The simulation ends at the converter's counts and at the encoder's SPI words. The firmware's own code
 //! (`sensors::shunt`, `sensors::as504x`) turns them into current and angle, including the offsets found at start-up.
-//! The encoder answers each SPI frame with the angle of the frame before, so that a sample is 48 us old. The noise and
+//! The encoder answers each SPI frame with the angle at the end of the frame before. Two frames are exchanged in a period,
+//! so that a sample is 6 us old. The noise and
 //! the lag of the amplifiers are part of the plant.
 
-use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use firmware::control::{PERIOD_S, StageSample, ValidChannels, encoder_angle};
 use firmware::loop_parts::StageTraits;
-use firmware::sensors::as504x::{ANGLE_BITS, As504x};
+use firmware::sensors::as504x::{ANGLE_BITS, EncoderType, FramePairs};
 use firmware::sensors::shunt::{
     CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, Shunt, measurable_a,
 };
@@ -17,19 +17,18 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use simulated_machines::joint_plant::JointPlant;
 use std::cell::RefCell;
-use std::convert::Infallible;
-use std::rc::Rc;
 
 /// Shunts of 1 mohm, amplified by 20, on 12 bits of 3.3 V.
 const AMPERES_PER_COUNT: f64 = 3.3 / (4096.0 * 0.001 * 20.0);
 
-/// Time from the top of the PWM period to the start of an encoder frame, s.
-const FRAME_AFTER_TOP_S: f32 = 2e-6;
+/// Time from the end of the first frame of a period, when the encoder latches the angle, to the top of the PWM, s: 1060
+/// cycles at 170 MHz (see the board's encoder.rs).
+const LATCH_BEFORE_TOP_S: f32 = 1060.0 / 170e6;
 
 /// Stage traits of the board: dead time 0.5 us, amplifier settling 1.5 us, and the encoder age at the top of the
-/// period, which is the time since the previous encoder frame.
+/// period, which is the time since the end of the first encoder frame.
 pub const BOARD_TRAITS: StageTraits = StageTraits {
-    encoder_age_s: PERIOD_S - FRAME_AFTER_TOP_S,
+    encoder_age_s: LATCH_BEFORE_TOP_S,
     current_max_a: measurable_a(AMPERES_PER_COUNT as f32),
     modulation_max: StageTraits::max_modulation(PERIOD_S, 0.5e-6, 1.5e-6),
 };
@@ -60,10 +59,6 @@ struct EncoderState {
     frozen_angle: Option<u16>,
     random: Pcg64,
 }
-
-/// The encoder's end of the SPI line.
-#[derive(Clone, Debug)]
-struct EncoderSpi(Rc<RefCell<EncoderState>>);
 
 const DATA_MASK: u16 = 0x3FFF;
 const ANGLE_REGISTER: u16 = 0x3FFF;
@@ -107,28 +102,12 @@ impl EncoderState {
     }
 }
 
-impl ErrorType for EncoderSpi {
-    type Error = Infallible;
-}
-
-impl SpiDevice<u16> for EncoderSpi {
-    fn transaction(&mut self, operations: &mut [Operation<'_, u16>]) -> Result<(), Infallible> {
-        let mut state = self.0.borrow_mut();
-        for operation in operations {
-            if let Operation::TransferInPlace(words) = operation {
-                words.iter_mut().for_each(|word| *word = state.exchange(*word));
-            }
-        }
-        Ok(())
-    }
-}
-
 /// Shunts and encoder of the board.
 #[derive(Debug)]
 pub struct BoardSensors {
     shunts: [Option<Shunt>; 2],
-    encoder: As504x<EncoderSpi>,
-    state: Rc<RefCell<EncoderState>>,
+    encoder: FramePairs,
+    state: RefCell<EncoderState>,
     /// Drift of the amplifiers of phases a and b since start-up, A.
     pub drift_a: [f64; 2],
     /// Resolution of the bus voltage measurement, V.
@@ -138,16 +117,16 @@ pub struct BoardSensors {
 impl BoardSensors {
     /// Starts the sensors with an open bridge and finds the offsets of the shunts.
     pub fn start(plant: &mut JointPlant, seed: u64) -> Self {
-        let state = Rc::new(RefCell::new(EncoderState {
+        let state = RefCell::new(EncoderState {
             angle: 0,
             answer: 0,
             fault: EncoderFault::None,
             frozen_angle: None,
             random: Pcg64::seed_from_u64(seed ^ 0xe4c0),
-        }));
+        });
         let mut sensors = Self {
             shunts: [None; 2],
-            encoder: As504x::new(EncoderSpi(Rc::clone(&state))),
+            encoder: FramePairs::new(EncoderType::As5047p),
             state,
             drift_a: [0.0; 2],
             bus_step_v: 3.3 / 4096.0 * (68.0 + 3.3) / 3.3,
@@ -183,17 +162,39 @@ impl BoardSensors {
         counts.round().clamp(0.0, f64::from(CONVERTER_RANGE_COUNTS - 1)) as u16
     }
 
+    /// Returns the converter's counts for phases a and b. A phase whose low side does not conduct shows no current.
+    pub fn phase_counts(&self, currents_a: [f64; 3], is_low_side_on: [bool; 2]) -> [u16; 2] {
+        std::array::from_fn(|phase| {
+            let current_a = if is_low_side_on[phase] { currents_a[phase] } else { 0.0 };
+            self.counts(phase, current_a)
+        })
+    }
+
+    /// Returns the converter's counts for a bus voltage.
+    pub fn bus_counts(&self, bus_v: f64) -> u16 {
+        (bus_v / self.bus_step_v).floor().clamp(0.0, f64::from(CONVERTER_RANGE_COUNTS - 1)) as u16
+    }
+
+    /// Exchanges an SPI word with the encoder, which shows this angle, in its counts.
+    pub fn exchange_encoder_word(&self, word: u16, angle: u16) -> u16 {
+        let mut state = self.state.borrow_mut();
+        state.angle = angle & DATA_MASK;
+        state.exchange(word)
+    }
+
     /// Returns one sample for the current loop. `phases_swapped` swaps phases b and c, as at a miswired motor.
     pub fn sample(&mut self, plant: &mut JointPlant, phases_swapped: bool) -> StageSample {
         let mut measured = plant.measure();
         if phases_swapped {
             measured.currents_a.swap(1, 2);
         }
-        // The angle at the start of this frame; the frame's answer holds the angle of the frame before.
-        let advance = plant.motor_turns_in(f64::from(FRAME_AFTER_TOP_S)) * f64::from(DATA_MASK + 1);
-        let shown = (f64::from(measured.encoder) + advance).round() as i32;
-        self.state.borrow_mut().angle = shown as u16 & DATA_MASK;
-        let angle = self.encoder.angle().ok();
+        // The angle at the end of the first frame, which the second one answers.
+        let advance =
+            plant.motor_turns_in(-f64::from(LATCH_BEFORE_TOP_S)) * f64::from(DATA_MASK + 1);
+        let shown = (f64::from(measured.encoder) + advance).round() as i32 as u16;
+        let answers =
+            self.encoder.commands().map(|command| self.exchange_encoder_word(command, shown));
+        let angle = self.encoder.angle(Some(answers)).ok();
         let [a, b] = std::array::from_fn(|phase| {
             let counts = self.counts(phase, measured.currents_a[phase]);
             self.shunts[phase].and_then(|shunt| shunt.current_a(counts))

@@ -19,7 +19,7 @@ pub struct RigBus<'r, 'q> {
 impl<'r, 'q> RigBus<'r, 'q> {
     /// Opens a port on this rig's bus and drops answers that no client has read.
     pub fn new(rig: &'r mut JointRig<'q>) -> Self {
-        rig.answers.clear();
+        rig.received.answers.clear();
         Self { rig, received: VecDeque::new(), counters: Counters::default() }
     }
 

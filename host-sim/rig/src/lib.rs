@@ -15,6 +15,7 @@
 
 mod board;
 mod bus;
+mod driver;
 mod faults;
 mod node;
 pub mod simulated;
@@ -22,6 +23,7 @@ mod stage;
 
 pub use board::{BOARD_TRAITS, BoardSensors, EncoderFault};
 pub use bus::RigBus;
+pub use driver::{LibraryDriver, RigDriver, WATCHDOG_TIMEOUT_MS, codes_from_bits, stored_flash};
 pub use faults::{RigFaults, SealSensorFault};
 pub use node::MotorNode;
 pub use stage::{InterruptTiming, PERIOD_CYCLES, Stage, StageExtremes};
@@ -31,18 +33,14 @@ use compensator_core::can::{
     CommandFrame, Frame, Message, NodeId, SealFrame, SurroundingsFrame, SyncFrame,
 };
 use faults::DelayLine;
-use firmware::background::{Background, BoardState, TICK_US};
-use firmware::control::{PERIOD_S, PowerStage};
-use firmware::deadline::DeadlineLimits;
-use firmware::driver::{Boot, Driver, Identity};
-use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
-use firmware::loop_parts::{LoopParts, StageTraits};
-use firmware::loop_task::LoopTask;
+use firmware::background::{BoardState, TICK_US};
+use firmware::control::PERIOD_S;
+use firmware::driver::Boot;
+use firmware::loop_link::LoopQueues;
+use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
-use firmware::node_settings::{NodeSettings, emit_block};
 use firmware::parameter_set::ParameterSet;
-use firmware::store::Store;
-use firmware::store::memory::MemoryFlash;
+use firmware::supervisor::CodeSet;
 use joint_bus::canopen::Client;
 use simulated_machines::joint_plant::JointPlant;
 use std::collections::VecDeque;
@@ -55,17 +53,18 @@ const PERIODS_PER_MS: usize = (1e-3 / PERIOD_S + 0.5) as usize;
 /// Settling time of the angle observer, ms: a triple pole at 100 Hz, with margin.
 pub const OBSERVER_SETTLING_MS: usize = 150;
 
-/// Watchdog timeout of the board, ms.
-pub const WATCHDOG_TIMEOUT_MS: u32 = 50;
-
-/// Capacity of the board's receive queue, in frames.
-const RECEIVE_QUEUE_FRAMES: usize = 64;
-
 /// Maximum time from the arming request to the armed state, ms; the bridge finds its offsets in it.
 const ARMING_TIMEOUT_MS: usize = 60;
 
 /// Interval between temperature frames, ms; a thermometer is slow.
 const TEMPERATURE_INTERVAL_MS: u32 = 50;
+
+/// Interval between the objects of the load torque, ms. With one each millisecond, and its answer, the frames of a
+/// millisecond would not fit on a bus of 1 Mbit/s.
+const LOAD_INTERVAL_MS: u32 = 4;
+
+/// Longest time until the driver answers the request of an object, ms. Its process frames may be sent before.
+const ANSWER_TIMEOUT_MS: usize = 5;
 
 /// Last values that the master received from the driver, as the frames carry them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -84,11 +83,7 @@ pub struct MasterView {
 
 /// A driver connected to a simulated joint.
 pub struct JointRig<'q> {
-    background: Background<MemoryFlash<4>>,
-    task: LoopTask,
-    port: LoopPort<'q>,
-    link: LoopLink<'q>,
-    stage: Stage,
+    driver: Box<dyn RigDriver + 'q>,
     faults: RigFaults,
     line: DelayLine,
     /// Last values of a stuck seal sensor: side load, N, and pressure, Pa.
@@ -96,19 +91,19 @@ pub struct JointRig<'q> {
     now_us: u64,
     milliseconds: u32,
     command_count: u8,
+    received: Received,
+    /// The rig's master sends a SYNC every millisecond.
+    sends_sync: bool,
+    board_state: BoardState,
+}
+
+/// What the master received from the driver.
+#[derive(Default)]
+struct Received {
     view: MasterView,
     answers: Vec<Frame>,
     /// Frames from the driver for an external bus; `None` if the rig's own master receives them.
     outgoing_frames: Option<VecDeque<Frame>>,
-    /// Remaining time of a stall of the background loop, ms, and the frames received during it.
-    stalled_ms: u32,
-    deferred_frames: VecDeque<Frame>,
-    /// Time since the watchdog was serviced, ms, and whether it has reset the processor.
-    watchdog_unserviced_ms: u32,
-    is_reset: bool,
-    /// The rig's master sends a SYNC every millisecond.
-    sends_sync: bool,
-    board_state: BoardState,
 }
 
 /// State of the driver at power-up.
@@ -160,59 +155,46 @@ pub fn run_from_power_up<R>(
     start_driver(&mut queues, start, plant, faults).map(|mut rig| work(&mut rig))
 }
 
-/// Starts a driver from power-up, connected through these queues.
+/// Returns the stage of a start: the plant, with the sensors of the driver's board if they are simulated.
+pub fn stage_at_power_up(start: &PowerUp, mut plant: JointPlant, faults: &RigFaults) -> Stage {
+    let board = start.board.then(|| BoardSensors::start(&mut plant, faults.seed));
+    let mut stage = Stage::new(plant, faults);
+    stage.board = board;
+    stage
+}
+
+/// Starts the library as driver from power-up, connected through these queues.
 fn start_driver<'q>(
     queues: &'q mut LoopQueues,
     start: &PowerUp,
-    mut plant: JointPlant,
+    plant: JointPlant,
     faults: RigFaults,
 ) -> Result<JointRig<'q>, String> {
     let traits = if start.board { BOARD_TRAITS } else { StageTraits::NONE };
-    let mut store = Store::open(MemoryFlash::<4>::new());
-    let mut settings = NodeSettings::default();
-    if let Some(set) = start.set {
-        LoopParts::build(set, traits, PERIOD_S).map_err(|refused| refused.to_string())?;
-        settings.commissioned = if start.commissioned { set.wiring_crc() } else { 0 };
-        let block = emit_block(&settings, set);
-        store.save(&block).map_err(|error| format!("flash: {error:?}"))?;
+    let stage = stage_at_power_up(start, plant, &faults);
+    let driver = LibraryDriver::start(queues, start, traits, stage)?;
+    Ok(JointRig::new(Box::new(driver), faults))
+}
+
+impl<'q> JointRig<'q> {
+    /// Connects a driver that has started, and waits until its observer has settled.
+    pub fn new(driver: Box<dyn RigDriver + 'q>, faults: RigFaults) -> Self {
+        let line = DelayLine::new(&faults);
+        let mut rig = Self {
+            driver,
+            faults,
+            line,
+            stuck_seal: None,
+            now_us: 0,
+            milliseconds: 0,
+            command_count: 0,
+            received: Received::default(),
+            sends_sync: true,
+            board_state: BoardState::default(),
+        };
+        (0..OBSERVER_SETTLING_MS).for_each(|_| rig.step_idle());
+        rig
     }
-    let identity = Identity { hardware: "simulated joint", serial: 1, stage: traits };
-    let driver = Driver::boot(settings, store.into_flash(), identity, &start.boot, 0);
-    let task = LoopTask::new(
-        LoopParts::build_or_measure_only(driver.set(), traits),
-        DeadlineLimits::for_period(PERIOD_CYCLES, 2000),
-    );
-    let (port, link) = queues.split(traits, 0);
-    let line = DelayLine::new(&faults);
-    let board = start.board.then(|| BoardSensors::start(&mut plant, faults.seed));
-    let mut stage = Stage::new(plant, &faults);
-    stage.board = board;
-    let mut rig = JointRig {
-        background: Background::new(driver, 0),
-        task,
-        port,
-        link,
-        stage,
-        faults,
-        line,
-        stuck_seal: None,
-        now_us: 0,
-        milliseconds: 0,
-        command_count: 0,
-        view: MasterView::default(),
-        answers: Vec::new(),
-        outgoing_frames: None,
-        stalled_ms: 0,
-        deferred_frames: VecDeque::new(),
-        watchdog_unserviced_ms: 0,
-        is_reset: false,
-        sends_sync: true,
-        board_state: BoardState::default(),
-    };
-    // The interrupt must run first: the background needs a completed conversion.
-    rig.run_current_loop();
-    (0..OBSERVER_SETTLING_MS).for_each(|_| rig.step_idle());
-    Ok(rig)
 }
 
 impl JointRig<'_> {
@@ -221,6 +203,13 @@ impl JointRig<'_> {
     /// # Errors
     /// Returns one line with the driver's reason if it does not arm.
     pub fn arm(&mut self, position_rad: f64) -> Result<(), String> {
+        // The rig's master uses neither the status nor the torque frames. With them, a bus of 1 Mbit/s has no room left
+        // at 1 kHz.
+        for (index, base) in [(index::TRANSMIT_STATUS, 0x280), (index::TRANSMIT_TORQUE, 0x680)] {
+            let unused = 1u32 << 31 | base | u32::from(NODE.number());
+            self.write_object(index, 1, unused.to_le_bytes());
+            self.step_idle();
+        }
         self.send_immediately(0, &[1, NODE.number()]);
         self.write_object(index::STATE, 6, (position_rad as f32).to_le_bytes());
         (0..5).for_each(|_| self.step_with_command(0.0, 0.0));
@@ -241,7 +230,7 @@ impl JointRig<'_> {
         self.command_count = self.command_count.wrapping_add(1);
         let command = CommandFrame::new(current_a, velocity_reference_rad_s, self.command_count);
         self.line.send(Message::Command(NODE, command).emit());
-        let shown = self.stage.plant.show();
+        let shown = self.driver.stage_mut().plant.show();
         if let Some(seal) =
             self.faults.seal_reading(self.milliseconds, &shown, &mut self.stuck_seal)
         {
@@ -251,11 +240,13 @@ impl JointRig<'_> {
             };
             self.line.send(Message::Seal(NODE, seal).emit());
             // The driver measures its own torque, so the load goes to it as an object and not in a Torque frame.
-            self.line.send(sdo_download(
-                index::INPUTS,
-                4,
-                (shown.load_torque_nm as f32).to_le_bytes(),
-            ));
+            if self.milliseconds.is_multiple_of(LOAD_INTERVAL_MS) {
+                self.line.send(sdo_download(
+                    index::INPUTS,
+                    4,
+                    (shown.load_torque_nm as f32).to_le_bytes(),
+                ));
+            }
         }
         if self.milliseconds.is_multiple_of(TEMPERATURE_INTERVAL_MS) {
             let temperature_c = shown.temperature_c as f32;
@@ -271,59 +262,22 @@ impl JointRig<'_> {
     /// Runs 1 ms without a command.
     pub fn step_idle(&mut self) {
         self.now_us += TICK_US;
-        if self.stalled_ms == 0 && !self.is_reset {
-            while let Some(frame) = self.deferred_frames.pop_front() {
-                self.background.receive(&frame, self.now_us);
-            }
-            let link = Some(&mut self.link);
-            if self.background.tick(&self.board_state, link, self.now_us) {
-                self.watchdog_unserviced_ms = 0;
-            }
-        }
-        if self.sends_sync {
-            self.deliver(Message::Sync(SyncFrame::of(self.milliseconds)).emit());
-        }
-        while self.stalled_ms == 0
-            && let Some(frame) = self.background.transmit()
-        {
-            self.receive_from_driver(&frame);
-        }
-        self.stalled_ms = self.stalled_ms.saturating_sub(1);
-        self.watchdog_unserviced_ms += 1;
-        if self.watchdog_unserviced_ms > WATCHDOG_TIMEOUT_MS {
-            self.is_reset = true;
-        }
-        self.run_current_loop();
+        let sync = SyncFrame::of(self.milliseconds);
+        let sync = self.sends_sync.then(|| Message::Sync(sync).emit());
+        let received = &mut self.received;
+        self.driver.step(&self.board_state, sync, &mut |frame| received.take(&frame));
         self.line.tick();
         self.milliseconds += 1;
     }
 
-    /// Delivers a frame to the background, or queues it during a stall.
+    /// Delivers a frame to the driver.
     fn deliver(&mut self, frame: Frame) {
-        if self.stalled_ms == 0 && !self.is_reset {
-            self.background.receive(&frame, self.now_us);
-        } else if self.deferred_frames.len() < RECEIVE_QUEUE_FRAMES {
-            self.deferred_frames.push_back(frame);
-        }
-    }
-
-    fn run_current_loop(&mut self) {
-        for _ in 0..PERIODS_PER_MS {
-            if self.is_reset {
-                // The reset also resets the timer, whose outputs return to their idle level.
-                self.stage.off();
-            } else if let Some(delay) = self.stage.next_interrupt() {
-                let at = self.stage.cycles();
-                let now = at.wrapping_add(200 + delay);
-                self.task.interrupt(&mut self.stage, &mut self.port, at, now);
-            }
-            self.stage.step_period();
-        }
+        self.driver.receive(&frame);
     }
 
     /// Stalls the background loop for this time, as during a long transfer; the interrupt continues.
     pub fn stall_background(&mut self, milliseconds: u32) {
-        self.stalled_ms = milliseconds;
+        self.driver.stall_background(milliseconds);
     }
 
     /// Stops the SYNC frames.
@@ -333,7 +287,7 @@ impl JointRig<'_> {
 
     /// Returns true after a watchdog reset. The rig then stays inactive; simulate the restart with a new rig.
     pub fn is_reset(&self) -> bool {
-        self.is_reset
+        self.driver.is_reset()
     }
 
     /// Measurements of the board about itself: temperatures, stack, bus.
@@ -343,10 +297,109 @@ impl JointRig<'_> {
 
     /// The power stage, for measurements and faults.
     pub fn stage_mut(&mut self) -> &mut Stage {
-        &mut self.stage
+        self.driver.stage_mut()
     }
 
-    fn receive_from_driver(&mut self, frame: &Frame) {
+    /// Last values that the master received.
+    pub fn master_view(&self) -> &MasterView {
+        &self.received.view
+    }
+
+    /// The plant, for measurements.
+    pub fn plant(&self) -> &JointPlant {
+        &self.driver.stage().plant
+    }
+
+    /// The plant, to change its temperature, wear or pressure.
+    pub fn plant_mut(&mut self) -> &mut JointPlant {
+        &mut self.driver.stage_mut().plant
+    }
+
+    /// The driver, if it runs in this process.
+    pub fn library(
+        &self,
+    ) -> Option<&firmware::driver::Driver<firmware::store::memory::MemoryFlash<4>>> {
+        self.driver.library()
+    }
+
+    /// Returns true if the driver is armed.
+    pub fn is_armed(&mut self) -> bool {
+        self.driver.is_armed()
+    }
+
+    /// Returns the driver's latched faults.
+    pub fn latched_faults(&mut self) -> CodeSet {
+        self.driver.faults()
+    }
+
+    /// Returns the driver's active limits.
+    pub fn active_limits(&mut self) -> CodeSet {
+        self.driver.limits()
+    }
+
+    /// Takes the frames since the last call that are not process data: object answers and emergencies.
+    pub fn take_answers(&mut self) -> Vec<Frame> {
+        std::mem::take(&mut self.received.answers)
+    }
+
+    /// Delivers a frame to the driver without delay.
+    pub fn send_immediately(&mut self, identifier: u16, data: &[u8]) {
+        if let Some(frame) = Frame::new(identifier, data) {
+            self.driver.receive(&frame);
+        }
+    }
+
+    /// Writes an object of four bytes.
+    pub fn write_object(&mut self, index: u16, sub_index: u8, value: [u8; 4]) {
+        let frame = sdo_download(index, sub_index, value);
+        self.driver.receive(&frame);
+    }
+
+    /// Writes an object of one byte.
+    pub fn write_object_byte(&mut self, index: u16, sub_index: u8, value: u8) {
+        let [low, high] = index.to_le_bytes();
+        self.send_immediately(
+            0x600 + u16::from(NODE.number()),
+            &[0x2F, low, high, sub_index, value, 0, 0, 0],
+        );
+    }
+
+    /// Reads an object of at most four bytes, which takes some milliseconds. Returns `None` if there is no answer, or the
+    /// driver rejects the request.
+    pub fn read_object(&mut self, index: u16, sub_index: u8) -> Option<u32> {
+        let [low, high] = index.to_le_bytes();
+        self.received.answers.clear();
+        self.send_immediately(
+            0x600 + u16::from(NODE.number()),
+            &[0x40, low, high, sub_index, 0, 0, 0, 0],
+        );
+        (0..ANSWER_TIMEOUT_MS).find_map(|_| {
+            self.step_idle();
+            self.received.answers.iter().find_map(|frame| match *frame.data() {
+                // Expedited answer: command byte 0100 nn11, where nn of the four bytes are unused.
+                [head, l, h, s, a, b, c, d]
+                    if head & 0xF3 == 0x43 && [l, h, s] == [low, high, sub_index] =>
+                {
+                    let word = u32::from_le_bytes([a, b, c, d]);
+                    Some(word & (u32::MAX >> (8 * ((head >> 2) & 3))))
+                }
+                _ => None,
+            })
+        })
+    }
+
+    /// Requests the driver to arm (1), to disarm (0) or to clear its faults (2).
+    pub fn request_state(&mut self, request: u8) {
+        let [low, high] = index::STATE.to_le_bytes();
+        self.send_immediately(
+            0x600 + u16::from(NODE.number()),
+            &[0x2F, low, high, 1, request, 0, 0, 0],
+        );
+    }
+}
+
+impl Received {
+    fn take(&mut self, frame: &Frame) {
         if let Some(outgoing_frames) = &mut self.outgoing_frames {
             return outgoing_frames.push_back(*frame);
         }
@@ -366,88 +419,6 @@ impl JointRig<'_> {
             // Not a process frame: an object answer or an emergency.
             Err(_) => self.answers.push(*frame),
         }
-    }
-
-    /// Last values that the master received.
-    pub fn master_view(&self) -> &MasterView {
-        &self.view
-    }
-
-    /// The plant, for measurements.
-    pub fn plant(&self) -> &JointPlant {
-        &self.stage.plant
-    }
-
-    /// The plant, to change its temperature, wear or pressure.
-    pub fn plant_mut(&mut self) -> &mut JointPlant {
-        &mut self.stage.plant
-    }
-
-    /// The driver, for inspection.
-    pub fn driver(&self) -> &Driver<MemoryFlash<4>> {
-        self.background.driver()
-    }
-
-    /// Returns true if the driver is armed.
-    pub fn is_armed(&self) -> bool {
-        self.driver().is_armed()
-    }
-
-    /// Takes the frames since the last call that are not process data: object answers and emergencies.
-    pub fn take_answers(&mut self) -> Vec<Frame> {
-        std::mem::take(&mut self.answers)
-    }
-
-    /// Delivers a frame to the driver without delay.
-    pub fn send_immediately(&mut self, identifier: u16, data: &[u8]) {
-        if let Some(frame) = Frame::new(identifier, data) {
-            self.background.receive(&frame, self.now_us);
-        }
-    }
-
-    /// Writes an object of four bytes.
-    pub fn write_object(&mut self, index: u16, sub_index: u8, value: [u8; 4]) {
-        let frame = sdo_download(index, sub_index, value);
-        self.background.receive(&frame, self.now_us);
-    }
-
-    /// Writes an object of one byte.
-    pub fn write_object_byte(&mut self, index: u16, sub_index: u8, value: u8) {
-        let [low, high] = index.to_le_bytes();
-        self.send_immediately(
-            0x600 + u16::from(NODE.number()),
-            &[0x2F, low, high, sub_index, value, 0, 0, 0],
-        );
-    }
-
-    /// Reads an object of at most four bytes, which takes 1 ms. Returns `None` if the driver rejects the request.
-    pub fn read_object(&mut self, index: u16, sub_index: u8) -> Option<u32> {
-        let [low, high] = index.to_le_bytes();
-        self.answers.clear();
-        self.send_immediately(
-            0x600 + u16::from(NODE.number()),
-            &[0x40, low, high, sub_index, 0, 0, 0, 0],
-        );
-        self.step_idle();
-        self.answers.iter().find_map(|frame| match *frame.data() {
-            // Expedited answer: command byte 0100 nn11, where nn of the four bytes are unused.
-            [head, l, h, s, a, b, c, d]
-                if head & 0xF3 == 0x43 && [l, h, s] == [low, high, sub_index] =>
-            {
-                let word = u32::from_le_bytes([a, b, c, d]);
-                Some(word & (u32::MAX >> (8 * ((head >> 2) & 3))))
-            }
-            _ => None,
-        })
-    }
-
-    /// Requests the driver to arm (1), to disarm (0) or to clear its faults (2).
-    pub fn request_state(&mut self, request: u8) {
-        let [low, high] = index::STATE.to_le_bytes();
-        self.send_immediately(
-            0x600 + u16::from(NODE.number()),
-            &[0x2F, low, high, 1, request, 0, 0, 0],
-        );
     }
 }
 

@@ -56,7 +56,7 @@ impl MotorNode {
         // A process has one such node until it ends, so that the leak is bounded.
         let queues = Box::leak(Box::new(LoopQueues::new()));
         let mut rig = start_driver(queues, start, plant, RigFaults::default())?;
-        rig.outgoing_frames = Some(VecDeque::new());
+        rig.received.outgoing_frames = Some(VecDeque::new());
         rig.stop_sync();
         Ok(Self { rig, simulated_until_ns: 0 })
     }
@@ -80,6 +80,6 @@ impl Participant for MotorNode {
     }
 
     fn transmit(&mut self) -> Option<CanFrame> {
-        self.rig.outgoing_frames.as_mut()?.pop_front().map(CanFrame::from)
+        self.rig.received.outgoing_frames.as_mut()?.pop_front().map(CanFrame::from)
     }
 }

@@ -117,6 +117,15 @@ impl Stage {
         self.cycles = self.cycles.wrapping_add(PERIOD_CYCLES);
     }
 
+    /// Simulates this time with these duties of a timer outside of the rig, s; `None` is an open bridge.
+    pub fn run_driven(&mut self, seconds: f64, duty: Option<[f64; 3]>) {
+        let is_swapped = self.phases_swapped;
+        self.applied = duty.map(|[a, b, c]| if is_swapped { [a, c, b] } else { [a, b, c] });
+        self.plant.period(seconds, self.applied);
+        // Parts of a period count once.
+        self.record_extremes(duty.is_some() && seconds > 0.5 * f64::from(PERIOD_S));
+    }
+
     /// Simulates this time without a processor, s: the bridge keeps these duty cycles, or is open.
     pub fn run_without_processor(&mut self, seconds: f64, duty: Option<[f64; 3]>) {
         self.plant.period(seconds, duty);

@@ -314,7 +314,7 @@ pub fn master(rig: &mut JointRig, task: Task, max_duration_s: f64) -> Course {
             course.current_a.push(f64::from(rig.master_view().current_a));
         }
         course.stopped |= !rig.is_armed();
-        let limits = rig.driver().supervisor().limits();
+        let limits = rig.active_limits();
         if course.out_of_band_s.is_none() && limits.contains(Code::ModelOutOfBand) {
             course.out_of_band_s = Some(t.max(0.0));
         }

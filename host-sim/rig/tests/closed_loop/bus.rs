@@ -40,7 +40,7 @@ fn modulation() -> Vec<ScenarioRow> {
                 master.follow(16.0 * way * share, 0.0);
                 let duty = master.rig.stage_mut().applied_duty().unwrap_or_default();
                 widest = duty.into_iter().fold(widest, f64::max);
-                let limits = master.rig.driver().supervisor().limits();
+                let limits = master.rig.active_limits();
                 limited |= limits.iter().any(|code| code.info().name == "voltage-limited");
                 if k % 2000 > 1000 {
                     let believed = f64::from(master.rig.master_view().current_a);

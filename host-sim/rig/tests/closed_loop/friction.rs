@@ -56,7 +56,7 @@ fn course(share: f32, seal: SealSensorFault, rise_ms: f64) -> (f64, f64, f64, bo
         }
         let at = master.rig.plant().position_rad();
         let swing = master.swing_rad(at);
-        let limits = master.rig.driver().supervisor().limits();
+        let limits = master.rig.active_limits();
         let stuck = [Code::RadialForceStuck, Code::PressureStuck];
         let reported = stuck.into_iter().filter(|code| limits.contains(*code)).count();
         ((sum / 3000.0).sqrt(), swing, most, master.rig.is_armed(), reported)
@@ -114,7 +114,7 @@ fn map(inertias: &[f64]) -> Vec<ScenarioRow> {
             );
             let figure = "swing while held minus that without compensation, rad";
             // 0.9 of a level 20 % too high is 1.08 of the friction, an over-compensation until the driver detects it.
-            let known = level == 0.8 || *stiffness == 0.0;
+            let known = level == 0.8 || level == 1.2 && *stiffness == 0.0;
             let judged = if known { outside_row } else { row };
             let count = f64::from(cycles);
             rows.push(judged(14, &name, "inertias of 7 that swing more", count, 0.0..=0.0));
@@ -155,7 +155,7 @@ fn corner(
             most = most.max(f64::from(master.rig.master_view().current_a).abs());
         }
         let swing = master.swing_rad(from + 0.3);
-        let limits = master.rig.driver().supervisor().limits();
+        let limits = master.rig.active_limits();
         let is_reported = limits.iter().any(|code| code.info().name == "over-compensated");
         (swing, most, master.rig.is_armed(), f64::from(u8::from(is_reported)))
     })

@@ -32,7 +32,7 @@ fn stall(current_a: f64) -> Vec<ScenarioRow> {
                 shown = shown.max(winding.stator_c);
                 master.rig.board_state_mut().motor_temperature_c = Some(winding.stator_c as f32);
                 master.current(1, current_a);
-                share = share.min(master.rig.driver().supervisor().current_share());
+                share = share.min(master.current_share());
             }
             assert!(master.rig.is_armed(), "{:?}", master.faults());
             (copper, shown, f64::from(share))

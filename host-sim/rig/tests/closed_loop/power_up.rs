@@ -78,11 +78,11 @@ fn blank() -> Vec<ScenarioRow> {
             }
             master.rig.request_state(2);
         }
-        assert_eq!(master.rig.driver().set().friction.compensator.scale, 0.5);
+        assert_eq!(master.rig.read_object(0x2022, 1), Some(0.5f32.to_bits()));
         let driven = master.rig.stage_mut().take_extremes().driven_periods;
         let moved = (master.rig.plant().position_rad() - from).abs();
         // Confirming the wiring must allow arming; otherwise the test above would show nothing.
-        let wiring = master.rig.driver().set().wiring_crc();
+        let wiring = master.rig.read_object(0x200A, 2).expect("a CRC");
         master.rig.write_object(0x200A, 3, wiring.to_le_bytes());
         master.rig.request_state(2);
         (driven, moved, refused, master.arm().is_ok())

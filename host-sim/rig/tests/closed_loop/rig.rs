@@ -1,5 +1,6 @@
 //! The joint of all scenarios, its parameters, and its bus master.
 
+use super::driver::power_up;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
 use compensator_core::{LawKind, Parameters as Friction};
@@ -9,7 +10,7 @@ use firmware::parameter_set::ParameterSet;
 use friction_identification::fit::{FitOptions, Rows, identify, tracks};
 use friction_identification::spec::Spec;
 use joint_rig::simulated::dataset;
-use joint_rig::{JointRig, PowerUp, RigFaults, run_from_power_up};
+use joint_rig::{JointRig, PowerUp, RigFaults};
 use simulated_machines::joint_plant::bench::Amount;
 use simulated_machines::joint_plant::{Bench, JointPlant, Load, Parameters};
 use std::f64::consts::TAU;
@@ -113,7 +114,7 @@ impl Joint {
             board: true,
             boot: self.boot,
         };
-        run_from_power_up(&start, plant, self.faults, |rig| {
+        power_up(&start, plant, self.faults, |rig| {
             work(&mut Master { rig, gain: inertia * TAU * VELOCITY_HZ, inertia, integral_a: 0.0 })
         })
         .expect("a set that builds")
@@ -146,6 +147,11 @@ impl Master<'_, '_> {
         for _ in 0..milliseconds {
             self.rig.step_with_command(current_a as f32, 0.0);
         }
+    }
+
+    /// Returns the share of the current limit that the supervisor leaves; 1 if this cannot be read from the driver.
+    pub fn current_share(&self) -> f32 {
+        self.rig.library().map_or(1.0, |driver| driver.supervisor().current_share())
     }
 
     /// Runs the velocity loop for 1 ms, with reference velocity (rad/s) and acceleration (rad/s^2).
@@ -188,12 +194,12 @@ impl Master<'_, '_> {
     }
 
     /// Names of the present faults.
-    pub fn faults(&self) -> Vec<&'static str> {
-        self.rig.driver().supervisor().faults().iter().map(|code| code.info().name).collect()
+    pub fn faults(&mut self) -> Vec<&'static str> {
+        self.rig.latched_faults().iter().map(|code| code.info().name).collect()
     }
 
     /// Returns 1 if this fault is present, otherwise 0.
-    pub fn has(&self, fault: &str) -> f64 {
+    pub fn has(&mut self, fault: &str) -> f64 {
         f64::from(u8::from(self.faults().contains(&fault)))
     }
 }

@@ -134,7 +134,7 @@ fn late_interrupts() -> Vec<ScenarioRow> {
             let mut late = false;
             for _ in 0..60 {
                 master.follow(3.0, 0.0);
-                let flags = master.rig.driver().supervisor().limits();
+                let flags = master.rig.active_limits();
                 late |= flags.iter().any(|code| code.info().name == "loop-late");
             }
             (master.rig.is_armed(), late, master.rig.stage_mut().take_extremes())

@@ -1,0 +1,226 @@
+//! The driver of a rig: the firmware's library in this process, or another implementation of [`RigDriver`].
+//!
+//! `tests/emulator` implements it with the shipped image on an emulated board, so that the same scenarios run on both.
+
+use crate::{PERIODS_PER_MS, PowerUp, Stage};
+use compensator_core::can::Frame;
+use firmware::background::{Background, BoardState, TICK_US};
+use firmware::control::{PERIOD_S, PowerStage};
+use firmware::deadline::DeadlineLimits;
+use firmware::driver::{Driver, Identity};
+use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
+use firmware::loop_parts::{LoopParts, StageTraits};
+use firmware::loop_task::LoopTask;
+use firmware::node_settings::{NodeSettings, emit_block};
+use firmware::store::Store;
+use firmware::store::memory::MemoryFlash;
+use firmware::supervisor::{Code, CodeSet};
+use std::collections::VecDeque;
+
+/// Timeout of the board's watchdog, ms.
+pub const WATCHDOG_TIMEOUT_MS: u32 = 50;
+
+/// Capacity of the board's receive queue, in frames.
+const RECEIVE_QUEUE_FRAMES: usize = 64;
+
+/// A driver connected to a simulated joint.
+pub trait RigDriver {
+    /// The power stage with the plant.
+    fn stage(&self) -> &Stage;
+
+    /// The power stage, for measurements and faults.
+    fn stage_mut(&mut self) -> &mut Stage;
+
+    /// Delivers a frame.
+    fn receive(&mut self, frame: &Frame);
+
+    /// Runs 1 ms. `sync` arrives at its start. Frames from the driver go to `sent`.
+    fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(Frame));
+
+    /// Stalls the background loop for this time, ms; the interrupt continues.
+    fn stall_background(&mut self, milliseconds: u32);
+
+    /// Returns true after a watchdog reset. The driver then stays inactive.
+    fn is_reset(&self) -> bool;
+
+    /// Returns true if the joint is armed.
+    fn is_armed(&mut self) -> bool;
+
+    /// Returns the latched faults.
+    fn faults(&mut self) -> CodeSet;
+
+    /// Returns the limits that are active.
+    fn limits(&mut self) -> CodeSet;
+
+    /// The driver itself, if it runs in this process.
+    fn library(&self) -> Option<&Driver<MemoryFlash<4>>> {
+        None
+    }
+}
+
+/// Returns the codes whose bits are set in this word; `base` is the number of the code of bit 0.
+pub fn codes_from_bits(word: u32, base: u32) -> CodeSet {
+    let mut set = CodeSet::EMPTY;
+    for &code in Code::ALL {
+        let bit = u32::from(code.number()).checked_sub(base);
+        if bit.is_some_and(|bit| bit < 32 && word >> bit & 1 == 1) {
+            set.insert(code);
+        }
+    }
+    set
+}
+
+/// Returns the content of the parameter store for a start.
+///
+/// # Errors
+/// Returns one line if the set is rejected.
+pub fn stored_flash(start: &PowerUp, traits: StageTraits) -> Result<MemoryFlash<4>, String> {
+    let mut store = Store::open(MemoryFlash::<4>::new());
+    if let Some(set) = start.set {
+        LoopParts::build(set, traits, PERIOD_S).map_err(|refused| refused.to_string())?;
+        let commissioned = if start.commissioned { set.wiring_crc() } else { 0 };
+        let settings = NodeSettings { commissioned, ..NodeSettings::default() };
+        let block = emit_block(&settings, set);
+        store.save(&block).map_err(|error| format!("flash: {error:?}"))?;
+    }
+    Ok(store.into_flash())
+}
+
+/// The firmware's library as driver: background loop, queues and interrupt in this process.
+pub struct LibraryDriver<'q> {
+    background: Background<MemoryFlash<4>>,
+    task: LoopTask,
+    port: LoopPort<'q>,
+    link: LoopLink<'q>,
+    stage: Stage,
+    now_us: u64,
+    /// Remaining time of a stall of the background loop, ms, and the frames received during it.
+    stalled_ms: u32,
+    deferred_frames: VecDeque<Frame>,
+    /// Time since the watchdog was serviced, ms, and whether it has reset the processor.
+    watchdog_unserviced_ms: u32,
+    is_reset: bool,
+}
+
+impl<'q> LibraryDriver<'q> {
+    /// Starts a driver on this stage.
+    ///
+    /// # Errors
+    /// Returns one line if the set is rejected.
+    pub fn start(
+        queues: &'q mut LoopQueues,
+        start: &PowerUp,
+        traits: StageTraits,
+        stage: Stage,
+    ) -> Result<Self, String> {
+        let commissioned =
+            start.set.filter(|_| start.commissioned).map_or(0, |set| set.wiring_crc());
+        let settings = NodeSettings { commissioned, ..NodeSettings::default() };
+        let flash = stored_flash(start, traits)?;
+        let identity = Identity { hardware: "simulated joint", serial: 1, stage: traits };
+        let driver = Driver::boot(settings, flash, identity, &start.boot, 0);
+        let task = LoopTask::new(
+            LoopParts::build_or_measure_only(driver.set(), traits),
+            DeadlineLimits::for_period(super::PERIOD_CYCLES, 2000),
+        );
+        let (port, link) = queues.split(traits, 0);
+        let mut driver = Self {
+            background: Background::new(driver, 0),
+            task,
+            port,
+            link,
+            stage,
+            now_us: 0,
+            stalled_ms: 0,
+            deferred_frames: VecDeque::new(),
+            watchdog_unserviced_ms: 0,
+            is_reset: false,
+        };
+        // The interrupt must run first: the background needs a completed conversion.
+        driver.run_current_loop();
+        Ok(driver)
+    }
+
+    fn run_current_loop(&mut self) {
+        for _ in 0..PERIODS_PER_MS {
+            if self.is_reset {
+                // The reset also resets the timer, whose outputs return to their idle level.
+                self.stage.off();
+            } else if let Some(delay) = self.stage.next_interrupt() {
+                let at = self.stage.cycles();
+                let now = at.wrapping_add(200 + delay);
+                self.task.interrupt(&mut self.stage, &mut self.port, at, now);
+            }
+            self.stage.step_period();
+        }
+    }
+}
+
+impl RigDriver for LibraryDriver<'_> {
+    fn stage(&self) -> &Stage {
+        &self.stage
+    }
+
+    fn stage_mut(&mut self) -> &mut Stage {
+        &mut self.stage
+    }
+
+    /// Delivers a frame to the background, or queues it during a stall.
+    fn receive(&mut self, frame: &Frame) {
+        if self.stalled_ms == 0 && !self.is_reset {
+            self.background.receive(frame, self.now_us);
+        } else if self.deferred_frames.len() < RECEIVE_QUEUE_FRAMES {
+            self.deferred_frames.push_back(*frame);
+        }
+    }
+
+    fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(Frame)) {
+        self.now_us += TICK_US;
+        if self.stalled_ms == 0 && !self.is_reset {
+            while let Some(frame) = self.deferred_frames.pop_front() {
+                self.background.receive(&frame, self.now_us);
+            }
+            if self.background.tick(state, Some(&mut self.link), self.now_us) {
+                self.watchdog_unserviced_ms = 0;
+            }
+        }
+        if let Some(sync) = sync {
+            self.receive(&sync);
+        }
+        while self.stalled_ms == 0
+            && let Some(frame) = self.background.transmit()
+        {
+            sent(frame);
+        }
+        self.stalled_ms = self.stalled_ms.saturating_sub(1);
+        self.watchdog_unserviced_ms += 1;
+        if self.watchdog_unserviced_ms > WATCHDOG_TIMEOUT_MS {
+            self.is_reset = true;
+        }
+        self.run_current_loop();
+    }
+
+    fn stall_background(&mut self, milliseconds: u32) {
+        self.stalled_ms = milliseconds;
+    }
+
+    fn is_reset(&self) -> bool {
+        self.is_reset
+    }
+
+    fn is_armed(&mut self) -> bool {
+        self.background.driver().is_armed()
+    }
+
+    fn faults(&mut self) -> CodeSet {
+        self.background.driver().supervisor().faults()
+    }
+
+    fn limits(&mut self) -> CodeSet {
+        self.background.driver().supervisor().limits()
+    }
+
+    fn library(&self) -> Option<&Driver<MemoryFlash<4>>> {
+        Some(self.background.driver())
+    }
+}
