@@ -1,0 +1,368 @@
+//! The chip: its peripherals on one bus, their events, and their interrupt lines.
+
+pub mod adc;
+mod bus;
+pub mod clock;
+pub mod comparators;
+pub mod dma;
+pub mod fdcan;
+pub mod flash;
+pub mod gpio;
+pub mod i2c;
+pub mod spi;
+pub mod timer1;
+pub mod timer3;
+pub mod timer5;
+pub mod watchdog;
+
+use crate::cycles::{FlashAccess, FlashCaches};
+use crate::nvic::{NMI, Nvic};
+use crate::world::{Bridge, World};
+use adc::{Adc, Signal};
+use clock::Clock;
+use comparators::Comparators;
+use compensator_core::can::Frame;
+use dma::{Dma, Memory, request};
+use fdcan::Fdcan;
+use flash::Flash;
+use gpio::Gpio;
+use i2c::I2c;
+use spi::Spi;
+use std::collections::HashMap;
+use timer1::{Timer1, TimerEvent};
+use timer3::{SlaveEvent, Timer3};
+use timer5::Timer5;
+use watchdog::Watchdog;
+
+/// Core clock, Hz.
+pub const CORE_HZ: u64 = 170_000_000;
+
+/// Regions of registers: start and length. The second bank of the flash is among them, so that its controller sees
+/// every access.
+pub const REGISTER_REGIONS: [(u32, u32); 4] = [
+    (flash::BANK_2, flash::BANK_BYTES),
+    (0x1FFF_0000, 0x1_0000),
+    (0x4000_0000, 0x2000_0000),
+    (0xE000_0000, 0x10_0000),
+];
+
+/// Interrupt numbers (RM0440, table 97).
+mod interrupt {
+    pub const ADC1_2: usize = 18;
+    pub const FDCAN1_IT0: usize = 21;
+    pub const FDCAN1_IT1: usize = 22;
+    pub const TIM5: usize = 50;
+}
+
+/// Shorter times are simulated with what follows them: the trigger is one cycle before the update of the duties.
+const MIN_WORLD_STEP_CYCLES: u64 = 10;
+
+const AIRCR: u32 = 0xE000_ED0C;
+const VTOR: u32 = 0xE000_ED08;
+const DWT_CYCCNT: u32 = 0xE000_1004;
+const SPI1_DR: u32 = 0x4001_300C;
+const FLASH_ACR: u32 = 0x4002_2000;
+/// Flash size, and the 96 bits of the chip's identity.
+const IDENTITY: [(u32, u32); 4] = [
+    (0x1FFF_7590, 0x0032_0041),
+    (0x1FFF_7594, 0x5833_5012),
+    (0x1FFF_7598, 0x2036_3235),
+    (0x1FFF_75E0, 512),
+];
+
+/// The chip and its surroundings.
+pub struct Chip<W> {
+    /// Time since the reset, core cycles.
+    pub now: u64,
+    /// Surroundings.
+    pub world: W,
+    /// Interrupt controller.
+    pub nvic: Nvic,
+    /// The bridge's timer.
+    pub timer1: Timer1,
+    /// The encoder's timer.
+    pub timer3: Timer3,
+    /// Transfers without the core.
+    pub dma: Dma,
+    /// Clock of the software.
+    pub timer5: Timer5,
+    /// Converters 1 to 5.
+    pub adc: [Adc; 5],
+    /// Encoder bus.
+    pub spi: Spi,
+    /// CAN controller.
+    pub can: Fdcan,
+    /// Flash controller and the second bank.
+    pub flash: Flash,
+    /// Ports.
+    pub gpio: Gpio,
+    /// Overcurrent comparators and the converters of their levels.
+    pub comparators: Comparators,
+    /// Watchdog.
+    pub watchdog: Watchdog,
+    /// Reset flags and oscillators.
+    pub clock: Clock,
+    i2c: I2c,
+    /// Flash caches, for the cost of instructions.
+    pub caches: FlashCaches,
+    /// Present settings of the flash access.
+    pub flash_access: FlashAccess,
+    /// Registers that are plain memory.
+    memory: HashMap<u32, u32>,
+    /// Last fault that led to a hard fault.
+    pub last_fault: Option<String>,
+    next_event: u64,
+    ready: Option<usize>,
+    reset_requested: bool,
+    watchdog_reset: bool,
+    /// Time up to which the world has run.
+    world_until: u64,
+    /// Time until which the loop's interrupt is held back.
+    hold_until: u64,
+    /// Number of PWM periods in which the bridge was closed.
+    pub driven_periods: u64,
+}
+
+impl<W: World> Chip<W> {
+    /// Returns a chip after power-on.
+    pub fn new(world: W) -> Self {
+        let mut memory: HashMap<u32, u32> = IDENTITY.into_iter().collect();
+        memory.insert(FLASH_ACR, 0x0004_0600);
+        memory.insert(VTOR, 0x0800_0000);
+        Self {
+            now: 0,
+            world,
+            nvic: Nvic::default(),
+            timer1: Timer1::default(),
+            timer3: Timer3::default(),
+            dma: Dma::default(),
+            timer5: Timer5::default(),
+            adc: std::array::from_fn(|at| Adc::new(at + 1)),
+            spi: Spi::default(),
+            can: Fdcan::default(),
+            flash: Flash::default(),
+            gpio: Gpio::default(),
+            comparators: Comparators::default(),
+            watchdog: Watchdog::default(),
+            clock: Clock::default(),
+            i2c: I2c::default(),
+            caches: FlashCaches::default(),
+            flash_access: FlashAccess::from_register(0x600),
+            memory,
+            last_fault: None,
+            next_event: 0,
+            ready: None,
+            reset_requested: false,
+            watchdog_reset: false,
+            world_until: 0,
+            hold_until: 0,
+            driven_periods: 0,
+        }
+    }
+
+    /// Time of the next event, cycles.
+    pub fn next_event(&self) -> u64 {
+        self.next_event
+    }
+
+    /// The exception that could preempt, apart from masks.
+    pub fn ready_exception(&self) -> Option<usize> {
+        self.ready
+    }
+
+    /// Returns true after a request of a reset by software or by the watchdog.
+    pub fn is_reset_requested(&self) -> bool {
+        self.reset_requested
+    }
+
+    /// Returns true if the watchdog requested the reset.
+    pub fn is_watchdog_reset(&self) -> bool {
+        self.watchdog_reset
+    }
+
+    /// Start of the vector table.
+    pub fn vector_table(&self) -> u32 {
+        self.memory[&VTOR]
+    }
+
+    /// Holds back the loop's interrupt for this time, cycles.
+    pub fn hold_loop_interrupt(&mut self, cycles: u64) {
+        self.hold_until = self.now + cycles;
+        self.schedule();
+    }
+
+    /// Returns the content of a register that is plain memory.
+    pub fn plain(&self, address: u32) -> u32 {
+        self.memory.get(&address).copied().unwrap_or(0)
+    }
+
+    /// Sends a frame to the node.
+    pub fn deliver(&mut self, frame: Frame) {
+        self.can.deliver(frame, self.now);
+        self.schedule();
+    }
+
+    fn schedule(&mut self) {
+        let hold = if self.hold_until > self.now { self.hold_until } else { u64::MAX };
+        let converters = self.adc.iter().map(Adc::next_event).min().unwrap_or(u64::MAX);
+        self.next_event = [
+            self.timer1.next_event(),
+            self.timer3.next_event(),
+            self.spi.next_event(),
+            self.timer5.next_event(),
+            converters,
+            self.can.next_event(),
+            self.flash.next_event(),
+            self.watchdog.next_event(),
+            hold,
+        ]
+        .into_iter()
+        .min()
+        .unwrap_or(u64::MAX);
+    }
+
+    /// Updates the interrupt lines, and which exception is ready.
+    pub fn update_lines(&mut self) {
+        let converts = self.adc[..2].iter().any(Adc::line) && self.hold_until <= self.now;
+        self.nvic.set_line(interrupt::ADC1_2, converts);
+        self.nvic.set_line(interrupt::FDCAN1_IT0, self.can.line(0));
+        self.nvic.set_line(interrupt::FDCAN1_IT1, self.can.line(1));
+        self.nvic.set_line(interrupt::TIM5, self.timer5.line());
+        if self.flash.take_ecc_error() {
+            self.nvic.pend(NMI);
+        }
+        self.ready = self.nvic.candidate();
+    }
+
+    /// Processes all events that are due.
+    pub fn process_events(&mut self, memory: &mut dyn Memory) {
+        let now = self.now;
+        // In the order of their times, because the surroundings are simulated up to each.
+        loop {
+            let frame_ends = self.spi.next_event();
+            let is_slave_first = self.timer3.next_event() < self.timer1.next_event();
+            if frame_ends <= now
+                && frame_ends <= self.timer1.next_event().min(self.timer3.next_event())
+            {
+                self.finish_frame(frame_ends, memory);
+            } else if is_slave_first && let Some((at, event)) = self.timer3.take_event(now) {
+                self.slave_event(at, event, memory);
+            } else if let Some((at, event)) = self.timer1.take_event(now) {
+                self.timer_event(at, event);
+            } else if self.timer3.next_event() > now && self.spi.next_event() > now {
+                break;
+            }
+        }
+        self.timer5.process(now);
+        for adc in &mut self.adc {
+            adc.process(now);
+        }
+        self.can.process(now);
+        self.flash.process(now);
+        if self.watchdog.is_expired(now) {
+            self.request_reset();
+            self.watchdog_reset = true;
+        }
+        self.schedule();
+        self.update_lines();
+    }
+
+    fn timer_event(&mut self, at: u64, event: TimerEvent) {
+        match event {
+            TimerEvent::Trigger { is_rising } => {
+                self.advance_world(at);
+                let delay = self.world.interrupt_delay();
+                if delay > 0 {
+                    self.hold_until = at + u64::from(delay);
+                }
+                self.trigger_converters(at, Signal::Timer1, is_rising);
+            }
+            // The duties in effect change, so what was before them is simulated first.
+            TimerEvent::Turn => {
+                if self.timer1.is_update_due() {
+                    self.advance_world(at);
+                }
+                self.timer1.turn();
+            }
+        }
+    }
+
+    fn slave_event(&mut self, at: u64, event: SlaveEvent, memory: &mut dyn Memory) {
+        match event {
+            SlaveEvent::Trigger { is_rising } => {
+                self.trigger_converters(at, Signal::Timer3, is_rising)
+            }
+            SlaveEvent::Request { release_in } => {
+                if let Some(transfer) = self.dma.serve(request::TIM3_CH3)
+                    && transfer.from_memory
+                    && transfer.peripheral == SPI1_DR
+                {
+                    let word = memory.read_half(transfer.memory);
+                    self.exchange(word, at, at + release_in);
+                }
+            }
+        }
+    }
+
+    /// Starts a frame of the encoder. The encoder latches its angle at this time, which may be ahead.
+    fn exchange(&mut self, word: u16, at: u64, latched_at: u64) {
+        let is_selected = self.gpio.is_encoder_selected() || self.timer3.selects(at);
+        let seconds = (latched_at as f64 - self.timer1.last_trigger() as f64) / CORE_HZ as f64;
+        let world = &mut self.world;
+        self.spi.write(SPI1_DR & 0x3FF, word.into(), at, &mut |word| {
+            if is_selected { world.encoder(word, seconds) } else { 0xFFFF }
+        });
+    }
+
+    fn finish_frame(&mut self, at: u64, memory: &mut dyn Memory) {
+        if self.spi.process(at)
+            && let Some(transfer) = self.dma.serve(request::SPI1_RX)
+        {
+            let answer = self.spi.read(SPI1_DR & 0x3FF, at) as u16;
+            memory.write_half(transfer.memory, answer);
+        }
+    }
+
+    fn trigger_converters(&mut self, at: u64, signal: Signal, is_rising: bool) {
+        if !self.adc.iter().any(|adc| adc.is_triggered_by(signal, is_rising)) {
+            return;
+        }
+        if signal == Signal::Timer1 {
+            self.world.sample(self.timer1.low_sides(at));
+        }
+        let world = &mut self.world;
+        for adc in &mut self.adc {
+            adc.trigger(at, signal, is_rising, &mut |converter, channel| {
+                world.analog(converter, channel)
+            });
+        }
+    }
+
+    /// Simulates the surroundings up to this time with the present state of the bridge.
+    fn advance_world(&mut self, until: u64) {
+        if until < self.world_until + MIN_WORLD_STEP_CYCLES {
+            return;
+        }
+        let cycles = until - self.world_until;
+        self.world_until = until;
+        let is_closed = self.timer1.is_main_output_enabled() && self.gpio.is_gate_driver_awake();
+        let bridge = if is_closed { Bridge::Driven(self.timer1.duties()) } else { Bridge::Open };
+        self.driven_periods += u64::from(is_closed && cycles > 4000);
+        self.world.advance(cycles as f64 / CORE_HZ as f64, bridge);
+        if self.world.is_overcurrent() {
+            self.timer1.set_break(false);
+        }
+        let has_gate_fault = self.world.has_gate_fault();
+        self.gpio.set_gate_fault(has_gate_fault);
+        if has_gate_fault {
+            self.timer1.set_break(false);
+        }
+    }
+
+    fn request_reset(&mut self) {
+        // A reset returns the timer's outputs to their idle level.
+        self.advance_world(self.now);
+        self.timer1.open();
+        self.reset_requested = true;
+    }
+}

@@ -1,0 +1,201 @@
+//! State of the execution, and what Unicorn calls: registers, blocks, faults.
+
+use crate::chip::dma::Memory;
+use crate::chip::{Chip, REGISTER_REGIONS};
+use crate::cycles::{self, Block, Cost};
+use crate::machine::{CCM, FLASH, HandlerRun, RAM, RETURN_BASE};
+use crate::world::World;
+use unicorn_engine::{HookType, Prot, RegisterARM, Unicorn, uc_error};
+
+/// Alias of CCM behind the RAM.
+const CCM_ALIAS: u32 = 0x2001_8000;
+
+/// Unicorn's number of an exception return.
+const EXCEPTION_EXIT: u32 = 8;
+
+/// State of the execution beside the registers.
+pub(crate) struct Context<W> {
+    pub chip: Chip<W>,
+    pub blocks: Vec<Block>,
+    /// Index of the block at each halfword of the flash, plus one, and of CCM.
+    pub places: [Vec<u32>; 2],
+    /// Runs in progress, the innermost last; the first is thread mode.
+    pub runs: Vec<HandlerRun>,
+    /// The floating-point state of the present context is in use (CONTROL.FPCA), per level.
+    pub fpu_in_use: Vec<bool>,
+    /// Address after the last block.
+    pub sequence: u32,
+    pub sleeps: bool,
+    pub stop_at: u64,
+    pub leaves_exception: bool,
+    pub fault: Option<String>,
+    /// The exception whose blocks are recorded.
+    pub profiled: Option<usize>,
+    /// Blocks of its present run with their costs, and of its most expensive run.
+    pub blocks_of_run: Vec<(usize, Cost)>,
+    pub blocks_of_worst: Vec<(usize, Cost)>,
+    pub worst: u32,
+}
+
+/// The core's memory as DMA accesses it.
+pub(crate) struct CoreMemory<W: 'static>(pub Unicorn<'static, Context<W>>);
+
+impl<W> Memory for CoreMemory<W> {
+    fn read_half(&mut self, address: u32) -> u16 {
+        let mut bytes = [0; 2];
+        let _ = self.0.mem_read(address.into(), &mut bytes);
+        u16::from_le_bytes(bytes)
+    }
+
+    fn write_half(&mut self, address: u32, value: u16) {
+        let _ = self.0.mem_write(address.into(), &value.to_le_bytes());
+    }
+}
+
+pub(crate) fn map_memory<W: World>(
+    core: &mut Unicorn<'static, Context<W>>,
+    ccm: &mut [u8],
+) -> Result<(), uc_error> {
+    core.mem_map(FLASH.0.into(), FLASH.1.into(), Prot::READ | Prot::EXEC)?;
+    core.mem_map(RAM.0.into(), RAM.1.into(), Prot::ALL)?;
+    for address in [CCM.0, CCM_ALIAS] {
+        // SAFETY: the machine owns the memory, which does not move, for as long as Unicorn.
+        #[allow(unsafe_code)]
+        unsafe {
+            core.mem_map_ptr(address.into(), CCM.1.into(), Prot::ALL, ccm.as_mut_ptr().cast())?;
+        }
+    }
+    for (start, length) in REGISTER_REGIONS {
+        core.mmio_map(
+            start.into(),
+            length.into(),
+            Some(move |core: &mut Unicorn<'_, Context<W>>, offset: u64, size: usize| {
+                let context = core.get_data_mut();
+                let (value, cost) = context.chip.read(start + offset as u32, size);
+                context.charge(cost);
+                value.into()
+            }),
+            Some(
+                move |core: &mut Unicorn<'_, Context<W>>, offset: u64, size: usize, value: u64| {
+                    let context = core.get_data_mut();
+                    let cost = context.chip.write(start + offset as u32, size, value as u32);
+                    context.charge(cost);
+                },
+            ),
+        )?;
+    }
+    Ok(())
+}
+
+impl<W: World> Context<W> {
+    fn charge(&mut self, cost: Cost) {
+        self.chip.now += u64::from(cost.upper);
+        if let Some(run) = self.runs.last_mut() {
+            run.cost.lower += cost.lower;
+            run.cost.upper += cost.upper;
+        }
+    }
+
+    /// Returns the block at an address if it is known with this size.
+    fn known_block(&self, address: u32, size: u32) -> Option<usize> {
+        let place = place_of(address)?;
+        let number = self.places[place.0].get(place.1)?.checked_sub(1)? as usize;
+        (self.blocks[number].bytes == size).then_some(number)
+    }
+
+    fn add_block(&mut self, address: u32, code: &[u8]) -> usize {
+        self.blocks.push(Block::decode(address, code));
+        if let Some((region, place)) = place_of(address)
+            && let Some(number) = self.places[region].get_mut(place)
+        {
+            *number = self.blocks.len() as u32;
+        }
+        self.blocks.len() - 1
+    }
+
+    /// Charges a block.
+    fn begin_block(&mut self, address: u32, place: usize) {
+        let block = &self.blocks[place];
+        let mut cost = block.cost;
+        if address != self.sequence {
+            cost.lower += cycles::REFILL.lower;
+            cost.upper += cycles::REFILL.upper;
+        }
+        self.sequence = address + block.bytes;
+        if (FLASH.0..FLASH.0 + FLASH.1).contains(&address) {
+            cost.upper += self.chip.caches.fetch(self.chip.flash_access, address, block.bytes);
+            for &constant in &block.constants {
+                cost.upper += self.chip.caches.load(self.chip.flash_access, constant);
+            }
+        }
+        if block.uses_fpu
+            && let Some(in_use) = self.fpu_in_use.last_mut()
+        {
+            *in_use = true;
+        }
+        self.sleeps = block.waits;
+        self.chip.now += u64::from(cost.upper);
+        let instructions = block.instructions;
+        if let Some(run) = self.runs.last_mut() {
+            run.cost.lower += cost.lower;
+            run.cost.upper += cost.upper;
+            run.instructions += instructions;
+            if self.profiled == Some(run.exception) {
+                self.blocks_of_run.push((place, cost));
+            }
+        }
+    }
+}
+
+/// Returns the region of code and the place in it of an address. Code in RAM is not expected, and decoded each time.
+const fn place_of(address: u32) -> Option<(usize, usize)> {
+    if address >= FLASH.0 && address < FLASH.0 + FLASH.1 {
+        Some((0, (address - FLASH.0) as usize / 2))
+    } else if address >= CCM.0 && address < CCM.0 + CCM.1 {
+        Some((1, (address - CCM.0) as usize / 2))
+    } else {
+        None
+    }
+}
+
+pub(crate) fn is_allowed<W: World>(core: &Unicorn<'_, Context<W>>, exception: usize) -> bool {
+    let mask = |register: RegisterARM| core.reg_read(register).unwrap_or(0) as u32;
+    let (primask, basepri) = (mask(RegisterARM::PRIMASK), mask(RegisterARM::BASEPRI));
+    core.get_data().chip.nvic.is_allowed(exception, primask, basepri)
+}
+
+pub(crate) fn add_hooks<W: World>(core: &mut Unicorn<'static, Context<W>>) -> Result<(), uc_error> {
+    core.add_block_hook(1, 0, |core, address, size| {
+        let context = core.get_data_mut();
+        let is_due = context.chip.now >= context.chip.next_event().min(context.stop_at)
+            || context.chip.is_reset_requested();
+        let ready = context.chip.ready_exception();
+        if is_due || ready.is_some_and(|exception| is_allowed(core, exception)) {
+            let _ = core.emu_stop();
+            return;
+        }
+        let context = core.get_data_mut();
+        let place = context.known_block(address as u32, size).unwrap_or_else(|| {
+            let code = core.mem_read_as_vec(address, size as usize).unwrap_or_default();
+            core.get_data_mut().add_block(address as u32, &code)
+        });
+        core.get_data_mut().begin_block(address as u32, place);
+    })?;
+    core.add_intr_hook(|core, number| {
+        let context = core.get_data_mut();
+        if number == EXCEPTION_EXIT {
+            context.leaves_exception = true;
+        } else {
+            context.fault = Some(format!("exception {number} of the core"));
+        }
+        let _ = core.emu_stop();
+    })?;
+    core.add_mem_hook(HookType::MEM_INVALID, 1, 0, |core, kind, address, _, _| {
+        let at = core.reg_read(RegisterARM::PC).unwrap_or(0);
+        if address < u64::from(RETURN_BASE) {
+            core.get_data_mut().fault = Some(format!("{kind:?} of {address:#x} at {at:#x}"));
+        }
+        false
+    })?;
+    Ok(())
+}

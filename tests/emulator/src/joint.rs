@@ -1,0 +1,333 @@
+//! The emulated board as the driver of a rig.
+
+use crate::chip::clock::reset;
+use crate::chip::{CORE_HZ, Chip};
+use crate::costs::{Costs, LOOP_EXCEPTION};
+use crate::world::{Bridge, World};
+use crate::{Image, Machine, StopReason};
+use compensator_core::can::{Frame, NodeId};
+use embedded_storage::nor_flash::ReadNorFlash;
+use firmware::background::BoardState;
+use firmware::node::dictionary::index;
+use firmware::panic_note::PanicNote;
+use firmware::sensors::thermistor::Thermistor;
+use firmware::supervisor::{CodeSet, ResetCause};
+use joint_rig::{
+    BOARD_TRAITS, InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, Stage, codes_from_bits,
+    stored_flash,
+};
+use simulated_machines::joint_plant::Measured;
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+const NODE: NodeId = NodeId::FIRST;
+const MILLISECOND_CYCLES: u64 = CORE_HZ / 1000;
+/// Sub-indices of the state object: state, faults, limits.
+const STATE_ENTRY: u8 = 2;
+const FAULTS_ENTRY: u8 = 3;
+const LIMITS_ENTRY: u8 = 4;
+const ARMED: u32 = 1;
+/// Longest start of the image until its boot-up frame, ms.
+const START_TIMEOUT_MS: usize = 200;
+/// Counts of a full turn of the encoder.
+const ENCODER_COUNTS: f64 = 16384.0;
+
+/// Thermistor of the board, in a divider with 10 k (see the board's scales.rs).
+const THERMISTOR: Thermistor = Thermistor { ratio_at_25: 1.0, beta_k: 3435.0 };
+/// Range of the strain gauge amplifier, N, around half of the converter's range.
+const FORCE_RANGE_N: f64 = 2000.0;
+
+/// The joint around the chip.
+pub struct JointWorld {
+    stage: Stage,
+    sampled: Measured,
+    is_low_side_on: [bool; 2],
+    state: BoardState,
+}
+
+impl World for JointWorld {
+    fn advance(&mut self, seconds: f64, bridge: Bridge) {
+        let duty = match bridge {
+            Bridge::Driven(duty) if !self.stage.gate_fault => Some(duty),
+            _ => None,
+        };
+        self.stage.run_driven(seconds, duty);
+    }
+
+    fn sample(&mut self, is_low_side_on: [bool; 2]) {
+        self.sampled = self.stage.plant.measure();
+        if self.stage.phases_swapped {
+            self.sampled.currents_a.swap(1, 2);
+        }
+        self.is_low_side_on = is_low_side_on;
+    }
+
+    fn analog(&mut self, converter: usize, channel: u32) -> u16 {
+        let Some(board) = &self.stage.board else { return 0 };
+        let phases = board.phase_counts(self.sampled.currents_a, self.is_low_side_on);
+        match (converter, channel) {
+            (1, 1) => phases[0],
+            (2, 2) => phases[1],
+            (1, 6) => board.bus_counts(self.sampled.bus_v),
+            (3, 12) => thermistor_counts(self.state.bridge_temperature_c),
+            (3, 1) => thermistor_counts(self.state.motor_temperature_c),
+            (4, 3) => {
+                let share = 0.5 + self.stage.plant.show().radial_force_n / FORCE_RANGE_N;
+                (share * 4096.0).round().clamp(0.0, 4095.0) as u16
+            }
+            _ => 0,
+        }
+    }
+
+    fn encoder(&mut self, word: u16, seconds: f64) -> u16 {
+        let advance = self.stage.plant.motor_turns_in(seconds) * ENCODER_COUNTS;
+        let angle = (f64::from(self.sampled.encoder) + advance).round() as i32 as u16;
+        self.stage.board.as_ref().map_or(0xFFFF, |board| board.exchange_encoder_word(word, angle))
+    }
+
+    fn has_gate_fault(&self) -> bool {
+        self.stage.gate_fault
+    }
+
+    fn is_overcurrent(&self) -> bool {
+        self.stage.plant.is_overcurrent_tripped()
+    }
+
+    fn clear_break(&mut self) {
+        self.stage.plant.clear_break();
+    }
+
+    fn interrupt_delay(&mut self) -> u32 {
+        match self.stage.interrupts.pop_front().unwrap_or_default() {
+            InterruptTiming::OnTime => 0,
+            InterruptTiming::Late(cycles) => cycles,
+            InterruptTiming::Missed => PERIOD_CYCLES,
+        }
+    }
+}
+
+/// Returns the converter's counts for a temperature, deg C; 25 if it is not given.
+fn thermistor_counts(temperature_c: Option<f32>) -> u16 {
+    let wanted = temperature_c.unwrap_or(25.0);
+    let is_colder = |counts: u16| THERMISTOR.temperature_c(f32::from(counts) / 4096.0) < wanted;
+    // The temperature changes in one direction with the counts.
+    let (mut low, mut high) = (1u16, 4094u16);
+    let falls = THERMISTOR.temperature_c(0.9) < THERMISTOR.temperature_c(0.1);
+    while low < high {
+        let middle = low.midpoint(high);
+        if is_colder(middle) == falls { high = middle } else { low = middle + 1 }
+    }
+    low
+}
+
+/// Largest use of the stack by any driver of this process, bytes.
+static LARGEST_STACK_BYTES: AtomicU32 = AtomicU32::new(0);
+
+/// Returns the largest use of the stack by the drivers that this process has ended, bytes.
+pub fn largest_stack_bytes() -> u32 {
+    LARGEST_STACK_BYTES.load(Ordering::Relaxed)
+}
+
+impl Drop for BoardDriver {
+    fn drop(&mut self) {
+        if let Some(costs) = &self.costs {
+            costs.borrow_mut().blocks = self.machine.worst_blocks();
+        }
+        LARGEST_STACK_BYTES.fetch_max(self.machine.stack_used(), Ordering::Relaxed);
+    }
+}
+
+/// The shipped image on the emulated board, as driver of a rig.
+pub struct BoardDriver {
+    machine: Machine<JointWorld>,
+    is_reset: bool,
+    /// Time by which the machine is ahead of the rig, cycles: reading the state takes some.
+    ahead: u64,
+    frames: VecDeque<Frame>,
+    last_state: [u32; 3],
+    costs: Option<Rc<RefCell<Costs>>>,
+}
+
+impl BoardDriver {
+    /// Starts the image on this stage, whose sensors must be those of the board, until its boot-up frame.
+    ///
+    /// # Errors
+    /// Returns one line if the image does not start or the parameter set is rejected.
+    pub fn start(image: &Image, start: &PowerUp, mut stage: Stage) -> Result<Self, String> {
+        if stage.board.is_none() {
+            return Err("the image needs the sensors of the board".into());
+        }
+        let sampled = stage.plant.measure();
+        let world =
+            JointWorld { stage, sampled, is_low_side_on: [true; 2], state: BoardState::default() };
+        let mut chip = Chip::new(world);
+        let mut store = [0; 4 * 2048];
+        let mut flash = stored_flash(start, BOARD_TRAITS)?;
+        flash.read(0, &mut store).map_err(|error| format!("flash: {error:?}"))?;
+        let at = chip.flash.bank.len() - store.len();
+        chip.flash.bank[at..].copy_from_slice(&store);
+        chip.clock.set_reset_flags(match start.boot.cause {
+            ResetCause::Watchdog => reset::WATCHDOG | reset::PIN,
+            ResetCause::Software => reset::SOFTWARE | reset::PIN,
+            ResetCause::Pin => reset::PIN,
+            _ => reset::POWER | reset::PIN,
+        });
+        let mut machine = Machine::new(image, chip)?;
+        if let Some(text) = start.boot.panic {
+            write_panic_note(image, &mut machine, text)?;
+        }
+        let mut driver = Self {
+            machine,
+            is_reset: false,
+            ahead: 0,
+            frames: VecDeque::new(),
+            last_state: [0; 3],
+            costs: None,
+        };
+        for _ in 0..START_TIMEOUT_MS {
+            driver.run(MILLISECOND_CYCLES);
+            if driver.is_reset {
+                return Err("the image resets during its start".into());
+            }
+            if driver.stage().applied_duty().is_some() {
+                return Err("the image closes the bridge during its start".into());
+            }
+            if !driver.frames.is_empty() {
+                driver.frames.clear();
+                return Ok(driver);
+            }
+        }
+        Err(format!("no boot-up frame within {START_TIMEOUT_MS} ms, at {:#x}", driver.machine.pc()))
+    }
+
+    /// The machine, for measurements.
+    pub fn machine_mut(&mut self) -> &mut Machine<JointWorld> {
+        &mut self.machine
+    }
+
+    /// Records the costs from now on.
+    pub fn record_costs(&mut self) -> Rc<RefCell<Costs>> {
+        self.machine.records_runs = true;
+        self.machine.take_runs();
+        self.machine.take_thread_cost();
+        self.machine.profile(Some(LOOP_EXCEPTION));
+        Rc::clone(self.costs.insert(Rc::default()))
+    }
+
+    fn run(&mut self, cycles: u64) {
+        match self.machine.run(cycles) {
+            StopReason::Time => {}
+            StopReason::Reset => self.is_reset = true,
+            // The watchdog or the lockup's own break follow; the rig shows an open bridge.
+            StopReason::Lockup(_) => self.is_reset = true,
+        }
+        let sent = &mut self.machine.chip_mut().can.sent;
+        self.frames.extend(sent.drain(..).map(|(_, frame)| frame));
+    }
+
+    /// Reads an entry of the state object over the bus; the last value if there is no answer.
+    fn read_state(&mut self, entry: u8) -> u32 {
+        const SLICE_CYCLES: u64 = MILLISECOND_CYCLES / 50;
+        let place = usize::from(entry - STATE_ENTRY);
+        if self.is_reset {
+            return self.last_state[place];
+        }
+        let [low, high] = index::STATE.to_le_bytes();
+        let number = u16::from(NODE.number());
+        let request = Frame::new(0x600 + number, &[0x40, low, high, entry, 0, 0, 0, 0]);
+        let before = self.frames.len();
+        if let Some(request) = request {
+            self.receive(&request);
+        }
+        for _ in 0..100 {
+            self.run(SLICE_CYCLES);
+            self.ahead += SLICE_CYCLES;
+            let answer = self.frames.iter().skip(before).position(|frame| {
+                frame.identifier() == 0x580 + number && frame.data()[1..4] == [low, high, entry]
+            });
+            if let Some(frame) = answer.and_then(|at| self.frames.remove(before + at)) {
+                let [.., a, b, c, d] = *frame.data() else { break };
+                let unused = 8 * u32::from(frame.data()[0] >> 2 & 3);
+                self.last_state[place] = u32::from_le_bytes([a, b, c, d]) & u32::MAX >> unused;
+                break;
+            }
+            if self.is_reset {
+                break;
+            }
+        }
+        self.last_state[place]
+    }
+}
+
+fn write_panic_note(
+    image: &Image,
+    machine: &mut Machine<JointWorld>,
+    text: &str,
+) -> Result<(), String> {
+    let kept = image.find("panic4KEPT").ok_or("the image has no panic note")?.address;
+    let mut note = PanicNote::default();
+    note.write(&text);
+    machine.write_memory(kept, &note.to_bytes());
+    Ok(())
+}
+
+impl RigDriver for BoardDriver {
+    fn stage(&self) -> &Stage {
+        &self.machine.chip().world.stage
+    }
+
+    fn stage_mut(&mut self) -> &mut Stage {
+        &mut self.machine.chip_mut().world.stage
+    }
+
+    fn receive(&mut self, frame: &Frame) {
+        self.machine.chip_mut().deliver(*frame);
+    }
+
+    fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(Frame)) {
+        let chip = self.machine.chip_mut();
+        chip.world.state = *state;
+        let can = state.can;
+        use firmware::supervisor::CanState;
+        if can != CanState::Active {
+            chip.can.set_errors(can == CanState::Off, can == CanState::Passive);
+        }
+        if let Some(sync) = sync {
+            self.receive(&sync);
+        }
+        let cycles = MILLISECOND_CYCLES.saturating_sub(self.ahead);
+        self.ahead -= MILLISECOND_CYCLES - cycles;
+        if !self.is_reset {
+            self.run(cycles);
+        }
+        if let Some(costs) = &self.costs {
+            costs.borrow_mut().add(&mut self.machine, u64::from(PERIOD_CYCLES));
+        }
+        if self.is_reset {
+            self.stage_mut().run_driven(cycles as f64 / CORE_HZ as f64, None);
+        }
+        self.frames.drain(..).for_each(sent);
+    }
+
+    fn stall_background(&mut self, milliseconds: u32) {
+        self.machine.stall_thread(u64::from(milliseconds) * MILLISECOND_CYCLES);
+    }
+
+    fn is_reset(&self) -> bool {
+        self.is_reset
+    }
+
+    fn is_armed(&mut self) -> bool {
+        self.read_state(STATE_ENTRY) == ARMED && !self.is_reset
+    }
+
+    fn faults(&mut self) -> CodeSet {
+        codes_from_bits(self.read_state(FAULTS_ENTRY), 1)
+    }
+
+    fn limits(&mut self) -> CodeSet {
+        codes_from_bits(self.read_state(LIMITS_ENTRY), 33)
+    }
+}

@@ -1,0 +1,413 @@
+//! The core: it executes instructions, takes exceptions and advances time.
+//!
+//! Unicorn executes until an event is due, an exception can be taken, or the core sleeps; this module decides what
+//! follows. An event or an exception is taken between two basic blocks. Stacking, the return values and the priorities
+//! are those of the ARMv7-M architecture (DDI 0403, B1.5); only the main stack is used, as by the image.
+
+use crate::chip::Chip;
+use crate::cycles::{self, Cost};
+use crate::execution::{Context, CoreMemory, add_hooks, is_allowed, map_memory};
+use crate::image::Image;
+use crate::nvic::{FIRST_INTERRUPT, HARD_FAULT};
+use crate::world::World;
+use unicorn_engine::{Arch, ArmCpuModel, Mode, RegisterARM, Unicorn, uc_error};
+
+/// Start of the flash, and length of its first bank.
+pub const FLASH: (u32, u32) = (0x0800_0000, 256 << 10);
+/// Start of the RAM, and its length with the alias of CCM behind it.
+pub const RAM: (u32, u32) = (0x2000_0000, 96 << 10);
+/// Start of CCM on the instruction bus, and its length.
+pub const CCM: (u32, u32) = (0x1000_0000, 32 << 10);
+
+/// Content of RAM before the start.
+const PAINT: u32 = 0xA5A5_5A5A;
+
+const FPU_ACTIVE: u32 = 1 << 4;
+/// First of the values of LR that return from an exception.
+pub(crate) const RETURN_BASE: u32 = 0xFFFF_FFE0;
+
+/// Reason why [`Machine::run`] returned.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum StopReason {
+    /// The requested time has come.
+    Time,
+    /// The software or the watchdog requested a reset.
+    Reset,
+    /// The core is locked up: a fault in the handler of a fault.
+    Lockup(String),
+}
+
+/// Cost of one run of an exception handler, without those that preempted it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HandlerRun {
+    /// Exception number; 0 is thread mode.
+    pub exception: usize,
+    /// Cycles.
+    pub cost: Cost,
+    /// Number of instructions.
+    pub instructions: u32,
+    /// Time at which it was entered, and left, cycles.
+    pub from: u64,
+    /// Time at which it was left, cycles.
+    pub until: u64,
+}
+
+/// A processor with its chip.
+pub struct Machine<W: World + 'static> {
+    core: Unicorn<'static, Context<W>>,
+    /// Memory that two addresses show; Unicorn refers to it until it is dropped.
+    _ccm: Box<[u8]>,
+    last_runs: Vec<HandlerRun>,
+    /// Records every finished handler.
+    pub records_runs: bool,
+    pc: u32,
+    /// Handlers in which the core may not run: thread mode is stopped until then.
+    thread_stalled_until: u64,
+}
+
+impl<W: World + 'static> Machine<W> {
+    /// Loads an image, and resets the core.
+    ///
+    /// # Errors
+    /// Returns one line if the emulator cannot be set up or the image does not fit.
+    pub fn new(image: &Image, chip: Chip<W>) -> Result<Self, String> {
+        let context = Context {
+            chip,
+            blocks: Vec::new(),
+            places: [FLASH, CCM].map(|(_, length)| vec![0; length as usize / 2]),
+            runs: vec![HandlerRun::default()],
+            fpu_in_use: vec![false],
+            sequence: 0,
+            sleeps: false,
+            stop_at: 0,
+            leaves_exception: false,
+            fault: None,
+            profiled: None,
+            blocks_of_run: Vec::new(),
+            blocks_of_worst: Vec::new(),
+            worst: 0,
+        };
+        let failed = |error: uc_error| format!("emulator: {error:?}");
+        let mut core = Unicorn::new_with_data(Arch::ARM, Mode::THUMB | Mode::MCLASS, context)
+            .map_err(failed)?;
+        core.ctl_set_cpu_model(ArmCpuModel::CORTEX_M4 as i32).map_err(failed)?;
+        let mut ccm = vec![0u8; CCM.1 as usize].into_boxed_slice();
+        map_memory(&mut core, &mut ccm).map_err(failed)?;
+        add_hooks(&mut core).map_err(failed)?;
+        for segment in &image.segments {
+            core.mem_write(segment.address.into(), &segment.bytes)
+                .map_err(|error| format!("segment at {:#x}: {error:?}", segment.address))?;
+        }
+        let mut machine = Self {
+            core,
+            _ccm: ccm,
+            last_runs: Vec::new(),
+            records_runs: false,
+            pc: 0,
+            thread_stalled_until: 0,
+        };
+        machine.write_memory(RAM.0, &PAINT.to_le_bytes().repeat(RAM.1 as usize / 4));
+        let stack = machine.word(FLASH.0);
+        machine.set(RegisterARM::SP, stack);
+        machine.pc = machine.word(FLASH.0 + 4) & !1;
+        Ok(machine)
+    }
+
+    /// The chip.
+    pub fn chip(&self) -> &Chip<W> {
+        &self.core.get_data().chip
+    }
+
+    /// The chip, to change its surroundings.
+    pub fn chip_mut(&mut self) -> &mut Chip<W> {
+        &mut self.core.get_data_mut().chip
+    }
+
+    /// Time, cycles since the reset.
+    pub fn now(&self) -> u64 {
+        self.chip().now
+    }
+
+    /// Address of the next instruction.
+    pub fn pc(&self) -> u32 {
+        self.pc
+    }
+
+    /// Reads a word of memory, not of a register.
+    pub fn word(&self, address: u32) -> u32 {
+        let mut bytes = [0; 4];
+        let _ = self.core.mem_read(address.into(), &mut bytes);
+        u32::from_le_bytes(bytes)
+    }
+
+    /// Writes memory, not registers.
+    pub fn write_memory(&mut self, address: u32, bytes: &[u8]) {
+        let _ = self.core.mem_write(address.into(), bytes);
+    }
+
+    /// Reads memory, not registers.
+    pub fn read_memory(&self, address: u32, length: usize) -> Vec<u8> {
+        self.core.mem_read_as_vec(address.into(), length).unwrap_or_default()
+    }
+
+    fn set(&mut self, register: RegisterARM, value: u32) {
+        let _ = self.core.reg_write(register, value.into());
+    }
+
+    fn get(&self, register: RegisterARM) -> u32 {
+        self.core.reg_read(register).unwrap_or(0) as u32
+    }
+
+    /// Takes the finished handlers since the last call, if they are recorded.
+    pub fn take_runs(&mut self) -> Vec<HandlerRun> {
+        std::mem::take(&mut self.last_runs)
+    }
+
+    /// Takes the cost of thread mode since the last call, without sleep.
+    pub fn take_thread_cost(&mut self) -> Cost {
+        let runs = &mut self.core.get_data_mut().runs;
+        runs.first_mut().map_or(Cost::default(), |thread| std::mem::take(&mut thread.cost))
+    }
+
+    /// Records the blocks of this exception. `None` ends the recording.
+    pub fn profile(&mut self, exception: Option<usize>) {
+        let context = self.core.get_data_mut();
+        context.profiled = exception;
+        context.worst = 0;
+    }
+
+    /// Returns the blocks of the most expensive run since the recording began, by the upper estimate: address and cost.
+    pub fn worst_blocks(&self) -> Vec<(u32, Cost)> {
+        let context = self.core.get_data();
+        let blocks = context.blocks_of_worst.iter();
+        blocks.map(|&(place, cost)| (context.blocks[place].address, cost)).collect()
+    }
+
+    /// Stops thread mode for this time, cycles; interrupts are taken.
+    pub fn stall_thread(&mut self, cycles: u64) {
+        self.thread_stalled_until = self.now() + cycles;
+    }
+
+    /// Returns the largest use of the stack since the start, bytes, from the words that changed: RAM is painted before the
+    /// start.
+    pub fn stack_used(&self) -> u32 {
+        let memory = self.read_memory(RAM.0, RAM.1 as usize);
+        let words: Vec<_> = memory.chunks_exact(4).collect();
+        let untouched = |word: &[u8]| word == PAINT.to_le_bytes();
+        // The longest run of painted words lies between the statics and the stack.
+        let (mut longest, mut end, mut length) = (0, words.len(), 0);
+        for (at, word) in words.iter().enumerate() {
+            length = if untouched(word) { length + 1 } else { 0 };
+            if length > longest {
+                (longest, end) = (length, at + 1);
+            }
+        }
+        4 * (words.len() - end) as u32
+    }
+
+    /// Runs for this time, cycles.
+    pub fn run(&mut self, cycles: u64) -> StopReason {
+        let until = self.now() + cycles;
+        loop {
+            let now = self.now();
+            if now >= self.chip().next_event() {
+                self.process_events();
+            }
+            if self.chip().is_reset_requested() {
+                return StopReason::Reset;
+            }
+            if let Some(exception) = self.takeable() {
+                self.enter(exception);
+                continue;
+            }
+            if now >= until {
+                return StopReason::Time;
+            }
+            if self.must_wait(until) {
+                continue;
+            }
+            if let Err(reason) = self.execute(until) {
+                return StopReason::Lockup(reason);
+            }
+        }
+    }
+
+    /// Processes the events that are due.
+    fn process_events(&mut self) {
+        let mut memory = CoreMemory(self.core.clone());
+        self.chip_mut().process_events(&mut memory);
+    }
+
+    /// Advances time without instructions if the core sleeps or is stalled. Returns true if it did.
+    fn must_wait(&mut self, until: u64) -> bool {
+        let now = self.now();
+        let stalled = self.thread_stalled_until;
+        let context = self.core.get_data_mut();
+        if context.sleeps && context.chip.nvic.wakes() {
+            context.sleeps = false;
+        }
+        let is_thread = context.chip.nvic.depth() == 0;
+        let mut target = until.min(context.chip.next_event());
+        if is_thread && stalled > now {
+            target = target.min(stalled);
+        } else if !context.sleeps {
+            return false;
+        }
+        context.chip.now = target.max(now + 1);
+        true
+    }
+
+    fn execute(&mut self, until: u64) -> Result<(), String> {
+        let start = u64::from(self.pc | 1);
+        self.core.get_data_mut().stop_at = until;
+        let result = self.core.emu_start(start, u64::MAX, 0, 0);
+        self.pc = self.get(RegisterARM::PC) & !1;
+        let context = self.core.get_data_mut();
+        context.chip.update_lines();
+        if let Some(reason) = context.fault.take() {
+            return self.fault(&reason);
+        }
+        if std::mem::take(&mut context.leaves_exception) {
+            return self.leave();
+        }
+        match result {
+            Ok(()) => Ok(()),
+            Err(_) if self.pc >= RETURN_BASE => self.leave(),
+            Err(error) => self.fault(&format!("{error:?} at {:#x}", self.pc)),
+        }
+    }
+
+    fn fault(&mut self, reason: &str) -> Result<(), String> {
+        if self.chip().nvic.current() == HARD_FAULT || self.chip().nvic.is_active(HARD_FAULT) {
+            return Err(reason.to_owned());
+        }
+        self.chip_mut().last_fault = Some(reason.to_owned());
+        self.enter(HARD_FAULT);
+        Ok(())
+    }
+
+    fn takeable(&self) -> Option<usize> {
+        self.chip().ready_exception().filter(|&exception| is_allowed(&self.core, exception))
+    }
+
+    /// Takes an exception: it saves the state on the stack and continues at the handler.
+    fn enter(&mut self, exception: usize) {
+        let uses_fpu = self.core.get_data().fpu_in_use.last().copied().unwrap_or(false);
+        let words: u32 = if uses_fpu { 26 } else { 8 };
+        let stack = self.get(RegisterARM::SP);
+        let status = self.get(RegisterARM::XPSR_NZCVQG) | 1 << 24;
+        let frame = (stack - 4 * words) & !7;
+        let is_realigned = frame + 4 * words != stack;
+        use RegisterARM::{LR, R0, R1, R2, R3, R12};
+        let mut saved: Vec<u32> =
+            [R0, R1, R2, R3, R12, LR].into_iter().map(|register| self.get(register)).collect();
+        saved.push(self.pc);
+        saved.push(status | u32::from(is_realigned) << 9);
+        if uses_fpu {
+            saved.extend((0..16).map(|number| self.get_float(number)));
+            saved.push(self.get(RegisterARM::FPSCR));
+            saved.push(0);
+        }
+        let bytes: Vec<u8> = saved.iter().flat_map(|word| word.to_le_bytes()).collect();
+        self.write_memory(frame, &bytes);
+        self.set(RegisterARM::SP, frame);
+        let is_nested = self.chip().nvic.depth() > 0;
+        let link =
+            0xFFFF_FFE1 | if is_nested { 0 } else { 8 } | if uses_fpu { 0 } else { FPU_ACTIVE };
+        self.set(RegisterARM::LR, link);
+        self.set(RegisterARM::XPSR_NZCVQG, 1 << 24 | exception as u32);
+        self.pc = self.word(self.chip().vector_table() + 4 * exception as u32) & !1;
+        let context = self.core.get_data_mut();
+        context.sleeps = false;
+        context.chip.nvic.enter(exception);
+        context.chip.update_lines();
+        context.fpu_in_use.push(false);
+        context.sequence = self.pc;
+        let from = context.chip.now;
+        let mut cost = cycles::EXCEPTION_ENTRY;
+        if uses_fpu {
+            cost.lower += cycles::LAZY_STACKING.lower;
+            cost.upper += cycles::LAZY_STACKING.upper;
+        }
+        context.chip.now += u64::from(cost.upper);
+        context.runs.push(HandlerRun { exception, cost, instructions: 0, from, until: 0 });
+    }
+
+    /// Returns from an exception: it restores the state from the stack.
+    fn leave(&mut self) -> Result<(), String> {
+        let link = self.pc | 1;
+        let context = self.core.get_data_mut();
+        if context.chip.nvic.depth() == 0 {
+            return Err("return from an exception in thread mode".into());
+        }
+        context.chip.nvic.leave();
+        context.fpu_in_use.pop();
+        let has_fpu = link & FPU_ACTIVE == 0;
+        if let Some(present) = context.fpu_in_use.last_mut() {
+            *present = has_fpu;
+        }
+        let mut cost = cycles::EXCEPTION_RETURN;
+        if has_fpu {
+            cost.lower += cycles::LAZY_STACKING.lower;
+            cost.upper += cycles::LAZY_STACKING.upper;
+        }
+        context.chip.now += u64::from(cost.upper);
+        if let Some(mut run) = context.runs.pop() {
+            run.cost.lower += cost.lower;
+            run.cost.upper += cost.upper;
+            run.until = context.chip.now;
+            if context.profiled == Some(run.exception) {
+                if run.cost.upper > context.worst {
+                    context.worst = run.cost.upper;
+                    std::mem::swap(&mut context.blocks_of_worst, &mut context.blocks_of_run);
+                }
+                context.blocks_of_run.clear();
+            }
+            if self.records_runs {
+                self.last_runs.push(run);
+            }
+        }
+        self.unstack(has_fpu);
+        let context = self.core.get_data_mut();
+        context.sequence = self.pc;
+        context.chip.update_lines();
+        Ok(())
+    }
+
+    fn unstack(&mut self, has_fpu: bool) {
+        let frame = self.get(RegisterARM::SP);
+        let word = |machine: &Self, at: u32| machine.word(frame + 4 * at);
+        use RegisterARM::{LR, R0, R1, R2, R3, R12};
+        for (at, register) in [R0, R1, R2, R3, R12, LR].into_iter().enumerate() {
+            let value = word(self, at as u32);
+            self.set(register, value);
+        }
+        self.pc = word(self, 6) & !1;
+        let status = word(self, 7);
+        if has_fpu {
+            for number in 0..16 {
+                let value = word(self, 8 + number);
+                self.set_float(number, value);
+            }
+            let fpscr = word(self, 24);
+            self.set(RegisterARM::FPSCR, fpscr);
+        }
+        let words = if has_fpu { 26 } else { 8 };
+        let realigned = if status >> 9 & 1 == 1 { 4 } else { 0 };
+        self.set(RegisterARM::SP, frame + 4 * words + realigned);
+        self.set(RegisterARM::XPSR_NZCVQG, status & !(1 << 9));
+    }
+
+    fn get_float(&self, number: u32) -> u32 {
+        self.core.reg_read(RegisterARM::S0 as i32 + number as i32).unwrap_or(0) as u32
+    }
+
+    fn set_float(&mut self, number: u32, value: u32) {
+        let _ = self.core.reg_write(RegisterARM::S0 as i32 + number as i32, value.into());
+    }
+
+    /// Sets an interrupt's pending state, as an unexpected one.
+    pub fn pend_interrupt(&mut self, interrupt: usize) {
+        self.chip_mut().nvic.pend(FIRST_INTERRUPT + interrupt);
+    }
+}

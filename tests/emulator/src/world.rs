@@ -1,0 +1,45 @@
+//! What surrounds the chip: the motor stage, the encoder and the bus, as the peripherals see them.
+
+/// State of the bridge over a stretch of time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bridge {
+    /// All switches are open.
+    Open,
+    /// The phases switch with these duties, from 0 to 1.
+    Driven([f64; 3]),
+}
+
+/// Surroundings of the chip. All times are in seconds.
+pub trait World {
+    /// Simulates this time with the bridge in this state.
+    fn advance(&mut self, seconds: f64, bridge: Bridge);
+
+    /// Takes the analog values of this moment; [`World::analog`] then returns them. The currents are shown by the
+    /// low-side shunts, so `is_low_side_on` states for phases a and b whether the low side conducts.
+    fn sample(&mut self, is_low_side_on: [bool; 2]);
+
+    /// Returns the counts of a converter, 1 to 5, for a channel.
+    fn analog(&mut self, converter: usize, channel: u32) -> u16;
+
+    /// Exchanges a word with the encoder, `seconds` after the last sample.
+    fn encoder(&mut self, word: u16, seconds: f64) -> u16;
+
+    /// Returns true if the gate driver reports a fault.
+    fn has_gate_fault(&self) -> bool {
+        false
+    }
+
+    /// Returns true while the comparators see an overcurrent.
+    fn is_overcurrent(&self) -> bool {
+        false
+    }
+
+    /// The break flag was cleared by software.
+    fn clear_break(&mut self) {}
+
+    /// Returns by how many cycles the interrupt of the period that begins now is delayed, as by other work at the
+    /// highest priority.
+    fn interrupt_delay(&mut self) -> u32 {
+        0
+    }
+}

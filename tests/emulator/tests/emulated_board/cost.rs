@@ -1,0 +1,167 @@
+//! Cycles of the current loop's interrupt and of the background, in closed loop: docs/src/reference/interrupt-cycles.md.
+//!
+//! The joint is armed, follows a sine of velocity with compensation, and gets new parameters' orders, commands, sensor
+//! frames and objects over the bus; the worst period counts. `UPDATE_TABLES=1` writes the page.
+
+use super::common::image;
+use super::course::set;
+use compensator_core::LawKind;
+use compensator_core::term::TermKind;
+use emulated_board::BoardDriver;
+use emulated_board::costs::Costs;
+use firmware::reference_joint::configuration;
+use joint_rig::{JointRig, PERIOD_CYCLES, PowerUp, RigFaults, stage_at_power_up};
+use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+/// The most expensive terms, in this order; the same as in firmware/src/bin/cost.
+const COSTLIEST_TERMS: [TermKind; 8] = [
+    TermKind::TorqueRipple,
+    TermKind::DwellTimeStatic,
+    TermKind::TimeDrift,
+    TermKind::PositionRipple,
+    TermKind::LookupTable,
+    TermKind::GravityImbalance,
+    TermKind::WarmUp,
+    TermKind::Backlash,
+];
+
+/// Models, with the share of the period that the interrupt may take, by the upper estimate.
+const MODELS: [(&str, &[TermKind], f64); 3] = [
+    ("improved LuGre", &[], 0.50),
+    ("improved LuGre + the three most expensive terms", &COSTLIEST_TERMS.split_at(3).0, 0.50),
+    ("improved LuGre + the eight most expensive terms", &COSTLIEST_TERMS, 0.65),
+];
+
+/// Deviation from the page that another compiler may cause.
+const TOLERANCE: f64 = 0.03;
+
+/// Functions of the page's second table.
+const PARTS: usize = 16;
+
+const HEAD: &str = "# Cycles of the interrupt\n\n\
+Counted on the emulated board: the shipped image in closed loop, armed, at ±2 rad/s, with the frames of a bus at 1 kHz.\n\
+No chip has measured them. Each figure has two estimates; their assumptions are listed in the module\n\
+`cycles` of `tests/emulator`. A period has 8500 cycles (170 MHz, 20 kHz).\n\
+`tests/emulator/run --update` writes this page, and the tests compare it with the image.\n\n\
+## Worst period\n\n\
+The interrupt from its entry to its return. *End* is the latest return after the trigger of the currents, by the\n\
+upper estimate; the loop reports `loop-late` after 7650 cycles. *Background* is the most expensive millisecond of\n\
+everything else, without the interrupt.\n\n\
+| model | instructions | lower | upper | % of the period, upper | end | background, lower | background, upper |\n\
+|---|---:|---:|---:|---:|---:|---:|---:|\n";
+
+/// Runs the course with a model and returns its costs.
+fn measure(terms: &[TermKind]) -> Costs {
+    let mut set = set();
+    set.friction = configuration(LawKind::ImprovedLugre, terms);
+    let start = PowerUp { set: Some(&set), commissioned: true, board: true, ..PowerUp::default() };
+    let faults = RigFaults::default();
+    let plant = JointPlant::with_phase(&Parameters::default(), Load::Free, [0.7, 2.1], 5);
+    let stage = stage_at_power_up(&start, plant, &faults);
+    let mut driver = BoardDriver::start(image(), &start, stage).expect("the image starts");
+    let costs = driver.record_costs();
+    let mut rig = JointRig::new(Box::new(driver), faults);
+    let at = rig.plant().position_rad();
+    rig.arm(at).expect("it arms");
+    let mut integral_a = 0.0;
+    for k in 0..500 {
+        let (sine, cosine) = (TAU * 2.0 * f64::from(k) * 1e-3).sin_cos();
+        let error = 2.0 * sine - f64::from(rig.master_view().velocity_rad_s);
+        integral_a += 1.5e-3 * error;
+        let wanted = 0.12 * 4.0 * TAU * cosine + 1.5 * error + integral_a;
+        rig.step_with_command(wanted as f32, (2.0 * sine) as f32);
+    }
+    assert!(rig.is_armed(), "{:?}", rig.latched_faults());
+    drop(rig);
+    costs.take()
+}
+
+/// Returns the parts of the worst period: function, lower, upper; the largest first.
+fn parts(costs: &Costs) -> Vec<(String, u32, u32)> {
+    let mut sums: BTreeMap<String, (u32, u32)> = BTreeMap::new();
+    for (address, cost) in &costs.blocks {
+        let name = image()
+            .function_at(*address)
+            .map_or("?".into(), |symbol| format!("{:#}", rustc_demangle::demangle(&symbol.name)));
+        let sum = sums.entry(name).or_default();
+        sum.0 += cost.lower;
+        sum.1 += cost.upper;
+    }
+    let mut parts: Vec<_> =
+        sums.into_iter().map(|(name, (lower, upper))| (name, lower, upper)).collect();
+    parts.sort_by_key(|(_, _, upper)| std::cmp::Reverse(*upper));
+    parts
+}
+
+fn path() -> PathBuf {
+    [env!("CARGO_MANIFEST_DIR"), "../../docs/src/reference/interrupt-cycles.md"].iter().collect()
+}
+
+fn page(rows: &[(&str, Costs)]) -> String {
+    let mut text = HEAD.to_owned();
+    for (name, costs) in rows {
+        let share = 100.0 * f64::from(costs.worst.upper) / f64::from(PERIOD_CYCLES);
+        let _ = writeln!(
+            text,
+            "| {name} | {} | {} | {} | {share:.0} | {} | {} | {} |",
+            costs.instructions,
+            costs.worst.lower,
+            costs.worst.upper,
+            costs.latest_end,
+            costs.background.lower,
+            costs.background.upper,
+        );
+    }
+    text.push_str(
+        "\n## Parts\n\nCycles of the worst period of the model with three terms, by function with what is inlined into it.\n\n\
+         | function | lower | upper |\n|---|---:|---:|\n",
+    );
+    let parts = parts(&rows[1].1);
+    for (name, lower, upper) in parts.iter().take(PARTS) {
+        let _ = writeln!(text, "| `{name}` | {lower} | {upper} |");
+    }
+    let named = parts
+        .iter()
+        .take(PARTS)
+        .fold([0, 0], |[lower, upper], part| [lower + part.1, upper + part.2]);
+    let worst = rows[1].1.worst;
+    let rest = [worst.lower.saturating_sub(named[0]), worst.upper - named[1]];
+    let _ = writeln!(text, "| entry, return, registers, all others | {} | {} |", rest[0], rest[1]);
+    text
+}
+
+/// Returns the numbers of the first table.
+fn figures(page: &str) -> Vec<f64> {
+    let rows = page.lines().filter(|line| line.starts_with("| improved LuGre"));
+    rows.flat_map(|line| line.split('|').filter_map(|cell| cell.trim().parse().ok())).collect()
+}
+
+#[test]
+fn interrupt_in_closed_loop_stays_within_half_a_period() {
+    let rows = MODELS.map(|(name, terms, _)| (name, measure(terms)));
+    let written = page(&rows);
+    print!("{written}");
+    for ((name, costs), (_, _, limit)) in rows.iter().zip(MODELS) {
+        let share = f64::from(costs.worst.upper) / f64::from(PERIOD_CYCLES);
+        assert!(share <= limit, "{name}: {share:.3} of a period");
+        assert!(costs.runs > 10_000 && share > 0.1, "{name}: {} runs, {share:.3}", costs.runs);
+    }
+    if std::env::var_os("UPDATE_TABLES").is_some() {
+        std::fs::write(path(), written).expect("docs can be written");
+        return;
+    }
+    let known = figures(&std::fs::read_to_string(path()).expect("the page"));
+    let now = figures(&written);
+    assert_eq!(known.len(), now.len(), "tests/emulator/run --update writes the page");
+    for (known, now) in known.iter().zip(&now) {
+        let apart = (known - now).abs() / known.max(1.0);
+        assert!(
+            apart <= TOLERANCE,
+            "{known} is now {now}; tests/emulator/run --update writes the page"
+        );
+    }
+}

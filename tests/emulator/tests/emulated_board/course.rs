@@ -1,0 +1,60 @@
+//! A course in closed loop that every fault of the image's wiring to its registers must spoil: the mutations of
+//! `tests/emulator/run` run it.
+
+use super::common::image;
+use compensator_core::LawKind;
+use emulated_board::BoardDriver;
+use firmware::control::MotorParameters;
+use firmware::parameter_set::ParameterSet;
+use firmware::reference_joint::configuration;
+use joint_rig::{JointRig, PowerUp, RigFaults, stage_at_power_up};
+use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
+use std::f64::consts::TAU;
+
+/// The driver's set, with the plant's inertia.
+pub fn set() -> ParameterSet {
+    ParameterSet {
+        friction: configuration(LawKind::ImprovedLugre, &[]),
+        motor: MotorParameters { inertia_kg_m2: 0.12, ..MotorParameters::default() },
+        ..ParameterSet::default()
+    }
+}
+
+/// Starts the image with this set on the reference joint.
+pub fn rig(set: &ParameterSet) -> Result<JointRig<'static>, String> {
+    let start = PowerUp { set: Some(set), commissioned: true, board: true, ..PowerUp::default() };
+    let faults = RigFaults::default();
+    let plant = JointPlant::with_phase(&Parameters::default(), Load::Free, [0.7, 2.1], 5);
+    let stage = stage_at_power_up(&start, plant, &faults);
+    let driver = BoardDriver::start(image(), &start, stage)?;
+    Ok(JointRig::new(Box::new(driver), faults))
+}
+
+#[test]
+fn joint_with_image_follows_sine_of_velocity() {
+    let mut rig = rig(&set()).expect("the image starts");
+    let at = rig.plant().position_rad();
+    rig.arm(at).expect("it arms");
+    rig.stage_mut().take_extremes();
+    let (mut sum, mut integral_a) = (0.0, 0.0);
+    for k in 0..1500 {
+        let (sine, cosine) = (TAU * f64::from(k) * 1e-3).sin_cos();
+        let error = 2.0 * sine - f64::from(rig.master_view().velocity_rad_s);
+        let wanted = 0.12 * 2.0 * TAU * cosine + 1.5 * error + integral_a;
+        integral_a += 1.5e-3 * error;
+        rig.step_with_command(wanted as f32, (2.0 * sine) as f32);
+        if k >= 500 {
+            sum += (rig.plant().velocity_rad_s() - 2.0 * sine).powi(2);
+        }
+    }
+    let rms = (sum / 1000.0f64).sqrt();
+    let most = rig.stage_mut().take_extremes();
+    println!("measured: RMS velocity error {rms:.3} rad/s, {:.2} A at most", most.current_a);
+    assert!(!rig.is_reset(), "the watchdog resets the chip");
+    assert!(rig.is_armed(), "stopped: {:?}", rig.latched_faults());
+    // A master without the driver's velocity loop, at 1.5 A per rad/s.
+    assert!(rms < 0.5, "{rms}");
+    assert!((1.0..8.0).contains(&most.current_a), "{most:?}");
+    let limits: Vec<_> = rig.active_limits().iter().map(|code| code.info().name).collect();
+    assert!(!limits.contains(&"loop-late"), "{limits:?}");
+}

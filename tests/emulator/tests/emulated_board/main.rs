@@ -1,0 +1,11 @@
+//! The image on the emulated board: its start, a course in closed loop, and what its interrupts cost.
+//!
+//! `FIRMWARE_IMAGE` names another image, as for the mutations of `tests/emulator/run`.
+#![cfg(feature = "unicorn")]
+
+mod bus;
+#[path = "../common/mod.rs"]
+mod common;
+mod cost;
+mod course;
+mod start;

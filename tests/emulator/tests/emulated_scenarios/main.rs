@@ -1,0 +1,58 @@
+//! The closed-loop scenarios of `host-sim/rig`, with the shipped image on the emulated board as driver.
+//!
+//! The short form runs three families, `LONG_TESTS=1` all but two, which concern the plant and the model and take too long
+//! here: the winding's temperature (ten minutes of the joint's time) and the compensation of other joints (half an hour).
+#![cfg(feature = "unicorn")]
+
+#[path = "../../../../host-sim/rig/tests/closed_loop/bus.rs"]
+mod bus;
+#[path = "../../../../host-sim/rig/tests/closed_loop/commissioning.rs"]
+mod commissioning;
+#[path = "../common/mod.rs"]
+mod common;
+mod driver;
+#[path = "../../../../host-sim/rig/tests/closed_loop/encoder.rs"]
+mod encoder;
+#[path = "../../../../host-sim/rig/tests/closed_loop/power_up.rs"]
+mod power_up;
+#[allow(dead_code)] // Parts of it serve the families that are left out.
+#[path = "../../../../host-sim/rig/tests/closed_loop/rig.rs"]
+mod rig;
+#[path = "../../../../host-sim/rig/tests/closed_loop/stalls.rs"]
+mod stalls;
+#[allow(dead_code)] // Parts of it serve the families that are left out.
+#[path = "../../../../host-sim/rig/tests/closed_loop/table.rs"]
+mod table;
+#[path = "../../../../host-sim/rig/tests/closed_loop/velocity.rs"]
+mod velocity;
+#[path = "../../../../host-sim/rig/tests/closed_loop/wiring.rs"]
+mod wiring;
+
+use table::{Driver, ScenarioRow};
+
+/// Results of the families of this form.
+fn families() -> Vec<&'static [ScenarioRow]> {
+    let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
+    if std::env::var_os("LONG_TESTS").is_some() {
+        families.extend([
+            commissioning::rows(),
+            encoder::rows(),
+            stalls::rows(),
+            velocity::rows(),
+        ]);
+    }
+    families
+}
+
+#[test]
+fn table_in_git_matches_image() {
+    table::compare(Driver::Image, families().into_iter().flatten());
+}
+
+#[test]
+fn stack_in_all_scenarios_stays_above_guard() {
+    families();
+    let used = emulated_board::largest_stack_bytes();
+    println!("measured: {used} bytes of stack at most");
+    assert!(used > 0, "no scenario ran");
+}
