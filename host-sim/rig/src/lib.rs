@@ -64,7 +64,7 @@ const TEMPERATURE_INTERVAL_MS: u32 = 50;
 const LOAD_INTERVAL_MS: u32 = 4;
 
 /// Longest time until the driver answers the request of an object, ms. Its process frames may be sent before.
-const ANSWER_TIMEOUT_MS: usize = 5;
+const ANSWER_TIMEOUT_MS: usize = 20;
 
 /// Last values that the master received from the driver, as the frames carry them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

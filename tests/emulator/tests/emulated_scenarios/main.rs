@@ -34,12 +34,7 @@ use table::{Driver, ScenarioRow};
 fn families() -> Vec<&'static [ScenarioRow]> {
     let mut families = vec![power_up::rows(), wiring::rows(), bus::rows()];
     if std::env::var_os("LONG_TESTS").is_some() {
-        families.extend([
-            commissioning::rows(),
-            encoder::rows(),
-            stalls::rows(),
-            velocity::rows(),
-        ]);
+        families.extend([commissioning::rows(), encoder::rows(), stalls::rows(), velocity::rows()]);
     }
     families
 }
