@@ -79,7 +79,7 @@ mod tests {
         for term in TermKind::ALL {
             let name = term.name();
             let Some([cycles, percent]) = row(Some(name)) else { panic!("{name} has no row") };
-            assert!((5e3..9e3).contains(&cycles) && (50.0..100.0).contains(&percent), "{name}");
+            assert!((3e3..7e3).contains(&cycles) && (40.0..75.0).contains(&percent), "{name}");
         }
     }
 
@@ -96,8 +96,10 @@ mod tests {
                 "{name}: {estimated}, counted {counted}"
             );
         }
-        assert_eq!((late_loop_warning(&[]), late_loop_warning(&dearest[..3])), (None, None));
-        let warning = late_loop_warning(&dearest[..8]).expect("a warning");
-        assert!(warning.contains("with 8 terms") && warning.contains("98 %"), "{warning}");
+        // The interrupt is short enough for every model of the core; more terms than it holds would be too many.
+        assert_eq!(late_loop_warning(&dearest[..8]), None);
+        let too_many = [&dearest[..8], &dearest[..8]].concat();
+        let warning = late_loop_warning(&too_many).expect("a warning");
+        assert!(warning.contains("with 16 terms"), "{warning}");
     }
 }
