@@ -98,8 +98,8 @@ mod tests {
         }
         // The interrupt is short enough for every model of the core; more terms than it holds would be too many.
         assert_eq!(late_loop_warning(&dearest[..8]), None);
-        let too_many = [&dearest[..8], &dearest[..8]].concat();
+        let too_many = dearest[..8].repeat(3);
         let warning = late_loop_warning(&too_many).expect("a warning");
-        assert!(warning.contains("with 16 terms"), "{warning}");
+        assert!(warning.contains("with 24 terms"), "{warning}");
     }
 }
