@@ -1,6 +1,6 @@
 //! The image: its loaded segments, its symbols, and patches for mutations.
 
-use object::elf::{FileHeader32, PT_LOAD};
+use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol};
 use std::path::Path;
@@ -50,10 +50,8 @@ impl Image {
     fn parse(data: &[u8]) -> Result<Self, object::Error> {
         let file = ElfFile32::<Endianness>::parse(data)?;
         let endian = file.endian();
-        let header: &FileHeader32<Endianness> = file.elf_header();
         let mut segments = Vec::new();
         for segment in file.elf_program_headers() {
-            let _ = header;
             if segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0 {
                 let bytes = segment.data(endian, data).unwrap_or_default().to_vec();
                 segments.push(Segment { address: segment.p_paddr(endian), bytes });

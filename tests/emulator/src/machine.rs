@@ -8,7 +8,7 @@ use crate::chip::Chip;
 use crate::cycles::{self, Cost};
 use crate::execution::{Context, CoreMemory, add_hooks, is_allowed, map_memory};
 use crate::image::Image;
-use crate::nvic::{FIRST_INTERRUPT, HARD_FAULT};
+use crate::nvic::HARD_FAULT;
 use crate::world::World;
 use unicorn_engine::{Arch, ArmCpuModel, Mode, RegisterARM, Unicorn, uc_error};
 
@@ -404,10 +404,5 @@ impl<W: World + 'static> Machine<W> {
 
     fn set_float(&mut self, number: u32, value: u32) {
         let _ = self.core.reg_write(RegisterARM::S0 as i32 + number as i32, value.into());
-    }
-
-    /// Sets an interrupt's pending state, as an unexpected one.
-    pub fn pend_interrupt(&mut self, interrupt: usize) {
-        self.chip_mut().nvic.pend(FIRST_INTERRUPT + interrupt);
     }
 }

@@ -79,8 +79,6 @@ pub struct Fdcan {
     random: u64,
     /// Frames that the driver has sent, with their end.
     pub sent: VecDeque<(u64, Frame)>,
-    /// Nothing acknowledges or reaches the node.
-    pub is_disconnected: bool,
 }
 
 impl Default for Fdcan {
@@ -106,7 +104,6 @@ impl Default for Fdcan {
             destroyed_share: 0.0,
             random: 1,
             sent: VecDeque::new(),
-            is_disconnected: false,
         }
     }
 }
@@ -127,7 +124,7 @@ impl Fdcan {
 
     fn is_running(&self) -> bool {
         let is_off = self.register(PSR) & BUS_OFF != 0;
-        self.register(CCCR) & INIT == 0 && !is_off && !self.is_disconnected
+        self.register(CCCR) & INIT == 0 && !is_off
     }
 
     /// Sends a frame to the node, from this time on.

@@ -61,3 +61,13 @@ fn watchdog_with_stopped_loop_resets_the_chip() {
     assert_eq!(machine.run(CORE_HZ / 5), StopReason::Reset);
     assert!(machine.chip().is_watchdog_reset());
 }
+
+#[test]
+fn comparators_after_start_have_level_of_default_parameters() {
+    let mut machine = started();
+    machine.run(CORE_HZ / 10);
+    let level = machine.chip().comparators.upper_level().expect("a level");
+    // Shunts of 1 mohm, amplified by 20, on 12 bits of 3.3 V; 5 % and 2 A above `overcurrent_a`, 40 A by default.
+    let amperes = (f64::from(level) - 2048.0) * 3.3 / (4096.0 * 0.02);
+    assert!((43.0..45.0).contains(&amperes), "{amperes} A");
+}
