@@ -8,7 +8,7 @@
 //!               World: the joint (JointWorld), or constants in a test
 //! ```
 //! Unicorn executes the instructions. It has no exceptions, no time and no peripherals of this chip; they are here.
-//! Time is counted in core cycles by [`cycles`], whose assumptions are listed there. It advances by whole basic
+//! Time is counted in core cycles by `cycles`, whose assumptions are listed there. It advances by whole basic
 //! blocks, so a register access may be off by the length of a block, and an interrupt is taken between two blocks.
 //!
 //! The registers follow the reference manual RM0440. A register that no peripheral here implements is plain memory.

@@ -26,6 +26,8 @@ class Master:
         self.network.connect(interface="socketcan", channel=INTERFACE)
         self.drive = BaseNode402(1, EDS)
         self.network.add_node(self.drive)
+        # A busy machine answers late.
+        self.drive.sdo.RESPONSE_TIMEOUT = 3.0
         self.running = False
 
     def __enter__(self):
@@ -82,12 +84,10 @@ def a_master_brings_the_joint_up_through_cst_to_a_stop():
         drive.state = "OPERATION ENABLED"
         equal(drive.sdo["state"]["state"].raw, ARMED)
         # A tenth of the rated torque, in the frame that also holds the controlword.
-        drive.rpdo[1]["controlword"].raw = 0x0F
-        drive.rpdo[1]["target_torque"].raw = -100
-        drive.rpdo[1].transmit()
+        follow(drive, "target_torque", -100)
         current = lambda: drive.sdo["outputs"]["current_a"].raw
         until(lambda: abs(current() + 0.1 * RATED_A) < 1e-3, f"a tenth of the rated current, not {current()} A")
-        # What does not change is not sent again, and a SYNC is a sign of life.
+        # A target that is repeated is a sign of life.
         time.sleep(0.5)
         equal(drive.state, "OPERATION ENABLED")
         drive.state = "SWITCH ON DISABLED"
@@ -111,6 +111,13 @@ def a_master_homes_the_joint_where_it_stands():
         equal(drive.sdo["state"]["state"].raw, SAFE)
 
 
+def follow(drive, name, target):
+    """Sends a target every 20 ms, as a cyclic master does: a SYNC alone does not keep a drive enabled (1400h:5)."""
+    drive.rpdo[1]["controlword"].raw = 0x0F
+    drive.rpdo[1][name].raw = target
+    drive.rpdo[1].start(0.02)
+
+
 def velocity(drive):
     """What the drive measures, rad/s."""
     return 1e-6 * drive.sdo["velocity_actual_value"].raw
@@ -125,22 +132,18 @@ def a_master_drives_a_simulated_motor_through_cst_and_csv_to_a_stop():
         drive.op_mode = "CYCLIC SYNCHRONOUS TORQUE"
         until(lambda: drive.state == "SWITCH ON DISABLED", "the first state")
         drive.state = "OPERATION ENABLED"
-        drive.rpdo[1]["controlword"].raw = 0x0F
-        drive.rpdo[1]["target_torque"].raw = 250
-        drive.rpdo[1].transmit()
+        follow(drive, "target_torque", 250)
         until(lambda: velocity(drive) > 1.0, f"it turns, not at {velocity(drive)} rad/s")
         drive.state = "SWITCH ON DISABLED"
         equal(drive.sdo["state"]["state"].raw, SAFE)
         until(lambda: abs(velocity(drive)) < 0.05, f"friction stops it, not {velocity(drive)} rad/s")
-        # CSV: there and back, the target within its frame and held by SYNCs alone.
+        # CSV: there and back, the target within the same frame.
         assert drive.is_op_mode_supported("CYCLIC SYNCHRONOUS VELOCITY")
         drive.op_mode = "CYCLIC SYNCHRONOUS VELOCITY"
         equal(drive.op_mode, "CYCLIC SYNCHRONOUS VELOCITY")
         drive.state = "OPERATION ENABLED"
         for wanted in (2.0, -1.0, 0.0):
-            drive.rpdo[1]["controlword"].raw = 0x0F
-            drive.rpdo[1]["target_velocity"].raw = round(1e6 * wanted)
-            drive.rpdo[1].transmit()
+            follow(drive, "target_velocity", round(1e6 * wanted))
             # Four samples in a row, for it passes through every velocity on its way.
             until(
                 lambda: all(abs(velocity(drive) - wanted) < 0.1 for _ in range(4)),
@@ -151,14 +154,27 @@ def a_master_drives_a_simulated_motor_through_cst_and_csv_to_a_stop():
         drive.state = "SWITCH ON DISABLED"
         drive.sdo["max_motor_speed"].raw = 487
         drive.state = "OPERATION ENABLED"
-        drive.rpdo[1]["controlword"].raw = 0x0F
-        drive.rpdo[1]["target_velocity"].raw = 5_000_000
-        drive.rpdo[1].transmit()
+        follow(drive, "target_velocity", 5_000_000)
         until(lambda: all(abs(velocity(drive) - 1.0) < 0.1 for _ in range(8)), f"1 rad/s, not {velocity(drive)}")
         assert drive.statusword & 1 << 11, "the limit is said"
         # A quick stop opens the bridge, and the joint runs out.
         drive.controlword = 0x0B
         until(lambda: drive.sdo["state"]["state"].raw == SAFE, "quick stop")
+        until(lambda: abs(velocity(drive)) < 0.05, f"it stops, not {velocity(drive)} rad/s")
+
+
+@test
+def a_master_that_falls_silent_is_a_fault_though_its_syncs_go_on():
+    with Master("--motor") as master:
+        drive = master.drive
+        master.begin()
+        drive.op_mode = "CYCLIC SYNCHRONOUS VELOCITY"
+        until(lambda: drive.state == "SWITCH ON DISABLED", "the first state")
+        drive.state = "OPERATION ENABLED"
+        follow(drive, "target_velocity", 1_000_000)
+        until(lambda: abs(velocity(drive) - 1.0) < 0.1, f"1 rad/s, not {velocity(drive)}")
+        drive.rpdo[1].stop()
+        until(lambda: drive.state == "FAULT", f"a fault, not {drive.state}", 2.0)
         until(lambda: abs(velocity(drive)) < 0.05, f"it stops, not {velocity(drive)} rad/s")
 
 

