@@ -1,5 +1,7 @@
 //! What surrounds the chip: the motor stage, the encoder and the bus, as the peripherals see them.
 
+use crate::chip::comparators::BreakLevels;
+
 /// State of the bridge over a stretch of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bridge {
@@ -28,6 +30,9 @@ pub trait World {
     fn has_gate_fault(&self) -> bool {
         false
     }
+
+    /// Sets the levels at which the comparators see an overcurrent, from now on.
+    fn set_break_levels(&mut self, _levels: BreakLevels) {}
 
     /// Returns true while the comparators see an overcurrent.
     fn is_overcurrent(&self) -> bool {

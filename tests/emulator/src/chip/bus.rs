@@ -1,6 +1,6 @@
 //! Reads and writes of registers, by their addresses (RM0440, 2.2).
 
-use super::{AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, adc, flash, timer1};
+use super::{AIRCR, Chip, DWT_CYCCNT, FLASH_ACR, SPI1_DR, adc, comparators, flash, timer1};
 use crate::cycles::{Cost, FlashAccess};
 use crate::world::World;
 
@@ -92,8 +92,10 @@ impl<W: World> Chip<W> {
             AIRCR if word & 0xFFFF_0004 == 0x05FA_0004 => self.request_reset(),
             DWT_CYCCNT => {}
             _ => {
-                self.comparators.observe(aligned, word);
                 self.memory.insert(aligned, word);
+                if comparators::changes_levels(aligned) {
+                    self.update_break_levels();
+                }
             }
         }
     }
@@ -116,6 +118,9 @@ impl<W: World> Chip<W> {
         self.timer1.write(offset, word, self.now);
         if !was_running && self.timer1.is_running() && self.timer1.signals_its_start() {
             self.timer3.start_with_master(self.now);
+        }
+        if offset == comparators::AF1 {
+            self.update_break_levels();
         }
         if had_break && !self.timer1.has_break() {
             self.world.clear_break();

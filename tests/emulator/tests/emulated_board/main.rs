@@ -8,4 +8,5 @@ mod bus;
 mod common;
 mod cost;
 mod course;
+mod power_cut;
 mod start;
