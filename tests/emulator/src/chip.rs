@@ -9,6 +9,7 @@ pub mod fdcan;
 pub mod flash;
 pub mod gpio;
 pub mod i2c;
+pub mod ms5837;
 pub mod spi;
 pub mod timer1;
 pub mod timer3;

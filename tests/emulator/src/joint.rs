@@ -3,6 +3,7 @@
 use crate::chip::clock::reset;
 use crate::chip::comparators::BreakLevels;
 use crate::chip::flash::{STORE_BYTES, StoreContent};
+use crate::chip::ms5837::Water;
 use crate::chip::{CORE_HZ, Chip};
 use crate::costs::{Costs, LOOP_EXCEPTION};
 use crate::world::{Bridge, World};
@@ -38,6 +39,8 @@ const ENCODER_COUNTS: f64 = 16384.0;
 
 /// Thermistor of the board, in a divider with 10 k (see the board's scales.rs).
 const THERMISTOR: Thermistor = Thermistor { ratio_at_25: 1.0, beta_k: 3435.0 };
+/// Pressure inside the joint, Pa (see the board's scales.rs).
+const INSIDE_PA: f64 = 101_325.0;
 /// Range of the strain gauge amplifier, N, around half of the converter's range.
 const FORCE_RANGE_N: f64 = 2000.0;
 
@@ -49,6 +52,7 @@ pub struct JointWorld {
     state: BoardState,
     /// Counts of the thermistors of bridge and motor, and the temperatures that they stand for, deg C.
     thermistors: [(Option<f32>, u16); 2],
+    has_pressure_sensor: bool,
 }
 
 impl JointWorld {
@@ -99,6 +103,14 @@ impl World for JointWorld {
         let advance = self.stage.plant.motor_turns_in(seconds) * ENCODER_COUNTS;
         let angle = (f64::from(self.sampled.encoder) + advance).round() as i32 as u16;
         self.stage.board.as_ref().map_or(0xFFFF, |board| board.exchange_encoder_word(word, angle))
+    }
+
+    fn water(&self) -> Option<Water> {
+        let plant = &self.stage.plant;
+        self.has_pressure_sensor.then(|| Water {
+            pressure_pa: plant.around().pressure_diff_pa + INSIDE_PA,
+            temperature_c: plant.seal().shown_temperature_c(),
+        })
     }
 
     fn has_gate_fault(&self) -> bool {
@@ -210,6 +222,7 @@ impl BoardDriver {
             is_low_side_on: [true; 2],
             state: BoardState::default(),
             thermistors: [(None, 0); 2],
+            has_pressure_sensor: false,
         };
         let mut chip = Chip::new(world);
         chip.flash.set_store(store);
@@ -250,6 +263,11 @@ impl BoardDriver {
     /// The machine, for measurements.
     pub fn machine_mut(&mut self) -> &mut Machine<JointWorld> {
         &mut self.machine
+    }
+
+    /// Connects the pressure sensor, which is absent at the start.
+    pub fn connect_pressure_sensor(&mut self) {
+        self.machine.chip_mut().world.has_pressure_sensor = true;
     }
 
     /// Records what a power cut leaves of the parameter store, from now on.

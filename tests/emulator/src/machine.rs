@@ -298,7 +298,8 @@ impl<W: World + 'static> Machine<W> {
         let uses_fpu = self.core.get_data().fpu_in_use.last().copied().unwrap_or(false);
         let words: u32 = if uses_fpu { 26 } else { 8 };
         let stack = self.get(RegisterARM::SP);
-        let status = self.get(RegisterARM::XPSR_NZCVQG) | 1 << 24;
+        // Its aliases with flags in their names can only be written.
+        let status = self.get(RegisterARM::XPSR) | 1 << 24;
         let frame = (stack - 4 * words) & !7;
         let is_realigned = frame + 4 * words != stack;
         use RegisterARM::{LR, R0, R1, R2, R3, R12};

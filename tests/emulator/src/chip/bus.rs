@@ -78,7 +78,9 @@ impl<W: World> Chip<W> {
             }
             0x4000_0400..=0x4000_07FF => self.timer3.write(aligned & 0x3FF, word),
             0x4002_0000..=0x4002_03FF | 0x4002_0800..=0x4002_083F => self.dma.write(aligned, word),
-            0x4000_5400..=0x4000_57FF => self.i2c.write(aligned & 0x3FF, word, now),
+            0x4000_5400..=0x4000_57FF => {
+                self.i2c.write(aligned & 0x3FF, word, now, self.world.water());
+            }
             0x4000_6400..=0x4000_67FF | 0x4000_A400..=0x4000_AFFF => {
                 self.can.write(aligned, word, now)
             }

@@ -9,4 +9,5 @@ mod common;
 mod cost;
 mod course;
 mod power_cut;
+mod pressure;
 mod start;
